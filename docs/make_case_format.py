@@ -29,7 +29,7 @@ with which an editor completes and checks a case (`#:schema case.schema.json` on
 | file: in the folder of the case, up to two folders above it, or below these ([security](security.md)) | `"../meshes/tayeb-1.msh"` |
 
 Units are m, g, s, N, Pa, J, W, Hz and rad, with the prefixes G, M, k, d, c, m, u or µ, n; and %, t, bar, deg or °, rev, rpm, min, h,
-in, ft, lb (mass), lbf (force), psi, ksi, hp, K. They combine with a space or `*`, `/` and `^`: `"2 kN s/m"`, `"490 mm^2"`.
+in, thou or mil, ft, oz, lb (mass), lbf (force), psi, ksi, hp, K. They combine with a space or `*`, `/` and `^`: `"2 kN s/m"`, `"490 mm^2"`.
 
 The command line overrides every key; numbers in a list count from 0: `--set run.speed=4000rpm`, `--set rockers.rocker.arms.1="42 mm"`.
 An override replaces a key that excludes it: `crank_speed` and `speed`, `step` and `steps_per_revolution`. flexcam accepts an

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from pathlib import Path
 
@@ -47,7 +47,15 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse, suggest_name
 from flexcam.core.units import RPM
 from flexcam.io import ProfileTable
-from flexcam.valvetrain import Cam, Model, largest_lashes, lift_transfer, modes_on_the_lift, valve_ratio
+from flexcam.valvetrain import (
+    Cam,
+    Model,
+    largest_lashes,
+    lift_transfer,
+    modes_on_the_lift,
+    opposed_contacts,
+    valve_ratio,
+)
 
 _HARMONICS = 10
 NEGATIVE_LIFT_TOLERANCE = 1e-4
@@ -72,6 +80,8 @@ class CamSet:
     #: revolutions of the shaft whose angle events are given in, per camshaft revolution: 1 if the case gives the speed
     #: of the camshaft, otherwise 2
     turns: float = 2.0
+    #: running clearance of each closing cam of a desmodromic pair, m: the lash to the valve less the lift
+    clearances: Mapping[str, float] = field(default_factory=dict[str, float])
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +159,10 @@ def case_cams(case: Case) -> CamSet:
     model = build_model(case)
     ratios = {name: valve_ratio(model, name) for name in model.cams}
     lashes = largest_lashes(model)
-    return _cam_set(case.path, case.record, model.cams, ratios, lashes, case.speed, case.turns)
+    opposed = (model.cam_contacts[name].cam for name in opposed_contacts(model))
+    clearances = {name: lashes[name] - event_extremes(model.cams[name].event)[1].value for name in opposed}
+    cams = _cam_set(case.path, case.record, model.cams, ratios, lashes, case.speed, case.turns)
+    return replace(cams, clearances={name: gap for name, gap in clearances.items() if gap > 0.0})
 
 
 def _cam_set(

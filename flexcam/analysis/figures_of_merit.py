@@ -11,6 +11,7 @@ import numpy as np
 
 from flexcam.analysis.preparation import prepare, prepare_without_periodic_search
 from flexcam.cams import event_extremes
+from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
 from flexcam.core.errors import FlexcamError
@@ -51,17 +52,23 @@ class FigureOfMerit:
 
 def figures_of_merit(case: Case, metrics: Sequence[Metric]) -> list[FigureOfMerit]:
     """Return the figures of merit that a train has, sorted by kind, from the metrics of `compute_metrics`."""
+    free = {f"contacts.{name}.nose_force.least" for name in opposed_contacts(build_model(case))}
     found = [
-        FigureOfMerit(words, metric.name.split(".")[1], metric.name, metric.value, metric.unit)
-        for end, words in _WORDS.items()
+        FigureOfMerit(usual_name(metric), metric.name.split(".")[1], metric.name, metric.value, metric.unit)
         for metric in metrics
-        if metric.name.split(".", 2)[2:] == [end]
+        if usual_name(metric) and metric.name not in free  # over the nose of such a cam the other one drives
     ]
+    found.sort(key=lambda figure: [*_WORDS.values()].index(figure.name))
     if any(contact.model == "unilateral" for contact in case.record.contacts.values()):
         with suppress(FlexcamError):  # no rigid train exists
             if (margin := _rigid_margin(case)[1]) is not None:
                 found.append(FigureOfMerit(SPRING_MARGIN, "", "", margin, "1"))
     return found
+
+
+def usual_name(metric: Metric) -> str:
+    """Return the usual name of a metric that is a figure of merit; empty for others."""
+    return _WORDS.get(".".join(metric.name.split(".")[2:]), "")
 
 
 @dataclass(frozen=True)

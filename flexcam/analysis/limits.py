@@ -20,7 +20,7 @@ from flexcam.analysis.prepared_run import PreparedRun
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
-from flexcam.core.units import RPM, shaft_speed
+from flexcam.core.units import RPM, format_quantity, shaft_speed
 from flexcam.dynamics import (
     ProgressCallback,
     Response,
@@ -248,7 +248,7 @@ def _conditions(model: Model, search: Search | None = None) -> dict[str, tuple[C
     """Return the conditions that apply to a model, with their descriptions."""
     asked = search or Search(1.0, 2.0)
     found: dict[str, tuple[Condition, str]] = {}
-    lifts = [f"{1e3 * main_lift(model, name):.3g} mm" for name in model.cams]
+    lifts = [format_quantity("m", main_lift(model, name), digits=3) for name in model.cams]
     loss = f"the follower leaves its cam for over {math.degrees(OPEN):g} deg"
     if spring_held_contacts(model):
         lifted = f"above {' or '.join(dict.fromkeys(lifts))} of lift"
@@ -261,10 +261,10 @@ def _conditions(model: Model, search: Search | None = None) -> dict[str, tuple[C
         heights = [valve_ratio(model, name) * cam.event.height for name, cam in model.cams.items()]
         default = min(BOUNCE_HEIGHT, _RELATIVE_BOUNCE_HEIGHT * max(heights, default=math.inf))
         height = default if asked.bounce_height is None else asked.bounce_height
-        words = f"the valve leaves its seat again by more than {1e3 * height:g} mm"
+        words = f"the valve leaves its seat again by more than {format_quantity('m', height)}"
         found["bounce"] = (lambda response, ready: _bouncing_seats(response, ready, height), words)
         if (most := asked.lift_deviation) is not None:
-            words = f"over the nose the valve lifts more than {1e3 * most:g} mm above the rigid train"
+            words = f"over the nose the valve lifts more than {format_quantity('m', most)} above the rigid train"
             found["lift_deviation"] = (lambda response, ready: _lofted_valves(response, ready, most), words)
     if any(spring.clash_travel is not None for spring in model.springs.values()):
         found["coil_clash"] = (

@@ -22,6 +22,7 @@ from flexcam.case.input_checks import (
     check_connectivity,
     check_lash,
     check_loads,
+    check_loose_masses,
     check_oblique_springs,
     check_open_contacts,
     check_overshoot,
@@ -42,6 +43,7 @@ from flexcam.valvetrain import (
     Adjuster,
     Cam,
     CamContact,
+    Lash,
     Metric,
     Model,
     ModelModes,
@@ -111,6 +113,7 @@ def check_input(ready: PreparedRun) -> list[str]:
         *check_values(case),
         *check_lobes(model),
         *check_connectivity(model),
+        *check_loose_masses(model),
         *check_oblique_springs(model),
         *check_loads(model, problem),
         *check_open_contacts(model, problem),
@@ -240,6 +243,7 @@ def check_run(ready: PreparedRun, monitor: RunMonitor, metrics: list[Metric], st
         *check_input(ready),
         *describe_model_limits(ready),
         *check_events(metrics),
+        *(_check_open_lashes(ready.model, metrics) if ready.case.record.run.revolutions >= 1.0 else ()),
         *_check_accuracy(ready, monitor.extremes, stats),
         *(_check_deflections(ready, monitor.extremes) if _has_member_dofs(ready) else ()),
         *(_check_resolution(monitor.resolution) if _has_member_dofs(ready) else ()),
@@ -288,6 +292,15 @@ def describe_model_limits(ready: PreparedRun) -> list[str]:
         remedy = 'take fidelity.model = "chain" with two masses or more'
         warnings.append(f"Warning: no compression and buckling of {', '.join(missing)}: {why}; {remedy}")
     return warnings
+
+
+def _check_open_lashes(model: Model, metrics: Iterable[Metric]) -> Iterator[str]:
+    """Yield warnings about lashes, smaller than a lift, that did not close in a revolution."""
+    lift = max((cam.event.height for cam in model.cams.values()), default=0.0)
+    for name, force in _metrics_with_suffix(metrics, ".force.largest"):
+        part = model.contacts.get(name)
+        if force == 0.0 and isinstance(part, Lash) and part.gap < lift:
+            yield f"Warning: lash {name!r} stays open over the revolution: check the sign of its direction, and its gap"
 
 
 def check_events(metrics: Iterable[Metric]) -> list[str]:

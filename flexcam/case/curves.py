@@ -31,7 +31,8 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, format_value, positive, refuse, suggest_name, system_message
 from flexcam.core.units import conversion_factor, unit_of
 from flexcam.io import NodalMatrix, read_lift, read_matrix, read_text, resolve_file
-from flexcam.io.files import ABSCISSAS, find_abscissa, read_columns
+from flexcam.io.files import ABSCISSAS, find_abscissa
+from flexcam.io.number_tables import read_columns
 from flexcam.valvetrain import LoadTable
 
 Table = Mapping[str, Any]

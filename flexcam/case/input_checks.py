@@ -448,6 +448,17 @@ def check_valve_angles(model: Model) -> Iterator[str]:
             yield f"Warning: cams.{name}: it holds its valve open for {span}: {why}"
 
 
+def check_loose_masses(model: Model) -> Iterator[str]:
+    """Yield warnings about masses between lashes that no spring or other part holds."""
+    others = {name: part for name, part in model.contacts.items() if not isinstance(part, Lash)}
+    held = set(_connection_points(replace(model, supports={}, contacts=others)))
+    for name, mass in model.masses.items():
+        own = [lash.name for lash in model.lashes if isinstance(lash.part, Lash) and mass.at in lash.ends]
+        if len(own) > 1 and mass.at not in held and len(model.connected_nodes(model.mesh.node(mass.at))) == 1:
+            what = f"only the lashes {' and '.join(own)} touch it, and it moves freely while they are open"
+            yield f"Warning: masses.{name}: {what}; hold it by a soft spring"
+
+
 def check_lash(model: Model) -> Iterator[str]:
     """Yield warnings about a lash above the ramp of its cam, so that the valve opens on the flank."""
     for name, cam in model.cams.items():

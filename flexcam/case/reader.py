@@ -251,6 +251,8 @@ def complete_case_tables(case: Case) -> dict[str, Any]:
     for cam in defaults["cams"].values():
         for key in LIFT_TABLE_CONFLICTS if "lift_table" in cam else ():
             cam.pop(key, None)
+    if case.record.fidelity.model != "chain":
+        defaults["fidelity"].pop("masses")  # of a chain only
     return _add_defaults(case_tables(case), defaults, (), case.record)
 
 

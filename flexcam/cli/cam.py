@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
 from functools import partial
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 import numpy as np
 from cyclopts import Group, Parameter
@@ -43,14 +43,22 @@ from flexcam.case.builder import parse_follower
 from flexcam.cli import app as cli
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse, suggest_name
-from flexcam.core.units import RPM
-from flexcam.io import check_folder_name, check_writable, create_folder, read_profile, write_lift_table, write_profile
-from flexcam.report.terminal import NOISE, facts_table, format_degrees, format_mm, plain_table
+from flexcam.core.units import RPM, format_quantity, set_unit_system, to_display_unit
+from flexcam.io import (
+    check_folder_name,
+    check_writable,
+    create_folder,
+    read_profile,
+    write_lift_table,
+    write_profile,
+    write_text,
+)
+from flexcam.report.terminal import NOISE, facts_table, format_csv, format_degrees, plain_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_STEPS = (("lift", "mm"), ("velocity", "mm/rad"), ("acceleration", "mm/rad^2"), ("jerk", "mm/rad^3"))
+_STEPS = (("lift", "m"), ("velocity", "m/rad"), ("acceleration", "m/rad^2"), ("jerk", "m/rad^3"))
 
 
 def _cam_json(found: CamFacts, report: LiftReport | None) -> dict[str, object]:
@@ -106,9 +114,32 @@ def _profile_json(found: CamFacts) -> dict[str, object] | None:
     }  # fmt: skip
 
 
+_UNITS = {
+    "velocity": "m/rad", "sliding_velocity": "m/rad", "acceleration": "m/rad^2", "jerk": "m/rad^3", "ratio": "1",
+    **dict.fromkeys(
+        ("angle", "opens", "closes", "duration", "centre", "centreline", "tdc", "pressure_angle", "convex_radius_at",
+         "hollow_radius_at", "pressure_angle_at"), "rad"),
+}  # fmt: skip
+"""SI units of the numbers of a card by the last part of their names; others are lengths."""
+
+
+def _card_rows(content: object, *name: str) -> Iterator[tuple[str, float, str]]:
+    """Yield the numbers of a card: quantity, value and unit."""
+    if isinstance(content, float):
+        factor, unit = to_display_unit(_UNITS.get(name[-1], "m"))
+        yield " ".join(name).replace("_", " "), factor * content, unit
+    elif isinstance(content, list):
+        yield from _card_rows(dict(enumerate(cast("list[object]", content), start=1)), *name)
+    elif isinstance(content, dict):
+        for part, value in cast("dict[object, object]", content).items():
+            yield from _card_rows(value, *name, str(part))
+
+
 def _cam_table(name: str, found: CamFacts, cams: CamSet) -> Table:
-    speed, ratio, lash = cams.speed, found.ratio, found.lash
     part = "valve open" if cams.turns == 2.0 else "output"  # of a machine
+    if name in cams.clearances:  # it closes the valve
+        part, found = "follower", replace(found, ratio=1.0, lash=0.0, events=found.follower_events)
+    speed, ratio, lash = cams.speed, found.ratio, found.lash
     infinite = "infinite: the acceleration is discontinuous"
     events = [(part, found.events, ratio, lash)]
     if ratio != 1.0 or lash:
@@ -116,11 +147,12 @@ def _cam_table(name: str, found: CamFacts, cams: CamSet) -> Table:
     rows = [
         ("lift", _lift(found)),
         ("lobe centreline", _centreline(found, cams.turns)),
-        ("max velocity", _at_speed(found.velocity, "mm/rad", "m/s", 1, speed)),
-        ("max acceleration", _at_speed(found.acceleration, "mm/rad^2", "m/s^2", 2, speed)),
-        ("max jerk", infinite if found.jerk is None else f"{1e3 * found.jerk:.5g} mm/rad^3"),
-        ("harmonics 1 to 10", ", ".join(format_mm(one, 3) for one in found.harmonics) + " mm"),
-        *([("lash at the follower", f"{format_mm(lash)} mm")] if lash else []),
+        ("max velocity", _at_speed(found.velocity, "m/rad", "m/s", 1, speed)),
+        ("max acceleration", _at_speed(found.acceleration, "m/rad^2", "m/s^2", 2, speed)),
+        ("max jerk", infinite if found.jerk is None else format_quantity("m/rad^3", found.jerk, digits=5)),
+        ("harmonics 1 to 10", format_quantity("m", *found.harmonics, digits=3, separator=", ")),
+        *([("lash at the follower", format_quantity("m", lash))] if lash else []),
+        *([("running clearance", format_quantity("m", cams.clearances[name]))] if name in cams.clearances else []),
         *((f"{part} above {lift}",
            _event(found, event, factor * (found.lift[0].value - gap) > found.checking_lifts[lift], cams.turns))
           for part, its, factor, gap in events for lift, event in its.items()),
@@ -133,10 +165,10 @@ def _cam_table(name: str, found: CamFacts, cams: CamSet) -> Table:
 
 def _lift(found: CamFacts) -> str:
     least, largest = (one.value for one in found.lift)
-    low = f"{format_mm(least)} to " if abs(least) > NOISE * largest else ""
+    ends = (least, largest) if abs(least) > NOISE * largest else (largest,)
     how = ", ".join([f"x {found.ratio:g}"] * (found.ratio != 1.0) + ["less the lash"] * (found.lash != 0.0))
-    valve = f", at the valve {format_mm(_valve_lift(found))} mm ({how})" if how else ""
-    return f"{low}{format_mm(largest)} mm{valve}"
+    valve = f", at the valve {format_quantity('m', _valve_lift(found))} ({how})" if how else ""
+    return f"{format_quantity('m', *ends)}{valve}"
 
 
 def _centreline(found: CamFacts, turns: float) -> str:
@@ -144,30 +176,30 @@ def _centreline(found: CamFacts, turns: float) -> str:
     cam = f"cam {math.degrees(found.centreline):.2f} deg"
     if found.centreline_after_tdc is None:
         return cam + (" (set tdc of the cam to get angles from the dead centres)" if turns == 2.0 else "")
-    return f"{cam}, crank {_from_dead_centre(found.centreline_after_tdc, 'TDC')}"
+    return f"{cam}, crank {_from_dead_centre(found.centreline_after_tdc)}"
 
 
-def _from_dead_centre(crank_angle: float | None, name: str = "") -> str:
-    """Return a crank angle, rad after top dead centre of gas exchange, from a named or the nearest dead centre."""
-    angle = round(math.degrees(crank_angle or 0.0), 2)
-    nearest = 0 if name else round(angle / 180.0)
-    offset = angle - 180.0 * nearest
-    centre = ("TDC", "BDC", "firing TDC")[abs(nearest)]
-    return f"{abs(offset):.2f} deg {'before' if offset < 0.0 else 'after'} {centre}"
+def _from_dead_centre(crank_angle: float | None, centre: float = 0.0) -> str:
+    """Return a crank angle from the top dead centre of gas exchange or a bottom one; both in rad after the former."""
+    offset = round(math.degrees(math.remainder((crank_angle or 0.0) - centre, 4.0 * math.pi)), 2)
+    return f"{abs(offset):.2f} deg {'B' if offset < 0.0 else 'A'}{'BDC' if centre else 'TDC'}"
 
 
 def _at_speed(value: float, unit: str, at_speed: str, order: int, speed: float | None) -> str:
-    text = f"{1e3 * value:.5g} {unit}"
-    return text if speed is None else f"{text}, {value * speed**order:.5g} {at_speed} at camshaft {speed / RPM:.6g} rpm"
+    text = format_quantity(unit, value, digits=5)
+    if speed is None:
+        return text
+    return f"{text}, {format_quantity(at_speed, value * speed**order, digits=5)} at camshaft {speed / RPM:.6g} rpm"
 
 
 def _event(found: CamFacts, event: ValveEvent | None, always: bool, turns: float) -> str:
-    """Return an event from the dead centres, or in degrees of the shaft whose speed the case gives."""
+    """Return an event from the dead centres of its stroke, or in degrees of the shaft whose speed the case gives."""
     if event is None:
         return "always" if always else "never"
     if (middle := found.centreline_after_tdc) is not None:
-        valve = "E" if middle < 0.0 else "I"
-        opens, closes = (_from_dead_centre(found.after_tdc(angle)) for angle in (event.opens, event.closes))
+        valve, centres = ("E", (-math.pi, 0.0)) if middle < 0.0 else ("I", (0.0, math.pi))
+        ends = zip((event.opens, event.closes), centres, strict=True)
+        opens, closes = (_from_dead_centre(found.after_tdc(angle), centre) for angle, centre in ends)
         return f"{valve}VO {opens}, {valve}VC {closes}, duration {math.degrees(event.duration):.2f} deg"
     opens, closes, span = (0.5 * turns * math.degrees(x) for x in (event.opens, event.closes, event.duration))
     shaft = "crank" if turns == 2.0 else "cam"
@@ -175,8 +207,8 @@ def _event(found: CamFacts, event: ValveEvent | None, always: bool, turns: float
 
 
 def _joint(joint: Joint) -> str:
-    named = zip(_STEPS, joint.steps, strict=True)
-    steps = ", ".join(f"{name} {1e3 * step:+.5g} {unit}" for (name, unit), step in named if step)
+    named = ((name, step, *to_display_unit(unit)) for (name, unit), step in zip(_STEPS, joint.steps, strict=True))
+    steps = ", ".join(f"{name} {factor * step:+.5g} {symbol}" for name, step, factor, symbol in named if step)
     return f"steps of {steps}" if steps else "smooth"
 
 
@@ -188,32 +220,37 @@ def _profile(found: CamFacts, speed: float | None) -> list[tuple[str, str]]:
     if found.least_base_radius is None:
         least = "no radius meets the limits with this lift"
     elif found.least_base_radius:
-        least = f"min for curvature and pressure angle {format_mm(found.least_base_radius)} mm"
-    convex = f"{format_mm(seen.convex.value)} mm" if seen.convex.value > 0.0 else "none: the profile is undercut"
+        least = f"min for curvature and pressure angle {format_quantity('m', found.least_base_radius)}"
+    hollow = "none" if seen.hollow is None else f"{format_quantity('m', seen.hollow.value)} {_at(seen.hollow)}"
+    convex = format_quantity("m", seen.convex.value) if seen.convex.value > 0.0 else "none: the profile is undercut"
     rows = [
-        ("base circle radius", f"{format_mm(profile.follower.base_radius)} mm; {least}"),
+        ("base circle radius", f"{format_quantity('m', profile.follower.base_radius)}; {least}"),
         ("min convex radius", f"{convex} {_at(seen.convex)}"),
-        ("min concave radius", f"{format_mm(seen.hollow.value)} mm {_at(seen.hollow)}" if seen.hollow else "none"),
+        ("min concave radius", hollow),
         ("max pressure angle", f"{format_degrees(abs(seen.pressure_angle.value))} deg {_at(seen.pressure_angle)}"),
-        ("contact offset", f"{format_mm(seen.offset[0].value, 5)} to {format_mm(seen.offset[1].value, 5)} mm"),
+        ("contact offset", format_quantity("m", *(end.value for end in seen.offset), digits=5)),
     ]  # fmt: skip
     if found.min_face_diameter is not None:
         rows.append(("min face diameter", _face(found, found.min_face_diameter)))
     if math.isinf(profile.follower.roller_radius):  # a roller turns instead
-        rows.append(("max sliding velocity", _at_speed(abs(seen.sliding.value), "mm/rad", "m/s", 1, speed)))
+        rows.append(("max sliding velocity", _at_speed(abs(seen.sliding.value), "m/rad", "m/s", 1, speed)))
     return rows
 
 
 def _face(found: CamFacts, smallest: float) -> str:
     """Return the face diameter that contains the contact line, the given one, and the offset that rotates the face."""
     width, given = found.cam.width, found.face_diameter
-    contents = ["without the width of the cam" if width is None else f"with the cam's width of {format_mm(width)} mm"]
+    contents = [
+        "without the width of the cam" if width is None else f"with the cam's width of {format_quantity('m', width)}"
+    ]
     if found.rotation_arm:
-        contents.append(f"contact {format_mm(found.rotation_arm)} mm from the follower's axis, which rotates it")
+        contents.append(
+            f"contact {format_quantity('m', found.rotation_arm)} from the follower's axis, which rotates it"
+        )
     elif given is not None:
         contents.append("no axial_offset, or crown with taper, that rotates the follower")
-    has = "" if given is None else f" of {format_mm(given)} mm"
-    return f"{format_mm(smallest)} mm{has} ({', '.join(contents)})"
+    has = "" if given is None else f" of {format_quantity('m', given)}"
+    return f"{format_quantity('m', smallest)}{has} ({', '.join(contents)})"
 
 
 def _at(place: Extreme) -> str:
@@ -224,8 +261,8 @@ def _finding(one: ProfileFault) -> str:
     if one.kind == "angle":
         measure = f"{format_degrees(one.value)} deg, allowed up to {format_degrees(one.limit)} deg"
     else:
-        side = f"at least {format_mm(one.limit, 4)} mm" if one.limit else "above 0"
-        measure = f"{format_mm(one.value, 4)} mm, allowed {side}"
+        side = f"at least {format_quantity('m', one.limit, digits=4)}" if one.limit else "above 0"
+        measure = f"{format_quantity('m', one.value, digits=4)}, allowed {side}"
     place = f"at {math.degrees(one.angle):.4g} deg: {measure}"
     return f"{one.what} ({place}); {one.remedy}"
 
@@ -242,8 +279,7 @@ def _overlap_table(overlaps: Sequence[tuple[str, str, str, float]], found: Mappi
 
 def _smoothing_table(name: str, report: LiftReport) -> Table:
     before, after = (
-        f"{1e3 * low:.4g} to {1e3 * high:.4g} mm/rad^2"
-        for low, high in (report.acceleration_before, report.acceleration_after)
+        format_quantity("m/rad^2", *ends, digits=4) for ends in (report.acceleration_before, report.acceleration_after)
     )
     changed = f"{1e6 * report.rms_change:.3g} um rms, max {1e6 * report.largest_change:.3g} um"
     rows = [
@@ -298,13 +334,14 @@ def cam(
     points: Annotated[int, Parameter(help="Points of the profile or of the lift table per revolution.")] = 720,
     output: Annotated[Path | None, Parameter(
         ["-o", "--output"], help="Folder of the profile files; with --from-profile: lift table (.csv).")] = None,
-    overwrite: cli.Overwrite = False, as_json: cli.Json = False,
+    units: cli.Units = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> None:  # fmt: skip
     """Show cam card, profile and limits of the cams in a file, or compute the lift of a measured profile.
 
     With -o it writes the profiles for manufacture (CSV, DXF, VTP). With --from-profile it reads points of a profile
     instead of a case, and -o writes the lift of its follower as a table for a case.
     """
+    set_unit_system(units or "metric")
     if profile is not None:
         of_case = {
             "CASE": case, "--cam": name, "--format": forms, "--cutter": cutter, "--pressure-angle": pressure_angle,
@@ -358,15 +395,20 @@ def _write_cam_files(
     name: str, found: Mapping[str, CamFacts], plot: Path | None, form: str, folder: Path | None,
     forms: Sequence[Literal["csv", "dxf", "vtp"]] | None, cutter: float | None, *, overwrite: bool,
 ) -> list[Path]:  # fmt: skip
-    """Write the profiles and figures of the cams of a file with a given name."""
+    """Write the card, the profiles and the figures of the cams of a file with a given name."""
     figures = {} if plot is None else {plot / f"{stem}.{form}": one for stem, one in _draw_cams(name, found).items()}
-    for path in figures:  # before files are written
-        check_writable("picture", path, overwrite=overwrite)
+    card = folder / f"{name}-card.csv" if folder is not None and "csv" in (forms or ["csv"]) else None
+    for path in (*figures, *([] if card is None else [card])):  # before files are written
+        check_writable("picture" if path in figures else "output", path, overwrite=overwrite)
     files: list[Path] = []
     for one, facts in found.items():
         if folder is not None and facts.profile is not None:
             table, target = profile_table(facts.profile, cutter), create_folder(folder) / f"{name}-{one}"
             files += write_profile(table, target, forms or ["csv", "dxf", "vtp"], overwrite=overwrite)
+    if card is not None:
+        rows = ((one, *row) for one, facts in found.items() for row in _card_rows(_cam_json(facts, None)))
+        text = format_csv(("cam", "quantity", "value", "unit"), rows)
+        files.append(write_text(card, text, overwrite=overwrite))
     return files + [plotting.figures.save_figure(one, path, overwrite=overwrite) for path, one in figures.items()]
 
 
@@ -418,14 +460,15 @@ def _lift_from_profile_table(
     low, high = (Extreme(float(lift[i]), float(angle[i])) for i in (int(np.argmin(lift)), int(np.argmax(lift))))
     rows = [
         ("points", str(points)),
-        ("max lift", f"{format_mm(high.value)} mm at {math.degrees(high.at):.4g} deg"),
-        ("min lift", f"{format_mm(low.value)} mm at {math.degrees(low.at):.4g} deg"),
+        ("max lift", f"{format_quantity('m', high.value)} at {math.degrees(high.at):.4g} deg"),
+        ("min lift", f"{format_quantity('m', low.value)} at {math.degrees(low.at):.4g} deg"),
     ]
     if low.value < -NEGATIVE_LIFT_TOLERANCE * high.value:
         rows.append(("warning", "the profile lies inside the base circle; check its radius and the unit"))
     if hollow is not None:
-        place = f"{format_mm(hollow.point[0], 4)}, {format_mm(hollow.point[1], 4)} mm"
-        said = f"the follower bridges a hollow of the profile, with a gap of {format_mm(hollow.depth, 3)} mm at {place}"
+        place = format_quantity("m", *hollow.point, digits=4, separator=", ")
+        gap = format_quantity("m", hollow.depth, digits=3)
+        said = f"the follower bridges a hollow of the profile, with a gap of {gap} at {place}"
         rows.append(("warning", f"{said}; a smaller roller follows the profile"))
     return facts_table(f"Lift of {name}", rows)
 

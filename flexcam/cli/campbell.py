@@ -28,7 +28,6 @@ from flexcam.report.terminal import (
     NOISE,
     finite_numbers,
     finite_or_none,
-    format_mm,
     format_number,
     plain_table,
     show_count,
@@ -51,7 +50,7 @@ def _crossing_table(found: Campbell, scale: float) -> Table:
     """Return the table of the crossings of orders and modes in ascending order of speed."""
     rows = [
         (f"{scale * one.rpm:.6g}", str(one.harmonic), str(one.mode + 1), f"{one.frequency:.5g}",
-         format_mm(one.amplitude, 3), format_number(one.load, 3), one.words)
+         format_number(1e3 * one.amplitude, 3), format_number(one.load, 3), one.words)
         for one in found.crossings
     ]  # fmt: skip
     title = "Resonances: orders of the camshaft that excite modes at the contact"

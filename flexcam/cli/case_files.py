@@ -17,6 +17,7 @@ from flexcam.case.records import CaseRecord
 from flexcam.case.starters import new_case, templates
 from flexcam.cli import app as cli
 from flexcam.core.errors import refuse
+from flexcam.core.units import set_unit_system
 from flexcam.dynamics import integrated_size
 from flexcam.io import format_toml
 from flexcam.report.tables import describe_inactive, model_table, spring_curve_rows, spring_curve_table
@@ -66,13 +67,14 @@ flexcam check case.toml --echo
 def check(
     case: cli.CaseFile, *,
     echo: Annotated[bool, Parameter("--echo", help="Also print the case as TOML with all default values.")] = False,
-    overrides: cli.Overrides = None, as_json: cli.Json = False,
+    overrides: cli.Overrides = None, units: cli.Units = None, as_json: cli.Json = False,
 ) -> None:  # fmt: skip
     """Check a case file and summarize its model: size, masses, natural frequencies, warnings.
 
     It reports all errors of the file at once and estimates the memory and disk space of a run, but does not run the
     case.
     """
+    set_unit_system(units or "metric")
     read = cli.load_case(case, overrides)
     ready = prepare_without_periodic_search(read)
     found, resources = modes(read), estimate_case_resources(ready, "revolution")

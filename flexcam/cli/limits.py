@@ -16,7 +16,7 @@ from flexcam.analysis.limits import Search, find_limits
 from flexcam.case.reader import CaseFile as OpenCase
 from flexcam.cli import app as cli
 from flexcam.core.errors import positive, refuse
-from flexcam.core.units import shaft_name
+from flexcam.core.units import set_unit_system, shaft_name
 from flexcam.dynamics import Status
 from flexcam.report.tables import limits_json, limits_table
 from flexcam.report.terminal import finite_numbers, format_csv, format_number, plain_table, show_count, with_unit
@@ -56,7 +56,8 @@ def limits(
         "--workers", help="Number of processes; by default one per core, or only one for a map.")] = None,
     csv: Annotated[cli.Csv, Parameter(group=_MAP)] = None,
     plot: Annotated[cli.Picture, Parameter(group=_MAP)] = None,
-    overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
+    overrides: cli.Overrides = None, units: cli.Units = None, overwrite: cli.Overwrite = False,
+    as_json: cli.Json = False,
 ) -> Status | None:  # fmt: skip
     """Find the speed limits of a valve train: contact loss, valve float, valve bounce, coil clash, buckling.
 
@@ -64,6 +65,7 @@ def limits(
     values of the case. Valve float is contact loss over the nose; valve loft is valve lift above that of the rigid
     train. Speeds are those of the crankshaft if the case gives crank_speed, otherwise those of the camshaft.
     """
+    set_unit_system(units or "metric")
     read = cli.load_beams(case, overrides)
     scale = read.turns
     low, high = cli.speed_range(lowest, highest, 2, read, most=2.0)

@@ -17,6 +17,7 @@ from flexcam.case.builder import build_model
 from flexcam.case.reader import read_case
 from flexcam.cli import app as cli
 from flexcam.core.errors import collect_errors
+from flexcam.core.units import set_unit_system, shaft_name
 from flexcam.io import check_folder_name, create_folder, write_modes
 from flexcam.report.tables import describe_mac, mac_table, mode_table
 from flexcam.report.terminal import plain_table
@@ -28,15 +29,17 @@ def _elastic(found: ModelModes, count: int) -> list[int]:
     return list(range(len(found.modes.frequencies)))[found.modes.rigid :][:count]
 
 
-def _closed_mode_table(found: ClosedModes, count: int) -> Table:
+def _closed_mode_table(found: ClosedModes, count: int, turns: float) -> Table:
     made = plain_table(f"Modes with closed contacts, cam of contact {found.contact}", ("no.",), ())
-    columns = {"on the base circle": found.base_circle, "at full lift": found.full_lift}
-    cells: list[list[tuple[str, str]]] = []
+    columns = {"base circle": found.base_circle, "full lift": found.full_lift}
+    cells: list[list[tuple[str, ...]]] = []
     for place, modes in columns.items():
-        made.add_column(f"Hz {place}", justify="right")
-        made.add_column("what moves", justify="left")
-        cells.append([(f"{modes.modes.frequencies[i]:.2f}", modes.words(i)) for i in _elastic(modes, count)])
-    for number, row in enumerate(zip_longest(*cells, fillvalue=("", "")), start=1):
+        made.add_column(f"{place}\nHz", justify="right")
+        made.add_column(f"{shaft_name(turns)}\nrpm", justify="right")
+        made.add_column("what moves", justify="left", overflow="fold")
+        found_hz = ((float(modes.modes.frequencies[i]), modes.words(i)) for i in _elastic(modes, count))
+        cells.append([(f"{hertz:.2f}", f"{60.0 * turns * hertz:.0f}", words) for hertz, words in found_hz])
+    for number, row in enumerate(zip_longest(*cells, fillvalue=("", "", "")), start=1):
         made.add_row(str(number), *chain.from_iterable(row))
     return made
 
@@ -63,13 +66,15 @@ def modes(
         help="Second case file, whose modes are compared by the modal assurance criterion.")] = None,
     folder: Annotated[Path | None, Parameter(
         ["-o", "--output"], help="Also write the mode shapes for ParaView to this folder.")] = None,
-    overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
+    overrides: cli.Overrides = None, units: cli.Units = None, overwrite: cli.Overwrite = False,
+    as_json: cli.Json = False,
 ) -> None:  # fmt: skip
     """Compute natural frequencies and mode shapes, and name the parts that move in each mode.
 
     It prints the modes with all contacts open, and for each cam those with the contacts closed on the base circle and
     at full lift.
     """
+    set_unit_system(units or "metric")
     read, _ = collect_errors(
         lambda: cli.load_case(case, overrides),
         lambda: cli.check_positive("--count", count),
@@ -87,7 +92,11 @@ def modes(
         files = write_modes(path, drawn, found.modes.frequencies, found.modes.shapes, overwrite=overwrite)
     closed, missing = closed_modes(read)
     parts = [mode_table(found, f"{read.title}: modes, contacts open", read.turns)]
-    parts += [*(_closed_mode_table(one, count) for one in closed), *check_modes(found), *filter(None, [missing])]
+    parts += [
+        *(_closed_mode_table(one, count, read.turns) for one in closed),
+        *check_modes(found),
+        *filter(None, [missing]),
+    ]
     if criterion is not None:
         parts += [mac_table(criterion), describe_mac(criterion, compared)]
     if files:

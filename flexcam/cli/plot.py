@@ -181,7 +181,8 @@ _APPLIES = {
     "channel": ("motion", "force", "torque", "profile", "spring", "waterfall", "map"),
     "rigid": ("motion", "force", "torque"), "over": ("motion", "force", "torque", "energy"), "cam": _OF_CAMS,
     "angle": ("profile",), "count": ("modes", "campbell", "waterfall", "map"), "x": ("sweep",), "y": ("sweep",),
-    "map": ("sweep",), "units": ("motion", "force", "torque", "energy", "waterfall", "map", "sweep"),
+    "map": ("sweep",),
+    "units": tuple(kind for kind in get_args(FigureKind) if kind not in ("orbits", "campbell", "work-precision")),
     "set": tuple(kind for kind in get_args(FigureKind) if kind != "sweep"),
 }  # fmt: skip
 

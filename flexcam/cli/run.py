@@ -12,7 +12,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
-from flexcam.analysis.figures_of_merit import FigureOfMerit, figures_of_merit
+from flexcam.analysis.figures_of_merit import FigureOfMerit, figures_of_merit, usual_name
 from flexcam.analysis.model_choice import Choice, Error, estimate_errors, select_case
 from flexcam.analysis.preparation import prepare, prepare_without_periodic_search
 from flexcam.analysis.prepared_run import PreparedRun, scalar_probe
@@ -86,8 +86,7 @@ def _run_output(ran: FinishedRun) -> Iterator[Table | str]:
         yield tables.strength_table(ran.stressed)
     if ran.merit:
         yield tables.merit_table(ran.ready.model, ran.merit)
-    shown = {one.metric for one in ran.merit}
-    if others := [figure for figure in ran.figures if figure.name not in shown]:
+    if others := [figure for figure in ran.figures if not usual_name(figure)]:
         yield tables.metrics_table(ran.ready.model, others)
     if ran.errors:
         yield error_table(ran.errors)

@@ -24,9 +24,9 @@ from flexcam.cams import Family, HarmonicFamily, SingleMass, SplineFamily, Synth
 from flexcam.case.reader import has_mechanism
 from flexcam.cli import app as cli
 from flexcam.core.errors import positive, refuse
-from flexcam.core.units import RPM, parse
+from flexcam.core.units import RPM, format_quantity, parse
 from flexcam.io import check_writable, create_folder, write_law, write_lift
-from flexcam.report.terminal import NOISE, facts_table, finite_numbers, format_mm, plain_table
+from flexcam.report.terminal import NOISE, facts_table, finite_numbers, plain_table
 
 
 def _synthesis_json(found: Synthesis) -> dict[str, object]:
@@ -82,7 +82,7 @@ def _harmonic_table(found: HarmonicCam) -> Table:
         ("harmonics", f"{found.count}; {found.limit} lie below the first mode, {hertz:.4g} Hz"),
         ("max deviation in the dwells", f"{1e6 * fit.strict_deviation:.4g} um"),
         ("max deviation elsewhere", f"{1e6 * fit.deviation:.4g} um, {1e6 * fit.rms_deviation:.4g} um rms"),
-        ("lift", " to ".join(format_mm(end.value) for end in event_extremes(fit.event)) + " mm"),
+        ("lift", format_quantity("m", *(end.value for end in event_extremes(fit.event)))),
     ]
     return facts_table("Lift of harmonics", rows)
 
@@ -108,12 +108,12 @@ def _polydyne_properties_table(found: PolydyneCam) -> Table:
     design = found.design
     lift, bend, count = event_extremes(design.event), event_extremes(design.event, 2), len(design.event.cosine)
     rows = [
-        ("lift", f"{format_mm(lift[0].value)} to {format_mm(lift[1].value)} mm"),
-        ("acceleration", f"{format_mm(bend[0].value, 5)} to {format_mm(bend[1].value, 5)} mm/rad^2"),
+        ("lift", format_quantity("m", *(end.value for end in lift))),
+        ("acceleration", format_quantity("m/rad^2", *(end.value for end in bend), digits=5)),
         ("truncation", f"max {1e6 * design.left_out:.3g} um at the cam, with {count} harmonics"),
     ]  # fmt: skip
     if lift[0].value < -NOISE * lift[1].value:
-        below = f"the profile lies {format_mm(-lift[0].value, 4)} mm inside its base circle"
+        below = f"the profile lies {format_quantity('m', -lift[0].value, digits=4)} inside its base circle"
         rows.append(("warning", f"{below}; increase the base radius by as much, or use a smoother motion"))
     return facts_table("Polydyne cam", rows)
 

@@ -25,7 +25,8 @@ _FACTOR = re.compile(r"([*/]?)\s*(1(?=\s*/)|[A-Za-z%µ°]+)\s*(?:(?:\^|\*\*)\s*(
 
 _FOREIGN = {
     "degC": "write K; a temperature is a rise", "C": "write K; a temperature is a rise", "ppm": "write um/m for 1 ppm",
-    "lbm": "write lb, a mass", "inch": "write in", "lbs": "write lb for a mass, lbf for a force",
+    "lbm": "write lb, a mass", "inch": "write in", "inches": "write in", "gram": "write g", "grams": "write g",
+    "lbs": "write lb for a mass, lbf for a force",
 }  # fmt: skip
 """Other names of units, and the remedies."""
 
@@ -67,7 +68,10 @@ _PLAIN: dict[str, tuple[Decimal, Exponents]] = {
     "h": (Decimal(3600), (0, 0, 1, 0, 0)),
     "in": (Decimal("0.0254"), (1, 0, 0, 0, 0)),
     "ft": (Decimal("0.3048"), (1, 0, 0, 0, 0)),
+    "thou": (Decimal("2.54e-5"), (1, 0, 0, 0, 0)),
+    "mil": (Decimal("2.54e-5"), (1, 0, 0, 0, 0)),
     "lb": (Decimal("0.45359237"), (0, 1, 0, 0, 0)),
+    "oz": (Decimal("0.028349523125"), (0, 1, 0, 0, 0)),
     "lbf": (Decimal("4.4482216152605"), (1, 1, -2, 0, 0)),
     "psi": (Decimal("6894.757293168361"), (-1, 1, -2, 0, 0)),
     "ksi": (Decimal("6894757.293168361"), (-1, 1, -2, 0, 0)),
@@ -150,6 +154,11 @@ def _unit(symbol: str) -> tuple[Decimal, Exponents] | None:
         if symbol.endswith(base) and prefix in _PREFIXES:
             return _EXACT.multiply(_PREFIXES[prefix], factor), exponents
     return None
+
+
+def is_unit(symbol: str) -> bool:
+    """Return whether a text is the symbol of a unit, such as ``mm``."""
+    return _unit(symbol) is not None
 
 
 def _suggest_unit(text: str, wanted: Exponents) -> str:
@@ -263,10 +272,14 @@ def shaft_speed(speed: float, turns: float) -> str:
 
 
 _DISPLAY_UNITS = {
-    "metric": {"m": "mm", "rad": "deg", "Pa": "MPa"},
+    "metric": {
+        "m": "mm", "m/rad": "mm/rad", "m/rad^2": "mm/rad^2", "m/rad^3": "mm/rad^3", "rad": "deg", "Pa": "MPa",
+        "N/m": "N/mm",
+    },
     "imperial": {
-        "m": "in", "m/s": "ft/s", "m/s^2": "ft/s^2", "rad": "deg", "N": "lbf", "N m": "lbf ft", "N/m": "lbf/in",
-        "Pa": "ksi", "W": "hp",
+        "m": "in", "m/rad": "in/rad", "m/rad^2": "in/rad^2", "m/rad^3": "in/rad^3", "m/s": "ft/s", "m/s^2": "ft/s^2",
+        "rad": "deg", "N": "lbf", "N m": "lbf ft", "N/m": "lbf/in", "N m/rad": "lbf ft/rad", "N s/m": "lbf s/in",
+        "Pa": "ksi", "W": "hp", "kg": "lb",
     },
 }  # fmt: skip
 """Units of displayed quantities by their SI unit; others stay in SI."""
@@ -284,4 +297,15 @@ def to_display_unit(unit: str) -> tuple[float, str]:
     """Return the factor from an SI unit to the one in which engineers show the quantity, and its symbol."""
     shown = _DISPLAY_UNITS[_unit_system.get()].get(unit, unit)
     factor = 1.0 if shown == unit else 1.0 / conversion_factor(shown, unit, "unit")
-    return factor, "" if shown == "1" else shown.replace("^2", "²")
+    return factor, "" if shown == "1" else shown.replace("^2", "²").replace("^3", "³")
+
+
+def format_quantity(unit: str, *values: float, digits: int = 6, separator: str = " to ") -> str:
+    """Return SI values in their displayed unit, such as ``0.2 to 9 mm``; rounding noise gives zero."""
+    factor, symbol = to_display_unit(unit)
+    numbers = [f"{0.0 if abs(value) < ROUNDING else factor * value:.{digits}g}" for value in values]
+    return f"{separator.join(numbers)} {symbol}"
+
+
+ROUNDING = 1e-12
+"""SI value, or fraction of the largest value of a kind, below which a displayed value is a rounded zero."""

@@ -20,37 +20,14 @@ import numpy as np
 
 from flexcam.cams import KINDS, HarmonicLift, Law
 from flexcam.core import FloatArray
-from flexcam.core.errors import Fault, InputError, refuse, suggest_name
-from flexcam.io.files import atomic_write_path, check_writable, format_toml, read_source, write_columns, write_text
+from flexcam.core.errors import refuse, suggest_name
+from flexcam.io.files import atomic_write_path, check_writable, format_toml, write_columns, write_text
+from flexcam.io.number_tables import NumberTable, Row, find_table, read_rows, refuse_rows
 from flexcam.io.polydata import write_polylines
 
 _LENGTHS = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "μm": 1e-6, "inch": 0.0254, '"': 0.0254,
             "thou": 2.54e-5}  # fmt: skip
 _UNITS = "um, mm, cm, m, in or thou"
-_MAX_FAULTS = 10
-
-Row = tuple[int, str]
-"""Line number, counted from 1, and text of a row."""
-
-
-def _read_rows(path: Path, where: str, content: str, text: str | None = None) -> list[Row]:
-    """Return the rows of a file, or of its known text, without comments and empty lines.
-
-    Lines are those of a text editor: `str.splitlines` also splits at characters such as U+0085.
-    """
-    lines = read_source(path, where, text).split("\n")
-    rows = [(number, line.partition("#")[0].strip()) for number, line in enumerate(lines, start=1)]
-    rows = [(number, line) for number, line in rows if line]
-    if not rows:
-        raise refuse(where, f"{path.name}, which is empty", content)
-    return rows
-
-
-def _refuse_rows(path: Path, bad: Sequence[Row], allowed: str, remedy: str) -> None:
-    faults = [Fault(f"{path.name}, line {n}", repr(line[:40]), allowed, "", remedy) for n, line in bad[:_MAX_FAULTS]]
-    if faults:
-        raise InputError(faults)
-
 
 AngleKind = Literal["cam", "crank"]
 
@@ -60,9 +37,6 @@ _HEADER_UNIT = re.compile(r"_[^_\s]+$|[\[(][^\])]*[\])]?$")
 """Unit at the end of the name of a column: ``crank_deg``, ``crank [deg]``."""
 _NO_UNITS = [[], ["cam"], ["crank"], ["angle"], ["angles"], ["shaft"], ["position"], ["cad"]]
 """Ends of names of columns of angles that are no units, but for crank angle degrees."""
-_SEPARATOR = re.compile(r"[,;\t]|\s+")
-_DECIMAL_COMMA = re.compile(r"[;\t].*\d,\d|\d,\d.*[;\t]")
-"""A row with semicolons or tabs between its columns and a comma within a number."""
 _SAMPLE = re.compile(
     r"\bfunction\s+(?P<lobe>\w+)|\.add_(?P<sym>sym_)?sample\(\s*(?P<at>[-+\d.eE]+)\s*(?:\*\s*units\.(?P<angle>\w+)\s*)?,"
     r"\s*(?P<lift>[-+\d.eE]+)\s*(?:\*\s*units\.(?P<length>\w+)\s*)?\)"
@@ -85,26 +59,19 @@ def read_lift(
 ) -> LiftColumns:  # fmt: skip
     """Read a table of angle and lift from a file, or from its known text.
 
-    Rows contain two numbers or more, separated by commas, semicolons, tabs or blanks; ``#`` starts a comment. Beside
-    semicolons or tabs a comma may be the decimal sign. Any lines may precede the table; the last of them may name the
-    columns, such as ``crank_deg, lift_mm``: an angle of ``cam`` or ``crank`` in ``deg`` or ``rad``, a lift in ``mm``,
-    ``um``, ``m`` or ``in``. Without such a header, both units must be given as arguments and the first two columns
+    Rows contain two numbers or more, as in `flexcam.io.number_tables`. The line before them may name the columns, such
+    as ``crank_deg, lift_mm``: an angle of ``cam`` or ``crank`` in ``deg`` or ``rad``, a lift in ``mm``, ``um``, ``m``
+    or ``in``. Without such a header, both units must be given as arguments and the first two columns
     count; there is no default. A file ``.mr`` has the lobes of engine-sim. `column` names the lift, or the lobe.
     """
-    rows = _read_rows(path, "lift table", "rows of angle and lift", text)
+    rows = read_rows(path, "lift table", "rows of angle and lift", text)
     if path.suffix.lower() == ".mr":
         return _read_lobe(path, rows, column)
-    if any(_DECIMAL_COMMA.search(line) for _, line in rows) and not any(re.search(r"\d\.\d", line) for _, line in rows):
-        rows = [(number, re.sub(r"(?<=\d),(?=\d)", ".", line)) for number, line in rows]
-    counts = [len(_numbers(line)) for _, line in rows]
-    runs = zip(counts, counts[1:], counts[2:], strict=False)
-    width = next((a for a, b, c in runs if a == b == c > 1), max(counts))
-    start = counts.index(width)  # the first row with as many numbers as three rows in succession
-    if width < 2:
-        number, line = rows[start]
+    table = find_table(rows)
+    if table.width < 2:
+        number, line = table.rows[0]
         raise refuse(f"{path.name}, line {number}", repr(line[:40]), "rows of an angle and a lift")
-    head = rows[start - 1][1] if start else ""
-    names = _lift_columns(head, width, path)
+    names, head, width = _lift_columns(table, path), table.head, table.width
     lifts = [i for i, name in enumerate(names) if i and "lift" in _header_words(name)] or [1]
     if column is not None:
         lifts = [i for i, name in enumerate(names) if i and column == name]
@@ -112,13 +79,12 @@ def read_lift(
         named = ", ".join(names) or "no head"
         remedy = suggest_name(column, names) if column else 'name one: lift_table = { file = ..., column = "..." }'
         raise refuse(f"{path.name}, column of the lift", column or named, named, "", remedy)
-    bad = [(number, line) for number, line in rows[start:] if len(_numbers(line)) != width]
-    remedy = "correct or remove the row, or write # before it"
-    _refuse_rows(path, bad, f"{width} numbers in each row", remedy)
+    bad, allowed = table.faulty((0, lifts[0])), f"{width} finite numbers in each row"
+    refuse_rows(path, bad, allowed, "correct or remove the row, or write # before it")
     to_rad = _angle_factor(names[0] if names else "", angle, head, path)
     scale = _lift_factor(names[lifts[0]] if names else "", unit, head, path)
-    values = np.array([_numbers(line) for _, line in rows[start:]])[:, [0, lifts[0]]]
-    return LiftColumns(values[:, 0] * to_rad, values[:, 1] * scale, tuple(number for number, _ in rows[start:]))
+    values = np.array(table.numbers)[:, [0, lifts[0]]]
+    return LiftColumns(values[:, 0] * to_rad, values[:, 1] * scale, tuple(number for number, _ in table.rows))
 
 
 def _read_lobe(path: Path, rows: Sequence[Row], wanted: str | None) -> LiftColumns:
@@ -158,31 +124,18 @@ def write_lift_table(path: Path, angle: FloatArray, lift: FloatArray, *, overwri
     return path
 
 
-def _numbers(text: str) -> list[float]:
-    """Return the numbers of a row; empty if it has anything else."""
-    try:
-        return [float(part) for part in _SEPARATOR.split(text) if part]
-    except ValueError:
-        return []
-
-
-def _lift_columns(head: str, width: int, path: Path) -> list[str]:
+def _lift_columns(table: NumberTable, path: Path) -> Sequence[str]:
     """Return the names of the columns; an empty list if the line before the table is no header."""
-    if not head or _numbers(head):
-        return []
-    for separator in (r"[,;\t]", r"\s{2,}", r"\s+"):
-        parts = [part.strip() for part in re.split(separator, head) if part.strip()]
-        if len(parts) == width:
-            break
-    else:
-        words = _header_words(head)
+    head, words = table.head, _header_words(table.head)
+    if not table.names:
         if words[:1] in (["cam"], ["crank"], ["angle"]) and "lift" in words:
-            allowed, remedy = f"{width} names, as the rows have numbers", "name all columns; write decimal points"
+            allowed, remedy = f"{table.width} names, as the rows have numbers", "name all columns; write decimal points"
             raise refuse(f"{path.name}, head", repr(head), allowed, "", remedy)
         return []
-    if _header_words(parts[1])[:1] in (["cam"], ["crank"], ["angle"]) or "lift" in _header_words(parts[0]):
+    first, second, *_ = table.names
+    if _header_words(second)[:1] in (["cam"], ["crank"], ["angle"]) or "lift" in _header_words(first):
         raise refuse(f"{path.name}, head", repr(head), "the angle first, then the lift", "", "swap the columns")
-    return parts
+    return table.names
 
 
 def _header_words(head: str) -> list[str]:
@@ -219,13 +172,13 @@ def _lift_factor(column: str, given: str | None, head: str, path: Path) -> float
 
 def read_profile(path: Path, *, unit: str | None = None) -> FloatArray:
     """Read the points of a profile, m, shape (n, 2), from two columns or from a table of flexcam."""
-    lines = _read_rows(path, "profile", "rows of x and y")
+    lines = read_rows(path, "profile", "rows of x and y")
     rows = [(number, [part.strip() for part in re.split(r"[,;\t]", line)]) for number, line in lines]
     head = [] if _coordinates(rows[0][1], (0, 1)) else rows.pop(0)[1]
     columns = _profile_columns(head, path)
     scale = _profile_factor([head[column] for column in columns] if head else [], unit, path)
     bad = [(number, ",".join(parts)) for number, parts in rows if not _coordinates(parts, columns)]
-    _refuse_rows(path, bad, "numbers", "correct or remove the row")
+    refuse_rows(path, bad, "numbers", "correct or remove the row")
     points = scale * np.array([_coordinates(parts, columns) for _, parts in rows], dtype=float).reshape(-1, 2)
     closed = len(points) > 1 and bool(np.abs(points[0] - points[-1]).max() < 1e-9 * np.abs(points).max())
     return points[:-1] if closed else points

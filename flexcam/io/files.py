@@ -5,7 +5,6 @@ An atomic write puts the content under a temporary name and renames it once it i
 
 from __future__ import annotations
 
-import csv
 import os
 import re
 import struct
@@ -63,34 +62,6 @@ def write_columns(path: Path, columns: Mapping[str, FloatArray], digits: int = 1
 
 ABSCISSAS = {"time": ("s", 1.0), "cam angle": ("rad", 1.0), "crank angle": ("rad", 2.0)}
 """SI unit of an abscissa, and its revolutions per camshaft revolution."""
-
-
-def read_columns(path: Path, where: str, text: str | None = None) -> dict[str, tuple[str, FloatArray]]:
-    """Read a CSV file, or its known text, with a heading such as ``time [s],valve displacement [mm]``.
-
-    It returns unit and values by name. Empty cells are NaN; ``#`` starts a comment, except in the heading.
-    """
-    numbered = enumerate(read_source(path, where, text).splitlines(), start=1)
-    lines = {number: line for number, line in numbered if line.partition("#")[0].strip()}
-    allowed = "a heading 'NAME [UNIT]' per column, and rows of as many numbers, separated by commas"
-    heading, *below = lines.values() or [""]
-    head, *rows = csv.reader([heading, *(line.partition("#")[0] for line in below)])
-    values: list[list[float]] = []
-    for number, row in zip(list(lines)[1:], rows, strict=True):
-        given = f"{path.name}, line {number}: {','.join(row)[:40]!r}"
-        try:
-            values.append([float(cell) if cell.strip() else np.nan for cell in row])
-        except ValueError:
-            raise refuse(where, given, allowed) from None
-        if len(row) != len(head) or np.isinf(values[-1]).any():
-            raise refuse(where, given, f"{len(head)} finite numbers, one per heading of the first line")
-    if not values:
-        raise refuse(where, f"{path.name}, without rows", allowed)
-    table = np.array(values)
-    matches = [re.match(r"(.+?)\s*(?:\[(.*)\])?$", one.strip()) for one in head]
-    if not all(matches) or len({match[1] for match in matches if match}) < len(head):
-        raise refuse(where, ", ".join(head), allowed, "a name is missing, or given twice")
-    return {match[1]: (match[2] or "", values) for match, values in zip(matches, table.T, strict=True) if match}
 
 
 def read_mdf(path: Path, where: str, names: Sequence[str] = ()) -> dict[str, tuple[str, FloatArray]]:

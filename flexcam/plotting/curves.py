@@ -28,6 +28,7 @@ from flexcam.cams import (
     residual_spectrum,
 )
 from flexcam.core import ComplexArray, FloatArray
+from flexcam.core.units import format_quantity, to_display_unit
 from flexcam.fem.sections import Material
 from flexcam.plotting.figures import (
     COLOURS,
@@ -67,7 +68,10 @@ def draw_laws(axes: Sequence[Axes], laws: Mapping[str, Law]) -> None:
 def lift_figure(events: Mapping[str, Event]) -> Figure:
     """Return a figure with lift, velocity, acceleration and jerk of cams over the cam angle."""
     even = np.linspace(0.0, 2.0 * math.pi, _POINTS)
-    labels = ["lift\nmm", "velocity\nmm/rad", "acceleration\nmm/rad²", "jerk\nmm/rad³"]
+    factor, length = to_display_unit("m")
+    units = (length, *(to_display_unit(unit)[1] for unit in ("m/rad", "m/rad^2", "m/rad^3")))
+    names = ("lift", "velocity", "acceleration", "jerk")
+    labels = [f"{name}\n{unit}" for name, unit in zip(names, units, strict=True)]
     figure, axes = create_stacked_axes(labels, "cam angle, deg")
     for (name, event), (color, dashes) in zip(events.items(), line_styles(), strict=False):
         met = joints(event)
@@ -76,7 +80,7 @@ def lift_figure(events: Mapping[str, Event]) -> Figure:
         angle = np.sort(np.concatenate(both_sides))
         for order, one in enumerate(axes):
             steps = tuple(math.degrees(joint.angle - 0.5 * _JUMP_OFFSET) for joint in met if joint.steps[order])
-            curve = _insert_gaps(np.degrees(angle), steps, 1e3 * event(angle, order))
+            curve = _insert_gaps(np.degrees(angle), steps, factor * event(angle, order))
             one.plot(*curve, label=name, color=color, linestyle=dashes)
     add_legend(figure, axes[0], len(events))
     axes[-1].set(xticks=range(0, 361, 45), xlim=(0.0, 360.0))
@@ -87,9 +91,9 @@ def timing_figure(cylinder: Mapping[str, CamFacts]) -> Figure:
     """Return a figure with the valve lifts of a cylinder over the crank angle from top dead centre of gas exchange."""
     figure, (axes,) = create_axes((7.0, 4.2))
     crank = np.linspace(-360.0, 360.0, _POINTS)
-    lifts: dict[str, FloatArray] = {}
+    (factor, unit), lifts = to_display_unit("m"), dict[str, FloatArray]()
     for (name, one), (color, dashes) in zip(cylinder.items(), line_styles(), strict=False):
-        lifts[name] = 1e3 * one.valve_lift(one.cam.event((one.tdc or 0.0) + np.radians(0.5 * crank)))
+        lifts[name] = factor * one.valve_lift(one.cam.event((one.tdc or 0.0) + np.radians(0.5 * crank)))
         middle = math.degrees(one.centreline_after_tdc or 0.0)
         label = f"{name}: centreline {abs(middle):.4g}° {'before' if middle < 0.0 else 'after'} TDC"
         axes.plot(crank, lifts[name], label=label, color=color, linestyle=dashes)
@@ -101,7 +105,7 @@ def timing_figure(cylinder: Mapping[str, CamFacts]) -> Figure:
             label = f"both open; lobe separation {separation:.4g}° of the camshaft"
             axes.fill_between(crank, both, color="0.75", label=label)
     mark_dead_centres([axes])
-    axes.set_ylabel("valve lift, mm")
+    axes.set_ylabel(f"valve lift, {unit}")
     axes.set_ylim(bottom=0.0)
     figure.legend(loc="outside lower center", fontsize="small")
     return figure
@@ -149,7 +153,8 @@ def profile_figure(
         line = _colour_cam(axes, coloured[0], coloured[1], angle)
         figure.colorbar(line, ax=axes, orientation="horizontal", shrink=0.8, label=coloured[2])
     draw_profile(axes, profile, angle, thin=coloured is not None)
-    axes.set(xlabel="x, mm", ylabel="y, mm")
+    unit = to_display_unit("m")[1]
+    axes.set(xlabel=f"x, {unit}", ylabel=f"y, {unit}")
     return figure
 
 
@@ -157,7 +162,7 @@ def draw_profile(axes: Axes, profile: CamProfile, angle: float, *, thin: bool = 
     """Draw a cam, rotated by its angle, with its follower; its outline may be thin and black."""
     turned = np.exp(1j * profile.turn * angle)
     at = int(np.argmin(np.abs(np.angle(np.exp(1j * (profile.angle - angle))))))
-    touch, follower = profile.touch, profile.follower
+    touch, follower, factor = profile.touch, profile.follower, to_display_unit("m")[0]
     around = np.exp(1j * np.linspace(0.0, 2.0 * math.pi, 361))
     colour, width = ("black", 0.8) if thin else (COLOURS[0], 2.0)
     outline, pitch = (np.vstack([p, p[:1]]) @ np.array([1.0, 1j]) * turned for p in (profile.points, profile.pitch))
@@ -170,19 +175,22 @@ def draw_profile(axes: Axes, profile: CamProfile, angle: float, *, thin: bool = 
     else:
         along = -1j * touch.normal[at] * 0.7 * follower.base_radius
         _line(axes, touch.point[at] + along * np.array([-1.0, 1.0]), "flat face", color=COLOURS[1], linewidth=1.5)
-    axes.plot(1e3 * touch.point[at].real, 1e3 * touch.point[at].imag, "o", color="black", markersize=4, label="contact")
+    point = factor * touch.point[at]
+    axes.plot(point.real, point.imag, "o", color="black", markersize=4, label="contact")
     axes.plot(0.0, 0.0, "+", color="black")
     if isinstance(follower, (SwingRollerFollower, SwingFlatFollower)):
         end = touch.trace[at] if math.isfinite(follower.roller_radius) else touch.point[at]
         _line(axes, np.array([follower.distance, end], dtype=np.complex128), "arm", color=COLOURS[1], linewidth=1.0)
-        axes.plot(1e3 * follower.distance, 0.0, "^", color=COLOURS[1], markersize=8, label="pivot")
-    way = 1e3 * 0.5 * follower.base_radius * np.exp(1j * profile.turn * np.radians([30.0, 150.0]))
+        axes.plot(factor * follower.distance, 0.0, "^", color=COLOURS[1], markersize=8, label="pivot")
+    way = factor * 0.5 * follower.base_radius * np.exp(1j * profile.turn * np.radians([30.0, 150.0]))
     bow = {"arrowstyle": "->", "connectionstyle": f"arc3,rad={0.55 * profile.turn}", "color": "0.4"}
     start, end = ((one.real, one.imag) for one in way.tolist())  # an arrow in the direction of rotation
     axes.annotate("", xy=end, xytext=start, arrowprops=bow)
     axes.set_aspect("equal")
     axes.grid(alpha=0.3)
-    axes.set_title(f"cam angle {math.degrees(profile.angle[at]):.4g} deg, lift {1e3 * profile.lift[at]:.4g} mm")
+    axes.set_title(
+        f"cam angle {math.degrees(profile.angle[at]):.4g} deg, lift {format_quantity('m', profile.lift[at], digits=4)}"
+    )
     axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize="small")
 
 
@@ -190,7 +198,7 @@ def _colour_cam(axes: Axes, profile: CamProfile, values: FloatArray, angle: floa
     """Colour a drawn cam by values at the cam angles of a profile, each where the cam is in contact at that angle."""
     order = np.argsort(np.mod(profile.angle, 2.0 * math.pi))
     x, y = profile.points[order].T
-    turned = 1e3 * (x + 1j * y) * np.exp(1j * profile.turn * angle)
+    turned = to_display_unit("m")[0] * (x + 1j * y) * np.exp(1j * profile.turn * angle)
     points = np.column_stack([turned.real, turned.imag])
     segments = list(np.stack([points[:-1], points[1:]], axis=1))
     line = LineCollection(segments, cmap="viridis", linewidths=7.0, capstyle="round", zorder=1.5)
@@ -201,12 +209,14 @@ def _colour_cam(axes: Axes, profile: CamProfile, values: FloatArray, angle: floa
 
 def pressure_figure(profile: CamProfile) -> Figure:
     """Return a figure with pressure angle and radius of curvature over the cam angle."""
-    figure, (upper, lower) = create_stacked_axes(["pressure angle\ndeg", "radius of\ncurvature, mm"], "cam angle, deg")
+    factor, unit = to_display_unit("m")
+    labels = ["pressure angle\ndeg", f"radius of\ncurvature, {unit}"]
+    figure, (upper, lower) = create_stacked_axes(labels, "cam angle, deg")
     angle = np.degrees(profile.angle)
     upper.plot(angle, np.degrees(profile.pressure_angle), color=COLOURS[0])
     # A nearly straight flank has a radius of metres, which would hide all other values.
     most = 10.0 * float(np.abs(profile.touch.trace).max())
-    lower.plot(angle, np.where(np.abs(profile.radius) < most, 1e3 * profile.radius, np.nan), color=COLOURS[0])
+    lower.plot(angle, np.where(np.abs(profile.radius) < most, factor * profile.radius, np.nan), color=COLOURS[0])
     lower.axhline(0.0, color="0.4", linewidth=0.8)
     lower.set(xlim=(0.0, 360.0), xticks=range(0, 361, 45))
     return figure
@@ -219,8 +229,8 @@ def _insert_gaps(x: FloatArray, breaks: Sequence[float], y: FloatArray) -> tuple
 
 
 def _line(axes: Axes, curve: ComplexArray, label: str, *, color: str, linewidth: float, linestyle: str = "-") -> None:
-    x, y = 1e3 * curve.real, 1e3 * curve.imag
-    axes.plot(x, y, label=label, color=color, linewidth=linewidth, linestyle=linestyle)
+    shown = to_display_unit("m")[0] * curve
+    axes.plot(shown.real, shown.imag, label=label, color=color, linewidth=linewidth, linestyle=linestyle)
 
 
 _WORDS = {"Cv": "C_v, max velocity", "Ca": "C_a, max acceleration", "Cj": "C_j, max jerk"}
@@ -268,8 +278,9 @@ def _value(criteria: Criteria, name: str) -> float:
 
 def spring_figure(springs: Mapping[str, tuple[Spring, float]]) -> Figure:
     """Return a figure with force and wire stress of springs over their travel, each with its travel at full lift, m."""
+    (length, mm), (load, newton), (stress, mpa) = map(to_display_unit, ("m", "N", "Pa"))
     figure, (upper, lower) = create_stacked_axes(
-        ("force, N", "wire stress\nMPa"), "travel from the installed length, mm", height=2.6
+        (f"force, {newton}", f"wire stress\n{mpa}"), f"travel from the installed length, {mm}", height=2.6
     )
     for (name, (spring, full)), (colour, dashes) in zip(springs.items(), line_styles(), strict=False):
         curve, bind = spring_curve(spring), spring.clash_travel
@@ -278,18 +289,19 @@ def spring_figure(springs: Mapping[str, tuple[Spring, float]]) -> Figure:
         travel = np.unique(np.concatenate([np.linspace(max(free, -2.0 * end), end, 201), [0.0, full]]))
         force = np.interp(travel, curve.travel, curve.force)
         style: dict[str, Any] = {"color": colour, "linestyle": dashes}
-        upper.plot(1e3 * travel, force, label=name, **style)
+        upper.plot(length * travel, load * force, label=name, **style)
         if spring.wire is not None:
-            lower.plot(1e3 * travel, 1e-6 * wire_stress(spring, travel), **style)
+            lower.plot(length * travel, stress * wire_stress(spring, travel), **style)
         marks = {"installed": (0.0, "o"), "full lift": (full, "s"), "coil bind": (bind, "^")}
         for what, (place, marker) in marks.items():
             if place is not None:
                 loaded = float(np.interp(place, curve.travel, curve.force))
-                label = f"{name}, {what}: {loaded:.4g} N at {1e3 * place:.4g} mm"
-                upper.plot(1e3 * place, loaded, marker, color=colour, label=label)
+                values = format_quantity("N", loaded, digits=4), format_quantity("m", place, digits=4)
+                label = f"{name}, {what}: {' at '.join(values)}"
+                upper.plot(length * place, load * loaded, marker, color=colour, label=label)
         if bind is not None:
             for one in (upper, lower):
-                one.axvline(1e3 * bind, color=colour, linewidth=0.8, linestyle=":")
+                one.axvline(length * bind, color=colour, linewidth=0.8, linestyle=":")
     if not lower.lines or all(spring.wire is None for spring, _ in springs.values()):
         lower.text(0.5, 0.5, "no wire given", transform=lower.transAxes, ha="center", color="0.3")
     add_legend(figure, upper, len(upper.lines), columns=2)
@@ -299,19 +311,21 @@ def spring_figure(springs: Mapping[str, tuple[Spring, float]]) -> Figure:
 def goodman_figure(members: Mapping[str, tuple[MemberStrength, Material]]) -> Figure:
     """Return a Goodman diagram: alternating over mean stress of members at their point of minimum safety."""
     figure, (axes,) = create_axes((7.0, 5.0))
-    lowest = 1e-6 * min(0.0, *(one.mean for one, _ in members.values()))
+    factor, unit = to_display_unit("Pa")
+    lowest = factor * min(0.0, *(one.mean for one, _ in members.values()))
     limits = dict.fromkeys((m.endurance_limit, m.ultimate_strength) for _, m in members.values())
     for (endurance, ultimate), (colour, dashes) in zip(limits, line_styles(), strict=False):
         if endurance and ultimate:
-            label = f"endurance limit {1e-6 * endurance:.4g} MPa, ultimate strength {1e-6 * ultimate:.4g} MPa"
-            line = [1e-6 * endurance, 1e-6 * endurance, 0.0]
-            axes.plot([1.1 * lowest, 0.0, 1e-6 * ultimate], line, color=colour, linestyle=dashes, label=label)
+            values = (format_quantity("Pa", value, digits=4) for value in (endurance, ultimate))
+            label = "endurance limit {}, ultimate strength {}".format(*values)
+            line = [factor * endurance, factor * endurance, 0.0]
+            axes.plot([1.1 * lowest, 0.0, factor * ultimate], line, color=colour, linestyle=dashes, label=label)
     for i, (name, (found, _)) in enumerate(members.items()):
         safety = "no strength given" if found.safety is None else f"safety {found.safety:.3g}"
-        axes.plot(1e-6 * found.mean, 1e-6 * found.alternating, "osD^vP*X"[i % 8], color=COLOURS[-1 - i % 6],
+        axes.plot(factor * found.mean, factor * found.alternating, "osD^vP*X"[i % 8], color=COLOURS[-1 - i % 6],
                   label=f"{name} at {found.place}: {safety}")  # fmt: skip
     axes.axvline(0.0, color="0.4", linewidth=0.8)
-    axes.set(xlabel="mean stress, MPa", ylabel="alternating stress, MPa")
+    axes.set(xlabel=f"mean stress, {unit}", ylabel=f"alternating stress, {unit}")
     axes.set_ylim(bottom=0.0)
     figure.legend(loc="outside lower center", fontsize="small")
     return figure

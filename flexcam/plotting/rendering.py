@@ -127,7 +127,7 @@ def save_view(stage: MechanismView, path: Path, frames: Sequence[int], still: in
             case ".mp4":
                 _write_movie(stage, draft, frames)
             case _:
-                stage.show(still)
+                stage.show_alone(still)
                 stage.plotter.screenshot(draft)
         stage.plotter.close()
 

@@ -85,6 +85,13 @@ class MechanismView:
             name="words",
         )
 
+    def show_alone(self, i: int) -> None:
+        """Show instant i as an image, with the range of its own colours."""
+        self.show(i)
+        if self._motion.values is not None:
+            for actor in self._actors.values():
+                actor.mapper.scalar_range = _range(self._motion.values[i])
+
     def open_window(self, still: int, *, swings: bool) -> None:
         """Open the window, with a slider over the cam angle or with an animated mode."""
         degrees = np.degrees(self._motion.angle)

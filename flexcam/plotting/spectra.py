@@ -203,7 +203,8 @@ def draw_mode(axes: Axes, structure: Structure, member: str, nodal: FloatArray, 
     part = structure.model.mesh.element_ranges()[member]
     moved = deflection(structure.beams, nodal, _PARTS, part)[..., :4]
     begin = np.cumsum(structure.beams.length[part]) - structure.beams.length[part]
-    place = 1e3 * (begin[:, None] + structure.beams.length[part, None] * np.linspace(0.0, 1.0, _PARTS + 1)).ravel()
+    along = begin[:, None] + structure.beams.length[part, None] * np.linspace(0.0, 1.0, _PARTS + 1)
+    place = to_display_unit("m")[0] * along.ravel()
     scale = np.array([1.0, 1.0, 1.0, structure.model.members[member].section.at(0.5).radius]) / size
     for values, name, (colour, dashes) in zip((moved * scale).reshape(-1, 4).T, _MOTIONS, line_styles(), strict=False):
         if np.abs(values).max() > _MIN_MOTION:
@@ -238,7 +239,7 @@ def mode_figure(structure: Structure, found: ModelModes, *, title: str = "") -> 
             axes.set_axis_off()
         for axes, member in zip(grid, own, strict=False):
             draw_mode(axes, structure, member, nodal, max(motions[mode].values()))
-            axes.set_xlabel(f"along {member}, mm")
+            axes.set_xlabel(f"along {member}, {to_display_unit('m')[1]}")
             handles |= {name: line for line, name in zip(*axes.get_legend_handles_labels(), strict=True)}
     figure.legend(list(handles.values()), list(handles), loc="outside lower center", fontsize="small", ncols=4)
     if title:

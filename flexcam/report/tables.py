@@ -18,9 +18,10 @@ from flexcam.analysis.figures_of_merit import SPRING_MARGIN, FigureOfMerit, Marg
 from flexcam.analysis.prepared_run import PreparedRun
 from flexcam.analysis.resources import ResourceEstimate, format_size
 from flexcam.analysis.run_checks import describe_balance, describe_contact_loss
+from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
-from flexcam.core.units import RPM, shaft_name, shaft_speed, to_display_unit
+from flexcam.core.units import RPM, format_quantity, shaft_name, shaft_speed, to_display_unit
 from flexcam.dynamics import Response, Stats, active_dofs_of
 from flexcam.dynamics.memory import ExtremesSink
 from flexcam.fem.frames import COMPONENTS, ROTATIONS
@@ -49,6 +50,7 @@ from flexcam.valvetrain import (
     Spring,
     build_structure,
     member_masses,
+    opposed_contacts,
 )
 from flexcam.valvetrain import describe_inactive as words_of
 from flexcam.valvetrain.spring_properties import spring_curve, spring_frequencies
@@ -66,13 +68,18 @@ CONTACT_DESCRIPTIONS = {
         "follower would leave its cam."
     ),
     "unilateral": "Contact model: unilateral. Springs press the follower to its cam, and it can lose contact.",
+    "opposed": "Contact model: unilateral. Opposed cams drive the follower in turn, and each loses it in between.",
 }
 """Descriptions of the contact formulations."""
 
 
 def describe_contacts(case: Case, figures: Sequence[Metric] = ()) -> list[str]:
     """Return sentences about the contact formulation of a result."""
-    models = dict.fromkeys(contact.model for contact in case.record.contacts.values())
+    opposed = opposed_contacts(build_model(case))
+    models = dict.fromkeys(
+        "opposed" if name in opposed and contact.model == "unilateral" else contact.model
+        for name, contact in case.record.contacts.items()
+    )
     said = {model: CONTACT_DESCRIPTIONS[model] for model in models if model in CONTACT_DESCRIPTIONS}
     if left := describe_contact_loss(figures):  # only unilateral contacts have this metric
         said["unilateral"] = f"{said['unilateral'].removesuffix('.')}: {left}."
@@ -84,25 +91,38 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
     model, problem = ready.model, ready.problem
     lowest = [f"{f:.4g}" for f in modes.modes.frequencies[modes.modes.rigid :][:5]]
     per_revolution = 2.0 * math.pi / (ready.case.speed * problem.step)
-    springs = [f"{name} {s.stiffness:g} {'N m/rad' if s.turns else 'N/m'}" for name, s in model.springs.items()]
+    springs = [
+        f"{name} {format_quantity('N m/rad' if s.turns else 'N/m', s.stiffness)}" for name, s in model.springs.items()
+    ]
     free = [modes.words(i).removeprefix("free motion: ") for i in range(modes.modes.rigid)]
     rows = [
-        ("members", ", ".join(f"{name} {mass:.4g} kg" for name, mass in member_masses(model).items()) or "none"),
+        (
+            "members",
+            ", ".join(f"{name} {format_quantity('kg', mass, digits=4)}" for name, mass in member_masses(model).items())
+            or "none",
+        ),
         ("elements", str(len(model.mesh.elements()))),
         ("degrees of freedom", str(problem.system.size)),
         ("inactive", "; ".join(describe_inactive(ready)) or "nothing"),
-        ("masses", ", ".join(f"{name} {part.body.mass:g} kg" for name, part in model.masses.items()) or "none"),
+        (
+            "masses",
+            ", ".join(f"{name} {format_quantity('kg', part.body.mass)}" for name, part in model.masses.items())
+            or "none",
+        ),
         *((f"superelement {n}", f"{len(b.nodes)} nodes, {b.modes} modes") for n, b in model.superelements.items()),
         *((f"rigid link {n}", _link(model, n)) for n in model.rigid_links),
         ("springs", ", ".join(springs) or "none"),
-        *((f"bearing {n}", f"film of {1e6 * b.radial_clearance:g} um at {b.at}") for n, b in model.bearings.items()),
+        *(
+            (f"bearing {n}", f"film of {format_quantity('m', b.radial_clearance)} at {b.at}")
+            for n, b in model.bearings.items()
+        ),
         ("supports", ", ".join(f"{point}: {' '.join(held)}" for point, held in model.supports.items()) or "none"),
         *(
             (f"rocker {n}", f"{r.start} to {r.point}, ratio {r.ratio:g}, along {_vector(r.direction)}")
             for n, r in model.rockers.items()
         ),
-        *((f"cam {n}", f"at {c.at}, lift {1e3 * c.event.height:g} mm") for n, c in model.cams.items()),
-        *((f"contact {n}", _contact(c)) for n, c in model.contacts.items()),
+        *((f"cam {n}", f"at {c.at}, lift {format_quantity('m', c.event.height)}") for n, c in model.cams.items()),
+        *((f"contact {n}", _contact(model, c)) for n, c in model.contacts.items()),
         *((f"friction {n}", _friction(f)) for n, f in model.friction.items()),
         *((f"load {n}", _load(load)) for n, load in model.loads.items()),
         *_weight(ready),
@@ -138,10 +158,12 @@ def spring_curve_table(name: str, spring: Spring) -> Table:
     """Return the table of a spring's static curve."""
     rows = spring_curve_rows(spring)
     shown: list[int] = np.unique(np.linspace(0, len(rows) - 1, _CURVE_ROWS).round().astype(int)).tolist()
-    head, cells = ("mm beyond installed", "force N", "stiffness N/mm", "surge Hz, ends fixed"), list[list[str]]()
+    (length, mm), (load, newton), (rate, per_mm) = map(to_display_unit, ("m", "N", "N/m"))
+    head = (f"{mm} beyond installed", f"force {newton}", f"stiffness {per_mm}", "surge Hz, ends fixed")
+    cells = list[list[str]]()
     for travel, force, stiffness, frequencies in (rows[i] for i in shown):
         surge = f"{frequencies[0]:.4g}" if frequencies else "no mass"
-        cells.append([f"{1e3 * travel:.2f}", f"{force:.1f}", f"{1e-3 * stiffness:.2f}", surge])
+        cells.append([f"{length * travel:.4g}", f"{load * force:.1f}", f"{rate * stiffness:.2f}", surge])
     return plain_table(f"Spring {name}", head, cells)
 
 
@@ -161,36 +183,39 @@ def _unit(part: Friction | GivenLoad) -> str:
 def _friction(part: Friction) -> str:
     """Return size and place of a friction."""
     place = f"at {part.at}" if part.springs is None else f"of {' in '.join(part.springs)}"
-    return f"{part.force:g} {_unit(part)} {place}"
+    return f"{format_quantity(_unit(part), part.force)} {place}"
 
 
 def _load(load: GivenLoad) -> str:
     """Return size, place, direction and abscissa of a load."""
-    table, turns = load.size if isinstance(load.size, LoadTable) else None, not load.direction[:3].any()
+    table, turns = load.size, not load.direction[:3].any()
     along = f"along {_vector(load.direction[3:] if turns else load.direction)}"
-    if load.member is not None:
-        return f"{load.size:g} N/m over {load.member} {along}"
-    if table is None:
-        return f"{load.size:g} {_unit(load)} at {load.at} {along}"
+    if not isinstance(table, LoadTable):
+        unit, place = ("N/m", f"over {load.member}") if load.member else (_unit(load), f"at {load.at}")
+        return f"{format_quantity(unit, table)} {place} {along}"
     factor, what = (1e3, "ms") if table.over_time else (180.0 / math.pi, "deg of cam angle")
     first, last = (factor * float(table.at[i]) for i in (0, -1))
     over = f"from {first:g} to {last:g} {what}" if table.period is None else f"every {factor * table.period:g} {what}"
-    size = f"{table.size.min():.4g} to {table.size.max():.4g} {_unit(load)}"
+    size = format_quantity(_unit(load), table.size.min(), table.size.max(), digits=4)
     return f"{size} at {load.at} {along}, table {over}"
 
 
-def _contact(contact: Contact) -> str:
+def _contact(model: Model, contact: Contact) -> str:
     match contact:
         case Seat():
-            return f"stop of {contact.stiffness:g} N/m at {contact.at}"
+            return f"stop of {format_quantity('N/m', contact.stiffness)} at {contact.at}"
         case Lash() | Adjuster():
             ends = contact.ends
+            stiffness = format_quantity("N/m", contact.stiffness)
             place = f"from {ends[0]} to {ends[1]}" if ends else f"at rocker {contact.rocker}"
             if isinstance(contact, Lash):
                 if contact.turns:
-                    return f"lash of {math.degrees(contact.gap):g} deg {place}, {contact.stiffness:g} N m/rad"
-                return f"lash of {1e3 * contact.gap:g} mm {place}, {contact.stiffness:g} N/m"
-            return f"hydraulic adjuster {place}, oil {contact.stiffness:g} N/m, leak {contact.leak:g} N s/m"
+                    return f"lash of {format_quantity('rad', contact.gap)} {place}, {contact.stiffness:g} N m/rad"
+                what, opposed = "lash", (model.cam_contacts[name].follower for name in opposed_contacts(model))
+                if ends and not {*ends}.isdisjoint(opposed):
+                    what, place = "gap", f"{place} with both cams on the base circle"
+                return f"{what} of {format_quantity('m', contact.gap)} {place}, {stiffness}"
+            return f"hydraulic adjuster {place}, oil {stiffness}, leak {format_quantity('N s/m', contact.leak)}"
         case _:
             return f"{contact.cam} lifts {contact.follower} along {_vector(contact.direction)}"
 
@@ -199,9 +224,10 @@ def _weight(ready: PreparedRun) -> list[tuple[str, str]]:
     model = ready.model
     if not any(model.gravity):
         return []
+    factor, unit = to_display_unit("m/s^2")
     left_out = [name for name, part in model.masses.items() if model.rocker_at(part.at) is not None]
     omitted = f"; without masses at points of rockers: {', '.join(left_out)}" if left_out else ""
-    return [("gravity", f"{_vector(np.array(model.gravity))} m/s^2{omitted}")]
+    return [("gravity", f"{_vector(factor * np.array(model.gravity))} {unit}{omitted}")]
 
 
 def _link(model: Model, name: str) -> str:
@@ -231,11 +257,13 @@ def describe_mac(likeness: FloatArray, nodes: int) -> str:
 
 def mode_table(modes: ModelModes, title: str = "Modes, contacts open", turns: float = 1.0) -> Table:
     """Return the table of frequencies, effective masses and descriptions of modes."""
-    places = count_decimals(float(np.abs(modes.effective[:, :3]).max(initial=0.0)), 4)
-    made = plain_table(title, ("no.", "Hz", f"{shaft_name(turns)} rpm", "ux kg", "uy kg", "uz kg"), ())
+    factor, unit = to_display_unit("kg")
+    effective = factor * modes.effective[:, :3]
+    places = count_decimals(float(np.abs(effective).max(initial=0.0)), 4)
+    made = plain_table(title, ("no.", "Hz", f"{shaft_name(turns)} rpm", *(f"u{axis} {unit}" for axis in "xyz")), ())
     made.add_column("what moves (share of the kinetic energy)", justify="left")
     for i, frequency in enumerate(modes.modes.frequencies):
-        masses = [format_decimals(m, places) for m in modes.effective[i, :3]]
+        masses = [format_decimals(mass, places) for mass in effective[i]]
         made.add_row(str(i + 1), f"{frequency:.2f}", f"{60.0 * turns * frequency:.0f}", *masses, modes.words(i))
     return made
 

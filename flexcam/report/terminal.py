@@ -22,22 +22,15 @@ from rich.text import Text
 
 from flexcam.core import FloatArray
 from flexcam.core.errors import printable
+from flexcam.core.units import ROUNDING
 from flexcam.dynamics import Block, Sink, Stats, Status
-
-_ROUNDING = 1e-12
-"""Length (m), angle (rad) or fraction of the largest value of a kind below which a value is a rounded zero."""
 
 NOISE = 1e-9  # negative lift relative to the maximum lift below which it is not reported
 
 
-def format_mm(value: float, digits: int = 6) -> str:
-    """Return a length in millimetres; rounding noise gives zero."""
-    return f"{0.0 if abs(value) < _ROUNDING else 1e3 * value:.{digits}g}"
-
-
 def remove_noise(value: float, scale: float) -> float:
     """Return a number; rounding noise relative to a scale gives zero."""
-    return 0.0 if abs(value) < _ROUNDING * scale else value
+    return 0.0 if abs(value) < ROUNDING * scale else value
 
 
 def format_decimals(value: float, decimals: int) -> str:
@@ -47,7 +40,7 @@ def format_decimals(value: float, decimals: int) -> str:
 
 def count_decimals(largest: float, usual: int) -> int:
     """Return the number of decimals that show four digits of the largest value."""
-    return usual if largest < _ROUNDING else max(usual, 3 - math.floor(math.log10(largest)))
+    return usual if largest < ROUNDING else max(usual, 3 - math.floor(math.log10(largest)))
 
 
 _HUGE = 1e7  # value above which decimals are omitted
@@ -55,7 +48,7 @@ _HUGE = 1e7  # value above which decimals are omitted
 
 def format_degrees(angle: float) -> str:
     """Return an angle in degrees; rounding noise gives zero."""
-    return f"{0.0 if abs(angle) < _ROUNDING else math.degrees(angle):.4g}"
+    return f"{0.0 if abs(angle) < ROUNDING else math.degrees(angle):.4g}"
 
 
 def make_unique(names: Sequence[str], beside: Sequence[str]) -> list[str]:

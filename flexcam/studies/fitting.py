@@ -20,7 +20,8 @@ from flexcam.core.errors import positive, refuse, suggest_name
 from flexcam.core.units import conversion_factor
 from flexcam.dynamics import SERIES, RunFailedError, SaveAt, Status, component_unit, outline, solve
 from flexcam.io.exports import scalar_probes
-from flexcam.io.files import ABSCISSAS, find_abscissa, read_columns, read_mdf
+from flexcam.io.files import ABSCISSAS, find_abscissa, read_mdf
+from flexcam.io.number_tables import read_columns
 from flexcam.studies.plan import Row
 from flexcam.studies.variables import PointEvaluator
 

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import csv
 import math
 import xml.etree.ElementTree as ET  # the files are our own
 from pathlib import Path
@@ -208,8 +209,8 @@ def test_cam_card_in_words_and_as_a_picture(told, tmp_path):
     (tmp_path / "card.toml").write_text(CYLINDER)
     done = told("card.toml", "--checking-lift", "4 mm", "--plot", "pictures")
     rows = [" ".join(row.split()) for row in done.out.splitlines()]
-    assert "lobe centreline cam 124.00 deg, crank 112.00 deg before TDC" in rows
-    assert "valve open above 4 mm EVO 2.00 deg before BDC, EVC 42.00 deg before TDC, duration 140.00 deg" in rows
+    assert "lobe centreline cam 124.00 deg, crank 112.00 deg BTDC" in rows
+    assert "valve open above 4 mm EVO 2.00 deg BBDC, EVC 42.00 deg BTDC, duration 140.00 deg" in rows
     share = {name: [1 - math.acos(1 - 2 * x / lift) / math.pi for x in (1, 1.27, 4)] for name, lift in (("exhaust", 8), ("intake", 9))}  # fmt: skip
     both = [max(0, -112 + 140 * one - 104 + 144 * other) for one, other in zip(*share.values(), strict=True)]
     pairs = [f"exhaust and intake 110.00 {lift} {angle:.2f}" for lift, angle in zip(("1 mm", "0.05 in", "4 mm"), both, strict=True)]  # fmt: skip
@@ -218,6 +219,15 @@ def test_cam_card_in_words_and_as_a_picture(told, tmp_path):
     assert {"card-exhaust-intake-timing.svg", "card-next-timing.svg"} <= made
     picture = (tmp_path / "pictures/card-exhaust-intake-timing.svg").read_text()
     assert picture.startswith("<?xml")
+
+
+def test_events_stay_with_the_dead_centres_of_their_stroke(told, tmp_path):
+    """A lobe of 170 + 170 deg passes half its lift 170 crank deg from its centreline, nearer to firing TDC than BDC."""
+    (tmp_path / "card.toml").write_text(CYLINDER)
+    wide = [f"cams.next.{key}=170deg" for key in ("rise", "return")]
+    for centre, said in (("324", "IVO 62.00 deg BTDC, IVC 98.00 deg ABDC"), ("270", "IVO 170.00 deg BTDC, IVC 10.00 deg BBDC")):  # fmt: skip
+        options = [word for key in (*wide, f"cams.next.centreline={centre}deg") for word in ("--set", key)]
+        assert said in told("card.toml", "--checking-lift", "4.5 mm", *options).out
 
 
 def test_lash_and_ratio_of_a_card(told):
@@ -240,7 +250,7 @@ def test_cylinders_of_a_camshaft(told):
     """Of eight cams only those of one cylinder overlap in the table; the firing order turns each by 90 deg."""
     rows = told(ROOT / "cases/camshaft-4cyl/camshaft.toml").out.splitlines()
     after = [row.partition("crank ")[2].strip() for row in rows if row.startswith("lobe centreline")]
-    assert sorted(after) == [*["110.00 deg after TDC"] * 4, *["110.00 deg before TDC"] * 4]
+    assert sorted(after) == [*["110.00 deg ATDC"] * 4, *["110.00 deg BTDC"] * 4]
     pairs = {row.partition("   ")[0] for row in rows if " and exhaust" in row}
     assert pairs == {f"intake-{i} and exhaust-{i}" for i in range(1, 5)}
 
@@ -310,7 +320,9 @@ def test_a_valve_that_never_opens_or_never_closes(told, tmp_path, shift, said):
 
 def test_files(told, tmp_path):
     found = facts(told, "li-fb2", "-o", "a/b", "--cutter", "40 mm", "--points", "36")
-    assert found["files"] == [f"a/b/li-fb2-exhaust.{form}" for form in ("csv", "dxf", "vtp")]
+    assert found["files"] == [
+        f"a/b/li-fb2-{name}" for name in ("exhaust.csv", "exhaust.dxf", "exhaust.vtp", "card.csv")
+    ]
     table = np.genfromtxt(tmp_path / found["files"][0], delimiter=",", names=True, deletechars="", replace_space=" ")
     assert table["cam angle [deg]"].tolist() == [10.0 * i for i in range(36)]
     written = np.column_stack([table[f"profile {axis} [mm]"] for axis in "xy"])
@@ -318,6 +330,28 @@ def test_files(told, tmp_path):
     assert {"pitch curve x [mm]", "cutter path y [mm]", "pressure angle [deg]"} <= set(table.dtype.names)
     single = facts(told, "every-cam", "-o", "d", "--cam", "single", "--format", "dxf")
     assert single["files"] == ["d/every-cam-single.dxf"]
+
+
+def test_card_as_a_table(told, tmp_path):
+    """The numbers of the printed card and of its JSON, a row each with its unit."""
+    (tmp_path / "card.toml").write_text(CYLINDER + 'base_radius = "20 mm"\nfollower = { type = "flat" }\n')
+    found = facts(told, "card.toml", "-o", "out", "--format", "csv")
+    assert found["files"] == ["out/card-next.csv", "out/card-card.csv"]
+    with (tmp_path / "out/card-card.csv").open(encoding="utf-8") as file:
+        rows = {(row["cam"], row["quantity"]): (float(row["value"]), row["unit"]) for row in csv.DictReader(file)}
+    card, inch = found["cams"]["exhaust"], "0.05 in"
+    for name, value, unit in (
+        ("lift", 8.0, "mm"),
+        ("velocity", 1e3 * card["velocity"], "mm/rad"),
+        ("centreline", 124.0, "deg"),
+        (f"after tdc valve events {inch} opens", card["after_tdc"]["valve_events"][inch]["opens"] / DEG, "deg"),
+        ("harmonics 1", 1e3 * card["harmonics"][0], "mm"),
+        ("ratio", 1.0, ""),
+    ):
+        assert rows["exhaust", name] == (pytest.approx(value, rel=1e-9), unit)
+    assert rows["next", "profile base radius"] == (20.0, "mm")
+    told("card.toml", "-o", "out", "--format", "csv", "--units", "imperial", "--overwrite")
+    assert f"exhaust,lift,{8 / 25.4:.5f}" in (tmp_path / "out/card-card.csv").read_text()
 
 
 def test_writes_over_nothing_unasked(told, tmp_path):

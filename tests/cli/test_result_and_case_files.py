@@ -65,6 +65,7 @@ def test_the_resolved_case_is_a_case(flexcam, case, result, tmp_path):
     assert "# the case" not in flexcam("check", "case.toml").out
     told = flexcam("check", "case.toml", "--echo")
     (tmp_path / "again.toml").write_text(told.out[told.out.index("# the case") :], encoding="utf-8")
+    assert "fidelity.masses" not in flexcam("check", "again.toml").out, "warned of its own defaults"
     assert flexcam("run", "again.toml", "-o", "out").code == 0
     one, other = read_result(result).response, read_result(tmp_path / "out/again.vtkhdf").response
     assert np.array_equal(one.time, other.time)

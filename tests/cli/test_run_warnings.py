@@ -78,6 +78,42 @@ def test_a_run_too_fast_keeps_it_with_its_result_and_its_report(flexcam, engine,
 
 
 @pytest.mark.slow
+def test_lashes_that_nothing_closes(flexcam, tmp_path):
+    """A cap between two lashes is told of until a spring holds it; a lash against the motion after the run."""
+    case = new_case("direct-acting", tmp_path / "case.toml")[0]
+    cap = [
+        'nodes.cap=["55 mm", "-20.1 mm", "0 mm"]', 'supports.cap=["ux", "uz", "rx", "ry", "rz"]',
+        'masses.cap={ at = "cap", mass = "5 g" }', 'contacts.lash.to="cap"', 'contacts.lash.gap="0.1 mm"',
+        'contacts.shim={ from = "cap", to = "stem-top", direction = "-uy", model = "lash", gap = "0.1 mm" }',
+    ]  # fmt: skip
+    given = [word for one in cap for word in ("--set", one)]
+    (warning,) = flexcam("check", case, *given, "--json").json["warnings"]
+    assert warning.startswith("Warning: masses.cap: only the lashes lash and shim touch it")
+    spring = ("--set", 'springs.cap={ at = "cap", direction = "-uy", stiffness = "1 N/mm" }')
+    assert flexcam("check", case, *given, *spring, "--json").json["warnings"] == []
+    coarse = ("--set", "run.steps_per_revolution=360", "--set", "run.revolutions=1", "--json")
+    wrong = flexcam("run", case, *coarse, "--name", "wrong", "--set", 'contacts.lash.direction="uy"').json["warnings"]
+    right = flexcam("run", case, *coarse).json["warnings"]
+    said = "Warning: lash 'lash' stays open over the revolution: check the sign of its direction, and its gap"
+    assert (said in wrong, said in right) == (True, False)
+
+
+def test_words_of_a_desmodromic_pair(flexcam, tmp_path):
+    """The gap of 9.03 mm is a running clearance of 0.03 mm beyond the lift; no spring and no nose force is told of."""
+    case = new_case("desmodromic", tmp_path / "case.toml")[0]
+    card = " ".join(flexcam("cam", case).out.partition("Cam closing")[2].split())
+    assert "lift 9 mm lobe" in card
+    assert "running clearance 0.03 mm" in card
+    assert "valve" not in card
+    assert "lash" not in card
+    checked = " ".join(flexcam("check", case).out.split())
+    assert "gap of 9.03 mm from closer to stem-top with both cams on the base circle" in checked
+    told = flexcam("run", case, "--set", "run.steps_per_revolution=360", "--set", "run.revolutions=1").out
+    assert "Opposed cams drive the follower in turn" in told
+    assert "Springs press" not in told
+    assert "nose" not in told
+
+
 def test_desmodromic_pair(flexcam, tmp_path):
     """The rigid train of a pair is no measure of valve loft; a follower that left one cam is on the other."""
     pair = Path(__file__).parents[1] / "golden/models/desmodromic.toml"

@@ -46,6 +46,28 @@ def test_units_of_tables(flexcam, tmp_path):
     assert "lbf" in imperial
     assert "mm" not in imperial
     assert "lbf" not in flexcam("run", "watch.toml", "--overwrite").out
-    refused = flexcam("plot", "watch.toml", "--what", "svaj", "--units", "imperial")
+    refused = flexcam("plot", "watch.toml", "--what", "campbell", "--units", "imperial")
     assert refused.code == 2
     assert "--units" in refused.err
+
+
+@pytest.mark.parametrize("command", ["check", "cam", "modes", "limits"])
+def test_units_of_tables_without_a_run(flexcam, tmp_path, command):
+    """No table prints a metric unit where imperial ones are asked for; 24 mm and 52 kN/m by hand."""
+    flexcam("new", "pushrod-engine", "-o", "engine.toml")
+    fast = ("--lowest", "4900 rpm", "--highest", "5100 rpm", "--set", "run.steps_per_revolution=360")
+    options = (*fast, "--lift-deviation", "1 in") if command == "limits" else ()
+    done = flexcam(command, "engine.toml", *options, "--units", "imperial")
+    assert (done.code, done.err) == (0, "")
+    assert not re.findall(r"[\d )](mm\S*|N|N/m+|kg|m/s\S*|MPa)\b", done.out.replace("above 1 mm", ""))
+    said = {"check": "valve 285.507 lbf/in", "cam": "0.944882 in; min", "modes": "ux lb", "limits": "more than 1 in"}
+    assert said[command] in " ".join(done.out.split())
+
+
+def test_units_of_figures_without_a_run(flexcam, tmp_path):
+    flexcam("new", "pushrod-engine", "-o", "engine.toml")
+    for what, said in (("spring", "force, lbf"), ("svaj", "in/rad²"), ("profile", "x, in")):
+        assert flexcam("plot", "engine.toml", "--what", what, "--units", "imperial", "-o", f"{what}.svg").code == 0
+        picture = (tmp_path / f"{what}.svg").read_text()
+        assert said in picture
+        assert not re.search(r"\bmm\b", picture)

@@ -110,6 +110,23 @@ def test_the_angle_is_counted_within_its_revolution(first, told):
     assert later.words(1, "A title", 2.0) == f"A title\n{told}\nelastic part x 2"
 
 
+@pytest.mark.usefixtures("drawing")
+def test_colours_of_a_still_span_its_own_values():
+    """A movie keeps the range of the whole motion; the scale of an image ends at the maximum of its instant."""
+    from flexcam.plotting.solid_view import MechanismView
+
+    structure = build_structure(build_model(read_case(INTAKE)))
+    motion = case_motion(structure, 100.0, "displacement", count=36)
+    own, whole = float(motion.values[12].max()), float(motion.values.max())
+    assert 0.0 < own < 0.7 * whole
+    stage = MechanismView(build_mechanism(structure), motion, off_screen=True, size=(200, 150))
+    (bar,) = stage.plotter.scalar_bars.values()
+    for show, largest in ((stage.show, whole), (stage.show_alone, own)):
+        show(12)
+        assert bar.lookup_table.GetTableRange() == pytest.approx((0.0, largest), rel=1e-12)  # VTK stores doubles
+    stage.plotter.close()
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("drawing")
 def test_a_result_is_coloured_by_its_stress(flexcam, intake, tmp_path):

@@ -32,7 +32,8 @@ PREFIXED = {
 }
 PLAIN = {
     "t": "mass", "bar": "stress", "deg": "angle", "°": "angle", "rev": "angle", "rpm": "speed", "min": "time",
-    "h": "time", "in": "length", "ft": "length", "lb": "mass", "lbf": "force", "psi": "stress", "%": "number",
+    "h": "time", "in": "length", "ft": "length", "lb": "mass", "oz": "mass", "lbf": "force", "psi": "stress", "%": "number",
+    "thou": "length", "mil": "length",
 }  # fmt: skip
 SYMBOLS = [(p + s, kind) for s, kind in PREFIXED.items() for p in PREFIXES] + list(PLAIN.items())
 COMPOSED = [
@@ -47,7 +48,7 @@ COMPOSED = [
     ("mm^3/N/m", "wear coefficient"), ("mm^2/N", "wear coefficient"), ("W/m/K", "thermal conductivity"), ("J/g/K", "specific heat"),
     ("um/m/K", "thermal expansion"), ("K", "temperature"),
 ]  # fmt: skip
-FOR_PINT = {"°": "deg", "%": "percent", "rev": "turn", "rev/min": "turn/min"}
+FOR_PINT = {"mil": "thou", "°": "deg", "%": "percent", "rev": "turn", "rev/min": "turn/min"}
 
 
 def size(kind, share):
@@ -229,6 +230,12 @@ def test_pounds_of_mass_in_the_place_of_a_force_are_told():
         parse("80 lb", "force")
     with pytest.raises(InputError, match="Write lb, a mass"):
         parse("0.2 lbm", "mass")
+
+
+@pytest.mark.parametrize(("given", "kind", "unit"), [("90 grams", "mass", "g"), ("0.25 inches", "length", "in")])
+def test_names_of_units_are_led_to_their_symbols(given, kind, unit):
+    with pytest.raises(InputError, match=f"Write {unit}$|Write {unit}\\."):
+        parse(given, kind)
 
 
 def test_display_units():

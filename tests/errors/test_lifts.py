@@ -77,7 +77,7 @@ FAULTS = {  # the cam, the key it must be reported at, a part of `given`, a part
     "law file misspelt": (cam("3-4-5", "splitt.toml"), "law", "", "did you mean 'split.toml'"),
     "angle below zero of a swinging follower": (cam("6 mm", "-6 deg", ROLLER, SWING.format('radius = "9 mm"')), "lift", "-6 deg", "an angle"),
     "decimal commas": (measured('"comma.csv"'), "lift_table", "cam_deg, lift_mm", "write decimal points"),
-    "two numbers that are none": (measured('"nans.csv"'), "lift_table", "angle 45 deg", "line 13"),
+    "two numbers that are none": (measured('"nans.csv"'), "lift_table", "'45, nan'", "line 11"),
     "law file with a lift": (cam("3-4-5", "lift.toml"), "law", "lift", "[law]"),
     "law file with a bad parameter": (cam("3-4-5", "split.toml"), "law", "7", "split.toml"),
     "no lift table": (measured('"none.csv"'), "lift_table", "none.csv", "readable"),

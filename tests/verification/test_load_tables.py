@@ -93,6 +93,24 @@ def test_comments_of_a_table(tmp_path):
     np.testing.assert_array_equal(load.values, [0.0, 600.0, 600.0])
 
 
+@pytest.mark.parametrize(
+    "rows",
+    [
+        "crank_deg,pressure_bar\n0,1.5\n300,12\n720,1.5\n",
+        "Bench 7\r\ncrank angle [deg];pressure [bar]\r\n0;1,5\r\n300;12\r\n720;1,5\r\n",
+        "# bench 7\ncrank_rad\tpressure_MPa\tnote\n0\t0.15\t\n5.235987755982989\t1.2\t3\n12.566370614359172\t0.15\t\n",
+        'shot 3, 2026\n"Crank Angle (deg)" , "pressure (bar)"\n 0 , 1.5\n 300 , 12\n 720 , 1.5\n',
+        "crank_deg  pressure_kPa\n0  150\n300  1200\n720  150\n",
+    ],
+)
+def test_dialects_of_a_table(rows, tmp_path):
+    """Loggers and spreadsheets: separators, decimal commas, preamble, empty cells, units in the names."""
+    table = FOLLOWER.replace('table = "push.csv"', 'table = { file = "push.csv", column = "pressure" }')
+    load = prepare(write(tmp_path, rows, table)).model.loads["gas"].size
+    np.testing.assert_allclose(load.at, np.radians([0.0, 150.0]), rtol=1e-15)
+    np.testing.assert_allclose(load.size, [120.0, 960.0], rtol=1e-14)  # 1.5 and 12 bar on 8 cm^2, in N
+
+
 def test_table_repeats_with_the_camshaft(tmp_path):
     """The force of each revolution is that of the first, across the end of the table; by default over an angle only."""
     rows = "cam angle [deg],force [N]\n30,100\n90,400\n330,0\n"

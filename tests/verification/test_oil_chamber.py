@@ -79,6 +79,15 @@ def test_pump_up(record):
     assert np.abs(response.channels["energy.residual"]).max() < 1e-5 * np.abs(response.channels["energy.work"]).max()
 
 
+@pytest.mark.parametrize(("case", "sign"), [("leak-down", 1.0), ("pump-up", -1.0)])
+def test_metric_of_the_leak_down_has_its_sign(case, sign):
+    """The plunger sinks by leak-down; pumped up at every instant, its least extension is the maximum, below zero."""
+    response = run(read_case(f"cases/checks/{case}.toml"))
+    found = response.metrics["contacts.adjuster.leak_down.largest"]
+    assert sign * found > 1e-5
+    assert found == response.channels["contacts.adjuster.leak_down"].max()
+
+
 CHAMBER = (AREA, HEIGHT, BULK, 0.04, 3e5, LEAK / 50.0, 1.5, 60.0, 171.0, 40.0)
 """A plunger with a wide gap, so that it leaks and is refilled within one lift."""
 
