@@ -208,8 +208,12 @@ def parse(value: float | str, dimension: str, where: str = "value", *, noise: bo
     elif match := _NUMBER.match(value.rstrip()):
         number, text = _EXACT.create_decimal(match[1]), match[2]
         if re.match(r",\d", text):
-            point = value.strip().replace(",", ".", 1)
-            raise refuse(where, repr(value), allowed, "", f"write a decimal point and no comma, such as {point!r}")
+            given = value.strip()
+            meant = [f"{given.replace(',', '')!r} if it separates thousands"] if re.match(r",\d{3}(?!\d)", text) else []
+            meant += [] if re.search(r"[.,]\d", text[1:]) else [f"{given.replace(',', '.')!r} if it is a decimal comma"]
+            raise refuse(
+                where, repr(value), allowed, "a comma is not allowed", f"write {', '.join(meant) or 'a point'}"
+            )
     else:
         raise refuse(where, repr(value), allowed, "it does not begin with a number")
     factor, exponents = _unit_product(text, where, kind.exponents) if text else (Decimal(1), kind.exponents)

@@ -241,7 +241,10 @@ class _TextReader:
         """Return the next `count` numbers of kind ``i`` (integer), ``u`` (size) or ``f`` (float)."""
         words = self._words[self._next : self._next + count]
         if count < 0 or len(words) < count:
-            given, allowed = f"{len(self._words)} numbers in ${self._name}", f"{self._next + count} or more by its counts"
+            given, allowed = (
+                f"{len(self._words)} numbers in ${self._name}",
+                f"{self._next + count} or more by its counts",
+            )
             raise _invalid(given, allowed, "entries or numbers are missing")
         self._next += count
         try:
