@@ -243,7 +243,10 @@ def conversion_factor(unit: str, si: str, where: str) -> float:
     divisor, wanted = _unit_product(si, where, _NONE) if si not in ("", "1") else (Decimal(1), _NONE)
     factor, exponents = _unit_product(unit, where, wanted) if unit not in ("", "1") else (Decimal(1), _NONE)
     if exponents != wanted:
-        raise refuse(where, repr(unit), unit_of(si))
+        given, remedy = (
+            (repr(unit), "") if unit else ("no unit", f"write it in brackets after the name, such as [{si}]")
+        )
+        raise refuse(where, given, unit_of(si), "", remedy)
     return float(_EXACT.divide(factor, divisor))
 
 

@@ -72,7 +72,7 @@ def read_columns(path: Path, where: str, text: str | None = None) -> dict[str, t
     """
     numbered = enumerate(read_source(path, where, text).splitlines(), start=1)
     lines = {number: line for number, line in numbered if line.partition("#")[0].strip()}
-    allowed = "a heading 'NAME [UNIT]' per column, and rows of as many numbers, separated by commas"
+    allowed = "a header line with a 'NAME [UNIT]' per column, and rows of as many numbers, separated by commas"
     heading, *below = lines.values() or [""]
     head, *rows = csv.reader([heading, *(line.partition("#")[0] for line in below)])
     values: list[list[float]] = []
@@ -83,7 +83,7 @@ def read_columns(path: Path, where: str, text: str | None = None) -> dict[str, t
         except ValueError:
             raise refuse(where, given, allowed) from None
         if len(row) != len(head) or np.isinf(values[-1]).any():
-            raise refuse(where, given, f"{len(head)} finite numbers, one per heading of the first line")
+            raise refuse(where, given, f"{len(head)} finite numbers, one per name of the header line")
     if not values:
         raise refuse(where, f"{path.name}, without rows", allowed)
     table = np.array(values)
@@ -141,11 +141,11 @@ def find_abscissa(columns: Mapping[str, tuple[str, FloatArray]], where: str) -> 
     if name is None:
         allowed = f"one column {' or '.join(map(repr, ABSCISSAS))}, and at least one measured column"
         remedy = "name it with its unit: crank angle [deg]"
-        raise refuse(where, f"the heading {', '.join(columns)}", allowed, "", remedy)
+        raise refuse(where, f"the header line {', '.join(columns)}", allowed, "", remedy)
     (si, turns), (unit, values) = ABSCISSAS[name], columns[name]
     if np.isnan(values).any():
         raise refuse(where, f"{name}, with an empty cell", f"a number of {name} in every row")
-    return name, values * conversion_factor(unit, si, f"{where}, {name}") / turns
+    return name, values * conversion_factor(unit, si, f"{where}, column {name!r}") / turns
 
 
 _MAX_PARENTS = 2

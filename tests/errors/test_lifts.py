@@ -85,7 +85,7 @@ FAULTS = {  # the cam, the key it must be reported at, a part of `given`, a part
     "lift table without a file": (measured('{ angle = "cam" }'), "lift_table.file", "nothing", "add file"),
     "another shaft": (measured('{ file = "good.csv", angle = "shaft" }'), "lift_table.angle", "'shaft'", "'crank'"),
     "tolerance in kg": (measured('{ file = "good.csv", tolerance = "2 kg" }'), "lift_table", "2 kg", "a length"),
-    "no head": (measured('"nohead.csv"'), "lift_table", "no head", 'angle = "crank"'),
+    "no head": (measured('"nohead.csv"'), "lift_table", "no header line", 'angle = "crank"'),
     "no unit": (measured('"nounit.csv"'), "lift_table", "cam_deg, lift", 'unit = "mm"'),
     "angle in kg": (measured('"kg.csv"'), "lift_table", "crank_kg", "crank_deg or crank_rad"),
     "no shaft": (measured('"noshaft.csv"'), "lift_table", "angle_deg", "the crankshaft turns twice as fast"),
