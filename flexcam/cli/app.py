@@ -293,7 +293,7 @@ def check_targets(
         if target is not None:
             check_writable("output", target, overwrite=overwrite)
             if target.suffix != ".toml":
-                raise refuse("--output", str(target), "a name that ends in .toml", "it is a case file")
+                raise refuse("--output", str(target), "a name that ends in .toml", "the output is a case file")
 
     collect_errors(
         lambda: check_distinct_files({"--output": target, "--csv": csv, "--plot": plot}, read),

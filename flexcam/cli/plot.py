@@ -127,7 +127,9 @@ def plot(
     files: Annotated[list[Path], Parameter(help="Result files (.vtkhdf), case files (.toml), which flexcam runs, or "
         "the table of a sweep (.h5 or .csv).")], *,
     what: Annotated[FigureKind | None, Parameter(
-        help="Kind of figure; motion by default, sweep for a table; svaj: lift and its derivatives.")] = None,
+        help="Kind of figure; motion by default, sweep for a table; svaj: lift and its derivatives; waterfall: orders "
+        "over speed; map: a channel over cam angle and speed; work-precision: error of simpler models over their work."
+        )] = None,
     probe: Annotated[str | None, Parameter(
         help="motion, waterfall, work-precision: point or component; the valve by default.")] = None,
     channels: Annotated[list[str] | None, Parameter(

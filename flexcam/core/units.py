@@ -218,7 +218,7 @@ def parse(value: float | str, dimension: str, where: str = "value", *, noise: bo
         raise refuse(where, repr(value), allowed, "it does not begin with a number")
     factor, exponents = _unit_product(text, where, kind.exponents) if text else (Decimal(1), kind.exponents)
     if not _equal_dimension(exponents, kind.exponents):
-        why = f"the unit {text!r} does not measure {article} {kind.name}"
+        why = f"the unit {text!r} does not measure {article} {kind.name}" if kind.si else "only % is a unit of a number"
         remedy = f"use a unit of {kind.name}, as in {kind.example!r}" if kind.si else "leave the unit out"
         force = _POUND.sub("lbf", text)
         if force != text and _equal_dimension(_unit_product(force, where, kind.exponents)[1], kind.exponents):

@@ -178,7 +178,7 @@ def _contact(contact: Contact) -> str:
             ends = contact.ends
             place = f"from {ends[0]} to {ends[1]}" if ends else f"at rocker {contact.rocker}"
             if isinstance(contact, Lash):
-                return f"lash of {1e3 * contact.gap:g} mm {place}, {contact.stiffness:g} N/m"
+                return f"lash {place}, {1e3 * contact.gap:g} mm as installed, {contact.stiffness:g} N/m"
             return f"hydraulic adjuster {place}, oil {contact.stiffness:g} N/m, leak {contact.leak:g} N s/m"
         case _:
             return f"{contact.cam} lifts {contact.follower} along {_vector(contact.direction)}"
@@ -313,7 +313,7 @@ def metrics_table(figures: Sequence[Metric]) -> Table:
 
 
 def _words(*names: str) -> str:
-    return " ".join(names).replace("_", " ")
+    return " ".join(names).replace("open_on_the_lift", "loss of contact on the lift").replace("_", " ")
 
 
 def merit_table(figures: Sequence[FigureOfMerit]) -> Table:
@@ -374,7 +374,8 @@ def describe_dofs(response: Response) -> str:
     every, integrated = response.stats.size or len(response.outline.unknowns), response.stats.unknowns
     if not response.stats.is_complete:
         return f"{response.stats.size} unknowns" if response.stats.size else "unknowns not counted"
-    count = f"{every} unknowns" + (f", {integrated} integrated" if integrated != every else "")
+    rest = f", of which {integrated} are integrated (the others cannot move or follow from these)"
+    count = f"{every} unknowns" + (rest if integrated != every else "")
     return count + _ENGINES.get(response.stats.engine, "")
 
 

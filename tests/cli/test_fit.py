@@ -137,7 +137,7 @@ def test_mdf_file(flexcam, files, tmp_path):
     ([("angle", "deg"), ("mass.uy", "m")], (), "a channel 'cam angle' or 'crank angle', with its unit"),
     ([("cam angle", "deg"), ("mass.uyy", "m")], (), "Did you mean"),
     ([("cam angle", "deg"), ("mass.uy", "m")], ("--column", "mass.uyy"), "Did you mean 'mass.uy'?"),
-    ([("cam angle", ""), ("mass.uy", "m")], (), "--to, cam angle"),
+    ([("cam angle", ""), ("mass.uy", "m")], (), "--to, column 'cam angle'"),
     ([], (), "a readable MDF file"),
 ])  # fmt: skip
 def test_refused_mdf_files(flexcam, tmp_path, channels, options, message):
