@@ -93,7 +93,8 @@ def _locate_fault(fault: Fault, axes: Sequence[Axis]) -> Fault:
     """Return a fault with the option of the axis that it concerns; otherwise unchanged."""
     for one in axes:
         if f"--set {one.key}=" in fault.where:
-            return replace(fault, where=one.where)
+            key, new, _ = fault.where.partition("(new table of ")
+            return replace(fault, where=f"{key}{new}{one.where})" if new else one.where)
     return fault
 
 
