@@ -70,8 +70,9 @@ def check(
 ) -> None:  # fmt: skip
     """Check a case file and summarize its model: size, masses, natural frequencies, warnings.
 
-    It reports errors in stages, all of a stage at once: TOML syntax; keys, values and references; parts such as cams
-    and meshes; the assembled model. It also estimates the memory and disk space of a run, but does not run the case.
+    It reports all errors of keys, values and references at once. Errors of the TOML syntax come before these, errors of
+    the assembled model, such as an undercut cam, after them. It estimates the memory and disk space of a run, but does
+    not run the case.
     """
     read = cli.load_case(case, overrides)
     ready = prepare_without_periodic_search(read)

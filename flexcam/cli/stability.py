@@ -29,7 +29,7 @@ _WORDS = {
     "parametric": "disturbances of the periodic motion grow from revolution to revolution",
     "resonance": "a harmonic of the cam excites a mode, with more than 5 % of the maximum contact force",
     "contact loss": "the follower leaves its cam during the lift, or the contact would have to pull it",
-    "chatter": "impacts change the motion from revolution to revolution",
+    "chatter": "impacts change the motion or the force from revolution to revolution",
     _HARMLESS: "differences of rounding size grow at impacts, but two revolutions hardly differ",
 }
 
@@ -39,7 +39,7 @@ def _stability_table(found: Stability, scale: float) -> Table:
     rows = [
         ("integrator", _describe_amplification(found.discrete)),
         ("periodic motion", _describe_growth(found)),
-        ("loss of contact on the lift", f"{math.degrees(found.open_on_the_lift):.3g} deg of cam angle"),
+        ("loss of contact", f"{math.degrees(found.open_on_the_lift):.3g} deg of cam angle on the lift"),
         ("resonances", _count_resonances(found, scale)),
         *((f"harmonic {one.harmonic}" + (f", {one.contact}" if several else ""), _format_resonance(one, scale))
           for one in found.within[:_SHOWN]),

@@ -157,7 +157,7 @@ def synthesize_law(
         "--pareto", help="Second criterion: find a Pareto front instead of one law.")] = None,
     count: Annotated[int | None, Parameter(help="Number of laws of the front; 9 by default.")] = None,
     condition: Annotated[list[str] | None, Parameter(
-        "--condition", help="Prescribed derivative: POSITION,ORDER,VALUE. Repeatable.")] = None,
+        "--condition", help="Prescribed derivative: POSITION (0 to 1),ORDER,VALUE. Repeatable.")] = None,
     turning_back: Annotated[bool, Parameter(help="Allow negative velocity.")] = False,
     family: Annotated[Literal["spline", "polynomial", "harmonic"], Parameter(
         group=_FAMILY, help="Family of the law.")] = "spline",

@@ -52,9 +52,7 @@ def _reference_errors(against: Reference) -> dict[str, float]:
 
 
 def _percent(share: float | None) -> str:
-    if share is None:
-        return ""
-    return f"{100.0 * share:.0f}" if 0.995 <= share < math.inf else f"{100.0 * share:.2g}"
+    return "" if share is None else f"{float(f'{100.0 * share:.2g}'):g}"  # 110 instead of 1.1e+02
 
 
 def trade_warnings(against: Reference, found: Sequence[ModelEvaluation]) -> list[str]:

@@ -90,7 +90,8 @@ def test_numbers_of_many_contacts_are_whole(monkeypatch, capsys):
     result_console().print(trade_table(against, [found]))
     shown = capsys.readouterr().out
     row = next(line for line in shown.splitlines() if "beams x2" in line).split()
-    assert row == ["beams", "x2", "1440", "10444", "3.46e+08", "0.0123", *(f"{100.0 * x:.2g}" for x in errors.values())]
+    percent = [f"{float(f'{100.0 * x:.2g}'):g}" for x in errors.values()]
+    assert row == ["beams", "x2", "1440", "10444", "3.46e+08", "0.0123", *percent]
 
 
 @pytest.mark.slow

@@ -189,4 +189,4 @@ def test_a_small_valve_bounces_from_less(lift, told, one_mass):
     case = one_mass(('lift = "6 mm"', f'lift = "{lift}"'), ("[run]", seat))
     search = Search(100.0, 101.0, tolerance=10.0, spacing=1.0)
     found = find_limits(read_case(case, QUICK[1:2]), search, among=("bounce",)).limits
-    assert found["bounce"].words.endswith(f"(the valve leaves its seat again by more than {told})")
+    assert found["bounce"].words.endswith(f"criterion: the valve leaves its seat again by more than {told}")
