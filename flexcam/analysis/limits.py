@@ -184,7 +184,7 @@ def _checked_model(case: Case) -> Model:
     """Return the model of a case; raise an error if no limit applies to it."""
     model = build_problem(case)[0]
     if not _conditions(model):
-        why, allowed = "only a follower that may leave its cam can lose it", 'a contact with model = "unilateral"'
+        why, allowed = "only a follower that may leave its cam can lose contact", 'a contact with model = "unilateral"'
         raise refuse("contacts", "no unilateral contact, seat, coil clash or member", allowed, why, "change the model")
     return model
 

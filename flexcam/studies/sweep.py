@@ -199,7 +199,7 @@ def make_sweep(
     file = CaseFile.open(path)
     own = file.sweep
     if limit < 1:
-        raise refuse("--limit", limit, "a whole number, at least 1", "it is the most variants that are run")
+        raise refuse("--limit", limit, "a whole number, at least 1", "it is the maximum number of variants")
     found = _axes(file, settings, limit)
     how = sampled if sampled is not None else (own.sample if own else None) or GRID
     if seed is not None and how == GRID:
