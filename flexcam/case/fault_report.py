@@ -51,9 +51,9 @@ class KeyLocations:
                 return f"{'.'.join(path)} ({self.notes[path[:end]]})"
             if path[:end] in self.templates:
                 return self.place(self.templates[path[:end]] + path[end:])
-            new = (note for key, note in self.notes.items() if key[:end] == path[:end] and note.startswith("--set"))
-            if end > 1 and (note := next(new, "")):
-                return f"{'.'.join(path)} (new table of {note})"
+        new = (note for key, note in self.notes.items() if key[:2] == path[:2] and note.startswith("--set"))
+        if len(path) > 2 and (note := next(new, "")):
+            return f"{'.'.join(path)} (new table of {note})"
         return ".".join(path) or "case file"
 
 
