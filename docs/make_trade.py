@@ -106,7 +106,7 @@ def _ladder(path: str, overrides: list[str]) -> list[str]:
 
 
 def _percent(share: float | None) -> str:
-    return "" if share is None else f"{100.0 * share:.2g}"
+    return "" if share is None else f"{float(f'{100.0 * share:.2g}'):g}"
 
 
 if __name__ == "__main__":

@@ -296,7 +296,7 @@ class PolydyneCam:
 def harmonic_cam(
     case: Case, cam: str | None, *, tolerance: float, count: int | None = None, bound: float | None = None
 ) -> HarmonicCam:
-    """Return a harmonic lift below the first mode of a case's train that the cam contact excites.
+    """Return a harmonic lift below the lowest mode of a case's train that the cam contact excites.
 
     A closed contact prescribes a displacement: the modes are those of the train in contact with its cam at full lift
     (C. Li, 2014, eqs. 5-6). Under a published load the follower is free, a mass on its spring.
@@ -312,7 +312,7 @@ def harmonic_cam(
     limit = harmonics_below(frequency, case.speed)
     if count is None and limit < 1:
         given = f"{frequency / (2.0 * math.pi):.4g} Hz at {case.speed / RPM:.6g} rpm"
-        why = "no harmonic lies below the first mode"
+        why = "no harmonic lies below the lowest mode that the cam excites"
         raise refuse("count", given, "a lower speed, a stiffer train, or a number of harmonics", why, "give --count")
     number = limit if count is None else count
     fit = harmonic_fit(model.cams[name].event, number, tolerance=tolerance, bound=bound)

@@ -164,7 +164,8 @@ def _check_contact(
         raise refuse("modes", modes, "a whole number, at least 1")
     driven = {name: one.cam for name, one in case.record.contacts.items() if isinstance(one, CamContactRecord)}
     if not driven:
-        raise refuse("contacts", "none with a cam", "a contact of a cam and its follower", "its orders are looked at")
+        why = "the orders of the cam excite the modes"
+        raise refuse("contacts", "none with a cam", "a contact of a cam and its follower", why)
     if contact is not None and contact not in driven:
         raise refuse("contact", repr(contact), f"one of {', '.join(driven)}", "", suggest_name(contact, driven))
     name = contact or next(iter(driven))

@@ -184,7 +184,7 @@ def _checked_model(case: Case) -> Model:
     """Return the model of a case; raise an error if no limit applies to it."""
     model = build_problem(case)[0]
     if not _conditions(model):
-        why, allowed = "only a follower that may leave its cam can lose it", 'a contact with model = "unilateral"'
+        why, allowed = "only a follower that may leave its cam can lose contact", 'a contact with model = "unilateral"'
         raise refuse("contacts", "no unilateral contact, seat, coil clash or member", allowed, why, "change the model")
     return model
 
@@ -204,7 +204,7 @@ def _bisect_limit(name: str, words: str, search: Search) -> Generator[float, Con
             break
         low = high
     else:
-        return Limit(None, width, f"none up to the highest speed of the search ({words})")
+        return Limit(None, width, f"not reached up to the highest speed of the search; criterion: {words}")
     first, lasting = high, (yield from _lasting_speed(name, high, search))
     if low == 0.0:
         words = f"{words} ({', '.join(parts)}): already at the lowest speed of the search"
@@ -224,7 +224,7 @@ def _bisect_limit(name: str, words: str, search: Search) -> Generator[float, Con
     if high > search.highest:
         if failure:
             return Limit(None, width, f"{words}: not known up to the highest speed of the search{failure}", known=False)
-        return Limit(None, width, f"none up to the highest speed of the search ({words})")
+        return Limit(None, width, f"not reached up to the highest speed of the search; criterion: {words}")
     lasting = high / RPM if lasting == first / RPM else lasting
     return Limit(high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)}){failure}", lasting)
 

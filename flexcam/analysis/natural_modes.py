@@ -96,7 +96,7 @@ def modal_assurance(case: Case, found: ModelModes, other: Case, others: ModelMod
         shapes.append({tuple(place): nodal[:, i, :3] for i, place in enumerate(places)})
     common = [place for place in shapes[0] if place in shapes[1]]
     if not common:
-        raise refuse("--mac", str(other.path), "a model with the same nodes", "mode shapes are compared there")
+        raise refuse("--mac", str(other.path), "a model with the same nodes", "mode shapes are compared at the nodes")
     moving = sum(bool(shapes[0][place].any()) for place in common)
     columns = [np.concatenate([one[place] for place in common], axis=1).T for one in shapes]
     return mac(columns[0], columns[1]), moving

@@ -106,7 +106,12 @@ def highest_order(response: Response) -> int:
 def _revolution_start(response: Response) -> int:
     if not has_revolution(response):
         turned = math.degrees(float(np.ptp(response.angle))) if len(response.angle) else 0.0
-        raise refuse("run.revolutions", f"a run over {turned:.4g} deg", "one revolution or more", "it is the period")
+        raise refuse(
+            "run.revolutions",
+            f"a run over {turned:.4g} deg",
+            "one revolution or more",
+            "orders are those of a whole revolution",
+        )
     begins = float(response.angle[-1]) - _REVOLUTION * (1.0 + _SAME_ANGLE)
     return int(np.searchsorted(response.angle, begins))
 

@@ -431,7 +431,7 @@ def _check_deflections(ready: PreparedRun, extremes: ExtremesSink) -> Iterator[s
 def _check_resolution(sink: ResolutionSink) -> Iterator[str]:
     """Yield warnings about insufficient resolution by steps and elements."""
     found = sink.found()
-    at = f"at the frequency of the accelerations ({found.frequency:.4g} Hz)"
+    at = f"at the mean frequency of the accelerations ({found.frequency:.4g} Hz)"
     if found.steps < _MIN_STEPS:
         ratio = _MIN_STEPS / found.steps
         more = math.ceil(10.0 * ratio) / 10.0 if ratio < 10.0 else math.ceil(ratio)

@@ -261,7 +261,8 @@ def residual_spectrum(law: Law, ratio: ArrayLike) -> FloatArray:
     """
     periods = np.asarray(ratio, dtype=float)
     if not ((periods > 0.0).all() and (periods <= _LARGEST).all()):
-        raise refuse("ratio", str(ratio), f"ratios of rise time to period, above zero, up to {_LARGEST:g}")
+        wrong = periods[~((periods > 0.0) & (periods <= _LARGEST))].flat[0]
+        raise refuse("residual", f"{wrong:g}", f"a ratio of rise time to period above zero, up to {_LARGEST:g}")
     w = 2.0 * math.pi * periods
     panels = 64 + int(_PANELS_PER_PERIOD * periods.max(initial=0.0))
     total = law(np.zeros(1), 1)[0] - law(np.ones(1), 1)[0] * np.exp(1j * w)

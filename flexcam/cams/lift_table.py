@@ -111,7 +111,7 @@ def lift_table(angle: ArrayLike, lift: ArrayLike, *, tolerance: float | None = N
     else:
         fit, weight = _fit_within_tolerance(around, heights, len(s), tolerance)
     event = DelayedEvent(PeriodicSpline(fit.coefficients(weight)), float(theta[0]))
-    return event, _report(theta, s, event, weight, noise)
+    return event, _report(theta, s, event, weight, noise, tolerance)
 
 
 def _column(name: str, values: ArrayLike) -> FloatArray:
@@ -258,7 +258,9 @@ def _minimize_cross_validation(fit: _Fit, near: float | None = None) -> float:
     return 10.0 ** float(fine[np.argmin([fit.score(10.0**power) for power in fine])])
 
 
-def _report(theta: FloatArray, s: FloatArray, spline: DelayedEvent, weight: float, noise: float) -> LiftReport:
+def _report(
+    theta: FloatArray, s: FloatArray, spline: DelayedEvent, weight: float, noise: float, tolerance: float | None
+) -> LiftReport:  # fmt: skip
     change = spline(theta) - s
     worst = int(np.argmax(np.abs(change)))
     fine = spline(np.linspace(0.0, math.tau, 3601), 2)
@@ -266,11 +268,13 @@ def _report(theta: FloatArray, s: FloatArray, spline: DelayedEvent, weight: floa
     return LiftReport(
         len(theta), float(np.sqrt(np.mean(change**2))), float(abs(change[worst])), float(theta[worst]),
         (float(raw.min()), float(raw.max())), (float(fine.min()), float(fine.max())), weight,
-        noise, tuple(_remarks(theta, s, spline, noise)),
+        noise, tuple(_remarks(theta, s, spline, noise, tolerance)),
     )  # fmt: skip
 
 
-def _remarks(theta: FloatArray, s: FloatArray, spline: DelayedEvent, noise: float) -> list[str]:
+def _remarks(
+    theta: FloatArray, s: FloatArray, spline: DelayedEvent, noise: float, tolerance: float | None
+) -> list[str]:  # fmt: skip
     """Return warnings: outliers, large changes by smoothing, and ripple below the base circle."""
     if (rows := _find_outliers(theta, s, noise)).size:
         i = int(rows[0])
@@ -286,7 +290,10 @@ def _remarks(theta: FloatArray, s: FloatArray, spline: DelayedEvent, noise: floa
         points = "1 point" if far.size == 1 else f"{far.size} points"
         moved = f"smoothing moves {points} by more than {_FAR:g} times the scatter of {1e6 * noise:.2g} um"
         worst = f"{1e6 * change[at]:.3g} um at {math.degrees(theta[at]):.4g} deg of cam angle"
-        said.append(f"{moved}, by up to {worst}: outliers, or a lobe too narrow (give a tolerance)")
+        why = "outliers, or a lobe too narrow (give a tolerance)"
+        if tolerance is not None:
+            why = f"reduce the tolerance of {1e6 * tolerance:.3g} um, or correct outliers"
+        said.append(f"{moved}, by up to {worst}: {why}")
     least, lowest = float(spline(GRID).min()), min(float(s.min()), 0.0)
     if least < -max(_BELOW * top, -1.5 * lowest):
         given = f"the points by up to {abs(1e6 * lowest):.3g} um" if lowest < 0.0 else "but no point of the table is"
@@ -345,7 +352,7 @@ def find_table_faults(theta: FloatArray, s: FloatArray) -> list[Fault]:
     back = np.flatnonzero(np.diff(theta) <= 0.0)
     if back.size:
         i = int(back[0])
-        given = f"{math.degrees(theta[i]):g} deg, then {math.degrees(theta[i + 1]):g} deg"
+        given = f"{math.degrees(theta[i]):g} deg of cam angle, then {math.degrees(theta[i + 1]):g} deg"
         found.append(Fault(f"angle, row {i + 2}", given, "angles that ascend", "", "sort the rows, each angle once"))
     elif theta[-1] - theta[0] > math.tau + 1e-9:
         given = f"{math.degrees(theta[-1] - theta[0]):g} deg of cam angle"

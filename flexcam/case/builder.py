@@ -309,8 +309,8 @@ class _Geometry:
         nodes = [self.mesh.node(name) for name in ends if name in self.mesh.points]
         members = [name for name, line in self.mesh.lines.items() if np.isin(nodes, line[[0, -1]]).any()]
         if not members:
-            why = "no member ends at the lash whose stiffness could be taken"
-            raise refuse("stiffness", "nothing", "a value", why, 'add it, such as stiffness = "20 MN/m"')
+            why = "no member ends at the lash, so that there is no default"
+            raise refuse("stiffness", "nothing", "a stiffness", why, 'add it, such as stiffness = "20 MN/m"')
         softest = math.inf
         for name in members:
             member, line = self.member(self.case.members[name]), self.mesh.nodes[self.mesh.lines[name]]

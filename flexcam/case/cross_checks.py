@@ -196,7 +196,9 @@ class RawTables:
         for kind, key, rocker_point_allowed in _POINT_REFERENCES:
             for name, table in self._each(kind):
                 of_lash = kind == "contacts" and key == "at" and table.get("model") != "seat"
-                own = next((r for r, one in self._each("rockers") if one.get("to") == table.get(key)), None)
+                own = next(
+                    (r for r, one in self._each("rockers") if key in table and one.get("to") == table[key]), None
+                )
                 if (kind, key) == ("contacts", "to") and own is not None:
                     remedy = f"write at = {own!r} for a lash or an adjuster there"
                     why = f"it is the point of rocker {own!r}"

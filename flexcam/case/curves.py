@@ -262,8 +262,10 @@ def _make_law(name: str, parameters: Table) -> Law:
     if missing:
         unknown = [key for key in parameters if key not in record.model_fields]
         text = f"there is no parameter {', '.join(unknown)}" if unknown else ""
-        table = f"{{ id = {name!r}, {', '.join(f'{key} = ...' for key in missing)} }}".replace("'", '"')
-        options = " ".join(f"--with {key}=..." for key in missing)
+        known = [key for key in record.model_fields if key in missing or key in parameters]
+        values = {key: format_value(parameters[key]) if key in parameters else "..." for key in known}
+        table = f'{{ id = "{name}", {", ".join(f"{key} = {value}" for key, value in values.items())} }}'
+        options = " ".join(f"--with {key}={value}" for key, value in values.items())
         remedy = f"write law = {table}, or on the command line {options}"
         raise refuse(missing[0], "nothing", f"the parameters {', '.join(record.model_fields)} of {name}", text, remedy)
     parameters = _validate(record, parameters, f"a parameter of {name}", "law")
@@ -288,7 +290,9 @@ def _validate(record: type[BaseModel], table: object, what: str, example: str) -
     except ValidationError as refusal:
         error = refusal.errors(include_url=False)[0]
         if error["type"] == "flexcam":
-            raise value_error(**error.get("ctx", {})) from None
+            fault = error.get("ctx", {})
+            given = fault["given"] or format_value(error["input"])
+            raise refuse(str(error["loc"][0]), given, fault["allowed"], fault["why"], fault["remedy"]) from None
         key = ".".join(map(str, error["loc"])) or example
         allowed = f"{what}: {', '.join(record.model_fields)}"
         if error["type"] == "missing":

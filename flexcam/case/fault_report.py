@@ -51,6 +51,9 @@ class KeyLocations:
                 return f"{'.'.join(path)} ({self.notes[path[:end]]})"
             if path[:end] in self.templates:
                 return self.place(self.templates[path[:end]] + path[end:])
+        new = (note for key, note in self.notes.items() if key[:2] == path[:2] and note.startswith("--set"))
+        if len(path) > 2 and (note := next(new, "")):
+            return f"{'.'.join(path)} (new table of {note})"
         return ".".join(path) or "case file"
 
 
@@ -161,12 +164,13 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
         case "missing" if path[-1].isdigit():  # an element of a row
             return Fault(places.place(path[:-1]), given, f"{int(path[-1]) + 1} values", "", "")
         case "too_long" | "too_short":
-            return Fault(where, given, f"{context.get('max_length', context.get('min_length'))} values", "", "")
+            least, most = context.get("min_length"), context.get("max_length")
+            return Fault(where, given, f"{most} values" if most else f"{least} or more values", "", "")
         case "model_type" | "model_attributes_type" | "dict_type":
             return Fault(where, given, "a table", "", "write it as { key = value } or under a [header]")
         case "missing":
             kind = "a value" if records_at(path, root) == records_at(path[:-1], root) else f"a table [{'.'.join(path)}]"
-            return _missing_key_fault(path, _describe_field(path, root) or kind, places)
+            return _missing_key_fault(path, _describe_field(path, root, error["loc"]) or kind, places)
         case "union_tag_not_found":
             fields = [record.model_fields[tag] for record in records_at(path, root) if tag in record.model_fields]
             allowed = ", ".join(repr(value) for field in fields for value in get_args(field.annotation))
@@ -244,10 +248,15 @@ def _shorten(value: object) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def _describe_field(path: Path, root: type[BaseModel]) -> str:
-    """Return the quantity or the description of a key."""
-    for name, key in fields_at(path[:-1], root):
-        if name == path[-1]:
-            units = [unit for part in (*key.metadata, key.annotation) for unit in units_in(part) if not unit.axis]
-            return ", ".join(filter(None, (*(unit.description for unit in units[:1]), key.description)))
+def _describe_field(path: Path, root: type[BaseModel], steps: tuple[int | str, ...] = ()) -> str:
+    """Return the quantity or the description of a key, in the variant of its table that the steps name."""
+    found = records_at(path[:-1], root)
+    own = [
+        one for one in found if any(x in steps for key in one.model_fields.values() for x in get_args(key.annotation))
+    ]
+    for record in own or found:
+        for name, key in record.model_fields.items():
+            if (key.alias or name) == path[-1]:
+                units = [unit for part in (*key.metadata, key.annotation) for unit in units_in(part) if not unit.axis]
+                return ": ".join(filter(None, (*(unit.description for unit in units[:1]), key.description)))
     return ""

@@ -6,6 +6,7 @@ Each check is a function; docs/long-runs.md has a row for each. A warning does n
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -15,7 +16,7 @@ import numpy as np
 
 from flexcam.cams import DelayedEvent, LiftEvent, valve_event
 from flexcam.case.case import Case
-from flexcam.case.reader import case_tables
+from flexcam.case.reader import case_tables, value_at
 from flexcam.case.records import resolve_record, si_unit
 from flexcam.core.units import RPM
 from flexcam.dynamics import Method, Problem, RunFailedError, SaveAt, Scheme, equilibrium, newmark, solve
@@ -126,9 +127,13 @@ def _range_warnings(case: Case, tables: Mapping[str, Any], usual: TypicalRange) 
         if outside:
             unit, x = si_unit(path) or usual.si, outside[0]
             bounds = (f"{usual.least:g} to " if usual.least else "up to ") + f"{usual.most:g} {unit}".rstrip()
+            given, written = f"{x:g} {unit}".rstrip(), value_at(case_tables(case), path)
+            text = cast("list[object]", written)[numbers.index(x)] if isinstance(written, list) else written
+            if isinstance(text, str) and (number := re.match(r"[-+]?([\d.]+([eE][-+]?\d+)?)", text)):
+                x = float(number[1])
+                given = text if text.lstrip("+-") == given else f"{text} ({given})"
             near = [f"{x:g} {name}" for name, size in usual.meant.items() if usual.least <= x * size <= usual.most]
             hint = f": did you mean {near[0]}?" if near else ""
-            given = f"{x:g} {unit}".rstrip()
             yield f"{case.place(path)}: {given} is unusual (usually {bounds}){hint}"
 
 

@@ -408,7 +408,8 @@ def _apply_override(raw: dict[str, Any], path: KeyPath, override: str) -> list[F
             known = list(CaseRecord.model_fields) if depth == 0 else [*names, *_OPTIONAL_TABLES]
             new = depth == 1 and path[0] != "run" and not suggest_name(step, names)
             if step not in names and not (step in known or new):
-                return [Fault(where, repr(step), f"a table: {', '.join(names)}", "", suggest_name(step, known))]
+                tables = ", ".join(name for name in names if isinstance(cast("Any", target)[name], dict | list))
+                return [Fault(where, repr(step), f"a table: {tables}", "", suggest_name(step, known))]
             cast("dict[str, Any]", target).setdefault(step, {})
         target = cast("Any", target)[key]
         if not isinstance(target, dict | list):

@@ -142,7 +142,7 @@ flexcam compare engine.toml
 app.register_install_completion_command()  # pyright: ignore[reportUnknownMemberType]
 
 
-_BARE = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*$")
+_BARE = re.compile(r"\s*[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?\s*$")
 
 
 def parse_quantity(where: str, text: str, dimension: str, unit: str) -> float:
@@ -293,7 +293,7 @@ def check_targets(
         if target is not None:
             check_writable("output", target, overwrite=overwrite)
             if target.suffix != ".toml":
-                raise refuse("--output", str(target), "a name that ends in .toml", "it is a case file")
+                raise refuse("--output", str(target), "a name that ends in .toml", "the output is a case file")
 
     collect_errors(
         lambda: check_distinct_files({"--output": target, "--csv": csv, "--plot": plot}, read),

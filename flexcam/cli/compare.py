@@ -56,14 +56,15 @@ def compare(
     probe: Annotated[str | None, Parameter(
         help="Point or component; by default the valve end of a rocker, else the first follower of a cam.")] = None,
     against: Annotated[str | None, Parameter(
-        help="Simpler model of the case, other case or result; the rigid model by default.")] = None,
+        help="Model of the case (as in flexcam trade), other case or result; the rigid model by default.")] = None,
     lowest: Annotated[str | None, Parameter(group=_SPEEDS, help="Lowest speed; half the case's by default.")] = None,
     highest: Annotated[str | None, Parameter(
         group=_SPEEDS, help="Highest speed; 1.5 times the case's by default.")] = None,
     count: Annotated[int | None, Parameter(
         group=_SPEEDS, help="Number of speeds, evenly spaced; 8 by default.")] = None,
     tolerance: Annotated[str | None, Parameter(
-        group=_SPEEDS, help="Models agree up to this difference of their forces; 5 % by default.")] = None,
+        group=_SPEEDS, help="Difference of the minimum or the maximum force, relative to the larger maximum, up to "
+        "which two models agree; 5 % by default.")] = None,
     contact: Annotated[str | None, Parameter(group=_SPEEDS, help="Cam contact, if a case has several.")] = None,
     plot: Annotated[Path | None, Parameter(
         group=_SPEEDS, help="Also draw the forces over speed (.svg, .png or .pdf).")] = None,
@@ -192,7 +193,7 @@ def _describe_divergence(found: Sequence[SpeedResult], scale: float, tolerance: 
         when = "already at the lowest speed," if rpm == found[0].rpm else "first at"
         there = "at none of the speeds" if rpm is None else f"{when} {scale * rpm:.6g} {shaft_name(scale)} rpm"
         words.append(f"{first} and {second} {there}")
-    return f"differences above {tolerance:.0%}: {'; '.join(words)}"
+    return f"differences above {tolerance:.0%} of the maximum force: {'; '.join(words)}"
 
 
 def _divergence_json(found: Sequence[SpeedResult], scale: float, tolerance: float) -> dict[str, object]:
@@ -223,7 +224,9 @@ def trade(
 ) -> None:  # fmt: skip
     """Compare error and run time of all models of a case, from rigid to flexible.
 
-    Use it to choose a model by hand (fidelity.model). The reference is a converged run of the flexible model.
+    Use it to choose the keys of [fidelity] and the elements of the members. The reference is a converged run of the
+    flexible model. Models: rigid; sdof (one mass); chain 3 (a chain of three masses); modes 3 (the beams, reduced to
+    three modes); beams 1 (one element per segment of a member); beams (the case itself); beams x2 (twice its elements).
     """
     read, _ = collect_errors(
         lambda: cli.load_case(case, overrides),

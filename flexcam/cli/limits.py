@@ -26,6 +26,11 @@ from flexcam.studies.quantities import LimitMap, create_evaluator, grid_plan, li
 from flexcam.studies.sweep import validate_plan
 from flexcam.studies.variables import InterruptibleRuns, require_units
 
+_LEGEND = (
+    "bracket: the event begins at most this far below the speed; lasting from: it occurs at this speed and at all "
+    "examined speeds up to 15 % above the limit; not lasting: not at the last of these"
+)
+
 _MAP = Group("Map over two values", sort_key=1)
 
 
@@ -38,8 +43,8 @@ flexcam limits case.toml --over springs.valve.stiffness=40:70:5kN/m --and masses
 )
 def limits(
     case: cli.CaseFile, *,
-    lowest: Annotated[str | None, Parameter(help="Lowest speed of the search; half the case's by default.")] = None,
-    highest: Annotated[str | None, Parameter(help="Highest speed of the search; twice the case's by default.")] = None,
+    lowest: Annotated[str | None, Parameter(help="Lowest speed of the range; half the case's by default.")] = None,
+    highest: Annotated[str | None, Parameter(help="Highest speed of the range; twice the case's by default.")] = None,
     accuracy: cli.Accuracy = "10 rpm",
     bounce_height: Annotated[str | None, Parameter(
         help="Minimum height of a bounce; by default the smaller of 0.1 mm and 2 % of the lift.")] = None,
@@ -61,8 +66,9 @@ def limits(
 ) -> Status | None:  # fmt: skip
     """Find the speed limits of a valve train: contact loss, valve float, valve bounce, coil clash, buckling.
 
-    It runs the case at many speeds between --lowest and --highest. With --over and --and it maps the limits over two
-    values of the case. Valve float is contact loss over the nose; valve loft is valve lift above that of the rigid
+    It runs the case at speeds 5 % apart that enclose the range from --lowest to --highest, bisects below the first one
+    with an event, and examines three more above it. With --over and --and it maps the limits over two values of the
+    case. Valve float is contact loss over the nose; valve loft is valve lift above that of the rigid
     train. Speeds are those of the crankshaft if the case gives crank_speed, otherwise those of the camshaft.
     """
     set_unit_system(units or "metric")
@@ -94,6 +100,8 @@ def limits(
         found = find_limits(read, search, start=runs, ahead=count, advance=shown)
     margins = compute_margins(read)
     parts: list[Table | str] = [limits_table(found, margins, scale)]
+    if any(one.rpm is not None for one in found.limits.values()):
+        parts.append(_LEGEND)
     if "loss_of_contact" not in found.limits:
         parts.append('Contact loss is not assessed: it needs a contact with model = "unilateral", which can separate.')
     return cli.write_output(cli.CommandOutput(parts, limits_json(found, margins, scale)), as_json=as_json)

@@ -111,9 +111,10 @@ def _command_line_fault(words: Sequence[str], fault: CycloptsError) -> Fault:
             f"choose one of {', '.join(COMMAND_FILES)}, or {remedy}",
         )
     elif found := re.match(r'Command "[^"]+" parameter -+(\S+) requires an argument', why):
-        why = f"{found[1].upper()} (--{found[1]}) is missing"
-        if f"--{found[1]}" in words:
-            remedy = f"write a value that begins with - as --{found[1]}=VALUE, or {remedy}"
+        option = f"--{found[1]}"
+        why = f"{found[1].upper()} ({option}) is missing"
+        if option in words:
+            why, remedy = f"{option} needs a value", f"write a value that begins with - as {option}=VALUE, or {remedy}"
     elif found := re.match(r"Unused Tokens: \[(.*)\]", why):
         why = f"no argument or option accepts {found[1]}"
     return Fault("command line", " ".join(words), "", why, remedy)

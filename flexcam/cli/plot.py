@@ -127,7 +127,10 @@ def plot(
     files: Annotated[list[Path], Parameter(help="Result files (.vtkhdf), case files (.toml), which flexcam runs, or "
         "the table of a sweep (.h5 or .csv).")], *,
     what: Annotated[FigureKind | None, Parameter(
-        help="Kind of figure; motion by default, sweep for a table; svaj: lift and its derivatives.")] = None,
+        help="Kind of figure; motion by default, sweep for a table; svaj: lift and its derivatives; orbits: journals "
+        "in their oil films; waterfall: orders over speed; map: a channel over cam angle and speed; work-precision: "
+        "error of simpler models over their work."
+        )] = None,
     probe: Annotated[str | None, Parameter(
         help="motion, waterfall, work-precision: point or component; the valve by default.")] = None,
     channels: Annotated[list[str] | None, Parameter(
@@ -146,7 +149,7 @@ def plot(
     y: Annotated[list[str] | None, Parameter("--y", help="sweep: scalar or other column, repeatable.")] = None,
     as_map: Annotated[bool, Parameter("--map", help="sweep: contours over both varied keys.")] = False,
     output: Annotated[Path | None, Parameter(
-        ["-o", "--output"], help="File of the figure (.svg, .png or .pdf).")] = None,
+        ["-o", "--output"], help="File of the figure (.svg, .png or .pdf); SOURCE-WHAT.svg by default.")] = None,
     overrides: cli.Overrides = None, units: cli.Units = None, overwrite: cli.Overwrite = False,
     as_json: cli.Json = False,
 ) -> Status | None:  # fmt: skip

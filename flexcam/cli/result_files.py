@@ -165,7 +165,9 @@ def _write_collection(
     if not macro:
         return write_pvd(result, target, every=every, fields=fields, overwrite=overwrite)
     if fields is not None and "displacement" not in fields:
-        raise refuse("--field", ", ".join(fields), "displacement among them", "the macro warps by it")
+        raise refuse(
+            "--field", ", ".join(fields), "displacement among them", "the script of --paraview shows the deformation"
+        )
     check_writable("export", macro_path(target), overwrite=overwrite)
     first, *rest = write_pvd(result, target, every=every, fields=fields, overwrite=overwrite)
     shown = (*result.field_names, *result.recovered) if fields is None else tuple(fields)

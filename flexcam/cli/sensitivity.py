@@ -103,7 +103,9 @@ def _derivatives(
 ) -> tuple[cli.CommandOutput, Status]:
     if interval := next((key for key in keys if "=" in key), None):
         key = interval.partition("=")[0]
-        raise refuse("--to", repr(interval), repr(key), "only --sobol takes intervals", "add it, or give the key")
+        raise refuse(
+            "--to", repr(interval), repr(key), "only --sobol takes intervals", "add --sobol, or give the key alone"
+        )
     exact = exact_names(asked.case, asked.names, method)
     responses = [name for name in asked.names if not frequency_number(name) and name not in exact]
     get_numbers(asked.case, keys)

@@ -22,12 +22,15 @@ from flexcam.report.terminal import facts_table, finite_or_none, plain_table, sh
 
 _SHOWN = 5
 
+_HARMLESS = "chatter (harmless)"
 _WORDS = {
     "broken off": "the run at this speed ended early; its contacts are assessed up to there",
     "numerical": "the time integration is unstable: use a smaller step or an unconditionally stable integrator",
     "parametric": "disturbances of the periodic motion grow from revolution to revolution",
     "resonance": "a harmonic of the cam excites a mode, with more than 5 % of the maximum contact force",
     "contact loss": "the follower leaves its cam during the lift, or the contact would have to pull it",
+    "chatter": "impacts change the motion or the force from revolution to revolution",
+    _HARMLESS: "differences of rounding size grow at impacts, but two revolutions hardly differ",
 }
 
 
@@ -36,13 +39,19 @@ def _stability_table(found: Stability, scale: float) -> Table:
     rows = [
         ("integrator", _describe_amplification(found.discrete)),
         ("periodic motion", _describe_growth(found)),
-        ("contact loss", f"{math.degrees(found.open_on_the_lift):.3g} deg of the lift"),
+        ("loss of contact", f"{math.degrees(found.open_on_the_lift):.3g} deg of cam angle on the lift"),
         ("resonances", _count_resonances(found, scale)),
         *((f"harmonic {one.harmonic}" + (f", {one.contact}" if several else ""), _format_resonance(one, scale))
           for one in found.within[:_SHOWN]),
-        ("verdict", "; ".join(f"{one}: {_WORDS[one]}" for one in found.causes) or _describe_stable(found)),
+        ("verdict", "; ".join(f"{one}: {_WORDS[one]}" for one in _verdict(found)) or _describe_stable(found)),
     ]  # fmt: skip
     return facts_table(f"Stability at {shaft_speed(found.rpm * RPM, scale)}", rows)
+
+
+def _verdict(found: Stability) -> list[str]:
+    """Return the causes of instability, and the chatter."""
+    chatter = ["chatter" if found.is_scattering else _HARMLESS] if found.is_chattering else []
+    return [*found.causes, *chatter]
 
 
 def _describe_stable(found: Stability) -> str:
@@ -59,8 +68,9 @@ def _describe_amplification(found: StepAmplification) -> str:
 
 
 def _format_resonance(one: Resonance, scale: float) -> str:
-    sizes = f"{1e3 * one.amplitude:.3g} mm, {one.load:.3g} N, {one.share:.1%} of the maximum force"
-    return f"{scale * one.rpm:.5g} {shaft_name(scale)} rpm, {one.frequency:.5g} Hz, {sizes}: {one.words}"
+    sizes = f"lift {1e3 * one.amplitude:.3g} mm, contact force {one.load:.3g} N, {one.share:.1%} of its maximum"
+    mode = f"mode {one.frequency:.5g} Hz ({one.words})"
+    return f"{mode} at {scale * one.rpm:.5g} {shaft_name(scale)} rpm; amplitudes: {sizes}"
 
 
 def _count_resonances(found: Stability, scale: float) -> str:
@@ -82,7 +92,7 @@ def _describe_growth(found: Stability) -> str:
     largest, moving = abs(complex(found.floquet.multipliers[0])), ", ".join(found.floquet.moving())
     if found.is_chattering:
         events = found.floquet.events
-        words = f"chatters: over {events} contact events small differences grow by {largest:.3g} ({moving})"
+        words = f"chatters: differences of rounding size grow by {largest:.3g} over {events} impacts ({moving})"
         return words if found.change is None else f"{words}; two revolutions differ by {describe_change(found.change)}"
     return f"max multiplier {largest:.6g}, growth {found.floquet.growth:.4g} 1/s ({moving})"
 
@@ -114,10 +124,10 @@ def _stability_json(found: Stability, scale: float) -> dict[str, object]:
 def _growth_table(found: Sequence[Stability], scale: float) -> Table:
     rows: list[tuple[str, ...]] = []
     for one in found:
-        largest = "" if one.floquet is None else f"{abs(complex(one.floquet.multipliers[0])):.6g}"
+        largest = "not assessed" if one.floquet is None else f"{abs(complex(one.floquet.multipliers[0])):.6g}"
         growth = "" if one.floquet is None else f"{one.floquet.growth:.4g}"
         opened = f"{math.degrees(one.open_on_the_lift):.3g}"
-        words = ", ".join([*one.causes, *(["chatter"] if one.is_scattering else [])]) or "none"
+        words = ", ".join(_verdict(one)) or "none"
         rows.append((f"{scale * one.rpm:.6g}", f"{one.discrete.radius:.9g}", largest, growth, opened, words))
     heads = (f"{shaft_name(scale)} rpm", "spectral radius", "multiplier", "growth, 1/s", "contact loss, deg", "verdict")
     return plain_table("Stability over speed", heads, rows)
@@ -160,8 +170,7 @@ def stability(
         every = stability_over_speeds(read, speeds, advance=shown)
     rpm = np.array([scale * one.rpm for one in every])
     growth = np.array([math.nan if one.floquet is None else one.floquet.growth for one in every])
-    causes = {cause: np.array([cause in one.causes for one in every]) for cause in _WORDS}
-    causes["chatter"] = np.array([one.is_scattering for one in every])
+    causes = {cause: np.array([cause in _verdict(one) for one in every]) for cause in _WORDS if cause != _HARMLESS}
     output = cli.CommandOutput(
         [_growth_table(every, scale)], {"speeds": [_stability_json(one, scale) for one in every]}, title=read.title,
         draw=lambda: plotting.spectra.growth_figure(rpm, growth, causes, shaft_name(scale)),

@@ -79,7 +79,7 @@ def _pareto_table(front: Sequence[Synthesis]) -> Table:
 def _harmonic_table(found: HarmonicCam) -> Table:
     fit, hertz = found.fit, found.frequency / (2.0 * math.pi)
     rows = [
-        ("harmonics", f"{found.count}; {found.limit} lie below the first mode, {hertz:.4g} Hz"),
+        ("harmonics", f"{found.count}; {found.limit} lie below the lowest mode that the cam excites, {hertz:.4g} Hz"),
         ("max deviation in the dwells", f"{1e6 * fit.strict_deviation:.4g} um"),
         ("max deviation elsewhere", f"{1e6 * fit.deviation:.4g} um, {1e6 * fit.rms_deviation:.4g} um rms"),
         ("lift", format_quantity("m", *(end.value for end in event_extremes(fit.event)))),
@@ -150,13 +150,14 @@ flexcam synthesize law --family harmonic --orders 1 --orders 3 --orders 5 --mini
 def synthesize_law(
     *,
     minimize: Annotated[list[str], Parameter(
-        "--minimize", help="Cv, Ca, Cj, Cm or rms; CRITERION=WEIGHT for a sum. Repeatable.")],
+        "--minimize", help="Cv, Ca, Cj: peak of velocity, acceleration, jerk; Cm: of velocity times acceleration; rms: "
+        "of the acceleration; CRITERION=WEIGHT for a sum. Repeatable.")],
     bound: Annotated[list[str] | None, Parameter("--bound", help="Upper bound: CRITERION=VALUE. Repeatable.")] = None,
     against: Annotated[str | None, Parameter(
         "--pareto", help="Second criterion: find a Pareto front instead of one law.")] = None,
     count: Annotated[int | None, Parameter(help="Number of laws of the front; 9 by default.")] = None,
     condition: Annotated[list[str] | None, Parameter(
-        "--condition", help="Prescribed derivative: POSITION,ORDER,VALUE. Repeatable.")] = None,
+        "--condition", help="Prescribed derivative: POSITION (0 to 1),ORDER,VALUE. Repeatable.")] = None,
     turning_back: Annotated[bool, Parameter(help="Allow negative velocity.")] = False,
     family: Annotated[Literal["spline", "polynomial", "harmonic"], Parameter(
         group=_FAMILY, help="Family of the law.")] = "spline",
@@ -261,10 +262,11 @@ def synthesize_harmonic(
     name: cli.CamName = None,
     tolerance: Annotated[str, Parameter(help="Maximum deviation from the cam's lift in its dwells.")] = "20 um",
     bound: Annotated[str | None, Parameter(help="Maximum deviation elsewhere.")] = None,
-    count: Annotated[int | None, Parameter(help="Number of harmonics; by default those below the first mode.")] = None,
+    count: Annotated[int | None, Parameter(
+        help="Number of harmonics; by default those below the lowest mode that the cam excites.")] = None,
     output: Output = None, overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> None:  # fmt: skip
-    """Replace the lift of a cam by its low harmonics, which do not excite the first mode.
+    """Replace the lift of a cam by its low harmonics, which lie below the modes that the cam excites.
 
     In the dwells the new lift differs from the old one by --tolerance at most.
     """

@@ -20,7 +20,7 @@ RPM = math.pi / 30.0
 Exponents = tuple[int, int, int, int, int]
 """Exponents of metre, kilogram, second, kelvin, radian."""
 
-_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)$")
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)$")
 _FACTOR = re.compile(r"([*/]?)\s*(1(?=\s*/)|[A-Za-z%µ°]+)\s*(?:(?:\^|\*\*)\s*([+-]?\d+))?\s*")
 
 _FOREIGN = {
@@ -217,13 +217,17 @@ def parse(value: float | str, dimension: str, where: str = "value", *, noise: bo
     elif match := _NUMBER.match(value.rstrip()):
         number, text = _EXACT.create_decimal(match[1]), match[2]
         if re.match(r",\d", text):
-            point = value.strip().replace(",", ".", 1)
-            raise refuse(where, repr(value), allowed, "", f"write a decimal point and no comma, such as {point!r}")
+            given = value.strip()
+            meant = [f"{given.replace(',', '')!r} if it separates thousands"] if re.match(r",\d{3}(?!\d)", text) else []
+            meant += [] if re.search(r"[.,]\d", text[1:]) else [f"{given.replace(',', '.')!r} if it is a decimal comma"]
+            raise refuse(
+                where, repr(value), allowed, "a comma is not allowed", f"write {', '.join(meant) or 'a point'}"
+            )
     else:
         raise refuse(where, repr(value), allowed, "it does not begin with a number")
     factor, exponents = _unit_product(text, where, kind.exponents) if text else (Decimal(1), kind.exponents)
     if not _equal_dimension(exponents, kind.exponents):
-        why = f"the unit {text!r} does not measure {article} {kind.name}"
+        why = f"the unit {text!r} does not measure {article} {kind.name}" if kind.si else "only % is a unit of a number"
         remedy = f"use a unit of {kind.name}, as in {kind.example!r}" if kind.si else "leave the unit out"
         force = _POUND.sub("lbf", text)
         if force != text and _equal_dimension(_unit_product(force, where, kind.exponents)[1], kind.exponents):
@@ -248,7 +252,10 @@ def conversion_factor(unit: str, si: str, where: str) -> float:
     divisor, wanted = _unit_product(si, where, _NONE) if si not in ("", "1") else (Decimal(1), _NONE)
     factor, exponents = _unit_product(unit, where, wanted) if unit not in ("", "1") else (Decimal(1), _NONE)
     if exponents != wanted:
-        raise refuse(where, repr(unit), unit_of(si))
+        given, remedy = (
+            (repr(unit), "") if unit else ("no unit", f"write it in brackets after the name, such as [{si}]")
+        )
+        raise refuse(where, given, unit_of(si), "", remedy)
     return float(_EXACT.divide(factor, divisor))
 
 

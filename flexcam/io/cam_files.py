@@ -76,7 +76,7 @@ def read_lift(
     if column is not None:
         lifts = [i for i, name in enumerate(names) if i and column == name]
     if len(lifts) != 1:
-        named = ", ".join(names) or "no head"
+        named = ", ".join(names) or "no header line"
         remedy = suggest_name(column, names) if column else 'name one: lift_table = { file = ..., column = "..." }'
         raise refuse(f"{path.name}, column of the lift", column or named, named, "", remedy)
     bad, allowed = table.faulty((0, lifts[0])), f"{width} finite numbers in each row"
@@ -129,12 +129,13 @@ def _lift_columns(table: NumberTable, path: Path) -> Sequence[str]:
     head, words = table.head, _header_words(table.head)
     if not table.names:
         if words[:1] in (["cam"], ["crank"], ["angle"]) and "lift" in words:
-            allowed, remedy = f"{table.width} names, as the rows have numbers", "name all columns; write decimal points"
-            raise refuse(f"{path.name}, head", repr(head), allowed, "", remedy)
+            allowed = f"{table.width} names, because the rows have {table.width} numbers"
+            remedy = "give one name per column, and use decimal points, not commas"
+            raise refuse(f"{path.name}, header line", repr(head), allowed, "", remedy)
         return []
     first, second, *_ = table.names
     if _header_words(second)[:1] in (["cam"], ["crank"], ["angle"]) or "lift" in _header_words(first):
-        raise refuse(f"{path.name}, head", repr(head), "the angle first, then the lift", "", "swap the columns")
+        raise refuse(f"{path.name}, header line", repr(head), "the angle first, then the lift", "", "swap the columns")
     return table.names
 
 
@@ -149,9 +150,11 @@ def _angle_factor(column: str, given: AngleKind | None, head: str, path: Path) -
     named = [kind for kind in ("cam", "crank") if any(word.startswith(kind) for word in words)]
     kind = given or (named[0] if len(named) == 1 else None)
     if kind is None:
-        remedy = 'add angle = "cam" or angle = "crank", or a first row such as cam_deg, lift_mm'
+        remedy = 'add angle = "cam" or angle = "crank", or a header line such as cam_deg, lift_mm'
         why = "the crankshaft turns twice as fast as the camshaft"
-        raise refuse(f"{path.name}, angle", repr(head) if head else "no head", "cam or crank angles", why, remedy)
+        raise refuse(
+            f"{path.name}, angle", repr(head) if head else "no header line", "cam or crank angles", why, remedy
+        )
     unit = _HEADER_UNIT.search(column)
     other = unit and set(words).isdisjoint(_ANGLES) and _header_words(unit[0])[-1:] not in _NO_UNITS
     if other or any(word in ("grad", "gon", "rev", "revs", "turn", "turns", "min") for word in words):
@@ -165,8 +168,8 @@ def _lift_factor(column: str, given: str | None, head: str, path: Path) -> float
     named = [word for word in _header_words(column) if word in _LENGTHS]
     unit = given or (named[-1] if named else None)
     if unit not in _LENGTHS:
-        remedy = 'add unit = "mm" or unit = "in", or a first row such as cam_deg, lift_mm'
-        raise refuse(f"{path.name}, unit of the lift", unit or head or "no head", _UNITS, "", remedy)
+        remedy = 'add unit = "mm" or unit = "in", or a header line such as cam_deg, lift_mm'
+        raise refuse(f"{path.name}, unit of the lift", unit or head or "no header line", _UNITS, "", remedy)
     return _LENGTHS[unit]
 
 
@@ -214,11 +217,11 @@ def _profile_factor(head: list[str], given: str | None, path: Path) -> float:
     units = list(dict.fromkeys(unit for unit in [given or "", *(word[-1] for word in words if word)] if unit))
     where = f"{path.name}, unit"
     if len(units) > 1:
-        why, remedy = "x, y and --unit contradict each other", "leave --unit out, or correct the head"
+        why, remedy = "x, y and --unit contradict each other", "leave --unit out, or correct the header line"
         raise refuse(where, " and ".join(units), "one unit", why, remedy)
     if not units or units[0] not in _LENGTHS:
-        remedy = "add --unit mm, or a first row such as x [mm], y [mm]"
-        raise refuse(where, given or ", ".join(head)[:60] or "no head", _UNITS, "", remedy)
+        remedy = "add --unit mm, or a header line such as x [mm], y [mm]"
+        raise refuse(where, given or ", ".join(head)[:60] or "no header line", _UNITS, "", remedy)
     return _LENGTHS[units[0]]
 
 

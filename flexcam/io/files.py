@@ -112,11 +112,11 @@ def find_abscissa(columns: Mapping[str, tuple[str, FloatArray]], where: str) -> 
     if name is None:
         allowed = f"one column {' or '.join(map(repr, ABSCISSAS))}, and at least one measured column"
         remedy = "name it with its unit: crank angle [deg]"
-        raise refuse(where, f"the heading {', '.join(columns)}", allowed, "", remedy)
+        raise refuse(where, f"the header line {', '.join(columns)}", allowed, "", remedy)
     (si, turns), (unit, values) = ABSCISSAS[name], columns[name]
     if np.isnan(values).any():
         raise refuse(where, f"{name}, with an empty cell", f"a number of {name} in every row")
-    return name, values * conversion_factor(unit, si, f"{where}, {name}") / turns
+    return name, values * conversion_factor(unit, si, f"{where}, column {name!r}") / turns
 
 
 _MAX_PARENTS = 2

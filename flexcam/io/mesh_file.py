@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from flexcam.core import FloatArray, IntArray
-from flexcam.core.errors import NAME, NAMES, Fault, InputError, refuse, suggest_name
+from flexcam.core.errors import NAME, NAMES, Fault, InputError, refuse, suggest_name, system_message
 from flexcam.fem.mesh import Mesh
 from flexcam.io.files import write_text
 
@@ -60,7 +60,7 @@ def read_mesh(path: Path) -> Mesh:
         faults = [*_length_faults(raw)]
     members = [group for group in raw.groups if group.kind == _LINE]
     if not faults and not members:
-        faults.append(Fault("mesh", "no lines", "at least one line group", "", "add a physical curve"))
+        faults.append(Fault("mesh", "no lines", "line elements in named groups", "", "add a physical curve"))
     if faults:
         raise InputError(faults)
     place = np.argsort(raw.numbers, kind="stable")
@@ -80,8 +80,8 @@ def _node_faults(raw: _GmshMesh) -> Iterator[Fault]:
         yield Fault(f"mesh node {raw.numbers[i]}", given, allowed, "", "export it again from Gmsh")
     numbers, counts = np.unique(raw.numbers, return_counts=True)
     for number in numbers[counts > 1][:_MAX_FAULTS].tolist():
-        why = "elements cannot refer to one of them"
-        yield Fault(f"mesh node {number}", "several nodes", "one node of a number", why, "")
+        why = "elements refer to a node by its number"
+        yield Fault(f"mesh node {number}", "several nodes of this number", "one", why, "")
 
 
 def _reference_faults(raw: _GmshMesh) -> Iterator[Fault]:
@@ -95,14 +95,14 @@ def _reference_faults(raw: _GmshMesh) -> Iterator[Fault]:
 
 def _group_faults(group: _ElementGroup) -> Iterator[Fault]:
     tags = ", ".join(map(str, group.numbers[:3].tolist())) + (", ..." if len(group.numbers) > 3 else "")
-    what = f"{len(group.numbers)} cells (elements {tags})"
+    what = f"{len(group.numbers)} elements ({tags})"
     if group.kind not in (_LINE, _POINT):
-        shape = f"{len(group.numbers)} cells of {group.nodes.shape[1]} nodes (elements {tags})"
+        shape = f"{len(group.numbers)} elements of {group.nodes.shape[1]} nodes ({tags})"
         why, remedy = "members are beams", "mesh only curves, in order 1"
         yield Fault("mesh", shape, "lines of two nodes and points", why, remedy)
     elif group.kind == _LINE and not group.name:
-        why, remedy = "the member has the name of the group", "add a physical curve"
-        yield Fault("mesh", f"{what} without a physical group", "named line groups", why, remedy)
+        why = "each member takes its elements from the physical curve of its name"
+        yield Fault("mesh", f"{what} in no named group", "line elements in named groups", why, "add a physical curve")
     elif group.name and not re.fullmatch(NAME, group.name):
         where, why = f"mesh group {group.name!r}", "cases and results name the group"
         yield Fault(where, repr(group.name), NAMES, why, "rename the physical group in Gmsh")
@@ -217,11 +217,16 @@ def _format_inp(mesh: Mesh) -> str:
     return text.getvalue().replace("TYPE=B31H", "TYPE=B31")  # the two-node beam element that Abaqus and CalculiX share
 
 
-_ALLOWED = "a Gmsh file (.msh) of format 2.2 or 4.1"
+def _invalid(given: str, allowed: str, why: str = "") -> InputError:
+    return refuse("mesh", given, allowed, why, "export it again from Gmsh")
 
 
-def _invalid(given: str, why: str = "") -> InputError:
-    return refuse("mesh", given, _ALLOWED, why, "export it again from Gmsh")
+def _is_number(word: bytes, kind: type[float | int]) -> bool:
+    try:
+        kind(word)
+    except ValueError:
+        return False
+    return True
 
 
 class _TextReader:
@@ -236,18 +241,23 @@ class _TextReader:
         """Return the next `count` numbers of kind ``i`` (integer), ``u`` (size) or ``f`` (float)."""
         words = self._words[self._next : self._next + count]
         if count < 0 or len(words) < count:
-            raise _invalid(f"{len(self._words)} numbers in ${self._name}", "it ends before what it announces")
+            given, allowed = (
+                f"{len(self._words)} numbers in ${self._name}",
+                f"{self._next + count} or more by its counts",
+            )
+            raise _invalid(given, allowed, "entries or numbers are missing")
         self._next += count
         try:
             return np.array(words, dtype="S").astype(float if kind == "f" else np.int64)
         except (ValueError, OverflowError):
-            text = b" ".join(words[:6]).decode("ascii", "replace")
-            raise _invalid(f"{text!r} in ${self._name}", "numbers belong there") from None
+            number = float if kind == "f" else int
+            wrong = next((word for word in words if not _is_number(word, number)), words[0]).decode("ascii", "replace")
+            raise _invalid(f"{wrong!r} in ${self._name}", f"a {'' if kind == 'f' else 'whole '}number") from None
 
     def end(self) -> None:
         """Raise an error if the section contains more numbers."""
         if self._next != len(self._words):
-            raise _invalid(f"more in ${self._name} than it announces", "a line has too many numbers or too few")
+            raise _invalid(f"{len(self._words)} numbers in ${self._name}", f"{self._next} by its counts")
 
 
 class _BinaryReader:
@@ -261,7 +271,7 @@ class _BinaryReader:
         """Return the number on the first line of the section, which is text in format 2.2."""
         found = re.compile(rb"\s*(\d{1,12})[ \t\r]*\n").match(self._data, self._next)
         if found is None:
-            raise _invalid(f"no number at the head of ${self._name}")
+            raise _invalid(f"${self._name} without a count", "the number of its entries in its first line")
         self._next = found.end()
         return int(found[1])
 
@@ -269,7 +279,8 @@ class _BinaryReader:
         """Return the next numbers."""
         item = np.dtype(self._kinds[kind])
         if count < 0 or self._next + count * item.itemsize > len(self._data):
-            raise _invalid(f"{len(self._data)} bytes from ${self._name} on", "it ends before what it announces")
+            given = f"{len(self._data)} bytes from ${self._name} on"
+            raise _invalid(given, f"{self._next + count * item.itemsize} or more by its counts")
         values = np.frombuffer(self._data, item, count, self._next)
         self._next += count * item.itemsize
         return values if kind == "f" else values.astype(np.int64)
@@ -277,7 +288,7 @@ class _BinaryReader:
     def end(self) -> None:
         """Raise an error if the end mark of the section does not follow."""
         if not self._data[self._next :].lstrip().startswith(f"$End{self._name}".encode()):
-            raise _invalid(f"no $End{self._name} after ${self._name}", "it holds more than it announces")
+            raise _invalid(f"no $End{self._name} after the entries of ${self._name}", "as many entries as it declares")
 
 
 _Reader = _TextReader | _BinaryReader
@@ -319,19 +330,20 @@ def _read_msh(path: Path) -> _GmshMesh:
     try:
         data = path.read_bytes()
     except OSError as fault:
-        raise _invalid(str(path), str(fault)) from None
+        raise refuse("mesh", str(path), "a readable file", system_message(fault)) from None
     first = 0
     while comments := _COMMENTS.match(data, first):
         first = comments.end()
     head = _HEAD.match(data, first)
     if head is None:
-        raise _invalid(path.name, "it does not begin with $MeshFormat")
+        raise _invalid(path.name, "a Gmsh file (.msh) of format 2.2 or 4.1", "it does not begin with $MeshFormat")
     version, binary, size = head[1].decode("ascii", "replace"), head[2] == b"1", int(head[3])
     newer = version in ("4", "4.1")
     if not (newer or version in ("2", "2.1", "2.2")) or size not in (4, 8):
-        raise _invalid(f"format {version}", "save it as version 4.1")
+        raise refuse("mesh", f"format {version}", "a Gmsh file of format 2.2 or 4.1", "", "save it as version 4.1")
     if binary and data[head.end() : head.end() + 4] != b"\x01\x00\x00\x00":
-        raise _invalid(path.name, "its bytes are in the order of another machine")
+        why = "the header says binary, but the data are text or have another byte order"
+        raise _invalid(path.name, "binary data of this machine", why)
 
     def section(name: str) -> _Reader:
         return _open_section(data, head.end(), name, size if binary else 0)
@@ -365,13 +377,13 @@ def _open_section(data: bytes, begin: int, name: str, size: int) -> _Reader:
     """Return the reader of a section; `size` is that of Gmsh's ``size_t``, zero for text."""
     start = data.find(b"\n$%s" % name.encode(), begin - 1)
     if start < 0:
-        raise _invalid(f"no ${name}", f"of {_ALLOWED}")
+        raise _invalid(f"a file without ${name}", "a Gmsh file with this section")
     first = data.find(b"\n", start + 1) + 1
     if size:
         return _BinaryReader(name, data[first:] if first else b"", size)
     end = data.find(b"$End%s" % name.encode(), first)
     if end < 0 or not first:
-        raise _invalid(f"no $End{name}", "the file is cut off")
+        raise _invalid(f"${name} without $End{name}", "both", "the file is cut off")
     return _TextReader(name, data[first:end])
 
 
@@ -384,7 +396,7 @@ def _read_nodes_2(nodes: _Reader, binary: bool) -> tuple[IntArray, FloatArray]:
         rows = nodes.read("f", 4 * count).reshape(count, 4)
         tags: FloatArray = rows[:, 0]
         if not (tags == np.round(tags)).all() or (np.abs(tags) > 2.0**53).any():
-            raise _invalid("a node whose number is not whole")
+            raise _invalid("a node whose number is not whole", "whole numbers of nodes")
         points = rows[:, 1:]
     nodes.end()
     return rows[:, 0].astype(np.intp), points
@@ -397,7 +409,7 @@ def _read_elements_2(elements: _Reader, binary: bool) -> Iterator[Elements]:
         first, second, tags = elements.read("i", 3).tolist()
         kind, several = (first, second) if binary else (second, 1)
         if kind not in _NODES or tags < 0 or several < 1:
-            raise _invalid(f"an element of type {kind} with {tags} tags", "Gmsh has no such element")
+            raise _invalid(f"an element of type {kind} with {tags} tags", "an element type of Gmsh")
         at = int(binary)
         width = at + tags + _NODES[kind]
         for row in elements.read("i", several * width).reshape(several, width):
@@ -429,13 +441,13 @@ def _read_nodes_4(nodes: _Reader) -> tuple[IntArray, FloatArray]:
         dimension, _, parametric = nodes.read("i", 3).tolist()
         (count,) = nodes.read("u", 1).tolist()
         if dimension not in range(4):
-            raise _invalid(f"nodes of dimension {dimension}", "a dimension is 0 to 3")
+            raise _invalid(f"nodes of dimension {dimension}", "a dimension from 0 to 3")
         width = 3 + (dimension if parametric else 0)
         numbers.append(nodes.read("u", count))
         points.append(nodes.read("f", count * width).reshape(count, width)[:, :3])
     nodes.end()
     if sum(map(len, numbers)) != total:
-        raise _invalid(f"{sum(map(len, numbers))} nodes, {total} announced")
+        raise _invalid(f"{sum(map(len, numbers))} nodes in $Nodes", f"{total}, as it declares")
     return np.concatenate([np.zeros(0, np.intp), *numbers]), np.concatenate([np.zeros((0, 3)), *points])
 
 
@@ -446,11 +458,11 @@ def _read_elements_4(elements: _Reader, groups: dict[tuple[int, int], list[int]]
         dimension, entity, kind = elements.read("i", 3).tolist()
         (count,) = elements.read("u", 1).tolist()
         if kind not in _NODES:
-            raise _invalid(f"elements of type {kind}", "Gmsh has no such element")
+            raise _invalid(f"elements of type {kind}", "an element type of Gmsh")
         rows = elements.read("u", count * (1 + _NODES[kind])).reshape(count, 1 + _NODES[kind])
         done += count
         for group in groups.get((dimension, entity), []) or [0]:
             yield kind, group, rows[:, 0], rows[:, 1:]
     elements.end()
     if done != total:
-        raise _invalid(f"{done} elements, {total} announced")
+        raise _invalid(f"{done} elements in $Elements", f"{total}, as it declares")

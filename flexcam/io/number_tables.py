@@ -22,6 +22,8 @@ Row = tuple[int, str]
 """Line number, counted from 1, and text of a row."""
 
 _MAX_FAULTS = 10
+_LONGEST_LINE = 10_000
+"""Characters of a line: the time of the patterns below grows with the square of a line."""
 _SEPARATOR = re.compile(r"\s*[,;]\s*|[^\S\t]*\t[^\S\t]*|\s+")
 _DECIMAL_COMMA = re.compile(r"[;\t].*\d,\d|\d,\d.*[;\t]")
 """A row with semicolons or tabs between its columns and a comma within a number."""
@@ -55,6 +57,8 @@ def read_rows(path: Path, where: str, content: str, text: str | None = None) -> 
     Lines are those of a text editor: `str.splitlines` also splits at characters such as U+0085.
     """
     lines = read_source(path, where, text).split("\n")
+    if (longest := max(map(len, lines))) > _LONGEST_LINE:
+        raise refuse(where, f"{path.name}, with a line of {longest} characters", f"lines of up to {_LONGEST_LINE}")
     rows = [(number, _remove_comment(line)) for number, line in enumerate(lines, start=1)]
     rows = [(number, line) for number, line in rows if line.strip()]
     if not rows:
@@ -63,7 +67,7 @@ def read_rows(path: Path, where: str, content: str, text: str | None = None) -> 
 
 
 def _remove_comment(line: str) -> str:
-    """Return a line without its comment and outer blanks; the # of ``push #1 [N]`` in a heading is none."""
+    """Return a line without its comment and outer blanks; the # of ``push #1 [N]`` in a header line is none."""
     before, _, after = line.partition("#")
     in_name = before.strip() and after[:1].strip() and not _numbers(before)
     return _END.sub("", (line if in_name else before).lstrip())
@@ -115,14 +119,14 @@ def _split_names(head: str, width: int) -> list[str]:
 
 
 def read_columns(path: Path, where: str, text: str | None = None) -> dict[str, tuple[str, FloatArray]]:
-    """Read a table, or its known text, with a heading such as ``time [s],valve displacement [mm]`` or ``time_s,p_bar``.
+    """Read a table, or its known text, whose header line is such as ``time [s],valve displacement [mm]`` or ``time_s``.
 
     It returns unit and values by name. Empty cells are NaN.
     """
-    allowed = "a heading 'NAME [UNIT]' or NAME_UNIT per column above rows of as many numbers"
+    allowed = "a header line with 'NAME [UNIT]' or NAME_UNIT per column, and rows of as many numbers"
     table = find_table(read_rows(path, where, allowed, text))
     if not table.width or not table.names:
-        given = f"the heading {table.head!r}" if table.width else "without rows"
+        given = f"the header line {table.head!r}" if table.width else "without rows"
         raise refuse(where, f"{path.name}, {given}", allowed)
     for number, line in table.faulty():
         raise refuse(where, f"{path.name}, line {number}: {line[:40]!r}", f"{allowed}; here {table.width} finite ones")

@@ -206,7 +206,7 @@ def _read_about(file: Any) -> dict[str, str]:  # noqa: ANN401
             found = text if kind is str else json.loads(text)
         except (KeyError, ValueError, RecursionError):
             found = None
-        texts = found.values() if isinstance(found, dict) else found if isinstance(found, list) else ()
+        texts: Any = found.values() if isinstance(found, dict) else found if isinstance(found, list) else ()
         is_text = name not in schema.ABOUT_TEXTS or all(isinstance(one, str) for one in texts)
         if not (isinstance(found, kind) and is_text):
             given, allowed = f"nothing about {name!r} of its case, or something else", "a result that keeps its case"

@@ -20,7 +20,10 @@ _DIGITS = 12  # maximum number of decimals
 _KINDS = ("lift", "velocity", "acceleration")
 
 
-TRADE_LEGEND = "* no other model has both less work and less error; work is unknowns times steps of the run"
+TRADE_LEGEND = (
+    "* no other model has both less work and a smaller largest error (over all columns); work is unknowns times steps "
+    "of the run"
+)
 """Legend of `trade_table`."""
 
 
@@ -49,7 +52,7 @@ def _reference_errors(against: Reference) -> dict[str, float]:
 
 
 def _percent(share: float | None) -> str:
-    return "" if share is None else f"{100.0 * share:.2g}"
+    return "" if share is None else f"{float(f'{100.0 * share:.2g}'):g}"  # 110 instead of 1.1e+02
 
 
 def trade_warnings(against: Reference, found: Sequence[ModelEvaluation]) -> list[str]:

@@ -353,7 +353,7 @@ def metrics_table(model: Model | None, figures: Sequence[Metric]) -> Table:
 
 
 def _words(*names: str) -> str:
-    return " ".join(names).replace("_", " ")
+    return " ".join(names).replace("open_on_the_lift", "loss of contact on the lift").replace("_", " ")
 
 
 _CONTACT_KINDS = {
@@ -431,7 +431,8 @@ def describe_dofs(response: Response) -> str:
     every, integrated = response.stats.size or len(response.outline.unknowns), response.stats.unknowns
     if not response.stats.is_complete:
         return f"{response.stats.size} unknowns" if response.stats.size else "unknowns not counted"
-    count = f"{every} unknowns" + (f", {integrated} integrated" if integrated != every else "")
+    rest = f", of which {integrated} are integrated (the others cannot move or follow from these)"
+    count = f"{every} unknowns" + (rest if integrated != every else "")
     return count + _ENGINES.get(response.stats.engine, "")
 
 

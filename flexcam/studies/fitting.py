@@ -88,7 +88,7 @@ def read_measurement(path: Path, case: Case, only: Sequence[str] = (), noises: S
     curves: list[Curve] = []
     for name in wanted:
         curve, (unit, values) = _find_curve(case, name), columns[name]
-        factor = conversion_factor(unit, curve.unit, f"--to, {name}")
+        factor = conversion_factor(unit, curve.unit, f"--to, column {name!r}")
         noise = positive("--noise", given[name] * factor, curve.unit) if name in given else None
         curves.append(replace(curve, values=values * factor, noise=noise))
     return Measurement("time" if over == "time" else "angle", instants, tuple(curves))
@@ -103,6 +103,9 @@ def _parse_noise(text: str) -> tuple[str, float]:
         raise refuse("--noise", repr(text), allowed, "", "write it as in 'valve displacement=0.005'") from None
 
 
+_LISTED = 20  # number of results that a message lists
+
+
 def _find_curve(case: Case, name: str) -> Curve:
     """Return a curve without values by its name: a channel, or a component of a probe with its series."""
     named = outline(build_problem(case)[1])
@@ -114,7 +117,8 @@ def _find_curve(case: Case, name: str) -> Curve:
     if probe not in probes:
         known = [*(f"{one} {series}" for one in probes), *units]
         near = suggest_name(name, [*probes, *known])
-        raise refuse("--to", repr(name), ", ".join(known), "the case has no other result", near)
+        allowed = ", ".join(known[:_LISTED]) + (f" and {len(known) - _LISTED} more" if len(known) > _LISTED else "")
+        raise refuse("--to", repr(name), f"a result of the case: {allowed}", "there is no such result", near)
     return Curve(f"{probe} {series}", probe, series, component_unit(probes[probe], SERIES[series]), np.zeros(0))
 
 

@@ -41,7 +41,7 @@ from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.dynamics import Cause, RunFailedError, Status, reraise_interrupt
 from flexcam.io import find_referenced_file, temporary_folder
 
-_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_NUMBER = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
 _UNIT = r"\s*((?:[A-Za-z%µ°]|(?<=\s)1\s*/)[^:#,]*?)?\s*"
 _QUANTITY = re.compile(rf"\s*({_NUMBER}){_UNIT}$")
 _RANGE = re.compile(rf"\s*({_NUMBER}){_UNIT}:\s*({_NUMBER}){_UNIT}(?::\s*({_NUMBER}){_UNIT}|#\s*(\d{{1,15}}){_UNIT})?$")

@@ -93,7 +93,8 @@ def _locate_fault(fault: Fault, axes: Sequence[Axis]) -> Fault:
     """Return a fault with the option of the axis that it concerns; otherwise unchanged."""
     for one in axes:
         if f"--set {one.key}=" in fault.where:
-            return replace(fault, where=one.where)
+            key, new, _ = fault.where.partition("(new table of ")
+            return replace(fault, where=f"{key}{new}{one.where})" if new else one.where)
     return fault
 
 
@@ -198,7 +199,7 @@ def make_sweep(
     file = CaseFile.open(path)
     own = file.sweep
     if limit < 1:
-        raise refuse("--limit", limit, "a whole number, at least 1", "it is the most variants that are run")
+        raise refuse("--limit", limit, "a whole number, at least 1", "it is the maximum number of variants")
     found = _axes(file, settings, limit)
     how = sampled if sampled is not None else (own.sample if own else None) or GRID
     if seed is not None and how == GRID:

@@ -22,7 +22,8 @@ _WAVE = 2.0 * math.pi
 class Resolution:
     """Temporal and spatial resolution of a run."""
 
-    frequency: float  #: frequency of the accelerations, Hz; zero without motion
+    #: mean frequency of the accelerations, from their rms over that of the velocities, Hz; zero without motion
+    frequency: float
     steps: float  #: steps per period; infinite without motion
     elements: dict[str, float]  #: elements per bending wavelength at that frequency, by member
     #: steps during the impact of maximum force, by contact; none for contacts that stay closed or open

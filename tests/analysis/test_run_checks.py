@@ -103,7 +103,7 @@ def test_what_is_coarse_is_told():
     coarse = Resolution(400.0, 10.0, {"shaft": 30.0, "pushrod": 1.9}, {"seat": 4, "tip": 5, "play": 1})
     told = check_run(ready, replace(seen, resolution=Found(coarse)), [], response.stats)
     longer = "take more steps per revolution, or a softer contact"
-    at = "at the frequency of the accelerations (400 Hz)"
+    at = "at the mean frequency of the accelerations (400 Hz)"
     bend = "one bending wavelength of member pushrod spans only 1.9 elements"
     assert told == [
         f"Warning: {at}, a period has only 10 time steps; take at least 2 times as many steps per revolution",

@@ -33,9 +33,9 @@ def without(first, last, spacing=2.0):
 
 
 REFUSED = {
-    "the same angle twice": (changed(40, theta=78 * DEGREE), "angle, row 41", "78 deg, then 78 deg", "sort the rows"),
-    "an angle that goes back": (changed(50, theta=60 * DEGREE), "angle, row 51", "98 deg, then 60 deg", "sort"),
-    "descending": (tuple(column[::-1] for column in table()), "angle, row 2", "358 deg, then 356 deg", "sort the rows"),
+    "the same angle twice": (changed(40, theta=78 * DEGREE), "angle, row 41", "of cam angle, then 78", "sort"),
+    "an angle that goes back": (changed(50, theta=60 * DEGREE), "angle, row 51", "98 deg of cam angle, then", "sort"),
+    "descending": (tuple(column[::-1] for column in table()), "angle, row 2", "358 deg of cam angle, then 356", "sort"),
     "crank angles": ((np.arange(0, 720, 2) * DEGREE, np.repeat(LOBE(table()[0]), 2)), "angle", "718 deg of cam angle",
                      "crank angles"),
     "a little over a revolution": (table(end=363.0), "angle", "362 deg of cam angle", "shorten the table"),

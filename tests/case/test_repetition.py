@@ -138,11 +138,11 @@ def test_a_number_of_all_copies_has_their_value(tmp_path: Path):
 
 
 @pytest.mark.parametrize(("repeat", "message"), [
-    ('firing_order = "1-3-3-2"', r"repeat\.cylinder\.names \(line 2\): got 1, 2, 3, 3, expected different names"),
+    ('firing_order = "1-3-3-2"', r"repeat\.cylinder\.names \(line 2\): got 1, 2, 3, 3, expected each name once"),
     ('names = ["1", "9"]\nfiring_order = "1-2"', "repeat.cylinder.firing_order.*contains 1, 9 once"),
-    ('names = ["1"]\nphases = [0, 1]', "repeat.cylinder.phases.*expected 1 values, one for each name"),
+    ('names = ["1"]\nphases = [0, 1]', "repeat.cylinder.phases.*expected 1, one for each name"),
     ('names = ["1"]\nspacing = [0, 0, 0]\noffsets = [[0, 0, 0]]', "expected either offsets or spacing"),
-    ("", "repeat.cylinder.names.*missing, expected different names"),
+    ("", "repeat.cylinder.names.*missing, expected names, or a firing_order"),
 ])  # fmt: skip
 def test_wrong_repeats_are_refused(tmp_path: Path, repeat: str, message: str):
     with pytest.raises(InputError, match=message):

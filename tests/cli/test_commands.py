@@ -80,7 +80,7 @@ def test_no_number_is_cut_in_a_narrow_terminal(words, flexcam, case, monkeypatch
         (("check",), "CASE (--case) is missing. See flexcam check --help."),
         (("synthesize", "law"), "MINIMIZE (--minimize) is missing. See flexcam synthesize law --help."),
         (("run", "case.toml", "other.toml"), "no argument or option accepts 'other.toml'. See flexcam run --help."),
-        (("run", "case.toml", "--set"), "SET (--set) is missing"),
+        (("run", "case.toml", "--set"), "--set needs a value"),
         (("chek",), 'Did you mean "check"?'),
     ],
 )

@@ -90,7 +90,7 @@ def test_angles_times_and_units(flexcam, files, tmp_path):
 
 @pytest.mark.parametrize(("content", "options", "message"), [
     ("angle,mass.uy [m]\n0,1\n", (), "'crank angle', and at least one measured column"),
-    ("time [s],mass.uyy [m]\n0,1\n", (), "The case has no other result"),
+    ("time [s],mass.uyy [m]\n0,1\n", (), "There is no such result"),
     ("time [s],mass.uy [N]\n0,1\n", (), "a unit of length such as mm"),
     ("time [s],mass.uy [m]\n0,1\n0,x\n", (), "rows of as many numbers"),
     ("time [s],mass.uy [m]\n0,1\n", (), "more than the 2 values to be fitted"),
@@ -137,7 +137,7 @@ def test_mdf_file(flexcam, files, tmp_path):
     ([("angle", "deg"), ("mass.uy", "m")], (), "a channel 'cam angle' or 'crank angle', with its unit"),
     ([("cam angle", "deg"), ("mass.uyy", "m")], (), "Did you mean"),
     ([("cam angle", "deg"), ("mass.uy", "m")], ("--column", "mass.uyy"), "Did you mean 'mass.uy'?"),
-    ([("cam angle", ""), ("mass.uy", "m")], (), "--to, cam angle"),
+    ([("cam angle", ""), ("mass.uy", "m")], (), "--to, column 'cam angle'"),
     ([], (), "a readable MDF file"),
 ])  # fmt: skip
 def test_refused_mdf_files(flexcam, tmp_path, channels, options, message):

@@ -48,7 +48,7 @@ def test_nothing_is_left_out_where_that_is_not_wanted(flexcam, tayeb):
 
 def test_run_counts_both(flexcam, tayeb, tmp_path):
     done = flexcam("run", tayeb(3), "--set", "run.revolutions=0.1")
-    assert "of 47 unknowns, 24 integrated" in done.out
+    assert "of 47 unknowns, of which 24 are integrated" in done.out
     result = read_result(tmp_path / "results/model-3-shm.vtkhdf").response
     assert result.stats.unknowns == 24
 

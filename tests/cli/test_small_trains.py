@@ -44,7 +44,7 @@ def test_units_of_tables(flexcam, tmp_path):
     lift, inches = (float(re.search(r"g\.ux +-?[\d.]+ \w+ +([\d.]+) ", text)[1]) for text in (metric, imperial))
     assert inches == pytest.approx(lift / 25.4, rel=2e-2)  # digits of the table
     assert "lbf" in imperial
-    assert "mm" not in imperial
+    assert " mm" not in imperial
     assert "lbf" not in flexcam("run", "watch.toml", "--overwrite").out
     refused = flexcam("plot", "watch.toml", "--what", "campbell", "--units", "imperial")
     assert refused.code == 2

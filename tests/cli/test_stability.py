@@ -41,7 +41,8 @@ def test_published_claim(flexcam, rpm, verdict):
 def test_resonances_far_above_are_only_counted(flexcam):
     """Modes of some 10 kHz meet the first harmonic at hundreds of thousands of rpm, where no train turns."""
     told = flexcam("stability", PUBLISHED, *QUICK).out
-    assert "4026.9 camshaft rpm, 67.114 Hz" in told
+    assert "67.114 Hz (mass valve" in told
+    assert "at 4026.9 camshaft rpm" in " ".join(told.split())
     assert re.search(r"resonances +1 up to 6000 camshaft rpm; \d+ above, the lowest at 159545 camshaft rpm", told)
     low = flexcam("stability", PUBLISHED, "--set", "run.speed=1000rpm", *QUICK).out
     assert "harmonic 1" not in low
@@ -66,10 +67,10 @@ def test_the_surge_of_the_spring_is_met(flexcam):
 
 
 @pytest.mark.slow
-def test_the_verdict_of_a_sound_train_is_none(flexcam):
+def test_a_sound_train_chatters(flexcam):
     """Contacts chatter behind the ramps at 2000 rpm: two revolutions differ by a few per cent of the force."""
     told = flexcam("stability", ENGINE, "--set", "run.crank_speed=2000rpm", *QUICK).out
-    assert re.search(r"verdict +none", told)
+    assert re.search(r"verdict +chatter:", told)
 
 
 def test_a_step_too_long_for_the_integrator(flexcam):
@@ -84,7 +85,7 @@ def test_contact_lost(flexcam):
         "stability", ENGINE, "--set", "run.crank_speed=7000rpm", "--set", "run.revolutions=1", *QUICK, "--json"
     )
     assert "contact loss" in found.json["verdict"]
-    assert "contact loss" in flexcam("stability", PUBLISHED, *QUICK).out
+    assert "loss of contact" in flexcam("stability", PUBLISHED, *QUICK).out
 
 
 def exponent(a, q):

@@ -14,6 +14,8 @@ import pytest
 from flexcam import InputError
 from flexcam.case.fault_report import parse_toml
 from flexcam.case.reader import CaseFile
+from flexcam.io.cam_files import read_lift
+from flexcam.studies.plan import parse_axis
 
 # changes, and the key paths of which each must have its fault in the one report
 MANY = {
@@ -200,6 +202,7 @@ LONG = {
         "[masses]\n",
         "[masses]\n" + "".join(f"m{i} = {{ masss = 1 }}\n" for i in range(2000)),
     ),
+    "digits of a number": ('"0.15 kg"', '"' + 20_000 * "1" + ' kg"'),
     "blanks in a unit": ('"0.15 kg"', '"0.15 kg' + 50_000 * " " + 'x"'),
 }
 
@@ -212,6 +215,17 @@ def test_reading_takes_time_proportional_to_the_length(what, text, changed, tmp_
     begun = time.perf_counter()
     with suppress(InputError):
         CaseFile.open(path).read()
+    assert time.perf_counter() - begun < 2.0
+
+
+def test_a_long_range_and_a_long_line_take_no_time(tmp_path):
+    begun = time.perf_counter()
+    with pytest.raises(InputError):
+        parse_axis("run.speed", 20_000 * "1" + " rpm:!")
+    for line in (20_000 * ";", "angle" + 20_000 * " " + "[", 20_000 * "["):
+        (tmp_path / "long.csv").write_text(f"{line}\n1,2\n2,3\n3,4\n", encoding="utf-8")
+        with pytest.raises(InputError, match="lines of up to 10000"):
+            read_lift(tmp_path / "long.csv")
     assert time.perf_counter() - begun < 2.0
 
 
@@ -232,4 +246,4 @@ def test_limits_have_the_unit_that_is_given(text, changed, faults_of):
 
 def test_a_missing_quantity_is_named(text, changed, faults_of):
     (fault,) = faults_of(changed(text, (', diameter = "25 mm"', "")))
-    assert fault.allowed == "a length (such as '25 mm')"
+    assert fault.allowed.startswith("a length (such as '25 mm'): two values")

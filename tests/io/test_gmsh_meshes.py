@@ -85,4 +85,4 @@ def test_a_group_without_a_name_is_refused(model, tmp_path, version, binary):
     model.model.addPhysicalGroup(1, [line], tag=77)
     with pytest.raises(InputError) as refusal:
         read_mesh(written(model, tmp_path / "bent.msh", version, binary))
-    assert "named line groups" in str(refusal.value)
+    assert "line elements in named groups" in str(refusal.value)

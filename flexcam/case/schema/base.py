@@ -25,7 +25,7 @@ from flexcam.core.errors import NAME, InputError
 from flexcam.core.units import DIMENSIONS, parse
 from flexcam.fem.frames import COMPONENTS, component, direction
 
-_BARE = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_BARE = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 """Number without a unit."""
 
 _TYPE_NAMES = {
@@ -175,6 +175,8 @@ Component = Annotated[str, Check(_component, "component")]
 
 DirectionValue = Annotated[Any, Check(_direction, "direction")]
 """Component with an optional sign, or three (or six) numbers in global axes."""
+DIRECTION = "a component such as uy or -uy, or three numbers (six with rotations)"
+"""Description of a direction, for messages."""
 
 LineValue = Annotated[Any, Check(_line, "line")]
 """Direction without rotations, for motions and forces in contacts and rockers."""

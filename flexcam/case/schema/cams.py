@@ -68,7 +68,7 @@ class RampsRecord(Record):
 class TimingRecord(Record):
     """Place of a cam on its shaft by the angle at which its follower passes a lift."""
 
-    lift: Length = Field(description="of the follower, such as 0.050 in")
+    lift: Length = Field(description="lift of the follower, such as 0.050 in")
     opening: SignedAngle | None = Field(None, description="cam angle at which the follower opens above the lift")
     closing: SignedAngle | None = Field(None, description="cam angle at which it closes, instead of opening")
     centre: SignedAngle | None = Field(None, description="lobe centre halfway between both, instead of these")
@@ -118,7 +118,7 @@ class RollerRecord(Record):
     """Translating follower with a roller."""
 
     type: Literal["roller"]
-    radius: Length
+    radius: Length = Field(description="radius of the roller")
     offset: Position = Field(0.0, description="of the follower's axis from the cam's")
 
     def build(self, base_radius: float | None) -> Follower | None:
@@ -130,8 +130,10 @@ class SwingingFollowerRecord(Record):
     """Swinging follower, with a roller if `radius` is given, otherwise with a flat face."""
 
     type: Literal["swing"]
-    arm: Length = Field(description="pivot to roller centre, or where the lift of a flat face is measured")
-    distance: Length = Field(description="pivot to the cam's centre")
+    arm: Length = Field(
+        description="from the pivot to the roller centre, or to the place where the lift of a flat face is measured"
+    )
+    distance: Length = Field(description="from the pivot to the cam's centre")
     radius: Length | None = Field(None, description="of the roller")
     angle: PositiveAngle | None = Field(
         None, description="arm to line of centres on the base circle, instead of base_radius"
@@ -163,7 +165,7 @@ FollowerRecord = Annotated[FlatRecord | RollerRecord | SwingingFollowerRecord, F
 class CamDesignRecord(PartRecord[valvetrain.Cam]):
     """Cam without a shaft: its lift over one revolution, and the follower that determines the profile."""
 
-    at: Name | None = Field(None, description="named node of the camshaft")
+    at: Name | None = Field(None, description="the name of a node of the camshaft")
     follower: FollowerRecord | None = Field(None, description="follower that touches the cam")
     law: LawValue | None = Field(None, description="motion law: a name, { id = ..., ... }, or a law file (.toml)")
     return_law: LawValue | None = Field(None, description="law of the return, reversed; that of the rise by default")
@@ -257,7 +259,7 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
 class CamRecord(CamDesignRecord):
     """A cam on its shaft."""
 
-    at: Name = Field(description="named node of the camshaft")  # pyright: ignore[reportIncompatibleVariableOverride, reportGeneralTypeIssues]
+    at: Name = Field(description="the name of a node of the camshaft")  # pyright: ignore[reportIncompatibleVariableOverride, reportGeneralTypeIssues]
     axis: Vector | None = Field(
         None, description="sense of rotation; along the shaft to positive coordinates by default"
     )

@@ -24,8 +24,8 @@ from flexcam.case.schema.base import (
 )
 from flexcam.valvetrain import DAMPING_DEPTH, CheckValve, Lubrication, OilChamber, PlungerTravel
 
-_CamName = Annotated[Name, Field(description="name of a cam")]
-_FollowerName = Annotated[Name, Field(description="point that the cam moves")]
+_CamName = Annotated[Name, Field(description="the name of a cam")]
+_FollowerName = Annotated[Name, Field(description="the name of the point that the cam moves")]
 _LiftDirection = Annotated[LineValue | None, Field(description="of the lift; from cam to follower by default")]
 _Restitution = Annotated[
     Ratio | None, Field(le=1.0, description="coefficient of restitution: speed of separation per speed of approach")
@@ -62,7 +62,9 @@ class BilateralRecord(Record):
 class LubricationRecord(PartRecord[Lubrication]):
     """Oil and surfaces of a cam contact, for the channels of film, flash temperature and wear."""
 
-    viscosity: Annotated[float, Unit("viscosity", above=True)] = Field(description="dynamic, of the oil at the inlet")
+    viscosity: Annotated[float, Unit("viscosity", above=True)] = Field(
+        description="dynamic viscosity of the oil at the inlet"
+    )
     pressure_viscosity: Annotated[float, Unit("pressure-viscosity coefficient", above=True)] = Field(
         description="alpha of Barus: the viscosity grows by exp(alpha p)"
     )
@@ -95,7 +97,7 @@ class UnilateralRecord(Record):
     follower: _FollowerName
     direction: _LiftDirection = None
     stiffness: Literal["hertz"] | PositiveStiffness = Field(
-        description="a number, or hertz for line contact with the cam's own curvature", union_mode="left_to_right"
+        description="a value, or hertz for line contact with the cam's own curvature", union_mode="left_to_right"
     )
     dissipation: Annotated[float, Unit("inverse velocity")] = Field(
         0.0, description="chi of Hunt and Crossley: force times 1 + chi times the rate of approach"
@@ -127,7 +129,7 @@ class SeatRecord(Record):
     """A stop, such as a valve seat."""
 
     model: Literal["seat"]
-    at: Name
+    at: Name = Field(description="the name of a point")
     direction: LineValue | None = Field(None, description="away from the seat; a rocker's point has its own")
     stiffness: PositiveStiffness
     damping: DampingValue = 0.0
@@ -138,7 +140,7 @@ class SeatRecord(Record):
 class _GapRecord(Record):
     """Connection between a rocker and its point, or between two nodes."""
 
-    at: Name | None = Field(None, description="name of a rocker: the lash is at its point")
+    at: Name | None = Field(None, description="the name of a rocker: the lash is at its point")
     start: Name | None = Field(None, alias="from", description="node, or point of a rocker, that pushes")
     to: Name | None = Field(None, description="node that is pushed")
     direction: LineValue | None = Field(None, description="in which it pushes, between nodes")
@@ -164,7 +166,7 @@ class LashRecord(_GapRecord):
     model: Literal["lash"]
     direction: DirectionValue | None = Field(None, description="in which it pushes or turns, between nodes")
     gap: Annotated[float, Unit("length", axis="angle")] = Field(
-        description="at the rocker's point, m; rad about an axis"
+        description="clearance at the point of the rocker, or between the two nodes; rad about an axis"
     )
     stiffness: Annotated[float, Unit("stiffness", above=True, axis="rotational stiffness")] | None = Field(
         None,
@@ -186,7 +188,7 @@ class CheckValveRecord(PartRecord[CheckValve]):
         0.0, description="of the supply above the chamber, at which the ball leaves its seat"
     )
     seat_diameter: Length
-    ball_travel: Length = Field(description="of the ball from its seat to its cage")
+    ball_travel: Length = Field(description="travel of the ball from its seat to its cage")
     density: Annotated[float, Unit("density", above=True)] = Field(850.0, description="of the oil")
     discharge: Annotated[float, Unit("number", above=True, most=1.0)] = Field(
         0.62, description="coefficient of the flow between ball and seat"
@@ -197,12 +199,12 @@ class CheckValveRecord(PartRecord[CheckValve]):
 class OilRecord(PartRecord[OilChamber]):
     """Oil chamber under the plunger of an adjuster, which gives its stiffness and its leak-down."""
 
-    viscosity: Annotated[float, Unit("viscosity", above=True)] = Field(description="dynamic, of the oil")
-    bulk_modulus: Stress = Field(description="of the oil without air")
+    viscosity: Annotated[float, Unit("viscosity", above=True)] = Field(description="dynamic viscosity of the oil")
+    bulk_modulus: Stress = Field(description="bulk modulus of the oil without air")
     plunger_diameter: Length
-    clearance: Length = Field(description="radial, between plunger and body")
-    land_length: Length = Field(description="of the plunger in its body")
-    chamber_height: Length = Field(description="of the oil under the plunger, with the check valve's space")
+    clearance: Length = Field(description="radial clearance between plunger and body")
+    land_length: Length = Field(description="length of the plunger in its body")
+    chamber_height: Length = Field(description="height of the oil under the plunger, with the check valve's space")
     air: Annotated[float, Unit("number", most=0.5)] = Field(0.0, description="part of the volume, at `pressure`")
     pressure: Stress | None = Field(
         None, description="absolute, typical of the loaded chamber, for the stiffness of the air; 1 MPa by default"
@@ -234,9 +236,9 @@ class OilRecord(PartRecord[OilChamber]):
 class TravelRecord(PartRecord[PlungerTravel]):
     """Stops of the plunger of an adjuster in its body."""
 
-    compression: Length = Field(description="from the installed position to the bottom")
-    extension: Length = Field(description="from the installed position to the retaining ring")
-    stiffness: PositiveStiffness = Field(description="of both stops")
+    compression: Length = Field(description="travel from the installed position to the bottom")
+    extension: Length = Field(description="travel from the installed position to the retaining ring")
+    stiffness: PositiveStiffness = Field(description="stiffness of both stops")
     damping: DampingValue = Field(0.0, description="of both stops")
     kind = PlungerTravel
 
@@ -253,7 +255,7 @@ class AdjusterRecord(_GapRecord):
     refill: Annotated[float, Unit("damping", above=True)] = Field(
         description="force per velocity while the check valve is open"
     )
-    plunger_force: Force = Field(description="of the plunger at rest, from its spring and the supply pressure")
+    plunger_force: Force = Field(description="force of the plunger at rest, from its spring and the supply pressure")
     travel: TravelRecord | None = Field(None, description="stops of the plunger, which needs its own node with a mass")
 
     @model_validator(mode="after")

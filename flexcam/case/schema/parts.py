@@ -11,6 +11,7 @@ from pydantic import AfterValidator, Field, model_validator
 from flexcam import valvetrain
 from flexcam.case.curves import LoadValue, MatrixValue
 from flexcam.case.schema.base import (
+    DIRECTION,
     Component,
     DampingValue,
     DirectionValue,
@@ -66,7 +67,7 @@ class MaterialRecord(PartRecord[Material]):
 _Thickness = Annotated[float, Unit("length")]
 _EndLengths = Annotated[
     Length | tuple[Length, Length],
-    Field(description="at both ends, from the first node to the last, where the member tapers"),
+    Field(description="two values where the member tapers, at its first and its last node"),
 ]
 
 
@@ -102,7 +103,9 @@ class TubeRecord(_SectionRecord):
 
     shape: Literal["tube"]
     outer_diameter: _EndLengths
-    inner_diameter: Annotated[_Thickness | tuple[_Thickness, _Thickness], Field(description="as outer_diameter")]
+    inner_diameter: Annotated[
+        _Thickness | tuple[_Thickness, _Thickness], Field(description="two values where the member tapers")
+    ]
     kind, dimensions = Section.tube, ("outer_diameter", "inner_diameter")
 
 
@@ -145,8 +148,8 @@ SectionRecord = Annotated[CircleRecord | TubeRecord | RectangleRecord | CustomRe
 class MemberRecord(Record):
     """Material, section and elements of a line group of the mesh or of a chain of named nodes."""
 
-    material: Name
-    section: Name
+    material: Name = Field(description="the name of a material")
+    section: Name = Field(description="the name of a section")
     nodes: list[Name] | None = Field(
         None, min_length=2, description="named nodes along the member (without a mesh file)"
     )
@@ -182,7 +185,7 @@ _Product = Annotated[float, Unit("inertia", signed=True)]
 class MassRecord(PartRecord[valvetrain.MassAt]):
     """Rigid body at a point."""
 
-    at: Name
+    at: Name = Field(description="the name of a point")
     mass: MassValue
     inertia: tuple[Inertia, Inertia, Inertia] = Field((0.0, 0.0, 0.0), description="about its centre, global axes")
     offset: Point = Field((0.0, 0.0, 0.0), description="from the node to its centre, global axes")
@@ -197,7 +200,8 @@ class MassRecord(PartRecord[valvetrain.MassAt]):
 
 
 _MatrixFile = Annotated[
-    MatrixValue, Field(description="file, or { file = ..., matrix = ... } for one matrix of a Nastran punch file")
+    MatrixValue,
+    Field(description="a matrix file, or { file = ..., matrix = ... } for one matrix of a Nastran punch file"),
 ]
 
 
@@ -205,9 +209,9 @@ class SuperelementRecord(Record):
     """Elastic body by its matrices, which another program computed; its axes are the global ones."""
 
     nodes: dict[Annotated[str, Field(pattern=r"^[1-9][0-9]*$")], Name] = Field(
-        min_length=2, description="numbers of its interface nodes in the files, and their named nodes"
+        min_length=2, description='the named nodes by their numbers in the files: { 12 = "left", 31 = "right" }'
     )
-    units: Literal["m-kg-s", "mm-t-s"] = Field(description="of the files: length, mass and time")
+    units: Literal["m-kg-s", "mm-t-s"] = Field(description="the units of the files, m-kg-s or mm-t-s")
     stiffness: _MatrixFile
     mass: _MatrixFile
     damping: _MatrixFile | None = None
@@ -235,8 +239,8 @@ class SuperelementRecord(Record):
 class RigidLinkRecord(Record):
     """Massless rigid connection: nodes follow a leading node as points of one body, or by some components only."""
 
-    start: Name = Field(alias="from", description="named node that leads")
-    to: list[Name] = Field(min_length=1, description="named nodes that follow; they may lie at its place")
+    start: Name = Field(alias="from", description="the name of the node that leads")
+    to: list[Name] = Field(min_length=1, description="the names of the nodes that follow; they may lie at its place")
     components: list[Component] = Field(
         default=[*COMPONENTS], min_length=1, description="that follow, in global axes; translations alone: a ball joint"
     )
@@ -245,16 +249,18 @@ class RigidLinkRecord(Record):
 class FilmRecord(Record):
     """Oil film of a journal bearing, by the theory of the short bearing."""
 
-    diameter: Length = Field(description="of the journal")
-    length: Length = Field(description="of the bearing along the shaft")
+    diameter: Length = Field(description="diameter of the journal")
+    length: Length = Field(description="length of the bearing along the shaft")
     radial_clearance: Length
-    viscosity: Annotated[float, Unit("viscosity", above=True)] = Field(description="dynamic, of the oil in the film")
+    viscosity: Annotated[float, Unit("viscosity", above=True)] = Field(
+        description="dynamic viscosity of the oil in the film"
+    )
 
 
 class BearingRecord(Record):
     """Bearing perpendicular to the shaft: isotropic stiffness and damping, or an oil film."""
 
-    at: Name
+    at: Name = Field(description="the name of a point")
     stiffness: Stiffness | None = None
     damping: DampingValue = 0.0
     film: FilmRecord | None = None
@@ -275,15 +281,21 @@ _SlidingSpeed = Annotated[float, Unit("velocity", above=True, axis="speed")]
 class FrictionRecord(Record):
     """Friction of a guide, a seal or a pivot, to ground or between two points, or of a spring in another one."""
 
-    at: Name | None = Field(None, description="point that slides")
+    at: Name | None = Field(None, description="the name of the point that slides")
     to: Name | None = Field(None, description="the other side; ground where absent")
     direction: DirectionValue | None = Field(None, description="in which the point slides")
     spring: Name | None = Field(None, description="instead of at and direction: inner spring or damper of a nest")
     inside: Name | None = Field(None, description="outer spring of the nest, with the same ends")
-    force: _FrictionForce = Field(description="Coulomb's force, N, or moment about an axis, N m")
-    breakaway_force: _FrictionForce | None = Field(None, description="when sliding begins; as force by default")
-    stribeck_speed: _SlidingSpeed = Field(0.1, description="over which it falls to force, m/s, or rad/s about an axis")
-    friction_speed: _SlidingSpeed = Field(0.01, description="over which it reverses, m/s, or rad/s about an axis")
+    force: _FrictionForce = Field(description="the Coulomb friction force in N, or moment in N m about an axis")
+    breakaway_force: _FrictionForce | None = Field(
+        None, description="force at which sliding begins; as force by default"
+    )
+    stribeck_speed: _SlidingSpeed = Field(
+        0.1, description="speed over which the breakaway force falls to force, m/s, or rad/s about an axis"
+    )
+    friction_speed: _SlidingSpeed = Field(
+        0.01, description="speed over which the force reverses, m/s, or rad/s about an axis"
+    )
     damping: Annotated[float, Unit("damping", axis="rotational damping")] = Field(
         0.0, description="viscous part, N s/m, or N m s/rad about an axis"
     )
@@ -306,7 +318,7 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
 
     at: Name | None = Field(None, description="point of application")
     member: Name | None = Field(None, description="member it is distributed over")
-    direction: DirectionValue
+    direction: DirectionValue = Field(description=DIRECTION)
     force: Annotated[float, Unit("force", signed=True, axis="moment")] | None = Field(
         None, description="N at a point, N m about an axis"
     )
@@ -348,8 +360,8 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
         return valvetrain.GivenLoad(size or 0.0, along, self.at, self.member)
 
 
-_DefinedPoint = Annotated[Name, Field(description="point it defines")]
-_Arms = Annotated[tuple[Length, Length], Field(description="arm at `from` and at `to`")]
+_DefinedPoint = Annotated[Name, Field(description="the name of the point that it defines")]
+_Arms = Annotated[tuple[Length, Length], Field(description="two values, for the arms at `from` and at `to`")]
 _DrivenDirection = Annotated[LineValue | None, Field(description="motion at `from`; along the member there by default")]
 
 
@@ -357,10 +369,10 @@ class LumpedRecord(Record):
     """Rocker without bending: the point `to` moves by the ratio of the arms."""
 
     model: Literal["lumped"]
-    start: Name = Field(alias="from", description="named node it is driven at")
+    start: Name = Field(alias="from", description="the name of the node that drives it")
     to: _DefinedPoint
     arms: _Arms
-    inertia: Inertia = Field(0.0, description="about the rocker's shaft")
+    inertia: Inertia = Field(0.0, description="moment of inertia about the rocker's shaft")
     direction: _DrivenDirection = None
 
 
@@ -369,15 +381,17 @@ class LeverRecord(Record):
 
     model: Literal["lever"]
     start: Name = Field(
-        alias="from", description="named node it is driven at; a new name for a finger that the cam touches"
+        alias="from", description="the name of the node that drives it; a new name for a finger that the cam touches"
     )
     to: _DefinedPoint
     arms: _Arms
     angles: tuple[SignedAngle, SignedAngle] = Field(
         (0.0, 0.0), description="of both arms as installed; 0 where an arm is square to the motion of its end"
     )
-    inertia: Annotated[float, Unit("inertia", above=True)] = Field(description="about the lever's axis")
-    stiffness: PositiveStiffness = Field(description="of the arm at `to`")
+    inertia: Annotated[float, Unit("inertia", above=True)] = Field(
+        description="moment of inertia about the lever's axis"
+    )
+    stiffness: PositiveStiffness = Field(description="stiffness of the arm at `to`")
     damping: DampingValue = Field(0.0, description="of the arm at `to`")
     drive_stiffness: PositiveStiffness | None = Field(
         None, description="of the arm at a driven node; as stiffness by default"
@@ -409,14 +423,15 @@ class RepeatRecord(Record):
     def _check_lengths(self) -> Self:
         names = self.copy_names
         if not names or len(set(names)) < len(names):
+            allowed = "names, or a firing_order" if not names else "each name once"
             why = "each copy needs its own name"
-            raise value_error("different names", why, inside="names", given=", ".join(names) or "nothing")
+            raise value_error(allowed, why, inside="names", given=", ".join(names) or "nothing")
         for key, other in (("offsets", "spacing"), ("phases", "firing_order")):
             values = getattr(self, key)
             if values is not None and getattr(self, other) is not None:
                 raise value_error(f"either {key} or {other}", given=f"{key} and {other}")
             if values is not None and len(values) != len(names):
-                raise value_error(f"{len(names)} values, one for each name", inside=key, given=f"{len(values)} values")
+                raise value_error(f"{len(names)}, one for each name", inside=key, given=f"{len(values)} values")
         missing = [name for name in names if self.firing_order is not None and name not in self._order]
         if missing or len(set(self._order)) < len(self._order):
             allowed = f"an order such as '1-3-4-2' that contains {', '.join(names)} once"

@@ -250,9 +250,9 @@ class FluctuationRecord(Record):
 class FreeRunningRecord(Record):
     """Speed of a freely rotating cam, as its reduced inertia changes with the lift."""
 
-    cam: Name
-    cam_mass: Annotated[float, Unit("mass", above=True)] = Field(description="of the cam, as a disc")
-    follower_mass: MassValue = Field(description="of the follower")
+    cam: Name = Field(description="the name of a cam")
+    cam_mass: Annotated[float, Unit("mass", above=True)] = Field(description="mass of the cam, as a disc")
+    follower_mass: MassValue = Field(description="mass of the follower")
 
 
 _PhaserRow = tuple[Annotated[float, Unit("time")], SignedAngle]

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from flexcam import valvetrain
 from flexcam.case.schema.base import (
+    DIRECTION,
     DirectionValue,
     Force,
     Length,
@@ -71,7 +72,9 @@ class CoilsRecord(PartRecord[Coils]):
     """Neighbouring active coils of a spring, of equal pitch."""
 
     turns: PositiveNumber = Field(description="number of coils")
-    diameter: Length | tuple[Length, Length] = Field(description="of the mean circle; at both ends where it tapers")
+    diameter: Length | tuple[Length, Length] = Field(
+        description="diameter of the mean circle; two values where it tapers"
+    )
     pitch: Length = Field(description="rise per coil of the free spring")
 
     def build(self) -> Coils:
@@ -98,9 +101,9 @@ class PulsationRecord(PartRecord[valvetrain.Pulsation]):
 class SpringRecord(PartRecord[valvetrain.Spring]):
     """Spring and damper along one direction, to ground or to another point."""
 
-    at: Name
+    at: Name = Field(description="the name of a point")
     to: Name | None = Field(None, description="the other end; ground where absent")
-    direction: DirectionValue
+    direction: DirectionValue = Field(description=DIRECTION)
     stiffness: Annotated[float, Unit("stiffness", axis="rotational stiffness")] = Field(
         0.0, description="N/m, or N m/rad about an axis"
     )

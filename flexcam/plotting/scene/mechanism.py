@@ -86,7 +86,7 @@ def _cams(model: Model, notes: Notes) -> Iterator[CamPlacement]:
         if np.isinf(follower.roller_radius):  # the face covers the whole contact with a margin of a tenth
             away = float(np.abs(cam_profile(cam.event, follower, turn=cam.turn).offset).max())
             face = max(1.1 * math.hypot(away, 0.5 * width), 0.5 * follower.base_radius)
-            notes.record("face of follower", contact.follower, face, "radius on which the whole contact lies")
+            notes.record("face radius of follower", contact.follower, face, "which covers the whole contact")
         yield CamPlacement(frame, node, contact, lift, ahead, face)
 
 
@@ -321,11 +321,13 @@ def build_mechanism(structure: Structure) -> Mechanism:
     levers = {name: _lever(model, one, cams) for name, one in model.rockers.items()}
     valves = tuple(_valves(model, levers))
     for one in valves:
-        notes.record("valve head at", one.point, head, "four lifts across")
+        notes.record("diameter of the valve head at", one.point, head, "four lifts")
         if one.stem:
-            notes.record("valve stem at", one.point, STEM * head, "a sixth of its head across and three heads long")
+            notes.record(
+                "diameter of the valve stem at", one.point, STEM * head, "a sixth of its head's; three heads long"
+            )
     thick = 0.42 * min((arm for one in model.rockers.values() for arm in one.arms), default=0.0)
     for name in levers:
-        notes.record("rocker", name, thick, "thick: 0.42 of the shortest arm")
+        notes.record("thickness of rocker", name, thick, "0.42 of the shortest arm")
     springs = tuple(_springs(structure, cams, levers, head, notes))
     return Mechanism(structure, cams, levers, valves, springs, head, thick, notes.lines)
