@@ -280,7 +280,7 @@ def _shared_point_faults(record: CaseRecord, places: KeyLocations, mesh: Mesh) -
 
 
 def _link_faults(record: CaseRecord, places: KeyLocations) -> Iterator[Fault]:
-    """Yield nodes that follow two nodes, or that follow one and lead, bear or bound something else."""
+    """Yield nodes that follow two nodes, or that follow one node and lead others, end a superelement or are held."""
     users = {link.start: f"it leads rigid_links.{name}" for name, link in record.rigid_links.items()}
     for name, body in record.superelements.items():
         users |= dict.fromkeys(body.nodes.values(), f"superelements.{name} ends there")

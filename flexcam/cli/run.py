@@ -40,7 +40,7 @@ from flexcam.report.terminal import show_progress
 from flexcam.valvetrain import MemberStrength, Metric, StrengthSink, build_structure
 
 _CHATTER = 0.1
-"""Change of a contact force from one revolution to the next, rms, above which the contact is said to chatter."""
+"""Change of a contact force from one revolution to the next, rms, above which the run reports chatter."""
 
 
 @dataclass(frozen=True, eq=False)

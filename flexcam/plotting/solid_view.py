@@ -86,7 +86,7 @@ class MechanismView:
         )
 
     def show_alone(self, i: int) -> None:
-        """Show instant i as an image, with the range of its own colours."""
+        """Show instant i as an image, with the colours in its range."""
         self.show(i)
         if self._motion.values is not None:
             for actor in self._actors.values():
