@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
 from flexcam.dynamics import SLOPES, Block, History, Response, Series, peak, value_range
+from flexcam.valvetrain import seating
 
 _INSTANT_TOLERANCE = 1e-6  # tolerance for equal instants relative to a step
 
@@ -19,6 +20,7 @@ Norm = Literal["max", "rms"]
 
 _MOTIONS = {"lift": "displacement", "velocity": "velocity", "acceleration": "acceleration"}
 _UNITS = {"lift": "m", "velocity": "m/s", "acceleration": "m/s^2"}
+_SEATING = "seating velocity"
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,14 +29,14 @@ class Histories:
 
     time: FloatArray  #: instants, s, shape (m,)
     #: history by quantity, SI, shape (m,): ``lift``, ``velocity`` and ``acceleration`` of the probe, ``force NAME`` of
-    #: every contact
+    #: every contact; a seating velocity is constant
     values: Mapping[str, FloatArray]
     #: rate of a quantity that is cubic between two instants, by name, shape (m,); other quantities are linear there
     slopes: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
 
     def unit(self, quantity: str) -> str:
         """Return the SI unit of a quantity."""
-        return _UNITS.get(quantity, "N")
+        return "m/s" if quantity.startswith(_SEATING) else _UNITS.get(quantity, "N")
 
     def size(self, quantity: str) -> float:
         """Return the maximum absolute value of a quantity; for the lift its range, unless it is constant."""
@@ -62,6 +64,19 @@ def extract_histories(response: Response, probe: str) -> Histories:
         if name.startswith("contacts.") and name.endswith(".force")
     }
     return Histories(response.time, {**motions, **forces}, slopes)
+
+
+def with_seating(histories: Histories, response: Response) -> Histories:
+    """Return histories with the seating velocity of every valve in the last revolution."""
+    last = response.angle > response.angle[-1] - 2.0 * np.pi
+    values = dict(histories.values)
+    for name in (one.removesuffix(".gap") for one in response.channels if one.endswith(".gap")):
+        if f"{name}.velocity" in response.channels:
+            gap, velocity = (response.channels[f"{name}.{one}"][last] for one in ("gap", "velocity"))
+            if (came := seating(gap, velocity, response.angle[last])) is not None:
+                seat = f"{_SEATING} {name.partition('.')[2]}"
+                values[seat] = np.full_like(response.time, came.velocity)
+    return replace(histories, values=values)
 
 
 def select_norm(quantity: str, asked: Norm | None) -> Norm:

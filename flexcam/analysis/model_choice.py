@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from flexcam.analysis.histories import Histories, Norm, distance, extract_histories
+from flexcam.analysis.histories import Histories, Norm, distance, extract_histories, with_seating
 from flexcam.analysis.preparation import DEFAULT_STEPS_PER_REVOLUTION, prepare, prepare_without_periodic_search
 from flexcam.analysis.prepared_run import PreparedRun, scalar_probe
 from flexcam.case.case import Case
@@ -62,13 +62,16 @@ def run_count(case: Case, work: int) -> int:
     return max(round(work / steps_per_revolution_of(case)), 1) if work else 1
 
 
-def run_histories(case: Case, probe: str, until: float | None = None, work: int = 0) -> Histories:
+def run_histories(
+    case: Case, probe: str, until: float | None = None, work: int = 0, *, seatings: bool = False
+) -> Histories:
     """Return the compared histories of a case's run; `work` is the steps per revolution of all planned runs."""
     ready = prepare(case, until=until, runs=run_count(case, work))
     response = solve(ready.problem, ready.scheme, save=ready.save, until=until)
     if not response.status.ok:
         raise RunFailedError(response.status)
-    return extract_histories(response, probe)
+    found = extract_histories(response, probe)
+    return with_seating(found, response) if seatings else found
 
 
 def steps_per_revolution_of(case: Case) -> int:
@@ -397,14 +400,15 @@ def estimate_errors(case: Case, probe: str, until: float | None = None) -> list[
     asked = own.record.fidelity
     coarse = asked.model != "beams" or asked.modes is not None
     work = sum(counts) + steps * (2 if coarse else 1)
-    runs = {n: run_histories(with_steps(own, n), probe, until, work) for n in counts}
+    runs = {n: run_histories(with_steps(own, n), probe, until, work, seatings=True) for n in counts}
     longer, shorter = (distance(runs[a], runs[b]) for a, b in pairwise(counts))
     base, better = runs[steps], runs[2 * steps]
-    model = distance(base, run_histories(with_beam_model(own), probe, until, work)) if coarse else {}
-    mesh = distance(base, run_histories(finer, probe, until, work))
+    beams = run_histories(with_beam_model(own), probe, until, work, seatings=True) if coarse else base
+    model = distance(base, beams) if coarse else {}
+    mesh = distance(base, run_histories(finer, probe, until, work, seatings=True))
     step = distance(base, better)
     errors: list[Error] = []
-    for name in step:
+    for name in (name for name in step if name in longer.keys() & shorter.keys() & mesh.keys()):
         size = base.size(name)
         holds = shorter[name] <= max(_CONVERGENCE_RATIO * longer[name], _ROUNDING * size)
         parts = _SAFETY_FACTOR * step[name], _SAFETY_FACTOR * mesh[name], model.get(name, 0.0)

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from flexcam import InputError, prepare, read_case, solve
+from flexcam import InputError, prepare, read_case, run, solve
 from flexcam.analysis.histories import Histories, distance, extract_histories
 from flexcam.analysis.model_choice import (
     Choice,
@@ -336,6 +336,17 @@ class TestEstimate:
         case = read_case(ENGINE, [*fast, "springs.valve.elements=2", "members.pushrod.geometric_stiffness=false",
                                   "members.pushrod.bow=0"])  # fmt: skip
         assert not {one.quantity: one for one in estimate_errors(case, "valve")}["force intake"].holds
+
+    @pytest.mark.usefixtures("machine_code")
+    def test_the_seating_velocity_has_an_error(self):
+        """At 3000 crank rpm a valve that rings meets its ramp: eight times the steps seat it within what is claimed."""
+        slow = ["run.crank_speed=3000rpm", "run.revolutions=1", "run.steps_per_revolution=720"]
+        plain = ["members.pushrod.geometric_stiffness=false", "members.pushrod.bow=0", "springs.valve.elements=2"]
+        case = read_case(ENGINE, [*slow, *plain])
+        (found,) = (one for one in estimate_errors(case, "valve") if one.quantity == "seating velocity seat")
+        true = run(with_steps(case, 8 * 720)).metrics["contacts.seat.seating_velocity"]
+        assert found.unit == "m/s"
+        assert 0.0 < abs(found.size - true) <= found.total < 0.3 * true
 
     def test_of_a_rigid_model_it_is_the_distance_to_beams(self):
         case = read_case(INLINE, ['fidelity.model="rigid"', "run.steps_per_revolution=180"])
