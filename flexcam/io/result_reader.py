@@ -206,9 +206,11 @@ def _read_about(file: Any) -> dict[str, str]:  # noqa: ANN401
             found = text if kind is str else json.loads(text)
         except (KeyError, ValueError, RecursionError):
             found = None
-        texts: Any = found.values() if isinstance(found, dict) else found if isinstance(found, list) else ()
-        is_text = name not in schema.ABOUT_TEXTS or all(isinstance(one, str) for one in texts)
-        if not (isinstance(found, kind) and is_text):
+        if isinstance(found, kind) and name in schema.ABOUT_TEXTS:
+            values: Any = found
+            texts: list[Any] = list(values.values() if kind is dict else values)
+            found = found if all(isinstance(one, str) for one in texts) else None
+        if not isinstance(found, kind):
             given, allowed = f"nothing about {name!r} of its case, or something else", "a result that keeps its case"
             raise refuse(f"/{schema.ABOUT}", given, allowed, "", "compute it again")
     return about
