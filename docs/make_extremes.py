@@ -17,10 +17,9 @@ PAGE = ROOT / "docs/extremes.md"
 
 HEAD = """# Extreme parameters: right, warning, refused
 
-The range of steps, speeds, ratios of masses and stiffnesses, slenderness, loads and damping in which flexcam is right, and its
-warnings and refusals beyond. Deviations are relative unless a unit is given. A line sums up the rows of a test and begins its
-message; [extremes.csv](extremes.csv) has all {count} rows and messages with their tests in `tests/extremes`, which give the reasons
-for the tolerances. `make extremes` generates this page.
+The range in which flexcam is right, and its warnings and refusals beyond. Deviations are relative unless a unit is given. A line sums
+up the rows of a test and begins its message; [extremes.csv](extremes.csv) has all {count} rows and messages with their tests in
+`tests/extremes`, which give the reasons for the tolerances. `make extremes` generates this page.
 """
 EXTREMES = (
     "step times frequency", "steps per revolution", "camshaft speed", "many revolutions", "ratio of masses",
@@ -37,7 +36,7 @@ PARTS = {
 }
 SHOWN = 4
 """Rows of a test up to which its line shows the values of all; otherwise it shows the first."""
-WORDS = 12
+WORDS = 8
 """Words of a message that a line shows."""
 
 

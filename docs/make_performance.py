@@ -26,9 +26,8 @@ WIDTH = 120
 
 HEAD = """# Performance
 
-Times and memory of flexcam on linear runs, runs with contact, sweeps, modes and whole commands, and a comparison with other solvers.
-`make performance` and `make bench-peers` measure them; `docs/make_performance.py` generates this page. All use one thread of linear
-algebra. A time is the minimum of several repeats. Do not compare figures of different machines.
+`make performance` and `make bench-peers` measure times and memory; `docs/make_performance.py` generates this page. All use one
+thread of linear algebra. A time is the minimum of several repeats. Do not compare figures of different machines.
 """
 
 
@@ -75,10 +74,9 @@ def _peers(found: dict) -> list[str]:
         B1,
         "| B5 | B1 at 100 speeds from 500 to 5000 rpm; slow solvers run some of them, and their time is scaled |",
         "",
-        "flexcam and OpenSees build their own elements, the others get matrices. The solvers run in turn, each in its own process.",
-        "Times count only if all solvers give the same displacement of the middle (maximum difference from the scipy loop relative to",
-        f"the motion: {allowed}). *µs per step* is that of the call that integrates, with factorization; *process* includes",
-        "imports, B5 does not. Ratios refer to the first row.",
+        "flexcam and OpenSees build their own elements, the others get matrices. The solvers run in turn, each in its own process, and must",
+        "give the same displacement of the middle (maximum difference from the scipy loop relative to the motion:",
+        f"{allowed}). *µs per step* includes the factorization, *process* also imports. Ratios refer to the first row.",
         "",
         "| solver | µs per step | ratio | process, s | B5, s | ratio | difference on B1, B5 |",
         "|---|---|---|---|---|---|---|",
@@ -115,8 +113,7 @@ def _linear(tables: dict) -> list[str]:
         "## Linear transient",
         "",
         "Time per step in µs of the shaft of B1, and of longer ones with the same spans, with Newmark's method: two probes saved /",
-        "displacement, velocity and acceleration of all unknowns saved at every step. Bold: the solver engine that flexcam selects, with its",
-        "time before the first step (factorization or modes, memory).",
+        "the motion of all unknowns saved at every step. Bold: the solver engine that flexcam selects, with its time before the first step.",
         "",
         "| unknowns | modal | kernel | direct | before, ms |",
         "|---|---|---|---|---|",
@@ -148,7 +145,7 @@ def _model(rows: list[dict]) -> list[str]:
     if not lines:
         return []
     return [
-        "Time of a step with probes saved as a function of the number of unknowns n, fitted to the rows above:",
+        "Time of a step with probes saved, fitted to the rows above, with n unknowns:",
         "",
         "| solver engine | unknowns | µs per step | maximum error of the fit |",
         "|---|---|---|---|",
@@ -197,9 +194,9 @@ def _contact(tables: dict) -> list[str]:
     return [
         "## Contact",
         "",
-        "Time per step in µs over two camshaft revolutions from the start of the case: the probes saved / every channel, energy and field of",
-        "the case saved. Bold: the solver engine that flexcam selects. *Events* are openings and closings of contacts with restitution,",
-        "*iterations* those of Newton's method for the local forces per step. *Straight*: the pushrod without bow and geometric stiffness.",
+        "Time per step in µs over the first two camshaft revolutions: the probes saved / every channel, energy and field of the case saved.",
+        "Bold: the solver engine that flexcam selects. *Events* are openings and closings of contacts with restitution, *iterations* those of",
+        "Newton's method per step. *Straight*: the pushrod without bow and geometric stiffness.",
         "",
         "| case | unknowns | local forces | steps | events | iterations | kernel | direct |",
         "|---|---|---|---|---|---|---|---|",
@@ -220,8 +217,8 @@ def _accuracy(tables: dict) -> list[str]:
     return [
         "## Accuracy in contact",
         "",
-        "Half a camshaft revolution with the kernel solver engine, by steps per revolution: rms error of the force between cam and follower,",
-        "relative to its rms, against a collocation with 115 200 steps / time of the steps with the probes only, ms.",
+        "Half a camshaft revolution with the kernel solver engine, by steps per revolution: relative rms error of the cam force against a",
+        "collocation with 115 200 steps / time of the steps with the probes only, ms.",
         "The collocation divides steps that are too long for the contacts, here those of 900 and 1800.",
         "",
         f"| case | method | {' | '.join(map(str, steps))} |",
@@ -283,8 +280,8 @@ def _derivatives(tables: dict) -> list[str]:
     ]
     return [
         "Derivatives with known values (`benchmarks/measure/derivatives.py`; SI): relative error and time of",
-        "`flexcam sensitivity --method exact` and `--method differences`. Frequencies, static results and Floquet",
-        "multipliers have the same derivatives with both.",
+        "`flexcam sensitivity --method exact` and `--method differences`, which are [the same](studies.md#derivatives) for",
+        "frequencies, static results and Floquet multipliers.",
         "",
         "| derivative | of | closed form | exact, error | ms | differences, error | ms |",
         "|---|---|---|---|---|---|---|",
@@ -305,9 +302,9 @@ def _searches(tables: dict) -> list[str]:
         "## Searches",
         "",
         "The highest crank speed at which the intake train of the pushrod engine keeps a force of 50 N on the nose, with a wire stress",
-        "below 856 MPa. Seven values are varied: speed, stiffness and installed force of the spring, four coefficients of the rise",
-        "(`benchmarks/measure/searches.py`). The table shows variants and processor time of `flexcam optimize` on one core, in all and",
-        f"until {searched[0]['reached_rpm']:.0f} rpm, 1 % below the result of the gradient. A variant of the gradient includes its derivatives.",
+        "below 856 MPa. Seven values vary: speed, stiffness and installed force of the spring, four coefficients of the rise",
+        "(`benchmarks/measure/searches.py`). Variants (of the gradient with derivatives) and processor time on one core, in all and",
+        f"until {searched[0]['reached_rpm']:.0f} rpm, 1 % below the result of the gradient.",
         "",
         "| method | variants | s | result, rpm | variants until then | s |",
         "|---|---|---|---|---|---|",
@@ -377,8 +374,7 @@ def _saving(tables: dict) -> list[str]:
         "## Saving",
         "",
         f"A full field of {found['nodes']} nodes at {found['steps']} steps, {found['mb']:.0f} MB with the rest of the result, takes {found['field_s']:.2f} s to write.",
-        "The table compares the cases with their own output intervals, in memory and with the result file, in ms: the steps only, and the",
-        "whole from reading the case to the end of the run.",
+        "Times in ms in memory and with the result file: of the steps, and of the run with the reading of the case.",
         "",
         "| case | steps | saved | run | saved |",
         "|---|---|---|---|---|",

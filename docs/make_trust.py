@@ -30,19 +30,19 @@ flexcam promises:
   megabyte takes longer than a second to read.
 - **No collisions.** Runs in threads and processes give the numbers of a run alone; two writers of one file cannot mix.
 
-The tables below list what the tests try. The damaged, hostile and random input and the machine faults that tests try on flexcam, with their number in the last run and the
+The tables list the damaged, hostile and random input and the machine faults that tests try, with their number in the last run and the
 outcome. A line sums up the rows of a test with one outcome; [trust.csv](trust.csv) has all rows with their tests. `make trust`
 generates this page.
 """
 
 KINDS = {
-    "mutated": ("Mutated input", "Random changes of cases, meshes and results, with fixed seeds. flexcam accepts or refuses each with its own message, within ten seconds and a memory limit."),
-    "planted": ("Invalid input", "One fault per input. The message names the place, the given value, the permitted values and the remedy."),
-    "damaged": ("Damaged results", "Results with flipped bits, cut-off files and files of other formats. flexcam refuses the file, or reads correct data."),
+    "mutated": ("Mutated input", "Random changes with fixed seeds. flexcam accepts or refuses each with its own message, within ten seconds and a memory limit."),
+    "planted": ("Invalid input", "One fault per input."),
+    "damaged": ("Damaged results", "flexcam refuses the file, or reads correct data."),
     "hostile": ("Hostile files", "Files that try to execute code, read other files or exhaust memory."),
     "killed": ("Killed and interrupted runs", "The test reads the remaining files and compares them with those of an uninterrupted run."),
-    "machine": ("Disks, folders, memory, time", "Failures of disk, folder, memory or time, with the message and the remaining files."),
-    "together": ("Concurrent processes", "Processes that write at the same time."),
+    "machine": ("Disks, folders, memory, time", "The message and the remaining files."),
+    "together": ("Concurrent processes", "Threads and processes that run or write at the same time."),
 }  # fmt: skip
 """Parts of the page, in order: heading and words."""
 
