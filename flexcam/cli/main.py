@@ -184,7 +184,7 @@ def _dispatch(words: Sequence[str]) -> int:
         elif isinstance(fault, OSError) and fault.filename is not None:
             what = Fault("file", str(fault.filename), "a file or folder that can be used", system_message(fault), "")
             code = _print_faults([what], as_json)
-        elif isinstance(fault, OSError) and fault.errno in _STREAM_FAULTS:
+        elif isinstance(fault, BrokenPipeError) or (isinstance(fault, OSError) and fault.errno in _STREAM_FAULTS):
             raise
         else:
             code = _report_crash(words, as_json)

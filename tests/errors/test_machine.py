@@ -314,3 +314,13 @@ def test_nobody_can_be_told(words, code, tmp_path):
             env=buffered, check=False,
         )  # fmt: skip
     assert done.returncode == code
+
+
+@pytest.mark.parametrize("words", [("new", "--list"), ("schema",), ("new", "--json")], ids=" ".join)
+def test_a_reader_that_closed_the_pipe_ends_a_command_silently(words):
+    reading, writing = os.pipe()
+    os.close(reading)
+    program = "import sys; from flexcam.cli.main import main; main(sys.argv[1:])"
+    done = subprocess.run([sys.executable, "-c", program, *words], stdout=writing, stderr=subprocess.PIPE, timeout=60)
+    os.close(writing)
+    assert (done.returncode, done.stderr) == (0, b"")
