@@ -103,7 +103,7 @@ def test_a_rough_reference_is_told(flexcam, ladder):
     assert own
     assert "acceleration" in own
     (told,) = done["warnings"]
-    assert all(f"{name} ({100.0 * error:.2g} %)" in told for name, error in own.items())
+    assert all(f"{name} ({float(format(100.0 * error, '.2g')):g} %)" in told for name, error in own.items())
     assert "the reference itself has a large error in" in told
     assert ladder["warnings"] == []
 
