@@ -21,7 +21,7 @@ from flexcam.case.schema.base import Length, Record
 from flexcam.case.schema.cams import FollowerRecord
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
-from flexcam.fem.frames import default_orientation, direction
+from flexcam.fem.frames import ROTATIONS, default_orientation, direction
 from flexcam.fem.members import Member
 from flexcam.fem.mesh import Mesh, refine
 from flexcam.fem.superelements import Superelement, reduce_superelement
@@ -145,12 +145,13 @@ def _mesh(case: Case) -> Mesh:
 
     bodies = {name: numbers(one.nodes.values()) for name, one in record.superelements.items()}
     links = {name: numbers((one.start, *one.to)) for name, one in record.rigid_links.items()}
+    joints = frozenset(name for name, one in record.rigid_links.items() if not {*ROTATIONS} <= {*one.components})
     try:
         if mesh is None:
             lines = {name: numbers(one.nodes or []) for name, one in record.members.items()}
-            mesh = Mesh(np.array(list(record.nodes.values())), lines, points, bodies, links)
+            mesh = Mesh(np.array(list(record.nodes.values())), lines, points, bodies, links, joints)
         else:
-            mesh = replace(mesh, bodies=bodies, links=links)
+            mesh = replace(mesh, bodies=bodies, links=links, joints=joints)
         return refine(mesh, {name: member.elements for name, member in record.members.items()})
     except InputError as refusal:
         where = case.place(("nodes",) if case.mesh is None else ("mesh",))
@@ -192,7 +193,7 @@ class _Geometry:
 
     def _shaft_rotation(self, node: int) -> FloatArray:
         """Return the axis of rotation of the cams on the shaft of a node."""
-        shaft = self.mesh.connected_nodes(node)
+        shaft = self.mesh.turning_nodes(node)
         own = [name for name, cam in self.case.cams.items() if self.mesh.node(cam.at, "at") in shaft]
         if not own:
             allowed, why = "a node of a member with a cam", "the cams of a shaft define its rotation"

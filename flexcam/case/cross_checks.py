@@ -88,11 +88,13 @@ class RawTables:
     def coincident_node_faults(self) -> Iterator[Fault]:
         """Yield coincident nodes, and members that contain a node twice."""
         first: dict[tuple[float, ...], str] = {}
-        links = [{link.get("from"), *map(str, _as_list(link.get("to")))} for _, link in self._each("rigid_links")]
+        leaders = {
+            str(node): link.get("from") for _, link in self._each("rigid_links") for node in _as_list(link.get("to"))
+        }
         for name, place in self._table("nodes").items():
             at = _node_coordinates(place)
             other = name if at is None else first.setdefault(at, name)
-            if other != name and not any({name, other} <= link for link in links):
+            if other != name and leaders.get(name, name) != leaders.get(other, other):
                 remedy = f"use {other!r} instead of {name!r}, move it, or join both by a rigid link"
                 yield self._fault(
                     ("nodes", name), f"the coordinates of {other!r}", "other coordinates", _SHARED_NODE, remedy
@@ -330,7 +332,7 @@ def _unsymmetric_shaft_faults(places: KeyLocations, model: Model) -> Iterator[Fa
     """Yield members that rotate with a cam and are not equally stiff in all directions."""
     shafts: dict[str, str] = {}
     for cam, part in model.cams.items():
-        nodes = model.mesh.connected_nodes(model.mesh.node(part.at))
+        nodes = model.mesh.turning_nodes(model.mesh.node(part.at))
         for member, line in model.mesh.lines.items():
             if np.isin(line, nodes).any():
                 shafts.setdefault(member, cam)
@@ -352,7 +354,7 @@ def _rotation_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
     first: dict[int, str] = {}
     axes = {contact.cam: contact.shaft_axis for contact in model.cam_contacts.values()}
     for name, axis in axes.items():
-        shaft = int(model.mesh.connected_nodes(model.mesh.node(model.cams[name].at))[0])
+        shaft = int(model.mesh.turning_nodes(model.mesh.node(model.cams[name].at))[0])
         other = first.setdefault(shaft, name)
         if float(axis @ axes[other]) < 0.0:
             given = f"{_format_axis(axis)}, against cam {other!r} about {_format_axis(axes[other])}"

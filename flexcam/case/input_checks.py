@@ -244,6 +244,9 @@ def _nodes(case: Case, point: str) -> list[int]:
     return case.mesh.points[point].tolist() if point in case.mesh.points else []
 
 
+_SECTION_CHANGE = 1.3
+"""Ratio of second moments over a tapered element above which deflections are wrong by some percent."""
+
 _MIN_SLENDERNESS, _MAX_SLENDERNESS = 0.2, 2000.0
 """Limits of the ratio of length to section size outside of which a member's units are probably inconsistent."""
 
@@ -256,6 +259,14 @@ def _slenderness_warnings(case: Case) -> Iterator[str]:
             points = np.array([case.record.nodes[node] for node in member.nodes or []])
         length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
         size = 2.0 * case.record.sections[member.section].part.at(0.5).radius
+        ends = [case.record.sections[member.section].part.at(share) for share in (0.0, 1.0)]
+        change = max(max(pair) / min(pair) for pair in zip(*((one.Iy, one.Iz) for one in ends), strict=True))
+        count = member.elements * (len(points) - 1)
+        if change > _SECTION_CHANGE**count:
+            wanted = math.ceil(math.log(change) / math.log(_SECTION_CHANGE) / (len(points) - 1))
+            share = f"{100.0 * (change ** (1.0 / count) - 1.0):.3g} %"
+            why = f"its second moment changes by {share} per element, which has one section"
+            yield f"{case.place(('members', name))}: {why}; take elements = {wanted}"
         if not _MIN_SLENDERNESS <= length / size <= _MAX_SLENDERNESS:
             sizes = f"{length:g} m long and {size:g} m thick, {length / size:.2g} to one"
             yield f"{case.place(('members', name))}: {sizes}: do lengths and sections have the same unit?"

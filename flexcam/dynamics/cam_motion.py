@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING, Protocol, TypeVar, cast
 
 import numpy as np
@@ -281,7 +282,7 @@ class PhasedSpeed:
 
     def __post_init__(self) -> None:
         positive("speed", self.speed, "rad/s")
-        fine = np.linspace(self.times[0], self.times[-1], 20 * len(self.times))
+        fine = np.concatenate([np.linspace(one, later, 21) for one, later in pairwise(self.times)])
         slowest = float(self.at(fine).speed.min())
         if slowest <= 0.0:
             why = "the shaft must keep turning"

@@ -45,6 +45,8 @@ class Mesh:
     links
         Name of a rigid link to its nodes, shape (k,): the leading one first, then those that follow it, which may lie
         at the same place.
+    joints
+        Names of the links that do not pass all rotations.
 
     Raises
     ------
@@ -63,10 +65,11 @@ class Mesh:
     points: Mapping[str, IntArray]
     bodies: Mapping[str, IntArray] = field(default_factory=dict[str, IntArray])
     links: Mapping[str, IntArray] = field(default_factory=dict[str, IntArray])
+    joints: frozenset[str] = frozenset()
 
     def __reduce__(self) -> tuple[type[Mesh], tuple[object, ...]]:
         """Return the constructor and its arguments, for pickle and copy."""
-        return type(self), (self.nodes, *(dict(getattr(self, groups)) for groups in _GROUPS))
+        return type(self), (self.nodes, *(dict(getattr(self, groups)) for groups in _GROUPS), self.joints)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "nodes", finite_array("nodes", self.nodes, (None, 3)))
@@ -177,6 +180,27 @@ class Mesh:
         """Node numbers of the parts that links connect too."""
         return self._connect({**self.bodies, **self.links}) if self.links else self.parts
 
+    @cached_property
+    def _shafts(self) -> list[IntArray]:
+        """Node numbers of the parts that members, bodies and links with all rotations connect."""
+        stiff = {name: nodes for name, nodes in self.links.items() if name not in self.joints}
+        return self._connect({**self.bodies, **stiff}) if stiff else self.parts
+
+    def turning_nodes(self, node: int) -> IntArray:
+        """Return the nodes that turn with a node, including the node itself: joints separate them.
+
+        Parameters
+        ----------
+        node
+            Row of `nodes`.
+
+        Returns
+        -------
+        ndarray
+            Rows of `nodes`, ascending, shape (k,).
+        """
+        return next((part for part in self._shafts if (part == node).any()), np.array([node], dtype=np.intp))
+
     def _connect(self, bodies: Mapping[str, IntArray]) -> list[IntArray]:
         pairs = [np.column_stack([nodes[:-1], nodes[1:]]) for nodes in bodies.values()]
         ends = np.concatenate([self.elements(), *pairs])
@@ -247,11 +271,11 @@ def _duplicate_faults(mesh: Mesh) -> list[Fault]:
     """Return the faults of coincident nodes, which usually are a missing joint."""
     order = np.lexsort(mesh.nodes.T)
     nodes = mesh.nodes[order]
-    linked = {frozenset((int(one), int(index[0]))) for index in mesh.links.values() for one in index[1:]}
-    same = [
-        i for i in np.flatnonzero((nodes[1:] == nodes[:-1]).all(axis=1)).tolist()
-        if frozenset((int(order[i]), int(order[i + 1]))) not in linked
-    ][:_MAX_FAULTS]  # fmt: skip
+    leader = np.arange(len(nodes))
+    for index in mesh.links.values():
+        leader[index[1:]] = index[0]
+    apart = leader[order[1:]] != leader[order[:-1]]
+    same = np.flatnonzero((nodes[1:] == nodes[:-1]).all(axis=1) & apart)[:_MAX_FAULTS]
     allowed, why = "one node at one place", "members meet only at a shared node"
     names = [(mesh.node_name(int(order[i])), mesh.node_name(int(order[i + 1]))) for i in same]
     return [

@@ -27,6 +27,7 @@ _LONGEST_LINE = 10_000
 _SEPARATOR = re.compile(r"\s*[,;]\s*|[^\S\t]*\t[^\S\t]*|\s+")
 _DECIMAL_COMMA = re.compile(r"[;\t].*\d,\d|\d,\d.*[;\t]")
 """A row with semicolons or tabs between its columns and a comma within a number."""
+_LETTER = re.compile(r"[^\W\d_eE]")
 _UNIT = re.compile(r"(.+?)\s*(?:\[(?P<any>.*)\]|\((?P<known>[^()]*)\)|_(?P<suffix>[^_\s]+))$")
 """Name of a column with its unit: ``crank angle [deg]``, ``pressure (bar)``, ``crank_deg``."""
 
@@ -86,7 +87,8 @@ def refuse_rows(path: Path, bad: Sequence[Row], allowed: str, remedy: str) -> No
 
 def find_table(rows: Sequence[Row]) -> NumberTable:
     """Return the table in the rows of a file: the first three successive rows of as many numbers, two or more."""
-    if any(_DECIMAL_COMMA.search(line) for _, line in rows) and not any(re.search(r"\d\.\d", line) for _, line in rows):
+    plain = [line for _, line in rows if not _LETTER.search(line)]  # a preamble has dates and versions
+    if any(map(_DECIMAL_COMMA.search, plain)) and not any(re.search(r"\d\.\d", line) for line in plain):
         rows = [(number, re.sub(r"(?<=\d),(?=\d)", ".", line)) for number, line in rows]
     numbers = [_numbers(line) for _, line in rows]
     counts = [len(row) for row in numbers]

@@ -77,11 +77,14 @@ def _inertia(structure: Structure, nodes: IntArray, turning: FloatArray) -> Load
     """Return the load of a shaft's rotary inertia at variable speed: unknowns are relative to the rotation."""
     dofs, mesh = structure.dofs, structure.model.mesh
     beams = structure.beams.part(np.flatnonzero(np.isin(structure.beams.nodes[:, 0], nodes)))
-    pulled = to_global(beams, beam.mass(beams)) @ np.tile(turning, 2)
+    motion = np.tile(turning, (len(mesh.nodes), 1))
+    if dofs.ties is not None:  # a node beside the axis that follows the shaft moves on a circle
+        motion = np.where(dofs.ties.tied, dofs.ties.matrices @ turning, motion)
+    pulled = np.einsum("eij,ej->ei", to_global(beams, beam.mass(beams)), motion[beams.nodes].reshape(-1, 12))
     vector = dofs.gather(beams.nodes, pulled.reshape(-1, 2, 6))
     for part in structure.model.masses.values():
-        if structure.is_node(part.at) and mesh.node(part.at) in nodes:
-            vector += dofs.vector(mesh.node(part.at), part.body.matrix() @ turning)
+        if structure.is_node(part.at) and (node := mesh.node(part.at)) in nodes:
+            vector += dofs.vector(node, part.body.matrix() @ motion[node])
     return Load(f"shaft of {mesh.node_name(int(nodes[0]))}", -vector, lambda motion: motion.rate)
 
 
@@ -128,11 +131,11 @@ def shaft_axes(model: Model) -> dict[int, FloatArray]:
 def _shaft_nodes(model: Model, cam: str) -> IntArray:
     """Return the nodes that turn with a cam: those of its shaft, and those of its drive behind lash about an axis."""
     mesh = model.mesh
-    found = set(mesh.connected_nodes(mesh.node(model.cams[cam].at)).tolist())
+    found = set(mesh.turning_nodes(mesh.node(model.cams[cam].at)).tolist())
     plays = (one.ends for one in model.contacts.values() if isinstance(one, Lash) and one.turns and one.ends)
     pairs = [{mesh.node(end) for end in ends} for ends in plays]
     while more := {node for pair in pairs if pair & found for node in pair} - found:
-        found.update(*(mesh.connected_nodes(node).tolist() for node in more))
+        found.update(*(mesh.turning_nodes(node).tolist() for node in more))
     return np.array(sorted(found), dtype=np.intp)
 
 

@@ -115,6 +115,9 @@ def couple_films(structure: Structure, speed: float) -> Coupling:
     for i, (name, part) in enumerate(structure.model.bearings.items()):
         where = f"bearings.{name}"
         rows = np.array([structure.row(part.at, along, f"{where}.at") for along in part.directions])
+        if not rows.any(axis=1).all():
+            given, why = f"a film at {part.at!r}, which is held across the shaft", "the journal must move in its film"
+            raise refuse(where, given, "a journal that is free across the shaft", why)
         forces.append(opposed_force(where, rows, part.law(speed)))
         channels += _film_channels(where, part.radial_clearance, slice(2 * i, 2 * i + 2))
     return Coupling((), tuple(forces), tuple(channels))

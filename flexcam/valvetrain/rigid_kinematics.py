@@ -191,7 +191,7 @@ def valve_ratio(model: Model, cam: str) -> float:
             rocker = rocker_of(model, contact)
             ends += [] if rocker is None else [(rocker.point, np.zeros(6))]
             motion = follower_train(structure, contact, f"contacts.{name}.follower").motion
-            return max((abs(float(structure.row(*end) @ motion)) for end in ends[:1]), default=1.0)
+            return abs(float(structure.row(*ends[0]) @ motion)) if ends else 1.0
     return 1.0
 
 

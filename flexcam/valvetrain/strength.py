@@ -32,8 +32,8 @@ def buckling_load(structure: Structure, member: str) -> float:
     springs are neglected, so that a pushrod between guides has Euler's load. Ends that the supports leave free are
     hinged. Elements are divided if fewer than four lie between supports, as a single one is up to 50 % too stiff.
     """
-    own = structure.beams.part(structure.model.mesh.element_ranges()[member])
-    if math.isinf(load := _lowest_load(own, structure.dofs)) or (parts := _parts(structure.model, member)) == 1:
+    load = _lowest_load(*_divide(structure.model, member, 1))
+    if math.isinf(load) or (parts := _parts(structure.model, member)) == 1:
         return load
     return _lowest_load(*_divide(structure.model, member, parts))
 
@@ -55,12 +55,12 @@ def stiff_struts(model: Model) -> list[StiffStrut]:
 
 
 def _stiff(structure: Structure, members: list[str]) -> Iterator[StiffStrut]:
-    model, ranges = structure.model, structure.model.mesh.element_ranges()
+    model = structure.model
     for name in members:
         count = len(model.mesh.lines[name]) - 1
         if 6 * count > DENSE_LIMIT or (parts := _parts(model, name)) == 1:
             continue
-        borne = _lowest_load(structure.beams.part(ranges[name]), structure.dofs)
+        borne = _lowest_load(*_divide(model, name, 1))
         right = _lowest_load(*_divide(model, name, parts))
         if borne > (1.0 + _EXCESS_LIMIT) * right:
             yield StiffStrut(name, borne / right - 1.0, parts * count)
@@ -125,7 +125,7 @@ _MOTION_TOLERANCE = 1e-14  # relative square of the ends' motion that counts as 
 def compressed_members(model: Model) -> list[str]:
     """Return the members with a compression channel: all without a cam, and those with geometric stiffness."""
     shafts = {
-        node for cam in model.cams.values() for node in model.mesh.connected_nodes(model.mesh.node(cam.at)).tolist()
+        node for cam in model.cams.values() for node in model.mesh.turning_nodes(model.mesh.node(cam.at)).tolist()
     }
     return [
         name for name, member in model.members.items()

@@ -71,12 +71,12 @@ def seating(gap: FloatArray, velocity: FloatArray, angle: FloatArray) -> Seating
 def _touches(gap: FloatArray, velocity: FloatArray) -> Bools:
     """Return at which instants a valve is at its seat, or rebounds from it since the instant before.
 
-    A seat with restitution throws the valve back within a step: the velocity changes its sign, and the travel of the
-    step before would have passed the seat.
+    A seat with restitution throws the valve back within a step, perhaps several times: the velocity jumps, and the
+    travel of the step before would have passed the seat.
     """
     touched = gap <= _GAP_ROUNDING * gap.max()
     reached = gap[1:-1] <= _STEP_MARGIN * (gap[:-2] - gap[1:-1])
-    touched[2:] |= ~touched[1:-1] & reached & (velocity[1:-1] < 0.0) & (velocity[2:] > 0.0)
+    touched[2:] |= ~touched[1:-1] & reached & (velocity[1:-1] < 0.0) & (velocity[2:] > 0.5 * velocity[1:-1])
     return touched
 
 

@@ -88,7 +88,7 @@ def test_the_estimate_covers_a_spring_in_one_part():
     finer = read_case(FINGER, [*FAST, "springs.valve.elements=16", "run.steps_per_revolution=1440"])
     true = distance(*(run_histories(one, "valve") for one in (case, finer)))
     for one in estimate_errors(case, "valve"):
-        assert one.total >= true[one.quantity]
+        assert one.total >= true.get(one.quantity, 0.0)
 
 
 def test_a_start_within_a_spring_is_carried_to_its_other_parts():

@@ -98,3 +98,14 @@ def test_the_seat_of_a_rigid_train():
     assert found is not None
     assert (found.bounces, found.height) == (0, 0.0)
     assert found.velocity == pytest.approx(1e-3 / 0.7, rel=1e-6)
+
+
+def test_several_rebounds_within_a_step():
+    """The velocity after the step is again towards the seat, but much smaller than before."""
+    angle = np.linspace(0.0, 1.0, 101)[:-1]
+    gap = np.maximum(1e-3 * (1.0 - np.abs(angle - 0.4) / 0.3), 1e-9)
+    velocity = np.where(angle < 0.4, 1e-3 / 0.3, -1e-3 / 0.3) * (gap > 1e-9)
+    velocity[70:] = -1e-6  # small falls at the end of each step
+    found = seating(gap, velocity, angle)
+    assert found is not None
+    assert found.velocity == pytest.approx(1e-3 / 0.3, rel=1e-6)

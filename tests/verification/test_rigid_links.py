@@ -160,3 +160,47 @@ def test_refused_links(tmp_path, change, said):
     with pytest.raises(InputError) as refused:
         build_model(case(tmp_path, ROCKER.replace(*change)))
     assert said in str(refused.value)
+
+
+SHAFT = f"""
+{STEEL}
+nodes = {{ drive = [0, 0, 0], cam = ["60 mm", 0, 0], end = ["120 mm", 0, 0], tappet = ["60 mm", "20 mm", 0] }}
+sections = {{ shaft = {{ shape = "circle", diameter = "20 mm" }} }}
+supports = {{ drive = ["ux", "uy", "uz", "rx"], end = ["uy", "uz"] }}
+cams = {{ one = {{ at = "cam", law = "cycloidal", lift = "4 mm", rise = "60 deg", return = "60 deg" }} }}
+contacts.one = {{ model = "bilateral", cam = "one", follower = "tappet", stiffness = "20 MN/m", direction = "uy" }}
+springs = {{ tappet = {{ at = "tappet", direction = "-uy", stiffness = "20 kN/m", installed_force = "200 N" }} }}
+masses = {{ tappet = {{ at = "tappet", mass = "80 g" }}, arm = {{ at = "end", mass = "2 kg", offset = [0, 0.05, 0] }} }}
+output = {{ probes = ["cam"] }}
+[members]
+shaft = {{ nodes = ["drive", "cam", "end"], material = "steel", section = "shaft" }}
+[run]
+speed = "1000 rpm"
+revolutions = 0.5
+steps_per_revolution = 720
+fluctuation = {{ orders = [2], amplitudes = [0.1] }}
+"""
+
+
+def test_a_mass_beside_the_axis_turns_with_the_shaft(tmp_path):
+    """Under a fluctuating speed a mass on a link has the inertia torque of a mass with an offset, m r^2 alpha."""
+    linked = SHAFT.replace('at = "end", mass = "2 kg", offset = [0, 0.05, 0]', 'at = "arm", mass = "2 kg"')
+    linked = linked.replace("tappet = [", 'arm = ["120 mm", "50 mm", 0], tappet = [', 1)
+    linked = linked.replace("[run]", '[rigid_links]\narm = { from = "end", to = ["arm"] }\n[run]')
+    one, other = (run(case(tmp_path, text, name)) for name, text in (("offset", SHAFT), ("link", linked)))
+    torques = [response.channels["supports.drive.torque"] for response in (one, other)]
+    assert torques[1] == pytest.approx(torques[0], abs=1e-7 * np.abs(torques[0]).max())
+    assert np.abs(torques[0]).max() > 5.0  # 2 kg (50 mm)^2 times 2 * 0.1 * (105 rad/s)^2 is 11 N m
+
+
+def test_a_joint_separates_a_shaft_from_its_housing(tmp_path):
+    """The journal turns in a bracket that is not round and is bolted down: no part of the shaft, and no torque."""
+    stand = SHAFT.replace("drive = [0", 'foot = ["120 mm", "-80 mm", 0], seat = ["120 mm", "-20 mm", 0], drive = [0', 1)
+    plate = 'plate = { shape = "rectangle", width_y = 0.03, width_z = 0.06 }'
+    stand = stand.replace("sections = { ", f"sections = {{ {plate}, ")
+    stand = stand.replace("[run]", 'stand = { nodes = ["foot", "seat"], material = "steel", section = "plate" }\n[run]')
+    stand = stand.replace(', end = ["uy", "uz"]', f", foot = {ALL}")
+    joint = '[rigid_links]\njournal = { from = "seat", to = ["end"], components = ["uy", "uz"] }\n[run]'
+    response = run(case(tmp_path, stand.replace("[run]", joint)))
+    assert not [name for name in response.channels if name.startswith("supports.foot")]
+    assert "members.stand.compression" in response.channels
