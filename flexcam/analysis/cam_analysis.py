@@ -187,10 +187,10 @@ def cam_facts(
     event, profile, least = cam.event, None, None
     lift, met = event_extremes(event), joints(event)
     findings: list[ProfileFault] = []
-    if lift[0].value < -NEGATIVE_LIFT_TOLERANCE * lift[1].value:
+    if lift[0].value < (lowest := -NEGATIVE_LIFT_TOLERANCE * lift[1].value):
         what = "the lift is negative: the cam would be cut into its base circle"
         remedy = "take another law or table, or smooth less"
-        findings.append(ProfileFault(what, remedy, lift[0].at, lift[0].value, 0.0))
+        findings.append(ProfileFault(what, remedy, lift[0].at, lift[0].value, lowest))
     if cam.follower is not None:
         profile = cam_profile(event, cam.follower, count=count, turn=cam.turn)
         with suppress(InputError):  # no base radius is sufficient: the findings explain the faults of the given one

@@ -58,7 +58,7 @@ class Comparison:
 
     probe: str  #: name of the probe
     speed_rpm: float  #: camshaft speed, rpm
-    lift: float  #: lift of the rigid system at the probe, m
+    lift: float  #: range of the motion of the rigid system at the probe, m
     deviations: tuple[Deviation, Deviation, Deviation]  #: deviations of displacement, velocity and acceleration
     status: Status  #: status of the flexible run; the values of an incomplete run cover its finished part
     #: names of the compared systems: the first replaces the flexible, the second the rigid one
@@ -66,12 +66,12 @@ class Comparison:
 
     @property
     def peak_deviation(self) -> float:
-        """Maximum displacement difference relative to the lift."""
+        """Maximum displacement difference relative to `lift`."""
         return self.deviations[0].peak / self.lift
 
     @property
     def rms_deviation(self) -> float:
-        """Root mean square displacement difference relative to the lift."""
+        """Root mean square displacement difference relative to `lift`."""
         return self.deviations[0].rms / self.lift
 
     @property

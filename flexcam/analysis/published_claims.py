@@ -63,13 +63,13 @@ def check_claims(case: Case, probe: str, here: Comparison) -> list[Claim]:
         Claim(
             "at 2000 rpm and below very close to the rigid system",
             slow.peak_deviation < _CLOSE_DEVIATION,
-            f"the deviation at 2000 rpm is {slow.peak_deviation:.3f} of the lift (close: below {_CLOSE_DEVIATION})",
+            f"largest deviation / lift at 2000 rpm: {slow.peak_deviation:.3f}; very close: below {_CLOSE_DEVIATION}",
         ),
-        Claim("SHM has the largest displacement", largest == "shm", f"peak deviation of the lift: {deviations}"),
+        Claim("SHM has the largest displacement", largest == "shm", f"largest deviation / lift: {deviations}"),
         Claim(
             "the response depends on the model's number of unknowns",
             spread > 0.01 * max(others.values()),
-            f"peak deviation {models}: the pushrod is far stiffer than the spring",
+            f"largest deviation / lift: {models}; the pushrod is far stiffer than the spring",
         ),
         Claim("the deviation is largest at multiples of 180 deg", abs(off) < 1.0, f"it is largest at {angle:.1f} deg"),
     ]

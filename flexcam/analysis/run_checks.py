@@ -93,7 +93,7 @@ _MAX_ENERGY_RESIDUAL = 0.01
 """Allowed residual of the energy balance and numerical dissipation, relative to the work."""
 
 
-_MAX_PERIODICITY_ERROR = 1e-3
+MAX_PERIODICITY_ERROR = 1e-3
 """Allowed change of the state over a revolution from a periodic start, relative to the motion."""
 
 
@@ -255,7 +255,7 @@ def check_transient(ready: PreparedRun, change: RevolutionChange | None) -> list
     adjusters = [name for name, one in ready.model.contacts.items() if isinstance(one, Adjuster)]
     if not adjusters or ready.case.record.run.start == "periodic":
         return []
-    if change is not None and change.motion <= _MAX_PERIODICITY_ERROR:
+    if change is not None and change.motion <= MAX_PERIODICITY_ERROR:
         return []
     size = "it has one revolution" if change is None else f"its last revolutions differ by {describe_change(change)}"
     remedy = 'run more revolutions, or take run.start = "periodic"'
@@ -407,10 +407,10 @@ def _check_accuracy(ready: PreparedRun, extremes: ExtremesSink, stats: Stats) ->
     if not stats.imbalance <= _MAX_RESIDUAL:
         why = "the steps are too long for the motion; take more steps per revolution"
         yield f"Warning: forces are out of balance by up to {100.0 * stats.imbalance:.2g} % of the largest: {why}"
-    if not stats.periodicity <= _MAX_PERIODICITY_ERROR:
+    if not stats.periodicity <= MAX_PERIODICITY_ERROR:
         error = f"{100.0 * stats.periodicity:.2g} % of the motion"
-        why = f"after a revolution the state differs by {error}, as where contacts chatter"
-        yield f"Warning: no periodic start was found: {why}; run more revolutions"
+        why = f"after a revolution the state still differs by {error}. This happens if contacts chatter"
+        yield f"Warning: no periodic start was found: {why}. Run more revolutions"
     if extremes.most_bent.any() and not ready.problem.system.is_kinematic:
         share = rounding_fraction(ready.problem.system.stiffness, extremes.most_bent)
         if not share <= _MIN_DEFLECTION_ERROR:

@@ -156,7 +156,7 @@ class LiftEvent(Event):
             if ramp and ramp.slope * span > height:
                 given = f"a slope of {ramp.slope * 1e3:.4g} mm/rad"
                 why = "the main lift cannot continue such a slope"
-                allowed = f"a slope up to {1e3 * height / span:.4g} mm/rad, height by duration"
+                allowed = f"a slope (height / duration) of at most {1e3 * height / span:.4g} mm/rad"
                 raise refuse("ramps", given, allowed, why, "make the ramp longer or lower")
 
     @property

@@ -288,7 +288,8 @@ def _remarks(
     if far.size:
         at = int(far[np.argmax(change[far])])
         points = "1 point" if far.size == 1 else f"{far.size} points"
-        moved = f"smoothing moves {points} by more than {_FAR:g} times the scatter of {1e6 * noise:.2g} um"
+        estimate = f"the noise estimated from the table ({1e6 * noise:.2g} um)"
+        moved = f"smoothing moves {points} by more than {_FAR:g} times {estimate}"
         worst = f"{1e6 * change[at]:.3g} um at {math.degrees(theta[at]):.4g} deg of cam angle"
         why = "outliers, or a lobe too narrow (give a tolerance)"
         if tolerance is not None:
@@ -364,8 +365,8 @@ def find_table_faults(theta: FloatArray, s: FloatArray) -> list[Fault]:
         found.append(Fault("angle", given, allowed, "lobes are wider", remedy))
     top, length = float(s.max()), DIMENSIONS["length"]
     if not length.least <= np.abs(s).max() <= length.most or top <= 0.0:
-        given, allowed = f"{top:g} m at most", f"a lift above zero, between {length.least:g} and {length.most:g} m"
-        return [*found, Fault("lift", given, allowed, "", "check the column and its unit")]
+        given, allowed = f"{top + 0.0:g} m as the largest lift", f"{length.least:g} to {length.most:g} m"
+        return [*found, Fault("lift", given, allowed, "", "check the column, its sign and its unit")]
     low = base_level(theta, s) if not found else _BASE * top
     below = np.flatnonzero(s < -low)
     if below.size:

@@ -266,7 +266,7 @@ def _make_law(name: str, parameters: Table) -> Law:
         values = {key: format_value(parameters[key]) if key in parameters else "..." for key in known}
         table = f'{{ id = "{name}", {", ".join(f"{key} = {value}" for key, value in values.items())} }}'
         options = " ".join(f"--with {key}={value}" for key, value in values.items())
-        remedy = f"write law = {table}, or on the command line {options}"
+        remedy = f"write law = {table} in a case, or add {options} to flexcam law"
         raise refuse(missing[0], "nothing", f"the parameters {', '.join(record.model_fields)} of {name}", text, remedy)
     parameters = _validate(record, parameters, f"a parameter of {name}", "law")
     return kind(**parameters)

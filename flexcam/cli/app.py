@@ -188,7 +188,8 @@ def warn_ignored_keys(overrides: Sequence[str] | None, case: Case | None = None)
         if (last := len(keys) - 1 - keys[::-1].index(key)) != i:
             print_message(f"Note: --set {given[i]} has no effect: --set {given[last]} replaces it; leave one out")
     if case is not None and "run.speed" in keys and "crank_speed" in parse_toml(case.text).get("run", {}):
-        text = "replaces run.crank_speed: it is the speed of the camshaft; the crankshaft turns twice as fast"
+        crank = f"the crankshaft turns at {2.0 * case.speed / RPM:.6g} rpm"
+        text = f"replaces run.crank_speed: run.speed is the speed of the camshaft; {crank}"
         print_message(f"Note: --set {given[keys.index('run.speed')]} {text}")
     for commands, ignored, why in IGNORED_KEYS:
         if case is not None and command in commands and (changed := list(_changed_keys(case, ignored))):

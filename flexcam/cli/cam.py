@@ -156,7 +156,7 @@ def _cam_table(name: str, found: CamFacts, cams: CamSet) -> Table:
         *((f"{part} above {lift}",
            _event(found, event, factor * (found.lift[0].value - gap) > found.checking_lifts[lift], cams.turns))
           for part, its, factor, gap in events for lift, event in its.items()),
-        *((f"joint at {math.degrees(one.angle):.4g} deg", _joint(one)) for one in found.joints),
+        *((f"segment boundary at {math.degrees(one.angle):.4g} deg", _joint(one)) for one in found.joints),
         *_profile(found, speed),
         *(("warning", _finding(one)) for one in found.findings),
     ]  # fmt: skip
@@ -208,8 +208,8 @@ def _event(found: CamFacts, event: ValveEvent | None, always: bool, turns: float
 
 def _joint(joint: Joint) -> str:
     named = ((name, step, *to_display_unit(unit)) for (name, unit), step in zip(_STEPS, joint.steps, strict=True))
-    steps = ", ".join(f"{name} {factor * step:+.5g} {symbol}" for name, step, factor, symbol in named if step)
-    return f"steps of {steps}" if steps else "smooth"
+    steps = (f"{name} jumps by {factor * step:+.5g} {symbol}" for name, step, factor, symbol in named if step)
+    return ", ".join(steps) or "smooth"
 
 
 def _profile(found: CamFacts, speed: float | None) -> list[tuple[str, str]]:
@@ -284,7 +284,7 @@ def _smoothing_table(name: str, report: LiftReport) -> Table:
     changed = f"{1e6 * report.rms_change:.3g} um rms, max {1e6 * report.largest_change:.3g} um"
     rows = [
         ("points", str(report.points)),
-        ("change", f"{changed} at {math.degrees(report.at):.4g} deg"),
+        ("points moved by smoothing", f"{changed} at {math.degrees(report.at):.4g} deg"),
         ("acceleration of the points", before),
         ("acceleration of the spline", after),
         *(("warning", said) for said in report.remarks),

@@ -46,6 +46,12 @@ def _campbell_table(found: Campbell, scale: float) -> Table:
     return plain_table(title, ("mode", low, high, "excited", "what moves"), rows)
 
 
+_DASH = (
+    "-: at this speed the mode does not exist, because a contact is open or closed there, or there is no result. A "
+    "mode that exists only at some speeds has a row of its own."
+)
+
+
 def _crossing_table(found: Campbell, scale: float) -> Table:
     """Return the table of the crossings of orders and modes in ascending order of speed."""
     rows = [
@@ -189,7 +195,8 @@ def modes_over_speed(
     with show_count(len(speeds), "speeds") as shown:
         found = find_crossings(case, speeds, orders=orders, modes=count, contact=contact, advance=shown)
     incomplete = _describe_incomplete_runs(found.statuses, found.rpm, scale)
-    parts = [_campbell_table(found, scale), _crossing_table(found, scale), *incomplete]
+    dash = [_DASH] if np.isnan(found.frequencies[[0, -1]]).any() else []
+    parts = [_campbell_table(found, scale), *dash, _crossing_table(found, scale), *incomplete]
     output = cli.CommandOutput(
         parts, _campbell_json(found, scale), title=case.title,
         draw=lambda: plotting.spectra.campbell_figure(found, scale, shaft_name(scale)),

@@ -54,7 +54,8 @@ flexcam compare case.toml --lowest 2000rpm --highest 7000rpm --count 6 --plot fo
 def compare(
     case: Annotated[Path, Parameter(help="Case file (.toml), or result file (.vtkhdf) with --against.")], *,
     probe: Annotated[str | None, Parameter(
-        help="Point or component; by default the valve end of a rocker, else the first follower of a cam.")] = None,
+        help="Point or component; by default the valve end of a rocker if it is in output.probes, else the first "
+        "probe there that a cam moves.")] = None,
     against: Annotated[str | None, Parameter(
         help="Model of the case (as in flexcam trade), other case or result; the rigid model by default.")] = None,
     lowest: Annotated[str | None, Parameter(group=_SPEEDS, help="Lowest speed; half the case's by default.")] = None,
@@ -63,8 +64,8 @@ def compare(
     count: Annotated[int | None, Parameter(
         group=_SPEEDS, help="Number of speeds, evenly spaced; 8 by default.")] = None,
     tolerance: Annotated[str | None, Parameter(
-        group=_SPEEDS, help="Difference of the minimum or the maximum force, relative to the larger maximum, up to "
-        "which two models agree; 5 % by default.")] = None,
+        group=_SPEEDS, help="Two models agree if their minimum and their maximum forces differ by less than this share "
+        "of the larger maximum force; 5 % by default.")] = None,
     contact: Annotated[str | None, Parameter(group=_SPEEDS, help="Cam contact, if a case has several.")] = None,
     plot: Annotated[Path | None, Parameter(
         group=_SPEEDS, help="Also draw the forces over speed (.svg, .png or .pdf).")] = None,
@@ -225,8 +226,8 @@ def trade(
     """Compare error and run time of all models of a case, from rigid to flexible.
 
     Use it to choose the keys of [fidelity] and the elements of the members. The reference is a converged run of the
-    flexible model. Models: rigid; sdof (one mass); chain 3 (a chain of three masses); modes 3 (the beams, reduced to
-    three modes); beams 1 (one element per segment of a member); beams (the case itself); beams x2 (twice its elements).
+    flexible model. Models: rigid; sdof (one mass); chain 3 (a chain of three masses); modes N (the beams, reduced
+    to N modes); beams N (N elements per segment of a member); beams (the case itself); beams x2 (twice its elements).
     """
     read, _ = collect_errors(
         lambda: cli.load_case(case, overrides),

@@ -36,7 +36,7 @@ def _law_facts(name: str, found: Criteria) -> Table:
     criteria = (("C_v", found.Cv), ("C_a", found.Ca), ("C_j", found.Cj), ("C_m", found.Cm))
     rows = [("criteria", ", ".join(f"{n} {'infinite' if x is None else f'{x:.6g}'}" for n, x in criteria))]
     rows += [
-        (f"{symbol} ({curve})", f"{_format_position(low)}, {_format_position(high)}")
+        (f"{symbol} ({curve})", f"min {_format_position(low)}; max {_format_position(high)}")
         for curve, symbol in _CURVES
         for low, high in [getattr(found, curve)]
     ]
@@ -53,11 +53,11 @@ def _law_facts(name: str, found: Criteria) -> Table:
         ("harmonics of s''", ", ".join(f"{remove_noise(value, largest):.3g}" for value in found.harmonics)),
         *(("as a rise between dwells", said) for said in found.violations),
     ]
-    return facts_table(f"Motion law {name}", rows)
+    return facts_table(f"Motion law {name}, z = angle / duration of the rise", rows)
 
 
 def _format_position(extreme: Extreme) -> str:
-    return f"{extreme.value:.6g} at z = {', '.join(f'{z:.6f}' for z in (extreme.at, *extreme.also))}"
+    return f"{extreme.value:.6g} at z = {' and '.join(f'{round(z, 6):g}' for z in (extreme.at, *extreme.also))}"
 
 
 def _laws_table(found: Mapping[str, Criteria]) -> Table:

@@ -66,10 +66,11 @@ def limits(
 ) -> Status | None:  # fmt: skip
     """Find the speed limits of a valve train: contact loss, valve float, valve bounce, coil clash, buckling.
 
-    It runs the case at speeds 5 % apart that enclose the range from --lowest to --highest, bisects below the first one
-    with an event, and examines three more above it. With --over and --and it maps the limits over two values of the
-    case. Valve float is contact loss over the nose; valve loft is valve lift above that of the rigid
-    train. Speeds are those of the crankshaft if the case gives crank_speed, otherwise those of the camshaft.
+    It runs the case at speeds 5 % apart from --lowest to --highest. For each limit it bisects between the first speed
+    with its event and the one before, and checks whether the event also occurs at the next three speeds. With --over
+    and --and it maps the limits over two values of the case. Valve float is contact loss over the nose; valve loft is
+    valve lift above that of the rigid train. Speeds are those of the crankshaft if the case gives crank_speed,
+    otherwise those of the camshaft.
     """
     set_unit_system(units or "metric")
     read = cli.load_beams(case, overrides)

@@ -124,7 +124,10 @@ _INTERRUPTED = Status(Cause.INTERRUPTED, "stopped before it was finished; nothin
 
 
 _OUT_OF_MEMORY = Status(
-    Cause.OUT_OF_MEMORY, "the memory is exhausted", "free memory, or save less: output.field_every, --workers"
+    Cause.OUT_OF_MEMORY,
+    "the memory is exhausted",
+    "free memory, or take fewer elements; a run needs less with a larger output.field_every, a study with fewer "
+    "--workers",
 )
 
 

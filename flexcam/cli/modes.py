@@ -20,7 +20,7 @@ from flexcam.core.errors import collect_errors
 from flexcam.core.units import set_unit_system, shaft_name
 from flexcam.io import check_folder_name, create_folder, write_modes
 from flexcam.report.tables import describe_mac, mac_table, mode_table
-from flexcam.report.terminal import plain_table
+from flexcam.report.terminal import finite_numbers, plain_table
 from flexcam.valvetrain import ModelModes
 
 
@@ -107,7 +107,7 @@ def modes(
         "effective_masses": found.effective.tolist(), "lost": found.modes.lost,
         "rounding": found.modes.rounding.tolist(), "warnings": check_modes(found),
         "moves": [found.words(i) for i in range(len(found.shares))],
-        "mac": None if criterion is None else criterion.tolist(), "mac_nodes": compared,
+        "mac": None if criterion is None else finite_numbers(criterion), "mac_nodes": compared,
         "closed": {one.contact: _closed_json(one, count) for one in closed}, "files": [str(path) for path in files],
     }  # fmt: skip
     cli.write_output(cli.CommandOutput(parts, json), as_json=as_json)

@@ -137,11 +137,10 @@ def optimize(
     if method == "gradient" and design.start is None:
         parts.append("The case is outside the intervals: the search started from their centre.")
     if found.is_flat:
-        note = (
-            f"At the start {goals[0].name} has no slope, so that no direction improves it: a lost contact has no force."
-        )
-        remedy = "Start with a closed contact (--set), add --starts, or use --method evolution."
-        parts.append(f"{note} {remedy}")
+        remedy = "Vary a value on which it depends, add --starts, or use --method evolution."
+        if goals[0].name.startswith("contacts."):
+            remedy = f"A lost contact has no force: start with a closed contact (--set). {remedy}"
+        parts.append(f"At the start no varied value changes {goals[0].name}. {remedy}")
     if not found.stopped and found.best is not None and len(goals) == 1:
         conditions = worst.conditions if worst else ((),)
         events = _check_variant(asked, design.points.overrides(found.points[found.best]), conditions)
@@ -267,7 +266,7 @@ def _constraint_table(design: OptimizationProblem, found: Evaluations, at: int) 
         relative = one.bound(found.rows[at].units.get(one.name, "rpm")) != 0.0
         margin = _margin(float(violation), found.distance_to_violation(at, i), relative=relative)
         rows.append((one.words, _value(found, at, one.name), *margin))
-    head = ("subject to", "value", "margin", "change of the values that violates it, in % of their intervals")
+    head = ("subject to", "value", "margin", "smallest change of the varied values that violates it, % of the interval")
     return plain_table("Constraints", head, rows)
 
 

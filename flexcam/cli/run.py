@@ -19,6 +19,7 @@ from flexcam.analysis.prepared_run import PreparedRun, scalar_probe
 from flexcam.analysis.resources import check_resources
 from flexcam.analysis.run import estimate_case_resources, open_partial_result, open_result_file, summary_sink
 from flexcam.analysis.run_checks import (
+    MAX_PERIODICITY_ERROR,
     RunMonitor,
     check_run,
     check_transient,
@@ -93,7 +94,7 @@ def _run_output(ran: FinishedRun) -> Iterator[Table | str]:
     yield from describe_choice(ran.choice) if ran.choice else ()
     yield from (*tables.describe_contacts(ran.ready.case, ran.figures), *ran.warnings)
     stats = ran.response.stats
-    if stats.periodicity >= 0.0:
+    if 0.0 <= stats.periodicity <= MAX_PERIODICITY_ERROR:
         yield f"Periodic start: after a revolution the state differs by {stats.periodicity:.3g} of the motion"
     if change := revolution_change(ran.ready, ran.response):
         chatter = "; it chatters, and its single impacts do not repeat" if change.force > _CHATTER else ""

@@ -55,7 +55,7 @@ def sensitivity(
         "--to", group=_DERIVATIVES, help="Value of the case: KEY; with --sobol KEY=LOW:HIGHunit. Repeatable.")] = None,
     method: Annotated[Method | None, Parameter(
         group=_DERIVATIVES, help="exact: differentiate along the motion of one run; differences: compare "
-        "several runs. By default exact where it is possible.")] = None,
+        "several runs. By default exact where it is possible, as always for frequencies.")] = None,
     relative_step: Annotated[float | None, Parameter(
         group=_DERIVATIVES, help="Step of differences, relative to the value; 0.01 by default.")] = None,
     sobol: Annotated[int | None, Parameter(
@@ -157,7 +157,7 @@ def _derivative_table(name: str, found: Sequence[Sensitivity]) -> Table:
             one.by.key,
             f"{format_number(one.by.value)} {one.by.unit}".strip(),
             f"{format_number(one.derivative)} {unit}{f' per {one.by.unit}' if one.by.unit else ''}".strip(),
-            "analytic" if _is_analytic(one) else format_number(math.nan if one.error is None else one.error, 2),
+            "none (exact)" if _is_analytic(one) else format_number(math.nan if one.error is None else one.error, 2),
             "-" if math.isnan(one.logarithmic) else f"{one.logarithmic:+.4f}",
             _describe_doubt(one),
         )
@@ -270,7 +270,7 @@ def _scatter_output(
          *(format_number(one.quantiles[part]) for part in QUANTILES), str(one.missing))
         for name, one in found.items()
     ]  # fmt: skip
-    head = ("scalar", "unit", "nominal", "mean", "std", *(f"{part:.0%}" for part in QUANTILES), "missing")
+    head = ("scalar", "unit", "nominal", "mean", "std", *(f"{part:.0%}" for part in QUANTILES), "n/a")
     ranks = [
         (one.key, *(format_number(float(found[name].ranks[i]), 3) for name in names)) for i, one in enumerate(scatters)
     ]

@@ -77,7 +77,7 @@ def _count_resonances(found: Stability, scale: float) -> str:
     """Return the number of resonances below and above the highest listed speed."""
     count = len(found.within)
     rpm = f"{shaft_name(scale)} rpm"
-    words = f"{count or 'none'} up to {scale * found.highest_listed_rpm:.5g} {rpm}"
+    words = f"{count or 'none'} at or below {scale * found.highest_listed_rpm:.5g} {rpm}"
     if count > _SHOWN:
         words += f", of which the nearest {_SHOWN} are listed"
     if not found.higher_resonances:

@@ -40,7 +40,8 @@ def _synthesis_json(found: Synthesis) -> dict[str, object]:
 
 _LEGEND = (
     "C_v, C_a, C_j: max velocity, acceleration and jerk of the law, lift 1 over angle 1; "
-    "C_m: max product of velocity and acceleration, which is proportional to the inertia torque"
+    "C_m: max product of velocity and acceleration, which is proportional to the inertia torque; "
+    "z: angle / duration of the rise"
 )
 
 

@@ -463,8 +463,9 @@ def effective_masses(modes: Modes, mass: Triplets, motions: FloatArray) -> Float
 def mac(one: FloatArray, other: FloatArray) -> FloatArray:
     """Return the modal assurance criterion of two sets of shapes on the same components.
 
-    ``|a^T b|^2/((a^T a)(b^T b))``: 1 for shapes that agree up to a factor, 0 for orthogonal ones. Source: R. J.
-    Allemang, The modal assurance criterion - twenty years of use and abuse, Sound and Vibration 37 (2003), eq. 1.
+    ``|a^T b|^2/((a^T a)(b^T b))``: 1 for shapes that agree up to a factor, 0 for orthogonal ones, NaN for a
+    shape without motion. Source: R. J. Allemang, The modal assurance criterion - twenty years of use and abuse, Sound
+    and Vibration 37 (2003), eq. 1.
     """
     sizes = np.outer(np.sum(one**2, axis=0), np.sum(other**2, axis=0))
-    return np.divide((one.T @ other) ** 2, sizes, out=np.zeros(sizes.shape), where=sizes > 0.0)
+    return np.divide((one.T @ other) ** 2, sizes, out=np.full(sizes.shape, np.nan), where=sizes > 0.0)

@@ -97,9 +97,11 @@ def _group_faults(group: _ElementGroup) -> Iterator[Fault]:
     tags = ", ".join(map(str, group.numbers[:3].tolist())) + (", ..." if len(group.numbers) > 3 else "")
     what = f"{len(group.numbers)} elements ({tags})"
     if group.kind not in (_LINE, _POINT):
-        shape = f"{len(group.numbers)} elements of {group.nodes.shape[1]} nodes ({tags})"
+        count = len(group.numbers)
+        elements = f"{count} elements" if count > 1 else "an element"
+        shape = f"{elements} of {group.nodes.shape[1]} nodes (element{'s' * (count > 1)} {tags})"
         why, remedy = "members are beams", "mesh only curves, in order 1"
-        yield Fault("mesh", shape, "lines of two nodes and points", why, remedy)
+        yield Fault("mesh", shape, "only points and two-node lines", why, remedy)
     elif group.kind == _LINE and not group.name:
         why = "each member takes its elements from the physical curve of its name"
         yield Fault("mesh", f"{what} in no named group", "line elements in named groups", why, "add a physical curve")

@@ -18,6 +18,7 @@ _ROUNDING = 1e-10
 _DIGITS = 12  # maximum number of decimals
 
 _KINDS = ("lift", "velocity", "acceleration")
+_HEADS = {"acceleration": "accel."}  # a longer word would be broken in a terminal of usual width
 
 
 TRADE_LEGEND = (
@@ -37,7 +38,8 @@ def trade_table(against: Reference, found: Sequence[ModelEvaluation]) -> Table:
     ]  # fmt: skip
     own = _reference_errors(against)
     rows.append(("", "reference", str(against.steps), "", "", "", *(_percent(own[k]) for k in kinds), "its own error"))
-    heads = ("", "model", "steps/rev", "unknowns", "work", "cpu s", *(f"{kind}, %" for kind in kinds), "")
+    errors = (f"{_HEADS.get(kind, kind)}, %" for kind in kinds)
+    heads = ("", "model", "steps/rev", "unknowns", "work", "cpu s", *errors, "")
     norm = {"max": "max", "rms": "rms", None: "rms of the motion, max of the forces"}[against.norm]
     return plain_table(f"Error and cost of models ({norm}, relative to the maximum)", heads, rows)
 

@@ -244,7 +244,8 @@ def _vector(direction: FloatArray) -> str:
 
 def mac_table(likeness: FloatArray) -> Table:
     """Return a table of the modal assurance criterion."""
-    rows = [(str(i + 1), *(f"{value:.2f}" for value in row)) for i, row in enumerate(likeness)]
+    cells = [["-" if math.isnan(value) else f"{value:.2f}" for value in row] for row in likeness.tolist()]
+    rows = [(str(i), *row) for i, row in enumerate(cells, start=1)]
     return plain_table("Modal assurance criterion", ("here / there", *map(str, range(1, likeness.shape[1] + 1))), rows)
 
 
@@ -252,7 +253,9 @@ def describe_mac(likeness: FloatArray, nodes: int) -> str:
     """Return a sentence with the number of nodes used to compare shapes."""
     few = nodes < max(likeness.shape)
     doubt = "; that is fewer than modes: refine both meshes in the same places" if few else ""
-    return f"Compared at {nodes} moving node{'s' * (nodes != 1)} that both models have{doubt}."
+    unmoved = " -: a mode that moves none of them; points of rockers and springs are not compared."
+    rest = unmoved if np.isnan(likeness).any() else ""
+    return f"Compared at {nodes} moving node{'s' * (nodes != 1)} that both models have{doubt}.{rest}"
 
 
 def mode_table(modes: ModelModes, title: str = "Modes, contacts open", turns: float = 1.0) -> Table:
@@ -304,8 +307,9 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
     """Return sentences about a comparison."""
     peak, rms = (_format_fraction(one) for one in (comparison.peak_deviation, comparison.rms_deviation))
     ratio = format_decimals(comparison.peak_acceleration_ratio, 2)
-    deviation = f"{comparison.probe} deviates by up to {peak} times its lift (rms {rms} times)"
-    said = [f"{deviation}; its peak acceleration is {ratio} times the {comparison.names[1]} one."]
+    other = comparison.names[1]
+    deviation = f"{comparison.probe} deviates by up to {peak} times the range of the {other} motion (rms {rms} times)"
+    said = [f"{deviation}; its peak acceleration is {ratio} times the {other} one."]
     if mode_hz is not None:
         nearest = "Of the modes that the cam force excites, the nearest to the cam speed is"
         found, share = f"{mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} camshaft rpm", comparison.speed_rpm / (60.0 * mode_hz)
@@ -431,7 +435,7 @@ def describe_dofs(response: Response) -> str:
     every, integrated = response.stats.size or len(response.outline.unknowns), response.stats.unknowns
     if not response.stats.is_complete:
         return f"{response.stats.size} unknowns" if response.stats.size else "unknowns not counted"
-    rest = f", of which {integrated} are integrated (the others cannot move or follow from these)"
+    rest = f", of which {integrated} are integrated (the others either cannot move or are determined by these)"
     count = f"{every} unknowns" + (rest if integrated != every else "")
     return count + _ENGINES.get(response.stats.engine, "")
 
@@ -520,6 +524,6 @@ def limits_table(found: Limits, margins: Margins, scale: float) -> Table:
         rows.append(("spring margin", f"{margins.spring_margin:.1%}", "", "", words))
     for name, margin in margins.buckling_margins.items():
         words = "buckling load over the compression at full lift, static"
-        rows.append((f"{name}, margin", f"{margin:.3g}", "", "", words))
+        rows.append((f"{name}, margin", f"{margin:.3g} (ratio)", "", "", words))
     shaft = shaft_name(scale)
     return plain_table("Speed limits", ("limit", f"{shaft} rpm", "bracket, rpm", "lasting from", "event"), rows)

@@ -189,7 +189,7 @@ def test_ramps_refused(changes):
     ],
 )
 def test_too_steep(changes, allowed):
-    with pytest.raises(InputError, match=f"up to {allowed:.4g} mm/rad, height by duration. The main lift"):
+    with pytest.raises(InputError, match=f"of at most {allowed:.4g} mm/rad. The main lift"):
         ramped(**changes)
 
 

@@ -120,6 +120,14 @@ def test_mac_with_itself(flexcam, column):
     assert np.abs(found - np.eye(4)).max() <= 1e-9  # sums of sines over equal parts, rounding of the shapes
 
 
+def test_mac_of_a_mode_that_moves_no_compared_node(flexcam):
+    """The second mode is the surge of the valve spring, whose points are no nodes of the mesh."""
+    flexcam("new", "pushrod-engine")
+    told = ("modes", "pushrod-engine.toml", "--count", "2", "--mac", "pushrod-engine.toml")
+    assert flexcam(*told, "--json").json["mac"] == [[pytest.approx(1.0), None], [None, None]]
+    assert "-: a mode that moves none of them" in flexcam(*told).out
+
+
 def test_mac_says_at_how_many_nodes_it_compares(flexcam, column, tmp_path):
     """Elements of other lengths share few nodes; there, shapes of one plane look alike."""
     text = (tmp_path / (name := column(0.0001))).read_text(encoding="utf-8")

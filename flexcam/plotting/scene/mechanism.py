@@ -321,11 +321,10 @@ def build_mechanism(structure: Structure) -> Mechanism:
     levers = {name: _lever(model, one, cams) for name, one in model.rockers.items()}
     valves = tuple(_valves(model, levers))
     for one in valves:
-        notes.record("diameter of the valve head at", one.point, head, "four lifts")
+        notes.record("diameter of the valve head at", one.point, head, "four times the valve lift")
         if one.stem:
-            notes.record(
-                "diameter of the valve stem at", one.point, STEM * head, "a sixth of its head's; three heads long"
-            )
+            why = "a sixth of the head diameter; stem length three head diameters"
+            notes.record("diameter of the valve stem at", one.point, STEM * head, why)
     thick = 0.42 * min((arm for one in model.rockers.values() for arm in one.arms), default=0.0)
     for name in levers:
         notes.record("thickness of rocker", name, thick, "0.42 of the shortest arm")
