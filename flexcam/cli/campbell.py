@@ -48,7 +48,7 @@ def _campbell_table(found: Campbell, scale: float) -> Table:
 
 _DASH = (
     "-: at this speed the mode does not exist, because a contact is open or closed there, or there is no result. A "
-    "mode that exists only at some speeds has a row of its own."
+    "mode that exists only at some speeds has a separate row."
 )
 
 
