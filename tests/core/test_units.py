@@ -228,7 +228,7 @@ def test_pounds_of_mass_in_the_place_of_a_force_are_told():
         parse("320 lb/in", "stiffness")
     with pytest.raises(InputError, match="Use 'lbf', because 'lb' is a mass"):
         parse("80 lb", "force")
-    with pytest.raises(InputError, match="Write lb, a mass"):
+    with pytest.raises(InputError, match="Write 'lb', a mass"):
         parse("0.2 lbm", "mass")
 
 
