@@ -234,7 +234,7 @@ def test_pounds_of_mass_in_the_place_of_a_force_are_told():
 
 @pytest.mark.parametrize(("given", "kind", "unit"), [("90 grams", "mass", "g"), ("0.25 inches", "length", "in")])
 def test_names_of_units_are_led_to_their_symbols(given, kind, unit):
-    with pytest.raises(InputError, match=f"Write {unit}$|Write {unit}\\."):
+    with pytest.raises(InputError, match=f"Write '{unit}'"):
         parse(given, kind)
 
 
