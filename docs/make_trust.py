@@ -20,15 +20,15 @@ HEAD = """# Robustness
 
 flexcam promises:
 
-- **No silent fault.** A case, mesh, lift table or result that is wrong is refused in one report that names the place, the given and the
-  permitted value and the remedy, with exit code 2. A run that fails ends with a status, its cause, place and remedy, and exit code 3.
+- **No silent fault.** A case, mesh, lift table or result that is wrong is refused with its place, the given and the permitted value,
+  the remedy and exit code 2; faults of keys, units and references come in one report. A run that fails ends with a status, its cause,
+  place and remedy, and exit code 3.
 - **Nothing is lost.** No file is overwritten without `--overwrite`. A result appears under its name when it is complete. A run that
   fails, is stopped or killed leaves the file of its last saved steps, which opens as a result, and `--resume` continues it.
 - **No wrong number from a damaged file.** Results and tables of sweeps have checksums. A changed bit is found before a number is used.
 - **No harm from files of others.** Cases and results execute no code and read no other files than those they name in their folder.
-- **Bounded time and memory.** flexcam estimates memory and disk space before a run and refuses what does not fit. No input of a
-  megabyte takes longer than a second to read.
-- **No collisions.** Runs in threads and processes give the numbers of a run alone; two writers of one file cannot mix.
+- **Bounded time and memory.** flexcam estimates memory and disk space before a run and refuses what does not fit.
+- **No collisions.** Runs in threads and processes give the numbers of a run alone, to rounding; two writers of one file cannot mix.
 
 The tables list the damaged, hostile and random input and the machine faults that tests try, with their number in the last run and the
 outcome. A line sums up the rows of a test with one outcome; [trust.csv](trust.csv) has all rows with their tests. `make trust`

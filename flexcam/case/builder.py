@@ -193,7 +193,7 @@ class _Geometry:
 
     def _shaft_rotation(self, node: int) -> FloatArray:
         """Return the axis of rotation of the cams on the shaft of a node."""
-        shaft = self.mesh.turning_nodes(node)
+        shaft = self.mesh.connected_nodes(node, turning=True)
         own = [name for name, cam in self.case.cams.items() if self.mesh.node(cam.at, "at") in shaft]
         if not own:
             allowed, why = "a node of a member with a cam", "the cams of a shaft define its rotation"

@@ -332,7 +332,7 @@ def _unsymmetric_shaft_faults(places: KeyLocations, model: Model) -> Iterator[Fa
     """Yield members that rotate with a cam and are not equally stiff in all directions."""
     shafts: dict[str, str] = {}
     for cam, part in model.cams.items():
-        nodes = model.mesh.turning_nodes(model.mesh.node(part.at))
+        nodes = model.mesh.connected_nodes(model.mesh.node(part.at), turning=True)
         for member, line in model.mesh.lines.items():
             if np.isin(line, nodes).any():
                 shafts.setdefault(member, cam)
@@ -354,7 +354,7 @@ def _rotation_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
     first: dict[int, str] = {}
     axes = {contact.cam: contact.shaft_axis for contact in model.cam_contacts.values()}
     for name, axis in axes.items():
-        shaft = int(model.mesh.turning_nodes(model.mesh.node(model.cams[name].at))[0])
+        shaft = int(model.mesh.connected_nodes(model.mesh.node(model.cams[name].at), turning=True)[0])
         other = first.setdefault(shaft, name)
         if float(axis @ axes[other]) < 0.0:
             given = f"{_format_axis(axis)}, against cam {other!r} about {_format_axis(axes[other])}"

@@ -157,7 +157,7 @@ def campbell(
         "--channel", group=_RESPONSE, help="Channel such as a contact force; that of the first cam by "
         "default. Repeatable.")] = None,
     probes: Annotated[list[str] | None, Parameter(
-        "--probe", group=_RESPONSE, help="Probe whose acceleration is shown; the valve by default. "
+        "--probe", group=_RESPONSE, help=f"Probe whose acceleration is shown; {cli.DEFAULT_PROBE}. "
         "Repeatable.")] = None,
     csv: Annotated[cli.Csv, Parameter(group=_RESPONSE)] = None, plot: cli.Picture = None,
     overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,

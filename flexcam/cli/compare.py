@@ -54,8 +54,7 @@ flexcam compare case.toml --lowest 2000rpm --highest 7000rpm --count 6 --plot fo
 def compare(
     case: Annotated[Path, Parameter(help="Case file (.toml), or result file (.vtkhdf) with --against.")], *,
     probe: Annotated[str | None, Parameter(
-        help="Point or component; by default the valve end of a rocker if it is in output.probes, else the first "
-        "probe there that a cam moves.")] = None,
+        help=f"Point or component; {cli.DEFAULT_PROBE}.")] = None,
     against: Annotated[str | None, Parameter(
         help="Model of the case (as in flexcam trade), other case or result; the rigid model by default.")] = None,
     lowest: Annotated[str | None, Parameter(group=_SPEEDS, help="Lowest speed; half the case's by default.")] = None,
@@ -218,7 +217,7 @@ flexcam trade case.toml --csv trade.csv --plot trade.svg --repeats 5
 )
 def trade(
     case: cli.CaseFile, *,
-    probe: Annotated[str | None, Parameter(help="Probe whose motion is compared; the valve by default.")] = None,
+    probe: Annotated[str | None, Parameter(help=f"Probe whose motion is compared; {cli.DEFAULT_PROBE}.")] = None,
     repeats: Annotated[int, Parameter(help="Runs of every model; their median time is shown.")] = 3,
     csv: cli.Csv = None, plot: cli.Picture = None, overrides: cli.Overrides = None, overwrite: cli.Overwrite = False,
     as_json: cli.Json = False,

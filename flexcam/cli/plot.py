@@ -132,7 +132,7 @@ def plot(
         "error of simpler models over their work."
         )] = None,
     probe: Annotated[str | None, Parameter(
-        help="motion, waterfall, work-precision: point or component; the valve by default.")] = None,
+        help=f"motion, waterfall, work-precision: point or component; {cli.DEFAULT_PROBE}.")] = None,
     channels: Annotated[list[str] | None, Parameter(
         "--channel", help="motion, force, torque, waterfall: force or other channel, repeatable; profile, map: channel "
         "shown by colours; spring: force of the spring.")] = None,

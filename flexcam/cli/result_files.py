@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from flexcam.case.builder import build_model
 from flexcam.case.reader import read_case
-from flexcam.cli.app import Json, Overwrite, ResultPath, app, parse_optional
+from flexcam.cli.app import DEFAULT_PROBE, Json, Overwrite, ResultPath, app, parse_optional
 from flexcam.core.errors import refuse
 from flexcam.dynamics import Response
 from flexcam.io import (
@@ -235,7 +235,7 @@ def report(
     output: Annotated[
         Path | None, Parameter(["-o", "--output"], help="HTML file; in the folder of the first result by default.")
     ] = None,
-    probe: Annotated[str | None, Parameter(help="Probe whose motion is shown first; the valve by default.")] = None,
+    probe: Annotated[str | None, Parameter(help=f"Probe whose motion is shown first; {DEFAULT_PROBE}.")] = None,
     errors: Annotated[bool, Parameter(negative=(), help="Also estimate the errors; this runs the case again.")] = False,
     limits: Annotated[bool, Parameter(negative=(), help="Also find the speed limits; this takes many runs.")] = False,
     trade: Annotated[

@@ -121,6 +121,4 @@ def sections_at_nodes(mesh: Mesh, members: Mapping[str, Member]) -> dict[str, li
 
 
 def _sections(section: Section | Taper, shares: FloatArray) -> list[Section]:
-    if isinstance(section, Section):
-        return [section] * len(shares)
     return [section.at(share) for share in shares.tolist()]

@@ -186,21 +186,6 @@ class Mesh:
         stiff = {name: nodes for name, nodes in self.links.items() if name not in self.joints}
         return self._connect({**self.bodies, **stiff}) if stiff else self.parts
 
-    def turning_nodes(self, node: int) -> IntArray:
-        """Return the nodes that turn with a node, including the node itself: joints separate them.
-
-        Parameters
-        ----------
-        node
-            Row of `nodes`.
-
-        Returns
-        -------
-        ndarray
-            Rows of `nodes`, ascending, shape (k,).
-        """
-        return next((part for part in self._shafts if (part == node).any()), np.array([node], dtype=np.intp))
-
     def _connect(self, bodies: Mapping[str, IntArray]) -> list[IntArray]:
         pairs = [np.column_stack([nodes[:-1], nodes[1:]]) for nodes in bodies.values()]
         ends = np.concatenate([self.elements(), *pairs])
@@ -208,20 +193,23 @@ class Mesh:
         joined = np.unique(ends)
         return [joined[group] for group in component_members(labels[joined])]
 
-    def connected_nodes(self, node: int) -> IntArray:
+    def connected_nodes(self, node: int, *, turning: bool = False) -> IntArray:
         """Return the nodes connected to a node by members, bodies and links, including the node itself.
 
         Parameters
         ----------
         node
             Row of `nodes`.
+        turning
+            Only those that turn with the node: joints separate them.
 
         Returns
         -------
         ndarray
             Rows of `nodes`, ascending, shape (k,).
         """
-        return next((part for part in self._trains if (part == node).any()), np.array([node], dtype=np.intp))
+        parts = self._shafts if turning else self._trains
+        return next((part for part in parts if (part == node).any()), np.array([node], dtype=np.intp))
 
 
 def refine(mesh: Mesh, divisions: Mapping[str, int]) -> Mesh:

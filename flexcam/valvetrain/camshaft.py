@@ -131,16 +131,16 @@ def shaft_axes(model: Model) -> dict[int, FloatArray]:
 def _shaft_nodes(model: Model, cam: str) -> IntArray:
     """Return the nodes that turn with a cam: those of its shaft, and those of its drive behind lash about an axis."""
     mesh = model.mesh
-    found = set(mesh.turning_nodes(mesh.node(model.cams[cam].at)).tolist())
-    plays = (one.ends for one in model.contacts.values() if isinstance(one, Lash) and one.turns and one.ends)
-    pairs = [{mesh.node(end) for end in ends} for ends in plays]
+    found = set(mesh.connected_nodes(mesh.node(model.cams[cam].at), turning=True).tolist())
+    lashes = (one.ends for one in model.contacts.values() if isinstance(one, Lash) and one.turns and one.ends)
+    pairs = [{mesh.node(end) for end in ends} for ends in lashes]
     while more := {node for pair in pairs if pair & found for node in pair} - found:
-        found.update(*(mesh.turning_nodes(node).tolist() for node in more))
+        found.update(*(mesh.connected_nodes(node, turning=True).tolist() for node in more))
     return np.array(sorted(found), dtype=np.intp)
 
 
 def _release_rotation(structure: Structure, name: str, node: int, along: FloatArray) -> ShaftDrive:
-    held = 3 + np.flatnonzero(structure.dofs.numbers[node, 3:] < 0)
+    held = 3 + np.flatnonzero(~structure.dofs.moving[node, 3:])
     dofs = structure.dofs.release(node, held, name)
     new = dofs.numbers[node, held]
     turned = np.zeros(dofs.size)

@@ -201,23 +201,23 @@ def largest_lashes(model: Model) -> Mapping[str, float]:
     structure, largest = build_structure(model), dict.fromkeys(model.cams, 0.0)
     for name, contact in model.cam_contacts.items():
         motion = follower_train(structure, contact, f"contacts.{name}.follower").motion
-        for play in model.contacts.values():
-            if isinstance(play, Lash) and not play.turns and is_in_train(model, contact, play):
-                gap = _reduced_lash(structure, motion, play)
+        for lash in model.contacts.values():
+            if isinstance(lash, Lash) and not lash.turns and is_in_train(model, contact, lash):
+                gap = _reduced_lash(structure, motion, lash)
                 largest[contact.cam] = max(largest[contact.cam], gap)
     return largest
 
 
-def _reduced_lash(structure: Structure, motion: FloatArray, play: Lash) -> float:
+def _reduced_lash(structure: Structure, motion: FloatArray, lash: Lash) -> float:
     """Return a lash plus those before it, each divided by the motion of its driving side per lift, m."""
     model = structure.model
-    if play.ends is None or play.direction is None:
-        rocker = model.rockers[str(play.rocker)]
+    if lash.ends is None or lash.direction is None:
+        rocker = model.rockers[str(lash.rocker)]
         row, start = structure.reach(rocker), rocker.start
     else:
-        row, start = structure.row(play.ends[0], play.direction), play.ends[0]
+        row, start = structure.row(lash.ends[0], lash.direction), lash.ends[0]
         rocker = model.rocker_at(start)
         start = rocker.start if rocker else start
     before = lashes_before(model, model.mesh.node(start), model.lashes) if start in model.mesh.points else []
-    pairs = [(row, play.gap), *((structure.row(one.ends[0], one.direction), one.gap) for one in before)]
+    pairs = [(row, lash.gap), *((structure.row(one.ends[0], one.direction), one.gap) for one in before)]
     return sum(gap / (abs(float(one @ motion)) or 1.0) for one, gap in pairs)

@@ -125,7 +125,9 @@ _MOTION_TOLERANCE = 1e-14  # relative square of the ends' motion that counts as 
 def compressed_members(model: Model) -> list[str]:
     """Return the members with a compression channel: all without a cam, and those with geometric stiffness."""
     shafts = {
-        node for cam in model.cams.values() for node in model.mesh.turning_nodes(model.mesh.node(cam.at)).tolist()
+        node
+        for cam in model.cams.values()
+        for node in model.mesh.connected_nodes(model.mesh.node(cam.at), turning=True).tolist()
     }
     return [
         name for name, member in model.members.items()

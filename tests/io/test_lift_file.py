@@ -127,6 +127,9 @@ TRADE = {  # file name, content, what is given; each has the rows
     "decimal commas and tabs": ("a.txt", rows("\t").replace(".", ","), {"angle": "cam", "unit": "mm"}),
     "header lines": ("a.dvl", "Intake 276\n5\ncam, no. 3\n" + rows("  "), {"angle": "cam", "unit": "mm"}),
     "header lines, named columns": ("a.prn", "11/23/2026  Cam Doctor, 2\n\nCAM DEG  LIFT(MM)\n" + rows("  "), {}),
+    "decimal commas below a date": (
+        "a.csv", "Cam Doctor 2.1, 11.23.2026\ncam_deg; lift_mm\n" + rows("; ").replace(".", ","), {},
+    ),
     "velocity and acceleration": (
         "a.svl", "\n".join(f"{a} {s} {0.1 * s} {-0.2 * s}" for a, s in ROWS), {"angle": "cam", "unit": "mm"},
     ),

@@ -336,6 +336,7 @@ def test_a_locked_phaser_is_a_cam_at_another_phase():
     ("override", "said"),
     [
         ('run.phaser=[["0 s", "0 deg"], ["1 ms", "-60 deg"]]', "must keep turning"),
+        ('run.phaser=[["0 s", "0 deg"], ["9 s", "0 deg"], ["9.001 s", "-60 deg"], ["20 s", "0 deg"]]', "keep turning"),
         ('run.phaser=[["1 s", "0 deg"], ["1 s", "5 deg"]]', "increasing time"),
     ],
 )

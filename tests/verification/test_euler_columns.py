@@ -105,6 +105,20 @@ def test_few_elements_are_divided(record, tmp_path, elements):
     )  # fmt: skip
 
 
+@pytest.mark.parametrize("elements", [1, 4, 5])
+def test_the_end_on_a_link_is_hinged(tmp_path, elements):
+    """Other members and links are neglected with any number of elements: Euler's load of a hinged column."""
+    path = tmp_path / "rod.toml"
+    text = ROD.format(tip=[0.35, 0.0, 0.0], supports="{ " + HELD[0] + " }").replace(
+        "elements = 8", f"elements = {elements}"
+    )
+    text = text.replace("nodes = { ", "nodes = { body = [0.36, 0.02, 0.0], ", 1)
+    text = text.replace("[run]", 'rigid_links.head = { from = "body", to = ["tip"] }\n[run]')
+    path.write_text(text, encoding="utf-8")
+    # Four cubic elements are (pi/4)^4/720 = 5.3e-4 too stiff.
+    assert load_of_rod(path) == pytest.approx(math.pi**2 * RIGIDITY / 0.25**2, rel=6e-4)
+
+
 def test_guides_part_a_member_into_spans(record, tmp_path):
     """The span between two guides that hold its slope, 4 pi^2, beside one that is hinged at its end."""
     path = tmp_path / "rod.toml"

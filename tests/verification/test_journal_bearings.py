@@ -298,6 +298,7 @@ def test_the_journals_of_a_case_lie_where_ocvirk_says(tmp_path, overrides, sense
         ("bearings.left.stiffness=1e8", "either stiffness or film"),
         ('bearings.left={ at = "left" }', "either stiffness or film"),
         ("bearings.left.damping=100", "damping with stiffness"),
+        ('supports.left=["ux", "uy", "uz", "rx"]', "which is held across the shaft"),
         (f'bearings.left={{ at = "apart", {FILM} }}', "a node of a member with a cam"),
     ],
 )

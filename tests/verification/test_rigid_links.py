@@ -120,6 +120,16 @@ def test_two_beams_with_a_joint_between_them(tmp_path, components, share):
     assert turns[0] == pytest.approx(-turns[1], abs=1e-12)
 
 
+def test_three_beams_at_one_joint(tmp_path):
+    """Three cantilevers whose ends one ball joint connects: F L^3/(9 E I)."""
+    text = HINGED.replace('to = ["b"], components = COMPONENTS', 'to = ["b", "c"], components = ["ux", "uy", "uz"]')
+    text = text.replace("right = [", f"c = [{HALF}, 0, 0], top = [{HALF}, 0, {HALF}], right = [", 1)
+    text = text.replace(f"right = {ALL}", f"right = {ALL}, top = {ALL}")
+    response = run(case(tmp_path, text + 'third = { nodes = ["c", "top"], material = "steel", section = "rod" }\n'))
+    wanted = 100.0 * HALF**3 / (9.0 * 2e11 * np.pi * 0.008**4 / 64.0)
+    assert response["a"].displacement[-1, 1] == pytest.approx(wanted, rel=1e-9)
+
+
 DRIVEN = """
 nodes = { cam = [0, 0, 0], push = [0, "30 mm", 0], shaft = ["30 mm", "30 mm", 0], valve = ["75 mm", "30 mm", 0] }
 supports = { shaft = ["ux", "uy", "uz", "rx", "ry"] }

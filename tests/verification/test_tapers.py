@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexcam import InputError, build_model, read_case, run
+from flexcam import InputError, build_model, prepare, read_case, run
+from flexcam.analysis.run_checks import check_input
 from flexcam.fem.members import sections_at_nodes
 from flexcam.fem.recovery import fibres
 from flexcam.fem.sections import Section, Taper
@@ -96,3 +97,11 @@ def test_a_tube_of_constant_wall():
 def test_the_torsion_constant_of_a_taper_is_refused(tmp_path):
     with pytest.raises(InputError, match="no J of a tapered section"):
         rod(tmp_path, 'shape = "circle", diameter = ["12 mm", "6 mm"], J = 1e-9', 2)
+
+
+@pytest.mark.parametrize(("elements", "wanted"), [(2, 11), (10, 11), (11, None)])
+def test_few_elements_for_a_taper_are_told(tmp_path, elements, wanted):
+    """The second moment falls to a sixteenth: 11 elements change it by less than 1.3 each, 1.3^11 = 17.9."""
+    warnings = check_input(prepare(rod(tmp_path, 'shape = "circle", diameter = ["12 mm", "6 mm"]', elements)))
+    told = [one for one in warnings if "second moment changes" in one]
+    assert [one.rpartition("= ")[2] for one in told] == ([str(wanted)] if wanted else [])
