@@ -20,6 +20,7 @@ from flexcam.dynamics import (
     ConstantSpeed,
     Drive,
     FluctuatingSpeed,
+    Method,
     ModeBasis,
     PhasedSpeed,
     Problem,
@@ -28,6 +29,7 @@ from flexcam.dynamics import (
     SpeedByAngle,
     State,
     System,
+    default_method,
     installed_state,
     method_refusal,
     moving_equilibrium,
@@ -92,7 +94,6 @@ def prepare(
     kind = "rigid" if rigid else case.record.fidelity.model
     model, system, chain = _build_equations(case, model, kind, allow_large=allow_large)
     save = SaveAt(field_every=case.record.output.field_every)
-    scheme = case.record.run.integrator.part
     try:
         plain = replace(_make_problem(case, model, system), runs=runs)
         if rigid:  # the rigid companion of a flexible run; the engine was requested for the flexible one
@@ -104,9 +105,16 @@ def prepare(
         unusual = [warning.removeprefix("Warning: ") for warning in check_values(case)]
         raise RunFailedError(replace(failure.status, remedy="; ".join([*unusual, failure.status.remedy]))) from None
     problem = replace(problem, basis=_reduced_basis(case, problem, chain))
+    scheme = integration_method(case, problem)
     if refusal := method_refusal(problem, scheme):
         raise _add_lines(case, refusal)
     return PreparedRun(case, model, problem, scheme, save)
+
+
+def integration_method(case: Case, problem: Problem) -> Method:
+    """Return the integrator of a case, by default the one that suits its problem."""
+    given = case.record.run.integrator
+    return default_method(problem) if given is None else given.part
 
 
 def prepare_without_periodic_search(case: Case) -> PreparedRun:
@@ -234,7 +242,7 @@ def set_initial_state(case: Case, model: Model, problem: Problem, *, until: floa
         case "periodic":
             start, steps = moving_equilibrium(system, problem.drive), steps_per_revolution(case, problem)
             one = replace(problem, start=start, steps=steps)
-            return replace(problem, start=solve_periodic(one, case.record.run.integrator.part, until=until))
+            return replace(problem, start=solve_periodic(one, integration_method(case, one), until=until))
         case ResultStartRecord(result=name):
             state, angle = _last_state(case, model, system, name)
             drive, free = problem.drive, case.record.run.free_running

@@ -268,8 +268,9 @@ class Stability:
 
 def assess_stability(case: Case) -> Stability:
     """Return the stability of a case at its speed."""
-    method = case.record.run.integrator.part
     ready = prepare(case.with_stable_method())
+    given = case.record.run.integrator
+    method = ready.scheme if given is None else given.part
     whole = math.ceil(ready.revolution / ready.problem.step)
     problem = replace(ready.problem, steps=max(ready.problem.steps, 2 * whole))  # two revolutions are compared
     response = solve(problem, ready.scheme, save=ready.save)

@@ -141,7 +141,8 @@ class Case:
 
     def with_stable_method(self) -> Case:
         """Return the same case if its method is stable at any time step, otherwise with the average acceleration."""
-        limited = self.record.run.integrator.part.stability_limit() < math.inf
+        given = self.record.run.integrator
+        limited = given is not None and given.part.stability_limit() < math.inf
         return self.with_run({"integrator": NewmarkRecord()}) if limited else self
 
     def with_run(self, changed: Mapping[str, object]) -> Case:

@@ -18,7 +18,7 @@ from flexcam.dynamics.collocation import Collocation
 from flexcam.dynamics.direct_engine import DirectEngine, Pilot
 from flexcam.dynamics.engine import Engine
 from flexcam.dynamics.force_laws import ForceLaw
-from flexcam.dynamics.generalized_alpha import Scheme
+from flexcam.dynamics.generalized_alpha import Scheme, newmark
 from flexcam.dynamics.integrator import Method
 from flexcam.dynamics.jit import is_available
 from flexcam.dynamics.kernel_engine import KernelEngine, compiled_functions
@@ -40,6 +40,9 @@ _STEP, _LAW, _SQUARE = 1.0e-4, 1.2e-4, 4.0e-9
 _COMPILER = 2.5
 """Time, s, of the direct engine for all runs to come above which the kernel engine is chosen. Compiled code takes some
 seconds to compile once per installation, and half a second to load afterwards."""
+
+_DEFAULT_DIVISIONS = 4
+"""Parts of a step for stiff contacts unless the method is requested: a run then takes at most four times as long."""
 
 _SELDOM = 10
 """Smallest interval of saved fields for which the motion between them is not computed."""
@@ -82,6 +85,22 @@ def select_engine(problem: Problem, method: Method, save: SaveAt) -> SelectedEng
         raise refuse("run.integrator.method", "collocation", "newmark, hht, generalized-alpha", refusals[-1])
     remedy = "leave run.engine out: flexcam then chooses the fastest solver engine that fits"
     raise refuse("run.engine", problem.engine, "another solver engine", refusals[-1], remedy)
+
+
+def default_method(problem: Problem) -> Method:
+    """Return the collocation for a system with local forces that it can integrate, else the average acceleration.
+
+    The average acceleration continues a run whose contacts are much too stiff for its steps.
+    """
+    system = problem.system
+    if not system.local_forces or system.prescribed_motion is not None or problem.engine not in ("auto", "kernel"):
+        return newmark()
+    basis = basis_of(problem)
+    try:
+        _modal_problem(problem if basis is None else reduce_problem(problem, basis), Collocation(), "kernel")
+    except _UnsuitableEngineError:
+        return newmark()
+    return Collocation(_DEFAULT_DIVISIONS, newmark())
 
 
 def candidate_engines(problem: Problem, method: Method) -> tuple[EngineName, ...]:

@@ -101,6 +101,8 @@ class Stats:
     ----------
     engine
         Solver engine, see `flexcam.dynamics.engine_selection`; empty if the run was killed.
+    integrator
+        Methods of the kernel engine if it took the collocation; else empty.
     steps
         Steps done.
     size
@@ -125,6 +127,7 @@ class Stats:
     """
 
     engine: str = "direct"
+    integrator: str = ""
     steps: int = 0
     size: int = 0
     unknowns: int = 0

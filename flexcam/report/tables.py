@@ -437,7 +437,8 @@ def describe_dofs(response: Response) -> str:
         return f"{response.stats.size} unknowns" if response.stats.size else "unknowns not counted"
     rest = f", of which {integrated} are integrated (the others either cannot move or are determined by these)"
     count = f"{every} unknowns" + (rest if integrated != every else "")
-    return count + _ENGINES.get(response.stats.engine, "")
+    method = f", {response.stats.integrator}" if response.stats.integrator else ""
+    return count + method + _ENGINES.get(response.stats.engine, "")
 
 
 _ENGINES = {"modal": ", modal solver", "kernel": ", kernel solver"}

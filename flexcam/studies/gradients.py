@@ -25,6 +25,7 @@ from flexcam.analysis.preparation import prepare, prepare_without_periodic_searc
 from flexcam.analysis.prepared_run import PreparedRun
 from flexcam.case.case import Case
 from flexcam.case.reader import CaseFile
+from flexcam.case.schema.run import NewmarkRecord
 from flexcam.case.variants import Number, get_number, make_overrides
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse
@@ -74,10 +75,10 @@ class Gradient:
 
 def exact_refusal(case: Case) -> str:
     """Return why the runs of a case cannot be derived; empty if they can."""
-    fidelity, scheme = case.record.fidelity, case.record.run.integrator.part
+    fidelity, scheme = case.record.fidelity, case.record.run.integrator
     if fidelity.model != "beams" or fidelity.modes is not None or fidelity.tolerances:
         return "the model is reduced (fidelity)"
-    if not isinstance(scheme, Scheme) or not scheme.average:
+    if scheme is not None and not (isinstance(scheme.part, Scheme) and scheme.part.average):
         return "the integrator is not newmark with beta 1/4 and gamma 1/2"
     return "the steps are adaptive" if case.record.run.adaptive else ""
 
@@ -188,6 +189,7 @@ def _run_scalars(
     if why := exact_refusal(case):
         raise refuse("--method", "exact", "differences", why)
     kinds = {name.partition(".")[0] for name in names}
+    case, pairs = _with_newmark(case), [tuple(_with_newmark(side) for side in pair) for pair in pairs]
     ready = _with_channels(prepare(case, runs=_SIMILAR_RUNS), kinds)
     beside = [tuple(_with_channels(prepare_without_periodic_search(one), kinds) for one in pair) for pair in pairs]
     variations = [
@@ -210,6 +212,11 @@ def _run_scalars(
         return rows, found.growth, f"the motion is chaotic: a small disturbance grows {found.growth:.1g} times"
     residual = (ready.problem.start.periodicity or 0.0) if periodic and ready.problem.start else 0.0
     return rows, found.growth, f"the periodic start repeats to {residual:.1g} only" if residual > _PERIODIC else ""
+
+
+def _with_newmark(case: Case) -> Case:
+    """Return a case whose steps are derived: those of the average acceleration, if it names no method."""
+    return case if case.record.run.integrator else case.with_run({"integrator": NewmarkRecord()})
 
 
 def _massless_probes(system: System) -> tuple[str, ...]:

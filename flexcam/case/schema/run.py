@@ -293,7 +293,10 @@ class RunRecord(Record):
     gravity: Gravity = Field(
         (0.0, 0.0, 0.0), description="acceleration, global axes; masses and springs at a rocker's point are left out"
     )
-    integrator: IntegratorRecord = Field(default_factory=NewmarkRecord)
+    integrator: IntegratorRecord | None = Field(
+        None,
+        description="by default collocation for contacts and other forces that depend on the motion, newmark without",
+    )
     damping: DampingRecord = Field(default_factory=lambda: DampingRecord.model_validate({}))
 
     @model_validator(mode="after")
