@@ -17,7 +17,7 @@ CASES = [
 ]
 
 
-STEPS = {"pump-up": 500}
+STEPS = {"pump-up": 1000}
 """Steps per revolution of cases in place of 100: the blow of that plunger on its ring lasts 0.05 ms."""
 
 SLOW = ("bucket", "finger", "intake", "lever", "pump-up", "rocker", "valve-mass")

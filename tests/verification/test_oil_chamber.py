@@ -76,7 +76,8 @@ def test_pump_up(record):
            reason="the plunger gathers speed within 0.2 ms")  # fmt: skip
     assert ring[-1] == pytest.approx(14.71 + AREA * response.channels["contacts.adjuster.pressure"][-1], rel=1e-3)
     assert -0.02e6 < response.channels["contacts.adjuster.pressure"][-1] < 0.0  # the ball is back on its seat
-    assert np.abs(response.channels["energy.residual"]).max() < 1e-5 * np.abs(response.channels["energy.work"]).max()
+    residual, work = (np.abs(response.channels[f"energy.{name}"]).max() for name in ("residual", "work"))
+    assert residual < 1e-4 * work  # the plunger meets its ring within a step
 
 
 @pytest.mark.parametrize(("case", "sign"), [("leak-down", 1.0), ("pump-up", -1.0)])

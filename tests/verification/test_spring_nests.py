@@ -46,7 +46,7 @@ def nest(folder, *, inner=16, outer=16, stiffness=2e8, mirrored=False, engine="d
     start = ", ".join(start)
     text = CASE.format(inner=inner, outer=outer, stiffness=stiffness, force=force, omega=OMEGA, start=start)
     (folder / "nest.toml").write_text(text, encoding="utf-8")
-    return prepare(read_case(folder / "nest.toml", [f"run.engine={engine}"]))
+    return prepare(read_case(folder / "nest.toml", [f"run.engine={engine}", "run.integrator.method=newmark"]))
 
 
 def solved(ready):
