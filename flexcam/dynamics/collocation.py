@@ -15,7 +15,7 @@ import numpy as np
 
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
-from flexcam.dynamics.generalized_alpha import Scheme, newmark
+from flexcam.dynamics.generalized_alpha import newmark
 from flexcam.dynamics.integrator import At, Method, Stepper
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.system import System
@@ -31,21 +31,11 @@ _POINTS = 0.5, 1.0
 class Collocation(Method):
     """Exponential collocation in Lobatto's points, see `flexcam.dynamics.collocation`.
 
-    Parameters
-    ----------
-    divisions
-        Maximum number of equal parts of a step, a power of two, into which stiff contacts divide it.
-    otherwise
-        Method of the rest of a run whose contacts are too stiff for these parts; None: the run ends.
-
     Examples
     --------
     >>> abs(Collocation().period_error(2.0)) < 1e-12
     True
     """
-
-    divisions: int = 64
-    otherwise: Scheme | None = None
 
     @property
     def order(self) -> int:
@@ -170,7 +160,7 @@ def collocation() -> Collocation:
     Returns
     -------
     Collocation
-        It divides steps as far as the contacts demand, up to 64 parts.
+        It has no parameter.
 
     Examples
     --------

@@ -14,14 +14,14 @@ from flexcam.core.errors import refuse
 from flexcam.dynamics.active_dofs import basis_of, reduce_problem
 from flexcam.dynamics.basis import Basis
 from flexcam.dynamics.blocks import SaveAt
-from flexcam.dynamics.collocation import Collocation
+from flexcam.dynamics.collocation import Collocation, collocation
 from flexcam.dynamics.direct_engine import DirectEngine, Pilot
 from flexcam.dynamics.engine import Engine
 from flexcam.dynamics.force_laws import ForceLaw
 from flexcam.dynamics.generalized_alpha import Scheme, newmark
 from flexcam.dynamics.integrator import Method
 from flexcam.dynamics.jit import is_available
-from flexcam.dynamics.kernel_engine import KernelEngine, compiled_functions
+from flexcam.dynamics.kernel_engine import KernelEngine, compiled_functions, contact_stiffness_ratio
 from flexcam.dynamics.kinematic_engine import KinematicEngine
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.modal_coordinates import ModalCoordinates, diagonal, find_modal_coordinates, modal_problem
@@ -41,8 +41,8 @@ _COMPILER = 2.5
 """Time, s, of the direct engine for all runs to come above which the kernel engine is chosen. Compiled code takes some
 seconds to compile once per installation, and half a second to load afterwards."""
 
-_DEFAULT_DIVISIONS = 4
-"""Parts of a step for stiff contacts unless the method is requested: a run then takes at most four times as long."""
+_DIVISIONS = 16
+"""Parts of a step that are short enough for the contacts of runs that take the collocation by default."""
 
 _SELDOM = 10
 """Smallest interval of saved fields for which the motion between them is not computed."""
@@ -88,19 +88,18 @@ def select_engine(problem: Problem, method: Method, save: SaveAt) -> SelectedEng
 
 
 def default_method(problem: Problem) -> Method:
-    """Return the collocation for a system with local forces that it can integrate, else the average acceleration.
-
-    The average acceleration continues a run whose contacts are much too stiff for its steps.
-    """
+    """Return the collocation for a system with local forces if it suits the steps, else the average acceleration."""
     system = problem.system
     if not system.local_forces or system.prescribed_motion is not None or problem.engine not in ("auto", "kernel"):
         return newmark()
     basis = basis_of(problem)
     try:
-        _modal_problem(problem if basis is None else reduce_problem(problem, basis), Collocation(), "kernel")
+        _, inside = _modal_problem(
+            problem if basis is None else reduce_problem(problem, basis), collocation(), "kernel"
+        )
     except _UnsuitableEngineError:
         return newmark()
-    return Collocation(_DEFAULT_DIVISIONS, newmark())
+    return collocation() if contact_stiffness_ratio(inside, problem.step / _DIVISIONS) <= 1.0 else newmark()
 
 
 def candidate_engines(problem: Problem, method: Method) -> tuple[EngineName, ...]:

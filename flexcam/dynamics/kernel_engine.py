@@ -56,11 +56,15 @@ _SHORTEST = 64.0
 """Fraction of a step below which contacts that close and open again within it are not looked for."""
 _STRONG = 0.05
 """Motion of a scalar by the force of another law, relative to their own, above which both laws are in one block."""
+_CLOSED = 1e-6
+"""Penetration of a contact that has just closed, m or rad."""
 _ANGLES = 73
 """Number of cam angles at which the weights of vectors are compared."""
+_MOST_DIVISIONS = 64
+"""Parts of a step up to which the collocation divides it."""
 _TOO_STIFF = Status(
     Cause.NO_CONVERGENCE,
-    f"contacts are too stiff for the collocation, even in 1/{Collocation.divisions} of a step",
+    f"contacts are too stiff for the collocation, even in 1/{_MOST_DIVISIONS} of a step",
     'take more steps per revolution, a softer contact, or integrator = { method = "newmark" }',
 )
 """Status of a run whose steps must be divided."""
@@ -359,6 +363,22 @@ def find_coupling(forces: LocalForces, operator: StepOperator) -> tuple[FloatArr
     return can + can.T, np.maximum(relative, relative.T)
 
 
+def contact_stiffness_ratio(problem: Problem, step: float) -> float:
+    """Return the largest (omega h)^2 of a contact that has just closed, for the collocation in modal coordinates.
+
+    It is an estimate of `flexcam.dynamics.kernel.contact_ratio` before the run, with stages of length `step`, s.
+    """
+    forces = LocalForces(problem.system)
+    hold = ModalSystem.of(problem.system, forces).operator(Collocation(), step).hold
+    angle = np.linspace(0.0, 2.0 * np.pi, _ANGLES)
+    inputs = forces.prescribed_inputs(CamMotion(angle, np.ones_like(angle), np.zeros_like(angle), angle))
+    sensed, acted = (np.abs(one).max(axis=0) for one in (inputs.sensing_weights, inputs.acting_weights))
+    own = np.sum((forces.act.owner * acted) @ hold * (forces.sense.owner * sensed), axis=1)
+    closed = np.full(forces.count, _CLOSED)
+    stiffness = forces.respond(closed, np.zeros_like(closed), forces.start_state, inputs).by_penetration
+    return float(np.abs(np.diag(stiffness) * own).max(initial=0.0))
+
+
 def divide_laws(laws: IntArray, coupling: FloatArray) -> tuple[IntArray, IntArray]:
     """Return the rows of the table of laws block by block, and where blocks begin and the last one ends.
 
@@ -422,8 +442,10 @@ class KernelEngine:
         self, problem: Problem, scheme: Scheme | Collocation, forces: LocalForces, stop: Callable[[], bool]
     ) -> None:
         self._problem, self._system, self._forces, self._stop = problem, problem.system, forces, stop
-        self._starter, self._within, self._method = InitialAcceleration(problem.system, forces), 0, scheme
-        self._set_steps(scheme, 1)
+        self._kernel = Kernel(problem, scheme, forces)
+        self._starter = InitialAcceleration(problem.system, forces)
+        self._balances, self._division, self._within = scheme.is_collocated, 1, 0
+        self._walker = self._event_stepper()
         self._last: StepState | None = None
         self._span = math.inf, math.inf
         self._nodes: FloatArray | None = None
@@ -458,37 +480,18 @@ class KernelEngine:
         return track.until(min(len(track.ends), 1)), Status() if self._at_middle else status
 
     def _advance_rows(self, steps: IntArray) -> tuple[Trajectory, Status]:
-        """Advance by some steps; where contacts become too stiff for them, take `_next_steps` from there on."""
+        """Advance by some steps, and divide them from the first one on in which contacts are too stiff for it."""
         parts, done = list[Trajectory](), 0
         while True:
             part, status = self._advance_divisions(steps[done:])
             parts.append(part)
             done += len(part.ends)
-            harder = self._next_steps() if status is _TOO_STIFF else None
-            if harder is None:
+            if status is not _TOO_STIFF or self._division == _MOST_DIVISIONS:
                 whole = Trajectory.concatenate(parts) if len(parts) > 1 else part
                 return (whole if status.ok else whole.until(len(whole.ends))), status
-            self._within *= harder[1] // self._division
-            self._set_steps(*harder, self._walker.events)
-
-    def _next_steps(self) -> tuple[Scheme | Collocation, int] | None:
-        """Return the method and the division of steps for stiffer contacts; None if there is none."""
-        if isinstance(self._scheme, Scheme):
-            return None
-        if self._division < self._scheme.divisions:
-            return self._scheme, 2 * self._division
-        return None if self._scheme.otherwise is None else (self._scheme.otherwise, self._division)
-
-    def _set_steps(self, scheme: Scheme | Collocation, division: int, events: int = 0) -> None:
-        """Take the method and the division of steps from now on; `events` have been located so far."""
-        self._scheme, self._division = scheme, division
-        self._kernel = Kernel(self._problem, scheme, self._forces)
-        self._kernel.shorten(self._problem.step / division)
-        self._walker = EventStepper(
-            self._problem.step / division, self._forces, self._starter, self._at, self._stepper,
-            balances=scheme.is_collocated,
-        )  # fmt: skip
-        self._walker.events = events
+            self._division, self._within = 2 * self._division, 2 * self._within
+            self._kernel.shorten(self._problem.step / self._division)
+            self._walker = self._event_stepper(self._walker.events)
 
     def _advance_divisions(self, steps: IntArray) -> tuple[Trajectory, Status]:
         """Advance by some steps, the first of which has begun already, in divisions of equal length."""
@@ -571,8 +574,7 @@ class KernelEngine:
 
     def statistics(self, stats: Stats) -> Stats:
         """Return the statistics with the counts of this engine."""
-        method = "" if self._method is self._scheme and isinstance(self._scheme, Scheme) else "collocation"
-        method += "" if self._method is self._scheme else ", then newmark"
+        method = "collocation" if self._kernel.stages == 2 else ""
         return replace(stats, iterations=self._iterations, events=self._walker.events, integrator=method)
 
     def state(self) -> Arrays:
@@ -580,17 +582,16 @@ class KernelEngine:
         return {
             **flatten("last", self._last),
             "counts": np.array([self._iterations, self._walker.events, self._at_middle]),
-            "division": np.array([self._division, self._scheme is not self._method]),
+            "division": np.array(self._division),
         }
 
     def restore(self, state: Arrays) -> None:
         """Restore the state, see `Engine`."""
         self._last = StepState.from_checkpoint("last", state)
         self._iterations, events, at_middle = state["counts"].tolist()
-        self._at_middle = bool(at_middle)
-        division, changed = state["division"].tolist()
-        otherwise = self._method.otherwise if isinstance(self._method, Collocation) and changed else None
-        self._set_steps(otherwise or self._method, division, events)
+        self._at_middle, self._division = bool(at_middle), int(state["division"])
+        self._kernel.shorten(self._problem.step / self._division)
+        self._walker = self._event_stepper(events)
 
     def _sides(self, moment: StepState) -> IntArray:
         """Return the switching scalars, and which of them count as pressed."""
@@ -629,6 +630,13 @@ class KernelEngine:
     def _prescribed(self, times: FloatArray) -> tuple[FloatArray, PrescribedInputs]:
         motion = self._problem.drive.at(times)
         return self._system.load_vector(motion), self._forces.prescribed_inputs(motion)
+
+    def _event_stepper(self, events: int = 0) -> EventStepper:
+        """Return the stepper of single steps, with the events located so far."""
+        step = self._problem.step / self._division
+        found = EventStepper(step, self._forces, self._starter, self._at, self._stepper, balances=self._balances)
+        found.events = events
+        return found
 
     def _stepper(self, step: float) -> KernelStepper:
         return KernelStepper(self._kernel, step, self._at)

@@ -102,7 +102,7 @@ class Stats:
     engine
         Solver engine, see `flexcam.dynamics.engine_selection`; empty if the run was killed.
     integrator
-        Methods of the kernel engine if it took the collocation; else empty.
+        "collocation" if it integrated the run; else empty.
     steps
         Steps done.
     size

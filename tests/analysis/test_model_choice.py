@@ -332,7 +332,12 @@ class TestEstimate:
     @pytest.mark.usefixtures("machine_code")
     def test_chatter_has_none(self):
         """At 9000 crank rpm the tappet comes down on its cam again and again, with shorter steps at other moments."""
-        fast = ["run.integrator.method=newmark", "run.crank_speed=9000rpm", "run.revolutions=0.6", "run.steps_per_revolution=180"]
+        fast = [
+            "run.integrator.method=newmark",
+            "run.crank_speed=9000rpm",
+            "run.revolutions=0.6",
+            "run.steps_per_revolution=180",
+        ]
         case = read_case(ENGINE, [*fast, "springs.valve.elements=2", "members.pushrod.geometric_stiffness=false",
                                   "members.pushrod.bow=0"])  # fmt: skip
         assert not {one.quantity: one for one in estimate_errors(case, "valve")}["force intake"].holds

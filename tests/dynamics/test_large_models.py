@@ -168,7 +168,10 @@ def test_a_fine_mesh_finds_the_balance_of_a_coarse_one(held, pytestconfig):
 
 def test_parts_of_blocks_change_no_motion(pytestconfig, monkeypatch):
     """A block of 640 steps in parts of 7, of which most hold no saved field."""
-    case = read_case(pytestconfig.rootpath / "cases" / "pushrod-engine" / "intake.toml", ["run.revolutions=0.05", "run.integrator.method=newmark"])
+    case = read_case(
+        pytestconfig.rootpath / "cases" / "pushrod-engine" / "intake.toml",
+        ["run.revolutions=0.05", "run.integrator.method=newmark"],
+    )
     ready = prepare(case)
     whole = solve(ready.problem, ready.scheme, save=ready.save)
     monkeypatch.setattr(sys.modules["flexcam.dynamics.solve"], "AT_ONCE", 7 * whole.stats.unknowns)

@@ -274,6 +274,9 @@ def test_a_zero_of_the_train_has_no_sign():
 @pytest.mark.usefixtures("machine_code")
 def test_a_ladder_on_a_rough_reference_says_so():
     """Sixty steps of Newmark's method do not see how a contact of 4 MN/m rings."""
-    case = read_case("cases/li/valve-train.toml", ["run.steps_per_revolution=60", "run.revolutions=1", "run.integrator.method=newmark"])
+    case = read_case(
+        "cases/li/valve-train.toml",
+        ["run.steps_per_revolution=60", "run.revolutions=1", "run.integrator.method=newmark"],
+    )
     found = additional_content(case, "valve.uy", ReportOptions(trade=True))
     assert "the reference itself has a large error in" in found.sentences[0]

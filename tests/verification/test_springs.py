@@ -305,7 +305,14 @@ def test_two_rates_at_rest(record, case, elements, force, degrees):
 
 def test_energy_of_two_rates(record, case):
     """Each closing of the coils ends a step, so that nothing is lost."""
-    response = run(case(TWO_RATES.replace("PARTS", "2"), "springs.valve.installed_force=150 N", *FAST, "run.integrator.method=newmark"))
+    response = run(
+        case(
+            TWO_RATES.replace("PARTS", "2"),
+            "springs.valve.installed_force=150 N",
+            *FAST,
+            "run.integrator.method=newmark",
+        )
+    )
     work, residual = (np.abs(response.channels[f"energy.{name}"]).max() for name in ("work", "residual"))
     record(source=SOURCE, case="two pitches, 2 parts each, a revolution at 3000 rpm", unit="J",
            quantity="residual of the energy balance", reference=0.0, computed=residual, tolerance=1e-12 * work,
