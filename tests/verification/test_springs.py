@@ -304,7 +304,7 @@ def test_two_rates_at_rest(record, case, elements, force, degrees):
 
 
 def test_energy_of_two_rates(record, case):
-    """Each closing of the coils ends a step, so that nothing is lost."""
+    """Newmark ends a step with each closing of the coils, so that nothing is lost."""
     response = run(
         case(
             TWO_RATES.replace("PARTS", "2"),

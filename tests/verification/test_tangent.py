@@ -189,8 +189,9 @@ def test_trains_in_contact_against_differences(record, path, key, names, fixed):
     file, fixed = CaseFile.open(Path(path)), (*ONE_REVOLUTION, "run.engine=kernel", *fixed)
     (number,) = get_numbers(file.read(fixed), [key])
     found = compute_gradient(file, fixed, names, [number])
+    start = ", periodic" if "run.start=periodic" in fixed else ""
     for name, reference in zip(names, differences(file, fixed, number, names), strict=True):
-        record(source=DIFFERENCES, case=f"{Path(path).stem}, by {key}{', periodic' if 'run.start=periodic' in fixed else ''}",
+        record(source=DIFFERENCES, case=f"{Path(path).stem}, by {key}{start}",
                quantity=f"d({name})", unit="", reference=reference,
                computed=found.derivatives[name, key], tolerance=2e-5,
                reason="differences of contact runs over 1e-4 contain the noise of events")  # fmt: skip
