@@ -278,7 +278,8 @@ class RunRecord(Record):
     step: Time | None = Field(None, description="instead of steps_per_revolution")
     engine: dynamics.EngineName = Field(
         "auto",
-        description="solver engine: auto chooses the fastest that fits; all give the same numbers, except in chatter",
+        description="solver engine: auto chooses the fastest that fits; with one integrator all give the same numbers, "
+        "except in chatter",
     )
     adaptive: AdaptiveRecord | None = Field(None, description="step size control; fixed steps by default")
     fluctuation: FluctuationRecord | None = Field(None, description="fluctuation of the speed about its mean")
