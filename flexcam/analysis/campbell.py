@@ -28,8 +28,8 @@ from flexcam.valvetrain import ContactModes, build_structure, contact_modes, con
 
 _EXTRA_MODES = 8  # additional modes, among which a mode is found again after others have crossed it
 _MIN_MAC = 0.5  # minimum modal assurance criterion, weighted by mass, for modes at two speeds to count as the same
+# maximum relative change of a frequency between adjacent speeds; a larger one indicates a change of contact
 _MAX_FREQUENCY_CHANGE = 0.2
-"""Maximum relative change of a frequency between adjacent speeds; a larger one indicates a change of contact."""
 
 
 @dataclass(frozen=True, eq=False)

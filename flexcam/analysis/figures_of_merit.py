@@ -88,8 +88,8 @@ def compute_margins(case: Case) -> Margins:
     return Margins(*_rigid_margin(case), _buckling_margins(case))
 
 
+# cam angles, rad, at which the contact force of the rigid train is evaluated
 _ANGLES = np.linspace(0.0, 2.0 * math.pi, 7201)
-"""Cam angles, rad, at which the contact force of the rigid train is evaluated."""
 
 
 def _rigid_margin(case: Case) -> tuple[float | None, float | None]:

@@ -41,9 +41,8 @@ from flexcam.valvetrain import (
     valve_ratio,
 )
 
+# revolutions of a run: the first is a transient, and just above a limit contact is lost in some of them only
 _REVOLUTIONS = 6.0
-"""Revolutions of a run. Contact is lost in some revolutions only just above a limit; the first is a transient."""
-
 _ROUNDING = 1e-6  # relative tolerance of a time at the end of a revolution
 
 LIMITS = ("loss_of_contact", "float", "bounce", "coil_clash", "buckling")

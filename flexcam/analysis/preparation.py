@@ -126,8 +126,8 @@ def build_problem(case: Case) -> tuple[Model, System]:
     return _build_equations(case, None, case.record.fidelity.model, allow_large=False)[:2]
 
 
+# arguments of a chain, and the keys of a case that set them
 _CHAIN_KEYS = {"count": "fidelity.masses", "contact": "fidelity.model"}
-"""Arguments of a chain, and the keys of a case that set them."""
 
 
 def _build_equations(

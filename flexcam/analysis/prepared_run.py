@@ -86,8 +86,8 @@ def _driven_probes(ready: PreparedRun) -> dict[str, DrivenProbe]:
 
 
 _MOTIONLESS = 1e-12  # motion of a probe that is rounding, m
+# angles of a revolution, rad; a lift between two of them would be too short
 _REVOLUTION_ANGLES = np.linspace(0.0, 2.0 * np.pi, 361)
-"""Angles of a revolution, rad; a lift between two of them would be too short."""
 
 
 def _follower_component(ready: PreparedRun, probe: Probe) -> str:

@@ -250,5 +250,5 @@ def _difference(what: str, given: str, allowed: str) -> Fault:
     return Fault(f"--resume: {what}", shown[0], shown[1], why, remedy)
 
 
+# texts of a result that must be equal for identical numbers
 _COMPARED_TEXTS = ("case", "overrides", "flexcam", "python", "numpy", "scipy", "numba")
-"""Texts of a result that must be equal for identical numbers."""

@@ -338,8 +338,8 @@ class CheckValve:
 
 _NO_VALVE = CheckValve(0.0, 1.0, 1.0, 0.0, 1.0)
 
+# smallest part of air in an oil chamber: oil below the supply pressure opens a cavity instead of pulling
 _MIN_AIR = 1e-6
-"""Smallest part of air in an oil chamber: oil below the supply pressure opens a cavity instead of pulling."""
 
 
 @dataclass(frozen=True)

@@ -25,29 +25,18 @@ from flexcam.valvetrain.parts import Adjuster, CamContact, Lash, Lever, Publishe
 RANK = 1e-9
 """Part of the largest value, or of a row, that counts as zero."""
 
-_CLOSED = 1e-11
-"""Gap or penetration that counts as zero, m: a billionth of a lift."""
-
-_HELD_BACK = 1e-7
-"""Lift that stops may hold back, or overlap, m, above all rounding."""
+_CLOSED = 1e-11  # gap or penetration that counts as zero, m: a billionth of a lift
+_HELD_BACK = 1e-7  # lift that stops may hold back, or overlap, m, above all rounding
 
 PULL = 1e-6
 """Part of the largest force with which a closed stop may pull, above all rounding."""
 
-_MOST_TRIED = 10
-"""Number of stops up to which all sets of closed ones are tried."""
-
-_DEFLECTION = 1e-3
-"""Largest deflection of the springs under the loads, m, by which stiffness and loads are scaled."""
-
-_COMPLIANCE = 1e-10
-"""Compliance of stops, relative to the scaled springs, in the search for the closed ones."""
-
+_MOST_TRIED = 10  # number of stops up to which all sets of closed ones are tried
+_DEFLECTION = 1e-3  # largest deflection of the springs under the loads, m, by which stiffness and loads are scaled
+_COMPLIANCE = 1e-10  # compliance of stops, relative to the scaled springs, in the search for the closed ones
+# gap of a closed lash in this search, m, above its deflection: the load of a body goes to its seat first
 _SLACK = 4e-13
-"""Gap of a closed lash in this search, m, above its deflection: the load of a body goes to its seat first."""
-
-_ITERATIONS = 40
-"""Maximum number of Newton iterations; some five suffice."""
+_ITERATIONS = 40  # maximum number of Newton iterations; some five suffice
 
 Bools = NDArray[np.bool_]
 Closed = tuple[bool, ...]

@@ -82,11 +82,8 @@ class SpringCurve:
         return np.array([np.interp(x, own, self.travel) for x, own in parts], dtype=np.float64).max(axis=0)
 
 
-_CLOSED = 0.1
-"""Compression of a closed part per that of the softest open one, above which it counts as open."""
-
-_FAR = 1.0
-"""Distance of the end rows of a curve from the others, m."""
+_CLOSED = 0.1  # compression of a closed part per that of the softest open one, above which it counts as open
+_FAR = 1.0  # distance of the end rows of a curve from the others, m
 
 
 def spring_curve(spring: Spring) -> SpringCurve:
@@ -213,8 +210,7 @@ def condense_spring(spring: Spring) -> Spring:
     )  # fmt: skip
 
 
-_FINE = 64
-"""Minimum number of parts for natural frequencies, with which the first one is 1e-4 too high."""
+_FINE = 64  # minimum number of parts for natural frequencies, with which the first one is 1e-4 too high
 
 
 def spring_frequencies(spring: Spring, travel: float = 0.0, count: int = 3) -> FloatArray:
@@ -233,9 +229,8 @@ def spring_frequencies(spring: Spring, travel: float = 0.0, count: int = 3) -> F
     return np.sqrt(squares[:count]) / (2.0 * math.pi)
 
 
+# parts per half wave, and minimum number of parts, as a valve that hits its seat excites surge at any speed
 _PER_HALF_WAVE = 4
-"""Parts per half wave, and minimum number of parts, as a valve that hits its seat excites surge at any speed."""
-
 _MOST = 16  # default maximum number of parts; for longer waves the case must specify the number
 _FORCE_FRACTION = 0.01  # fraction of the spring force by the lift below which waves of higher harmonics are neglected
 

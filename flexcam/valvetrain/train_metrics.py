@@ -27,12 +27,10 @@ Bools = NDArray[np.bool_]
 _REOPENING_LIFT = 1e-6  # lift above the seat, m, above which a closed valve counts as reopened; less for small lifts
 _TOUCH_PART = 2e-4  # the same relative to the lift, which governs up to 5 mm, as for watch mechanisms
 
+# tolerance of cam angle for a complete revolution, rad: a fluctuating speed may leave a gap
 _REVOLUTION_TOLERANCE = math.radians(355.0)
-"""Tolerance of cam angle for a complete revolution, rad: a fluctuating speed may leave a gap."""
-
+# fraction of the lift, above ramps and lash, above which a cam is on its main lift: below it ringing dominates
 _MAIN_LIFT_FRACTION = 0.05
-"""Fraction of the lift, above ramps and lash, above which a cam is on its main lift: below it ringing dominates."""
-
 _LARGEST_MAIN_LIFT = 0.5  # largest fraction of the lift for the same, for a lash that takes up most of the lift
 
 OPEN = math.radians(0.5)
@@ -80,11 +78,9 @@ def _touches(gap: FloatArray, velocity: FloatArray) -> Bools:
     return touched
 
 
+# gap relative to the lift up to which a valve is at its seat, as it is in the rigid model but for rounding
 _GAP_ROUNDING = 1e-12
-"""Gap relative to the lift up to which a valve is at its seat, as it is in the rigid model but for rounding."""
-
-_STEP_MARGIN = 1.5
-"""Travel of a step relative to that of the one before, up to which a rebound is possible."""
+_STEP_MARGIN = 1.5  # travel of a step relative to that of the one before, up to which a rebound is possible
 
 
 def _touch_velocity(gap: FloatArray, velocity: FloatArray) -> float:
@@ -206,8 +202,8 @@ _LARGEST = (
 )  # fmt: skip
 """Suffixes of channels with a metric of maximum magnitude."""
 
+# suffixes of channels whose metric is the maximum with its sign: a column that pumped up has a negative leak-down
 _SIGNED = (".compression", ".leak_down")
-"""Suffixes of channels whose metric is the maximum with its sign: a column that pumped up has a negative leak-down."""
 
 
 def _seat(response: Response, where: str, last: Bools) -> list[Metric]:
