@@ -21,13 +21,7 @@ from flexcam.case.case import Case
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, format_quantity, shaft_speed
-from flexcam.dynamics import (
-    ProgressCallback,
-    Response,
-    reraise_interrupt,
-    solve,
-    track_progress,
-)
+from flexcam.dynamics import ProgressCallback, Response, reraise_interrupt, solve, track_progress
 from flexcam.valvetrain import (
     BOUNCE_HEIGHT,
     OPEN,

@@ -36,8 +36,7 @@ from flexcam.dynamics import Response, Status
 from flexcam.io.sweep_table import read_table, unknown_scalar_fault
 from flexcam.report.terminal import show_count
 from flexcam.valvetrain import Cam, Spring, build_structure, contact_loss, driving_contact, spring_held_contacts
-from flexcam.valvetrain.spring_properties import spring_curve
-from flexcam.valvetrain.springs import has_channels
+from flexcam.valvetrain.springs import has_channels, spring_curve
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

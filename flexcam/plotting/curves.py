@@ -40,7 +40,7 @@ from flexcam.plotting.figures import (
     line_styles,
 )
 from flexcam.valvetrain import MemberStrength, Spring
-from flexcam.valvetrain.spring_properties import spring_curve, wire_stress
+from flexcam.valvetrain.springs import spring_curve, wire_stress
 
 LAW_LABELS = ("s", "s'", "s''", "s'''")  # axis labels of laws, from top to bottom
 LAW_POSITION = "z, part of the rise"  # abscissa label of laws

@@ -53,7 +53,7 @@ from flexcam.valvetrain import (
     opposed_contacts,
 )
 from flexcam.valvetrain import describe_inactive as words_of
-from flexcam.valvetrain.spring_properties import spring_curve, spring_frequencies
+from flexcam.valvetrain.springs import spring_curve, spring_frequencies
 
 if TYPE_CHECKING:
     from flexcam.analysis.limits import Limit, Limits

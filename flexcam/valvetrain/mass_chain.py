@@ -13,7 +13,7 @@ from flexcam.dynamics import ModeBasis, System, project_system
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, PublishedLoad
 from flexcam.valvetrain.rigid_kinematics import follower_train
-from flexcam.valvetrain.spring_properties import condense_spring
+from flexcam.valvetrain.springs import condense_spring
 from flexcam.valvetrain.strength import Bars, compressed_members, elements_of
 from flexcam.valvetrain.structure import Structure, build_structure
 from flexcam.valvetrain.system_builder import build_system

@@ -49,13 +49,7 @@ from flexcam.fem.rigid_bodies import scalar_matrix
 from flexcam.valvetrain.loads import series_stiffness
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Adjuster, Lash, PublishedLoad
-from flexcam.valvetrain.structure import (
-    Structure,
-    build_structure,
-    lash_row,
-    spring_parts,
-    superelement_dofs,
-)
+from flexcam.valvetrain.structure import Structure, build_structure, lash_row, spring_parts, superelement_dofs
 from flexcam.valvetrain.system_builder import build_system
 
 _KINDS = {"axial": beam.AXIAL, "torsion": beam.TORSION, "bending x-y": beam.PLANE_XY, "bending x-z": beam.PLANE_XZ}

@@ -17,15 +17,7 @@ from flexcam.core.errors import refuse
 from flexcam.fem.rigid_bodies import scalar_matrix
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Adjuster, CamContact, Lash, PublishedLoad, Seat
-from flexcam.valvetrain.rigid_train import (
-    RANK,
-    Branch,
-    Drive,
-    LeverEnd,
-    RigidTrain,
-    Stop,
-    find_closed_stops,
-)
+from flexcam.valvetrain.rigid_train import RANK, Branch, Drive, LeverEnd, RigidTrain, Stop, find_closed_stops
 from flexcam.valvetrain.structure import (
     Structure,
     build_structure,

@@ -38,15 +38,9 @@ from flexcam.valvetrain.coupling import Coupling, conservative_force, constant_h
 from flexcam.valvetrain.loads import given_loads, preload, spring_share, steady_load
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, Lash, PublishedLoad
-from flexcam.valvetrain.rigid_kinematics import (
-    RigidTrain,
-    follower_train,
-    load_trains,
-    soft_stiffness,
-)
+from flexcam.valvetrain.rigid_kinematics import RigidTrain, follower_train, load_trains, soft_stiffness
 from flexcam.valvetrain.rigid_train import PULL
-from flexcam.valvetrain.spring_properties import condense_spring
-from flexcam.valvetrain.springs import couple_springs
+from flexcam.valvetrain.springs import condense_spring, couple_springs
 from flexcam.valvetrain.structure import Structure, build_structure, spring_stretches
 from flexcam.valvetrain.system_builder import assemble_system, couple_contact, couple_contacts
 
