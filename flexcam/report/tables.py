@@ -225,7 +225,7 @@ def _weight(ready: PreparedRun) -> list[tuple[str, str]]:
     if not any(model.gravity):
         return []
     factor, unit = to_display_unit("m/s^2")
-    left_out = [name for name, part in model.masses.items() if model.rocker_at(part.at) is not None]
+    left_out = [name for name, part in model.masses.items() if part.at in model.rocker_points]
     omitted = f"; without masses at points of rockers: {', '.join(left_out)}" if left_out else ""
     return [("gravity", f"{_vector(factor * np.array(model.gravity))} {unit}{omitted}")]
 

@@ -72,7 +72,7 @@ from flexcam.valvetrain.train_metrics import (
     train_metrics,
     valve_loft,
 )
-from flexcam.valvetrain.train_topology import driving_contact
+from flexcam.valvetrain.train_topology import connected_nodes, driving_contact
 
 __all__ = [
     "BOUNCE_HEIGHT", "DAMPING_DEPTH", "OPEN", "Adjuster", "Cam", "CamContact", "Chain", "CheckValve", "Contact",
@@ -80,7 +80,7 @@ __all__ = [
     "MemberStrength", "Metric", "Model", "ModelModes", "OilChamber", "PlungerTravel", "PublishedLoad", "Pulsation",
     "Resolution", "ResolutionSink", "Rocker", "Seat", "Seating", "Spring", "StiffStrut", "StrengthSink",
     "Structure", "Wire", "buckling_load", "build_chain", "build_rigid", "build_structure", "build_system",
-    "compressed_members", "contact_loss", "contact_modes", "contact_stiffness", "describe_inactive",
+    "compressed_members", "connected_nodes", "contact_loss", "contact_modes", "contact_stiffness", "describe_inactive",
     "driving_contact", "element_loads", "follower_train", "free_running", "free_speed", "hertz_line",
     "largest_lashes", "lift_transfer", "main_lift", "member_masses", "modal_basis", "model_modes",
     "modes_on_the_lift", "opposed_contacts", "pulling_contacts", "rigid_motion", "seating", "separation",

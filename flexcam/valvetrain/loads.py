@@ -182,7 +182,7 @@ def _weight(structure: Structure) -> FloatArray:
     model, gravity = structure.model, np.array(structure.model.gravity)
     load = assemble_loads(structure.beams, element_weight(structure.beams, gravity), structure.dofs)
     for name, part in model.masses.items():
-        if model.rocker_at(part.at) is None:
+        if part.at not in model.rocker_points:
             pull = part.body.matrix() @ np.concatenate([gravity, np.zeros(3)])
             load = load + structure.dofs.vector(find_node(model, part.at, f"masses.{name}.at"), pull)
     for name, body in model.superelements.items():
@@ -191,7 +191,7 @@ def _weight(structure: Structure) -> FloatArray:
         numbers = superelement_dofs(structure, name)
         np.add.at(load, numbers[numbers >= 0], (body.mass @ fall)[numbers >= 0])
     for name, spring in model.springs.items():
-        if spring.mass > 0.0 and model.rocker_at(spring.at) is None:
+        if spring.mass > 0.0 and spring.at not in model.rocker_points:
             along = float(gravity @ spring.direction[:3])
             parts = zip(spring.parts, spring_parts(structure, name, spring), strict=True)
             load = load + sum(0.5 * (part.mass * along) * (low + high) for part, (low, high) in parts)

@@ -121,7 +121,7 @@ def _shares(structure: Structure, shape: FloatArray, mass: FloatArray) -> dict[s
     model, nodal = structure.model, structure.dofs.nodal(shape)
     shares = _member_shares(structure, nodal, mass)
     for name, part in model.masses.items():
-        if model.rocker_at(part.at) is not None:
+        if part.at in model.rocker_points:
             shares[f"mass {name}"] = part.body.mass * float(structure.row(part.at, np.zeros(6)) @ shape) ** 2
         else:
             motion = nodal[model.mesh.node(part.at)]
@@ -321,7 +321,7 @@ def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Calla
         if isinstance(play, Lash | Adjuster):
             closed = scalar_matrix(lash_row(structure, play, f"contacts.{name}"), play.stiffness)
             stiffness, free = stiffness + closed, None
-    row = structure.row(probe, np.zeros(6) if model.rocker_at(probe) else lift, "probe")
+    row = structure.row(probe, np.zeros(6) if probe in model.rocker_points else lift, "probe")
     M, C, K = (np.asarray(matrix.dense()) for matrix in (system.mass, system.damping, stiffness))
     still = float(row @ static_displacement(stiffness, force, system.names, free))
 

@@ -407,15 +407,9 @@ class OilChamber:
 class NodeLash:
     """Lash or adjuster between two nodes, the first of which pushes the second."""
 
-    name: str  #: name of the contact
-    part: Lash | Adjuster
     ends: tuple[str, str]  #: names of the pushing and the pushed node
     direction: FloatArray  #: in which it pushes, shape (6,)
-
-    @property
-    def gap(self) -> float:
-        """Clearance along a line, m; an adjuster has none."""
-        return self.part.gap if isinstance(self.part, Lash) and not self.part.turns else 0.0
+    gap: float  #: clearance along a line, m; zero of an adjuster and about an axis
 
 
 Contact = PublishedLoad | CamContact | Seat | Lash | Adjuster

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from flexcam.core import FloatArray, IntArray, Triplets
+from flexcam.core import FloatArray, IntArray, Triplets, component_members, connected_components
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.dynamics import Probe
 from flexcam.fem.assembly import distributed_load, element_weight, thermal_load
@@ -42,7 +42,7 @@ class Structure:
 
     def row(self, point: str, direction: FloatArray, where: str = "point") -> FloatArray:
         """Return the row that extracts the motion of a named point, shape (n,)."""
-        rocker = self.model.rocker_at(point)
+        rocker = self.model.rocker_points.get(point)
         if rocker is not None:
             along = float(direction @ rocker.direction) if direction.any() else 1.0
             if abs(along) < _ACROSS:
@@ -56,7 +56,7 @@ class Structure:
 
     def is_node(self, point: str) -> bool:
         """Return whether a point is a node of the mesh."""
-        return self.model.rocker_at(point) is None
+        return point not in self.model.rocker_points
 
     def path(self, rocker: Rocker) -> FloatArray:
         """Return the row of the motion of a rocker's driven end, shape (n,): for a lever its path."""
@@ -108,11 +108,6 @@ def lash_row(structure: Structure, part: Lash | Adjuster, where: str) -> FloatAr
     return structure.reach(rocker) - structure.dofs.unit(rocker.point)
 
 
-def inner_name(spring: str, i: int) -> str:
-    """Return the name of a spring's inner unknown, counted from the fixed end."""
-    return f"springs.{spring}.{i}"
-
-
 def spring_ends(structure: Structure, name: str, spring: Spring) -> tuple[FloatArray, FloatArray]:
     """Return the rows of a spring's moving end and of its other end (zeros for ground), shape (n,) each."""
     moving = structure.row(spring.at, spring.direction, f"springs.{name}.at")
@@ -130,7 +125,7 @@ def spring_row(structure: Structure, name: str, spring: Spring) -> FloatArray:
 def spring_parts(structure: Structure, name: str, spring: Spring) -> list[tuple[FloatArray, FloatArray]]:
     """Return the rows of the ends of each part of a spring, from its fixed to its moving end."""
     moving, other = spring_ends(structure, name, spring)
-    inner = [structure.dofs.unit(inner_name(name, i)) for i in range(1, spring.elements)]
+    inner = [structure.dofs.unit(one) for one in structure.model.inner_unknowns[f"springs.{name}"]]
     return list(pairwise([other, *inner, moving]))
 
 
@@ -151,10 +146,9 @@ def nest_rows(structure: Structure, names: tuple[str, str]) -> FloatArray:
 @lru_cache(maxsize=4)
 def build_structure(model: Model) -> Structure:
     """Assemble the passive part of a model."""
-    inner = [inner_name(name, i) for name, spring in model.springs.items() for i in range(1, spring.elements)]
     dofs = dof_map(model.mesh, model.supports.items(), _single(model), rigid_ties(model.mesh, model.rigid_links))
-    modes = [name for names in model.superelement_modes.values() for name in names]
-    bare = build_structure_in(model, dofs.extend([*model.further_unknowns, *inner, *modes]))
+    inner = [name for names in model.inner_unknowns.values() for name in names]
+    bare = build_structure_in(model, dofs.extend([*model.further_unknowns, *inner]))
     return replace(
         bare, free=strain_free_motions(bare, (one for one in elastic_stretches(bare) if one.stiffness > 0.0))
     )
@@ -163,7 +157,8 @@ def build_structure(model: Model) -> Structure:
 def strain_free_motions(structure: Structure, stretches: Iterable[Stretch]) -> FloatArray:
     """Return the motions, shape (n, k), that strain neither members and superelements nor some springs."""
     model = structure.model
-    modes = [structure.dofs.unit(name) for names in model.superelement_modes.values() for name in names]
+    bodies = (model.inner_unknowns[f"superelements.{name}"] for name in model.superelements)
+    modes = [structure.dofs.unit(name) for names in bodies for name in names]
     return free_motions(model.mesh, structure.dofs, [*(one.row for one in stretches), *modes])
 
 
@@ -186,9 +181,9 @@ def build_structure_in(model: Model, dofs: DofMap) -> Structure:
 
 def superelement_dofs(structure: Structure, name: str) -> IntArray:
     """Return the numbers of the unknowns of a superelement, -1 where a support holds a component."""
-    model, names = structure.model, structure.dofs.names
-    nodal = [structure.dofs.numbers[node] for node in model.mesh.bodies[name]]
-    return np.concatenate([*nodal, np.array([names.index(mode) for mode in model.superelement_modes[name]], np.intp)])
+    nodal = [structure.dofs.numbers[node] for node in structure.model.mesh.bodies[name]]
+    modes = structure.model.inner_unknowns[f"superelements.{name}"]
+    return np.concatenate([*nodal, np.array([structure.dofs.names.index(mode) for mode in modes], np.intp)])
 
 
 def _masses(bare: Structure) -> Iterator[Triplets]:
@@ -248,6 +243,16 @@ def _single(model: Model) -> list[tuple[int, FloatArray]]:
     return [(node, size) for node, size in nodes if not used[node]]
 
 
+def coupled_groups(structure: Structure, rows: Iterable[FloatArray] = ()) -> list[IntArray]:
+    """Return the unknowns of each part that is coupled by mass, stiffness or rows."""
+    both = structure.mass + structure.stiffness
+    coupled = both.values != 0.0
+    pairs = [(both.rows[coupled], both.cols[coupled])]
+    pairs += [(np.full(len(at), at[0]), at) for at in map(np.flatnonzero, rows) if len(at)]
+    first, second = (np.concatenate(part) for part in zip(*pairs, strict=True))
+    return component_members(connected_components(both.size, first, second))
+
+
 def member_masses(model: Model) -> dict[str, float]:
     """Return the mass of every member."""
     beams = fem_beams(model.mesh, model.members)
@@ -272,7 +277,7 @@ def distribute_load(structure: Structure, name: str) -> FloatArray:
 
 def probe_of(structure: Structure, point: str) -> Probe:
     """Return the probe of a point: its six components, or the motion of a rocker's point."""
-    if structure.model.rocker_at(point) is not None:
+    if point in structure.model.rocker_points:
         return Probe(point, (point,), structure.row(point, np.zeros(6))[None, :], (None,))
     node = find_node(structure.model, point, "output.probes")
     rows = np.array([structure.dofs.vector(node, unit) for unit in np.eye(6)])

@@ -107,7 +107,7 @@ def _lever(model: Model, rocker: Rocker, cams: tuple[CamPlacement, ...]) -> Leve
 def _valves(model: Model, levers: dict[str, LeverFrame]) -> Iterator[ValvePlacement]:
     """Yield the valves: at the points of rockers and at seats."""
     for name, frame in levers.items():
-        point, play = frame.rocker.point, model.lash_of(name)
+        point, play = frame.rocker.point, model.rocker_lashes.get(name)
         gap = play.gap if isinstance(play, Lash) else 0.0
         tip = frame.space(frame.ends(0.0)[1]) + gap * frame.opening_direction
         yield ValvePlacement(point, tip, frame.opening_direction, True, find_seat(model, point) is not None)
