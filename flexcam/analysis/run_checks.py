@@ -128,14 +128,11 @@ def _check_cam_steps(ready: PreparedRun) -> Iterator[str]:
 
 def _check_geometric_stiffness(ready: PreparedRun) -> Iterator[str]:
     """Yield warnings about members with too few elements for their geometric stiffness."""
-    for one in stiff_struts(ready.model) if _has_member_dofs(ready) else ():
-        why = (
-            "no node between its supports can move sideways"
-            if math.isinf(one.excess)
-            else f"its computed buckling load is {100.0 * one.excess:.2g} % too high"
-        )
-        where = f"too few elements in member {one.member} for its geometric stiffness"
-        yield f"Warning: {where}: {why}; take {one.elements}"
+    for name, (excess, elements) in stiff_struts(ready.model).items() if _has_member_dofs(ready) else ():
+        why = f"its computed buckling load is {100.0 * excess:.2g} % too high"
+        if math.isinf(excess):
+            why = "no node between its supports can move sideways"
+        yield f"Warning: too few elements in member {name} for its geometric stiffness: {why}; take {elements}"
 
 
 def check_lobes(model: Model) -> list[str]:

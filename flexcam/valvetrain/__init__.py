@@ -48,7 +48,6 @@ from flexcam.valvetrain.rigid_kinematics import follower_train, largest_lashes, 
 from flexcam.valvetrain.rigid_model import build_rigid, pulling_contacts, rigid_motion, shared_forces, touching_coils
 from flexcam.valvetrain.strength import (
     MemberStrength,
-    StiffStrut,
     StrengthSink,
     buckling_load,
     compressed_members,
@@ -78,7 +77,7 @@ __all__ = [
     "BOUNCE_HEIGHT", "DAMPING_DEPTH", "OPEN", "Adjuster", "Cam", "CamContact", "Chain", "CheckValve", "Contact",
     "ContactModes", "FilmBearing", "Friction", "GivenLoad", "Lash", "Lever", "LoadTable", "Lubrication", "MassAt",
     "MemberStrength", "Metric", "Model", "ModelModes", "OilChamber", "PlungerTravel", "PublishedLoad", "Pulsation",
-    "Resolution", "ResolutionSink", "Rocker", "Seat", "Seating", "Spring", "StiffStrut", "StrengthSink",
+    "Resolution", "ResolutionSink", "Rocker", "Seat", "Seating", "Spring", "StrengthSink",
     "Structure", "Wire", "buckling_load", "build_chain", "build_rigid", "build_structure", "build_system",
     "compressed_members", "connected_nodes", "contact_loss", "contact_modes", "contact_stiffness", "describe_inactive",
     "driving_contact", "element_loads", "follower_train", "free_running", "free_speed", "hertz_line",

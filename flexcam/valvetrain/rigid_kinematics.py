@@ -22,9 +22,9 @@ from flexcam.valvetrain.structure import (
     Structure,
     build_structure,
     coupled_groups,
-    lash_row,
     lever_ends,
     spring_stretches,
+    stop_row,
     strain_free_motions,
 )
 from flexcam.valvetrain.train_topology import driving_contact, is_in_train, lashes_before, rocker_of
@@ -44,7 +44,7 @@ def rigid_trains(structure: Structure) -> tuple[RigidTrain, ...]:
         for name, one in cam_contacts.items()
     ]
     stops = [
-        Stop(name, part, _stop_row(structure, name, part), part.gap if isinstance(part, Lash) else 0.0)
+        Stop(name, part, stop_row(structure, name, part), part.gap if isinstance(part, Lash) else 0.0)
         for name, part in model.contacts.items() if isinstance(part, Seat | Lash | Adjuster)
     ]  # fmt: skip
     levers = [
@@ -125,12 +125,6 @@ def _extend_adjusters(train: RigidTrain) -> RigidTrain:
     z = Branch(train, find_closed_stops(train, still)).positions(still[None])[0][0]
     stops = (replace(one, gap=float(one.row @ z)) if isinstance(one.part, Adjuster) else one for one in train.stops)
     return replace(train, stops=tuple(stops))
-
-
-def _stop_row(structure: Structure, name: str, part: Seat | Lash | Adjuster) -> FloatArray:
-    if isinstance(part, Seat):
-        return -structure.row(part.at, part.direction, f"contacts.{name}.at")
-    return lash_row(structure, part, f"contacts.{name}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -204,7 +204,7 @@ class Branch:
         taken = list(installed_rows(train.levers, len(train.force)))
         self._levers, self.kept = len(taken), list[int]()  # of the closed stops, then the cams
         for i, row in enumerate(rows):
-            if _is_independent(row, taken):
+            if is_independent(row, taken):
                 taken.append(row)
                 self.kept.append(i)
         self.drives = [i - len(self.stops) for i in self.kept if i >= len(self.stops)]
@@ -364,7 +364,8 @@ def null_space_of_rows(rows: FloatArray) -> FloatArray:
     return vectors[int(np.count_nonzero(values > RANK * float(values.max(initial=0.0)))) :]
 
 
-def _is_independent(row: FloatArray, others: Sequence[FloatArray]) -> bool:
+def is_independent(row: FloatArray, others: Sequence[FloatArray]) -> bool:
+    """Return whether a row is linearly independent of others."""
     if not others or not row.any():
         return bool(row.any())
     rest = row - np.linalg.lstsq(np.array(others).T, row)[0] @ np.array(others)

@@ -13,7 +13,7 @@ from flexcam.cams import Event, harmonics
 from flexcam.core import FloatArray
 from flexcam.dynamics import Channel, ForceLaw, Load, LocalForce, Observation, constant, elastic_stop
 from flexcam.dynamics.force_laws import force_table, force_table_law
-from flexcam.valvetrain.coupling import Coupling, constant_history, opposed_force
+from flexcam.valvetrain.coupling import Coupling, installed_load, opposed_force
 from flexcam.valvetrain.parts import Spring, SpringPart, Wire
 from flexcam.valvetrain.structure import Structure, spring_parts
 
@@ -286,8 +286,7 @@ def couple_springs(structure: Structure) -> Coupling:
             scalars[kind] = list(range(count, count + len(rows)))
             count += len(rows)
         if any(closed := closed_forces(spring)):  # the installed force includes what these coils carry
-            where, balance = f"springs.{name}.closed", constant_history(1.0)
-            loads.append(Load(where, rows.T @ np.array(closed), balance, installed=True, steady=True))
+            loads.append(installed_load(f"springs.{name}.closed", rows.T @ np.array(closed)))
         channels += _channels(f"springs.{name}", spring, rows, scalars)
     return Coupling(tuple(loads), tuple(forces), tuple(channels))
 

@@ -21,7 +21,7 @@ from flexcam.fem.frames import COMPONENTS
 from flexcam.fem.members import beams as fem_beams
 from flexcam.fem.rigid_bodies import free_motions, mass_at, place_matrix, scalar_matrix
 from flexcam.valvetrain.model import Model
-from flexcam.valvetrain.parts import Adjuster, Lash, Lever, LoadTable, Rocker, Spring, path_name, tip_name
+from flexcam.valvetrain.parts import Adjuster, Lash, Lever, LoadTable, Rocker, Seat, Spring, path_name, tip_name
 
 _ACROSS = 1e-6  # cosine below which directions are orthogonal
 
@@ -99,8 +99,11 @@ def find_node(model: Model, point: str, where: str) -> int:
     return model.mesh.node(point, where)
 
 
-def lash_row(structure: Structure, part: Lash | Adjuster, where: str) -> FloatArray:
-    """Return the row of the approach of both sides of a lash, shape (n,)."""
+def stop_row(structure: Structure, name: str, part: Seat | Lash | Adjuster) -> FloatArray:
+    """Return the row of the approach of both sides of a seat or lash, shape (n,)."""
+    where = f"contacts.{name}"
+    if isinstance(part, Seat):
+        return -structure.row(part.at, part.direction, f"{where}.at")
     if part.ends is not None and part.direction is not None:
         first, second = (structure.row(end, part.direction, where) for end in part.ends)
         return first - second
