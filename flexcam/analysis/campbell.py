@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexcam.analysis.orders import run_over_speeds
-from flexcam.analysis.prepared_run import PreparedRun
+from flexcam.analysis.preparation import PreparedRun
 from flexcam.analysis.stability import MAX_DOFS, Resonance, force_harmonics, lift_harmonics
 from flexcam.cams import Event
 from flexcam.case.builder import build_model

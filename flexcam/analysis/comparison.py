@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexcam.analysis.histories import scalar_history
-from flexcam.analysis.preparation import prepare
-from flexcam.analysis.prepared_run import PreparedRun
+from flexcam.analysis.preparation import PreparedRun, prepare
 from flexcam.cams import event_extremes
 from flexcam.case.case import Case
 from flexcam.core import FloatArray

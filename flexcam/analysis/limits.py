@@ -15,8 +15,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.analysis.preparation import build_problem, prepare
-from flexcam.analysis.prepared_run import PreparedRun
+from flexcam.analysis.preparation import PreparedRun, build_problem, prepare
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse

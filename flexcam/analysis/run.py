@@ -17,8 +17,7 @@ from typing import Literal
 import numpy as np
 
 from flexcam.analysis.histories import response_block
-from flexcam.analysis.preparation import prepare, prepare_without_periodic_search
-from flexcam.analysis.prepared_run import PreparedRun
+from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search
 from flexcam.analysis.resources import ResourceEstimate, check_resources, estimate_resources
 from flexcam.analysis.run_metrics import compute_metrics
 from flexcam.case.case import Case

@@ -14,7 +14,7 @@ from typing import Self
 import numpy as np
 
 from flexcam.analysis.histories import response_block
-from flexcam.analysis.prepared_run import PreparedRun
+from flexcam.analysis.preparation import PreparedRun
 from flexcam.analysis.run_metrics import RevolutionChange
 from flexcam.cams import FlatFollower, Follower, profile_at, undercut
 from flexcam.case.input_checks import (

@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexcam.analysis.orders import highest_order, last_revolution_orders
-from flexcam.analysis.preparation import excitation_without_period, prepare
-from flexcam.analysis.prepared_run import PreparedRun
+from flexcam.analysis.preparation import PreparedRun, excitation_without_period, prepare
 from flexcam.analysis.run_metrics import RevolutionChange, revolution_change
 from flexcam.cams import Event, harmonics
 from flexcam.case.case import Case

@@ -19,7 +19,7 @@ from flexcam.analysis.cam_analysis import CamFacts, cam_facts, case_cams, cylind
 from flexcam.analysis.model_choice import evaluate_ladder
 from flexcam.analysis.natural_modes import modes
 from flexcam.analysis.orders import run_over_speeds
-from flexcam.analysis.prepared_run import driven_probe, scalar_probe
+from flexcam.analysis.preparation import driven_probe, scalar_probe
 from flexcam.analysis.run import member_strength
 from flexcam.analysis.run_metrics import compute_metrics
 from flexcam.cams import CamProfile, cam_profile, profile_at

@@ -14,10 +14,10 @@ import numpy as np
 from rich.table import Table
 
 from flexcam.analysis.comparison import Comparison
-from flexcam.analysis.figures_of_merit import SPRING_MARGIN, FigureOfMerit, Margins
-from flexcam.analysis.prepared_run import PreparedRun
+from flexcam.analysis.preparation import PreparedRun
 from flexcam.analysis.resources import ResourceEstimate, format_size
 from flexcam.analysis.run_checks import describe_balance, describe_contact_loss
+from flexcam.analysis.run_metrics import SPRING_MARGIN, FigureOfMerit, Margins
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
