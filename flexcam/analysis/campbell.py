@@ -155,7 +155,6 @@ def _find_crossings(
 def _check_contact(
     case: Case, speeds: Sequence[float], orders: Sequence[int], modes: int, contact: str | None
 ) -> tuple[str, str]:
-    """Return the contact and its cam after checking them."""
     if len(speeds) < 2 or not (np.diff(speeds) > 0.0).all() or speeds[0] <= 0.0:
         raise refuse("speeds", f"{len(speeds)} speeds", "two or more, rising, above zero")
     if not orders or min(orders) < 1:

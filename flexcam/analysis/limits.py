@@ -281,7 +281,6 @@ def _open_contacts(response: Response, ready: PreparedRun) -> list[str]:
 
 
 def _floating_contacts(response: Response, ready: PreparedRun) -> list[str]:
-    """Return the contacts that are open over the nose."""
     return list(dict.fromkeys(name for name, lost in _separations(response, ready) if lost["nose"] > OPEN))
 
 

@@ -112,7 +112,6 @@ def driven_probe(ready: PreparedRun, probe: str | None = None) -> DrivenProbe | 
 
 
 def _driven_probes(ready: PreparedRun) -> dict[str, DrivenProbe]:
-    """Return the probes moved by the rigid train."""
     if not ready.model.cam_contacts:
         return {}
     try:

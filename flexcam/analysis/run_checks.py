@@ -127,7 +127,6 @@ def _check_cam_steps(ready: PreparedRun) -> Iterator[str]:
 
 
 def _check_geometric_stiffness(ready: PreparedRun) -> Iterator[str]:
-    """Yield warnings about members with too few elements for their geometric stiffness."""
     for name, (excess, elements) in stiff_struts(ready.model).items() if _has_member_dofs(ready) else ():
         why = f"its computed buckling load is {100.0 * excess:.2g} % too high"
         if math.isinf(excess):
@@ -254,7 +253,6 @@ def describe_change(change: RevolutionChange) -> str:
 
 
 def _has_member_dofs(ready: PreparedRun) -> bool:
-    """Return whether a run has the degrees of freedom of its members."""
     return ready.case.record.fidelity.model == "beams" and not ready.problem.system.is_kinematic
 
 
@@ -411,7 +409,6 @@ def _check_deflections(ready: PreparedRun, extremes: ExtremesSink) -> Iterator[s
 
 
 def _check_resolution(sink: ResolutionSink) -> Iterator[str]:
-    """Yield warnings about insufficient resolution by steps and elements."""
     found = sink.found()
     at = f"at the mean frequency of the accelerations ({found.frequency:.4g} Hz)"
     if found.steps < _MIN_STEPS:

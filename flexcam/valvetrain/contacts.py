@@ -141,7 +141,6 @@ def _power(scalars: list[int]) -> Observable:
 
 
 def _slide_row(structure: Structure, part: Friction, where: str) -> FloatArray:
-    """Return the row of the sliding at a point, shape (n,)."""
     row = structure.row(part.at, part.direction, f"{where}.at")
     if part.to is not None:
         row = row - structure.row(part.to, part.direction, f"{where}.to")

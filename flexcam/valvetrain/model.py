@@ -90,7 +90,6 @@ class Model:
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     def _repr_html_(self) -> str:
-        """Return a table of the parts, for notebooks."""
         parts = (
             "members", "superelements", "masses", "springs", "bearings", "rockers", "cams", "contacts", "friction",
             "loads",

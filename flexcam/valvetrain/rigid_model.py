@@ -203,7 +203,6 @@ def _couple_contact(structure: Structure, name: str, speed: float) -> Coupling:
 
 
 def _constraint_forces(model: Model, system: System) -> dict[str, ConstraintForce]:
-    """Return the constraint forces of a system, by the names of their contacts."""
     found: dict[str, ConstraintForce] = {}
     first = 0
     for force in system.local_forces:

@@ -292,7 +292,6 @@ def couple_springs(structure: Structure) -> Coupling:
 
 
 def _part_forces(where: str, spring: Spring, rows: FloatArray) -> dict[str, LocalForce]:
-    """Return the nonlinear forces of the parts of a spring by kind."""
     found: dict[str, LocalForce] = {}
     if spring.pulsation is not None:
         law = spring.pulsation.law(spring.parts[0].stiffness)

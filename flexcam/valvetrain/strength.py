@@ -58,7 +58,6 @@ _EXCESS_LIMIT = 0.05  # relative excess of the buckling load to report: two elem
 
 
 def _lowest_load(alone: Beams, dofs: DofMap) -> float:
-    """Return the lowest buckling load of elements, N."""
     K, G = stiffness(alone, dofs), geometric(alone, np.full(len(alone), -1.0), dofs)
     numbers = dofs.numbers[np.unique(alone.nodes)]
     used = np.unique(numbers[numbers >= 0])
@@ -80,7 +79,6 @@ _MANY = 100  # number of elements of a member up to which they are divided: thei
 
 
 def _parts(model: Model, member: str) -> int:
-    """Return the number of parts of each element for sufficient resolution."""
     line, points = model.mesh.lines[member], model.mesh.points
     held = {node for point in model.supports for node in points[point].tolist()}
     inner = [i for i in range(1, len(line) - 1) if int(line[i]) in held]

@@ -190,7 +190,6 @@ def superelement_dofs(structure: Structure, name: str) -> IntArray:
 
 
 def _masses(bare: Structure) -> Iterator[Triplets]:
-    """Yield the masses of bodies, rockers and springs."""
     for name, part in bare.model.masses.items():
         if bare.is_node(part.at):
             yield mass_at(find_node(bare.model, part.at, f"masses.{name}.at"), part.body, bare.dofs)

@@ -108,7 +108,6 @@ def _reactions(end: ShaftDrive) -> list[Observable]:
 def _torque(
     end: ShaftDrive, others: Sequence[Observable], contacts: Sequence[Coupling], parts: Sequence[_Part], speed: float
 ) -> Channel:
-    """Return the drive torque of a prescribed shaft rotation."""
     model = end.freed.model
     each = [inertia_torque(end), *map(_offset_positions, others, parts[len(contacts) :])]
     for part, (name, contact), coupling in zip(parts, model.contacts.items(), contacts, strict=False):

@@ -185,7 +185,6 @@ def _metric_name(channel: str) -> str:
 
 
 def _nose(model: Model, contact: str, angle: FloatArray) -> int | None:
-    """Return the instant nearest to the maximum lift of a contact's cam; None if the run does not come near it."""
     top = event_extremes(model.cams[model.cam_contacts[contact].cam].event)[1].at
     near = np.cos(angle - top)
     return int(np.argmax(near)) if float(near.max()) > math.cos(_NOSE_TOLERANCE) else None
@@ -254,7 +253,6 @@ def spring_held_contacts(model: Model) -> list[str]:
 
 
 def _nose_force(model: Model, response: Response, name: str, last: Bools) -> list[Metric]:
-    """Return the minimum force of a cam contact over the nose."""
     over = _flanks(model.cams[model.cam_contacts[name].cam].event, response.angle[last])["nose"]
     force = response.channels[f"contacts.{name}.force"][last][over]
     return [Metric(f"contacts.{name}.{_NOSE_FORCE}", float(force.min()), "N")] if len(force) else []
@@ -318,7 +316,6 @@ def contact_loss(model: Model, response: Response, contact: str, instants: Bools
 
 
 def _flanks(event: Event, angle: FloatArray) -> dict[str, Bools]:
-    """Return which cam angles lie on the opening flank, the nose and the closing flank."""
     closing, opening = (end.at for end in event_extremes(event, 1))
     after, nose = np.mod(angle - opening, 2.0 * math.pi), (closing - opening) % (2.0 * math.pi)
     middle = nose + 0.5 * (2.0 * math.pi - nose)
