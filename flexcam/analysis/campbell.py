@@ -61,11 +61,6 @@ class _ModeLine:
     words: str
     reached: bool = False
 
-    @property
-    def latest(self) -> float:
-        """Frequency at the highest speed with this mode, Hz."""
-        return float(self.frequencies[~np.isnan(self.frequencies)][-1])
-
 
 def campbell(
     case: Case, speeds: Sequence[float], *, orders: Sequence[int], modes: int = 8, contact: str | None = None,
@@ -121,7 +116,8 @@ def _extend_lines(lines: list[_ModeLine], i: int, count: int, here: ContactModes
     before = np.array([line.shape for line in lines]).reshape(len(lines), mass.size)
     likeness = (before @ mass.multiply(shapes)) ** 2
     here_hz = here.found.modes.frequencies[first:last]
-    leaps = np.abs(here_hz / np.array([line.latest for line in lines])[:, None] - 1.0) > _MAX_FREQUENCY_CHANGE
+    latest = np.array([line.frequencies[~np.isnan(line.frequencies)][-1] for line in lines])
+    leaps = np.abs(here_hz / latest[:, None] - 1.0) > _MAX_FREQUENCY_CHANGE
     alike = np.where(leaps, 0.0, likeness)
     best: list[list[int]] = np.column_stack(linear_sum_assignment(-alike)).tolist()
     pairs = [(k, j) for k, j in best if alike[k, j] >= _MIN_MAC]

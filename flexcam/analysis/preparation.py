@@ -12,7 +12,7 @@ from flexcam.analysis.resources import check_mesh_memory
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_values
-from flexcam.case.schema.run import FreeRunningRecord, GivenStartRecord, ResultStartRecord
+from flexcam.case.schema.run import GivenStartRecord, ResultStartRecord
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.dynamics import (
@@ -301,15 +301,16 @@ def _make_problem(case: Case, model: Model, system: System) -> Problem:
 _SAME_ANGLE = 1e-9  # tolerance for equal cam angles, rad: rounding of speed times time
 
 
-def camshaft_drive(case: Case, model: Model, start: float = 0.0) -> Drive:
-    """Return the drive of the camshaft."""
+def camshaft_drive(case: Case, model: Model, start: float = 0.0, time: float = 0.0) -> Drive:
+    """Return the drive of the camshaft from an angle; one that runs freely has it at a time."""
     run = case.record.run
     if run.fluctuation is not None:
         swing = run.fluctuation
         phases = swing.phases or [0.0] * len(swing.orders)
         return FluctuatingSpeed(case.speed, tuple(swing.orders), tuple(swing.amplitudes), tuple(phases), start)
     if run.free_running is not None:
-        return _free_running_drive(case, model, run.free_running, start)
+        free = run.free_running
+        return free_running(model, case.speed, free.cam, free.cam_mass, free.follower_mass, start, time)
     if run.phaser is not None:
         for name, load in case.record.loads.items():
             if load.table is not None and not load.table.over_time:
@@ -318,12 +319,6 @@ def camshaft_drive(case: Case, model: Model, start: float = 0.0) -> Drive:
         times, shifts = zip(*run.phaser, strict=True)
         return PhasedSpeed(case.speed, times, shifts, start)
     return ConstantSpeed(case.speed, start)
-
-
-def _free_running_drive(
-    case: Case, model: Model, free: FreeRunningRecord, angle: float, time: float = 0.0
-) -> SpeedByAngle:  # fmt: skip
-    return free_running(model, case.speed, free.cam, free.cam_mass, free.follower_mass, angle, time)
 
 
 def set_initial_state(case: Case, model: Model, problem: Problem, *, until: float | None = None) -> Problem:
@@ -343,12 +338,10 @@ def set_initial_state(case: Case, model: Model, problem: Problem, *, until: floa
             return replace(problem, start=solve_periodic(one, case.record.run.integrator.part, until=until))
         case ResultStartRecord(result=name):
             state, angle = _last_state(case, model, system, name)
-            drive, free = problem.drive, case.record.run.free_running
+            drive, free = problem.drive, case.record.run.free_running is not None
             missing = angle - float(drive.at(np.array([state.time])).angle[0])
-            if abs(missing) > _SAME_ANGLE and free is not None:
-                drive = _free_running_drive(case, model, free, angle, state.time)
-            elif abs(missing) > _SAME_ANGLE:
-                drive = camshaft_drive(case, model, missing)
+            if abs(missing) > _SAME_ANGLE:
+                drive = camshaft_drive(case, model, angle if free else missing, state.time)
             return replace(problem, drive=drive, start=state)
         case GivenStartRecord(displacement=displacement, velocity=velocity):
             given = {"displacement": displacement, "velocity": velocity}
