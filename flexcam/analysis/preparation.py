@@ -302,7 +302,7 @@ _SAME_ANGLE = 1e-9  # tolerance for equal cam angles, rad: rounding of speed tim
 
 
 def camshaft_drive(case: Case, model: Model, start: float = 0.0, time: float = 0.0) -> Drive:
-    """Return the drive of the camshaft from an angle; one that runs freely has it at a time."""
+    """Return the drive of the camshaft from its angle at time zero, or at a given time if it runs freely."""
     run = case.record.run
     if run.fluctuation is not None:
         swing = run.fluctuation

@@ -71,11 +71,7 @@ def connected_nodes(model: Model, node: int) -> list[int]:
 
 def rocker_of(model: Model, contact: CamPair) -> Rocker | None:
     """Return the rocker driven by or identical to a follower, or None."""
-    return _rocker_at(model, contact, moved_nodes(model, contact))
-
-
-def _rocker_at(model: Model, contact: CamPair, moved: Collection[int]) -> Rocker | None:
-    """Return the rocker that starts at a follower or at a node that it moves, or None."""
+    moved = moved_nodes(model, contact)
     return next((one for one in model.rockers.values() if _is_driven(model, contact, one.start, moved)), None)
 
 
@@ -91,7 +87,6 @@ def driving_contact(model: Model, point: str) -> str | None:
 
 def is_in_train(model: Model, contact: CamPair, play: Lash) -> bool:
     """Return whether a lash is in the train of a contact."""
-    moved = moved_nodes(model, contact)
     if play.ends is not None:
-        return _is_driven(model, contact, play.ends[0], moved)
-    return play.rocker is not None and model.rockers[play.rocker] is _rocker_at(model, contact, moved)
+        return _is_driven(model, contact, play.ends[0], moved_nodes(model, contact))
+    return play.rocker is not None and model.rockers[play.rocker] is rocker_of(model, contact)
