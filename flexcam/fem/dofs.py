@@ -10,11 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
-from flexcam.fem.frames import COMPONENTS, ROTATIONS, component
+from flexcam.fem.frames import COMPONENTS, ROTATIONS, component, rigid_motions
 from flexcam.fem.mesh import Mesh
-
-_CROSS = np.cross(np.eye(3)[:, None], np.eye(3))
-"""Vector products of the unit vectors, shape (3, 3, 3)."""
 
 _ROUNDING = 1e-10  # fraction of the largest motion of a mode below which a node is at rest
 
@@ -33,22 +30,15 @@ class Ties:
 
 
 def rigid_ties(mesh: Mesh, links: Mapping[str, Iterable[str]]) -> Ties | None:
-    """Return the ties of rigid links, by name with the components that follow; None without links.
-
-    A rigid body moves its points by ``u + theta x r``: H. Goldstein, Classical Mechanics, 3rd ed., sec. 4.8, for small
-    rotations.
-    """
+    """Return the ties of rigid links, by name with the components that follow; None without links."""
     if not links:
         return None
     leader, matrices = np.arange(len(mesh.nodes)), np.zeros((len(mesh.nodes), 6, 6))
     for name, components in links.items():
         first, nodes = int(mesh.links[name][0]), mesh.links[name][1:]
-        arms = mesh.nodes[nodes] - mesh.nodes[first]
-        moved = np.tile(np.eye(6), (len(nodes), 1, 1))
-        moved[:, :3, 3:] = np.einsum("jkc,nk->ncj", _CROSS, arms)
         follow = [component(one) for one in components]
         leader[nodes] = first
-        matrices[nodes[:, None], follow] = moved[:, follow]
+        matrices[nodes[:, None], follow] = rigid_motions(mesh.nodes[nodes] - mesh.nodes[first])[:, follow]
     return Ties(leader, matrices)
 
 

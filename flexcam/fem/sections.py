@@ -245,29 +245,17 @@ class Section:
 class Taper:
     """Section of a member whose dimensions vary linearly over its length.
 
-    Parameters
-    ----------
-    shape
-        Function of the dimensions, such as `Section.tube`.
-    start, end
-        Its arguments at the first and at the last node, m.
-    kappa_y, kappa_z
-        Shear factors; those of the shape by default.
-
-    Raises
-    ------
-    InputError
-        If the shape refuses the dimensions of an end.
-
     Examples
     --------
     >>> Taper(Section.circle, (0.010,), (0.006,)).at(0.5).radius
     0.004
     """
 
-    shape: Callable[..., Section]
+    shape: Callable[..., Section]  #: function of the dimensions, such as `Section.tube`
+    #: `start`, `end`: its arguments at the first and at the last node, m
     start: tuple[float, ...]
     end: tuple[float, ...]
+    #: `kappa_y`, `kappa_z`: shear factors; those of the shape by default
     kappa_y: float | None = None
     kappa_z: float | None = None
 
@@ -276,18 +264,7 @@ class Taper:
             self.at(share)
 
     def at(self, share: float) -> Section:
-        """Return the section at a share of the member's length.
-
-        Parameters
-        ----------
-        share
-            From 0 at the first node to 1 at the last.
-
-        Returns
-        -------
-        Section
-            With the dimensions there.
-        """
+        """Return the section at a share of the member's length, from 0 at the first node to 1 at the last."""
         sizes = (a + share * (b - a) for a, b in zip(self.start, self.end, strict=True))
         return self.shape(*sizes).given(kappa_y=self.kappa_y, kappa_z=self.kappa_z)
 
