@@ -197,8 +197,7 @@ def energies(response: Response) -> dict[str, FloatArray]:
 FRAMES_PER_PERIOD = 24
 """Frames per period of the animation."""
 
-_DRAWN_AMPLITUDE = 0.05
-"""Maximum translation of a drawn shape relative to the model size, suited to Warp By Vector with scale 1."""
+_DRAWN_AMPLITUDE = 0.05  # maximum translation of a drawn shape relative to the model size
 
 
 def write_modes(

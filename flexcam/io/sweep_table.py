@@ -93,17 +93,13 @@ class SweepTable:
         """Return the table with only the given scalars."""
         if self.scalars and (unknown := [name for name in names if not is_scalar_prefix(name, self.scalars)]):
             raise InputError(unknown_scalar_fault(name, self.scalars) for name in unknown)
-        kept = {one: values for name in names for one, values in self.scalars.items() if _is_prefix(one, name)}
+        kept = {one: values for n in names for one, values in self.scalars.items() if is_scalar_prefix(n, (one,))}
         return replace(self, scalars=kept, units={name: self.units[name] for name in kept})
-
-
-def _is_prefix(name: str, asked: str) -> bool:
-    return name == asked or name.startswith(f"{asked.removesuffix('.')}.")
 
 
 def is_scalar_prefix(name: str, known: Iterable[str]) -> bool:
     """Return whether a name is that of a scalar or a prefix of one."""
-    return any(_is_prefix(one, name) for one in known)
+    return any(one == name or one.startswith(f"{name.removesuffix('.')}.") for one in known)
 
 
 _MAX_LISTED = 24  # maximum number of scalars listed in a message; of more, only prefixes are listed
@@ -201,35 +197,26 @@ def read_table(path: str | Path) -> SweepTable:
     if source.suffix == ".csv":
         return _read_csv(source)
     with open_hdf5(source, "table", "the HDF5 table of a sweep (.sweep.h5)") as file:
-        return _read_hdf5(file, source)
-
-
-def _read_hdf5(file: Any, source: Path) -> SweepTable:  # noqa: ANN401
-    check_integrity(file, "table", source, schema.TABLE_FORMAT)
-    about = read_texts(file["about"])
-    del about[schema.ABOUT_FORMAT]
-    rows = zip(*(read_text_column(file["status"][name]) for name in ("cause", "text", "remedy")), strict=True)
-    statuses = tuple(Status(Cause(cause), text, remedy) for cause, text, remedy in rows)
-    count, shape = len(statuses), tuple(int(n) for n in file.attrs["shape"])
-    if shape and math.prod(shape) != count:
-        raise refuse("/, attribute shape", format_shape(shape), f"the shape of {count} variants")
-    valid = {name: read_numbers(item, count, kind="?") for name, item in file["valid"].items()}
-    return SweepTable(
-        inputs=tuple(_column(name, item, count) for name, item in file["inputs"].items()),
-        scalars={
-            name: np.where(valid[name], read_numbers(item, count), np.nan) for name, item in file["scalars"].items()
-        },
-        units={name: read_text_attribute(item, "unit") for name, item in file["scalars"].items()},
-        statuses=statuses,
-        shape=shape,
-        about=about,
-    )
-
-
-def _column(name: str, item: Any, count: int) -> Column:  # noqa: ANN401
-    if "unit" in item.attrs:
-        return Column(name, read_text_attribute(item, "unit"), read_numbers(item, count))
-    return Column(name, "", tuple(read_text_column(item)))
+        check_integrity(file, "table", source, schema.TABLE_FORMAT)
+        about = read_texts(file["about"])
+        del about[schema.ABOUT_FORMAT]
+        rows = zip(*(read_text_column(file["status"][name]) for name in ("cause", "text", "remedy")), strict=True)
+        statuses = tuple(Status(Cause(cause), text, remedy) for cause, text, remedy in rows)
+        count, shape = len(statuses), tuple(int(n) for n in file.attrs["shape"])
+        if shape and math.prod(shape) != count:
+            raise refuse("/, attribute shape", format_shape(shape), f"the shape of {count} variants")
+        inputs: list[Column] = []
+        for name, item in file["inputs"].items():
+            if "unit" in item.attrs:
+                inputs.append(Column(name, read_text_attribute(item, "unit"), read_numbers(item, count)))
+            else:
+                inputs.append(Column(name, "", tuple(read_text_column(item))))
+        scalars = {
+            name: np.where(read_numbers(file["valid"][name], count, kind="?"), read_numbers(item, count), np.nan)
+            for name, item in file["scalars"].items()
+        }
+        units = {name: read_text_attribute(item, "unit") for name, item in file["scalars"].items()}
+        return SweepTable(tuple(inputs), scalars, units, statuses, shape, about)
 
 
 ENDINGS = (".h5", ".csv", ".parquet")
