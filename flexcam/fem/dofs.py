@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from operator import add
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,19 +77,9 @@ class DofMap:
         return [(nodes, forces), (self.ties.leader[nodes], carried)]
 
     def congruence(self, nodes: IntArray, matrices: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Return matrices of the components of k nodes in the unknowns, with the number of each row.
+        """Return the number of each row and the matrices, shape (e, r) and (e, r, r), in the unknowns of k nodes.
 
-        Parameters
-        ----------
-        nodes
-            Shape (e, k).
-        matrices
-            Shape (e, 6 k, 6 k), global axes.
-
-        Returns
-        -------
-        tuple
-            Numbers, shape (e, r), -1 for a row without an unknown, and matrices, shape (e, r, r).
+        Nodes have shape (e, k), matrices in global axes (e, 6 k, 6 k); -1 stands for a row without an unknown.
         """
         if self.ties is None or not self.ties.matrices[nodes].any():
             return self.numbers[nodes].reshape(len(nodes), -1), matrices
@@ -173,16 +162,9 @@ def dof_map(
             free[mesh.select(point, f"supports.{point}"), component(name, f"supports.{point}")] = False
     numbers = np.full(free.shape, -1, dtype=np.intp)
     numbers[free] = np.arange(np.count_nonzero(free))
-    nodes, components = (part.tolist() for part in np.nonzero(free))
-    ends = [f".{name}" for name in COMPONENTS]
-    return DofMap(
-        numbers, tuple(map(add, map(_node_names(mesh).__getitem__, nodes), map(ends.__getitem__, components))), ties
-    )
-
-
-def _node_names(mesh: Mesh) -> list[str]:
-    names = [f"node {n}" for n in range(len(mesh.nodes))]
+    called = [f"node {n}" for n in range(len(mesh.nodes))]
     for point, index in reversed(list(mesh.points.items())):
         if len(index) == 1:
-            names[index[0]] = point
-    return names
+            called[index[0]] = point
+    pairs = zip(*(part.tolist() for part in np.nonzero(free)), strict=True)
+    return DofMap(numbers, tuple(f"{called[node]}.{COMPONENTS[i]}" for node, i in pairs), ties)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
@@ -176,15 +176,10 @@ class Mesh:
         return self._connect(self.bodies)
 
     @cached_property
-    def _trains(self) -> list[IntArray]:
-        """Node numbers of the parts that links connect too."""
-        return self._connect({**self.bodies, **self.links}) if self.links else self.parts
-
-    @cached_property
-    def _shafts(self) -> list[IntArray]:
-        """Node numbers of the parts that members, bodies and links with all rotations connect."""
+    def _linked_parts(self) -> tuple[list[IntArray], list[IntArray]]:
+        """Node numbers of the parts that links connect too: all of them, and those with all rotations."""
         stiff = {name: nodes for name, nodes in self.links.items() if name not in self.joints}
-        return self._connect({**self.bodies, **stiff}) if stiff else self.parts
+        return self._connect({**self.bodies, **self.links}), self._connect({**self.bodies, **stiff})
 
     def _connect(self, bodies: Mapping[str, IntArray]) -> list[IntArray]:
         pairs = [np.column_stack([nodes[:-1], nodes[1:]]) for nodes in bodies.values()]
@@ -208,7 +203,7 @@ class Mesh:
         ndarray
             Rows of `nodes`, ascending, shape (k,).
         """
-        parts = self._shafts if turning else self._trains
+        parts = self._linked_parts[turning]
         return next((part for part in parts if (part == node).any()), np.array([node], dtype=np.intp))
 
 
@@ -231,18 +226,15 @@ def refine(mesh: Mesh, divisions: Mapping[str, int]) -> Mesh:
 _MAX_FAULTS = 20  # maximum number of faults of one kind to report: in a mesh with thousands they have one cause
 
 
-def _range_faults(mesh: Mesh) -> list[Fault]:
-    faults: list[Fault] = []
-    total = len(mesh.nodes)
+def _range_faults(mesh: Mesh) -> Iterator[Fault]:
+    last = len(mesh.nodes) - 1
     for name, index in [*mesh.lines.items(), *mesh.points.items()]:
-        if index.size and not (index.min() >= 0 and index.max() < total):
-            faults.append(Fault(f"mesh group {name!r}", f"node {index.max()}", f"nodes 0 to {total - 1}", "", ""))
-    faults += [
-        Fault(f"member {name!r}", f"{len(line)} nodes", "two or more", "a member has at least one element", "")
-        for name, line in mesh.lines.items()
-        if len(line) < 2
-    ]
-    return faults
+        if index.size and not 0 <= index.min() <= index.max() <= last:
+            yield Fault(f"mesh group {name!r}", f"node {index.max()}", f"nodes 0 to {last}", "", "")
+    for name, line in mesh.lines.items():
+        if len(line) < 2:
+            why = "a member has at least one element"
+            yield Fault(f"member {name!r}", f"{len(line)} nodes", "two or more", why, "")
 
 
 def _length_faults(mesh: Mesh) -> list[Fault]:

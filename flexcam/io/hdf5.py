@@ -96,21 +96,17 @@ def create_fixed_dataset(group: Any, name: str, values: FloatArray | IntArray, u
     return made
 
 
-def _encode(texts: Sequence[str]) -> Any:  # noqa: ANN401 - an array
-    """Return texts as UTF-8 bytes of one length."""
-    parts = [one.encode(errors="backslashreplace") for one in texts]
-    return np.array(parts, dtype=_module.string_dtype("utf-8", max([1, *map(len, parts)])))
+def _encode(content: str | Sequence[str]) -> Any:  # noqa: ANN401 - an array
+    """Return one or more texts as UTF-8 bytes of one length."""
+    single = isinstance(content, str)
+    parts = [one.encode(errors="backslashreplace") for one in ([content] if single else content)]
+    return np.array(parts[0] if single else parts, dtype=_module.string_dtype("utf-8", max([1, *map(len, parts)])))
 
 
-def write_texts(group: Any, content: Mapping[str, str]) -> None:  # noqa: ANN401
-    """Write texts into a group, one dataset each."""
+def write_texts(group: Any, content: Mapping[str, str | Sequence[str]]) -> None:  # noqa: ANN401
+    """Write texts into a group, a dataset per name of one text or several."""
     for name, one in content.items():
-        group.create_dataset(name, data=_encode([one]).reshape(()), track_times=False)
-
-
-def write_text_column(group: Any, name: str, texts: Sequence[str]) -> None:  # noqa: ANN401
-    """Write texts as one dataset."""
-    group.create_dataset(name, data=_encode(texts), track_times=False)
+        group.create_dataset(name, data=_encode(one), track_times=False)
 
 
 def read_texts(group: Any) -> dict[str, str]:  # noqa: ANN401
@@ -127,7 +123,7 @@ def read_text_column(item: Any) -> list[str]:  # noqa: ANN401
 
 def write_text_attribute(one: Any, name: str, content: str | Sequence[str]) -> None:  # noqa: ANN401
     """Write one or more texts as an attribute."""
-    one.attrs[name] = _encode([content]).reshape(()) if isinstance(content, str) else _encode(content)
+    one.attrs[name] = _encode(content)
 
 
 def read_text_attribute(one: Any, name: str) -> str:  # noqa: ANN401

@@ -29,7 +29,6 @@ from flexcam.io.hdf5 import (
     read_text_column,
     read_texts,
     write_digest,
-    write_text_column,
     write_texts,
 )
 from flexcam.io.result_reader import check_integrity
@@ -173,7 +172,7 @@ def write_hdf5(table: SweepTable, path: Path) -> None:
         inputs = file.create_group("inputs", track_order=True)
         for column in table.inputs:
             if isinstance(column.values, tuple):
-                write_text_column(inputs, column.name, column.values)
+                write_texts(inputs, {column.name: column.values})
             else:
                 _numbers(inputs, column.name, column.values, column.unit)
         scalars, valid = (file.create_group(name, track_order=True) for name in ("scalars", "valid"))
@@ -181,9 +180,8 @@ def write_hdf5(table: SweepTable, path: Path) -> None:
             known = np.isfinite(values)
             _numbers(scalars, name, np.where(known, values, 0.0), table.units[name])
             valid.create_dataset(name, data=known, track_times=False)
-        status = file.create_group("status", track_order=True)
-        for name in ("cause", "text", "remedy"):
-            write_text_column(status, name, [str(getattr(one, name)) for one in table.statuses])
+        parts = {name: [str(getattr(one, name)) for one in table.statuses] for name in ("cause", "text", "remedy")}
+        write_texts(file.create_group("status", track_order=True), parts)
         write_digest(file)
 
 
