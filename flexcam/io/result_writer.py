@@ -21,16 +21,9 @@ from flexcam.dynamics import SERIES, Block, Outline, SaveAt, Stats, Status
 from flexcam.dynamics.blocks import Checkpoint
 from flexcam.fem.frames import ROTATIONS
 from flexcam.fem.mesh import Mesh
+from flexcam.io import hdf5
 from flexcam.io import result_schema as schema
 from flexcam.io.files import check_writable, open_with_lock
-from flexcam.io.hdf5 import (
-    GrowingDataset,
-    chunk_rows,
-    create_fixed_dataset,
-    write_digest,
-    write_text_attribute,
-    write_texts,
-)
 from flexcam.io.result_schema import RECOVERED_FIELDS, VECTORS
 from flexcam.io.vtk_groups import Geometry, VtkGroup, constant_data
 
@@ -219,33 +212,33 @@ class ResultFile:
         moving = {**{name: (unit, 3) for name, (_, _, unit) in VECTORS.items()}, **RECOVERED_FIELDS}
         fields = max(save.block // save.field_every, 1)
         self._vtk = VtkGroup(self._file, geometry, moving, constant_data(geometry), fields)
-        self._field_angle = GrowingDataset(self._file, schema.FIELD_CAM_ANGLE, fields, "rad")
+        self._field_angle = hdf5.GrowingDataset(self._file, schema.FIELD_CAM_ANGLE, fields, "rad")
         self._create_history(save.block)
-        create_fixed_dataset(self._file, schema.MESH_NODES, geometry.mesh.nodes, "m")
+        hdf5.create_fixed_dataset(self._file, schema.MESH_NODES, geometry.mesh.nodes, "m")
         points = self._file.create_group(schema.MESH_POINTS, track_order=True)
         for name, index in geometry.mesh.points.items():
-            create_fixed_dataset(points, name, index)
-        write_texts(self._file.create_group(schema.ABOUT), {schema.ABOUT_FORMAT: str(schema.FORMAT), **about})
+            hdf5.create_fixed_dataset(points, name, index)
+        hdf5.write_texts(self._file.create_group(schema.ABOUT), {schema.ABOUT_FORMAT: str(schema.FORMAT), **about})
 
     def _create_history(self, rows: int) -> None:
         history = self._file.create_group(schema.HISTORY)
         history.attrs[schema.STEPS] = 0
         history.attrs[schema.SIZE] = len(self._outline.unknowns)
-        self._time = GrowingDataset(self._file, schema.TIME, rows, "s")
+        self._time = hdf5.GrowingDataset(self._file, schema.TIME, rows, "s")
         self._time.dataset.make_scale(schema.TIME_SCALE)
-        self._angle = GrowingDataset(self._file, schema.CAM_ANGLE, rows, "rad")
+        self._angle = hdf5.GrowingDataset(self._file, schema.CAM_ANGLE, rows, "rad")
         probes = self._file.create_group(schema.PROBES, track_order=True)
-        self._probes: list[tuple[str, slice, GrowingDataset]] = []
+        self._probes: list[tuple[str, slice, hdf5.GrowingDataset]] = []
         for name, components in self._outline.probes:
             group = probes.create_group(name, track_order=True)
-            write_text_attribute(group, schema.COMPONENTS, components)
+            hdf5.write_text_attribute(group, schema.COMPONENTS, components)
             turns = any(one in ROTATIONS for one in components)
             for series, unit in SERIES.items():
                 units = f"{unit}; rotations {unit.replace('m', 'rad', 1)}" if turns else unit
-                made = GrowingDataset(group, series, rows, units, width=len(components))
+                made = hdf5.GrowingDataset(group, series, rows, units, width=len(components))
                 self._probes.append((series, self._outline.columns(name), made))
         channels = self._file.create_group(schema.CHANNELS, track_order=True)
-        self._channels = [GrowingDataset(channels, name, rows, unit) for name, unit in self._outline.channels]
+        self._channels = [hdf5.GrowingDataset(channels, name, rows, unit) for name, unit in self._outline.channels]
         for one in (self._angle, *(made for _, _, made in self._probes), *self._channels):
             _module.h5ds.attach_scale(one.dataset.id, self._time.dataset.id, 0)
 
@@ -287,7 +280,7 @@ class ResultFile:
             with convert_write_errors():
                 self._append_waiting()
                 write_checkpoint(self._file, checkpoint)
-                write_digest(self._file)
+                hdf5.write_digest(self._file)
                 self._file.flush()
             self._draft.show(began)
 
@@ -319,17 +312,17 @@ class ResultFile:
         group = self._file.create_group(schema.STATUS)
         warnings = "\n".join(self._warnings(stats) if self._warnings else ())
         texts = {schema.CAUSE: str(status.cause), schema.TEXT: status.text, schema.REMEDY: status.remedy}
-        write_texts(group, {**texts, schema.WARNINGS: warnings})
+        hdf5.write_texts(group, {**texts, schema.WARNINGS: warnings})
         for name, value in vars(stats).items():
             if isinstance(value, str):
-                write_text_attribute(group, name, value)
+                hdf5.write_text_attribute(group, name, value)
             else:
                 group.attrs[name] = value
         if status.ok and schema.CHECKPOINT in self._file:  # a complete run needs none
             del self._file[schema.CHECKPOINT]
         elif not status.ok and self._checkpoint is not None:
             write_checkpoint(self._file, self._checkpoint)
-        write_digest(self._file)
+        hdf5.write_digest(self._file)
         self._file.close()
 
 
@@ -351,5 +344,5 @@ def count_output_points(mesh: Mesh) -> int:
 
 
 def _growing_bytes(rows: int, block: int, width: int) -> int:
-    chunk = chunk_rows(block, width)  # the last one is stored in full
+    chunk = hdf5.chunk_rows(block, width)  # the last one is stored in full
     return math.ceil(rows / chunk) * (chunk * width * _NUMBER + _CHUNK) + _DATASET

@@ -23,14 +23,7 @@ from flexcam.core.errors import refuse
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Response
 from flexcam.fem.recovery import deflection
-from flexcam.plotting.figures import (
-    COLOURS,
-    add_legend,
-    create_axes,
-    create_stacked_axes,
-    line_styles,
-    wrap_title,
-)
+from flexcam.plotting.figures import COLOURS, add_legend, create_axes, create_stacked_axes, line_styles, wrap_title
 from flexcam.plotting.histories import axis_label, channel_unit, last_revolution, short_name
 from flexcam.valvetrain import ModelModes, Structure
 
