@@ -76,9 +76,7 @@ class Mesh:
         for groups in _GROUPS:
             frozen = {name: _frozen_index(index) for name, index in getattr(self, groups).items()}
             object.__setattr__(self, groups, MappingProxyType(frozen))
-        faults = [*_range_faults(self)]
-        faults += [] if faults else [*_length_faults(self), *_duplicate_faults(self)]
-        if faults:
+        if faults := [*_range_faults(self)] or [*_length_faults(self), *_duplicate_faults(self)]:
             raise InputError(faults)
 
     def node(self, name: str, where: str = "point") -> int:
@@ -237,31 +235,27 @@ def _range_faults(mesh: Mesh) -> Iterator[Fault]:
             yield Fault(f"member {name!r}", f"{len(line)} nodes", "two or more", why, "")
 
 
-def _length_faults(mesh: Mesh) -> list[Fault]:
-    ends = mesh.elements()
-    short = np.flatnonzero((mesh.nodes[ends[:, 1]] == mesh.nodes[ends[:, 0]]).all(axis=1))[:_MAX_FAULTS].tolist()
-    why, remedy = "an element needs a length", "merge the nodes or move one"
-    return [
-        Fault(f"element {e}", f"nodes {ends[e, 0]} and {ends[e, 1]} at the same place", "two nodes apart", why, remedy)
-        for e in short
-    ]
+def _length_faults(mesh: Mesh) -> Iterator[Fault]:
+    ends, why = mesh.elements(), "an element needs a length"
+    short = np.flatnonzero((mesh.nodes[ends[:, 1]] == mesh.nodes[ends[:, 0]]).all(axis=1))
+    for element in short[:_MAX_FAULTS].tolist():
+        given = f"nodes {ends[element, 0]} and {ends[element, 1]} at the same place"
+        yield Fault(f"element {element}", given, "two nodes apart", why, "merge the nodes or move one")
 
 
-def _duplicate_faults(mesh: Mesh) -> list[Fault]:
-    """Return the faults of coincident nodes, which usually are a missing joint."""
+def _duplicate_faults(mesh: Mesh) -> Iterator[Fault]:
+    """Yield the faults of coincident nodes, which usually are a missing joint."""
     order = np.lexsort(mesh.nodes.T)
     nodes = mesh.nodes[order]
     leader = np.arange(len(nodes))
     for index in mesh.links.values():
         leader[index[1:]] = index[0]
     apart = leader[order[1:]] != leader[order[:-1]]
-    same = np.flatnonzero((nodes[1:] == nodes[:-1]).all(axis=1) & apart)[:_MAX_FAULTS]
-    allowed, why = "one node at one place", "members meet only at a shared node"
-    names = [(mesh.node_name(int(order[i])), mesh.node_name(int(order[i + 1]))) for i in same]
-    return [
-        Fault(f"nodes {one!r} and {other!r}", str(nodes[i].tolist()), allowed, why, "merge them")
-        for i, (one, other) in zip(same, names, strict=True)
-    ]
+    same = np.flatnonzero((nodes[1:] == nodes[:-1]).all(axis=1) & apart)
+    for i in same[:_MAX_FAULTS].tolist():
+        where = f"nodes {mesh.node_name(int(order[i]))!r} and {mesh.node_name(int(order[i + 1]))!r}"
+        why = "members meet only at a shared node"
+        yield Fault(where, str(nodes[i].tolist()), "one node at one place", why, "merge them")
 
 
 def chain(

@@ -24,7 +24,7 @@ from flexcam.fem.mesh import Mesh
 from flexcam.io import hdf5
 from flexcam.io import result_schema as schema
 from flexcam.io.files import check_writable, open_with_lock
-from flexcam.io.result_schema import RECOVERED_FIELDS, VECTORS
+from flexcam.io.result_schema import VECTORS
 from flexcam.io.vtk_groups import Geometry, VtkGroup, constant_data
 
 _module: Any = h5py
@@ -209,9 +209,8 @@ class ResultFile:
         config.set_initial_size, config.initial_size = 1, _INDEX_CACHE_BYTES
         config.min_size = config.max_size = _INDEX_CACHE_BYTES
         self._file.id.set_mdc_config(config)
-        moving = {**{name: (unit, 3) for name, (_, _, unit) in VECTORS.items()}, **RECOVERED_FIELDS}
         fields = max(save.block // save.field_every, 1)
-        self._vtk = VtkGroup(self._file, geometry, moving, constant_data(geometry), fields)
+        self._vtk = VtkGroup(self._file, geometry, schema.FIELDS, constant_data(geometry), fields)
         self._field_angle = hdf5.GrowingDataset(self._file, schema.FIELD_CAM_ANGLE, fields, "rad")
         self._create_history(save.block)
         hdf5.create_fixed_dataset(self._file, schema.MESH_NODES, geometry.mesh.nodes, "m")
@@ -331,9 +330,8 @@ def result_bytes(outline: Outline, mesh: Mesh, save: SaveAt, steps: int) -> int:
     rows, fields = steps + 1, -(-steps // save.field_every) + 1
     widths = [1, 1, *(len(parts) for _, parts in outline.probes for _ in SERIES), *(1 for _ in outline.channels)]
     points, together = count_output_points(mesh), max(save.block // save.field_every, 1)
-    vectors = [*(3 for _ in VECTORS), *(width for _, width in RECOVERED_FIELDS.values())]
     size = sum(_growing_bytes(rows, save.block, width) for width in widths)
-    size += sum(_growing_bytes(fields * points, together * points, width) for width in vectors)
+    size += sum(_growing_bytes(fields * points, together * points, width) for _, width in schema.FIELDS.values())
     size += 4 * _growing_bytes(fields, together, 1)  # times, angles, parts, offsets
     return size + _NUMBER * _CONSTANT_VALUES * points + _METADATA_BYTES
 

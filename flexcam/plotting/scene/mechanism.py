@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,21 +23,14 @@ _COILS = 6.0  # number of coils of a spring without wire data
 _PROFILE_POINTS = 360
 
 
-@dataclass(eq=False)
-class Notes:
-    """Notes on parts drawn with a default size."""
+Notes = dict[str, list[str]]
+"""Names of the parts drawn with a default size, by the sentence about them."""
 
-    _said: dict[str, list[str]] = field(default_factory=dict[str, list[str]])
 
-    def record(self, what: str, name: str, size: float, why: str) -> float:
-        """Return a size, m, and record a note: the kind of part, its name, and the reason."""
-        self._said.setdefault(f"{what} {{}}: {1e3 * size:.3g} mm, {why}", []).append(name)
-        return size
-
-    @property
-    def lines(self) -> tuple[str, ...]:
-        """Sentences for the notes; parts of equal size share one."""
-        return tuple(text.format(", ".join(dict.fromkeys(names))) for text, names in self._said.items())
+def _record(notes: Notes, what: str, name: str, size: float, why: str) -> float:
+    """Return a size, m, and record a note: the kind of part, its name, and the reason."""
+    notes.setdefault(f"{what} {{}}: {1e3 * size:.3g} mm, {why}", []).append(name)
+    return size
 
 
 def valve_lift(model: Model) -> float:
@@ -54,13 +47,13 @@ def coil_sizes(
         D, d = spring.wire.coil_diameter, spring.wire.diameter
         coils = SHEAR_MODULUS * d**4 / (8.0 * D**3 * spring.stiffness) if spring.stiffness > 0.0 else _COILS
     else:
-        D, coils = notes.record("coil of spring", name, diameter, "wire from its rate, six coils of steel"), _COILS
+        D, coils = _record(notes, "coil of spring", name, diameter, "wire from its rate, six coils of steel"), _COILS
         d = min((8.0 * D**3 * coils * spring.stiffness / SHEAR_MODULUS) ** 0.25, D / 5.0)
     d, coils = max(d, D / 40.0), min(max(coils, 2.0), 20.0)
     if length is not None:
         return CoilSizes(D, d, length, coils)
     own = (coils + 2.0) * d + (spring.clash_travel or 1.4 * travel)
-    return CoilSizes(D, d, notes.record("length of spring", name, own, "its coils and their travel"), coils)
+    return CoilSizes(D, d, _record(notes, "length of spring", name, own, "its coils and their travel"), coils)
 
 
 def _cams(model: Model, notes: Notes) -> Iterator[CamPlacement]:
@@ -74,15 +67,15 @@ def _cams(model: Model, notes: Notes) -> Iterator[CamPlacement]:
         if follower is None:
             base = ahead if ahead > 0.0 else 3.0 * cam.event.height
             why = "to its follower's node, under a flat face"
-            follower = FlatFollower(notes.record("base circle of cam", contact.cam, base, why))
+            follower = FlatFollower(_record(notes, "base circle of cam", contact.cam, base, why))
         if width is None:
             why = "0.7 of its base radius"
-            width = notes.record("width of cam", contact.cam, 0.7 * follower.base_radius, why)
+            width = _record(notes, "width of cam", contact.cam, 0.7 * follower.base_radius, why)
         profile = cam_profile(cam.event, follower, count=_PROFILE_POINTS, turn=cam.turn)
         if np.isinf(follower.roller_radius):  # the face covers the whole contact with a margin of a tenth
             away = float(np.abs(cam_profile(cam.event, follower, turn=cam.turn).offset).max())
             face = max(1.1 * math.hypot(away, 0.5 * width), 0.5 * follower.base_radius)
-            notes.record("face radius of follower", contact.follower, face, "which covers the whole contact")
+            _record(notes, "face radius of follower", contact.follower, face, "which covers the whole contact")
         yield CamPlacement(profile, centre, lift, contact.shaft_axis, width, node, contact, ahead, face)
 
 
@@ -299,12 +292,13 @@ def build_mechanism(structure: Structure) -> Mechanism:
     levers = {name: _lever(model, one, cams) for name, one in model.rockers.items()}
     valves = tuple(_valves(model, levers))
     for one in valves:
-        notes.record("diameter of the valve head at", one.point, head, "four times the valve lift")
+        _record(notes, "diameter of the valve head at", one.point, head, "four times the valve lift")
         if one.stem:
             why = "a sixth of the head diameter; stem length three head diameters"
-            notes.record("diameter of the valve stem at", one.point, STEM * head, why)
+            _record(notes, "diameter of the valve stem at", one.point, STEM * head, why)
     thick = 0.42 * min((arm for one in model.rockers.values() for arm in one.arms), default=0.0)
     for name in levers:
-        notes.record("thickness of rocker", name, thick, "0.42 of the shortest arm")
+        _record(notes, "thickness of rocker", name, thick, "0.42 of the shortest arm")
     springs = tuple(_springs(structure, cams, levers, head, notes))
-    return Mechanism(structure, cams, levers, valves, springs, head, thick, notes.lines)
+    sentences = tuple(text.format(", ".join(dict.fromkeys(names))) for text, names in notes.items())
+    return Mechanism(structure, cams, levers, valves, springs, head, thick, sentences)

@@ -17,7 +17,8 @@ from flexcam.dynamics import SERIES, CamMotion, Response
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.frames import ROTATIONS
 from flexcam.fem.recovery import deflection
-from flexcam.io import RECOVERED_FIELDS, VECTORS, Result
+from flexcam.io import Result
+from flexcam.io.result_schema import FIELDS
 from flexcam.valvetrain import Model, Structure
 from flexcam.valvetrain import rigid_motion as find_rigid_motion
 
@@ -175,9 +176,8 @@ def result_motion(structure: Structure, result: Result, speed: float, colour: st
     motion = Motion(structure, response.field_angle, rigid, _structure_dofs(structure, response, rigid) - rigid)
     if colour is None:
         return motion
-    known = [*VECTORS, *RECOVERED_FIELDS]
-    if colour not in known:
-        raise refuse("--color", repr(colour), ", ".join(known), remedy=suggest_name(colour, known))
+    if colour not in FIELDS:
+        raise refuse("--color", repr(colour), ", ".join(FIELDS), remedy=suggest_name(colour, FIELDS))
     if colour in result.recovered:
         values = result.recovered[colour]
     else:
@@ -249,7 +249,7 @@ _DISPLAY_UNITS = {"Pa": ("MPa", 1e-6), "m": ("mm", 1e3)}  # display units, and t
 
 def _coloured(motion: Motion, values: FloatArray, colour: str) -> Motion:
     """Return the motion with the values of a field, or the lengths of its vectors, in display units."""
-    si = VECTORS[colour][2] if colour in VECTORS else RECOVERED_FIELDS[colour][0]
+    si = FIELDS[colour][0]
     unit, factor = _DISPLAY_UNITS.get(si, (si, 1.0))
     sizes = values if values.ndim == 2 else np.linalg.norm(values, axis=-1)
     return replace(motion, values=factor * sizes, label=f"{colour.replace('_', ' ')}\n{unit}")
