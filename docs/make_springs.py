@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from flexcam.fem.frames import direction
 from flexcam.plotting.figures import add_legend, create_stacked_axes, line_styles, save_figure
 from flexcam.valvetrain import Spring
-from flexcam.valvetrain.spring_properties import Coils, coil_spring, install_spring, spring_curve, spring_frequencies
+from flexcam.valvetrain.springs import Coils, coil_spring, install_spring, spring_curve, spring_frequencies
 
 WIRE, SHEAR_MODULUS, DENSITY = 3.9e-3, 79.3e9, 7850.0
 SPRINGS = {

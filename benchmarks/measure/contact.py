@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from benchmarks.paths import solved, ways
 from benchmarks.processes import ROOT
 from flexcam import prepare, read_case
-from flexcam.analysis.prepared_run import PreparedRun
+from flexcam.analysis.preparation import PreparedRun
 from flexcam.dynamics import Response, SaveAt
 
 STRAIGHT = ("members.pushrod.geometric_stiffness=false", "members.pushrod.bow=0")

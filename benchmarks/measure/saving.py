@@ -9,7 +9,7 @@ from pathlib import Path
 from benchmarks.processes import ROOT
 from benchmarks.timing import least
 from flexcam import prepare, read_case
-from flexcam.analysis.prepared_run import PreparedRun
+from flexcam.analysis.preparation import PreparedRun
 from flexcam.analysis.run import open_result_file
 from flexcam.case.variants import with_elements
 from flexcam.dynamics import Block, Response, Stats, Status, solve

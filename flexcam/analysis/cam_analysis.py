@@ -325,7 +325,7 @@ def polydyne_cam(case: Case, cam: str | None, *, speed: float | None = None, cou
     name, at = _select_cam(model.cams, cam), case.speed if speed is None else speed
     ratio, phase, contact = valve_ratio(model, name), case.record.cams[name].start_angle, _contact_name(model, name)
     start = model.cam_contacts[contact].follower
-    finger = model.rocker_at(start)
+    finger = model.rocker_points.get(start)
     if finger is not None:
         valve = finger.point
     else:

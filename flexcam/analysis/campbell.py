@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexcam.analysis.orders import run_over_speeds
-from flexcam.analysis.prepared_run import PreparedRun
+from flexcam.analysis.preparation import PreparedRun
 from flexcam.analysis.stability import MAX_DOFS, Resonance, force_harmonics, lift_harmonics
 from flexcam.cams import Event
 from flexcam.case.builder import build_model
@@ -28,8 +28,8 @@ from flexcam.valvetrain import ContactModes, build_structure, contact_modes, con
 
 _EXTRA_MODES = 8  # additional modes, among which a mode is found again after others have crossed it
 _MIN_MAC = 0.5  # minimum modal assurance criterion, weighted by mass, for modes at two speeds to count as the same
+# maximum relative change of a frequency between adjacent speeds; a larger one indicates a change of contact
 _MAX_FREQUENCY_CHANGE = 0.2
-"""Maximum relative change of a frequency between adjacent speeds; a larger one indicates a change of contact."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,11 +60,6 @@ class _ModeLine:
     shape: FloatArray
     words: str
     reached: bool = False
-
-    @property
-    def latest(self) -> float:
-        """Frequency at the highest speed with this mode, Hz."""
-        return float(self.frequencies[~np.isnan(self.frequencies)][-1])
 
 
 def campbell(
@@ -121,7 +116,8 @@ def _extend_lines(lines: list[_ModeLine], i: int, count: int, here: ContactModes
     before = np.array([line.shape for line in lines]).reshape(len(lines), mass.size)
     likeness = (before @ mass.multiply(shapes)) ** 2
     here_hz = here.found.modes.frequencies[first:last]
-    leaps = np.abs(here_hz / np.array([line.latest for line in lines])[:, None] - 1.0) > _MAX_FREQUENCY_CHANGE
+    latest = np.array([line.frequencies[~np.isnan(line.frequencies)][-1] for line in lines])
+    leaps = np.abs(here_hz / latest[:, None] - 1.0) > _MAX_FREQUENCY_CHANGE
     alike = np.where(leaps, 0.0, likeness)
     best: list[list[int]] = np.column_stack(linear_sum_assignment(-alike)).tolist()
     pairs = [(k, j) for k, j in best if alike[k, j] >= _MIN_MAC]
@@ -155,7 +151,6 @@ def _find_crossings(
 def _check_contact(
     case: Case, speeds: Sequence[float], orders: Sequence[int], modes: int, contact: str | None
 ) -> tuple[str, str]:
-    """Return the contact and its cam after checking them."""
     if len(speeds) < 2 or not (np.diff(speeds) > 0.0).all() or speeds[0] <= 0.0:
         raise refuse("speeds", f"{len(speeds)} speeds", "two or more, rising, above zero")
     if not orders or min(orders) < 1:

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexcam.analysis.histories import scalar_history
-from flexcam.analysis.preparation import prepare
-from flexcam.analysis.prepared_run import PreparedRun
+from flexcam.analysis.preparation import PreparedRun, prepare
 from flexcam.cams import event_extremes
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
@@ -190,11 +189,11 @@ def compare_models_over_speed(
     for speed in track_progress(speeds, advance):
         one = case.at_speed(speed)
         rigid, free = prepare(one, rigid=True), prepare(one)
-        still = _force_range(_solve_run(rigid, len(speeds)), free, chosen)
+        still = _force_range(rigid, free, chosen, len(speeds))
         forces: dict[str, ForceRange | None] = {"rigid": still}
         held = _with_bilateral_contact(free, chosen, still.largest if still else 0.0)
         for name, ready in (("bilateral", held), ("unilateral", free)):
-            forces[name] = _force_range(_solve_run(ready, len(speeds)), free, chosen)
+            forces[name] = _force_range(ready, free, chosen, len(speeds))
         found.append(SpeedResult(speed / RPM, forces))
     return found
 
@@ -211,19 +210,15 @@ def divergence_speed(found: Sequence[SpeedResult], first: str, second: str, tole
     return None
 
 
-def _solve_run(ready: PreparedRun, runs: int) -> Response:
-    """Return one of several runs; an interruption stops all of them."""
+def _force_range(ready: PreparedRun, free: PreparedRun, contact: str, runs: int) -> ForceRange | None:
+    """Return the contact force of one of several runs on the main lift of the flexible model; None if it fails."""
     response = solve(replace(ready.problem, runs=runs), ready.scheme)
     reraise_interrupt(response.status)
-    return response
-
-
-def _force_range(response: Response, ready: PreparedRun, contact: str) -> ForceRange | None:
     if not response.status.ok:
         return None
-    model = ready.model
+    model = free.model
     cam = model.cam_contacts[contact].cam
-    lifted = response.latest(ready.revolution) & (model.cams[cam].event(response.angle) > main_lift(model, cam))
+    lifted = response.latest(free.revolution) & (model.cams[cam].event(response.angle) > main_lift(model, cam))
     force: FloatArray = response.channels[f"contacts.{contact}.force"][lifted]
     return ForceRange(float(force.min()), float(force.max()))
 

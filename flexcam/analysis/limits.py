@@ -15,19 +15,12 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.analysis.preparation import build_problem, prepare
-from flexcam.analysis.prepared_run import PreparedRun
+from flexcam.analysis.preparation import PreparedRun, build_problem, prepare
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, format_quantity, shaft_speed
-from flexcam.dynamics import (
-    ProgressCallback,
-    Response,
-    reraise_interrupt,
-    solve,
-    track_progress,
-)
+from flexcam.dynamics import ProgressCallback, Response, reraise_interrupt, solve, track_progress
 from flexcam.valvetrain import (
     BOUNCE_HEIGHT,
     OPEN,
@@ -41,9 +34,8 @@ from flexcam.valvetrain import (
     valve_ratio,
 )
 
+# revolutions of a run: the first is a transient, and just above a limit contact is lost in some of them only
 _REVOLUTIONS = 6.0
-"""Revolutions of a run. Contact is lost in some revolutions only just above a limit; the first is a transient."""
-
 _ROUNDING = 1e-6  # relative tolerance of a time at the end of a revolution
 
 LIMITS = ("loss_of_contact", "float", "bounce", "coil_clash", "buckling")
@@ -289,7 +281,6 @@ def _open_contacts(response: Response, ready: PreparedRun) -> list[str]:
 
 
 def _floating_contacts(response: Response, ready: PreparedRun) -> list[str]:
-    """Return the contacts that are open over the nose."""
     return list(dict.fromkeys(name for name, lost in _separations(response, ready) if lost["nose"] > OPEN))
 
 

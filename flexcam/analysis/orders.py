@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexcam.analysis.preparation import DEFAULT_STEPS_PER_REVOLUTION, prepare
-from flexcam.analysis.prepared_run import PreparedRun
+from flexcam.analysis.preparation import DEFAULT_STEPS_PER_REVOLUTION, PreparedRun, prepare
 from flexcam.cams import OrderSpectrum, order_spectrum
 from flexcam.case.case import Case
 from flexcam.core import FloatArray

@@ -1,18 +1,18 @@
-"""Prepare the run of a case: model, equations, camshaft drive, initial state, integrator and output."""
+"""Prepare the run of a case: model, equations, camshaft drive, initial state, integrator, output and default probe."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexcam.analysis.prepared_run import MASS_CHAINS, PreparedRun, revolution_time
 from flexcam.analysis.resources import check_mesh_memory
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_values
-from flexcam.case.schema.run import FreeRunningRecord, GivenStartRecord, ResultStartRecord
+from flexcam.case.schema.run import GivenStartRecord, ResultStartRecord
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.dynamics import (
@@ -23,6 +23,7 @@ from flexcam.dynamics import (
     Method,
     ModeBasis,
     PhasedSpeed,
+    Probe,
     Problem,
     RunFailedError,
     SaveAt,
@@ -35,6 +36,7 @@ from flexcam.dynamics import (
     moving_equilibrium,
     solve_periodic,
 )
+from flexcam.fem.frames import COMPONENTS
 from flexcam.io import read_result, resolve_file
 from flexcam.io.result_reader import unknown_fields
 from flexcam.valvetrain import (
@@ -44,14 +46,117 @@ from flexcam.valvetrain import (
     build_rigid,
     build_structure,
     build_system,
+    driving_contact,
     free_running,
     modal_basis,
+    rigid_motion,
     straighten,
     without_compression,
 )
 
 DEFAULT_STEPS_PER_REVOLUTION = 3600
 """Default number of steps per revolution: a tenth of a degree."""
+
+MASS_CHAINS = {"sdof": 1, "chain": None}
+"""Models of few masses, which represent the camshaft only by its compliance; number of masses if it is fixed."""
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedRun:
+    """Prepared run for `flexcam.dynamics.solve`."""
+
+    case: Case  #: case
+    model: Model  #: model of the case
+    problem: Problem  #: system, drive, step and start
+    scheme: Method  #: time integration method
+    save: SaveAt  #: saved quantities and instants
+
+    def __repr__(self) -> str:
+        problem = self.problem
+        return f"<Prepared {self.case!r}: {problem.steps} steps of {problem.step:.4g} s, {problem.system!r}>"
+
+    @property
+    def revolution(self) -> float:
+        """Duration of a camshaft revolution, s."""
+        return revolution_time(self.case, self.problem.drive)
+
+
+def scalar_probe(ready: PreparedRun) -> str:
+    """Return the default probe of a case: the point of a rocker, else the first moved by a cam, else the first."""
+    points = [rocker.point for rocker in ready.model.rockers.values()]
+    probes = [probe for probe in ready.problem.system.probes if probe.name in ready.model.probes]
+    if not probes:
+        raise refuse("output.probes", "none", "at least one point to compare at", "", 'add probes = ["valve"]')
+    ordered = sorted(probes, key=lambda probe: probe.name not in points)
+    moved = _driven_probes(ready)
+    found = next((moved[probe.name] for probe in ordered if probe.name in moved), None)
+    return _follower_component(ready, ordered[0]) if found is None else found.component
+
+
+@dataclass(frozen=True)
+class DrivenProbe:
+    """Probe that a cam moves."""
+
+    name: str  #: name of the point
+    component: str  #: name of its component of largest motion
+    sign: float  #: 1 or -1: the sign of this motion as the cam lifts
+    contact: str | None  #: contact of the cam; None if it is not known
+
+
+def driven_probe(ready: PreparedRun, probe: str | None = None) -> DrivenProbe | None:
+    """Return the default probe of a case, or the one with a given name, as far as a cam moves it."""
+    moved = _driven_probes(ready)
+    if probe is not None:
+        return moved.get(probe)
+    default = scalar_probe(ready)
+    return next((one for one in moved.values() if one.component == default), None)
+
+
+def _driven_probes(ready: PreparedRun) -> dict[str, DrivenProbe]:
+    if not ready.model.cam_contacts:
+        return {}
+    try:
+        motion = ready.problem.system.prescribed_motion or rigid_motion(ready.model)
+        rigid = motion.at(ConstantSpeed(1.0).at(_REVOLUTION_ANGLES))[0]
+    except InputError:  # no rigid train exists: the first probe is used
+        return {}
+    found: dict[str, DrivenProbe] = {}
+    for probe in ready.problem.system.probes:
+        paths = probe.rows @ rigid.T
+        i = int(np.argmax(np.ptp(paths, axis=1)))
+        if np.ptp(paths[i]) > _MOTIONLESS:
+            sign = 1.0 if paths[i].max() > -paths[i].min() else -1.0
+            contact = driving_contact(ready.model, probe.name)
+            found[probe.name] = DrivenProbe(probe.name, _component_name(probe, i), sign, contact)
+    return found
+
+
+_MOTIONLESS = 1e-12  # motion of a probe that is rounding, m
+# angles of a revolution, rad; a lift between two of them would be too short
+_REVOLUTION_ANGLES = np.linspace(0.0, 2.0 * np.pi, 361)
+
+
+def _follower_component(ready: PreparedRun, probe: Probe) -> str:
+    """Return the free component of a probe along the direction of the first follower, or its first free one."""
+    model = ready.model
+    contact = next(iter(model.cam_contacts.values()), None)
+    along = "" if contact is None else COMPONENTS[int(np.argmax(np.abs(contact.direction)))]
+    nodes = model.mesh.points.get(probe.name, ())
+    held = {
+        one for point, ones in model.supports.items() if np.isin(nodes, model.mesh.points[point]).any() for one in ones
+    }
+    free = [one for one in probe.components if one not in held] or list(probe.components)
+    return _component_name(probe, probe.components.index(along if along in free else free[0]))
+
+
+def _component_name(probe: Probe, component: int) -> str:
+    """Return the name of a component of a probe; a scalar probe keeps its name."""
+    return probe.name if len(probe.components) == 1 else f"{probe.name}.{probe.components[component]}"
+
+
+def revolution_time(case: Case, drive: Drive) -> float:
+    """Return the duration of a camshaft revolution, s."""
+    return drive.period if isinstance(drive, SpeedByAngle) else 2.0 * math.pi / case.speed
 
 
 def prepare(
@@ -134,8 +239,8 @@ def build_problem(case: Case) -> tuple[Model, System]:
     return _build_equations(case, None, case.record.fidelity.model, allow_large=False)[:2]
 
 
+# arguments of a chain, and the keys of a case that set them
 _CHAIN_KEYS = {"count": "fidelity.masses", "contact": "fidelity.model"}
-"""Arguments of a chain, and the keys of a case that set them."""
 
 
 def _build_equations(
@@ -203,15 +308,16 @@ def _make_problem(case: Case, model: Model, system: System) -> Problem:
 _SAME_ANGLE = 1e-9  # tolerance for equal cam angles, rad: rounding of speed times time
 
 
-def camshaft_drive(case: Case, model: Model, start: float = 0.0) -> Drive:
-    """Return the drive of the camshaft."""
+def camshaft_drive(case: Case, model: Model, start: float = 0.0, time: float = 0.0) -> Drive:
+    """Return the drive of the camshaft from its angle at time zero, or at a given time if it runs freely."""
     run = case.record.run
     if run.fluctuation is not None:
         swing = run.fluctuation
         phases = swing.phases or [0.0] * len(swing.orders)
         return FluctuatingSpeed(case.speed, tuple(swing.orders), tuple(swing.amplitudes), tuple(phases), start)
     if run.free_running is not None:
-        return _free_running_drive(case, model, run.free_running, start)
+        free = run.free_running
+        return free_running(model, case.speed, free.cam, free.cam_mass, free.follower_mass, start, time)
     if run.phaser is not None:
         for name, load in case.record.loads.items():
             if load.table is not None and not load.table.over_time:
@@ -220,12 +326,6 @@ def camshaft_drive(case: Case, model: Model, start: float = 0.0) -> Drive:
         times, shifts = zip(*run.phaser, strict=True)
         return PhasedSpeed(case.speed, times, shifts, start)
     return ConstantSpeed(case.speed, start)
-
-
-def _free_running_drive(
-    case: Case, model: Model, free: FreeRunningRecord, angle: float, time: float = 0.0
-) -> SpeedByAngle:  # fmt: skip
-    return free_running(model, case.speed, free.cam, free.cam_mass, free.follower_mass, angle, time)
 
 
 def set_initial_state(case: Case, model: Model, problem: Problem, *, until: float | None = None) -> Problem:
@@ -245,12 +345,10 @@ def set_initial_state(case: Case, model: Model, problem: Problem, *, until: floa
             return replace(problem, start=solve_periodic(one, integration_method(case, one), until=until))
         case ResultStartRecord(result=name):
             state, angle = _last_state(case, model, system, name)
-            drive, free = problem.drive, case.record.run.free_running
+            drive, free = problem.drive, case.record.run.free_running is not None
             missing = angle - float(drive.at(np.array([state.time])).angle[0])
-            if abs(missing) > _SAME_ANGLE and free is not None:
-                drive = _free_running_drive(case, model, free, angle, state.time)
-            elif abs(missing) > _SAME_ANGLE:
-                drive = camshaft_drive(case, model, missing)
+            if abs(missing) > _SAME_ANGLE:
+                drive = camshaft_drive(case, model, angle if free else missing, state.time)
             return replace(problem, drive=drive, start=state)
         case GivenStartRecord(displacement=displacement, velocity=velocity):
             given = {"displacement": displacement, "velocity": velocity}

@@ -16,8 +16,8 @@ from flexcam.dynamics import floquet, reraise_interrupt
 from flexcam.io import find_referenced_file, read_mesh
 from flexcam.valvetrain import build_structure, model_modes
 
+# deviation, relative to the lift, up to which a response counts as "very close" to the rigid one
 _CLOSE_DEVIATION = 0.05
-"""Deviation, relative to the lift, up to which a response counts as "very close" to the rigid one."""
 
 
 _PUBLISHED_LAWS = ("shm", "parabolic", "cycloidal")

@@ -16,8 +16,7 @@ from flexcam.dynamics.solve import AT_ONCE, LEAST_AT_ONCE
 from flexcam.fem.mesh import Mesh
 from flexcam.io import RECOVERED_FIELDS, VECTORS, count_output_points, result_bytes
 
-_UNLIMITED = 2**60
-"""Bytes from which the limit of a control group means unlimited."""
+_UNLIMITED = 2**60  # bytes from which the limit of a control group means unlimited
 
 
 def free_memory() -> int | None:
@@ -75,28 +74,20 @@ def _read_lines(file: Path) -> Iterator[str]:
         return
 
 
-_NUMBER = 8
-"""Bytes per number."""
-
+_NUMBER = 8  # bytes per number
+# bytes of any run for modules and output, and of a compiled run for the compiler
 _BASE, _COMPILER = 4_000_000, 110_000_000
-"""Bytes of any run for modules and output, and of a compiled run for the compiler."""
-
 _DENSE, _NATURAL = 12, 40
 """Square matrices of a small system: M, C and K as triplets and dense, an operator and its inverse; with modal
 coordinates and their refinement.
 """
 
+# bytes per entry of M, C and K of a large system: triplets, compressed rows, their sums and a factorization
 _ENTRY = 250
-"""Bytes per entry of M, C and K of a large system: triplets, compressed rows, their sums and a factorization."""
-
+# arrays over the degrees of freedom per step computed at once: motion, loads and energies; bytes of Python objects
 _STEP_ARRAYS, _STEP = 24, 3000
-"""Arrays over the degrees of freedom per step computed at once: motion, loads and energies; bytes of Python objects."""
-
-_STRESSES = 216
-"""Numbers of an element for its stresses."""
-
-_POINT_VALUES = 3 * len(VECTORS) + sum(width for _, width in RECOVERED_FIELDS.values())
-"""Values per output point."""
+_STRESSES = 216  # numbers of an element for its stresses
+_POINT_VALUES = 3 * len(VECTORS) + sum(width for _, width in RECOVERED_FIELDS.values())  # values per output point
 
 
 @dataclass(frozen=True)
@@ -131,15 +122,11 @@ def estimate_resources(
     return ResourceEstimate(machine + _NUMBER * numbers, result_bytes(names, mesh, save, problem.steps))
 
 
+# fraction of the free memory that a run may use: other processes need memory too, and estimates are inexact
 _USABLE_FRACTION = 0.9
-"""Fraction of the free memory that a run may use: other processes need memory too, and estimates are inexact."""
-
-_ELEMENT = 8000
-"""Minimum bytes per element for matrices, factorization and start, measured from 3e3 to 2e5 elements."""
-
+_ELEMENT = 8000  # minimum bytes per element for matrices, factorization and start, measured from 3e3 to 2e5 elements
+# bytes of matrices below which free memory is not queried, as the query takes almost as long as a short run
 _SMALL = 1_000_000
-"""Bytes of matrices below which free memory is not queried, as the query takes almost as long as a short run."""
-
 _UNITS = ("B", "kB", "MB", "GB", "TB", "PB")
 
 

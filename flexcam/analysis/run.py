@@ -17,8 +17,7 @@ from typing import Literal
 import numpy as np
 
 from flexcam.analysis.histories import response_block
-from flexcam.analysis.preparation import prepare, prepare_without_periodic_search
-from flexcam.analysis.prepared_run import PreparedRun
+from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search
 from flexcam.analysis.resources import ResourceEstimate, check_resources, estimate_resources
 from flexcam.analysis.run_metrics import compute_metrics
 from flexcam.case.case import Case
@@ -250,5 +249,5 @@ def _difference(what: str, given: str, allowed: str) -> Fault:
     return Fault(f"--resume: {what}", shown[0], shown[1], why, remedy)
 
 
+# texts of a result that must be equal for identical numbers
 _COMPARED_TEXTS = ("case", "overrides", "flexcam", "python", "numpy", "scipy", "numba")
-"""Texts of a result that must be equal for identical numbers."""

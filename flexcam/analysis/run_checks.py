@@ -14,7 +14,7 @@ from typing import Self
 import numpy as np
 
 from flexcam.analysis.histories import response_block
-from flexcam.analysis.prepared_run import PreparedRun
+from flexcam.analysis.preparation import PreparedRun
 from flexcam.analysis.run_metrics import RevolutionChange
 from flexcam.cams import FlatFollower, Follower, profile_at, undercut
 from flexcam.case.input_checks import (
@@ -54,43 +54,28 @@ from flexcam.valvetrain import (
     stiff_struts,
 )
 
-_ANGLES = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
-"""Cam angles at which a profile is evaluated."""
-
-_LIFT_ANGLES = np.linspace(0.0, 2.0 * math.pi, 7201)
-"""Cam angles at which the curvature of a lift is evaluated."""
-
+_ANGLES = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)  # cam angles at which a profile is evaluated
+_LIFT_ANGLES = np.linspace(0.0, 2.0 * math.pi, 7201)  # cam angles at which the curvature of a lift is evaluated
 _LIFT_TOLERANCE = 1e-3
 """Allowed deviation of the lift between two steps, relative to the lift: the published model is then accurate to 1 % at
 3000 rpm.
 """
 
-_SAME_LOBE_ANGLE = 1.0
-"""Angle between two lifts, deg, up to which they may be the same lobe."""
-
+_SAME_LOBE_ANGLE = 1.0  # angle between two lifts, deg, up to which they may be the same lobe
+# ratio of shaft radius to base radius from which the shaft is thicker; equal radii are valid
 _SHAFT_RADIUS_RATIO = 1.0 + 1e-9
-"""Ratio of shaft radius to base radius from which the shaft is thicker; equal radii are valid."""
-
+# relative size of a deflection from which its rounding is reported: tables show four digits
 _MIN_DEFLECTION_ERROR = 1e-4
-"""Relative size of a deflection from which its rounding is reported: tables show four digits."""
-
+# maximum relative displacement of a member's points, in parts of its length: the error of linear beams is 1 %
 _MAX_DEFLECTION = 0.1
-"""Maximum relative displacement of a member's points, in parts of its length: the error of linear beams is 1 %."""
-
-_MIN_STEPS = 20
-"""Minimum steps per period: with fewer, common integrators have a period error of more than a percent."""
-
+_MIN_STEPS = 20  # minimum steps per period: with fewer, common integrators have a period error of more than a percent
+# minimum elements per bending wave: with fewer, cubic elements have a frequency error of more than half a percent
 _MIN_ELEMENTS = 4
-"""Minimum elements per bending wave: with fewer, cubic elements have a frequency error of more than half a percent."""
-
+# minimum steps per impact: with fewer, the true maximum force may exceed the computed one by a twentieth
 _MIN_IMPACT_STEPS = 5
-"""Minimum steps per impact: with fewer, the true maximum force may exceed the computed one by a twentieth."""
-
+# allowed residual relative to the largest force: some integrators satisfy equilibrium between the instants
 _MAX_RESIDUAL = 0.01
-"""Allowed residual relative to the largest force: some integrators satisfy equilibrium between the instants."""
-
-_MAX_ENERGY_RESIDUAL = 0.01
-"""Allowed residual of the energy balance and numerical dissipation, relative to the work."""
+_MAX_ENERGY_RESIDUAL = 0.01  # allowed residual of the energy balance and numerical dissipation, relative to the work
 
 
 MAX_PERIODICITY_ERROR = 1e-3
@@ -142,15 +127,11 @@ def _check_cam_steps(ready: PreparedRun) -> Iterator[str]:
 
 
 def _check_geometric_stiffness(ready: PreparedRun) -> Iterator[str]:
-    """Yield warnings about members with too few elements for their geometric stiffness."""
-    for one in stiff_struts(ready.model) if _has_member_dofs(ready) else ():
-        why = (
-            "no node between its supports can move sideways"
-            if math.isinf(one.excess)
-            else f"its computed buckling load is {100.0 * one.excess:.2g} % too high"
-        )
-        where = f"too few elements in member {one.member} for its geometric stiffness"
-        yield f"Warning: {where}: {why}; take {one.elements}"
+    for name, (excess, elements) in stiff_struts(ready.model).items() if _has_member_dofs(ready) else ():
+        why = f"its computed buckling load is {100.0 * excess:.2g} % too high"
+        if math.isinf(excess):
+            why = "no node between its supports can move sideways"
+        yield f"Warning: too few elements in member {name} for its geometric stiffness: {why}; take {elements}"
 
 
 def check_lobes(model: Model) -> list[str]:
@@ -272,7 +253,6 @@ def describe_change(change: RevolutionChange) -> str:
 
 
 def _has_member_dofs(ready: PreparedRun) -> bool:
-    """Return whether a run has the degrees of freedom of its members."""
     return ready.case.record.fidelity.model == "beams" and not ready.problem.system.is_kinematic
 
 
@@ -429,7 +409,6 @@ def _check_deflections(ready: PreparedRun, extremes: ExtremesSink) -> Iterator[s
 
 
 def _check_resolution(sink: ResolutionSink) -> Iterator[str]:
-    """Yield warnings about insufficient resolution by steps and elements."""
     found = sink.found()
     at = f"at the mean frequency of the accelerations ({found.frequency:.4g} Hz)"
     if found.steps < _MIN_STEPS:

@@ -1,16 +1,29 @@
-"""Metrics of the last revolution of a run, and its difference from the one before."""
+"""Metrics of the last revolution of a run, its difference from the one before, figures of merit and margins."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexcam.analysis.prepared_run import MASS_CHAINS, PreparedRun, scalar_probe
+from flexcam.analysis.preparation import (
+    MASS_CHAINS,
+    PreparedRun,
+    prepare,
+    prepare_without_periodic_search,
+    scalar_probe,
+)
+from flexcam.cams import event_extremes
+from flexcam.case.builder import build_model
+from flexcam.case.case import Case
 from flexcam.core import FloatArray
-from flexcam.dynamics import Response
-from flexcam.valvetrain import Metric, main_lift, train_metrics
+from flexcam.core.errors import FlexcamError
+from flexcam.core.units import RPM
+from flexcam.dynamics import ConstantSpeed, Problem, Response, equilibrium, solve
+from flexcam.valvetrain import Metric, main_lift, opposed_contacts, train_metrics
 
 
 @dataclass(frozen=True)
@@ -68,3 +81,126 @@ def compute_metrics(ready: PreparedRun, response: Response, names: Sequence[str]
         return bool(np.ptp(values) > _ROUNDING * np.abs(values).max())
 
     return [one for one in found if not one.name.startswith(("cams.", "supports.")) or changes(one)]
+
+
+_WORDS = {
+    "valve_loft": "valve loft over the nose",
+    "seating_velocity": "seating velocity",
+    "bounces": "bounces",
+    "bounce_height": "highest bounce",
+    "nose_force.least": "min contact force over the nose",
+    "torque.mean": "mean drive torque",
+    "torque.largest": "peak drive torque",
+    "power.mean": "mean drive power",
+    "friction_power.mean": "mean friction power",
+    "clearance.least": "coil-bind clearance",
+}
+"""Usual names by the end of a metric's name, in the order of the table."""
+
+SPRING_MARGIN = "spring margin of the rigid train"
+"""Name of the excess of the spring force over the inertia of the rigid train, relative to the inertia."""
+
+
+@dataclass(frozen=True)
+class FigureOfMerit:
+    """Figure of merit."""
+
+    name: str  #: name, such as ``seating velocity``
+    part: str  #: contact, spring or drive, such as ``seat``; empty for the train
+    #: name among the metrics of the run, such as ``contacts.seat.seating_velocity``; empty for a figure of the case
+    metric: str
+    #: `value`, `unit`: value in its SI unit
+    value: float
+    unit: str
+
+
+def figures_of_merit(case: Case, metrics: Sequence[Metric]) -> list[FigureOfMerit]:
+    """Return the figures of merit that a train has, sorted by kind, from the metrics of `compute_metrics`."""
+    free = {f"contacts.{name}.nose_force.least" for name in opposed_contacts(build_model(case))}
+    found = [
+        FigureOfMerit(usual_name(metric), metric.name.split(".")[1], metric.name, metric.value, metric.unit)
+        for metric in metrics
+        if usual_name(metric) and metric.name not in free  # over the nose of such a cam the other one drives
+    ]
+    found.sort(key=lambda figure: [*_WORDS.values()].index(figure.name))
+    if any(contact.model == "unilateral" for contact in case.record.contacts.values()):
+        with suppress(FlexcamError):  # no rigid train exists
+            if (margin := _rigid_margin(case)[1]) is not None:
+                found.append(FigureOfMerit(SPRING_MARGIN, "", "", margin, "1"))
+    return found
+
+
+def usual_name(metric: Metric) -> str:
+    """Return the usual name of a metric that is a figure of merit; empty for others."""
+    return _WORDS.get(".".join(metric.name.split(".")[2:]), "")
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Margins of a train at its speed, from the rigid train and statics."""
+
+    #: camshaft speed at which a rigid train loses contact, as its inertia equals its spring forces; None if never
+    rigid_rpm: float | None
+    #: minimum excess of the spring force over the inertia of the rigid train at the case's speed, relative to the
+    #: inertia; None if the inertia never pulls
+    spring_margin: float | None
+    buckling_margins: Mapping[str, float]  #: ratio of buckling load to compression at full lift at rest, by member
+
+
+def compute_margins(case: Case) -> Margins:
+    """Return the margins of spring force and buckling load."""
+    return Margins(*_rigid_margin(case), _buckling_margins(case))
+
+
+# cam angles, rad, at which the contact force of the rigid train is evaluated
+_ANGLES = np.linspace(0.0, 2.0 * math.pi, 7201)
+
+
+def _rigid_margin(case: Case) -> tuple[float | None, float | None]:
+    """Return the speed at which the rigid train loses contact, rpm, and the spring margin at the speed of the case."""
+    rigid = _rigid_limit_speed(case)
+    return rigid, None if rigid is None else (rigid * RPM / case.speed) ** 2 - 1.0
+
+
+def _rigid_limit_speed(case: Case) -> float | None:
+    """Return the camshaft speed at which the inertia of the rigid train first equals its springs and loads, rpm.
+
+    Friction and damping do not count. None if the inertia never pulls, if a load is given over time, or if opposed cams
+    and not springs hold the followers.
+    """
+    if any(load.table is not None and load.table.over_time for load in case.record.loads.values()):
+        return None
+    bare = replace(case, record=case.record.model_copy(update={"friction": {}}))
+    speeds = [factor * case.speed for factor in (0.5, 1.0, 2.0)]
+    trains = [prepare(bare.at_speed(speed), rigid=True) for speed in speeds]
+    channels: list[Mapping[str, FloatArray]] = []
+    for speed, ready in zip(speeds, trains, strict=True):
+        problem = replace(ready.problem, step=(_ANGLES[1] - _ANGLES[0]) / speed, steps=len(_ANGLES) - 1)
+        channels.append(solve(problem, ready.scheme).channels)
+    model, worst = trains[0].model, list[float]()
+    opposed = opposed_contacts(model)
+    for name, contact in model.cam_contacts.items():
+        if name in opposed:
+            continue
+        lifted = model.cams[contact.cam].event(_ANGLES) > main_lift(model, contact.cam)
+        forces = [one[f"contacts.{name}.force"][lifted] for one in channels]
+        still, _, inertia = np.linalg.solve(np.vander(speeds, increasing=True), forces)
+        pulls = inertia < 0.0
+        if pulls.any():
+            worst.append(float(np.sqrt((np.maximum(still[pulls], 0.0) / -inertia[pulls]).min())))
+    return min(worst) / RPM if worst else None
+
+
+def _buckling_margins(case: Case) -> dict[str, float]:
+    """Return the ratio of buckling load to compression of every member with its cam at full lift at rest."""
+    ready = prepare_without_periodic_search(case)
+    system = ready.problem.system
+    least: dict[str, float] = {}
+    for cam in ready.model.cams.values():
+        drive = ConstantSpeed(case.speed, event_extremes(cam.event)[1].at)
+        still = Problem(system, drive, 1e-6 / case.speed, 1, equilibrium(system, drive))
+        for name, use in solve(still, ready.scheme).channels.items():
+            if name.endswith(".buckling_use") and float(use[0]) > 0.0:
+                member = name.split(".")[1]
+                least[member] = min(1.0 / float(use[0]), least.get(member, math.inf))
+    return least

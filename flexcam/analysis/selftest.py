@@ -112,7 +112,6 @@ def _period_check() -> Iterator[Check]:
 
 
 def _bounce_checks() -> Iterator[Check]:
-    """Yield checks of a mass under gravity above an elastic stop."""
     source = "Goldsmith, Impact, ch. 4"
     down, up = AngleVector.constant(np.array([-1.0])), AngleVector.constant(np.array([1.0]))
     stop = LocalForce("stop", (down,), (up,), elastic_stop(_STIFFNESS), (constant(0.0),))

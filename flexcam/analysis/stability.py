@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexcam.analysis.orders import highest_order, last_revolution_orders
-from flexcam.analysis.preparation import excitation_without_period, prepare
-from flexcam.analysis.prepared_run import PreparedRun
+from flexcam.analysis.preparation import PreparedRun, excitation_without_period, prepare
 from flexcam.analysis.run_metrics import RevolutionChange, revolution_change
 from flexcam.cams import Event, harmonics
 from flexcam.case.case import Case
@@ -40,9 +39,8 @@ MAX_DOFS = 400
 """Maximum number of degrees of freedom for a linearization about the motion; larger systems use the highest mode
 without contacts."""
 
+# instants evaluated in the last revolution: contacts open and close, and their stiffness changes
 _EVALUATED_INSTANTS = 24
-"""Instants evaluated in the last revolution: contacts open and close, and their stiffness changes."""
-
 _RIGID_BODY_RATIO = 1e-9  # ratio to the highest squared frequency below which a mode is a rigid-body mode
 
 
@@ -185,16 +183,15 @@ def lift_harmonics(event: Event, count: int) -> dict[int, float]:
 
 
 _RESONANCE_WIDTH = 0.03  # relative distance of a harmonic from a mode that counts as resonance
+# amplitude relative to the maximum contact force from which a resonant harmonic counts; weaker ones are listed
 _MIN_FORCE_RATIO = 0.05
-"""Amplitude relative to the maximum contact force from which a resonant harmonic counts; weaker ones are listed."""
-
 _MIN_CHANGE = 0.01, 0.1  # differences of two revolutions, of the motion and the force, from which chatter counts
 _LISTED_SPEED_RATIO = 2.0  # multiple of the case's speed up to which resonances are listed individually
 _PERIODICITY_TOLERANCE = 1e-3  # allowed difference between start and end of a periodic motion, relative to the motion
 _GROWTH_THRESHOLD = 1.0 + 1e-6
 _MIN_STEPS = 360  # minimum steps per revolution for the Floquet analysis: coarse steps miss parametric growth
+# maximum steps per revolution: every step requires a linearization, and a hundredth of a degree is sufficient
 _MAX_STEPS = 36_000
-"""Maximum steps per revolution: every step requires a linearization, and a hundredth of a degree is sufficient."""
 
 
 @dataclass(frozen=True, eq=False)

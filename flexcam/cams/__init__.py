@@ -59,13 +59,7 @@ from flexcam.cams.profile import (
     profile_at,
     undercut,
 )
-from flexcam.cams.standard_laws import (
-    CompoundCycloid,
-    CosineSum,
-    Harmonic,
-    Scca,
-    harmonic_acceleration,
-)
+from flexcam.cams.standard_laws import CompoundCycloid, CosineSum, Harmonic, Scca, harmonic_acceleration
 from flexcam.cams.synthesis_family import Family, HarmonicFamily, SplineFamily
 
 __all__ = [

@@ -187,11 +187,6 @@ class RollerFollower(Follower):
         return np.where(beside >= 0.0, height - self._start, -math.inf)
 
 
-def _normal_direction(angle: float, side: Turn) -> complex:
-    """Return the direction of the rise of an arm at an angle (rad) to the line of centres."""
-    return complex(1j * side * np.exp(-1j * side * angle))
-
-
 @dataclass(frozen=True)
 class SwingRollerFollower(Follower):
     """Swinging follower with a roller at the end of its arm."""
@@ -232,7 +227,7 @@ class SwingRollerFollower(Follower):
     @property
     def lift_direction(self) -> complex:
         """Unit vector normal to the arm on the base circle."""
-        return _normal_direction(self.start_angle, self.side)
+        return complex(1j * self.side * np.exp(-1j * self.side * self.start_angle))
 
     def contact(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> FollowerContact:
         """Return the contact where the normal of the centre's path meets the roller."""
@@ -281,7 +276,7 @@ class SwingFlatFollower(Follower):
     @property
     def lift_direction(self) -> complex:
         """Unit vector normal to the face on the base circle."""
-        return _normal_direction(self.start_angle, self.side)
+        return complex(1j * self.side * np.exp(-1j * self.side * self.start_angle))
 
     def contact(self, lift: FloatArray, velocity: FloatArray, acceleration: FloatArray, turn: Turn) -> FollowerContact:
         """Return the contact at the distance q along the face where the normal velocities of cam and face agree.

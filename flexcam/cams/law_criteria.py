@@ -108,7 +108,8 @@ def criteria(law: Law) -> Criteria:
     def moment_slope(z: FloatArray) -> FloatArray:
         return law(z, 2) ** 2 + law(z, 1) * law(z, 3)
 
-    grid = np.linspace(0.0, 1.0, _POINTS)
+    grid, n = np.linspace(0.0, 1.0, _POINTS), np.arange(1, _HARMONICS + 1)
+    waves = sum(np.exp(2j * np.pi * np.outer(n, z)) @ (weight * law(z, 2)) for z, weight in quadrature(law.breaks))
     start, end = ([float(law(np.array([z]), order)[0]) for order in range(4)] for z in (0.0, 1.0))
     return Criteria(
         velocity=_extremes(derivative(1), derivative(2), law.breaks),
@@ -116,7 +117,7 @@ def criteria(law: Law) -> Criteria:
         jerk=_extremes(derivative(3), derivative(4), law.breaks),
         moment=_extremes(moment, moment_slope, law.breaks),
         rms=(root_mean_square(law, 1), root_mean_square(law, 2), root_mean_square(law, 3)),
-        harmonics=_harmonics(law),
+        harmonics=tuple((2.0 * np.abs(waves)).tolist()),
         jumps=tuple(order for order in (1, 2, 3) if _jumps(derivative(order), law.breaks)),
         ends=((start[0], start[1], start[2], start[3]), (end[0], end[1], end[2], end[3])),
         symmetric=bool(np.abs(law(grid) + law(1.0 - grid) - 1.0).max() < _ZERO),
@@ -132,15 +133,6 @@ def stationary_points(law: Law, order: int) -> FloatArray:
 def root_mean_square(law: Law, order: int) -> float:
     """Return the root mean square of a derivative over the rise."""
     return math.sqrt(sum(float(weight @ law(z, order) ** 2) for z, weight in quadrature(law.breaks)))
-
-
-def _harmonics(law: Law) -> tuple[float, ...]:
-    """Return the amplitudes 2 abs(integral of s'' exp(2 pi i n z)) over the rise."""
-    n = np.arange(1, _HARMONICS + 1)
-    total = np.zeros(_HARMONICS, dtype=complex)
-    for z, weight in quadrature(law.breaks):
-        total += np.exp(2j * np.pi * np.outer(n, z)) @ (weight * law(z, 2))
-    return tuple((2.0 * np.abs(total)).tolist())
 
 
 def _largest(extremes: tuple[Extreme, Extreme]) -> float:
@@ -191,11 +183,11 @@ def _jumps(curve: Curve, breaks: tuple[float, ...]) -> bool:
     return bool((step > 1e-6 * (1.0 + np.abs(curve(joints)))).any())
 
 
-_SPACING = math.radians(0.05)
-_LEAST_POINTS = 33
 LIMIT_OFFSET = 1e-8
 """Distance from a joint for the left limit, rad: a closer angle counts as the joint."""
 
+_SPACING = math.radians(0.05)
+_LEAST_POINTS = 33
 _SAME = 1e-12  # relative difference of minima that count as equal; the first position is reported
 _VALLEYS = 24  # number of the deepest sampled minima that are refined
 _GRID_REFINEMENTS = 9  # number of refinements of the grid by four: 1e-8 rad, where a minimum is flat to rounding

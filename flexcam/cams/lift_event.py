@@ -16,10 +16,7 @@ from flexcam.cams.motion_law import Law, Ramp, RampTransition, ReversedLaw
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
 
-_SNAP = 1e-9
-"""Angles this close to a joint (rad) count as on it, so that rounding of k * step does not select the side of a jump.
-"""
-
+_SNAP = 1e-9  # angles this close to a joint (rad) count as on it, so that rounding does not select the side of a jump
 GRID = np.linspace(0.0, math.tau, 7201)
 _ROUNDING = 1e-12
 
@@ -281,6 +278,11 @@ def _extremes(event: Event, order: int) -> tuple[Extreme, Extreme]:
 _cached_extremes = lru_cache(maxsize=64)(_extremes)  # cache of extremes, as the same cam is evaluated at every speed
 
 
+_DWELL_TOLERANCE = 1e-9  # relative difference of lifts within a dwell
+_PEAK_WIDTH, _JOINT_TOLERANCE = 1e-3, 1e-5  # half the width of a peak, and its distance from a joint, rad
+_STEP_TOLERANCE = 1e-6  # relative size of a step, to the largest value of its curve, below which it is zero
+
+
 def centreline(event: Event) -> float:
     """Return the cam angle of the maximum lift, rad from 0 to 2 pi: the middle of an upper dwell."""
     peak = event_extremes(event)[1]
@@ -294,11 +296,6 @@ def centreline(event: Event) -> float:
     found = float(passed[0])
     joint = (at for at in ends if abs(math.remainder(at - found, math.tau)) <= _JOINT_TOLERANCE)
     return next(joint, found) % math.tau
-
-
-_DWELL_TOLERANCE = 1e-9  # relative difference of lifts within a dwell
-_PEAK_WIDTH, _JOINT_TOLERANCE = 1e-3, 1e-5  # half the width of a peak, and its distance from a joint, rad
-_STEP_TOLERANCE = 1e-6  # relative size of a step, to the largest value of its curve, below which it is zero
 
 
 @dataclass(frozen=True)

@@ -21,17 +21,10 @@ if TYPE_CHECKING:
 
 _STEP, _MIN_STEP = math.radians(1.0), math.radians(0.1)  # spacing of the points added on the base circle
 _KNOTS = (360, 720, 1440)  # initial number of knots, one per degree of cam angle; the tolerance may require more
-_FAR, _SMALL = 8.0, 5e-4
-"""A point is an outlier if it moves by more than eight times the scatter and 1/2000 of the lift."""
-
-_INTERPOLATION_TOLERANCE = 1e-5
-"""RMS deviation, relative to the largest lift, up to which a spline interpolates the points."""
-
+_FAR, _SMALL = 8.0, 5e-4  # an outlier moves by more than eight times the scatter and 1/2000 of the lift
+_INTERPOLATION_TOLERANCE = 1e-5  # rms deviation, relative to the lift, up to which a spline interpolates the points
 _BELOW = 1e-4  # fraction of the largest lift by which a spline may fall below the base circle without a warning
-_DOF_WEIGHT = 1.4
-"""Weight of the degrees of freedom in cross-validation; 1 sometimes follows the noise (Kim and Gu 2004)."""
-
-
+_DOF_WEIGHT = 1.4  # of the degrees of freedom in cross-validation; 1 sometimes follows the noise (Kim and Gu 2004)
 _DEGREE = 5  # of the spline
 
 
@@ -111,7 +104,15 @@ def lift_table(angle: ArrayLike, lift: ArrayLike, *, tolerance: float | None = N
     else:
         fit, weight = _fit_within_tolerance(around, heights, len(s), tolerance)
     event = DelayedEvent(PeriodicSpline(fit.coefficients(weight)), float(theta[0]))
-    return event, _report(theta, s, event, weight, noise, tolerance)
+    change = event(theta) - s
+    worst = int(np.argmax(np.abs(change)))
+    fine = event(np.linspace(0.0, math.tau, 3601), 2)
+    raw = 2.0 * np.diff(np.diff(s) / np.diff(theta)) / (np.diff(theta)[:-1] + np.diff(theta)[1:])
+    return event, LiftReport(
+        len(theta), float(np.sqrt(np.mean(change**2))), float(abs(change[worst])), float(theta[worst]),
+        (float(raw.min()), float(raw.max())), (float(fine.min()), float(fine.max())), weight,
+        noise, tuple(_remarks(theta, s, event, noise, tolerance)),
+    )  # fmt: skip
 
 
 def _column(name: str, values: ArrayLike) -> FloatArray:
@@ -242,10 +243,7 @@ _LEAST, _LOWEST, _HIGHEST = 1e-9, -7.0, 8.0
 
 The roughness is scaled to the square of the rows.
 """
-
-
-_WEIGHT_PER_HALVING = 6.0 * math.log10(2.0)
-"""Increase of the power of ten of the roughness weight when the knot spacing is halved."""
+_WEIGHT_PER_HALVING = 6.0 * math.log10(2.0)  # of its power of ten when the knot spacing is halved
 
 
 def _minimize_cross_validation(fit: _Fit, near: float | None = None) -> float:
@@ -256,20 +254,6 @@ def _minimize_cross_validation(fit: _Fit, near: float | None = None) -> float:
     best = float(powers[np.argmin([fit.score(10.0**power) for power in powers])])
     fine = best + (np.linspace(-1.0, 1.0, 9) if near is None else np.array([-0.5, 0.0, 0.5]))
     return 10.0 ** float(fine[np.argmin([fit.score(10.0**power) for power in fine])])
-
-
-def _report(
-    theta: FloatArray, s: FloatArray, spline: DelayedEvent, weight: float, noise: float, tolerance: float | None
-) -> LiftReport:  # fmt: skip
-    change = spline(theta) - s
-    worst = int(np.argmax(np.abs(change)))
-    fine = spline(np.linspace(0.0, math.tau, 3601), 2)
-    raw = 2.0 * np.diff(np.diff(s) / np.diff(theta)) / (np.diff(theta)[:-1] + np.diff(theta)[1:])
-    return LiftReport(
-        len(theta), float(np.sqrt(np.mean(change**2))), float(abs(change[worst])), float(theta[worst]),
-        (float(raw.min()), float(raw.max())), (float(fine.min()), float(fine.max())), weight,
-        noise, tuple(_remarks(theta, s, spline, noise, tolerance)),
-    )  # fmt: skip
 
 
 def _remarks(

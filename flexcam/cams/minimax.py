@@ -127,7 +127,13 @@ class Program:
         A, b = self._inequalities(places, (), None)
         E, e = self._equalities()
         free = slice(0, self.family.size)
-        base, ways = _solutions(E[:, free], e, self.family.size)
+        # x = base + ways y satisfies the equalities for every y.
+        base, ways = np.zeros(self.family.size), np.eye(self.family.size)
+        if len(E):
+            from scipy.linalg import null_space
+
+            base = np.asarray(np.linalg.lstsq(E[:, free], e, rcond=None)[0], dtype=float)
+            ways = np.asarray(null_space(E[:, free], rcond=1e-12), dtype=float)
         f = -(rows @ base + offset)
         y = constrained_least_squares(rows @ ways, f, -A[:, free] @ ways, A[:, free] @ base - b)
         if y is None:
@@ -190,16 +196,6 @@ class Program:
         return self._dense_rows(np.vstack([matrix, *(row for row, _ in rows)])), np.concatenate([right, values])
 
 
-def _solutions(E: FloatArray, e: FloatArray, size: int) -> tuple[FloatArray, FloatArray]:
-    """Return a particular solution of E x = e and a basis of the null space, shape (size, k)."""
-    if not len(E):
-        return np.zeros(size), np.eye(size)
-    from scipy.linalg import null_space
-
-    base = np.asarray(np.linalg.lstsq(E, e, rcond=None)[0], dtype=float)
-    return base, np.asarray(null_space(E, rcond=1e-12), dtype=float)
-
-
 def _slowest(law: Law) -> float:
     return float(law(stationary_points(law, 1), 1).min())
 
@@ -218,8 +214,7 @@ def _criterion(law: Law, name: str) -> float:
 _START = np.linspace(0.0, 1.0, 161)
 _ROUNDS = 200
 _GAP = 1e-8  # relative violation of the bound allowed before positions are added
-_OPTIMALITY_TOLERANCE = 1e-6
-"""Relative duality gap above which the law is not reported as optimal: a hundred times the target of the search."""
+_OPTIMALITY_TOLERANCE = 100.0 * _GAP  # relative duality gap above which the law is not reported as optimal
 
 
 @dataclass(frozen=True, eq=False)

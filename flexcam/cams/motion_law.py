@@ -78,18 +78,13 @@ class ReversedLaw:
         return 1.0 + turned if order == 0 else turned
 
 
-_GAIN = (0.0, 1.0, 0.0, -2.0, 2.0, -0.6)
-"""Powers of z of the integral of (1 - z)^3 (1 + 3 z): slope 1 at z = 0, zero at z = 1, without a step of acceleration.
-"""
-
 _SHORTEST = 1e-3
-_GAIN_AT_END = 0.4  # value of the integral at z = 1
-
-
-_GAIN_DERIVATIVES = [polyder(_GAIN, order) for order in range(5)]
+_GAIN_AT_END = 0.4  # value of `_gain` at z = 1
+_GAIN_DERIVATIVES = [polyder((0.0, 1.0, 0.0, -2.0, 2.0, -0.6), order) for order in range(5)]
 
 
 def _gain(z: FloatArray, order: int) -> FloatArray:
+    """Return the integral of (1 - z)^3 (1 + 3 z): slope 1 at z = 0, zero at z = 1, without a step of acceleration."""
     return np.asarray(polyval(z, _GAIN_DERIVATIVES[order]), dtype=float)
 
 

@@ -19,10 +19,9 @@ from flexcam.core.errors import refuse
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
-
 _LARGEST = 60  # exponent above which too many digits are lost between the ends
-_NEAR_END = 0.05
-"""Distance from z = 1 within which the law is evaluated in powers of 1 - z, so that its end conditions are exact."""
+_NEAR_END = 0.05  # distance from z = 1 within which powers of 1 - z are evaluated, so that the end conditions are exact
+_LEAST_DEGREE = 5  # of a spline: below it the fourth derivative is not continuous
 
 
 @dataclass(frozen=True)
@@ -136,9 +135,6 @@ def quinquinomial(row: int = 1) -> Polynomial:
         remedy = "for others use a polynomial with its exponents"
         raise refuse("row", row, "1 to 4", "the paper prints these rows", remedy)
     return Polynomial(tuple(2 + 3 * row * i for i in range(5)))
-
-
-_LEAST_DEGREE = 5  # degree below which the fourth derivative is not continuous
 
 
 @dataclass(frozen=True)

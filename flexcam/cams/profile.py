@@ -288,9 +288,12 @@ def lift_from_profile(points: ArrayLike, follower: Follower, angle: ArrayLike, *
     turned = np.exp(1j * turn * finite_array("angle", np.ravel(angle), (None,)))
     length = float(chord[-1])
 
-    def depth(at: FloatArray) -> FloatArray:
+    def place(at: FloatArray) -> ComplexArray:
         x, y = np.moveaxis(np.asarray(curve(np.mod(at, length)), dtype=float), -1, 0)
-        return -follower.lift_at((x + 1j * y) * turned[:, None])
+        return np.asarray(x + 1j * y, dtype=np.complex128)
+
+    def depth(at: FloatArray) -> FloatArray:
+        return -follower.lift_at(place(at) * turned[:, None])
 
     if not len(turned):
         return np.zeros(np.shape(angle))
@@ -298,8 +301,7 @@ def lift_from_profile(points: ArrayLike, follower: Follower, angle: ArrayLike, *
     needed = math.ceil(8.0 * length / min(follower.roller_radius, length))
     count = min(_MOST_SAMPLES, max(len(xy), _LEAST_SAMPLES, needed))
     at = np.linspace(0.0, length, count, endpoint=False)
-    x, y = np.moveaxis(np.asarray(curve(at), dtype=float), -1, 0)
-    starts = _find_highest_peaks(np.asarray(x + 1j * y, dtype=np.complex128), at, follower, turned)
+    starts = _find_highest_peaks(place(at), at, follower, turned)
     found = -np.min([refine_minima(depth, start - at[1], start + at[1])[0] for start in starts.T], axis=0)
     if not np.isfinite(found).all():
         raise refuse("points", "a profile that the follower misses", "one within its reach", "", "check the unit")
@@ -328,9 +330,7 @@ def find_bridges(points: ArrayLike, follower: Follower, *, turn: Turn = 1) -> Br
 
 
 _SAMPLE_ANGLES = 2880
-_CONTACT_TOLERANCE = 1e-6
-"""Contact tolerance: between sampled cam angles, 1/8 deg apart, a contact is missed by a tenth of this."""
-
+_CONTACT_TOLERANCE = 1e-6  # m: between sampled cam angles, 1/8 deg apart, a contact is missed by a tenth of this
 _LEAST_SAMPLES, _MOST_SAMPLES = 360, 20_000
 _CANDIDATES = 3  # peaks evaluated per angle: at a jump of the contact two are almost equal
 

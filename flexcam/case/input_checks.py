@@ -27,6 +27,7 @@ from flexcam.valvetrain import (
     Lash,
     Model,
     Seat,
+    connected_nodes,
     driving_contact,
     largest_lashes,
     opposed_contacts,
@@ -373,7 +374,7 @@ def check_oblique_springs(model: Model) -> list[str]:
     """Return warnings about springs at an angle to the motion of a rocker's point, which take a part of its motion."""
     found: list[str] = []
     for name, spring in model.springs.items():
-        rocker = model.rocker_at(spring.at)
+        rocker = model.rocker_points.get(spring.at)
         cosine = 1.0 if rocker is None else abs(float(spring.direction[:3] @ rocker.direction[:3]))
         if cosine < _MIN_COSINE:
             line = [round(float(x), 4) for x in rocker.direction[:3]] if rocker else []
@@ -469,8 +470,9 @@ def check_loose_masses(model: Model) -> Iterator[str]:
     others = {name: part for name, part in model.contacts.items() if not isinstance(part, Lash)}
     held = set(_connection_points(replace(model, supports={}, contacts=others)))
     for name, mass in model.masses.items():
-        own = [lash.name for lash in model.lashes if isinstance(lash.part, Lash) and mass.at in lash.ends]
-        if len(own) > 1 and mass.at not in held and len(model.connected_nodes(model.mesh.node(mass.at))) == 1:
+        lashes = {lash: one for lash, one in model.contacts.items() if isinstance(one, Lash)}
+        own = [lash for lash, one in lashes.items() if one.ends and mass.at in one.ends]
+        if len(own) > 1 and mass.at not in held and len(connected_nodes(model, model.mesh.node(mass.at))) == 1:
             what = f"only the lashes {' and '.join(own)} touch it, and it moves freely while they are open"
             yield f"Warning: masses.{name}: {what}; hold it by a soft spring"
 

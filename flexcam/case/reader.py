@@ -36,7 +36,7 @@ from flexcam.case.schema.parts import RepeatRecord
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name, system_message
 from flexcam.fem.mesh import Mesh
 from flexcam.io import Result, read_mesh, read_text, resolve_file
-from flexcam.valvetrain.spring_properties import count_spring_parts
+from flexcam.valvetrain.springs import count_spring_parts
 
 
 def read_case(path: str | Path, overrides: Sequence[str] | Mapping[str, object] = ()) -> Case:

@@ -27,7 +27,7 @@ from flexcam.core.errors import InputError, refuse, suggest_name
 from flexcam.fem.recovery import deflection
 from flexcam.io import find_referenced_file, format_toml
 from flexcam.valvetrain import Structure, build_structure
-from flexcam.valvetrain.structure import inner_name, spring_parts
+from flexcam.valvetrain.structure import spring_parts
 
 
 @dataclass(frozen=True)
@@ -215,10 +215,11 @@ def _map_spring_values(
             continue
         ends = spring_parts(structure, name, spring)
         line = [float(ends[0][0] @ row), *(float(high @ row) for _, high in ends)]
-        for i in range(1, own):
-            found.pop(inner_name(name, i), None)
-        inner = np.interp(np.arange(1, parts) / parts, np.arange(own + 1) / own, line).tolist()
-        found |= {inner_name(name, i): value for i, value in enumerate(inner, start=1) if value}
+        for inner in structure.model.inner_unknowns[f"springs.{name}"]:
+            found.pop(inner, None)
+        moved = np.interp(np.arange(1, parts) / parts, np.arange(own + 1) / own, line).tolist()
+        pairs = zip(its.model.inner_unknowns[f"springs.{name}"], moved, strict=True)
+        found |= {inner: value for inner, value in pairs if value}
     return found
 
 

@@ -16,8 +16,7 @@ from flexcam import plotting
 from flexcam.analysis.campbell import Campbell
 from flexcam.analysis.campbell import campbell as find_crossings
 from flexcam.analysis.orders import Signal, Waterfall, largest_orders, waterfall
-from flexcam.analysis.preparation import prepare
-from flexcam.analysis.prepared_run import scalar_probe
+from flexcam.analysis.preparation import prepare, scalar_probe
 from flexcam.case.case import Case
 from flexcam.cli import app as cli
 from flexcam.core import FloatArray

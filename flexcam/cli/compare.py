@@ -21,8 +21,7 @@ from flexcam.analysis.comparison import (
     divergence_speed,
 )
 from flexcam.analysis.model_choice import evaluate_ladder, model_ladder
-from flexcam.analysis.preparation import prepare
-from flexcam.analysis.prepared_run import scalar_probe
+from flexcam.analysis.preparation import prepare, scalar_probe
 from flexcam.analysis.published_claims import Claim, check_claims, deviation, excited_mode
 from flexcam.analysis.run import reload_result
 from flexcam.analysis.run import run as run_case

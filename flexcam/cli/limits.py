@@ -11,8 +11,8 @@ from cyclopts import Group, Parameter
 from rich.table import Table
 
 from flexcam import plotting
-from flexcam.analysis.figures_of_merit import compute_margins
 from flexcam.analysis.limits import Search, find_limits
+from flexcam.analysis.run_metrics import compute_margins
 from flexcam.case.reader import CaseFile as OpenCase
 from flexcam.cli import app as cli
 from flexcam.core.errors import positive, refuse

@@ -19,7 +19,7 @@ from flexcam.analysis.cam_analysis import CamFacts, cam_facts, case_cams, cylind
 from flexcam.analysis.model_choice import evaluate_ladder
 from flexcam.analysis.natural_modes import modes
 from flexcam.analysis.orders import run_over_speeds
-from flexcam.analysis.prepared_run import driven_probe, scalar_probe
+from flexcam.analysis.preparation import driven_probe, scalar_probe
 from flexcam.analysis.run import member_strength
 from flexcam.analysis.run_metrics import compute_metrics
 from flexcam.cams import CamProfile, cam_profile, profile_at
@@ -36,8 +36,7 @@ from flexcam.dynamics import Response, Status
 from flexcam.io.sweep_table import read_table, unknown_scalar_fault
 from flexcam.report.terminal import show_count
 from flexcam.valvetrain import Cam, Spring, build_structure, contact_loss, driving_contact, spring_held_contacts
-from flexcam.valvetrain.spring_properties import spring_curve
-from flexcam.valvetrain.springs import has_channels
+from flexcam.valvetrain.springs import has_channels, spring_curve
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

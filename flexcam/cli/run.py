@@ -12,10 +12,8 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
-from flexcam.analysis.figures_of_merit import FigureOfMerit, figures_of_merit, usual_name
 from flexcam.analysis.model_choice import Choice, Error, estimate_errors, select_case
-from flexcam.analysis.preparation import prepare, prepare_without_periodic_search
-from flexcam.analysis.prepared_run import PreparedRun, scalar_probe
+from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search, scalar_probe
 from flexcam.analysis.resources import check_resources
 from flexcam.analysis.run import estimate_case_resources, open_partial_result, open_result_file, summary_sink
 from flexcam.analysis.run_checks import (
@@ -28,7 +26,7 @@ from flexcam.analysis.run_checks import (
     energy_residual,
     numerical_dissipation,
 )
-from flexcam.analysis.run_metrics import compute_metrics, revolution_change
+from flexcam.analysis.run_metrics import FigureOfMerit, compute_metrics, figures_of_merit, revolution_change, usual_name
 from flexcam.case.case import Case
 from flexcam.cli import app as cli
 from flexcam.core.errors import NAME, NAMES, InputError, collect_errors, refuse

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 from flexcam.analysis.cam_analysis import CamSet, load_cams
 from flexcam.analysis.natural_modes import modes as case_modes
-from flexcam.analysis.preparation import prepare
-from flexcam.analysis.prepared_run import PreparedRun
+from flexcam.analysis.preparation import PreparedRun, prepare
 from flexcam.analysis.run import reload_result
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexcam.core import FloatArray, IntArray, Triplets
+from flexcam.core import FloatArray, Triplets
 from flexcam.core.errors import positive
 from flexcam.fem.dofs import DofMap
 from flexcam.fem.elements import beam
@@ -26,21 +26,16 @@ def _assemble_blocks(beams: Beams, local: Callable[[slice], FloatArray], dofs: D
     end = 0
     for first in range(0, len(beams), _BLOCK_SIZE):
         part = slice(first, first + _BLOCK_SIZE)
-        found = _entries(beams.part(part), local(part), dofs)
+        block = beams.part(part)
+        unknowns, matrices = dofs.congruence(block.nodes, to_global(block, local(part)))
+        free = unknowns >= 0
+        keep = (matrices != 0.0) & free[:, :, None] & free[:, None, :]
+        pairs = np.broadcast_arrays(unknowns[:, :, None], unknowns[:, None, :])
+        found = pairs[0][keep], pairs[1][keep], matrices[keep]
         begin, end = end, end + len(found[0])
         for whole, one in zip((rows, cols, values), found, strict=True):
             whole[begin:end] = one
     return Triplets(dofs.size, rows[:end], cols[:end], values[:end])
-
-
-def _entries(beams: Beams, local: FloatArray, dofs: DofMap) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return rows, columns and values of the entries of a block of elements."""
-    unknowns, matrices = dofs.congruence(beams.nodes, to_global(beams, local))
-    free = unknowns >= 0
-    keep = (matrices != 0.0) & free[:, :, None] & free[:, None, :]
-    rows = np.broadcast_to(unknowns[:, :, None], matrices.shape)
-    cols = np.broadcast_to(unknowns[:, None, :], matrices.shape)
-    return rows[keep], cols[keep], matrices[keep]
 
 
 def to_global(beams: Beams, local: FloatArray) -> FloatArray:

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from operator import add
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
-from flexcam.fem.frames import COMPONENTS, ROTATIONS, component
+from flexcam.fem.frames import COMPONENTS, ROTATIONS, component, rigid_motions
 from flexcam.fem.mesh import Mesh
-
-_CROSS = np.cross(np.eye(3)[:, None], np.eye(3))
-"""Vector products of the unit vectors, shape (3, 3, 3)."""
 
 _ROUNDING = 1e-10  # fraction of the largest motion of a mode below which a node is at rest
 
@@ -33,22 +29,15 @@ class Ties:
 
 
 def rigid_ties(mesh: Mesh, links: Mapping[str, Iterable[str]]) -> Ties | None:
-    """Return the ties of rigid links, by name with the components that follow; None without links.
-
-    A rigid body moves its points by ``u + theta x r``: H. Goldstein, Classical Mechanics, 3rd ed., sec. 4.8, for small
-    rotations.
-    """
+    """Return the ties of rigid links, by name with the components that follow; None without links."""
     if not links:
         return None
     leader, matrices = np.arange(len(mesh.nodes)), np.zeros((len(mesh.nodes), 6, 6))
     for name, components in links.items():
         first, nodes = int(mesh.links[name][0]), mesh.links[name][1:]
-        arms = mesh.nodes[nodes] - mesh.nodes[first]
-        moved = np.tile(np.eye(6), (len(nodes), 1, 1))
-        moved[:, :3, 3:] = np.einsum("jkc,nk->ncj", _CROSS, arms)
         follow = [component(one) for one in components]
         leader[nodes] = first
-        matrices[nodes[:, None], follow] = moved[:, follow]
+        matrices[nodes[:, None], follow] = rigid_motions(mesh.nodes[nodes] - mesh.nodes[first])[:, follow]
     return Ties(leader, matrices)
 
 
@@ -88,19 +77,9 @@ class DofMap:
         return [(nodes, forces), (self.ties.leader[nodes], carried)]
 
     def congruence(self, nodes: IntArray, matrices: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Return matrices of the components of k nodes in the unknowns, with the number of each row.
+        """Return the number of each row and the matrices, shape (e, r) and (e, r, r), in the unknowns of k nodes.
 
-        Parameters
-        ----------
-        nodes
-            Shape (e, k).
-        matrices
-            Shape (e, 6 k, 6 k), global axes.
-
-        Returns
-        -------
-        tuple
-            Numbers, shape (e, r), -1 for a row without an unknown, and matrices, shape (e, r, r).
+        Nodes have shape (e, k), matrices in global axes (e, 6 k, 6 k); -1 stands for a row without an unknown.
         """
         if self.ties is None or not self.ties.matrices[nodes].any():
             return self.numbers[nodes].reshape(len(nodes), -1), matrices
@@ -183,16 +162,9 @@ def dof_map(
             free[mesh.select(point, f"supports.{point}"), component(name, f"supports.{point}")] = False
     numbers = np.full(free.shape, -1, dtype=np.intp)
     numbers[free] = np.arange(np.count_nonzero(free))
-    nodes, components = (part.tolist() for part in np.nonzero(free))
-    ends = [f".{name}" for name in COMPONENTS]
-    return DofMap(
-        numbers, tuple(map(add, map(_node_names(mesh).__getitem__, nodes), map(ends.__getitem__, components))), ties
-    )
-
-
-def _node_names(mesh: Mesh) -> list[str]:
-    names = [f"node {n}" for n in range(len(mesh.nodes))]
+    called = [f"node {n}" for n in range(len(mesh.nodes))]
     for point, index in reversed(list(mesh.points.items())):
         if len(index) == 1:
-            names[index[0]] = point
-    return names
+            called[index[0]] = point
+    pairs = zip(*(part.tolist() for part in np.nonzero(free)), strict=True)
+    return DofMap(numbers, tuple(f"{called[node]}.{COMPONENTS[i]}" for node, i in pairs), ties)

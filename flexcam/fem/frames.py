@@ -8,7 +8,6 @@ force is positive in tension.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import cast
 
 import numpy as np
 
@@ -35,7 +34,8 @@ def direction(value: str | FloatArray | Sequence[float], where: str = "direction
         unit, name = np.zeros(6), value[1:] if value[:1] in ("+", "-") else value
         unit[component(name, where)] = -1.0 if value.startswith("-") else 1.0
         return unit
-    if not isinstance(value, np.ndarray) and not _is_number_sequence(value):
+    entries = value if isinstance(value, np.ndarray | list | tuple) else [None]
+    if any(isinstance(one, bool) or not isinstance(one, int | float) for one in entries):
         raise refuse(where, value, _DIRECTIONS)
     six, given = np.zeros(6), finite_array(where, value, (None,))
     if len(given) not in (3, 6) or not given.any():
@@ -51,19 +51,19 @@ def direction(value: str | FloatArray | Sequence[float], where: str = "direction
 _DIRECTIONS = "a component such as 'uy' or '-uy', or three or six numbers"
 
 
-def _is_number_sequence(value: object) -> bool:
-    """Return whether a value is a sequence of numbers (booleans excluded)."""
-    if not isinstance(value, (list, tuple)):
-        return False
-    row = cast("Sequence[object]", value)
-    return all(isinstance(one, (int, float)) and not isinstance(one, bool) for one in row)
+def rigid_motions(arms: FloatArray) -> FloatArray:
+    """Return the components of points in six unit motions of a rigid body, shape (n, 6, 6), from their arms, m.
+
+    A rigid body moves its points by ``u + theta x r``: H. Goldstein, Classical Mechanics, 3rd ed., sec. 4.8, for small
+    rotations. The last axis has three translations, then three rotations.
+    """
+    motions = np.tile(np.eye(6), (len(arms), 1, 1))
+    motions[:, :3, 3:] = np.swapaxes(np.cross(np.eye(3), arms[:, None]), 1, 2)
+    return motions
 
 
-_PARALLEL = 1e-6
-"""Sine of the angle below which an orientation vector cannot define the local y axis: six digits are lost there."""
-
-_NEAR_VERTICAL = 0.02
-"""Sine of the angle to global y below which the default orientation is global -x (about one degree)."""
+_PARALLEL = 1e-6  # sine of the angle below which an orientation vector cannot define local y: six digits are lost there
+_NEAR_VERTICAL = 0.02  # sine of the angle to global y below which the default orientation is global -x
 
 
 def default_orientation(axis: FloatArray) -> FloatArray:

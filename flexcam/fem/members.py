@@ -64,7 +64,7 @@ def beams(mesh: Mesh, members: Mapping[str, Member]) -> Beams:
     chosen = [members[name] for name in mesh.lines]
     repeats = [len(line) - 1 for line in mesh.lines.values()]
     middles = [0.5 * (shares[1:] + shares[:-1]) for shares in (_shares(mesh, name) for name in mesh.lines)]
-    sections = [section for m, at in zip(chosen, middles, strict=True) for section in _sections(m.section, at)]
+    sections = [section for m, at in zip(chosen, middles, strict=True) for section in map(m.section.at, at.tolist())]
     ends = mesh.nodes[mesh.elements()]
     span = ends[:, 1] - ends[:, 0]
     length = np.linalg.norm(span, axis=1)
@@ -117,8 +117,4 @@ def _shares(mesh: Mesh, name: str) -> FloatArray:
 
 def sections_at_nodes(mesh: Mesh, members: Mapping[str, Member]) -> dict[str, list[Section]]:
     """Return the sections of every member at its nodes."""
-    return {name: _sections(members[name].section, _shares(mesh, name)) for name in mesh.lines}
-
-
-def _sections(section: Section | Taper, shares: FloatArray) -> list[Section]:
-    return [section.at(share) for share in shares.tolist()]
+    return {name: list(map(members[name].section.at, _shares(mesh, name).tolist())) for name in mesh.lines}

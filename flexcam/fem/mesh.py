@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
@@ -76,9 +76,7 @@ class Mesh:
         for groups in _GROUPS:
             frozen = {name: _frozen_index(index) for name, index in getattr(self, groups).items()}
             object.__setattr__(self, groups, MappingProxyType(frozen))
-        faults = [*_range_faults(self)]
-        faults += [] if faults else [*_length_faults(self), *_duplicate_faults(self)]
-        if faults:
+        if faults := [*_range_faults(self)] or [*_length_faults(self), *_duplicate_faults(self)]:
             raise InputError(faults)
 
     def node(self, name: str, where: str = "point") -> int:
@@ -176,15 +174,10 @@ class Mesh:
         return self._connect(self.bodies)
 
     @cached_property
-    def _trains(self) -> list[IntArray]:
-        """Node numbers of the parts that links connect too."""
-        return self._connect({**self.bodies, **self.links}) if self.links else self.parts
-
-    @cached_property
-    def _shafts(self) -> list[IntArray]:
-        """Node numbers of the parts that members, bodies and links with all rotations connect."""
+    def _linked_parts(self) -> tuple[list[IntArray], list[IntArray]]:
+        """Node numbers of the parts that links connect too: all of them, and those with all rotations."""
         stiff = {name: nodes for name, nodes in self.links.items() if name not in self.joints}
-        return self._connect({**self.bodies, **stiff}) if stiff else self.parts
+        return self._connect({**self.bodies, **self.links}), self._connect({**self.bodies, **stiff})
 
     def _connect(self, bodies: Mapping[str, IntArray]) -> list[IntArray]:
         pairs = [np.column_stack([nodes[:-1], nodes[1:]]) for nodes in bodies.values()]
@@ -208,7 +201,7 @@ class Mesh:
         ndarray
             Rows of `nodes`, ascending, shape (k,).
         """
-        parts = self._shafts if turning else self._trains
+        parts = self._linked_parts[turning]
         return next((part for part in parts if (part == node).any()), np.array([node], dtype=np.intp))
 
 
@@ -231,45 +224,38 @@ def refine(mesh: Mesh, divisions: Mapping[str, int]) -> Mesh:
 _MAX_FAULTS = 20  # maximum number of faults of one kind to report: in a mesh with thousands they have one cause
 
 
-def _range_faults(mesh: Mesh) -> list[Fault]:
-    faults: list[Fault] = []
-    total = len(mesh.nodes)
+def _range_faults(mesh: Mesh) -> Iterator[Fault]:
+    last = len(mesh.nodes) - 1
     for name, index in [*mesh.lines.items(), *mesh.points.items()]:
-        if index.size and not (index.min() >= 0 and index.max() < total):
-            faults.append(Fault(f"mesh group {name!r}", f"node {index.max()}", f"nodes 0 to {total - 1}", "", ""))
-    faults += [
-        Fault(f"member {name!r}", f"{len(line)} nodes", "two or more", "a member has at least one element", "")
-        for name, line in mesh.lines.items()
-        if len(line) < 2
-    ]
-    return faults
+        if index.size and not 0 <= index.min() <= index.max() <= last:
+            yield Fault(f"mesh group {name!r}", f"node {index.max()}", f"nodes 0 to {last}", "", "")
+    for name, line in mesh.lines.items():
+        if len(line) < 2:
+            why = "a member has at least one element"
+            yield Fault(f"member {name!r}", f"{len(line)} nodes", "two or more", why, "")
 
 
-def _length_faults(mesh: Mesh) -> list[Fault]:
-    ends = mesh.elements()
-    short = np.flatnonzero((mesh.nodes[ends[:, 1]] == mesh.nodes[ends[:, 0]]).all(axis=1))[:_MAX_FAULTS].tolist()
-    why, remedy = "an element needs a length", "merge the nodes or move one"
-    return [
-        Fault(f"element {e}", f"nodes {ends[e, 0]} and {ends[e, 1]} at the same place", "two nodes apart", why, remedy)
-        for e in short
-    ]
+def _length_faults(mesh: Mesh) -> Iterator[Fault]:
+    ends, why = mesh.elements(), "an element needs a length"
+    short = np.flatnonzero((mesh.nodes[ends[:, 1]] == mesh.nodes[ends[:, 0]]).all(axis=1))
+    for element in short[:_MAX_FAULTS].tolist():
+        given = f"nodes {ends[element, 0]} and {ends[element, 1]} at the same place"
+        yield Fault(f"element {element}", given, "two nodes apart", why, "merge the nodes or move one")
 
 
-def _duplicate_faults(mesh: Mesh) -> list[Fault]:
-    """Return the faults of coincident nodes, which usually are a missing joint."""
+def _duplicate_faults(mesh: Mesh) -> Iterator[Fault]:
+    """Yield the faults of coincident nodes, which usually are a missing joint."""
     order = np.lexsort(mesh.nodes.T)
     nodes = mesh.nodes[order]
     leader = np.arange(len(nodes))
     for index in mesh.links.values():
         leader[index[1:]] = index[0]
     apart = leader[order[1:]] != leader[order[:-1]]
-    same = np.flatnonzero((nodes[1:] == nodes[:-1]).all(axis=1) & apart)[:_MAX_FAULTS]
-    allowed, why = "one node at one place", "members meet only at a shared node"
-    names = [(mesh.node_name(int(order[i])), mesh.node_name(int(order[i + 1]))) for i in same]
-    return [
-        Fault(f"nodes {one!r} and {other!r}", str(nodes[i].tolist()), allowed, why, "merge them")
-        for i, (one, other) in zip(same, names, strict=True)
-    ]
+    same = np.flatnonzero((nodes[1:] == nodes[:-1]).all(axis=1) & apart)
+    for i in same[:_MAX_FAULTS].tolist():
+        where = f"nodes {mesh.node_name(int(order[i]))!r} and {mesh.node_name(int(order[i + 1]))!r}"
+        why = "members meet only at a shared node"
+        yield Fault(where, str(nodes[i].tolist()), "one node at one place", why, "merge them")
 
 
 def chain(

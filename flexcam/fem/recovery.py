@@ -150,12 +150,10 @@ def deflection(beams: Beams, nodal: FloatArray, parts: int, elements: slice = _A
     return np.stack([u, v, w, rx, -ry, rz], axis=-1)
 
 
-Ends = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
-"""Deflection and rotation at both ends, shape (..., e, 1) each."""
-
-
-def _interpolate_bending(L: FloatArray, phi: FloatArray, x: FloatArray, ends: Ends) -> tuple[FloatArray, FloatArray]:
-    """Return deflection and rotation of the section in one plane, shape (..., e, len(x)) each."""
+def _interpolate_bending(
+    L: FloatArray, phi: FloatArray, x: FloatArray, ends: tuple[FloatArray, ...]
+) -> tuple[FloatArray, FloatArray]:
+    """Return deflection and rotation of the section in one plane, shape (..., e, len(x)), from those at both ends."""
     v1, r1, v2, r2 = ends
     rise = (3.0 * x**2 - 2.0 * x**3 + phi * x) / (1.0 + phi)
     at_start = (x**3 - (2.0 + phi / 2.0) * x**2 + (1.0 + phi / 2.0) * x) / (1.0 + phi)

@@ -10,6 +10,7 @@ import numpy as np
 from flexcam.core import FloatArray, IntArray, Triplets
 from flexcam.core.errors import finite_array, positive, refuse
 from flexcam.fem.dofs import DofMap
+from flexcam.fem.frames import rigid_motions
 from flexcam.fem.mesh import Mesh
 
 
@@ -136,8 +137,5 @@ def _rigid_motions(mesh: Mesh, parts: Sequence[IntArray]) -> FloatArray:
     for p, nodes in enumerate(parts):
         arm = mesh.nodes[nodes] - mesh.nodes[nodes].mean(axis=0)
         size = float(np.linalg.norm(arm, axis=1).max()) or 1.0  # of a single node
-        for i, unit in enumerate(np.eye(3)):
-            motions[nodes, i, 6 * p + i] = 1.0
-            motions[nodes, :3, 6 * p + 3 + i] = np.cross(unit, arm) / size
-            motions[nodes, 3 + i, 6 * p + 3 + i] = 1.0 / size
+        motions[nodes, :, 6 * p : 6 * p + 6] = rigid_motions(arm) / np.repeat([1.0, size], 3)
     return motions

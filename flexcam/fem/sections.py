@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 from flexcam.core.errors import positive, refuse
@@ -222,42 +222,10 @@ class Section:
         del share
         return self
 
-    def given(self, *, J: float | None = None, kappa_y: float | None = None, kappa_z: float | None = None) -> Section:
-        """Return the section with some of its properties replaced.
-
-        Parameters
-        ----------
-        J
-            Torsion constant, m^4.
-        kappa_y, kappa_z
-            Shear factors for forces along local y and z.
-
-        Returns
-        -------
-        Section
-            A new section.
-        """
-        given = {"J": J, "kappa_y": kappa_y, "kappa_z": kappa_z}
-        return replace(self, **{name: value for name, value in given.items() if value is not None})
-
 
 @dataclass(frozen=True)
 class Taper:
     """Section of a member whose dimensions vary linearly over its length.
-
-    Parameters
-    ----------
-    shape
-        Function of the dimensions, such as `Section.tube`.
-    start, end
-        Its arguments at the first and at the last node, m.
-    kappa_y, kappa_z
-        Shear factors; those of the shape by default.
-
-    Raises
-    ------
-    InputError
-        If the shape refuses the dimensions of an end.
 
     Examples
     --------
@@ -265,31 +233,20 @@ class Taper:
     0.004
     """
 
-    shape: Callable[..., Section]
+    shape: Callable[..., Section]  #: function of the dimensions, such as `Section.tube`
+    #: `start`, `end`: its arguments at the first and at the last node, m
     start: tuple[float, ...]
     end: tuple[float, ...]
-    kappa_y: float | None = None
-    kappa_z: float | None = None
+    given: Mapping[str, float] = field(default_factory=dict[str, float])  #: properties in place of those of the shape
 
     def __post_init__(self) -> None:
         for share in (0.0, 1.0):
             self.at(share)
 
     def at(self, share: float) -> Section:
-        """Return the section at a share of the member's length.
-
-        Parameters
-        ----------
-        share
-            From 0 at the first node to 1 at the last.
-
-        Returns
-        -------
-        Section
-            With the dimensions there.
-        """
+        """Return the section at a share of the member's length, from 0 at the first node to 1 at the last."""
         sizes = (a + share * (b - a) for a, b in zip(self.start, self.end, strict=True))
-        return self.shape(*sizes).given(kappa_y=self.kappa_y, kappa_z=self.kappa_z)
+        return replace(self.shape(*sizes), **self.given)
 
 
 _ODD_FIFTH_POWERS = 31.0 / 32.0 * 1.0369277551433699263  # sum of 1/n^5 over odd n, (1 - 2^-5) zeta(5)

@@ -12,6 +12,7 @@ import numpy as np
 
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
+from flexcam.fem.frames import rigid_motions
 
 INTERNAL_LIMIT = 200
 """Number of internal unknowns up to which all of them are kept as modes without being asked for."""
@@ -103,11 +104,7 @@ def _internal_shapes(mass: FloatArray, stiffness: FloatArray, outer: int, kept: 
 
 def _free_of_rigid_motions(stiffness: FloatArray, positions: FloatArray) -> FloatArray:
     """Return the stiffness of the interface without the rounding that resists rigid-body motions."""
-    arm = positions - positions.mean(axis=0)
-    motions = np.zeros((len(arm), 6, 6))
-    motions[:, :3, :3], motions[:, 3:, 3:] = np.eye(3), np.eye(3)
-    motions[:, :3, 3:] = np.swapaxes(np.cross(np.eye(3), arm[:, None]), 1, 2)
-    R = motions.reshape(-1, 6)
+    R = rigid_motions(positions - positions.mean(axis=0)).reshape(-1, 6)
     energy, parts = np.diag(R.T @ stiffness @ R), np.diag(np.abs(R).T @ np.abs(stiffness) @ np.abs(R))
     strained = np.flatnonzero(energy > _RIGID * parts).tolist()
     if strained:

@@ -67,10 +67,7 @@ def read_lift(
     rows = read_rows(path, "lift table", "rows of angle and lift", text)
     if path.suffix.lower() == ".mr":
         return _read_lobe(path, rows, column)
-    table = find_table(rows)
-    if table.width < 2:
-        number, line = table.rows[0]
-        raise refuse(f"{path.name}, line {number}", repr(line[:40]), "rows of an angle and a lift")
+    table = _find_columns(path, rows, "rows of an angle and a lift")
     names, head, width = _lift_columns(table, path), table.head, table.width
     lifts = [i for i, name in enumerate(names) if i and "lift" in _header_words(name)] or [1]
     if column is not None:
@@ -85,6 +82,14 @@ def read_lift(
     scale = _lift_factor(names[lifts[0]] if names else "", unit, head, path)
     values = np.array(table.numbers)[:, [0, lifts[0]]]
     return LiftColumns(values[:, 0] * to_rad, values[:, 1] * scale, tuple(number for number, _ in table.rows))
+
+
+def _find_columns(path: Path, rows: Sequence[Row], content: str) -> NumberTable:
+    table = find_table(rows)
+    if table.width < 2:
+        number, line = table.rows[0]
+        raise refuse(f"{path.name}, line {number}", repr(line[:40]), content)
+    return table
 
 
 def _read_lobe(path: Path, rows: Sequence[Row], wanted: str | None) -> LiftColumns:
@@ -175,31 +180,19 @@ def _lift_factor(column: str, given: str | None, head: str, path: Path) -> float
 
 def read_profile(path: Path, *, unit: str | None = None) -> FloatArray:
     """Read the points of a profile, m, shape (n, 2), from two columns or from a table of flexcam."""
-    lines = read_rows(path, "profile", "rows of x and y")
-    rows = [(number, [part.strip() for part in re.split(r"[,;\t]", line)]) for number, line in lines]
-    head = [] if _coordinates(rows[0][1], (0, 1)) else rows.pop(0)[1]
-    columns = _profile_columns(head, path)
-    scale = _profile_factor([head[column] for column in columns] if head else [], unit, path)
-    bad = [(number, ",".join(parts)) for number, parts in rows if not _coordinates(parts, columns)]
-    refuse_rows(path, bad, "numbers", "correct or remove the row")
-    points = scale * np.array([_coordinates(parts, columns) for _, parts in rows], dtype=float).reshape(-1, 2)
+    table = _find_columns(path, read_rows(path, "profile", "rows of x and y"), "rows of x and y")
+    columns = _profile_columns(table.names, path)
+    scale = _profile_factor([table.names[column] for column in columns] if table.names else [], unit, path)
+    refuse_rows(path, table.faulty(columns), "numbers", "correct or remove the row")
+    points = scale * np.array(table.numbers)[:, columns]
     closed = len(points) > 1 and bool(np.abs(points[0] - points[-1]).max() < 1e-9 * np.abs(points).max())
     return points[:-1] if closed else points
 
 
-def _coordinates(parts: list[str], columns: tuple[int, int]) -> list[float]:
-    """Return the two finite numbers of a row; empty if there are none."""
-    try:
-        found = [float(parts[column]) for column in columns]
-    except (ValueError, IndexError):
-        return []
-    return found if all(map(math.isfinite, found)) else []
-
-
-def _profile_columns(head: list[str], path: Path) -> tuple[int, int]:
+def _profile_columns(head: Sequence[str], path: Path) -> list[int]:
     """Return the columns of x and y: those of the profile if the table has several curves."""
     if not head:
-        return 0, 1
+        return [0, 1]
     found: list[int] = []
     for axis in "xy":
         named = [i for i, name in enumerate(head) if axis in _header_words(name)]
@@ -208,7 +201,7 @@ def _profile_columns(head: list[str], path: Path) -> tuple[int, int]:
             allowed = "one column x and one y, such as x [mm], y [mm]"
             raise refuse(f"{path.name}, header line", ", ".join(head)[:60], allowed, "", "name the columns")
         found += own or named
-    return found[0], found[1]
+    return found
 
 
 def _profile_factor(head: list[str], given: str | None, path: Path) -> float:

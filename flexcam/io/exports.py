@@ -18,7 +18,7 @@ from flexcam.io.files import atomic_write_path, check_writable, create_folder, w
 from flexcam.io.hdf5 import write_digest, write_texts
 from flexcam.io.polydata import Data, write_polylines, write_vtk
 from flexcam.io.result_reader import Result
-from flexcam.io.result_schema import ABOUT, MODES_FREQUENCIES, MODES_KIND, NODE, RADIUS, RECOVERED_FIELDS, VECTORS
+from flexcam.io.result_schema import ABOUT, FIELDS, MODES_FREQUENCIES, MODES_KIND, NODE, RADIUS, VECTORS
 from flexcam.io.vtk_groups import Geometry, VtkGroup, constant_data
 
 CAM_ANGLE = "cam_angle_deg"
@@ -74,10 +74,6 @@ def _write_vtp(path: Path, mesh: Mesh, node: IntArray, data: Data, whole: Mappin
     values = {name: np.array([value]) for name, value in whole.items()}
     write_polylines(path, mesh.nodes[node], lengths, point_data=data, cell_data={"member": members}, field_data=values)
 
-
-_UNITS = {name: unit for name, (*_, unit) in VECTORS.items()} | {
-    name: unit for name, (unit, _) in RECOVERED_FIELDS.items()
-}
 
 _MACRO = '''\
 """A result of flexcam in ParaView (5.11 or newer).
@@ -159,7 +155,8 @@ def write_macro(collection: Path, fields: Sequence[str], degrees: Sequence[float
     text = _MACRO.format(
         name=collection.stem, colour=colour, collection=collection.name,
         folder=str(collection.parent.resolve()), angle=CAM_ANGLE,
-        degrees=[round(one, 6) for one in degrees], units=_UNITS, vector=next(iter(VECTORS)), radius=RADIUS,
+        degrees=[round(one, 6) for one in degrees], units={name: unit for name, (unit, _) in FIELDS.items()},
+        vector=next(iter(VECTORS)), radius=RADIUS,
     )  # fmt: skip
     return write_text(macro_path(collection), text, overwrite=overwrite, where="export")
 
@@ -197,8 +194,7 @@ def energies(response: Response) -> dict[str, FloatArray]:
 FRAMES_PER_PERIOD = 24
 """Frames per period of the animation."""
 
-_DRAWN_AMPLITUDE = 0.05
-"""Maximum translation of a drawn shape relative to the model size, suited to Warp By Vector with scale 1."""
+_DRAWN_AMPLITUDE = 0.05  # maximum translation of a drawn shape relative to the model size
 
 
 def write_modes(

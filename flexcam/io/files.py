@@ -21,8 +21,19 @@ from flexcam.core.errors import InputError, refuse, require_packages, suggest_na
 from flexcam.core.units import conversion_factor
 from flexcam.dynamics import Cause, RunFailedError, Status
 
-_MAX_TEXT_SIZE = 1 << 28
-"""Maximum size of a text file read into memory, bytes."""
+_MAX_TEXT_SIZE, _MAX_FILE_SIZE = 1 << 28, 1 << 30  # of files read into memory, bytes
+_MAX_PARENTS = 2  # parent folders of a case in which files may lie: ``cases/engine/a.toml`` finds ``meshes/a.msh``
+_MAX_LINE_LENGTH = 100  # of an array in TOML, characters
+_REMEDY = "use --overwrite, or name another file"
+
+ALLOWED_FOLDERS_VARIABLE = "FLEXCAM_FILES"
+"""Environment variable with further allowed folders, separated as in PATH."""
+
+ABSCISSAS = {"time": ("s", 1.0), "cam angle": ("rad", 1.0), "crank angle": ("rad", 2.0)}
+"""SI unit of an abscissa, and its revolutions per camshaft revolution."""
+
+_DAMAGED = (ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, TypeError, ValueError, struct.error)
+"""Exceptions that asammdf raises for damaged files."""
 
 
 def file_size(path: Path) -> int:
@@ -58,10 +69,6 @@ def write_columns(path: Path, columns: Mapping[str, FloatArray], digits: int = 1
     rows = np.column_stack(list(columns.values()))[::every]
     with atomic_write_path(path) as draft:
         np.savetxt(draft, rows, fmt=f"%.{digits}g", delimiter=",", header=",".join(columns), comments="")
-
-
-ABSCISSAS = {"time": ("s", 1.0), "cam angle": ("rad", 1.0), "crank angle": ("rad", 2.0)}
-"""SI unit of an abscissa, and its revolutions per camshaft revolution."""
 
 
 def read_mdf(path: Path, where: str, names: Sequence[str] = ()) -> dict[str, tuple[str, FloatArray]]:
@@ -102,10 +109,6 @@ def read_mdf(path: Path, where: str, names: Sequence[str] = ()) -> dict[str, tup
         raise refuse(where, str(path), "a readable MDF file", system_message(fault)) from None
 
 
-_DAMAGED = (ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, TypeError, ValueError, struct.error)
-"""Exceptions that asammdf raises for damaged files."""
-
-
 def find_abscissa(columns: Mapping[str, tuple[str, FloatArray]], where: str) -> tuple[str, FloatArray]:
     """Return the name of the first abscissa of some columns and its values: cam angles, rad, or times, s."""
     name = next((name for name in ABSCISSAS if name in columns), None)
@@ -117,16 +120,6 @@ def find_abscissa(columns: Mapping[str, tuple[str, FloatArray]], where: str) -> 
     if np.isnan(values).any():
         raise refuse(where, f"{name}, with an empty cell", f"a number of {name} in every row")
     return name, values * conversion_factor(unit, si, f"{where}, column {name!r}") / turns
-
-
-_MAX_PARENTS = 2
-"""Number of parent folders of a case in which files may lie: ``cases/engine/a.toml`` finds ``meshes/a.msh``."""
-
-ALLOWED_FOLDERS_VARIABLE = "FLEXCAM_FILES"
-"""Environment variable with further allowed folders, separated as in PATH."""
-
-_MAX_FILE_SIZE = 1 << 30
-"""Maximum size of a file read into memory, bytes."""
 
 
 def find_referenced_file(case: Path, name: str) -> Path | None:
@@ -161,9 +154,6 @@ def resolve_file(case: Path, name: str, where: str) -> Path:
     if size > _MAX_FILE_SIZE:
         raise refuse(where, f"{name!r} of {size} bytes", f"up to {_MAX_FILE_SIZE} bytes", "it is read whole")
     return path
-
-
-_REMEDY = "use --overwrite, or name another file"
 
 
 def check_writable(where: str, path: Path, *, overwrite: bool, remedy: str = _REMEDY) -> None:
@@ -244,9 +234,6 @@ def write_text(path: Path, text: str, *, overwrite: bool = False, where: str = "
 _ARRAY = re.compile(r"^(?P<head>.*)\[\n(?P<body>(?: +[^ \[\]{}].*,\n)+) *\](?P<tail>,?)$", re.MULTILINE)
 """Array in the output of tomli_w, one element per line; nested arrays and tables do not match."""
 
-_LINE_LENGTH = 100
-"""Maximum line length, characters."""
-
 
 def format_toml(content: Mapping[str, object]) -> str:
     """Return tables as TOML text, short arrays on one line."""
@@ -259,7 +246,7 @@ def _join_array(found: re.Match[str]) -> str:
     lines = found["body"].removesuffix("\n").split("\n")  # `splitlines` would also split inside strings
     elements = [line.strip(" ").removesuffix(",") for line in lines]
     line = f"{found['head']}[{', '.join(elements)}]{found['tail']}"
-    return line if len(line) <= _LINE_LENGTH else found[0]
+    return line if len(line) <= _MAX_LINE_LENGTH else found[0]
 
 
 def open_with_lock(path: Path) -> int:

@@ -26,8 +26,22 @@ from flexcam.io.result_schema import DIGEST, UNITS
 
 _module: Any = h5py
 
-_CHUNK_VALUES = 4096
-"""Maximum number of values in a chunk, as far as blocks can be halved."""
+_CHUNK_VALUES = 4096  # maximum number in a chunk, as far as blocks can be halved
+_ROWS = 1 << 16  # read at a time for the digest
+_LARGEST = 1e300  # absolute value that no number of a file reaches: units could not be converted
+_REMEDY = "compute the result again, or restore the file from a copy"
+
+READ_ERRORS = (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError, ArithmeticError)
+"""Exceptions that h5py and numpy raise on damaged content."""
+
+SCALES = frozenset({"DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME"})
+"""Attributes that attach dimension scales to datasets, for other readers; flexcam ignores them."""
+
+_FILTERS = {_module.h5z.FILTER_DEFLATE, _module.h5z.FILTER_SHUFFLE, _module.h5z.FILTER_FLETCHER32}
+_CHECKSUM_BYTES = 4
+
+_ALLOWED_BYTES, _ALLOWED_RATIO = 1 << 28, 200
+"""Limit of the declared size: bytes always allowed, plus a multiple of the file size, as constant data compress."""
 
 
 def chunk_rows(rows: int, width: int) -> int:
@@ -74,7 +88,7 @@ class GrowingDataset:
 def create_fixed_dataset(group: Any, name: str, values: FloatArray | IntArray, unit: str = "") -> Any:  # noqa: ANN401
     """Return a new dataset of fixed size with its unit; an empty one has no chunks."""
     array = np.asarray(values)
-    width = max(int(np.prod(array.shape[1:], dtype=int)), 1)
+    width = max(math.prod(array.shape[1:]), 1)
     chunk = (max(1, min(len(array), _CHUNK_VALUES // width)), *array.shape[1:])
     checked = {"chunks": chunk, "fletcher32": True} if array.size else {}
     made = group.create_dataset(name, data=array, track_times=False, **checked)
@@ -82,21 +96,17 @@ def create_fixed_dataset(group: Any, name: str, values: FloatArray | IntArray, u
     return made
 
 
-def _encode(texts: Sequence[str]) -> Any:  # noqa: ANN401 - an array
-    """Return texts as UTF-8 bytes of one length."""
-    parts = [one.encode(errors="backslashreplace") for one in texts]
-    return np.array(parts, dtype=_module.string_dtype("utf-8", max([1, *map(len, parts)])))
+def _encode(content: str | Sequence[str]) -> Any:  # noqa: ANN401 - an array
+    """Return one or more texts as UTF-8 bytes of one length."""
+    single = isinstance(content, str)
+    parts = [one.encode(errors="backslashreplace") for one in ([content] if single else content)]
+    return np.array(parts[0] if single else parts, dtype=_module.string_dtype("utf-8", max([1, *map(len, parts)])))
 
 
-def write_texts(group: Any, content: Mapping[str, str]) -> None:  # noqa: ANN401
-    """Write texts into a group, one dataset each."""
+def write_texts(group: Any, content: Mapping[str, str | Sequence[str]]) -> None:  # noqa: ANN401
+    """Write texts into a group, a dataset per name of one text or several."""
     for name, one in content.items():
-        group.create_dataset(name, data=_encode([one]).reshape(()), track_times=False)
-
-
-def write_text_column(group: Any, name: str, texts: Sequence[str]) -> None:  # noqa: ANN401
-    """Write texts as one dataset."""
-    group.create_dataset(name, data=_encode(texts), track_times=False)
+        group.create_dataset(name, data=_encode(one), track_times=False)
 
 
 def read_texts(group: Any) -> dict[str, str]:  # noqa: ANN401
@@ -113,7 +123,7 @@ def read_text_column(item: Any) -> list[str]:  # noqa: ANN401
 
 def write_text_attribute(one: Any, name: str, content: str | Sequence[str]) -> None:  # noqa: ANN401
     """Write one or more texts as an attribute."""
-    one.attrs[name] = _encode([content]).reshape(()) if isinstance(content, str) else _encode(content)
+    one.attrs[name] = _encode(content)
 
 
 def read_text_attribute(one: Any, name: str) -> str:  # noqa: ANN401
@@ -124,10 +134,6 @@ def read_text_attribute(one: Any, name: str) -> str:  # noqa: ANN401
 def read_text_list(one: Any, name: str) -> tuple[str, ...]:  # noqa: ANN401
     """Return the texts of an attribute."""
     return tuple(bytes(content).decode() for content in one.attrs[name])
-
-
-SCALES = frozenset({"DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME"})
-"""Attributes that attach dimension scales to datasets, for other readers; flexcam ignores them."""
 
 
 def _walk(file: Any) -> Iterator[tuple[str, Any, bool]]:  # noqa: ANN401
@@ -163,12 +169,6 @@ def _attribute_names(one: Any) -> list[str]:  # noqa: ANN401
 def datasets(file: Any) -> list[Any]:  # noqa: ANN401
     """Return all datasets of a file; a dataset with several names is listed once."""
     return [_module.Dataset(one) for _, one, new in _walk(file) if new and _is_dataset(one)]
-
-
-_ROWS = 1 << 16
-"""Rows read at a time for the digest."""
-
-_REMEDY = "compute the result again, or restore the file from a copy"
 
 
 def digest(file: Any) -> str:  # noqa: ANN401
@@ -224,10 +224,6 @@ def digest_fault(file: Any) -> Fault | None:  # noqa: ANN401
     return Fault("/, seal", "a seal that does not match", "an intact file", why, _REMEDY)
 
 
-_LARGEST = 1e300
-"""Absolute value that no number of a file reaches: units could not be converted."""
-
-
 def read_numbers(item: Any, rows: int | slice | None = None, width: tuple[int, ...] = (), kind: str = "f8") -> Any:  # noqa: ANN401
     """Return rows of a dataset; raise an error for another type or shape, or a number that is not finite."""
     part = slice(rows) if isinstance(rows, int) else rows or slice(None)
@@ -241,10 +237,6 @@ def read_numbers(item: Any, rows: int | slice | None = None, width: tuple[int, .
     if not (np.abs(values) < _LARGEST).all():
         raise refuse(item.name, "a number that is not finite", "finite numbers", "", _REMEDY)
     return values
-
-
-READ_ERRORS = (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError, ArithmeticError)
-"""Exceptions that h5py and numpy raise on damaged content."""
 
 
 @contextmanager
@@ -276,14 +268,6 @@ def open_hdf5(path: Path, where: str, allowed: str, remedy: str = "") -> Generat
         elif isinstance(fault, OSError) and not re.match("Unable to|Can't", str(fault)):  # not a message of HDF5
             why = system_message(fault)
         raise refuse(where, str(path), allowed, why, remedy) from None
-
-
-_FILTERS = {_module.h5z.FILTER_DEFLATE, _module.h5z.FILTER_SHUFFLE, _module.h5z.FILTER_FLETCHER32}
-
-_ALLOWED_BYTES, _ALLOWED_RATIO = 1 << 28, 200
-"""Limit of the declared size: bytes always allowed, plus a multiple of the file size, as constant data compress."""
-
-_CHECKSUM_BYTES = 4
 
 
 def _faults(file: Any, size: int) -> Iterator[Fault]:  # noqa: ANN401

@@ -54,7 +54,7 @@ def read_mesh(path: Path) -> Mesh:
         near = suggest_name(path.name, [other.name for other in path.parent.glob("*.msh")])
         raise refuse("mesh", str(path), "an existing file", "the path is relative to the case file", near)
     raw = _read_msh(path)
-    faults = [*_node_faults(raw), *_reference_faults(raw)]
+    faults = [*_number_faults(raw)]
     faults += [fault for group in raw.groups for fault in _group_faults(group)]
     if not faults:
         faults = [*_length_faults(raw)]
@@ -74,7 +74,7 @@ def read_mesh(path: Path) -> Mesh:
     return Mesh(raw.points, lines, points)
 
 
-def _node_faults(raw: _GmshMesh) -> Iterator[Fault]:
+def _number_faults(raw: _GmshMesh) -> Iterator[Fault]:
     for i in np.flatnonzero(~(np.abs(raw.points) <= _MAX_COORDINATE).all(axis=1))[:_MAX_FAULTS].tolist():
         given, allowed = ", ".join(f"{x:g}" for x in raw.points[i].tolist()), f"finite, up to {_MAX_COORDINATE:g} m"
         yield Fault(f"mesh node {raw.numbers[i]}", given, allowed, "", "export it again from Gmsh")
@@ -82,9 +82,6 @@ def _node_faults(raw: _GmshMesh) -> Iterator[Fault]:
     for number in numbers[counts > 1][:_MAX_FAULTS].tolist():
         why = "elements refer to a node by its number"
         yield Fault(f"mesh node {number}", "several nodes of this number", "one", why, "")
-
-
-def _reference_faults(raw: _GmshMesh) -> Iterator[Fault]:
     for one in raw.groups:
         bad = np.flatnonzero(~np.isin(one.nodes, raw.numbers).all(axis=1))
         for i in bad[:_MAX_FAULTS].tolist():
@@ -94,10 +91,10 @@ def _reference_faults(raw: _GmshMesh) -> Iterator[Fault]:
 
 
 def _group_faults(group: _ElementGroup) -> Iterator[Fault]:
-    tags = ", ".join(map(str, group.numbers[:3].tolist())) + (", ..." if len(group.numbers) > 3 else "")
-    what = f"{len(group.numbers)} elements ({tags})"
+    count = len(group.numbers)
+    tags = ", ".join(map(str, group.numbers[:3].tolist())) + (", ..." if count > 3 else "")
+    what = f"{count} elements ({tags})"
     if group.kind not in (_LINE, _POINT):
-        count = len(group.numbers)
         elements = f"{count} elements" if count > 1 else "an element"
         shape = f"{elements} of {group.nodes.shape[1]} nodes (element{'s' * (count > 1)} {tags})"
         why, remedy = "members are beams", "mesh only curves, in order 1"
@@ -243,11 +240,8 @@ class _TextReader:
         """Return the next `count` numbers of kind ``i`` (integer), ``u`` (size) or ``f`` (float)."""
         words = self._words[self._next : self._next + count]
         if count < 0 or len(words) < count:
-            given, allowed = (
-                f"{len(self._words)} numbers in ${self._name}",
-                f"{self._next + count} or more by its counts",
-            )
-            raise _invalid(given, allowed, "entries or numbers are missing")
+            allowed, why = f"{self._next + count} or more by its counts", "entries or numbers are missing"
+            raise _invalid(f"{len(self._words)} numbers in ${self._name}", allowed, why)
         self._next += count
         try:
             return np.array(words, dtype="S").astype(float if kind == "f" else np.int64)
@@ -294,7 +288,6 @@ class _BinaryReader:
 
 
 _Reader = _TextReader | _BinaryReader
-
 
 _LINE, _POINT = 1, 15  # Gmsh element types of members and named points
 
@@ -348,7 +341,16 @@ def _read_msh(path: Path) -> _GmshMesh:
         raise _invalid(path.name, "binary data of this machine", why)
 
     def section(name: str) -> _Reader:
-        return _open_section(data, head.end(), name, size if binary else 0)
+        start = data.find(b"\n$%s" % name.encode(), head.end() - 1)
+        if start < 0:
+            raise _invalid(f"a file without ${name}", "a Gmsh file with this section")
+        first = data.find(b"\n", start + 1) + 1
+        if binary:
+            return _BinaryReader(name, data[first:] if first else b"", size)
+        end = data.find(b"$End%s" % name.encode(), first)
+        if end < 0 or not first:
+            raise _invalid(f"${name} without $End{name}", "both", "the file is cut off")
+        return _TextReader(name, data[first:end])
 
     if newer:
         groups = _read_entities(section("Entities"))
@@ -373,20 +375,6 @@ def _read_msh(path: Path) -> _GmshMesh:
 _COMMENTS = re.compile(rb"\s*\$Comments\b.*?\$EndComments", re.S)
 _HEAD = re.compile(rb"\s*\$MeshFormat\s+(\S{1,8})\s+([01])\s+(\d)\s*?\n")
 _PHYSICAL_NAME = re.compile(r'^[ \t]*(\d{1,9})[ \t]+(\d{1,9})[ \t]+"(.*)"[ \t\r]*$', re.M)
-
-
-def _open_section(data: bytes, begin: int, name: str, size: int) -> _Reader:
-    """Return the reader of a section; `size` is that of Gmsh's ``size_t``, zero for text."""
-    start = data.find(b"\n$%s" % name.encode(), begin - 1)
-    if start < 0:
-        raise _invalid(f"a file without ${name}", "a Gmsh file with this section")
-    first = data.find(b"\n", start + 1) + 1
-    if size:
-        return _BinaryReader(name, data[first:] if first else b"", size)
-    end = data.find(b"$End%s" % name.encode(), first)
-    if end < 0 or not first:
-        raise _invalid(f"${name} without $End{name}", "both", "the file is cut off")
-    return _TextReader(name, data[first:end])
 
 
 def _read_nodes_2(nodes: _Reader, binary: bool) -> tuple[IntArray, FloatArray]:

@@ -22,8 +22,7 @@ Row = tuple[int, str]
 """Line number, counted from 1, and text of a row."""
 
 _MAX_FAULTS = 10
-_LONGEST_LINE = 10_000
-"""Characters of a line: the time of the patterns below grows with the square of a line."""
+_LONGEST_LINE = 10_000  # characters: the time of the patterns below grows with the square of a line
 _SEPARATOR = re.compile(r"\s*[,;]\s*|[^\S\t]*\t[^\S\t]*|\s+")
 _DECIMAL_COMMA = re.compile(r"[;\t].*\d,\d|\d,\d.*[;\t]")
 """A row with semicolons or tabs between its columns and a comma within a number."""
@@ -71,11 +70,8 @@ def _remove_comment(line: str) -> str:
     """Return a line without its comment and outer blanks; the # of ``push #1 [N]`` in a header line is none."""
     before, _, after = line.partition("#")
     in_name = before.strip() and after[:1].strip() and not _numbers(before)
-    return _END.sub("", (line if in_name else before).lstrip())
-
-
-_END = re.compile(r"[^\S\t]+$")
-"""Blanks at the end of a line; a tab there belongs to an empty cell."""
+    kept = (line if in_name else before).lstrip()
+    return re.sub(r"[^\S\t]+$", "", kept)  # a tab at the end belongs to an empty cell
 
 
 def refuse_rows(path: Path, bad: Sequence[Row], allowed: str, remedy: str) -> None:

@@ -18,16 +18,8 @@ from flexcam.dynamics import SERIES, Block, Cause, Outline, Response, SaveAt, Se
 from flexcam.dynamics.blocks import Checkpoint
 from flexcam.fem.frames import COMPONENTS
 from flexcam.fem.mesh import Mesh
+from flexcam.io import hdf5
 from flexcam.io import result_schema as schema
-from flexcam.io.hdf5 import (
-    datasets,
-    digest_fault,
-    open_hdf5,
-    read_numbers,
-    read_text_attribute,
-    read_text_list,
-    read_texts,
-)
 from flexcam.io.result_schema import RESULT_SUFFIX, VECTORS
 from flexcam.io.result_writer import partial_path, read_checkpoint
 from flexcam.io.vtk_groups import Geometry
@@ -153,7 +145,7 @@ def read_result(path: str | Path) -> Result:
     ``read_result("results/model-3-shm.vtkhdf").response["valve"].velocity`` is the velocity of the valve.
     """
     source = Path(path)
-    with open_hdf5(source, "result", "a result file of flexcam (.vtkhdf)", suggest_alternative(source)) as file:
+    with hdf5.open_hdf5(source, "result", "a result file of flexcam (.vtkhdf)", suggest_alternative(source)) as file:
         _check_result(file, source)
         return _result(file)
 
@@ -168,23 +160,23 @@ def _check_result(file: Any, source: Path) -> None:  # noqa: ANN401 - h5py has n
 
 def check_integrity(file: Any, where: str, source: Path, expected: int) -> None:  # noqa: ANN401
     """Raise an error for a file of another format, or if the content does not match the digest."""
-    form = read_texts(file[schema.ABOUT])[schema.ABOUT_FORMAT]
+    form = hdf5.read_texts(file[schema.ABOUT])[schema.ABOUT_FORMAT]
     if form != str(expected):
         why, remedy = "an earlier flexcam wrote it", "compute it again"
         if form.isdigit() and int(form) > expected:
             why, remedy = "it is newer", "update flexcam"
         raise refuse(where, f"{source} of format {form}", f"format {expected}", why, remedy)
-    if fault := digest_fault(file):
+    if fault := hdf5.digest_fault(file):
         raise InputError([fault])
 
 
 def _result(file: Any) -> Result:  # noqa: ANN401
     times, data = file[schema.FIELD_TIME], file[schema.POINT_DATA]
     count = min(int(file[schema.FIELD_STEPS].attrs[schema.VTK_STEPS]), len(times))
-    points, mesh = int(read_numbers(file[schema.POINT_COUNT], 1, kind="i8")[0]), _mesh(file)
+    points, mesh = int(hdf5.read_numbers(file[schema.POINT_COUNT], 1, kind="i8")[0]), _mesh(file)
 
     def values(name: str, rows: int, width: int, kind: str = "f8") -> Any:  # noqa: ANN401
-        return read_numbers(data[name], rows, (width,) if width > 1 else (), kind)
+        return hdf5.read_numbers(data[name], rows, (width,) if width > 1 else (), kind)
 
     moving = {name: values(name, count * points, width) for name, (_, width) in schema.RECOVERED_FIELDS.items()}
     return Result(
@@ -199,7 +191,7 @@ def _result(file: Any) -> Result:  # noqa: ANN401
 
 def _read_about(file: Any) -> dict[str, str]:  # noqa: ANN401
     """Return the texts about a run; raise an error if its case is missing or cannot be read."""
-    about = read_texts(file[schema.ABOUT])
+    about = hdf5.read_texts(file[schema.ABOUT])
     for name, kind in schema.ABOUT_CASE.items():
         try:
             text = about.get(name, "{}") if name == schema.ABOUT_FILES else about[name]
@@ -217,13 +209,13 @@ def _read_about(file: Any) -> dict[str, str]:  # noqa: ANN401
 
 
 def _mesh(file: Any) -> Mesh:  # noqa: ANN401
-    node = read_numbers(file[schema.POINT_DATA][schema.NODE], kind="i8")
-    ends = read_numbers(file[schema.LINE_OFFSETS], kind="i8").tolist()
-    names = read_text_list(file[schema.MEMBER], schema.MEMBER_NAMES)
+    node = hdf5.read_numbers(file[schema.POINT_DATA][schema.NODE], kind="i8")
+    ends = hdf5.read_numbers(file[schema.LINE_OFFSETS], kind="i8").tolist()
+    names = hdf5.read_text_list(file[schema.MEMBER], schema.MEMBER_NAMES)
     lines = {name: node[a:b] for name, a, b in zip(names, ends[:-1], ends[1:], strict=True)}
-    points = {name: read_numbers(one, kind="i8") for name, one in file[schema.MESH_POINTS].items()}
+    points = {name: hdf5.read_numbers(one, kind="i8") for name, one in file[schema.MESH_POINTS].items()}
     try:
-        return Mesh(read_numbers(file[schema.MESH_NODES], width=(3,)), lines, points)
+        return Mesh(hdf5.read_numbers(file[schema.MESH_NODES], width=(3,)), lines, points)
     except InputError as refusal:
         fault = refusal.faults[0]
         raise refuse(f"/{schema.MESH_NODES}", f"{fault.where}, {fault.given}", fault.allowed, fault.why) from None
@@ -234,18 +226,18 @@ def _response(file: Any, count: int, nodes: int) -> Response:  # noqa: ANN401
     probes, channels = file[schema.PROBES], dict(file[schema.CHANNELS].items())
     outline = Outline(
         tuple(f"node {n}.{c}" for n in range(nodes) for c in COMPONENTS),
-        tuple((name, read_text_list(one, schema.COMPONENTS)) for name, one in probes.items()),
-        tuple((name, read_text_attribute(one, schema.UNITS)) for name, one in channels.items()),
+        tuple((name, hdf5.read_text_list(one, schema.COMPONENTS)) for name, one in probes.items()),
+        tuple((name, hdf5.read_text_attribute(one, schema.UNITS)) for name, one in channels.items()),
     )
-    node = read_numbers(file[schema.POINT_DATA][schema.NODE], kind="i8")
+    node = hdf5.read_numbers(file[schema.POINT_DATA][schema.NODE], kind="i8")
     return Response(
         outline=outline,
         time=_read_times(file[schema.TIME], steps),
-        angle=read_numbers(file[schema.CAM_ANGLE], steps),
+        angle=hdf5.read_numbers(file[schema.CAM_ANGLE], steps),
         probes=_read_probes(file, outline, slice(0, steps)),
-        channels={name: read_numbers(one, steps) for name, one in channels.items()},
+        channels={name: hdf5.read_numbers(one, steps) for name, one in channels.items()},
         field_time=_read_times(file[schema.FIELD_TIME], count),
-        field_angle=read_numbers(file[schema.FIELD_CAM_ANGLE], count),
+        field_angle=hdf5.read_numbers(file[schema.FIELD_CAM_ANGLE], count),
         fields=Series(*(_nodal_values(file, series, node, nodes, slice(0, count)) for series in SERIES)),
         status=read_status(file),
         stats=_stats(file),
@@ -253,7 +245,7 @@ def _response(file: Any, count: int, nodes: int) -> Response:  # noqa: ANN401
 
 
 def _read_times(item: Any, count: int) -> FloatArray:  # noqa: ANN401
-    times = read_numbers(item, count)
+    times = hdf5.read_numbers(item, count)
     if not (np.diff(times) > 0.0).all():
         raise refuse(item.name, "times that do not ascend", "a time per step")
     return times
@@ -264,7 +256,7 @@ def _read_probes(file: Any, outline: Outline, rows: slice) -> Series:  # noqa: A
 
     def columns(series: str) -> FloatArray:
         group = file[schema.PROBES]
-        parts = [read_numbers(group[name][series], rows, (len(one),)) for name, one in outline.probes]
+        parts = [hdf5.read_numbers(group[name][series], rows, (len(one),)) for name, one in outline.probes]
         return np.concatenate([empty, *parts], axis=1)
 
     return Series(*map(columns, SERIES))
@@ -276,14 +268,14 @@ def _nodal_values(file: Any, series: str, node: IntArray, nodes: int, fields: sl
     rows = slice(fields.start * len(node), fields.stop * len(node))
     for name, (source, first, _) in VECTORS.items():
         if source == series:
-            points = read_numbers(file[schema.POINT_DATA][name], rows, (3,))
+            points = hdf5.read_numbers(file[schema.POINT_DATA][name], rows, (3,))
             values[:, node, first : first + 3] = points.reshape(len(values), len(node), 3)
     return values.reshape(-1, 6 * nodes)
 
 
 def _status_texts(file: Any) -> dict[str, str]:  # noqa: ANN401
     """Return the texts of the status; empty if the run was cut off."""
-    return read_texts(file[schema.STATUS]) if schema.STATUS in file else {}
+    return hdf5.read_texts(file[schema.STATUS]) if schema.STATUS in file else {}
 
 
 def read_status(file: Any) -> Status:  # noqa: ANN401
@@ -301,7 +293,7 @@ def _stats(file: Any) -> Stats:  # noqa: ANN401
         return Stats(engine="", steps=max(steps - 1, 0), size=size, seconds=-1.0)
     group = file[schema.STATUS]
     kept: dict[str, Any] = {
-        name: read_text_attribute(group, name) if isinstance(default, str) else type(default)(group.attrs[name])
+        name: hdf5.read_text_attribute(group, name) if isinstance(default, str) else type(default)(group.attrs[name])
         for name, default in Stats().__dict__.items()
         if name in group.attrs
     }
@@ -316,13 +308,13 @@ def verify_file(path: str | Path) -> dict[str, int | bool]:
     """
     source = Path(path)
     allowed = "a result file of flexcam (.vtkhdf) or the table of a sweep (.h5)"
-    with open_hdf5(source, "result", allowed, suggest_alternative(source)) as file:
+    with hdf5.open_hdf5(source, "result", allowed, suggest_alternative(source)) as file:
         if schema.HISTORY in file:
             _check_result(file, source)
             _result(file)  # every name, type and shape
         else:
             check_integrity(file, "table", source, schema.TABLE_FORMAT)
-        found = datasets(file)
+        found = hdf5.datasets(file)
         return {
             "datasets": len(found), "checked": sum(one.dtype.kind != "S" for one in found),
             "bytes": sum(int(one.nbytes) for one in found),
@@ -343,7 +335,7 @@ class PartialResult:
     def __init__(self, path: Path, geometry: Geometry, outline: Outline, save: SaveAt) -> None:
         self._path, self._geometry, self._outline, self._save = path, geometry, outline, save
         self._free = geometry.dofs.numbers >= 0
-        with open_hdf5(path, *_OPEN_MESSAGES) as file:
+        with hdf5.open_hdf5(path, *_OPEN_MESSAGES) as file:
             _check_result(file, path)
             self.about: Mapping[str, str] = _read_about(file)
             self.status: Status = read_status(file)
@@ -359,7 +351,7 @@ class PartialResult:
     def blocks(self) -> Iterator[Block]:
         """Yield the blocks up to the checkpoint."""
         size, field = self._save.block, 0
-        with open_hdf5(self._path, *_OPEN_MESSAGES) as file:
+        with hdf5.open_hdf5(self._path, *_OPEN_MESSAGES) as file:
             for first in range(0, self.checkpoint.steps, size):
                 steps = np.arange(first, min(first + size, self.checkpoint.steps))
                 saved = np.flatnonzero(steps % self._save.field_every == 0)  # does not include the last step of the run
@@ -368,9 +360,9 @@ class PartialResult:
                 field += len(saved)
 
     def _block(self, file: Any, rows: slice, saved: IntArray, fields: slice) -> Block:  # noqa: ANN401
-        time, angle = (read_numbers(file[name], rows) for name in (schema.TIME, schema.CAM_ANGLE))
+        time, angle = (hdf5.read_numbers(file[name], rows) for name in (schema.TIME, schema.CAM_ANGLE))
         probes = _read_probes(file, self._outline, rows)
-        channels = [read_numbers(file[schema.CHANNELS][name], rows) for name, _ in self._outline.channels]
+        channels = [hdf5.read_numbers(file[schema.CHANNELS][name], rows) for name, _ in self._outline.channels]
         return Block(
             time=time, angle=angle, probes=probes, channels=np.column_stack([np.zeros((len(time), 0)), *channels]),
             field_time=time[saved], field_angle=angle[saved],

@@ -92,6 +92,9 @@ RECOVERED_FIELDS = {
 }
 """Point data computed from displacements: unit and width. Forces are N, Vy, Vz and T, My, Mz in local axes."""
 
+FIELDS = {**{name: (unit, 3) for name, (*_, unit) in VECTORS.items()}, **RECOVERED_FIELDS}
+"""All point data of an instant: unit and width."""
+
 RADIUS, NODE, AXES = "radius", "node", ("axis_x", "axis_y", "axis_z")
 CONSTANT_DATA = {RADIUS: ("f8", 1), NODE: ("i8", 1), **dict.fromkeys(AXES, ("f8", 3))}
 """Constant point data: type and width."""

@@ -16,35 +16,31 @@ from typing import Any
 import h5py  # pyright: ignore[reportMissingTypeStubs]
 import numpy as np
 
-from flexcam.core import FloatArray
 from flexcam.core.errors import refuse, system_message
 from flexcam.dynamics import SERIES, Block, Outline, SaveAt, Stats, Status
 from flexcam.dynamics.blocks import Checkpoint
 from flexcam.fem.frames import ROTATIONS
 from flexcam.fem.mesh import Mesh
+from flexcam.io import hdf5
 from flexcam.io import result_schema as schema
 from flexcam.io.files import check_writable, open_with_lock
-from flexcam.io.hdf5 import (
-    GrowingDataset,
-    chunk_rows,
-    create_fixed_dataset,
-    write_digest,
-    write_text_attribute,
-    write_texts,
-)
-from flexcam.io.result_schema import RECOVERED_FIELDS, VECTORS
+from flexcam.io.result_schema import VECTORS
 from flexcam.io.vtk_groups import Geometry, VtkGroup, constant_data
 
 _module: Any = h5py
 
-_MAX_COPY_TIME = 0.02
-"""Maximum fraction of the run time spent on copies."""
+_MAX_COPY_TIME = 0.02  # maximum fraction of the run time spent on copies
+_REQUIRED_SPACE = 2  # free space for a copy, relative to the file size: the rest of the run needs space too
+_LAYOUT_BYTES = 1 << 19  # bytes of a file before its first step, without its texts, points and channels
+_CHECKPOINT_CHUNK = 4096
+_MIN_WRITE_BYTES = 1 << 20  # of buffered blocks: each of some hundred datasets has a fixed cost per write
+_INDEX_CACHE_BYTES = 1 << 18  # of the chunk index in the format on disk: enough for the blocks being written
 
-_REQUIRED_SPACE = 2
-"""Free space required for a copy, relative to the file size: the rest of the run needs space too."""
+_NUMBER, _CHUNK, _DATASET = 8, 80, 2900
+"""Bytes of a number, of a chunk's checksum and index entry, of a dataset's header and first index."""
 
-_LAYOUT_BYTES = 1 << 19
-"""Bytes of a file before its first step, without its texts, points and channels."""
+_METADATA_BYTES = 125_000  # of the case, of the other texts, and of the part of the mesh that its size does not change
+_CONSTANT_VALUES = 24  # per point, such as position and axes
 
 
 def partial_path(path: Path) -> Path:
@@ -86,7 +82,7 @@ class TemporaryResult:
 
     @property
     def is_copy_due(self) -> bool:
-        """Return whether the next copy is due."""
+        """True if the next copy is due."""
         return self._cost <= _MAX_COPY_TIME * (time.perf_counter() - self._last)
 
     def show(self, prepared: float | None = None) -> None:
@@ -108,7 +104,12 @@ class TemporaryResult:
         try:
             os.fsync(self._lock)
             os.replace(self.path, path)
-            _sync_folder(path.parent)
+            with suppress(OSError):  # the entries of the folder; not on Windows and some network drives
+                folder = os.open(path.parent, os.O_RDONLY)
+                try:
+                    os.fsync(folder)
+                finally:
+                    os.close(folder)
         finally:
             self._release()
 
@@ -129,31 +130,14 @@ def _unwritable(path: Path, fault: OSError) -> Exception:
     return refuse("result", str(path), allowed, system_message(fault), remedy)
 
 
-def _sync_folder(folder: Path) -> None:
-    """Synchronize the entries of a folder to disk; not available on Windows and some network drives."""
-    with suppress(OSError):
-        held = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(held)
-        finally:
-            os.close(held)
-
-
 @contextmanager
 def convert_write_errors() -> Generator[None]:
     """Convert HDF5 write errors to the message of the operating system, without addresses and buffer sizes."""
     try:
         yield
     except (OSError, RuntimeError) as fault:
-        told = _ERRNO_PATTERN.search(str(fault))
+        told = re.search(r"errno = (\d+)", str(fault))
         raise OSError(os.strerror(int(told[1])) if told else str(fault).partition(" (")[0]) from None
-
-
-_ERRNO_PATTERN = re.compile(r"errno = (\d+)")
-"""Operating system error number in an HDF5 message."""
-
-
-_CHECKPOINT_CHUNK = 4096
 
 
 def write_checkpoint(file: Any, checkpoint: Checkpoint) -> None:  # noqa: ANN401 - h5py has no types
@@ -220,37 +204,40 @@ class ResultFile:
     def _create(self, geometry: Geometry, save: SaveAt, about: Mapping[str, str]) -> None:
         # Every chunk is written once and in full: a cache would keep all chunks and search them at every flush.
         self._file: Any = h5py.File(self._draft.path, "w", locking=False, rdcc_nbytes=0)
-        _limit_index_cache(self._file)
-        moving = {**{name: (unit, 3) for name, (_, _, unit) in VECTORS.items()}, **RECOVERED_FIELDS}
+        # HDF5 caches the chunk index of a long run, and counts only a tenth of its memory.
+        config = self._file.id.get_mdc_config()
+        config.set_initial_size, config.initial_size = 1, _INDEX_CACHE_BYTES
+        config.min_size = config.max_size = _INDEX_CACHE_BYTES
+        self._file.id.set_mdc_config(config)
         fields = max(save.block // save.field_every, 1)
-        self._vtk = VtkGroup(self._file, geometry, moving, constant_data(geometry), fields)
-        self._field_angle = GrowingDataset(self._file, schema.FIELD_CAM_ANGLE, fields, "rad")
+        self._vtk = VtkGroup(self._file, geometry, schema.FIELDS, constant_data(geometry), fields)
+        self._field_angle = hdf5.GrowingDataset(self._file, schema.FIELD_CAM_ANGLE, fields, "rad")
         self._create_history(save.block)
-        create_fixed_dataset(self._file, schema.MESH_NODES, geometry.mesh.nodes, "m")
+        hdf5.create_fixed_dataset(self._file, schema.MESH_NODES, geometry.mesh.nodes, "m")
         points = self._file.create_group(schema.MESH_POINTS, track_order=True)
         for name, index in geometry.mesh.points.items():
-            create_fixed_dataset(points, name, index)
-        write_texts(self._file.create_group(schema.ABOUT), {schema.ABOUT_FORMAT: str(schema.FORMAT), **about})
+            hdf5.create_fixed_dataset(points, name, index)
+        hdf5.write_texts(self._file.create_group(schema.ABOUT), {schema.ABOUT_FORMAT: str(schema.FORMAT), **about})
 
     def _create_history(self, rows: int) -> None:
         history = self._file.create_group(schema.HISTORY)
         history.attrs[schema.STEPS] = 0
         history.attrs[schema.SIZE] = len(self._outline.unknowns)
-        self._time = GrowingDataset(self._file, schema.TIME, rows, "s")
+        self._time = hdf5.GrowingDataset(self._file, schema.TIME, rows, "s")
         self._time.dataset.make_scale(schema.TIME_SCALE)
-        self._angle = GrowingDataset(self._file, schema.CAM_ANGLE, rows, "rad")
+        self._angle = hdf5.GrowingDataset(self._file, schema.CAM_ANGLE, rows, "rad")
         probes = self._file.create_group(schema.PROBES, track_order=True)
-        self._probes: list[tuple[str, slice, GrowingDataset]] = []
+        self._probes: list[tuple[str, slice, hdf5.GrowingDataset]] = []
         for name, components in self._outline.probes:
             group = probes.create_group(name, track_order=True)
-            write_text_attribute(group, schema.COMPONENTS, components)
+            hdf5.write_text_attribute(group, schema.COMPONENTS, components)
             turns = any(one in ROTATIONS for one in components)
             for series, unit in SERIES.items():
                 units = f"{unit}; rotations {unit.replace('m', 'rad', 1)}" if turns else unit
-                made = GrowingDataset(group, series, rows, units, width=len(components))
+                made = hdf5.GrowingDataset(group, series, rows, units, width=len(components))
                 self._probes.append((series, self._outline.columns(name), made))
         channels = self._file.create_group(schema.CHANNELS, track_order=True)
-        self._channels = [GrowingDataset(channels, name, rows, unit) for name, unit in self._outline.channels]
+        self._channels = [hdf5.GrowingDataset(channels, name, rows, unit) for name, unit in self._outline.channels]
         for one in (self._angle, *(made for _, _, made in self._probes), *self._channels):
             _module.h5ds.attach_scale(one.dataset.id, self._time.dataset.id, 0)
 
@@ -262,10 +249,9 @@ class ResultFile:
         self._bytes += sum(one.nbytes for one in arrays)
         if self._bytes > _MIN_WRITE_BYTES or self._taken == self._all:  # an interrupted run must not lose much data
             with convert_write_errors():
-                self._append()
+                self._append_waiting()
 
-    def _append(self) -> None:
-        """Write the buffered blocks."""
+    def _append_waiting(self) -> None:
         if not self._waiting:
             return
         block = Block.concatenate(self._waiting)
@@ -276,7 +262,11 @@ class ResultFile:
             history.append(getattr(block.probes, series)[:, columns])
         for values, history in zip(block.channels.T, self._channels, strict=True):
             history.append(values)
-        self._vtk.append(self._point_data(block), len(block.field_time))
+        nodal = {series: self._geometry.dofs.nodal(getattr(block.fields, series)) for series in SERIES}
+        node = self._geometry.node
+        vectors = {name: nodal[series][:, node, first : first + 3] for name, (series, first, _) in VECTORS.items()}
+        recovered = self._geometry.recover_fields(*nodal.values())
+        self._vtk.append({**vectors, **recovered}, len(block.field_time))
         self._field_angle.append(block.field_angle)
         self._file[schema.HISTORY].attrs.modify(schema.STEPS, len(self._time))
         self._vtk.count(block.field_time)
@@ -287,19 +277,11 @@ class ResultFile:
         if self._draft.is_copy_due:
             began = time.perf_counter()
             with convert_write_errors():
-                self._append()
+                self._append_waiting()
                 write_checkpoint(self._file, checkpoint)
-                write_digest(self._file)
+                hdf5.write_digest(self._file)
                 self._file.flush()
             self._draft.show(began)
-
-    def _point_data(self, block: Block) -> dict[str, FloatArray]:
-        geometry = self._geometry
-        nodal = {series: geometry.dofs.nodal(getattr(block.fields, series)) for series in SERIES}
-        vectors = {
-            name: nodal[series][:, geometry.node, first : first + 3] for name, (series, first, _) in VECTORS.items()
-        }
-        return {**vectors, **geometry.recover_fields(*(nodal[series] for series in SERIES))}
 
     def close(self, status: Status, stats: Stats) -> None:
         """Write the status of the run and rename the file: to its final name if complete, else to the partial one."""
@@ -320,54 +302,27 @@ class ResultFile:
             self.partial.unlink(missing_ok=True)
 
     def _discard(self) -> None:
-        """Discard the temporary file; closing it may fail in HDF5."""
-        with suppress(OSError, RuntimeError, AttributeError):
+        with suppress(OSError, RuntimeError, AttributeError):  # closing may fail in HDF5
             self._file.close()
         self._draft.discard()
 
     def _write_status(self, status: Status, stats: Stats) -> None:
-        self._append()
+        self._append_waiting()
         group = self._file.create_group(schema.STATUS)
         warnings = "\n".join(self._warnings(stats) if self._warnings else ())
         texts = {schema.CAUSE: str(status.cause), schema.TEXT: status.text, schema.REMEDY: status.remedy}
-        write_texts(group, {**texts, schema.WARNINGS: warnings})
+        hdf5.write_texts(group, {**texts, schema.WARNINGS: warnings})
         for name, value in vars(stats).items():
             if isinstance(value, str):
-                write_text_attribute(group, name, value)
+                hdf5.write_text_attribute(group, name, value)
             else:
                 group.attrs[name] = value
         if status.ok and schema.CHECKPOINT in self._file:  # a complete run needs none
             del self._file[schema.CHECKPOINT]
         elif not status.ok and self._checkpoint is not None:
             write_checkpoint(self._file, self._checkpoint)
-        write_digest(self._file)
+        hdf5.write_digest(self._file)
         self._file.close()
-
-
-_MIN_WRITE_BYTES = 2**20
-"""Minimum size of buffered blocks before writing, bytes: each of some hundred datasets has a fixed cost per write."""
-
-
-def _limit_index_cache(file: Any) -> None:  # noqa: ANN401
-    """Limit the chunk index that HDF5 caches in a long run: HDF5 counts only a tenth of its memory."""
-    config = file.id.get_mdc_config()
-    config.set_initial_size, config.initial_size = 1, _INDEX_CACHE_BYTES
-    config.min_size = config.max_size = _INDEX_CACHE_BYTES
-    file.id.set_mdc_config(config)
-
-
-_INDEX_CACHE_BYTES = 2**18
-"""Size of the cached index, bytes, in the format on disk; enough for the blocks being written."""
-
-
-_NUMBER, _CHUNK, _DATASET = 8, 80, 2900
-"""Bytes of a number, of a chunk's checksum and index entry, of a dataset's header and first index."""
-
-_METADATA_BYTES = 125_000
-"""Bytes of the case, of the other texts, and of the part of the mesh that does not depend on its size."""
-
-_CONSTANT_VALUES = 24
-"""Constant values per point, such as position and axes."""
 
 
 def result_bytes(outline: Outline, mesh: Mesh, save: SaveAt, steps: int) -> int:
@@ -375,9 +330,8 @@ def result_bytes(outline: Outline, mesh: Mesh, save: SaveAt, steps: int) -> int:
     rows, fields = steps + 1, -(-steps // save.field_every) + 1
     widths = [1, 1, *(len(parts) for _, parts in outline.probes for _ in SERIES), *(1 for _ in outline.channels)]
     points, together = count_output_points(mesh), max(save.block // save.field_every, 1)
-    vectors = [*(3 for _ in VECTORS), *(width for _, width in RECOVERED_FIELDS.values())]
     size = sum(_growing_bytes(rows, save.block, width) for width in widths)
-    size += sum(_growing_bytes(fields * points, together * points, width) for width in vectors)
+    size += sum(_growing_bytes(fields * points, together * points, width) for _, width in schema.FIELDS.values())
     size += 4 * _growing_bytes(fields, together, 1)  # times, angles, parts, offsets
     return size + _NUMBER * _CONSTANT_VALUES * points + _METADATA_BYTES
 
@@ -388,6 +342,5 @@ def count_output_points(mesh: Mesh) -> int:
 
 
 def _growing_bytes(rows: int, block: int, width: int) -> int:
-    """Return the size of a growing dataset, bytes; the last chunk is stored in full."""
-    chunk = chunk_rows(block, width)
+    chunk = hdf5.chunk_rows(block, width)  # the last one is stored in full
     return math.ceil(rows / chunk) * (chunk * width * _NUMBER + _CHUNK) + _DATASET

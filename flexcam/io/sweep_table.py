@@ -20,18 +20,9 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, format_shape, refuse, require_packages, suggest_name, system_message
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Cause, Response, Status
+from flexcam.io import hdf5
 from flexcam.io import result_schema as schema
 from flexcam.io.files import atomic_write_path, check_writable
-from flexcam.io.hdf5 import (
-    open_hdf5,
-    read_numbers,
-    read_text_attribute,
-    read_text_column,
-    read_texts,
-    write_digest,
-    write_text_column,
-    write_texts,
-)
 from flexcam.io.result_reader import check_integrity
 
 if TYPE_CHECKING:
@@ -93,17 +84,13 @@ class SweepTable:
         """Return the table with only the given scalars."""
         if self.scalars and (unknown := [name for name in names if not is_scalar_prefix(name, self.scalars)]):
             raise InputError(unknown_scalar_fault(name, self.scalars) for name in unknown)
-        kept = {one: values for name in names for one, values in self.scalars.items() if _is_prefix(one, name)}
+        kept = {one: values for n in names for one, values in self.scalars.items() if is_scalar_prefix(n, (one,))}
         return replace(self, scalars=kept, units={name: self.units[name] for name in kept})
-
-
-def _is_prefix(name: str, asked: str) -> bool:
-    return name == asked or name.startswith(f"{asked.removesuffix('.')}.")
 
 
 def is_scalar_prefix(name: str, known: Iterable[str]) -> bool:
     """Return whether a name is that of a scalar or a prefix of one."""
-    return any(_is_prefix(one, name) for one in known)
+    return any(one == name or one.startswith(f"{name.removesuffix('.')}.") for one in known)
 
 
 _MAX_LISTED = 24  # maximum number of scalars listed in a message; of more, only prefixes are listed
@@ -172,12 +159,12 @@ def write_hdf5(table: SweepTable, path: Path) -> None:
     """Write a table with its metadata as HDF5."""
     opened: Any = h5py.File(path, "w", libver="latest", locking=False)
     with opened as file:
-        write_texts(file.create_group("about"), {schema.ABOUT_FORMAT: str(schema.TABLE_FORMAT), **table.about})
+        hdf5.write_texts(file.create_group("about"), {schema.ABOUT_FORMAT: str(schema.TABLE_FORMAT), **table.about})
         file.attrs["shape"] = np.array(table.shape, dtype=np.int64)
         inputs = file.create_group("inputs", track_order=True)
         for column in table.inputs:
             if isinstance(column.values, tuple):
-                write_text_column(inputs, column.name, column.values)
+                hdf5.write_texts(inputs, {column.name: column.values})
             else:
                 _numbers(inputs, column.name, column.values, column.unit)
         scalars, valid = (file.create_group(name, track_order=True) for name in ("scalars", "valid"))
@@ -185,10 +172,9 @@ def write_hdf5(table: SweepTable, path: Path) -> None:
             known = np.isfinite(values)
             _numbers(scalars, name, np.where(known, values, 0.0), table.units[name])
             valid.create_dataset(name, data=known, track_times=False)
-        status = file.create_group("status", track_order=True)
-        for name in ("cause", "text", "remedy"):
-            write_text_column(status, name, [str(getattr(one, name)) for one in table.statuses])
-        write_digest(file)
+        parts = {name: [str(getattr(one, name)) for one in table.statuses] for name in ("cause", "text", "remedy")}
+        hdf5.write_texts(file.create_group("status", track_order=True), parts)
+        hdf5.write_digest(file)
 
 
 def _numbers(group: Any, name: str, values: Any, unit: str) -> None:  # noqa: ANN401 - h5py has no types
@@ -200,36 +186,26 @@ def read_table(path: str | Path) -> SweepTable:
     source = Path(path)
     if source.suffix == ".csv":
         return _read_csv(source)
-    with open_hdf5(source, "table", "the HDF5 table of a sweep (.sweep.h5)") as file:
-        return _read_hdf5(file, source)
-
-
-def _read_hdf5(file: Any, source: Path) -> SweepTable:  # noqa: ANN401
-    check_integrity(file, "table", source, schema.TABLE_FORMAT)
-    about = read_texts(file["about"])
-    del about[schema.ABOUT_FORMAT]
-    rows = zip(*(read_text_column(file["status"][name]) for name in ("cause", "text", "remedy")), strict=True)
-    statuses = tuple(Status(Cause(cause), text, remedy) for cause, text, remedy in rows)
-    count, shape = len(statuses), tuple(int(n) for n in file.attrs["shape"])
-    if shape and math.prod(shape) != count:
-        raise refuse("/, attribute shape", format_shape(shape), f"the shape of {count} variants")
-    valid = {name: read_numbers(item, count, kind="?") for name, item in file["valid"].items()}
-    return SweepTable(
-        inputs=tuple(_column(name, item, count) for name, item in file["inputs"].items()),
-        scalars={
-            name: np.where(valid[name], read_numbers(item, count), np.nan) for name, item in file["scalars"].items()
-        },
-        units={name: read_text_attribute(item, "unit") for name, item in file["scalars"].items()},
-        statuses=statuses,
-        shape=shape,
-        about=about,
-    )
-
-
-def _column(name: str, item: Any, count: int) -> Column:  # noqa: ANN401
-    if "unit" in item.attrs:
-        return Column(name, read_text_attribute(item, "unit"), read_numbers(item, count))
-    return Column(name, "", tuple(read_text_column(item)))
+    with hdf5.open_hdf5(source, "table", "the HDF5 table of a sweep (.sweep.h5)") as file:
+        check_integrity(file, "table", source, schema.TABLE_FORMAT)
+        about = hdf5.read_texts(file["about"])
+        del about[schema.ABOUT_FORMAT]
+        rows = zip(*(hdf5.read_text_column(file["status"][name]) for name in ("cause", "text", "remedy")), strict=True)
+        statuses = tuple(Status(Cause(cause), text, remedy) for cause, text, remedy in rows)
+        count, shape = len(statuses), tuple(int(n) for n in file.attrs["shape"])
+        if shape and math.prod(shape) != count:
+            raise refuse("/, attribute shape", format_shape(shape), f"the shape of {count} variants")
+        inputs: list[Column] = []
+        for name, item in file["inputs"].items():
+            if "unit" in item.attrs:
+                inputs.append(Column(name, hdf5.read_text_attribute(item, "unit"), hdf5.read_numbers(item, count)))
+            else:
+                inputs.append(Column(name, "", tuple(hdf5.read_text_column(item))))
+        valid = {name: hdf5.read_numbers(item, count, kind="?") for name, item in file["valid"].items()}
+        kept = {name: hdf5.read_numbers(item, count) for name, item in file["scalars"].items()}
+        scalars = {name: np.where(valid[name], values, np.nan) for name, values in kept.items()}
+        units = {name: hdf5.read_text_attribute(item, "unit") for name, item in file["scalars"].items()}
+        return SweepTable(tuple(inputs), scalars, units, statuses, shape, about)
 
 
 ENDINGS = (".h5", ".csv", ".parquet")

@@ -53,22 +53,6 @@ class Geometry:
         """Return the member index of every cell, shape (cells,); vertices come first with -1."""
         return np.concatenate([np.full(len(self.free_nodes), -1), np.arange(len(self.mesh.lines))])
 
-    def radius(self) -> FloatArray:
-        """Return the display radius at every point, m, shape (points,); zero at a vertex."""
-        radii = [[section.radius for section in self.sections[name]] for name in self.mesh.lines]
-        return np.concatenate([*radii, np.zeros(len(self.free_nodes))])
-
-    def axes(self) -> FloatArray:
-        """Return the local axes at every point, shape (points, 3, 3).
-
-        These are the axes of the element that starts there; at a vertex, the global axes.
-        """
-        along = [
-            self.beams.triads[part][np.minimum(np.arange(len(line)), len(line) - 2)]
-            for line, part in zip(self.mesh.lines.values(), self.mesh.element_ranges().values(), strict=True)
-        ]
-        return np.concatenate([*along, np.tile(np.eye(3), (len(self.free_nodes), 1, 1))])
-
     @cached_property
     def fibres(self) -> Fibres:
         """Return the extreme fibres of all elements."""
@@ -106,9 +90,20 @@ ConstantData = Mapping[str, tuple[FloatArray | IntArray, str]]
 
 
 def constant_data(geometry: Geometry) -> ConstantData:
-    """Return the constant point data: radius, mesh node, local axes."""
-    axes = {name: (axis, "") for name, axis in zip(schema.AXES, geometry.axes().swapaxes(0, 1), strict=True)}
-    return {schema.RADIUS: (geometry.radius(), "m"), schema.NODE: (geometry.node, ""), **axes}
+    """Return the constant point data: display radius, mesh node, local axes of the element that starts at a point.
+
+    A vertex has the radius zero and the global axes.
+    """
+    mesh, single = geometry.mesh, len(geometry.free_nodes)
+    radii = [[section.radius for section in geometry.sections[name]] for name in mesh.lines]
+    along = [
+        geometry.beams.triads[part][np.minimum(np.arange(len(line)), len(line) - 2)]
+        for line, part in zip(mesh.lines.values(), mesh.element_ranges().values(), strict=True)
+    ]
+    triads = np.concatenate([*along, np.tile(np.eye(3), (single, 1, 1))])
+    axes = {name: (axis, "") for name, axis in zip(schema.AXES, triads.swapaxes(0, 1), strict=True)}
+    radius = np.concatenate([*radii, np.zeros(single)])
+    return {schema.RADIUS: (radius, "m"), schema.NODE: (geometry.node, ""), **axes}
 
 
 class VtkGroup:

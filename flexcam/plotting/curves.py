@@ -18,7 +18,6 @@ from matplotlib.figure import Figure
 from flexcam.analysis.cam_analysis import CamFacts, exhaust_and_intake, lobe_separation
 from flexcam.cams import (
     CamProfile,
-    Criteria,
     Event,
     Law,
     SwingFlatFollower,
@@ -40,7 +39,7 @@ from flexcam.plotting.figures import (
     line_styles,
 )
 from flexcam.valvetrain import MemberStrength, Spring
-from flexcam.valvetrain.spring_properties import spring_curve, wire_stress
+from flexcam.valvetrain.springs import spring_curve, wire_stress
 
 LAW_LABELS = ("s", "s'", "s''", "s'''")  # axis labels of laws, from top to bottom
 LAW_POSITION = "z, part of the rise"  # abscissa label of laws
@@ -244,7 +243,8 @@ def law_front_figure(front: Sequence[Synthesis], first: str, second: str) -> Fig
     figure = Figure(figsize=(12.0, 7.6), layout="constrained")
     halves = figure.add_gridspec(1, 2)
     axes, right = figure.add_subfigure(halves[0]).add_subplot(), figure.add_subfigure(halves[1])
-    values = np.array([[_value(one.criteria, name) for name in (first, second)] for one in front])
+    # An infinite jerk is None.
+    values = np.array([[getattr(one.criteria, name) for name in (first, second)] for one in front], dtype=float)
     draw_front(axes, values, [one.converged for one in front])
     axes.set(xlabel=f"{_WORDS[first]}, {_UNIT}", ylabel=f"{_WORDS[second]}, {_UNIT}")
     axes.set_title(f"Pareto front of {front[0].family}", fontsize="medium")
@@ -269,11 +269,6 @@ def draw_front(axes: Axes, values: FloatArray, converged: Sequence[bool]) -> Non
     for (x, y), numbers in named.items():
         axes.annotate(numbers, (float(x), float(y)), xytext=(6, 5), textcoords="offset points")
     axes.grid(alpha=0.3)
-
-
-def _value(criteria: Criteria, name: str) -> float:
-    value: float | None = getattr(criteria, name)
-    return math.nan if value is None else value
 
 
 def spring_figure(springs: Mapping[str, tuple[Spring, float]]) -> Figure:

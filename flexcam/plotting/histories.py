@@ -162,7 +162,7 @@ def channel_figure(
             one.axhline(0.0, color="0.4", linewidth=0.8)
     _finish_axes(figure, axes, over, title)
     for one, channel in zip(axes, channels, strict=True):
-        factor, symbol = to_display_unit(channel_unit(_first_with(responses, channel), channel))
+        factor, symbol = to_display_unit(_unit_in_any(responses, channel))
         lines: list[Line2D] = []
         for (name, values), (colour, _) in zip((means or {}).items(), line_styles(), strict=False):
             if channel in values:
@@ -197,12 +197,12 @@ _MOST_COLUMNS = 4  # of orbits in a row
 
 
 def _channel_labels(responses: Mapping[str, Response], channels: Sequence[str]) -> list[str]:
-    return [axis_label(short_name(name), channel_unit(_first_with(responses, name), name)) for name in channels]
+    return [axis_label(short_name(name), _unit_in_any(responses, name)) for name in channels]
 
 
-def _first_with(responses: Mapping[str, Response], channel: str) -> Response:
-    """Return the first response with a channel, or the first one."""
-    return next((one for one in responses.values() if channel in one.channels), next(iter(responses.values())))
+def _unit_in_any(responses: Mapping[str, Response], channel: str) -> str:
+    first, *others = responses.values()
+    return channel_unit(next((one for one in (first, *others) if channel in one.channels), first), channel)
 
 
 def add_area_legend(figure: Figure) -> Figure:
@@ -439,12 +439,10 @@ def _column_label(column: Column, between: str) -> str:
     return between.join(filter(None, (column.name, column.unit)))
 
 
-_KINDS = ("lift", "acceleration")
-
-
 def work_precision_figure(found: Sequence[ModelEvaluation]) -> Figure:
     """Return a figure with the error of models over their work, both logarithmic."""
-    figure, axes = create_stacked_axes(tuple(f"error of {kind}, %" for kind in _KINDS), "unknowns times steps")
+    kinds = ("lift", "acceleration")
+    figure, axes = create_stacked_axes(tuple(f"error of {kind}, %" for kind in kinds), "unknowns times steps")
     runs = sorted((one for one in found if one.errors), key=lambda one: (one.rung, one.steps))
     names = 0
     for (name, group), (colour, dashes) in zip(groupby(runs, key=lambda one: one.rung), line_styles(), strict=False):
@@ -453,7 +451,7 @@ def work_precision_figure(found: Sequence[ModelEvaluation]) -> Figure:
         line = {"label": name, "linestyle": dashes, "marker": "o", "markersize": 4}
         square = {"linestyle": "none", "marker": "s", "markersize": 8, "fillstyle": "none"}
         square |= {} if names > 1 else {"label": "no other has less work and a smaller error"}
-        for axis, kind in zip(axes, _KINDS, strict=True):
+        for axis, kind in zip(axes, kinds, strict=True):
             for some, style in ((of, line), (best, square)):
                 errors = [100.0 * one.errors[kind] for one in some]
                 axis.loglog([max(one.work, 1) for one in some], errors, color=colour, **style)

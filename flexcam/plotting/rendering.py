@@ -42,7 +42,11 @@ else:
 sys.exit(0 if image.min() < 100 < image.max() else "the picture is empty")
 """
 
-_TIMEOUT = 60.0  # timeout of a rendering test, s
+_TIMEOUT = 60.0  # of a rendering test, s
+_COLOUR, _HEAD = re.compile(r"\x1b\[[0-9;]*m"), re.compile(r"^.*\b(?:WARN|ERR)\| ")  # in lines of VTK's log
+_OFF_SCREEN = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
+"""Classes of VTK windows that need no display; the first is tried before the default class, the other after it."""
+
 _REMEDY = (
     "install a renderer: on Debian and Ubuntu `apt-get install libgl1 libegl1 libegl-mesa0 libx11-6`, and for a window "
     "without a screen `xvfb`, then `xvfb-run flexcam view ...`; curves (flexcam plot) need none of it"
@@ -68,10 +72,6 @@ def select_renderer(*, off_screen: bool) -> None:
     raise RunFailedError(Status(Cause.NO_RENDERING, f"rendering does not work on this system: {why}", _REMEDY))
 
 
-_OFF_SCREEN = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
-"""Classes of VTK windows that need no display; the first is tried before the default class, the other after it."""
-
-
 @cache
 def _test_renderer(window: str, *, off_screen: bool) -> str:
     """Return why a class of window cannot render; empty if it can."""
@@ -89,10 +89,6 @@ def _test_renderer(window: str, *, off_screen: bool) -> str:
         return ""
     lines = [_HEAD.sub("", _COLOUR.sub("", line)).strip() for line in done.stderr.splitlines()]
     return next((line for line in reversed(lines) if line), f"the renderer ended with {done.returncode}")
-
-
-_COLOUR, _HEAD = re.compile(r"\x1b\[[0-9;]*m"), re.compile(r"^.*\b(?:WARN|ERR)\| ")
-"""Prefixes and colour codes in lines of VTK's log."""
 
 
 REQUIREMENTS = {
@@ -122,34 +118,25 @@ def save_view(stage: MechanismView, path: Path, frames: Sequence[int], still: in
     """Write an image of one instant, or a movie of several."""
     with atomic_write_path(path) as draft:
         match path.suffix:
-            case ".gif":
-                draft.write_bytes(_gif(stage, frames))
+            case ".gif":  # in memory: the writer of files would print system errors and continue
+                from imageio.v2 import get_writer
+
+                made, duration = io.BytesIO(), 1000.0 / _PER_SECOND  # ms
+                stage.plotter.mwriter = get_writer(made, format=".gif", mode="I", duration=duration, loop=0)
+                _write_frames(stage, frames)
+                stage.plotter.mwriter.close()  # before the plotter, which ignores errors of the writer
+                draft.write_bytes(made.getvalue())
             case ".mp4":
-                _write_movie(stage, draft, frames)
+                quiet = {"ffmpeg_log_level": "quiet"}  # the error is reported below
+                stage.plotter.open_movie(str(draft), framerate=_PER_SECOND, macro_block_size=2, **quiet)
+                _write_frames(stage, frames)
+                stage.plotter.close()
+                if b"moov" not in draft.read_bytes():  # the writer does not report a full disk
+                    raise OSError("its end is missing: no space left, perhaps")
             case _:
                 stage.show_alone(still)
                 stage.plotter.screenshot(draft)
         stage.plotter.close()
-
-
-def _gif(stage: MechanismView, frames: Sequence[int]) -> bytes:
-    """Return an animation as bytes: the writer of files would print system errors and continue."""
-    from imageio.v2 import get_writer
-
-    made, duration = io.BytesIO(), 1000.0 / _PER_SECOND  # ms
-    stage.plotter.mwriter = get_writer(made, format=".gif", mode="I", duration=duration, loop=0)
-    _write_frames(stage, frames)
-    stage.plotter.mwriter.close()  # before the plotter, which ignores errors of the writer
-    return made.getvalue()
-
-
-def _write_movie(stage: MechanismView, path: Path, frames: Sequence[int]) -> None:
-    quiet = {"ffmpeg_log_level": "quiet"}  # the error is reported below
-    stage.plotter.open_movie(str(path), framerate=_PER_SECOND, macro_block_size=2, **quiet)
-    _write_frames(stage, frames)
-    stage.plotter.close()
-    if b"moov" not in path.read_bytes():  # the writer does not report a full disk
-        raise OSError("its end is missing: no space left, perhaps")
 
 
 def _write_frames(stage: MechanismView, frames: Sequence[int]) -> None:

@@ -68,7 +68,10 @@ class MechanismView:
         """Return a mesh per kind of part; coloured members are separate from parts without values."""
         kinds: dict[str, list[Any]] = {}
         for solid in self._solids(i):
-            kinds.setdefault(solid.kind, []).append(_mesh(solid))
+            mesh = pyvista.PolyData.from_regular_faces(solid.points, solid.faces)
+            if solid.values is not None:
+                mesh.point_data["value"] = solid.values
+            kinds.setdefault(solid.kind, []).append(mesh)
         joined = {kind: parts[0].append_polydata(*parts[1:]) for kind, parts in kinds.items()}
         sharp = {"split_vertices": True, "feature_angle": _SHARP_ANGLE, "consistent_normals": False}
         return {kind: mesh.compute_normals(**sharp) for kind, mesh in joined.items()}
@@ -77,13 +80,8 @@ class MechanismView:
         """Show instant i."""
         for kind, mesh in self._meshes(i).items():
             self._actors[kind].mapper.SetInputData(mesh)
-        self.plotter.add_text(
-            self._motion.words(i, self.title, self._scale),
-            position="upper_left",
-            font_size=11,
-            color="black",
-            name="words",
-        )
+        text = self._motion.words(i, self.title, self._scale)
+        self.plotter.add_text(text, position="upper_left", font_size=11, color="black", name="words")
 
     def show_alone(self, i: int) -> None:
         """Show instant i as an image, with the colours in its range."""
@@ -136,10 +134,3 @@ def _range(values: FloatArray) -> tuple[float, float]:
     ends = float(values.min(initial=0.0)), float(values.max(initial=0.0))
     largest = max(map(abs, ends)) or 1.0
     return ends[0], ends[1] if ends[1] > ends[0] else largest
-
-
-def _mesh(solid: Solid) -> pyvista.PolyData:
-    mesh = pyvista.PolyData.from_regular_faces(solid.points, solid.faces)
-    if solid.values is not None:
-        mesh.point_data["value"] = solid.values
-    return mesh

@@ -23,14 +23,7 @@ from flexcam.core.errors import refuse
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Response
 from flexcam.fem.recovery import deflection
-from flexcam.plotting.figures import (
-    COLOURS,
-    add_legend,
-    create_axes,
-    create_stacked_axes,
-    line_styles,
-    wrap_title,
-)
+from flexcam.plotting.figures import COLOURS, add_legend, create_axes, create_stacked_axes, line_styles, wrap_title
 from flexcam.plotting.histories import axis_label, channel_unit, last_revolution, short_name
 from flexcam.valvetrain import ModelModes, Structure
 
@@ -56,8 +49,18 @@ def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
             first = not labelled and drawn
             axes.plot(rpm, column, color="0.5", linewidth=1.2, label="without force at the contact" * first)
             labelled = labelled or first
-    _mark_ends(axes, found, rpm, top)
-    _circles(axes, found, scale)
+    failed = np.array([not status.ok for status in found.statuses])
+    known = np.pad(np.isfinite(found.frequencies) | failed[:, None], ((1, 1), (0, 0)), mode="edge")
+    at, mode = np.nonzero(~(known[:-2] & known[2:]) & (found.frequencies <= top))  # ends between the outer speeds
+    if len(at):
+        label = "line ends: a contact opens or closes"
+        axes.plot(rpm[at], found.frequencies[at, mode], "|", color="black", markersize=14, label=label)
+    met = [one for one in found.crossings if not math.isnan(one.load)]
+    largest = max((one.load for one in met), default=0.0) or 1.0
+    sizes = [max(_MAX_CIRCLE_AREA * one.load / largest, 8.0) for one in met]
+    places = [scale * one.rpm for one in met], [one.frequency for one in met]
+    label = "order meets mode; area: share of the force" if met else ""
+    axes.scatter(*places, s=sizes, facecolors="none", edgecolors="black", linewidths=1.2, zorder=3, label=label)
     axes.set(xlim=(rpm[0], rpm[-1]), ylim=(0.0, top), xlabel=f"{shaft} speed, rpm", ylabel="natural frequency, Hz")
     if axes.get_legend_handles_labels()[0]:
         figure.legend(loc="outside lower center", fontsize="small", ncols=2)
@@ -78,27 +81,10 @@ def _rays(axes: Axes, found: Campbell, rpm: np.ndarray, top: float) -> None:
             )  # fmt: skip
 
 
-def _mark_ends(axes: Axes, found: Campbell, rpm: np.ndarray, top: float) -> None:
-    """Mark where lines of modes end between the first and the last speed."""
-    failed = np.array([not status.ok for status in found.statuses])
-    known = np.pad(np.isfinite(found.frequencies) | failed[:, None], ((1, 1), (0, 0)), mode="edge")
-    ends = ~(known[:-2] & known[2:]) & (found.frequencies <= top)
-    at, mode = np.nonzero(ends)
-    if len(at):
-        label = "line ends: a contact opens or closes"
-        axes.plot(rpm[at], found.frequencies[at, mode], "|", color="black", markersize=14, label=label)
-
-
-def _circles(axes: Axes, found: Campbell, scale: float) -> None:
-    met = [one for one in found.crossings if not math.isnan(one.load)]
-    largest = max((one.load for one in met), default=0.0) or 1.0
-    sizes = [max(_MAX_CIRCLE_AREA * one.load / largest, 8.0) for one in met]
-    places = [scale * one.rpm for one in met], [one.frequency for one in met]
-    label = "order meets mode; area: share of the force" if met else ""
-    axes.scatter(*places, s=sizes, facecolors="none", edgecolors="black", linewidths=1.2, zorder=3, label=label)
-
-
 _DECADES = 3.0  # decades below the largest amplitude covered by the colour scale
+_LINE_HEIGHT = 0.3  # height of the largest amplitude in a waterfall, relative to the range of speeds
+_ANGLES = 1441  # instants per revolution of a map
+_LINEAR_GROWTH = 1.0  # growth rate, 1/s, up to which the axis is linear; it covers this range: rounding appears as zero
 
 
 def waterfall_figure(found: Sequence[Waterfall], scale: float, shaft: str) -> Figure:
@@ -112,9 +98,6 @@ def waterfall_figure(found: Sequence[Waterfall], scale: float, shaft: str) -> Fi
     for axis in grid[-1]:
         axis.set_xlabel("order of the camshaft")
     return figure
-
-
-_LINE_HEIGHT = 0.3  # height of the largest amplitude in a waterfall, relative to the range of speeds
 
 
 def _draw_orders(figure: Figure, left: Axes, axes: Axes, found: Waterfall, scale: float) -> None:
@@ -155,13 +138,6 @@ def angle_map_figure(rpm: FloatArray, runs: Sequence[Response | None], channel: 
     axes.set(xlabel="cam angle, deg", ylabel=f"{shaft} speed, rpm", xlim=(0.0, 360.0), xticks=range(0, 361, 45))
     figure.legend(loc="outside upper center", fontsize="small")
     return figure
-
-
-_ANGLES = 1441  # instants per revolution of a map
-
-
-_LINEAR_GROWTH = 1.0
-"""Growth rate, 1/s, below which the axis is linear; it always covers this range, so that rounding appears as zero."""
 
 
 def force_figure(rpm: FloatArray, forces: Mapping[str, tuple[FloatArray, FloatArray]], shaft: str) -> Figure:
@@ -221,7 +197,12 @@ def mode_figure(structure: Structure, found: ModelModes, *, title: str = "") -> 
         why = "shapes are drawn along members; flexcam modes says what moves in a train of masses"
         raise refuse("members", "none", "one or more", why)
     shapes = structure.dofs.nodal_modes(found.modes.shapes.T, structure.model.mesh.extent)
-    motions = [_member_motions(structure, nodal) for nodal in shapes]
+    ranges = structure.model.mesh.element_ranges()
+    radii = {name: structure.model.members[name].section.at(0.5).radius for name in members}
+    motions: list[dict[str, float]] = []  # of the centre line and the surface of each member
+    for nodal in shapes:
+        bent = {name: deflection(structure.beams, nodal, _PARTS, part)[..., :4] for name, part in ranges.items()}
+        motions.append({name: float((np.abs(u) * [1.0, 1.0, 1.0, radii[name]]).max()) for name, u in bent.items()})
     moving = [[name for name, size in own.items() if size > _MIN_MOTION * max(own.values())] for own in motions]
     columns = max(map(len, moving), default=1) or 1
     heights = [2.2 if own else 0.4 for own in moving]
@@ -245,15 +226,3 @@ def mode_figure(structure: Structure, found: ModelModes, *, title: str = "") -> 
     if title:
         figure.suptitle(wrap_title(title), fontsize="medium")
     return figure
-
-
-def _member_motions(structure: Structure, nodal: FloatArray) -> dict[str, float]:
-    """Return the maximum motion of the centre line and the surface of each member."""
-    found: dict[str, float] = {}
-    for name, part in structure.model.mesh.element_ranges().items():
-        moved, radius = (
-            deflection(structure.beams, nodal, _PARTS, part),
-            structure.model.members[name].section.at(0.5).radius,
-        )
-        found[name] = float((np.abs(moved[..., :4]) * [1.0, 1.0, 1.0, radius]).max())
-    return found

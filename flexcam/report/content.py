@@ -13,12 +13,12 @@ from rich.table import Table
 
 from flexcam import plotting
 from flexcam.analysis.comparison import Comparison
-from flexcam.analysis.figures_of_merit import Margins, compute_margins
 from flexcam.analysis.limits import Search, find_limits
 from flexcam.analysis.model_choice import estimate_errors, evaluate_ladder
 from flexcam.analysis.natural_modes import modes
-from flexcam.analysis.prepared_run import PreparedRun
+from flexcam.analysis.preparation import PreparedRun
 from flexcam.analysis.run import member_strength, reload_result, run
+from flexcam.analysis.run_metrics import Margins, compute_margins
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.reader import case_from_result

@@ -267,7 +267,7 @@ def _undrawn_parts(structure: Structure) -> set[str]:
     lines = set(model.mesh.elements().ravel().tolist())
     found = {f"rocker {name}" for name in model.rockers} | {f"spring {name}" for name in model.springs}
     for name, part in model.masses.items():
-        if model.rocker_at(part.at) is not None or model.mesh.node(part.at) not in lines:
+        if part.at in model.rocker_points or model.mesh.node(part.at) not in lines:
             found.add(f"mass {name}")
     return found
 

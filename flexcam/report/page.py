@@ -19,11 +19,10 @@ from numpy.typing import NDArray
 
 from flexcam import __version__, plotting
 from flexcam.analysis.comparison import Comparison, compare_responses
-from flexcam.analysis.figures_of_merit import compute_margins
 from flexcam.analysis.histories import scalar_history
-from flexcam.analysis.prepared_run import scalar_probe
+from flexcam.analysis.preparation import scalar_probe
 from flexcam.analysis.run_checks import RunMonitor, check_run
-from flexcam.analysis.run_metrics import compute_metrics
+from flexcam.analysis.run_metrics import compute_margins, compute_metrics
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_shared_seat_load
 from flexcam.core.errors import FlexcamError, InputError

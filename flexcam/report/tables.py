@@ -14,10 +14,10 @@ import numpy as np
 from rich.table import Table
 
 from flexcam.analysis.comparison import Comparison
-from flexcam.analysis.figures_of_merit import SPRING_MARGIN, FigureOfMerit, Margins
-from flexcam.analysis.prepared_run import PreparedRun
+from flexcam.analysis.preparation import PreparedRun
 from flexcam.analysis.resources import ResourceEstimate, format_size
 from flexcam.analysis.run_checks import describe_balance, describe_contact_loss
+from flexcam.analysis.run_metrics import SPRING_MARGIN, FigureOfMerit, Margins
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
@@ -53,7 +53,7 @@ from flexcam.valvetrain import (
     opposed_contacts,
 )
 from flexcam.valvetrain import describe_inactive as words_of
-from flexcam.valvetrain.spring_properties import spring_curve, spring_frequencies
+from flexcam.valvetrain.springs import spring_curve, spring_frequencies
 
 if TYPE_CHECKING:
     from flexcam.analysis.limits import Limit, Limits
@@ -225,7 +225,7 @@ def _weight(ready: PreparedRun) -> list[tuple[str, str]]:
     if not any(model.gravity):
         return []
     factor, unit = to_display_unit("m/s^2")
-    left_out = [name for name, part in model.masses.items() if model.rocker_at(part.at) is not None]
+    left_out = [name for name, part in model.masses.items() if part.at in model.rocker_points]
     omitted = f"; without masses at points of rockers: {', '.join(left_out)}" if left_out else ""
     return [("gravity", f"{_vector(factor * np.array(model.gravity))} {unit}{omitted}")]
 

@@ -20,8 +20,7 @@ import numpy as np
 
 from flexcam.analysis.comparison import compare
 from flexcam.analysis.model_choice import select_case
-from flexcam.analysis.preparation import build_problem, prepare
-from flexcam.analysis.prepared_run import PreparedRun, scalar_probe
+from flexcam.analysis.preparation import PreparedRun, build_problem, prepare, scalar_probe
 from flexcam.analysis.run import open_result_file
 from flexcam.analysis.run_metrics import compute_metrics
 from flexcam.case.builder import build_model

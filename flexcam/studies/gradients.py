@@ -21,8 +21,7 @@ from itertools import chain
 
 import numpy as np
 
-from flexcam.analysis.preparation import prepare, prepare_without_periodic_search, steps_per_revolution
-from flexcam.analysis.prepared_run import PreparedRun
+from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search, steps_per_revolution
 from flexcam.case.case import Case
 from flexcam.case.reader import CaseFile
 from flexcam.case.schema.run import NewmarkRecord

@@ -119,7 +119,7 @@ def check_arm_length(structure: Structure, contact: CamContact, cam: Cam, where:
     swinging = cam.follower
     if not isinstance(swinging, SwingRollerFollower | SwingFlatFollower):
         return
-    finger, key = structure.model.rocker_at(contact.follower), f"cams.{contact.cam}.follower"
+    finger, key = structure.model.rocker_points.get(contact.follower), f"cams.{contact.cam}.follower"
     given, why = f"{1e3 * swinging.arm:g} mm", "the cam's profile is made for the path of the finger"
     if finger is not None:
         if abs(swinging.arm - finger.arms[0]) > _SAME * finger.arms[0]:

@@ -35,15 +35,18 @@ def shaft_channels(structure: Structure) -> Coupling:
     """Return the channels of the camshafts."""
     model = structure.model
     channels: list[Channel] = []
+    inertias: dict[int, Load] = {}
     for contact in model.cam_contacts.values():
-        at = model.cams[contact.cam].at
+        at, nodes = model.cams[contact.cam].at, _shaft_nodes(model, contact.cam)
+        if int(nodes[0]) not in inertias:
+            inertias[int(nodes[0])] = _inertia(structure, nodes, contact.rotation)
         if model.mesh.on_members()[model.mesh.node(at)]:
             channels += [
                 Channel(f"cams.{contact.cam}.twist", "rad", row_of(structure.row(at, contact.rotation))),
                 Channel(f"cams.{contact.cam}.deflection", "m", row_of(structure.row(at, contact.direction))),
             ]
     channels += [channel for name in model.springs for channel in _drive_torque(structure, name)]
-    return Coupling(_inertias(structure), (), tuple(channels))
+    return Coupling(tuple(inertias.values()), (), tuple(channels))
 
 
 def _drive_torque(structure: Structure, name: str) -> Iterator[Channel]:
@@ -62,15 +65,6 @@ def _drive_torque(structure: Structure, name: str) -> Iterator[Channel]:
         return -installed - spring.stiffness * twist - spring.damping * rate
 
     yield Channel(f"springs.{name}.torque", "N m", torque)
-
-
-def _inertias(structure: Structure) -> tuple[Load, ...]:
-    shafts: dict[int, Load] = {}
-    for contact in structure.model.cam_contacts.values():
-        nodes = _shaft_nodes(structure.model, contact.cam)
-        if int(nodes[0]) not in shafts:
-            shafts[int(nodes[0])] = _inertia(structure, nodes, contact.rotation)
-    return tuple(shafts.values())
 
 
 def _inertia(structure: Structure, nodes: IntArray, turning: FloatArray) -> Load:
@@ -104,19 +98,17 @@ class ShaftDrive:
 
 def find_shaft_drives(structure: Structure) -> tuple[ShaftDrive, ...]:
     """Return all nodes at which a shaft's rotation is prescribed."""
-    return tuple(_release_rotation(structure, *end) for end in _prescribed_rotations(structure))
-
-
-def _prescribed_rotations(structure: Structure) -> Iterator[tuple[str, int, FloatArray]]:
-    """Yield name, node and axis of every prescribed shaft rotation."""
-    model = structure.model
+    model, found = structure.model, list[ShaftDrive]()
     driven = shaft_axes(model)
     for point, held in model.supports.items():
-        for node in model.mesh.select(point).tolist():
+        nodes = model.mesh.select(point).tolist()
+        for node in nodes:
             along = driven.get(node, np.zeros(3))
             axis = int(np.argmax(np.abs(along)))
             if abs(float(along[axis])) > _ALONG and ROTATIONS[axis] in held:
-                yield point if len(model.mesh.select(point)) == 1 else model.mesh.node_name(node), node, along
+                name = point if len(nodes) == 1 else model.mesh.node_name(node)
+                found.append(_release_rotation(structure, name, node, along))
+    return tuple(found)
 
 
 def shaft_axes(model: Model) -> dict[int, FloatArray]:

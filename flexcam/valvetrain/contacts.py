@@ -27,12 +27,12 @@ from flexcam.dynamics.force_laws import LEVER, SLIDING_FRICTION
 from flexcam.valvetrain.coupling import Coupling, conservative_force, opposed_force
 from flexcam.valvetrain.parts import Adjuster, Friction, Lash, Lever, Seat
 from flexcam.valvetrain.rigid_kinematics import follower_train
-from flexcam.valvetrain.structure import Structure, lash_row, lever_ends, nest_rows
+from flexcam.valvetrain.structure import Structure, lever_ends, nest_rows, stop_row
 
 
 def couple_seat(structure: Structure, name: str, seat: Seat) -> Coupling:
     """Return the coupling of a stop."""
-    row = structure.row(seat.at, seat.direction, f"contacts.{name}.at")
+    row = stop_row(structure, name, seat)
     if not row.any():
         if not seat.direction.any():
             why, remedy = "it is known only for a rocker's point", 'add direction = "uy"'
@@ -41,7 +41,7 @@ def couple_seat(structure: Structure, name: str, seat: Seat) -> Coupling:
         why = "a point that cannot move needs no seat"
         raise refuse(f"contacts.{name}", given, "a point that is free along the seat's direction", why)
     law = elastic_stop(seat.stiffness, seat.damping, seat.damping_depth)
-    force = conservative_force(f"contacts.{name}", AngleVector.constant(-row), law, restitution=seat.restitution)
+    force = conservative_force(f"contacts.{name}", AngleVector.constant(row), law, restitution=seat.restitution)
     return Coupling((), (force,), (
         Channel(f"contacts.{name}.force", "N", force_sum(0)),
         Channel(f"contacts.{name}.gap", "m", lambda seen: -seen.penetrations[:, 0]),
@@ -52,7 +52,7 @@ def couple_seat(structure: Structure, name: str, seat: Seat) -> Coupling:
 def couple_lash(structure: Structure, name: str, lash: Lash) -> Coupling:
     """Return the coupling of the lash between a rocker and its point, or between two nodes."""
     where = f"contacts.{name}"
-    row, gap = lash_row(structure, lash, where), constant(-lash.gap)
+    row, gap = stop_row(structure, name, lash), constant(-lash.gap)
     if not row.any():
         allowed, why = "a point that is free along the direction, or about it", "it would never close"
         raise refuse(where, "a lash between fixed points", allowed, why)
@@ -70,7 +70,7 @@ def couple_adjuster(structure: Structure, name: str, part: Adjuster) -> Coupling
     where, chamber, travel = f"contacts.{name}", part.chamber, part.travel
     size = part.leak, part.refill, part.plunger_force
     law = oil_column_law(part.stiffness, *size) if chamber is None else chamber.law(*size)
-    row = AngleVector.constant(lash_row(structure, part, where))
+    row = AngleVector.constant(stop_row(structure, name, part))
     forces = [conservative_force(where, row, law)]
     channels = [
         Channel(f"{where}.force", "N", force_sum(0)),
@@ -141,7 +141,6 @@ def _power(scalars: list[int]) -> Observable:
 
 
 def _slide_row(structure: Structure, part: Friction, where: str) -> FloatArray:
-    """Return the row of the sliding at a point, shape (n,)."""
     row = structure.row(part.at, part.direction, f"{where}.at")
     if part.to is not None:
         row = row - structure.row(part.to, part.direction, f"{where}.to")

@@ -38,6 +38,11 @@ def conservative_force(
     return LocalForce(name, (sense,), (act,), law, (offset,), restitution)
 
 
+def installed_load(name: str, vector: FloatArray, size: float = 1.0) -> Load:
+    """Return a constant load that acts before the cam turns."""
+    return Load(name, vector, constant_history(size), installed=True, steady=True)
+
+
 def constant_history(value: float) -> Callable[[CamMotion], FloatArray]:
     """Return a constant load history."""
     return lambda motion: np.full_like(motion.angle, value)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import lru_cache
 
 import numpy as np
@@ -29,7 +30,7 @@ from flexcam.dynamics import (
     static_displacement,
 )
 from flexcam.fem.assembly import assemble_loads, element_weight, thermal_load
-from flexcam.valvetrain.coupling import Coupling, constant_history
+from flexcam.valvetrain.coupling import Coupling, constant_history, installed_load
 from flexcam.valvetrain.parts import Cam, LoadTable, PublishedLoad
 from flexcam.valvetrain.rigid_kinematics import FollowerTrain, follower_train
 from flexcam.valvetrain.structure import (
@@ -98,7 +99,7 @@ def couple_published_load(structure: Structure, name: str, contact: PublishedLoa
 
     loads = [Load(f"contacts.{name}.lift", push, lambda motion: K * motion.cam(cam.event, 0))]
     preloaded = push - spring_share(structure, train)
-    loads.append(Load(f"contacts.{name}.preload", preloaded, constant_history(force), installed=True, steady=True))
+    loads.append(installed_load(f"contacts.{name}.preload", preloaded, force))
     if contact.cam_torque:
         loads.append(Load(f"contacts.{name}.torque", twist, torque))
     local: tuple[LocalForce, ...] = ()
@@ -144,34 +145,27 @@ def given_loads(structure: Structure) -> tuple[Load, ...]:
         else:
             vector = size * structure.row(load.at or "", load.direction, f"loads.{name}.at")
         loads.append(Load(f"loads.{name}", vector, table or constant_history(1.0), steady=table is None))
+    published = [  # their preload includes the installed forces of the springs on their trains
+        follower_train(structure, one, f"contacts.{name}.follower")
+        for name, one in model.cam_contacts.items()
+        if isinstance(one, PublishedLoad)
+    ]
     for name, spring in model.springs.items():
-        if not spring.installed_force:
-            continue
         row = spring_row(structure, name, spring)
-        if not _of_a_published_load(structure, row):
-            loads.append(
-                Load(f"springs.{name}", -row, constant_history(spring.installed_force), installed=True, steady=True)
-            )
+        if spring.installed_force and not any(train.moves(row) for train in published):
+            loads.append(installed_load(f"springs.{name}", -row, spring.installed_force))
     if any(model.gravity):
-        loads.append(Load("gravity", _weight(structure), constant_history(1.0), installed=True, steady=True))
+        loads.append(installed_load("gravity", _weight(structure)))
     if structure.beams.thermal.any():
         expanded = assemble_loads(structure.beams, thermal_load(structure.beams), structure.dofs)
-        loads.append(Load("thermal", expanded, constant_history(1.0), installed=True, steady=True))
+        loads.append(installed_load("thermal", expanded))
     return tuple(loads)
 
 
-def steady_load(structure: Structure) -> FloatArray:
-    """Return the sum of all constant loads: weight, springs' installed forces and given forces."""
+def steady_load(loads: Iterable[Load], size: int) -> FloatArray:
+    """Return the sum of the constant ones of some loads, shape (size,)."""
     still = ConstantSpeed(1.0).at(np.zeros(1))
-    loads = (float(load.history(still)[0]) * load.vector for load in given_loads(structure) if load.steady)
-    return sum(loads, np.zeros(structure.dofs.size))
-
-
-def _of_a_published_load(structure: Structure, row: FloatArray) -> bool:
-    """Return whether a spring acts on the train of a published load, whose preload includes its installed force."""
-    contacts = structure.model.cam_contacts.items()
-    published = [(f"contacts.{n}.follower", one) for n, one in contacts if isinstance(one, PublishedLoad)]
-    return any(follower_train(structure, one, where).moves(row) for where, one in published)
+    return sum((float(one.history(still)[0]) * one.vector for one in loads if one.steady), np.zeros(size))
 
 
 def _weight(structure: Structure) -> FloatArray:
@@ -182,7 +176,7 @@ def _weight(structure: Structure) -> FloatArray:
     model, gravity = structure.model, np.array(structure.model.gravity)
     load = assemble_loads(structure.beams, element_weight(structure.beams, gravity), structure.dofs)
     for name, part in model.masses.items():
-        if model.rocker_at(part.at) is None:
+        if part.at not in model.rocker_points:
             pull = part.body.matrix() @ np.concatenate([gravity, np.zeros(3)])
             load = load + structure.dofs.vector(find_node(model, part.at, f"masses.{name}.at"), pull)
     for name, body in model.superelements.items():
@@ -191,7 +185,7 @@ def _weight(structure: Structure) -> FloatArray:
         numbers = superelement_dofs(structure, name)
         np.add.at(load, numbers[numbers >= 0], (body.mass @ fall)[numbers >= 0])
     for name, spring in model.springs.items():
-        if spring.mass > 0.0 and model.rocker_at(spring.at) is None:
+        if spring.mass > 0.0 and spring.at not in model.rocker_points:
             along = float(gravity @ spring.direction[:3])
             parts = zip(spring.parts, spring_parts(structure, name, spring), strict=True)
             load = load + sum(0.5 * (part.mass * along) * (low + high) for part, (low, high) in parts)

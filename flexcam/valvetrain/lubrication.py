@@ -27,17 +27,8 @@ def cam_surface_velocity(profile: CamProfile) -> FloatArray:
 
     With the radius of curvature R and the rotation psi of the normal, the contact moves along the cam by
     R (1 - turn psi') per angle. The centre of a roller of radius r passes the surface of the cam with v, and the
-    contact point passes the centre with r psi': the velocity v - r psi' is finite on a straight flank, too.
-
-    Parameters
-    ----------
-    profile
-        Cam profile at n angles.
-
-    Returns
-    -------
-    FloatArray
-        Velocity, m/rad, shape (n,), positive along the tangent (normal turned by -90 deg).
+    contact point passes the centre with r psi': the velocity v - r psi' is finite on a straight flank, too. The result,
+    m/rad, shape (n,), is positive along the tangent (normal turned by -90 deg).
     """
     touch, roller = profile.touch, profile.follower.roller_radius
     if math.isfinite(roller):
@@ -50,17 +41,7 @@ def entrainment_velocity(profile: CamProfile) -> FloatArray:
 
     A translating flat face has the magnitude (r_0 + s + 2 s'')/2, which changes its sign on both sides of the nose:
     J. J. Williams, Introduction to Analytical Methods for Internal Combustion Engine Cam Mechanisms (2013), ch. 4.
-    A roller rolls: its surface has the velocity of the cam's.
-
-    Parameters
-    ----------
-    profile
-        Cam profile at n angles.
-
-    Returns
-    -------
-    FloatArray
-        Velocity, m/rad, shape (n,), positive along the tangent (normal turned by -90 deg).
+    A roller rolls: its surface has the velocity of the cam's. Unit and sign are those of `cam_surface_velocity`.
     """
     cam = cam_surface_velocity(profile)
     return cam if math.isfinite(profile.follower.roller_radius) else cam - 0.5 * profile.touch.sliding
@@ -81,23 +62,10 @@ class Film:
     pressure_viscosity: float  #: alpha, 1/Pa
 
     def minimum(self, velocity: FloatArray, load: FloatArray, radius: FloatArray) -> FloatArray:
-        """Return the minimum film thickness, ``2.65 U^0.7 G^0.54 W^-0.13 R``.
+        """Return the minimum film thickness, ``2.65 U^0.7 G^0.54 W^-0.13 R``, m.
 
+        The arguments are entrainment velocity, m/s, load per length, N/m, and relative radius of curvature, m.
         D. Dowson, Elastohydrodynamics, Proc. Inst. Mech. Eng. 182 (3A), 1967-68, pp. 151-167.
-
-        Parameters
-        ----------
-        velocity
-            Entrainment velocity, m/s, of any sign.
-        load
-            Load per length, N/m.
-        radius
-            Relative radius of curvature, m.
-
-        Returns
-        -------
-        FloatArray
-            Thickness, m.
         """
         U, G, W = self._groups(velocity, load, radius)
         return 2.65 * U**0.7 * G**0.54 * W**-0.13 * radius
@@ -127,28 +95,14 @@ def half_width(load: FloatArray, radius: FloatArray, modulus: float) -> FloatArr
 def flash_temperature(
     heat: FloatArray, half_width: FloatArray, effusivity: float, first: FloatArray, second: FloatArray
 ) -> FloatArray:
-    """Return the maximum flash temperature of a line contact of equal materials.
+    """Return the maximum flash temperature of a line contact of equal materials, K; zero for an open contact.
 
     ``0.786 q/(beta sqrt(b) (sqrt(|u1|) + sqrt(|u2|)))``, or 1.11 with the full width 2 b: H. Blok, Proc. General
     Discussion on Lubrication, Inst. Mech. Eng. 2 (1937), pp. 222-235. The heat has Hertz's distribution; its division
     gives both surfaces the same maximum. It neglects conduction along the motion: it is too high by 6 % at a Peclet
-    number u b density specific_heat/(2 conductivity) of 1, by 31 % at 0.2.
-
-    Parameters
-    ----------
-    heat
-        Friction power per length q, W/m.
-    half_width
-        Half width b of the contact, m.
-    effusivity
-        beta, root of conductivity times density times specific heat, W s^0.5/(m^2 K).
-    first, second
-        Velocities u1, u2 of the surfaces relative to the contact point, m/s, of any sign.
-
-    Returns
-    -------
-    FloatArray
-        Temperature above that of the bodies, K; zero for an open contact.
+    number u b density specific_heat/(2 conductivity) of 1, by 31 % at 0.2. The arguments are the friction power per
+    length q, W/m, the half width b, m, the effusivity beta, the root of conductivity times density times specific heat,
+    W s^0.5/(m^2 K), and the velocities u1, u2 of the surfaces relative to the contact point, m/s, of any sign.
     """
     conduction = effusivity * np.sqrt(half_width) * (np.sqrt(np.abs(first)) + np.sqrt(np.abs(second)))
     return np.divide(BLOK * heat, conduction, out=np.zeros_like(conduction), where=conduction > 0.0)
@@ -158,16 +112,7 @@ def wear_depth(coefficient: float, load: FloatArray, sliding: FloatArray, veloci
     """Return the depth worn off the cam per revolution, m, at the points that are in contact.
 
     Archard's law, depth = k int pressure |sliding| dt, over the passage of the contact: a point of the cam crosses it
-    with the velocity u1, so the integral is p |sliding|/|u1| with the load per length p. J. F. Archard, J. Appl. Phys.
-    24 (1953), pp. 981-988.
-
-    Parameters
-    ----------
-    coefficient
-        k, volume per load and sliding path, m^2/N.
-    load
-        Load per length, N/m.
-    sliding, velocity
-        Sliding velocity, and velocity u1 of the cam's surface relative to the contact point, in the same unit.
+    with the velocity u1, so the integral is p |sliding|/|u1| with the load per length p, N/m, and k in m^2/N.
+    J. F. Archard, J. Appl. Phys. 24 (1953), pp. 981-988.
     """
     return coefficient * load * np.abs(sliding / velocity)

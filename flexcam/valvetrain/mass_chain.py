@@ -13,13 +13,15 @@ from flexcam.dynamics import ModeBasis, System, project_system
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, PublishedLoad
 from flexcam.valvetrain.rigid_kinematics import follower_train
-from flexcam.valvetrain.spring_properties import condense_spring
+from flexcam.valvetrain.rigid_train import is_independent
+from flexcam.valvetrain.springs import condense_spring
 from flexcam.valvetrain.strength import Bars, compressed_members, elements_of
 from flexcam.valvetrain.structure import Structure, build_structure
 from flexcam.valvetrain.system_builder import build_system
 from flexcam.valvetrain.train_topology import moved_nodes
 
 _UNSEEN = 1e-9  # singular value below which a strain-free motion is independent of the kept motions
+_ELONGATION_TOLERANCE = 1e-6  # elongation of an element per unit motion below which it is rounding
 
 
 def static_shapes(system: System, rows: FloatArray) -> FloatArray:
@@ -28,30 +30,16 @@ def static_shapes(system: System, rows: FloatArray) -> FloatArray:
     if n > 2 * DENSE_LIMIT:
         given, allowed = f"a model of {n} unknowns", f"up to {2 * DENSE_LIMIT}"
         raise refuse("chain", given, allowed, "mode shapes are dense", "take fewer elements")
-    still = _unobserved_motions(np.zeros((n, 0)) if system.free is None else system.free, rows)
-    held = np.concatenate([rows, still.T])
+    basis = np.linalg.qr(np.zeros((n, 0)) if system.free is None else system.free)[0]
+    _, values, vectors = np.linalg.svd(rows @ basis)
+    unseen = basis @ vectors[int(np.count_nonzero(values > _UNSEEN)) :].T  # motions without strain that no row senses
+    held = np.concatenate([rows, unseen.T])
     K = system.stiffness.dense()
     scale = float(np.abs(np.diagonal(K)).max(initial=0.0)) or 1.0
     whole = np.block([[K / scale, held.T], [held, np.zeros((len(held), len(held)))]])
     given = np.zeros((n + len(held), m))
     given[n : n + m] = np.eye(m)
     return np.asarray(np.linalg.solve(whole, given)[:n], dtype=np.float64)
-
-
-def _unobserved_motions(free: FloatArray, rows: FloatArray) -> FloatArray:
-    """Return the strain-free motions orthogonal to rows, orthonormal, shape (n, k)."""
-    basis = np.linalg.qr(free)[0]
-    _, values, vectors = np.linalg.svd(rows @ basis)
-    seen = int(np.count_nonzero(values > _UNSEEN))
-    return np.asarray(basis @ vectors[seen:].T, dtype=np.float64)
-
-
-def lump_mass(mass: FloatArray, moved: FloatArray, count: int) -> FloatArray:
-    """Return a mass matrix lumped to the first unknowns, with the same momentum in a rigid motion."""
-    lump = mass.copy()
-    own = moved[:count]
-    lump[:count, :count] = np.diag(mass[:count, :count] @ own / own)
-    return lump
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,12 +70,14 @@ def build_chain(model: Model, speed: float, count: int, *, contact: str | None =
     found = project_system(system, ModeBasis(shapes, tuple(names)))
     moved = rows @ follower_train(structure, driven, "chain").motion
     k = len(picked)
-    lump = lump_mass(found.mass.dense(), moved, k)
+    felt, lump = moved[:k], found.mass.dense().copy()
+    lump[:k, :k] = np.diag(lump[:k, :k] @ felt / felt)  # the same momentum in a rigid motion
     if lumped:
         found = replace(found, mass=Triplets.from_dense(lump))
-    felt = moved[:k]
     between = -np.diagonal(found.stiffness.dense()[:k, :k], 1) * felt[:-1] * felt[1:]
-    unfelt = _unstressed_members(structure, shapes)
+    bars = {name: Bars(structure, elements_of(structure, name)) for name in compressed_members(structure.model)}
+    stretched = {name: np.abs(one.tension(shapes[:, 1:].T)) / one.stiffness for name, one in bars.items()}
+    unfelt = tuple(name for name, one in stretched.items() if one.max(initial=0.0) < _ELONGATION_TOLERANCE)
     found = without_compression(found, unfelt)
     return Chain(found, tuple(names[:k]), np.diagonal(lump)[:k] * felt**2, between, shapes, unfelt)
 
@@ -96,16 +86,6 @@ def without_compression(system: System, members: Sequence[str]) -> System:
     """Return a system without the compression channels of some members."""
     left = tuple(f"members.{name}." for name in members)
     return replace(system, channels=tuple(one for one in system.channels if not one.name.startswith(left)))
-
-
-def _unstressed_members(structure: Structure, shapes: FloatArray) -> tuple[str, ...]:
-    """Return the members that are not stretched with the follower fixed."""
-    bars = {name: Bars(structure, elements_of(structure, name)) for name in compressed_members(structure.model)}
-    stretched = {name: np.abs(one.tension(shapes[:, 1:].T)) / one.stiffness for name, one in bars.items()}
-    return tuple(name for name, one in stretched.items() if one.max(initial=0.0) < _ELONGATION_TOLERANCE)
-
-
-_ELONGATION_TOLERANCE = 1e-6  # elongation of an element per unit motion below which it is rounding
 
 
 def straighten(model: Model) -> Model:
@@ -131,22 +111,10 @@ def _kept_rows(system: System, picked: Sequence[tuple[str, FloatArray]]) -> tupl
     for force in system.local_forces:
         for vector in (*force.sense, *force.act):
             for row in vector.vectors:
-                if _is_independent(row, rows):
+                if is_independent(row, rows):
                     names.append(f"{force.name}.{len(rows) - len(picked) + 1}")
                     rows.append(row / np.linalg.norm(row))
     return names, np.array(rows)
-
-
-def _is_independent(row: FloatArray, rows: Sequence[FloatArray]) -> bool:
-    """Return whether a row is linearly independent of others."""
-    size = float(np.linalg.norm(row))
-    if size == 0.0:
-        return False
-    basis = np.linalg.qr(np.array(rows).T)[0]
-    return bool(np.linalg.norm(row - basis @ (basis.T @ row)) > _SAME * size)
-
-
-_SAME = 1e-9  # relative residual of a row below which it is dependent
 
 
 def _train(structure: Structure, contact: PublishedLoad | CamContact) -> list[tuple[str, FloatArray]]:
@@ -160,7 +128,7 @@ def _train(structure: Structure, contact: PublishedLoad | CamContact) -> list[tu
         if rocker.finger or model.mesh.node(rocker.start) not in nodes:
             continue
         point = structure.row(rocker.point, np.zeros(6))
-        if not _is_independent(point, [row for row in found.values() if row.any()]):
+        if not is_independent(point, [row for row in found.values() if row.any()]):
             del found[rocker.start]  # the point moves in proportion to it
         found[rocker.point] = point
     return [(name, row) for name, row in found.items() if row.any()]

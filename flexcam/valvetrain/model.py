@@ -6,9 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 
-import numpy as np
-
-from flexcam.core import IntArray
 from flexcam.core.html import html_table
 from flexcam.fem.assembly import Damping
 from flexcam.fem.members import Member
@@ -93,7 +90,6 @@ class Model:
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     def _repr_html_(self) -> str:
-        """Return a table of the parts, for notebooks."""
         parts = (
             "members", "superelements", "masses", "springs", "bearings", "rockers", "cams", "contacts", "friction",
             "loads",
@@ -106,52 +102,19 @@ class Model:
         """Cam-follower contacts by name."""
         return {n: one for n, one in self.contacts.items() if isinstance(one, PublishedLoad | CamContact)}
 
-    def lash_of(self, rocker: str) -> Lash | Adjuster | None:
-        """Return the lash or the adjuster of a rocker.
-
-        Parameters
-        ----------
-        rocker
-            Its name.
-
-        Returns
-        -------
-        Lash, Adjuster or None
-            None if the rocker's point is rigidly connected.
-        """
-        plays = (one for one in self.contacts.values() if isinstance(one, Lash | Adjuster))
-        return next((one for one in plays if one.rocker == rocker), None)
+    @property
+    def rocker_lashes(self) -> dict[str, Lash | Adjuster]:
+        """Lash and adjusters at rockers, by the name of the rocker."""
+        return {one.rocker: one for one in self.contacts.values() if isinstance(one, Lash | Adjuster) and one.rocker}
 
     @property
     def lashes(self) -> list[NodeLash]:
         """Lash and adjusters between nodes."""
-        parts = [(name, one) for name, one in self.contacts.items() if isinstance(one, Lash | Adjuster)]
         return [
-            NodeLash(name, one, one.ends, one.direction)
-            for name, one in parts
-            if one.ends and one.direction is not None
+            NodeLash(one.ends, one.direction, one.gap if isinstance(one, Lash) and not one.turns else 0.0)
+            for one in self.contacts.values()
+            if isinstance(one, Lash | Adjuster) and one.ends and one.direction is not None
         ]
-
-    def connected_nodes(self, node: int) -> IntArray:
-        """Return the nodes connected to a node by members and links, including the node itself.
-
-        Parameters
-        ----------
-        node
-            Row of the mesh's `nodes`.
-
-        Returns
-        -------
-        ndarray
-            Rows of `nodes`, ascending, shape (k,).
-        """
-        points = self.mesh.points
-        links = [(one.at, one.to) for one in self.springs.values() if one.link and one.to in points]
-        pairs = [(self.mesh.node(a), self.mesh.node(b)) for a, b in links if a in points and b is not None]
-        found = set(self.mesh.connected_nodes(node).tolist())
-        while more := {n for pair in pairs if not found.isdisjoint(pair) for n in pair} - found:
-            found.update(*(self.mesh.connected_nodes(n).tolist() for n in more))
-        return np.array(sorted(found), dtype=np.intp)
 
     @property
     def levers(self) -> dict[str, Lever]:
@@ -159,34 +122,26 @@ class Model:
         return {name: one for name, one in self.rockers.items() if isinstance(one, Lever)}
 
     @property
-    def loose_points(self) -> dict[str, Rocker]:
-        """Points with their own unknown, because their rocker has lash or is a lever, by name."""
-        loose = {r.point: r for name, r in self.rockers.items() if self.lash_of(name) or isinstance(r, Lever)}
-        return {**loose, **{r.start: r for r in self.rockers.values() if r.finger}}
+    def rocker_points(self) -> dict[str, Rocker]:
+        """Rockers by the name of the points that they define: the driven one, and that of a finger at its cam."""
+        rockers = self.rockers.values()
+        return {one.point: one for one in rockers} | {one.start: one for one in rockers if one.finger}
+
+    @property
+    def loose_points(self) -> list[str]:
+        """Points with their own unknown, because their rocker has lash or is a lever."""
+        fixed = {r.point for n, r in self.rockers.items() if n not in self.rocker_lashes and not isinstance(r, Lever)}
+        return [point for point in self.rocker_points if point not in fixed]
 
     @property
     def further_unknowns(self) -> list[str]:
         """Names of the unknowns of rockers: loose points, lever paths, and lever tips with lash."""
         paths = [path_name(name) for name, one in self.levers.items() if not one.finger]
-        return [*self.loose_points, *paths, *(tip_name(name) for name in self.levers if self.lash_of(name))]
+        return [*self.loose_points, *paths, *(tip_name(name) for name in self.levers if name in self.rocker_lashes)]
 
     @property
-    def superelement_modes(self) -> dict[str, list[str]]:
-        """Names of the unknowns of the modes of every superelement."""
-        return {n: [f"superelements.{n}.{i}" for i in range(1, one.modes + 1)] for n, one in self.superelements.items()}
-
-    def rocker_at(self, point: str) -> Rocker | None:
-        """Return the rocker that defines a point.
-
-        Parameters
-        ----------
-        point
-            Name of the point.
-
-        Returns
-        -------
-        Rocker or None
-            None where no rocker defines it.
-        """
-        own = (r for r in self.rockers.values() if point == r.point or (point == r.start and r.finger))
-        return next(own, None)
+    def inner_unknowns(self) -> dict[str, list[str]]:
+        """Names of the unknowns inside springs with several parts and superelements, by the path of the part."""
+        counts = {f"springs.{name}": one.elements - 1 for name, one in self.springs.items()}
+        counts |= {f"superelements.{name}": one.modes for name, one in self.superelements.items()}
+        return {part: [f"{part}.{i}" for i in range(1, count + 1)] for part, count in counts.items()}

@@ -26,7 +26,6 @@ from flexcam.dynamics import (
     CamMotion,
     ConstantSpeed,
     DofSubset,
-    InactiveGroup,
     ModeBasis,
     Modes,
     NotPositiveError,
@@ -49,13 +48,7 @@ from flexcam.fem.rigid_bodies import scalar_matrix
 from flexcam.valvetrain.loads import series_stiffness
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Adjuster, Lash, PublishedLoad
-from flexcam.valvetrain.structure import (
-    Structure,
-    build_structure,
-    lash_row,
-    spring_parts,
-    superelement_dofs,
-)
+from flexcam.valvetrain.structure import Structure, build_structure, spring_parts, stop_row, superelement_dofs
 from flexcam.valvetrain.system_builder import build_system
 
 _KINDS = {"axial": beam.AXIAL, "torsion": beam.TORSION, "bending x-y": beam.PLANE_XY, "bending x-z": beam.PLANE_XZ}
@@ -127,7 +120,7 @@ def _shares(structure: Structure, shape: FloatArray, mass: FloatArray) -> dict[s
     model, nodal = structure.model, structure.dofs.nodal(shape)
     shares = _member_shares(structure, nodal, mass)
     for name, part in model.masses.items():
-        if model.rocker_at(part.at) is not None:
+        if part.at in model.rocker_points:
             shares[f"mass {name}"] = part.body.mass * float(structure.row(part.at, np.zeros(6)) @ shape) ** 2
         else:
             motion = nodal[model.mesh.node(part.at)]
@@ -258,14 +251,12 @@ _ALONG = 1e-6  # tolerance of the direction of a component along or across a mem
 
 def describe_inactive(structure: Structure, found: ActiveDofs) -> list[str]:
     """Describe the inactive degrees of freedom of a structure."""
-    said = [f"{_place(structure, still.unknowns)}: {_reason(still)}" for still in found.still]
+    said: list[str] = []
+    for still in found.still:
+        reason = "free and unloaded" if still.free else "nothing loads it"
+        reason = "what loads it is constant and in balance" if still.loaded else reason
+        said.append(f"{_place(structure, still.unknowns)}: {reason}")
     return [f"{one} ({said.count(one)} times)" if said.count(one) > 1 else one for one in dict.fromkeys(said)]
-
-
-def _reason(still: InactiveGroup) -> str:
-    if still.loaded:
-        return "what loads it is constant and in balance"
-    return "free and unloaded" if still.free else "nothing loads it"
 
 
 def _place(structure: Structure, unknowns: IntArray) -> str:
@@ -325,9 +316,9 @@ def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Calla
         stiffness, free = stiffness + scalar_matrix(push, part.stiffness), None
     for name, play in model.contacts.items():  # lash is closed while the train is under compression
         if isinstance(play, Lash | Adjuster):
-            closed = scalar_matrix(lash_row(structure, play, f"contacts.{name}"), play.stiffness)
+            closed = scalar_matrix(stop_row(structure, name, play), play.stiffness)
             stiffness, free = stiffness + closed, None
-    row = structure.row(probe, np.zeros(6) if model.rocker_at(probe) else lift, "probe")
+    row = structure.row(probe, np.zeros(6) if probe in model.rocker_points else lift, "probe")
     M, C, K = (np.asarray(matrix.dense()) for matrix in (system.mass, system.damping, stiffness))
     still = float(row @ static_displacement(stiffness, force, system.names, free))
 

@@ -11,7 +11,7 @@ from flexcam.cams import Event, Follower, Turn
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
 from flexcam.dynamics import CamMotion, ForceLaw
-from flexcam.dynamics.force_laws import OIL_CHAMBER, SHORT_BEARING
+from flexcam.dynamics.force_laws import OIL_CHAMBER, PULSATING, SHORT_BEARING
 from flexcam.fem.rigid_bodies import PointMass
 
 
@@ -54,6 +54,10 @@ class Pulsation:
         """Return the relative fluctuation at cam angles, rad."""
         return self.amplitude * np.cos(self.order * angle + self.phase)
 
+    def law(self, stiffness: float) -> ForceLaw:
+        """Return the law of the fluctuating part of a stiffness, N/m."""
+        return ForceLaw(PULSATING, (stiffness,), (lambda angle, order: self.part(angle),))
+
 
 @dataclass(frozen=True)
 class SpringPart:
@@ -66,6 +70,12 @@ class SpringPart:
     travel: float | None = None  #: from the installed length to where its coils touch, m; None without
     wire: Wire | None = None  #: wire, for the stress; None if unknown
     length: float = 0.0  #: as installed, m, of unequal parts
+
+    @property
+    def stress_factor(self) -> float:
+        """Shear stress of the wire per force, 1/m^2; zero without a wire."""
+        wire = self.wire
+        return 0.0 if wire is None else wire.wahl * 8.0 * wire.coil_diameter / (math.pi * wire.diameter**3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -338,8 +348,8 @@ class CheckValve:
 
 _NO_VALVE = CheckValve(0.0, 1.0, 1.0, 0.0, 1.0)
 
+# smallest part of air in an oil chamber: oil below the supply pressure opens a cavity instead of pulling
 _MIN_AIR = 1e-6
-"""Smallest part of air in an oil chamber: oil below the supply pressure opens a cavity instead of pulling."""
 
 
 @dataclass(frozen=True)
@@ -397,15 +407,9 @@ class OilChamber:
 class NodeLash:
     """Lash or adjuster between two nodes, the first of which pushes the second."""
 
-    name: str  #: name of the contact
-    part: Lash | Adjuster
     ends: tuple[str, str]  #: names of the pushing and the pushed node
     direction: FloatArray  #: in which it pushes, shape (6,)
-
-    @property
-    def gap(self) -> float:
-        """Clearance along a line, m; an adjuster has none."""
-        return self.part.gap if isinstance(self.part, Lash) and not self.part.turns else 0.0
+    gap: float  #: clearance along a line, m; zero of an adjuster and about an axis
 
 
 Contact = PublishedLoad | CamContact | Seat | Lash | Adjuster

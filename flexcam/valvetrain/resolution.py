@@ -82,7 +82,6 @@ class ResolutionSink:
         return Resolution(omega / _WAVE, steps, self._waves(omega), impacts)
 
     def _waves(self, omega: float) -> dict[str, float]:
-        """Return elements per wavelength of every bending member."""
         beams = self._structure.beams
         if not omega or not self._bent.any():
             return {}

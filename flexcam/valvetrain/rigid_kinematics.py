@@ -12,26 +12,19 @@ from functools import lru_cache
 
 import numpy as np
 
-from flexcam.core import FloatArray, IntArray, Triplets, component_members, connected_components
+from flexcam.core import FloatArray, IntArray, Triplets
 from flexcam.core.errors import refuse
 from flexcam.fem.rigid_bodies import scalar_matrix
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Adjuster, CamContact, Lash, PublishedLoad, Seat
-from flexcam.valvetrain.rigid_train import (
-    RANK,
-    Branch,
-    Drive,
-    LeverEnd,
-    RigidTrain,
-    Stop,
-    find_closed_stops,
-)
+from flexcam.valvetrain.rigid_train import RANK, Branch, Drive, LeverEnd, RigidTrain, Stop, find_closed_stops
 from flexcam.valvetrain.structure import (
     Structure,
     build_structure,
-    lash_row,
+    coupled_groups,
     lever_ends,
     spring_stretches,
+    stop_row,
     strain_free_motions,
 )
 from flexcam.valvetrain.train_topology import driving_contact, is_in_train, lashes_before, rocker_of
@@ -51,7 +44,7 @@ def rigid_trains(structure: Structure) -> tuple[RigidTrain, ...]:
         for name, one in cam_contacts.items()
     ]
     stops = [
-        Stop(name, part, _stop_row(structure, name, part), part.gap if isinstance(part, Lash) else 0.0)
+        Stop(name, part, stop_row(structure, name, part), part.gap if isinstance(part, Lash) else 0.0)
         for name, part in model.contacts.items() if isinstance(part, Seat | Lash | Adjuster)
     ]  # fmt: skip
     levers = [
@@ -64,7 +57,7 @@ def rigid_trains(structure: Structure) -> tuple[RigidTrain, ...]:
     stiffness = soft_stiffness(structure)
     trains = (
         _train(dofs, motions[dofs], stiffness.part(dofs).dense(), drives, stops, levers)
-        for dofs in _coupled_groups(structure, rows)
+        for dofs in coupled_groups(structure, rows)
     )
     return tuple(train for train in trains if train.drives or any(stop.is_seat for stop in train.stops))
 
@@ -134,23 +127,6 @@ def _extend_adjusters(train: RigidTrain) -> RigidTrain:
     return replace(train, stops=tuple(stops))
 
 
-def _stop_row(structure: Structure, name: str, part: Seat | Lash | Adjuster) -> FloatArray:
-    if isinstance(part, Seat):
-        return -structure.row(part.at, part.direction, f"contacts.{name}.at")
-    return lash_row(structure, part, f"contacts.{name}")
-
-
-def _coupled_groups(structure: Structure, rows: Sequence[FloatArray]) -> list[IntArray]:
-    """Return the unknowns of each part that is coupled by mass, stiffness or rows."""
-    both = structure.mass + structure.stiffness
-    coupled = both.values != 0.0
-    pairs = [(both.rows[coupled], both.cols[coupled])]
-    for at in (np.flatnonzero(row) for row in rows):
-        pairs += [(np.full(len(at), at[0]), at)] if len(at) else []
-    first, second = (np.concatenate(part) for part in zip(*pairs, strict=True))
-    return component_members(connected_components(both.size, first, second))
-
-
 @dataclass(frozen=True, eq=False)
 class FollowerTrain:
     """Parts that move with a follower along the lift as one rigid body."""
@@ -216,7 +192,7 @@ def _reduced_lash(structure: Structure, motion: FloatArray, lash: Lash) -> float
         row, start = structure.reach(rocker), rocker.start
     else:
         row, start = structure.row(lash.ends[0], lash.direction), lash.ends[0]
-        rocker = model.rocker_at(start)
+        rocker = model.rocker_points.get(start)
         start = rocker.start if rocker else start
     before = lashes_before(model, model.mesh.node(start), model.lashes) if start in model.mesh.points else []
     pairs = [(row, lash.gap), *((structure.row(one.ends[0], one.direction), one.gap) for one in before)]

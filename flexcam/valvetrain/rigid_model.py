@@ -21,7 +21,6 @@ from flexcam.dynamics import (
     Channel,
     ConstantSpeed,
     ForceLaw,
-    Load,
     System,
     derivative,
     force_sum,
@@ -34,19 +33,13 @@ from flexcam.fem.assembly import modal_damping, rayleigh_damping
 from flexcam.fem.rigid_bodies import scalar_matrix
 from flexcam.valvetrain.camshaft import shaft_axes
 from flexcam.valvetrain.contacts import check_lever_rotation, couple_friction
-from flexcam.valvetrain.coupling import Coupling, conservative_force, constant_history
+from flexcam.valvetrain.coupling import Coupling, conservative_force, installed_load
 from flexcam.valvetrain.loads import given_loads, preload, spring_share, steady_load
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, Lash, PublishedLoad
-from flexcam.valvetrain.rigid_kinematics import (
-    RigidTrain,
-    follower_train,
-    load_trains,
-    soft_stiffness,
-)
+from flexcam.valvetrain.rigid_kinematics import RigidTrain, follower_train, load_trains, soft_stiffness
 from flexcam.valvetrain.rigid_train import PULL
-from flexcam.valvetrain.spring_properties import condense_spring
-from flexcam.valvetrain.springs import couple_springs
+from flexcam.valvetrain.springs import condense_spring, couple_springs
 from flexcam.valvetrain.structure import Structure, build_structure, spring_stretches
 from flexcam.valvetrain.system_builder import assemble_system, couple_contact, couple_contacts
 
@@ -55,8 +48,15 @@ from flexcam.valvetrain.system_builder import assemble_system, couple_contact, c
 class ConstraintForce:
     """Force of a cam, seat, lash or adjuster by inverse dynamics."""
 
-    scalar: int  #: its first scalar among the local forces
-    friction: tuple[float, float] | None  #: coefficient and velocity of Coulomb friction on the second scalar
+    #: `scalar`, `sliding`: among the local forces, of its normal force and of its friction; None without friction
+    scalar: int
+    sliding: int | None
+    friction: tuple[float, float]  #: coefficient and velocity of Coulomb friction
+
+    def friction_ratio(self, rate: FloatArray) -> FloatArray:
+        """Return the friction per normal force, ``mu tanh(v/v0)``, by the rates of all scalars, shape (m, c)."""
+        coefficient, speed = self.friction
+        return coefficient * np.tanh(rate[:, self.scalar + 1] / speed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,9 +72,7 @@ class RigidTrains:
         """Scalars whose forces are those of constraints, see `flexcam.dynamics.PrescribedMotion`."""
         names = {one.name for train in self.trains for one in (*train.drives, *train.stops)}
         own = [self.contacts[name] for name in sorted(names)]
-        return np.array(
-            [i for one in own for i in (one.scalar, one.scalar + 1)[: 1 + bool(one.friction)]], dtype=np.intp
-        )
+        return np.array([i for one in own for i in (one.scalar, one.sliding) if i is not None], dtype=np.intp)
 
     def at(self, motion: CamMotion) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return displacement, velocity and acceleration at some instants, shape (m, n) each."""
@@ -93,7 +91,8 @@ class RigidTrains:
         """Return the local forces with those of the constraints, see `flexcam.dynamics.PrescribedMotion`."""
         found = local.copy()
         for train in self.trains:
-            acting = {name: self._acting(train, name, direction, rate) for name in _names(train)}
+            contacts = [one.name for one in (*train.drives, *train.stops)]
+            acting = {name: self._acting(train, name, direction, rate) for name in contacts}
             moved = train.solve(motion.cam)
             for branch, rows in moved.branches:
                 left = residual[rows][:, train.dofs] @ train.motions.T
@@ -106,8 +105,10 @@ class RigidTrains:
                     continue
                 A = np.stack([acting[name][rows] for name in names], axis=-1)
                 forces = _balance(branch.virtual_motions(moved.z[0, rows]), A, left)
-                for name, force in zip(names, forces.T, strict=True):
-                    self._write(found, rows, name, force, rate)
+                for contact, force in zip([self.contacts[name] for name in names], forces.T, strict=True):
+                    found[rows, contact.scalar] = force
+                    if contact.sliding is not None:
+                        found[rows, contact.sliding] = contact.friction_ratio(rate[rows]) * force
         return found
 
     def _acting(
@@ -116,15 +117,9 @@ class RigidTrains:
         """Return the forces on the scalars of a train per contact force, with its friction, shape (m, d)."""
         contact = self.contacts[name]
         found = direction(contact.scalar)
-        if contact.friction:
-            found = found + self._friction(contact, rate)[:, None] * direction(contact.scalar + 1)
+        if contact.sliding is not None:
+            found = found + contact.friction_ratio(rate)[:, None] * direction(contact.sliding)
         return found[:, train.dofs] @ train.motions.T
-
-    def _write(self, local: FloatArray, rows: IntArray, name: str, force: FloatArray, rate: FloatArray) -> None:
-        contact = self.contacts[name]
-        local[rows, contact.scalar] = force
-        if contact.friction:
-            local[rows, contact.scalar + 1] = self._friction(contact, rate[rows]) * force
 
     def jams(self, name: str, motion: CamMotion, direction: Callable[[int], FloatArray], rate: FloatArray) -> bool:
         """Return whether friction carries all of the force of a cam contact at some instant."""
@@ -135,16 +130,6 @@ class RigidTrains:
                     return any(branch.drive_effect(i, moved.z[0, rows], acting[rows]).min(initial=1.0) <= 0.0
                                for branch, rows in moved.branches)  # fmt: skip
         return False
-
-    @staticmethod
-    def _friction(contact: ConstraintForce, rate: FloatArray) -> FloatArray:
-        """Return the friction per contact force, ``mu tanh(v/v0)``."""
-        coefficient, speed = contact.friction or (0.0, 1.0)
-        return coefficient * np.tanh(rate[:, contact.scalar + 1] / speed)
-
-
-def _names(train: RigidTrain) -> list[str]:
-    return [one.name for one in (*train.drives, *train.stops)]
 
 
 def _balance(virtual: FloatArray, acting: FloatArray, residual: FloatArray) -> FloatArray:
@@ -164,7 +149,8 @@ def _balance(virtual: FloatArray, acting: FloatArray, residual: FloatArray) -> F
 def rigid_motion(model: Model) -> RigidTrains:
     """Return the motion of all unknowns of a model with rigid trains; contact forces need `build_rigid`."""
     structure = build_structure(model)
-    return RigidTrains(structure.dofs.size, load_trains(structure, steady_load(structure)), {})
+    size = structure.dofs.size
+    return RigidTrains(size, load_trains(structure, steady_load(given_loads(structure), size)), {})
 
 
 def build_rigid(model: Model, speed: float) -> System:
@@ -174,15 +160,16 @@ def build_rigid(model: Model, speed: float) -> System:
 
 @lru_cache(maxsize=2)
 def _build(model: Model, speed: float) -> tuple[System, RigidTrains]:
-    structure = _soft_structure(_condense_coils(model))
+    structure = build_structure(_condense_coils(model))
+    dampers = [scalar_matrix(one.row, one.damping) for one in spring_stretches(structure) if not one.rigid]
+    dampers.append(Triplets.zeros(structure.dofs.size))
+    structure = replace(structure, stiffness=soft_stiffness(structure), dampers=Triplets.sum(dampers))
     check_lever_rotation(structure)
     contacts = couple_contacts(structure, lambda name: _couple_contact(structure, name, speed))
     couplings = [*contacts, couple_springs(structure), couple_friction(structure)]
     couplings.append(Coupling(given_loads(structure), (), ()))
-    still = [load for coupling in couplings for load in coupling.loads if load.steady]
-    instant = ConstantSpeed(speed).at(np.zeros(1))
-    load = sum((float(one.history(instant)[0]) * one.vector for one in still), np.zeros(structure.dofs.size))
-    trains = load_trains(structure, load)
+    loads = (load for coupling in couplings for load in coupling.loads)
+    trains = load_trains(structure, steady_load(loads, structure.dofs.size))
     system = assemble_system(structure, _damping(structure, trains), couplings)
     motion = RigidTrains(structure.dofs.size, trains, _constraint_forces(model, system))
     _check_friction(model, system, motion)
@@ -193,14 +180,6 @@ def _condense_coils(model: Model) -> Model:
     """Return a model in which springs with unequal coils have one part: their coils close statically."""
     springs = {name: condense_spring(one) if one.coils else one for name, one in model.springs.items()}
     return replace(model, springs=springs) if any(one.coils for one in model.springs.values()) else model
-
-
-def _soft_structure(model: Model) -> Structure:
-    """Return the structure of a model without its rigid elements."""
-    structure = build_structure(model)
-    dampers = [scalar_matrix(one.row, one.damping) for one in spring_stretches(structure) if not one.rigid]
-    none = Triplets.zeros(structure.dofs.size)
-    return replace(structure, stiffness=soft_stiffness(structure), dampers=Triplets.sum([none, *dampers]))
 
 
 def _couple_contact(structure: Structure, name: str, speed: float) -> Coupling:
@@ -215,7 +194,7 @@ def _couple_contact(structure: Structure, name: str, speed: float) -> Coupling:
     train = follower_train(structure, contact, f"{where}.follower")
     force = preload(structure, contact, train, cam, speed)
     follower = structure.row(contact.follower, contact.direction)
-    pressed = Load(f"{where}.preload", -spring_share(structure, train), constant_history(force), True, True)
+    pressed = installed_load(f"{where}.preload", -spring_share(structure, train), force)
     law = conservative_force(where, AngleVector.constant(-follower), spring_damper(1.0), cam.event)
     return Coupling((pressed,), (law,), (
         Channel(f"{where}.force", "N", force_sum(0)),
@@ -224,14 +203,13 @@ def _couple_contact(structure: Structure, name: str, speed: float) -> Coupling:
 
 
 def _constraint_forces(model: Model, system: System) -> dict[str, ConstraintForce]:
-    """Return the constraint forces of a system, by the names of their contacts."""
     found: dict[str, ConstraintForce] = {}
     first = 0
     for force in system.local_forces:
         name = force.name.removeprefix("contacts.")
         if name != force.name and name in model.contacts:
             friction = force.law.friction if isinstance(force.law, ForceLaw) and len(force.sense) > 1 else None
-            found[name] = ConstraintForce(first, friction)
+            found[name] = ConstraintForce(first, first + 1 if friction else None, friction or (0.0, 1.0))
         first += len(force.sense)
     return found
 

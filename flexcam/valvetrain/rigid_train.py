@@ -25,29 +25,18 @@ from flexcam.valvetrain.parts import Adjuster, CamContact, Lash, Lever, Publishe
 RANK = 1e-9
 """Part of the largest value, or of a row, that counts as zero."""
 
-_CLOSED = 1e-11
-"""Gap or penetration that counts as zero, m: a billionth of a lift."""
-
-_HELD_BACK = 1e-7
-"""Lift that stops may hold back, or overlap, m, above all rounding."""
+_CLOSED = 1e-11  # gap or penetration that counts as zero, m: a billionth of a lift
+_HELD_BACK = 1e-7  # lift that stops may hold back, or overlap, m, above all rounding
 
 PULL = 1e-6
 """Part of the largest force with which a closed stop may pull, above all rounding."""
 
-_MOST_TRIED = 10
-"""Number of stops up to which all sets of closed ones are tried."""
-
-_DEFLECTION = 1e-3
-"""Largest deflection of the springs under the loads, m, by which stiffness and loads are scaled."""
-
-_COMPLIANCE = 1e-10
-"""Compliance of stops, relative to the scaled springs, in the search for the closed ones."""
-
+_MOST_TRIED = 10  # number of stops up to which all sets of closed ones are tried
+_DEFLECTION = 1e-3  # largest deflection of the springs under the loads, m, by which stiffness and loads are scaled
+_COMPLIANCE = 1e-10  # compliance of stops, relative to the scaled springs, in the search for the closed ones
+# gap of a closed lash in this search, m, above its deflection: the load of a body goes to its seat first
 _SLACK = 4e-13
-"""Gap of a closed lash in this search, m, above its deflection: the load of a body goes to its seat first."""
-
-_ITERATIONS = 40
-"""Maximum number of Newton iterations; some five suffice."""
+_ITERATIONS = 40  # maximum number of Newton iterations; some five suffice
 
 Bools = NDArray[np.bool_]
 Closed = tuple[bool, ...]
@@ -215,7 +204,7 @@ class Branch:
         taken = list(installed_rows(train.levers, len(train.force)))
         self._levers, self.kept = len(taken), list[int]()  # of the closed stops, then the cams
         for i, row in enumerate(rows):
-            if _is_independent(row, taken):
+            if is_independent(row, taken):
                 taken.append(row)
                 self.kept.append(i)
         self.drives = [i - len(self.stops) for i in self.kept if i >= len(self.stops)]
@@ -375,7 +364,8 @@ def null_space_of_rows(rows: FloatArray) -> FloatArray:
     return vectors[int(np.count_nonzero(values > RANK * float(values.max(initial=0.0)))) :]
 
 
-def _is_independent(row: FloatArray, others: Sequence[FloatArray]) -> bool:
+def is_independent(row: FloatArray, others: Sequence[FloatArray]) -> bool:
+    """Return whether a row is linearly independent of others."""
     if not others or not row.any():
         return bool(row.any())
     rest = row - np.linalg.lstsq(np.array(others).T, row)[0] @ np.array(others)

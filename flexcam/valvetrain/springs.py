@@ -1,33 +1,269 @@
-"""Contribution of valve springs to the equations of motion: tables, coils that close, pulsating stiffness, channels."""
+"""Valve springs: static curve, wire stress, natural frequencies, and their part in the equations of motion."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
+from flexcam.cams import Event, harmonics
 from flexcam.core import FloatArray
-from flexcam.dynamics import (
-    Channel,
-    ForceLaw,
-    Load,
-    LocalForce,
-    Observation,
-    constant,
-    elastic_stop,
-)
-from flexcam.dynamics.force_laws import PULSATING
-from flexcam.valvetrain.coupling import Coupling, constant_history, opposed_force
-from flexcam.valvetrain.parts import Pulsation, Spring
-from flexcam.valvetrain.spring_properties import (
-    closed_forces,
-    is_bent,
-    solid_forces,
-    spring_curve,
-    stress_factor,
-    table_law,
-)
+from flexcam.dynamics import Channel, ForceLaw, Load, LocalForce, Observation, constant, elastic_stop
+from flexcam.dynamics.force_laws import force_table, force_table_law
+from flexcam.valvetrain.coupling import Coupling, installed_load, opposed_force
+from flexcam.valvetrain.parts import Spring, SpringPart, Wire
 from flexcam.valvetrain.structure import Structure, spring_parts
+
+
+def table_law(spring: Spring) -> ForceLaw:
+    """Return the law of one part of a spring with a table, beyond its stiffness and installed force."""
+    travel, force = np.array(spring.table).T
+    beyond = force - (spring.installed_force or 0.0) - spring.stiffness * travel
+    return force_table_law((travel / spring.elements).tolist(), beyond.tolist())
+
+
+def closed_forces(spring: Spring) -> list[float]:
+    """Return the force of the touching coils of every part as installed, N."""
+    return [spring.clash_stiffness * max(-(part.travel or 0.0), 0.0) for part in spring.parts]
+
+
+def wire_stress(spring: Spring, travel: FloatArray) -> FloatArray:
+    """Return the largest stress of the wire at rest, Pa, shape (m,), at travels from the installed length, m."""
+    compressions, stress = spring_curve(spring).compression(travel), np.zeros(len(travel))
+    for i, (part, closed) in enumerate(zip(spring.parts, closed_forces(spring), strict=True)):
+        force = np.interp(compressions[:, i], *_part_curve(spring, replace(part, travel=None))) - closed
+        stress = np.maximum(stress, part.stress_factor * np.abs(force))
+    return stress
+
+
+@dataclass(frozen=True, eq=False)
+class SpringCurve:
+    """Static force of a spring over its travel from the installed length, linear between its corners.
+
+    The first and the last row are far beyond the others and continue the curve.
+    """
+
+    travel: FloatArray  #: m, shape (c,)
+    force: FloatArray  #: N, shape (c,)
+    parts: FloatArray  #: compression of each part, m, shape (c, parts)
+
+    @property
+    def stiffness(self) -> FloatArray:
+        """Stiffness between the corners, N/m, shape (c - 1,)."""
+        return np.diff(self.force) / np.diff(self.travel)
+
+    def row_at(self, travel: float) -> int:
+        """Return the corner from which the curve is straight at a travel; at a corner, that corner."""
+        return int(np.clip(np.searchsorted(self.travel, travel, side="right") - 1, 0, len(self.travel) - 2))
+
+    def stiffness_at(self, travel: float) -> float:
+        """Return the stiffness at a travel, N/m; at a corner that beyond it."""
+        return float(self.stiffness[self.row_at(travel)])
+
+    def compression(self, travel: FloatArray) -> FloatArray:
+        """Return the compression of each part at given travels, m, shape (m, parts)."""
+        return np.array([np.interp(travel, self.travel, own) for own in self.parts.T], dtype=np.float64).T
+
+    def travel_of(self, compression: FloatArray) -> FloatArray:
+        """Return the travel at which, at rest, one of the parts that close last is compressed as given, shape (m,).
+
+        Parts that closed before are stiff: the vibration of closed coils does not affect the remaining travel.
+        """
+        last = self.parts[-2] - self.parts[-3]
+        parts = [pair for pair, own in zip(zip(compression.T, self.parts.T, strict=True), last, strict=True)
+                 if own > _CLOSED * last.max()]  # fmt: skip
+        return np.array([np.interp(x, own, self.travel) for x, own in parts], dtype=np.float64).max(axis=0)
+
+
+_CLOSED = 0.1  # compression of a closed part per that of the softest open one, above which it counts as open
+_FAR = 1.0  # distance of the end rows of a curve from the others, m
+
+
+def spring_curve(spring: Spring) -> SpringCurve:
+    """Return the static curve of a spring: all parts in series carry the same force."""
+    rows = [_part_curve(spring, part) for part in spring.parts]
+    lowest, highest = max(float(force[0]) for _, force in rows), min(float(force[-1]) for _, force in rows)
+    corners = np.unique(np.concatenate([force[1:-1] for _, force in rows]))
+    apart = np.diff(corners, prepend=-np.inf) > _SAME * np.abs(corners).max()
+    force = np.concatenate([[lowest], corners[apart], [highest]])
+    parts = np.column_stack([np.interp(force, own, travel) for travel, own in rows])
+    return SpringCurve(parts.sum(axis=1), force, parts)
+
+
+_SAME = 1e-9  # relative difference of forces below which they are the same
+
+
+def _part_curve(spring: Spring, part: SpringPart) -> tuple[FloatArray, FloatArray]:
+    """Return travel and force of one part at its corners, with a far row at either end."""
+    corners = [x / spring.elements for x, _ in spring.table] or [0.0]
+    if part.travel is not None:
+        corners = sorted({*corners, part.travel})
+    travel = np.array([corners[0] - _FAR, *corners, corners[-1] + _FAR])
+    force = (spring.installed_force or 0.0) + part.stiffness * travel
+    if spring.table:
+        constants = np.array(table_law(spring).constants)
+        force += [force_table(x, constants, 0)[0] for x in travel.tolist()]
+    if part.travel is not None:
+        force += spring.clash_stiffness * (np.maximum(travel - part.travel, 0.0) - max(-part.travel, 0.0))
+    return travel, force
+
+
+@dataclass(frozen=True)
+class Coils:
+    """Neighbouring active coils of a spring, of equal pitch."""
+
+    turns: float  #: number of coils
+    ends: tuple[float, float]  #: diameter of the mean circle at both ends, m; it tapers evenly between them
+    pitch: float  #: rise per coil of the free spring, m
+
+    def gap(self, wire: float) -> float:
+        """Return the compression per coil at which it touches the next, m, by the diameter d of the wire.
+
+        Where the coil tapers by r per turn, two touching coils differ in height by ``sqrt(d^2 - r^2)``.
+        """
+        taper = 0.5 * abs(self.ends[1] - self.ends[0]) / self.turns
+        return self.pitch - math.sqrt(max(wire**2 - taper**2, 0.0))
+
+    def parts(self, wire: float, shear_modulus: float, count: int) -> list[tuple[SpringPart, float]]:
+        """Return parts of equal numbers of turns, without mass, and the length of the wire of each, m.
+
+        The stiffness is ``G d^4/(8 n D^3)`` with the mean cube of the diameter.
+        """
+        bounds, turns = np.linspace(*self.ends, count + 1).tolist(), self.turns / count
+        found: list[tuple[SpringPart, float]] = []
+        for first, last in pairwise(bounds):
+            mean, cube = 0.5 * (first + last), 0.25 * (first + last) * (first**2 + last**2)
+            stiffness = shear_modulus * wire**4 / (8.0 * cube * turns)
+            part = SpringPart(
+                stiffness, travel=turns * self.gap(wire), wire=Wire(wire, mean), length=turns * self.pitch
+            )
+            found.append((part, turns * math.hypot(math.pi * mean, self.pitch)))
+        return found
+
+
+def coil_spring(
+    spring: Spring, coils: Sequence[Coils], wire: float, shear_modulus: float, density: float | None
+) -> Spring:
+    """Return a free spring with coils, each divided into the parts of the given one, by the diameter of the wire.
+
+    Its mass is that of the wire, or the given one, divided by the length of the wire.
+    """
+    made = [part for one in coils for part in one.parts(wire, shear_modulus, spring.elements)]
+    stiffness, length = 1.0 / sum(1.0 / part.stiffness for part, _ in made), sum(length for _, length in made)
+    per_length = spring.mass / length if density is None else density * math.pi * wire**2 / 4.0
+    parts = tuple(
+        replace(part, damping=spring.damping * part.stiffness / stiffness, mass=per_length * own) for part, own in made
+    )
+    diameter = sum(0.5 * sum(one.ends) * one.turns for one in coils) / sum(one.turns for one in coils)
+    return replace(
+        spring, stiffness=stiffness, mass=per_length * length, elements=len(parts), coils=parts,
+        wire=Wire(wire, diameter),
+    )  # fmt: skip
+
+
+def install_spring(spring: Spring, force: float | None, compression: float | None) -> Spring:
+    """Return a spring whose table or parts count from the free length with travels from the installed length.
+
+    Its installed position follows from the force or the compression; without both it is installed as free.
+    """
+    curve = spring_curve(replace(spring, installed_force=None, clash_travel=None))
+    if force is None:
+        start = compression or 0.0
+        force = float(np.interp(start, curve.travel, curve.force))
+    else:
+        start = float(np.interp(force, curve.force, curve.travel))
+    if spring.table:
+        table = tuple((travel - start, own) for travel, own in spring.table)
+        return replace(spring, table=table, stiffness=curve.stiffness_at(start), installed_force=force)
+    moved = curve.compression(np.array([start]))[0].tolist()
+    coils = tuple(
+        replace(part, travel=(part.travel or 0.0) - own, length=part.length - own)
+        for part, own in zip(spring.coils, moved, strict=True)
+    )
+    return replace(spring, coils=coils, installed_force=force, clash_travel=float(curve.travel[-2]) - start)
+
+
+def condense_spring(spring: Spring) -> Spring:
+    """Return a spring in one part: unequal parts become the table of their static curve up to coil bind.
+
+    Its mass is that of a uniform spring with the same inertia at the moving end, its wire that with the largest stress.
+    """
+    if not spring.coils:
+        return replace(spring, elements=1)
+    curve = spring_curve(spring)
+    end = np.cumsum(spring.compliances) / spring.compliances.sum()
+    begin = end - spring.compliances / spring.compliances.sum()
+    masses = np.array([part.mass for part in spring.parts])
+    reduced = float(masses @ (begin**2 + begin * end + end**2)) / 3.0  # at the moving end: a third of a uniform spring
+    return replace(
+        spring, elements=1, coils=(), stiffness=curve.stiffness_at(0.0), mass=3.0 * reduced,
+        wire=max(spring.parts, key=lambda part: part.stress_factor).wire,
+        table=tuple(zip(curve.travel[:-1].tolist(), curve.force[:-1].tolist(), strict=True)),
+        clash_stiffness=float(curve.stiffness[-1] - curve.stiffness[-2]),
+    )  # fmt: skip
+
+
+_FINE = 64  # minimum number of parts for natural frequencies, with which the first one is 1e-4 too high
+
+
+def spring_frequencies(spring: Spring, travel: float = 0.0, count: int = 3) -> FloatArray:
+    """Return the first natural frequencies of a spring with both ends fixed at a travel, Hz; none without mass."""
+    if spring.mass == 0.0:
+        return np.zeros(0)
+    curve = spring_curve(spring)
+    row = curve.row_at(travel)
+    stiffness = (curve.force[row + 1] - curve.force[row]) / (curve.parts[row + 1] - curve.parts[row])
+    n = math.ceil(_FINE / len(stiffness))
+    k, m = np.repeat(n * stiffness, n), np.repeat([part.mass / n for part in spring.parts], n)
+    K = np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
+    M = (2.0 * np.diag(m[:-1] + m[1:]) + np.diag(m[1:-1], 1) + np.diag(m[1:-1], -1)) / 6.0
+    L = np.linalg.cholesky(M)
+    squares = np.linalg.eigvalsh(np.linalg.solve(L, np.linalg.solve(L, K).T))
+    return np.sqrt(squares[:count]) / (2.0 * math.pi)
+
+
+# parts per half wave, and minimum number of parts, as a valve that hits its seat excites surge at any speed
+_PER_HALF_WAVE = 4
+_MOST = 16  # default maximum number of parts; for longer waves the case must specify the number
+_FORCE_FRACTION = 0.01  # fraction of the spring force by the lift below which waves of higher harmonics are neglected
+
+_HARMONICS = 256
+
+
+def surge_frequency(spring: Spring) -> float:
+    """Return the first natural frequency of a spring with mass fixed at both ends, Hz."""
+    return 0.5 * math.sqrt(spring.stiffness / spring.mass)
+
+
+def count_spring_parts(spring: Spring, lifts: Iterable[Event], speed: float) -> int:
+    """Return the default number of parts of a spring for given lifts at a camshaft speed."""
+    if not (spring.mass > 0.0 and spring.stiffness > 0.0):
+        return 1
+    surge, orders, waves = 2.0 * math.pi * surge_frequency(spring) / speed, np.arange(_HARMONICS + 1), [1.0]
+    for lift in lifts:
+        sent = math.pi / surge * orders * np.abs(harmonics(lift, _HARMONICS))  # W T = pi W / (2 pi f1)
+        beyond = np.cumsum(sent[::-1])[::-1]
+        last = int(np.count_nonzero(beyond > _FORCE_FRACTION * lift.height)) - 1  # relevant harmonic
+        waves.append(last / surge)
+    return min(math.ceil(_PER_HALF_WAVE * max(waves)), _MOST)
+
+
+def is_bent(table: Sequence[tuple[float, float]]) -> bool:
+    """Return whether the rows of travel and force do not lie on a straight line."""
+    slopes = [(f1 - f0) / (x1 - x0) for (x0, f0), (x1, f1) in pairwise(table)]
+    return max(slopes, default=0.0) > (1.0 + _SAME) * min(slopes, default=0.0)
+
+
+def solid_forces(spring: Spring, curve: SpringCurve | None) -> FloatArray | float:
+    """Return the force of the touching coils of every part as the spring becomes solid, N."""
+    if curve is None:
+        return 0.0
+    travel = np.array([part.travel or 0.0 for part in spring.parts])
+    forces = spring.clash_stiffness * np.maximum(curve.parts[-2] - travel, 0.0)
+    return forces + _SAME * forces.max()  # forces of open coils beside closed ones have their rounding
 
 
 def couple_springs(structure: Structure) -> Coupling:
@@ -50,17 +286,15 @@ def couple_springs(structure: Structure) -> Coupling:
             scalars[kind] = list(range(count, count + len(rows)))
             count += len(rows)
         if any(closed := closed_forces(spring)):  # the installed force includes what these coils carry
-            where, balance = f"springs.{name}.closed", constant_history(1.0)
-            loads.append(Load(where, rows.T @ np.array(closed), balance, installed=True, steady=True))
+            loads.append(installed_load(f"springs.{name}.closed", rows.T @ np.array(closed)))
         channels += _channels(f"springs.{name}", spring, rows, scalars)
     return Coupling(tuple(loads), tuple(forces), tuple(channels))
 
 
 def _part_forces(where: str, spring: Spring, rows: FloatArray) -> dict[str, LocalForce]:
-    """Return the nonlinear forces of the parts of a spring by kind."""
     found: dict[str, LocalForce] = {}
     if spring.pulsation is not None:
-        law = pulsating_spring(spring.parts[0].stiffness, spring.pulsation)
+        law = spring.pulsation.law(spring.parts[0].stiffness)
         found["pulsation"] = opposed_force(f"{where}.pulsation", rows, law)
     if is_bent(spring.table):
         found["table"] = opposed_force(f"{where}.table", rows, table_law(spring))
@@ -71,19 +305,9 @@ def _part_forces(where: str, spring: Spring, rows: FloatArray) -> dict[str, Loca
     return found
 
 
-def pulsating_spring(stiffness: float, pulsation: Pulsation) -> ForceLaw:
-    """Return the law of the fluctuating part of a pulsating stiffness."""
-    return ForceLaw(PULSATING, (stiffness,), (lambda angle, order: pulsation.part(angle),))
-
-
 def has_channels(spring: Spring) -> bool:
     """Return whether the force of a spring is an output: not of a bearing or a substitute for a stiff part."""
     return spring.installed_force is not None or spring.elements > 1 or spring.wire is not None
-
-
-def force_unit(spring: Spring) -> str:
-    """Return the unit of the force of a spring."""
-    return "N m" if spring.turns else "N"
 
 
 def _channels(where: str, spring: Spring, rows: FloatArray, scalars: dict[str, list[int]]) -> list[Channel]:
@@ -91,7 +315,7 @@ def _channels(where: str, spring: Spring, rows: FloatArray, scalars: dict[str, l
     clash, table = scalars.get("clash", []), scalars.get("table", [])
     installed = (spring.installed_force or 0.0) - np.array(closed_forces(spring))
     stiffness = np.array([part.stiffness for part in spring.parts])
-    stress_factors = np.array([stress_factor(part) for part in spring.parts])
+    stress_factors = np.array([part.stress_factor for part in spring.parts])
     curve = spring_curve(spring) if spring.coils else None
 
     def forces(seen: Observation) -> FloatArray:
@@ -107,9 +331,8 @@ def _channels(where: str, spring: Spring, rows: FloatArray, scalars: dict[str, l
     def surge(seen: Observation) -> FloatArray:
         stretch = seen.moved.extract(rows)
         travel = stretch.sum(axis=1, keepdims=True)
-        still = travel * spring.compliances / spring.compliances.sum()
-        if curve is not None:
-            still = curve.compression(travel[:, 0])
+        equal = travel * spring.compliances / spring.compliances.sum()
+        still = equal if curve is None else curve.compression(travel[:, 0])
         return np.abs(np.cumsum(stretch - still, axis=1)).max(axis=1)
 
     def clearance(seen: Observation) -> FloatArray:
@@ -117,17 +340,19 @@ def _channels(where: str, spring: Spring, rows: FloatArray, scalars: dict[str, l
         travel = len(rows) * stretch.max(axis=1) if curve is None else curve.travel_of(stretch)
         return (spring.clash_travel or 0.0) - travel
 
+    def stress(seen: Observation) -> FloatArray:
+        return (stress_factors * np.abs(forces(seen))).max(axis=1)
+
     def touching(seen: Observation) -> FloatArray:
         return np.maximum(seen.forces[:, clash] - solid, 0.0).sum(axis=1)
 
     found: list[Channel] = []
     if has_channels(spring):
-        found.append(Channel(f"{where}.force", force_unit(spring), end))
+        found.append(Channel(f"{where}.force", "N m" if spring.turns else "N", end))
         if spring.elements > 1:
             found.append(Channel(f"{where}.surge", "rad" if spring.turns else "m", surge))
         if spring.wire is not None:
-            stress = Channel(f"{where}.stress", "Pa", lambda seen: (stress_factors * np.abs(forces(seen))).max(axis=1))
-            found.append(stress)
+            found.append(Channel(f"{where}.stress", "Pa", stress))
         if clash:
             found.append(Channel(f"{where}.clearance", "m", clearance))
     if clash:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -22,7 +21,7 @@ from flexcam.fem.mesh import Mesh, refine
 from flexcam.fem.recovery import fibres, section_forces
 from flexcam.valvetrain.coupling import Coupling, opposed_force
 from flexcam.valvetrain.model import Model
-from flexcam.valvetrain.structure import Structure, build_structure, element_loads
+from flexcam.valvetrain.structure import Structure, element_loads
 
 
 def buckling_load(structure: Structure, member: str) -> float:
@@ -38,39 +37,27 @@ def buckling_load(structure: Structure, member: str) -> float:
     return _lowest_load(*_divide(structure.model, member, parts))
 
 
-@dataclass(frozen=True)
-class StiffStrut:
-    """Member with too few elements for its geometric stiffness."""
+def stiff_struts(model: Model) -> dict[str, tuple[float, int]]:
+    """Return the members with too few elements for their geometric stiffness, by name.
 
-    member: str
-    #: relative excess of the buckling load of the discretized member; infinite if no node is free to bend
-    excess: float
-    elements: int  #: sufficient number of elements
-
-
-def stiff_struts(model: Model) -> list[StiffStrut]:
-    """Return the members with too few elements for their geometric stiffness, whose buckling load is too high."""
-    asked = [name for name, member in model.members.items() if member.geometric_stiffness]
-    return list(_stiff(build_structure(model), asked)) if asked else []
-
-
-def _stiff(structure: Structure, members: list[str]) -> Iterator[StiffStrut]:
-    model = structure.model
-    for name in members:
+    The values are the relative excess of the buckling load, infinite if no node is free to bend, and a sufficient
+    number of elements.
+    """
+    found: dict[str, tuple[float, int]] = {}
+    for name, member in model.members.items():
         count = len(model.mesh.lines[name]) - 1
-        if 6 * count > DENSE_LIMIT or (parts := _parts(model, name)) == 1:
+        if not member.geometric_stiffness or 6 * count > DENSE_LIMIT or (parts := _parts(model, name)) == 1:
             continue
-        borne = _lowest_load(*_divide(model, name, 1))
-        right = _lowest_load(*_divide(model, name, parts))
+        borne, right = (_lowest_load(*_divide(model, name, each)) for each in (1, parts))
         if borne > (1.0 + _EXCESS_LIMIT) * right:
-            yield StiffStrut(name, borne / right - 1.0, parts * count)
+            found[name] = borne / right - 1.0, parts * count
+    return found
 
 
 _EXCESS_LIMIT = 0.05  # relative excess of the buckling load to report: two elements between supports stay below it
 
 
 def _lowest_load(alone: Beams, dofs: DofMap) -> float:
-    """Return the lowest buckling load of elements, N."""
     K, G = stiffness(alone, dofs), geometric(alone, np.full(len(alone), -1.0), dofs)
     numbers = dofs.numbers[np.unique(alone.nodes)]
     used = np.unique(numbers[numbers >= 0])
@@ -92,7 +79,6 @@ _MANY = 100  # number of elements of a member up to which they are divided: thei
 
 
 def _parts(model: Model, member: str) -> int:
-    """Return the number of parts of each element for sufficient resolution."""
     line, points = model.mesh.lines[member], model.mesh.points
     held = {node for point in model.supports for node in points[point].tolist()}
     inner = [i for i in range(1, len(line) - 1) if int(line[i]) in held]
@@ -208,15 +194,16 @@ def geometric_stiffness_forces(structure: Structure) -> Coupling:
         elements = elements_of(structure, name)
         where = f"members.{name}"
         if model.members[name].geometric_stiffness:
-            rows, arch = _deformation_rows(structure, elements), Arch.of(structure.beams, elements)
-            pairs = zip(np.split(rows, len(elements)), arch_laws(arch), strict=True)
+            arch = Arch.of(structure.beams, elements)
+            shapes = zip(deformation_matrix(structure.beams, elements), elements.tolist(), strict=True)
+            pairs = zip([D @ _local_rows(structure, e) for D, e in shapes], arch_laws(arch), strict=True)
             expansion = structure.beams.thermal[elements] / arch.axial  # a free elongation causes no force
             forces += [
                 replace(opposed_force(f"{where}.bending", part, law), offset=(constant(-free), *_NO_OFFSET))
                 for (part, law), free in zip(pairs, expansion.tolist(), strict=True)
             ]
-            pressed = _compression(arch, slice(first, first + len(rows)))
-            first += len(rows)
+            pressed = _compression(arch, slice(first, first + SCALARS * len(elements)))
+            first += SCALARS * len(elements)
         else:
             pressed = linear_compression(Bars(structure, elements))
         channels.append(Channel(f"{where}.compression", "N", pressed))
@@ -242,13 +229,7 @@ def _compression(arch: Arch, part: slice) -> Observable:
     return largest
 
 
-def _deformation_rows(structure: Structure, elements: IntArray) -> FloatArray:
-    """Return the rows of all scalars, shape (7 e, n)."""
-    each = zip(deformation_matrix(structure.beams, elements), elements.tolist(), strict=True)
-    return np.concatenate([D @ _ends(structure, e) for D, e in each])
-
-
-def _ends(structure: Structure, e: int) -> FloatArray:
+def _local_rows(structure: Structure, e: int) -> FloatArray:
     """Return the rows of an element's twelve local components, shape (12, n)."""
     beams, dofs = structure.beams, structure.dofs
     local = np.zeros((12, dofs.size))

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from flexcam.core import FloatArray, IntArray, Triplets
+from flexcam.core import FloatArray, IntArray, Triplets, component_members, connected_components
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.dynamics import Probe
 from flexcam.fem.assembly import distributed_load, element_weight, thermal_load
@@ -21,7 +21,7 @@ from flexcam.fem.frames import COMPONENTS
 from flexcam.fem.members import beams as fem_beams
 from flexcam.fem.rigid_bodies import free_motions, mass_at, place_matrix, scalar_matrix
 from flexcam.valvetrain.model import Model
-from flexcam.valvetrain.parts import Adjuster, Lash, Lever, LoadTable, Rocker, Spring, path_name, tip_name
+from flexcam.valvetrain.parts import Adjuster, Lash, Lever, LoadTable, Rocker, Seat, Spring, path_name, tip_name
 
 _ACROSS = 1e-6  # cosine below which directions are orthogonal
 
@@ -42,7 +42,7 @@ class Structure:
 
     def row(self, point: str, direction: FloatArray, where: str = "point") -> FloatArray:
         """Return the row that extracts the motion of a named point, shape (n,)."""
-        rocker = self.model.rocker_at(point)
+        rocker = self.model.rocker_points.get(point)
         if rocker is not None:
             along = float(direction @ rocker.direction) if direction.any() else 1.0
             if abs(along) < _ACROSS:
@@ -56,7 +56,7 @@ class Structure:
 
     def is_node(self, point: str) -> bool:
         """Return whether a point is a node of the mesh."""
-        return self.model.rocker_at(point) is None
+        return point not in self.model.rocker_points
 
     def path(self, rocker: Rocker) -> FloatArray:
         """Return the row of the motion of a rocker's driven end, shape (n,): for a lever its path."""
@@ -99,18 +99,16 @@ def find_node(model: Model, point: str, where: str) -> int:
     return model.mesh.node(point, where)
 
 
-def lash_row(structure: Structure, part: Lash | Adjuster, where: str) -> FloatArray:
-    """Return the row of the approach of both sides of a lash, shape (n,)."""
+def stop_row(structure: Structure, name: str, part: Seat | Lash | Adjuster) -> FloatArray:
+    """Return the row of the approach of both sides of a seat or lash, shape (n,)."""
+    where = f"contacts.{name}"
+    if isinstance(part, Seat):
+        return -structure.row(part.at, part.direction, f"{where}.at")
     if part.ends is not None and part.direction is not None:
         first, second = (structure.row(end, part.direction, where) for end in part.ends)
         return first - second
     rocker = structure.model.rockers[str(part.rocker)]
     return structure.reach(rocker) - structure.dofs.unit(rocker.point)
-
-
-def inner_name(spring: str, i: int) -> str:
-    """Return the name of a spring's inner unknown, counted from the fixed end."""
-    return f"springs.{spring}.{i}"
 
 
 def spring_ends(structure: Structure, name: str, spring: Spring) -> tuple[FloatArray, FloatArray]:
@@ -130,7 +128,7 @@ def spring_row(structure: Structure, name: str, spring: Spring) -> FloatArray:
 def spring_parts(structure: Structure, name: str, spring: Spring) -> list[tuple[FloatArray, FloatArray]]:
     """Return the rows of the ends of each part of a spring, from its fixed to its moving end."""
     moving, other = spring_ends(structure, name, spring)
-    inner = [structure.dofs.unit(inner_name(name, i)) for i in range(1, spring.elements)]
+    inner = [structure.dofs.unit(one) for one in structure.model.inner_unknowns[f"springs.{name}"]]
     return list(pairwise([other, *inner, moving]))
 
 
@@ -151,10 +149,9 @@ def nest_rows(structure: Structure, names: tuple[str, str]) -> FloatArray:
 @lru_cache(maxsize=4)
 def build_structure(model: Model) -> Structure:
     """Assemble the passive part of a model."""
-    inner = [inner_name(name, i) for name, spring in model.springs.items() for i in range(1, spring.elements)]
     dofs = dof_map(model.mesh, model.supports.items(), _single(model), rigid_ties(model.mesh, model.rigid_links))
-    modes = [name for names in model.superelement_modes.values() for name in names]
-    bare = build_structure_in(model, dofs.extend([*model.further_unknowns, *inner, *modes]))
+    inner = [name for names in model.inner_unknowns.values() for name in names]
+    bare = build_structure_in(model, dofs.extend([*model.further_unknowns, *inner]))
     return replace(
         bare, free=strain_free_motions(bare, (one for one in elastic_stretches(bare) if one.stiffness > 0.0))
     )
@@ -163,7 +160,8 @@ def build_structure(model: Model) -> Structure:
 def strain_free_motions(structure: Structure, stretches: Iterable[Stretch]) -> FloatArray:
     """Return the motions, shape (n, k), that strain neither members and superelements nor some springs."""
     model = structure.model
-    modes = [structure.dofs.unit(name) for names in model.superelement_modes.values() for name in names]
+    bodies = (model.inner_unknowns[f"superelements.{name}"] for name in model.superelements)
+    modes = [structure.dofs.unit(name) for names in bodies for name in names]
     return free_motions(model.mesh, structure.dofs, [*(one.row for one in stretches), *modes])
 
 
@@ -186,13 +184,12 @@ def build_structure_in(model: Model, dofs: DofMap) -> Structure:
 
 def superelement_dofs(structure: Structure, name: str) -> IntArray:
     """Return the numbers of the unknowns of a superelement, -1 where a support holds a component."""
-    model, names = structure.model, structure.dofs.names
-    nodal = [structure.dofs.numbers[node] for node in model.mesh.bodies[name]]
-    return np.concatenate([*nodal, np.array([names.index(mode) for mode in model.superelement_modes[name]], np.intp)])
+    nodal = [structure.dofs.numbers[node] for node in structure.model.mesh.bodies[name]]
+    modes = structure.model.inner_unknowns[f"superelements.{name}"]
+    return np.concatenate([*nodal, np.array([structure.dofs.names.index(mode) for mode in modes], np.intp)])
 
 
 def _masses(bare: Structure) -> Iterator[Triplets]:
-    """Yield the masses of bodies, rockers and springs."""
     for name, part in bare.model.masses.items():
         if bare.is_node(part.at):
             yield mass_at(find_node(bare.model, part.at, f"masses.{name}.at"), part.body, bare.dofs)
@@ -248,6 +245,16 @@ def _single(model: Model) -> list[tuple[int, FloatArray]]:
     return [(node, size) for node, size in nodes if not used[node]]
 
 
+def coupled_groups(structure: Structure, rows: Iterable[FloatArray] = ()) -> list[IntArray]:
+    """Return the unknowns of each part that is coupled by mass, stiffness or rows."""
+    both = structure.mass + structure.stiffness
+    coupled = both.values != 0.0
+    pairs = [(both.rows[coupled], both.cols[coupled])]
+    pairs += [(np.full(len(at), at[0]), at) for at in map(np.flatnonzero, rows) if len(at)]
+    first, second = (np.concatenate(part) for part in zip(*pairs, strict=True))
+    return component_members(connected_components(both.size, first, second))
+
+
 def member_masses(model: Model) -> dict[str, float]:
     """Return the mass of every member."""
     beams = fem_beams(model.mesh, model.members)
@@ -272,7 +279,7 @@ def distribute_load(structure: Structure, name: str) -> FloatArray:
 
 def probe_of(structure: Structure, point: str) -> Probe:
     """Return the probe of a point: its six components, or the motion of a rocker's point."""
-    if structure.model.rocker_at(point) is not None:
+    if point in structure.model.rocker_points:
         return Probe(point, (point,), structure.row(point, np.zeros(6))[None, :], (None,))
     node = find_node(structure.model, point, "output.probes")
     rows = np.array([structure.dofs.vector(node, unit) for unit in np.eye(6)])

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from flexcam import dynamics
-from flexcam.core import DENSE_LIMIT, IntArray, Triplets, component_members, connected_components
+from flexcam.core import DENSE_LIMIT, IntArray, Triplets
 from flexcam.core.errors import InputError, parse_all, refuse
 from flexcam.dynamics import Channel, DofSubset, Observable, Observation, Probe, System, observable_sum
 from flexcam.fem.assembly import modal_damping, rayleigh_damping
@@ -29,7 +29,7 @@ from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Adjuster, CamContact, Contact, Lash, PublishedLoad, Seat
 from flexcam.valvetrain.springs import couple_springs
 from flexcam.valvetrain.strength import geometric_stiffness_forces
-from flexcam.valvetrain.structure import Structure, build_structure, inner_name, probe_of
+from flexcam.valvetrain.structure import Structure, build_structure, coupled_groups, probe_of
 
 _MODAL_LIMIT = 2 * DENSE_LIMIT  # maximum number of unknowns for which all modes are computed
 
@@ -108,7 +108,6 @@ def _reactions(end: ShaftDrive) -> list[Observable]:
 def _torque(
     end: ShaftDrive, others: Sequence[Observable], contacts: Sequence[Coupling], parts: Sequence[_Part], speed: float
 ) -> Channel:
-    """Return the drive torque of a prescribed shaft rotation."""
     model = end.freed.model
     each = [inertia_torque(end), *map(_offset_positions, others, parts[len(contacts) :])]
     for part, (name, contact), coupling in zip(parts, model.contacts.items(), contacts, strict=False):
@@ -145,16 +144,7 @@ def _damping(structure: Structure) -> Triplets:
         why = "every mode of the model takes part, and the matrix is full"
         given, remedy = f"modal damping of {structure.dofs.size} unknowns", "use damping = { alpha = ..., beta = ... }"
         raise refuse("run.damping.modal", given, f"up to {_MODAL_LIMIT} unknowns", why, remedy)
-    return Triplets.sum(
-        [matrix, *(_modal_damping(structure, one, given.modal) for one in _uncoupled_groups(structure))]
-    )
-
-
-def _uncoupled_groups(structure: Structure) -> list[IntArray]:
-    """Return the unknowns of each part of a structure that is uncoupled in mass and stiffness."""
-    both = structure.mass + structure.stiffness
-    coupled = both.values != 0.0
-    return component_members(connected_components(both.size, both.rows[coupled], both.cols[coupled]))
+    return Triplets.sum([matrix, *(_modal_damping(structure, one, given.modal) for one in coupled_groups(structure))])
 
 
 def _modal_damping(structure: Structure, part: IntArray, ratio: float) -> Triplets:
@@ -203,24 +193,10 @@ def _inner_probes(structure: Structure) -> list[Probe]:
     Results then contain every unknown, so that a run can be resumed from them.
     """
     model = structure.model
+    groups = {name: [name] for name in model.further_unknowns if name not in model.loose_points} | model.inner_unknowns
     loose = [probe_of(structure, point) for point in model.loose_points if point not in model.probes]
-    loose += [
-        Probe(name, (name,), structure.dofs.unit(name)[None, :], (None,))
-        for name in model.further_unknowns
-        if name not in model.loose_points
-    ]
-    springs = [(name, spring) for name, spring in model.springs.items() if spring.elements > 1]
-    inner = [
-        Probe(
-            f"springs.{name}", tuple(str(i) for i in range(1, spring.elements)),
-            np.array([structure.dofs.unit(inner_name(name, i)) for i in range(1, spring.elements)]),
-            (None,) * (spring.elements - 1),
-        )
-        for name, spring in springs
+    return loose + [
+        Probe(part, tuple(name.removeprefix(f"{part}.") for name in names),
+              np.array([structure.dofs.unit(name) for name in names]), (None,) * len(names))
+        for part, names in groups.items() if names
     ]  # fmt: skip
-    bodies = [
-        Probe(f"superelements.{name}", tuple(str(i + 1) for i in range(len(modes))),
-              np.array([structure.dofs.unit(mode) for mode in modes]), (None,) * len(modes))
-        for name, modes in model.superelement_modes.items() if modes
-    ]  # fmt: skip
-    return loose + inner + bodies

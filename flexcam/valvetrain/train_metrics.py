@@ -27,12 +27,10 @@ Bools = NDArray[np.bool_]
 _REOPENING_LIFT = 1e-6  # lift above the seat, m, above which a closed valve counts as reopened; less for small lifts
 _TOUCH_PART = 2e-4  # the same relative to the lift, which governs up to 5 mm, as for watch mechanisms
 
+# tolerance of cam angle for a complete revolution, rad: a fluctuating speed may leave a gap
 _REVOLUTION_TOLERANCE = math.radians(355.0)
-"""Tolerance of cam angle for a complete revolution, rad: a fluctuating speed may leave a gap."""
-
+# fraction of the lift, above ramps and lash, above which a cam is on its main lift: below it ringing dominates
 _MAIN_LIFT_FRACTION = 0.05
-"""Fraction of the lift, above ramps and lash, above which a cam is on its main lift: below it ringing dominates."""
-
 _LARGEST_MAIN_LIFT = 0.5  # largest fraction of the lift for the same, for a lash that takes up most of the lift
 
 OPEN = math.radians(0.5)
@@ -80,11 +78,9 @@ def _touches(gap: FloatArray, velocity: FloatArray) -> Bools:
     return touched
 
 
+# gap relative to the lift up to which a valve is at its seat, as it is in the rigid model but for rounding
 _GAP_ROUNDING = 1e-12
-"""Gap relative to the lift up to which a valve is at its seat, as it is in the rigid model but for rounding."""
-
-_STEP_MARGIN = 1.5
-"""Travel of a step relative to that of the one before, up to which a rebound is possible."""
+_STEP_MARGIN = 1.5  # travel of a step relative to that of the one before, up to which a rebound is possible
 
 
 def _touch_velocity(gap: FloatArray, velocity: FloatArray) -> float:
@@ -189,7 +185,6 @@ def _metric_name(channel: str) -> str:
 
 
 def _nose(model: Model, contact: str, angle: FloatArray) -> int | None:
-    """Return the instant nearest to the maximum lift of a contact's cam; None if the run does not come near it."""
     top = event_extremes(model.cams[model.cam_contacts[contact].cam].event)[1].at
     near = np.cos(angle - top)
     return int(np.argmax(near)) if float(near.max()) > math.cos(_NOSE_TOLERANCE) else None
@@ -206,8 +201,8 @@ _LARGEST = (
 )  # fmt: skip
 """Suffixes of channels with a metric of maximum magnitude."""
 
+# suffixes of channels whose metric is the maximum with its sign: a column that pumped up has a negative leak-down
 _SIGNED = (".compression", ".leak_down")
-"""Suffixes of channels whose metric is the maximum with its sign: a column that pumped up has a negative leak-down."""
 
 
 def _seat(response: Response, where: str, last: Bools) -> list[Metric]:
@@ -258,7 +253,6 @@ def spring_held_contacts(model: Model) -> list[str]:
 
 
 def _nose_force(model: Model, response: Response, name: str, last: Bools) -> list[Metric]:
-    """Return the minimum force of a cam contact over the nose."""
     over = _flanks(model.cams[model.cam_contacts[name].cam].event, response.angle[last])["nose"]
     force = response.channels[f"contacts.{name}.force"][last][over]
     return [Metric(f"contacts.{name}.{_NOSE_FORCE}", float(force.min()), "N")] if len(force) else []
@@ -322,7 +316,6 @@ def contact_loss(model: Model, response: Response, contact: str, instants: Bools
 
 
 def _flanks(event: Event, angle: FloatArray) -> dict[str, Bools]:
-    """Return which cam angles lie on the opening flank, the nose and the closing flank."""
     closing, opening = (end.at for end in event_extremes(event, 1))
     after, nose = np.mod(angle - opening, 2.0 * math.pi), (closing - opening) % (2.0 * math.pi)
     middle = nose + 0.5 * (2.0 * math.pi - nose)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from functools import lru_cache
 from itertools import pairwise
 
@@ -13,19 +13,19 @@ from flexcam.valvetrain.parts import CamPair, Lash, NodeLash, Rocker
 @lru_cache(maxsize=64)
 def moved_nodes(model: Model, contact: CamPair) -> tuple[int, ...]:
     """Return the nodes moved by a follower through members, links and lash."""
-    joined, found = _adjacency(model), dict[int, None]()
+    found = dict[int, None]()
     if contact.follower in model.mesh.points:
-        found |= dict.fromkeys(_nodes_by_distance(joined, model.mesh.node(contact.follower)))
+        found |= dict.fromkeys(connected_nodes(model, model.mesh.node(contact.follower)))
 
     plays = [(play.ends[0], model.mesh.node(play.ends[1])) for play in model.lashes]
     while behind := [end for start, end in plays if end not in found and _is_driven(model, contact, start, found)]:
-        found |= dict.fromkeys(_nodes_by_distance(joined, behind[0]))
+        found |= dict.fromkeys(connected_nodes(model, behind[0]))
     return tuple(found)
 
 
 def _is_driven(model: Model, contact: CamPair, start: str, moved: Collection[int]) -> bool:
     """Return whether a node or point of a rocker moves with a follower and the nodes that it moves."""
-    rocker = model.rocker_at(start)
+    rocker = model.rocker_points.get(start)
     end = start if rocker is None else rocker.start
     return end == contact.follower or (end in model.mesh.points and model.mesh.node(end) in moved)
 
@@ -34,7 +34,7 @@ def lashes_before(model: Model, node: int, plays: Sequence[NodeLash]) -> list[No
     """Return the lash elements in series between nodes before a node moves."""
     found: list[NodeLash] = []
     left = list(plays)
-    while before := [one for one in left if model.mesh.node(one.ends[1]) in model.connected_nodes(node)]:
+    while before := [one for one in left if model.mesh.node(one.ends[1]) in connected_nodes(model, node)]:
         found.insert(0, before[0])
         left.remove(before[0])
         if before[0].ends[0] not in model.mesh.points:  # a rocker's point
@@ -43,6 +43,7 @@ def lashes_before(model: Model, node: int, plays: Sequence[NodeLash]) -> list[No
     return found
 
 
+@lru_cache(maxsize=4)
 def _adjacency(model: Model) -> dict[int, list[int]]:
     """Return adjacency by members, superelements and links of both kinds."""
     points = model.mesh.points
@@ -57,24 +58,20 @@ def _adjacency(model: Model) -> dict[int, list[int]]:
     return found
 
 
-def _nodes_by_distance(joined: Mapping[int, Sequence[int]], start: int) -> list[int]:
-    """Return the nodes connected to a node, nearest first."""
-    reached = {start: None}
-    waiting = [start]
-    for node in waiting:  # grows as it goes
-        fresh = [one for one in joined.get(node, ()) if one not in reached]
-        waiting += dict.fromkeys(fresh)
-        reached |= dict.fromkeys(fresh)
-    return list(reached)
+def connected_nodes(model: Model, node: int) -> list[int]:
+    """Return the nodes connected to a node by members, superelements and links, nearest first, with the node itself."""
+    joined, reached = _adjacency(model), {node: None}
+    waiting = [node]
+    for near in waiting:  # grows as it goes
+        fresh = dict.fromkeys(one for one in joined.get(near, ()) if one not in reached)
+        waiting += fresh
+        reached |= fresh
+    return waiting
 
 
 def rocker_of(model: Model, contact: CamPair) -> Rocker | None:
     """Return the rocker driven by or identical to a follower, or None."""
-    return _rocker_at(model, contact, moved_nodes(model, contact))
-
-
-def _rocker_at(model: Model, contact: CamPair, moved: Collection[int]) -> Rocker | None:
-    """Return the rocker that starts at a follower or at a node that it moves, or None."""
+    moved = moved_nodes(model, contact)
     return next((one for one in model.rockers.values() if _is_driven(model, contact, one.start, moved)), None)
 
 
@@ -90,7 +87,6 @@ def driving_contact(model: Model, point: str) -> str | None:
 
 def is_in_train(model: Model, contact: CamPair, play: Lash) -> bool:
     """Return whether a lash is in the train of a contact."""
-    moved = moved_nodes(model, contact)
     if play.ends is not None:
-        return _is_driven(model, contact, play.ends[0], moved)
-    return play.rocker is not None and model.rockers[play.rocker] is _rocker_at(model, contact, moved)
+        return _is_driven(model, contact, play.ends[0], moved_nodes(model, contact))
+    return play.rocker is not None and model.rockers[play.rocker] is rocker_of(model, contact)

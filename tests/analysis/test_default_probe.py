@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from flexcam import prepare, read_case
-from flexcam.analysis.prepared_run import driven_probe, scalar_probe
+from flexcam.analysis.preparation import driven_probe, scalar_probe
 from flexcam.core.errors import InputError
 
 CAMSHAFT, BUCKET = "cases/camshaft-4cyl/camshaft.toml", "cases/direct-acting/bucket.toml"

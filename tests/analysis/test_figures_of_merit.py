@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case, solve
-from flexcam.analysis.figures_of_merit import SPRING_MARGIN, compute_margins, figures_of_merit
-from flexcam.analysis.run_metrics import compute_metrics
+from flexcam.analysis.run_metrics import SPRING_MARGIN, compute_margins, compute_metrics, figures_of_merit
 from flexcam.core.units import RPM
 
 pytestmark = pytest.mark.usefixtures("machine_code")

@@ -28,7 +28,7 @@ from flexcam.analysis.model_choice import (
     steps_per_revolution_of,
     total_work,
 )
-from flexcam.analysis.prepared_run import scalar_probe
+from flexcam.analysis.preparation import scalar_probe
 from flexcam.analysis.run_checks import describe_model_limits
 from flexcam.case.variants import with_elements, with_steps
 from flexcam.dynamics import Cause, Status, integrated_size, outline

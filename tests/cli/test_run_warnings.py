@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, prepare, read_case, read_result, run
-from flexcam.analysis.figures_of_merit import SPRING_MARGIN
 from flexcam.analysis.run_checks import check_events, check_transient
-from flexcam.analysis.run_metrics import RevolutionChange
+from flexcam.analysis.run_metrics import SPRING_MARGIN, RevolutionChange
 from flexcam.case.starters import new_case
 from flexcam.report.tables import describe_contacts
 from flexcam.valvetrain import Metric

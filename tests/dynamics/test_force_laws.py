@@ -50,7 +50,6 @@ from flexcam.fem.elements.arch import Arch
 from flexcam.valvetrain import Lever, Pulsation
 from flexcam.valvetrain.cam_contact import HertzLine
 from flexcam.valvetrain.contacts import lever_end
-from flexcam.valvetrain.springs import pulsating_spring
 from flexcam.valvetrain.strength import arch_laws
 
 
@@ -86,7 +85,7 @@ CASES = {
     "oil column": (oil_column_law(2e7, 5e4, 60.0, 12.0), 1e-4, 2.0),
     "oil chamber": (ForceLaw(OIL_CHAMBER, CHAMBER), 1e-4, 2.0),
     "chamber without much air": (ForceLaw(OIL_CHAMBER, NO_AIR), 1e-4, 2.0),
-    "pulsating": (pulsating_spring(4e4, Pulsation(2.0, 0.7, 0.3)), 1e-3, 2.0),
+    "pulsating": (Pulsation(2.0, 0.7, 0.3).law(4e4), 1e-3, 2.0),
     "lever, driven end": (lever_end(LEVER, 0), 2e-3, 2.0),
     "lever, point": (lever_end(LEVER, 1), 2e-3, 2.0),
     "table": (force_table_law([-4e-4, 0.0, 2e-4, 7e-4], [-20.0, 0.0, 25.0, 30.0]), 1e-3, 2.0),

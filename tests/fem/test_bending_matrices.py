@@ -71,14 +71,11 @@ def test_stiffness(phi):
     assert close(bending.stiffness(np.array([EI]), np.array([L]), np.array([phi]))[0], expected)
 
 
-def test_translational_mass(phi):
-    expected = RHO_A * integral(deflection(phi), deflection(phi))
-    assert close(bending.translational_mass(np.array([RHO_A]), np.array([L]), np.array([phi]))[0], expected)
-
-
-def test_rotary_mass(phi):
-    expected = RHO_I * integral(rotation(phi), rotation(phi))
-    assert close(bending.rotary_mass(np.array([RHO_I]), np.array([L]), np.array([phi]))[0], expected)
+@pytest.mark.parametrize(("rho_A", "rho_I"), [(RHO_A, 0.0), (0.0, RHO_I), (RHO_A, RHO_I)])
+def test_consistent_mass(phi, rho_A, rho_I):
+    expected = rho_A * integral(deflection(phi), deflection(phi)) + rho_I * integral(rotation(phi), rotation(phi))
+    made = bending.consistent_mass(np.array([rho_A]), np.array([rho_I]), np.array([L]), np.array([phi]))[0]
+    assert close(made, expected)
 
 
 def test_geometric(phi):
@@ -106,7 +103,7 @@ def test_bar(lumped):
 def test_lumped_mass_keeps_the_mass_and_hinton_s_ratio():
     # HRZ: diagonal of the consistent matrix scaled to the total mass: rotations 4/(2 156) m L^2 = m L^2/78.
     lumped = bending.lumped_mass(np.array([RHO_A]), np.array([0.0]), np.array([L]))[0]
-    consistent = bending.translational_mass(np.array([RHO_A]), np.array([L]), np.array([0.0]))[0]
+    consistent = bending.consistent_mass(np.array([RHO_A]), np.array([0.0]), np.array([L]), np.array([0.0]))[0]
     scale = RHO_A * L / (consistent[0, 0] + consistent[2, 2])
     assert close(lumped, scale * np.diag(np.diag(consistent)))
 

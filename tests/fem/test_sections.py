@@ -83,11 +83,6 @@ def test_refused(make):
         make()
 
 
-def test_given_replaces_only_what_is_given():
-    section = Section.rectangle(2.0, 2.0).given(J=8 / 3)
-    assert (section.J, section.kappa_y) == (8 / 3, pytest.approx(5 / 6))
-
-
 @pytest.mark.parametrize("same", [Section.circle(0.03), Section.rectangle(0.03, 0.02)], ids=["circle", "rectangle"])
 def test_fibres_that_are_not_given(same):
     """Twice the radius of gyration: exact for a solid circle, on the safe side for a rectangle."""

@@ -35,7 +35,6 @@ from flexcam.fem.elements.arch import Arch
 from flexcam.valvetrain import Lever, Pulsation
 from flexcam.valvetrain.cam_contact import HertzLine
 from flexcam.valvetrain.contacts import lever_end
-from flexcam.valvetrain.springs import pulsating_spring
 from flexcam.valvetrain.strength import arch_laws
 from tests import integrators as tried
 from tests.rounding import stronger
@@ -82,7 +81,7 @@ KINDS = {
     "sliding": lambda rng, k: (replace(hunt_crossley_contact(k, 0.3), friction=(0.1, 0.05)), 2),
     "sliding line": lambda rng, k: (replace(LINE.law(), friction=(0.1, 0.05)), 2),
     "oil": lambda rng, k: (oil_column_law(k, 0.1 * k, 1e-3 * k, 5.0), 1),
-    "pulsating": lambda rng, k: (pulsating_spring(k, Pulsation(2.0, 0.4)), 2),
+    "pulsating": lambda rng, k: (Pulsation(2.0, 0.4).law(k), 2),
     "lever": lambda rng, k: (lever_end(LEVER, int(rng.integers(2))), 2),
     "arch": lambda rng, k: (arch(rng), 7),
 }

@@ -23,7 +23,7 @@ from flexcam.plotting.scene.motion import (
     rotation_matrices,
     sweep_outline,
 )
-from flexcam.plotting.scene.parts import CoilSizes, cam_frame, coil_solid, lobe_solid
+from flexcam.plotting.scene.parts import CamFrame, CoilSizes, coil_solid, lobe_solid
 from flexcam.plotting.scene.solids import (
     CIRCLE_POINTS,
     Solid,
@@ -35,7 +35,7 @@ from flexcam.plotting.scene.solids import (
     ring,
     section_outlines,
 )
-from flexcam.valvetrain import Cam, build_structure
+from flexcam.valvetrain import build_structure
 
 ROOT = Path(__file__).parents[2]
 STEEL = Material(E=207e9, nu=0.29, density=7800.0)
@@ -151,9 +151,9 @@ FOLLOWERS = [FlatFollower(0.024), RollerFollower(0.02, 0.009, 0.003), SwingRolle
 @pytest.mark.parametrize("follower", FOLLOWERS)
 def test_a_lobe_is_the_profile(follower, cam_turn):
     """Points of the solid are those of the profile at the same angles, and none lies inside the follower."""
-    cam, lift, axis = Cam("cam", EVENT, follower, cam_turn), np.array([0.0, 0.6, 0.8]), np.array([-1.0, 0.0, 0.0])
-    frame = cam_frame(cam, follower, np.zeros(3), lift, axis, 0.012)
+    lift, axis = np.array([0.0, 0.6, 0.8]), np.array([-1.0, 0.0, 0.0])
     profile = cam_profile(EVENT, follower, count=360, turn=cam_turn)
+    frame = CamFrame(profile, np.zeros(3), lift, axis, 0.012)
     for angle in (0.0, 1.0, 2.3, 4.0):
         solid = lobe_solid(frame, angle, np.zeros(6))
         assert is_closed(solid)
@@ -175,7 +175,7 @@ def test_a_lobe_is_the_profile(follower, cam_turn):
 @pytest.mark.parametrize("follower", FOLLOWERS)
 def test_a_cam_turns_in_the_sense_of_its_axis(follower):
     axis = np.array([0.0, 0.0, 1.0])
-    frame = cam_frame(Cam("cam", EVENT, follower), follower, np.zeros(3), np.array([0.0, 1.0, 0.0]), axis, 0.01)
+    frame = CamFrame(cam_profile(EVENT, follower), np.zeros(3), np.array([0.0, 1.0, 0.0]), axis, 0.01)
     contours = (frame.contour(angle) for angle in (0.2, 0.2 + 1e-6))
     before, after = (np.column_stack([one.real, one.imag]) @ frame.plane for one in contours)
     turned = np.cross(before, after) @ axis
@@ -184,9 +184,8 @@ def test_a_cam_turns_in_the_sense_of_its_axis(follower):
 
 def test_a_follower_begins_to_move_along_the_lift():
     for follower in FOLLOWERS:
-        frame = cam_frame(
-            Cam("cam", EVENT, follower), follower, np.zeros(3), np.array([0.0, -1.0, 0.0]), np.array([1.0, 0, 0]), 0.01
-        )
+        lift, axis = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])
+        frame = CamFrame(cam_profile(EVENT, follower), np.zeros(3), lift, axis, 0.01)
         step = (frame.contact_end(1e-7) - frame.contact_end(0.0)) / 1e-7
         assert abs(step - 1j) < 1e-5
 
@@ -289,7 +288,7 @@ def test_cam_follower_and_valve_stay_together_as_the_train_turns(name):
         cam, touching = solids["lobe"].points @ lift, solids.get("roller", solids.get("follower"))
         if "roller" in solids:
             centre = touching.points.mean(axis=0)
-            plane = drawn.cams[0].frame.plane
+            plane = drawn.cams[0].plane
             gaps.append(np.linalg.norm((solids["lobe"].points - centre) @ plane.T, axis=1).min() - 0.0085)
         else:
             gaps.append((touching.points @ lift).min() - cam.max())

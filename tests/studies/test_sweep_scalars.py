@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case, read_result, run, solve
-from flexcam.analysis.prepared_run import scalar_probe
+from flexcam.analysis.preparation import scalar_probe
 from flexcam.analysis.published_claims import deviation
 from flexcam.analysis.run_metrics import compute_metrics
 from flexcam.dynamics import SLOPES, Cause, peak

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, build_model, prepare, read_case, run
-from flexcam.analysis.prepared_run import scalar_probe
+from flexcam.analysis.preparation import scalar_probe
 from flexcam.dynamics import ConstantSpeed, solve
 from flexcam.plotting.scene.motion import rigid_motion as rigid_motion_of
 from flexcam.valvetrain import build_structure, pulling_contacts, rigid_motion

@@ -15,7 +15,7 @@ from flexcam.analysis.model_choice import estimate_errors, run_histories
 from flexcam.cams import HarmonicLift
 from flexcam.case.variants import with_elements
 from flexcam.valvetrain import Spring, build_structure
-from flexcam.valvetrain.spring_properties import count_spring_parts, surge_frequency
+from flexcam.valvetrain.springs import count_spring_parts, surge_frequency
 
 FINGER = Path("cases/direct-acting/finger.toml")
 UP = np.eye(6)[1]

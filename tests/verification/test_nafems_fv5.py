@@ -8,6 +8,7 @@ Printed: 42.649 (x2), 77.542, 125.00, 148.31 (x2), 233.10, 284.55 (x2) Hz.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -29,7 +30,7 @@ NAMES = (
     "bending 3",
 )
 LENGTH, STEEL = 10.0, Material(200e9, 0.3, 8000.0)
-SQUARE = Section.rectangle(2.0, 2.0).given(J=8.0 / 3.0)
+SQUARE = replace(Section.rectangle(2.0, 2.0), J=8.0 / 3.0)
 BENDING = (0, 4, 7)
 HELD = [("start", ("ux", "uy", "uz", "rx")), ("end", ("uy", "uz"))]
 

@@ -14,9 +14,9 @@ import pytest
 from scipy.optimize import brentq
 
 from flexcam import build_model, prepare, read_case, run
-from flexcam.analysis.figures_of_merit import compute_margins
 from flexcam.analysis.limits import Search, find_limits
 from flexcam.analysis.run_checks import check_input
+from flexcam.analysis.run_metrics import compute_margins
 from flexcam.case.input_checks import check_shared_seat_load
 
 SOURCE = "Rigid follower"

@@ -8,8 +8,8 @@ import pytest
 
 import flexcam
 from flexcam.analysis.comparison import compare_models_over_speed, divergence_speed
-from flexcam.analysis.figures_of_merit import compute_margins
 from flexcam.analysis.limits import Search, find_limits
+from flexcam.analysis.run_metrics import compute_margins
 from flexcam.valvetrain import separation
 
 RPM = math.pi / 30.0

@@ -16,7 +16,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from flexcam import build_model, modes, prepare, read_case, run
 from flexcam.dynamics import ConstantSpeed, equilibrium
-from flexcam.valvetrain.spring_properties import condense_spring, spring_curve, spring_frequencies
+from flexcam.valvetrain.springs import condense_spring, spring_curve, spring_frequencies
 
 SOURCE = "Coil springs"
 CASE = """

@@ -265,7 +265,7 @@ def test_cam_deflection_changes_one_percent(record, published, rpm, law):
 
 def test_printed_mass_matrix_is_indefinite(record):
     """Table 2 has -13 L at (2,3) of the x-y mass: with it a motion has negative kinetic energy; +13 L is the mass."""
-    ours = bending.translational_mass(np.array([420.0]), np.ones(1), np.zeros(1))[0]
+    ours = bending.consistent_mass(np.array([420.0]), np.zeros(1), np.ones(1), np.zeros(1))[0]
     printed = ours.copy()
     printed[1, 2] = printed[2, 1] = -13.0
     assert ours[1, 2] == pytest.approx(13.0)

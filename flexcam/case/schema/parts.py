@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import tau
 from typing import Annotated, ClassVar, Literal, Self
 
@@ -83,11 +84,12 @@ class _SectionRecord(PartRecord[Section | Taper]):
         """Build the section, with the given torsion constant and shear factors."""
         given: list[float | tuple[float, float]] = [getattr(self, key) for key in self.dimensions]
         start, end = (tuple(one[i] if isinstance(one, tuple) else one for one in given) for i in (0, 1))
+        known = {key: value for key in ("J", "kappa_y", "kappa_z") if (value := getattr(self, key)) is not None}
         if start == end:
-            return self.kind(*start).given(J=self.J, kappa_y=self.kappa_y, kappa_z=self.kappa_z)
+            return replace(self.kind(*start), **known)
         if self.J is not None:
             raise refuse("J", f"{self.J:g} m^4", "no J of a tapered section", "it varies over the length")
-        return Taper(self.kind, start, end, self.kappa_y, self.kappa_z)
+        return Taper(self.kind, start, end, known)
 
 
 class CircleRecord(_SectionRecord):

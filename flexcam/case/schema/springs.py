@@ -27,7 +27,7 @@ from flexcam.case.schema.base import (
     value_error,
 )
 from flexcam.fem.frames import direction
-from flexcam.valvetrain.spring_properties import Coils, coil_spring, install_spring
+from flexcam.valvetrain.springs import Coils, coil_spring, install_spring
 
 _COIL_CONTACT_RATIO = 50.0
 """Default ratio of the stiffness of touching coils to that of the spring part between them: flexcam's choice."""

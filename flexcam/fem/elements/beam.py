@@ -112,8 +112,7 @@ def mass(beams: Beams) -> FloatArray:
 
 
 def _bending_mass(beams: Beams, rho_I: FloatArray, phi: FloatArray) -> FloatArray:
-    consistent = bending.translational_mass(beams.rho_A, beams.length, phi)
-    consistent += bending.rotary_mass(rho_I, beams.length, phi)
+    consistent = bending.consistent_mass(beams.rho_A, rho_I, beams.length, phi)
     lumped = bending.lumped_mass(beams.rho_A, rho_I, beams.length)
     return np.where(beams.lumped[:, None, None] > 0.0, lumped, consistent)
 

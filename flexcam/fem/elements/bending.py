@@ -112,13 +112,17 @@ def stiffness(EI: FloatArray, L: FloatArray, phi: FloatArray) -> FloatArray:
     return _symmetric(L, 12 * k, 6 * k, -12 * k, 6 * k, (4 + phi) * k, (2 - phi) * k)
 
 
-def translational_mass(rho_A: FloatArray, L: FloatArray, phi: FloatArray) -> FloatArray:
-    """Return the consistent mass; for phi = 0 it is rho A L/420 [156, 22L, 54, -13L; ., 4L^2, 13L, -3L^2; ...].
+def consistent_mass(rho_A: FloatArray, rho_I: FloatArray, L: FloatArray, phi: FloatArray) -> FloatArray:
+    """Return the consistent mass with the rotary inertia.
+
+    For phi = 0 it is rho A L/420 [156, 22L, 54, -13L; ., 4L^2, 13L, -3L^2; ...] plus rho I/(30L) [36, 3L, -36, 3L; .,
+    4L^2, -3L, -L^2; ...].
 
     Parameters
     ----------
-    rho_A, L, phi
-        Mass per length, kg/m; lengths, m; shear parameter; shape (e,) each.
+    rho_A, rho_I, L, phi
+        Mass (kg/m) and rotary inertia (kg m; zero where switched off) per length; lengths, m; shear parameter; shape
+        (e,) each.
 
     Returns
     -------
@@ -128,14 +132,14 @@ def translational_mass(rho_A: FloatArray, L: FloatArray, phi: FloatArray) -> Flo
     Examples
     --------
     >>> one = np.ones(1)
-    >>> translational_mass(420 * one, one, 0 * one)[0].round(9)
-    array([[156.,  22.,  54., -13.],
-           [ 22.,   4.,  13.,  -3.],
-           [ 54.,  13., 156., -22.],
-           [-13.,  -3., -22.,   4.]])
+    >>> consistent_mass(420 * one, 30 * one, one, 0 * one)[0].round(9)
+    array([[192.,  25.,  18., -10.],
+           [ 25.,   8.,  10.,  -4.],
+           [ 18.,  10., 192., -25.],
+           [-10.,  -4., -25.,   8.]])
     """
-    m = rho_A * L / (840.0 * (1.0 + phi) ** 2)
-    return _symmetric(
+    m, r = rho_A * L / (840.0 * (1.0 + phi) ** 2), rho_I / (30.0 * L * (1.0 + phi) ** 2)
+    translation = _symmetric(
         L,
         (312 + 588 * phi + 280 * phi**2) * m,
         (44 + 77 * phi + 35 * phi**2) * m,
@@ -144,31 +148,9 @@ def translational_mass(rho_A: FloatArray, L: FloatArray, phi: FloatArray) -> Flo
         (8 + 14 * phi + 7 * phi**2) * m,
         -(6 + 14 * phi + 7 * phi**2) * m,
     )
-
-
-def rotary_mass(rho_I: FloatArray, L: FloatArray, phi: FloatArray) -> FloatArray:
-    """Return the rotary inertia; for phi = 0 it is rho I/(30L) [36, 3L, -36, 3L; ., 4L^2, -3L, -L^2; ...].
-
-    Parameters
-    ----------
-    rho_I, L, phi
-        Rotary inertia per length, kg m; lengths, m; shear parameter; shape (e,) each.
-
-    Returns
-    -------
-    ndarray
-        Shape (e, 4, 4), local axes.
-
-    Examples
-    --------
-    >>> one = np.ones(1)
-    >>> rotary_mass(30 * one, one, 0 * one)[0, 0].round(9)
-    array([ 36.,   3., -36.,   3.])
-    """
-    m = rho_I / (30.0 * L * (1.0 + phi) ** 2)
-    return _symmetric(
-        L, 36 * m, (3 - 15 * phi) * m, -36 * m, (3 - 15 * phi) * m,
-        (4 + 5 * phi + 10 * phi**2) * m, (-1 - 5 * phi + 5 * phi**2) * m,
+    return translation + _symmetric(
+        L, 36 * r, (3 - 15 * phi) * r, -36 * r, (3 - 15 * phi) * r,
+        (4 + 5 * phi + 10 * phi**2) * r, (-1 - 5 * phi + 5 * phi**2) * r,
     )  # fmt: skip
 
 

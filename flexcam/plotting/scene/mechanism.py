@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,23 +20,17 @@ from flexcam.valvetrain.train_topology import moved_nodes, rocker_of
 
 SHEAR_MODULUS = 79.3e9  # shear modulus of spring steel, Pa, used to find the number of coils from rate and wire
 _COILS = 6.0  # number of coils of a spring without wire data
+_PROFILE_POINTS = 360
 
 
-@dataclass(eq=False)
-class Notes:
-    """Notes on parts drawn with a default size."""
+Notes = dict[str, list[str]]
+"""Names of the parts drawn with a default size, by the sentence about them."""
 
-    _said: dict[str, list[str]] = field(default_factory=dict[str, list[str]])
 
-    def record(self, what: str, name: str, size: float, why: str) -> float:
-        """Return a size, m, and record a note: the kind of part, its name, and the reason."""
-        self._said.setdefault(f"{what} {{}}: {1e3 * size:.3g} mm, {why}", []).append(name)
-        return size
-
-    @property
-    def lines(self) -> tuple[str, ...]:
-        """Sentences for the notes; parts of equal size share one."""
-        return tuple(text.format(", ".join(dict.fromkeys(names))) for text, names in self._said.items())
+def _record(notes: Notes, what: str, name: str, size: float, why: str) -> float:
+    """Return a size, m, and record a note: the kind of part, its name, and the reason."""
+    notes.setdefault(f"{what} {{}}: {1e3 * size:.3g} mm, {why}", []).append(name)
+    return size
 
 
 def valve_lift(model: Model) -> float:
@@ -53,18 +47,13 @@ def coil_sizes(
         D, d = spring.wire.coil_diameter, spring.wire.diameter
         coils = SHEAR_MODULUS * d**4 / (8.0 * D**3 * spring.stiffness) if spring.stiffness > 0.0 else _COILS
     else:
-        D, coils = notes.record("coil of spring", name, diameter, "wire from its rate, six coils of steel"), _COILS
+        D, coils = _record(notes, "coil of spring", name, diameter, "wire from its rate, six coils of steel"), _COILS
         d = min((8.0 * D**3 * coils * spring.stiffness / SHEAR_MODULUS) ** 0.25, D / 5.0)
     d, coils = max(d, D / 40.0), min(max(coils, 2.0), 20.0)
     if length is not None:
         return CoilSizes(D, d, length, coils)
     own = (coils + 2.0) * d + (spring.clash_travel or 1.4 * travel)
-    return CoilSizes(D, d, notes.record("length of spring", name, own, "its coils and their travel"), coils)
-
-
-def find_seat(model: Model, point: str) -> Seat | None:
-    """Return the seat at a point; None if there is none."""
-    return next((one for one in model.contacts.values() if isinstance(one, Seat) and one.at == point), None)
+    return CoilSizes(D, d, _record(notes, "length of spring", name, own, "its coils and their travel"), coils)
 
 
 def _cams(model: Model, notes: Notes) -> Iterator[CamPlacement]:
@@ -78,49 +67,49 @@ def _cams(model: Model, notes: Notes) -> Iterator[CamPlacement]:
         if follower is None:
             base = ahead if ahead > 0.0 else 3.0 * cam.event.height
             why = "to its follower's node, under a flat face"
-            follower = FlatFollower(notes.record("base circle of cam", contact.cam, base, why))
+            follower = FlatFollower(_record(notes, "base circle of cam", contact.cam, base, why))
         if width is None:
             why = "0.7 of its base radius"
-            width = notes.record("width of cam", contact.cam, 0.7 * follower.base_radius, why)
-        frame = parts.cam_frame(cam, follower, centre, lift, contact.shaft_axis, width)
+            width = _record(notes, "width of cam", contact.cam, 0.7 * follower.base_radius, why)
+        profile = cam_profile(cam.event, follower, count=_PROFILE_POINTS, turn=cam.turn)
         if np.isinf(follower.roller_radius):  # the face covers the whole contact with a margin of a tenth
             away = float(np.abs(cam_profile(cam.event, follower, turn=cam.turn).offset).max())
             face = max(1.1 * math.hypot(away, 0.5 * width), 0.5 * follower.base_radius)
-            notes.record("face radius of follower", contact.follower, face, "which covers the whole contact")
-        yield CamPlacement(frame, node, contact, lift, ahead, face)
+            _record(notes, "face radius of follower", contact.follower, face, "which covers the whole contact")
+        yield CamPlacement(profile, centre, lift, contact.shaft_axis, width, node, contact, ahead, face)
 
 
 def _lever(model: Model, rocker: Rocker, cams: tuple[CamPlacement, ...]) -> LeverFrame:
     own = next((one for one in cams if rocker_of(model, one.contact) is rocker), None)
     lift = unit_vector(rocker.direction)
     if rocker.finger and own is not None:
-        tip = own.frame.contact_end(0.0)
-        end = own.frame.centre + np.array([tip.real, tip.imag]) @ own.frame.plane
-        return parts.lever_frame(rocker, end, own.frame.plane, -own.frame.side)
-    right = np.cross(own.frame.axis, lift) if own is not None else perpendicular_axes(lift)[0]
-    if float(np.linalg.norm(right)) < 0.5:  # driven along the shaft
-        right = perpendicular_axes(lift)[0]
-    driven = model.mesh.nodes[model.mesh.node(rocker.start)]
-    return parts.lever_frame(rocker, driven, np.array([unit_vector(right), lift]), -1)
+        end = own.centre + parts.in_space(own.contact_end(0.0), own.plane)
+        plane, side = own.plane, -own.side
+    else:
+        right = np.cross(own.axis, lift) if own is not None else np.zeros(3)
+        if float(np.linalg.norm(right)) < 0.5:  # driven along the shaft, or by no cam
+            right = perpendicular_axes(lift)[0]
+        end, plane, side = model.mesh.nodes[model.mesh.node(rocker.start)], np.array([unit_vector(right), lift]), -1
+    driven = LeverFrame(rocker, np.zeros(3), plane, side).ends(0.0)[0]
+    return LeverFrame(rocker, end - parts.in_space(driven, plane), plane, side)
 
 
 def _valves(model: Model, levers: dict[str, LeverFrame]) -> Iterator[ValvePlacement]:
     """Yield the valves: at the points of rockers and at seats."""
+    seats = {one.at: one for one in model.contacts.values() if isinstance(one, Seat)}
     for name, frame in levers.items():
-        point, play = frame.rocker.point, model.lash_of(name)
+        point, play = frame.rocker.point, model.rocker_lashes.get(name)
         gap = play.gap if isinstance(play, Lash) else 0.0
         tip = frame.space(frame.ends(0.0)[1]) + gap * frame.opening_direction
-        yield ValvePlacement(point, tip, frame.opening_direction, True, find_seat(model, point) is not None)
+        yield ValvePlacement(point, tip, frame.opening_direction, True, point in seats)
     for contact in model.cam_contacts.values():
         if rocker_of(model, contact) is not None:
             continue
         nodes = set(moved_nodes(model, contact))
-        seats = {point: seat for point in model.mesh.points if (seat := find_seat(model, point))}
-        seated = {point: seat for point, seat in seats.items() if model.mesh.node(seat.at) in nodes}
-        for point, seat in seated.items():
-            node = model.mesh.node(point)
-            stem = not model.mesh.on_members()[node]
-            yield ValvePlacement(point, model.mesh.nodes[node], unit_vector(seat.direction), stem, True)
+        for point in filter(seats.__contains__, model.mesh.points):
+            if (node := model.mesh.node(point)) in nodes:
+                stem, away = not model.mesh.on_members()[node], unit_vector(seats[point].direction)
+                yield ValvePlacement(point, model.mesh.nodes[node], away, stem, True)
 
 
 def _springs(
@@ -192,11 +181,8 @@ def _spring_between_nodes(
     return CoilPlacement(name, start, span / length, made, borders, sense, ground=False, retainer=False)
 
 
-_LINK = 0.015
-"""Radius of the rod drawn for a rigid link relative to the model's size."""
-
-_STEEL = 7800.0
-"""Density of the sphere drawn for a mass at a node, kg/m^3; its size is limited to a tenth of the model's size."""
+_LINK = 0.015  # radius of the rod drawn for a rigid link relative to the model's size
+_STEEL = 7800.0  # density of the sphere drawn for a mass at a node, kg/m^3
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,7 +207,7 @@ class Mechanism:
     @property
     def axis(self) -> FloatArray:
         """Unit vector of the camshaft, or one perpendicular to `upwards` without a camshaft, shape (3,)."""
-        return self.cams[0].frame.axis if self.cams else perpendicular_axes(self.upwards)[1]
+        return self.cams[0].axis if self.cams else perpendicular_axes(self.upwards)[1]
 
     @property
     def view(self) -> FloatArray:
@@ -233,20 +219,15 @@ class Mechanism:
 
     def solids(self, instant: SceneState) -> list[Solid]:
         """Return all parts at an instant."""
+        named = [
+            *(pair for one in self.cams for pair in self._cam(one, instant)),
+            *((name, parts.lever_solids(one, instant, self.thick)) for name, one in self.levers.items()),
+            *((one.point, parts.valve_solids(one, instant, self.head)) for one in self.valves),
+            *((one.name, parts.spring_solids(one, instant)) for one in self.springs),
+        ]
         return [
             *self._members(instant),
-            *(s for one in self.cams for s in self._cam(one, instant)),
-            *(
-                part
-                for n, one in self.levers.items()
-                for part in _with_name(n, parts.lever_solids(one, instant, self.thick))
-            ),
-            *(
-                part
-                for one in self.valves
-                for part in _with_name(one.point, parts.valve_solids(one, instant, self.head))
-            ),
-            *(part for one in self.springs for part in _with_name(one.name, parts.spring_solids(one, instant))),
+            *(replace(solid, name=name) for name, solids in named for solid in solids),
             *parts.support_solids(self.structure.model, self.cams, instant),
             *self._links(instant),
             *self._balls(instant),
@@ -268,22 +249,25 @@ class Mechanism:
             line = centre_line(self.structure.beams, elements, model.mesh.nodes, instant.nodal)
             outlines = member_outlines(model.members[name].section, line.part / line.part[-1])
             rings = [sweep_outline(outline, line) for outline in outlines]
-            count = len(model.mesh.lines[name])
-            values = None
+            count, values = len(model.mesh.lines[name]), None
             if instant.values is not None:
                 values = np.interp(line.part, np.arange(count), instant.values[first : first + count])
-            yield replace(_section_solid("shaft" if name in turning else "member", rings, values), name=name)
+            if hollow := len(rings) > 1:  # the hole is connected in the reverse direction
+                rings[0] = np.concatenate([rings[0], rings[1][::-1]])
+                values = None if values is None else np.concatenate([values, values[::-1]])
+            kind = "shaft" if name in turning else "member"
+            yield replace(loft(kind, rings[0], cyclic=hollow, values=values), name=name)
             first += count
 
-    def _cam(self, place: CamPlacement, instant: SceneState) -> Iterator[Solid]:
-        """Yield the lobe, the stub shaft of a cam without a member, and the follower."""
-        frame, moved = place.frame, instant.nodal[place.node]
-        yield replace(parts.lobe_solid(frame, instant.angle, moved), name=place.contact.cam)
+    def _cam(self, place: CamPlacement, instant: SceneState) -> Iterator[tuple[str, list[Solid]]]:
+        """Yield names and solids of the lobe, with the stub shaft of a cam without a member, and of the follower."""
+        moved = instant.nodal[place.node]
+        own = [parts.lobe_solid(place, instant.angle, moved)]
         if not self.structure.model.mesh.on_members()[place.node]:
-            middle, reach = frame.centre + moved[:3], 1.1 * frame.width * frame.axis
-            axle = cylinder("shaft", middle - reach, middle + reach, 0.4 * frame.follower.base_radius)
-            yield replace(axle, name=place.contact.cam)
-        yield from _with_name(place.contact.follower, parts.follower_solids(place, instant))
+            middle, reach = place.centre + moved[:3], 1.1 * place.width * place.axis
+            own.append(cylinder("shaft", middle - reach, middle + reach, 0.4 * place.follower.base_radius))
+        yield place.contact.cam, own
+        yield place.contact.follower, parts.follower_solids(place, instant)
 
     def _balls(self, instant: SceneState) -> Iterator[Solid]:
         """Yield the masses at nodes without other parts; the rods of links stand for the body that leads them."""
@@ -300,19 +284,6 @@ class Mechanism:
                 yield replace(ball("mass", centre, min(float(radius), largest)), name=part.at)
 
 
-def _with_name(name: str, solids: Iterable[Solid]) -> Iterator[Solid]:
-    return (replace(solid, name=name) for solid in solids)
-
-
-def _section_solid(kind: str, rings: list[FloatArray], values: FloatArray | None) -> Solid:
-    """Return the solid of a swept section; a hole is connected in the reverse direction."""
-    if len(rings) == 1:
-        return loft(kind, rings[0], values=values)
-    there_and_back = np.concatenate([rings[0], rings[1][::-1]])
-    both = None if values is None else np.concatenate([values, values[::-1]])
-    return loft(kind, there_and_back, cyclic=True, values=both)
-
-
 def build_mechanism(structure: Structure) -> Mechanism:
     """Create the drawable model of a structure."""
     model, notes = structure.model, Notes()
@@ -321,12 +292,13 @@ def build_mechanism(structure: Structure) -> Mechanism:
     levers = {name: _lever(model, one, cams) for name, one in model.rockers.items()}
     valves = tuple(_valves(model, levers))
     for one in valves:
-        notes.record("diameter of the valve head at", one.point, head, "four times the valve lift")
+        _record(notes, "diameter of the valve head at", one.point, head, "four times the valve lift")
         if one.stem:
             why = "a sixth of the head diameter; stem length three head diameters"
-            notes.record("diameter of the valve stem at", one.point, STEM * head, why)
+            _record(notes, "diameter of the valve stem at", one.point, STEM * head, why)
     thick = 0.42 * min((arm for one in model.rockers.values() for arm in one.arms), default=0.0)
     for name in levers:
-        notes.record("thickness of rocker", name, thick, "0.42 of the shortest arm")
+        _record(notes, "thickness of rocker", name, thick, "0.42 of the shortest arm")
     springs = tuple(_springs(structure, cams, levers, head, notes))
-    return Mechanism(structure, cams, levers, valves, springs, head, thick, notes.lines)
+    sentences = tuple(text.format(", ".join(dict.fromkeys(names))) for text, names in notes.items())
+    return Mechanism(structure, cams, levers, valves, springs, head, thick, sentences)

@@ -17,7 +17,8 @@ from flexcam.dynamics import SERIES, CamMotion, Response
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.frames import ROTATIONS
 from flexcam.fem.recovery import deflection
-from flexcam.io import RECOVERED_FIELDS, VECTORS, Result
+from flexcam.io import Result
+from flexcam.io.result_schema import FIELDS
 from flexcam.valvetrain import Model, Structure
 from flexcam.valvetrain import rigid_motion as find_rigid_motion
 
@@ -154,21 +155,16 @@ def full_lift(case: Case, response: Response, angle: FloatArray) -> int:
     points = {rocker.to for rocker in case.record.rockers.values()}
     names = [name for name, _ in response.outline.probes]
     for chosen in ([name for name in names if name in points], [name for name in names if "." not in name]):
-        paths = [np.abs(path[at]) for name in chosen for path in _probe_displacements(response, name)]
+        paths: list[FloatArray] = []
+        for name in chosen:
+            history = response[name]
+            columns = history.displacement.reshape(len(history.displacement), -1).T
+            turns = [part in ROTATIONS for part in history.components] if history.displacement.ndim > 1 else [False]
+            paths += [np.abs(path[at]) for path, turn in zip(columns, turns, strict=True) if not turn]
         farthest = max(paths, key=lambda path: float(np.ptp(path)), default=np.zeros(1))
         if np.ptp(farthest) > 0.0:
             return int(np.argmax(farthest))
     return len(angle) - 1
-
-
-def _probe_displacements(response: Response, probe: str) -> list[FloatArray]:
-    """Return the translational displacements of a probe, shape (m,) each."""
-    history = response[probe]
-    if history.displacement.ndim == 1:
-        return [history.displacement]
-    return [
-        path for name, path in zip(history.components, history.displacement.T, strict=True) if name not in ROTATIONS
-    ]
 
 
 def result_motion(structure: Structure, result: Result, speed: float, colour: str | None = None) -> Motion:
@@ -177,9 +173,16 @@ def result_motion(structure: Structure, result: Result, speed: float, colour: st
     if not len(response.field_time):
         raise refuse("result", "no saved field", "at least one", "", "run the case again")
     rigid = rigid_motion(structure, response.field_angle, speed)[0]
-    moved = _structure_dofs(structure, response, rigid)
-    motion = Motion(structure, response.field_angle, rigid, moved - rigid)
-    return motion if colour is None else replace(motion, values=_colours(result, colour), label=_label(colour))
+    motion = Motion(structure, response.field_angle, rigid, _structure_dofs(structure, response, rigid) - rigid)
+    if colour is None:
+        return motion
+    if colour not in FIELDS:
+        raise refuse("--color", repr(colour), ", ".join(FIELDS), remedy=suggest_name(colour, FIELDS))
+    if colour in result.recovered:
+        values = result.recovered[colour]
+    else:
+        values = result.field(colour)[:, result.still["node"].astype(np.intp)]
+    return _coloured(motion, values, colour)
 
 
 def case_motion(structure: Structure, speed: float, colour: str | None = None, count: int = 180) -> Motion:
@@ -193,8 +196,7 @@ def case_motion(structure: Structure, speed: float, colour: str | None = None, c
     if colour not in series:
         why, remedy = "a case is shown as a rigid mechanism", "solve it with flexcam run and view the result"
         raise refuse("--color", repr(colour), ", ".join(series), why, remedy)
-    values = _display_unit(colour)[1] * _lengths(_member_translations(structure, series[colour]))
-    return replace(motion, values=values, label=_label(colour))
+    return _coloured(motion, _member_translations(structure, series[colour]), colour)
 
 
 def mode_motion(structure: Structure, shape: FloatArray, *, coloured: bool = False, count: int = 24) -> Motion:
@@ -207,7 +209,7 @@ def mode_motion(structure: Structure, shape: FloatArray, *, coloured: bool = Fal
     motion = Motion(structure, np.zeros(count), np.zeros_like(elastic), elastic)
     if not coloured:
         return motion
-    values = np.abs(swing) * _lengths(_member_translations(structure, shape[None] / largest))
+    values = np.abs(swing) * np.linalg.norm(_member_translations(structure, shape[None] / largest), axis=-1)
     return replace(motion, values=values, label="displacement\n(max = 1)")
 
 
@@ -236,35 +238,18 @@ def _structure_dofs(structure: Structure, response: Response, rigid: FloatArray)
     return moved
 
 
-def _colours(result: Result, colour: str) -> FloatArray:
-    known = [*VECTORS, *RECOVERED_FIELDS]
-    if colour not in known:
-        raise refuse("--color", repr(colour), ", ".join(known), remedy=suggest_name(colour, known))
-    if colour in result.recovered:
-        values = result.recovered[colour]
-    else:
-        values = result.field(colour)[:, result.still["node"].astype(np.intp)]
-    return _display_unit(colour)[1] * (values if values.ndim == 2 else _lengths(values))
-
-
 def _member_translations(structure: Structure, unknowns: FloatArray) -> FloatArray:
     """Return translations at the points of the members' polylines, shape (f, points, 3)."""
     points = np.concatenate([np.zeros(0, np.intp), *structure.model.mesh.lines.values()])
     return structure.dofs.nodal(unknowns)[:, points, :3]
 
 
-def _lengths(vectors: FloatArray) -> FloatArray:
-    return np.linalg.norm(vectors, axis=-1)
-
-
 _DISPLAY_UNITS = {"Pa": ("MPa", 1e-6), "m": ("mm", 1e3)}  # display units, and their number per SI unit
 
 
-def _display_unit(colour: str) -> tuple[str, float]:
-    """Return the display unit of a field and its number per SI unit."""
-    unit = VECTORS[colour][2] if colour in VECTORS else RECOVERED_FIELDS[colour][0]
-    return _DISPLAY_UNITS.get(unit, (unit, 1.0))
-
-
-def _label(colour: str) -> str:
-    return f"{colour.replace('_', ' ')}\n{_display_unit(colour)[0]}"
+def _coloured(motion: Motion, values: FloatArray, colour: str) -> Motion:
+    """Return the motion with the values of a field, or the lengths of its vectors, in display units."""
+    si = FIELDS[colour][0]
+    unit, factor = _DISPLAY_UNITS.get(si, (si, 1.0))
+    sizes = values if values.ndim == 2 else np.linalg.norm(values, axis=-1)
+    return replace(motion, values=factor * sizes, label=f"{colour.replace('_', ' ')}\n{unit}")

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
-from flexcam.cams import CamProfile, Follower, SwingFlatFollower, SwingRollerFollower, cam_profile
+from flexcam.cams import CamProfile, Follower, SwingFlatFollower, SwingRollerFollower
 from flexcam.core import ComplexArray, FloatArray
 from flexcam.fem.frames import COMPONENTS
 from flexcam.plotting.scene.motion import SceneState, rotation_matrices
@@ -24,10 +25,13 @@ from flexcam.plotting.scene.solids import (
     ring,
     unit_vector,
 )
-from flexcam.valvetrain import Cam, Lever, Model, Rocker, Spring
+from flexcam.valvetrain import Lever, Model, Rocker, Spring
 from flexcam.valvetrain.parts import CamPair
 
-PROFILE_POINTS = 360  # number of points of a drawn profile
+
+def in_space(point: complex, plane: FloatArray) -> FloatArray:
+    """Return a vector of a plane in space, shape (3,); the rows of the plane are its axes."""
+    return np.array([point.real, point.imag]) @ plane
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +40,14 @@ class CamFrame:
 
     profile: CamProfile  # cam profile in its own coordinates
     centre: FloatArray  # centre of the cam at rest, m, shape (3,)
-    # unit vectors in space of the drawing axes, shape (2, 3); the follower initially moves along the second
-    plane: FloatArray
+    lift: FloatArray  # unit vector along which the follower initially moves, shape (3,)
     axis: FloatArray  # unit vector of rotation, shape (3,)
     width: float
+
+    @property
+    def plane(self) -> FloatArray:
+        """Unit vectors in space of the drawing axes, shape (2, 3); the second is the lift."""
+        return np.array([self.profile.turn * np.cross(self.lift, self.axis), self.lift])
 
     @property
     def follower(self) -> Follower:
@@ -71,15 +79,6 @@ class CamFrame:
         return points if area > 0.0 else points[::-1]
 
 
-def cam_frame(
-    cam: Cam, follower: Follower, centre: FloatArray, lift: FloatArray, axis: FloatArray, width: float
-) -> CamFrame:
-    """Return the plane of a cam."""
-    right = cam.turn * np.cross(lift, axis)
-    made = cam_profile(cam.event, follower, count=PROFILE_POINTS, turn=cam.turn)
-    return CamFrame(made, centre, np.array([right, lift]), axis, width)
-
-
 def lobe_solid(frame: CamFrame, angle: float, moved: FloatArray) -> Solid:
     """Return the solid of a lobe."""
     outline = frame.contour(angle)
@@ -88,13 +87,11 @@ def lobe_solid(frame: CamFrame, angle: float, moved: FloatArray) -> Solid:
 
 
 @dataclass(frozen=True, eq=False)
-class CamPlacement:
+class CamPlacement(CamFrame):
     """Cam and follower with their positions."""
 
-    frame: CamFrame  # plane of the cam
     node: int  # index of its node
     contact: CamPair  # contact with the follower
-    lift: FloatArray  # unit vector of the lift, shape (3,)
     ahead: float  # distance along the lift from the cam centre to the follower node, m; zero for a finger follower
     face: float  # radius of a flat face, m
 
@@ -105,10 +102,10 @@ def follower_solids(place: CamPlacement, instant: SceneState) -> list[Solid]:
     A flat face is a disc on the cam, with a neck to the node if that is farther away.
     """
     moved = instant.at(place.contact.follower, place.lift)
-    if not np.isinf(place.frame.follower.roller_radius):
+    if not np.isinf(place.follower.roller_radius):
         return _roller(place, moved, instant)
-    base, radius = place.frame.follower.base_radius, place.face
-    face = place.frame.centre + base * place.lift + moved
+    base, radius = place.follower.base_radius, place.face
+    face = place.centre + base * place.lift + moved
     thick = 0.3 * radius
     profile = [(0.0, 0.96 * radius), (0.04 * radius, radius), (thick, radius)]
     parts = [revolve("follower", face, place.lift, profile)]
@@ -119,17 +116,15 @@ def follower_solids(place: CamPlacement, instant: SceneState) -> list[Solid]:
 
 
 def _roller(place: CamPlacement, moved: np.ndarray, instant: SceneState) -> list[Solid]:
-    frame = place.frame
-    along = float(moved @ place.lift)
     finger = not instant.structure.is_node(place.contact.follower)
-    swings = finger or frame.side != 1
-    centre = frame.contact_end(along if swings else 0.0)
-    middle = frame.centre + np.array([centre.real, centre.imag]) @ frame.plane + (0.0 if swings else 1.0) * moved
-    half, radius = 0.55 * frame.width * frame.axis, frame.follower.roller_radius
+    swings = finger or place.side != 1
+    centre = place.contact_end(float(moved @ place.lift) if swings else 0.0)
+    middle = place.centre + in_space(centre, place.plane) + (0.0 if swings else 1.0) * moved
+    half, radius = 0.55 * place.width * place.axis, place.follower.roller_radius
     parts = [cylinder("roller", middle - half, middle + half, radius)]
-    node = place.ahead - centre.imag
-    if not finger and place.ahead - frame.contact_end(0.0).imag > 1.2 * radius:
-        parts.append(cylinder("follower", middle, middle + node * place.lift, 0.4 * radius))
+    if not finger and place.ahead - place.contact_end(0.0).imag > 1.2 * radius:
+        node = middle + (place.ahead - centre.imag) * place.lift
+        parts.append(cylinder("follower", middle, node, 0.4 * radius))
     return parts
 
 
@@ -156,7 +151,7 @@ class LeverFrame:
 
     def space(self, point: complex) -> FloatArray:
         """Return a point of the plane in space, m, shape (3,)."""
-        return self.pivot + np.array([point.real, point.imag]) @ self.plane
+        return self.pivot + in_space(point, self.plane)
 
     @property
     def opening_direction(self) -> FloatArray:
@@ -164,34 +159,26 @@ class LeverFrame:
         return self.plane[1] if self.rocker.finger else -self.plane[1]
 
 
-def lever_frame(rocker: Rocker, end: FloatArray, plane: FloatArray, side: int) -> LeverFrame:
-    """Return the plane of a rocker with a given position of its driven end."""
-    driven = LeverFrame(rocker, np.zeros(3), plane, side).ends(0.0)[0]
-    return LeverFrame(rocker, end - np.array([driven.real, driven.imag]) @ plane, plane, side)
-
-
 def lever_solids(frame: LeverFrame, instant: SceneState, thick: float) -> list[Solid]:
-    """Return the solids of a rocker and its pivot."""
-    bend, radii, pivot = _outline(frame, instant.along(instant.structure.path(frame.rocker)), thick)
-    links = zip(bend[:-1], bend[1:], radii[:-1], radii[1:], strict=True)
-    body = [prism("rocker", capsule(a, b, (r, s)), frame.plane, frame.pivot, thick) for a, b, r, s in links]
-    reach, middle = 0.9 * thick * np.cross(frame.plane[0], frame.plane[1]), frame.space(bend[pivot])
-    made = [*body, cylinder("pivot", middle - reach, middle + reach, 0.45 * thick)]
-    if frame.rocker.finger:
-        up = thick * frame.plane[1]
-        made.append(cylinder("pivot", middle + 0.3 * up, middle + 3.0 * up, 0.6 * thick))
-    return made
-
-
-def _outline(frame: LeverFrame, path: float, thick: float) -> tuple[list[complex], list[float], int]:
-    """Return the joints of the body from end to end in the plane, their radii, and the index of the pivot.
+    """Return the solids of a rocker and its pivot.
 
     The lower side of a rocker touches its pushrod and its valve; a finger touches its valve.
     """
-    (driven, point), thin = frame.ends(path), 0.5 * thick
+    (driven, point), thin = frame.ends(instant.along(instant.structure.path(frame.rocker))), 0.5 * thick
     if frame.rocker.finger:
-        return [0j, driven, point - 1j * thin], [0.7 * thick, 0.7 * thick, thin], 0
-    return [driven + 1j * thin, 1j * thin, point + 1j * thin], [thin, 0.85 * thick, thin], 1
+        middle = 0j
+        joints = [(middle, 0.7 * thick), (driven, 0.7 * thick), (point - 1j * thin, thin)]
+    else:
+        middle = 1j * thin
+        joints = [(driven + middle, thin), (middle, 0.85 * thick), (point + middle, thin)]
+    links = [capsule(a, b, (r, s)) for (a, r), (b, s) in pairwise(joints)]
+    made = [prism("rocker", outline, frame.plane, frame.pivot, thick) for outline in links]
+    reach, centre = 0.9 * thick * np.cross(frame.plane[0], frame.plane[1]), frame.space(middle)
+    made.append(cylinder("pivot", centre - reach, centre + reach, 0.45 * thick))
+    if frame.rocker.finger:
+        up = thick * frame.plane[1]
+        made.append(cylinder("pivot", centre + 0.3 * up, centre + 3.0 * up, 0.6 * thick))
+    return made
 
 
 STEM = 1.0 / 6.0  # ratio of stem diameter to head diameter
@@ -312,21 +299,22 @@ def support_solids(model: Model, cams: Sequence[CamPlacement], instant: SceneSta
     """Yield the symbols of supports."""
     elastic = [one for one in model.springs.values() if is_bearing(model, one)]
     bearings = {model.mesh.node(one.at) for one in (*elastic, *model.bearings.values())}
-    held, turning = _fixed_components(model), shaft_names(model)
+    turning, held = shaft_names(model), np.zeros((len(model.mesh.nodes), 6), dtype=bool)
+    for point, names in model.supports.items():
+        held[model.mesh.points[point]] |= np.isin(COMPONENTS, list(names))
     faces = {model.mesh.node(c.contact.follower) for c in cams if c.ahead}
     for name, line in model.mesh.lines.items():
         radius = model.members[name].section.at(0.5).radius
         for place, node in enumerate(line.tolist()):
             before, after = max(place - 1, 0), min(place + 1, len(line) - 1)
             axis = unit_vector(model.mesh.nodes[line[after]] - model.mesh.nodes[line[before]])
-            where = model.mesh.nodes[node]
-            kept = held.get(node, np.zeros(6, dtype=bool))
+            where, kept = model.mesh.nodes[node], held[node]
             driven = name in turning and float(np.abs(kept[3:] * axis).max()) > 0.5
             if driven:
-                sense = float(np.sign(cams[0].frame.axis @ axis)) if cams else 1.0
+                sense = float(np.sign(cams[0].axis @ axis)) if cams else 1.0
                 yield replace(_wheel(where, axis, 2.4 * radius, sense * instant.angle), name=name)
             plane = np.array(perpendicular_axes(axis))
-            across = np.abs(plane)[:, ~kept[:3].astype(bool)]  # free translations perpendicular to the axis
+            across = np.abs(plane)[:, ~kept[:3]]  # free translations perpendicular to the axis
             if kept.all():
                 corners = 2.0 * radius * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
                 yield replace(prism("ground", corners, plane, where, 0.8 * radius), name=name)
@@ -334,18 +322,7 @@ def support_solids(model: Model, cams: Sequence[CamPlacement], instant: SceneSta
                 yield replace(ring("bearing", where, axis, (1.02 * radius, 1.6 * radius), 1.1 * radius), name=name)
 
 
-def _fixed_components(model: Model) -> dict[int, FloatArray]:
-    """Return the fixed components of every supported node, shape (6,) each."""
-    held: dict[int, FloatArray] = {}
-    for point, names in model.supports.items():
-        for node in model.mesh.points[point].tolist():
-            own = np.array([name in names for name in COMPONENTS])
-            held[node] = held.get(node, np.zeros(6, dtype=bool)) | own
-    return held
-
-
 def _wheel(where: FloatArray, axis: FloatArray, radius: float, angle: float) -> Solid:
-    """Return a toothed wheel that rotates with the shaft."""
     first, second = perpendicular_axes(axis)
     teeth = np.where(np.arange(4 * _TEETH) % 4 < 2, 1.0, 0.9)[:, None] * circle(radius, 4 * _TEETH)
     c, s = np.cos(angle), np.sin(angle)
