@@ -17,7 +17,7 @@ from flexcam.case.builder import build_model
 from flexcam.case.reader import read_case
 from flexcam.cli import app as cli
 from flexcam.core.errors import collect_errors
-from flexcam.core.units import set_unit_system, shaft_name
+from flexcam.core.units import shaft_name
 from flexcam.io import check_folder_name, create_folder, write_modes
 from flexcam.report.tables import describe_mac, mac_table, mode_table
 from flexcam.report.terminal import finite_numbers, plain_table
@@ -49,14 +49,12 @@ def _closed_json(found: ClosedModes, count: int) -> dict[str, list[float]]:
     return {key: [float(modes.modes.frequencies[i]) for i in _elastic(modes, count)] for key, modes in pairs.items()}
 
 
-@cli.app.command(
-    help_prologue="""\
+@cli.command("""\
 flexcam modes case.toml
 flexcam modes case.toml --count 20 --prestress rest
 flexcam modes case.toml -o results
 flexcam modes case.toml --mac finer.toml
-"""
-)
+""")
 def modes(
     case: cli.CaseFile, *,
     count: Annotated[int, Parameter(help="Number of modes, from the lowest.")] = 12,
@@ -68,16 +66,15 @@ def modes(
         ["-o", "--output"], help="Also write the mode shapes for ParaView to this folder.")] = None,
     overrides: cli.Overrides = None, units: cli.Units = None, overwrite: cli.Overwrite = False,
     as_json: cli.Json = False,
-) -> None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Compute natural frequencies and mode shapes, and name the parts that move in each mode.
 
     It prints the modes with all contacts open, and for each cam those with the contacts closed on the base circle and
     at full lift.
     """
-    set_unit_system(units or "metric")
     read, _ = collect_errors(
         lambda: cli.load_case(case, overrides),
-        lambda: cli.check_positive("--count", count),
+        lambda: cli.check_number("--count", count),
         lambda: None if folder is None else check_folder_name(folder),
     )
     found = case_modes(read, count, prestress=prestress)
@@ -110,4 +107,4 @@ def modes(
         "mac": None if criterion is None else finite_numbers(criterion), "mac_nodes": compared,
         "closed": {one.contact: _closed_json(one, count) for one in closed}, "files": [str(path) for path in files],
     }  # fmt: skip
-    cli.write_output(cli.CommandOutput(parts, json), as_json=as_json)
+    return cli.CommandOutput(parts, json)

@@ -31,7 +31,7 @@ from flexcam.cli.campbell import modes_over_speed, orders_of_response, select_si
 from flexcam.cli.sources import Source, name_sources, open_sources
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
-from flexcam.core.units import RPM, set_unit_system, shaft_name, shaft_speed, to_display_unit
+from flexcam.core.units import RPM, shaft_name, shaft_speed, to_display_unit
 from flexcam.dynamics import Response, Status
 from flexcam.io.sweep_table import read_table, unknown_scalar_fault
 from flexcam.report.terminal import show_count
@@ -107,22 +107,14 @@ class FigureOptions:
         contact, model = self.contact(source), source.ready.model
         return None if contact is None else source.case.record.cams[model.cam_contacts[contact].cam].tdc
 
-    def rigid_warnings(self) -> list[str]:
-        """Return sentences about the limits of a drawn rigid train."""
-        ones = self.sources.values() if self.rigid else ()
-        found = [check_shared_seat_load(one.ready.model, one.case.speed) for one in ones]
-        return list(dict.fromkeys(chain.from_iterable(found)))
 
-
-@cli.app.command(
-    help_prologue="""\
+@cli.command("""\
 flexcam plot results/case.vtkhdf --rigid -o motion.pdf
 flexcam plot slow.vtkhdf fast.vtkhdf --probe valve --over crank
 flexcam plot results/case.sweep.h5 --x run.crank_speed --y deviation.peak
 flexcam plot case.toml --what profile --angle 90deg
 flexcam plot results/case.vtkhdf --what profile --channel contacts.intake.pressure
-"""
-)
+""")
 def plot(
     files: Annotated[list[Path], Parameter(help="Result files (.vtkhdf), case files (.toml), which flexcam runs, or "
         "the table of a sweep (.h5 or .csv).")], *,
@@ -152,7 +144,7 @@ def plot(
         ["-o", "--output"], help="File of the figure (.svg, .png or .pdf); SOURCE-WHAT.svg by default.")] = None,
     overrides: cli.Overrides = None, units: cli.Units = None, overwrite: cli.Overwrite = False,
     as_json: cli.Json = False,
-) -> Status | None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Draw a figure of results, cases or sweeps: motion, forces, cams, springs, modes, orders, maps.
 
     By default it draws motion and contact force over the cam angle. Of an incomplete run it draws the completed part.
@@ -164,7 +156,6 @@ def plot(
     )  # fmt: skip
     if units and any(path.suffix == ".csv" for path in files):
         raise refuse("--units", units, "the .h5 table of the sweep", "a CSV table has its own units")
-    set_unit_system(units or "metric")
     if what != "sweep" and any(path.suffix in _TABLES for path in files):
         raise refuse("--what", what, "sweep", "the file is the table of a sweep")
     target = output or Path(f"{files[0].name.partition('.')[0] if files else 'flexcam'}-{what}.svg")
@@ -172,10 +163,11 @@ def plot(
     sources = {} if what == "sweep" else name_sources(open_sources(files, overrides, cams=what in _OF_CAMS))
     asked = FigureOptions(files, sources, probe, channels, over, rigid, cam, angle, count, x, y, as_map)
     plotting.figures.save_figure(_FIGURES[what](asked), target, overwrite=overwrite)
-    warnings = asked.rigid_warnings()
-    cli.write_output(cli.CommandOutput(warnings, {"warnings": warnings}), as_json=as_json, written=[target])
-    own = [one.response for one in asked.sources.values() if one.result is None and "response" in vars(one)]
-    return next((run.status for run in own if not run.status.ok), None)
+    trains = [(one.ready.model, one.case.speed) for one in sources.values()] if rigid else []
+    warnings = list(dict.fromkeys(chain.from_iterable(check_shared_seat_load(*train) for train in trains)))
+    own = [one.response.status for one in sources.values() if one.result is None and "response" in vars(one)]
+    failed = next((status for status in own if not status.ok), Status())
+    return cli.CommandOutput(warnings, {"status": "ok", "warnings": warnings}, files=[target], status=failed)
 
 
 _OF_CAMS = ("svaj", "profile")
@@ -417,8 +409,7 @@ def _sweep(asked: FigureOptions) -> Figure:
 
 def _modes(asked: FigureOptions) -> Figure:
     count = 6 if asked.count is None else asked.count
-    if count < 1:
-        raise refuse("--count", count, "a whole number, at least 1")
+    cli.check_number("--count", count)
     case = _single_source(asked, "modes").case
     structure = build_structure(build_model(case))
     return plotting.spectra.mode_figure(structure, modes(case, count), title=case.title)
@@ -427,14 +418,14 @@ def _modes(asked: FigureOptions) -> Figure:
 def _campbell(asked: FigureOptions) -> Figure:
     """Draw modes and orders from 0.5 to 1.5 times the case's speed."""
     case = _single_source(asked, "campbell").case
-    return modes_over_speed(case, _speeds(asked, case), range(1, _ORDERS + 1))[0].figure()
+    return modes_over_speed(case, _speeds(asked, case), range(1, _ORDERS + 1)).figure()
 
 
 def _waterfall(asked: FigureOptions) -> Figure:
     """Draw the orders of a motion and a force from 0.5 to 1.5 times the case's speed."""
     case = _single_source(asked, "waterfall").case
     seen = select_signals(case, asked.channels, None if asked.probe is None else [asked.probe])
-    return orders_of_response(case, _speeds(asked, case), seen, _ORDERS)[0].figure()
+    return orders_of_response(case, _speeds(asked, case), seen, _ORDERS).figure()
 
 
 _ORDERS = 24  # highest drawn order of the camshaft

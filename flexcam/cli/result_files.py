@@ -11,7 +11,16 @@ from cyclopts import Parameter
 
 from flexcam.case.builder import build_model
 from flexcam.case.reader import read_case
-from flexcam.cli.app import DEFAULT_PROBE, Json, Overwrite, ResultPath, app, parse_optional
+from flexcam.cli.app import (
+    DEFAULT_PROBE,
+    CommandOutput,
+    Json,
+    Overwrite,
+    ResultPath,
+    check_number,
+    command,
+    parse_optional,
+)
 from flexcam.core.errors import refuse
 from flexcam.dynamics import Response
 from flexcam.io import (
@@ -33,12 +42,10 @@ from flexcam.report.terminal import print_json, result_console
 from flexcam.valvetrain import build_structure
 
 
-@app.command(
-    help_prologue="""\
+@command("""\
 flexcam info results/case.vtkhdf
 flexcam info results/case.vtkhdf --verify
-"""
-)
+""")
 def info(
     result: ResultPath, *,
     verify: Annotated[
@@ -72,8 +79,7 @@ def info(
         result_console().print(info_table(read))
 
 
-@app.command(
-    help_prologue="""\
+@command("""\
 flexcam export results/case.vtkhdf --format csv --probe valve
 flexcam export results/case.vtkhdf --format csv --instants 720
 flexcam export results/case.vtkhdf --format pvd --every 5 --field displacement
@@ -81,8 +87,7 @@ flexcam export case.toml --format msh -o meshes
 flexcam export results/case.vtkhdf --format glb
 flexcam export results/case.vtkhdf --format vtm --field stress_von_mises
 flexcam export case.toml --format stl --at 90deg
-"""
-)
+""")
 def export(
     source: Annotated[Path, Parameter(
         help="Result file (.vtkhdf); a case file (.toml) for msh and inp; either for stl, vtm and glb.")], *,
@@ -114,7 +119,7 @@ def export(
         bool, Parameter("--paraview", negative=(), help="pvd: also write NAME.paraview.py, which opens it in ParaView.")
     ] = False,
     overwrite: Overwrite = False, as_json: Json = False,
-) -> None:  # fmt: skip
+) -> CommandOutput:  # fmt: skip
     """Convert a result to CSV, ParaView files or solids, or the mesh of a case to Gmsh, Abaqus or CalculiX format.
 
     Solids are the parts that flexcam view shows: those of a result, or of a case as a rigid mechanism.
@@ -150,12 +155,9 @@ def export(
         files = _write_solids(source, target, fields, instants, at, overwrite=overwrite)
     else:
         files = _write_collection(read_result(source), target, every, fields, macro=macro, overwrite=overwrite)
-    if as_json:
-        print_json({"status": "ok", "files": [str(path) for path in files]})
-        return
-    result_console().print(f"{files[0]} ({len(files)} files)" if len(files) > 1 else str(files[0]))
-    if macro:
-        result_console().print(f"paraview --script={files[1]}")
+    said = f"{files[0]} ({len(files)} files)" if len(files) > 1 else str(files[0])
+    script = f"\nparaview --script={files[1]}" if macro else ""
+    return CommandOutput([said + script], {"files": [str(path) for path in files]})
 
 
 def _write_collection(
@@ -186,8 +188,7 @@ def _write_solids(
     from flexcam.plotting.scene.mechanism import build_mechanism
     from flexcam.plotting.solid_files import collect_parts, write_glb, write_stl, write_vtm
 
-    if instants is not None and not 2 <= instants <= _MAX_FRAMES:
-        raise refuse("--instants", instants, f"a whole number from 2 to {_MAX_FRAMES}")
+    check_number("--instants", instants, 2, _MAX_FRAMES)
     if fields is not None and len(fields) > 1:
         raise refuse("--field", ", ".join(fields), "one field with --format vtm", "", "choose one")
     angle = parse_optional("--at", at, "angle", "deg")
@@ -218,18 +219,15 @@ def _interpolate(response: Response, count: int | None) -> Response:
         return response
     if len(response.time) < 2:
         raise refuse("--instants", "a result with one instant", "two or more", "", "leave --instants out")
-    if not 2 <= count <= _MAX_INSTANTS:
-        raise refuse("--instants", count, f"a whole number from 2 to {_MAX_INSTANTS}")
+    check_number("--instants", count, 2, _MAX_INSTANTS)
     return response.at(np.linspace(float(response.time[0]), float(response.time[-1]), count))
 
 
-@app.command(
-    help_prologue="""\
+@command("""\
 flexcam report results/case.vtkhdf
 flexcam report slow.vtkhdf fast.vtkhdf --probe valve -o both.html
 flexcam report results/case.vtkhdf --errors --limits --trade --overwrite
-"""
-)
+""")
 def report(
     results: Annotated[list[Path], Parameter(help="Result files (.vtkhdf), also of runs that ended early.")], *,
     output: Annotated[

@@ -32,7 +32,6 @@ from flexcam.analysis.run_metrics import compute_metrics, revolution_change
 from flexcam.case.case import Case
 from flexcam.cli import app as cli
 from flexcam.core.errors import NAME, NAMES, InputError, collect_errors, refuse
-from flexcam.core.units import set_unit_system
 from flexcam.dynamics import Cause, Response, RunFailedError, Stats, Status, solve
 from flexcam.io import check_folder, check_folder_name, check_writable
 from flexcam.report import tables
@@ -107,16 +106,14 @@ def _run_output(ran: FinishedRun) -> Iterator[Table | str]:
     )
 
 
-@cli.app.command(
-    help_prologue="""\
+@cli.command("""\
 flexcam run case.toml
 flexcam run case.toml -o results --set run.revolutions=4 --overwrite
 flexcam run case.toml --set run.speed=4000rpm --name fast
 flexcam run case.toml --units imperial
 flexcam run case.toml -o results --resume
 flexcam run case.toml --time-limit 5min
-"""
-)
+""")
 def run(
     case: cli.CaseFile, *,
     folder: cli.Folder = Path("results"),
@@ -127,14 +124,13 @@ def run(
     resume: Annotated[bool, Parameter(help="Continue the run that left a partial result in the folder.")] = False,
     units: cli.Units = None, allow_large: cli.AllowLarge = False, overwrite: cli.Overwrite = False,
     as_json: cli.Json = False,
-) -> Status:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Run a case and write its result file: motion, forces, stresses and energy over time.
 
     It prints the metrics of the valve train and warnings; ParaView 5.12 or newer opens the result. Ctrl-C ends the run
     at its next step and keeps a partial result, which --resume continues from its last checkpoint, if there is one.
     """
     begun = time.monotonic()
-    set_unit_system(units or "metric")
     given, duration = collect_errors(
         lambda: cli.load_case(case, overrides),
         lambda: None if time_limit is None else cli.parse_duration("--time-limit", time_limit),
@@ -178,10 +174,10 @@ def run(
         stressed=strength.members() if read.record.fidelity.model == "beams" else {},
         errors=estimated[0], warnings=(*doubtful(response.stats), *estimated[1]), choice=choice,
     )  # fmt: skip
-    cli.write_output(cli.CommandOutput(list(_run_output(ran)), _run_json(ran)), as_json=as_json)
-    if response.status.ok and choice is not None and not choice.met:
-        return Status(Cause.TOLERANCE, f"the tolerance is not met: {choice.why}", "allow more, or refine the case")
-    return response.status
+    status = response.status
+    if status.ok and choice is not None and not choice.met:
+        status = Status(Cause.TOLERANCE, f"the tolerance is not met: {choice.why}", "allow more, or refine the case")
+    return cli.CommandOutput(list(_run_output(ran)), _run_json(ran), status=status)
 
 
 def _estimate_errors(case: Case, probe: str, until: float | None) -> tuple[tuple[Error, ...], tuple[str, ...]]:

@@ -9,7 +9,7 @@ from rich.console import JustifyMethod
 from rich.table import Table
 
 from flexcam.analysis.selftest import Check, all_checks, installation_info
-from flexcam.cli.app import CommandOutput, Json, app, write_output
+from flexcam.cli import app as cli
 from flexcam.dynamics import Cause, Status
 from flexcam.report.terminal import create_table, facts_table, finite_or_none
 
@@ -30,13 +30,11 @@ _HEADS: tuple[tuple[str, JustifyMethod], ...] = (
 )  # fmt: skip
 
 
-@app.command(
-    help_prologue="""\
+@cli.command("""\
 flexcam selftest
 flexcam selftest --json
-"""
-)
-def selftest(*, as_json: Json = False) -> Status:
+""")
+def selftest(*, as_json: cli.Json = False) -> cli.CommandOutput:
     """Check this installation: closed forms, published values, and a comparison of the solver engines.
 
     It takes some seconds, or half a minute when code is compiled for the first time. The exit code is 3 if a check
@@ -59,5 +57,4 @@ def selftest(*, as_json: Json = False) -> Status:
     ]  # fmt: skip
     json = {"status": str(status.cause), "message": status.text, "remedy": status.remedy, "checks": rows,
             "installed": dict(installation_info())}  # fmt: skip
-    write_output(CommandOutput(parts, json), as_json=as_json)
-    return status
+    return cli.CommandOutput(parts, json, status=status)

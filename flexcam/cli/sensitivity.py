@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import compress
 from typing import Annotated
 
@@ -16,20 +17,12 @@ from flexcam.cli import app as cli
 from flexcam.cli.study_options import Highest, LimitAccuracy, Lowest, StudyOptions, WorkerCount
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
-from flexcam.dynamics import Cause, Status
+from flexcam.dynamics import Cause
 from flexcam.report.terminal import finite_numbers, finite_or_none, format_csv, format_number, plain_table
+from flexcam.studies import sensitivity as studies
 from flexcam.studies.plan import Row, check_power_of_two
 from flexcam.studies.quantities import frequency_number
-from flexcam.studies.sensitivity import (
-    STEP_OFFSETS,
-    Method,
-    Sensitivity,
-    SobolIndices,
-    exact_names,
-    get_numbers,
-    sensitivities,
-    sobol_indices,
-)
+from flexcam.studies.sensitivity import STEP_OFFSETS, Method, Sensitivity, SobolIndices
 from flexcam.studies.tolerance_analysis import QUANTILES, PartScatter, parse_scatters, sample_parts, scalar_distribution
 from flexcam.studies.variables import InterruptibleRuns, PointEvaluator, Variable, column, variables_of
 from flexcam.valvetrain import Metric
@@ -38,14 +31,12 @@ _DERIVATIVES = Group("Derivatives or Sobol indices", sort_key=1)
 _TOLERANCES = Group("Tolerances of parts", sort_key=1)
 
 
-@cli.app.command(
-    help_prologue="""\
+@cli.command("""\
 flexcam sensitivity case.toml --of frequency.1 --to springs.valve.stiffness --to masses.valve.mass
 flexcam sensitivity case.toml --of contacts.intake.force.largest --to springs.valve.stiffness --to run.crank_speed
 flexcam sensitivity case.toml --of frequency.1 --to springs.valve.stiffness=30:60kN/m --to masses.valve.mass=80:100g --sobol 256
 flexcam sensitivity case.toml --of limits.loss_of_contact --tolerance springs.valve.stiffness=±5% --count 100 --plot scatter.svg
-"""  # noqa: E501 - a command to a line
-)
+""")  # noqa: E501 - a command to a line
 def sensitivity(
     case: cli.CaseFile, *,
     names: Annotated[list[str], Parameter(
@@ -69,7 +60,7 @@ def sensitivity(
     workers: WorkerCount = 1, lowest: Lowest = None, highest: Highest = None, accuracy: LimitAccuracy = "10 rpm",
     csv: cli.Csv = None, plot: cli.Picture = None, overrides: cli.Overrides = None, allow_large: cli.AllowLarge = False,
     overwrite: cli.Overwrite = False, as_json: cli.Json = False,
-) -> Status | None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Compute how results depend on values of the case: derivatives, Sobol indices, or the effect of tolerances.
 
     Use --to to see which value matters most, --sobol for large ranges and interactions, --tolerance for the scatter of
@@ -81,43 +72,41 @@ def sensitivity(
     if (tolerances is not None) == (keys is not None):
         given = "both --to and --tolerance" if keys else "neither --to nor --tolerance"
         raise refuse("sensitivity", given, "--to KEY, or --tolerance KEY=±SPEC")
-    cli.refuse_without("--count", count, "--tolerance", present=tolerances is not None)
-    cli.refuse_without("--seed", seed, "--sobol or --tolerance", present=tolerances is not None or sobol is not None)
-    for option, given in (("--relative-step", relative_step), ("--method", method)):
-        cli.refuse_without(option, given, "derivatives", present=tolerances is None and sobol is None)
-    cli.refuse_without("--relative-step", relative_step, "differences", present=method != "exact")
+    derivatives = tolerances is None and sobol is None
+    cli.refuse_without("--tolerance", {"--count": count}, present=tolerances is not None)
+    cli.refuse_without("--sobol or --tolerance", {"--seed": seed}, present=not derivatives)
+    cli.refuse_without("derivatives", {"--relative-step": relative_step, "--method": method}, present=derivatives)
+    cli.refuse_without("differences", {"--relative-step": relative_step}, present=method != "exact")
     asked = StudyOptions(
         case, overrides, names, lowest, highest, accuracy, option="--of", workers=workers, allow_large=allow_large
     )
     if tolerances is not None:
-        output, ended = _tolerance_analysis(asked, tolerances, 100 if count is None else count, seed or 0)
-    elif sobol is not None:
-        output, ended = _sobol_indices(asked, keys or [], sobol, seed or 0)
-    else:
-        output, ended = _derivatives(asked, keys or [], 0.01 if relative_step is None else relative_step, method)
-    return cli.write_output(output, csv, plot, ended, overwrite=overwrite, as_json=as_json)
+        return _tolerance_analysis(asked, tolerances, 100 if count is None else count, seed or 0)
+    if sobol is not None:
+        return _sobol_indices(asked, keys or [], sobol, seed or 0)
+    return _derivatives(asked, keys or [], 0.01 if relative_step is None else relative_step, method)
 
 
 def _derivatives(
     asked: StudyOptions, keys: list[str], relative_step: float, method: Method | None
-) -> tuple[cli.CommandOutput, Status]:
+) -> cli.CommandOutput:
     if interval := next((key for key in keys if "=" in key), None):
         key = interval.partition("=")[0]
         raise refuse(
             "--to", repr(interval), repr(key), "only --sobol takes intervals", "add --sobol, or give the key alone"
         )
-    exact = exact_names(asked.case, asked.names, method)
+    exact = studies.exact_names(asked.case, asked.names, method)
     responses = [name for name in asked.names if not frequency_number(name) and name not in exact]
-    get_numbers(asked.case, keys)
+    studies.get_numbers(asked.case, keys)
     count = 1 + len(STEP_OFFSETS) * len(keys)
     if responses:
         asked.initial_quantities(count)
     with asked.evaluators(count, responses) as runs:
         kept = InterruptibleRuns(runs)
-        found = sensitivities(
+        found = studies.sensitivities(
             asked.file, asked.fixed, asked.names, keys, kept, relative_step=relative_step, method=method
         )
-    return _derivative_output(found), kept.status
+    return replace(_derivative_output(found), status=kept.status)
 
 
 def _derivative_output(found: Sequence[Sensitivity]) -> cli.CommandOutput:
@@ -175,7 +164,7 @@ def _describe_doubt(one: Sensitivity) -> str:
     return "equal frequencies" if one.error is None else "not smooth"
 
 
-def _sobol_indices(asked: StudyOptions, keys: list[str], count: int, seed: int) -> tuple[cli.CommandOutput, Status]:
+def _sobol_indices(asked: StudyOptions, keys: list[str], count: int, seed: int) -> cli.CommandOutput:
     variables = variables_of(asked.case, keys, "--to")
     check_power_of_two("--sobol", count, 2)
     asked.initial_quantities(count)
@@ -190,8 +179,8 @@ def _sobol_indices(asked: StudyOptions, keys: list[str], count: int, seed: int) 
                 raise KeyboardInterrupt  # a single base point gives no indices
             return np.column_stack([column(rows, name) for name in asked.names])
 
-        found = dict(zip(asked.names, sobol_indices(values, len(variables), count, seed=seed), strict=True))
-    return _sobol_output(variables, found), kept.status
+        found = dict(zip(asked.names, studies.sobol_indices(values, len(variables), count, seed=seed), strict=True))
+    return replace(_sobol_output(variables, found), status=kept.status)
 
 
 _MIN_BASE_POINTS = 2  # for shares of a variance
@@ -239,9 +228,7 @@ def _interval(ends: FloatArray) -> str:
     return f"{ends[0]:.3f} to {ends[1]:.3f}"
 
 
-def _tolerance_analysis(
-    asked: StudyOptions, tolerances: list[str], count: int, seed: int
-) -> tuple[cli.CommandOutput, Status]:
+def _tolerance_analysis(asked: StudyOptions, tolerances: list[str], count: int, seed: int) -> cli.CommandOutput:
     scatters = parse_scatters(asked.case, tolerances)
     parts = sample_parts(scatters, count, seed)
     initial = asked.initial_quantities(count)
@@ -251,7 +238,7 @@ def _tolerance_analysis(
         every = PointEvaluator(asked.case, variables, kept).rows(parts)
     run = [row.status.cause is not Cause.INTERRUPTED for row in every]
     rows, parts = list(compress(every, run)), parts[run]
-    return _scatter_output(asked.names, scatters, parts, rows, initial), kept.status
+    return replace(_scatter_output(asked.names, scatters, parts, rows, initial), status=kept.status)
 
 
 def _scatter_output(

@@ -140,13 +140,14 @@ CamsPath = Annotated[Path, Parameter(help="Case file; with --frequency also a fi
 _FAMILY = Group("Family of laws", sort_key=1)
 
 
-@synthesize.command(
-    name="law",
-    help_prologue="""\
+@cli.command(
+    """\
 flexcam synthesize law --minimize Ca --bound Cj=52.5 -o best.toml
 flexcam synthesize law --family polynomial --degree 11 --minimize Ca --pareto Cj
 flexcam synthesize law --family harmonic --orders 1 --orders 3 --orders 5 --minimize Cm
 """,
+    name="law",
+    group=synthesize,
 )
 def synthesize_law(
     *,
@@ -171,9 +172,9 @@ def synthesize_law(
         group=_FAMILY, help="Number of derivatives that are zero at both ends; 2 by default.")] = None,
     asymmetric: Annotated[bool, Parameter(group=_FAMILY, help="Allow asymmetric laws.")] = False,
     output: Output = None, plot: cli.Picture = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
-) -> None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Find the motion law of a family with minimum peak values, with a proven lower bound."""
-    cli.refuse_without("--count", count, "--pareto", present=against is not None)
+    cli.refuse_without("--pareto", {"--count": count}, present=against is not None)
     cli.check_targets(None, plot, overwrite=overwrite)
     where = _family(family, degree, pieces, orders, rest, symmetric=not asymmetric)
     weights, limits = _numbers("--minimize", minimize, 1.0), _numbers("--bound", bound or [], None)
@@ -189,19 +190,19 @@ def synthesize_law(
     goals = None if against is None else (next(iter(weights)), against)
     files = _write_law_files(front, goals, output, plot, overwrite=overwrite)
     parts = [_pareto_table(front) if against else synthesis_table(front[0]), _LEGEND]
-    answer = cli.CommandOutput(parts, {"laws": [_synthesis_json(one) for one in front]})
     names = {path: f'{path}  (in a case: law = "{path.name}")' for path in files if path.suffix == ".toml"}
-    cli.write_output(answer, as_json=as_json, written=files, describe_file=lambda path: names.get(path, str(path)))
+    json = {"laws": [_synthesis_json(one) for one in front]}
+    return cli.CommandOutput(parts, json, files=files, describe_file=lambda path: names.get(path, str(path)))
 
 
 def _family(
     kind: str, degree: int | None, pieces: int | None, orders: list[int] | None, rest: int | None, *, symmetric: bool
 ) -> Family:
     harmonic = kind == "harmonic"
-    cli.refuse_without("--orders", orders, "--family harmonic", present=harmonic)
-    cli.refuse_without("--pieces", pieces, "--family spline", present=kind == "spline")
-    for option, given in (("--degree", degree), ("--rest", rest), ("--asymmetric", not symmetric)):
-        cli.refuse_without(option, given, "--family spline or polynomial", present=not harmonic)
+    cli.refuse_without("--family harmonic", {"--orders": orders}, present=harmonic)
+    cli.refuse_without("--family spline", {"--pieces": pieces}, present=kind == "spline")
+    of_splines = {"--degree": degree, "--rest": rest, "--asymmetric": not symmetric}
+    cli.refuse_without("--family spline or polynomial", of_splines, present=not harmonic)
     if harmonic:
         return HarmonicFamily(tuple(orders)) if orders else HarmonicFamily()
     order = 2 if rest is None else rest
@@ -251,12 +252,13 @@ def _write_law_files(
     return files
 
 
-@synthesize.command(
-    name="harmonic",
-    help_prologue="""\
+@cli.command(
+    """\
 flexcam synthesize harmonic case.toml --tolerance "20 um" -o intake-harmonic.toml
 flexcam synthesize harmonic case.toml --cam intake --count 12 --bound "0.2 mm"
 """,
+    name="harmonic",
+    group=synthesize,
 )
 def synthesize_harmonic(
     case: cli.CaseFile, *,
@@ -266,7 +268,7 @@ def synthesize_harmonic(
     count: Annotated[int | None, Parameter(
         help="Number of harmonics; by default those below the lowest mode that the cam excites.")] = None,
     output: Output = None, overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
-) -> None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Replace the lift of a cam by its low harmonics, which lie below the modes that the cam excites.
 
     In the dwells the new lift differs from the old one by --tolerance at most.
@@ -284,17 +286,17 @@ def synthesize_harmonic(
         "deviation": found.fit.deviation, "rms_deviation": found.fit.rms_deviation,
         "lift": [end.value for end in event_extremes(found.fit.event)],
     }  # fmt: skip
-    answer = cli.CommandOutput([_harmonic_table(found)], json)
     describe_file = partial(cli.describe_lift_file, phase=found.phase)
-    cli.write_output(answer, as_json=as_json, written=files, describe_file=describe_file)
+    return cli.CommandOutput([_harmonic_table(found)], json, files=files, describe_file=describe_file)
 
 
-@synthesize.command(
-    name="polydyne",
-    help_prologue="""\
+@cli.command(
+    """\
 flexcam synthesize polydyne case.toml --speed 3000rpm -o intake-polydyne.toml
 flexcam synthesize polydyne cams.toml --frequency "400 Hz" --damping 0.02 --speed 3000rpm
 """,
+    name="polydyne",
+    group=synthesize,
 )
 def synthesize_polydyne(
     case: CamsPath, *,
@@ -305,7 +307,7 @@ def synthesize_polydyne(
     damping: Annotated[float, Parameter(help="Damping ratio of that mass.")] = 0.0,
     count: Annotated[int, Parameter(help="Number of harmonics.")] = 60,
     output: Output = None, overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
-) -> None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Design a polydyne cam: at the design speed the flexible train moves the valve as a rigid one would."""
     cli.check_distinct_files({"--output": output}, [case])
     at = None if speed is None else positive("--speed", cli.parse_quantity("--speed", speed, "speed", "rpm"), "rad/s")
@@ -333,6 +335,6 @@ def synthesize_polydyne(
         "speeds_rpm": (found.speeds / RPM).tolist(), "plain": finite_numbers(found.plain),
         "polydyne": finite_numbers(found.compensated),
     }  # fmt: skip
-    answer = cli.CommandOutput([_polydyne_properties_table(found), _polydyne_table(found)], json)
+    tables = [_polydyne_properties_table(found), _polydyne_table(found)]
     describe_file = partial(cli.describe_lift_file, phase=found.phase)
-    cli.write_output(answer, as_json=as_json, written=files, describe_file=describe_file)
+    return cli.CommandOutput(tables, json, files=files, describe_file=describe_file)
