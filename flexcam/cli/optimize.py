@@ -43,6 +43,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+_ROUNDING = 1e-9  # tolerance of a constraint for rounding, relative to its bound
+_ACTIVE_DISTANCE = 0.01
+"""Distance to a variant that violates a constraint, relative to the intervals, below which the constraint is active."""
+
+
 @cli.command("""\
 flexcam optimize case.toml --vary springs.valve.stiffness=30:90kN/m --vary springs.valve.installed_force=300:900N \\
     --least springs.valve.force.largest --subject 'contacts.intake.open_on_the_lift <= 0' --set run.crank_speed=6500rpm
@@ -187,11 +192,6 @@ def _search_figure(design: OptimizationProblem, found: Evaluations) -> Figure:
     return plotting.histories.progress_figure(signs[0] * costs, inside, signs[0] * best, labels[0])
 
 
-_ROUNDING = 1e-9  # tolerance of a constraint for rounding, relative to its bound
-_ACTIVE_DISTANCE = 0.01
-"""Distance to a variant that violates a constraint, relative to the intervals, below which the constraint is active."""
-
-
 def _optimum(design: OptimizationProblem, found: Evaluations) -> tuple[list[Table | str], Mapping[str, object]]:
     """Return the printed output and the JSON of an optimization with one goal."""
     at = found.nearest if found.best is None else found.best
@@ -246,25 +246,18 @@ def _value(found: Evaluations, at: int, name: str) -> str:
 def _constraint_table(design: OptimizationProblem, found: Evaluations, at: int) -> Table:
     rows = list[Sequence[str]]()
     for i, (one, violation) in enumerate(zip(design.bounds, found.violations[at].tolist(), strict=False)):
-        relative = one.bound(found.rows[at].units.get(one.name, "rpm")) != 0.0
-        margin = _margin(float(violation), found.distance_to_violation(at, i), relative=relative)
-        rows.append((one.words, _value(found, at, one.name), *margin))
+        distance = found.distance_to_violation(at, i)
+        active = is_active(violation) or distance <= _ACTIVE_DISTANCE
+        if one.bound(found.rows[at].units.get(one.name, "rpm")) == 0.0:  # nothing to which a margin is relative
+            margin = "violated" if violation > _ROUNDING else "active" if active else "met"
+        elif violation > _ROUNDING:
+            margin = f"violated by {format_decimals(100.0 * violation, 2)} %"
+        else:
+            margin = f"active: {-violation:.2%}" if active else f"{-violation:.1%}"
+        away = "none found" if math.isinf(distance) else f"{distance:.2%}"
+        rows.append((one.words, _value(found, at, one.name), margin, away))
     head = ("subject to", "value", "margin", "smallest change of the varied values that violates it, % of the interval")
     return plain_table("Constraints", head, rows)
-
-
-def _margin(violation: float, distance: float, *, relative: bool) -> tuple[str, str]:
-    """Return the margin of a constraint, and the distance to the nearest variant that violates it.
-
-    The margin is relative to the bound; a bound at zero has none.
-    """
-    away = "none found" if math.isinf(distance) else f"{distance:.2%}"
-    active = is_active(violation) or distance <= _ACTIVE_DISTANCE
-    if not relative:
-        return "violated" if violation > _ROUNDING else "active" if active else "met", away
-    if violation > _ROUNDING:
-        return f"violated by {format_decimals(100.0 * violation, 2)} %", away
-    return (f"active: {-violation:.2%}" if active else f"{-violation:.1%}"), away
 
 
 def _describe_failures(found: Evaluations) -> tuple[list[str], int]:

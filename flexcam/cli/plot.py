@@ -52,6 +52,24 @@ FigureKind = Literal[
 ]  # fmt: skip
 
 
+_OF_CAMS = ("svaj", "profile")
+_APPLIES = {
+    "probe": ("motion", "waterfall", "work-precision"),
+    "channel": ("motion", "force", "torque", "profile", "spring", "waterfall", "map"),
+    "rigid": ("motion", "force", "torque"), "over": ("motion", "force", "torque", "energy"), "cam": _OF_CAMS,
+    "angle": ("profile",), "count": ("modes", "campbell", "waterfall", "map"), "x": ("sweep",), "y": ("sweep",),
+    "map": ("sweep",),
+    "units": tuple(kind for kind in get_args(FigureKind) if kind not in ("orbits", "campbell", "work-precision")),
+    "set": tuple(kind for kind in get_args(FigureKind) if kind != "sweep"),
+}  # fmt: skip
+"""Kinds of figures to which an option applies."""
+
+_ORDERS = 24  # highest drawn order of the camshaft
+_OPEN_LIFT = 1e-4  # lift above which a valve counts as open for the overlap, m
+_OVERLAP = "valve overlap, both open by 0.1 mm"
+_THIN = 1e-4  # length, m, up to which lengths are drawn in micrometres
+
+
 @dataclass(frozen=True)
 class FigureOptions:
     """Sources and options of a figure."""
@@ -150,10 +168,17 @@ def plot(
     By default it draws motion and contact force over the cam angle. Of an incomplete run it draws the completed part.
     """
     what = what or ("sweep" if files and files[0].suffix in _TABLES else "motion")
-    _check_options(
-        what, probe=probe, channel=channels, rigid=rigid or None, over=over, cam=cam, angle=angle, count=count,
-        x=x, y=y, map=as_map or None, set=overrides, units=units,
-    )  # fmt: skip
+    given = {
+        "probe": probe, "channel": channels, "rigid": rigid or None, "over": over, "cam": cam, "angle": angle,
+        "count": count, "x": x, "y": y, "map": as_map or None, "set": overrides, "units": units,
+    }  # fmt: skip
+    faults = [
+        Fault(f"--{name}", str(value), "", f"--what {what} has no --{name}", f"use it with --what {' or '.join(kinds)}")
+        for (name, value), kinds in ((item, _APPLIES[item[0]]) for item in given.items())
+        if value is not None and what not in kinds
+    ]
+    if faults:
+        raise InputError(faults)
     if units and any(path.suffix == ".csv" for path in files):
         raise refuse("--units", units, "the .h5 table of the sweep", "a CSV table has its own units")
     if what != "sweep" and any(path.suffix in _TABLES for path in files):
@@ -168,35 +193,6 @@ def plot(
     own = [one.response.status for one in sources.values() if one.result is None and "response" in vars(one)]
     failed = next((status for status in own if not status.ok), Status())
     return cli.CommandOutput(warnings, {"status": "ok", "warnings": warnings}, files=[target], status=failed)
-
-
-_OF_CAMS = ("svaj", "profile")
-_APPLIES = {
-    "probe": ("motion", "waterfall", "work-precision"),
-    "channel": ("motion", "force", "torque", "profile", "spring", "waterfall", "map"),
-    "rigid": ("motion", "force", "torque"), "over": ("motion", "force", "torque", "energy"), "cam": _OF_CAMS,
-    "angle": ("profile",), "count": ("modes", "campbell", "waterfall", "map"), "x": ("sweep",), "y": ("sweep",),
-    "map": ("sweep",),
-    "units": tuple(kind for kind in get_args(FigureKind) if kind not in ("orbits", "campbell", "work-precision")),
-    "set": tuple(kind for kind in get_args(FigureKind) if kind != "sweep"),
-}  # fmt: skip
-
-
-def _check_options(what: str, **options: object) -> None:
-    """Raise an error for options without effect on this kind of figure."""
-    given = {name: value for name, value in options.items() if value is not None and what not in _APPLIES[name]}
-    faults = [
-        Fault(
-            f"--{name}",
-            str(value),
-            "",
-            f"--what {what} has no --{name}",
-            f"use it with --what {' or '.join(_APPLIES[name])}",
-        )
-        for name, value in given.items()
-    ]
-    if faults:
-        raise InputError(faults)
 
 
 def _motion(asked: FigureOptions) -> Figure:
@@ -245,10 +241,6 @@ def _valve_overlap(asked: FigureOptions, tdc: float, crank: FloatArray) -> NDArr
     for one, other in combinations(own, 2):
         both |= opened[one] & opened[other] & exhaust_and_intake(own[one], own[other])
     return both
-
-
-_OPEN_LIFT = 1e-4  # lift above which a valve counts as open for the overlap, m
-_OVERLAP = "valve overlap, both open by 0.1 mm"
 
 
 def _force(asked: FigureOptions, kind: str = "force") -> Figure:
@@ -337,9 +329,6 @@ def _profile_values(source: Source, profile: CamProfile, channel: str) -> tuple[
     return touched, factor * values, ", ".join(filter(None, (plotting.histories.short_name(channel), symbol)))
 
 
-_THIN = 1e-4  # length, m, up to which lengths are drawn in micrometres
-
-
 def _spring(asked: FigureOptions) -> Figure:
     """Draw the static curves of springs up to their travel in the rigid train."""
     source = _single_source(asked, "spring")
@@ -426,9 +415,6 @@ def _waterfall(asked: FigureOptions) -> Figure:
     case = _single_source(asked, "waterfall").case
     seen = select_signals(case, asked.channels, None if asked.probe is None else [asked.probe])
     return orders_of_response(case, _speeds(asked, case), seen, _ORDERS).figure()
-
-
-_ORDERS = 24  # highest drawn order of the camshaft
 
 
 def _speeds(asked: FigureOptions, case: Case) -> list[float]:

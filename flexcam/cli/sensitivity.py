@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from itertools import compress
 from typing import Annotated
 
@@ -20,13 +19,13 @@ from flexcam.core.errors import refuse
 from flexcam.dynamics import Cause
 from flexcam.report.terminal import finite_numbers, finite_or_none, format_csv, format_number, plain_table
 from flexcam.studies import sensitivity as studies
-from flexcam.studies.plan import Row, check_power_of_two
+from flexcam.studies.plan import check_power_of_two
 from flexcam.studies.quantities import frequency_number
-from flexcam.studies.sensitivity import STEP_OFFSETS, Method, Sensitivity, SobolIndices
-from flexcam.studies.tolerance_analysis import QUANTILES, PartScatter, parse_scatters, sample_parts, scalar_distribution
+from flexcam.studies.sensitivity import STEP_OFFSETS, Method, Sensitivity
+from flexcam.studies.tolerance_analysis import QUANTILES, parse_scatters, sample_parts, scalar_distribution
 from flexcam.studies.variables import InterruptibleRuns, PointEvaluator, Variable, column, variables_of
-from flexcam.valvetrain import Metric
 
+_MIN_BASE_POINTS = 2  # for shares of a variance
 _DERIVATIVES = Group("Derivatives or Sobol indices", sort_key=1)
 _TOLERANCES = Group("Tolerances of parts", sort_key=1)
 
@@ -92,9 +91,8 @@ def _derivatives(
 ) -> cli.CommandOutput:
     if interval := next((key for key in keys if "=" in key), None):
         key = interval.partition("=")[0]
-        raise refuse(
-            "--to", repr(interval), repr(key), "only --sobol takes intervals", "add --sobol, or give the key alone"
-        )
+        why, remedy = "only --sobol takes intervals", "add --sobol, or give the key alone"
+        raise refuse("--to", repr(interval), repr(key), why, remedy)
     exact = studies.exact_names(asked.case, asked.names, method)
     responses = [name for name in asked.names if not frequency_number(name) and name not in exact]
     studies.get_numbers(asked.case, keys)
@@ -106,10 +104,6 @@ def _derivatives(
         found = studies.sensitivities(
             asked.file, asked.fixed, asked.names, keys, kept, relative_step=relative_step, method=method
         )
-    return replace(_derivative_output(found), status=kept.status)
-
-
-def _derivative_output(found: Sequence[Sensitivity]) -> cli.CommandOutput:
     names = list(dict.fromkeys(one.scalar for one in found))
     tables = [_derivative_table(name, [one for one in found if one.scalar == name]) for name in names]
     words = [f"{one.scalar} by {one.by.key}: {one.note}" for one in found if one.note]
@@ -129,7 +123,7 @@ def _derivative_output(found: Sequence[Sensitivity]) -> cli.CommandOutput:
     known = [one for one in found if not math.isnan(one.logarithmic)]
     bars = {name: {one.by.key: one.logarithmic for one in known if one.scalar == name} for name in names}
     return cli.CommandOutput(
-        [*tables, *words], {"derivatives": json}, csv,
+        [*tables, *words], {"derivatives": json}, csv, status=kept.status,
         draw=lambda: plotting.histories.bars_figure(bars, "percent per percent"),
     )  # fmt: skip
 
@@ -180,13 +174,6 @@ def _sobol_indices(asked: StudyOptions, keys: list[str], count: int, seed: int) 
             return np.column_stack([column(rows, name) for name in asked.names])
 
         found = dict(zip(asked.names, studies.sobol_indices(values, len(variables), count, seed=seed), strict=True))
-    return replace(_sobol_output(variables, found), status=kept.status)
-
-
-_MIN_BASE_POINTS = 2  # for shares of a variance
-
-
-def _sobol_output(variables: Sequence[Variable], found: Mapping[str, SobolIndices]) -> cli.CommandOutput:
     keys = [one.key for one in variables]
     tables: list[Table] = []
     for name, one in found.items():
@@ -219,7 +206,7 @@ def _sobol_output(variables: Sequence[Variable], found: Mapping[str, SobolIndice
     groups = {name: dict(zip(keys, one.total.tolist(), strict=True)) for name, one in found.items()}
     intervals = {name: one.total_interval for name, one in found.items()}
     return cli.CommandOutput(
-        [*tables, *words], {"sobol": json}, format_csv(head, rows),
+        [*tables, *words], {"sobol": json}, format_csv(head, rows), status=kept.status,
         draw=lambda: plotting.histories.bars_figure(groups, "share of the variance, total", intervals),
     )  # fmt: skip
 
@@ -238,13 +225,7 @@ def _tolerance_analysis(asked: StudyOptions, tolerances: list[str], count: int, 
         every = PointEvaluator(asked.case, variables, kept).rows(parts)
     run = [row.status.cause is not Cause.INTERRUPTED for row in every]
     rows, parts = list(compress(every, run)), parts[run]
-    return replace(_scatter_output(asked.names, scatters, parts, rows, initial), status=kept.status)
-
-
-def _scatter_output(
-    names: Sequence[str], scatters: Sequence[PartScatter], parts: FloatArray, rows: Sequence[Row],
-    initial: Mapping[str, Metric],
-) -> cli.CommandOutput:  # fmt: skip
+    names = asked.names
     values = np.column_stack([column(rows, name) for name in names])
     units = {name: one.unit for name, one in initial.items()}
     units |= {
@@ -287,6 +268,6 @@ def _scatter_output(
     known = {name: one[~np.isnan(one)] for name, one in zip(names, values.T, strict=True)}
     middle = {name: one.value for name, one in initial.items()}
     return cli.CommandOutput(
-        [*tables, *words], {"scatter": json}, format_csv(columns, body),
+        [*tables, *words], {"scatter": json}, format_csv(columns, body), status=kept.status,
         draw=lambda: plotting.histories.scatter_figure(known, units, middle),
     )  # fmt: skip
