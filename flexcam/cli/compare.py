@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -13,7 +13,7 @@ from rich.table import Table
 
 from flexcam import plotting
 from flexcam.analysis import comparison
-from flexcam.analysis.comparison import MODELS, SpeedResult, compare_responses
+from flexcam.analysis.comparison import MODELS, compare_responses
 from flexcam.analysis.model_choice import evaluate_ladder, model_ladder
 from flexcam.analysis.preparation import prepare
 from flexcam.analysis.prepared_run import scalar_probe
@@ -23,7 +23,6 @@ from flexcam.analysis.run import run as run_case
 from flexcam.case.case import Case
 from flexcam.case.reader import case_from_result
 from flexcam.cli import app as cli
-from flexcam.core import FloatArray
 from flexcam.core.errors import collect_errors, positive, refuse, suggest_name
 from flexcam.core.units import RPM, parse, shaft_name
 from flexcam.dynamics import Response, reraise_interrupt
@@ -136,22 +135,30 @@ def _run(case: Case) -> Response:
 
 def _compare_over_speed(case: Case, speeds: list[float], tolerance: float, contact: str | None) -> cli.CommandOutput:
     """Compare the contact forces of the rigid, bilateral and unilateral model over speed."""
-    scale = case.turns
+    scale, shaft = case.turns, shaft_name(case.turns)
     with show_count(len(speeds), "speeds") as shown:
         found = comparison.compare_models_over_speed(case, speeds, contact=contact, advance=shown)
-
-    head = (f"{shaft_name(scale)} rpm", *(f"{name}, N" for name in MODELS))
+    words, parting = list[str](), dict[str, float | None]()
+    for first, second in _PAIRS:
+        rpm = comparison.divergence_speed(found, first, second, tolerance)
+        when = "already at the lowest speed," if rpm == found[0].rpm else "first at"
+        there = "at none of the speeds" if rpm is None else f"{when} {scale * rpm:.6g} {shaft} rpm"
+        words.append(f"{first} and {second} {there}")
+        parting[f"{first}_{second}_part_rpm"] = None if rpm is None else scale * rpm
+    differ = f"differences above {tolerance:.0%} of the maximum force: {'; '.join(words)}"
+    head = (f"{shaft} rpm", *(f"{name}, N" for name in MODELS))
     rows = [(f"{scale * one.rpm:.6g}", *(_format_forces(one.forces[name]) for name in MODELS)) for one in found]
-    differ = _describe_divergence(found, scale, tolerance)
-    table = plain_table(f"Contact force on the main lift, min to max; {differ}", head, rows)
-    nothing, ranges = comparison.ForceRange(float("nan"), float("nan")), dict[str, tuple[FloatArray, FloatArray]]()
-    for name in MODELS:
-        forces = [speed.forces[name] or nothing for speed in found]
-        ranges[name] = np.array([one.least for one in forces]), np.array([one.largest for one in forces])
     rpm = np.array([scale * one.rpm for one in found])
+    forces = {
+        name: [None if (one := speed.forces[name]) is None else (one.least, one.largest) for speed in found]
+        for name in MODELS
+    }
+    ends = {name: np.array([pair or (np.nan, np.nan) for pair in pairs]).T for name, pairs in forces.items()}
+    ranges = {name: (low, high) for name, (low, high) in ends.items()}
     return cli.CommandOutput(
-        [table], _divergence_json(found, scale, tolerance), title=case.title,
-        draw=lambda: plotting.spectra.force_figure(rpm, ranges, shaft_name(scale)),
+        [plain_table(f"Contact force on the main lift, min to max; {differ}", head, rows)],
+        {"shaft": shaft, "rpm": rpm.tolist(), "forces_n": forces, **parting, "tolerance": tolerance}, title=case.title,
+        draw=lambda: plotting.spectra.force_figure(rpm, ranges, shaft),
     )  # fmt: skip
 
 
@@ -159,29 +166,6 @@ def _format_forces(forces: comparison.ForceRange | None) -> str:
     if forces is None:
         return "did not finish"
     return f"{format_decimals(forces.least, 0)} to {format_decimals(forces.largest, 0)}"
-
-
-def _describe_divergence(found: Sequence[SpeedResult], scale: float, tolerance: float) -> str:
-    words: list[str] = []
-    for first, second in _PAIRS:
-        rpm = comparison.divergence_speed(found, first, second, tolerance)
-        when = "already at the lowest speed," if rpm == found[0].rpm else "first at"
-        there = "at none of the speeds" if rpm is None else f"{when} {scale * rpm:.6g} {shaft_name(scale)} rpm"
-        words.append(f"{first} and {second} {there}")
-    return f"differences above {tolerance:.0%} of the maximum force: {'; '.join(words)}"
-
-
-def _divergence_json(found: Sequence[SpeedResult], scale: float, tolerance: float) -> dict[str, object]:
-    part: dict[str, object] = {}
-    for first, second in _PAIRS:
-        rpm = comparison.divergence_speed(found, first, second, tolerance)
-        part[f"{first}_{second}_part_rpm"] = None if rpm is None else scale * rpm
-    forces = {
-        name: [None if (one := speed.forces[name]) is None else [one.least, one.largest] for speed in found]
-        for name in MODELS
-    }
-    rpm = [scale * one.rpm for one in found]
-    return {"shaft": shaft_name(scale), "rpm": rpm, "forces_n": forces, **part, "tolerance": tolerance}
 
 
 @cli.command("""\

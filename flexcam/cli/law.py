@@ -86,18 +86,16 @@ def find_law(name: str, parameters: list[str] | None = None) -> Law:
         return read_law(Path(name)).law
     if not parameters and name not in LAWS and name not in kind_names():
         known = list(dict.fromkeys([*LAWS, *kind_names()]))
-        raise refuse(
-            "law", repr(name), f"one of {', '.join(known)}, or a law file (.toml)", "", suggest_name(name, known)
-        )
+        allowed = f"one of {', '.join(known)}, or a law file (.toml)"
+        raise refuse("law", repr(name), allowed, "", suggest_name(name, known))
     given: dict[str, object] = {"id": name}
     for one in parameters or ():
         key, equals, value = one.partition("=")
         if not equals:
             raise refuse("--with", repr(one), "key=value, such as b=0.25")
         if key.strip() in given:
-            raise refuse(
-                "--with", repr(one), "every parameter once", f"{key.strip()!r} is given twice", "leave one out"
-            )
+            why = f"{key.strip()!r} is given twice"
+            raise refuse("--with", repr(one), "every parameter once", why, "leave one out")
         try:
             given[key.strip()] = parse_toml(f"value = {value}")["value"]
         except ValueError:

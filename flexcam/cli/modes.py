@@ -25,7 +25,6 @@ from flexcam.valvetrain import ModelModes
 
 
 def _elastic(found: ModelModes, count: int) -> list[int]:
-    """Return the lowest elastic modes."""
     return list(range(len(found.modes.frequencies)))[found.modes.rigid :][:count]
 
 
@@ -42,11 +41,6 @@ def _closed_mode_table(found: ClosedModes, count: int, turns: float) -> Table:
     for number, row in enumerate(zip_longest(*cells, fillvalue=("", "", "")), start=1):
         made.add_row(str(number), *chain.from_iterable(row))
     return made
-
-
-def _closed_json(found: ClosedModes, count: int) -> dict[str, list[float]]:
-    pairs = {"base_circle_hz": found.base_circle, "full_lift_hz": found.full_lift}
-    return {key: [float(modes.modes.frequencies[i]) for i in _elastic(modes, count)] for key, modes in pairs.items()}
 
 
 @cli.command("""\
@@ -88,8 +82,8 @@ def modes(
         drawn = output_geometry(build_model(read))
         files = write_modes(path, drawn, found.modes.frequencies, found.modes.shapes, overwrite=overwrite)
     closed, missing = closed_modes(read)
-    parts = [mode_table(found, f"{read.title}: modes, contacts open", read.turns)]
-    parts += [
+    parts = [
+        mode_table(found, f"{read.title}: modes, contacts open", read.turns),
         *(_closed_mode_table(one, count, read.turns) for one in closed),
         *check_modes(found),
         *filter(None, [missing]),
@@ -98,6 +92,13 @@ def modes(
         parts += [mac_table(criterion), describe_mac(criterion, compared)]
     if files:
         parts.append(f"{files[0]}: choose a mode in Warp By Vector and press play; {files[1]} has the static shapes")
+    closed_hz = {
+        one.contact: {
+            key: [float(modes.modes.frequencies[i]) for i in _elastic(modes, count)]
+            for key, modes in (("base_circle_hz", one.base_circle), ("full_lift_hz", one.full_lift))
+        }
+        for one in closed
+    }
     json = {
         "title": read.record.title,
         "frequencies_hz": found.modes.frequencies.tolist(), "free_motions": found.modes.rigid,
@@ -105,6 +106,6 @@ def modes(
         "rounding": found.modes.rounding.tolist(), "warnings": check_modes(found),
         "moves": [found.words(i) for i in range(len(found.shares))],
         "mac": None if criterion is None else finite_numbers(criterion), "mac_nodes": compared,
-        "closed": {one.contact: _closed_json(one, count) for one in closed}, "files": [str(path) for path in files],
+        "closed": closed_hz, "files": [str(path) for path in files],
     }  # fmt: skip
     return cli.CommandOutput(parts, json)

@@ -287,7 +287,6 @@ def _variant_json(design: OptimizationProblem, found: Evaluations, i: int) -> di
 
 
 def _csv(design: OptimizationProblem, found: Evaluations) -> str:
-    """Return all evaluations in their order as CSV text."""
     names = list(dict.fromkeys([*(goal.name for goal in design.goals), *(one.name for one in design.bounds)]))
     head = [*(with_unit(one.key, one.unit) for one in design.points.variables), *names, "within all bounds", "status"]
     inside = optimization.is_feasible(found.violations).tolist()

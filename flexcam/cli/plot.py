@@ -50,8 +50,6 @@ FigureKind = Literal[
     "motion", "force", "torque", "energy", "orbits", "svaj", "profile", "spring", "goodman", "modes", "campbell",
     "waterfall", "map", "sweep", "work-precision",
 ]  # fmt: skip
-
-
 _OF_CAMS = ("svaj", "profile")
 _APPLIES = {
     "probe": ("motion", "waterfall", "work-precision"),
@@ -270,7 +268,6 @@ def _energy(asked: FigureOptions) -> Figure:
 
 
 def _orbits(asked: FigureOptions) -> Figure:
-    """Draw the orbits of journals in their oil films over the last revolution."""
     responses = {name: plotting.histories.last_revolution(one.response) for name, one in asked.sources.items()}
     known = (name for name in asked.first.response.channels if name.endswith(".eccentricity"))
     bearings = [name.removesuffix(".eccentricity") for name in known]
@@ -303,7 +300,6 @@ def _profile(asked: FigureOptions) -> Figure:
 
 
 def _cam_of_channel(source: Source, asked: FigureOptions, channels: Sequence[str]) -> str:
-    """Return the cam whose profile a channel colours."""
     if source.cams_only is not None:
         raise refuse("--channel", channels[0], "a result, or a case with contacts", "a file of cams is not run")
     contacts = source.ready.model.cam_contacts
@@ -330,7 +326,6 @@ def _profile_values(source: Source, profile: CamProfile, channel: str) -> tuple[
 
 
 def _spring(asked: FigureOptions) -> Figure:
-    """Draw the static curves of springs up to their travel in the rigid train."""
     source = _single_source(asked, "spring")
     known = {
         f"springs.{name}.force": spring
@@ -368,9 +363,8 @@ def _map(asked: FigureOptions) -> Figure:
     if len(asked.sources) > 1:
         speeds = [one.case.speed for one in asked.sources.values()]
         if twice := next((one for one in speeds if speeds.count(one) > 1), None):
-            raise refuse(
-                "files", f"two at {shaft_speed(twice, case.turns)}", "one per speed", "a map has one row per speed"
-            )
+            given = f"two at {shaft_speed(twice, case.turns)}"
+            raise refuse("files", given, "one per speed", "a map has one row per speed")
         runs = {one.case.speed: one.response for one in sorted(asked.sources.values(), key=lambda one: one.case.speed)}
     else:
         speeds = _speeds(asked, case)
@@ -442,7 +436,6 @@ def _single_source(asked: FigureOptions, what: str) -> Source:
 
 
 def _cams(source: Source, name: str | None) -> Mapping[str, Cam]:
-    """Return the cams of a source, or the requested one."""
     cams = source.cams
     if name is not None and name not in cams:
         raise refuse("--cam", repr(name), ", ".join(cams), "", suggest_name(name, cams))

@@ -35,6 +35,9 @@ _WORDS = {
 
 
 def _stability_table(found: Stability, scale: float) -> Table:
+    skipped = [] if found.discrete.is_available else ["the integrator"]
+    skipped += ["the growth of disturbances"] if found.floquet is None else []
+    stable = "none: no cause of instability found" + (f"; not assessed: {' and '.join(skipped)}" if skipped else "")
     several = len({one.contact for one in found.resonances}) > 1
     rows = [
         ("integrator", _describe_amplification(found.discrete)),
@@ -43,21 +46,14 @@ def _stability_table(found: Stability, scale: float) -> Table:
         ("resonances", _count_resonances(found, scale)),
         *((f"harmonic {one.harmonic}" + (f", {one.contact}" if several else ""), _format_resonance(one, scale))
           for one in found.within[:_SHOWN]),
-        ("verdict", "; ".join(f"{one}: {_WORDS[one]}" for one in _verdict(found)) or _describe_stable(found)),
+        ("verdict", "; ".join(f"{one}: {_WORDS[one]}" for one in _verdict(found)) or stable),
     ]  # fmt: skip
     return facts_table(f"Stability at {shaft_speed(found.rpm * RPM, scale)}", rows)
 
 
 def _verdict(found: Stability) -> list[str]:
-    """Return the causes of instability, and the chatter."""
     chatter = ["chatter" if found.is_scattering else _HARMLESS] if found.is_chattering else []
     return [*found.causes, *chatter]
-
-
-def _describe_stable(found: Stability) -> str:
-    skipped = [] if found.discrete.is_available else ["the integrator"]
-    skipped += ["the growth of disturbances"] if found.floquet is None else []
-    return "none: no cause of instability found" + (f"; not assessed: {' and '.join(skipped)}" if skipped else "")
 
 
 def _describe_amplification(found: StepAmplification) -> str:

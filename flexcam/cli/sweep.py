@@ -28,7 +28,6 @@ _MAX_LISTED = 3  # number of variants named in a sentence
 
 
 def _sweep_table(found: SweepTable) -> RichTable:
-    """Return the table of the range of every scalar; constant scalars are omitted."""
     rows: list[tuple[str, ...]] = []
     for name, values in found.scalars.items():
         if _is_varying(values):

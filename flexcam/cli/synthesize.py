@@ -8,18 +8,12 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from cyclopts import App, Group, Parameter
 from rich.table import Table
 
 from flexcam import __version__, plotting
-from flexcam.analysis.cam_analysis import (
-    HarmonicCam,
-    PolydyneCam,
-    design_polydyne,
-    harmonic_cam,
-    load_cams,
-    polydyne_cam,
-)
+from flexcam.analysis import cam_analysis
 from flexcam.cams import Family, HarmonicFamily, SingleMass, SplineFamily, Synthesis, event_extremes, minimax, pareto
 from flexcam.case.reader import has_mechanism
 from flexcam.cli import app as cli
@@ -27,6 +21,13 @@ from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, format_quantity, parse
 from flexcam.io import check_writable, create_folder, write_law, write_lift
 from flexcam.report.terminal import NOISE, facts_table, finite_numbers, plain_table
+
+_FAMILY = Group("Family of laws", sort_key=1)
+_LEGEND = (
+    "C_v, C_a, C_j: max velocity, acceleration and jerk of the law, lift 1 over angle 1; "
+    "C_m: max product of velocity and acceleration, which is proportional to the inertia torque; "
+    "z: angle / duration of the rise"
+)
 
 
 def _synthesis_json(found: Synthesis) -> dict[str, object]:
@@ -36,13 +37,6 @@ def _synthesis_json(found: Synthesis) -> dict[str, object]:
         "bound_over_all_laws": found.bound_all, "Cv": c.Cv, "Ca": c.Ca, "Cj": c.Cj, "Cm": c.Cm, "rms": c.rms[1],
         "broken": list(c.violations), "converged": found.converged, "not_converged": list(found.open),
     }  # fmt: skip
-
-
-_LEGEND = (
-    "C_v, C_a, C_j: max velocity, acceleration and jerk of the law, lift 1 over angle 1; "
-    "C_m: max product of velocity and acceleration, which is proportional to the inertia torque; "
-    "z: angle / duration of the rise"
-)
 
 
 def synthesis_table(found: Synthesis) -> Table:
@@ -77,7 +71,7 @@ def _pareto_table(front: Sequence[Synthesis]) -> Table:
     )
 
 
-def _harmonic_table(found: HarmonicCam) -> Table:
+def _harmonic_table(found: cam_analysis.HarmonicCam) -> Table:
     fit, hertz = found.fit, found.frequency / (2.0 * math.pi)
     rows = [
         ("harmonics", f"{found.count}; {found.limit} lie below the lowest mode that the cam excites, {hertz:.4g} Hz"),
@@ -88,24 +82,17 @@ def _harmonic_table(found: HarmonicCam) -> Table:
     return facts_table("Lift of harmonics", rows)
 
 
-def _polydyne_table(found: PolydyneCam) -> Table:
-    """Return the table of a polydyne cam at its design speed and at others."""
+def _polydyne_table(found: cam_analysis.PolydyneCam) -> Table:
     rows = [
-        (f"{speed / RPM:.6g}", _micrometres(plain), _micrometres(compensated))
-        for speed, plain, compensated in zip(
-            found.speeds.tolist(), found.plain.tolist(), found.compensated.tolist(), strict=True
-        )
+        (f"{speed / RPM:.6g}", *(f"{1e6 * value:.4g}" if math.isfinite(value) else "resonance" for value in deviations))
+        for speed, *deviations in np.array([found.speeds, found.plain, found.compensated]).T.tolist()
     ]
     head = ("camshaft rpm", "plain cam, um", "polydyne cam, um")
     title = "Max deviation of the valve from the target motion"
     return plain_table(f"{title}; design speed: camshaft {found.speed / RPM:.6g} rpm", head, rows)
 
 
-def _micrometres(value: float) -> str:
-    return f"{1e6 * value:.4g}" if math.isfinite(value) else "resonance"
-
-
-def _polydyne_properties_table(found: PolydyneCam) -> Table:
+def _polydyne_properties_table(found: cam_analysis.PolydyneCam) -> Table:
     design = found.design
     lift, bend, count = event_extremes(design.event), event_extremes(design.event, 2), len(design.event.cosine)
     rows = [
@@ -119,15 +106,14 @@ def _polydyne_properties_table(found: PolydyneCam) -> Table:
     return facts_table("Polydyne cam", rows)
 
 
-_EXAMPLES = """\
-flexcam synthesize law --minimize Ca --bound Cj=52.5 -o best.toml
-flexcam synthesize harmonic case.toml --tolerance "20 um" -o lift.toml
-flexcam synthesize polydyne case.toml --speed 3000rpm -o lift.toml
-"""
 synthesize = App(
     name="synthesize",
     help="Design a motion law with minimum peak values, or a lift that excites the train less.",
-    help_prologue=_EXAMPLES,
+    help_prologue="""\
+flexcam synthesize law --minimize Ca --bound Cj=52.5 -o best.toml
+flexcam synthesize harmonic case.toml --tolerance "20 um" -o lift.toml
+flexcam synthesize polydyne case.toml --speed 3000rpm -o lift.toml
+""",
     help_format="plaintext",
 )
 cli.app.command(synthesize)
@@ -137,7 +123,6 @@ Output = Annotated[
     Parameter(["-o", "--output"], help="Also write the lift or the law to this file (.toml), for use in a case."),
 ]
 CamsPath = Annotated[Path, Parameter(help="Case file; with --frequency also a file that has [cams.NAME] only.")]
-_FAMILY = Group("Family of laws", sort_key=1)
 
 
 @cli.command(
@@ -276,7 +261,7 @@ def synthesize_harmonic(
     cli.check_distinct_files({"--output": output}, [case])
     strict = cli.parse_quantity("--tolerance", tolerance, "length", "um")
     wide = cli.parse_optional("--bound", bound, "length", "mm")
-    found = harmonic_cam(cli.load_case(case, overrides), name, tolerance=strict, count=count, bound=wide)
+    found = cam_analysis.harmonic_cam(cli.load_case(case, overrides), name, tolerance=strict, count=count, bound=wide)
     about = {"flexcam": __version__, "made_for": str(case), "harmonics": found.count}
     lift = found.fit.event.with_delay(-found.phase)
     files = [] if output is None else [write_lift(lift, output, about=about, overwrite=overwrite)]
@@ -315,13 +300,13 @@ def synthesize_polydyne(
         raise refuse("--damping", damping, "--damping with --frequency only", "the train of the case has its own")
     if frequency is not None:
         omega = 2.0 * math.pi * cli.parse_quantity("--frequency", frequency, "rate", "Hz")
-        cams = load_cams(case, overrides or ())
+        cams = cam_analysis.load_cams(case, overrides or ())
         design_speed = cams.speed if at is None else at
         if design_speed is None:
             raise refuse("--speed", "nothing", "the design speed, such as 3000rpm", f"{cams.name} has no speed")
-        found = design_polydyne(cams, name, SingleMass(omega, damping), design_speed, count)
+        found = cam_analysis.design_polydyne(cams, name, SingleMass(omega, damping), design_speed, count)
     elif has_mechanism(case):
-        found = polydyne_cam(cli.load_case(case, overrides), name, speed=at, count=count)
+        found = cam_analysis.polydyne_cam(cli.load_case(case, overrides), name, speed=at, count=count)
     else:
         given, remedy = f"{case.name}, which has cams only", "add --frequency for one mass on a spring"
         raise refuse("case", given, "a case with the train that the cam drives", "", remedy)
