@@ -234,31 +234,6 @@ def _finding(one: ProfileFault) -> str:
     return f"{one.what} ({_at(one.angle)}: {measure}); {one.remedy}"
 
 
-def _overlap_table(overlaps: Sequence[tuple[str, str, str, float]], found: Mapping[str, CamFacts]) -> Table:
-    rows = [
-        (f"{one} and {other}", f"{math.degrees(cam_analysis.lobe_separation(found[one], found[other])):.2f}", lift,
-         f"{math.degrees(angle):.2f}")
-        for one, other, lift, angle in overlaps
-    ]  # fmt: skip
-    head = ("cams", "lobe separation, cam deg", "at a lift of", "overlap, crank deg")
-    return plain_table("Lobe separation and overlap", head, rows)
-
-
-def _smoothing_table(name: str, report: LiftReport) -> Table:
-    before, after = (
-        format_quantity("m/rad^2", *ends, digits=4) for ends in (report.acceleration_before, report.acceleration_after)
-    )
-    changed = f"{1e6 * report.rms_change:.3g} um rms, max {1e6 * report.largest_change:.3g} um"
-    rows = [
-        ("points", str(report.points)),
-        ("points moved by smoothing", f"{changed} {_at(report.at)}"),
-        ("acceleration of the points", before),
-        ("acceleration of the spline", after),
-        *(("warning", said) for said in report.remarks),
-    ]
-    return facts_table(f"Lift table of {name}", rows)
-
-
 @cli.command("""\
 flexcam cam case.toml
 flexcam cam cams.toml --cam intake -o profiles --format dxf --cutter "40 mm"
@@ -342,9 +317,6 @@ def cam(
         if given is not None and not any(one.profile for one in found.values()):
             why, remedy = f"{', '.join(found)} has no profile", "give the cam base_radius and follower"
             raise refuse(option, str(given), "nothing without a profile", why, remedy)
-    if plot is not None and plot.suffix in (".svg", ".png", ".pdf"):
-        remedy = f"name a folder; --plot-format {plot.suffix[1:]} selects the format"
-        raise refuse("--plot", str(plot), "a folder", "a cam has several figures", remedy)
     files = _write_cam_files(cams.name, found, plot, plot_format or "svg", output, forms, wheel, overwrite=overwrite)
     return replace(_describe_cams(cams, found), files=files)
 
@@ -354,6 +326,9 @@ def _write_cam_files(
     forms: Sequence[Literal["csv", "dxf", "vtp"]] | None, cutter: float | None, *, overwrite: bool,
 ) -> list[Path]:  # fmt: skip
     """Write the card, the profiles and the figures of the cams of a file with a given name."""
+    if plot is not None and plot.suffix in (".svg", ".png", ".pdf"):
+        remedy = f"name a folder; --plot-format {plot.suffix[1:]} selects the format"
+        raise refuse("--plot", str(plot), "a folder", "a cam has several figures", remedy)
     figures = {} if plot is None else {plot / f"{stem}.{form}": one for stem, one in _draw_cams(name, found).items()}
     card = folder / f"{name}-card.csv" if folder is not None and "csv" in (forms or ["csv"]) else None
     for path in (*figures, *([] if card is None else [card])):  # before files are written
@@ -396,10 +371,28 @@ def _describe_cams(cams: CamSet, found: Mapping[str, CamFacts]) -> cli.CommandOu
     parts: list[Table] = []
     for one, facts in found.items():
         parts.append(_cam_table(one, facts, cams))
-        if one in cams.reports:
-            parts.append(_smoothing_table(one, cams.reports[one]))
-    if crossed := [pair for pair in pairs if cam_analysis.exhaust_and_intake(found[pair[0]], found[pair[1]])]:
-        parts.append(_overlap_table(crossed, found))
+        if report := cams.reports.get(one):
+            before, after = (
+                format_quantity("m/rad^2", *ends, digits=4)
+                for ends in (report.acceleration_before, report.acceleration_after)
+            )
+            changed = f"{1e6 * report.rms_change:.3g} um rms, max {1e6 * report.largest_change:.3g} um"
+            rows = [
+                ("points", str(report.points)),
+                ("points moved by smoothing", f"{changed} {_at(report.at)}"),
+                ("acceleration of the points", before),
+                ("acceleration of the spline", after),
+                *(("warning", said) for said in report.remarks),
+            ]
+            parts.append(facts_table(f"Lift table of {one}", rows))
+    crossed = [
+        (f"{one} and {other}", f"{math.degrees(cam_analysis.lobe_separation(found[one], found[other])):.2f}", lift,
+         f"{math.degrees(angle):.2f}")
+        for one, other, lift, angle in pairs if cam_analysis.exhaust_and_intake(found[one], found[other])
+    ]  # fmt: skip
+    if crossed:
+        head = ("cams", "lobe separation, cam deg", "at a lift of", "overlap, crank deg")
+        parts.append(plain_table("Lobe separation and overlap", head, crossed))
     return cli.CommandOutput(parts, json)
 
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 from cyclopts import Group, Parameter
-from rich.table import Table
 
 from flexcam import plotting
 from flexcam.analysis import comparison
@@ -17,7 +15,7 @@ from flexcam.analysis.comparison import MODELS, compare_responses
 from flexcam.analysis.model_choice import evaluate_ladder, model_ladder
 from flexcam.analysis.preparation import prepare
 from flexcam.analysis.prepared_run import scalar_probe
-from flexcam.analysis.published_claims import Claim, check_claims, deviation, excited_mode
+from flexcam.analysis.published_claims import check_claims, deviation, excited_mode
 from flexcam.analysis.run import reload_result
 from flexcam.analysis.run import run as run_case
 from flexcam.case.case import Case
@@ -90,7 +88,13 @@ def compare(
     claims = check_claims(read, at, found) if read.record.paper and found.status.ok else []
     json = {**comparison_json(found), "loaded_mode_hz": mode_hz, "claims": [asdict(claim) for claim in claims]}
     parts = [comparison_table(found, read.turns), *describe_comparison(found, mode_hz), *describe_contacts(read)]
-    parts += [_claim_table(claims)] if claims else []
+    if claims:
+        table = create_table("Claims of the paper and this computation")
+        for head in ("claim", "reproduced", "computed"):
+            table.add_column(head, justify="left")
+        for claim in claims:
+            table.add_row(claim.statement, "yes" if claim.reproduced else "no", claim.finding)
+        parts.append(table)
     return cli.CommandOutput(parts, json, status=found.status)
 
 
@@ -199,12 +203,3 @@ def trade(
         parts, trade_json(against, found), trade_csv(against, found), title=read.title,
         draw=lambda: plotting.histories.work_precision_figure(found),
     )  # fmt: skip
-
-
-def _claim_table(claims: Iterable[Claim]) -> Table:
-    made = create_table("Claims of the paper and this computation")
-    for head in ("claim", "reproduced", "computed"):
-        made.add_column(head, justify="left")
-    for claim in claims:
-        made.add_row(claim.statement, "yes" if claim.reproduced else "no", claim.finding)
-    return made

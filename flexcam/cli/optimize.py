@@ -20,15 +20,8 @@ from flexcam.cli.study_options import StudyOptions
 from flexcam.core.errors import refuse
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Cause, RunFailedError, Status
-from flexcam.report.terminal import (
-    facts_table,
-    finite_or_none,
-    format_csv,
-    format_decimals,
-    format_number,
-    plain_table,
-    with_unit,
-)
+from flexcam.report import terminal
+from flexcam.report.terminal import facts_table, finite_or_none, format_number, plain_table, with_unit
 from flexcam.studies import optimization
 from flexcam.studies.evaluation import evaluate
 from flexcam.studies.gradients import gradient_function, optimize_by_gradient
@@ -80,12 +73,7 @@ def optimize(
 ) -> cli.CommandOutput:  # fmt: skip
     """Find the best variant of a case under constraints, or the Pareto front of two goals."""
     cli.check_targets(csv, plot, case, overwrite=overwrite, target=target)
-    goals = (*(Goal(name) for name in least or ()), *(Goal(name, most=True) for name in most or ()))
-    if len(goals) not in (1, 2):
-        raise refuse("--least, --most", f"{len(goals) or 'no'} goals", "one goal, or two for a Pareto front")
-    if len({goal.name for goal in goals}) < len(goals):
-        why = "a Pareto front needs two quantities"
-        raise refuse("--least, --most", f"{goals[0].name} twice", "two different quantities", why, "leave one out")
+    goals = _parse_goals(least or (), most or ())
     bounds = optimization.parse_constraints(subject or ())
     names = [*(goal.name for goal in goals), *(bound.name for bound in bounds)]
     options = "--least, --most or --subject"
@@ -138,6 +126,16 @@ def optimize(
     return cli.CommandOutput(
         parts, json, _csv(design, found), lambda: _search_figure(design, found), files=written, status=ended
     )
+
+
+def _parse_goals(least: Sequence[str], most: Sequence[str]) -> tuple[Goal, ...]:
+    goals = (*(Goal(name) for name in least), *(Goal(name, most=True) for name in most))
+    if len(goals) not in (1, 2):
+        raise refuse("--least, --most", f"{len(goals) or 'no'} goals", "one goal, or two for a Pareto front")
+    if len({goal.name for goal in goals}) < len(goals):
+        why = "a Pareto front needs two quantities"
+        raise refuse("--least, --most", f"{goals[0].name} twice", "two different quantities", why, "leave one out")
+    return goals
 
 
 def _check_variant(
@@ -251,7 +249,7 @@ def _constraint_table(design: OptimizationProblem, found: Evaluations, at: int) 
         if one.bound(found.rows[at].units.get(one.name, "rpm")) == 0.0:  # nothing to which a margin is relative
             margin = "violated" if violation > _ROUNDING else "active" if active else "met"
         elif violation > _ROUNDING:
-            margin = f"violated by {format_decimals(100.0 * violation, 2)} %"
+            margin = f"violated by {terminal.format_decimals(100.0 * violation, 2)} %"
         else:
             margin = f"active: {-violation:.2%}" if active else f"{-violation:.1%}"
         away = "none found" if math.isinf(distance) else f"{distance:.2%}"
@@ -294,4 +292,4 @@ def _csv(design: OptimizationProblem, found: Evaluations) -> str:
         (*point, *(row_value(row, name) for name in names), "yes" if good else "no", str(row.status.cause))
         for point, row, good in zip(found.points.tolist(), found.rows, inside, strict=True)
     ]
-    return format_csv(head, rows)
+    return terminal.format_csv(head, rows)

@@ -12,22 +12,13 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
+from flexcam.analysis import run_checks
 from flexcam.analysis.figures_of_merit import figures_of_merit, usual_name
 from flexcam.analysis.model_choice import Choice, Error, estimate_errors, select_case
 from flexcam.analysis.preparation import prepare, prepare_without_periodic_search
 from flexcam.analysis.prepared_run import PreparedRun, scalar_probe
 from flexcam.analysis.resources import check_resources
 from flexcam.analysis.run import estimate_case_resources, open_partial_result, open_result_file, summary_sink
-from flexcam.analysis.run_checks import (
-    MAX_PERIODICITY_ERROR,
-    RunMonitor,
-    check_run,
-    check_transient,
-    describe_balance,
-    describe_change,
-    energy_residual,
-    numerical_dissipation,
-)
 from flexcam.analysis.run_metrics import compute_metrics, revolution_change
 from flexcam.case.case import Case
 from flexcam.cli import app as cli
@@ -87,13 +78,17 @@ def run(
     if not allow_large:
         check_resources(estimate_case_resources(ready, "revolution"), folder)
     earlier = open_partial_result(ready, folder) if resume else None
-    strength, kept, watched = StrengthSink(build_structure(ready.model)), summary_sink(ready, 2.0), RunMonitor.of(ready)
+    strength, kept, watched = (
+        StrengthSink(build_structure(ready.model)),
+        summary_sink(ready, 2.0),
+        run_checks.RunMonitor.of(ready),
+    )
 
     def doubtful(stats: Stats) -> list[str]:
         recent = kept.response()
-        found = check_run(ready, watched, compute_metrics(ready, recent), stats)
+        found = run_checks.check_run(ready, watched, compute_metrics(ready, recent), stats)
         if stats.steps == ready.problem.steps:
-            found += check_transient(ready, revolution_change(ready, recent))
+            found += run_checks.check_transient(ready, revolution_change(ready, recent))
         return found
 
     sink = open_result_file(ready, folder, overwrite=overwrite, resume=earlier, warnings=doubtful)
@@ -132,12 +127,12 @@ def _describe_run(
         *tables.describe_contacts(case, figures),
         *warnings,
     ]
-    if 0.0 <= stats.periodicity <= MAX_PERIODICITY_ERROR:
+    if 0.0 <= stats.periodicity <= run_checks.MAX_PERIODICITY_ERROR:
         parts.append(f"Periodic start: after a revolution the state differs by {stats.periodicity:.3g} of the motion")
     if change:
         chatter = "; it chatters, and its single impacts do not repeat" if change.force > _CHATTER else ""
-        parts.append(f"The last two revolutions differ by {describe_change(change)}{chatter}")
-    if balance := describe_balance(extremes, stats):
+        parts.append(f"The last two revolutions differ by {run_checks.describe_change(change)}{chatter}")
+    if balance := run_checks.describe_balance(extremes, stats):
         parts.append(f"Energy balance: {balance}")
     parts.append(
         f"{stats.steps} steps of {tables.describe_dofs(response)}; result: {path}\n"
@@ -149,7 +144,8 @@ def _describe_run(
         "seconds": stats.seconds, "events": stats.events,
         "periodicity": stats.periodicity if stats.periodicity >= 0.0 else None,
         **({"revolution_change": asdict(change)} if change else {}),
-        "energy_lost": energy_residual(extremes), "energy_numerical": numerical_dissipation(extremes),
+        "energy_lost": run_checks.energy_residual(extremes),
+        "energy_numerical": run_checks.numerical_dissipation(extremes),
         "imbalance": stats.imbalance if stats.imbalance >= 0.0 else None, "warnings": list(warnings),
         "train": {figure.name: figure.value for figure in figures},
         "figures_of_merit": [asdict(one) for one in merit],

@@ -71,17 +71,6 @@ def _pareto_table(front: Sequence[Synthesis]) -> Table:
     )
 
 
-def _harmonic_table(found: cam_analysis.HarmonicCam) -> Table:
-    fit, hertz = found.fit, found.frequency / (2.0 * math.pi)
-    rows = [
-        ("harmonics", f"{found.count}; {found.limit} lie below the lowest mode that the cam excites, {hertz:.4g} Hz"),
-        ("max deviation in the dwells", f"{1e6 * fit.strict_deviation:.4g} um"),
-        ("max deviation elsewhere", f"{1e6 * fit.deviation:.4g} um, {1e6 * fit.rms_deviation:.4g} um rms"),
-        ("lift", format_quantity("m", *(end.value for end in event_extremes(fit.event)))),
-    ]
-    return facts_table("Lift of harmonics", rows)
-
-
 def _polydyne_table(found: cam_analysis.PolydyneCam) -> Table:
     rows = [
         (f"{speed / RPM:.6g}", *(f"{1e6 * value:.4g}" if math.isfinite(value) else "resonance" for value in deviations))
@@ -271,8 +260,15 @@ def synthesize_harmonic(
         "deviation": found.fit.deviation, "rms_deviation": found.fit.rms_deviation,
         "lift": [end.value for end in event_extremes(found.fit.event)],
     }  # fmt: skip
+    fit, hertz = found.fit, found.frequency / (2.0 * math.pi)
+    rows = [
+        ("harmonics", f"{found.count}; {found.limit} lie below the lowest mode that the cam excites, {hertz:.4g} Hz"),
+        ("max deviation in the dwells", f"{1e6 * fit.strict_deviation:.4g} um"),
+        ("max deviation elsewhere", f"{1e6 * fit.deviation:.4g} um, {1e6 * fit.rms_deviation:.4g} um rms"),
+        ("lift", format_quantity("m", *(end.value for end in event_extremes(fit.event)))),
+    ]
     describe_file = partial(cli.describe_lift_file, phase=found.phase)
-    return cli.CommandOutput([_harmonic_table(found)], json, files=files, describe_file=describe_file)
+    return cli.CommandOutput([facts_table("Lift of harmonics", rows)], json, files=files, describe_file=describe_file)
 
 
 @cli.command(
