@@ -29,8 +29,7 @@ from flexcam.fem.superelements import Superelement, reduce_superelement
 DEFAULT_LASH_STIFFNESS_RATIO = 10.0
 """Default stiffness of touching faces relative to the member behind them, to whose compliance it adds a tenth."""
 
-_PERPENDICULAR_TOLERANCE = 1e-6
-"""Maximum cosine of the angle between directions that count as perpendicular."""
+_PERPENDICULAR_TOLERANCE = 1e-6  # maximum cosine of the angle between directions that count as perpendicular
 
 
 class _FollowerRecord(Record):

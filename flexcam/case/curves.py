@@ -105,11 +105,8 @@ class MatrixDefinition:
     matrix: NodalMatrix = field(compare=False)  #: rows and values, in the units of the file
 
 
-_SAME_PLACE = 1e-6
-"""Relative tolerance of the length of a table against its period."""
-
-_SAME_END = 1e-3
-"""Tolerance of the ends of a table that repeats, relative to its largest value."""
+_SAME_PLACE = 1e-6  # relative tolerance of the length of a table against its period
+_SAME_END = 1e-3  # tolerance of the ends of a table that repeats, relative to its largest value
 
 
 _MAX_GAP = 0.1
@@ -179,8 +176,7 @@ class _LiftFile(_File):
     angle: Literal["cam", "crank"] | None = Field(None, description="of which shaft the angles are")
     unit: Literal["mm", "um", "m", "in"] | None = Field(None, description="of the lift")
     tolerance: Annotated[float, Unit("length")] | None = Field(
-        None,
-        description="allowed rms change by smoothing, 0 for none; that of the noise by default",
+        None, description="allowed rms change by smoothing, 0 for none; that of the noise by default"
     )
 
 
@@ -429,9 +425,6 @@ def _keys(record: type[BaseModel]) -> Callable[[], dict[str, Any]]:
 
 LawValue = Annotated[LawDefinition, _FromFile(_parse_law_value, lambda: {"id": {"enum": sorted(kind_names())}})]
 """A motion law by name, as a table, or in a file."""
-LiftValue = Annotated[LiftDefinition, _FromFile(_parse_lift_value, _keys(_LiftFile))]
-"""A lift table in a file."""
-LoadValue = Annotated[LoadDefinition, _FromFile(_parse_load_value, _keys(_LoadFile))]
-"""A load table in a file."""
-MatrixValue = Annotated[MatrixDefinition, _FromFile(_parse_matrix_value, _keys(_MatrixFile))]
-"""A matrix in a file."""
+LiftValue = Annotated[LiftDefinition, _FromFile(_parse_lift_value, _keys(_LiftFile))]  # a lift table in a file
+LoadValue = Annotated[LoadDefinition, _FromFile(_parse_load_value, _keys(_LoadFile))]  # a load table in a file
+MatrixValue = Annotated[MatrixDefinition, _FromFile(_parse_matrix_value, _keys(_MatrixFile))]  # a matrix in a file

@@ -71,19 +71,13 @@ def _parts(dotted: str) -> Path:
     return tuple(part.strip("\"'") for part in _PART.findall(dotted))
 
 
-_MAX_DEPTH = 30
-"""Maximum nesting depth of tables and lists; a case has five."""
-
-_MAX_KEY_PARTS = 1000
-"""Maximum parts of a dotted key: the memory of `tomllib` is quadratic in their number."""
-
-_MAX_LENGTH = 1 << 26
-"""Maximum length of a text, characters."""
+_MAX_DEPTH = 30  # maximum nesting depth of tables and lists; a case has five
+_MAX_KEY_PARTS = 1000  # maximum parts of a dotted key: the memory of `tomllib` is quadratic in their number
+_MAX_LENGTH = 1 << 26  # maximum length of a text, characters
 
 _TOO_DEEP = f"tables or lists nested more than {_MAX_DEPTH} deep"
 
-_TUPLE = re.compile(r"\(('[^']*',? ?)+\)")
-"""Key in an error message of `tomllib`, such as ``('run', 'speed')``."""
+_TUPLE = re.compile(r"\(('[^']*',? ?)+\)")  # key in an error message of `tomllib`, such as `('run', 'speed')`
 
 
 def parse_toml(text: str) -> dict[str, Any]:

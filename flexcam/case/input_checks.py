@@ -152,8 +152,7 @@ def _matching_values(
             yield from _matching_values(inner[name], steps[1:], (*path, name))
 
 
-_IMPLAUSIBLE_SPEED = 300.0
-"""Speed, rad/s, from which a bare integer is unlikely to be meant in rad/s: it is 2865 rpm."""
+_IMPLAUSIBLE_SPEED = 300.0  # speed, rad/s, from which a bare integer is unlikely to be meant in rad/s: it is 2865 rpm
 
 
 def _speed_unit_warnings(case: Case) -> Iterator[str]:
@@ -166,8 +165,7 @@ def _speed_unit_warnings(case: Case) -> Iterator[str]:
             yield f"{place}: {speed:g} without a unit is in rad/s, {speed / RPM:.6g} rpm: {hint}"
 
 
-_ROUNDING_MARGIN = 1.02
-"""Margin for published properties, which are rounded to a percent."""
+_ROUNDING_MARGIN = 1.02  # margin for published properties, which are rounded to a percent
 
 
 def _section_warnings(case: Case) -> Iterator[str]:
@@ -272,17 +270,13 @@ def _slenderness_warnings(case: Case) -> Iterator[str]:
             yield f"{case.place(('members', name))}: {sizes}: do lengths and sections have the same unit?"
 
 
-_MAX_DOFS = 3000
-"""Maximum number of degrees of freedom for which the start of a run is computed to check its contacts."""
+_MAX_DOFS = 3000  # maximum number of degrees of freedom for which the start of a run is computed to check its contacts
 
 _MIN_COSINE = 0.98
 """Cosine of the angle between a spring and the motion of a rocker's point from which a spring counts as oblique."""
 
-_LIFT_TOLERANCE = 1e-9
-"""Lift relative to its maximum from which a cam counts as off its base circle."""
-
-_OVERSHOOT_TOLERANCE = 0.01
-"""Overshoot relative to the initial motion from which it is reported: flexcam's choice."""
+_LIFT_TOLERANCE = 1e-9  # lift relative to its maximum from which a cam counts as off its base circle
+_OVERSHOOT_TOLERANCE = 0.01  # overshoot relative to the initial motion from which it is reported: flexcam's choice
 
 _IMPACT_LIFT = 1e-3
 """Lift relative to its maximum from which a start causes an impact; measured lifts may have noise below it."""

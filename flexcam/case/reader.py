@@ -283,11 +283,7 @@ AnyRecord = TypeVar("AnyRecord", bound=Record)
 
 
 def _record(
-    kind: type[AnyRecord],
-    raw: Mapping[str, Any],
-    places: KeyLocations,
-    case: Path,
-    files: dict[str, str] | None = None,
+    kind: type[AnyRecord], raw: Mapping[str, Any], places: KeyLocations, case: Path, files: dict[str, str] | None = None
 ) -> tuple[AnyRecord | None, list[Fault]]:
     """Return the checked record; relative file names refer to the folder of the case, whose texts join `files`."""
     try:
@@ -355,8 +351,7 @@ _REPLACED_KEYS = {
 }
 """Keys of ``[run]`` and of cams, and the keys they replace."""
 
-_OPTIONAL_TABLES = {"adaptive", "damping", "fluctuation", "free_running", "integrator"}
-"""Optional nested tables."""
+_OPTIONAL_TABLES = {"adaptive", "damping", "fluctuation", "free_running", "integrator"}  # optional nested tables
 
 
 def _apply_overrides(

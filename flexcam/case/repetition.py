@@ -25,8 +25,7 @@ _MARK = re.compile(r"\{([^{}]*)\}")
 _ANGLES = {"cams": ("phase", "centreline", "tdc"), "loads": ("phase",)}
 """Cam angles of a part, which the phase of a copy delays."""
 
-_TIMING_ANGLES = ("opening", "closing", "centre")
-"""Cam angles in the timing of a cam."""
+_TIMING_ANGLES = ("opening", "closing", "centre")  # cam angles in the timing of a cam
 
 
 def name_pattern(key: str) -> re.Pattern[str]:

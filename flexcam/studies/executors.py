@@ -31,8 +31,7 @@ from flexcam.io import temporary_folder
 from flexcam.studies.plan import Bundle, Row, evaluate_each, open_case
 from flexcam.studies.variables import Runs
 
-Variants = Sequence[tuple[str, ...]]
-"""Overrides by variant."""
+Variants = Sequence[tuple[str, ...]]  # overrides by variant
 
 Evaluate = Callable[[Bundle | Path, Variants], list[Row]]
 """Function that evaluates variants of a case in a worker; it and its rows can be pickled."""
@@ -191,8 +190,7 @@ KILLED_STATUS = Status(
     "memory is the usual cause: save fewer fields (output.field_every), or run fewer at a time (--workers)",
 )
 _NO_WORKERS_STATUS = Status(Cause.WORKER_LOST, "the cluster has no workers left", "start some; --resume does the rest")
-_PATIENCE = 60.0
-"""Time without a finished chunk after which flexcam checks the workers of a cluster, s."""
+_PATIENCE = 60.0  # time without a finished chunk after which flexcam checks the workers of a cluster, s
 
 _CLUSTER_LOST_STATUS = Status(Cause.WORKER_LOST, "the connection to the scheduler was lost", "--resume does the rest")
 
@@ -263,11 +261,8 @@ def _repeat(start: Callable[[], AbstractContextManager[Pool]], variants: Variant
     return [row for variant in variants for row in _repeat(start, (variant,))]
 
 
-_TIMEOUT = 5.0
-"""Timeout of a scheduler, and then of its workers, s."""
-
-LOCAL = "local"
-"""Address of a local Dask cluster."""
+_TIMEOUT = 5.0  # timeout of a scheduler, and then of its workers, s
+LOCAL = "local"  # address of a local Dask cluster
 
 
 @dataclass(frozen=True)
@@ -319,8 +314,7 @@ def _suppress_dask_log() -> Generator[None]:
             logging.getLogger(name).setLevel(level)
 
 
-_UNLIMITED = 1_000_000
-"""Window of a cluster, whose scheduler holds all tasks."""
+_UNLIMITED = 1_000_000  # window of a cluster, whose scheduler holds all tasks
 
 
 @contextmanager

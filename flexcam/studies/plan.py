@@ -430,7 +430,6 @@ def open_case(source: Bundle | Path) -> CaseFile:
     return CaseFile.open(source.unpack(_folders.enter_context(temporary_folder())))
 
 
-_folders = ExitStack()
-"""Temporary folders, removed when the process ends."""
+_folders = ExitStack()  # temporary folders, removed when the process ends
 
 atexit.register(_folders.close)

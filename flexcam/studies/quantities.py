@@ -35,14 +35,7 @@ from flexcam.dynamics import Cause, ProgressCallback, RunFailedError, Status, fl
 from flexcam.io.sweep_table import unknown_scalar_fault
 from flexcam.studies.evaluation import are_probe_scalars, evaluate, get_history, history_units, scalar_names
 from flexcam.studies.executors import KILLED_STATUS, BrokenProcessPool, open_evaluator, open_processes
-from flexcam.studies.plan import (
-    Axis,
-    Plan,
-    Row,
-    Value,
-    make_bundle,
-    make_plan,
-)
+from flexcam.studies.plan import Axis, Plan, Row, Value, make_bundle, make_plan
 from flexcam.studies.variables import Runs, column
 from flexcam.valvetrain import Metric, build_structure, model_modes
 

@@ -63,8 +63,7 @@ def central_derivative(middle: float, beside: FloatArray, step: float) -> Deriva
 _REPEATED_TOLERANCE = 1e-6  # relative difference below which frequencies count as repeated
 _EXTRA_MODES = 6  # additional modes beyond the highest requested one, which contain its repeated frequencies
 
-MatrixPair = tuple[Triplets, Triplets]
-"""Mass and stiffness matrices."""
+MatrixPair = tuple[Triplets, Triplets]  # mass and stiffness matrices
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,8 +159,7 @@ def _check_not_zero(number: Number, option: str) -> Number:
     return number
 
 
-Method = Literal["exact", "differences"]
-"""Methods for derivatives of runs: along the motion, or by differences of runs."""
+Method = Literal["exact", "differences"]  # methods for derivatives of runs: along the motion, or by differences of runs
 
 
 def exact_names(

@@ -25,8 +25,7 @@ from flexcam.core.errors import NAME, InputError
 from flexcam.core.units import DIMENSIONS, parse
 from flexcam.fem.frames import COMPONENTS, component, direction
 
-_BARE = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
-"""Number without a unit."""
+_BARE = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")  # number without a unit
 
 _TYPE_NAMES = {
     "string_type": "a string in quotes", "bool_type": "true or false", "bool_parsing": "true or false",
@@ -170,8 +169,7 @@ class Check:
         return {"anyOf": [{"type": "string", "pattern": f"^[+-]?{'u' if line else '[ur]'}[xyz]$"}, array]}
 
 
-Component = Annotated[str, Check(_component, "component")]
-"""Component: one of ux uy uz rx ry rz."""
+Component = Annotated[str, Check(_component, "component")]  # component: one of ux uy uz rx ry rz
 
 DirectionValue = Annotated[Any, Check(_direction, "direction")]
 """Component with an optional sign, or three (or six) numbers in global axes."""

@@ -287,8 +287,7 @@ class RunRecord(Record):
         None, min_length=2, description="rows of time and rotation of the camshaft against its drive, in cam angle"
     )
     start: StartRecord = Field(
-        "rest",
-        description="at rest as installed, in static equilibrium, in the periodic state, or from a given state",
+        "rest", description="at rest as installed, in static equilibrium, in the periodic state, or from a given state"
     )
     gravity: Gravity = Field(
         (0.0, 0.0, 0.0), description="acceleration, global axes; masses and springs at a rocker's point are left out"
