@@ -37,23 +37,15 @@ from flexcam.studies.quantities import compute_quantities, is_run_scalar
 from flexcam.studies.variables import PointEvaluator, WorstCase
 from flexcam.valvetrain import Metric
 
-RELATIVE_WIDTH = 1e-6
-"""Half the difference of a number, relative to its size: a compromise of rounding, and of contacts that it switches."""
-
-_WIDTH_WITHOUT_RUN = 1e-4
-"""The same for results without contact events: periodic states and eigenvalues have rounding errors of 1e-10."""
-
-CHAOTIC_GROWTH = 1e3
-"""Growth of a small disturbance over a run above which derivatives say nothing about changes of practical size."""
-
+# Half the difference of a number, relative to its size: a compromise of rounding, and of contacts that it switches;
+# more for results without contact events, as periodic states and eigenvalues have rounding errors of 1e-10.
+RELATIVE_WIDTH, _WIDTH_WITHOUT_RUN = 1e-6, 1e-4
+CHAOTIC_GROWTH = 1e3  # growth of a disturbance over a run above which derivatives say nothing about practical changes
 _PERIODIC = 1e-6  # relative residual of a periodic start above which its derivative does not exist
 _SIMILAR_RUNS = 10  # number of runs whose time the derivatives of a run take, for the selection of the engine
-
-COUNTED = (".bounces", ".open_on_the_lift")
-"""Ends of the names of results that count instants or events, and have no derivative."""
-
-_RATES = (".velocity", ".acceleration")
-"""Ends of the names of histories whose results need the rates of a point, which one without mass does not have."""
+COUNTED = (".bounces", ".open_on_the_lift")  # ends of the names of results that count, and have no derivative
+_RATES = (".velocity", ".acceleration")  # ends of the names of histories that a point without mass does not have
+_PROBE_KINDS = {"probes", "deviation"}  # first parts of the names of scalars that need no channels
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,9 +93,10 @@ def compute_gradient(
 
     def add(rows: Sequence[Mapping[str, Metric]], widths: Sequence[float]) -> None:
         values.update(rows[0])
-        for i, (number, width) in enumerate(zip(numbers, widths, strict=True)):
+        for number, width, below, above in zip(numbers, widths, rows[1::2], rows[2::2], strict=True):
             for name in rows[0]:
-                derivatives[name, number.key] = _difference(rows[1 + 2 * i], rows[2 + 2 * i], name) / width
+                known = name in below and name in above and not name.endswith(COUNTED)
+                derivatives[name, number.key] = (above[name].value - below[name].value) / width if known else math.nan
 
     growth, warning = 1.0, ""
     if of_runs:
@@ -138,12 +131,6 @@ def _read(file: CaseFile, overrides: Sequence[str]) -> Case | None:
         return file.read(overrides)
     except InputError:
         return None
-
-
-def _difference(below: Mapping[str, Metric], above: Mapping[str, Metric], name: str) -> float:
-    if name not in below or name not in above or name.endswith(COUNTED):
-        return math.nan
-    return above[name].value - below[name].value
 
 
 def gradient_function(
@@ -229,9 +216,6 @@ def _with_channels(ready: PreparedRun, kinds: set[str]) -> PreparedRun:
     needed = set[str]() if kinds <= _PROBE_KINDS else {*kinds, "contacts"}
     channels = tuple(one for one in system.channels if one.name.partition(".")[0] in needed)
     return replace(ready, problem=replace(ready.problem, system=replace(system, channels=channels)))
-
-
-_PROBE_KINDS = {"probes", "deviation"}  # first parts of the names of scalars that need no channels
 
 
 _BOX, _SMALLEST_BOX = 0.1, 1e-3  # first and smallest half width of the box, relative to the intervals

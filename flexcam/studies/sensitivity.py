@@ -25,13 +25,11 @@ from flexcam.studies.gradients import COUNTED, compute_gradient, exact_refusal
 from flexcam.studies.plan import Row, check_power_of_two, check_seed
 from flexcam.studies.quantities import frequency_number, is_run_scalar, require_complete
 from flexcam.studies.variables import Runs, column
-from flexcam.valvetrain import Structure, build_structure
+from flexcam.valvetrain import build_structure
 
 STEP_OFFSETS = (-1.0, -0.5, 0.5, 1.0)  # offsets of the evaluated points, in steps
 _LARGE_ERROR = 0.05  # relative error of a derivative from which it is reported
-_KINK_RATIO = 0.8
-"""Ratio of the jump of the slope at half the step to that at the full step: 1/2 for smooth functions, 1 for a kink."""
-
+_KINK_RATIO = 0.8  # ratio of the jumps of the slope at half and full step from which it is a kink; 1/2 if smooth
 _ROUNDING = 1e-9  # relative change of a function below which it is rounding
 
 
@@ -92,7 +90,8 @@ def frequency_derivatives(
     dM, dK = (_finite_difference([pair[i] for pair in beside], step) for i in (0, 1))
     values = np.zeros(len(omegas))
     repeated = np.zeros(len(omegas), dtype=bool)
-    for group in _repeated_groups(omegas):
+    starts = np.flatnonzero(np.diff(omegas) > _REPEATED_TOLERANCE * omegas[1:]) + 1
+    for group in np.split(np.arange(len(omegas)), starts):
         x, square = shapes[:, group], float(np.mean(omegas[group])) ** 2
         projected = x.T @ dK.multiply(x) - square * (x.T @ dM.multiply(x))
         slopes = np.linalg.eigvalsh(0.5 * (projected + projected.T))
@@ -109,19 +108,7 @@ def _finite_difference(matrices: Sequence[Triplets], step: float) -> Triplets:
     return Triplets.from_dense((4.0 * half - whole) / 3.0)
 
 
-def _repeated_groups(omegas: FloatArray) -> list[list[int]]:
-    """Return the groups of repeated frequencies as lists of indices."""
-    found: list[list[int]] = []
-    for i, omega in enumerate(omegas.tolist()):
-        if found and omega - omegas[found[-1][-1]] <= _REPEATED_TOLERANCE * omega:
-            found[-1].append(i)
-        else:
-            found.append([i])
-    return found
-
-
 _MATRIX_STEP = 1e-3  # relative step for derivatives of matrices: truncation error 1e-12, rounding 1e-13
-
 RELATIVE_STEP = 0.01  # relative step for derivatives of responses: their maxima contain noise of the time step
 
 
@@ -146,17 +133,18 @@ class Sensitivity:
 
 def get_numbers(case: Case, keys: Sequence[str], option: str = "--to") -> list[Number]:
     """Return the numbers with respect to which derivatives are computed."""
-    found, faults = parse_all(lambda key: _check_not_zero(get_number(case, key, option), option), dict.fromkeys(keys))
+
+    def read(key: str) -> Number:
+        number = get_number(case, key, option)
+        if number.value == 0.0:
+            why, remedy = "the step is a fraction of the number", f"give it a small value first: --set {key}=..."
+            raise refuse(option, f"{key} = 0", "a number that is not zero", why, remedy)
+        return number
+
+    found, faults = parse_all(read, dict.fromkeys(keys))
     if faults:
         raise InputError(faults)
     return found
-
-
-def _check_not_zero(number: Number, option: str) -> Number:
-    if number.value == 0.0:
-        why, remedy = "the step is a fraction of the number", f"give it a small value first: --set {number.key}=..."
-        raise refuse(option, f"{number.key} = 0", "a number that is not zero", why, remedy)
-    return number
 
 
 Method = Literal["exact", "differences"]  # methods for derivatives of runs: along the motion, or by differences of runs
@@ -220,7 +208,13 @@ def _frequency_sensitivities(
     step = abs(number.value) * _MATRIX_STEP
     count = max(frequency_number(name) or 0 for name in names)
     structure = build_structure(build_model(case))
-    beside = [_matrices(file, (*fixed, *one), structure) for one in _variants(case, number, step)]
+    beside = list[MatrixPair]()
+    for variant in _variants(case, number, step):
+        other = build_structure(build_model(file.read((*fixed, *variant))))
+        if other.mass.size != structure.mass.size:
+            allowed, why = "a number that does not change the unknowns", "their matrices are compared"
+            raise refuse("--to", variant[-1], allowed, why)
+        beside.append((other.mass, other.stiffness))
     found = frequency_derivatives((structure.mass, structure.stiffness), beside, step, count, structure.free)
     rows: list[Sensitivity] = []
     for name in names:
@@ -231,13 +225,6 @@ def _frequency_sensitivities(
         note = "one of several equal frequencies: the slopes are those of their branches" if twice else ""
         rows.append(Sensitivity(name, "Hz", value, number, slope, None, not twice, note))
     return rows
-
-
-def _matrices(file: CaseFile, overrides: Sequence[str], like: Structure) -> MatrixPair:
-    one = build_structure(build_model(file.read(overrides)))
-    if one.mass.size != like.mass.size:
-        raise refuse("--to", overrides[-1], "a number that does not change the unknowns", "their matrices are compared")
-    return one.mass, one.stiffness
 
 
 def _exact_sensitivities(
@@ -290,10 +277,6 @@ def _response(name: str, middle: Row, beside: Sequence[Row], number: Number, ste
     return Sensitivity(name, unit, value, number, found.value, found.error, found.smooth, note)
 
 
-_CONFIDENCE = 0.95
-_RESAMPLES = 499
-
-
 @dataclass(frozen=True, eq=False)
 class SobolIndices:
     """Sobol indices of one scalar."""
@@ -307,13 +290,12 @@ class SobolIndices:
     asked: int  #: number of base points requested
 
 
-Function = Callable[[FloatArray], FloatArray]
-"""Function from points of the unit cube, shape (m, k), to s scalars, shape (m, s); NaN for missing values."""
-
-
-def sobol_indices(function: Function, dimensions: int, count: int, *, seed: int = 0) -> list[SobolIndices]:
+def sobol_indices(
+    function: Callable[[FloatArray], FloatArray], dimensions: int, count: int, *, seed: int = 0
+) -> list[SobolIndices]:
     """Return the Sobol indices of scalars over the unit cube.
 
+    `function` returns s scalars, shape (m, s), of points, shape (m, k); NaN for missing values.
     Variables are independent and uniformly distributed over their intervals. Points are from a scrambled Sobol
     sequence; estimators and bootstrap are those of `scipy.stats.sobol_indices`: A. Saltelli et al., Comput. Phys.
     Commun. 181 (2010) 259.
@@ -355,7 +337,7 @@ def _compute_indices(values: FloatArray, asked: int, seed: int) -> SobolIndices:
     first, total = np.ravel(found.first_order)[:k], np.ravel(found.total_order)[:k]
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a variable without effect has nothing to resample
-        ends = found.bootstrap(confidence_level=_CONFIDENCE, n_resamples=_RESAMPLES)
+        ends = found.bootstrap(confidence_level=0.95, n_resamples=499)
     intervals: list[FloatArray] = []
     for one, index in ((ends.first_order, first), (ends.total_order, total)):
         interval: Any = one.confidence_interval

@@ -60,9 +60,8 @@ def value_error(
 def convert_error(refusal: InputError, *, inside: bool = False) -> PydanticCustomError:
     """Convert an `InputError` to the form that pydantic collects."""
     fault = refusal.faults[0]
-    if inside:
-        return value_error(fault.allowed, fault.why, fault.remedy, inside=fault.where, given=fault.given)
-    return value_error(fault.allowed, fault.why, fault.remedy)
+    place = {"inside": fault.where, "given": fault.given} if inside else {}
+    return value_error(fault.allowed, fault.why, fault.remedy, **place)
 
 
 @dataclass(frozen=True)
@@ -183,11 +182,15 @@ Length = Annotated[float, Unit("length", above=True)]
 Position = Annotated[float, Unit("length", signed=True)]
 MassValue = Annotated[float, Unit("mass")]
 Inertia = Annotated[float, Unit("inertia")]
+Density = Annotated[float, Unit("density", above=True)]
+Viscosity = Annotated[float, Unit("viscosity", above=True)]
 Stress = Annotated[float, Unit("stress", above=True)]
 Stiffness = Annotated[float, Unit("stiffness")]
 PositiveStiffness = Annotated[float, Unit("stiffness", above=True)]
 SecondMoment = Annotated[float, Unit("second moment", above=True)]
 DampingValue = Annotated[float, Unit("damping")]
+PositiveDamping = Annotated[float, Unit("damping", above=True)]
+AxisDamping = Annotated[float, Unit("damping", axis="rotational damping")]
 Force = Annotated[float, Unit("force")]
 Angle = Annotated[float, Unit("angle")]
 PositiveAngle = Annotated[float, Unit("angle", above=True)]
@@ -202,6 +205,9 @@ SignedNumber = Annotated[float, Unit("number", signed=True)]
 
 CamshaftSpeed = Annotated[Speed | None, Field(description="camshaft speed")]
 CrankshaftSpeed = Annotated[Speed | None, Field(description="crankshaft speed, twice the camshaft's")]
+
+Flag = Annotated[bool, Field(strict=True)]
+Count = Annotated[int, Field(ge=1, strict=True)]
 
 Part = TypeVar("Part")
 _MARKED_NAME = r"^[A-Za-z0-9_{][A-Za-z0-9_{} -]*$"
@@ -219,6 +225,17 @@ class Record(BaseModel):
 
     # defer_build: the validator of a table is built once, together with the enclosing table
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
+
+    def _check(self) -> None:
+        """Raise an error if keys do not fit together."""
+
+    @model_validator(mode="after")
+    def _check_keys(self) -> Self:
+        try:
+            self._check()
+        except InputError as refusal:
+            raise convert_error(refusal, inside=True) from None
+        return self
 
 
 class PartRecord(Record, Generic[Part]):
@@ -244,14 +261,6 @@ class PartRecord(Record, Generic[Part]):
     def _check(self) -> None:
         """Check that the part can be built."""
         _ = self.part
-
-    @model_validator(mode="after")
-    def _check_part(self) -> Self:
-        try:
-            self._check()
-        except InputError as refusal:
-            raise convert_error(refusal, inside=True) from None
-        return self
 
 
 def records_at(path: tuple[str, ...], root: type[BaseModel]) -> list[type[BaseModel]]:

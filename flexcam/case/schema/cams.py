@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import Field, ValidationInfo, WithJsonSchema, field_validator, model_validator
+from pydantic import Field, ValidationInfo, WithJsonSchema, field_validator
 
 from flexcam import valvetrain
 from flexcam.cams import (
@@ -73,12 +73,10 @@ class TimingRecord(Record):
     closing: SignedAngle | None = Field(None, description="cam angle at which it closes, instead of opening")
     centre: SignedAngle | None = Field(None, description="lobe centre halfway between both, instead of these")
 
-    @model_validator(mode="after")
-    def _check_angle(self) -> Self:
+    def _check(self) -> None:
         given = [key for key in ("opening", "closing", "centre") if getattr(self, key) is not None]
         if len(given) != 1:
             raise value_error("one of opening, closing, centre", given=" and ".join(given) or "none of them")
-        return self
 
     def phase_of(self, event: Event) -> float:
         """Return the phase, rad, that places a lift event of phase zero."""

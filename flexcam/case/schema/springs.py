@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
-from typing import Annotated, Self
+from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from flexcam import valvetrain
 from flexcam.case.schema.base import (
     DIRECTION,
+    AxisDamping,
+    Density,
     DirectionValue,
+    Flag,
     Force,
     Length,
     MassValue,
@@ -43,17 +46,13 @@ class WireRecord(Record):
     coil_diameter: Length | None = Field(None, description="of the coil's mean circle; required without coils")
     active_coils: PositiveNumber | None = Field(None, description="with shear_modulus: the spring's stiffness")
     shear_modulus: Stress | None = Field(None, description="with active_coils, or with coils of the spring")
-    density: Annotated[float, Unit("density", above=True)] | None = Field(
-        None, description="with coils of the spring: its mass"
-    )
+    density: Density | None = Field(None, description="with coils of the spring: its mass")
 
-    @model_validator(mode="after")
-    def _check_coil(self) -> Self:
+    def _check(self) -> None:
         if self.coil_diameter is not None and self.coil_diameter < 2.0 * self.diameter:
             raise value_error("a coil_diameter of twice the wire's or more", _WAHL)
         if self.active_coils is not None and self.shear_modulus is None:
             raise value_error("active_coils and shear_modulus together, or neither", "the stiffness follows from both")
-        return self
 
     @property
     def coil(self) -> valvetrain.Wire | None:
@@ -91,11 +90,10 @@ class PulsationRecord(PartRecord[valvetrain.Pulsation]):
     phase: SignedAngle = 0.0
     kind = valvetrain.Pulsation
 
-    @model_validator(mode="after")
-    def _check_amplitude(self) -> Self:
+    def _check(self) -> None:
+        super()._check()
         if self.amplitude >= 1.0:
             raise value_error("an amplitude below 1", "the stiffness must not change its sign")
-        return self
 
 
 class SpringRecord(PartRecord[valvetrain.Spring]):
@@ -107,12 +105,8 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
     stiffness: Annotated[float, Unit("stiffness", axis="rotational stiffness")] = Field(
         0.0, description="N/m, or N m/rad about an axis"
     )
-    damping: Annotated[float, Unit("damping", axis="rotational damping")] = Field(
-        0.0, description="N s/m, or N m s/rad about an axis"
-    )
-    link: bool = Field(
-        False, strict=True, description="represents a part of the train, which is rigid in the rigid model"
-    )
+    damping: AxisDamping = Field(0.0, description="N s/m, or N m s/rad about an axis")
+    link: Flag = Field(False, description="represents a part of the train, which is rigid in the rigid model")
     installed_force: Force | None = Field(None, description="preload, against direction")
     installed_compression: Length | None = Field(
         None, description="instead of installed_force: from the free length to the installed one"
@@ -137,8 +131,8 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
     )
     wire: WireRecord | None = Field(None, description="for the shear stress, and the stiffness where none is given")
 
-    @model_validator(mode="after")
-    def _check_parts(self) -> Self:
+    def _check(self) -> None:
+        super()._check()
         if self.wire is not None and not direction(self.direction)[:3].any():
             raise value_error(
                 "a wire on a spring along a line", "its stress and stiffness are those of a coil in compression"
@@ -156,7 +150,6 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
         if self.clash_travel is not None and not self.part.stiffness:
             given, allowed = "clash_travel of a spring without stiffness", "a stiffness above zero, or no clash_travel"
             raise value_error(allowed, "such a spring has no coils", given=given)
-        return self
 
     def _check(self) -> None:
         """Check the keys that define the force, then that the spring can be built."""
