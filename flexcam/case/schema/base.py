@@ -14,6 +14,7 @@ from pydantic import (
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
+    PlainValidator,
     ValidationInfo,
     WithJsonSchema,
     model_validator,
@@ -27,14 +28,12 @@ from flexcam.fem.frames import COMPONENTS, component, direction
 
 _BARE = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")  # number without a unit
 
-_TYPE_NAMES = {
+_TYPE_NAMES = {  # of pydantic, in messages
     "string_type": "a string in quotes", "bool_type": "true or false", "bool_parsing": "true or false",
-    "list_type": "a list in brackets",
-    "tuple_type": "a list in brackets",
-    "dict_type": "a table", "float_type": "a number", "float_parsing": "a number",
+    "list_type": "a list in brackets", "tuple_type": "a list in brackets", "dict_type": "a table",
+    "float_type": "a number", "float_parsing": "a number",
     "int_type": "a whole number", "int_parsing": "a whole number", "int_from_float": "a whole number",
 }  # fmt: skip
-"""Names of pydantic's types in messages: string, boolean, list, tuple, dictionary, number."""
 
 
 def describe_type_error(error: ErrorDetails) -> str:
@@ -109,17 +108,13 @@ class Unit:
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         if self.axis:
             return {"anyOf": [{"type": "number"}, {"type": "string"}]}
-        kind = DIMENSIONS[self.dimension]
-        example = {
-            "description": f"{kind.name}, SI number ({kind.si or '-'}) or string with a unit",
-            "examples": [kind.example],
-        }
-        number: dict[str, Any] = {"type": "number"}
+        kind, number = DIMENSIONS[self.dimension], dict[str, Any](type="number")
         if not self.signed:
             number["exclusiveMinimum" if self.above else "minimum"] = 0
         if self.most is not None:
             number["maximum"] = self.most
-        return {"anyOf": [number, {"type": "string"}], **example}
+        words = f"{kind.name}, SI number ({kind.si or '-'}) or string with a unit"
+        return {"anyOf": [number, {"type": "string"}], "description": words, "examples": [kind.example]}
 
 
 def _component(value: Any) -> str:  # noqa: ANN401 - any TOML value
@@ -143,40 +138,22 @@ def _direction(value: Any) -> Any:  # noqa: ANN401
 
 def _line(value: Any) -> Any:  # noqa: ANN401
     if direction(_direction(value))[3:].any():
-        why = "it is a motion along a line, in m"
-        raise value_error(
-            "a component such as 'uy' or '-uy', or three numbers", why, "take the direction of the motion"
-        )
+        allowed, why = "a component such as 'uy' or '-uy', or three numbers", "it is a motion along a line, in m"
+        raise value_error(allowed, why, "take the direction of the motion")
     return value
 
 
-@dataclass(frozen=True)
-class Check:
-    """Annotation that validates a value with a function of flexcam instead of pydantic."""
-
-    check: Any  #: function that returns the value or raises
-    schema: str  #: JSON Schema of the value
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
-        return core_schema.no_info_plain_validator_function(self.check)
-
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        if self.schema == "component":
-            return {"enum": list(COMPONENTS)}
-        line = self.schema == "line"
-        array = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3 if line else 6}
-        return {"anyOf": [{"type": "string", "pattern": f"^[+-]?{'u' if line else '[ur]'}[xyz]$"}, array]}
+def _direction_schema(kind: str, most: int) -> WithJsonSchema:
+    array = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": most}
+    return WithJsonSchema({"anyOf": [{"type": "string", "pattern": f"^[+-]?{kind}[xyz]$"}, array]})
 
 
-Component = Annotated[str, Check(_component, "component")]  # component: one of ux uy uz rx ry rz
-
-DirectionValue = Annotated[Any, Check(_direction, "direction")]
-"""Component with an optional sign, or three (or six) numbers in global axes."""
+Component = Annotated[str, PlainValidator(_component), WithJsonSchema({"enum": list(COMPONENTS)})]
+# Component with an optional sign, or three (or six) numbers in global axes.
+DirectionValue = Annotated[Any, PlainValidator(_direction), _direction_schema("[ur]", 6)]
 DIRECTION = "a component such as uy or -uy, or three numbers (six with rotations)"
-"""Description of a direction, for messages."""
-
-LineValue = Annotated[Any, Check(_line, "line")]
-"""Direction without rotations, for motions and forces in contacts and rockers."""
+# Direction without rotations, for motions and forces in contacts and rockers.
+LineValue = Annotated[Any, PlainValidator(_line), _direction_schema("u", 3)]
 
 Length = Annotated[float, Unit("length", above=True)]
 Position = Annotated[float, Unit("length", signed=True)]

@@ -243,10 +243,9 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
         if self.lift_table is not None:
             return DelayedEvent(self.lift_table.event, phase) if phase else self.lift_table.event
         if self.law is None or self.lift is None or self.rise is None or self.fall is None:
-            given, why = f"nothing for {', '.join(self.missing_keys)}", "a cam without a lift_table needs them"
-            raise refuse(
-                "lift", given, ", ".join(LAW_KEYS), why, f"add {', '.join(self.missing_keys)}, or a lift_table"
-            )
+            missing, why = ", ".join(self.missing_keys), "a cam without a lift_table needs them"
+            remedy = f"add {missing}, or a lift_table"
+            raise refuse("lift", f"nothing for {missing}", ", ".join(LAW_KEYS), why, remedy)
         opening, closing = self.ramps.build() if self.ramps else (None, None)
         return LiftEvent(
             self.law.law, self.lift, self.rise, self.fall, self.dwell, phase,

@@ -214,9 +214,8 @@ class OilRecord(PartRecord[OilChamber]):
         if self.supply_pressure is None and self.check_valve is not None:
             raise value_error("supply_pressure with it", "the valve opens below it", inside="check_valve")
         if self.supply_pressure is not None and self.pressure is not None:
-            raise value_error(
-                "either pressure or supply_pressure", "the stiffness of the air is constant or follows it"
-            )
+            why = "the stiffness of the air is constant or follows it"
+            raise value_error("either pressure or supply_pressure", why)
 
     def build(self) -> OilChamber:
         """Build the chamber."""
