@@ -56,8 +56,7 @@ class Gradient:
     `warning` says why the derivatives of the run say nothing.
     """
 
-    values: Mapping[str, float]  #: value and SI unit by name of the result
-    units: Mapping[str, str]
+    values: Mapping[str, Metric]  #: results by name
     #: by name of the result and key of the number, SI; NaN for a result that a neighbouring case lacks
     derivatives: Mapping[tuple[str, str], float]
     growth: float
@@ -106,8 +105,7 @@ def compute_gradient(
     if others:
         pairs, widths = _neighbour_cases(file, overrides, numbers, [_WIDTH_WITHOUT_RUN * size for size in sizes])
         add([compute_quantities(one, others) for one in (case, *chain.from_iterable(pairs))], widths)
-    units = {name: one.unit for name, one in values.items()}
-    return Gradient({name: one.value for name, one in values.items()}, units, derivatives, growth, warning)
+    return Gradient(values, derivatives, growth, warning)
 
 
 def _neighbour_cases(
@@ -149,18 +147,16 @@ def gradient_function(
             case = file.read(overrides)
             numbers = [get_number(case, one.key, "--vary") for one in points.variables]
             found.append(compute_gradient(file, overrides, names, numbers, sizes.tolist()))
-        return found[0] if worst is None else _worst_gradient(found, worst)
+        if worst is None:
+            return found[0]
+        known = [name for name in found[0].values if all(name in one.values for one in found)]
+        at = {name: found[worst.worst(name, [one.values[name].value for one in found])] for name in known}
+        derivatives = {(name, key): at[name].derivatives[name, key] for name, key in found[0].derivatives if name in at}
+        values = {name: one.values[name] for name, one in at.items()}
+        warning = next((one.warning for one in found if one.warning), "")
+        return Gradient(values, derivatives, max(one.growth for one in found), warning)
 
     return derive
-
-
-def _worst_gradient(found: Sequence[Gradient], worst: WorstCase) -> Gradient:
-    names = [name for name in found[0].values if all(name in one.values for one in found)]
-    at = {name: found[worst.worst(name, [one.values[name] for one in found])] for name in names}
-    derivatives = {(name, key): at[name].derivatives[name, key] for name, key in found[0].derivatives if name in at}
-    values = {name: one.values[name] for name, one in at.items()}
-    warning = next((one.warning for one in found if one.warning), "")
-    return Gradient(values, found[0].units, derivatives, max(one.growth for one in found), warning)
 
 
 def make_neighbours(case: Case, number: Number, step: float) -> list[tuple[str, ...]]:
@@ -299,7 +295,9 @@ class _Tangents:
             return self._spans * np.array([found.derivatives[name, one.key] for one in variables])
 
         rows = [
-            slope(one.name) * (1.0 if one.relation == "<=" else -1.0) / (abs(one.bound(found.units[one.name])) or 1.0)
+            slope(one.name)
+            * (1.0 if one.relation == "<=" else -1.0)
+            / (abs(one.bound(found.values[one.name].unit)) or 1.0)
             for one in bounds
         ]
         cost_slope = (-1.0 if goal.most else 1.0) * slope(goal.name)

@@ -168,11 +168,10 @@ def exact_names(
     if why := exact_refusal(case):
         raise refuse(option, case.name, "a case whose runs have exact derivatives", why, other)
     limits = [name for name in names if name.startswith("limits.")]
-    if others := counted + limits:
-        why = "a limit is the result of a search"
-        if counted:
-            why = "it is a residual" if counted[0].startswith("energy.") else "it counts events or instants"
-        raise refuse(option, others[0], "a result with an exact derivative", why, other)
+    for name in (counted + limits)[:1]:
+        why = "it is a residual" if name.startswith("energy.") else "it counts events or instants"
+        why = "a limit is the result of a search" if name in limits else why
+        raise refuse(option, name, "a result with an exact derivative", why, other)
     return of_runs
 
 
@@ -237,11 +236,11 @@ def _exact_sensitivities(
         if name not in gradient.values:
             raise refuse("--of", name, "a result that this run has", "the run did not give it")
         for number in numbers:
-            value = gradient.values[name]
+            metric = gradient.values[name]
             slope = math.nan if warning else gradient.derivatives[name, number.key]
-            lacks = "no exact derivative: use --method differences" if math.isnan(slope) else ""
-            smooth, unit = not math.isnan(slope), gradient.units[name]
-            found[name, number.key] = Sensitivity(name, unit, value, number, slope, None, smooth, warning or lacks)
+            smooth = not math.isnan(slope)
+            note = warning or ("" if smooth else "no exact derivative: use --method differences")
+            found[name, number.key] = Sensitivity(name, metric.unit, metric.value, number, slope, None, smooth, note)
     return found
 
 
@@ -256,11 +255,10 @@ def _response_sensitivities(
     variants = [one for number, step in zip(numbers, steps, strict=True) for one in _variants(case, number, step)]
     middle, *rows = runs([(), *variants])
     require_complete(middle)
-    found: dict[tuple[str, str], Sensitivity] = {}
+    found, count = dict[tuple[str, str], Sensitivity](), len(STEP_OFFSETS)
     for i, (number, step) in enumerate(zip(numbers, steps, strict=True)):
-        beside = rows[len(STEP_OFFSETS) * i : len(STEP_OFFSETS) * (i + 1)]
         for name in names:
-            found[name, number.key] = _response(name, middle, beside, number, step)
+            found[name, number.key] = _response(name, middle, rows[count * i : count * (i + 1)], number, step)
     return found
 
 
@@ -271,7 +269,7 @@ def _response(name: str, middle: Row, beside: Sequence[Row], number: Number, ste
         failed = next((row.status for row in (middle, *beside) if not row.status.ok), None)
         note = "no value on both sides: " + (str(failed) if failed else "the limit is outside the search range")
         return Sensitivity(name, unit, value, number, math.nan, None, False, note)
-    found: Derivative = central_derivative(value, values, step)
+    found = central_derivative(value, values, step)
     doubt = "not smooth here: contacts open or close, or the values have noise; the derivative is unreliable"
     note = "" if found.smooth else doubt
     return Sensitivity(name, unit, value, number, found.value, found.error, found.smooth, note)
