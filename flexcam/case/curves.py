@@ -399,8 +399,8 @@ def _keys(record: type[BaseModel]) -> Callable[[], dict[str, Any]]:
     return lambda: record.model_json_schema()["properties"]
 
 
-# A motion law by name, as a table, or in a file; and a lift table, a load table and a matrix in files.
+#: A motion law by name, as a table, or in a file.
 LawValue = Annotated[LawDefinition, _FromFile(_parse_law_value, lambda: {"id": {"enum": sorted(kind_names())}})]
-LiftValue = Annotated[LiftDefinition, _FromFile(_parse_lift_value, _keys(_LiftFile))]
-LoadValue = Annotated[LoadDefinition, _FromFile(_parse_load_value, _keys(_LoadFile))]
-MatrixValue = Annotated[MatrixDefinition, _FromFile(_parse_matrix_value, _keys(_MatrixFile))]
+LiftValue = Annotated[LiftDefinition, _FromFile(_parse_lift_value, _keys(_LiftFile))]  #: A lift table in a file.
+LoadValue = Annotated[LoadDefinition, _FromFile(_parse_load_value, _keys(_LoadFile))]  #: A load table in a file.
+MatrixValue = Annotated[MatrixDefinition, _FromFile(_parse_matrix_value, _keys(_MatrixFile))]  #: A matrix in a file.
