@@ -50,7 +50,7 @@ from flexcam.dynamics.modes import (
 from flexcam.dynamics.parameter_forces import Variation
 from flexcam.dynamics.periodic import Floquet, floquet, solve_periodic
 from flexcam.dynamics.problem import Adaptive, EngineName, Problem, State
-from flexcam.dynamics.reference_integrators import Exact, ScipyIntegrator, dop853, exact, radau
+from flexcam.dynamics.reference_integrators import ScipyIntegrator, dop853, radau
 from flexcam.dynamics.response import (
     SERIES,
     STATE,
@@ -120,7 +120,6 @@ __all__ = [
     "DofSubset",
     "Drive",
     "EngineName",
-    "Exact",
     "Floquet",
     "FluctuatingSpeed",
     "ForceLaw",
@@ -171,7 +170,6 @@ __all__ = [
     "effective_masses",
     "elastic_stop",
     "equilibrium",
-    "exact",
     "find_active_dofs",
     "fingerprint",
     "floquet",

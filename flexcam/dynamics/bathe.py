@@ -68,16 +68,5 @@ class _Stepper:
 
 
 def bathe() -> Bathe:
-    """Return the composite step of Bathe.
-
-    Returns
-    -------
-    Bathe
-        It has no parameter.
-
-    Examples
-    --------
-    >>> bathe().order
-    2
-    """
+    """Return the composite step of Bathe."""
     return Bathe()

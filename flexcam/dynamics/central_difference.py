@@ -48,7 +48,7 @@ class CentralDifference(Method):
 
     def amplification(self, omega_dt: float, damping: float = 0.0) -> FloatArray:
         """Return the matrix that takes (d, dt v, dt^2 a) of one mode over a step, as `Method` says."""
-        return family_matrix(0.0, 0.5, omega_dt=omega_dt, damping=damping)
+        return family_matrix(0.0, 0.5, omega_dt, damping)
 
     def stepper(self, system: System, forces: LocalForces, step: float, at: At) -> Stepper:
         """Return the stepper of a system for steps of one length."""
@@ -87,18 +87,7 @@ class _Stepper:
 
 
 def highest_frequency(system: System) -> tuple[float, list[str]]:
-    """Return the highest natural frequency of a system without its local forces, and the unknowns that move most.
-
-    Parameters
-    ----------
-    system
-        The system.
-
-    Returns
-    -------
-    tuple
-        Angular frequency, rad/s, and up to three names.
-    """
+    """Return the highest natural frequency of a system without its local forces, rad/s, and the unknowns in it."""
     light = MasslessMotions(system)
     if not len(light.kept):
         return 0.0, []
@@ -137,16 +126,5 @@ def _highest_sparse(system: System, light: MasslessMotions) -> tuple[float, Floa
 
 
 def central_difference() -> CentralDifference:
-    """Return the explicit central difference.
-
-    Returns
-    -------
-    CentralDifference
-        It has no parameter.
-
-    Examples
-    --------
-    >>> central_difference().order
-    2
-    """
+    """Return the explicit central difference."""
     return CentralDifference()
