@@ -60,56 +60,33 @@ def _cubic(x: FloatArray, old: FloatArray, new: FloatArray, slope: FloatArray, n
     return y * y * ((1.0 + 2.0 * x) * old + x * slope) + x * x * ((3.0 - 2.0 * x) * new - y * new_slope)
 
 
-_MIN_BLOCK_STEPS = 640
-"""Minimum steps per block; below it the overhead of a block exceeds its content."""
-
+_MIN_BLOCK_STEPS, _MAX_BLOCK_STEPS = 640, 8192
+"""Minimum steps per block, below which its overhead exceeds its content, and maximum, so that the memory of a run does
+not depend on the interval of saved fields."""
 
 _FIELDS = 32
 """Number of saved fields written together if they are close in time."""
 
 
-_MAX_BLOCK_STEPS = 8192
-"""Maximum steps per block, so that the memory of a run does not depend on the interval of saved fields."""
-
-
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Results of successive steps.
+    """Results of successive steps."""
 
-    Parameters
-    ----------
-    time, angle
-        s and rad, shape (b,).
-    probes
-        All probe scalars side by side, shape (b, p).
-    channels
-        All channels side by side, shape (b, c).
-    field_time, field_angle
-        Instants of the saved fields, shape (f,).
-    fields
-        All unknowns at those instants, shape (f, n).
-    """
-
-    time: FloatArray
-    angle: FloatArray
-    probes: Series
-    channels: FloatArray
-    field_time: FloatArray
+    time: FloatArray  #: s, shape (b,)
+    angle: FloatArray  #: cam angle, rad
+    probes: Series  #: all probe scalars side by side, shape (b, p)
+    channels: FloatArray  #: all channels side by side, shape (b, c)
+    field_time: FloatArray  #: instants of the saved fields, shape (f,)
     field_angle: FloatArray
-    fields: Series
+    fields: Series  #: all unknowns at those instants, shape (f, n)
 
     @classmethod
     def concatenate(cls, parts: Sequence[Block]) -> Block:
         """Return successive blocks as one."""
         if len(parts) == 1:
             return parts[0]
-        rows = {name: np.concatenate([getattr(p, name) for p in parts])
-                for name in ("time", "angle", "channels", "field_time", "field_angle")}  # fmt: skip
-        return cls(
-            **rows,
-            probes=Series.concatenate([p.probes for p in parts]),
-            fields=Series.concatenate([p.fields for p in parts]),
-        )
+        columns = zip(*(vars(part).values() for part in parts), strict=True)
+        return cls(*((Series if isinstance(one[0], Series) else np).concatenate(one) for one in columns))
 
 
 @dataclass(frozen=True)
@@ -147,19 +124,12 @@ class SaveAt:
         return self.field_every * min(fields, _MAX_BLOCK_STEPS // self.field_every) or _MAX_BLOCK_STEPS
 
     def fields(self, steps: IntArray, last: int) -> NDArray[np.bool_]:
-        """Return after which steps all unknowns are saved.
+        """Return after which steps all unknowns are saved, shape (b,).
 
         Parameters
         ----------
-        steps
-            Numbers of steps, shape (b,).
-        last
-            Number of the last step of the run.
-
-        Returns
-        -------
-        ndarray
-            Shape (b,), bool.
+        steps, last
+            Numbers of b steps, and of the last step of the run.
         """
         return (steps % self.field_every == 0) | (steps == last)
 
@@ -187,7 +157,6 @@ ProgressCallback = Callable[[int], None]
 
 
 Item = TypeVar("Item")
-"""Type of an item."""
 
 
 def track_progress(things: Iterable[Item], advance: ProgressCallback | None) -> Iterator[Item]:
