@@ -274,8 +274,5 @@ def _weight(system: System) -> Triplets:
 
 def expand_block(block: Block, basis: Basis) -> Block:
     """Return a block with fields expanded to all unknowns."""
-    fields = block.fields
-    moved = basis.spread(fields.displacement)
-    if basis.held.any():
-        moved = moved + basis.held
-    return replace(block, fields=Series(moved, basis.spread(fields.velocity), basis.spread(fields.acceleration)))
+    moved, moving, rate = map(basis.spread, block.fields)
+    return replace(block, fields=Series(moved + basis.held if basis.held.any() else moved, moving, rate))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,7 @@ SLOPES = {"displacement": "velocity", "velocity": "acceleration"}
 """Motions that are cubics between two instants, and their derivatives."""
 
 
-@dataclass(frozen=True, eq=False)
-class Series:
+class Series(NamedTuple):
     """Displacement, velocity and acceleration at a sequence of instants, arrays of shape (times, columns)."""
 
     displacement: FloatArray
@@ -32,7 +31,15 @@ class Series:
     @classmethod
     def concatenate(cls, parts: Sequence[Series]) -> Series:
         """Return the concatenated parts."""
-        return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in cls.__annotations__))
+        return cls(*map(np.concatenate, zip(*parts, strict=True)))
+
+    def whole(self, order: int) -> FloatArray:
+        """Return displacement, velocity or acceleration, see `flexcam.dynamics.system.MotionView`."""
+        return self[order]
+
+    def extract(self, rows: FloatArray, order: int = 0) -> FloatArray:
+        """Return the components that rows select, see `flexcam.dynamics.system.MotionView`."""
+        return (rows @ self[order].T).T  # contiguous history per row
 
     def interpolate(self, own: FloatArray, times: FloatArray) -> Series:
         """Return the motion at other ascending times, s, by interpolation between instants.
@@ -44,14 +51,14 @@ class Series:
         left = right - 1
         length = (own[right] - own[left])[:, None]
         x = (times - own[left])[:, None] / length
-        d, v, a = self.displacement, self.velocity, self.acceleration
+        d, v, a = self
         moved = _cubic(x, d[left], d[right], length * v[left], length * v[right])
         moving = _cubic(x, v[left], v[right], length * a[left], length * a[right])
         return Series(moved, moving, a[left] + x * (a[right] - a[left]))
 
     def at(self, instants: NDArray[np.bool_] | IntArray | slice) -> Series:
         """Return selected instants by mask or index."""
-        return Series(self.displacement[instants], self.velocity[instants], self.acceleration[instants])
+        return Series(*(one[instants] for one in self))
 
 
 def _cubic(x: FloatArray, old: FloatArray, new: FloatArray, slope: FloatArray, new_slope: FloatArray) -> FloatArray:

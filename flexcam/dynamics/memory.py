@@ -36,7 +36,7 @@ class MemorySink:
     def write(self, block: Block) -> None:
         """Store a block."""
         times, field_times = (block.time, block.angle), (block.field_time, block.field_angle)
-        more = times, (block.channels,), _arrays(block.probes), field_times, _arrays(block.fields)
+        more = times, (block.channels,), block.probes, field_times, block.fields
         for rows, arrays in zip(self._kept, more, strict=True):
             rows.add(arrays)
 
@@ -104,7 +104,7 @@ class RecentSink(MemorySink):
     def write(self, block: Block) -> None:
         """Store a block, and drop outdated ones."""
         if len(block.field_time):
-            last = Series(*(np.array(one[-1:]) for one in _arrays(block.fields)))
+            last = Series(*(np.array(one[-1:]) for one in block.fields))
             self._field = block.field_time[-1:].copy(), block.field_angle[-1:].copy(), last
         nothing = self._without
         self._blocks.append(replace(block, field_time=nothing.time, field_angle=nothing.angle, fields=nothing.fields))
@@ -162,9 +162,7 @@ class ExtremesSink:
     def _turns(self, block: Block) -> FloatArray:
         """Return the turning points of probes within a block and before its first instant."""
         before, now = self._before, block.probes
-        self._before = replace(
-            before, time=block.time[-1:].copy(), probes=Series(*(x[-1:].copy() for x in _arrays(now)))
-        )
+        self._before = replace(before, time=block.time[-1:].copy(), probes=Series(*(x[-1:].copy() for x in now)))
         whole = Series.concatenate([before.probes, now])
         return turning_points(np.append(before.time, block.time), whole.displacement, whole.velocity)[1]
 
@@ -202,10 +200,6 @@ class _Bounds:
 
 _SLACK = 1e-6
 """Relative extension of a time span, because its first instants are rounded."""
-
-
-def _arrays(series: Series) -> tuple[FloatArray, FloatArray, FloatArray]:
-    return series.displacement, series.velocity, series.acceleration
 
 
 def _empty(outline: Outline) -> Block:

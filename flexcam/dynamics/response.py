@@ -352,8 +352,5 @@ class Response:
         one = columns.stop - columns.start == 1
         parts = dict(self.outline.probes)
         components = parts[name] if name in parts else (name.rpartition(".")[2],)
-        picked = [
-            values[:, columns.start] if one else values[:, columns]
-            for values in (self.probes.displacement, self.probes.velocity, self.probes.acceleration)
-        ]
+        picked = [values[:, columns.start] if one else values[:, columns] for values in self.probes]
         return History(name, components, *picked)

@@ -21,7 +21,7 @@ from flexcam.core.errors import refuse
 from flexcam.dynamics.active_dofs import expand_block
 from flexcam.dynamics.basis import Basis
 from flexcam.dynamics.blocks import Arrays, Block, Checkpoint, CheckpointSink, CompletedPart, SaveAt, Series, Sink
-from flexcam.dynamics.cam_motion import CamMotion, PrescribedInputs
+from flexcam.dynamics.cam_motion import CamMotion
 from flexcam.dynamics.energy import PARTS, EnergyBalance, EquilibriumResidual
 from flexcam.dynamics.engine import STOPPED, Engine
 from flexcam.dynamics.engine_selection import MAX_MODES, SelectedEngine, create_engine, forces_of, select_engine
@@ -34,7 +34,7 @@ from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.response import STATE, Outline, Response
 from flexcam.dynamics.status import Cause, RunFailedError, Stats, Status
 from flexcam.dynamics.step_state import ProbeTrajectory, Trajectory
-from flexcam.dynamics.system import FullMotion, Observation, Probe, System
+from flexcam.dynamics.system import Observation, Probe, System
 
 _INSTANTS = 64
 """Number of instants of the run at which loads and sensed scalars enter the digest."""
@@ -351,7 +351,7 @@ class _Run:
         inputs = self._forces.prescribed_inputs(motion)
         penetrations, rates, prescribed_rates = self._forces.sense_motion(track.d, track.v, inputs)
         forces = np.asfortranarray(track.local)  # contiguous per scalar, like the sensed scalars
-        moved, histories = FullMotion(track.d, track.v, track.a), self._system.load_histories(motion)
+        moved, histories = Series(track.d, track.v, track.a), self._system.load_histories(motion)
         seen = Observation(motion, inputs.cam, moved, histories, forces, penetrations, rates, track.state)
         each = [channel.value(seen) for channel in self._system.channels]
         if self._save.energies:
@@ -366,13 +366,12 @@ class _Run:
 
 def _probe_series(probes: tuple[Probe, ...], moved: Series, motion: CamMotion) -> Series:
     rows = np.concatenate([p.rows for p in probes]) if probes else np.zeros((0, moved.displacement.shape[1]))
-    picked = (one @ rows.T for one in (moved.displacement, moved.velocity, moved.acceleration))
-    return _offset(probes, Series(*picked), motion)
+    return _offset(probes, Series(*(one @ rows.T for one in moved)), motion)
 
 
 def _offset(probes: tuple[Probe, ...], picked: Series, motion: CamMotion) -> Series:
     """Return the rows times a motion, plus the prescribed offset."""
-    d, v, a = (np.array(one) for one in (picked.displacement, picked.velocity, picked.acceleration))
+    d, v, a = map(np.array, picked)
     cam, speed = motion.cam, motion.speed
     for column, offset in enumerate(o for p in probes for o in p.offset):
         if offset is not None:
