@@ -46,40 +46,20 @@ _FREE_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class InactiveGroup:
-    """A group of coupled unknowns that never moves.
+    """A group of coupled unknowns that never moves."""
 
-    Parameters
-    ----------
-    unknowns
-        Indices of the unknowns, shape (k,).
-    loaded
-        Whether constant loads or forces act on it, in equilibrium.
-    free
-        Whether the group has a motion without stiffness.
-    """
-
-    unknowns: IntArray
-    loaded: bool
-    free: bool
+    unknowns: IntArray  #: indices of the unknowns, shape (k,)
+    loaded: bool  #: whether constant loads or forces act on it, in equilibrium
+    free: bool  #: whether the group has a motion without stiffness
 
 
 @dataclass(frozen=True, eq=False)
 class ActiveDofs:
-    """Active unknowns of a system for an initial state.
+    """Active unknowns of a system for an initial state."""
 
-    Parameters
-    ----------
-    moving
-        Mask of the active unknowns, shape (n,).
-    still
-        The inactive groups.
-    held
-        Constant displacements of the inactive unknowns, shape (n,); zero for active ones.
-    """
-
-    moving: NDArray[np.bool_]
-    still: tuple[InactiveGroup, ...]
-    held: FloatArray
+    moving: NDArray[np.bool_]  #: mask of the active unknowns, shape (n,)
+    still: tuple[InactiveGroup, ...]  #: the inactive groups
+    held: FloatArray  #: constant displacements of the inactive unknowns, shape (n,); zero for active ones
 
 
 def find_active_dofs(

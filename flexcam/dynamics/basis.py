@@ -53,18 +53,10 @@ class Basis(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class DofSubset:
-    """Subset of the unknowns; the others are constant.
+    """Subset of the unknowns; the others are constant."""
 
-    Parameters
-    ----------
-    kept
-        Indices of the unknowns, shape (m,).
-    held
-        Displacement of the others, shape (n,); zero for unknowns kept.
-    """
-
-    kept: IntArray
-    held: FloatArray
+    kept: IntArray  #: indices of the unknowns, shape (m,)
+    held: FloatArray  #: displacement of the others, shape (n,); zero for unknowns kept
 
     @property
     def size(self) -> int:
@@ -108,20 +100,11 @@ class DofSubset:
 
 @dataclass(frozen=True, eq=False)
 class ModeBasis:
-    """Coordinates of given shape vectors.
+    """Coordinates of given shape vectors."""
 
-    Parameters
-    ----------
-    vectors
-        Independent shapes as columns, shape (n, m).
-    called
-        A name per coordinate; ``shape 1`` and so on by default.
-    still
-        Displacement at zero coordinates, shape (n,), uncoupled from the shapes; None for zero.
-    """
-
-    vectors: FloatArray
-    called: tuple[str, ...] = ()
+    vectors: FloatArray  #: independent shapes as columns, shape (n, m)
+    called: tuple[str, ...] = ()  #: a name per coordinate; ``shape 1`` and so on by default
+    #: Displacement at zero coordinates, shape (n,), uncoupled from the shapes; None for zero.
     still: FloatArray | None = None
 
     @property

@@ -76,57 +76,28 @@ def compiled_functions() -> Functions:
 
 @dataclass(frozen=True, eq=False)
 class StepOperator:
-    """A step of one length, as arrays of the kernel.
+    """A step of one length, as arrays of the kernel."""
 
-    Parameters
-    ----------
-    step
-        Length of a stage, s.
-    slope
-        Velocity per displacement by a force within the step, 1/s.
-    scheme
-        Parameters of the generalized-alpha family; without effect for the collocation.
-    operator
-        Matrices of the modes and coefficients of the step.
-    answers
-        Response of the modes to the acting vectors, shape (stages, acts, n).
-    give
-        Displacement and velocity along the sensing vectors by the acting ones, shape (2, acts, senses).
-    hold
-        Square of the step times the acceleration along the sensing vectors by the acting ones, as far as modes with
-        mass answer within the step, shape (acts, senses) of one stage; empty where it does not limit the step.
-    inverse
-        Treatment of the damping that couples modes; empty without it.
-    """
-
-    step: float
-    slope: float
-    scheme: FloatArray
-    operator: FloatArray
-    answers: FloatArray
-    give: FloatArray
+    step: float  #: length of a stage, s
+    slope: float  #: velocity per displacement by a force within the step, 1/s
+    scheme: FloatArray  #: parameters of the generalized-alpha family; without effect for the collocation
+    operator: FloatArray  #: matrices of the modes and coefficients of the step
+    answers: FloatArray  #: response of the modes to the acting vectors, shape (stages, acts, n)
+    give: FloatArray  #: displacement and velocity along the sensing vectors by the acting ones, shape (2, acts, senses)
+    #: Square of the step times the acceleration along the sensing vectors by the acting ones, as far as modes with mass
+    #: answer within the step, shape (acts, senses) of one stage; empty where it does not limit the step.
     hold: FloatArray
-    inverse: FloatArray
+    inverse: FloatArray  #: treatment of the damping that couples modes; empty without it
 
 
 @dataclass(frozen=True, eq=False)
 class ModalSystem:
-    """A system in modal coordinates as arrays of the kernel.
+    """A system in modal coordinates as arrays of the kernel."""
 
-    Parameters
-    ----------
-    modes
-        Mass, damping and stiffness, shape (3, n).
-    coupled
-        Damping off its diagonal, shape (n, n); empty where there is none.
-    sensing, acting
-        Vectors of the local forces, shape (senses, n) and (acts, n).
-    """
-
-    modes: FloatArray
-    coupled: FloatArray
-    sensing: FloatArray
-    acting: FloatArray
+    modes: FloatArray  #: mass, damping and stiffness, shape (3, n)
+    coupled: FloatArray  #: damping off its diagonal, shape (n, n); empty where there is none
+    sensing: FloatArray  #: sensing vectors of the local forces, shape (senses, n)
+    acting: FloatArray  #: acting vectors, shape (acts, n)
 
     @classmethod
     def of(cls, system: System, forces: LocalForces) -> ModalSystem:

@@ -136,26 +136,13 @@ def _flexibility(stiffness: Triplets, rigid: FloatArray, heavy: FloatArray) -> S
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Natural modes, from the lowest.
+    """Natural modes, from the lowest."""
 
-    Parameters
-    ----------
-    omegas
-        Angular frequencies, rad/s, shape (k,); zero for motions without stiffness.
-    shapes
-        Mass-orthonormal shapes, shape (n, k).
-    rigid
-        Number of modes (the first ones) without stiffness.
-    lost
-        Number of higher modes omitted because of rounding.
-    rounding
-        Relative rounding error of each frequency, shape (k,): an upper bound, about ten times the error.
-    """
-
-    omegas: FloatArray
-    shapes: FloatArray
-    rigid: int
-    lost: int = 0
+    omegas: FloatArray  #: angular frequencies, rad/s, shape (k,); zero for motions without stiffness
+    shapes: FloatArray  #: mass-orthonormal shapes, shape (n, k)
+    rigid: int  #: number of modes (the first ones) without stiffness
+    lost: int = 0  #: number of higher modes omitted because of rounding
+    #: Relative rounding error of each frequency, shape (k,): an upper bound, about ten times the error.
     rounding: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property

@@ -25,20 +25,11 @@ from flexcam.dynamics.step_state import SensedTrajectory, StepInputs, StepState
 
 @dataclass(frozen=True, eq=False)
 class Variation:
-    """A problem with a parameter below and above its value.
+    """A problem with a parameter below and above its value, with as many unknowns, local forces and steps as itself."""
 
-    Parameters
-    ----------
-    below, above
-        The problem with the parameter reduced and increased by half the width; with as many unknowns, local forces and
-        steps as the problem itself.
-    width
-        Difference of the parameter, in its unit.
-    """
-
-    below: Problem
-    above: Problem
-    width: float
+    below: Problem  #: with the parameter reduced by half the width
+    above: Problem  #: with the parameter increased by half the width
+    width: float  #: difference of the parameter, in its unit
 
 
 class VariedProblem:
@@ -113,22 +104,12 @@ class VariedProblem:
 
 @dataclass(frozen=True, eq=False)
 class ExplicitDerivatives:
-    """Derivatives of the equations by p parameters at m instants of a motion.
+    """Derivatives of the equations by p parameters at m instants of a motion."""
 
-    Parameters
-    ----------
-    force
-        On the unknowns, shape (m, n, p).
-    penetration, rate
-        Of the sensed scalars, shape (m, c, p).
-    answer
-        Of the force laws at constant scalars, shape (m, c, p).
-    """
-
-    force: FloatArray
-    penetration: FloatArray
-    rate: FloatArray
-    answer: FloatArray
+    force: FloatArray  #: on the unknowns, shape (m, n, p)
+    penetration: FloatArray  #: of the sensed scalars, shape (m, c, p)
+    rate: FloatArray  #: of their rates, shape (m, c, p)
+    answer: FloatArray  #: of the force laws at constant scalars, shape (m, c, p)
 
     def source(self, linear: Linear, which: int | slice) -> FloatArray:
         """Return the forces on the unknowns at some instants, shape (..., n, p), with the tangents there."""

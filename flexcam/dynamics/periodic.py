@@ -74,27 +74,15 @@ def _integrate_period(
 
 @dataclass(frozen=True, eq=False)
 class Floquet:
-    """Floquet multipliers of a periodic motion.
+    """Floquet multipliers of a periodic motion."""
 
-    Parameters
-    ----------
-    multipliers
-        Largest first, complex, shape (2m + s,): of m unknowns integrated and s internal states of local forces.
-    shapes
-        Displacements of all unknowns at the beginning of the period, complex, shape (n, 2m + s).
-    period
-        s.
-    names
-        Of the unknowns.
-    events
-        Number of contact openings and closings within the period. Large multipliers may then indicate chatter: small
-        differences of the times of bounces grow.
-    """
-
+    #: Largest first, complex, shape (2m + s,): of m unknowns integrated and s internal states of local forces.
     multipliers: ComplexArray
-    shapes: ComplexArray
-    period: float
-    names: tuple[str, ...]
+    shapes: ComplexArray  #: displacements of all unknowns at the beginning of the period, complex, shape (n, 2m + s)
+    period: float  #: s
+    names: tuple[str, ...]  #: of the unknowns
+    #: Number of contact openings and closings within the period. Large multipliers may then indicate chatter: small
+    #: differences of the times of bounces grow.
     events: int = 0
 
     @property

@@ -35,21 +35,13 @@ from flexcam.dynamics.step_state import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class TangentRun:
-    """A run and its neighbours by parameters.
+    """A run and its neighbours by parameters."""
 
-    Parameters
-    ----------
-    response
-        Results at the values of the parameters: probes and channels, without energies.
-    neighbours
-        Results with each parameter below and above its value, to first order.
-    growth
-        Factor by which a small disturbance of the initial state grows over the run, in the energy norm. Above some
-        thousands the motion is chaotic: the derivatives hold for very small changes only.
-    """
-
-    response: Response
+    response: Response  #: results at the values of the parameters: probes and channels, without energies
+    #: Results with each parameter below and above its value, to first order.
     neighbours: tuple[tuple[Response, Response], ...]
+    #: Factor by which a small disturbance of the initial state grows over the run, in the energy norm. Above some
+    #: thousands the motion is chaotic: the derivatives hold for very small changes only.
     growth: float
 
 
