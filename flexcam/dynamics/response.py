@@ -110,9 +110,7 @@ class History:
 
     name: str  #: of the probe
     components: tuple[str, ...]  #: names of its scalars
-    displacement: (
-        FloatArray  #: m (rad if a rotation), shape (steps,) of a probe of one scalar, else (steps, components)
-    )
+    displacement: FloatArray  #: m or rad, shape (steps,) of a probe of one scalar, else (steps, components)
     velocity: FloatArray  #: m/s
     acceleration: FloatArray  #: m/s^2
 
