@@ -92,8 +92,10 @@ class Block:
         """Return successive blocks as one."""
         if len(parts) == 1:
             return parts[0]
-        columns = zip(*(vars(part).values() for part in parts), strict=True)
-        return cls(*((Series if isinstance(one[0], Series) else np).concatenate(one) for one in columns))
+        probes, fields = Series.concatenate([p.probes for p in parts]), Series.concatenate([p.fields for p in parts])
+        names = ("time", "angle", "channels", "field_time", "field_angle")
+        rows = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+        return cls(**rows, probes=probes, fields=fields)
 
 
 @dataclass(frozen=True)

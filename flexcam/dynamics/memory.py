@@ -48,8 +48,8 @@ class MemorySink:
         """Return all stored results; empty arrays without results."""
         if not self._kept[0].count:
             self.write(_empty(self.outline))
-        times, (channels,), probes, field_times, fields = (rows.arrays for rows in self._kept)
-        whole = Block(*times, Series(*probes), channels, *field_times, Series(*fields))
+        (time, angle), (channels,), probes, (field_time, field_angle), fields = (rows.arrays for rows in self._kept)
+        whole = Block(time, angle, Series(*probes), channels, field_time, field_angle, Series(*fields))
         return _response(self.outline, whole, self._end)
 
 
