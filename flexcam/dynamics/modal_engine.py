@@ -14,7 +14,7 @@ from flexcam.dynamics.blocks import Arrays, SaveAt, Series
 from flexcam.dynamics.engine import STOPPED, Engine, all_within, first_track, in_range, no_instants, stack_motion
 from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.local_forces import LocalForces
-from flexcam.dynamics.modal_step import MODAL_BLOCK, PROBE_BLOCK, ModalStep, ModeParameters, StepBlock, drop_vanished
+from flexcam.dynamics.modal_step import MODAL_BLOCK, PROBE_BLOCK, ModalStep, StepBlock, drop_vanished
 from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.status import Status
 from flexcam.dynamics.step_state import ProbeTrajectory, Trajectory
@@ -41,7 +41,7 @@ class ModalPropagator:
         self._problem, self._vectors = problem, problem.system.load_vectors()
         self.at: int = -1  #: step of the state, -1 before the start
         self.state = np.zeros((3, problem.system.size))  #: coordinates and their rates times powers of the step, (3, n)
-        self.steps = ModalStep.of(scheme, ModeParameters.of(problem))
+        self.steps = ModalStep.of(scheme, problem.system, problem.step)
         self.stride = StepBlock.of(self.steps, length)
         self.pushes = self.steps.light * self._vectors  #: modal forces of unit load histories, shape (k, n)
         self._left = np.zeros((0, 0)) if self.stride is None else self._by_history(self.stride)

@@ -15,6 +15,7 @@ import numpy as np
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.cam_motion import CamMotion, PrescribedInputs
+from flexcam.dynamics.force_laws import NEW_STATE
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.jit import Functions
 from flexcam.dynamics.linearization import Linear
@@ -85,7 +86,7 @@ class VariedProblem:
         motion = self.problem.drive.at(self.times(track.time[part]))
         old, new = forces.sense_motion(track.d[part], track.v[part], forces.prescribed_inputs(motion))[0]
         (step,) = (self.stretch * np.diff(track.time[part])).tolist()
-        return forces.new_states(step, new, old, track.state[i])
+        return forces.follow_states(step, new, old, track.state[i])[NEW_STATE]
 
     def impact_change(self, old: StepState, contacts: IntArray) -> FloatArray:
         """Return the change of the velocities by an impact at switching scalars, shape (n,)."""

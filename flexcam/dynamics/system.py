@@ -12,7 +12,7 @@ import numpy as np
 from flexcam.core import FloatArray, IntArray, Triplets
 from flexcam.core.errors import refuse
 from flexcam.dynamics.cam_motion import AngleFunction, AngleVector, CamFunctionCache, CamMotion
-from flexcam.dynamics.force_laws import LAWS, ForceLaw
+from flexcam.dynamics.force_laws import CUSTOM, LAWS, ForceLaw, LawKind
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,22 +70,29 @@ class LocalForce:
             raise refuse(self.name, given, allowed, "its law needs them", "give a vector for each")
 
     @property
+    def kind(self) -> LawKind:
+        """Traits of its law."""
+        return LAWS[self.law.kind if isinstance(self.law, ForceLaw) else CUSTOM]
+
+    @property
+    def groups(self) -> range:
+        """First scalar of each group to which its law applies."""
+        return range(0, len(self.sense), self.law.scalars if isinstance(self.law, ForceLaw) else len(self.sense) or 1)
+
+    @property
     def switching(self) -> range:
         """Sensed scalars whose passing zero is located, since the law begins to act there."""
-        touching = isinstance(self.law, ForceLaw) and LAWS[self.law.kind].touching
-        return range(0, len(self.sense) if touching else 0, self.law.scalars if isinstance(self.law, ForceLaw) else 1)
+        return self.groups if self.kind.touching else range(0)
 
     @property
     def states(self) -> int:
         """Number of internal states."""
-        return self.law.states * (len(self.sense) // self.law.scalars) if isinstance(self.law, ForceLaw) else 0
+        return self.kind.states * len(self.groups)
 
     def idle_scalars(self) -> list[tuple[int, ...]]:
         """Return sets of scalars that, while zero, neither carry nor cause a force."""
-        if not isinstance(self.law, ForceLaw):
-            return []
-        groups = range(0, len(self.sense), self.law.scalars)
-        return [tuple(first + i for i in scalars) for first in groups for scalars in self.law.idle_scalars()]
+        idle = self.law.idle_scalars() if isinstance(self.law, ForceLaw) else ()
+        return [tuple(first + i for i in scalars) for first in self.groups for scalars in idle]
 
     @property
     def conservative(self) -> bool:
