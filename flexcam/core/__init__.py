@@ -27,24 +27,8 @@ from flexcam.core.matrices import (
 from flexcam.core.null_space import factorize_with_update, null_space, select_constraints
 
 __all__ = [
-    "DENSE_LIMIT",
-    "ROUNDING_LIMIT",
-    "ComplexArray",
-    "Factor",
-    "FloatArray",
-    "IntArray",
-    "LongArray",
-    "SingularMatrixError",
-    "Triplets",
-    "component_members",
-    "connected_components",
-    "diagonal_scale",
-    "energy_rounding",
-    "factorize",
-    "factorize_with_update",
-    "null_space",
-    "rounding_fraction",
-    "select_constraints",
-    "select_storage",
+    "DENSE_LIMIT", "ROUNDING_LIMIT", "ComplexArray", "Factor", "FloatArray", "IntArray", "LongArray",
+    "SingularMatrixError", "Triplets", "component_members", "connected_components", "diagonal_scale", "energy_rounding",
+    "factorize", "factorize_with_update", "null_space", "rounding_fraction", "select_constraints", "select_storage",
     "solve_eigenproblem",
-]
+]  # fmt: skip

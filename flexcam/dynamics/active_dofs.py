@@ -63,19 +63,16 @@ class ActiveDofs:
 
 
 def find_active_dofs(
-    system: System,
-    displacement: FloatArray | None = None,
-    velocity: FloatArray | None = None,
+    system: System, displacement: FloatArray | None = None, velocity: FloatArray | None = None,
     inner: FloatArray | None = None,
-) -> ActiveDofs:
+) -> ActiveDofs:  # fmt: skip
     """Return the active unknowns of a system for an initial state."""
     n = system.size
     d = np.zeros(n) if displacement is None else displacement
     v = np.zeros(n) if velocity is None else velocity
-    idle, begun = (
-        _find_idle_scalars(system, d),
-        _find_variable_loads(system) | _find_initial_motion(v, system.mass.diagonal()),
-    )
+    vectors = [load.vector for load in system.loads if not load.steady]
+    loaded = (np.array(vectors).reshape(len(vectors), n) != 0.0).any(axis=0)
+    idle, begun = _find_idle_scalars(system, d), loaded | _find_initial_motion(v, system.mass.diagonal())
     while True:
         labels = _coupling_groups(system, idle)
         steady, moving = _constant_forces(system, d, inner, _spread_to_groups(begun, labels), labels)
@@ -135,12 +132,6 @@ def _force_unknowns(force: LocalForce, size: int, asleep: frozenset[int] = froze
     return (np.concatenate(vectors) != 0.0).any(axis=0)
 
 
-def _find_variable_loads(system: System) -> NDArray[np.bool_]:
-    """Return the unknowns under a time-dependent load."""
-    vectors = [load.vector for load in system.loads if not load.steady]
-    return (np.array(vectors).reshape(len(vectors), system.size) != 0.0).any(axis=0)
-
-
 def _constant_forces(
     system: System, d: FloatArray, inner: FloatArray | None, moving: NDArray[np.bool_], labels: IntArray
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
@@ -151,9 +142,8 @@ def _constant_forces(
     forces = LocalForces(system)
     schedule = forces.prescribed_inputs(still)
     penetration = forces.sense_motion(d[None], np.zeros((1, system.size)), schedule)[0][0]
-    answer = forces.respond(
-        penetration, np.zeros(forces.count), forces.start_state if inner is None else inner, schedule
-    )
+    state = forces.start_state if inner is None else inner
+    answer = forces.respond(penetration, np.zeros(forces.count), state, schedule)
     for force, part, states in forces.parts:
         involved = _force_unknowns(force, system.size)
         if moving[involved].any():

@@ -93,13 +93,7 @@ class DerivedCamFunction(ABC):
 
 
 class CamFunctionCache:
-    """Cache of functions of the cam angle at given angles.
-
-    Parameters
-    ----------
-    angle
-        rad, any shape.
-    """
+    """Cache of functions of the cam angle at given angles, rad, of any shape."""
 
     def __init__(self, angle: FloatArray) -> None:
         self.angle = angle

@@ -51,18 +51,10 @@ Bools = NDArray[np.bool_]
 
 
 class Disturbances:
-    """Evolution of disturbances of displacements, velocities and internal states.
+    """Evolution of disturbances of displacements, velocities and internal states along a motion of a problem.
 
-    Parameters
-    ----------
-    problem
-        Of which system, drive and step are used.
-    forces
-        Its local forces.
-    initial
-        Initial disturbances as columns, shape (2n + s, k); None for unit disturbances of each.
-    parameters
-        Parameters that disturb the first columns along the motion; None without.
+    The initial disturbances are columns, shape (2n + s, k); None for unit disturbances of each. Parameters, if given,
+    disturb the first columns along the motion.
     """
 
     def __init__(

@@ -183,18 +183,9 @@ class KernelState:
 
 
 class Kernel:
-    """The compiled step of one system.
+    """The compiled step of one system, in modal coordinates and with all laws as data.
 
     The collocation takes a local force at each stage for a separate force.
-
-    Parameters
-    ----------
-    problem
-        Problem in modal coordinates with all laws as data.
-    scheme
-        Of the time integration.
-    forces
-        The local forces, stacked.
     """
 
     def __init__(self, problem: Problem, scheme: Scheme | Collocation, forces: LocalForces) -> None:
@@ -377,19 +368,7 @@ class KernelStepper:
 
 
 class KernelEngine:
-    """Advances a problem in modal coordinates by compiled code.
-
-    Parameters
-    ----------
-    problem
-        In modal coordinates.
-    scheme
-        Of the generalized-alpha family, or the collocation.
-    forces
-        Its local forces, stacked.
-    stop
-        Stop callback, called before every block of steps.
-    """
+    """Advances a problem in modal coordinates by compiled code; `stop` is called before every block of steps."""
 
     def __init__(
         self, problem: Problem, scheme: Scheme | Collocation, forces: LocalForces, stop: Callable[[], bool]

@@ -119,17 +119,7 @@ class ExplicitDerivatives:
 
 
 class ParameterForces:
-    """Derivatives of the equations of a problem by several parameters.
-
-    Parameters
-    ----------
-    problem
-        The problem in the unknowns of its engine.
-    variations
-        One per parameter, in the same unknowns.
-    compiled
-        Compiled functions of the laws; None without.
-    """
+    """Derivatives of the equations of a problem by several parameters, all in the unknowns of its engine."""
 
     def __init__(self, problem: Problem, variations: Sequence[Variation], compiled: Functions | None = None) -> None:
         self.sides = [
