@@ -5,13 +5,7 @@ function in `factorization`; input errors are raised through `errors`.
 """
 
 from flexcam.core.eigen import LongArray, solve_eigenproblem
-from flexcam.core.factorization import (
-    Factor,
-    SingularMatrixError,
-    diagonal_scale,
-    factorize,
-    select_storage,
-)
+from flexcam.core.factorization import Factor, SingularMatrixError, diagonal_scale, factorize, select_storage
 from flexcam.core.matrices import (
     DENSE_LIMIT,
     ROUNDING_LIMIT,

@@ -13,7 +13,7 @@ import numpy as np
 from flexcam.core import DENSE_LIMIT, FloatArray
 from flexcam.core.errors import InputError, refuse
 from flexcam.dynamics.generalized_alpha import family_matrix
-from flexcam.dynamics.implicit_step import ImplicitStage, Prediction
+from flexcam.dynamics.implicit_step import ImplicitStage
 from flexcam.dynamics.initial_acceleration import massless_contact_error
 from flexcam.dynamics.integrator import At, Method, Stepper
 from flexcam.dynamics.local_forces import LocalForces
@@ -78,7 +78,7 @@ class _Stepper:
         """Return the next instant, as `Stepper` says."""
         dt, light = self._dt, self._massless
         d = light.place(now.d + dt * now.v + 0.5 * dt**2 * now.a, to.load)
-        new = self._stage.solve(Prediction(d, now.v + 0.5 * dt * now.a), now, to)
+        new = self._stage.solve(d, now.v + 0.5 * dt * now.a, now, to)
         if not light.any:
             return new
         # Contacts do not act on massless motions: the forces there are loads, which follow a secant.

@@ -16,14 +16,7 @@ from numpy.typing import NDArray
 from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.force_laws import BY_BEGIN, BY_TRAVEL, STATE_RATE
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
-from flexcam.dynamics.linearization import (
-    Linear,
-    LinearStep,
-    StepSequence,
-    directions,
-    linearize,
-    split_state,
-)
+from flexcam.dynamics.linearization import Linear, LinearStep, StepSequence, directions, linearize, split_state
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.parameter_forces import ExplicitDerivatives, ParameterForces
 from flexcam.dynamics.problem import Problem

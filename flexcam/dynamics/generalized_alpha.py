@@ -19,7 +19,7 @@ import numpy as np
 
 from flexcam.core import FloatArray, LongArray, select_storage
 from flexcam.core.errors import refuse
-from flexcam.dynamics.implicit_step import ImplicitStage, Prediction
+from flexcam.dynamics.implicit_step import ImplicitStage
 from flexcam.dynamics.integrator import At, Method, Stepper
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.massless import find_massless_rates
@@ -152,17 +152,12 @@ class _Stepper:
 
     def advance(self, now: StepState, to: StepInputs) -> StepState:
         """Return the next instant, as `Stepper` says."""
-        s, dt = self._scheme, self._dt
+        s, dt, old = self._scheme, self._dt, None
         d, v = predict(now.d, now.v, now.a, dt, s.beta, s.gamma)
-        new = self._stage.solve(Prediction(d, v, self._old_terms(now)), now, to)
+        if s.alpha_f or s.alpha_m:
+            old = s.alpha_f * (now.applied - self._K @ now.d - self._C @ now.v) - s.alpha_m * (self._M @ now.a)
+        new = self._stage.solve(d, v, now, to, old)
         return new if self._led is None else self._led.update_rates(now, new, dt)
-
-    def _old_terms(self, now: StepState) -> FloatArray | None:
-        s = self._scheme
-        if not s.alpha_f and not s.alpha_m:
-            return None
-        forces = now.applied - self._K @ now.d - self._C @ now.v
-        return s.alpha_f * forces - s.alpha_m * (self._M @ now.a)
 
 
 def newmark(*, beta: float = 0.25, gamma: float = 0.5) -> Scheme:

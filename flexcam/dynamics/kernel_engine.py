@@ -26,13 +26,7 @@ from flexcam.dynamics.implicit_step import NoConvergenceError, unconverged_force
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.integrator import At
 from flexcam.dynamics.jit import Functions, compile_functions
-from flexcam.dynamics.kernel import (
-    FORCE_SIZE,
-    FUNCTIONS_OF_KERNEL,
-    STATE_SIZE,
-    TOO_LONG,
-    UNSETTLED,
-)
+from flexcam.dynamics.kernel import FORCE_SIZE, FUNCTIONS_OF_KERNEL, STATE_SIZE, TOO_LONG, UNSETTLED
 from flexcam.dynamics.local_forces import LocalForces, Workspace
 from flexcam.dynamics.problem import Problem, State
 from flexcam.dynamics.status import Cause, Stats, Status
@@ -251,20 +245,16 @@ class Kernel:
             work.compliance[:], work.local[OWN], self._length = np.nan, -1.0, operator.step
         spans = operator.step * np.arange(1.0, self.stages + 1.0)
         state.states[SPAN] = np.repeat(spans, len(self.forces.start_state))
+        stage_sides = np.hstack([np.add(sides, [[stage * self.forces.count], [0]]) for stage in range(self.stages)])
         how = self._march(
             *steps, self.stages, operator.slope, operator.scheme, operator.operator, operator.answers,
             self._answer_runs, operator.give, operator.hold, operator.inverse, system.coupled, self._mode_runs,
             self._vectors, self._runs, given, table.laws, self._blocks, table.constants, self._places, self._reach,
             table.owners, self._varying, state.modes, state.forces, state.states, work.local, work.tangent, work.active,
-            work.compliance, work.matrix, self._stage_sides(sides), found, count,
+            work.compliance, work.matrix, stage_sides, found, count,
         )  # fmt: skip
         row, iterations = count.tolist()
         return int(how), row, iterations
-
-    def _stage_sides(self, sides: IntArray) -> IntArray:
-        if self.stages == 1:
-            return sides
-        return np.hstack([sides + np.array([[stage * self.forces.count], [0]]) for stage in range(self.stages)])
 
     def touches_between(self, now: StepState, new: StepState) -> bool:
         """Return whether in the last call a switching scalar had another side at the middle than at both ends."""

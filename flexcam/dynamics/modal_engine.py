@@ -118,7 +118,10 @@ class ModalEngine(Engine):
         row = int(steps[0]) - self._course.at
         walked = self._advance_states(int(steps[-1]))
         walked[1:] /= self._course.scale[1:, None]
-        track = self._track(at, walked[:, row:]) if first is None else self._restore_first(first, at, walked)
+        if first is None:
+            track = self._track(at, walked[:, row:])
+        else:  # the first instant is unchanged
+            track = first if len(at) == 1 else Trajectory.concatenate([first, self._track(at[1:], walked[:, 1:])])
         before = None if first is not None else stack_motion(self._track(at[:1], walked[:, row - 1 : row]))[0]
         return in_range(track, before, self._system, self._problem.drive.at(at).angle)
 
@@ -150,10 +153,6 @@ class ModalEngine(Engine):
     def _track(self, at: FloatArray, walked: FloatArray) -> Trajectory:
         (d, v, a), nothing, sides = walked, np.zeros((len(at), 0)), np.zeros((len(at), 0), dtype=bool)
         return Trajectory(at, d, v, a, nothing, nothing, nothing, sides, np.arange(len(at)))
-
-    def _restore_first(self, first: Trajectory, at: FloatArray, walked: FloatArray) -> Trajectory:
-        """Return the first instant unchanged, and those after it."""
-        return first if len(at) == 1 else Trajectory.concatenate([first, self._track(at[1:], walked[:, 1:])])
 
     def state(self) -> Arrays:
         """Return the state of the modes, see `Engine`."""
