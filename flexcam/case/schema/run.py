@@ -147,13 +147,6 @@ class CentralDifferenceRecord(PartRecord[dynamics.Method]):
     kind = dynamics.central_difference
 
 
-class ExactRecord(PartRecord[dynamics.Method]):
-    """Exact modal solution, for models without contacts."""
-
-    method: Literal["exact"]
-    kind = dynamics.exact
-
-
 class ScipyReferenceRecord(PartRecord[dynamics.Method]):
     """Integrators of scipy, as a check of small models: slow, with an accuracy set by the tolerance."""
 
@@ -173,7 +166,6 @@ IntegratorRecord = Annotated[
     | CollocationRecord
     | BatheRecord
     | CentralDifferenceRecord
-    | ExactRecord
     | ScipyReferenceRecord,
     Field(discriminator="method"),
 ]
