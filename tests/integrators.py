@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from flexcam.dynamics import Method, Scheme, bathe, central_difference, exact, generalized_alpha, hht, newmark
+from flexcam.dynamics import Method, Scheme, bathe, central_difference, generalized_alpha, hht, newmark
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,6 @@ INTEGRATORS = {
     "generalized-alpha 0": Tried(generalized_alpha(rho_inf=0.0), "generalized-alpha 0", setting=True),
     "bathe": Tried(bathe(), "Bathe"),
     "central-difference": Tried(central_difference(), "central difference", contacts=False),
-    "exact": Tried(exact(), "exact modes", contacts=False),
 }
 
 METHODS = {name: one.method for name, one in INTEGRATORS.items() if not one.setting}

@@ -411,7 +411,7 @@ def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[St
         return replace(State.rest(system.size), time=time), angle
     dofs = build_structure(model).dofs
     free = dofs.numbers >= 0
-    if any(values[-1].reshape(-1, 6)[~dofs.moving].any() for values in vars(response.fields).values()):
+    if any(values[-1].reshape(-1, 6)[~dofs.moving].any() for values in response.fields):
         raise refuse(where, name, "a result of the same supports", "it moves nodes that this model fixes")
     try:
         fields = unknown_fields(response, free, system.names[int(free.sum()) :])

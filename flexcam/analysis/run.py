@@ -208,7 +208,7 @@ def reload_result(case: Case, result: Result) -> tuple[PreparedRun, Response]:
         # Internal nodes of a spring do not move in the rigid model and are not stored.
         still = np.zeros((len(response.field_time), len(internal)))
         known = unknown_fields(response, free, ())
-        fields = Series(*(np.append(values, still, axis=1) for values in vars(known).values()))
+        fields = Series(*(np.append(values, still, axis=1) for values in known))
     return ready, replace(response, outline=names, fields=fields, evaluator=partial(_metrics_by_name, case))
 
 

@@ -26,11 +26,9 @@ from flexcam.fem.members import Member
 from flexcam.fem.mesh import Mesh, refine
 from flexcam.fem.superelements import Superelement, reduce_superelement
 
+# Default stiffness of touching faces relative to the member behind them, to whose compliance it adds a tenth.
 DEFAULT_LASH_STIFFNESS_RATIO = 10.0
-"""Default stiffness of touching faces relative to the member behind them, to whose compliance it adds a tenth."""
-
-_PERPENDICULAR_TOLERANCE = 1e-6
-"""Maximum cosine of the angle between directions that count as perpendicular."""
+_PERPENDICULAR_TOLERANCE = 1e-6  # maximum cosine of the angle between directions that count as perpendicular
 
 
 class _FollowerRecord(Record):
@@ -55,9 +53,8 @@ def parse_follower(follower: str, base_radius: str | None = None, *, clockwise: 
         raise InputError(faults) from None
     found = record.follower.build(record.base_radius)
     if found is None:
-        raise refuse(
-            "base_radius", "nothing", "the radius of the base circle", "the lift starts there", "add base_radius"
-        )
+        allowed, why = "the radius of the base circle", "the lift starts there"
+        raise refuse("base_radius", "nothing", allowed, why, "add base_radius")
     return found, -1 if clockwise else 1
 
 
@@ -101,13 +98,12 @@ def build_model(case: Case) -> valvetrain.Model:
                 faults.extend(_prefix_fault(case.place((kind, name)), fault) for fault in refusal.faults)
         return found
 
-    bearings = each("bearings", record.bearings, geometry.bearing)
-    elastic = {
-        f"bearing {name}, {which} direction": spring
-        for name, pair in bearings.items()
-        if not isinstance(pair, valvetrain.FilmBearing)
-        for which, spring in zip(("first", "second"), pair, strict=True)
-    }
+    elastic, films = dict[str, valvetrain.Spring](), dict[str, valvetrain.FilmBearing]()
+    for name, bearing in each("bearings", record.bearings, geometry.bearing).items():
+        if isinstance(bearing, valvetrain.FilmBearing):
+            films[name] = bearing
+        else:
+            elastic |= {f"bearing {name}, {which} direction": one for which, one in bearing.items()}
     model = valvetrain.Model(
         mesh=mesh,
         members={name: geometry.member(member) for name, member in record.members.items()},
@@ -124,7 +120,7 @@ def build_model(case: Case) -> valvetrain.Model:
         gravity=record.run.gravity,
         damping=record.run.damping.part,
         probes=tuple(record.output.probes),
-        bearings={name: one for name, one in bearings.items() if isinstance(one, valvetrain.FilmBearing)},
+        bearings=films,
     )
     faults.extend(model_faults(case.places, model))
     if faults:
@@ -180,25 +176,25 @@ class _Geometry:
         positions = self.mesh.nodes[[self.mesh.node(name) for name in nodes]]
         return reduce_superelement(nodes, positions, record.matrices(), record.modes)
 
-    def bearing(self, record: parts.BearingRecord) -> tuple[valvetrain.Spring, ...] | valvetrain.FilmBearing:
+    def bearing(self, record: parts.BearingRecord) -> dict[str, valvetrain.Spring] | valvetrain.FilmBearing:
         """Return two springs, perpendicular to the shaft and to each other, or a journal bearing."""
         node, film = self.mesh.node(record.at), record.film
-        axis = self._tangent(node) if film is None else self._shaft_rotation(node)
+        if film is None:
+            axis = self._tangent(node)
+        else:  # the axis of rotation of the cams on its shaft
+            shaft = self.mesh.connected_nodes(node, turning=True)
+            own = [name for name, cam in self.case.cams.items() if self.mesh.node(cam.at, "at") in shaft]
+            if not own:
+                allowed, why = "a node of a member with a cam", "the cams of a shaft define its rotation"
+                raise refuse("film", f"a film at {self.mesh.node_name(node)!r}", allowed, why, "use stiffness")
+            axis = self._rotation_axis(own[0])
         first = _direction_to_follower(default_orientation(axis), axis)
-        across = [_six_components(along) for along in (first, np.cross(axis, first))]
+        across = {"first": _six_components(first), "second": _six_components(np.cross(axis, first))}
         if film is not None:
             size = film.diameter, film.length, film.radial_clearance, film.viscosity
-            return valvetrain.FilmBearing(record.at, np.array(across), *size)
-        return tuple(valvetrain.Spring(record.at, along, record.stiffness or 0.0, record.damping) for along in across)
-
-    def _shaft_rotation(self, node: int) -> FloatArray:
-        """Return the axis of rotation of the cams on the shaft of a node."""
-        shaft = self.mesh.connected_nodes(node, turning=True)
-        own = [name for name, cam in self.case.cams.items() if self.mesh.node(cam.at, "at") in shaft]
-        if not own:
-            allowed, why = "a node of a member with a cam", "the cams of a shaft define its rotation"
-            raise refuse("film", f"a film at {self.mesh.node_name(node)!r}", allowed, why, "use stiffness")
-        return self._rotation_axis(own[0])
+            return valvetrain.FilmBearing(record.at, np.array(list(across.values())), *size)
+        size = record.stiffness or 0.0, record.damping
+        return {which: valvetrain.Spring(record.at, along, *size) for which, along in across.items()}
 
     def rocker(self, record: parts.LumpedRecord | parts.LeverRecord) -> valvetrain.Rocker:
         """Return a rocker with the direction in which it is driven."""
@@ -210,13 +206,11 @@ class _Geometry:
             hint = suggest_name(record.start, known)
             raise refuse("from", repr(record.start), allowed, "nothing would drive the lever", hint)
         along = _finger_direction(record) if finger else self._rocker_direction(record)
+        common = record.start, record.to, record.arms, record.inertia, along
         if isinstance(record, parts.LumpedRecord):
-            return valvetrain.Rocker(record.start, record.to, record.arms, record.inertia, along)
+            return valvetrain.Rocker(*common)
         stiffness = record.drive_stiffness or record.stiffness, record.stiffness
-        damping = record.drive_damping, record.damping
-        return valvetrain.Lever(
-            record.start, record.to, record.arms, record.inertia, along, finger, record.angles, stiffness, damping
-        )
+        return valvetrain.Lever(*common, finger, record.angles, stiffness, (record.drive_damping, record.damping))
 
     def _cam_contacts(self) -> list[contacts.CamContactRecord]:
         return [one for one in self.case.contacts.values() if isinstance(one, contacts.CamContactRecord)]

@@ -11,12 +11,11 @@ from typing import Any, cast
 
 import numpy as np
 
-from flexcam.case.fault_report import KeyLocations, Path
+from flexcam.case.fault_report import KeyLocations, Path, value_at
 from flexcam.case.records import CaseRecord
 from flexcam.case.schema.cams import LAW_KEYS, LIFT_TABLE_CONFLICTS
 from flexcam.case.schema.contacts import AdjusterRecord, LashRecord, PublishedLoadRecord
 from flexcam.case.schema.parts import LeverRecord
-from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, suggest_name
 from flexcam.core.units import parse
 from flexcam.fem.frames import component, default_orientation, triads
@@ -25,7 +24,7 @@ from flexcam.valvetrain import Model
 
 Table = Mapping[str, Any]
 
-_PART_REFERENCES = (
+_PART_REFERENCES = (  # table, key, referenced table and description of the value
     ("members", "material", "materials", "a material"),
     ("members", "section", "sections", "a section"),
     ("contacts", "cam", "cams", "a cam"),
@@ -33,24 +32,12 @@ _PART_REFERENCES = (
     ("friction", "spring", "springs", "a spring"),
     ("friction", "inside", "springs", "a spring"),
 )
-"""Table, key, referenced table and description of the value."""
-
-_POINT_REFERENCES = (
-    ("masses", "at", True),
-    ("springs", "at", True),
-    ("springs", "to", True),
-    ("bearings", "at", False),
-    ("friction", "at", True),
-    ("friction", "to", True),
-    ("loads", "at", True),
-    ("rockers", "from", False),
-    ("cams", "at", False),
-    ("contacts", "follower", True),
-    ("contacts", "at", True),
-    ("contacts", "from", True),
+_POINT_REFERENCES = (  # table, key and whether the output point of a rocker is allowed
+    ("masses", "at", True), ("springs", "at", True), ("springs", "to", True), ("bearings", "at", False),
+    ("friction", "at", True), ("friction", "to", True), ("loads", "at", True), ("rockers", "from", False),
+    ("cams", "at", False), ("contacts", "follower", True), ("contacts", "at", True), ("contacts", "from", True),
     ("contacts", "to", False),
-)
-"""Table, key and whether the output point of a rocker is allowed."""
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -67,8 +54,6 @@ class RawTables:
         yield from self._lift_faults()
         yield from self._member_node_faults()
         yield from self._same_end_faults()
-        if self.mesh is not None:
-            yield from self._mesh_group_faults(self.mesh)
         if self.mesh is not None or "nodes" in self.raw:
             yield from self._point_faults()
 
@@ -92,13 +77,15 @@ class RawTables:
             str(node): link.get("from") for _, link in self._each("rigid_links") for node in _as_list(link.get("to"))
         }
         for name, place in self._table("nodes").items():
-            at = _node_coordinates(place)
-            other = name if at is None else first.setdefault(at, name)
+            try:
+                at = tuple(parse(cast("Any", value), "length", noise=True) for value in _as_list(place))
+            except InputError:
+                continue  # its own fault
+            other = first.setdefault(at, name) if at else name
             if other != name and leaders.get(name, name) != leaders.get(other, other):
                 remedy = f"use {other!r} instead of {name!r}, move it, or join both by a rigid link"
-                yield self._fault(
-                    ("nodes", name), f"the coordinates of {other!r}", "other coordinates", _SHARED_NODE, remedy
-                )
+                given, why = f"the coordinates of {other!r}", "members are connected only at a shared node"
+                yield self._fault(("nodes", name), given, "other coordinates", why, remedy)
         for name, table in self._each("members"):
             nodes = [node for node in _as_list(table.get("nodes")) if isinstance(node, str)]
             for node in dict.fromkeys(node for node in nodes if nodes.count(node) > 1):
@@ -133,10 +120,8 @@ class RawTables:
             if table.get("model") in ("lash", "lash-adjuster"):
                 rockers = list(self._table("rockers"))
                 yield from self._check_name(("contacts", name, "at"), table.get("at"), rockers, "a rocker")
-        free = self._table("run").get("free_running")
-        if isinstance(free, Mapping):
-            cam = cast("Table", free).get("cam")
-            yield from self._check_name(("run", "free_running", "cam"), cam, list(self._table("cams")), "a cam")
+        path = ("run", "free_running", "cam")
+        yield from self._check_name(path, value_at(self.raw, path), list(self._table("cams")), "a cam")
         for kind, key, target, what in _PART_REFERENCES:
             for name, table in self._each(kind):
                 yield from self._check_name((kind, name, key), table.get(key), list(self._table(target)), what)
@@ -156,13 +141,23 @@ class RawTables:
                     yield self._fault(("cams", name, key), given, "one of them", why, "remove one")
 
     def _member_node_faults(self) -> Iterator[Fault]:
+        """Yield members without named nodes, and members and line groups of a mesh without each other."""
         named = list(self._table("nodes"))
-        for name, table in self._each("members") if "mesh" not in self.raw else ():
-            if "nodes" not in table:
-                why, remedy = "the case has no mesh file", 'add nodes = ["...", "..."]'
-                yield self._fault(("members", name), "no nodes", "the named nodes along it", why, remedy)
-            for node in _as_list(table.get("nodes")):
-                yield from self._check_name(("members", name, "nodes"), node, named, "a named node")
+        for name, table in self._each("members"):
+            if self.mesh is not None:
+                yield from self._check_name(("members", name), name, list(self.mesh.lines), "a line group of the mesh")
+                if "nodes" in table:
+                    why = "the mesh file defines its nodes"
+                    yield self._fault(("members", name, "nodes"), "nodes", "nothing", why, "remove the key")
+            elif "mesh" not in self.raw:
+                if "nodes" not in table:
+                    why, remedy = "the case has no mesh file", 'add nodes = ["...", "..."]'
+                    yield self._fault(("members", name), "no nodes", "the named nodes along it", why, remedy)
+                for node in _as_list(table.get("nodes")):
+                    yield from self._check_name(("members", name, "nodes"), node, named, "a named node")
+        for name in self.mesh.lines if self.mesh is not None else ():
+            if name not in self._table("members"):
+                yield Fault(f"mesh group {name!r}", "no member", "a table under [members]", "", f"add [members.{name}]")
 
     def _same_end_faults(self) -> Iterator[Fault]:
         """Yield springs and lashes with both ends at one point."""
@@ -172,35 +167,22 @@ class RawTables:
                     why = "between a point and itself it has no effect"
                     yield self._fault((kind, name, last), repr(table[last]), "another point", why)
 
-    def _mesh_group_faults(self, mesh: Mesh) -> Iterator[Fault]:
-        for name, table in self._each("members"):
-            yield from self._check_name(("members", name), name, list(mesh.lines), "a line group of the mesh")
-            if "nodes" in table:
-                why = "the mesh file defines its nodes"
-                yield self._fault(("members", name, "nodes"), "nodes", "nothing", why, "remove the key")
-        for name in mesh.lines:
-            if name not in self._table("members"):
-                yield Fault(f"mesh group {name!r}", "no member", "a table under [members]", "", f"add [members.{name}]")
-
     def _point_faults(self) -> Iterator[Fault]:
         counts = dict.fromkeys(self._table("nodes"), 1)
         if self.mesh is not None:
             counts = {name: len(index) for name, index in self.mesh.points.items()}
-        outputs = [rocker.get("to") for _, rocker in self._each("rockers")]
+        outputs = {name: to for name, rocker in self._each("rockers") if isinstance(to := rocker.get("to"), str)}
         fingers = [str(rocker.get("from")) for _, rocker in self._each("rockers") if _is_finger(rocker, counts)]
-        rocker_points = [name for name in outputs if isinstance(name, str)] + fingers
+        rocker_points = [*outputs.values(), *fingers]
         with_rockers = {**counts, **dict.fromkeys(rocker_points, 1)}
-        for name, rocker in self._each("rockers"):
-            to = rocker.get("to")
-            if isinstance(to, str) and (to in counts or rocker_points.count(to) > 1):
+        for name, to in outputs.items():
+            if to in counts or rocker_points.count(to) > 1:
                 why = "a rocker defines a new point"
                 yield self._fault(("rockers", name, "to"), repr(to), "a new name", why, "choose another name")
         for kind, key, rocker_point_allowed in _POINT_REFERENCES:
             for name, table in self._each(kind):
                 of_lash = kind == "contacts" and key == "at" and table.get("model") != "seat"
-                own = next(
-                    (r for r, one in self._each("rockers") if key in table and one.get("to") == table[key]), None
-                )
+                own = next((rocker for rocker, to in outputs.items() if to == table.get(key)), None)
                 if (kind, key) == ("contacts", "to") and own is not None:
                     remedy = f"write at = {own!r} for a lash or an adjuster there"
                     why = f"it is the point of rocker {own!r}"
@@ -225,24 +207,11 @@ class RawTables:
             yield from self._check_point(("output", "probes"), probe, with_rockers)
 
 
-_SHARED_NODE = "members are connected only at a shared node"
-
-
 def _exclusive_keys(table: Table, pair: tuple[str, str], minimum: int, where: str, why: str) -> Iterator[Fault]:
     given = [key for key in pair if key in table]
     if not minimum <= len(given) <= 1:
         found = " and ".join(given) or f"neither {pair[0]} nor {pair[1]}"
         yield Fault(where, found, f"either {pair[0]} or {pair[1]}", why if given else "one of them is required", "")
-
-
-def _node_coordinates(place: object) -> tuple[float, ...] | None:
-    """Return the coordinates of a node, m; None if they are invalid."""
-    if not isinstance(place, list):
-        return None
-    try:
-        return tuple(parse(value, "length", noise=True) for value in cast("list[Any]", place))
-    except InputError:
-        return None
 
 
 def _as_list(value: object) -> list[object]:
@@ -257,8 +226,18 @@ def mesh_faults(record: CaseRecord, places: KeyLocations, mesh: Mesh) -> Iterato
     """Yield the faults of followers, lashes, levers, temperatures and orientations on a mesh."""
     yield from _shared_point_faults(record, places, mesh)
     yield from _link_faults(record, places)
-    yield from _orientation_faults(record, places, mesh)
-    yield from _temperature_faults(record, places)
+    for name, member in record.members.items():
+        span = np.diff(mesh.nodes[mesh.lines[name]], axis=0)
+        axes = span / np.linalg.norm(span, axis=1, keepdims=True)
+        try:
+            triads(axes, np.broadcast_to(member.orientation or default_orientation(axes), axes.shape))
+        except InputError as refusal:
+            where = places.place(("members", name, "orientation"))
+            yield from (replace(fault, where=where) for fault in refusal.faults)
+        if member.temperature and not record.materials[member.material].expansion:
+            where, why = places.place(("members", name, "temperature")), f"material {member.material!r} does not expand"
+            remedy = f'add expansion to it, such as materials.{member.material}.expansion = "12e-6 1/K"'
+            yield Fault(where, f"{member.temperature:g} K", "a material with expansion", why, remedy)
 
 
 def _shared_point_faults(record: CaseRecord, places: KeyLocations, mesh: Mesh) -> Iterator[Fault]:
@@ -297,28 +276,8 @@ def _link_faults(record: CaseRecord, places: KeyLocations) -> Iterator[Fault]:
             users[node] = f"it follows in rigid_links.{name}"
 
 
-def _temperature_faults(record: CaseRecord, places: KeyLocations) -> Iterator[Fault]:
-    for name, member in record.members.items():
-        if member.temperature and not record.materials[member.material].expansion:
-            where, why = places.place(("members", name, "temperature")), f"material {member.material!r} does not expand"
-            remedy = f'add expansion to it, such as materials.{member.material}.expansion = "12e-6 1/K"'
-            yield Fault(where, f"{member.temperature:g} K", "a material with expansion", why, remedy)
-
-
-def _orientation_faults(record: CaseRecord, places: KeyLocations, mesh: Mesh) -> Iterator[Fault]:
-    """Yield orientation vectors that are zero or parallel to their member."""
-    for name, member in record.members.items():
-        span = np.diff(mesh.nodes[mesh.lines[name]], axis=0)
-        axes = span / np.linalg.norm(span, axis=1, keepdims=True)
-        try:
-            triads(axes, np.broadcast_to(member.orientation or default_orientation(axes), axes.shape))
-        except InputError as refusal:
-            where = places.place(("members", name, "orientation"))
-            yield from (replace(fault, where=where) for fault in refusal.faults)
-
-
+# Allowed relative difference of the stiffnesses in two directions; chosen, as published properties are rounded.
 _ROUNDNESS_TOLERANCE = 0.01
-"""Allowed relative difference of the stiffnesses in two directions; chosen, as published properties are rounded."""
 
 
 def model_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
@@ -357,13 +316,10 @@ def _rotation_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
         shaft = int(model.mesh.connected_nodes(model.mesh.node(model.cams[name].at), turning=True)[0])
         other = first.setdefault(shaft, name)
         if float(axis @ axes[other]) < 0.0:
-            given = f"{_format_axis(axis)}, against cam {other!r} about {_format_axis(axes[other])}"
+            shown, against = (f"[{', '.join(f'{x:g}' for x in (one + 0.0).tolist())}]" for one in (axis, axes[other]))
+            given = f"{shown}, against cam {other!r} about {against}"
             where, why = places.place(("cams", name, "axis")), f"{name!r} and {other!r} are on one shaft"
             yield Fault(where, given, "one sense of rotation", why, "change the sign of one axis")
-
-
-def _format_axis(axis: FloatArray) -> str:
-    return f"[{', '.join(f'{x:g}' for x in (axis + 0.0).tolist())}]"
 
 
 def _undriven_rocker_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:

@@ -22,7 +22,7 @@ from pydantic import (
     ValidationInfo,
     create_model,
 )
-from pydantic_core import CoreSchema, ErrorDetails, core_schema
+from pydantic_core import CoreSchema, core_schema
 
 from flexcam.cams import LAWS, Event, HarmonicLift, Law, LawKind, LiftReport, kind_names, law_kind, lift_table
 from flexcam.case.fault_report import parse_toml
@@ -66,35 +66,50 @@ class LoadDefinition:
     unit: str = field(compare=False)  #: unit of the values
     values: FloatArray = field(compare=False)  #: shape (m,)
 
-    @property
-    def where(self) -> str:
-        """Place of its faults, for messages."""
-        return f"column {self.name!r} of its table"
-
     def build(self, unit: str, area: float | None, phase: float | None, repeat: bool | None) -> LoadTable:
         """Build the table of a force (N) or a moment (N m), or of a pressure on an area (m^2)."""
         if area is not None and unit != "N":
             raise refuse("area", f"{area:g} m^2", "no area", "a pressure acts as a force", "give a moment, or a force")
         if self.over_time and phase is not None:
             raise refuse("phase", f"{phase:g} rad", "no phase", "a table over time has no cam angle")
-        wanted = unit if area is None else "Pa"
+        wanted, where = unit if area is None else "Pa", f"column {self.name!r} of its table"
         try:
-            factor = conversion_factor(self.unit, wanted, self.where)
+            factor = conversion_factor(self.unit, wanted, where)
         except InputError:
             given = f"{self.name} [{self.unit}]" if self.unit else f"{self.name}, without a unit"
             why, remedy = ("area makes it a pressure", "leave area out") if area else ("", "give area with a pressure")
-            raise refuse(self.where, given, unit_of(wanted), why, remedy) from None
-        period = _period(self) if (not self.over_time if repeat is None else repeat) else None
-        if period is not None and repeat is None:
-            _check_coverage(self, period)
+            raise refuse(where, given, unit_of(wanted), why, remedy) from None
+        repeats = not self.over_time if repeat is None else repeat
+        period = self._period(where, given=repeat is not None) if repeats else None
         at, size = self.at + (phase or 0.0), self.values * factor * (area or 1.0)
         if period is not None and at[-1] - at[0] > period * (1.0 - _SAME_PLACE):
             if abs(size[-1] - size[0]) > _SAME_END * np.abs(size).max():
                 given = f"{self.values[0]:g} and {self.values[-1]:g} {self.unit}"
                 why, remedy = "the table repeats, and its ends are the same instant", "correct the last row"
-                raise refuse(self.where, given, "the same value in the first and the last row", why, remedy)
+                raise refuse(where, given, "the same value in the first and the last row", why, remedy)
             at, size = at[:-1], size[:-1]
         return LoadTable(at, size, self.over_time, period)
+
+    def _period(self, where: str, *, given: bool) -> float:
+        """Return the period: a revolution of the camshaft, or the length in time.
+
+        Unless the repetition is given, a table over an angle that ends early, such as one of an open valve, is refused.
+        """
+        length = float(self.at[-1] - self.at[0])
+        if self.over_time:
+            return length
+        shown, period = f"{math.degrees(length):g}", 2.0 * math.pi
+        if length > period * (1.0 + _SAME_PLACE):
+            why, remedy = (
+                "the table repeats with each revolution of the camshaft",
+                "give one revolution, or repeat = false",
+            )
+            raise refuse(where, f"{shown} deg of cam angle", "up to 360 deg", why, remedy)
+        if not given and period - length > max(_MAX_GAP * period, float(np.diff(self.at).max())):
+            why, remedy = "a straight line would join the last row to the first", "add rows, or repeat = true"
+            allowed = "a whole revolution of the camshaft"
+            raise refuse(where, f"{shown} of 360 deg of cam angle", allowed, why, remedy)
+        return period
 
 
 @dataclass(frozen=True)
@@ -105,53 +120,17 @@ class MatrixDefinition:
     matrix: NodalMatrix = field(compare=False)  #: rows and values, in the units of the file
 
 
-_SAME_PLACE = 1e-6
-"""Relative tolerance of the length of a table against its period."""
-
-_SAME_END = 1e-3
-"""Tolerance of the ends of a table that repeats, relative to its largest value."""
-
-
-_MAX_GAP = 0.1
-"""Gap between the ends of a table over an angle, as a part of the period, above which `repeat` must be given."""
-
-
-def _check_coverage(load: LoadDefinition, period: float) -> None:
-    """Refuse a table over an angle that ends early, such as one of an open valve only."""
-    at = load.at
-    gap = period - float(at[-1] - at[0])
-    if gap > _MAX_GAP * period and gap > float(np.diff(at).max()):
-        given = f"{math.degrees(at[-1] - at[0]):g} of 360 deg of cam angle"
-        why = "a straight line would join the last row to the first"
-        raise refuse(load.where, given, "a whole revolution of the camshaft", why, "add rows, or repeat = true")
-
-
-def _period(load: LoadDefinition) -> float:
-    """Return the period of a table: a revolution of the camshaft, or its length in time."""
-    length = float(load.at[-1] - load.at[0])
-    if load.over_time:
-        return length
-    if length > 2.0 * math.pi * (1.0 + _SAME_PLACE):
-        given = f"{math.degrees(length):g} deg of cam angle"
-        why = "the table repeats with each revolution of the camshaft"
-        raise refuse(load.where, given, "up to 360 deg", why, "give one revolution, or repeat = false")
-    return 2.0 * math.pi
+_SAME_PLACE = 1e-6  # relative tolerance of the length of a table against its period
+_SAME_END = 1e-3  # tolerance of the ends of a table that repeats, relative to its largest value
+_MAX_GAP = 0.1  # gap between the ends of a table over an angle, by its period, above which `repeat` must be given
 
 
 @dataclass(frozen=True)
 class _Files:
-    """Files in the folder of a case, which are read once; a result has the texts of those of its case.
+    """Files in the folder of a case, which are read once; a result has the texts of those of its case."""
 
-    Parameters
-    ----------
-    case
-        File of the case.
-    texts
-        Texts read so far, by file name in the case.
-    """
-
-    case: Path
-    texts: dict[str, str]
+    case: Path  #: file of the case
+    texts: dict[str, str]  #: texts read so far, by file name in the case
 
     def read(self, name: str, where: str, read: Callable[[Path, str | None], Read]) -> Read:
         """Read a file, or its known text, and keep the text."""
@@ -179,8 +158,7 @@ class _LiftFile(_File):
     angle: Literal["cam", "crank"] | None = Field(None, description="of which shaft the angles are")
     unit: Literal["mm", "um", "m", "in"] | None = Field(None, description="of the lift")
     tolerance: Annotated[float, Unit("length")] | None = Field(
-        None,
-        description="allowed rms change by smoothing, 0 for none; that of the noise by default",
+        None, description="allowed rms change by smoothing, 0 for none; that of the noise by default"
     )
 
 
@@ -241,8 +219,10 @@ def parse_law(value: str | Table) -> LawDefinition:
     name = table.pop("id", None)
     if not isinstance(name, str):
         raise refuse("id", format_value(name), ", ".join(kind_names()), "the kind of law is required")
-    law = LAWS[name] if name in LAWS and not table else _make_law(name, table)
-    return LawDefinition(value if isinstance(value, str) else dict(value), law)
+    given = value if isinstance(value, str) else dict(value)
+    if name in LAWS and not table:
+        return LawDefinition(given, LAWS[name])
+    return LawDefinition(given, _make_law(name, table))
 
 
 def _make_law(name: str, parameters: Table) -> Law:
@@ -301,18 +281,15 @@ def _validate(record: type[BaseModel], table: object, what: str, example: str) -
             known = re.findall(r"'([^']*)'", str(error.get("ctx", {})["expected"]))
             near = suggest_name(str(error["input"]), known)
             raise refuse(key, format_value(error["input"]), ", ".join(map(repr, known)), "", near) from None
-        hint = "" if key.partition(".")[0] in record.model_fields else suggest_name(key, record.model_fields)
-        why = "there is no such key" if error["type"] == "extra_forbidden" else _allowed_values(record, error)
+        own = record.model_fields.get(key.partition(".")[0])
+        why = f"{describe_type_error(error)} is needed there"
+        if error["type"] == "extra_forbidden":
+            why = "there is no such key"
+        elif own is not None and own.annotation == tuple[tuple[int, float], ...]:
+            why = "it is a list of pairs, a whole number and a number each: [[1, 0.9], [3, 0.1]]"
+        hint = suggest_name(key, record.model_fields) if own is None else ""
         raise refuse(key, format_value(error["input"]), allowed, why, hint) from None
     return {key: getattr(checked, key) for key in record.model_fields}
-
-
-def _allowed_values(record: type[BaseModel], error: ErrorDetails) -> str:
-    """Return the allowed values of a parameter; for a list of pairs the whole type, which a fault inside it omits."""
-    field = record.model_fields.get(str(error["loc"][0])) if error["loc"] else None
-    if field is not None and field.annotation == tuple[tuple[int, float], ...]:
-        return "it is a list of pairs, a whole number and a number each: [[1, 0.9], [3, 0.1]]"
-    return f"{describe_type_error(error)} is needed there"
 
 
 @cache
@@ -327,29 +304,29 @@ def _parameter_record(kind: LawKind) -> type[BaseModel]:
 
 def read_law(path: Path, text: str | None = None) -> LawDefinition:
     """Read a law file, or its known text: TOML with a table ``[law]``."""
-    table = _read_toml_table(path, "law", text)
-    try:
-        return parse_law(table)
-    except InputError as refusal:
-        raise _fault_in_file(path, "law", refusal) from None
+    return _read_toml_table(path, "law", text, parse_law)
 
 
-def _read_toml_table(path: Path, name: str, text: str | None) -> dict[str, Any]:
+def _read_toml_table(path: Path, name: str, text: str | None, make: Callable[[Table], Read]) -> Read:
+    """Return what is made of a table of a file; faults name the file."""
     try:
         content = parse_toml(read_text(path) if text is None else text)
     except FileNotFoundError:
         near = suggest_name(path.name, [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else [])
         raise refuse(str(path), "a missing file", f"an existing file with a table [{name}]", "", near) from None
     except (OSError, ValueError) as fault:
-        raise refuse(
-            str(path), "no TOML document", f"a readable file with a table [{name}]", system_message(fault)
-        ) from None
+        allowed = f"a readable file with a table [{name}]"
+        raise refuse(str(path), "no TOML document", allowed, system_message(fault)) from None
     if content.get("format", 1) != 1:
         raise refuse(f"{path.name}: format", format_value(content["format"]), "1", "a newer flexcam wrote it")
     table = content.get(name)
     if not isinstance(table, dict):
         raise refuse(str(path), ", ".join(content) or "nothing", f"a table [{name}]")
-    return cast("dict[str, Any]", table)
+    try:
+        return make(cast("Table", table))
+    except InputError as refusal:
+        fault = refusal.faults[0]
+        raise InputError([replace(fault, where=f"{path.name}, [{name}] {fault.where}")]) from None
 
 
 def _parse_lift_value(value: object, files: _Files) -> LiftDefinition:
@@ -409,29 +386,21 @@ def _place_with_line(where: str, lines: Sequence[int]) -> str:
 
 def read_harmonic_lift(path: Path, text: str | None = None) -> HarmonicLift:
     """Read a harmonic lift, or its known text: TOML with a table ``[lift]`` of ``mean``, ``cosine`` and ``sine``."""
-    table = _read_toml_table(path, "lift", text)
-    try:
+
+    def make(table: Table) -> HarmonicLift:
         lift = HarmonicLift(**_validate(_parameter_record(HarmonicLift), table, "a number or list in m", "lift"))
         positive("lift", lift.height, "m")
         return lift
-    except InputError as refusal:
-        raise _fault_in_file(path, "lift", refusal) from None
 
-
-def _fault_in_file(path: Path, table: str, refusal: InputError) -> InputError:
-    fault = refusal.faults[0]
-    return InputError([replace(fault, where=f"{path.name}, [{table}] {fault.where}")])
+    return _read_toml_table(path, "lift", text, make)
 
 
 def _keys(record: type[BaseModel]) -> Callable[[], dict[str, Any]]:
     return lambda: record.model_json_schema()["properties"]
 
 
+#: A motion law by name, as a table, or in a file.
 LawValue = Annotated[LawDefinition, _FromFile(_parse_law_value, lambda: {"id": {"enum": sorted(kind_names())}})]
-"""A motion law by name, as a table, or in a file."""
-LiftValue = Annotated[LiftDefinition, _FromFile(_parse_lift_value, _keys(_LiftFile))]
-"""A lift table in a file."""
-LoadValue = Annotated[LoadDefinition, _FromFile(_parse_load_value, _keys(_LoadFile))]
-"""A load table in a file."""
-MatrixValue = Annotated[MatrixDefinition, _FromFile(_parse_matrix_value, _keys(_MatrixFile))]
-"""A matrix in a file."""
+LiftValue = Annotated[LiftDefinition, _FromFile(_parse_lift_value, _keys(_LiftFile))]  #: A lift table in a file.
+LoadValue = Annotated[LoadDefinition, _FromFile(_parse_load_value, _keys(_LoadFile))]  #: A load table in a file.
+MatrixValue = Annotated[MatrixDefinition, _FromFile(_parse_matrix_value, _keys(_MatrixFile))]  #: A matrix in a file.

@@ -6,7 +6,7 @@ import math
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, cast, get_args
 
@@ -71,19 +71,13 @@ def _parts(dotted: str) -> Path:
     return tuple(part.strip("\"'") for part in _PART.findall(dotted))
 
 
-_MAX_DEPTH = 30
-"""Maximum nesting depth of tables and lists; a case has five."""
-
-_MAX_KEY_PARTS = 1000
-"""Maximum parts of a dotted key: the memory of `tomllib` is quadratic in their number."""
-
-_MAX_LENGTH = 1 << 26
-"""Maximum length of a text, characters."""
+_MAX_DEPTH = 30  # maximum nesting depth of tables and lists; a case has five
+_MAX_KEY_PARTS = 1000  # maximum parts of a dotted key: the memory of `tomllib` is quadratic in their number
+_MAX_LENGTH = 1 << 26  # maximum length of a text, characters
 
 _TOO_DEEP = f"tables or lists nested more than {_MAX_DEPTH} deep"
 
-_TUPLE = re.compile(r"\(('[^']*',? ?)+\)")
-"""Key in an error message of `tomllib`, such as ``('run', 'speed')``."""
+_TUPLE = re.compile(r"\(('[^']*',? ?)+\)")  # key in an error message of `tomllib`, such as `('run', 'speed')`
 
 
 def parse_toml(text: str) -> dict[str, Any]:
@@ -102,16 +96,20 @@ def parse_toml(text: str) -> dict[str, Any]:
         raise tomllib.TOMLDecodeError(message) from None
     level: list[object] = [tables]
     for _ in range(_MAX_DEPTH):
-        level = [inner for value in level for inner in _inner_values(value)]
+        rows = [cast("dict[str, object]", one).values() for one in level if isinstance(one, dict)]
+        rows += [cast("list[object]", one) for one in level if isinstance(one, list)]
+        level = [inner for row in rows for inner in row]
         if not level:
             return tables
     raise ValueError(_TOO_DEEP)
 
 
-def _inner_values(value: object) -> list[object]:
-    if isinstance(value, dict):
-        return [*cast("dict[str, object]", value).values()]
-    return cast("list[object]", value) if isinstance(value, list) else []
+def value_at(table: Mapping[str, Any], path: Sequence[str]) -> object:
+    """Return the value at a key path in nested tables; None if there is none."""
+    value: object = table
+    for step in path:
+        value = cast("dict[str, object]", value).get(step) if isinstance(value, dict) else None
+    return value
 
 
 def convert_errors(
@@ -186,21 +184,17 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
         case "literal_error" | "union_tag_invalid":
             allowed = str(context.get("expected") or context.get("expected_tags"))
             if tag:  # pydantic converts the value of a tag to text
-                where = places.place((*path, tag))
-                value = (
-                    cast("dict[str, object]", value).get(tag, context.get("tag"))
-                    if isinstance(value, dict)
-                    else context["tag"]
-                )
-            return Fault(
-                where, format_value(value), allowed, "", suggest_name(str(value), re.findall(r"'([^']*)'", allowed))
-            )
+                where, table = places.place((*path, tag)), value
+                value = context["tag"]
+                if isinstance(table, dict):
+                    value = cast("dict[str, object]", table).get(tag, value)
+            near = suggest_name(str(value), re.findall(r"'([^']*)'", allowed))
+            return Fault(where, format_value(value), allowed, "", near)
         case "int_type" | "int_parsing" | "int_from_float":
             return Fault(where, given, f"a whole number ({_describe_field(path, root)})", "", "")
         case "less_than_equal" | "greater_than_equal" if path == ("format",):
-            return Fault(
-                where, given, "1", "it is the version of the case format", "a newer flexcam may have written it"
-            )
+            why, remedy = "it is the version of the case format", "a newer flexcam may have written it"
+            return Fault(where, given, "1", why, remedy)
         case "string_pattern_mismatch":
             mark = re.search(r"\{([^{}]*)\}", path[-1] if path else "")
             return Fault(where, given, NAMES, f"there is no [repeat.{mark[1]}]" if mark else "", "")
@@ -225,10 +219,8 @@ def _locate_fault(
 def _variants_with(path: Path, root: type[BaseModel], value: str = "") -> str:
     """Return the variants of a table that have a key, or a word as its value, such as ``model = 'unilateral'``."""
     records = records_at(path[:-1], root)
-    tag = next(
-        (key for key in ("model", "type", "shape", "method") if all(key in one.model_fields for one in records)), ""
-    )
-    names = list[str]()
+    tags, names = ("model", "type", "shape", "method"), list[str]()
+    tag = next((key for key in tags if all(key in one.model_fields for one in records)), "")
     for record in records if tag else ():
         for key, info in record.model_fields.items():
             words = [word for part in get_args(info.annotation) for word in get_args(part)]
@@ -251,9 +243,7 @@ def _shorten(value: object) -> str:
 def _describe_field(path: Path, root: type[BaseModel], steps: tuple[int | str, ...] = ()) -> str:
     """Return the quantity or the description of a key, in the variant of its table that the steps name."""
     found = records_at(path[:-1], root)
-    own = [
-        one for one in found if any(x in steps for key in one.model_fields.values() for x in get_args(key.annotation))
-    ]
+    own = [r for r in found if any(x in steps for key in r.model_fields.values() for x in get_args(key.annotation))]
     for record in own or found:
         for name, key in record.model_fields.items():
             if (key.alias or name) == path[-1]:

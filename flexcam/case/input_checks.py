@@ -16,7 +16,8 @@ import numpy as np
 
 from flexcam.cams import DelayedEvent, LiftEvent, valve_event
 from flexcam.case.case import Case
-from flexcam.case.reader import case_tables, value_at
+from flexcam.case.fault_report import value_at
+from flexcam.case.reader import case_tables
 from flexcam.case.records import resolve_record, si_unit
 from flexcam.core.units import RPM
 from flexcam.dynamics import Method, Problem, RunFailedError, SaveAt, Scheme, equilibrium, newmark, solve
@@ -153,8 +154,7 @@ def _matching_values(
             yield from _matching_values(inner[name], steps[1:], (*path, name))
 
 
-_IMPLAUSIBLE_SPEED = 300.0
-"""Speed, rad/s, from which a bare integer is unlikely to be meant in rad/s: it is 2865 rpm."""
+_IMPLAUSIBLE_SPEED = 300.0  # speed, rad/s, from which a bare integer is unlikely to be meant in rad/s: it is 2865 rpm
 
 
 def _speed_unit_warnings(case: Case) -> Iterator[str]:
@@ -167,8 +167,7 @@ def _speed_unit_warnings(case: Case) -> Iterator[str]:
             yield f"{place}: {speed:g} without a unit is in rad/s, {speed / RPM:.6g} rpm: {hint}"
 
 
-_ROUNDING_MARGIN = 1.02
-"""Margin for published properties, which are rounded to a percent."""
+_ROUNDING_MARGIN = 1.02  # margin for published properties, which are rounded to a percent
 
 
 def _section_warnings(case: Case) -> Iterator[str]:
@@ -208,16 +207,13 @@ def _fidelity_warnings(case: Case) -> Iterator[str]:
 
 def _unused_part_warnings(case: Case) -> Iterator[str]:
     """Yield parts that nothing refers to, which suggests a misspelled name."""
-    record = case.record
-    users = {
-        "materials": ({member.material for member in record.members.values()}, "no member is made of it"),
-        "sections": ({member.section for member in record.members.values()}, "no member has it"),
-        "cams": (
-            {getattr(contact, "cam", None) for contact in record.contacts.values()},
-            "no contact names it: it moves nothing",
-        ),
-    }
-    for table, (used, why) in users.items():
+    record, members = case.record, case.record.members.values()
+    cams = {getattr(contact, "cam", None) for contact in record.contacts.values()}
+    for table, used, why in (
+        ("materials", {member.material for member in members}, "no member is made of it"),
+        ("sections", {member.section for member in members}, "no member has it"),
+        ("cams", cams, "no contact names it: it moves nothing"),
+    ):
         for name in getattr(record, table):
             if name not in used:
                 yield f"{case.place((table, name))}: {why}"
@@ -245,48 +241,38 @@ def _nodes(case: Case, point: str) -> list[int]:
     return case.mesh.points[point].tolist() if point in case.mesh.points else []
 
 
-_SECTION_CHANGE = 1.3
-"""Ratio of second moments over a tapered element above which deflections are wrong by some percent."""
-
+_SECTION_CHANGE = 1.3  # ratio of second moments over a tapered element above which deflections are some percent wrong
+# Limits of the ratio of length to section size outside of which a member's units are probably inconsistent.
 _MIN_SLENDERNESS, _MAX_SLENDERNESS = 0.2, 2000.0
-"""Limits of the ratio of length to section size outside of which a member's units are probably inconsistent."""
 
 
 def _slenderness_warnings(case: Case) -> Iterator[str]:
     for name, member in case.record.members.items():
+        place, section = case.place(("members", name)), case.record.sections[member.section].part
+        points = np.array([case.record.nodes[node] for node in member.nodes or []])
         if case.mesh is not None:
             points = case.mesh.nodes[case.mesh.lines[name]]
-        else:
-            points = np.array([case.record.nodes[node] for node in member.nodes or []])
-        length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-        size = 2.0 * case.record.sections[member.section].part.at(0.5).radius
-        ends = [case.record.sections[member.section].part.at(share) for share in (0.0, 1.0)]
+        length, size = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()), 2.0 * section.at(0.5).radius
+        ends = [section.at(share) for share in (0.0, 1.0)]
         change = max(max(pair) / min(pair) for pair in zip(*((one.Iy, one.Iz) for one in ends), strict=True))
         count = member.elements * (len(points) - 1)
         if change > _SECTION_CHANGE**count:
             wanted = math.ceil(math.log(change) / math.log(_SECTION_CHANGE) / (len(points) - 1))
             share = f"{100.0 * (change ** (1.0 / count) - 1.0):.3g} %"
             why = f"its second moment changes by {share} per element, which has one section"
-            yield f"{case.place(('members', name))}: {why}; take elements = {wanted}"
+            yield f"{place}: {why}; take elements = {wanted}"
         if not _MIN_SLENDERNESS <= length / size <= _MAX_SLENDERNESS:
             sizes = f"{length:g} m long and {size:g} m thick, {length / size:.2g} to one"
-            yield f"{case.place(('members', name))}: {sizes}: do lengths and sections have the same unit?"
+            yield f"{place}: {sizes}: do lengths and sections have the same unit?"
 
 
-_MAX_DOFS = 3000
-"""Maximum number of degrees of freedom for which the start of a run is computed to check its contacts."""
+_MAX_DOFS = 3000  # maximum number of degrees of freedom for which the start of a run is computed to check its contacts
 
-_MIN_COSINE = 0.98
-"""Cosine of the angle between a spring and the motion of a rocker's point from which a spring counts as oblique."""
+_MIN_COSINE = 0.98  # cosine of the angle of a spring to the motion of a point, below which the spring is oblique
+_LIFT_TOLERANCE = 1e-9  # lift relative to its maximum from which a cam counts as off its base circle
+_OVERSHOOT_TOLERANCE = 0.01  # overshoot relative to the initial motion from which it is reported: flexcam's choice
 
-_LIFT_TOLERANCE = 1e-9
-"""Lift relative to its maximum from which a cam counts as off its base circle."""
-
-_OVERSHOOT_TOLERANCE = 0.01
-"""Overshoot relative to the initial motion from which it is reported: flexcam's choice."""
-
-_IMPACT_LIFT = 1e-3
-"""Lift relative to its maximum from which a start causes an impact; measured lifts may have noise below it."""
+_IMPACT_LIFT = 1e-3  # lift relative to its maximum from which a start causes an impact: measured lifts have noise
 
 
 def check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
@@ -320,13 +306,8 @@ def check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
 
 def check_overshoot(problem: Problem, scheme: Method) -> list[str]:
     """Return warnings about an initial velocity that decays within the first step and overshoots."""
-    start = problem.start
-    if (
-        not isinstance(scheme, Scheme)
-        or start is None
-        or problem.system.is_kinematic
-        or problem.system.size > _MAX_DOFS
-    ):
+    start, system = problem.start, problem.system
+    if not isinstance(scheme, Scheme) or start is None or system.is_kinematic or system.size > _MAX_DOFS:
         return []
     if not scheme.overshoot or not start.velocity.any():
         return []
@@ -338,7 +319,7 @@ def check_overshoot(problem: Problem, scheme: Method) -> list[str]:
     beyond = scheme.overshoot * problem.step**2 * np.abs(first.fields.acceleration[0])
     if float(beyond.max()) <= _OVERSHOOT_TOLERANCE * scale:
         return []
-    size, name = f"{100.0 * float(beyond.max()) / scale:.3g} %", problem.system.names[int(np.argmax(beyond))]
+    size, name = f"{100.0 * float(beyond.max()) / scale:.3g} %", system.names[int(np.argmax(beyond))]
     what = f"the first step overshoots at {name} by {size} of the largest motion of the start"
     return [f"Warning: {what}: the step does not resolve its damping; take newmark, bathe or smaller steps"]
 
@@ -353,10 +334,9 @@ def check_start_impact(case: Case, model: Model, problem: Problem) -> Iterator[s
         lift, slope = (float(event(start.angle, order)[0]) for order in (0, 1))
         if abs(lift) > _IMPACT_LIFT * event.height:
             motion = f"{1e3 * lift:.3g} mm and {slope * float(start.speed[0]):.3g} m/s"
-            yield (
-                f"Warning: cams.{name}: the run starts in the middle of its lift, at {motion}, and strikes a train at "
-                f'rest; turn it onto its base circle (phase), or take start = "equilibrium" or "periodic"'
-            )
+            what = f"the run starts in the middle of its lift, at {motion}, and strikes a train at rest"
+            remedy = 'turn it onto its base circle (phase), or take start = "equilibrium" or "periodic"'
+            yield f"Warning: cams.{name}: {what}; {remedy}"
 
 
 def check_loads(model: Model, problem: Problem) -> list[str]:
@@ -370,18 +350,18 @@ def check_loads(model: Model, problem: Problem) -> list[str]:
     ]
 
 
-def check_oblique_springs(model: Model) -> list[str]:
-    """Return warnings about springs at an angle to the motion of a rocker's point, which take a part of its motion."""
-    found: list[str] = []
+def check_oblique_springs(model: Model) -> Iterator[str]:
+    """Yield warnings about springs at an angle to the motion of a rocker's point, which take a part of its motion."""
     for name, spring in model.springs.items():
         rocker = model.rocker_points.get(spring.at)
-        cosine = 1.0 if rocker is None else abs(float(spring.direction[:3] @ rocker.direction[:3]))
+        if rocker is None:
+            continue
+        cosine = abs(float(spring.direction[:3] @ rocker.direction[:3]))
         if cosine < _MIN_COSINE:
-            line = [round(float(x), 4) for x in rocker.direction[:3]] if rocker else []
+            line = [round(float(x), 4) for x in rocker.direction[:3]]
             angle = f"{math.degrees(math.acos(cosine)):.3g} deg"
             what = f"its direction is at {angle} to that in which the rocker moves point {spring.at!r}"
-            found.append(f"Warning: springs.{name}: {what}; take direction = {line}")
-    return found
+            yield f"Warning: springs.{name}: {what}; take direction = {line}"
 
 
 def check_connectivity(model: Model) -> list[str]:
@@ -439,24 +419,22 @@ def check_pulling_contacts(model: Model, speed: float) -> list[str]:
 
 def check_coil_bind(model: Model, speed: float) -> list[str]:
     """Return warnings about springs that the rigid train compresses to solid length."""
-    touching = touching_coils(model, speed).items()
+    why = "reaches coil bind before full lift: full lift needs"
     return [
-        f"Warning: spring {name!r} reaches coil bind before full lift: full lift needs {1e3 * beyond:.3g} mm more "
-        "clash_travel"
-        for name, beyond in touching
+        f"Warning: spring {name!r} {why} {1e3 * beyond:.3g} mm more clash_travel"
+        for name, beyond in touching_coils(model, speed).items()
     ]
 
 
+# Crank angle of lift above a tenth of its maximum from which cam angles of a valve may be crank angles, rad.
 _MAX_OPENING = math.radians(400.0)
-"""Crank angle of lift above a tenth of its maximum from which cam angles of a valve may be crank angles, rad."""
 
 
 def check_valve_angles(model: Model) -> Iterator[str]:
     """Yield warnings about cams that hold a valve open for so long that their angles may be crank angles."""
     driven = [driving_contact(model, seat.at) for seat in model.contacts.values() if isinstance(seat, Seat)]
-    for name in dict.fromkeys(
-        model.cam_contacts[one].cam for one in driven if one and one not in opposed_contacts(model)
-    ):
+    opposed = opposed_contacts(model)
+    for name in dict.fromkeys(model.cam_contacts[one].cam for one in driven if one and one not in opposed):
         event = model.cams[name].event
         opened = valve_event(event, 0.1 * event.height)
         if opened and opened.duration > _MAX_OPENING:
@@ -483,7 +461,5 @@ def check_lash(model: Model) -> Iterator[str]:
         event = cam.event.event if isinstance(cam.event, DelayedEvent) else cam.event
         lash = largest_lashes(model)[name]
         if isinstance(event, LiftEvent) and event.ramp and lash > event.ramp.height:
-            sizes = (
-                f"the lash of {1e3 * lash:.3g} mm at the follower is above the ramp of {1e3 * event.ramp.height:.3g} mm"
-            )
-            yield f"Warning: cams.{name}: {sizes}: the valve opens without a ramp"
+            sizes = f"{1e3 * lash:.3g} mm at the follower is above the ramp of {1e3 * event.ramp.height:.3g} mm"
+            yield f"Warning: cams.{name}: the lash of {sizes}: the valve opens without a ramp"

@@ -6,6 +6,7 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -17,7 +18,7 @@ from pydantic import ValidationError
 
 from flexcam.case.case import Case
 from flexcam.case.cross_checks import RawTables
-from flexcam.case.fault_report import KeyLocations, convert_errors, parse_toml, sort_faults
+from flexcam.case.fault_report import KeyLocations, convert_errors, parse_toml, sort_faults, value_at
 from flexcam.case.fault_report import Path as KeyPath
 from flexcam.case.records import (
     CamsRecord,
@@ -100,16 +101,15 @@ def replace_values(case: Case, values: Mapping[str, object]) -> Case:
     file = CaseFile.of(case)
     changes = dict(_changed_values(file.complete(case.overrides)[0], values, ""))
     before, after = (_read_with_values(file, case.overrides, one) for one in ({}, changes))
-    given = set(changes) | {
-        f"run.{other}" for path in changes for other in _REPLACED_KEYS.get(path.removeprefix("run."), ())
-    }
-    run, fidelity = (
-        {key: value for key, value in own if value != getattr(read, key) and f"{name}.{key}" not in given}
-        for name, own, read in (
-            ("run", case.record.run, before.record.run), ("fidelity", case.record.fidelity, before.record.fidelity)
-        )
-    )  # fmt: skip
-    return replace(after.with_run(run).with_fidelity(fidelity), result_name=case.result_name)
+    given = set(changes)
+    given |= {f"run.{other}" for path in changes for other in _REPLACED_KEYS.get(path.removeprefix("run."), ())}
+
+    def kept(name: str) -> dict[str, object]:
+        read = getattr(before.record, name)
+        own = ((key, value) for key, value in getattr(case.record, name) if f"{name}.{key}" not in given)
+        return {key: value for key, value in own if value != getattr(read, key)}
+
+    return replace(after.with_run(kept("run")).with_fidelity(kept("fidelity")), result_name=case.result_name)
 
 
 def _changed_values(
@@ -145,10 +145,9 @@ def _with_spring_parts(case: Case) -> Case:
     if not heavy:
         return case
     lifts = [cam.part.event for cam in case.record.cams.values()]
+    counts = {name: count_spring_parts(one.part, lifts, case.speed) for name, one in heavy.items()}
     divided = {
-        name: one.model_copy(
-            update={"elements": math.ceil(count_spring_parts(one.part, lifts, case.speed) / len(one.coils or [0]))}
-        )
+        name: one.model_copy(update={"elements": math.ceil(counts[name] / len(one.coils or [0]))})
         for name, one in heavy.items()
     }
     return replace(case, record=case.record.model_copy(update={"springs": springs | divided}))
@@ -172,16 +171,29 @@ class CaseFile:
     def __post_init__(self) -> None:
         _ = self.raw  # raises an error of its syntax
 
-    @cached_property
-    def raw(self) -> Mapping[str, Any]:
-        """Raw tables, not yet checked."""
-        return _parse_case(self.path, self.text)
-
     @classmethod
     def of(cls, case: Case) -> CaseFile:
         """Return the file of a case as it was read."""
         meshes = {} if case.mesh is None else {str(case.record.mesh): case.mesh}
         return cls(case.path, case.text, meshes, dict(case.files))
+
+    @cached_property
+    def raw(self) -> Mapping[str, Any]:
+        """Raw tables, not yet checked."""
+        try:
+            return parse_toml(self.text)
+        except ValueError as fault:
+            if twice := re.match(r"Cannot (?:overwrite|declare).*line (\d+)", str(fault)):
+                line = self.text.split("\n")[int(twice[1]) - 1].strip()
+                line = line.partition("#")[0].strip() if line.startswith("[") else line
+                name = line if line.startswith("[") else repr(line.partition("=")[0].strip())
+                where, why = f"{self.path}, line {twice[1]}", f"{name} is given twice"
+                raise refuse(where, line, "every key and table only once", why, "delete one of the two") from None
+            if self.path.suffix != ".toml":
+                why = f"it is not a TOML document: {fault}"
+                raise refuse("case file", str(self.path), "a case file (.toml)", why) from None
+            remedy = "strings need quotes, tables need [brackets]"
+            raise refuse(str(self.path), "text that is not TOML", "a TOML document", str(fault), remedy) from None
 
     def read(self, overrides: Sequence[str] = (), *, mesh: Mesh | None = None) -> Case:
         """Return the checked case with overrides."""
@@ -233,10 +245,8 @@ class CaseFile:
         try:
             mesh = self.meshes.get(name) or read_mesh(resolve_file(self.path, name, "mesh"))
         except InputError as refusal:
-            where = places.place(("mesh",))
-            inside = [f.where.removeprefix("mesh").strip() for f in refusal.faults]
-            faults = zip(refusal.faults, inside, strict=True)
-            return None, [replace(fault, where=f"{where} {name}".rstrip()) for fault, name in faults]
+            where, faults = places.place(("mesh",)), refusal.faults
+            return None, [replace(f, where=f"{where} {f.where.removeprefix('mesh').strip()}".rstrip()) for f in faults]
         return self.meshes.setdefault(name, mesh), []
 
 
@@ -283,11 +293,7 @@ AnyRecord = TypeVar("AnyRecord", bound=Record)
 
 
 def _record(
-    kind: type[AnyRecord],
-    raw: Mapping[str, Any],
-    places: KeyLocations,
-    case: Path,
-    files: dict[str, str] | None = None,
+    kind: type[AnyRecord], raw: Mapping[str, Any], places: KeyLocations, case: Path, files: dict[str, str] | None = None
 ) -> tuple[AnyRecord | None, list[Fault]]:
     """Return the checked record; relative file names refer to the folder of the case, whose texts join `files`."""
     try:
@@ -327,100 +333,62 @@ def _read_case_text(path: Path) -> str:
         raise refuse("case file", str(path), "a readable UTF-8 text file", system_message(fault)) from None
 
 
-def _parse_case(path: Path, text: str) -> dict[str, Any]:
-    try:
-        return parse_toml(text)
-    except ValueError as fault:
-        remedy = "strings need quotes, tables need [brackets]"
-        if twice := re.match(r"Cannot (?:overwrite|declare).*line (\d+)", str(fault)):
-            line = text.split("\n")[int(twice[1]) - 1].strip()
-            if line.startswith("["):
-                line = line.partition("#")[0].strip()
-            name = line if line.startswith("[") else repr(line.partition("=")[0].strip())
-            allowed, why = "every key and table only once", f"{name} is given twice"
-            raise refuse(f"{path}, line {twice[1]}", line, allowed, why, "delete one of the two") from None
-        if path.suffix != ".toml":
-            raise refuse("case file", str(path), "a case file (.toml)", f"it is not a TOML document: {fault}") from None
-        raise refuse(str(path), "text that is not TOML", "a TOML document", str(fault), remedy) from None
-
-
-_REPLACED_KEYS = {
-    "speed": ("crank_speed",),
-    "crank_speed": ("speed",),
-    "steps_per_revolution": ("step",),
-    "step": ("steps_per_revolution",),
-    "phase": ("centreline", "timing"),
-    "centreline": ("phase", "timing"),
-    "timing": ("phase", "centreline"),
-}
-"""Keys of ``[run]`` and of cams, and the keys they replace."""
-
-_OPTIONAL_TABLES = {"adaptive", "damping", "fluctuation", "free_running", "integrator"}
-"""Optional nested tables."""
+_EXCLUSIVE_KEYS = (("speed", "crank_speed"), ("steps_per_revolution", "step"), ("phase", "centreline", "timing"))
+# Keys of `[run]` and of cams, and the keys they replace.
+_REPLACED_KEYS = {key: [one for one in keys if one != key] for keys in _EXCLUSIVE_KEYS for key in keys}
+_OPTIONAL_TABLES = {"adaptive", "damping", "fluctuation", "free_running", "integrator"}  # optional nested tables
 
 
 def _apply_overrides(
     raw: dict[str, Any], places: KeyLocations, overrides: Sequence[str]
 ) -> tuple[KeyLocations, list[Fault]]:
     """Apply overrides ``a.b.c=value`` to raw tables; return the sources of all keys and the faults."""
-    found = list[Fault]()
     keys = [tuple(step.strip() for step in override.partition("=")[0].split(".")) for override in overrides]
-    applied = list[tuple[str, ...]]()
-    for key, override in zip(keys, overrides, strict=True):
-        faults = _apply_override(raw, key, override)
-        found += faults
-        applied += [] if faults else [key]
-    for *parents, key in applied:
+    faults = [_apply_override(raw, key, override) for key, override in zip(keys, overrides, strict=True)]
+    for *parents, key in (key for key, fault in zip(keys, faults, strict=True) if fault is None):
         table = value_at(raw, parents) if parents[:1] in (["run"], ["cams"]) else None
         for other in _REPLACED_KEYS.get(key, ()):
             if isinstance(table, dict) and (*parents, other) not in keys:  # overrides that exclude each other remain
                 cast("dict[str, object]", table).pop(other, None)
     notes = {key: f"--set {override}" for key, override in zip(keys, overrides, strict=True)}
-    return replace(places, notes={**places.notes, **notes}), found
+    return replace(places, notes={**places.notes, **notes}), [fault for fault in faults if fault is not None]
 
 
-def value_at(table: Mapping[str, Any], path: Sequence[str]) -> object:
-    """Return the value at a key path in nested tables; None if there is none."""
-    value: object = table
-    for step in path:
-        value = cast("dict[str, object]", value).get(step) if isinstance(value, dict) else None
-    return value
-
-
-def _apply_override(raw: dict[str, Any], path: KeyPath, override: str) -> list[Fault]:
+def _apply_override(raw: dict[str, Any], path: KeyPath, override: str) -> Fault | None:
+    """Set a value in raw tables; return the fault if the path leads nowhere."""
     where, (_, equals, text) = f"--set {override}", override.partition("=")
     if not equals or not all(path):
-        return [Fault(where, repr(override), "key=value, such as run.speed=4000rpm", "", "")]
+        return Fault(where, repr(override), "key=value, such as run.speed=4000rpm", "", "")
     target: Any = raw
     for depth, step in enumerate(path):
         names, key = list[str](), cast("Any", step)
         if isinstance(target, list):
             count = len(cast("list[Any]", target))
             if not step.isdecimal() or int(step) >= count:
-                return [Fault(where, repr(step), f"a position in the list, 0 to {count - 1}", "", "")]
+                return Fault(where, repr(step), f"a position in the list, 0 to {count - 1}", "", "")
             key = int(step)
         else:
             names = list(cast("dict[str, Any]", target))
         if depth == len(path) - 1:
             target[key] = _toml_value(text.strip())
-            return []
+            return None
         if isinstance(target, dict):
             known = list(CaseRecord.model_fields) if depth == 0 else [*names, *_OPTIONAL_TABLES]
             new = depth == 1 and path[0] != "run" and not suggest_name(step, names)
             if step not in names and not (step in known or new):
                 tables = ", ".join(name for name in names if isinstance(cast("Any", target)[name], dict | list))
-                return [Fault(where, repr(step), f"a table: {tables}", "", suggest_name(step, known))]
+                return Fault(where, repr(step), f"a table: {tables}", "", suggest_name(step, known))
             cast("dict[str, Any]", target).setdefault(step, {})
         target = cast("Any", target)[key]
         if not isinstance(target, dict | list):
             why, remedy = "it has a single value", f"override {step!r} as a whole"
-            return [Fault(where, f"a key of {step!r}", "a key of a table", why, remedy)]
-    return []
+            return Fault(where, f"a key of {step!r}", "a key of a table", why, remedy)
+    return None
 
 
 def _toml_value(text: str) -> object:
-    try:
+    with suppress(ValueError):
         tables = parse_toml(f"value = {text}")
-    except ValueError:
-        return text
-    return tables["value"] if len(tables) == 1 else text  # text with further lines is invalid
+        if len(tables) == 1:  # text with further lines is invalid
+            return tables["value"]
+    return text

@@ -10,16 +10,7 @@ from typing import Annotated, Any, Literal, cast
 
 from pydantic import BaseModel, Field, ValidationError
 
-from flexcam.case.schema.base import (
-    CamshaftSpeed,
-    Component,
-    Name,
-    Point,
-    Record,
-    Unit,
-    fields_at,
-    units_in,
-)
+from flexcam.case.schema.base import CamshaftSpeed, Component, Name, Point, Record, Unit, fields_at, units_in
 from flexcam.case.schema.cams import CamDesignRecord, CamRecord
 from flexcam.case.schema.contacts import ContactRecord
 from flexcam.case.schema.parts import (

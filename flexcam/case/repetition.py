@@ -22,11 +22,9 @@ from flexcam.core.units import parse
 
 _MARK = re.compile(r"\{([^{}]*)\}")
 
+# Cam angles of a part, and of the timing of a cam, which the phase of a copy delays.
 _ANGLES = {"cams": ("phase", "centreline", "tdc"), "loads": ("phase",)}
-"""Cam angles of a part, which the phase of a copy delays."""
-
 _TIMING_ANGLES = ("opening", "closing", "centre")
-"""Cam angles in the timing of a cam."""
 
 
 def name_pattern(key: str) -> re.Pattern[str]:
@@ -49,7 +47,12 @@ class Repetition:
         found = cls(tables, repeats)
         for kind, table in tables.items():
             if isinstance(table, dict):
-                tables[kind] = found._expand_table(kind, cast("dict[str, Any]", table))
+                tables[kind] = dict[str, Any]()
+                for name, part in cast("dict[str, Any]", table).items():
+                    for copied, value in found._copies(kind, name, part):
+                        tables[kind][copied] = found._expand_lists(value)
+                        if copied != name:
+                            found.templates[kind, copied] = (kind, name)
         return found
 
     def faults(self, places: KeyLocations) -> Iterator[Fault]:
@@ -59,15 +62,6 @@ class Repetition:
             if mark not in used:
                 allowed = f'a part with {{{mark}}} in its name, such as "valve-{{{mark}}}"'
                 yield Fault(places.place(("repeat", mark)), "no such part", allowed, "nothing is repeated", "")
-
-    def _expand_table(self, kind: str, table: dict[str, Any]) -> dict[str, Any]:
-        found: dict[str, Any] = {}
-        for name, part in table.items():
-            for copied, value in self._copies(kind, name, part):
-                found[copied] = self._expand_lists(value)
-                if copied != name:
-                    self.templates[kind, copied] = (kind, name)
-        return found
 
     def _copies(self, kind: str, name: str, part: object) -> Iterator[tuple[str, object]]:
         mark = next((mark for mark in self.repeats if f"{{{mark}}}" in name), None)
@@ -127,9 +121,7 @@ def _shift(kind: str, part: object, offset: Sequence[float], phase: float) -> ob
     if kind not in _ANGLES or not phase or not isinstance(part, dict):
         return cast("object", part)
     table = dict(cast("dict[str, object]", part))
-    if kind == "cams" and not {"centreline", "timing"} & table.keys():
-        table.setdefault("phase", 0.0)
-    if kind == "loads" and "table" in table:
+    if "table" in table if kind == "loads" else not {"centreline", "timing"} & table.keys():
         table.setdefault("phase", 0.0)
     for key in _ANGLES[kind]:
         if key in table:
@@ -137,9 +129,8 @@ def _shift(kind: str, part: object, offset: Sequence[float], phase: float) -> ob
     timing = table.get("timing")
     if isinstance(timing, dict):
         inner = cast("dict[str, object]", timing)
-        table["timing"] = {
-            key: _add(value, phase, "angle") if key in _TIMING_ANGLES else value for key, value in inner.items()
-        }
+        moved = {key: _add(inner[key], phase, "angle") for key in _TIMING_ANGLES if key in inner}
+        table["timing"] = inner | moved
     return table
 
 

@@ -18,7 +18,8 @@ import numpy as np
 
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
-from flexcam.case.reader import CaseFile, case_tables, value_at
+from flexcam.case.fault_report import value_at
+from flexcam.case.reader import CaseFile, case_tables
 from flexcam.case.records import find_unit
 from flexcam.case.repetition import map_texts, name_pattern
 from flexcam.case.schema.run import GivenStartRecord
@@ -45,9 +46,8 @@ def get_number(case: Case, key: str, where: str) -> Number:
     numbers = [name for name, value in known.items() if isinstance(value, float)]
     copies = [key] if key in known else [name for name in known if name_pattern(key).fullmatch(name)]
     if not copies:
-        near = suggest_name(key, numbers) or suggest_name(
-            key.rpartition(".")[2], [n.rpartition(".")[2] for n in numbers]
-        )
+        last, names = key.rpartition(".")[2], [name.rpartition(".")[2] for name in numbers]
+        near = suggest_name(key, numbers) or suggest_name(last, names)
         allowed = f"a numeric key of the case, such as {', '.join(numbers[:6])}"
         raise refuse(where, repr(key), allowed, "there is no such key", near or "flexcam check --echo prints them all")
     value = known[copies[0]]
@@ -72,7 +72,7 @@ def _iterate_values(value: object, path: str) -> Iterator[tuple[str, object]]:
         yield path, value
         return
     for name, one in inner.items():
-        yield from _iterate_values(one, f"{path}.{name}" if path else name)
+        yield from _iterate_values(one, f"{path}.{name}".lstrip("."))
 
 
 def make_overrides(case: Case, values: Mapping[str, str]) -> tuple[str, ...]:
@@ -86,16 +86,11 @@ def make_overrides(case: Case, values: Mapping[str, str]) -> tuple[str, ...]:
             found[key] = text
             continue
         changed = lists.setdefault(parent, [*cast("list[Any]", there)])
-        changed[int(last)] = _number_or_text(text)
+        changed[int(last)] = text
+        with suppress(ValueError):
+            changed[int(last)] = float(text)
         found[parent] = json.dumps(changed, ensure_ascii=False)
     return tuple(f"{key}={text}" for key, text in found.items())
-
-
-def _number_or_text(text: str) -> float | str:
-    try:
-        return float(text)
-    except ValueError:
-        return text
 
 
 def number_after_override(case: Case, key: str, text: str, where: str) -> float:
@@ -109,15 +104,20 @@ def number_after_override(case: Case, key: str, text: str, where: str) -> float:
 
 def case_text(case: Case, target: Path, comments: Sequence[str] = ()) -> str:
     """Return a case with its overrides as TOML for another folder, with the comments of the case file."""
-    record = cast(
-        "dict[str, Any]", map_texts(case_tables(case), lambda text: _relocate_file_name(text, case.path, target.parent))
-    )
+
+    def relocate(text: str) -> str:
+        """Return a text, adapted to the other folder if it is a relative file name."""
+        named = Path(text).suffix and not os.path.isabs(text)
+        old = find_referenced_file(case.path, text) if named else None
+        return text if old is None else Path(os.path.relpath(old, target.parent)).as_posix()
+
+    record = cast("dict[str, Any]", map_texts(case_tables(case), relocate))
     head = "".join(f"# {line}\n" for line in comments)
     return head + (_edit_text(case.text, record) or format_toml(record))
 
 
+# Value on one line in a TOML file.
 _VALUE = r"""("[^"\n]*"|'[^'\n]*'|\[[^\]\n]*\]|[^\s,#"'\[\]{}]+)"""
-"""Value on one line in a TOML file."""
 
 
 def _edit_text(text: str, wanted: Mapping[str, Any]) -> str | None:
@@ -159,14 +159,6 @@ def _edits(text: str, key: str, value: object) -> Iterator[str]:
             yield edited
 
 
-def _relocate_file_name(text: str, case: Path, new: Path) -> str:
-    """Return a text of a case, adapted to another folder if it is a relative file name."""
-    if not Path(text).suffix or os.path.isabs(text):
-        return text
-    old = find_referenced_file(case, text)
-    return text if old is None else Path(os.path.relpath(old, new)).as_posix()
-
-
 def map_initial_state(case: Case, other: Case) -> Case:
     """Return a case with the initial state of another one, where that is given at nodes.
 
@@ -197,9 +189,8 @@ def _map_nodal_values(
         given -= (elements.stop - elements.start) // parts[name][0] * (parts[name][0] - 1)
     found[:given] = nodal[:given]  # the nodes of the case come first in all its meshes
     free = its.dofs.numbers >= 0
-    numbers: list[int] = its.dofs.numbers[free].tolist()
-    amounts: list[float] = found[free].tolist()
-    moved = {its.dofs.names[i]: x for i, x in zip(numbers, amounts, strict=True) if x}
+    pairs: list[tuple[int, float]] = list(zip(its.dofs.numbers[free].tolist(), found[free].tolist(), strict=True))
+    moved = {its.dofs.names[i]: x for i, x in pairs if x}
     beside = {name: value for name, value in values.items() if name not in on_nodes}
     return moved | _map_spring_values(structure, its, values, beside)
 
@@ -240,21 +231,17 @@ def with_steps(case: Case, per_revolution: int) -> Case:
 
 def with_elements(case: Case, factor: int | None = None, each: int | None = None) -> Case:
     """Return a case with another number of elements per segment of its members and springs."""
-    members = {
-        name: one.model_copy(update={"elements": each or one.elements * (factor or 1)})
-        for name, one in case.record.members.items()
-    }
-    springs = case.record.springs | {
-        name: one.model_copy(update={"elements": one.elements * (factor or 1)})
-        for name, one in case.record.springs.items()
-        if one.part.mass or one.elements > 1
-    }
+    members, springs = dict(case.record.members), dict(case.record.springs)
+    for name, member in members.items():
+        members[name] = member.model_copy(update={"elements": each or member.elements * (factor or 1)})
+    for name, spring in springs.items():
+        if spring.part.mass or spring.elements > 1:
+            springs[name] = spring.model_copy(update={"elements": spring.elements * (factor or 1)})
     made = replace(case, record=case.record.model_copy(update={"members": members, "springs": springs}))
     return map_initial_state(case, made)
 
 
 def with_beam_model(case: Case) -> Case:
     """Return a case with all degrees of freedom of its beams, regardless of its fidelity."""
-    return case.with_fidelity(
-        {"model": "beams", "tolerance": None, "estimate": False, "modes": None, "reduction": "modes"}
-    )
+    beams = {"model": "beams", "tolerance": None, "estimate": False, "modes": None, "reduction": "modes"}
+    return case.with_fidelity(beams)

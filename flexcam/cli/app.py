@@ -10,11 +10,12 @@ import math
 import os
 import platform
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import wraps
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import numpy as np
 from cyclopts import App, Parameter
@@ -25,7 +26,7 @@ from flexcam.case.fault_report import parse_toml
 from flexcam.case.reader import read_case
 from flexcam.case.schema.base import Record
 from flexcam.core.errors import Fault, InputError, collect_errors, refuse
-from flexcam.core.units import RPM, UnitSystem, parse
+from flexcam.core.units import RPM, UnitSystem, parse, set_unit_system
 from flexcam.dynamics import Status
 from flexcam.io import check_writable, write_text
 from flexcam.report.terminal import print_json, print_message, result_console
@@ -51,7 +52,10 @@ COMMANDS: Mapping[str, Mapping[str, str]] = {
 COMMAND_FILES = {command: file for panel in COMMANDS.values() for command, file in panel.items()}
 """File of every command."""
 
-
+_MAX_SPEEDS = 10_000
+_BARE = re.compile(r"\s*[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?\s*$")  # a number without unit
+_TIME_UNITS = {"h": 3600.0, "min": 60.0, "s": 1.0, "ms": 1e-3}
+_PART_OF_TIME = r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(h|min|ms|s)\s*"
 _ACCURACY = ("fidelity.tolerance", "fidelity.estimate")
 _MODEL = ("fidelity.model", "fidelity.masses", "fidelity.modes", "fidelity.reduction")
 _NORM = ("fidelity.norm",)
@@ -70,15 +74,6 @@ IGNORED_KEYS = (
     (("cam",), (*_MODEL, *_ACCURACY, *_NORM), "a cam needs no model of the train"),
 )  # fmt: skip
 """Keys of the case that some commands ignore: the commands, the keys, and what the commands do instead."""
-
-
-def _changed_keys(case: Case, keys: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """Yield the keys of a table of the case with values other than their defaults."""
-    for table, name in (key.split(".") for key in keys):
-        record: Record = getattr(case.record, table)
-        default: object = type(record).model_fields[name].default
-        if name in record.model_fields_set and getattr(record, name) != default:
-            yield table, name
 
 
 @dataclass
@@ -143,9 +138,6 @@ flexcam compare engine.toml
 app.register_install_completion_command()  # pyright: ignore[reportUnknownMemberType]
 
 
-_BARE = re.compile(r"\s*[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?\s*$")
-
-
 def parse_quantity(where: str, text: str, dimension: str, unit: str) -> float:
     """Return the SI number of an option; a number without a unit is rejected, because it could be mistaken for SI."""
     if _BARE.match(text) and float(text) != 0.0:
@@ -157,10 +149,6 @@ def parse_quantity(where: str, text: str, dimension: str, unit: str) -> float:
 def parse_optional(where: str, text: str | None, dimension: str, unit: str) -> float | None:
     """Return the SI number of an option; None if it is not given."""
     return None if text is None else parse_quantity(where, text, dimension, unit)
-
-
-_TIME_UNITS = {"h": 3600.0, "min": 60.0, "s": 1.0, "ms": 1e-3}
-_PART_OF_TIME = r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(h|min|ms|s)\s*"
 
 
 def parse_duration(where: str, text: str) -> float:
@@ -193,9 +181,17 @@ def warn_ignored_keys(overrides: Sequence[str] | None, case: Case | None = None)
         text = f"replaces run.crank_speed: run.speed is the speed of the camshaft; {crank}"
         print_message(f"Note: --set {given[keys.index('run.speed')]} {text}")
     for commands, ignored, why in IGNORED_KEYS:
-        if case is not None and command in commands and (changed := list(_changed_keys(case, ignored))):
-            named, has = ", ".join(map(case.place, changed)), "has" if len(changed) == 1 else "have"
-            print_message(f"Note: {named} {has} no effect in {command}: {why}")
+        if case is not None and command in commands:
+            changed = [case.place(key) for key in (tuple(one.split(".")) for one in ignored) if _is_changed(case, *key)]
+            if changed:
+                has = "has" if len(changed) == 1 else "have"
+                print_message(f"Note: {', '.join(changed)} {has} no effect in {command}: {why}")
+
+
+def _is_changed(case: Case, table: str, key: str) -> bool:
+    record: Record = getattr(case.record, table)
+    default: object = type(record).model_fields[key].default
+    return key in record.model_fields_set and getattr(record, key) != default
 
 
 def load_beams(path: Path, overrides: Sequence[str] | None) -> Case:
@@ -209,16 +205,18 @@ def load_beams(path: Path, overrides: Sequence[str] | None) -> Case:
     return case
 
 
-def check_positive(option: str, number: int) -> None:
-    """Raise an error if a number is less than 1."""
-    if number < 1:
-        raise refuse(option, number, "a whole number, at least 1")
+def check_number(option: str, number: int | None, low: int = 1, high: float = math.inf, why: str = "") -> None:
+    """Raise an error if a number is outside of its range; None is an option not given."""
+    if number is not None and not low <= number <= high:
+        allowed = f"at least {low}" if math.isinf(high) else f"from {low} to {high}"
+        raise refuse(option, number, f"a whole number{',' * math.isinf(high)} {allowed}", why)
 
 
-def refuse_without(option: str, given: object, required: str, *, present: bool) -> None:
-    """Raise an error for an option that has no effect without another one."""
-    if given is not None and given is not False and not present:
-        raise refuse(option, _describe_option(given), "", f"it applies only with {required}", "leave it out")
+def refuse_without(required: str, options: Mapping[str, object], *, present: bool) -> None:
+    """Raise an error for options that have no effect without another one; None and False are options not given."""
+    for option, given in options.items():
+        if not present and given is not None and given is not False:
+            raise refuse(option, _describe_option(given), "", f"it applies only with {required}", "leave it out")
 
 
 def refuse_with(other: str, why: str, options: Mapping[str, object], remedy: str = "leave it out") -> None:
@@ -233,15 +231,11 @@ def _describe_option(given: object) -> str:
     return ", ".join(str(one) for one in cast("list[object]", given)) if isinstance(given, list) else str(given)
 
 
-_MAX_SPEEDS = 10_000
-
-
 def speed_range(
     lowest: str | None, highest: str | None, count: int, case: Case, most: float = 1.5
 ) -> tuple[float, float]:
     """Return the range of camshaft speeds of a command, rad/s; by default half to `most` times the case's speed."""
-    if not 2 <= count <= _MAX_SPEEDS:
-        raise refuse("--count", count, f"a whole number from 2 to {_MAX_SPEEDS}", "each speed is a run")
+    check_number("--count", count, 2, _MAX_SPEEDS, "each speed is a run")
     speed, scale = case.speed, case.turns
     low = 0.5 * speed if lowest is None else parse_quantity("--lowest", lowest, "speed", "rpm") / scale
     high = most * speed if highest is None else parse_quantity("--highest", highest, "speed", "rpm") / scale
@@ -258,10 +252,10 @@ def spaced_speeds(lowest: str | None, highest: str | None, count: int, case: Cas
     return np.linspace(*speed_range(lowest, highest, count, case), count).tolist()
 
 
-def failed_status(statuses: Sequence[Status], what: str) -> Status | None:
-    """Return the status of a command over speeds or variants, if it completed none of them."""
+def joint_status(statuses: Sequence[Status], what: str) -> Status:
+    """Return the status of a command over speeds or variants, which failed if it completed none of them."""
     if any(one.ok for one in statuses):
-        return None
+        return Status()
     first = statuses[0]
     return Status(first.cause, f"none of {len(statuses)} {what} was completed; the first: {first.text}", first.remedy)
 
@@ -318,9 +312,13 @@ class CommandOutput:
 
     parts: Sequence[Table | str]  # tables and sentences, printed with empty lines between them
     json: Mapping[str, object]  # content as one JSON object; null for missing numbers
-    csv: str = ""  # content as CSV text
-    draw: Callable[[], Figure] | None = None  # function that draws the figure
+    csv: str = ""  # content as CSV text for --csv
+    draw: Callable[[], Figure] | None = None  # function that draws the figure for --plot
     title: str = ""  # title of the figure
+    files: Sequence[Path] = ()  # further files that the command wrote
+    describe_file: Callable[[Path], str] = str  # text that names a file
+    status: Status = field(default_factory=Status)  # status of the command, also in its JSON
+    text: str = ""  # text printed last, with its own lines
 
     def figure(self) -> Figure:
         """Return the figure with its title."""
@@ -329,24 +327,39 @@ class CommandOutput:
         return plotting.figures.add_title(self.draw(), self.title)
 
 
-def write_output(
-    output: CommandOutput, csv: Path | None = None, plot: Path | None = None, ended: Status | None = None, *,
-    as_json: bool, overwrite: bool = False, written: Sequence[Path] = (), describe_file: Callable[[Path], str] = str,
-) -> Status | None:  # fmt: skip
-    """Write the table and figure of a command, also after an interruption, print its output and name every file."""
-    if csv is not None:
-        write_text(csv, output.csv, overwrite=overwrite)
-    if plot is not None:
-        plotting.figures.save_figure(output.figure(), plot, overwrite=overwrite)
-    files = [path for path in (csv, plot, *written) if path is not None]
-    if as_json:
-        status = "ok" if ended is None or ended.ok else str(ended.cause)
-        content: dict[str, object] = {"status": status, **output.json}
-        content.setdefault("files", [str(path) for path in files])
-        print_json(content)
-        return ended
-    for i, part in enumerate(output.parts):
-        result_console().print(*([""] if i else []), part, sep="\n")
-    for path in files:
-        result_console().print(describe_file(path))
-    return ended
+def command(
+    examples: str, *, name: str | None = None, group: App = app
+) -> Callable[[Callable[..., CommandOutput | None]], Callable[..., Status | None]]:
+    """Register a function as a command, whose output is written as its --csv, --plot, --overwrite and --json ask."""
+
+    def register(function: Callable[..., CommandOutput | None]) -> Callable[..., Status | None]:
+        @wraps(function)
+        def execute(*arguments: object, **given: object) -> Status | None:
+            options = cast("Mapping[str, Any]", given)
+            set_unit_system(options.get("units") or "metric")
+            output = function(*arguments, **options)
+            if output is None:  # printed by the command itself
+                return None
+            files, overwrite = list[Path](), options.get("overwrite", False)
+            if csv := options.get("csv"):
+                files.append(write_text(csv, output.csv, overwrite=overwrite))
+            if output.draw and (picture := options.get("plot")):
+                files.append(plotting.figures.save_figure(output.figure(), picture, overwrite=overwrite))
+            files += output.files
+            if options.get("as_json"):
+                status = "ok" if output.status.ok else str(output.status.cause)
+                named = output.json.get("files", [str(path) for path in files])
+                print_json({"status": status, **output.json, "files": named})
+                return output.status
+            for i, part in enumerate(output.parts):
+                result_console().print(*([""] if i else []), part, sep="\n")
+            for path in files:
+                result_console().print(output.describe_file(path))
+            if output.text:
+                result_console().print(output.text, soft_wrap=True)
+            return output.status
+
+        group.command(execute, name=name, help_prologue=examples)
+        return execute
+
+    return register

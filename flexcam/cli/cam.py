@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
-from functools import partial
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, cast
@@ -14,25 +13,12 @@ import numpy as np
 from cyclopts import Group, Parameter
 from rich.table import Table
 
-from flexcam import plotting
-from flexcam.analysis.cam_analysis import (
-    NEGATIVE_LIFT_TOLERANCE,
-    CamFacts,
-    CamSet,
-    cam_facts,
-    cylinders,
-    exhaust_and_intake,
-    load_cams,
-    lobe_separation,
-    profile_table,
-    valve_overlaps,
-)
+from flexcam import io, plotting
+from flexcam.analysis import cam_analysis
+from flexcam.analysis.cam_analysis import CamFacts, CamSet
 from flexcam.cams import (
     PRESSURE_ANGLE,
     THRESHOLDS,
-    Bridge,
-    Extreme,
-    Joint,
     LiftReport,
     ProfileFault,
     ValveEvent,
@@ -41,27 +27,33 @@ from flexcam.cams import (
 )
 from flexcam.case.builder import parse_follower
 from flexcam.cli import app as cli
-from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse, suggest_name
-from flexcam.core.units import RPM, format_quantity, set_unit_system, to_display_unit
-from flexcam.io import (
-    check_folder_name,
-    check_writable,
-    create_folder,
-    read_profile,
-    write_lift_table,
-    write_profile,
-    write_text,
-)
+from flexcam.core.units import RPM, format_quantity, to_display_unit
 from flexcam.report.terminal import NOISE, facts_table, format_csv, format_degrees, plain_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_CASE, _PROFILE = Group("Cams of a case file", sort_key=1), Group("Cam from a measured profile", sort_key=2)
+_MIN_POINTS, _MAX_POINTS = 12, 100_000
 _STEPS = (("lift", "m"), ("velocity", "m/rad"), ("acceleration", "m/rad^2"), ("jerk", "m/rad^3"))
+_UNITS = {
+    "velocity": "m/rad", "sliding_velocity": "m/rad", "acceleration": "m/rad^2", "jerk": "m/rad^3", "ratio": "1",
+    **dict.fromkeys(
+        ("angle", "opens", "closes", "duration", "centre", "centreline", "tdc", "pressure_angle", "convex_radius_at",
+         "hollow_radius_at", "pressure_angle_at"), "rad"),
+}  # fmt: skip
+"""SI units of the numbers of a card by the last part of their names; others are lengths."""
 
 
 def _cam_json(found: CamFacts, report: LiftReport | None) -> dict[str, object]:
+    after_tdc: dict[str, object] | None = None
+    if found.tdc is not None:
+        crank = {
+            name: event and {"opens": found.after_tdc(event.opens), "closes": found.after_tdc(event.closes)}
+            for name, event in found.events.items()
+        }
+        after_tdc = {"centreline": found.centreline_after_tdc, "valve_events": crank}
     return {
         "lift": found.lift[1].value, "least_lift": found.lift[0].value, "velocity": found.velocity,
         "acceleration": found.acceleration, "jerk": found.jerk, "harmonics": list(found.harmonics),
@@ -75,23 +67,12 @@ def _cam_json(found: CamFacts, report: LiftReport | None) -> dict[str, object]:
         "findings": [asdict(one) for one in found.findings],
         "smoothing": None if report is None else asdict(report),
         "centreline": found.centreline, "tdc": found.tdc, "ratio": found.ratio, "lash": found.lash,
-        "valve_lift": _valve_lift(found), "after_tdc": _after_tdc_json(found),
+        "valve_lift": _valve_lift(found), "after_tdc": after_tdc,
     }  # fmt: skip
 
 
 def _valve_lift(found: CamFacts) -> float:
     return float(found.valve_lift(np.array([found.lift[1].value]))[0])
-
-
-def _after_tdc_json(found: CamFacts) -> dict[str, object] | None:
-    """Return the crank angles of the card from top dead centre, rad; None without one."""
-    if found.tdc is None:
-        return None
-    events = {
-        name: event and {"opens": found.after_tdc(event.opens), "closes": found.after_tdc(event.closes)}
-        for name, event in found.events.items()
-    }
-    return {"centreline": found.centreline_after_tdc, "valve_events": events}
 
 
 def _event_json(event: ValveEvent | None) -> dict[str, float] | None:
@@ -112,15 +93,6 @@ def _profile_json(found: CamFacts) -> dict[str, object] | None:
         "least_base_radius": found.least_base_radius,
         "face_diameter": found.face_diameter, "min_face_diameter": found.min_face_diameter,
     }  # fmt: skip
-
-
-_UNITS = {
-    "velocity": "m/rad", "sliding_velocity": "m/rad", "acceleration": "m/rad^2", "jerk": "m/rad^3", "ratio": "1",
-    **dict.fromkeys(
-        ("angle", "opens", "closes", "duration", "centre", "centreline", "tdc", "pressure_angle", "convex_radius_at",
-         "hollow_radius_at", "pressure_angle_at"), "rad"),
-}  # fmt: skip
-"""SI units of the numbers of a card by the last part of their names; others are lengths."""
 
 
 def _card_rows(content: object, *name: str) -> Iterator[tuple[str, float, str]]:
@@ -156,7 +128,7 @@ def _cam_table(name: str, found: CamFacts, cams: CamSet) -> Table:
         *((f"{part} above {lift}",
            _event(found, event, factor * (found.lift[0].value - gap) > found.checking_lifts[lift], cams.turns))
           for part, its, factor, gap in events for lift, event in its.items()),
-        *((f"segment boundary at {math.degrees(one.angle):.4g} deg", _joint(one)) for one in found.joints),
+        *((f"segment boundary {_at(one.angle)}", _describe_steps(one.steps)) for one in found.joints),
         *_profile(found, speed),
         *(("warning", _finding(one)) for one in found.findings),
     ]  # fmt: skip
@@ -206,10 +178,10 @@ def _event(found: CamFacts, event: ValveEvent | None, always: bool, turns: float
     return f"{shaft} {opens:.2f} to {closes:.2f} deg, duration {span:.2f} deg"
 
 
-def _joint(joint: Joint) -> str:
-    named = ((name, step, *to_display_unit(unit)) for (name, unit), step in zip(_STEPS, joint.steps, strict=True))
-    steps = (f"{name} jumps by {factor * step:+.5g} {symbol}" for name, step, factor, symbol in named if step)
-    return ", ".join(steps) or "smooth"
+def _describe_steps(steps: Sequence[float]) -> str:
+    named = ((name, step, *to_display_unit(unit)) for (name, unit), step in zip(_STEPS, steps, strict=True))
+    jumps = (f"{name} jumps by {factor * step:+.5g} {symbol}" for name, step, factor, symbol in named if step)
+    return ", ".join(jumps) or "smooth"
 
 
 def _profile(found: CamFacts, speed: float | None) -> list[tuple[str, str]]:
@@ -221,13 +193,13 @@ def _profile(found: CamFacts, speed: float | None) -> list[tuple[str, str]]:
         least = "no radius meets the limits with this lift"
     elif found.least_base_radius:
         least = f"min for curvature and pressure angle {format_quantity('m', found.least_base_radius)}"
-    hollow = "none" if seen.hollow is None else f"{format_quantity('m', seen.hollow.value)} {_at(seen.hollow)}"
+    hollow = "none" if seen.hollow is None else f"{format_quantity('m', seen.hollow.value)} {_at(seen.hollow.at)}"
     convex = format_quantity("m", seen.convex.value) if seen.convex.value > 0.0 else "none: the profile is undercut"
     rows = [
         ("base circle radius", f"{format_quantity('m', profile.follower.base_radius)}; {least}"),
-        ("min convex radius", f"{convex} {_at(seen.convex)}"),
+        ("min convex radius", f"{convex} {_at(seen.convex.at)}"),
         ("min concave radius", hollow),
-        ("max pressure angle", f"{format_degrees(abs(seen.pressure_angle.value))} deg {_at(seen.pressure_angle)}"),
+        ("max pressure angle", f"{format_degrees(abs(seen.pressure_angle.value))} deg {_at(seen.pressure_angle.at)}"),
         ("contact offset", format_quantity("m", *(end.value for end in seen.offset), digits=5)),
     ]  # fmt: skip
     if found.min_face_diameter is not None:
@@ -239,22 +211,18 @@ def _profile(found: CamFacts, speed: float | None) -> list[tuple[str, str]]:
 
 def _face(found: CamFacts, smallest: float) -> str:
     """Return the face diameter that contains the contact line, the given one, and the offset that rotates the face."""
-    width, given = found.cam.width, found.face_diameter
-    contents = [
-        "without the width of the cam" if width is None else f"with the cam's width of {format_quantity('m', width)}"
-    ]
-    if found.rotation_arm:
-        contents.append(
-            f"contact {format_quantity('m', found.rotation_arm)} from the follower's axis, which rotates it"
-        )
+    width, given, arm = found.cam.width, found.face_diameter, found.rotation_arm
+    said = "without the width of the cam" if width is None else f"with the cam's width of {format_quantity('m', width)}"
+    if arm:
+        said += f", contact {format_quantity('m', arm)} from the follower's axis, which rotates it"
     elif given is not None:
-        contents.append("no axial_offset, or crown with taper, that rotates the follower")
+        said += ", no axial_offset, or crown with taper, that rotates the follower"
     has = "" if given is None else f" of {format_quantity('m', given)}"
-    return f"{format_quantity('m', smallest)}{has} ({', '.join(contents)})"
+    return f"{format_quantity('m', smallest)}{has} ({said})"
 
 
-def _at(place: Extreme) -> str:
-    return f"at {math.degrees(place.at):.4g} deg"
+def _at(angle: float) -> str:
+    return f"at {math.degrees(angle):.4g} deg"
 
 
 def _finding(one: ProfileFault) -> str:
@@ -263,47 +231,16 @@ def _finding(one: ProfileFault) -> str:
     else:
         side = f"at least {format_quantity('m', one.limit, digits=4)}" if one.limit else "above 0"
         measure = f"{format_quantity('m', one.value, digits=4)}, allowed {side}"
-    place = f"at {math.degrees(one.angle):.4g} deg: {measure}"
-    return f"{one.what} ({place}); {one.remedy}"
+    return f"{one.what} ({_at(one.angle)}: {measure}); {one.remedy}"
 
 
-def _overlap_table(overlaps: Sequence[tuple[str, str, str, float]], found: Mapping[str, CamFacts]) -> Table:
-    rows = [
-        (f"{one} and {other}", f"{math.degrees(lobe_separation(found[one], found[other])):.2f}", lift,
-         f"{math.degrees(angle):.2f}")
-        for one, other, lift, angle in overlaps
-    ]  # fmt: skip
-    head = ("cams", "lobe separation, cam deg", "at a lift of", "overlap, crank deg")
-    return plain_table("Lobe separation and overlap", head, rows)
-
-
-def _smoothing_table(name: str, report: LiftReport) -> Table:
-    before, after = (
-        format_quantity("m/rad^2", *ends, digits=4) for ends in (report.acceleration_before, report.acceleration_after)
-    )
-    changed = f"{1e6 * report.rms_change:.3g} um rms, max {1e6 * report.largest_change:.3g} um"
-    rows = [
-        ("points", str(report.points)),
-        ("points moved by smoothing", f"{changed} at {math.degrees(report.at):.4g} deg"),
-        ("acceleration of the points", before),
-        ("acceleration of the spline", after),
-        *(("warning", said) for said in report.remarks),
-    ]
-    return facts_table(f"Lift table of {name}", rows)
-
-
-_CASE, _PROFILE = Group("Cams of a case file", sort_key=1), Group("Cam from a measured profile", sort_key=2)
-
-
-@cli.app.command(
-    help_prologue="""\
+@cli.command("""\
 flexcam cam case.toml
 flexcam cam cams.toml --cam intake -o profiles --format dxf --cutter "40 mm"
 flexcam cam cams.toml --plot pictures
 flexcam cam --from-profile points.csv --follower '{ type = "roller", radius = "9 mm" }' --base-radius "18 mm" -o lift.csv
 flexcam cam --from-profile points.csv --unit mm --follower '{ type = "flat" }' --base-radius "18 mm" --clockwise
-"""  # noqa: E501 - a command to a line
-)
+""")  # noqa: E501 - a command to a line
 def cam(
     case: Annotated[Path | None, Parameter(
         group=_CASE, help="Case file, or a file with format = 1 and [cams.NAME] tables only.")] = None, *,
@@ -335,13 +272,12 @@ def cam(
     output: Annotated[Path | None, Parameter(
         ["-o", "--output"], help="Folder of the profile files; with --from-profile: lift table (.csv).")] = None,
     units: cli.Units = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
-) -> None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Show cam card, profile and limits of the cams in a file, or compute the lift of a measured profile.
 
     With -o it writes the profiles for manufacture (CSV, DXF, VTP). With --from-profile it reads points of a profile
     instead of a case, and -o writes the lift of its follower as a table for a case.
     """
-    set_unit_system(units or "metric")
     if profile is not None:
         of_case = {
             "CASE": case, "--cam": name, "--format": forms, "--cutter": cutter, "--pressure-angle": pressure_angle,
@@ -349,22 +285,17 @@ def cam(
         }  # fmt: skip
         cli.refuse_with("--from-profile", "it belongs to the cams of a case file", of_case)
     of_profile = {"--follower": follower, "--base-radius": base_radius, "--unit": unit, "--clockwise": clockwise}
-    for option, given in of_profile.items():
-        cli.refuse_without(option, given, "--from-profile", present=profile is not None)
-    if not _MIN_POINTS <= points <= _MAX_POINTS:
-        raise refuse("--points", points, f"a whole number from {_MIN_POINTS} to {_MAX_POINTS}")
+    cli.refuse_without("--from-profile", of_profile, present=profile is not None)
+    cli.check_number("--points", points, _MIN_POINTS, _MAX_POINTS)
     if profile is not None:
-        _print_lift_of_profile(
-            profile, follower, base_radius, unit, clockwise, points, output, overwrite=overwrite, as_json=as_json
-        )
-        return
+        return _lift_of_profile(profile, follower, base_radius, unit, clockwise, points, output, overwrite=overwrite)
     if case is None:
         raise refuse("cam", "nothing", "a case file, a file of cams, or --from-profile FILE")
-    cli.refuse_without("--format", forms, "-o", present=output is not None)
-    cli.refuse_without("--plot-format", plot_format, "--plot", present=plot is not None)
+    cli.refuse_without("-o", {"--format": forms}, present=output is not None)
+    cli.refuse_without("--plot", {"--plot-format": plot_format}, present=plot is not None)
     if output is not None:
-        check_folder_name(output)
-    cams = load_cams(case, overrides or ())
+        io.check_folder_name(output)
+    cams = cam_analysis.load_cams(case, overrides or ())
     cli.warn_ignored_keys(overrides)
     if name is not None and name not in cams.cams:
         raise refuse("--cam", repr(name), ", ".join(cams.cams), "", suggest_name(name, cams.cams))
@@ -374,21 +305,20 @@ def cam(
     lifts = {
         text: positive(option, cli.parse_quantity(option, text, "length", "mm"), "m") for text in checking_lifts or ()
     }
-    facts = partial(cam_facts, count=points, pressure_angle=limit, cutter=wheel, checking_lifts=THRESHOLDS | lifts)
     found = {
-        one: facts(part, ratio=cams.ratios[one], lash=cams.lashes[one], tdc=cams.tdcs[one])
+        one: cam_analysis.cam_facts(
+            part, count=points, pressure_angle=limit, cutter=wheel, checking_lifts=THRESHOLDS | lifts,
+            ratio=cams.ratios[one], lash=cams.lashes[one], tdc=cams.tdcs[one],
+        )
         for one, part in cams.cams.items()
         if name in (None, one)
-    }
+    }  # fmt: skip
     for option, given in (("-o", output), ("--cutter", cutter)):
         if given is not None and not any(one.profile for one in found.values()):
             why, remedy = f"{', '.join(found)} has no profile", "give the cam base_radius and follower"
             raise refuse(option, str(given), "nothing without a profile", why, remedy)
-    if plot is not None and plot.suffix in (".svg", ".png", ".pdf"):
-        remedy = f"name a folder; --plot-format {plot.suffix[1:]} selects the format"
-        raise refuse("--plot", str(plot), "a folder", "a cam has several figures", remedy)
     files = _write_cam_files(cams.name, found, plot, plot_format or "svg", output, forms, wheel, overwrite=overwrite)
-    cli.write_output(_describe_cams(cams, found), as_json=as_json, written=files)
+    return replace(_describe_cams(cams, found), files=files)
 
 
 def _write_cam_files(
@@ -396,51 +326,73 @@ def _write_cam_files(
     forms: Sequence[Literal["csv", "dxf", "vtp"]] | None, cutter: float | None, *, overwrite: bool,
 ) -> list[Path]:  # fmt: skip
     """Write the card, the profiles and the figures of the cams of a file with a given name."""
+    if plot is not None and plot.suffix in (".svg", ".png", ".pdf"):
+        remedy = f"name a folder; --plot-format {plot.suffix[1:]} selects the format"
+        raise refuse("--plot", str(plot), "a folder", "a cam has several figures", remedy)
     figures = {} if plot is None else {plot / f"{stem}.{form}": one for stem, one in _draw_cams(name, found).items()}
     card = folder / f"{name}-card.csv" if folder is not None and "csv" in (forms or ["csv"]) else None
     for path in (*figures, *([] if card is None else [card])):  # before files are written
-        check_writable("picture" if path in figures else "output", path, overwrite=overwrite)
+        io.check_writable("picture" if path in figures else "output", path, overwrite=overwrite)
     files: list[Path] = []
     for one, facts in found.items():
         if folder is not None and facts.profile is not None:
-            table, target = profile_table(facts.profile, cutter), create_folder(folder) / f"{name}-{one}"
-            files += write_profile(table, target, forms or ["csv", "dxf", "vtp"], overwrite=overwrite)
+            table = cam_analysis.profile_table(facts.profile, cutter)
+            target = io.create_folder(folder) / f"{name}-{one}"
+            files += io.write_profile(table, target, forms or ["csv", "dxf", "vtp"], overwrite=overwrite)
     if card is not None:
         rows = ((one, *row) for one, facts in found.items() for row in _card_rows(_cam_json(facts, None)))
         text = format_csv(("cam", "quantity", "value", "unit"), rows)
-        files.append(write_text(card, text, overwrite=overwrite))
+        files.append(io.write_text(card, text, overwrite=overwrite))
     return files + [plotting.figures.save_figure(one, path, overwrite=overwrite) for path, one in figures.items()]
 
 
 def _draw_cams(name: str, found: Mapping[str, CamFacts]) -> dict[str, Figure]:
     """Return the figures of cams and cylinders by the stems of their files."""
-    curves, figures = plotting.curves, dict[str, "Figure"]()
+    curves, cylinders, figures = plotting.curves, cam_analysis.cylinders(found), dict[str, "Figure"]()
     for one, facts in found.items():
         stem = f"{name}-{one}"
         figures[f"{stem}-lift"] = curves.lift_figure({stem: facts.cam.event})
         if facts.profile is not None:
             figures[f"{stem}-profile"] = curves.profile_figure(facts.profile)
             figures[f"{stem}-pressure"] = curves.pressure_figure(facts.profile)
-    return figures | {f"{name}-{'-'.join(one)}-timing": curves.timing_figure(one) for one in cylinders(found)}
+    return figures | {f"{name}-{'-'.join(one)}-timing": curves.timing_figure(one) for one in cylinders}
 
 
 def _describe_cams(cams: CamSet, found: Mapping[str, CamFacts]) -> cli.CommandOutput:
-    pairs = valve_overlaps(found)
+    pairs = cam_analysis.valve_overlaps(found)
     json = {
         "cams": {one: _cam_json(facts, cams.reports.get(one)) for one, facts in found.items()},
         "overlaps": [dict(zip(("one", "other", "lift", "angle"), pair, strict=True)) for pair in pairs],
         "lobe_separations": [
-            {"one": one, "other": other, "angle": lobe_separation(found[one], found[other])}
+            {"one": one, "other": other, "angle": cam_analysis.lobe_separation(found[one], found[other])}
             for one, other in combinations(found, 2)
         ],
     }
     parts: list[Table] = []
     for one, facts in found.items():
         parts.append(_cam_table(one, facts, cams))
-        if one in cams.reports:
-            parts.append(_smoothing_table(one, cams.reports[one]))
-    if crossed := [pair for pair in pairs if exhaust_and_intake(found[pair[0]], found[pair[1]])]:
-        parts.append(_overlap_table(crossed, found))
+        if report := cams.reports.get(one):
+            before, after = (
+                format_quantity("m/rad^2", *ends, digits=4)
+                for ends in (report.acceleration_before, report.acceleration_after)
+            )
+            changed = f"{1e6 * report.rms_change:.3g} um rms, max {1e6 * report.largest_change:.3g} um"
+            rows = [
+                ("points", str(report.points)),
+                ("points moved by smoothing", f"{changed} {_at(report.at)}"),
+                ("acceleration of the points", before),
+                ("acceleration of the spline", after),
+                *(("warning", said) for said in report.remarks),
+            ]
+            parts.append(facts_table(f"Lift table of {one}", rows))
+    crossed = [
+        (f"{one} and {other}", f"{math.degrees(cam_analysis.lobe_separation(found[one], found[other])):.2f}", lift,
+         f"{math.degrees(angle):.2f}")
+        for one, other, lift, angle in pairs if cam_analysis.exhaust_and_intake(found[one], found[other])
+    ]  # fmt: skip
+    if crossed:
+        head = ("cams", "lobe separation, cam deg", "at a lift of", "overlap, crank deg")
+        parts.append(plain_table("Lobe separation and overlap", head, crossed))
     return cli.CommandOutput(parts, json)
 
 
@@ -451,47 +403,33 @@ def _pressure_limit(text: str) -> float:
     return limit
 
 
-_MIN_POINTS, _MAX_POINTS = 12, 100_000
-
-
-def _lift_from_profile_table(
-    name: str, points: int, angle: FloatArray, lift: FloatArray, hollow: Bridge | None
-) -> Table:
-    low, high = (Extreme(float(lift[i]), float(angle[i])) for i in (int(np.argmin(lift)), int(np.argmax(lift))))
-    rows = [
-        ("points", str(points)),
-        ("max lift", f"{format_quantity('m', high.value)} at {math.degrees(high.at):.4g} deg"),
-        ("min lift", f"{format_quantity('m', low.value)} at {math.degrees(low.at):.4g} deg"),
-    ]
-    if low.value < -NEGATIVE_LIFT_TOLERANCE * high.value:
-        rows.append(("warning", "the profile lies inside the base circle; check its radius and the unit"))
-    if hollow is not None:
-        place = format_quantity("m", *hollow.point, digits=4, separator=", ")
-        gap = format_quantity("m", hollow.depth, digits=3)
-        said = f"the follower bridges a hollow of the profile, with a gap of {gap} at {place}"
-        rows.append(("warning", f"{said}; a smaller roller follows the profile"))
-    return facts_table(f"Lift of {name}", rows)
-
-
-def _print_lift_of_profile(
+def _lift_of_profile(
     profile: Path, follower: str | None, base_radius: str | None, unit: Literal["um", "mm", "cm", "m", "in"] | None,
-    clockwise: bool, points: int, output: Path | None, *, overwrite: bool, as_json: bool,
-) -> None:  # fmt: skip
-    """Print the lift of a follower on a profile given by points, and write it as a table, if requested."""
+    clockwise: bool, points: int, output: Path | None, *, overwrite: bool,
+) -> cli.CommandOutput:  # fmt: skip
+    """Return the lift of a follower on a profile given by points, and write it as a table, if requested."""
     cli.check_distinct_files({"--output": output}, [profile])
     if follower is None:
         raise refuse("--follower", "nothing", "the follower as in a case, such as '{ type = \"flat\" }'")
     if base_radius is not None:
         positive("--base-radius", cli.parse_quantity("--base-radius", base_radius, "length", "mm"), "m")
     made, turn = parse_follower(follower, base_radius, clockwise=clockwise)
-    angle, xy = np.linspace(0.0, 2.0 * math.pi, points, endpoint=False), read_profile(profile, unit=unit)
+    angle, xy = np.linspace(0.0, 2.0 * math.pi, points, endpoint=False), io.read_profile(profile, unit=unit)
     lift, bridge = lift_from_profile(xy, made, angle, turn=turn), find_bridges(xy, made, turn=turn)
-    files = [] if output is None else [write_lift_table(output, angle, lift, overwrite=overwrite)]
-    json = {
-        "points": len(xy), "angle": angle.tolist(), "lift": lift.tolist(),
-        "bridged": None if bridge is None else asdict(bridge),
-    }  # fmt: skip
-    table = _lift_from_profile_table(profile.name, len(xy), angle, lift, bridge)
-    cli.write_output(
-        cli.CommandOutput([table], json), as_json=as_json, written=files, describe_file=cli.describe_lift_file
-    )
+    files = [] if output is None else [io.write_lift_table(output, angle, lift, overwrite=overwrite)]
+    json = {"points": len(xy), "angle": angle.tolist(), "lift": lift.tolist(), "bridged": bridge and asdict(bridge)}
+    low, high = (int(find(lift)) for find in (np.argmin, np.argmax))
+    rows = [
+        ("points", str(len(xy))),
+        ("max lift", f"{format_quantity('m', lift[high])} {_at(angle[high])}"),
+        ("min lift", f"{format_quantity('m', lift[low])} {_at(angle[low])}"),
+    ]
+    if lift[low] < -cam_analysis.NEGATIVE_LIFT_TOLERANCE * lift[high]:
+        rows.append(("warning", "the profile lies inside the base circle; check its radius and the unit"))
+    if bridge is not None:
+        place = format_quantity("m", *bridge.point, digits=4, separator=", ")
+        gap = format_quantity("m", bridge.depth, digits=3)
+        said = f"the follower bridges a hollow of the profile, with a gap of {gap} at {place}"
+        rows.append(("warning", f"{said}; a smaller roller follows the profile"))
+    tables = [facts_table(f"Lift of {profile.name}", rows)]
+    return cli.CommandOutput(tables, json, files=files, describe_file=cli.describe_lift_file)

@@ -23,13 +23,14 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import collect_errors, refuse
 from flexcam.core.units import shaft_name
 from flexcam.dynamics import Status
-from flexcam.report.terminal import (
-    NOISE,
-    finite_numbers,
-    finite_or_none,
-    format_number,
-    plain_table,
-    show_count,
+from flexcam.report.terminal import NOISE, finite_numbers, finite_or_none, format_number, plain_table, show_count
+
+_MODES, _RESPONSE = Group("Natural modes", sort_key=1), Group("Orders of the response", sort_key=2)
+_MAX_ORDER = 1000  # the harmonics of a lift are below a thousandth of the maximum long before
+_MAX_TABLE_ORDERS = 8  # in the table: those with the largest amplitudes
+_DASH = (
+    "-: at this speed the mode does not exist, because a contact is open or closed there, or there is no result. A "
+    "mode that exists only at some speeds has a separate row."
 )
 
 
@@ -43,12 +44,6 @@ def _campbell_table(found: Campbell, scale: float) -> Table:
     ]
     title = f"Modes at full lift of {found.contact} over {shaft_name(scale)} rpm"
     return plain_table(title, ("mode", low, high, "excited", "what moves"), rows)
-
-
-_DASH = (
-    "-: at this speed the mode does not exist, because a contact is open or closed there, or there is no result. A "
-    "mode that exists only at some speeds has a separate row."
-)
 
 
 def _crossing_table(found: Campbell, scale: float) -> Table:
@@ -86,9 +81,6 @@ def _describe_incomplete_runs(statuses: Sequence[Status], rpm: FloatArray, scale
         for status, speed in zip(statuses, rpm.tolist(), strict=True)
         if not status.ok
     ]
-
-
-_MAX_TABLE_ORDERS = 8  # in the table: those with the largest amplitudes
 
 
 def _orders_table(found: Waterfall, scale: float) -> Table:
@@ -131,17 +123,12 @@ def _orders_json(found: Sequence[Waterfall], scale: float) -> dict[str, object]:
     }  # fmt: skip
 
 
-_MODES, _RESPONSE = Group("Natural modes", sort_key=1), Group("Orders of the response", sort_key=2)
-
-
-@cli.app.command(
-    help_prologue="""\
+@cli.command("""\
 flexcam campbell cases/tayeb/model-3-shm.toml --lowest 1000rpm --highest 6000rpm --plot campbell.svg
 flexcam campbell case.toml --orders 1:12 --modes 4 --count 21 --json
 flexcam campbell case.toml --response --lowest 3000rpm --highest 7000rpm --plot orders.svg --csv orders.csv
 flexcam campbell case.toml --response --channel contacts.intake.force --probe valve --orders 1:40
-"""
-)
+""")
 def campbell(
     case: cli.CaseFile, *,
     lowest: cli.Lowest = None, highest: cli.Highest = None, count: cli.Count = 9,
@@ -160,7 +147,7 @@ def campbell(
         "Repeatable.")] = None,
     csv: Annotated[cli.Csv, Parameter(group=_RESPONSE)] = None, plot: cli.Picture = None,
     overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
-) -> Status | None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Compute natural frequencies over speed and the orders of the cam that excite them, or the orders of the response.
 
     Use it to find resonances (Campbell diagram). With --response it runs the case at every speed and shows the
@@ -170,25 +157,23 @@ def campbell(
     if response:
         why = "the orders of the response need no modes"
         cli.refuse_with("--response", why, {"--modes": modes, "--contact": contact}, "leave one out")
-    for option, given in (("--channel", channels), ("--probe", probes), ("--csv", csv)):
-        cli.refuse_without(option, given, "--response", present=response)
+    of_response = {"--channel": channels, "--probe": probes, "--csv": csv}
+    cli.refuse_without("--response", of_response, present=response)
     read, numbers = collect_errors(
         lambda: cli.load_case(case, overrides) if response else cli.load_beams(case, overrides),
         lambda: _parse_orders(orders, response),
-        lambda: cli.check_positive("--modes", 8 if modes is None else modes),
+        lambda: cli.check_number("--modes", modes),
         lambda: cli.check_targets(csv, plot, case, overwrite=overwrite),
     )
     speeds = cli.spaced_speeds(lowest, highest, count, read)
     if response:
-        output, ended = orders_of_response(read, speeds, select_signals(read, channels, probes), numbers[-1])
-    else:
-        output, ended = modes_over_speed(read, speeds, numbers, 8 if modes is None else modes, contact)
-    return cli.write_output(output, csv, plot, ended, overwrite=overwrite, as_json=as_json)
+        return orders_of_response(read, speeds, select_signals(read, channels, probes), numbers[-1])
+    return modes_over_speed(read, speeds, numbers, 8 if modes is None else modes, contact)
 
 
 def modes_over_speed(
     case: Case, speeds: list[float], orders: Sequence[int], count: int = 8, contact: str | None = None
-) -> tuple[cli.CommandOutput, Status | None]:
+) -> cli.CommandOutput:
     """Return natural modes over speed and their crossings with orders of the cam."""
     scale = case.turns
     with show_count(len(speeds), "speeds") as shown:
@@ -196,27 +181,24 @@ def modes_over_speed(
     incomplete = _describe_incomplete_runs(found.statuses, found.rpm, scale)
     dash = [_DASH] if np.isnan(found.frequencies[[0, -1]]).any() else []
     parts = [_campbell_table(found, scale), *dash, _crossing_table(found, scale), *incomplete]
-    output = cli.CommandOutput(
-        parts, _campbell_json(found, scale), title=case.title,
+    return cli.CommandOutput(
+        parts, _campbell_json(found, scale), title=case.title, status=cli.joint_status(found.statuses, "speeds"),
         draw=lambda: plotting.spectra.campbell_figure(found, scale, shaft_name(scale)),
     )  # fmt: skip
-    return output, cli.failed_status(found.statuses, "speeds")
 
 
-def orders_of_response(
-    case: Case, speeds: list[float], signals: list[Signal], highest_order: int
-) -> tuple[cli.CommandOutput, Status | None]:
+def orders_of_response(case: Case, speeds: list[float], signals: list[Signal], highest_order: int) -> cli.CommandOutput:
     """Run every speed and return the orders of the last revolution."""
     scale = case.turns
     with show_count(len(speeds), "speeds") as shown:
         found = waterfall(case, speeds, signals, highest_order, advance=shown)
     incomplete = _describe_incomplete_runs(found[0].statuses, found[0].rpm, scale)
     parts = [*(_orders_table(one, scale) for one in found), *incomplete]
-    output = cli.CommandOutput(
+    return cli.CommandOutput(
         parts, _orders_json(found, scale), _orders_csv(found, scale), title=case.title,
         draw=lambda: plotting.spectra.waterfall_figure(found, scale, shaft_name(scale)),
+        status=cli.joint_status(found[0].statuses, "speeds"),
     )  # fmt: skip
-    return output, cli.failed_status(found[0].statuses, "speeds")
 
 
 def select_signals(case: Case, channels: list[str] | None, probes: list[str] | None) -> list[Signal]:
@@ -241,6 +223,3 @@ def _parse_orders(text: str, response: bool) -> list[int]:
         why = "the response has all orders from 1"
         raise refuse("--orders", repr(text), "1:N with --response", why, f"write 1:{numbers[-1]}")
     return numbers
-
-
-_MAX_ORDER = 1000  # the harmonics of a lift are below a thousandth of the maximum long before

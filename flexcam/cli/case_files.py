@@ -17,27 +17,24 @@ from flexcam.case.records import CaseRecord
 from flexcam.case.starters import new_case, templates
 from flexcam.cli import app as cli
 from flexcam.core.errors import refuse
-from flexcam.core.units import set_unit_system
 from flexcam.dynamics import integrated_size
 from flexcam.io import format_toml
 from flexcam.report.tables import describe_inactive, model_table, spring_curve_rows, spring_curve_table
-from flexcam.report.terminal import plain_table, print_json, result_console
+from flexcam.report.terminal import plain_table, print_json
 from flexcam.valvetrain import member_masses
 
 
-@cli.app.command(
-    help_prologue="""\
+@cli.command("""\
 flexcam new --list
 flexcam new pushrod-engine
 flexcam new measured-lift -o engine/intake.toml
-"""
-)
+""")
 def new(
     template: Annotated[str | None, Parameter(help="Name of the starter case; without it, all are listed.")] = None, *,
     every: Annotated[bool, Parameter("--list", help="List all starter cases.")] = False,
     target: Annotated[Path | None, Parameter(["-o", "--output"], help="Case file; TEMPLATE.toml by default.")] = None,
     overwrite: cli.Overwrite = False, as_json: cli.Json = False,
-) -> None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Write a commented starter case to edit.
 
     Without a name it lists the starter cases. Start here, then check and run the file.
@@ -49,40 +46,34 @@ def new(
         table.add_column("content", justify="left")
         for name, words in templates().items():
             table.add_row(name, words)
-        cli.write_output(cli.CommandOutput([table], {"templates": templates()}), as_json=as_json)
-        return
+        return cli.CommandOutput([table], {"templates": templates()})
     files = new_case(template, target, overwrite=overwrite)
     following = f"Next: flexcam check {files[0]}, flexcam run {files[0]}, flexcam view {files[0]}"
     names = [str(path) for path in files]
-    cli.write_output(cli.CommandOutput(["\n".join(names), following], {"files": names}), as_json=as_json)
+    return cli.CommandOutput(["\n".join(names), following], {"files": names})
 
 
-@cli.app.command(
-    help_prologue="""\
+@cli.command("""\
 flexcam check case.toml
 flexcam check case.toml --set run.speed=4000rpm --json
 flexcam check case.toml --echo
-"""
-)
+""")
 def check(
     case: cli.CaseFile, *,
     echo: Annotated[bool, Parameter("--echo", help="Also print the case as TOML with all default values.")] = False,
     overrides: cli.Overrides = None, units: cli.Units = None, as_json: cli.Json = False,
-) -> None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Check a case file and summarize its model: size, masses, natural frequencies, warnings.
 
     It reports all errors of keys, values and references at once. Errors of the TOML syntax are reported first and
     alone, errors of the assembled model, such as an undercut cam, only if the keys are correct. It estimates the memory
     and disk space of a run, but does not run the case.
     """
-    set_unit_system(units or "metric")
     read = cli.load_case(case, overrides)
     ready = prepare_without_periodic_search(read)
     found, resources = modes(read), estimate_case_resources(ready, "revolution")
     warnings = check_modes(found) + check_input(ready)
-    if (
-        not ready.problem.system.is_kinematic
-    ):  # `check_input` has it for rigid trains; a run reports coil clash from its motion
+    if not ready.problem.system.is_kinematic:  # `check_input` has it for rigid trains; a run reports it from its motion
         warnings += check_coil_bind(ready.model, read.speed)
     springs = {name: spring for name, spring in ready.model.springs.items() if spring.table or spring.coils}
     mesh, system = ready.model.mesh, ready.problem.system
@@ -109,14 +100,15 @@ def check(
         "case": ready.case.record.model_dump(mode="json", by_alias=True),
     }  # fmt: skip
     parts = [model_table(ready, found, resources), *(spring_curve_table(*item) for item in springs.items()), *warnings]
-    parts += [] if echo else ["--echo prints the case with all default values."]
-    cli.write_output(cli.CommandOutput(parts, json), as_json=as_json)
-    if echo and not as_json:
-        text = format_toml(complete_case_tables(read))
-        result_console().print("\n# the case with all default values\n" + text, soft_wrap=True)
+    text = ""
+    if echo:
+        text = "\n# the case with all default values\n" + format_toml(complete_case_tables(read))
+    else:
+        parts.append("--echo prints the case with all default values.")
+    return cli.CommandOutput(parts, json, text=text)
 
 
-@cli.app.command(help_prologue="flexcam schema > case.schema.json\n")
+@cli.command("flexcam schema > case.schema.json\n")
 def schema(*, as_json: cli.Json = False) -> None:
     """Print the JSON Schema of case files, which editors use for completion and checks.
 

@@ -2,36 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 from cyclopts import Group, Parameter
-from rich.table import Table
 
 from flexcam import plotting
-from flexcam.analysis.comparison import (
-    MODELS,
-    ForceRange,
-    SpeedResult,
-    compare_models_over_speed,
-    compare_responses,
-    divergence_speed,
-)
+from flexcam.analysis import comparison
+from flexcam.analysis.comparison import MODELS, compare_responses
 from flexcam.analysis.model_choice import evaluate_ladder, model_ladder
 from flexcam.analysis.preparation import prepare, scalar_probe
-from flexcam.analysis.published_claims import Claim, check_claims, deviation, excited_mode
+from flexcam.analysis.published_claims import check_claims, deviation, excited_mode
 from flexcam.analysis.run import reload_result
 from flexcam.analysis.run import run as run_case
 from flexcam.case.case import Case
 from flexcam.case.reader import case_from_result
 from flexcam.cli import app as cli
-from flexcam.core import FloatArray
 from flexcam.core.errors import collect_errors, positive, refuse, suggest_name
 from flexcam.core.units import RPM, parse, shaft_name
-from flexcam.dynamics import Response, Status, reraise_interrupt
+from flexcam.dynamics import Response, reraise_interrupt
 from flexcam.io import read_result
 from flexcam.report.fidelity_tables import TRADE_LEGEND, trade_csv, trade_json, trade_table, trade_warnings
 from flexcam.report.tables import comparison_json, comparison_table, describe_comparison, describe_contacts
@@ -39,17 +30,16 @@ from flexcam.report.terminal import create_table, format_decimals, plain_table, 
 
 _RESULT = ".vtkhdf"
 _SPEEDS = Group("Contact forces over speed", sort_key=1)
+_PAIRS = (("rigid", "bilateral"), ("bilateral", "unilateral"))
 
 
-@cli.app.command(
-    help_prologue="""\
+@cli.command("""\
 flexcam compare case.toml
 flexcam compare case.toml --probe valve --set run.speed=4000rpm
 flexcam compare case.toml --against sdof
 flexcam compare one.vtkhdf --against other.vtkhdf
 flexcam compare case.toml --lowest 2000rpm --highest 7000rpm --count 6 --plot forces.svg
-"""
-)
+""")
 def compare(
     case: Annotated[Path, Parameter(help="Case file (.toml), or result file (.vtkhdf) with --against.")], *,
     probe: Annotated[str | None, Parameter(
@@ -68,7 +58,7 @@ def compare(
     plot: Annotated[Path | None, Parameter(
         group=_SPEEDS, help="Also draw the forces over speed (.svg, .png or .pdf).")] = None,
     overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
-) -> Status | None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Compare the flexible model with the rigid one, or any two models, cases or results.
 
     With --lowest, --highest or --plot it compares the contact forces of three models over a range of speeds: rigid,
@@ -77,8 +67,8 @@ def compare(
     Speeds are those of the crankshaft if the case gives crank_speed, otherwise those of the camshaft.
     """
     over_speed = any(one is not None for one in (lowest, highest, plot))
-    for option, given in (("--count", count), ("--tolerance", tolerance), ("--contact", contact)):
-        cli.refuse_without(option, given, "--lowest, --highest or --plot", present=over_speed)
+    of_speeds = {"--count": count, "--tolerance": tolerance, "--contact": contact}
+    cli.refuse_without("--lowest, --highest or --plot", of_speeds, present=over_speed)
     if over_speed:
         why = "these always compare three models"
         cli.refuse_with("--lowest, --highest or --plot", why, {"--probe": probe, "--against": against})
@@ -86,10 +76,9 @@ def compare(
         read = cli.load_beams(case, overrides)
         speeds = cli.spaced_speeds(lowest, highest, 8 if count is None else count, read)
         cli.check_targets(None, plot, overwrite=overwrite)
-        output = _compare_over_speed(read, speeds, part, contact)
-        return cli.write_output(output, plot=plot, overwrite=overwrite, as_json=as_json)
+        return _compare_over_speed(read, speeds, part, contact)
     if against is not None:
-        return _compare_pair(case, against, probe, overrides, as_json)
+        return _compare_pair(case, against, probe, overrides)
     read = cli.load_beams(case, overrides)
     at = probe or scalar_probe(prepare(read))
     found = deviation(read, at)
@@ -98,15 +87,21 @@ def compare(
     claims = check_claims(read, at, found) if read.record.paper and found.status.ok else []
     json = {**comparison_json(found), "loaded_mode_hz": mode_hz, "claims": [asdict(claim) for claim in claims]}
     parts = [comparison_table(found, read.turns), *describe_comparison(found, mode_hz), *describe_contacts(read)]
-    parts += [_claim_table(claims)] if claims else []
-    cli.write_output(cli.CommandOutput(parts, json), as_json=as_json)
-    return found.status
+    if claims:
+        table = create_table("Claims of the paper and this computation")
+        for head in ("claim", "reproduced", "computed"):
+            table.add_column(head, justify="left")
+        for claim in claims:
+            table.add_row(claim.statement, "yes" if claim.reproduced else "no", claim.finding)
+        parts.append(table)
+    return cli.CommandOutput(parts, json, status=found.status)
 
 
-def _compare_pair(case: Path, against: str, probe: str | None, overrides: cli.Overrides, as_json: bool) -> Status:
+def _compare_pair(case: Path, against: str, probe: str | None, overrides: cli.Overrides) -> cli.CommandOutput:
     """Compare two models of a case, two cases or two results."""
+    second = Path(against)
     if case.suffix == _RESULT:
-        if overrides and Path(against).suffix == _RESULT:
+        if overrides and second.suffix == _RESULT:
             why = "results cannot be changed"
             raise refuse("--set", overrides[0], "--set with a case only", why, "give the case, or leave it out")
         result, read = read_result(case), None
@@ -115,32 +110,23 @@ def _compare_pair(case: Path, against: str, probe: str | None, overrides: cli.Ov
     else:
         read = cli.load_case(case, overrides)
         one, at = _run(read), probe or scalar_probe(prepare(read))
-    other = _second_response(against, read, overrides)
-    second = Path(against)
+    if second.suffix == _RESULT:
+        other = read_result(second).response
+    elif second.suffix == ".toml":
+        other = _run(cli.load_case(second, overrides))
+    else:
+        models = {} if read is None else {model.name: model for model in model_ladder(read)}
+        if against not in models:
+            allowed = f"a case, a result, or one of {', '.join(models)}" if models else "a case or a result"
+            raise refuse("--against", repr(against), allowed, "", suggest_name(against, list(models)))
+        other = _run(models[against].case)
     pairs = (case.stem, second.stem), (case.name, second.name), (str(case), against)
     names = next((pair for pair in pairs if pair[0] != pair[1]), pairs[0])
     angle, duration = (float(series[-1] - series[0]) for series in (one.angle, one.time))
     rpm = angle / duration / RPM if duration > 0.0 else 0.0
     found = compare_responses(one, other, at, rpm, names)
     json = {**comparison_json(found), "compared": list(found.names)}
-    cli.write_output(
-        cli.CommandOutput([comparison_table(found), *describe_comparison(found, None)], json), as_json=as_json
-    )
-    return found.status
-
-
-def _second_response(against: str, read: Case | None, overrides: cli.Overrides) -> Response:
-    """Return the response compared with: of a result, another case, or a model of the case's ladder."""
-    path = Path(against)
-    if path.suffix == _RESULT:
-        return read_result(path).response
-    if path.suffix == ".toml":
-        return _run(cli.load_case(path, overrides))
-    models = {} if read is None else {model.name: model for model in model_ladder(read)}
-    if against not in models:
-        allowed = f"a case, a result, or one of {', '.join(models)}" if models else "a case or a result"
-        raise refuse("--against", repr(against), allowed, "", suggest_name(against, list(models)))
-    return _run(models[against].case)
+    return cli.CommandOutput([comparison_table(found), *describe_comparison(found, None)], json, status=found.status)
 
 
 def _run(case: Case) -> Response:
@@ -152,75 +138,50 @@ def _run(case: Case) -> Response:
 
 def _compare_over_speed(case: Case, speeds: list[float], tolerance: float, contact: str | None) -> cli.CommandOutput:
     """Compare the contact forces of the rigid, bilateral and unilateral model over speed."""
-    scale = case.turns
+    scale, shaft = case.turns, shaft_name(case.turns)
     with show_count(len(speeds), "speeds") as shown:
-        found = compare_models_over_speed(case, speeds, contact=contact, advance=shown)
-
-    nothing, ranges = ForceRange(float("nan"), float("nan")), dict[str, tuple[FloatArray, FloatArray]]()
-    for name in MODELS:
-        forces = [speed.forces[name] or nothing for speed in found]
-        ranges[name] = np.array([one.least for one in forces]), np.array([one.largest for one in forces])
+        found = comparison.compare_models_over_speed(case, speeds, contact=contact, advance=shown)
+    words, parting = list[str](), dict[str, float | None]()
+    for first, second in _PAIRS:
+        rpm = comparison.divergence_speed(found, first, second, tolerance)
+        when = "already at the lowest speed," if rpm == found[0].rpm else "first at"
+        there = "at none of the speeds" if rpm is None else f"{when} {scale * rpm:.6g} {shaft} rpm"
+        words.append(f"{first} and {second} {there}")
+        parting[f"{first}_{second}_part_rpm"] = None if rpm is None else scale * rpm
+    differ = f"differences above {tolerance:.0%} of the maximum force: {'; '.join(words)}"
+    head = (f"{shaft} rpm", *(f"{name}, N" for name in MODELS))
+    rows = [(f"{scale * one.rpm:.6g}", *(_format_forces(one.forces[name]) for name in MODELS)) for one in found]
     rpm = np.array([scale * one.rpm for one in found])
+    forces = {
+        name: [None if (one := speed.forces[name]) is None else (one.least, one.largest) for speed in found]
+        for name in MODELS
+    }
+    ends = {name: np.array([pair or (np.nan, np.nan) for pair in pairs]).T for name, pairs in forces.items()}
+    ranges = {name: (low, high) for name, (low, high) in ends.items()}
     return cli.CommandOutput(
-        [_divergence_table(found, scale, tolerance)], _divergence_json(found, scale, tolerance), title=case.title,
-        draw=lambda: plotting.spectra.force_figure(rpm, ranges, shaft_name(scale)),
+        [plain_table(f"Contact force on the main lift, min to max; {differ}", head, rows)],
+        {"shaft": shaft, "rpm": rpm.tolist(), "forces_n": forces, **parting, "tolerance": tolerance}, title=case.title,
+        draw=lambda: plotting.spectra.force_figure(rpm, ranges, shaft),
     )  # fmt: skip
 
 
-_PAIRS = (("rigid", "bilateral"), ("bilateral", "unilateral"))
-
-
-def _divergence_table(found: Sequence[SpeedResult], scale: float, tolerance: float) -> Table:
-    """Return the table of minimum and maximum contact force on the main lift by model."""
-    rows = [(f"{scale * one.rpm:.6g}", *(_format_forces(one.forces[name]) for name in MODELS)) for one in found]
-    head = (f"{shaft_name(scale)} rpm", *(f"{name}, N" for name in MODELS))
-    return plain_table(
-        f"Contact force on the main lift, min to max; {_describe_divergence(found, scale, tolerance)}", head, rows
-    )
-
-
-def _format_forces(forces: ForceRange | None) -> str:
+def _format_forces(forces: comparison.ForceRange | None) -> str:
     if forces is None:
         return "did not finish"
     return f"{format_decimals(forces.least, 0)} to {format_decimals(forces.largest, 0)}"
 
 
-def _describe_divergence(found: Sequence[SpeedResult], scale: float, tolerance: float) -> str:
-    words: list[str] = []
-    for first, second in _PAIRS:
-        rpm = divergence_speed(found, first, second, tolerance)
-        when = "already at the lowest speed," if rpm == found[0].rpm else "first at"
-        there = "at none of the speeds" if rpm is None else f"{when} {scale * rpm:.6g} {shaft_name(scale)} rpm"
-        words.append(f"{first} and {second} {there}")
-    return f"differences above {tolerance:.0%} of the maximum force: {'; '.join(words)}"
-
-
-def _divergence_json(found: Sequence[SpeedResult], scale: float, tolerance: float) -> dict[str, object]:
-    part: dict[str, object] = {}
-    for first, second in _PAIRS:
-        rpm = divergence_speed(found, first, second, tolerance)
-        part[f"{first}_{second}_part_rpm"] = None if rpm is None else scale * rpm
-    forces = {
-        name: [None if (one := speed.forces[name]) is None else [one.least, one.largest] for speed in found]
-        for name in MODELS
-    }
-    rpm = [scale * one.rpm for one in found]
-    return {"shaft": shaft_name(scale), "rpm": rpm, "forces_n": forces, **part, "tolerance": tolerance}
-
-
-@cli.app.command(
-    help_prologue="""\
+@cli.command("""\
 flexcam trade cases/tayeb/model-3-shm.toml
 flexcam trade case.toml --csv trade.csv --plot trade.svg --repeats 5
-"""
-)
+""")
 def trade(
     case: cli.CaseFile, *,
     probe: Annotated[str | None, Parameter(help=f"Probe whose motion is compared; {cli.DEFAULT_PROBE}.")] = None,
     repeats: Annotated[int, Parameter(help="Runs of every model; their median time is shown.")] = 3,
     csv: cli.Csv = None, plot: cli.Picture = None, overrides: cli.Overrides = None, overwrite: cli.Overwrite = False,
     as_json: cli.Json = False,
-) -> None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Compare error and run time of all models of a case, from rigid to flexible.
 
     Use it to choose the keys of [fidelity] and the elements of the members. The reference is a converged run of the
@@ -229,7 +190,7 @@ def trade(
     """
     read, _ = collect_errors(
         lambda: cli.load_case(case, overrides),
-        lambda: cli.check_positive("--repeats", repeats),
+        lambda: cli.check_number("--repeats", repeats),
         lambda: cli.check_targets(csv, plot, case, overwrite=overwrite),
     )
     at = probe or scalar_probe(prepare(read))
@@ -237,17 +198,7 @@ def trade(
         against, found = evaluate_ladder(read, at, repeats=repeats, advance=shown)
 
     parts = [trade_table(against, found), TRADE_LEGEND, *trade_warnings(against, found)]
-    output = cli.CommandOutput(
+    return cli.CommandOutput(
         parts, trade_json(against, found), trade_csv(against, found), title=read.title,
         draw=lambda: plotting.histories.work_precision_figure(found),
     )  # fmt: skip
-    cli.write_output(output, csv, plot, overwrite=overwrite, as_json=as_json)
-
-
-def _claim_table(claims: Iterable[Claim]) -> Table:
-    made = create_table("Claims of the paper and this computation")
-    for head in ("claim", "reproduced", "computed"):
-        made.add_column(head, justify="left")
-    for claim in claims:
-        made.add_row(claim.statement, "yes" if claim.reproduced else "no", claim.finding)
-    return made

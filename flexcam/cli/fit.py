@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -25,12 +26,10 @@ from flexcam.studies.variables import PointEvaluator, Variable, variables_of
 _TO = "Measured curves (.csv, .mf4): columns such as 'crank angle [deg]' or 'time [s]', and 'valve displacement [mm]'."
 
 
-@cli.app.command(
-    help_prologue="""\
+@cli.command("""\
 flexcam fit case.toml --to measured.csv --vary springs.valve.stiffness=40:60kN/m --vary cams.intake.phase=100:110deg
 flexcam fit case.toml --to measured.csv --vary masses.valve.mass=80:100g --noise 'valve displacement=0.005' --plot f.svg
-"""
-)
+""")
 def fit(
     case: cli.CaseFile, *,
     to: Annotated[Path, Parameter(help=_TO)],
@@ -43,14 +42,14 @@ def fit(
     workers: WorkerCount = 1, target: NewCase = None, csv: cli.Csv = None, plot: cli.Picture = None,
     overrides: cli.Overrides = None, allow_large: cli.AllowLarge = False,
     overwrite: cli.Overwrite = False, as_json: cli.Json = False,
-) -> Status | None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Fit values of a case to measured curves, print 95 % confidence intervals and warn about correlated values.
 
     Curves over an angle are compared with the last revolution, curves over time with the whole run. A column without
     --noise is weighted by its own residuals.
     """
     cli.check_targets(csv, plot, case, to, overwrite=overwrite, target=target)
-    cli.check_positive("--steps", steps)
+    cli.check_number("--steps", steps)
     file, fixed = OpenCase.open(case), tuple(overrides or ())
     given = file.read(fixed)
     cli.warn_ignored_keys(fixed, given)
@@ -60,11 +59,7 @@ def fit(
     with (
         show_count(None, "runs") as shown,
         open_evaluator(
-            make_bundle(file, None, fixed),
-            partial(curve_row, measured=measured),
-            fixed,
-            workers=workers,
-            advance=shown,
+            make_bundle(file, None, fixed), partial(curve_row, measured=measured), fixed, workers=workers, advance=shown
         ) as runs,
     ):
         points = PointEvaluator(given, variables, runs)
@@ -74,8 +69,7 @@ def fit(
     ended = Status()
     if not found.converged:
         ended = Status(Cause.TOLERANCE, "the search ended before it reached its tolerance", "allow more --steps")
-    output = _fit_output(variables, measured, found)
-    return cli.write_output(output, csv, plot, ended, overwrite=overwrite, as_json=as_json, written=written)
+    return replace(_fit_output(variables, measured, found), files=written, status=ended)
 
 
 def _fit_output(variables: Sequence[Variable], measured: Measurement, found: Fit) -> cli.CommandOutput:

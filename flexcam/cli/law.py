@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -18,6 +18,7 @@ from flexcam.cli import app as cli
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.report.terminal import facts_table, plain_table, remove_noise
 
+_RATIOS = (1.0, 1.5, 2.0, 3.0, 5.0)
 _CURVES = (("velocity", "s'"), ("acceleration", "s''"), ("jerk", "s'''"), ("moment", "s' s''"))
 
 
@@ -77,9 +78,6 @@ def _spectrum_table(spectra: Mapping[str, Sequence[float]], ratios: Sequence[flo
     return plain_table("Residual vibration / lift, by rise time / period", ("law", *(f"{r:g}" for r in ratios)), rows)
 
 
-_RATIOS = (1.0, 1.5, 2.0, 3.0, 5.0)
-
-
 def find_law(name: str, parameters: list[str] | None = None) -> Law:
     """Return a law given by name and parameters, or by a file."""
     if name.endswith(".toml"):
@@ -88,18 +86,16 @@ def find_law(name: str, parameters: list[str] | None = None) -> Law:
         return read_law(Path(name)).law
     if not parameters and name not in LAWS and name not in kind_names():
         known = list(dict.fromkeys([*LAWS, *kind_names()]))
-        raise refuse(
-            "law", repr(name), f"one of {', '.join(known)}, or a law file (.toml)", "", suggest_name(name, known)
-        )
+        allowed = f"one of {', '.join(known)}, or a law file (.toml)"
+        raise refuse("law", repr(name), allowed, "", suggest_name(name, known))
     given: dict[str, object] = {"id": name}
     for one in parameters or ():
         key, equals, value = one.partition("=")
         if not equals:
             raise refuse("--with", repr(one), "key=value, such as b=0.25")
         if key.strip() in given:
-            raise refuse(
-                "--with", repr(one), "every parameter once", f"{key.strip()!r} is given twice", "leave one out"
-            )
+            why = f"{key.strip()!r} is given twice"
+            raise refuse("--with", repr(one), "every parameter once", why, "leave one out")
         try:
             given[key.strip()] = parse_toml(f"value = {value}")["value"]
         except ValueError:
@@ -107,14 +103,12 @@ def find_law(name: str, parameters: list[str] | None = None) -> Law:
     return parse_law(given).law
 
 
-@cli.app.command(
-    help_prologue="""\
+@cli.command("""\
 flexcam law --list
 flexcam law 4-5-6-7
 flexcam law scca --with b=0.25 --with c=0.5 --with d=0.25 --json
 flexcam law best.toml --residual 1.5 --plot best.svg
-"""
-)
+""")
 def law(
     name: Annotated[str | None, Parameter(help="Name of a motion law, or a law file (.toml).")] = None, *,
     every: Annotated[bool, Parameter("--list", help="List all motion laws with their criteria.")] = False,
@@ -127,7 +121,7 @@ def law(
     spectrum: Annotated[Path | None, Parameter(
         "--spectrum", help="Also draw the residual vibration over the rise time (.svg, .png or .pdf).")] = None,
     overwrite: cli.Overwrite = False, as_json: cli.Json = False,
-) -> None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Show the criteria of a motion law, or compare all laws: max velocity, acceleration, jerk, residual vibration.
 
     All values are normalized to lift 1 over angle 1.
@@ -138,19 +132,17 @@ def law(
             given = name if name is not None else f"--with {', '.join(parameters or ())}"
             raise refuse("--list", given, "--list alone", "it lists every law", "leave one out")
         files = _draw_laws(LAWS, plot, spectrum, overwrite=overwrite)
-        cli.write_output(_compare_laws(ratios), as_json=as_json, written=files)
-        return
+        return replace(_compare_laws(ratios), files=files)
     if name is None:
         raise refuse("law", "nothing", "the name of a motion law, a law file (.toml), or --list")
     one = find_law(name, parameters)
     found, vibration = criteria(one), residual_spectrum(one, ratios).tolist()
     pairs = [{"ratio": ratio, "amplitude": value} for ratio, value in zip(ratios, vibration, strict=True)]
-    output = cli.CommandOutput(
+    return cli.CommandOutput(
         [_law_facts(name, found), _spectrum_table({name: vibration}, ratios)],
         {"law": name, **_law_json(found), "residual": pairs},
+        files=_draw_laws({name: one}, plot, spectrum, overwrite=overwrite),
     )
-    files = _draw_laws({name: one}, plot, spectrum, overwrite=overwrite)
-    cli.write_output(output, as_json=as_json, written=files)
 
 
 def _compare_laws(ratios: Sequence[float]) -> cli.CommandOutput:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -16,8 +17,7 @@ from flexcam.analysis.run_metrics import compute_margins
 from flexcam.case.reader import CaseFile as OpenCase
 from flexcam.cli import app as cli
 from flexcam.core.errors import positive, refuse
-from flexcam.core.units import set_unit_system, shaft_name
-from flexcam.dynamics import Status
+from flexcam.core.units import shaft_name
 from flexcam.report.tables import limits_json, limits_table
 from flexcam.report.terminal import finite_numbers, format_csv, format_number, plain_table, show_count, with_unit
 from flexcam.studies.executors import count_cores
@@ -34,13 +34,11 @@ _LEGEND = (
 _MAP = Group("Map over two values", sort_key=1)
 
 
-@cli.app.command(
-    help_prologue="""\
+@cli.command("""\
 flexcam limits cases/pushrod-engine/intake.toml
 flexcam limits case.toml --lowest 2000rpm --highest 9000rpm --accuracy 5rpm --json
 flexcam limits case.toml --over springs.valve.stiffness=40:70:5kN/m --and masses.valve.mass=80:110:10g --plot map.svg
-"""
-)
+""")
 def limits(
     case: cli.CaseFile, *,
     lowest: Annotated[str | None, Parameter(help="Lowest speed of the range; half the case's by default.")] = None,
@@ -63,7 +61,7 @@ def limits(
     plot: Annotated[cli.Picture, Parameter(group=_MAP)] = None,
     overrides: cli.Overrides = None, units: cli.Units = None, overwrite: cli.Overwrite = False,
     as_json: cli.Json = False,
-) -> Status | None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Find the speed limits of a valve train: contact loss, valve float, valve bounce, coil clash, buckling.
 
     It runs the case at speeds 5 % apart from --lowest to --highest. For each limit it bisects between the first speed
@@ -72,7 +70,6 @@ def limits(
     valve lift above that of the rigid train. Speeds are those of the crankshaft if the case gives crank_speed,
     otherwise those of the camshaft.
     """
-    set_unit_system(units or "metric")
     read = cli.load_beams(case, overrides)
     scale = read.turns
     low, high = cli.speed_range(lowest, highest, 2, read, most=2.0)
@@ -83,8 +80,7 @@ def limits(
     deviation = cli.parse_optional("--lift-deviation", lift_deviation, "length", "mm")
     cutoff = cli.parse_optional("--low-pass", low_pass, "rate", "Hz")
     search = Search(low, high, width, height, deviation, cutoff)
-    if workers is not None and workers < 1:
-        raise refuse("--workers", workers, "a whole number, at least 1")
+    cli.check_number("--workers", workers)
     if any(one is not None for one in (over, beside, which, csv, plot)):
         if over is None or beside is None:
             given = "--over alone" if over else "--and alone" if beside else "--limit, --csv or --plot alone"
@@ -94,8 +90,7 @@ def limits(
             raise refuse("limits", given, "one of them", "a map has the other limits only")
         cli.check_targets(csv, plot, case, overwrite=overwrite)
         names = which or ["loss_of_contact"]
-        output, ended = _map_limits(case, overrides, (over, beside), names, search, 1 if workers is None else workers)
-        return cli.write_output(output, csv, plot, ended, overwrite=overwrite, as_json=as_json)
+        return _map_limits(case, overrides, (over, beside), names, search, 1 if workers is None else workers)
     count = count_cores() if workers is None else workers
     with show_count(None, "runs") as shown, open_speed_runs(read, search, count) as runs:
         found = find_limits(read, search, start=runs, ahead=count, advance=shown)
@@ -105,12 +100,12 @@ def limits(
         parts.append(_LEGEND)
     if "loss_of_contact" not in found.limits:
         parts.append('Contact loss is not assessed: it needs a contact with model = "unilateral", which can separate.')
-    return cli.write_output(cli.CommandOutput(parts, limits_json(found, margins, scale)), as_json=as_json)
+    return cli.CommandOutput(parts, limits_json(found, margins, scale))
 
 
 def _map_limits(
     path: Path, overrides: cli.Overrides, settings: tuple[str, str], names: Sequence[str], search: Search, workers: int
-) -> tuple[cli.CommandOutput, Status]:
+) -> cli.CommandOutput:
     file = OpenCase.open(path)
     plan = grid_plan(_axis("--over", settings[0]), _axis("--and", settings[1]), overrides or ())
     case = validate_plan(file, plan)
@@ -122,7 +117,7 @@ def _map_limits(
     ):
         kept = InterruptibleRuns(runs)
         found = limit_map(plan, names, kept).with_units(case)
-    return limit_map_output(found, shaft_name(case.turns)), kept.status
+    return replace(limit_map_output(found, shaft_name(case.turns)), status=kept.status)
 
 
 def _axis(option: str, setting: str) -> Axis:

@@ -34,6 +34,24 @@ from flexcam.report.terminal import print_json, print_message
 
 DONE, REFUSED, FAILED, FAULT, INTERRUPTED, TERMINATED = 0, 2, 3, 70, 130, 143
 
+_HANGUP = [
+    number for number in (getattr(signal, "SIGHUP", None),)
+    if number is not None and signal.getsignal(number) is not signal.SIG_IGN  # nohup ignores it
+]  # fmt: skip
+"""Signal of a closed terminal."""
+
+_STREAM_FAULTS = (errno.ENOSPC, errno.EPIPE, errno.EIO)
+"""Errors of a standard output that is full or has no reader."""
+
+_INTERRUPTED = Status(Cause.INTERRUPTED, "stopped before it was finished; nothing is kept")
+_OUT_OF_MEMORY = Status(
+    Cause.OUT_OF_MEMORY, "the memory is exhausted",
+    "free memory, or take fewer elements; a run needs less with a larger output.field_every, a study with fewer "
+    "--workers",
+)  # fmt: skip
+_NO_MEMORY = re.compile("failed to map segment|cannot allocate memory", re.IGNORECASE)
+"""Words of a library that cannot be loaded for lack of memory."""
+
 _SYNONYMS = {
     "campbell": ("orders", "waterfall"), "cam": ("lift", "profile"), "law": ("laws",),
     "compare": ("divergence", "parting"), "new": ("init", "template"), "view": ("show",),
@@ -60,7 +78,9 @@ def load_commands(words: Sequence[str]) -> None:
         app[option].group = options
 
 
-def _print_status(status: Status) -> int:
+def _print_status(status: Status, *, as_json: bool = False) -> int:
+    if as_json:
+        print_json({"status": str(status.cause), "message": status.text, "remedy": status.remedy})
     if status.ok:
         return DONE
     print_message(str(status))
@@ -74,18 +94,6 @@ def _print_faults(faults: Sequence[Fault], as_json: bool) -> int:
         for fault in faults:
             print_message(str(fault))
     return REFUSED
-
-
-def _name_option(fault: Fault, words: Sequence[str]) -> Fault:
-    """Return a fault of a parameter with the option that gave it as its place."""
-    option = f"--{fault.where.replace('_', '-')}"
-    return replace(fault, where=option) if any(word.partition("=")[0] == option for word in words) else fault
-
-
-def _print_failure(status: Status, as_json: bool) -> int:
-    if as_json:
-        print_json({"status": str(status.cause), "message": status.text, "remedy": status.remedy})
-    return _print_status(status)
 
 
 def _report_crash(words: Sequence[str], as_json: bool) -> int:
@@ -106,10 +114,8 @@ def _command_line_fault(words: Sequence[str], fault: CycloptsError) -> Fault:
         command += [word for word in words[1:2] if word in ("law", "harmonic", "polydyne")]
     why, remedy = str(fault), f"see {' '.join(['flexcam', *command])} --help"
     if why.startswith("Unknown command"):
-        why, remedy = (
-            why.partition(" Available commands: ")[0],
-            f"choose one of {', '.join(COMMAND_FILES)}, or {remedy}",
-        )
+        why = why.partition(" Available commands: ")[0]
+        remedy = f"choose one of {', '.join(COMMAND_FILES)}, or {remedy}"
     elif found := re.match(r'Command "[^"]+" parameter -+(\S+) requires an argument', why):
         option = f"--{found[1]}"
         why = f"{found[1].upper()} ({option}) is missing"
@@ -118,24 +124,6 @@ def _command_line_fault(words: Sequence[str], fault: CycloptsError) -> Fault:
     elif found := re.match(r"Unused Tokens: \[(.*)\]", why):
         why = f"no argument or option accepts {found[1]}"
     return Fault("command line", " ".join(words), "", why, remedy)
-
-
-_INTERRUPTED = Status(Cause.INTERRUPTED, "stopped before it was finished; nothing is kept")
-
-
-_OUT_OF_MEMORY = Status(
-    Cause.OUT_OF_MEMORY,
-    "the memory is exhausted",
-    "free memory, or take fewer elements; a run needs less with a larger output.field_every, a study with fewer "
-    "--workers",
-)
-
-
-_NO_MEMORY = re.compile("failed to map segment|cannot allocate memory", re.IGNORECASE)
-"""Words of a library that cannot be loaded for lack of memory."""
-
-_STREAM_FAULTS = (errno.ENOSPC, errno.EPIPE, errno.EIO)
-"""Errors of a standard output that is full or has no reader."""
 
 
 def _handle_signal(signum: int, frame: FrameType | None) -> None:
@@ -174,16 +162,19 @@ def _dispatch(words: Sequence[str]) -> int:
     except CycloptsError as fault:
         code = _print_faults([_command_line_fault(words, fault)], as_json)
     except InputError as refusal:
-        code = _print_faults([_name_option(fault, words) for fault in refusal.faults], as_json)
+        given = {word.partition("=")[0] for word in words}
+        options = ((fault, f"--{fault.where.replace('_', '-')}") for fault in refusal.faults)  # of a parameter
+        faults = [replace(fault, where=option) if option in given else fault for fault, option in options]
+        code = _print_faults(faults, as_json)
     except RunFailedError as failure:
-        code = _print_failure(failure.status, as_json)
+        code = _print_status(failure.status, as_json=as_json)
     except KeyboardInterrupt:
-        code = _print_failure(_INTERRUPTED, as_json)
+        code = _print_status(_INTERRUPTED, as_json=as_json)
     except SystemExit:  # raised by rich if the reader of a help text closed the pipe
         code = DONE
     except Exception as fault:
         if isinstance(fault, MemoryError) or _NO_MEMORY.search(str(fault)):
-            code = _print_failure(_OUT_OF_MEMORY, as_json)
+            code = _print_status(_OUT_OF_MEMORY, as_json=as_json)
         elif isinstance(fault, OSError) and fault.filename is not None:
             what = Fault("file", str(fault.filename), "a file or folder that can be used", system_message(fault), "")
             code = _print_faults([what], as_json)
@@ -193,13 +184,6 @@ def _dispatch(words: Sequence[str]) -> int:
             code = _report_crash(words, as_json)
     # A signal that arrived inside a finalizer was ignored there; it still counts.
     return _signal_code() if run_state.signals and code == DONE else code
-
-
-_HANGUP = [
-    number for number in (getattr(signal, "SIGHUP", None),)
-    if number is not None and signal.getsignal(number) is not signal.SIG_IGN  # nohup ignores it
-]  # fmt: skip
-"""Signal of a closed terminal."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

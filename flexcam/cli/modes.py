@@ -17,7 +17,7 @@ from flexcam.case.builder import build_model
 from flexcam.case.reader import read_case
 from flexcam.cli import app as cli
 from flexcam.core.errors import collect_errors
-from flexcam.core.units import set_unit_system, shaft_name
+from flexcam.core.units import shaft_name
 from flexcam.io import check_folder_name, create_folder, write_modes
 from flexcam.report.tables import describe_mac, mac_table, mode_table
 from flexcam.report.terminal import finite_numbers, plain_table
@@ -25,7 +25,6 @@ from flexcam.valvetrain import ModelModes
 
 
 def _elastic(found: ModelModes, count: int) -> list[int]:
-    """Return the lowest elastic modes."""
     return list(range(len(found.modes.frequencies)))[found.modes.rigid :][:count]
 
 
@@ -44,19 +43,12 @@ def _closed_mode_table(found: ClosedModes, count: int, turns: float) -> Table:
     return made
 
 
-def _closed_json(found: ClosedModes, count: int) -> dict[str, list[float]]:
-    pairs = {"base_circle_hz": found.base_circle, "full_lift_hz": found.full_lift}
-    return {key: [float(modes.modes.frequencies[i]) for i in _elastic(modes, count)] for key, modes in pairs.items()}
-
-
-@cli.app.command(
-    help_prologue="""\
+@cli.command("""\
 flexcam modes case.toml
 flexcam modes case.toml --count 20 --prestress rest
 flexcam modes case.toml -o results
 flexcam modes case.toml --mac finer.toml
-"""
-)
+""")
 def modes(
     case: cli.CaseFile, *,
     count: Annotated[int, Parameter(help="Number of modes, from the lowest.")] = 12,
@@ -68,16 +60,15 @@ def modes(
         ["-o", "--output"], help="Also write the mode shapes for ParaView to this folder.")] = None,
     overrides: cli.Overrides = None, units: cli.Units = None, overwrite: cli.Overwrite = False,
     as_json: cli.Json = False,
-) -> None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Compute natural frequencies and mode shapes, and name the parts that move in each mode.
 
     It prints the modes with all contacts open, and for each cam those with the contacts closed on the base circle and
     at full lift.
     """
-    set_unit_system(units or "metric")
     read, _ = collect_errors(
         lambda: cli.load_case(case, overrides),
-        lambda: cli.check_positive("--count", count),
+        lambda: cli.check_number("--count", count),
         lambda: None if folder is None else check_folder_name(folder),
     )
     found = case_modes(read, count, prestress=prestress)
@@ -91,8 +82,8 @@ def modes(
         drawn = output_geometry(build_model(read))
         files = write_modes(path, drawn, found.modes.frequencies, found.modes.shapes, overwrite=overwrite)
     closed, missing = closed_modes(read)
-    parts = [mode_table(found, f"{read.title}: modes, contacts open", read.turns)]
-    parts += [
+    parts = [
+        mode_table(found, f"{read.title}: modes, contacts open", read.turns),
         *(_closed_mode_table(one, count, read.turns) for one in closed),
         *check_modes(found),
         *filter(None, [missing]),
@@ -101,6 +92,13 @@ def modes(
         parts += [mac_table(criterion), describe_mac(criterion, compared)]
     if files:
         parts.append(f"{files[0]}: choose a mode in Warp By Vector and press play; {files[1]} has the static shapes")
+    closed_hz = {
+        one.contact: {
+            key: [float(modes.modes.frequencies[i]) for i in _elastic(modes, count)]
+            for key, modes in (("base_circle_hz", one.base_circle), ("full_lift_hz", one.full_lift))
+        }
+        for one in closed
+    }
     json = {
         "title": read.record.title,
         "frequencies_hz": found.modes.frequencies.tolist(), "free_motions": found.modes.rigid,
@@ -108,6 +106,6 @@ def modes(
         "rounding": found.modes.rounding.tolist(), "warnings": check_modes(found),
         "moves": [found.words(i) for i in range(len(found.shares))],
         "mac": None if criterion is None else finite_numbers(criterion), "mac_nodes": compared,
-        "closed": {one.contact: _closed_json(one, count) for one in closed}, "files": [str(path) for path in files],
+        "closed": closed_hz, "files": [str(path) for path in files],
     }  # fmt: skip
-    cli.write_output(cli.CommandOutput(parts, json), as_json=as_json)
+    return cli.CommandOutput(parts, json)

@@ -15,43 +15,17 @@ from rich.table import Table
 from flexcam import plotting
 from flexcam.analysis.run_checks import check_events
 from flexcam.cli import app as cli
-from flexcam.cli.study_options import (
-    Highest,
-    LimitAccuracy,
-    Lowest,
-    NewCase,
-    StudyOptions,
-    Vary,
-    WorkerCount,
-    write_variant,
-)
+from flexcam.cli import study_options as study
+from flexcam.cli.study_options import StudyOptions
 from flexcam.core.errors import refuse
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Cause, RunFailedError, Status
-from flexcam.report.terminal import (
-    facts_table,
-    finite_or_none,
-    format_csv,
-    format_decimals,
-    format_number,
-    plain_table,
-    with_unit,
-)
+from flexcam.report import terminal
+from flexcam.report.terminal import facts_table, finite_or_none, format_number, plain_table, with_unit
+from flexcam.studies import optimization
 from flexcam.studies.evaluation import evaluate
 from flexcam.studies.gradients import gradient_function, optimize_by_gradient
-from flexcam.studies.optimization import (
-    Constraint,
-    Evaluations,
-    Goal,
-    OptimizationProblem,
-    find_pareto_front,
-    is_active,
-    is_feasible,
-    pareto_indices,
-    parse_constraints,
-    row_value,
-)
-from flexcam.studies.optimization import optimize as minimize
+from flexcam.studies.optimization import Constraint, Evaluations, Goal, OptimizationProblem, is_active, row_value
 from flexcam.studies.plan import make_plan, parse_axes
 from flexcam.studies.quantities import is_run_scalar
 from flexcam.studies.sensitivity import exact_names
@@ -62,18 +36,21 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@cli.app.command(
-    help_prologue="""\
+_ROUNDING = 1e-9  # tolerance of a constraint for rounding, relative to its bound
+_ACTIVE_DISTANCE = 0.01
+"""Distance to a variant that violates a constraint, relative to the intervals, below which the constraint is active."""
+
+
+@cli.command("""\
 flexcam optimize case.toml --vary springs.valve.stiffness=30:90kN/m --vary springs.valve.installed_force=300:900N \\
     --least springs.valve.force.largest --subject 'contacts.intake.open_on_the_lift <= 0' --set run.crank_speed=6500rpm
 flexcam optimize case.toml --vary cams.intake.rise=60:90deg --least cams.intake.deceleration --most cams.intake.area
 flexcam optimize case.toml --method gradient --vary springs.valve.stiffness=30:90kN/m --vary run.crank_speed=5000:7000rpm \\
     --most run.crank_speed --subject 'contacts.intake.nose_force.least >= 50 N' --subject 'springs.valve.stress.largest <= 0.9 GPa'
-"""  # noqa: E501 - a command to a line
-)
+""")  # noqa: E501 - a command to a line
 def optimize(
     case: cli.CaseFile, *,
-    vary: Vary,
+    vary: study.Vary,
     least: Annotated[list[str] | None, Parameter(
         "--least", help="Result to minimize, as in flexcam sensitivity --of.")] = None,
     most: Annotated[list[str] | None, Parameter("--most", help="Result to maximize.")] = None,
@@ -89,26 +66,22 @@ def optimize(
         help="With --method gradient: number of starting points; 1, the case itself, by default.")] = None,
     evaluations: Annotated[int, Parameter(help="Approximate number of variants to run.")] = 200,
     seed: Annotated[int, Parameter(help="Random seed; the same seed gives the same search.")] = 0,
-    workers: WorkerCount = 1, lowest: Lowest = None, highest: Highest = None, accuracy: LimitAccuracy = "10 rpm",
-    target: NewCase = None, csv: cli.Csv = None, plot: cli.Picture = None, overrides: cli.Overrides = None,
+    workers: study.WorkerCount = 1, lowest: study.Lowest = None, highest: study.Highest = None,
+    accuracy: study.LimitAccuracy = "10 rpm", target: study.NewCase = None, csv: cli.Csv = None,
+    plot: cli.Picture = None, overrides: cli.Overrides = None,
     allow_large: cli.AllowLarge = False, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
-) -> Status | None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Find the best variant of a case under constraints, or the Pareto front of two goals."""
     cli.check_targets(csv, plot, case, overwrite=overwrite, target=target)
-    goals = (*(Goal(name) for name in least or ()), *(Goal(name, most=True) for name in most or ()))
-    if len(goals) not in (1, 2):
-        raise refuse("--least, --most", f"{len(goals) or 'no'} goals", "one goal, or two for a Pareto front")
-    if len({goal.name for goal in goals}) < len(goals):
-        why = "a Pareto front needs two quantities"
-        raise refuse("--least, --most", f"{goals[0].name} twice", "two different quantities", why, "leave one out")
-    bounds = parse_constraints(subject or ())
+    goals = _parse_goals(least or (), most or ())
+    bounds = optimization.parse_constraints(subject or ())
     names = [*(goal.name for goal in goals), *(bound.name for bound in bounds)]
     options = "--least, --most or --subject"
     asked = StudyOptions(
         case, overrides, names, lowest, highest, accuracy, option=options, workers=workers, allow_large=allow_large
     )
     variables = variables_of(asked.case, vary, "--vary")
-    cli.refuse_without("--starts", starts, "--method gradient", present=method == "gradient")
+    cli.refuse_without("--method gradient", {"--starts": starts}, present=method == "gradient")
     if method == "gradient":
         exact_names(asked.case, names, "exact", option="--method gradient", other="use --method evolution")
     with suppress(RunFailedError):  # a case that fails may have better variants
@@ -122,13 +95,13 @@ def optimize(
             begins = 1 if starts is None else starts
             found = optimize_by_gradient(design, derive, evaluations=evaluations, starts=begins, seed=seed)
         else:
-            search = minimize if len(goals) == 1 else find_pareto_front
+            search = optimization.optimize if len(goals) == 1 else optimization.find_pareto_front
             found = search(design, evaluations=evaluations, seed=seed)
     written: list[Path] = []
     if target is not None and found.best is not None:
         best = (*asked.fixed, *design.points.overrides(found.points[found.best]))
         title = f"The best variant of {asked.file.path.name}:"
-        written += write_variant(asked.file, best, target, title, overwrite=overwrite)
+        written += study.write_variant(asked.file, best, target, title, overwrite=overwrite)
     ended = Status()
     if found.stopped:
         done = f"stopped after {len(found.rows)} of about {evaluations} variants; the result is their best"
@@ -145,11 +118,24 @@ def optimize(
         conditions = worst.conditions if worst else ((),)
         events = _check_variant(asked, design.points.overrides(found.points[found.best]), conditions)
         parts, json = [*parts, *events], {**json, "warnings": events}
-    output = cli.CommandOutput(parts, json, _csv(design, found), lambda: _search_figure(design, found))
-    cli.write_output(output, csv, plot, ended, overwrite=overwrite, as_json=as_json, written=written)
     if ended.ok and found.best is None:
-        return Status(Cause.TOLERANCE, "no variant meets all constraints", "widen the intervals, or relax a constraint")
-    return ended
+        ended = Status(
+            Cause.TOLERANCE, "no variant meets all constraints", "widen the intervals, or relax a constraint"
+        )
+        json = {"status": "ok", **json}
+    return cli.CommandOutput(
+        parts, json, _csv(design, found), lambda: _search_figure(design, found), files=written, status=ended
+    )
+
+
+def _parse_goals(least: Sequence[str], most: Sequence[str]) -> tuple[Goal, ...]:
+    goals = (*(Goal(name) for name in least), *(Goal(name, most=True) for name in most))
+    if len(goals) not in (1, 2):
+        raise refuse("--least, --most", f"{len(goals) or 'no'} goals", "one goal, or two for a Pareto front")
+    if len({goal.name for goal in goals}) < len(goals):
+        why = "a Pareto front needs two quantities"
+        raise refuse("--least, --most", f"{goals[0].name} twice", "two different quantities", why, "leave one out")
+    return goals
 
 
 def _check_variant(
@@ -191,22 +177,17 @@ def _worst_case(
 
 def _search_figure(design: OptimizationProblem, found: Evaluations) -> Figure:
     """Return the figure of a search: progress of one goal, or the Pareto front of two."""
-    inside = is_feasible(found.violations)
+    inside = optimization.is_feasible(found.violations)
     signs = np.array([-1.0 if goal.most else 1.0 for goal in design.goals])
     labels = [with_unit(goal.name, design.unit(goal.name, found.rows)) for goal in design.goals]
     if len(design.goals) > 1:
         return plotting.histories.front_figure(
-            found.costs * signs, inside, pareto_indices(found), (labels[0], labels[1])
+            found.costs * signs, inside, optimization.pareto_indices(found), (labels[0], labels[1])
         )
     costs = found.costs[:, 0]
     best = np.minimum.accumulate(np.where(inside & np.isfinite(costs), costs, np.inf))
     best[np.isinf(best)] = np.nan
     return plotting.histories.progress_figure(signs[0] * costs, inside, signs[0] * best, labels[0])
-
-
-_ROUNDING = 1e-9  # tolerance of a constraint for rounding, relative to its bound
-_ACTIVE_DISTANCE = 0.01
-"""Distance to a variant that violates a constraint, relative to the intervals, below which the constraint is active."""
 
 
 def _optimum(design: OptimizationProblem, found: Evaluations) -> tuple[list[Table | str], Mapping[str, object]]:
@@ -236,7 +217,7 @@ def _optimum(design: OptimizationProblem, found: Evaluations) -> tuple[list[Tabl
 
 def _front(design: OptimizationProblem, found: Evaluations) -> tuple[list[Table | str], Mapping[str, object]]:
     """Return the printed output and the JSON of a search for a Pareto front."""
-    best = pareto_indices(found)
+    best = optimization.pareto_indices(found)
     names = [goal.name for goal in design.goals]
     head = (*(with_unit(goal.words, design.unit(goal.name, found.rows)) for goal in design.goals),
             *(with_unit(one.key, one.unit) for one in design.points.variables))  # fmt: skip
@@ -263,25 +244,18 @@ def _value(found: Evaluations, at: int, name: str) -> str:
 def _constraint_table(design: OptimizationProblem, found: Evaluations, at: int) -> Table:
     rows = list[Sequence[str]]()
     for i, (one, violation) in enumerate(zip(design.bounds, found.violations[at].tolist(), strict=False)):
-        relative = one.bound(found.rows[at].units.get(one.name, "rpm")) != 0.0
-        margin = _margin(float(violation), found.distance_to_violation(at, i), relative=relative)
-        rows.append((one.words, _value(found, at, one.name), *margin))
+        distance = found.distance_to_violation(at, i)
+        active = is_active(violation) or distance <= _ACTIVE_DISTANCE
+        if one.bound(found.rows[at].units.get(one.name, "rpm")) == 0.0:  # nothing to which a margin is relative
+            margin = "violated" if violation > _ROUNDING else "active" if active else "met"
+        elif violation > _ROUNDING:
+            margin = f"violated by {terminal.format_decimals(100.0 * violation, 2)} %"
+        else:
+            margin = f"active: {-violation:.2%}" if active else f"{-violation:.1%}"
+        away = "none found" if math.isinf(distance) else f"{distance:.2%}"
+        rows.append((one.words, _value(found, at, one.name), margin, away))
     head = ("subject to", "value", "margin", "smallest change of the varied values that violates it, % of the interval")
     return plain_table("Constraints", head, rows)
-
-
-def _margin(violation: float, distance: float, *, relative: bool) -> tuple[str, str]:
-    """Return the margin of a constraint, and the distance to the nearest variant that violates it.
-
-    The margin is relative to the bound; a bound at zero has none.
-    """
-    away = "none found" if math.isinf(distance) else f"{distance:.2%}"
-    active = is_active(violation) or distance <= _ACTIVE_DISTANCE
-    if not relative:
-        return "violated" if violation > _ROUNDING else "active" if active else "met", away
-    if violation > _ROUNDING:
-        return f"violated by {format_decimals(100.0 * violation, 2)} %", away
-    return (f"active: {-violation:.2%}" if active else f"{-violation:.1%}"), away
 
 
 def _describe_failures(found: Evaluations) -> tuple[list[str], int]:
@@ -311,12 +285,11 @@ def _variant_json(design: OptimizationProblem, found: Evaluations, i: int) -> di
 
 
 def _csv(design: OptimizationProblem, found: Evaluations) -> str:
-    """Return all evaluations in their order as CSV text."""
     names = list(dict.fromkeys([*(goal.name for goal in design.goals), *(one.name for one in design.bounds)]))
     head = [*(with_unit(one.key, one.unit) for one in design.points.variables), *names, "within all bounds", "status"]
-    inside = is_feasible(found.violations).tolist()
+    inside = optimization.is_feasible(found.violations).tolist()
     rows: list[Sequence[object]] = [
         (*point, *(row_value(row, name) for name in names), "yes" if good else "no", str(row.status.cause))
         for point, row, good in zip(found.points.tolist(), found.rows, inside, strict=True)
     ]
-    return format_csv(head, rows)
+    return terminal.format_csv(head, rows)

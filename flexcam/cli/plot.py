@@ -31,7 +31,7 @@ from flexcam.cli.campbell import modes_over_speed, orders_of_response, select_si
 from flexcam.cli.sources import Source, name_sources, open_sources
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
-from flexcam.core.units import RPM, set_unit_system, shaft_name, shaft_speed, to_display_unit
+from flexcam.core.units import RPM, shaft_name, shaft_speed, to_display_unit
 from flexcam.dynamics import Response, Status
 from flexcam.io.sweep_table import read_table, unknown_scalar_fault
 from flexcam.report.terminal import show_count
@@ -49,6 +49,22 @@ FigureKind = Literal[
     "motion", "force", "torque", "energy", "orbits", "svaj", "profile", "spring", "goodman", "modes", "campbell",
     "waterfall", "map", "sweep", "work-precision",
 ]  # fmt: skip
+_OF_CAMS = ("svaj", "profile")
+_APPLIES = {
+    "probe": ("motion", "waterfall", "work-precision"),
+    "channel": ("motion", "force", "torque", "profile", "spring", "waterfall", "map"),
+    "rigid": ("motion", "force", "torque"), "over": ("motion", "force", "torque", "energy"), "cam": _OF_CAMS,
+    "angle": ("profile",), "count": ("modes", "campbell", "waterfall", "map"), "x": ("sweep",), "y": ("sweep",),
+    "map": ("sweep",),
+    "units": tuple(kind for kind in get_args(FigureKind) if kind not in ("orbits", "campbell", "work-precision")),
+    "set": tuple(kind for kind in get_args(FigureKind) if kind != "sweep"),
+}  # fmt: skip
+"""Kinds of figures to which an option applies."""
+
+_ORDERS = 24  # highest drawn order of the camshaft
+_OPEN_LIFT = 1e-4  # lift above which a valve counts as open for the overlap, m
+_OVERLAP = "valve overlap, both open by 0.1 mm"
+_THIN = 1e-4  # length, m, up to which lengths are drawn in micrometres
 
 
 @dataclass(frozen=True)
@@ -106,22 +122,14 @@ class FigureOptions:
         contact, model = self.contact(source), source.ready.model
         return None if contact is None else source.case.record.cams[model.cam_contacts[contact].cam].tdc
 
-    def rigid_warnings(self) -> list[str]:
-        """Return sentences about the limits of a drawn rigid train."""
-        ones = self.sources.values() if self.rigid else ()
-        found = [check_shared_seat_load(one.ready.model, one.case.speed) for one in ones]
-        return list(dict.fromkeys(chain.from_iterable(found)))
 
-
-@cli.app.command(
-    help_prologue="""\
+@cli.command("""\
 flexcam plot results/case.vtkhdf --rigid -o motion.pdf
 flexcam plot slow.vtkhdf fast.vtkhdf --probe valve --over crank
 flexcam plot results/case.sweep.h5 --x run.crank_speed --y deviation.peak
 flexcam plot case.toml --what profile --angle 90deg
 flexcam plot results/case.vtkhdf --what profile --channel contacts.intake.pressure
-"""
-)
+""")
 def plot(
     files: Annotated[list[Path], Parameter(help="Result files (.vtkhdf), case files (.toml), which flexcam runs, or "
         "the table of a sweep (.h5 or .csv).")], *,
@@ -151,19 +159,25 @@ def plot(
         ["-o", "--output"], help="File of the figure (.svg, .png or .pdf); SOURCE-WHAT.svg by default.")] = None,
     overrides: cli.Overrides = None, units: cli.Units = None, overwrite: cli.Overwrite = False,
     as_json: cli.Json = False,
-) -> Status | None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Draw a figure of results, cases or sweeps: motion, forces, cams, springs, modes, orders, maps.
 
     By default it draws motion and contact force over the cam angle. Of an incomplete run it draws the completed part.
     """
     what = what or ("sweep" if files and files[0].suffix in _TABLES else "motion")
-    _check_options(
-        what, probe=probe, channel=channels, rigid=rigid or None, over=over, cam=cam, angle=angle, count=count,
-        x=x, y=y, map=as_map or None, set=overrides, units=units,
-    )  # fmt: skip
+    given = {
+        "probe": probe, "channel": channels, "rigid": rigid or None, "over": over, "cam": cam, "angle": angle,
+        "count": count, "x": x, "y": y, "map": as_map or None, "set": overrides, "units": units,
+    }  # fmt: skip
+    faults = [
+        Fault(f"--{name}", str(value), "", f"--what {what} has no --{name}", f"use it with --what {' or '.join(kinds)}")
+        for (name, value), kinds in ((item, _APPLIES[item[0]]) for item in given.items())
+        if value is not None and what not in kinds
+    ]
+    if faults:
+        raise InputError(faults)
     if units and any(path.suffix == ".csv" for path in files):
         raise refuse("--units", units, "the .h5 table of the sweep", "a CSV table has its own units")
-    set_unit_system(units or "metric")
     if what != "sweep" and any(path.suffix in _TABLES for path in files):
         raise refuse("--what", what, "sweep", "the file is the table of a sweep")
     target = output or Path(f"{files[0].name.partition('.')[0] if files else 'flexcam'}-{what}.svg")
@@ -171,39 +185,11 @@ def plot(
     sources = {} if what == "sweep" else name_sources(open_sources(files, overrides, cams=what in _OF_CAMS))
     asked = FigureOptions(files, sources, probe, channels, over, rigid, cam, angle, count, x, y, as_map)
     plotting.figures.save_figure(_FIGURES[what](asked), target, overwrite=overwrite)
-    warnings = asked.rigid_warnings()
-    cli.write_output(cli.CommandOutput(warnings, {"warnings": warnings}), as_json=as_json, written=[target])
-    own = [one.response for one in asked.sources.values() if one.result is None and "response" in vars(one)]
-    return next((run.status for run in own if not run.status.ok), None)
-
-
-_OF_CAMS = ("svaj", "profile")
-_APPLIES = {
-    "probe": ("motion", "waterfall", "work-precision"),
-    "channel": ("motion", "force", "torque", "profile", "spring", "waterfall", "map"),
-    "rigid": ("motion", "force", "torque"), "over": ("motion", "force", "torque", "energy"), "cam": _OF_CAMS,
-    "angle": ("profile",), "count": ("modes", "campbell", "waterfall", "map"), "x": ("sweep",), "y": ("sweep",),
-    "map": ("sweep",),
-    "units": tuple(kind for kind in get_args(FigureKind) if kind not in ("orbits", "campbell", "work-precision")),
-    "set": tuple(kind for kind in get_args(FigureKind) if kind != "sweep"),
-}  # fmt: skip
-
-
-def _check_options(what: str, **options: object) -> None:
-    """Raise an error for options without effect on this kind of figure."""
-    given = {name: value for name, value in options.items() if value is not None and what not in _APPLIES[name]}
-    faults = [
-        Fault(
-            f"--{name}",
-            str(value),
-            "",
-            f"--what {what} has no --{name}",
-            f"use it with --what {' or '.join(_APPLIES[name])}",
-        )
-        for name, value in given.items()
-    ]
-    if faults:
-        raise InputError(faults)
+    trains = [(one.ready.model, one.case.speed) for one in sources.values()] if rigid else []
+    warnings = list(dict.fromkeys(chain.from_iterable(check_shared_seat_load(*train) for train in trains)))
+    own = [one.response.status for one in sources.values() if one.result is None and "response" in vars(one)]
+    failed = next((status for status in own if not status.ok), Status())
+    return cli.CommandOutput(warnings, {"status": "ok", "warnings": warnings}, files=[target], status=failed)
 
 
 def _motion(asked: FigureOptions) -> Figure:
@@ -254,10 +240,6 @@ def _valve_overlap(asked: FigureOptions, tdc: float, crank: FloatArray) -> NDArr
     return both
 
 
-_OPEN_LIFT = 1e-4  # lift above which a valve counts as open for the overlap, m
-_OVERLAP = "valve overlap, both open by 0.1 mm"
-
-
 def _force(asked: FigureOptions, kind: str = "force") -> Figure:
     responses, first = asked.responses(), asked.first.response
     torques = [name for name in first.channels if name.endswith(".torque")]
@@ -285,7 +267,6 @@ def _energy(asked: FigureOptions) -> Figure:
 
 
 def _orbits(asked: FigureOptions) -> Figure:
-    """Draw the orbits of journals in their oil films over the last revolution."""
     responses = {name: plotting.histories.last_revolution(one.response) for name, one in asked.sources.items()}
     known = (name for name in asked.first.response.channels if name.endswith(".eccentricity"))
     bearings = [name.removesuffix(".eccentricity") for name in known]
@@ -318,7 +299,6 @@ def _profile(asked: FigureOptions) -> Figure:
 
 
 def _cam_of_channel(source: Source, asked: FigureOptions, channels: Sequence[str]) -> str:
-    """Return the cam whose profile a channel colours."""
     if source.cams_only is not None:
         raise refuse("--channel", channels[0], "a result, or a case with contacts", "a file of cams is not run")
     contacts = source.ready.model.cam_contacts
@@ -344,11 +324,7 @@ def _profile_values(source: Source, profile: CamProfile, channel: str) -> tuple[
     return touched, factor * values, ", ".join(filter(None, (plotting.histories.short_name(channel), symbol)))
 
 
-_THIN = 1e-4  # length, m, up to which lengths are drawn in micrometres
-
-
 def _spring(asked: FigureOptions) -> Figure:
-    """Draw the static curves of springs up to their travel in the rigid train."""
     source = _single_source(asked, "spring")
     known = {
         f"springs.{name}.force": spring
@@ -386,9 +362,8 @@ def _map(asked: FigureOptions) -> Figure:
     if len(asked.sources) > 1:
         speeds = [one.case.speed for one in asked.sources.values()]
         if twice := next((one for one in speeds if speeds.count(one) > 1), None):
-            raise refuse(
-                "files", f"two at {shaft_speed(twice, case.turns)}", "one per speed", "a map has one row per speed"
-            )
+            given = f"two at {shaft_speed(twice, case.turns)}"
+            raise refuse("files", given, "one per speed", "a map has one row per speed")
         runs = {one.case.speed: one.response for one in sorted(asked.sources.values(), key=lambda one: one.case.speed)}
     else:
         speeds = _speeds(asked, case)
@@ -416,8 +391,7 @@ def _sweep(asked: FigureOptions) -> Figure:
 
 def _modes(asked: FigureOptions) -> Figure:
     count = 6 if asked.count is None else asked.count
-    if count < 1:
-        raise refuse("--count", count, "a whole number, at least 1")
+    cli.check_number("--count", count)
     case = _single_source(asked, "modes").case
     structure = build_structure(build_model(case))
     return plotting.spectra.mode_figure(structure, modes(case, count), title=case.title)
@@ -426,17 +400,14 @@ def _modes(asked: FigureOptions) -> Figure:
 def _campbell(asked: FigureOptions) -> Figure:
     """Draw modes and orders from 0.5 to 1.5 times the case's speed."""
     case = _single_source(asked, "campbell").case
-    return modes_over_speed(case, _speeds(asked, case), range(1, _ORDERS + 1))[0].figure()
+    return modes_over_speed(case, _speeds(asked, case), range(1, _ORDERS + 1)).figure()
 
 
 def _waterfall(asked: FigureOptions) -> Figure:
     """Draw the orders of a motion and a force from 0.5 to 1.5 times the case's speed."""
     case = _single_source(asked, "waterfall").case
     seen = select_signals(case, asked.channels, None if asked.probe is None else [asked.probe])
-    return orders_of_response(case, _speeds(asked, case), seen, _ORDERS)[0].figure()
-
-
-_ORDERS = 24  # highest drawn order of the camshaft
+    return orders_of_response(case, _speeds(asked, case), seen, _ORDERS).figure()
 
 
 def _speeds(asked: FigureOptions, case: Case) -> list[float]:
@@ -464,7 +435,6 @@ def _single_source(asked: FigureOptions, what: str) -> Source:
 
 
 def _cams(source: Source, name: str | None) -> Mapping[str, Cam]:
-    """Return the cams of a source, or the requested one."""
     cams = source.cams
     if name is not None and name not in cams:
         raise refuse("--cam", repr(name), ", ".join(cams), "", suggest_name(name, cams))

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from flexcam.case.builder import build_model
 from flexcam.case.reader import read_case
-from flexcam.cli.app import DEFAULT_PROBE, Json, Overwrite, ResultPath, app, parse_optional
+from flexcam.cli import app as cli
 from flexcam.core.errors import refuse
 from flexcam.dynamics import Response
 from flexcam.io import (
@@ -32,19 +32,18 @@ from flexcam.report.tables import info_table, stats_json
 from flexcam.report.terminal import print_json, result_console
 from flexcam.valvetrain import build_structure
 
+_FRAMES, _MAX_FRAMES = {".vtm": 36, ".glb": 72}, 720
+_MAX_INSTANTS = 10_000_000
 
-@app.command(
-    help_prologue="""\
+
+@cli.command("""\
 flexcam info results/case.vtkhdf
 flexcam info results/case.vtkhdf --verify
-"""
-)
+""")
 def info(
-    result: ResultPath, *,
-    verify: Annotated[
-        bool, Parameter("--verify", negative=(), help="Read the whole file and compare its checksums.")
-    ] = False,
-    as_json: Json = False,
+    result: cli.ResultPath, *,
+    verify: Annotated[bool, Parameter(help="Read the whole file and compare its checksums.")] = False,
+    as_json: cli.Json = False,
 ) -> None:  # fmt: skip
     """Show the contents of a result file: how its run ended, versions, solver statistics, saved data."""
     if verify:
@@ -72,8 +71,7 @@ def info(
         result_console().print(info_table(read))
 
 
-@app.command(
-    help_prologue="""\
+@cli.command("""\
 flexcam export results/case.vtkhdf --format csv --probe valve
 flexcam export results/case.vtkhdf --format csv --instants 720
 flexcam export results/case.vtkhdf --format pvd --every 5 --field displacement
@@ -81,8 +79,7 @@ flexcam export case.toml --format msh -o meshes
 flexcam export results/case.vtkhdf --format glb
 flexcam export results/case.vtkhdf --format vtm --field stress_von_mises
 flexcam export case.toml --format stl --at 90deg
-"""
-)
+""")
 def export(
     source: Annotated[Path, Parameter(
         help="Result file (.vtkhdf); a case file (.toml) for msh and inp; either for stl, vtm and glb.")], *,
@@ -95,26 +92,17 @@ def export(
     ] = "pvd",
     folder: Annotated[Path | None, Parameter(["-o", "--output"], help="Folder; that of the source by default.")] = None,
     every: Annotated[int, Parameter("--every", help="pvd, csv: write every n-th saved instant only.")] = 1,
-    fields: Annotated[
-        list[str] | None, Parameter(
-            "--field", negative=(), help="pvd: write this point data only, repeatable; vtm: this field on members.")
-    ] = None,
-    probes: Annotated[
-        list[str] | None, Parameter("--probe", negative=(), help="csv: write this probe only. Repeatable.")
-    ] = None,
-    instants: Annotated[
-        int | None, Parameter(
-            "--instants", help="csv: number of evenly spaced instants, interpolated between steps; "
-            "vtm, glb: number of instants of the last revolution, by default 36 and 72.")
-    ] = None,
-    at: Annotated[
-        str | None, Parameter("--at", help="stl: cam angle, such as 90deg; by default as flexcam view.")
-    ] = None,
-    macro: Annotated[
-        bool, Parameter("--paraview", negative=(), help="pvd: also write NAME.paraview.py, which opens it in ParaView.")
-    ] = False,
-    overwrite: Overwrite = False, as_json: Json = False,
-) -> None:  # fmt: skip
+    fields: Annotated[list[str] | None, Parameter(
+        "--field", help="pvd: write this point data only, repeatable; vtm: this field on members.")] = None,
+    probes: Annotated[list[str] | None, Parameter("--probe", help="csv: write this probe only. Repeatable.")] = None,
+    instants: Annotated[int | None, Parameter(
+        help="csv: number of evenly spaced instants, interpolated between steps; vtm, glb: number of instants of the "
+        "last revolution, by default 36 and 72.")] = None,
+    at: Annotated[str | None, Parameter(help="stl: cam angle, such as 90deg; by default as flexcam view.")] = None,
+    macro: Annotated[bool, Parameter(
+        "--paraview", help="pvd: also write NAME.paraview.py, which opens it in ParaView.")] = False,
+    overwrite: cli.Overwrite = False, as_json: cli.Json = False,
+) -> cli.CommandOutput:  # fmt: skip
     """Convert a result to CSV, ParaView files or solids, or the mesh of a case to Gmsh, Abaqus or CalculiX format.
 
     Solids are the parts that flexcam view shows: those of a result, or of a case as a rigid mechanism.
@@ -123,20 +111,12 @@ def export(
         ("--paraview", ("pvd",), macro, "the macro opens that collection"),
         ("--field", ("pvd", "vtm"), fields is not None, "it selects the data of these formats only; leave it out"),
         ("--probe", ("csv",), probes is not None, "only the table has probes"),
-        (
-            "--every",
-            ("pvd", "csv"),
-            every != 1,
-            "for vtm and glb use --instants; stl has one instant (--at), a mesh none",
-        ),
-        (
-            "--instants",
-            ("csv", "vtm", "glb"),
-            instants is not None,
-            "format pvd writes the saved instants (see --every), stl a single one (see --at); leave it out",
-        ),
+        ("--every", ("pvd", "csv"), every != 1,
+         "for vtm and glb use --instants; stl has one instant (--at), a mesh none"),
+        ("--instants", ("csv", "vtm", "glb"), instants is not None,
+         "format pvd writes the saved instants (see --every), stl a single one (see --at); leave it out"),
         ("--at", ("stl",), at is not None, "only this is a single instant"),
-    ):
+    ):  # fmt: skip
         if given and form not in forms:
             raise refuse(option, f"--format {form}", f"--format {' or '.join(forms)}", why)
     target = create_folder(source.parent if folder is None else check_folder_name(folder)) / f"{source.stem}.{form}"
@@ -150,12 +130,9 @@ def export(
         files = _write_solids(source, target, fields, instants, at, overwrite=overwrite)
     else:
         files = _write_collection(read_result(source), target, every, fields, macro=macro, overwrite=overwrite)
-    if as_json:
-        print_json({"status": "ok", "files": [str(path) for path in files]})
-        return
-    result_console().print(f"{files[0]} ({len(files)} files)" if len(files) > 1 else str(files[0]))
-    if macro:
-        result_console().print(f"paraview --script={files[1]}")
+    said = f"{files[0]} ({len(files)} files)" if len(files) > 1 else str(files[0])
+    script = f"\nparaview --script={files[1]}" if macro else ""
+    return cli.CommandOutput([said + script], {"files": [str(path) for path in files]})
 
 
 def _write_collection(
@@ -165,17 +142,13 @@ def _write_collection(
     if not macro:
         return write_pvd(result, target, every=every, fields=fields, overwrite=overwrite)
     if fields is not None and "displacement" not in fields:
-        raise refuse(
-            "--field", ", ".join(fields), "displacement among them", "the script of --paraview shows the deformation"
-        )
+        why = "the script of --paraview shows the deformation"
+        raise refuse("--field", ", ".join(fields), "displacement among them", why)
     check_writable("export", macro_path(target), overwrite=overwrite)
     first, *rest = write_pvd(result, target, every=every, fields=fields, overwrite=overwrite)
     shown = (*result.field_names, *result.recovered) if fields is None else tuple(fields)
     degrees = np.degrees(result.response.field_angle[::every]).tolist()
     return [first, write_macro(first, shown, degrees, overwrite=overwrite), *rest]
-
-
-_FRAMES, _MAX_FRAMES = {".vtm": 36, ".glb": 72}, 720
 
 
 def _write_solids(
@@ -186,11 +159,10 @@ def _write_solids(
     from flexcam.plotting.scene.mechanism import build_mechanism
     from flexcam.plotting.solid_files import collect_parts, write_glb, write_stl, write_vtm
 
-    if instants is not None and not 2 <= instants <= _MAX_FRAMES:
-        raise refuse("--instants", instants, f"a whole number from 2 to {_MAX_FRAMES}")
+    cli.check_number("--instants", instants, 2, _MAX_FRAMES)
     if fields is not None and len(fields) > 1:
         raise refuse("--field", ", ".join(fields), "one field with --format vtm", "", "choose one")
-    angle = parse_optional("--at", at, "angle", "deg")
+    angle = cli.parse_optional("--at", at, "angle", "deg")
     folder = target.with_name(f"{target.stem}-solids")
     if target.suffix != ".stl":
         check_writable("export", target if target.suffix == ".glb" else folder.with_suffix(".pvd"), overwrite=overwrite)
@@ -209,39 +181,30 @@ def _write_solids(
     return write_vtm(folder.with_suffix(".pvd"), parts, times[frames], label, overwrite=overwrite)
 
 
-_MAX_INSTANTS = 10_000_000
-
-
 def _interpolate(response: Response, count: int | None) -> Response:
     """Return a response at evenly spaced instants; None for its own instants."""
     if count is None:
         return response
     if len(response.time) < 2:
         raise refuse("--instants", "a result with one instant", "two or more", "", "leave --instants out")
-    if not 2 <= count <= _MAX_INSTANTS:
-        raise refuse("--instants", count, f"a whole number from 2 to {_MAX_INSTANTS}")
+    cli.check_number("--instants", count, 2, _MAX_INSTANTS)
     return response.at(np.linspace(float(response.time[0]), float(response.time[-1]), count))
 
 
-@app.command(
-    help_prologue="""\
+@cli.command("""\
 flexcam report results/case.vtkhdf
 flexcam report slow.vtkhdf fast.vtkhdf --probe valve -o both.html
 flexcam report results/case.vtkhdf --errors --limits --trade --overwrite
-"""
-)
+""")
 def report(
     results: Annotated[list[Path], Parameter(help="Result files (.vtkhdf), also of runs that ended early.")], *,
-    output: Annotated[
-        Path | None, Parameter(["-o", "--output"], help="HTML file; in the folder of the first result by default.")
-    ] = None,
-    probe: Annotated[str | None, Parameter(help=f"Probe whose motion is shown first; {DEFAULT_PROBE}.")] = None,
-    errors: Annotated[bool, Parameter(negative=(), help="Also estimate the errors; this runs the case again.")] = False,
-    limits: Annotated[bool, Parameter(negative=(), help="Also find the speed limits; this takes many runs.")] = False,
-    trade: Annotated[
-        bool, Parameter(negative=(), help="Also compare simpler models; this runs each of them.")
-    ] = False,
-    overwrite: Overwrite = False, as_json: Json = False,
+    output: Annotated[Path | None, Parameter(
+        ["-o", "--output"], help="HTML file; in the folder of the first result by default.")] = None,
+    probe: Annotated[str | None, Parameter(help=f"Probe whose motion is shown first; {cli.DEFAULT_PROBE}.")] = None,
+    errors: Annotated[bool, Parameter(help="Also estimate the errors; this runs the case again.")] = False,
+    limits: Annotated[bool, Parameter(help="Also find the speed limits; this takes many runs.")] = False,
+    trade: Annotated[bool, Parameter(help="Also compare simpler models; this runs each of them.")] = False,
+    overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> None:  # fmt: skip
     """Write an HTML report on results: model, warnings, curves, modes, tables and the case.
 
@@ -254,9 +217,8 @@ def report(
     if target.suffix != ".html":
         raise refuse("-o", str(target), "a name that ends in .html")
     check_writable("report", target, overwrite=overwrite)
-    found = build_report(
-        [load_subject(one) for one in results], probe=probe, asked=ReportOptions(errors, limits, trade)
-    )
+    subjects = [load_subject(one) for one in results]
+    found = build_report(subjects, probe=probe, asked=ReportOptions(errors, limits, trade))
     write_text(target, render_page(found), overwrite=overwrite)
     if as_json:
         warnings = {str(path): list(chapter.warnings) for path, chapter in zip(results, found.chapters, strict=True)}

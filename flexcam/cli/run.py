@@ -4,117 +4,43 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 from rich.table import Table
 
+from flexcam.analysis import run_checks
 from flexcam.analysis.model_choice import Choice, Error, estimate_errors, select_case
 from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search, scalar_probe
 from flexcam.analysis.resources import check_resources
 from flexcam.analysis.run import estimate_case_resources, open_partial_result, open_result_file, summary_sink
-from flexcam.analysis.run_checks import (
-    MAX_PERIODICITY_ERROR,
-    RunMonitor,
-    check_run,
-    check_transient,
-    describe_balance,
-    describe_change,
-    energy_residual,
-    numerical_dissipation,
-)
-from flexcam.analysis.run_metrics import FigureOfMerit, compute_metrics, figures_of_merit, revolution_change, usual_name
+from flexcam.analysis.run_metrics import compute_metrics, figures_of_merit, revolution_change, usual_name
 from flexcam.case.case import Case
 from flexcam.cli import app as cli
 from flexcam.core.errors import NAME, NAMES, InputError, collect_errors, refuse
-from flexcam.core.units import set_unit_system
 from flexcam.dynamics import Cause, Response, RunFailedError, Stats, Status, solve
+from flexcam.dynamics.memory import ExtremesSink
 from flexcam.io import check_folder, check_folder_name, check_writable
 from flexcam.report import tables
 from flexcam.report.fidelity_tables import choice_json, describe_choice, error_table
 from flexcam.report.terminal import show_progress
-from flexcam.valvetrain import MemberStrength, Metric, StrengthSink, build_structure
+from flexcam.valvetrain import MemberStrength, StrengthSink, build_structure
 
 _CHATTER = 0.1
 """Change of a contact force from one revolution to the next, rms, above which the run reports chatter."""
 
 
-@dataclass(frozen=True, eq=False)
-class FinishedRun:
-    """Finished run."""
-
-    ready: PreparedRun
-    response: Response
-    watched: RunMonitor
-    result: Path
-    figures: Sequence[Metric]
-    merit: Sequence[FigureOfMerit]
-    stressed: Mapping[str, MemberStrength]
-    errors: Sequence[Error]
-    warnings: Sequence[str]
-    choice: Choice | None
-
-
-def _run_json(ran: FinishedRun) -> dict[str, object]:
-    response, status = ran.response, ran.response.status
-    change = revolution_change(ran.ready, response)
-    return {
-        "status": str(status.cause), "message": status.text, "remedy": status.remedy, "result": str(ran.result),
-        "steps": response.stats.steps, "dof": ran.ready.problem.system.size, "integrated": response.stats.unknowns,
-        "seconds": response.stats.seconds, "events": response.stats.events,
-        "periodicity": tables.periodicity_error(response),
-        **({} if change is None else {"revolution_change": asdict(change)}),
-        "energy_lost": energy_residual(ran.watched.extremes),
-        "energy_numerical": numerical_dissipation(ran.watched.extremes),
-        "imbalance": tables.equilibrium_residual(response), "warnings": list(ran.warnings),
-        "train": {figure.name: figure.value for figure in ran.figures},
-        "figures_of_merit": [asdict(one) for one in ran.merit],
-        "errors": [asdict(one) for one in ran.errors],
-        "choice": None if ran.choice is None else choice_json(ran.choice),
-        "strength": {name: asdict(member) for name, member in ran.stressed.items()},
-    }  # fmt: skip
-
-
-def _run_output(ran: FinishedRun) -> Iterator[Table | str]:
-    """Yield the printed tables and sentences of a run."""
-    yield tables.run_table(ran.ready.case, ran.watched.extremes)
-    if ran.stressed:
-        yield tables.strength_table(ran.stressed)
-    if ran.merit:
-        yield tables.merit_table(ran.ready.model, ran.merit)
-    if others := [figure for figure in ran.figures if not usual_name(figure)]:
-        yield tables.metrics_table(ran.ready.model, others)
-    if ran.errors:
-        yield error_table(ran.errors)
-    yield from describe_choice(ran.choice) if ran.choice else ()
-    yield from (*tables.describe_contacts(ran.ready.case, ran.figures), *ran.warnings)
-    stats = ran.response.stats
-    if 0.0 <= stats.periodicity <= MAX_PERIODICITY_ERROR:
-        yield f"Periodic start: after a revolution the state differs by {stats.periodicity:.3g} of the motion"
-    if change := revolution_change(ran.ready, ran.response):
-        chatter = "; it chatters, and its single impacts do not repeat" if change.force > _CHATTER else ""
-        yield f"The last two revolutions differ by {describe_change(change)}{chatter}"
-    if balance := describe_balance(ran.watched.extremes, stats):
-        yield f"Energy balance: {balance}"
-    yield (
-        f"{stats.steps} steps of {tables.describe_dofs(ran.response)}; result: {ran.result}\n"
-        f"Open it in ParaView 5.12 or newer; for older versions: flexcam export {ran.result} --format pvd"
-    )
-
-
-@cli.app.command(
-    help_prologue="""\
+@cli.command("""\
 flexcam run case.toml
 flexcam run case.toml -o results --set run.revolutions=4 --overwrite
 flexcam run case.toml --set run.speed=4000rpm --name fast
 flexcam run case.toml --units imperial
 flexcam run case.toml -o results --resume
 flexcam run case.toml --time-limit 5min
-"""
-)
+""")
 def run(
     case: cli.CaseFile, *,
     folder: cli.Folder = Path("results"),
@@ -125,14 +51,13 @@ def run(
     resume: Annotated[bool, Parameter(help="Continue the run that left a partial result in the folder.")] = False,
     units: cli.Units = None, allow_large: cli.AllowLarge = False, overwrite: cli.Overwrite = False,
     as_json: cli.Json = False,
-) -> Status:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Run a case and write its result file: motion, forces, stresses and energy over time.
 
     It prints the metrics of the valve train and warnings; ParaView 5.12 or newer opens the result. Ctrl-C ends the run
     at its next step and keeps a partial result, which --resume continues from its last checkpoint, if there is one.
     """
     begun = time.monotonic()
-    set_unit_system(units or "metric")
     given, duration = collect_errors(
         lambda: cli.load_case(case, overrides),
         lambda: None if time_limit is None else cli.parse_duration("--time-limit", time_limit),
@@ -151,14 +76,18 @@ def run(
     if not allow_large:
         check_resources(estimate_case_resources(ready, "revolution"), folder)
     earlier = open_partial_result(ready, folder) if resume else None
-    strength, kept, watched = StrengthSink(build_structure(ready.model)), summary_sink(ready, 2.0), RunMonitor.of(ready)
+    strength, kept, watched = (
+        StrengthSink(build_structure(ready.model)),
+        summary_sink(ready, 2.0),
+        run_checks.RunMonitor.of(ready),
+    )
 
     def doubtful(stats: Stats) -> list[str]:
         recent = kept.response()
-        transient = (
-            check_transient(ready, revolution_change(ready, recent)) if stats.steps == ready.problem.steps else []
-        )
-        return [*check_run(ready, watched, compute_metrics(ready, recent), stats), *transient]
+        found = run_checks.check_run(ready, watched, compute_metrics(ready, recent), stats)
+        if stats.steps == ready.problem.steps:
+            found += run_checks.check_transient(ready, revolution_change(ready, recent))
+        return found
 
     sink = open_result_file(ready, folder, overwrite=overwrite, resume=earlier, warnings=doubtful)
     cli.run_state.solving = True
@@ -168,18 +97,61 @@ def run(
             stop=cli.run_state.should_stop, until=until, memory=kept, resume=earlier,
         )  # fmt: skip
     cli.run_state.solving = False
-    estimated = _estimate_errors(read, probe, until) if probe and response.status.ok else ((), ())
-    figures = tuple(compute_metrics(ready, response))
-    ran = FinishedRun(
-        ready, response, watched, sink.path if response.status.ok else sink.partial,
-        figures=figures, merit=figures_of_merit(ready.case, figures) if figures else (),
-        stressed=strength.members() if read.record.fidelity.model == "beams" else {},
-        errors=estimated[0], warnings=(*doubtful(response.stats), *estimated[1]), choice=choice,
-    )  # fmt: skip
-    cli.write_output(cli.CommandOutput(list(_run_output(ran)), _run_json(ran)), as_json=as_json)
+    errors, notes = _estimate_errors(read, probe, until) if probe and response.status.ok else ((), ())
+    path, warnings = sink.path if response.status.ok else sink.partial, [*doubtful(response.stats), *notes]
+    stressed = strength.members() if read.record.fidelity.model == "beams" else {}
+    output = _describe_run(ready, response, watched.extremes, path, stressed, errors, warnings, choice)
     if response.status.ok and choice is not None and not choice.met:
-        return Status(Cause.TOLERANCE, f"the tolerance is not met: {choice.why}", "allow more, or refine the case")
-    return response.status
+        why, remedy = f"the tolerance is not met: {choice.why}", "allow more, or refine the case"
+        return replace(output, status=Status(Cause.TOLERANCE, why, remedy))
+    return output
+
+
+def _describe_run(
+    ready: PreparedRun, response: Response, extremes: ExtremesSink, path: Path, stressed: Mapping[str, MemberStrength],
+    errors: Sequence[Error], warnings: Sequence[str], choice: Choice | None,
+) -> cli.CommandOutput:  # fmt: skip
+    case, stats, status = ready.case, response.stats, response.status
+    change, figures = revolution_change(ready, response), list(compute_metrics(ready, response))
+    merit = figures_of_merit(case, figures) if figures else ()
+    others = [figure for figure in figures if not usual_name(figure)]
+    parts: list[Table | str] = [
+        tables.run_table(case, extremes),
+        *([tables.strength_table(stressed)] if stressed else []),
+        *([tables.merit_table(ready.model, merit)] if merit else []),
+        *([tables.metrics_table(ready.model, others)] if others else []),
+        *([error_table(errors)] if errors else []),
+        *(describe_choice(choice) if choice else []),
+        *tables.describe_contacts(case, figures),
+        *warnings,
+    ]
+    if 0.0 <= stats.periodicity <= run_checks.MAX_PERIODICITY_ERROR:
+        parts.append(f"Periodic start: after a revolution the state differs by {stats.periodicity:.3g} of the motion")
+    if change:
+        chatter = "; it chatters, and its single impacts do not repeat" if change.force > _CHATTER else ""
+        parts.append(f"The last two revolutions differ by {run_checks.describe_change(change)}{chatter}")
+    if balance := run_checks.describe_balance(extremes, stats):
+        parts.append(f"Energy balance: {balance}")
+    parts.append(
+        f"{stats.steps} steps of {tables.describe_dofs(response)}; result: {path}\n"
+        f"Open it in ParaView 5.12 or newer; for older versions: flexcam export {path} --format pvd"
+    )
+    json = {
+        "status": str(status.cause), "message": status.text, "remedy": status.remedy, "result": str(path),
+        "steps": stats.steps, "dof": ready.problem.system.size, "integrated": stats.unknowns,
+        "seconds": stats.seconds, "events": stats.events,
+        "periodicity": stats.periodicity if stats.periodicity >= 0.0 else None,
+        **({"revolution_change": asdict(change)} if change else {}),
+        "energy_lost": run_checks.energy_residual(extremes),
+        "energy_numerical": run_checks.numerical_dissipation(extremes),
+        "imbalance": stats.imbalance if stats.imbalance >= 0.0 else None, "warnings": list(warnings),
+        "train": {figure.name: figure.value for figure in figures},
+        "figures_of_merit": [asdict(one) for one in merit],
+        "errors": [asdict(one) for one in errors],
+        "choice": choice and choice_json(choice),
+        "strength": {name: asdict(member) for name, member in stressed.items()},
+    }  # fmt: skip
+    return cli.CommandOutput(parts, json, status=status)
 
 
 def _estimate_errors(case: Case, probe: str, until: float | None) -> tuple[tuple[Error, ...], tuple[str, ...]]:

@@ -2,27 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict
 
 from rich.console import JustifyMethod
-from rich.table import Table
 
-from flexcam.analysis.selftest import Check, all_checks, installation_info
-from flexcam.cli.app import CommandOutput, Json, app, write_output
+from flexcam.analysis.selftest import all_checks, installation_info
+from flexcam.cli import app as cli
 from flexcam.dynamics import Cause, Status
 from flexcam.report.terminal import create_table, facts_table, finite_or_none
-
-
-def _check_table(found: Sequence[Check]) -> Table:
-    made = create_table("Checks")
-    for head, side in _HEADS:
-        made.add_column(head, justify=side)
-    for one in found:
-        numbers = (f"{one.reference:.8g} {one.unit}".removesuffix(" 1"), f"{one.computed:.8g}", f"{one.error:.1e}")
-        made.add_row(one.quantity, *numbers, f"{one.tolerance:.1e}", "passed" if one.passed else "FAILED", one.source)
-    return made
-
 
 _HEADS: tuple[tuple[str, JustifyMethod], ...] = (
     ("quantity", "left"), ("reference", "right"), ("computed", "right"), ("error", "right"), ("tolerance", "right"),
@@ -30,13 +17,11 @@ _HEADS: tuple[tuple[str, JustifyMethod], ...] = (
 )  # fmt: skip
 
 
-@app.command(
-    help_prologue="""\
+@cli.command("""\
 flexcam selftest
 flexcam selftest --json
-"""
-)
-def selftest(*, as_json: Json = False) -> Status:
+""")
+def selftest(*, as_json: cli.Json = False) -> cli.CommandOutput:
     """Check this installation: closed forms, published values, and a comparison of the solver engines.
 
     It takes some seconds, or half a minute when code is compiled for the first time. The exit code is 3 if a check
@@ -47,10 +32,15 @@ def selftest(*, as_json: Json = False) -> Status:
     status = Status()
     if failed:
         text = f"{len(failed)} of {len(found)} checks exceed their tolerance: {'; '.join(failed)}"
-        status = Status(
-            Cause.FAULT, text, "install flexcam again in a new environment; if that does not help, please report it"
-        )
-    parts = [_check_table(found), facts_table("Installed packages", installation_info().items())]
+        remedy = "install flexcam again in a new environment; if that does not help, please report it"
+        status = Status(Cause.FAULT, text, remedy)
+    table = create_table("Checks")
+    for head, side in _HEADS:
+        table.add_column(head, justify=side)
+    for one in found:
+        numbers = (f"{one.reference:.8g} {one.unit}".removesuffix(" 1"), f"{one.computed:.8g}", f"{one.error:.1e}")
+        table.add_row(one.quantity, *numbers, f"{one.tolerance:.1e}", "passed" if one.passed else "FAILED", one.source)
+    parts = [table, facts_table("Installed packages", installation_info().items())]
     parts += [f"All {len(found)} checks passed"] if status.ok else []
     rows = [
         {**asdict(one), "computed": finite_or_none(one.computed), "error": finite_or_none(one.error),
@@ -59,5 +49,4 @@ def selftest(*, as_json: Json = False) -> Status:
     ]  # fmt: skip
     json = {"status": str(status.cause), "message": status.text, "remedy": status.remedy, "checks": rows,
             "installed": dict(installation_info())}  # fmt: skip
-    write_output(CommandOutput(parts, json), as_json=as_json)
-    return status
+    return cli.CommandOutput(parts, json, status=status)

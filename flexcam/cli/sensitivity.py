@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import compress
 from typing import Annotated
 
@@ -16,36 +16,26 @@ from flexcam.cli import app as cli
 from flexcam.cli.study_options import Highest, LimitAccuracy, Lowest, StudyOptions, WorkerCount
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
-from flexcam.dynamics import Cause, Status
+from flexcam.dynamics import Cause
 from flexcam.report.terminal import finite_numbers, finite_or_none, format_csv, format_number, plain_table
-from flexcam.studies.plan import Row, check_power_of_two
+from flexcam.studies import sensitivity as studies
+from flexcam.studies.plan import check_power_of_two
 from flexcam.studies.quantities import frequency_number
-from flexcam.studies.sensitivity import (
-    STEP_OFFSETS,
-    Method,
-    Sensitivity,
-    SobolIndices,
-    exact_names,
-    get_numbers,
-    sensitivities,
-    sobol_indices,
-)
-from flexcam.studies.tolerance_analysis import QUANTILES, PartScatter, parse_scatters, sample_parts, scalar_distribution
+from flexcam.studies.sensitivity import STEP_OFFSETS, Method, Sensitivity
+from flexcam.studies.tolerance_analysis import QUANTILES, parse_scatters, sample_parts, scalar_distribution
 from flexcam.studies.variables import InterruptibleRuns, PointEvaluator, Variable, column, variables_of
-from flexcam.valvetrain import Metric
 
+_MIN_BASE_POINTS = 2  # for shares of a variance
 _DERIVATIVES = Group("Derivatives or Sobol indices", sort_key=1)
 _TOLERANCES = Group("Tolerances of parts", sort_key=1)
 
 
-@cli.app.command(
-    help_prologue="""\
+@cli.command("""\
 flexcam sensitivity case.toml --of frequency.1 --to springs.valve.stiffness --to masses.valve.mass
 flexcam sensitivity case.toml --of contacts.intake.force.largest --to springs.valve.stiffness --to run.crank_speed
 flexcam sensitivity case.toml --of frequency.1 --to springs.valve.stiffness=30:60kN/m --to masses.valve.mass=80:100g --sobol 256
 flexcam sensitivity case.toml --of limits.loss_of_contact --tolerance springs.valve.stiffness=±5% --count 100 --plot scatter.svg
-"""  # noqa: E501 - a command to a line
-)
+""")  # noqa: E501 - a command to a line
 def sensitivity(
     case: cli.CaseFile, *,
     names: Annotated[list[str], Parameter(
@@ -69,7 +59,7 @@ def sensitivity(
     workers: WorkerCount = 1, lowest: Lowest = None, highest: Highest = None, accuracy: LimitAccuracy = "10 rpm",
     csv: cli.Csv = None, plot: cli.Picture = None, overrides: cli.Overrides = None, allow_large: cli.AllowLarge = False,
     overwrite: cli.Overwrite = False, as_json: cli.Json = False,
-) -> Status | None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Compute how results depend on values of the case: derivatives, Sobol indices, or the effect of tolerances.
 
     Use --to to see which value matters most, --sobol for large ranges and interactions, --tolerance for the scatter of
@@ -81,46 +71,39 @@ def sensitivity(
     if (tolerances is not None) == (keys is not None):
         given = "both --to and --tolerance" if keys else "neither --to nor --tolerance"
         raise refuse("sensitivity", given, "--to KEY, or --tolerance KEY=±SPEC")
-    cli.refuse_without("--count", count, "--tolerance", present=tolerances is not None)
-    cli.refuse_without("--seed", seed, "--sobol or --tolerance", present=tolerances is not None or sobol is not None)
-    for option, given in (("--relative-step", relative_step), ("--method", method)):
-        cli.refuse_without(option, given, "derivatives", present=tolerances is None and sobol is None)
-    cli.refuse_without("--relative-step", relative_step, "differences", present=method != "exact")
+    derivatives = tolerances is None and sobol is None
+    cli.refuse_without("--tolerance", {"--count": count}, present=tolerances is not None)
+    cli.refuse_without("--sobol or --tolerance", {"--seed": seed}, present=not derivatives)
+    cli.refuse_without("derivatives", {"--relative-step": relative_step, "--method": method}, present=derivatives)
+    cli.refuse_without("differences", {"--relative-step": relative_step}, present=method != "exact")
     asked = StudyOptions(
         case, overrides, names, lowest, highest, accuracy, option="--of", workers=workers, allow_large=allow_large
     )
     if tolerances is not None:
-        output, ended = _tolerance_analysis(asked, tolerances, 100 if count is None else count, seed or 0)
-    elif sobol is not None:
-        output, ended = _sobol_indices(asked, keys or [], sobol, seed or 0)
-    else:
-        output, ended = _derivatives(asked, keys or [], 0.01 if relative_step is None else relative_step, method)
-    return cli.write_output(output, csv, plot, ended, overwrite=overwrite, as_json=as_json)
+        return _tolerance_analysis(asked, tolerances, 100 if count is None else count, seed or 0)
+    if sobol is not None:
+        return _sobol_indices(asked, keys or [], sobol, seed or 0)
+    return _derivatives(asked, keys or [], 0.01 if relative_step is None else relative_step, method)
 
 
 def _derivatives(
     asked: StudyOptions, keys: list[str], relative_step: float, method: Method | None
-) -> tuple[cli.CommandOutput, Status]:
+) -> cli.CommandOutput:
     if interval := next((key for key in keys if "=" in key), None):
         key = interval.partition("=")[0]
-        raise refuse(
-            "--to", repr(interval), repr(key), "only --sobol takes intervals", "add --sobol, or give the key alone"
-        )
-    exact = exact_names(asked.case, asked.names, method)
+        why, remedy = "only --sobol takes intervals", "add --sobol, or give the key alone"
+        raise refuse("--to", repr(interval), repr(key), why, remedy)
+    exact = studies.exact_names(asked.case, asked.names, method)
     responses = [name for name in asked.names if not frequency_number(name) and name not in exact]
-    get_numbers(asked.case, keys)
+    studies.get_numbers(asked.case, keys)
     count = 1 + len(STEP_OFFSETS) * len(keys)
     if responses:
         asked.initial_quantities(count)
     with asked.evaluators(count, responses) as runs:
         kept = InterruptibleRuns(runs)
-        found = sensitivities(
+        found = studies.sensitivities(
             asked.file, asked.fixed, asked.names, keys, kept, relative_step=relative_step, method=method
         )
-    return _derivative_output(found), kept.status
-
-
-def _derivative_output(found: Sequence[Sensitivity]) -> cli.CommandOutput:
     names = list(dict.fromkeys(one.scalar for one in found))
     tables = [_derivative_table(name, [one for one in found if one.scalar == name]) for name in names]
     words = [f"{one.scalar} by {one.by.key}: {one.note}" for one in found if one.note]
@@ -140,7 +123,7 @@ def _derivative_output(found: Sequence[Sensitivity]) -> cli.CommandOutput:
     known = [one for one in found if not math.isnan(one.logarithmic)]
     bars = {name: {one.by.key: one.logarithmic for one in known if one.scalar == name} for name in names}
     return cli.CommandOutput(
-        [*tables, *words], {"derivatives": json}, csv,
+        [*tables, *words], {"derivatives": json}, csv, status=kept.status,
         draw=lambda: plotting.histories.bars_figure(bars, "percent per percent"),
     )  # fmt: skip
 
@@ -175,7 +158,7 @@ def _describe_doubt(one: Sensitivity) -> str:
     return "equal frequencies" if one.error is None else "not smooth"
 
 
-def _sobol_indices(asked: StudyOptions, keys: list[str], count: int, seed: int) -> tuple[cli.CommandOutput, Status]:
+def _sobol_indices(asked: StudyOptions, keys: list[str], count: int, seed: int) -> cli.CommandOutput:
     variables = variables_of(asked.case, keys, "--to")
     check_power_of_two("--sobol", count, 2)
     asked.initial_quantities(count)
@@ -190,14 +173,7 @@ def _sobol_indices(asked: StudyOptions, keys: list[str], count: int, seed: int) 
                 raise KeyboardInterrupt  # a single base point gives no indices
             return np.column_stack([column(rows, name) for name in asked.names])
 
-        found = dict(zip(asked.names, sobol_indices(values, len(variables), count, seed=seed), strict=True))
-    return _sobol_output(variables, found), kept.status
-
-
-_MIN_BASE_POINTS = 2  # for shares of a variance
-
-
-def _sobol_output(variables: Sequence[Variable], found: Mapping[str, SobolIndices]) -> cli.CommandOutput:
+        found = dict(zip(asked.names, studies.sobol_indices(values, len(variables), count, seed=seed), strict=True))
     keys = [one.key for one in variables]
     tables: list[Table] = []
     for name, one in found.items():
@@ -230,7 +206,7 @@ def _sobol_output(variables: Sequence[Variable], found: Mapping[str, SobolIndice
     groups = {name: dict(zip(keys, one.total.tolist(), strict=True)) for name, one in found.items()}
     intervals = {name: one.total_interval for name, one in found.items()}
     return cli.CommandOutput(
-        [*tables, *words], {"sobol": json}, format_csv(head, rows),
+        [*tables, *words], {"sobol": json}, format_csv(head, rows), status=kept.status,
         draw=lambda: plotting.histories.bars_figure(groups, "share of the variance, total", intervals),
     )  # fmt: skip
 
@@ -239,9 +215,7 @@ def _interval(ends: FloatArray) -> str:
     return f"{ends[0]:.3f} to {ends[1]:.3f}"
 
 
-def _tolerance_analysis(
-    asked: StudyOptions, tolerances: list[str], count: int, seed: int
-) -> tuple[cli.CommandOutput, Status]:
+def _tolerance_analysis(asked: StudyOptions, tolerances: list[str], count: int, seed: int) -> cli.CommandOutput:
     scatters = parse_scatters(asked.case, tolerances)
     parts = sample_parts(scatters, count, seed)
     initial = asked.initial_quantities(count)
@@ -251,13 +225,7 @@ def _tolerance_analysis(
         every = PointEvaluator(asked.case, variables, kept).rows(parts)
     run = [row.status.cause is not Cause.INTERRUPTED for row in every]
     rows, parts = list(compress(every, run)), parts[run]
-    return _scatter_output(asked.names, scatters, parts, rows, initial), kept.status
-
-
-def _scatter_output(
-    names: Sequence[str], scatters: Sequence[PartScatter], parts: FloatArray, rows: Sequence[Row],
-    initial: Mapping[str, Metric],
-) -> cli.CommandOutput:  # fmt: skip
+    names = asked.names
     values = np.column_stack([column(rows, name) for name in names])
     units = {name: one.unit for name, one in initial.items()}
     units |= {
@@ -300,6 +268,6 @@ def _scatter_output(
     known = {name: one[~np.isnan(one)] for name, one in zip(names, values.T, strict=True)}
     middle = {name: one.value for name, one in initial.items()}
     return cli.CommandOutput(
-        [*tables, *words], {"scatter": json}, format_csv(columns, body),
+        [*tables, *words], {"scatter": json}, format_csv(columns, body), status=kept.status,
         draw=lambda: plotting.histories.scatter_figure(known, units, middle),
     )  # fmt: skip

@@ -35,6 +35,9 @@ _WORDS = {
 
 
 def _stability_table(found: Stability, scale: float) -> Table:
+    skipped = [] if found.discrete.is_available else ["the integrator"]
+    skipped += ["the growth of disturbances"] if found.floquet is None else []
+    stable = "none: no cause of instability found" + (f"; not assessed: {' and '.join(skipped)}" if skipped else "")
     several = len({one.contact for one in found.resonances}) > 1
     rows = [
         ("integrator", _describe_amplification(found.discrete)),
@@ -43,21 +46,14 @@ def _stability_table(found: Stability, scale: float) -> Table:
         ("resonances", _count_resonances(found, scale)),
         *((f"harmonic {one.harmonic}" + (f", {one.contact}" if several else ""), _format_resonance(one, scale))
           for one in found.within[:_SHOWN]),
-        ("verdict", "; ".join(f"{one}: {_WORDS[one]}" for one in _verdict(found)) or _describe_stable(found)),
+        ("verdict", "; ".join(f"{one}: {_WORDS[one]}" for one in _verdict(found)) or stable),
     ]  # fmt: skip
     return facts_table(f"Stability at {shaft_speed(found.rpm * RPM, scale)}", rows)
 
 
 def _verdict(found: Stability) -> list[str]:
-    """Return the causes of instability, and the chatter."""
     chatter = ["chatter" if found.is_scattering else _HARMLESS] if found.is_chattering else []
     return [*found.causes, *chatter]
-
-
-def _describe_stable(found: Stability) -> str:
-    skipped = [] if found.discrete.is_available else ["the integrator"]
-    skipped += ["the growth of disturbances"] if found.floquet is None else []
-    return "none: no cause of instability found" + (f"; not assessed: {' and '.join(skipped)}" if skipped else "")
 
 
 def _describe_amplification(found: StepAmplification) -> str:
@@ -133,12 +129,10 @@ def _growth_table(found: Sequence[Stability], scale: float) -> Table:
     return plain_table("Stability over speed", heads, rows)
 
 
-@cli.app.command(
-    help_prologue="""\
+@cli.command("""\
 flexcam stability cases/tayeb/model-3-shm.toml --set run.speed=4000rpm
 flexcam stability case.toml --lowest 1000rpm --highest 6000rpm --count 11 --plot growth.svg
-"""
-)
+""")
 def stability(
     case: cli.CaseFile, *,
     lowest: Annotated[str | None, Parameter(
@@ -148,7 +142,7 @@ def stability(
     plot: Annotated[Path | None, Parameter(
         help="Also draw the growth rate over speed to this file (.svg, .png or .pdf).")] = None,
     overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
-) -> None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Assess stability at one speed or over a range: time step, parametric growth, resonance, contact loss.
 
     Use it to see whether disturbances of the periodic motion grow (Floquet multipliers), and why. Speeds are those of
@@ -161,9 +155,7 @@ def stability(
             why, remedy = "without a range, only the speed of the case is assessed", "add a range, or leave it out"
             raise refuse("--count", count, "--count with --lowest, --highest or --plot only", why, remedy)
         found = assess_stability(read)
-        output = cli.CommandOutput([_stability_table(found, scale)], _stability_json(found, scale))
-        cli.write_output(output, as_json=as_json)
-        return
+        return cli.CommandOutput([_stability_table(found, scale)], _stability_json(found, scale))
     speeds = cli.spaced_speeds(lowest, highest, 11 if count is None else count, read)
     cli.check_targets(None, plot, overwrite=overwrite)
     with show_count(len(speeds), "speeds") as shown:
@@ -171,8 +163,7 @@ def stability(
     rpm = np.array([scale * one.rpm for one in every])
     growth = np.array([math.nan if one.floquet is None else one.floquet.growth for one in every])
     causes = {cause: np.array([cause in _verdict(one) for one in every]) for cause in _WORDS if cause != _HARMLESS}
-    output = cli.CommandOutput(
+    return cli.CommandOutput(
         [_growth_table(every, scale)], {"speeds": [_stability_json(one, scale) for one in every]}, title=read.title,
         draw=lambda: plotting.spectra.growth_figure(rpm, growth, causes, shaft_name(scale)),
     )  # fmt: skip
-    cli.write_output(output, plot=plot, overwrite=overwrite, as_json=as_json)

@@ -43,8 +43,7 @@ class StudyOptions:
         cli.warn_ignored_keys(self.fixed, self.case)
         self.names, self.workers = tuple(dict.fromkeys(names)), workers
         of_limits = any(name.startswith("limits.") for name in names)
-        for end, given in (("--lowest", lowest), ("--highest", highest)):
-            cli.refuse_without(end, given, "limits.NAME", present=of_limits)
+        cli.refuse_without("limits.NAME", {"--lowest": lowest, "--highest": highest}, present=of_limits)
         low, high = cli.speed_range(lowest, highest, 2, self.case, most=2.0)
         self.search = Search(low, high, cli.parse_accuracy(accuracy, self.case.turns))
         check_names(self.case, self.names, option)

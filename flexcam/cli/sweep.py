@@ -28,7 +28,6 @@ _MAX_LISTED = 3  # number of variants named in a sentence
 
 
 def _sweep_table(found: SweepTable) -> RichTable:
-    """Return the table of the range of every scalar; constant scalars are omitted."""
     rows: list[tuple[str, ...]] = []
     for name, values in found.scalars.items():
         if _is_varying(values):
@@ -66,9 +65,9 @@ def _failures(found: SweepTable) -> dict[str, list[int]]:
     return causes
 
 
-def _sweep_json(found: SweepTable, ended: Status | None) -> dict[str, object]:
+def _sweep_json(found: SweepTable, ended: Status) -> dict[str, object]:
     return {
-        "message": "the sweep is complete" if ended is None else ended.text,
+        "message": "the sweep is complete" if ended.ok else ended.text,
         "variants": len(found),
         "failed": {cause: [i + 1 for i in rows] for cause, rows in _failures(found).items()},
         "inputs": {one.name: one.unit for one in found.inputs},
@@ -79,14 +78,12 @@ def _sweep_json(found: SweepTable, ended: Status | None) -> dict[str, object]:
     }
 
 
-@cli.app.command(
-    help_prologue="""\
+@cli.command("""\
 flexcam sweep case.toml --set run.crank_speed=1000:8000:50rpm
 flexcam sweep case.toml --set run.crank_speed=1000:8000:500rpm --set springs.valve.stiffness=30:60:5kN/m --workers 8
 flexcam sweep case.toml --set springs.valve.stiffness=30:60kN/m --sample sobol:512 --scalars deviation,contacts
 flexcam sweep case.toml --resume
-"""
-)
+""")
 def sweep(
     case: cli.CaseFile, *,
     settings: Annotated[list[str] | None, Parameter(
@@ -111,7 +108,7 @@ def sweep(
         group=_WORKERS, help="Maximum time per variant, such as 5min; a variant that takes longer counts as "
         "failed.")] = None,
     allow_large: cli.AllowLarge = False, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
-) -> Status | None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Run many variants of a case and write one table with a row per variant.
 
     Ranges come from the case's [sweep] table and from --set, which replaces them. The output table has a column
@@ -133,9 +130,9 @@ def sweep(
         check_sweep_resources(asked, folder if histories else None, together=at_once)
     with show_count(len(asked.plan), "variants") as shown:
         table, files = run_sweep_to_files(asked, target, runners, advance=shown)
-    ended = cli.failed_status(table.statuses, "variants")
-    output = cli.CommandOutput([_sweep_table(table), *_describe_sweep(table)], _sweep_json(table, ended))
-    return cli.write_output(output, ended=ended, as_json=as_json, written=files)
+    ended = cli.joint_status(table.statuses, "variants")
+    parts = [_sweep_table(table), *_describe_sweep(table)]
+    return cli.CommandOutput(parts, _sweep_json(table, ended), files=files, status=ended)
 
 
 def _create_workers(scheduler: str | None, count: int | None) -> Workers:
@@ -147,6 +144,5 @@ def _create_workers(scheduler: str | None, count: int | None) -> Workers:
     number = count_cores() if count is None else count
     if scheduler == LOCAL:
         return ClusterWorkers(LOCAL, number)
-    if number < 0:
-        raise refuse("--workers", number, "a whole number, at least 0", "0 runs all variants in this process")
+    cli.check_number("--workers", number, 0, why="0 runs all variants in this process")
     return ProcessWorkers(number) if number else SerialWorkers()

@@ -8,18 +8,12 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from cyclopts import App, Group, Parameter
 from rich.table import Table
 
 from flexcam import __version__, plotting
-from flexcam.analysis.cam_analysis import (
-    HarmonicCam,
-    PolydyneCam,
-    design_polydyne,
-    harmonic_cam,
-    load_cams,
-    polydyne_cam,
-)
+from flexcam.analysis import cam_analysis
 from flexcam.cams import Family, HarmonicFamily, SingleMass, SplineFamily, Synthesis, event_extremes, minimax, pareto
 from flexcam.case.reader import has_mechanism
 from flexcam.cli import app as cli
@@ -27,6 +21,13 @@ from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, format_quantity, parse
 from flexcam.io import check_writable, create_folder, write_law, write_lift
 from flexcam.report.terminal import NOISE, facts_table, finite_numbers, plain_table
+
+_FAMILY = Group("Family of laws", sort_key=1)
+_LEGEND = (
+    "C_v, C_a, C_j: max velocity, acceleration and jerk of the law, lift 1 over angle 1; "
+    "C_m: max product of velocity and acceleration, which is proportional to the inertia torque; "
+    "z: angle / duration of the rise"
+)
 
 
 def _synthesis_json(found: Synthesis) -> dict[str, object]:
@@ -36,13 +37,6 @@ def _synthesis_json(found: Synthesis) -> dict[str, object]:
         "bound_over_all_laws": found.bound_all, "Cv": c.Cv, "Ca": c.Ca, "Cj": c.Cj, "Cm": c.Cm, "rms": c.rms[1],
         "broken": list(c.violations), "converged": found.converged, "not_converged": list(found.open),
     }  # fmt: skip
-
-
-_LEGEND = (
-    "C_v, C_a, C_j: max velocity, acceleration and jerk of the law, lift 1 over angle 1; "
-    "C_m: max product of velocity and acceleration, which is proportional to the inertia torque; "
-    "z: angle / duration of the rise"
-)
 
 
 def synthesis_table(found: Synthesis) -> Table:
@@ -77,35 +71,17 @@ def _pareto_table(front: Sequence[Synthesis]) -> Table:
     )
 
 
-def _harmonic_table(found: HarmonicCam) -> Table:
-    fit, hertz = found.fit, found.frequency / (2.0 * math.pi)
+def _polydyne_table(found: cam_analysis.PolydyneCam) -> Table:
     rows = [
-        ("harmonics", f"{found.count}; {found.limit} lie below the lowest mode that the cam excites, {hertz:.4g} Hz"),
-        ("max deviation in the dwells", f"{1e6 * fit.strict_deviation:.4g} um"),
-        ("max deviation elsewhere", f"{1e6 * fit.deviation:.4g} um, {1e6 * fit.rms_deviation:.4g} um rms"),
-        ("lift", format_quantity("m", *(end.value for end in event_extremes(fit.event)))),
-    ]
-    return facts_table("Lift of harmonics", rows)
-
-
-def _polydyne_table(found: PolydyneCam) -> Table:
-    """Return the table of a polydyne cam at its design speed and at others."""
-    rows = [
-        (f"{speed / RPM:.6g}", _micrometres(plain), _micrometres(compensated))
-        for speed, plain, compensated in zip(
-            found.speeds.tolist(), found.plain.tolist(), found.compensated.tolist(), strict=True
-        )
+        (f"{speed / RPM:.6g}", *(f"{1e6 * value:.4g}" if math.isfinite(value) else "resonance" for value in deviations))
+        for speed, *deviations in np.array([found.speeds, found.plain, found.compensated]).T.tolist()
     ]
     head = ("camshaft rpm", "plain cam, um", "polydyne cam, um")
     title = "Max deviation of the valve from the target motion"
     return plain_table(f"{title}; design speed: camshaft {found.speed / RPM:.6g} rpm", head, rows)
 
 
-def _micrometres(value: float) -> str:
-    return f"{1e6 * value:.4g}" if math.isfinite(value) else "resonance"
-
-
-def _polydyne_properties_table(found: PolydyneCam) -> Table:
+def _polydyne_properties_table(found: cam_analysis.PolydyneCam) -> Table:
     design = found.design
     lift, bend, count = event_extremes(design.event), event_extremes(design.event, 2), len(design.event.cosine)
     rows = [
@@ -119,15 +95,14 @@ def _polydyne_properties_table(found: PolydyneCam) -> Table:
     return facts_table("Polydyne cam", rows)
 
 
-_EXAMPLES = """\
-flexcam synthesize law --minimize Ca --bound Cj=52.5 -o best.toml
-flexcam synthesize harmonic case.toml --tolerance "20 um" -o lift.toml
-flexcam synthesize polydyne case.toml --speed 3000rpm -o lift.toml
-"""
 synthesize = App(
     name="synthesize",
     help="Design a motion law with minimum peak values, or a lift that excites the train less.",
-    help_prologue=_EXAMPLES,
+    help_prologue="""\
+flexcam synthesize law --minimize Ca --bound Cj=52.5 -o best.toml
+flexcam synthesize harmonic case.toml --tolerance "20 um" -o lift.toml
+flexcam synthesize polydyne case.toml --speed 3000rpm -o lift.toml
+""",
     help_format="plaintext",
 )
 cli.app.command(synthesize)
@@ -137,16 +112,16 @@ Output = Annotated[
     Parameter(["-o", "--output"], help="Also write the lift or the law to this file (.toml), for use in a case."),
 ]
 CamsPath = Annotated[Path, Parameter(help="Case file; with --frequency also a file that has [cams.NAME] only.")]
-_FAMILY = Group("Family of laws", sort_key=1)
 
 
-@synthesize.command(
-    name="law",
-    help_prologue="""\
+@cli.command(
+    """\
 flexcam synthesize law --minimize Ca --bound Cj=52.5 -o best.toml
 flexcam synthesize law --family polynomial --degree 11 --minimize Ca --pareto Cj
 flexcam synthesize law --family harmonic --orders 1 --orders 3 --orders 5 --minimize Cm
 """,
+    name="law",
+    group=synthesize,
 )
 def synthesize_law(
     *,
@@ -171,9 +146,9 @@ def synthesize_law(
         group=_FAMILY, help="Number of derivatives that are zero at both ends; 2 by default.")] = None,
     asymmetric: Annotated[bool, Parameter(group=_FAMILY, help="Allow asymmetric laws.")] = False,
     output: Output = None, plot: cli.Picture = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
-) -> None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Find the motion law of a family with minimum peak values, with a proven lower bound."""
-    cli.refuse_without("--count", count, "--pareto", present=against is not None)
+    cli.refuse_without("--pareto", {"--count": count}, present=against is not None)
     cli.check_targets(None, plot, overwrite=overwrite)
     where = _family(family, degree, pieces, orders, rest, symmetric=not asymmetric)
     weights, limits = _numbers("--minimize", minimize, 1.0), _numbers("--bound", bound or [], None)
@@ -189,19 +164,19 @@ def synthesize_law(
     goals = None if against is None else (next(iter(weights)), against)
     files = _write_law_files(front, goals, output, plot, overwrite=overwrite)
     parts = [_pareto_table(front) if against else synthesis_table(front[0]), _LEGEND]
-    answer = cli.CommandOutput(parts, {"laws": [_synthesis_json(one) for one in front]})
     names = {path: f'{path}  (in a case: law = "{path.name}")' for path in files if path.suffix == ".toml"}
-    cli.write_output(answer, as_json=as_json, written=files, describe_file=lambda path: names.get(path, str(path)))
+    json = {"laws": [_synthesis_json(one) for one in front]}
+    return cli.CommandOutput(parts, json, files=files, describe_file=lambda path: names.get(path, str(path)))
 
 
 def _family(
     kind: str, degree: int | None, pieces: int | None, orders: list[int] | None, rest: int | None, *, symmetric: bool
 ) -> Family:
     harmonic = kind == "harmonic"
-    cli.refuse_without("--orders", orders, "--family harmonic", present=harmonic)
-    cli.refuse_without("--pieces", pieces, "--family spline", present=kind == "spline")
-    for option, given in (("--degree", degree), ("--rest", rest), ("--asymmetric", not symmetric)):
-        cli.refuse_without(option, given, "--family spline or polynomial", present=not harmonic)
+    cli.refuse_without("--family harmonic", {"--orders": orders}, present=harmonic)
+    cli.refuse_without("--family spline", {"--pieces": pieces}, present=kind == "spline")
+    of_splines = {"--degree": degree, "--rest": rest, "--asymmetric": not symmetric}
+    cli.refuse_without("--family spline or polynomial", of_splines, present=not harmonic)
     if harmonic:
         return HarmonicFamily(tuple(orders)) if orders else HarmonicFamily()
     order = 2 if rest is None else rest
@@ -251,12 +226,13 @@ def _write_law_files(
     return files
 
 
-@synthesize.command(
-    name="harmonic",
-    help_prologue="""\
+@cli.command(
+    """\
 flexcam synthesize harmonic case.toml --tolerance "20 um" -o intake-harmonic.toml
 flexcam synthesize harmonic case.toml --cam intake --count 12 --bound "0.2 mm"
 """,
+    name="harmonic",
+    group=synthesize,
 )
 def synthesize_harmonic(
     case: cli.CaseFile, *,
@@ -266,7 +242,7 @@ def synthesize_harmonic(
     count: Annotated[int | None, Parameter(
         help="Number of harmonics; by default those below the lowest mode that the cam excites.")] = None,
     output: Output = None, overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
-) -> None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Replace the lift of a cam by its low harmonics, which lie below the modes that the cam excites.
 
     In the dwells the new lift differs from the old one by --tolerance at most.
@@ -274,7 +250,7 @@ def synthesize_harmonic(
     cli.check_distinct_files({"--output": output}, [case])
     strict = cli.parse_quantity("--tolerance", tolerance, "length", "um")
     wide = cli.parse_optional("--bound", bound, "length", "mm")
-    found = harmonic_cam(cli.load_case(case, overrides), name, tolerance=strict, count=count, bound=wide)
+    found = cam_analysis.harmonic_cam(cli.load_case(case, overrides), name, tolerance=strict, count=count, bound=wide)
     about = {"flexcam": __version__, "made_for": str(case), "harmonics": found.count}
     lift = found.fit.event.with_delay(-found.phase)
     files = [] if output is None else [write_lift(lift, output, about=about, overwrite=overwrite)]
@@ -284,17 +260,24 @@ def synthesize_harmonic(
         "deviation": found.fit.deviation, "rms_deviation": found.fit.rms_deviation,
         "lift": [end.value for end in event_extremes(found.fit.event)],
     }  # fmt: skip
-    answer = cli.CommandOutput([_harmonic_table(found)], json)
+    fit, hertz = found.fit, found.frequency / (2.0 * math.pi)
+    rows = [
+        ("harmonics", f"{found.count}; {found.limit} lie below the lowest mode that the cam excites, {hertz:.4g} Hz"),
+        ("max deviation in the dwells", f"{1e6 * fit.strict_deviation:.4g} um"),
+        ("max deviation elsewhere", f"{1e6 * fit.deviation:.4g} um, {1e6 * fit.rms_deviation:.4g} um rms"),
+        ("lift", format_quantity("m", *(end.value for end in event_extremes(fit.event)))),
+    ]
     describe_file = partial(cli.describe_lift_file, phase=found.phase)
-    cli.write_output(answer, as_json=as_json, written=files, describe_file=describe_file)
+    return cli.CommandOutput([facts_table("Lift of harmonics", rows)], json, files=files, describe_file=describe_file)
 
 
-@synthesize.command(
-    name="polydyne",
-    help_prologue="""\
+@cli.command(
+    """\
 flexcam synthesize polydyne case.toml --speed 3000rpm -o intake-polydyne.toml
 flexcam synthesize polydyne cams.toml --frequency "400 Hz" --damping 0.02 --speed 3000rpm
 """,
+    name="polydyne",
+    group=synthesize,
 )
 def synthesize_polydyne(
     case: CamsPath, *,
@@ -305,7 +288,7 @@ def synthesize_polydyne(
     damping: Annotated[float, Parameter(help="Damping ratio of that mass.")] = 0.0,
     count: Annotated[int, Parameter(help="Number of harmonics.")] = 60,
     output: Output = None, overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
-) -> None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Design a polydyne cam: at the design speed the flexible train moves the valve as a rigid one would."""
     cli.check_distinct_files({"--output": output}, [case])
     at = None if speed is None else positive("--speed", cli.parse_quantity("--speed", speed, "speed", "rpm"), "rad/s")
@@ -313,13 +296,13 @@ def synthesize_polydyne(
         raise refuse("--damping", damping, "--damping with --frequency only", "the train of the case has its own")
     if frequency is not None:
         omega = 2.0 * math.pi * cli.parse_quantity("--frequency", frequency, "rate", "Hz")
-        cams = load_cams(case, overrides or ())
+        cams = cam_analysis.load_cams(case, overrides or ())
         design_speed = cams.speed if at is None else at
         if design_speed is None:
             raise refuse("--speed", "nothing", "the design speed, such as 3000rpm", f"{cams.name} has no speed")
-        found = design_polydyne(cams, name, SingleMass(omega, damping), design_speed, count)
+        found = cam_analysis.design_polydyne(cams, name, SingleMass(omega, damping), design_speed, count)
     elif has_mechanism(case):
-        found = polydyne_cam(cli.load_case(case, overrides), name, speed=at, count=count)
+        found = cam_analysis.polydyne_cam(cli.load_case(case, overrides), name, speed=at, count=count)
     else:
         given, remedy = f"{case.name}, which has cams only", "add --frequency for one mass on a spring"
         raise refuse("case", given, "a case with the train that the cam drives", "", remedy)
@@ -333,6 +316,6 @@ def synthesize_polydyne(
         "speeds_rpm": (found.speeds / RPM).tolist(), "plain": finite_numbers(found.plain),
         "polydyne": finite_numbers(found.compensated),
     }  # fmt: skip
-    answer = cli.CommandOutput([_polydyne_properties_table(found), _polydyne_table(found)], json)
+    tables = [_polydyne_properties_table(found), _polydyne_table(found)]
     describe_file = partial(cli.describe_lift_file, phase=found.phase)
-    cli.write_output(answer, as_json=as_json, written=files, describe_file=describe_file)
+    return cli.CommandOutput(tables, json, files=files, describe_file=describe_file)

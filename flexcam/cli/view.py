@@ -14,15 +14,16 @@ from flexcam.cli.sources import displayed_motion, open_sources
 from flexcam.core.errors import refuse
 from flexcam.valvetrain import build_structure
 
+_MIN_SIZE, _MAX_SIZE = 64, 8192  # of a picture, pixels
+_MAX_SCALE = 1e6
 
-@cli.app.command(
-    help_prologue="""\
+
+@cli.command("""\
 flexcam view results/intake.vtkhdf
 flexcam view results/intake.vtkhdf --color stress_von_mises --scale 50 --save train.gif
 flexcam view case.toml --at 120deg --save train.png
 flexcam view case.toml --mode 2 --save mode.mp4
-"""
-)
+""")
 def view(
     source: Annotated[Path, Parameter(
         help="Result file (.vtkhdf), or case file (.toml) to show the rigid motion.")], *,
@@ -37,7 +38,7 @@ def view(
     mode: Annotated[int | None, Parameter(help="Animate a natural mode, by its number in flexcam modes.")] = None,
     size: Annotated[str, Parameter(help="Size of the window or picture in pixels.")] = "1024x768",
     overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
-) -> None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Show the moving mechanism in 3D, or write a picture or an animation of it.
 
     The window has a slider over the cam angle. A picture of a result shows full lift by default.
@@ -78,9 +79,5 @@ def view(
     notes = (
         ["\n".join(["Sizes chosen for the drawing:", *(f"  {note}" for note in drawn.notes)])] if drawn.notes else []
     )
-    output = cli.CommandOutput(notes, {"instants": len(motion), "drawn": list(drawn.notes)})
-    cli.write_output(output, as_json=as_json, written=[] if picture is None else [picture])
-
-
-_MIN_SIZE, _MAX_SIZE = 64, 8192
-_MAX_SCALE = 1e6
+    json = {"instants": len(motion), "drawn": list(drawn.notes)}
+    return cli.CommandOutput(notes, json, files=[] if picture is None else [picture])

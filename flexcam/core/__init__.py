@@ -5,13 +5,7 @@ function in `factorization`; input errors are raised through `errors`.
 """
 
 from flexcam.core.eigen import LongArray, solve_eigenproblem
-from flexcam.core.factorization import (
-    Factor,
-    SingularMatrixError,
-    diagonal_scale,
-    factorize,
-    select_storage,
-)
+from flexcam.core.factorization import Factor, SingularMatrixError, diagonal_scale, factorize, select_storage
 from flexcam.core.matrices import (
     DENSE_LIMIT,
     ROUNDING_LIMIT,
@@ -27,24 +21,8 @@ from flexcam.core.matrices import (
 from flexcam.core.null_space import factorize_with_update, null_space, select_constraints
 
 __all__ = [
-    "DENSE_LIMIT",
-    "ROUNDING_LIMIT",
-    "ComplexArray",
-    "Factor",
-    "FloatArray",
-    "IntArray",
-    "LongArray",
-    "SingularMatrixError",
-    "Triplets",
-    "component_members",
-    "connected_components",
-    "diagonal_scale",
-    "energy_rounding",
-    "factorize",
-    "factorize_with_update",
-    "null_space",
-    "rounding_fraction",
-    "select_constraints",
-    "select_storage",
+    "DENSE_LIMIT", "ROUNDING_LIMIT", "ComplexArray", "Factor", "FloatArray", "IntArray", "LongArray",
+    "SingularMatrixError", "Triplets", "component_members", "connected_components", "diagonal_scale", "energy_rounding",
+    "factorize", "factorize_with_update", "null_space", "rounding_fraction", "select_constraints", "select_storage",
     "solve_eigenproblem",
-]
+]  # fmt: skip

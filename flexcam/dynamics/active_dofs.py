@@ -46,56 +46,33 @@ _FREE_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class InactiveGroup:
-    """A group of coupled unknowns that never moves.
+    """A group of coupled unknowns that never moves."""
 
-    Parameters
-    ----------
-    unknowns
-        Indices of the unknowns, shape (k,).
-    loaded
-        Whether constant loads or forces act on it, in equilibrium.
-    free
-        Whether the group has a motion without stiffness.
-    """
-
-    unknowns: IntArray
-    loaded: bool
-    free: bool
+    unknowns: IntArray  #: indices of the unknowns, shape (k,)
+    loaded: bool  #: whether constant loads or forces act on it, in equilibrium
+    free: bool  #: whether the group has a motion without stiffness
 
 
 @dataclass(frozen=True, eq=False)
 class ActiveDofs:
-    """Active unknowns of a system for an initial state.
+    """Active unknowns of a system for an initial state."""
 
-    Parameters
-    ----------
-    moving
-        Mask of the active unknowns, shape (n,).
-    still
-        The inactive groups.
-    held
-        Constant displacements of the inactive unknowns, shape (n,); zero for active ones.
-    """
-
-    moving: NDArray[np.bool_]
-    still: tuple[InactiveGroup, ...]
-    held: FloatArray
+    moving: NDArray[np.bool_]  #: mask of the active unknowns, shape (n,)
+    still: tuple[InactiveGroup, ...]  #: the inactive groups
+    held: FloatArray  #: constant displacements of the inactive unknowns, shape (n,); zero for active ones
 
 
 def find_active_dofs(
-    system: System,
-    displacement: FloatArray | None = None,
-    velocity: FloatArray | None = None,
+    system: System, displacement: FloatArray | None = None, velocity: FloatArray | None = None,
     inner: FloatArray | None = None,
-) -> ActiveDofs:
+) -> ActiveDofs:  # fmt: skip
     """Return the active unknowns of a system for an initial state."""
     n = system.size
     d = np.zeros(n) if displacement is None else displacement
     v = np.zeros(n) if velocity is None else velocity
-    idle, begun = (
-        _find_idle_scalars(system, d),
-        _find_variable_loads(system) | _find_initial_motion(v, system.mass.diagonal()),
-    )
+    vectors = [load.vector for load in system.loads if not load.steady]
+    loaded = (np.array(vectors).reshape(len(vectors), n) != 0.0).any(axis=0)
+    idle, begun = _find_idle_scalars(system, d), loaded | _find_initial_motion(v, system.mass.diagonal())
     while True:
         labels = _coupling_groups(system, idle)
         steady, moving = _constant_forces(system, d, inner, _spread_to_groups(begun, labels), labels)
@@ -155,12 +132,6 @@ def _force_unknowns(force: LocalForce, size: int, asleep: frozenset[int] = froze
     return (np.concatenate(vectors) != 0.0).any(axis=0)
 
 
-def _find_variable_loads(system: System) -> NDArray[np.bool_]:
-    """Return the unknowns under a time-dependent load."""
-    vectors = [load.vector for load in system.loads if not load.steady]
-    return (np.array(vectors).reshape(len(vectors), system.size) != 0.0).any(axis=0)
-
-
 def _constant_forces(
     system: System, d: FloatArray, inner: FloatArray | None, moving: NDArray[np.bool_], labels: IntArray
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
@@ -171,9 +142,8 @@ def _constant_forces(
     forces = LocalForces(system)
     schedule = forces.prescribed_inputs(still)
     penetration = forces.sense_motion(d[None], np.zeros((1, system.size)), schedule)[0][0]
-    answer = forces.respond(
-        penetration, np.zeros(forces.count), forces.start_state if inner is None else inner, schedule
-    )
+    state = forces.start_state if inner is None else inner
+    answer = forces.respond(penetration, np.zeros(forces.count), state, schedule)
     for force, part, states in forces.parts:
         involved = _force_unknowns(force, system.size)
         if moving[involved].any():
@@ -274,8 +244,5 @@ def _weight(system: System) -> Triplets:
 
 def expand_block(block: Block, basis: Basis) -> Block:
     """Return a block with fields expanded to all unknowns."""
-    fields = block.fields
-    moved = basis.spread(fields.displacement)
-    if basis.held.any():
-        moved = moved + basis.held
-    return replace(block, fields=Series(moved, basis.spread(fields.velocity), basis.spread(fields.acceleration)))
+    moved, moving, rate = map(basis.spread, block.fields)
+    return replace(block, fields=Series(moved + basis.held if basis.held.any() else moved, moving, rate))

@@ -53,18 +53,10 @@ class Basis(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class DofSubset:
-    """Subset of the unknowns; the others are constant.
+    """Subset of the unknowns; the others are constant."""
 
-    Parameters
-    ----------
-    kept
-        Indices of the unknowns, shape (m,).
-    held
-        Displacement of the others, shape (n,); zero for unknowns kept.
-    """
-
-    kept: IntArray
-    held: FloatArray
+    kept: IntArray  #: indices of the unknowns, shape (m,)
+    held: FloatArray  #: displacement of the others, shape (n,); zero for unknowns kept
 
     @property
     def size(self) -> int:
@@ -108,20 +100,11 @@ class DofSubset:
 
 @dataclass(frozen=True, eq=False)
 class ModeBasis:
-    """Coordinates of given shape vectors.
+    """Coordinates of given shape vectors."""
 
-    Parameters
-    ----------
-    vectors
-        Independent shapes as columns, shape (n, m).
-    called
-        A name per coordinate; ``shape 1`` and so on by default.
-    still
-        Displacement at zero coordinates, shape (n,), uncoupled from the shapes; None for zero.
-    """
-
-    vectors: FloatArray
-    called: tuple[str, ...] = ()
+    vectors: FloatArray  #: independent shapes as columns, shape (n, m)
+    called: tuple[str, ...] = ()  #: a name per coordinate; ``shape 1`` and so on by default
+    #: Displacement at zero coordinates, shape (n,), uncoupled from the shapes; None for zero.
     still: FloatArray | None = None
 
     @property
@@ -171,7 +154,7 @@ _ROUNDING = 1e-9
 
 def project_system(system: System, basis: Basis) -> System:
     """Return the equations of a system in the coordinates of a basis."""
-    shown = _ExpandedObservation(basis)
+    shown = _Expansion(basis)
     return System(
         mass=basis.matrix(system.mass),
         damping=basis.matrix(system.damping),
@@ -221,34 +204,27 @@ def _offset_function(
     return both
 
 
-def _channel(channel: Channel, shown: _ExpandedObservation) -> Channel:
+def _channel(channel: Channel, shown: _Expansion) -> Channel:
     def value(seen: Observation) -> FloatArray:
         return channel.value(shown(seen))
 
     return replace(channel, value=value)
 
 
-class _ExpandedObservation:
-    """Observation expanded to all unknowns, cached for all channels with the same observation."""
-
-    def __init__(self, basis: Basis) -> None:
-        self._rows = _ProjectedRows(basis)
-        self._last: tuple[Observation, Observation] | None = None
-
-    def __call__(self, seen: Observation) -> Observation:
-        if self._last is None or self._last[0] is not seen:
-            self._last = seen, replace(seen, moved=_ExpandedMotion(seen.moved, self._rows))
-        return self._last[1]
-
-
-class _ProjectedRows:
-    """Rows over all unknowns projected to a basis, each computed once."""
+class _Expansion:
+    """Observations expanded to all unknowns; rows over all unknowns are projected to the basis once."""
 
     def __init__(self, basis: Basis) -> None:
         self.basis, self.held = basis, basis.held
+        self._last: tuple[Observation, Observation] | None = None  # all channels have the same observation
         self._known: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}  # keeps the ids valid
 
-    def __call__(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def __call__(self, seen: Observation) -> Observation:
+        if self._last is None or self._last[0] is not seen:
+            self._last = seen, replace(seen, moved=_ExpandedMotion(seen.moved, self))
+        return self._last[1]
+
+    def project(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the projected rows and their products with the offset."""
         if id(rows) not in self._known:
             self._known[id(rows)] = rows, self.basis.rows(rows), rows @ self.held
@@ -258,23 +234,23 @@ class _ProjectedRows:
 class _ExpandedMotion:
     """Motion of all unknowns from that of the coordinates, computed on demand."""
 
-    def __init__(self, inside: MotionView, rows: _ProjectedRows) -> None:
-        self._inside, self._rows = inside, rows
+    def __init__(self, inside: MotionView, expansion: _Expansion) -> None:
+        self._inside, self._expansion = inside, expansion
         self._picked: dict[tuple[int, int], FloatArray] = {}
         self._whole: dict[int, FloatArray] = {}
 
     def whole(self, order: int) -> FloatArray:
         """Return the motion of all unknowns, see `MotionView`."""
         if order not in self._whole:
-            spread = self._rows.basis.spread(self._inside.whole(order))
-            self._whole[order] = spread + self._rows.held if order == 0 else spread
+            spread = self._expansion.basis.spread(self._inside.whole(order))
+            self._whole[order] = spread + self._expansion.held if order == 0 else spread
         return self._whole[order]
 
     def extract(self, rows: FloatArray, order: int = 0) -> FloatArray:
         """Return scalars of the motion, see `MotionView`."""
         key = id(rows), order
         if key not in self._picked:
-            own, still = self._rows(rows)
+            own, still = self._expansion.project(rows)
             found = self._inside.extract(own, order)
             self._picked[key] = found + still if order == 0 else found
         return self._picked[key]

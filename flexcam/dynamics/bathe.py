@@ -8,7 +8,7 @@ import numpy as np
 
 from flexcam.core import FloatArray
 from flexcam.dynamics.generalized_alpha import newmark
-from flexcam.dynamics.implicit_step import ImplicitStage, Prediction
+from flexcam.dynamics.implicit_step import ImplicitStage
 from flexcam.dynamics.integrator import At, Method, Stepper
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.step_state import StepInputs, StepState
@@ -63,21 +63,10 @@ class _Stepper:
         # a = (v0 - 4 vh + 3 v)/dt and v = (d0 - 4 dh + 3 d)/dt, solved for v and d.
         v = (4.0 * half.v - now.v) / 3.0
         d = (4.0 * half.d - now.d + self._dt * v) / 3.0
-        whole = self._whole.solve(Prediction(d, v), half, to)
+        whole = self._whole.solve(d, v, half, to)
         return replace(whole, iterations=half.iterations + whole.iterations)
 
 
 def bathe() -> Bathe:
-    """Return the composite step of Bathe.
-
-    Returns
-    -------
-    Bathe
-        It has no parameter.
-
-    Examples
-    --------
-    >>> bathe().order
-    2
-    """
+    """Return the composite step of Bathe."""
     return Bathe()

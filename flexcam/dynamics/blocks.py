@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,7 @@ SLOPES = {"displacement": "velocity", "velocity": "acceleration"}
 """Motions that are cubics between two instants, and their derivatives."""
 
 
-@dataclass(frozen=True, eq=False)
-class Series:
+class Series(NamedTuple):
     """Displacement, velocity and acceleration at a sequence of instants, arrays of shape (times, columns)."""
 
     displacement: FloatArray
@@ -32,7 +31,15 @@ class Series:
     @classmethod
     def concatenate(cls, parts: Sequence[Series]) -> Series:
         """Return the concatenated parts."""
-        return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in cls.__annotations__))
+        return cls(*map(np.concatenate, zip(*parts, strict=True)))
+
+    def whole(self, order: int) -> FloatArray:
+        """Return displacement, velocity or acceleration, see `flexcam.dynamics.system.MotionView`."""
+        return self[order]
+
+    def extract(self, rows: FloatArray, order: int = 0) -> FloatArray:
+        """Return the components that rows select, see `flexcam.dynamics.system.MotionView`."""
+        return (rows @ self[order].T).T  # contiguous history per row
 
     def interpolate(self, own: FloatArray, times: FloatArray) -> Series:
         """Return the motion at other ascending times, s, by interpolation between instants.
@@ -44,14 +51,14 @@ class Series:
         left = right - 1
         length = (own[right] - own[left])[:, None]
         x = (times - own[left])[:, None] / length
-        d, v, a = self.displacement, self.velocity, self.acceleration
+        d, v, a = self
         moved = _cubic(x, d[left], d[right], length * v[left], length * v[right])
         moving = _cubic(x, v[left], v[right], length * a[left], length * a[right])
         return Series(moved, moving, a[left] + x * (a[right] - a[left]))
 
     def at(self, instants: NDArray[np.bool_] | IntArray | slice) -> Series:
         """Return selected instants by mask or index."""
-        return Series(self.displacement[instants], self.velocity[instants], self.acceleration[instants])
+        return Series(*(one[instants] for one in self))
 
 
 def _cubic(x: FloatArray, old: FloatArray, new: FloatArray, slope: FloatArray, new_slope: FloatArray) -> FloatArray:
@@ -60,56 +67,35 @@ def _cubic(x: FloatArray, old: FloatArray, new: FloatArray, slope: FloatArray, n
     return y * y * ((1.0 + 2.0 * x) * old + x * slope) + x * x * ((3.0 - 2.0 * x) * new - y * new_slope)
 
 
-_MIN_BLOCK_STEPS = 640
-"""Minimum steps per block; below it the overhead of a block exceeds its content."""
-
+_MIN_BLOCK_STEPS, _MAX_BLOCK_STEPS = 640, 8192
+"""Minimum steps per block, below which its overhead exceeds its content, and maximum, so that the memory of a run does
+not depend on the interval of saved fields."""
 
 _FIELDS = 32
 """Number of saved fields written together if they are close in time."""
 
 
-_MAX_BLOCK_STEPS = 8192
-"""Maximum steps per block, so that the memory of a run does not depend on the interval of saved fields."""
-
-
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Results of successive steps.
+    """Results of successive steps."""
 
-    Parameters
-    ----------
-    time, angle
-        s and rad, shape (b,).
-    probes
-        All probe scalars side by side, shape (b, p).
-    channels
-        All channels side by side, shape (b, c).
-    field_time, field_angle
-        Instants of the saved fields, shape (f,).
-    fields
-        All unknowns at those instants, shape (f, n).
-    """
-
-    time: FloatArray
-    angle: FloatArray
-    probes: Series
-    channels: FloatArray
-    field_time: FloatArray
+    time: FloatArray  #: s, shape (b,)
+    angle: FloatArray  #: cam angle, rad
+    probes: Series  #: all probe scalars side by side, shape (b, p)
+    channels: FloatArray  #: all channels side by side, shape (b, c)
+    field_time: FloatArray  #: instants of the saved fields, shape (f,)
     field_angle: FloatArray
-    fields: Series
+    fields: Series  #: all unknowns at those instants, shape (f, n)
 
     @classmethod
     def concatenate(cls, parts: Sequence[Block]) -> Block:
         """Return successive blocks as one."""
         if len(parts) == 1:
             return parts[0]
-        rows = {name: np.concatenate([getattr(p, name) for p in parts])
-                for name in ("time", "angle", "channels", "field_time", "field_angle")}  # fmt: skip
-        return cls(
-            **rows,
-            probes=Series.concatenate([p.probes for p in parts]),
-            fields=Series.concatenate([p.fields for p in parts]),
-        )
+        probes, fields = Series.concatenate([p.probes for p in parts]), Series.concatenate([p.fields for p in parts])
+        names = ("time", "angle", "channels", "field_time", "field_angle")
+        rows = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+        return cls(**rows, probes=probes, fields=fields)
 
 
 @dataclass(frozen=True)
@@ -147,19 +133,12 @@ class SaveAt:
         return self.field_every * min(fields, _MAX_BLOCK_STEPS // self.field_every) or _MAX_BLOCK_STEPS
 
     def fields(self, steps: IntArray, last: int) -> NDArray[np.bool_]:
-        """Return after which steps all unknowns are saved.
+        """Return after which steps all unknowns are saved, shape (b,).
 
         Parameters
         ----------
-        steps
-            Numbers of steps, shape (b,).
-        last
-            Number of the last step of the run.
-
-        Returns
-        -------
-        ndarray
-            Shape (b,), bool.
+        steps, last
+            Numbers of b steps, and of the last step of the run.
         """
         return (steps % self.field_every == 0) | (steps == last)
 
@@ -187,7 +166,6 @@ ProgressCallback = Callable[[int], None]
 
 
 Item = TypeVar("Item")
-"""Type of an item."""
 
 
 def track_progress(things: Iterable[Item], advance: ProgressCallback | None) -> Iterator[Item]:

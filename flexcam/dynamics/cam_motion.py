@@ -45,17 +45,10 @@ class Derivative:
 
 @dataclass(frozen=True, eq=False)
 class AngleVector:
-    """Vector that depends on the cam angle: constant vectors times scalar functions.
+    """Vector that depends on the cam angle: constant vectors times scalar functions."""
 
-    Parameters
-    ----------
-    vectors
-        Shape (k, n).
-    functions
-        One function of the angle per vector; none for a single vector that does not depend on it.
-    """
-
-    vectors: FloatArray
+    vectors: FloatArray  #: shape (k, n)
+    #: One function of the angle per vector; none for a single vector that does not depend on it.
     functions: tuple[AngleFunction, ...]
 
     @classmethod
@@ -100,13 +93,7 @@ class DerivedCamFunction(ABC):
 
 
 class CamFunctionCache:
-    """Cache of functions of the cam angle at given angles.
-
-    Parameters
-    ----------
-    angle
-        rad, any shape.
-    """
+    """Cache of functions of the cam angle at given angles, rad, of any shape."""
 
     def __init__(self, angle: FloatArray) -> None:
         self.angle = angle
@@ -134,23 +121,13 @@ class CamFunctionCache:
 
 @dataclass(frozen=True, eq=False)
 class CamMotion:
-    """Cam angle and its time derivatives at given instants, arrays of one shape.
+    """Cam angle and its time derivatives at given instants, arrays of one shape."""
 
-    Parameters
-    ----------
-    angle, speed, rate
-        rad, rad/s, rad/s^2.
-    time
-        s.
-    known
-        Cache of functions of the cam at these angles, if available.
-    """
-
-    angle: FloatArray
-    speed: FloatArray
-    rate: FloatArray
-    time: FloatArray
-    known: CamFunctionCache | None = None
+    angle: FloatArray  #: rad
+    speed: FloatArray  #: rad/s
+    rate: FloatArray  #: rad/s^2
+    time: FloatArray  #: s
+    known: CamFunctionCache | None = None  #: cache of functions of the cam at these angles, if available
 
     @cached_property
     def cam(self) -> CamFunctionCache:

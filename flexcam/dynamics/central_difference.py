@@ -13,7 +13,7 @@ import numpy as np
 from flexcam.core import DENSE_LIMIT, FloatArray
 from flexcam.core.errors import InputError, refuse
 from flexcam.dynamics.generalized_alpha import family_matrix
-from flexcam.dynamics.implicit_step import ImplicitStage, Prediction
+from flexcam.dynamics.implicit_step import ImplicitStage
 from flexcam.dynamics.initial_acceleration import massless_contact_error
 from flexcam.dynamics.integrator import At, Method, Stepper
 from flexcam.dynamics.local_forces import LocalForces
@@ -48,7 +48,7 @@ class CentralDifference(Method):
 
     def amplification(self, omega_dt: float, damping: float = 0.0) -> FloatArray:
         """Return the matrix that takes (d, dt v, dt^2 a) of one mode over a step, as `Method` says."""
-        return family_matrix(0.0, 0.5, omega_dt=omega_dt, damping=damping)
+        return family_matrix(0.0, 0.5, omega_dt, damping)
 
     def stepper(self, system: System, forces: LocalForces, step: float, at: At) -> Stepper:
         """Return the stepper of a system for steps of one length."""
@@ -78,7 +78,7 @@ class _Stepper:
         """Return the next instant, as `Stepper` says."""
         dt, light = self._dt, self._massless
         d = light.place(now.d + dt * now.v + 0.5 * dt**2 * now.a, to.load)
-        new = self._stage.solve(Prediction(d, now.v + 0.5 * dt * now.a), now, to)
+        new = self._stage.solve(d, now.v + 0.5 * dt * now.a, now, to)
         if not light.any:
             return new
         # Contacts do not act on massless motions: the forces there are loads, which follow a secant.
@@ -87,18 +87,7 @@ class _Stepper:
 
 
 def highest_frequency(system: System) -> tuple[float, list[str]]:
-    """Return the highest natural frequency of a system without its local forces, and the unknowns that move most.
-
-    Parameters
-    ----------
-    system
-        The system.
-
-    Returns
-    -------
-    tuple
-        Angular frequency, rad/s, and up to three names.
-    """
+    """Return the highest natural frequency of a system without its local forces, rad/s, and the unknowns in it."""
     light = MasslessMotions(system)
     if not len(light.kept):
         return 0.0, []
@@ -137,16 +126,5 @@ def _highest_sparse(system: System, light: MasslessMotions) -> tuple[float, Floa
 
 
 def central_difference() -> CentralDifference:
-    """Return the explicit central difference.
-
-    Returns
-    -------
-    CentralDifference
-        It has no parameter.
-
-    Examples
-    --------
-    >>> central_difference().order
-    2
-    """
+    """Return the explicit central difference."""
     return CentralDifference()

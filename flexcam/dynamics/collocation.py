@@ -62,21 +62,11 @@ class Collocation(Method):
 
 
 def stage_coefficients(mass: FloatArray, damping: FloatArray, stiffness: FloatArray, length: float) -> FloatArray:
-    """Return the coefficients of a step for every mode.
+    """Return the coefficients of a step of some length, s, for each of n modes, shape (2, 3, 5, n).
 
-    Parameters
-    ----------
-    mass, damping, stiffness
-        Of n modes; a mode without mass follows its damper, and without both its spring.
-    length
-        Of the step, s.
-
-    Returns
-    -------
-    ndarray
-        Shape (2, 3, 5, n). First axis: middle and end of the step. Second axis: displacement, velocity, acceleration.
-        Third axis: displacement and velocity at the beginning, forces at beginning, middle and end. The acceleration
-        is by displacement and velocity of the same instant.
+    First axis: middle and end of the step. Second axis: displacement, velocity, acceleration. Third axis: displacement
+    and velocity at the beginning, forces at beginning, middle and end. The acceleration is by displacement and velocity
+    of the same instant. A mode without mass follows its damper, and without both its spring.
 
     Examples
     --------
@@ -155,16 +145,5 @@ def _parabola_weights(length: float) -> list[tuple[FloatArray, FloatArray, Float
 
 
 def collocation() -> Collocation:
-    """Return the exponential collocation.
-
-    Returns
-    -------
-    Collocation
-        It has no parameter.
-
-    Examples
-    --------
-    >>> collocation().order
-    4
-    """
+    """Return the exponential collocation."""
     return Collocation()

@@ -150,16 +150,14 @@ class EventStepper:
         side, crossed = self._side(now), self._side(now) != self._side(trial)
         length = to.time - now.time
         (penetration, rate), (new_penetration, new_rate) = self._penetrations(now), self._penetrations(trial)
-        roots = [
-            find_crossing(bool(side[i]), penetration[i], new_penetration[i], rate[i], new_rate[i], length)
-            if crossed[i]
-            else np.inf
-            for i in range(len(crossed))
-        ]
+        roots = np.full(len(crossed), np.inf)
+        for i in np.flatnonzero(crossed).tolist():
+            ends = penetration[i], new_penetration[i], rate[i], new_rate[i]
+            roots[i] = find_crossing(bool(side[i]), *ends, length)
         first = int(np.argmin(roots))
-        moment, there = self._locate_crossing(now, trial, to, first, roots[first])
+        moment, there = self._locate_crossing(now, trial, to, first, float(roots[first]))
         pressed = self._forces.contact_sides(moment.penetration)
-        together = crossed & (np.abs(np.array(roots) - roots[first]) <= SIMULTANEITY * length)
+        together = crossed & (np.abs(roots - roots[first]) <= SIMULTANEITY * length)
         pressed[together] = ~side[together]
         moment = replace(moment, pressed=pressed)
         if not self._balances:
@@ -203,9 +201,7 @@ class EventStepper:
         # Without restitution a contact stays closed unless another impulse separates it.
         stays = self._penetrations(after)[1] > np.where(restitution == 0.0, -_SLOW, 0.0)
         pressed, penetration = np.where(struck, stays, moment.pressed), after.penetration.copy()
-        penetration[self._forces.switching[struck]] = (
-            0.0  # the remainder is rounding, which would determine the opening
-        )
+        penetration[self._forces.switching[struck]] = 0.0  # the remainder is rounding: it would determine the opening
         return [moment, replace(after, pressed=pressed, penetration=penetration)]
 
     def _penetrations(self, moment: StepState) -> tuple[FloatArray, FloatArray]:

@@ -138,7 +138,10 @@ class DirectEngine:
         self._walker = EventStepper(
             problem.step, forces, self._starter, self._at, stepper, balances=scheme.is_collocated
         )
-        self._pace = self._create_stepper(problem, scheme, pilot)
+        self._pace: StepController | None = None
+        if problem.adaptive is not None and problem.system.size:
+            norm = EnergyNorm(problem.system, pilot(problem, scheme), scheme.velocity_error)
+            self._pace = StepController(self._walker, self._at, problem.step, problem.adaptive, norm)
         self._last: StepState | None = None
         self._iterations, self._substeps = 0, 0
 
@@ -198,12 +201,6 @@ class DirectEngine:
     def _at(self, time: float) -> StepInputs:
         motion = self._problem.drive.at(np.array([time]))
         return StepInputs(time, self._system.load_vector(motion)[0], self._forces.prescribed_inputs(motion))
-
-    def _create_stepper(self, problem: Problem, scheme: Method, pilot: Pilot) -> StepController | None:
-        if problem.adaptive is None or not problem.system.size:
-            return None
-        norm = EnergyNorm(problem.system, pilot(problem, scheme), scheme.velocity_error)
-        return StepController(self._walker, self._at, problem.step, problem.adaptive, norm)
 
 
 def _step_floor_status(fault: StepFloorError, system: System, at: float, angle: float) -> Status:

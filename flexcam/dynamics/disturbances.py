@@ -14,15 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
+from flexcam.dynamics.force_laws import BY_BEGIN, BY_TRAVEL, STATE_RATE
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
-from flexcam.dynamics.linearization import (
-    Linear,
-    LinearStep,
-    StepSequence,
-    directions,
-    linearize,
-    split_state,
-)
+from flexcam.dynamics.linearization import Linear, LinearStep, StepSequence, directions, linearize, split_state
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.parameter_forces import ExplicitDerivatives, ParameterForces
 from flexcam.dynamics.problem import Problem
@@ -50,18 +44,10 @@ Bools = NDArray[np.bool_]
 
 
 class Disturbances:
-    """Evolution of disturbances of displacements, velocities and internal states.
+    """Evolution of disturbances of displacements, velocities and internal states along a motion of a problem.
 
-    Parameters
-    ----------
-    problem
-        Of which system, drive and step are used.
-    forces
-        Its local forces.
-    initial
-        Initial disturbances as columns, shape (2n + s, k); None for unit disturbances of each.
-    parameters
-        Parameters that disturb the first columns along the motion; None without.
+    The initial disturbances are columns, shape (2n + s, k); None for unit disturbances of each. Parameters, if given,
+    disturb the first columns along the motion.
     """
 
     def __init__(
@@ -167,7 +153,7 @@ class Disturbances:
         travel, begin = np.zeros((2, len(time) - 1, state.shape[1]))
         for i in range(len(travel) if state.shape[1] else 0):
             old, new = every.penetration[part.start + i], every.penetration[part.start + i + 1]
-            travel[i], begin[i] = forces.state_steps(length, new, old, state[i])
+            travel[i], begin[i] = forces.follow_states(length, new, old, state[i])[[BY_TRAVEL, BY_BEGIN]]
         sequence = StepSequence(self._stepper, length, linear, travel, begin)
         return sequence, self._parameter_terms(every, part, length, self._source(linear, part))
 
@@ -282,7 +268,9 @@ class Disturbances:
 
     def _flow(self, moment: StepState) -> FloatArray:
         """Return velocities, accelerations and rates of internal states in a row."""
-        rates = self._forces.state_rates(moment.penetration, moment.inner) if len(moment.inner) else moment.inner
+        rates, depth = moment.inner, moment.penetration
+        if len(rates):
+            rates = self._forces.follow_states(0.0, depth, depth, moment.inner)[STATE_RATE]
         return np.concatenate([moment.v, moment.a, rates])
 
     def _instant(self, time: float) -> StepInputs:

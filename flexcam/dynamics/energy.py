@@ -14,7 +14,7 @@ import numpy as np
 from flexcam.core import FloatArray, IntArray, Triplets, select_storage
 from flexcam.dynamics.blocks import Arrays, flatten, select_prefix
 from flexcam.dynamics.cam_motion import PrescribedInputs
-from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.local_forces import LocalForces, StoredEnergy
 from flexcam.dynamics.step_state import Trajectory
 from flexcam.dynamics.system import Observation, System
 
@@ -120,9 +120,9 @@ class EnergyBalance:
         smooth = forces.polynomial
         rough = np.flatnonzero(~smooth)
         self._rough = rough if smooth.any() else slice(None)
-        self._smooth = forces.stored_energy(np.flatnonzero(smooth)) if smooth.any() else None
+        self._smooth = StoredEnergy(forces, np.flatnonzero(smooth)) if smooth.any() else None
         self._smooth_scalars = np.flatnonzero(smooth)
-        self._stores, self._others = forces.stored_energy(rough), np.flatnonzero(~forces.opposed[rough])
+        self._stores, self._others = StoredEnergy(forces, rough), np.flatnonzero(~forces.opposed[rough])
         self._storing, self._circulatory = forces.storing[rough], np.flatnonzero(forces.circulatory[rough])
         self._strikes = not np.isnan(forces.restitution).all()
         # Vectors of the contacts that are not opposed, and the force acting along each.

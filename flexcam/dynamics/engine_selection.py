@@ -119,10 +119,7 @@ def candidate_engines(problem: Problem, method: Method) -> tuple[EngineName, ...
 
 def direct_time(problem: Problem) -> float:
     """Return the predicted time of the direct engine for a problem and its future runs, s."""
-    laws = sum(
-        len(force.sense) // force.law.scalars if isinstance(force.law, ForceLaw) else 1
-        for force in problem.system.local_forces
-    )
+    laws = sum(len(force.groups) for force in problem.system.local_forces)
     step = _STEP + _LAW * laws + _SQUARE * min(problem.system.size, MAX_MODES) ** 2
     return problem.runs * problem.steps * step
 

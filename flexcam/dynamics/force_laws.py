@@ -1,9 +1,14 @@
 """Force laws of contacts, joints and springs, each defined once as a function of plain numbers.
 
-A law takes the penetration x of two bodies (positive while they touch), its rate v and the constants of the law, and
-returns the force, its derivatives by x and by v, and the stored energy. `evaluate_laws` evaluates all laws of
-a system; static equilibrium, both time-stepping engines, the energy balance, linearization and the rigid model call it.
-The functions use numbers and array elements only, so that they run as Python and as compiled code.
+`evaluate_laws` evaluates all laws of a system; static equilibrium, both time-stepping engines, the energy balance,
+linearization and the rigid model call it. The functions use numbers and array elements only, so that they run as Python
+and as compiled code.
+
+Parameters that several laws share: the penetration `x` of two bodies, m, positive while they touch, and its rate `v`,
+m/s; `stiffness`, N/m, and `damping`, N s/m. A law with an internal state also takes the penetration `x_begin` at the
+beginning of the step, m, the `state` there, and the length of the `step`, s, zero for an instant. Laws with many
+constants or several scalars take the `constants` of all laws and where those of this law begin, `b`; its first scalar
+`i`; and `local` and `tangent` as in `evaluate_laws`.
 
 To add a law: write its function here, give it a number and a branch in `evaluate_laws`, and describe its constants in
 `LAWS`.
@@ -24,7 +29,7 @@ from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.cam_motion import AngleFunction
 
 LawResponse = tuple[float, float, float, float]
-"""Force, its derivatives by penetration and by rate, and the stored energy."""
+"""Force (N), its derivatives by penetration (N/m) and by rate (N s/m), and the stored energy (J)."""
 
 (
     BILATERAL, STOP, HUNT_CROSSLEY, LINE_CONTACT, OIL_COLUMN, OIL_CHAMBER, PULSATING, LEVER, ARCH, SHORT_BEARING,
@@ -71,18 +76,6 @@ ARCH_SCALARS = 7
 def bilateral(x: float, v: float, stiffness: float, damping: float) -> LawResponse:
     """Return the force ``k x + c v`` of a spring and a damper.
 
-    Parameters
-    ----------
-    x, v
-        Penetration, m, and its rate, m/s.
-    stiffness, damping
-        N/m and N s/m.
-
-    Returns
-    -------
-    tuple
-        Force (N), its derivatives (N/m and N s/m), stored energy (J).
-
     Examples
     --------
     >>> bilateral(-3.0, 0.0, 2.0, 0.0)
@@ -94,22 +87,13 @@ def bilateral(x: float, v: float, stiffness: float, damping: float) -> LawRespon
 def stop(x: float, v: float, stiffness: float, damping: float, depth: float) -> LawResponse:
     """Return the force of an elastic stop: ``k x + c min(x/d, 1) v`` while pressed, never negative.
 
-    The damping grows over the depth d, as in the impact functions of multibody codes: a damper that acts at once
-    would make the force jump at touchdown.
+    The damping grows over the depth d, as in the impact functions of multibody codes: a damper that acts at once would
+    make the force jump at touchdown.
 
     Parameters
     ----------
-    x, v
-        Penetration, m, and its rate, m/s.
-    stiffness, damping
-        N/m and N s/m.
     depth
         Penetration at which the damping is complete, m.
-
-    Returns
-    -------
-    tuple
-        Force (N), its derivatives (N/m and N s/m), stored energy (J).
 
     Examples
     --------
@@ -133,15 +117,8 @@ def hunt_crossley(x: float, v: float, stiffness: float, dissipation: float) -> L
 
     Parameters
     ----------
-    x, v
-        Penetration, m, and its rate, m/s.
-    stiffness, dissipation
-        k, N/m, and chi, s/m.
-
-    Returns
-    -------
-    tuple
-        Force (N), its derivatives (N/m and N s/m), stored energy (J).
+    dissipation
+        chi, s/m.
 
     Examples
     --------
@@ -157,28 +134,10 @@ def hunt_crossley(x: float, v: float, stiffness: float, dissipation: float) -> L
 
 
 def line_load(approach: float, limit: float, give: float, rest: float, depth: float) -> tuple[float, float]:
-    """Return load per length and slope of a line contact: ``approach = q (2 ln(depth/q) - rest)`` with q = give load.
+    """Return load per length (N/m) and slope (N/m^2) of a line contact for an approach (m) of both bodies above zero.
 
-    Newton's method on q; above the limit load, where the half width is comparable to the radius, the law continues
-    along its tangent.
-
-    Parameters
-    ----------
-    approach
-        Of both bodies, m, above zero.
-    limit
-        Load per length above which the law is linear, N/m.
-    give
-        ``(1 - nu^2)/(pi E)``, 1/Pa.
-    rest
-        Constant subtracted from the logarithm.
-    depth
-        Reference length of the bodies, m.
-
-    Returns
-    -------
-    tuple
-        N/m and N/m^2.
+    ``approach = q (2 ln(depth/q) - rest)`` with q = give load, by Newton's method on q; above the limit load (N/m),
+    where the half width is comparable to the radius, the law continues along its tangent.
 
     Examples
     --------
@@ -212,23 +171,20 @@ def line_contact(
 
     Parameters
     ----------
-    x, v
-        Penetration, m, and its rate, m/s, along the direction.
     cosine
         Of the angle a between direction and normal.
     limit
         Load per length above which the law is linear, N/m.
     width
         Length of the line, m.
-    give, rest, depth
-        As in `line_load`.
+    give
+        ``(1 - nu^2)/(pi E)``, 1/Pa.
+    rest
+        Constant subtracted from the logarithm.
+    depth
+        Reference length of the bodies, m.
     dissipation
         chi, s/m.
-
-    Returns
-    -------
-    tuple
-        Force (N), its derivatives (N/m and N s/m), stored energy (J).
 
     Examples
     --------
@@ -261,21 +217,12 @@ def oil_column(
     ``e1 = exp(-a h) e0 + (1 - exp(-a h))/(a h) (x1 - x0)`` for one rate a; a change of sign splits the step. The rule
     is L-stable and of second order.
 
+    The derivatives are by the travel x1 - x0 and by e0.
+
     Parameters
     ----------
-    x, x_begin
-        Penetration at the end and at the beginning of the step, m.
-    state
-        Leak-down z at the beginning, m.
-    step
-        s; zero for an instant.
-    stiffness, leak, refill
-        k, N/m; c and c0, N s/m.
-
-    Returns
-    -------
-    tuple
-        e1, m, and its derivatives by the travel x1 - x0 and by e0.
+    leak, refill
+        c and c0, N s/m.
 
     Examples
     --------
@@ -301,22 +248,11 @@ def oil_column(
 
 
 def check_valve_velocity(force: float, leak: float, cracking: float, refill: float, loss: float) -> tuple[float, float]:
-    """Return the velocity of a plunger by the oil that leaves its chamber, and its derivative by the oil's force.
+    """Return the velocity of a plunger by the oil that leaves its chamber, m/s, and its derivative by the oil's force.
 
-    Oil leaks in both directions, ``w = f/c``. Below the cracking force the ball is off its seat. Oil then enters with
-    ``-f - F_c = c0 w0 + b w0^2``.
-
-    Parameters
-    ----------
-    force
-        Of the oil, its pressure above that of the supply times the area of the plunger, N.
-    leak, cracking, refill, loss
-        c, N s/m; F_c, N; c0, N s/m; b, N s^2/m^2.
-
-    Returns
-    -------
-    tuple
-        w, m/s, and its derivative, m/(N s).
+    The force is the pressure of the oil above that of the supply times the area of the plunger. Oil leaks in both
+    directions, ``w = f/c``. Below the cracking force F_c the ball is off its seat. Oil then enters with
+    ``-f - F_c = c0 w0 + b w0^2``, with the refill c0 and the loss b.
 
     Examples
     --------
@@ -332,21 +268,10 @@ def check_valve_velocity(force: float, leak: float, cracking: float, refill: flo
 
 
 def chamber_pressure(rest: float, weight: float, constants: FloatArray, b: int) -> float:
-    """Return the pressure q of a chamber for which compression and outflow make up a travel of its plunger.
+    """Return the pressure q of a chamber for which compression and outflow make up a travel (`rest`, m) of its plunger.
 
-    The root of ``h eps(q) + weight w(q) = rest``, by Newton's method inside a bracket.
-
-    Parameters
-    ----------
-    rest, weight
-        Travel, m, and time during which the outflow w acts, s.
-    constants, b
-        As in `oil_chamber`.
-
-    Returns
-    -------
-    float
-        Logarithm of the absolute pressure over that of the supply.
+    q is the logarithm of the absolute pressure over that of the supply: the root of ``h eps(q) + weight w(q) = rest``,
+    by Newton's method inside a bracket. The outflow w acts during the time `weight`, s.
     """
     area, height, modulus, air, supply = (
         constants[b], constants[b + 1], constants[b + 2], constants[b + 3], constants[b + 4],
@@ -382,22 +307,8 @@ def fitted_weight(rate: float) -> float:
     """Return the weight of the end of a step with which the theta method is exact for ``y' = f(t) - rate y``, f linear.
 
     W. Liniger and R. A. Willoughby, Efficient integration methods for stiff systems of ordinary differential equations,
-    SIAM J. Numer. Anal. 7 (1970): ``1/(1 - exp(-a h)) - 1/(a h)``, from 1/2 for short steps to 1 for long ones.
-
-    Parameters
-    ----------
-    rate
-        a h, dimensionless.
-
-    Returns
-    -------
-    float
-        theta.
-
-    Examples
-    --------
-    >>> fitted_weight(0.0), fitted_weight(1e9)
-    (0.5, 0.999999999)
+    SIAM J. Numer. Anal. 7 (1970): ``1/(1 - exp(-a h)) - 1/(a h)``, from 1/2 for short steps to 1 for long ones. The
+    rate is a h.
     """
     if rate < 1e-3:  # the next term of the series is rate^3/720
         return 0.5 + rate / 12.0
@@ -410,23 +321,14 @@ def oil_chamber(
     """Return the response of an oil chamber with entrained air and a check valve at the end of a step.
 
     The compression of the height h is ``e = x - z = h ((1 - a) (p - p0)/K + a (1 - (p0/p)^(1/n)))``: oil of constant
-    modulus K and air that follows ``p V^n`` = const., n = 1.4 (M. G. Rabie, Fluid Power Engineering, 2009, p. 32,
-    eqs. 2.50, 2.52 and 2.53). The oil's force is ``f = A (p - p0)``, and ``z' = w(f)`` of `check_valve_velocity`. A
-    step is one of the theta method with `fitted_weight`, for a penetration that is linear over the step. The force on
-    the plunger is never negative: below, the plunger stays behind.
+    modulus K and air that follows ``p V^n`` = const., n = 1.4 (M. G. Rabie, Fluid Power Engineering, 2009, p. 32, eqs.
+    2.50, 2.52 and 2.53). The oil's force is ``f = A (p - p0)``, and ``z' = w(f)`` of `check_valve_velocity`. A step is
+    one of the theta method with `fitted_weight`, for a penetration that is linear over the step. The force on the
+    plunger is never negative: below, the plunger stays behind.
 
-    Parameters
-    ----------
-    x, x_begin
-        Penetration at the end and at the beginning of the step, m.
-    state
-        Leak-down z at the beginning, m.
-    step
-        s; zero for an instant.
-    constants, b
-        Constants of all laws, and where those of this one begin. Of the chamber: area A (m^2), height h (m), modulus K
-        (Pa), air a at the supply pressure, absolute supply pressure p0 (Pa), leak c (N s/m). Of the check valve:
-        cracking force (N), refill c0 (N s/m), loss b (N s^2/m^2). Last, the plunger's force at the supply pressure (N).
+    The constants of the chamber are area A (m^2), height h (m), modulus K (Pa), air a at the supply pressure, absolute
+    supply pressure p0 (Pa) and leak c (N s/m); of the check valve: cracking force (N), refill c0 (N s/m) and loss b (N
+    s^2/m^2); last, the plunger's force at the supply pressure (N).
 
     Returns
     -------
@@ -483,29 +385,11 @@ def oil_chamber(
 
 
 def lever_motion(path: float, arm: float, driven: float, start: float) -> tuple[float, float, float, float]:
-    """Return the motion of the end of a rotating arm beyond its tangent, and how it follows the path.
+    """Return the motion of the end of a rotating arm beyond its tangent, and how it follows the path of the driven end.
 
-    The motion is ``arm (sin(start + path/driven) - sin(start))``. The part beyond the tangent is not computed as a
-    difference, which would leave the rounding of the motion times a stiff joint.
-
-    Parameters
-    ----------
-    path
-        Of the driven end, m.
-    arm, driven
-        Lengths of the arm and of the driven one, m.
-    start
-        Angle of the arm at no path, rad.
-
-    Returns
-    -------
-    tuple
-        Motion beyond the tangent, m; change of the derivative since the start; the derivative; the second one, 1/m.
-
-    Examples
-    --------
-    >>> lever_motion(0.0, 2.0, 1.0, 0.0)[2]
-    2.0
+    The motion is ``arm (sin(start + path/driven) - sin(start))`` of lengths in m. The part beyond the tangent is not
+    computed as a difference, which would leave the rounding of the motion times a stiff joint. The others are the
+    change of the derivative since the start, the derivative, and the second one (1/m).
     """
     turn, ratio = path / driven, arm / driven
     square, half = turn * turn, math.sin(0.5 * turn)
@@ -519,26 +403,9 @@ def lever_motion(path: float, arm: float, driven: float, start: float) -> tuple[
 
 
 def coulomb(rate: float, speed: float) -> tuple[float, float]:
-    """Return the direction of Coulomb friction, ``tanh(v/v0)``, and its derivative.
+    """Return the direction of Coulomb friction, ``tanh(v/v0)`` of the sliding velocity, and its derivative, s/m.
 
     The derivative is ``sech^2`` by one exponential: ``1 - tanh^2`` would lose all digits where the tangent is flat.
-
-    Parameters
-    ----------
-    rate
-        Sliding velocity v, m/s.
-    speed
-        v0, over which friction reverses, m/s.
-
-    Returns
-    -------
-    tuple
-        From -1 to 1, and s/m.
-
-    Examples
-    --------
-    >>> coulomb(0.0, 2.0)
-    (0.0, 0.5)
     """
     decay = math.exp(-2.0 * abs(rate) / speed)
     return math.tanh(rate / speed), 4.0 * decay / (1.0 + decay) ** 2 / speed
@@ -555,21 +422,12 @@ def sliding_friction(
 
     Parameters
     ----------
-    v
-        Sliding velocity, m/s.
     force, breakaway
         F and F0, N.
     stribeck
         vs, m/s.
-    damping
-        c, N s/m.
     reversal
         v0, m/s.
-
-    Returns
-    -------
-    tuple
-        Friction (N), its derivatives by path and velocity (N/m and N s/m), stored energy (J).
 
     Examples
     --------
@@ -586,17 +444,8 @@ def lever(constants: FloatArray, b: int, i: int, local: FloatArray, tangent: Flo
     """Write the response of an elastic lever end with path p and motion x beyond its linear spring.
 
     The force of the true penetration ``y(p) - x`` less that of the linear one acts on x, and by virtual work times
-    ``y'(p)`` on the lever.
-
-    Parameters
-    ----------
-    constants, b
-        Constants of all laws, and where those of this one begin: stiffness (N/m), damping (N s/m), arm and driven arm
-        (m), angle (rad).
-    i
-        Its first scalar: the path p (m), then the motion x (m).
-    local, tangent
-        As in `evaluate_laws`.
+    ``y'(p)`` on the lever. The constants are stiffness (N/m), damping (N s/m), arm and driven arm (m) and angle (rad);
+    the scalars the path p (m) and the motion x (m).
     """
     k, c, path, path_rate = constants[b], constants[b + 1], local[PENETRATION, i], local[RATE, i]
     beyond, change, slope, bend = lever_motion(path, constants[b + 2], constants[b + 3], constants[b + 4])
@@ -618,18 +467,13 @@ def arch(constants: FloatArray, b: int, i: int, bent: int, local: FloatArray, ta
     """Write the response of a shallow arch beyond the linear bar and beam, see `flexcam.fem.elements.arch`.
 
     Axial strain ``e = D + y g (y + 2 y0)/2`` with axial force ``N = EA/L e``: the forces are ``N g (y + y0)`` on the
-    bending scalars y and ``EA/L (e - D)`` on the stretch D.
+    bending scalars y and ``EA/L (e - D)`` on the stretch D. The constants are EA/L (N/m), g by rows (36), y0 (6) and g
+    y0 (6); the scalars the stretch D (m), then the bending scalars y.
 
     Parameters
     ----------
-    constants, b
-        Constants of all laws, and where those of this one begin: EA/L (N/m), g by rows (36), y0 (6), g y0 (6).
-    i
-        Its first scalar: the stretch D (m), then the bending scalars y.
     bent
         Number of bending scalars that move, from the first on.
-    local, tangent
-        As in `evaluate_laws`.
     """
     axial, shortened = constants[b], 0.0
     for r in range(bent):
@@ -656,17 +500,9 @@ def film_integrals(p: float, q: float) -> tuple[float, float, float, float, floa
     """Return integrals over the half of a journal bearing in which its film has pressure.
 
     With the thickness ``H = 1 - p cos(a) - q sin(a)`` they are the second and third derivatives by p and q of half the
-    integral of 1/H over a from -pi/2 to pi/2, ``(pi/2 + atan(p/w))/w`` with ``w^2 = 1 - p^2 - q^2``.
-
-    Parameters
-    ----------
-    p, q
-        Eccentricity along the middle of the pressure and across it, as fractions of the clearance.
-
-    Returns
-    -------
-    tuple
-        Integrals of cos^2/H^3, cos sin/H^3, sin^2/H^3, and 3 times those of cos^3/H^4, cos^2 sin/H^4, cos sin^2/H^4.
+    integral of 1/H over a from -pi/2 to pi/2, ``(pi/2 + atan(p/w))/w`` with ``w^2 = 1 - p^2 - q^2``: the integrals of
+    cos^2/H^3, cos sin/H^3 and sin^2/H^3, and 3 times those of cos^3/H^4, cos^2 sin/H^4 and cos sin^2/H^4. The
+    eccentricity along the middle of the pressure is p, that across it q, as fractions of the clearance.
 
     Examples
     --------
@@ -689,25 +525,7 @@ def film_integrals(p: float, q: float) -> tuple[float, float, float, float, floa
 
 
 def rotate_tensor(cc: float, cs: float, ss: float, cosine: float, sine: float) -> tuple[float, float, float]:
-    """Return the entries xx, xy and yy of a symmetric matrix whose axes are rotated by an angle.
-
-    Parameters
-    ----------
-    cc, cs, ss
-        Entries in the rotated axes.
-    cosine, sine
-        Of the angle.
-
-    Returns
-    -------
-    tuple
-        Entries in the axes x and y.
-
-    Examples
-    --------
-    >>> rotate_tensor(3.0, 1.0, 3.0, 0.0, 1.0)
-    (3.0, -1.0, 3.0)
-    """
+    """Return the entries xx, xy and yy of a symmetric matrix from those in axes that are rotated by an angle."""
     both = cosine * sine
     return (
         cc * cosine * cosine - 2.0 * cs * both + ss * sine * sine,
@@ -723,18 +541,11 @@ def short_bearing(constants: FloatArray, b: int, i: int, local: FloatArray, tang
     ``p = 3 mu (L^2/4 - z^2) (A . n)/h^3`` where ``A . n > 0``, and zero elsewhere. With the displacement d and the
     velocity v of the journal, the normal n to the shell and the axes x to y in the sense of rotation, ``h = c - d . n``
     and ``A = omega (d_y, -d_x) + 2 v``. The force that resists the motion is ``mu R L^3/(2 c^3)`` times the integral of
-    ``(A . n) n/(h/c)^3``; see `film_integrals`.
-    Beyond the eccentricity 0.99 the force grows linearly: this bounds an iteration and is no model of a touching shell.
+    ``(A . n) n/(h/c)^3``; see `film_integrals`. Beyond the eccentricity 0.99 the force grows linearly: this bounds an
+    iteration and is no model of a touching shell.
 
-    Parameters
-    ----------
-    constants, b
-        Constants of all laws, and where those of this one begin: ``mu R L^3/(2 c^3)`` (N s/m), clearance c (m), speed
-        omega (rad/s).
-    i
-        Its first scalar: the displacement d_x of the journal across the shaft (m), then d_y.
-    local, tangent
-        As in `evaluate_laws`.
+    The constants are ``mu R L^3/(2 c^3)`` (N s/m), clearance c (m) and speed omega (rad/s); the scalars the
+    displacements d_x and d_y of the journal across the shaft (m).
     """
     factor, clearance, speed = constants[b], constants[b + 1], constants[b + 2]
     x, y = local[PENETRATION, i], local[PENETRATION, i + 1]
@@ -765,20 +576,9 @@ def short_bearing(constants: FloatArray, b: int, i: int, local: FloatArray, tang
 
 
 def force_table(x: float, constants: FloatArray, b: int) -> LawResponse:
-    """Return the force of a table over the travel, linear between its rows and beyond both ends.
+    """Return the force of a table over the travel x, linear between its rows and beyond both ends.
 
-    Parameters
-    ----------
-    x
-        Travel, m.
-    constants, b
-        Constants of all laws, and where those of this one begin: number n of rows, then n travels (m, ascending), n
-        forces (N) and n stored energies (J).
-
-    Returns
-    -------
-    tuple
-        Force (N), its derivatives (N/m and N s/m), stored energy (J).
+    The constants are the number n of rows, then n travels (m, ascending), n forces (N) and n stored energies (J).
 
     Examples
     --------
@@ -808,8 +608,6 @@ def custom(law: int, angle: float, local: FloatArray, tangent: FloatArray) -> No
         Row of the table of laws.
     angle
         Cam angle, rad.
-    local, tangent
-        As in `evaluate_laws`.
     """
 
 
@@ -819,21 +617,11 @@ def evaluate_laws(
 ) -> None:  # fmt: skip
     """Write forces, tangents and energies of all laws at the given penetrations and rates.
 
-    Parameters
-    ----------
-    laws, constants
-        Table of the laws and their constants, shapes (l, 7) and (m,).
-    cam
-        Functions of the cam angle, a row per instant.
-    k, column
-        Row of the instant, and column of the first function.
-    local
-        Scalars by row, shape (10, c): reads `PENETRATION` and `RATE`, writes `ANSWER` and `ENERGY`.
-    tangent
-        Derivatives of the force of a scalar by penetration (0) and rate (1) of the scalars of its law, shape
-        (2, c, width).
-    states
-        Internal states by row, shape (9, s).
+    `laws` (l, 7) and `constants` are the table of the laws. `cam` has the functions of the cam angle, a row per
+    instant: row k is that of the instant, and the first function stands in `column`. `local` has a row per quantity of
+    the scalars; `PENETRATION` and `RATE` are read, `ANSWER` and `ENERGY` written. `tangent` (2, c, width) are the
+    derivatives of the force of a scalar by penetration (0) and rate (1) of the scalars of its law; `states` has a row
+    per quantity of the internal states.
     """
     for law in range(len(laws)):
         kind, i, b, f = laws[law, KIND], laws[law, FIRST], laws[law, CONSTANTS], column + laws[law, FUNCTIONS]
@@ -905,24 +693,11 @@ def evaluate_rows(
     inner: FloatArray, local: FloatArray, tangent: FloatArray, states: FloatArray, force: FloatArray,
     energy: FloatArray, by_state: FloatArray, tangents: FloatArray,
 ) -> None:  # fmt: skip
-    """Write forces, energies and their derivatives at many instants, a row each.
+    """Write forces (N), stored energies (J) and their derivatives by the internal states at m instants, a row each.
 
-    Parameters
-    ----------
-    laws, constants, cam, column
-        As in `evaluate_laws`.
-    penetration, rate
-        Scalars and their rates, shape (m, c).
-    inner
-        Internal states, shape (m, s).
-    local, tangent, states
-        Work arrays, as in `evaluate_laws`.
-    force, energy
-        Written: forces (N) and stored energies (J), shape (m, c).
-    by_state
-        Written: derivatives of the stored energy by the internal states, shape (m, s).
-    tangents
-        Written: derivatives of the forces as in `evaluate_laws`, shape (m, 2, c, w); not written if m is zero.
+    Scalars and their rates have the shape (m, c), internal states `inner` (m, s); `tangents` (m, 2, c, width) is not
+    written if it has no rows. The first four arguments are those of `evaluate_laws`; `local`, `tangent` and `states`
+    are work arrays.
     """
     for k in range(len(penetration)):
         for i in range(local.shape[1]):
@@ -954,39 +729,17 @@ FUNCTIONS_OF_LAWS = (
 
 @dataclass(frozen=True)
 class LawKind:
-    """Row of the table of laws.
-
-    Parameters
-    ----------
-    name
-        Of its function.
-    constants
-        Names of its constants.
-    functions
-        Names of its functions of the cam angle.
-    scalars
-        Number of sensed scalars, without friction.
-    states
-        Number of internal states.
-    damping
-        Indices of the constants of dissipation; empty without.
-    touching
-        Whether it begins to act where its first scalar becomes positive: a step ends there.
-    polynomial
-        Whether its force is a polynomial of at most third degree, for which Simpson's rule is exact.
-    circulatory
-        Whether its force without motion has no potential: the rotation of the shaft does work through it.
-    """
+    """Row of the table of laws: the names of its function, constants and functions of the cam angle, and its traits."""
 
     name: str
     constants: tuple[str, ...]
     functions: tuple[str, ...] = ()
-    scalars: int = 1
-    states: int = 0
-    damping: tuple[int, ...] = ()
-    touching: bool = False
-    polynomial: bool = False
-    circulatory: bool = False
+    scalars: int = 1  #: sensed scalars, without friction
+    states: int = 0  #: internal states
+    damping: tuple[int, ...] = ()  #: indices of the constants of dissipation
+    touching: bool = False  #: it begins to act where its first scalar becomes positive: a step ends there
+    polynomial: bool = False  #: its force is a polynomial of at most third degree: Simpson's rule is exact
+    circulatory: bool = False  #: its force has no potential: the rotation of the shaft does work through it
 
 
 LAWS = {
@@ -1072,32 +825,14 @@ def elastic_stop(stiffness: float, damping: float = 0.0, depth: float = 1e-5) ->
 
     Parameters
     ----------
-    stiffness, damping
-        N/m and N s/m.
     depth
         Penetration at which the damping is complete, m.
-
-    Returns
-    -------
-    ForceLaw
-        The law as data.
     """
     return ForceLaw(STOP, (stiffness, damping, depth))
 
 
 def spring_damper(stiffness: float, damping: float = 0.0) -> ForceLaw:
-    """Return the law `bilateral`.
-
-    Parameters
-    ----------
-    stiffness, damping
-        N/m and N s/m.
-
-    Returns
-    -------
-    ForceLaw
-        The law as data.
-    """
+    """Return the law `bilateral`."""
     return ForceLaw(BILATERAL, (stiffness, damping))
 
 
@@ -1106,13 +841,8 @@ def hunt_crossley_contact(stiffness: float, dissipation: float) -> ForceLaw:
 
     Parameters
     ----------
-    stiffness, dissipation
-        k, N/m, and chi, s/m.
-
-    Returns
-    -------
-    ForceLaw
-        The law as data.
+    dissipation
+        chi, s/m.
     """
     return ForceLaw(HUNT_CROSSLEY, (stiffness, dissipation))
 
@@ -1122,17 +852,10 @@ def oil_column_law(stiffness: float, leak: float, refill: float, plunger_force: 
 
     Parameters
     ----------
-    stiffness
-        Of the oil, N/m.
     leak, refill
         Force per velocity of leak-down and through the open check valve, N s/m.
     plunger_force
         Of the spring that extends the adjuster, N.
-
-    Returns
-    -------
-    ForceLaw
-        The law as data.
     """
     return ForceLaw(OIL_COLUMN, (stiffness, leak, refill, plunger_force))
 
@@ -1144,11 +867,6 @@ def force_table_law(travel: Sequence[float], force: Sequence[float]) -> ForceLaw
     ----------
     travel, force
         Rows of the table, m (ascending) and N.
-
-    Returns
-    -------
-    ForceLaw
-        The law as data.
     """
     rows = list(zip(travel, force, strict=True))
     areas = (0.5 * (f0 + f1) * (x1 - x0) for (x0, f0), (x1, f1) in pairwise(rows))

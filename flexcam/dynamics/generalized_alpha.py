@@ -19,7 +19,7 @@ import numpy as np
 
 from flexcam.core import FloatArray, LongArray, select_storage
 from flexcam.core.errors import refuse
-from flexcam.dynamics.implicit_step import ImplicitStage, Prediction
+from flexcam.dynamics.implicit_step import ImplicitStage
 from flexcam.dynamics.integrator import At, Method, Stepper
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.massless import find_massless_rates
@@ -38,29 +38,9 @@ Number = TypeVar("Number", float, FloatArray, LongArray)
 
 
 def predict(
-    q: Number,
-    v: Number,
-    a: Number,
-    h: float,
-    beta: Any,  # noqa: ANN401 - a number or one per mode
-    gamma: Any,  # noqa: ANN401 - a number or one per mode
-) -> tuple[Number, Number]:
-    """Return displacement and velocity at the end of a step without the new acceleration (Newmark's formulas).
-
-    Parameters
-    ----------
-    q, v, a
-        Displacement, velocity and acceleration at the beginning.
-    h
-        Step, s.
-    beta, gamma
-        Newmark's parameters.
-
-    Returns
-    -------
-    tuple
-        Displacement and velocity.
-    """
+    q: Number, v: Number, a: Number, h: float, beta: Any, gamma: Any  # noqa: ANN401 - numbers or one per mode
+) -> tuple[Number, Number]:  # fmt: skip
+    """Return displacement and velocity at the end of a step h, s, without the new acceleration (Newmark's formulas)."""
     return q + h * v + (0.5 - beta) * h * h * a, v + (1.0 - gamma) * h * a
 
 
@@ -79,11 +59,6 @@ class Scheme(Method):
     ------
     InputError
         If a parameter is invalid: beta below zero, gamma below 1/2 (energy growth), or a weight of 1.
-
-    Examples
-    --------
-    >>> newmark().order
-    2
     """
 
     beta: float
@@ -93,13 +68,8 @@ class Scheme(Method):
 
     def __post_init__(self) -> None:
         if not 0.0 < self.beta <= 1.0:
-            raise refuse(
-                "integrator.beta",
-                self.beta,
-                "above 0 and up to 1",
-                "beta = 0 is the explicit rule",
-                "central-difference",
-            )
+            why = "beta = 0 is the explicit rule"
+            raise refuse("integrator.beta", self.beta, "above 0 and up to 1", why, "central-difference")
         if not 0.5 - _ROUNDING <= self.gamma + self.alpha_m - self.alpha_f <= 1.5:
             why = "below 1/2 the scheme feeds energy into every mode"
             raise refuse("integrator.gamma", self.gamma, "gamma + alpha_m - alpha_f of 1/2 or more", why)
@@ -148,8 +118,7 @@ class Scheme(Method):
 
     def amplification(self, omega_dt: float, damping: float = 0.0) -> FloatArray:
         """Return the matrix that takes (d, dt v, dt^2 a) of one mode over a step, as `Method` says."""
-        weights = (self.beta, self.gamma, self.alpha_m, self.alpha_f)
-        return family_matrix(*weights, omega_dt=omega_dt, damping=damping)
+        return family_matrix(self.beta, self.gamma, omega_dt, damping, self.alpha_m, self.alpha_f)
 
     def stepper(self, system: System, forces: LocalForces, step: float, at: At) -> Stepper:
         """Return the stepper of a system for steps of one length."""
@@ -157,24 +126,9 @@ class Scheme(Method):
 
 
 def family_matrix(
-    beta: float, gamma: float, alpha_m: float = 0.0, alpha_f: float = 0.0, *, omega_dt: float, damping: float
+    beta: float, gamma: float, omega_dt: float, damping: float, alpha_m: float = 0.0, alpha_f: float = 0.0
 ) -> FloatArray:
-    """Return the amplification matrix of a member of the family.
-
-    Parameters
-    ----------
-    beta, gamma, alpha_m, alpha_f
-        As in `Scheme`; beta may be zero here.
-    omega_dt
-        Angular frequency times step.
-    damping
-        Damping ratio.
-
-    Returns
-    -------
-    ndarray
-        Of (d, dt v, dt^2 a), shape (3, 3).
-    """
+    """Return the amplification matrix of a member of the family, whose beta may be zero here."""
     w, x = omega_dt**2, 2.0 * damping * omega_dt
     new, old = 1.0 - alpha_f, alpha_f
     unit: FloatArray = np.eye(3)
@@ -191,29 +145,19 @@ class _Stepper:
 
     def __init__(self, system: System, forces: LocalForces, scheme: Scheme, step: float) -> None:
         self._scheme, self._dt = scheme, step
-        self._M, self._C, self._K = (
-            select_storage(system.mass),
-            select_storage(system.damping),
-            select_storage(system.stiffness),
-        )
+        self._M, self._C, self._K = map(select_storage, (system.mass, system.damping, system.stiffness))
         new_m, new_f = 1.0 - scheme.alpha_m, 1.0 - scheme.alpha_f
         self._stage = ImplicitStage(system, forces, scheme.beta * step**2, scheme.gamma * step, step, new_m, new_f)
         self._led = find_massless_rates(system, average=scheme.average)
 
     def advance(self, now: StepState, to: StepInputs) -> StepState:
         """Return the next instant, as `Stepper` says."""
-        s, dt = self._scheme, self._dt
+        s, dt, old = self._scheme, self._dt, None
         d, v = predict(now.d, now.v, now.a, dt, s.beta, s.gamma)
-        new = self._stage.solve(Prediction(d, v, self._old_terms(now)), now, to)
+        if s.alpha_f or s.alpha_m:
+            old = s.alpha_f * (now.applied - self._K @ now.d - self._C @ now.v) - s.alpha_m * (self._M @ now.a)
+        new = self._stage.solve(d, v, now, to, old)
         return new if self._led is None else self._led.update_rates(now, new, dt)
-
-    def _old_terms(self, now: StepState) -> FloatArray | None:
-        """Return the weighted terms of the old instant."""
-        s = self._scheme
-        if not s.alpha_f and not s.alpha_m:
-            return None
-        forces = now.applied - self._K @ now.d - self._C @ now.v
-        return s.alpha_f * forces - s.alpha_m * (self._M @ now.a)
 
 
 def newmark(*, beta: float = 0.25, gamma: float = 0.5) -> Scheme:
@@ -223,11 +167,6 @@ def newmark(*, beta: float = 0.25, gamma: float = 0.5) -> Scheme:
     ----------
     beta, gamma
         Newmark's parameters.
-
-    Returns
-    -------
-    Scheme
-        The scheme.
 
     Raises
     ------
@@ -249,11 +188,6 @@ def hht(*, alpha: float = -0.05) -> Scheme:
     ----------
     alpha
         From -1/3 (most damping of high frequencies) to 0 (Newmark's average acceleration).
-
-    Returns
-    -------
-    Scheme
-        The scheme.
 
     Raises
     ------
@@ -277,11 +211,6 @@ def generalized_alpha(*, rho_inf: float = 0.9) -> Scheme:
     ----------
     rho_inf
         Spectral radius at infinity: 1 keeps every mode, 0 removes the highest in one step.
-
-    Returns
-    -------
-    Scheme
-        The scheme.
 
     Raises
     ------

@@ -7,7 +7,6 @@ step nor the tangent outside the local forces changes. The local forces follow f
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -42,15 +41,6 @@ class NoConvergenceError(ArithmeticError):
         self.forces = forces
 
 
-@dataclass(frozen=True, eq=False)
-class Prediction:
-    """Displacement and velocity before the new acceleration, and the weighted forces of the old instant, shape (n,)."""
-
-    d: FloatArray
-    v: FloatArray
-    old: FloatArray | None = None
-
-
 class ImplicitStage:
     """An implicit stage: ``d = d^ + c_d a``, ``v = v^ + c_v a``, and the weighted equation of motion for a.
 
@@ -74,15 +64,17 @@ class ImplicitStage:
         give = (forces.sense.vectors @ self._by_act).T
         self._give = np.array([to_d * give, to_v * give])
 
-    def solve(self, predicted: Prediction, now: StepState, to: StepInputs) -> StepState:
-        """Return the new instant."""
-        right = self._new * (to.load - self._K @ predicted.d)
+    def solve(
+        self, d: FloatArray, v: FloatArray, now: StepState, to: StepInputs, old: FloatArray | None = None
+    ) -> StepState:
+        """Return the new instant from d^, v^ and the weighted forces of the old instant, shape (n,) each."""
+        right = self._new * (to.load - self._K @ d)
         if self._damped:
-            right = right - self._new * (self._C @ predicted.v)
-        if predicted.old is not None:
-            right = right + predicted.old
+            right = right - self._new * (self._C @ v)
+        if old is not None:
+            right = right + old
         a = self._S.solve(right)
-        d, v = predicted.d + self._to_d * a, predicted.v + self._to_v * a
+        d, v = d + self._to_d * a, v + self._to_v * a
         if self._forces.count == 0:
             return StepState(to.time, d, v, a, to.load, now.local, now.penetration, now.rate, now.inner)
         iterations = self._find_forces(d, v, now, to)

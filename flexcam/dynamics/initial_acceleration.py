@@ -53,10 +53,6 @@ class Impact:
         """Return the impulses, shape (k,); zeros if no impulse can separate the bodies, as between closing walls."""
         return solve_complementarity(self.delassus, self.reversal(rate) * rate)
 
-    def part(self, which: IntArray) -> Impact:
-        """Return a subset of the contacts."""
-        return Impact(self.sense[which], self.turning[which], self.gained[:, which], self.restitution[which])
-
     def velocity_change(self, rate: FloatArray, factor: FloatArray) -> FloatArray:
         """Return the velocity change, shape (n, ...), that removes a factor of the rates, shape (k, ...)."""
         asked = (factor * rate.T).T

@@ -38,7 +38,10 @@ class Stepper(Protocol):
 
 
 class Method(ABC):
-    """Integration method, created by `newmark`, `hht`, `generalized_alpha`, `bathe` and others."""
+    """Integration method, created by `newmark`, `hht`, `generalized_alpha`, `bathe` and others.
+
+    Its properties are those of a mode by angular frequency times step, `omega_dt`, and damping ratio (below 1).
+    """
 
     @property
     @abstractmethod
@@ -62,131 +65,40 @@ class Method(ABC):
 
     @abstractmethod
     def amplification(self, omega_dt: float, damping: float = 0.0) -> FloatArray:
-        """Return the matrix that takes (d, dt v, dt^2 a) of one mode over a step.
-
-        Parameters
-        ----------
-        omega_dt
-            Angular frequency times step.
-        damping
-            Damping ratio.
-
-        Returns
-        -------
-        ndarray
-            Shape (3, 3).
-        """
+        """Return the matrix that takes (d, dt v, dt^2 a) of one mode over a step, shape (3, 3)."""
 
     @abstractmethod
     def stepper(self, system: System, forces: LocalForces, step: float, at: At) -> Stepper:
-        """Return the stepper of a system for a step length.
+        """Return the stepper of a system for steps of one length, s.
 
-        Parameters
-        ----------
-        system, forces
-            The system and its local forces, stacked.
-        step
-            s.
-        at
-            Prescribed inputs at a time between the instants, if the method needs them.
-
-        Returns
-        -------
-        Stepper
-            Stepper of this length.
-
-        Raises
-        ------
-        SingularMatrixError
-            If some motion has neither mass, damping nor stiffness.
-        InputError
-            If the method cannot integrate such a system.
+        `at` returns the prescribed inputs at a time between the instants. Raises `SingularMatrixError` if some motion
+        has neither mass, damping nor stiffness.
         """
 
     def refusal(self, system: System, step: float) -> InputError | None:
-        """Return the reason why the method cannot integrate a system with this step, with remedy; None if it can.
-
-        Parameters
-        ----------
-        system
-            The system.
-        step
-            s.
-
-        Returns
-        -------
-        InputError or None
-            To be raised before the run begins.
-        """
+        """Return the reason why the method cannot integrate a system with a step, s; None if it can."""
         return None
 
     def spectral_radius(self, omega_dt: float, damping: float = 0.0) -> float:
-        """Return the spectral radius of the amplification matrix.
-
-        Parameters
-        ----------
-        omega_dt
-            Angular frequency times step.
-        damping
-            Damping ratio.
-
-        Returns
-        -------
-        float
-            Above 1 the mode grows.
-        """
+        """Return the spectral radius of the amplification matrix; above 1 the mode grows."""
         return float(np.abs(self._eigenvalues(omega_dt, damping)).max())
 
     def period_error(self, omega_dt: float, damping: float = 0.0) -> float:
-        """Return the relative period elongation of a mode.
-
-        Parameters
-        ----------
-        omega_dt
-            Angular frequency times step.
-        damping
-            Damping ratio, below 1.
-
-        Returns
-        -------
-        float
-            Infinite if the mode does not oscillate.
-        """
+        """Return the relative period elongation of a mode; infinite if it does not oscillate."""
         turn = float(np.angle(self._oscillating_eigenvalue(omega_dt, damping)))
         return omega_dt * math.sqrt(1.0 - damping**2) / turn - 1.0 if turn > 0.0 else math.inf
 
     def damping_ratio(self, omega_dt: float, damping: float = 0.0) -> float:
         """Return the damping ratio of a mode in a run: physical plus numerical damping.
 
-        Parameters
-        ----------
-        omega_dt
-            Angular frequency times step.
-        damping
-            Damping ratio of the mode itself, below 1.
-
-        Returns
-        -------
-        float
-            Decay per radian (Hughes, eq. 9.1.30); infinite if the mode does not oscillate.
+        Decay per radian (Hughes, eq. 9.1.30); infinite if the mode does not oscillate.
         """
         pair = self._oscillating_eigenvalue(omega_dt, damping)
         turn = float(np.angle(pair))
         return math.log(1.0 / abs(pair)) / turn if turn > 0.0 else math.inf
 
     def stability_limit(self, damping: float = 0.0) -> float:
-        """Return the stability limit of angular frequency times step; infinite if unconditionally stable.
-
-        Parameters
-        ----------
-        damping
-            Damping ratio.
-
-        Returns
-        -------
-        float
-            By bisection to 1e-12 of it.
-        """
+        """Return the stability limit of angular frequency times step, to 1e-12; infinite if unconditionally stable."""
         beyond = [x for x in _STEPS.tolist() if self.spectral_radius(x, damping) > _GROWTH_LIMIT]
         if not beyond:
             return math.inf

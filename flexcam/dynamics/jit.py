@@ -14,7 +14,7 @@ import signal
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache, partial
 from importlib import import_module
@@ -43,11 +43,6 @@ def is_available() -> bool:
     return find_spec("numba") is not None and not import_module("numba.core.config").DISABLE_JIT
 
 
-def bind(functions: Sequence[FunctionType], overrides: Mapping[str, Callable[..., Any]] | None = None) -> Functions:
-    """Return the functions as Python, some of the functions that they call replaced by others."""
-    return _bind(functions, dict(overrides or {}), lambda function: function)
-
-
 @lru_cache
 def compile_functions(
     functions: tuple[FunctionType, ...], entries: tuple[str, ...], *, cached: bool = True
@@ -62,7 +57,7 @@ def compile_functions(
         keep = cached and writable
         inner = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)
         entry = numba.njit(cache=keep, **_OPTIONS)
-        found = _bind(functions, {}, lambda function: (entry if function.__name__ in entries else inner)(function))
+        found = bind(functions, {}, lambda function: (entry if function.__name__ in entries else inner)(function))
     if not (keep and any((cache_root() / digest).rglob("*.nbi"))):
         _LOGGER.info("compiling the time integration, once per installation: about ten seconds")
     for name in entries:
@@ -111,9 +106,12 @@ def _delay_signals() -> Generator[None]:
             signal.raise_signal(number)
 
 
-def _bind(
-    functions: Sequence[FunctionType], namespace: Functions, wrap: Callable[[FunctionType], Callable[..., Any]]
-) -> Functions:
+def bind(
+    functions: Sequence[FunctionType], overrides: Functions,
+    wrap: Callable[[FunctionType], Callable[..., Any]] = lambda function: function,
+) -> Functions:  # fmt: skip
+    """Return the functions, each wrapped, some of the functions that they call replaced by others."""
+    namespace = dict(overrides)
     for function in functions:
         if function.__name__ not in namespace:
             copy = FunctionType(function.__code__, {**function.__globals__, **namespace}, function.__name__)

@@ -26,13 +26,7 @@ from flexcam.dynamics.implicit_step import NoConvergenceError, unconverged_force
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.integrator import At
 from flexcam.dynamics.jit import Functions, compile_functions
-from flexcam.dynamics.kernel import (
-    FORCE_SIZE,
-    FUNCTIONS_OF_KERNEL,
-    STATE_SIZE,
-    TOO_LONG,
-    UNSETTLED,
-)
+from flexcam.dynamics.kernel import FORCE_SIZE, FUNCTIONS_OF_KERNEL, STATE_SIZE, TOO_LONG, UNSETTLED
 from flexcam.dynamics.local_forces import LocalForces, Workspace
 from flexcam.dynamics.problem import Problem, State
 from flexcam.dynamics.status import Cause, Stats, Status
@@ -78,57 +72,28 @@ def compiled_functions() -> Functions:
 
 @dataclass(frozen=True, eq=False)
 class StepOperator:
-    """A step of one length, as arrays of the kernel.
+    """A step of one length, as arrays of the kernel."""
 
-    Parameters
-    ----------
-    step
-        Length of a stage, s.
-    slope
-        Velocity per displacement by a force within the step, 1/s.
-    scheme
-        Parameters of the generalized-alpha family; without effect for the collocation.
-    operator
-        Matrices of the modes and coefficients of the step.
-    answers
-        Response of the modes to the acting vectors, shape (stages, acts, n).
-    give
-        Displacement and velocity along the sensing vectors by the acting ones, shape (2, acts, senses).
-    hold
-        Square of the step times the acceleration along the sensing vectors by the acting ones, as far as modes with
-        mass answer within the step, shape (acts, senses) of one stage; empty where it does not limit the step.
-    inverse
-        Treatment of the damping that couples modes; empty without it.
-    """
-
-    step: float
-    slope: float
-    scheme: FloatArray
-    operator: FloatArray
-    answers: FloatArray
-    give: FloatArray
+    step: float  #: length of a stage, s
+    slope: float  #: velocity per displacement by a force within the step, 1/s
+    scheme: FloatArray  #: parameters of the generalized-alpha family; without effect for the collocation
+    operator: FloatArray  #: matrices of the modes and coefficients of the step
+    answers: FloatArray  #: response of the modes to the acting vectors, shape (stages, acts, n)
+    give: FloatArray  #: displacement and velocity along the sensing vectors by the acting ones, shape (2, acts, senses)
+    #: Square of the step times the acceleration along the sensing vectors by the acting ones, as far as modes with mass
+    #: answer within the step, shape (acts, senses) of one stage; empty where it does not limit the step.
     hold: FloatArray
-    inverse: FloatArray
+    inverse: FloatArray  #: treatment of the damping that couples modes; empty without it
 
 
 @dataclass(frozen=True, eq=False)
 class ModalSystem:
-    """A system in modal coordinates as arrays of the kernel.
+    """A system in modal coordinates as arrays of the kernel."""
 
-    Parameters
-    ----------
-    modes
-        Mass, damping and stiffness, shape (3, n).
-    coupled
-        Damping off its diagonal, shape (n, n); empty where there is none.
-    sensing, acting
-        Vectors of the local forces, shape (senses, n) and (acts, n).
-    """
-
-    modes: FloatArray
-    coupled: FloatArray
-    sensing: FloatArray
-    acting: FloatArray
+    modes: FloatArray  #: mass, damping and stiffness, shape (3, n)
+    coupled: FloatArray  #: damping off its diagonal, shape (n, n); empty where there is none
+    sensing: FloatArray  #: sensing vectors of the local forces, shape (senses, n)
+    acting: FloatArray  #: acting vectors, shape (acts, n)
 
     @classmethod
     def of(cls, system: System, forces: LocalForces) -> ModalSystem:
@@ -214,18 +179,9 @@ class KernelState:
 
 
 class Kernel:
-    """The compiled step of one system.
+    """The compiled step of one system, in modal coordinates and with all laws as data.
 
     The collocation takes a local force at each stage for a separate force.
-
-    Parameters
-    ----------
-    problem
-        Problem in modal coordinates with all laws as data.
-    scheme
-        Of the time integration.
-    forces
-        The local forces, stacked.
     """
 
     def __init__(self, problem: Problem, scheme: Scheme | Collocation, forces: LocalForces) -> None:
@@ -291,20 +247,16 @@ class Kernel:
             work.compliance[:], work.local[OWN], self._length = np.nan, -1.0, operator.step
         spans = operator.step * np.arange(1.0, self.stages + 1.0)
         state.states[SPAN] = np.repeat(spans, len(self.forces.start_state))
+        stage_sides = np.hstack([np.add(sides, [[stage * self.forces.count], [0]]) for stage in range(self.stages)])
         how = self._march(
             *steps, self.stages, operator.slope, operator.scheme, operator.operator, operator.answers,
             self._answer_runs, operator.give, operator.hold, operator.inverse, system.coupled, self._mode_runs,
             self._vectors, self._runs, given, table.laws, self._blocks, table.constants, self._places, self._reach,
             table.owners, self._varying, state.modes, state.forces, state.states, work.local, work.tangent, work.active,
-            work.compliance, work.matrix, self._stage_sides(sides), found, count,
+            work.compliance, work.matrix, stage_sides, found, count,
         )  # fmt: skip
         row, iterations = count.tolist()
         return int(how), row, iterations
-
-    def _stage_sides(self, sides: IntArray) -> IntArray:
-        if self.stages == 1:
-            return sides
-        return np.hstack([sides + np.array([[stage * self.forces.count], [0]]) for stage in range(self.stages)])
 
     def touches_between(self, now: StepState, new: StepState) -> bool:
         """Return whether in the last call a switching scalar had another side at the middle than at both ends."""
@@ -424,19 +376,7 @@ class KernelStepper:
 
 
 class KernelEngine:
-    """Advances a problem in modal coordinates by compiled code.
-
-    Parameters
-    ----------
-    problem
-        In modal coordinates.
-    scheme
-        Of the generalized-alpha family, or the collocation.
-    forces
-        Its local forces, stacked.
-    stop
-        Stop callback, called before every block of steps.
-    """
+    """Advances a problem in modal coordinates by compiled code; `stop` is called before every block of steps."""
 
     def __init__(
         self, problem: Problem, scheme: Scheme | Collocation, forces: LocalForces, stop: Callable[[], bool]

@@ -53,26 +53,11 @@ def directions(forces: LocalForces, schedule: PrescribedInputs, i: int) -> tuple
 
 
 class Tangents:
-    """Tangent damping and stiffness about a motion.
+    """Tangent damping and stiffness about a motion at m instants of the cam; the `mass` (n, n) is constant.
 
     The derivatives of the local forces depend on the cam angle, on the contact state and on the axial force of a
-    pushrod; internal states are constant.
-
-    Parameters
-    ----------
-    system
-        The system.
-    motion
-        Cam angle and speed at m instants.
-    displacement, velocity
-        The motion at these instants, shape (m, n).
-    inner
-        Internal states at these instants, shape (m, s); None for those at rest.
-
-    Attributes
-    ----------
-    mass
-        Shape (n, n), the same at all instants.
+    pushrod. Displacements and velocities have the shape (m, n); the internal states `inner`, (m, s), are constant, None
+    for those at rest.
     """
 
     def __init__(
@@ -162,18 +147,8 @@ class StepSequence:
     With ``d = d_free + A v``, ``z = z_free + F d`` and ``M v + h/2 (C v + K d - f) = p`` at the new end, v is the only
     unknown of a step; the local forces f are a correction of low rank (Sherman, Morrison and Woodbury). Internal states
     follow the rule of `flexcam.dynamics.force_laws.oil_column`: what a state z leaves of its scalar x, ``e = x - z``,
-    follows ``e1 = T (x1 - x0) + B e0``, so that ``z1 = (1 - T) x1 + (T - B) x0 + B z0``.
-
-    Parameters
-    ----------
-    stepper
-        The step without local forces.
-    length
-        Of a step, s.
-    linear
-        Local forces at the instants.
-    T, B
-        Of the steps, shape (m - 1, s) each.
+    follows ``e1 = T (x1 - x0) + B e0``, so that ``z1 = (1 - T) x1 + (T - B) x0 + B z0``; T and B have the shape (m - 1,
+    s).
     """
 
     def __init__(self, stepper: LinearStep, length: float, linear: Linear, T: FloatArray, B: FloatArray) -> None:

@@ -23,8 +23,6 @@ from flexcam.dynamics.force_laws import (
     ANSWER,
     ARCH,
     BEGIN,
-    BY_BEGIN,
-    BY_TRAVEL,
     CUSTOM,
     FIRST,
     FLOW,
@@ -34,7 +32,6 @@ from flexcam.dynamics.force_laws import (
     LAW_STATE,
     LAWS,
     LOCAL_ROWS,
-    NEW_STATE,
     OWN,
     PENETRATION,
     RATE,
@@ -64,10 +61,8 @@ class StoredEnergy:
         self._laws = table[stores & (table[:, KIND] != CUSTOM)]
         varies = [bool(LAWS[kind].functions) for kind in self._laws[:, KIND].tolist()]
         self._varying = self._laws[varies]
-        lossy = np.zeros(forces.count, dtype=bool)
-        for force, part, _ in forces.parts:
-            lossy[part] = isinstance(force.law, ForceLaw) and not force.law.is_conservative
-        self.lossy: IntArray = np.flatnonzero(lossy[self._scalars] & (forces.storing[self._scalars] > 0.0))
+        lossy = forces.mask(lambda force: isinstance(force.law, ForceLaw) and not force.law.is_conservative)
+        self.lossy: IntArray = np.flatnonzero((lossy & (forces.storing > 0.0))[self._scalars])
 
     def at(
         self, penetration: FloatArray, state: FloatArray, angle: FloatArray
@@ -165,7 +160,7 @@ class LawTable:
                 functions.append(_cam_angle)
                 first += count
                 continue
-            for _ in range(count // law.scalars):
+            for _ in force.groups:
                 friction = len(constants) + len(law.constants)
                 scalars = _count_arch_scalars(first, moved) if law.kind == ARCH else law.scalars
                 state = len(owners) if law.states else -1
@@ -235,14 +230,11 @@ class LocalForces:
             (compiled or self.functions)[name] for name in ("evaluate_laws", "evaluate_rows")
         )
         self.workspace = Workspace(self.table, self.count)
-        self.storing = np.zeros(self.count)
-        for force, part, _ in self.parts:
-            self.storing[part] = force.conservative
+        self.storing = self.mask(lambda force: force.conservative).astype(float)
         #: Mask of the forces that act exactly against their sensed motion at all cam angles, shape (c,).
         self.opposed = self.storing > 0.0
-        self.opposed[[*self.sense.varying_scalars, *self.act.varying_scalars, *(i for i, _ in self._offsets[1])]] = (
-            False
-        )
+        turning = [*self.sense.varying_scalars, *self.act.varying_scalars, *(i for i, _ in self._offsets[1])]
+        self.opposed[turning] = False
 
     def _overrides(self) -> Functions:
         custom, laws = self.table.custom, self.table.laws
@@ -266,25 +258,19 @@ class LocalForces:
         """Scalars whose sensing or acting vectors change with the cam angle, shape (v,)."""
         return np.unique(np.array([*self.sense.varying_scalars, *self.act.varying_scalars], dtype=np.intp))
 
+    def mask(self, trait: Callable[[LocalForce], bool]) -> NDArray[np.bool_]:
+        """Return the mask of the scalars of the forces with a trait, shape (c,)."""
+        return np.array([trait(force) for force, _, _ in self.parts for _ in force.sense], dtype=bool)
+
     @property
     def polynomial(self) -> NDArray[np.bool_]:
         """Mask of scalars of opposed laws whose force is a polynomial of at most third degree, shape (c,)."""
-        found = np.zeros(self.count, dtype=bool)
-        for force, part, _ in self.parts:
-            found[part] = isinstance(force.law, ForceLaw) and LAWS[force.law.kind].polynomial
-        return found & self.opposed
+        return self.mask(lambda force: force.kind.polynomial) & self.opposed
 
     @property
     def circulatory(self) -> NDArray[np.bool_]:
         """Mask of the scalars of circulatory laws, shape (c,)."""
-        found = np.zeros(self.count, dtype=bool)
-        for force, part, _ in self.parts:
-            found[part] = isinstance(force.law, ForceLaw) and LAWS[force.law.kind].circulatory
-        return found
-
-    def stored_energy(self, scalars: IntArray | None = None) -> StoredEnergy:
-        """Return the energy of the conservative forces on some scalars; None for all."""
-        return StoredEnergy(self, scalars)
+        return self.mask(lambda force: force.kind.circulatory)
 
     def prescribed_inputs(self, motion: CamMotion) -> PrescribedInputs:
         """Return the prescribed inputs for the cam motion at some instants."""
@@ -350,36 +336,21 @@ class LocalForces:
         rates, flow = states[STATE_RATE].copy(), states[FLOW].copy()
         return Reaction(local[ANSWER].copy(), by_penetration, by_rate, rates, by_state, flow)
 
-    def state_rates(self, penetration: FloatArray, state: FloatArray) -> FloatArray:
-        """Return the rates of the internal states, shape (s,), for all sensed scalars and states at an instant."""
-        self.workspace.states[BEGIN] = penetration[self.table.owners]
-        self._follow(0.0, penetration, state)
-        return self.workspace.states[STATE_RATE].copy()
-
-    def _follow(self, step: float, penetration: FloatArray, state: FloatArray) -> None:
-        """Evaluate the laws with an internal state alone."""
-        work, table = self.workspace, self.table
-        rows = table.laws[table.laws[:, LAW_STATE] >= 0]
-        work.local[PENETRATION], work.states[STATE], work.states[SPAN] = penetration, state, step
-        none = np.zeros((1, len(table.functions)))
-        self._evaluate(rows, table.constants, none, 0, 0, work.local, work.tangent, work.states)
-
-    def state_steps(
+    def follow_states(
         self, step: float, penetration: FloatArray, begin: FloatArray, state: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return T and B of ``e1 = T (x1 - x0) + B e0`` in a step, e scalar minus internal state, shape (s,) each.
+    ) -> FloatArray:  # fmt: skip
+        """Return the rows of the internal states, shape (9, s), at the end of a step, s, that may be zero.
 
-        The step is in s, the sensed scalars at its end and at its beginning have the shape (c,), the states (s,).
+        The sensed scalars at its end and at its beginning have the shape (c,), the states (s,). With e, scalar minus
+        internal state, ``e1 = BY_TRAVEL (x1 - x0) + BY_BEGIN e0``.
         """
         work, table = self.workspace, self.table
-        work.states[BEGIN] = begin[table.owners]
-        self._follow(step, penetration, state)
-        return work.states[BY_TRAVEL].copy(), work.states[BY_BEGIN].copy()
-
-    def new_states(self, step: float, penetration: FloatArray, begin: FloatArray, state: FloatArray) -> FloatArray:
-        """Return the internal states after a step, shape (s,), for arguments as in `state_steps`."""
-        self.state_steps(step, penetration, begin, state)
-        return self.workspace.states[NEW_STATE].copy()
+        rows = table.laws[table.laws[:, LAW_STATE] >= 0]
+        work.local[PENETRATION], work.states[BEGIN] = penetration, begin[table.owners]
+        work.states[STATE], work.states[SPAN] = state, step
+        none = np.zeros((1, len(table.functions)))
+        self._evaluate(rows, table.constants, none, 0, 0, work.local, work.tangent, work.states)
+        return work.states.copy()
 
     def acting_laws(self, penetration: FloatArray) -> IntArray:
         """Return the rows of the laws without those of contacts that stay open at all m instants, shape (m, c)."""

@@ -162,12 +162,8 @@ def is_rounding(
     for law in range(len(laws)):
         first = laws[law, FIRST]
         for i in range(first, first + laws[law, SCALARS]):
-            penetration, rate, by_penetration, by_rate = (
-                abs(local[FREE_PENETRATION, i]),
-                abs(local[FREE_RATE, i]),
-                0.0,
-                0.0,
-            )
+            penetration, rate = abs(local[FREE_PENETRATION, i]), abs(local[FREE_RATE, i])
+            by_penetration, by_rate = 0.0, 0.0
             for j in range(local.shape[1]):
                 fill_compliance(i, j, places, give, given, k, sense_at, W)
                 on_penetration, on_rate = abs(W[0, j, i]), abs(W[1, j, i])

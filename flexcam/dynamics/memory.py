@@ -35,8 +35,10 @@ class MemorySink:
 
     def write(self, block: Block) -> None:
         """Store a block."""
-        for rows, more in zip(self._kept, _parts(block), strict=True):
-            rows.add(more)
+        times, field_times = (block.time, block.angle), (block.field_time, block.field_angle)
+        more = times, (block.channels,), block.probes, field_times, block.fields
+        for rows, arrays in zip(self._kept, more, strict=True):
+            rows.add(arrays)
 
     def close(self, status: Status, stats: Stats) -> None:
         """Store the status."""
@@ -47,8 +49,7 @@ class MemorySink:
         if not self._kept[0].count:
             self.write(_empty(self.outline))
         (time, angle), (channels,), probes, (field_time, field_angle), fields = (rows.arrays for rows in self._kept)
-        moved = Series(*probes), Series(*fields)
-        whole = Block(time, angle, moved[0], channels, field_time, field_angle, moved[1])
+        whole = Block(time, angle, Series(*probes), channels, field_time, field_angle, Series(*fields))
         return _response(self.outline, whole, self._end)
 
 
@@ -68,27 +69,17 @@ class _Rows:
         """Add rows to every array."""
         end = self.count + len(arrays[0])
         if not self.count or end > self._all.shape[1]:
-            room = self._room(end, (len(arrays), *arrays[0].shape[1:]))
+            least, columns = max(end, 2 * self.count), arrays[0].shape[1:]
+            try:
+                room = np.empty((len(arrays), max(self._expected, least), *columns))
+            except MemoryError:  # a run may end long before its last step
+                room = np.empty((len(arrays), least, *columns))
             if self.count:
                 room[:, : self.count] = self.arrays
             self._all = room
         for kept, array in zip(self._all, arrays, strict=True):
             kept[self.count : end] = array
         self.count = end
-
-    def _room(self, least: int, shape: tuple[int, ...]) -> FloatArray:
-        count, *columns = shape
-        least = max(least, 2 * self.count)
-        try:
-            return np.empty((count, max(self._expected, least), *columns))
-        except MemoryError:  # a run may end long before its last step
-            return np.empty((count, least, *columns))
-
-
-def _parts(block: Block) -> tuple[tuple[FloatArray, ...], ...]:
-    """Return the arrays of a block grouped by equal numbers of rows."""
-    probes, fields = _arrays(block.probes), _arrays(block.fields)
-    return (block.time, block.angle), (block.channels,), probes, (block.field_time, block.field_angle), fields
 
 
 def _response(outline: Outline, whole: Block, end: tuple[Status, Stats]) -> Response:
@@ -108,14 +99,13 @@ class RecentSink(MemorySink):
         self._blocks: deque[Block] = deque()
         self._span = span
         self._without = _empty(outline)
-        self._field = self._without
+        self._field = self._without.time, self._without.angle, self._without.fields
 
     def write(self, block: Block) -> None:
         """Store a block, and drop outdated ones."""
         if len(block.field_time):
-            last = Series(*(np.array(one[-1:]) for one in _arrays(block.fields)))
-            time, angle = block.field_time[-1:].copy(), block.field_angle[-1:].copy()
-            self._field = replace(self._without, field_time=time, field_angle=angle, fields=last)
+            last = Series(*(np.array(one[-1:]) for one in block.fields))
+            self._field = block.field_time[-1:].copy(), block.field_angle[-1:].copy(), last
         nothing = self._without
         self._blocks.append(replace(block, field_time=nothing.time, field_angle=nothing.angle, fields=nothing.fields))
         oldest = block.time[-1] - self._span * (1.0 + _SLACK)
@@ -124,10 +114,8 @@ class RecentSink(MemorySink):
 
     def response(self) -> Response:
         """Return the stored response."""
-        field = self._field
-        kept = Block.concatenate([*self._blocks] or [self._without])
-        whole = replace(kept, field_time=field.field_time, field_angle=field.field_angle, fields=field.fields)
-        return _response(self.outline, whole, self._end)
+        kept, (time, angle, fields) = Block.concatenate([*self._blocks] or [self._without]), self._field
+        return _response(self.outline, replace(kept, field_time=time, field_angle=angle, fields=fields), self._end)
 
 
 class ExtremesSink:
@@ -151,12 +139,8 @@ class ExtremesSink:
         seen = cls(response.outline)
         channels = [response.channels[name] for name, _ in response.outline.channels]
         rows = np.column_stack(channels) if channels else np.zeros((len(response.time), 0))
-        seen.write(
-            Block(
-                response.time, response.angle, response.probes, rows, response.field_time, response.field_angle,
-                response.fields,
-            )
-        )  # fmt: skip
+        saved = response.field_time, response.field_angle, response.fields
+        seen.write(Block(response.time, response.angle, response.probes, rows, *saved))
         return seen
 
     def write(self, block: Block) -> None:
@@ -178,9 +162,7 @@ class ExtremesSink:
     def _turns(self, block: Block) -> FloatArray:
         """Return the turning points of probes within a block and before its first instant."""
         before, now = self._before, block.probes
-        self._before = replace(
-            before, time=block.time[-1:].copy(), probes=Series(*(x[-1:].copy() for x in _arrays(now)))
-        )
+        self._before = replace(before, time=block.time[-1:].copy(), probes=Series(*(x[-1:].copy() for x in now)))
         whole = Series.concatenate([before.probes, now])
         return turning_points(np.append(before.time, block.time), whole.displacement, whole.velocity)[1]
 
@@ -210,20 +192,14 @@ class _Bounds:
 
     def widen(self, rows: FloatArray) -> None:
         """Extend the range by some rows."""
-        if not len(rows):
-            return
-        least, largest = rows.min(axis=0), rows.max(axis=0)
-        self.least = np.minimum(self.least, least) if self._begun else least
-        self.largest = np.maximum(self.largest, largest) if self._begun else largest
-        self._begun = True
+        if len(rows):
+            known = [self.least[None], self.largest[None]] if self._begun else []
+            every = np.concatenate([rows, *known])
+            self.least, self.largest, self._begun = every.min(axis=0), every.max(axis=0), True
 
 
 _SLACK = 1e-6
 """Relative extension of a time span, because its first instants are rounded."""
-
-
-def _arrays(series: Series) -> tuple[FloatArray, FloatArray, FloatArray]:
-    return series.displacement, series.velocity, series.acceleration
 
 
 def _empty(outline: Outline) -> Block:

@@ -31,41 +31,18 @@ _CLEAN = 1e-9
 """Orthogonality tolerance of two modes."""
 
 
-@dataclass(frozen=True, eq=False)
-class ModalCoordinates:
-    """Modal coordinates of a system; a `Basis`."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ModalCoordinates(ModeBasis):
+    """Modal coordinates of a system: a complete basis of modes."""
 
-    vectors: FloatArray  #: modes as columns, shape (n, n)
     back: FloatArray  #: inverse: modal coordinates per unit of each unknown, shape (n, n)
     mass: FloatArray  #: modal, shape (n,): 1, or 0 of massless motions
     stiffness: FloatArray  #: modal, shape (n,): angular frequency squared, or 1 of massless motions
-
-    @property
-    def held(self) -> FloatArray:
-        """Zero offset: the basis is complete."""
-        return np.zeros(len(self.vectors))
-
-    @property
-    def size(self) -> int:
-        """Number of modes."""
-        return len(self.mass)
 
     def coordinate_names(self, names: Sequence[str]) -> tuple[str, ...]:
         """Return the unknown that moves most, per mode."""
         leading: list[int] = np.abs(self.vectors).argmax(axis=0).tolist() if self.size else []
         return tuple(names[i] for i in leading)
-
-    def matrix(self, full: Triplets) -> Triplets:
-        """Return the projection of a matrix on the modes."""
-        return ModeBasis(self.vectors).matrix(full)
-
-    def rows(self, full: FloatArray) -> FloatArray:
-        """Return the rows times the modes."""
-        return full @ self.vectors
-
-    def spread(self, motion: FloatArray) -> FloatArray:
-        """Return the motion of all unknowns."""
-        return motion @ self.vectors.T
 
     def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
         """Return the modal coordinates of a motion."""
@@ -123,7 +100,8 @@ def _motions(pair: _MatrixPair) -> ModalCoordinates | None:
     if not np.abs(back @ whole - np.eye(len(whole))).max(initial=0.0) <= _CLEAN:
         return None
     heavy = np.concatenate([np.ones(len(values)), np.zeros(few)])
-    return ModalCoordinates(whole, back, heavy, np.concatenate([values, np.ones(few)]))
+    stiff = np.concatenate([values, np.ones(few)])
+    return ModalCoordinates(whole, back=back, mass=heavy, stiffness=stiff)
 
 
 def _symmetric(matrix: Triplets) -> bool:

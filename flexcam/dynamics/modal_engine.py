@@ -14,7 +14,7 @@ from flexcam.dynamics.blocks import Arrays, SaveAt, Series
 from flexcam.dynamics.engine import STOPPED, Engine, all_within, first_track, in_range, no_instants, stack_motion
 from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.local_forces import LocalForces
-from flexcam.dynamics.modal_step import MODAL_BLOCK, PROBE_BLOCK, ModalStep, ModeParameters, StepBlock, drop_vanished
+from flexcam.dynamics.modal_step import MODAL_BLOCK, PROBE_BLOCK, ModalStep, StepBlock, drop_vanished
 from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.status import Status
 from flexcam.dynamics.step_state import ProbeTrajectory, Trajectory
@@ -41,7 +41,7 @@ class ModalPropagator:
         self._problem, self._vectors = problem, problem.system.load_vectors()
         self.at: int = -1  #: step of the state, -1 before the start
         self.state = np.zeros((3, problem.system.size))  #: coordinates and their rates times powers of the step, (3, n)
-        self.steps = ModalStep.of(scheme, ModeParameters.of(problem))
+        self.steps = ModalStep.of(scheme, problem.system, problem.step)
         self.stride = StepBlock.of(self.steps, length)
         self.pushes = self.steps.light * self._vectors  #: modal forces of unit load histories, shape (k, n)
         self._left = np.zeros((0, 0)) if self.stride is None else self._by_history(self.stride)
@@ -118,7 +118,10 @@ class ModalEngine(Engine):
         row = int(steps[0]) - self._course.at
         walked = self._advance_states(int(steps[-1]))
         walked[1:] /= self._course.scale[1:, None]
-        track = self._track(at, walked[:, row:]) if first is None else self._restore_first(first, at, walked)
+        if first is None:
+            track = self._track(at, walked[:, row:])
+        else:  # the first instant is unchanged
+            track = first if len(at) == 1 else Trajectory.concatenate([first, self._track(at[1:], walked[:, 1:])])
         before = None if first is not None else stack_motion(self._track(at[:1], walked[:, row - 1 : row]))[0]
         return in_range(track, before, self._system, self._problem.drive.at(at).angle)
 
@@ -150,10 +153,6 @@ class ModalEngine(Engine):
     def _track(self, at: FloatArray, walked: FloatArray) -> Trajectory:
         (d, v, a), nothing, sides = walked, np.zeros((len(at), 0)), np.zeros((len(at), 0), dtype=bool)
         return Trajectory(at, d, v, a, nothing, nothing, nothing, sides, np.arange(len(at)))
-
-    def _restore_first(self, first: Trajectory, at: FloatArray, walked: FloatArray) -> Trajectory:
-        """Return the first instant unchanged, and those after it."""
-        return first if len(at) == 1 else Trajectory.concatenate([first, self._track(at[1:], walked[:, 1:])])
 
     def state(self) -> Arrays:
         """Return the state of the modes, see `Engine`."""

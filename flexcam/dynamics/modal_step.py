@@ -9,23 +9,7 @@ import numpy as np
 from flexcam.core import FloatArray, IntArray, LongArray
 from flexcam.dynamics.generalized_alpha import Scheme, predict
 from flexcam.dynamics.massless import BETA, GAMMA
-from flexcam.dynamics.problem import Problem
-
-
-@dataclass(frozen=True, eq=False)
-class ModeParameters:
-    """Parameters of modes, shape (n,), and the step, s."""
-
-    mass: FloatArray
-    damping: FloatArray
-    stiffness: FloatArray
-    step: float
-
-    @classmethod
-    def of(cls, problem: Problem) -> ModeParameters:
-        """Return the parameters of an uncoupled problem."""
-        system = problem.system
-        return cls(system.mass.diagonal(), system.damping.diagonal(), system.stiffness.diagonal(), problem.step)
+from flexcam.dynamics.system import System
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,17 +26,17 @@ class ModalStep:
     light: FloatArray  #: factor of the load, shape (n,)
 
     @classmethod
-    def of(cls, scheme: Scheme, motions: ModeParameters) -> ModalStep:
-        """Return the step of modes."""
-        h, new = motions.step, 1.0 - scheme.alpha_f
-        slow, stiff = h * motions.damping, h**2 * motions.stiffness
-        led = (motions.mass == 0.0) & (motions.damping == 0.0)
+    def of(cls, scheme: Scheme, system: System, h: float) -> ModalStep:
+        """Return the step h, s, of a system whose matrices are diagonal."""
+        new, mass = 1.0 - scheme.alpha_f, system.mass.diagonal()
+        slow, stiff = h * system.damping.diagonal(), h**2 * system.stiffness.diagonal()
+        led = (mass == 0.0) & (slow == 0.0)
         beta, gamma = scheme.beta, scheme.gamma
         if led.any():
             beta, gamma = np.where(led, BETA, beta), np.where(led, GAMMA, gamma)
-        whole = (1.0 - scheme.alpha_m) * motions.mass + new * (gamma * slow + beta * stiff)
-        slowed = np.flatnonzero((motions.mass == 0.0) & ~led & scheme.average)
-        heavy = scheme.alpha_m * motions.mass / whole
+        whole = (1.0 - scheme.alpha_m) * mass + new * (gamma * slow + beta * stiff)
+        slowed = np.flatnonzero((mass == 0.0) & ~led & scheme.average)
+        heavy = scheme.alpha_m * mass / whole
         return cls(scheme, beta, gamma, slowed, slow / whole, stiff / whole, heavy, h**2 / whole)
 
     @property

@@ -13,11 +13,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexcam.core import (
     DENSE_LIMIT,
     ROUNDING_LIMIT,
+    ComplexArray,
     FloatArray,
     IntArray,
     SingularMatrixError,
@@ -30,8 +30,6 @@ from flexcam.core import (
 )
 from flexcam.core.errors import positive, refuse
 from flexcam.dynamics.status import ROUNDING_STATUS, Cause, NotPositiveError, RunFailedError, Status
-
-ComplexArray = NDArray[np.complex128]
 
 
 def frequency_response(mass: float, damping: float, stiffness: float, omega: FloatArray) -> ComplexArray:
@@ -136,26 +134,13 @@ def _flexibility(stiffness: Triplets, rigid: FloatArray, heavy: FloatArray) -> S
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Natural modes, from the lowest.
+    """Natural modes, from the lowest."""
 
-    Parameters
-    ----------
-    omegas
-        Angular frequencies, rad/s, shape (k,); zero for motions without stiffness.
-    shapes
-        Mass-orthonormal shapes, shape (n, k).
-    rigid
-        Number of modes (the first ones) without stiffness.
-    lost
-        Number of higher modes omitted because of rounding.
-    rounding
-        Relative rounding error of each frequency, shape (k,): an upper bound, about ten times the error.
-    """
-
-    omegas: FloatArray
-    shapes: FloatArray
-    rigid: int
-    lost: int = 0
+    omegas: FloatArray  #: angular frequencies, rad/s, shape (k,); zero for motions without stiffness
+    shapes: FloatArray  #: mass-orthonormal shapes, shape (n, k)
+    rigid: int  #: number of modes (the first ones) without stiffness
+    lost: int = 0  #: number of higher modes omitted because of rounding
+    #: Relative rounding error of each frequency, shape (k,): an upper bound, about ten times the error.
     rounding: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
@@ -220,13 +205,8 @@ def modes(mass: Triplets, stiffness: Triplets, count: int | None = None, *, free
     shapes = np.concatenate([rigid, shapes], axis=1)
     wanted = len(omegas) if count is None else min(count, len(omegas))
     taken = np.concatenate([np.zeros(rigid.shape[1]), 0.5 * shares])  # square root of the rounded eigenvalue
-    return Modes(
-        omegas[:wanted],
-        _normalize_signs(shapes[:, :wanted]),
-        int(min(rigid.shape[1], wanted)),
-        int(lost),
-        taken[:wanted],
-    )
+    found = _normalize_signs(shapes[:, :wanted])
+    return Modes(omegas[:wanted], found, int(min(rigid.shape[1], wanted)), int(lost), taken[:wanted])
 
 
 def _find_free_motions(stiffness: Triplets) -> FloatArray:
@@ -305,7 +285,11 @@ def _by_stiffness(
     M, K = scale[:, None] * M * scale, scale[:, None] * K * scale
     free = rigid / scale[:, None]
     held = M @ free
-    L = _cholesky(K + held @ held.T / max(1.0, float(np.abs(held).max(initial=0.0)) ** 2), scale)
+    K = K + held @ held.T / max(1.0, float(np.abs(held).max(initial=0.0)) ** 2)
+    try:
+        L = np.linalg.cholesky(K)
+    except np.linalg.LinAlgError:
+        raise NotPositiveError(scale * np.linalg.eigh(K)[1][:, 0]) from None
     inverse = np.linalg.solve(L, np.linalg.solve(L, M).T)
     known = np.linalg.qr(L.T @ free)[0]
     inverse -= known @ (known.T @ inverse)
@@ -324,7 +308,11 @@ def _by_mass(mass: Triplets, K: FloatArray) -> tuple[FloatArray, FloatArray, Flo
     """
     light = null_space(mass)
     kept = np.setdiff1d(np.arange(mass.size), np.array(select_constraints(light), dtype=np.intp))
-    all_of = _condense_massless(K, light)[:, kept]
+    everything = np.eye(len(K))  # unit motions of every unknown, with massless motions in static equilibrium
+    if light.shape[1]:
+        held = light.T @ K
+        everything -= light @ factorize(Triplets.from_dense(held @ light)).solve(held)
+    all_of = everything[:, kept]
     massive = mass.part(kept)
     scale = diagonal_scale(massive)
     try:
@@ -338,27 +326,11 @@ def _by_mass(mass: Triplets, K: FloatArray) -> tuple[FloatArray, FloatArray, Flo
     return positive, all_of @ (scale[:, None] * np.linalg.solve(L.T, vectors)), errors
 
 
-def _condense_massless(K: FloatArray, light: FloatArray) -> FloatArray:
-    """Return unit motions of every unknown with massless motions, shape (n, k), in static equilibrium."""
-    everything = np.eye(len(K))
-    if not light.shape[1]:
-        return everything
-    held = light.T @ K
-    return everything - light @ factorize(Triplets.from_dense(held @ light)).solve(held)
-
-
 def _with_errors(values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return eigenvalues bounded by rounding, and their relative errors."""
     eps, largest = np.finfo(float).eps, float(values.max(initial=0.0))
     positive = np.maximum(values, max(eps**2 * largest, np.finfo(float).tiny))
     return positive, len(values) * eps * largest / positive
-
-
-def _cholesky(K: FloatArray, scale: FloatArray) -> FloatArray:
-    try:
-        return np.linalg.cholesky(K).astype(float, copy=False)
-    except np.linalg.LinAlgError:
-        raise NotPositiveError(scale * np.linalg.eigh(K)[1][:, 0]) from None
 
 
 _EQUAL = 1e-6
@@ -436,9 +408,8 @@ def craig_bampton(
     except SingularMatrixError as fault:
         which = ", ".join(str(inner[i]) for i in fault.unknowns[:6]) or "some"
         why = "a group that moves freely has no static solution"
-        raise refuse(
-            "boundary", f"unknowns {which} free while it is held", "a boundary that holds every group", why
-        ) from None
+        given, allowed = f"unknowns {which} free while it is held", "a boundary that holds every group"
+        raise refuse("boundary", given, allowed, why) from None
     return np.hstack([unit, *(_fixed_interface_modes(mass, stiffness, group, count) for group in interiors)])
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.cam_motion import CamMotion, PrescribedInputs
+from flexcam.dynamics.force_laws import NEW_STATE
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.jit import Functions
 from flexcam.dynamics.linearization import Linear
@@ -25,20 +26,11 @@ from flexcam.dynamics.step_state import SensedTrajectory, StepInputs, StepState
 
 @dataclass(frozen=True, eq=False)
 class Variation:
-    """A problem with a parameter below and above its value.
+    """A problem with a parameter below and above its value, with as many unknowns, local forces and steps as itself."""
 
-    Parameters
-    ----------
-    below, above
-        The problem with the parameter reduced and increased by half the width; with as many unknowns, local forces and
-        steps as the problem itself.
-    width
-        Difference of the parameter, in its unit.
-    """
-
-    below: Problem
-    above: Problem
-    width: float
+    below: Problem  #: with the parameter reduced by half the width
+    above: Problem  #: with the parameter increased by half the width
+    width: float  #: difference of the parameter, in its unit
 
 
 class VariedProblem:
@@ -94,7 +86,7 @@ class VariedProblem:
         motion = self.problem.drive.at(self.times(track.time[part]))
         old, new = forces.sense_motion(track.d[part], track.v[part], forces.prescribed_inputs(motion))[0]
         (step,) = (self.stretch * np.diff(track.time[part])).tolist()
-        return forces.new_states(step, new, old, track.state[i])
+        return forces.follow_states(step, new, old, track.state[i])[NEW_STATE]
 
     def impact_change(self, old: StepState, contacts: IntArray) -> FloatArray:
         """Return the change of the velocities by an impact at switching scalars, shape (n,)."""
@@ -113,22 +105,12 @@ class VariedProblem:
 
 @dataclass(frozen=True, eq=False)
 class ExplicitDerivatives:
-    """Derivatives of the equations by p parameters at m instants of a motion.
+    """Derivatives of the equations by p parameters at m instants of a motion."""
 
-    Parameters
-    ----------
-    force
-        On the unknowns, shape (m, n, p).
-    penetration, rate
-        Of the sensed scalars, shape (m, c, p).
-    answer
-        Of the force laws at constant scalars, shape (m, c, p).
-    """
-
-    force: FloatArray
-    penetration: FloatArray
-    rate: FloatArray
-    answer: FloatArray
+    force: FloatArray  #: on the unknowns, shape (m, n, p)
+    penetration: FloatArray  #: of the sensed scalars, shape (m, c, p)
+    rate: FloatArray  #: of their rates, shape (m, c, p)
+    answer: FloatArray  #: of the force laws at constant scalars, shape (m, c, p)
 
     def source(self, linear: Linear, which: int | slice) -> FloatArray:
         """Return the forces on the unknowns at some instants, shape (..., n, p), with the tangents there."""
@@ -137,17 +119,7 @@ class ExplicitDerivatives:
 
 
 class ParameterForces:
-    """Derivatives of the equations of a problem by several parameters.
-
-    Parameters
-    ----------
-    problem
-        The problem in the unknowns of its engine.
-    variations
-        One per parameter, in the same unknowns.
-    compiled
-        Compiled functions of the laws; None without.
-    """
+    """Derivatives of the equations of a problem by several parameters, all in the unknowns of its engine."""
 
     def __init__(self, problem: Problem, variations: Sequence[Variation], compiled: Functions | None = None) -> None:
         self.sides = [

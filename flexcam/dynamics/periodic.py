@@ -13,8 +13,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Protocol
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -41,60 +40,43 @@ class PeriodMap:
     """Map of one period; states are displacements, velocities and internal states in a row."""
 
     end: FloatArray  #: state at the end, shape (2n + s,)
-    derivative: FloatArray  #: of the end by the initial state, shape (2n + s, 2n + s); empty if not requested
     fields: FloatArray  #: displacements and velocities at the ends of steps, shape (m, 2n)
-    events: int  #: number of contacts that opened or closed
+    #: Of the end by the initial state, shape (2n + s, 2n + s); empty if not requested.
+    derivative: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    events: int = 0  #: number of contacts that opened or closed
 
 
 def period_map(
     selected: SelectedEngine, method: Method, stop: Callable[[], bool], *, derived: bool = True
 ) -> PeriodMap:
     """Return a period of a problem in the unknowns of its engine; a failed run raises `RunFailedError`."""
+    problem, fields, end = selected.problem, list[FloatArray](), np.zeros(0)
     try:
-        return _integrate_period(selected, method, stop, derived=derived)
+        forces = forces_of(selected, method)
+        engine = create_engine(selected, method, forces, SaveAt(field_every=problem.steps + 1), stop, pilot)
+        disturbances = Disturbances(problem, forces) if derived else None
+        for track in iterate_tracks(engine, problem.steps):
+            if disturbances is not None:
+                disturbances.follow(track)
+            fields.append(np.hstack([track.d, track.v])[track.ends])
+            end = np.concatenate([track.d[-1], track.v[-1], track.state[-1]])
     except SingularMatrixError as fault:
-        raise RunFailedError(singular_status(fault, selected.problem.system)) from None
-
-
-def _integrate_period(
-    selected: SelectedEngine, method: Method, stop: Callable[[], bool], *, derived: bool
-) -> PeriodMap:
-    problem, forces = selected.problem, forces_of(selected, method)
-    engine = create_engine(selected, method, forces, SaveAt(field_every=problem.steps + 1), stop, pilot)
-    disturbances, fields = Disturbances(problem, forces) if derived else None, list[FloatArray]()
-    end = np.zeros(0)
-    for track in iterate_tracks(engine, problem.steps):
-        if disturbances is not None:
-            disturbances.follow(track)
-        fields.append(np.hstack([track.d, track.v])[track.ends])
-        end = np.concatenate([track.d[-1], track.v[-1], track.state[-1]])
+        raise RunFailedError(singular_status(fault, problem.system)) from None
     derivative = np.zeros((0, 0)) if disturbances is None else disturbances.monodromy()
-    return PeriodMap(end, derivative, np.concatenate(fields), engine.statistics(Stats()).events)
+    return PeriodMap(end, np.concatenate(fields), derivative, engine.statistics(Stats()).events)
 
 
 @dataclass(frozen=True, eq=False)
 class Floquet:
-    """Floquet multipliers of a periodic motion.
+    """Floquet multipliers of a periodic motion."""
 
-    Parameters
-    ----------
-    multipliers
-        Largest first, complex, shape (2m + s,): of m unknowns integrated and s internal states of local forces.
-    shapes
-        Displacements of all unknowns at the beginning of the period, complex, shape (n, 2m + s).
-    period
-        s.
-    names
-        Of the unknowns.
-    events
-        Number of contact openings and closings within the period. Large multipliers may then indicate chatter: small
-        differences of the times of bounces grow.
-    """
-
+    #: Largest first, complex, shape (2m + s,): of m unknowns integrated and s internal states of local forces.
     multipliers: ComplexArray
-    shapes: ComplexArray
-    period: float
-    names: tuple[str, ...]
+    shapes: ComplexArray  #: displacements of all unknowns at the beginning of the period, complex, shape (n, 2m + s)
+    period: float  #: s
+    names: tuple[str, ...]  #: of the unknowns
+    #: Number of contact openings and closings within the period. Large multipliers may then indicate chatter: small
+    #: differences of the times of bounces grow.
     events: int = 0
 
     @property
@@ -176,7 +158,7 @@ _MAX_FAILURES = 3
 _GOOD = 0.1
 """Reduction of the residual by a Newton step with which its derivative is reused."""
 
-_FREE = 1e-10
+FREE = 1e-10
 """Relative change per revolution below which a motion is excluded from the search."""
 
 
@@ -190,7 +172,7 @@ def solve_periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9,
     scheme
         Integration method.
     tolerance
-        Relative residual of periodicity, in the norm of `_EnergyNorm`.
+        Relative residual of periodicity, in the norm of `_energy_norm`.
     until
         Latest end of the search, s of `time.monotonic`; None for no limit.
 
@@ -208,9 +190,9 @@ def solve_periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9,
     several = replace(problem, runs=problem.runs * _USUAL_REVOLUTIONS)
     selected = select_engine(several, scheme, SaveAt(field_every=problem.steps + 1))
     if not 0 < selected.problem.system.size <= MAX_UNKNOWNS:
-        found = _fixed_point(problem, _Anderson(several, scheme, until), _EnergyNorm(problem, ()), tolerance)
+        found = _fixed_point(problem, _Anderson(several, scheme, until), _energy_norm(problem, ()), tolerance)
         return replace(found, time=start.time)
-    search, norm = _Newton(selected, scheme, until), _EnergyNorm(problem, selected.bases)
+    search, norm = _Newton(selected, scheme, until), _energy_norm(problem, selected.bases)
     found = _fixed_point(selected.problem, search, norm, tolerance)
     for basis in selected.bases:
         moved = basis.spread(found.displacement) + basis.held
@@ -218,46 +200,27 @@ def solve_periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9,
     return replace(found, time=start.time)
 
 
-@dataclass(frozen=True, eq=False)
-class _Revolution:
-    """A revolution: final state, and displacements and velocities within, shape (m, 2n)."""
-
-    end: FloatArray
-    fields: FloatArray
+Norm = Callable[[FloatArray], FloatArray]
 
 
-class _Search(Protocol):
-    """Interface of a search for the periodic state."""
+def _energy_norm(problem: Problem, bases: Sequence[Basis]) -> Norm:
+    """Return the norm of motions in the unknowns of a problem, the same on every engine: square roots of energies.
 
-    patience: int
-
-    def turn(self, x: FloatArray) -> _Revolution | None:
-        """Return a revolution from a state; None if the run fails."""
-        ...
-
-    def next(self, x: FloatArray, turn: _Revolution | None, error: float) -> FloatArray | None:
-        """Return the next state after one with an error; None to stop."""
-        ...
-
-
-class _EnergyNorm:
-    """Norm of motions in the unknowns of a problem, the same on every engine: square roots of energies.
-
-    The bases lead from the unknowns of the motions to those of the problem, innermost first.
+    It takes changes of displacements and velocities in a row, shape (..., 2n) to (...). The bases lead from the
+    unknowns of the motions to those of the problem, innermost first.
     """
+    weights = _weights(problem)
 
-    def __init__(self, problem: Problem, bases: Sequence[Basis]) -> None:
-        self._weights, self._bases = _weights(problem), bases
-
-    def __call__(self, motions: FloatArray) -> FloatArray:
-        """Return the norms of changes of displacements and velocities in a row, shape (..., 2n) to (...)."""
+    def norm(motions: FloatArray) -> FloatArray:
         parts = np.split(motions, 2, axis=-1)
-        for basis in self._bases:
+        for basis in bases:
             parts = [basis.spread(part) for part in parts]
-        return np.linalg.norm(self._weights * np.concatenate(parts, axis=-1), axis=-1)
+        return np.linalg.norm(weights * np.concatenate(parts, axis=-1), axis=-1)
+
+    return norm
 
 
-def _fixed_point(problem: Problem, search: _Search, norm: _EnergyNorm, tolerance: float) -> State:
+def _fixed_point(problem: Problem, search: _Newton | _Anderson, norm: Norm, tolerance: float) -> State:
     """Return the state with the smallest residual, in the unknowns of the problem."""
     motion = slice(2 * problem.system.size)
     x: FloatArray | None = _pack(problem, problem.start or State.rest(problem.system.size))
@@ -295,8 +258,8 @@ class _Newton:
         self._end: FloatArray | None = None
         self._least, self._failures, self.patience = np.inf, 0, _PATIENCE_OF_NEWTON
 
-    def turn(self, x: FloatArray) -> _Revolution | None:
-        """Return a revolution, see `_Search`."""
+    def turn(self, x: FloatArray) -> PeriodMap | None:
+        """Return a revolution from a state; None if the run fails."""
         problem = self._selected.problem
         one = replace(self._selected, problem=replace(problem, start=_unpack(problem, x)))
         try:
@@ -305,29 +268,23 @@ class _Newton:
             if self._late():
                 raise RunFailedError(_TIME_LIMIT_STATUS) from None
             return None
-        if found.derivative.size:
-            self._derivative = found.derivative
-        return _Revolution(found.end, found.fields)
+        self._derivative = found.derivative if found.derivative.size else self._derivative
+        return found
 
-    def next(self, x: FloatArray, turn: _Revolution | None, error: float) -> FloatArray | None:
-        """Return the next state, see `_Search`."""
+    def next(self, x: FloatArray, turn: PeriodMap | None, error: float) -> FloatArray | None:
+        """Return the next state after one with an error; None to stop."""
         if turn is None or error >= self._least or self._derivative is None:
             end, self._end, self._derivative, self._least = self._end, None, None, np.inf
             self._failures += 1
             return end if self._failures <= _MAX_FAILURES else None
-        new = x + self._newton(self._derivative, turn.end - x)
+        step, w = turn.end - x, self._weights
+        change = np.eye(len(w)) - w[:, None] * self._derivative / w
+        if np.isfinite(change).all():  # motions with any periodic amplitude are unchanged
+            step = np.asarray(np.linalg.lstsq(change, w * step, rcond=FREE)[0] / w, dtype=float)
         if error > _GOOD * self._least:
             self._derivative = None
         self._end, self._least = turn.end, error
-        return new
-
-    def _newton(self, derivative: FloatArray, miss: FloatArray) -> FloatArray:
-        """Return the step; motions with any periodic amplitude are unchanged."""
-        w = self._weights
-        change = np.eye(len(w)) - w[:, None] * derivative / w
-        if not np.isfinite(change).all():
-            return miss
-        return np.asarray(np.linalg.lstsq(change, w * miss, rcond=_FREE)[0] / w, dtype=float)
+        return x + step
 
     def _late(self) -> bool:
         return self._until is not None and time.monotonic() >= self._until
@@ -342,8 +299,8 @@ class _Anderson:
         self._points: list[FloatArray] = []
         self._misses: list[FloatArray] = []
 
-    def turn(self, x: FloatArray) -> _Revolution | None:
-        """Return a revolution, see `_Search`."""
+    def turn(self, x: FloatArray) -> PeriodMap | None:
+        """Return a revolution from a state; None if the run fails."""
         one = replace(self._problem, start=_unpack(self._problem, x))
         save = SaveAt(field_every=max(one.steps // 64, 1))
         response = solve(one, self._scheme, save=save, until=self._until)
@@ -353,10 +310,10 @@ class _Anderson:
             return None
         self.patience = max(_MAX_STALLED, 0 if response.stats.events else len(x))
         fields = np.concatenate([response.fields.displacement, response.fields.velocity], axis=1)
-        return _Revolution(np.concatenate([fields[-1], response.inner]), fields)
+        return PeriodMap(np.concatenate([fields[-1], response.inner]), fields)
 
-    def next(self, x: FloatArray, turn: _Revolution | None, error: float) -> FloatArray | None:
-        """Return the next state, see `_Search`."""
+    def next(self, x: FloatArray, turn: PeriodMap | None, error: float) -> FloatArray | None:
+        """Return the next state after one with an error; None to stop."""
         if turn is None:
             return None
         points = self._points = [*self._points, x][-_MEMORY:]

@@ -83,21 +83,11 @@ _SAME_INSTANT = 1e-9
 
 @dataclass(frozen=True)
 class Outline:
-    """Names of saved results, in the order of the block's columns.
+    """Names of saved results, in the order of the block's columns."""
 
-    Parameters
-    ----------
-    unknowns
-        Name per column of the fields.
-    probes
-        Pairs of probe name and its component names.
-    channels
-        Pairs of channel name and unit.
-    """
-
-    unknowns: tuple[str, ...]
-    probes: tuple[tuple[str, tuple[str, ...]], ...]
-    channels: tuple[tuple[str, str], ...]
+    unknowns: tuple[str, ...]  #: name per column of the fields
+    probes: tuple[tuple[str, tuple[str, ...]], ...]  #: pairs of probe name and its component names
+    channels: tuple[tuple[str, str], ...]  #: pairs of channel name and unit
 
     def columns(self, name: str) -> slice:
         """Return the columns of a probe, or of one component of it given as ``probe.component``."""
@@ -116,24 +106,13 @@ class Outline:
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """Motion of one probe over time.
+    """Motion of one probe over time."""
 
-    Parameters
-    ----------
-    name
-        Of the probe.
-    components
-        Names of its scalars.
-    displacement, velocity, acceleration
-        m, m/s, m/s^2 (rad where a component is a rotation); shape (steps,) for a probe of one scalar, else
-        (steps, components).
-    """
-
-    name: str
-    components: tuple[str, ...]
-    displacement: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
+    name: str  #: of the probe
+    components: tuple[str, ...]  #: names of its scalars
+    displacement: FloatArray  #: m or rad, shape (steps,) of a probe of one scalar, else (steps, components)
+    velocity: FloatArray  #: m/s
+    acceleration: FloatArray  #: m/s^2
 
     def __repr__(self) -> str:
         """Return name and size, not the values."""
@@ -352,8 +331,5 @@ class Response:
         one = columns.stop - columns.start == 1
         parts = dict(self.outline.probes)
         components = parts[name] if name in parts else (name.rpartition(".")[2],)
-        picked = [
-            values[:, columns.start] if one else values[:, columns]
-            for values in (self.probes.displacement, self.probes.velocity, self.probes.acceleration)
-        ]
+        picked = [values[:, columns.start] if one else values[:, columns] for values in self.probes]
         return History(name, components, *picked)

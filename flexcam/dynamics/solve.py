@@ -21,7 +21,7 @@ from flexcam.core.errors import refuse
 from flexcam.dynamics.active_dofs import expand_block
 from flexcam.dynamics.basis import Basis
 from flexcam.dynamics.blocks import Arrays, Block, Checkpoint, CheckpointSink, CompletedPart, SaveAt, Series, Sink
-from flexcam.dynamics.cam_motion import CamMotion, PrescribedInputs
+from flexcam.dynamics.cam_motion import CamMotion
 from flexcam.dynamics.energy import PARTS, EnergyBalance, EquilibriumResidual
 from flexcam.dynamics.engine import STOPPED, Engine
 from flexcam.dynamics.engine_selection import MAX_MODES, SelectedEngine, create_engine, forces_of, select_engine
@@ -34,7 +34,7 @@ from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.response import STATE, Outline, Response
 from flexcam.dynamics.status import Cause, RunFailedError, Stats, Status
 from flexcam.dynamics.step_state import ProbeTrajectory, Trajectory
-from flexcam.dynamics.system import FullMotion, Observation, Probe, System
+from flexcam.dynamics.system import Observation, Probe, System
 
 _INSTANTS = 64
 """Number of instants of the run at which loads and sensed scalars enter the digest."""
@@ -143,7 +143,10 @@ def solve(
     names = outline(problem.system, keep)
     memory = memory or MemorySink(names, problem.steps + 1, problem.steps // keep.field_every + 2)
     takers = (memory, *sinks)
-    clock = _Clock(stop or (lambda: False), until)
+
+    def is_late() -> bool:
+        return until is not None and time.monotonic() >= until
+
     keepers = [sink for sink in sinks if isinstance(sink, CheckpointSink)]
     problem_told = fingerprint(problem, scheme, keep) if keepers or resume else ""
     if resume and resume.checkpoint.problem != problem_told:
@@ -159,23 +162,26 @@ def solve(
     status, can_resume = Status(), resume is not None
     try:
         forces = forces_of(way, scheme)
-        engine = create_engine(way, scheme, forces, keep, clock.should_stop, pilot)
+        engine = create_engine(way, scheme, forces, keep, lambda: is_late() or (stop is not None and stop()), pilot)
         run = _Run(inside, engine, forces, keep, scheme.order)
         if resume is not None:
             for block in resume.blocks():
-                _write_block(block, takers)
+                for sink in takers:
+                    sink.write(block)
             run.restore(resume.checkpoint.arrays)
             stats = run.statistics(replace(stats, steps=resume.checkpoint.steps))
         with _blas_threads(way):
             for block in run.blocks(stats.steps):
-                _write_block(reduce(expand_block, way.bases, block), takers)
+                expanded = reduce(expand_block, way.bases, block)
+                for sink in takers:
+                    sink.write(expanded)
                 stats = run.statistics(replace(stats, steps=stats.steps + len(block.time)))
                 if keepers and run.status.ok:
                     reached = Checkpoint(stats.steps, problem_told, run.state())
                     for sink in keepers:
                         sink.write_checkpoint(reached)
                     can_resume = True
-        status = TIME_UP if clock.late and run.status is STOPPED else run.status
+        status = _TIME_UP if run.status is STOPPED and is_late() else run.status
     except KeyboardInterrupt:
         status = STOPPED
     except SingularMatrixError as fault:
@@ -238,11 +244,6 @@ class _SingleThread:
 
 
 _SINGLE_THREAD = _SingleThread()
-
-
-def _write_block(block: Block, takers: Sequence[Sink]) -> None:
-    for sink in takers:
-        sink.write(block)
 
 
 def _close(sinks: Sequence[Sink], status: Status, stats: Stats) -> Status:
@@ -309,19 +310,16 @@ class _Run:
         for begin in range(first, end, self._at_once):
             steps = np.arange(begin, min(begin + self._at_once, end))
             with np.errstate(over="ignore", invalid="ignore"):  # divergence is reported per block
-                block = self._part(steps)
+                if isinstance(self._engine, ProbeEngine):
+                    glance, self.status = self._engine.advance_probes(steps)
+                    block = self._probe_part(steps[: len(glance.time)], glance) if len(glance.time) else None
+                else:
+                    track, self.status = self._engine.advance(steps)
+                    block = self._block(steps[: len(track.ends)], track) if len(track.ends) else None
             if block is not None:
                 yield block
             if not self.status.ok:
                 return
-
-    def _part(self, steps: IntArray) -> Block | None:
-        """Return the block of steps, or None if the first could not be taken; `status` gives the reason."""
-        if isinstance(self._engine, ProbeEngine):
-            glance, self.status = self._engine.advance_probes(steps)
-            return self._probe_part(steps[: len(glance.time)], glance) if len(glance.time) else None
-        track, self.status = self._engine.advance(steps)
-        return self._block(steps[: len(track.ends)], track) if len(track.ends) else None
 
     def _probe_part(self, steps: IntArray, glance: ProbeTrajectory) -> Block:
         motion, saved = self._problem.drive.at(glance.time), self._save.fields(steps, self._problem.steps)
@@ -349,47 +347,31 @@ class _Run:
         return replace(stats, imbalance=self._imbalance.share) if self._save.channels and self._save.energies else stats
 
     def _channels(self, steps: IntArray, track: Trajectory, motion: CamMotion) -> FloatArray:
-        """Return channels, energies and internal states at the ends of steps."""
-        schedule = self._forces.prescribed_inputs(motion)
-        seen, prescribed_rates = self._observe(track, motion, schedule)
+        """Return channels, energies and internal states at the ends of steps; check the balance of forces at some."""
+        inputs = self._forces.prescribed_inputs(motion)
+        penetrations, rates, prescribed_rates = self._forces.sense_motion(track.d, track.v, inputs)
+        forces = np.asfortranarray(track.local)  # contiguous per scalar, like the sensed scalars
+        moved, histories = Series(track.d, track.v, track.a), self._system.load_histories(motion)
+        seen = Observation(motion, inputs.cam, moved, histories, forces, penetrations, rates, track.state)
         each = [channel.value(seen) for channel in self._system.channels]
         if self._save.energies:
-            each += self._balances(steps, track, seen, schedule, prescribed_rates)
+            if not self._system.prescribed_motion:
+                saved = self._save.fields(steps, self._problem.steps)
+                self._imbalance.evaluate(track, seen, inputs, track.ends[saved & (steps > 0)])  # the start is no step
+                each.append(self._account.block(track, seen, prescribed_rates, inputs))
+            each.append(seen.states)
         found = np.column_stack([np.zeros((len(track.time), 0)), *each])
         return found[track.ends] if len(steps) < len(found) else found
-
-    def _balances(
-        self, steps: IntArray, track: Trajectory, seen: Observation, schedule: PrescribedInputs,
-        prescribed_rates: FloatArray,
-    ) -> list[FloatArray]:  # fmt: skip
-        """Return energies and internal states at all instants, and check the balance of forces at some."""
-        if self._system.prescribed_motion:
-            return [seen.states]
-        saved = self._save.fields(steps, self._problem.steps)
-        self._imbalance.evaluate(track, seen, schedule, track.ends[saved & (steps > 0)])  # the start is no step
-        return [self._account.block(track, seen, prescribed_rates, schedule), seen.states]
-
-    def _observe(
-        self, track: Trajectory, motion: CamMotion, schedule: PrescribedInputs
-    ) -> tuple[Observation, FloatArray]:
-        """Return the observation, and the prescribed part of the sensed rates."""
-        penetrations, rates, prescribed_rates = self._forces.sense_motion(track.d, track.v, schedule)
-        histories, moved = self._system.load_histories(motion), FullMotion(track.d, track.v, track.a)
-        forces = np.asfortranarray(track.local)  # contiguous per scalar, like the sensed scalars
-        return Observation(
-            motion, schedule.cam, moved, histories, forces, penetrations, rates, track.state
-        ), prescribed_rates
 
 
 def _probe_series(probes: tuple[Probe, ...], moved: Series, motion: CamMotion) -> Series:
     rows = np.concatenate([p.rows for p in probes]) if probes else np.zeros((0, moved.displacement.shape[1]))
-    picked = (one @ rows.T for one in (moved.displacement, moved.velocity, moved.acceleration))
-    return _offset(probes, Series(*picked), motion)
+    return _offset(probes, Series(*(one @ rows.T for one in moved)), motion)
 
 
 def _offset(probes: tuple[Probe, ...], picked: Series, motion: CamMotion) -> Series:
     """Return the rows times a motion, plus the prescribed offset."""
-    d, v, a = (np.array(one) for one in (picked.displacement, picked.velocity, picked.acceleration))
+    d, v, a = map(np.array, picked)
     cam, speed = motion.cam, motion.speed
     for column, offset in enumerate(o for p in probes for o in p.offset):
         if offset is not None:
@@ -409,29 +391,13 @@ def prescribed_probes(system: System, motion: CamMotion) -> Series:
     return _probe_series(system.probes, Series(*moved), motion)
 
 
-TIME_UP = Status(
-    Cause.TIME_LIMIT,
-    "the run reached its time limit",
-    "the finished part is saved, and --resume continues it",
+_TIME_UP = Status(
+    Cause.TIME_LIMIT, "the run reached its time limit", "the finished part is saved, and --resume continues it"
 )
-"""Status of a run that reached its time limit."""
 
 _NOTHING_TO_RESUME = (
     "the run ended before its first checkpoint, so --resume cannot continue it; run it again with --overwrite"
 )
-
-
-class _Clock:
-    """Stop callback with a time limit."""
-
-    def __init__(self, stop: Callable[[], bool], until: float | None) -> None:
-        self._stop, self._until = stop, until
-        self.late = False
-
-    def should_stop(self) -> bool:
-        """Return whether the run ends before the next step."""
-        self.late = self._until is not None and time.monotonic() >= self._until
-        return self.late or self._stop()
 
 
 def pilot(problem: Problem, method: Method) -> Series:

@@ -10,12 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from flexcam.core import (
     DENSE_LIMIT,
     ROUNDING_LIMIT,
+    Factor,
     FloatArray,
     IntArray,
     SingularMatrixError,
@@ -29,10 +31,10 @@ from flexcam.core import (
     select_constraints,
 )
 from flexcam.dynamics.cam_motion import CamMotion, Drive, PrescribedInputs
-from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.local_forces import LocalForces, StoredEnergy
 from flexcam.dynamics.problem import State
 from flexcam.dynamics.status import ROUNDING_STATUS, Cause, RunFailedError, Status, instability_status
-from flexcam.dynamics.system import Load, Reaction, System
+from flexcam.dynamics.system import Reaction, System
 
 _MOST_ITERATIONS = 300
 _TOLERANCE = 1e-9
@@ -76,20 +78,13 @@ def solve_equilibrium(
             return u
         # A soft spring on the free motions limits a step along them and vanishes with the step. It becomes softer where
         # a small force of a contact, such as the torque of a cam that begins to lift, moves a part through its lash.
-        step = _step(tangent, free, max(least, 0.5 ** (count // _SOFTENING)), missing)
+        hold = max(least, 0.5 ** (count // _SOFTENING))
+        step = _solve(partial(factorize_with_update, tangent, free, hold), missing)
         part, energy = potential.line_search(u, step, missing, energy, diagonal_scale(tangent))
         u, before = u + part * step, most
     missing, _, tangent = potential.at(u)
     _refuse_unstable(potential, u, tangent)
     raise _no_equilibrium_status(system, missing, free)
-
-
-def _step(tangent: Triplets, free: FloatArray, hold: float, missing: FloatArray) -> FloatArray:
-    """Return the Newton step: with constrained free motions a tangent is singular by rounding only."""
-    try:
-        return factorize_with_update(tangent, free, hold).solve(missing)
-    except SingularMatrixError:
-        raise RunFailedError(ROUNDING_STATUS) from None
 
 
 def _refuse_unstable(potential: _Potential, u: FloatArray, tangent: Triplets) -> None:
@@ -104,11 +99,9 @@ def _refuse_unstable(potential: _Potential, u: FloatArray, tangent: Triplets) ->
         np.linalg.cholesky(symmetric + _NEGATIVE * np.eye(len(symmetric)))
     except np.linalg.LinAlgError:
         values, vectors = np.linalg.eigh(symmetric)
-    else:
-        return
-    if values[0] >= -_NEGATIVE:
-        return
-    raise RunFailedError(instability_status(system.names, scale * vectors[:, 0], potential.parts(u)))
+        if values[0] < -_NEGATIVE:
+            status = instability_status(system.names, scale * vectors[:, 0], potential.parts(u))
+            raise RunFailedError(status) from None
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,8 +158,8 @@ class _Potential:
         return [(one.name, one.tangent(reaction.by_penetration, self.system.size)) for one in self.touching]
 
     def _reaction(self, u: FloatArray) -> Reaction:
-        still, states = np.zeros(self.forces.count), self.forces.start_state
-        return self.forces.respond(self._gap(u), still, states, self.schedule)
+        forces = self.forces
+        return forces.respond(self._gap(u), np.zeros(forces.count), forces.start_state, self.schedule)
 
     def _gap(self, u: FloatArray) -> FloatArray:
         return self.sense @ u + self.schedule.offset[0]
@@ -180,7 +173,7 @@ class _Potential:
     def energy(self, u: FloatArray) -> float:
         """Return the potential energy; laws without energy do not contribute."""
         state = self.forces.start_state[None]
-        stored = float(self.forces.stored_energy().at(self._gap(u)[None], state, self.schedule.angle)[0][0])
+        stored = float(StoredEnergy(self.forces).at(self._gap(u)[None], state, self.schedule.angle)[0][0])
         return 0.5 * float(u @ self.system.stiffness.times(u)) - float(self.load @ u) + stored
 
     def line_search(
@@ -232,7 +225,7 @@ def static_displacement(
     """
     free = null_space(stiffness) if free is None else free
     if not free.shape[1]:
-        return _check_rounding(stiffness, load, _solve_with_constraints(stiffness, load))
+        return _check_rounding(stiffness, load, _solve(partial(factorize, stiffness), load))
     # Weighting by the diagonal of the stiffness makes translations and rotations comparable.
     scale = diagonal_scale(stiffness)
     motions = np.linalg.qr(free / scale[:, None])[0]
@@ -240,16 +233,16 @@ def static_displacement(
     # As the load does no work on the free motions, fixing one unknown of each changes only their part.
     kept = np.setdiff1d(np.arange(stiffness.size), select_constraints(motions))
     x = np.zeros(stiffness.size)
-    x[kept] = _solve_with_constraints(stiffness.part(kept), load[kept])
+    x[kept] = _solve(partial(factorize, stiffness.part(kept)), load[kept])
     # Unweighted least squares of the components is independent of the axes.
     drift = np.linalg.qr(free)[0]
     return _check_rounding(stiffness, load, x) - drift @ (drift.T @ x)
 
 
-def _solve_with_constraints(stiffness: Triplets, load: FloatArray) -> FloatArray:
-    """Return the displacement of a constrained structure; a singular matrix is then due to rounding."""
+def _solve(factorization: Callable[[], Factor], right: FloatArray) -> FloatArray:
+    """Return the displacement of a structure without free motions; a singular matrix is then due to rounding."""
     try:
-        return factorize(stiffness).solve(load)
+        return factorization().solve(right)
     except SingularMatrixError:
         raise RunFailedError(ROUNDING_STATUS) from None
 
@@ -276,12 +269,12 @@ def _refuse_mechanism(motions: FloatArray, load: FloatArray, names: Sequence[str
 
 def installed_state(system: System, drive: Drive, time: float = 0.0) -> State:
     """Return the initial state as installed: equilibrium of preloads at rest."""
-    return _solve_from(LocalForces(system), system, drive, time, lambda load: load.installed)
+    return _solve_from(LocalForces(system), system, drive, time, installed=True)
 
 
 def equilibrium(system: System, drive: Drive, time: float = 0.0) -> State:
     """Return the static equilibrium under all loads and local forces at the cam angle of an instant."""
-    return _solve_from(LocalForces(system), system, drive, time, _all)
+    return _solve_from(LocalForces(system), system, drive, time)
 
 
 def moving_equilibrium(system: System, drive: Drive, time: float = 0.0) -> State:
@@ -292,12 +285,12 @@ def moving_equilibrium(system: System, drive: Drive, time: float = 0.0) -> State
     on it reverses; such a jump J, which adds J/(2h) to a difference over the step h, is no velocity.
     """
     forces = LocalForces(system)
-    still = _solve_from(forces, system, drive, time, _all)
+    still = _solve_from(forces, system, drive, time)
     step = _ANGLE_STEP / float(drive.at(np.array([time])).speed[0])
 
     def difference(h: float) -> FloatArray:
         near = still.displacement
-        before, after = (_solve_from(forces, system, drive, time + side, _all, near).displacement for side in (-h, h))
+        before, after = (_solve_from(forces, system, drive, time + side, near).displacement for side in (-h, h))
         return (after - before) / (2.0 * h)
 
     velocity = difference(step)
@@ -316,28 +309,20 @@ _LEAST_JUMP = 1e-9
 """Jump, m or rad, above the rounding of a motion without stiffness."""
 
 
-def _all(load: Load) -> bool:
-    return True
-
-
 def _solve_from(
-    forces: LocalForces, system: System, drive: Drive, time: float, acts: Callable[[Load], bool],
-    near: FloatArray | None = None,
+    forces: LocalForces, system: System, drive: Drive, time: float, near: FloatArray | None = None, *,
+    installed: bool = False,
 ) -> State:  # fmt: skip
-    """Return the equilibrium at an instant under selected loads, starting from a nearby displacement."""
+    """Return the equilibrium at an instant under all or the installed loads, starting from a nearby displacement."""
     motion = drive.at(np.array([time]))
-    counted = np.array([acts(load) for load in system.loads], dtype=float)
+    counted = np.array([load.installed or not installed for load in system.loads], dtype=float)
     load = (counted * system.load_histories(motion)[0]) @ system.load_vectors()
     if not forces.count:
         d = static_displacement(system.stiffness, load, system.names, system.free)
     else:
         d = solve_equilibrium(system, forces, load, motion, near)
-    return State(d, np.zeros(system.size), time, _rest_internal_states(forces, d, motion))
-
-
-def _rest_internal_states(forces: LocalForces, d: FloatArray, motion: CamMotion) -> FloatArray | None:
-    """Return the internal states at rest, shape (s,); None where there are none."""
-    if not len(forces.table.owners):
-        return None
-    penetration = forces.sense_motion(d[None], np.zeros((1, len(d))), forces.prescribed_inputs(motion))[0][0]
-    return np.minimum(penetration[forces.table.owners], 0.0)  # at rest the oil column has not leaked and is full
+    inner = None
+    if len(owners := forces.table.owners):
+        penetration = forces.sense_motion(d[None], np.zeros((1, len(d))), forces.prescribed_inputs(motion))[0][0]
+        inner = np.minimum(penetration[owners], 0.0)  # at rest the oil column has not leaked and is full
+    return State(d, np.zeros(system.size), time, inner)

@@ -95,49 +95,22 @@ class RunFailedError(FlexcamError, RuntimeError):
 
 @dataclass(frozen=True)
 class Stats:
-    """Statistics of a run.
+    """Statistics of a run."""
 
-    Parameters
-    ----------
-    engine
-        Solver engine, see `flexcam.dynamics.engine_selection`; empty if the run was killed.
-    integrator
-        "collocation" if it integrated the run; else empty.
-    steps
-        Steps done.
-    size
-        Unknowns of the mechanism; zero in results without this value.
-    unknowns
-        Unknowns integrated, without inactive ones. Zero if the run was killed.
-    iterations
-        Newton iterations of local forces, all steps together.
-    events
-        Contact events located within steps.
-    substeps
-        Steps between output instants with adaptive steps; else zero.
-    rejected
-        Rejected steps, repeated with half their length.
-    periodicity
-        Relative residual of periodicity of the initial state; negative if not requested.
-    imbalance
-        Largest residual force relative to the largest force; negative if not evaluated: without channels, without
-        unknowns, or if the run ended before the first saved field.
-    seconds
-        Time spent in the step loop, s; negative if the run was killed.
-    """
-
-    engine: str = "direct"
-    integrator: str = ""
-    steps: int = 0
-    size: int = 0
-    unknowns: int = 0
-    iterations: int = 0
-    events: int = 0
-    substeps: int = 0
-    rejected: int = 0
-    periodicity: float = -1.0
+    engine: str = "direct"  #: solver engine, see `flexcam.dynamics.engine_selection`; empty if the run was killed
+    integrator: str = ""  #: "collocation" if it integrated the run; else empty
+    steps: int = 0  #: steps done
+    size: int = 0  #: unknowns of the mechanism; zero in results without this value
+    unknowns: int = 0  #: unknowns integrated, without inactive ones. Zero if the run was killed
+    iterations: int = 0  #: Newton iterations of local forces, all steps together
+    events: int = 0  #: contact events located within steps
+    substeps: int = 0  #: steps between output instants with adaptive steps; else zero
+    rejected: int = 0  #: rejected steps, repeated with half their length
+    periodicity: float = -1.0  #: relative residual of periodicity of the initial state; negative if not requested
+    #: Largest residual force relative to the largest force; negative if not evaluated: without channels, without
+    #: unknowns, or if the run ended before the first saved field.
     imbalance: float = -1.0
-    seconds: float = 0.0
+    seconds: float = 0.0  #: time spent in the step loop, s; negative if the run was killed
 
     @property
     def is_complete(self) -> bool:

@@ -107,6 +107,10 @@ class Trajectory:
         """Return the instants of a range of output steps."""
         return self._select(slice(first, last), np.arange(last - first))
 
+    def at_ends(self) -> Trajectory:
+        """Return the instants at the ends of steps alone."""
+        return self._select(self.ends, np.arange(len(self.ends)))
+
     def last(self) -> Trajectory:
         """Return the last instant alone."""
         return self._select(slice(-1, None), np.zeros(1, dtype=np.intp))
@@ -123,7 +127,7 @@ class Trajectory:
         begin = int(self.ends[count - 1]) + 1
         return self._select(slice(begin, None), self.ends[count:] - begin)
 
-    def _select(self, part: slice, ends: IntArray) -> Trajectory:
+    def _select(self, part: slice | IntArray, ends: IntArray) -> Trajectory:
         time, d, v, a, local, state, impulse, pressed = (rows[part] for rows in self.rows)
         return Trajectory(time, d, v, a, local, state, impulse, pressed, ends)
 

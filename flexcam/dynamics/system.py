@@ -12,36 +12,20 @@ import numpy as np
 from flexcam.core import FloatArray, IntArray, Triplets
 from flexcam.core.errors import refuse
 from flexcam.dynamics.cam_motion import AngleFunction, AngleVector, CamFunctionCache, CamMotion
-from flexcam.dynamics.force_laws import LAWS, ForceLaw
-
-_NO_STATE = np.zeros(0)
-_NONE = np.zeros((0, 0))
+from flexcam.dynamics.force_laws import CUSTOM, LAWS, ForceLaw, LawKind
 
 
 @dataclass(frozen=True, eq=False)
 class Reaction:
-    """Forces of local laws and their derivatives.
+    """Forces of local laws and their derivatives."""
 
-    Parameters
-    ----------
-    force
-        N, shape (c,).
-    by_penetration, by_rate
-        Derivatives of the forces by the sensed scalars and their rates, shape (c, c).
-    state_rate
-        Rates of the internal states, shape (s,).
-    by_state
-        Derivatives of the forces by the states, shape (c, s).
-    flow
-        Rates of the states per unit of what each leaves of the scalar it follows, 1/s, shape (s,).
-    """
-
-    force: FloatArray
-    by_penetration: FloatArray
-    by_rate: FloatArray
-    state_rate: FloatArray = field(default_factory=lambda: _NO_STATE)
-    by_state: FloatArray = field(default_factory=lambda: _NONE)
-    flow: FloatArray = field(default_factory=lambda: _NO_STATE)
+    force: FloatArray  #: N, shape (c,)
+    by_penetration: FloatArray  #: derivatives by the sensed scalars, shape (c, c)
+    by_rate: FloatArray  #: derivatives by their rates, shape (c, c)
+    state_rate: FloatArray = field(default_factory=lambda: np.zeros(0))  #: rates of the internal states, shape (s,)
+    by_state: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))  #: derivatives by the states, shape (c, s)
+    #: Rates of the states per unit of what each leaves of the scalar it follows, 1/s, shape (s,).
+    flow: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
 class CustomLaw(Protocol):
@@ -86,22 +70,29 @@ class LocalForce:
             raise refuse(self.name, given, allowed, "its law needs them", "give a vector for each")
 
     @property
+    def kind(self) -> LawKind:
+        """Traits of its law."""
+        return LAWS[self.law.kind if isinstance(self.law, ForceLaw) else CUSTOM]
+
+    @property
+    def groups(self) -> range:
+        """First scalar of each group to which its law applies."""
+        return range(0, len(self.sense), self.law.scalars if isinstance(self.law, ForceLaw) else len(self.sense) or 1)
+
+    @property
     def switching(self) -> range:
         """Sensed scalars whose passing zero is located, since the law begins to act there."""
-        touching = isinstance(self.law, ForceLaw) and LAWS[self.law.kind].touching
-        return range(0, len(self.sense) if touching else 0, self.law.scalars if isinstance(self.law, ForceLaw) else 1)
+        return self.groups if self.kind.touching else range(0)
 
     @property
     def states(self) -> int:
         """Number of internal states."""
-        return self.law.states * (len(self.sense) // self.law.scalars) if isinstance(self.law, ForceLaw) else 0
+        return self.kind.states * len(self.groups)
 
     def idle_scalars(self) -> list[tuple[int, ...]]:
         """Return sets of scalars that, while zero, neither carry nor cause a force."""
-        if not isinstance(self.law, ForceLaw):
-            return []
-        groups = range(0, len(self.sense), self.law.scalars)
-        return [tuple(first + i for i in scalars) for first in groups for scalars in self.law.idle_scalars()]
+        idle = self.law.idle_scalars() if isinstance(self.law, ForceLaw) else ()
+        return [tuple(first + i for i in scalars) for first in self.groups for scalars in idle]
 
     @property
     def conservative(self) -> bool:
@@ -125,50 +116,17 @@ class MotionView(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class FullMotion:
-    """Motion of all unknowns at given instants, shape (m, n)."""
-
-    displacement: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
-
-    def whole(self, order: int) -> FloatArray:
-        """Return the motion, see `MotionView`."""
-        return (self.displacement, self.velocity, self.acceleration)[order]
-
-    def extract(self, rows: FloatArray, order: int = 0) -> FloatArray:
-        """Return the components that rows select, see `MotionView`."""
-        return (rows @ self.whole(order).T).T  # contiguous history per row
-
-
-@dataclass(frozen=True, eq=False)
 class Observation:
-    """Observed quantities at given instants, from which channels are computed.
-
-    Parameters
-    ----------
-    motion
-        The cam, shape (m,) each.
-    cam
-        Functions of the cam angle at these instants.
-    moved
-        Motion of all unknowns.
-    histories
-        Scalar histories of the loads, shape (m, loads).
-    forces, penetrations, rates
-        Of the local forces: force, sensed scalar and its rate, shape (m, c).
-    states
-        Internal states of the local laws, shape (m, s).
-    """
+    """Observed quantities at m instants, from which channels are computed."""
 
     motion: CamMotion
-    cam: CamFunctionCache
-    moved: MotionView
-    histories: FloatArray
-    forces: FloatArray
-    penetrations: FloatArray
-    rates: FloatArray
-    states: FloatArray
+    cam: CamFunctionCache  #: functions of the cam angle at these instants
+    moved: MotionView  #: motion of all unknowns
+    histories: FloatArray  #: scalar histories of the loads, shape (m, loads)
+    forces: FloatArray  #: local forces, shape (m, c)
+    penetrations: FloatArray  #: their sensed scalars, shape (m, c)
+    rates: FloatArray  #: rates of these, shape (m, c)
+    states: FloatArray  #: internal states of the local laws, shape (m, s)
 
     @property
     def displacement(self) -> FloatArray:
@@ -218,12 +176,12 @@ class Channel:
 
 def load_sum(*loads: int, factor: AngleFunction | None = None) -> Observable:
     """Return the sum of some load histories, times a function of the cam angle."""
-    return lambda seen: _times(seen, _sum(seen.histories, loads), factor)
+    return lambda seen: _sum(seen, seen.histories, loads, factor)
 
 
 def force_sum(*scalars: int, factor: AngleFunction | None = None) -> Observable:
     """Return the sum of some local forces, times a function of the cam angle."""
-    return lambda seen: _times(seen, _sum(seen.forces, scalars), factor)
+    return lambda seen: _sum(seen, seen.forces, scalars, factor)
 
 
 def observable_sum(*parts: Observable) -> Observable:
@@ -237,12 +195,11 @@ def row_of(row: FloatArray) -> Observable:
     return lambda seen: seen.moved.extract(rows)[:, 0]
 
 
-def _sum(values: FloatArray, columns: tuple[int, ...]) -> FloatArray:
-    return values[:, columns[0]] if len(columns) == 1 else values[:, list(columns)].sum(axis=1)
-
-
-def _times(seen: Observation, values: FloatArray, factor: AngleFunction | None) -> FloatArray:
-    return values if factor is None else values * seen.cam(factor, 0)
+def _sum(
+    seen: Observation, values: FloatArray, columns: tuple[int, ...], factor: AngleFunction | None
+) -> FloatArray:  # fmt: skip
+    total = values[:, columns[0]] if len(columns) == 1 else values[:, list(columns)].sum(axis=1)
+    return total if factor is None else total * seen.cam(factor, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,18 +267,9 @@ class PrescribedMotion(Protocol):
     ) -> FloatArray:  # fmt: skip
         """Return the local forces with those of the constraints, N, shape (m, c).
 
-        Parameters
-        ----------
-        motion
-            Of the cam at m instants.
-        residual
-            Inertia, damping and elastic forces minus all other forces, which the constraints balance, shape (m, n).
-        direction
-            Function that returns the vectors with which a scalar's force acts, shape (m, n).
-        rate
-            Rates of the sensed scalars, shape (m, c).
-        local
-            The other local forces, zero for the constraints, shape (m, c).
+        The constraints balance the `residual`: inertia, damping and elastic forces minus all other forces, shape
+        (m, n). `direction` returns the vectors with which a scalar's force acts, shape (m, n). Rates of the sensed
+        scalars and the other `local` forces, zero for the constraints, have the shape (m, c).
         """
         ...
 

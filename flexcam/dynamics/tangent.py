@@ -24,8 +24,10 @@ from flexcam.dynamics.engine_selection import SelectedEngine, create_engine, for
 from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.integrator import Method
 from flexcam.dynamics.kernel_engine import compiled_functions
+from flexcam.dynamics.linearization import split_state
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.parameter_forces import ParameterForces, Variation, VariedProblem
+from flexcam.dynamics.periodic import FREE
 from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.response import Response
 from flexcam.dynamics.solve import pilot, record
@@ -35,21 +37,13 @@ from flexcam.dynamics.step_state import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class TangentRun:
-    """A run and its neighbours by parameters.
+    """A run and its neighbours by parameters."""
 
-    Parameters
-    ----------
-    response
-        Results at the values of the parameters: probes and channels, without energies.
-    neighbours
-        Results with each parameter below and above its value, to first order.
-    growth
-        Factor by which a small disturbance of the initial state grows over the run, in the energy norm. Above some
-        thousands the motion is chaotic: the derivatives hold for very small changes only.
-    """
-
-    response: Response
+    response: Response  #: results at the values of the parameters: probes and channels, without energies
+    #: Results with each parameter below and above its value, to first order.
     neighbours: tuple[tuple[Response, Response], ...]
+    #: Factor by which a small disturbance of the initial state grows over the run, in the energy norm. Above some
+    #: thousands the motion is chaotic: the derivatives hold for very small changes only.
     growth: float
 
 
@@ -153,9 +147,8 @@ def _project(variation: Variation, selected: SelectedEngine) -> Variation:
     below, above = variation.below, variation.above
     for basis in reversed(selected.bases):
         if below.system.size != basis.held.size or above.system.size != basis.held.size:
-            raise refuse(
-                "parameter", "a number that changes the unknowns", "another one", "", "take differences of runs"
-            )
+            remedy = "take differences of runs"
+            raise refuse("parameter", "a number that changes the unknowns", "another one", "", remedy)
         below, above = reduce_problem(below, basis), reduce_problem(above, basis)
     return Variation(below, above, variation.width)
 
@@ -164,12 +157,10 @@ def _check_structure(problem: Problem, parameters: ParameterForces) -> None:
     """Raise an error if a parameter changes the number of unknowns, local forces or steps."""
 
     def size(one: Problem) -> tuple[int, ...]:
-        laws = [len(force.sense) for force in one.system.local_forces]
-        return (one.system.size, one.steps, *laws)
+        return (one.system.size, one.steps, *(len(force.sense) for force in one.system.local_forces))
 
     if any(size(side.problem) != size(problem) for pair in parameters.sides for side in pair):
-        why = "the equations must keep their structure"
-        remedy = "take differences of runs"
+        why, remedy = "the equations must keep their structure", "take differences of runs"
         raise refuse("parameter", "a number that changes the unknowns, contacts or steps", "another one", why, remedy)
 
 
@@ -191,11 +182,9 @@ class _Motion:
 
     def growth(self, problem: Problem) -> float:
         """Return the largest ratio of the energies of a disturbance, as a ratio of amplitudes."""
-        n, system = problem.system.size, problem.system
-        d, v = self.disturbances[:, :n, -1], self.disturbances[:, n : 2 * n, -1]
-        energy = np.einsum("tn,tn->t", v, system.mass.multiply(v.T).T) + np.einsum(
-            "tn,tn->t", d, system.stiffness.multiply(d.T).T
-        )
+        system = problem.system
+        d, v, _ = split_state(self.disturbances[:, :, -1].T, system.size)
+        energy = (v * system.mass.multiply(v)).sum(axis=0) + (d * system.stiffness.multiply(d)).sum(axis=0)
         return float(np.sqrt(energy.max() / energy[0])) if len(energy) and energy[0] > 0.0 else 1.0
 
 
@@ -209,14 +198,8 @@ def _integrate(
     tracks, found = list[Trajectory](), list[FloatArray]()
     for track in iterate_tracks(engine, problem.steps):
         found.append(disturbances.follow(track))
-        tracks.append(_ends(track))
+        tracks.append(track.at_ends())
     return _Motion(Trajectory.concatenate(tracks), np.concatenate(found))
-
-
-def _ends(track: Trajectory) -> Trajectory:
-    """Return the instants at the ends of steps alone."""
-    time, d, v, a, local, state, impulse, pressed = (rows[track.ends] for rows in track.rows)
-    return Trajectory(time, d, v, a, local, state, impulse, pressed, np.arange(len(time)))
 
 
 def _periodic_disturbances(
@@ -233,12 +216,8 @@ def _periodic_disturbances(
     begin = np.hstack([np.zeros((size, count)), np.eye(size)])
     end = _integrate(one, method, forces, begin, parameters).disturbances[-1]
     found = initial.copy()
-    found[:, :count] = np.linalg.lstsq(np.eye(size) - end[:, count:], end[:, :count], rcond=_FREE)[0]
+    found[:, :count] = np.linalg.lstsq(np.eye(size) - end[:, count:], end[:, :count], rcond=FREE)[0]
     return found
-
-
-_FREE = 1e-10
-"""Relative change per revolution below which a motion is excluded, as in the search for the periodic state."""
 
 
 class _NeighbourEngine(Engine):

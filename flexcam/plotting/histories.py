@@ -72,7 +72,7 @@ def last_revolution(response: Response, zero: float = 0.0, begin: float = 0.0) -
     rows = kept[order]
     return replace(
         response, time=response.time[rows], angle=angle[order],
-        probes=Series(*(values[rows] for values in vars(response.probes).values())),
+        probes=Series(*(values[rows] for values in response.probes)),
         channels={name: values[rows] for name, values in response.channels.items()},
     )  # fmt: skip
 

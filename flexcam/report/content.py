@@ -34,6 +34,15 @@ from flexcam.report.fidelity_tables import TRADE_LEGEND, error_table, format_wit
 from flexcam.valvetrain import Metric, ModelModes, Structure, build_structure
 
 MODES = 12  # number of modes, as in `flexcam modes`
+_SAME_LIFT = 0.01
+_SAME_ACCELERATION = 0.1  # relative difference in acceleration up to which the rigid train counts as equivalent
+_COUNTED = {
+    "members": "member", "masses": "mass", "springs": "spring", "rockers": "rocker", "cams": "cam",
+    "contacts": "contact",
+}  # fmt: skip
+_MODELS = {"beams": "flexible beams", "rigid": "rigid members", "sdof": "one mass", "chain": "a chain of masses"}
+_MAX_NUMBER_LENGTH = 24  # maximum length of a cell that counts as a number, characters
+_LIMIT_TOLERANCE = 0.01  # width of the bracket of limits relative to the speed
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,18 +94,6 @@ def load_subject(path: Path) -> ReportSubject:
         with omit_on_error("modes"):
             found = modes(known.case, MODES)
     return ReportSubject(path, result, known, rigid, found, tuple(lacking))
-
-
-_SAME_LIFT = 0.01
-_SAME_ACCELERATION = 0.1  # relative difference in acceleration up to which the rigid train counts as equivalent
-
-_COUNTED = {
-    "members": "member", "masses": "mass", "springs": "spring", "rockers": "rocker", "cams": "cam",
-    "contacts": "contact",
-}  # fmt: skip
-_MODELS = {
-    "beams": "flexible beams", "rigid": "rigid members", "sdof": "one mass", "chain": "a chain of masses",
-}  # fmt: skip
 
 
 def describe_model(about: ReportSubject, known: RestoredCase, figures: Sequence[Metric] = ()) -> list[str]:
@@ -248,9 +245,6 @@ class Report:
     still: Picture | None  # image of the most important curves for printing; None without motion
 
 
-_MAX_NUMBER_LENGTH = 24  # maximum length of a cell that counts as a number, characters
-
-
 def report_table(table: Table) -> ReportTable:
     """Convert a table for the terminal to a value."""
     heads = tuple(str(column.header) for column in table.columns) if table.show_header else ()
@@ -282,9 +276,6 @@ def result_tables(about: ReportSubject, compared: Comparison | None, figures: li
     return found
 
 
-_LIMIT_TOLERANCE = 0.01  # width of the bracket of limits relative to the speed
-
-
 @dataclass(frozen=True)
 class ReportOptions:
     """Additional content of a report, which requires runs of the case."""
@@ -307,23 +298,25 @@ def additional_content(case: Case, probe: str, asked: ReportOptions) -> Addition
     """Return the additional content from runs of the case."""
     found = AdditionalContent()
     if asked.errors or case.record.fidelity.estimate:
-        _add_errors(found, case, probe)
+        errors = estimate_errors(case, probe)
+        known = "; ".join(f"{one.quantity} {format_with_error(one)}" for one in errors if one.holds)
+        unknown = ", ".join(one.quantity for one in errors if not one.holds)
+        if known:
+            found.sentences.append(f"Maximum values of {probe} and the contacts with their estimated errors: {known}.")
+        if unknown:
+            found.sentences.append(f"No error estimate for {unknown}: the results do not converge with shorter steps.")
+        found.sheets.append(report_table(error_table(errors)))
     if asked.limits:
         _add_limits(found, case)
     if asked.trade:
-        _add_trade(found, case, probe)
+        against, rungs = evaluate_ladder(case, probe, repeats=1)
+        found.sentences.extend(trade_warnings(against, rungs))
+        found.sheets.append(report_table(trade_table(against, rungs)))
+        best = ", ".join(f"{one.rung} at {one.steps} steps" for one in rungs if one.best)
+        words = f"Error over work, both logarithmic. Best models in both: {best}. The table has the numbers"
+        png = plotting.figures.render_png(plotting.histories.work_precision_figure(rungs))
+        found.pictures.append(Picture("Error and cost of models", png, f"{words} ({TRADE_LEGEND})."))
     return found
-
-
-def _add_errors(found: AdditionalContent, case: Case, probe: str) -> None:
-    errors = estimate_errors(case, probe)
-    known = "; ".join(f"{one.quantity} {format_with_error(one)}" for one in errors if one.holds)
-    unknown = ", ".join(one.quantity for one in errors if not one.holds)
-    if known:
-        found.sentences.append(f"Maximum values of {probe} and the contacts with their estimated errors: {known}.")
-    if unknown:
-        found.sentences.append(f"No error estimate for {unknown}: the results do not converge with shorter steps.")
-    found.sheets.append(report_table(error_table(errors)))
 
 
 def _add_limits(found: AdditionalContent, case: Case) -> None:
@@ -342,13 +335,3 @@ def _add_limits(found: AdditionalContent, case: Case) -> None:
     if unknown := [name.replace("_", " ") for name, one in limits.limits.items() if not one.known]:
         found.sentences.append(f"Not known, because runs failed: {', '.join(unknown)}.")
     found.sheets.append(report_table(tables.limits_table(limits, compute_margins(case), scale)))
-
-
-def _add_trade(found: AdditionalContent, case: Case, probe: str) -> None:
-    against, rungs = evaluate_ladder(case, probe, repeats=1)
-    found.sentences.extend(trade_warnings(against, rungs))
-    found.sheets.append(report_table(trade_table(against, rungs)))
-    best = ", ".join(f"{one.rung} at {one.steps} steps" for one in rungs if one.best)
-    words = f"Error over work, both logarithmic. Best models in both: {best}. The table has the numbers"
-    png = plotting.figures.render_png(plotting.histories.work_precision_figure(rungs))
-    found.pictures.append(Picture("Error and cost of models", png, f"{words} ({TRADE_LEGEND})."))

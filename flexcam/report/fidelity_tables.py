@@ -15,12 +15,12 @@ from flexcam.report.terminal import format_csv, plain_table
 _ROUNDING = 1e-10
 """Error relative to its number below which it is rounding: the stiffness of many elements leaves about 1e-11."""
 
-_DIGITS = 12  # maximum number of decimals
+_REFERENCE_ERROR_TOLERANCE = 0.05
+"""Error of the reference relative to the quantity's size from which a warning is given."""
 
+_DIGITS = 12  # maximum number of decimals
 _KINDS = ("lift", "velocity", "acceleration")
 _HEADS = {"acceleration": "accel."}  # a longer word would be broken in a terminal of usual width
-
-
 TRADE_LEGEND = (
     "* no other model has both less work and a smaller largest error (over all columns); work is unknowns times steps "
     "of the run"
@@ -73,10 +73,6 @@ def trade_warnings(against: Reference, found: Sequence[ModelEvaluation]) -> list
         said.append(f"Not run, as the method of the case does not allow such steps: {named}. "
                     f"The first: {refused[0].status.text}")  # fmt: skip
     return said
-
-
-_REFERENCE_ERROR_TOLERANCE = 0.05
-"""Error of the reference relative to the quantity's size from which a warning is given."""
 
 
 def trade_json(against: Reference, found: Sequence[ModelEvaluation]) -> dict[str, object]:

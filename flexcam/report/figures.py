@@ -33,6 +33,11 @@ _MAX_TOTAL_POINTS, _RESULT_POINTS = 55_000, 2_500
 _MAX_POINTS, _MIN_POINTS = 3000, 100  # maximum and minimum number of points of a curve
 _MAX_CURVES = 300  # maximum number of curves of a page; probes listed in the case come first
 
+_PARTS = 6  # drawn segments per element, if the page has space for them
+_POINTS = 240  # total points of all scenes of a page: with modes and frames about 250 kB
+_FRAMES = 48  # frames of the motion of a run
+_SAME_PLACE = 1e-9  # distance below which points coincide, m
+
 Runs = Mapping[str, tuple[Response, Response | None]]
 """Response by name, and the response with rigid members."""
 
@@ -177,12 +182,6 @@ def _text_alternative(panels: Sequence[Panel]) -> tuple[str, ...]:
             name = f" ({curve.name})" if curve.name else ""
             words.append(f"{quantity}{name}: from {ends[0]} to {ends[1]}")
     return tuple(words)
-
-
-_PARTS = 6  # drawn segments per element, if the page has space for them
-_POINTS = 240  # total points of all scenes of a page: with modes and frames about 250 kB
-_FRAMES = 48  # frames of the motion of a run
-_SAME_PLACE = 1e-9  # distance below which points coincide, m
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ import hashlib
 import json
 import pkgutil
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,26 +24,12 @@ from flexcam.analysis.histories import scalar_history
 from flexcam.analysis.preparation import scalar_probe
 from flexcam.analysis.run_checks import RunMonitor, check_run
 from flexcam.analysis.run_metrics import compute_margins, compute_metrics
-from flexcam.case.case import Case
 from flexcam.case.input_checks import check_shared_seat_load
 from flexcam.core.errors import FlexcamError, InputError
 from flexcam.core.units import RPM
 from flexcam.io.exports import scalar_probes
-from flexcam.report.content import (
-    AdditionalContent,
-    Chapter,
-    Picture,
-    Report,
-    ReportOptions,
-    ReportSubject,
-    RestoredCase,
-    additional_content,
-    describe_margins,
-    describe_model,
-    describe_verdict,
-    report_table,
-    result_tables,
-)
+from flexcam.report import content
+from flexcam.report.content import Chapter, Picture, Report, ReportOptions, ReportSubject, RestoredCase, report_table
 from flexcam.report.figures import Runs, build_albums, scene
 from flexcam.report.tables import info_table
 from flexcam.report.terminal import make_unique
@@ -52,7 +39,7 @@ _PAGE = Path(__file__).parent / "template"
 _LARGE = 5000.0  # absolute value above which single precision is insufficient for cam angles
 _SINGLE = 1e37  # maximum of single precision; a diverged run exceeds it
 
-_ESCAPED = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"}
+_ESCAPED = str.maketrans({character: f"\\u{ord(character):04x}" for character in "<>&\u2028\u2029"})
 
 
 def render_page(report: Report) -> str:
@@ -76,12 +63,9 @@ def render_page(report: Report) -> str:
     )  # fmt: skip
 
 
-def embed_json(content: object) -> str:
+def embed_json(value: object) -> str:
     r"""Return a value as JSON that is safe inside a script element for any strings."""
-    text = json.dumps(content, allow_nan=False, default=_to_json)
-    for character, escape in _ESCAPED.items():
-        text = text.replace(character, escape)
-    return text
+    return json.dumps(value, allow_nan=False, default=_to_json).translate(_ESCAPED)
 
 
 def _to_json(value: object) -> object:
@@ -138,19 +122,23 @@ def _chapter(about: ReportSubject, name: str, main: str, asked: ReportOptions, s
     title = kept.get("title", "") or about.stem
     figures = compute_metrics(known.ready, known.response) if known else []
     compared, lacking = _compare_rigid(about, known, main) if known else (None, [])
-    more = additional_content(known.case, main, asked) if known and status.ok and main else AdditionalContent()
+    more = content.AdditionalContent()
+    if known and status.ok and main:
+        more = content.additional_content(known.case, main, asked)
     doubts = [] if status.ok else [f"The run did not reach its end. {status}"]
     if known and len(known.response.time):
         doubts += _warnings(known, figures, drawn_rigid=about.rigid is not None)
     result = replace(about.result, response=known.response) if known else about.result
-    summary = [*describe_model(about, known, figures), *_margins(known.case)] if known else []
+    summary = content.describe_model(about, known, figures) if known else []
+    with suppress(FlexcamError):  # without static equilibrium at full lift there are no margins; the run has the reason
+        summary += content.describe_margins(compute_margins(known.case), known.case.turns) if known else []
     return Chapter(
         name=name,
         title=f"{title}, {known.case.speed_text}" if known else title,
-        verdict=tuple(describe_verdict(compared)) if compared and status.ok else (),
+        verdict=tuple(content.describe_verdict(compared)) if compared and status.ok else (),
         summary=(*summary, *more.sentences),
         warnings=(*doubts, *about.lacking, *lacking),
-        sheets=(*more.sheets, *result_tables(about, compared, figures)),
+        sheets=(*more.sheets, *content.result_tables(about, compared, figures)),
         pictures=tuple(more.pictures),
         scene=scene(about, share),
         case=known.case.text if known else kept.get("case", ""),
@@ -179,13 +167,6 @@ def _compare_rigid(about: ReportSubject, known: RestoredCase, main: str) -> tupl
         return compare_responses(about.result.response, about.rigid, main, speed, ("flexible", "rigid")), []
     except InputError as refusal:
         return None, [f"Not in this report: the comparison with a rigid train; {refusal}"]
-
-
-def _margins(case: Case) -> list[str]:
-    try:
-        return describe_margins(compute_margins(case), case.turns)
-    except FlexcamError:  # without static equilibrium at full lift there are no margins; the run reports the reason
-        return []
 
 
 def _motion_image(runs: Runs, main: str) -> Picture | None:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.table import Table
 
+from flexcam import valvetrain
 from flexcam.analysis.comparison import Comparison
 from flexcam.analysis.preparation import PreparedRun
 from flexcam.analysis.resources import ResourceEstimate, format_size
@@ -26,33 +27,8 @@ from flexcam.dynamics import Response, Stats, active_dofs_of
 from flexcam.dynamics.memory import ExtremesSink
 from flexcam.fem.frames import COMPONENTS, ROTATIONS
 from flexcam.io import Result
-from flexcam.report.terminal import (
-    count_decimals,
-    facts_table,
-    format_decimals,
-    plain_table,
-    remove_noise,
-)
-from flexcam.valvetrain import (
-    Adjuster,
-    CamContact,
-    Contact,
-    Friction,
-    GivenLoad,
-    Lash,
-    LoadTable,
-    MemberStrength,
-    Metric,
-    Model,
-    ModelModes,
-    PublishedLoad,
-    Seat,
-    Spring,
-    build_structure,
-    member_masses,
-    opposed_contacts,
-)
-from flexcam.valvetrain import describe_inactive as words_of
+from flexcam.report.terminal import count_decimals, facts_table, format_decimals, plain_table, remove_noise
+from flexcam.valvetrain import Friction, GivenLoad, Metric, Model, ModelModes, Spring, opposed_contacts
 from flexcam.valvetrain.springs import spring_curve, spring_frequencies
 
 if TYPE_CHECKING:
@@ -71,6 +47,23 @@ CONTACT_DESCRIPTIONS = {
     "opposed": "Contact model: unilateral. Opposed cams drive the follower in turn, and each loses it in between.",
 }
 """Descriptions of the contact formulations."""
+
+_CONTACT_KINDS = {
+    "CamContact": "cam contacts", "PublishedLoad": "cam contacts", "Seat": "seats", "Lash": "lashes",
+    "Adjuster": "adjusters",
+}  # fmt: skip
+_CURVE_ROWS = 12  # maximum number of printed rows of a spring's curve
+_ENGINES = {"modal": ", modal solver", "kernel": ", kernel solver"}
+_MIN_FRACTION = 5e-4  # fraction from which three decimals are sufficient
+_MOST_PARTS = 4  # number of parts, such as valves, up to which a table shows the value of each
+_NO_BREAK, _CELL = "\u00a0", 62
+"""No-break space, and the width of a cell of the figures of merit, characters: with its name it stays within 100."""
+
+_REST_AMPLITUDE, _RELATIVE_REST_AMPLITUDE = 5e-5, 1e-5
+"""A probe is at rest if it moves less than this, mm or mrad, and less than this fraction of the largest motion."""
+
+_FOUR_DECIMAL_AMPLITUDE = 1e-3  # motion, mm or mrad, for which four decimals are sufficient
+_OMITTED_TEXTS = ("case", "files", "resolved", "overrides", "warnings")  # texts of a result not shown here
 
 
 def describe_contacts(case: Case, figures: Sequence[Metric] = ()) -> list[str]:
@@ -91,57 +84,48 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
     model, problem = ready.model, ready.problem
     lowest = [f"{f:.4g}" for f in modes.modes.frequencies[modes.modes.rigid :][:5]]
     per_revolution = 2.0 * math.pi / (ready.case.speed * problem.step)
+    members = [f"{n} {format_quantity('kg', m, digits=4)}" for n, m in valvetrain.member_masses(model).items()]
+    masses = [f"{name} {format_quantity('kg', part.body.mass)}" for name, part in model.masses.items()]
     springs = [
         f"{name} {format_quantity('N m/rad' if s.turns else 'N/m', s.stiffness)}" for name, s in model.springs.items()
     ]
     free = [modes.words(i).removeprefix("free motion: ") for i in range(modes.modes.rigid)]
     rows = [
-        (
-            "members",
-            ", ".join(f"{name} {format_quantity('kg', mass, digits=4)}" for name, mass in member_masses(model).items())
-            or "none",
-        ),
+        ("members", ", ".join(members) or "none"),
         ("elements", str(len(model.mesh.elements()))),
         ("degrees of freedom", str(problem.system.size)),
         ("inactive", "; ".join(describe_inactive(ready)) or "nothing"),
-        (
-            "masses",
-            ", ".join(f"{name} {format_quantity('kg', part.body.mass)}" for name, part in model.masses.items())
-            or "none",
-        ),
+        ("masses", ", ".join(masses) or "none"),
         *((f"superelement {n}", f"{len(b.nodes)} nodes, {b.modes} modes") for n, b in model.superelements.items()),
         *((f"rigid link {n}", _link(model, n)) for n in model.rigid_links),
         ("springs", ", ".join(springs) or "none"),
-        *(
-            (f"bearing {n}", f"film of {format_quantity('m', b.radial_clearance)} at {b.at}")
-            for n, b in model.bearings.items()
-        ),
+        *((f"bearing {n}", f"film of {format_quantity('m', b.radial_clearance)} at {b.at}")
+          for n, b in model.bearings.items()),
         ("supports", ", ".join(f"{point}: {' '.join(held)}" for point, held in model.supports.items()) or "none"),
-        *(
-            (f"rocker {n}", f"{r.start} to {r.point}, ratio {r.ratio:g}, along {_vector(r.direction)}")
-            for n, r in model.rockers.items()
-        ),
+        *((f"rocker {n}", f"{r.start} to {r.point}, ratio {r.ratio:g}, along {_vector(r.direction)}")
+          for n, r in model.rockers.items()),
         *((f"cam {n}", f"at {c.at}, lift {format_quantity('m', c.event.height)}") for n, c in model.cams.items()),
         *((f"contact {n}", _contact(model, c)) for n, c in model.contacts.items()),
-        *((f"friction {n}", _friction(f)) for n, f in model.friction.items()),
+        *((f"friction {n}", f"{format_quantity(_unit(one), one.force)} "
+           + (f"at {one.at}" if one.springs is None else f"of {' in '.join(one.springs)}"))
+          for n, one in model.friction.items()),
         *((f"load {n}", _load(load)) for n, load in model.loads.items()),
         *_weight(ready),
         ("speed", ready.case.speed_text),
         ("steps", f"{problem.steps} of {problem.step:.4g} s ({per_revolution:.6g} per revolution)"),
         ("free motions", "; ".join(free) or "none"),
         ("lowest frequencies", ", ".join(lowest) + " Hz, contacts open" if lowest else "none"),
-    ]
+    ]  # fmt: skip
     if takes:
         rows.append(("a run takes", f"{format_size(takes.memory)} of memory, a result of {format_size(takes.file)}"))
     return facts_table(ready.case.title, rows)
 
 
-SpringCurveRow = tuple[float, float, float, list[float]]
-"""Travel, m, force, N, stiffness beyond, N/m, and natural frequencies with fixed ends, Hz."""
+def spring_curve_rows(spring: Spring) -> list[tuple[float, float, float, list[float]]]:
+    """Return the static curve of a spring from the installed length to coil bind, at its corners.
 
-
-def spring_curve_rows(spring: Spring) -> list[SpringCurveRow]:
-    """Return the static curve of a spring from the installed length to coil bind, at its corners."""
+    A row has travel, m, force, N, stiffness beyond, N/m, and natural frequencies with fixed ends, Hz.
+    """
     curve, last = spring_curve(spring), math.inf if spring.clash_travel is None else spring.clash_travel
     corners = sorted({0.0, *(travel for travel in curve.travel[1:-1].tolist() if 0.0 < travel <= last)})
     forces: list[float] = np.interp(corners, curve.travel, curve.force).tolist()
@@ -149,9 +133,6 @@ def spring_curve_rows(spring: Spring) -> list[SpringCurveRow]:
         (travel, force, curve.stiffness_at(travel), spring_frequencies(spring, travel).tolist())
         for travel, force in zip(corners, forces, strict=True)
     ]
-
-
-_CURVE_ROWS = 12  # maximum number of printed rows of a spring's curve
 
 
 def spring_curve_table(name: str, spring: Spring) -> Table:
@@ -172,7 +153,7 @@ def describe_inactive(ready: PreparedRun) -> list[str]:
     problem = ready.problem
     if not problem.prune or problem.system.is_kinematic:
         return []
-    return words_of(build_structure(ready.model), active_dofs_of(problem))
+    return valvetrain.describe_inactive(valvetrain.build_structure(ready.model), active_dofs_of(problem))
 
 
 def _unit(part: Friction | GivenLoad) -> str:
@@ -180,17 +161,11 @@ def _unit(part: Friction | GivenLoad) -> str:
     return "N" if part.direction[:3].any() else "N m"
 
 
-def _friction(part: Friction) -> str:
-    """Return size and place of a friction."""
-    place = f"at {part.at}" if part.springs is None else f"of {' in '.join(part.springs)}"
-    return f"{format_quantity(_unit(part), part.force)} {place}"
-
-
 def _load(load: GivenLoad) -> str:
     """Return size, place, direction and abscissa of a load."""
     table, turns = load.size, not load.direction[:3].any()
     along = f"along {_vector(load.direction[3:] if turns else load.direction)}"
-    if not isinstance(table, LoadTable):
+    if not isinstance(table, valvetrain.LoadTable):
         unit, place = ("N/m", f"over {load.member}") if load.member else (_unit(load), f"at {load.at}")
         return f"{format_quantity(unit, table)} {place} {along}"
     factor, what = (1e3, "ms") if table.over_time else (180.0 / math.pi, "deg of cam angle")
@@ -200,15 +175,15 @@ def _load(load: GivenLoad) -> str:
     return f"{size} at {load.at} {along}, table {over}"
 
 
-def _contact(model: Model, contact: Contact) -> str:
+def _contact(model: Model, contact: valvetrain.Contact) -> str:
     match contact:
-        case Seat():
+        case valvetrain.Seat():
             return f"stop of {format_quantity('N/m', contact.stiffness)} at {contact.at}"
-        case Lash() | Adjuster():
+        case valvetrain.Lash() | valvetrain.Adjuster():
             ends = contact.ends
             stiffness = format_quantity("N/m", contact.stiffness)
             place = f"from {ends[0]} to {ends[1]}" if ends else f"at rocker {contact.rocker}"
-            if isinstance(contact, Lash):
+            if isinstance(contact, valvetrain.Lash):
                 if contact.turns:
                     return f"lash of {format_quantity('rad', contact.gap)} {place}, {contact.stiffness:g} N m/rad"
                 what, opposed = "lash", (model.cam_contacts[name].follower for name in opposed_contacts(model))
@@ -233,9 +208,8 @@ def _weight(ready: PreparedRun) -> list[tuple[str, str]]:
 def _link(model: Model, name: str) -> str:
     first, *others = (model.mesh.node_name(node) for node in model.mesh.links[name].tolist())
     components = model.rigid_links[name]
-    return f"{', '.join(others)} with {first}" + (
-        f", {' '.join(components)}" if len(components) < len(COMPONENTS) else ""
-    )
+    some = f", {' '.join(components)}" if len(components) < len(COMPONENTS) else ""
+    return f"{', '.join(others)} with {first}{some}"
 
 
 def _vector(direction: FloatArray) -> str:
@@ -300,9 +274,6 @@ def _format_fraction(value: float) -> str:
     return format_decimals(value, 3) if value >= _MIN_FRACTION else f"{remove_noise(value, 1.0):.2g}"
 
 
-_MIN_FRACTION = 5e-4  # fraction from which three decimals are sufficient
-
-
 def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[str]:
     """Return sentences about a comparison."""
     peak, rms = (_format_fraction(one) for one in (comparison.peak_deviation, comparison.rms_deviation))
@@ -360,17 +331,12 @@ def _words(*names: str) -> str:
     return " ".join(names).replace("open_on_the_lift", "loss of contact on the lift").replace("_", " ")
 
 
-_CONTACT_KINDS = {
-    CamContact: "cam contacts", PublishedLoad: "cam contacts", Seat: "seats", Lash: "lashes", Adjuster: "adjusters",
-}  # fmt: skip
-
-
 def _part_kind(model: Model | None, metric: str) -> str:
     """Return the kind of the part of a metric, in the plural; empty for a figure of the whole train."""
     kind, _, part = metric.partition(".")
     if model is None or kind != "contacts":
         return kind
-    return _CONTACT_KINDS[type(model.contacts[part.partition(".")[0]])]
+    return _CONTACT_KINDS[type(model.contacts[part.partition(".")[0]]).__name__]
 
 
 def merit_table(model: Model, figures: Sequence[FigureOfMerit]) -> Table:
@@ -401,24 +367,7 @@ def _range_cells(parts: list[tuple[float, str, str]]) -> list[str]:
     return [f"{low} ({first}) to {high} ({last}) of {len(parts)}"]
 
 
-_MOST_PARTS = 4
-"""Number of parts, such as valves, up to which a table shows the value of each."""
-
-_NO_BREAK, _CELL = "\u00a0", 62
-"""No-break space, and the width of a cell of the figures of merit, characters: with its name it stays within 100."""
-
-
-def periodicity_error(response: Response) -> float | None:
-    """Return the relative deviation of a periodic run from its initial state; None if it was not periodic."""
-    return response.stats.periodicity if response.stats.periodicity >= 0.0 else None
-
-
-def equilibrium_residual(response: Response) -> float | None:
-    """Return the largest equilibrium residual relative to the largest force; None if it was not computed."""
-    return response.stats.imbalance if response.stats.imbalance >= 0.0 else None
-
-
-def strength_table(members: Mapping[str, MemberStrength]) -> Table:
+def strength_table(members: Mapping[str, valvetrain.MemberStrength]) -> Table:
     """Return the table of the maximum stresses of every member."""
     rows: list[tuple[str, ...]] = []
     factor, unit = to_display_unit("Pa")
@@ -441,21 +390,11 @@ def describe_dofs(response: Response) -> str:
     return count + method + _ENGINES.get(response.stats.engine, "")
 
 
-_ENGINES = {"modal": ", modal solver", "kernel": ", kernel solver"}
-
-
 def stats_json(stats: Stats) -> dict[str, object]:
     """Return the known statistics of a run for JSON."""
     if stats.is_complete:
         return asdict(stats)
     return {"steps": stats.steps, "size": stats.size} if stats.size else {"steps": stats.steps}
-
-
-_REST_AMPLITUDE, _RELATIVE_REST_AMPLITUDE = 5e-5, 1e-5
-"""A probe is at rest if it moves less than this, mm or mrad, and less than this fraction of the largest motion."""
-
-_FOUR_DECIMAL_AMPLITUDE = 1e-3  # motion, mm or mrad, for which four decimals are sufficient
-_OMITTED_TEXTS = ("case", "files", "resolved", "overrides", "warnings")  # texts of a result not shown here
 
 
 def info_table(result: Result) -> Table:
@@ -464,8 +403,8 @@ def info_table(result: Result) -> Table:
     about = [(name, text) for name, text in result.about.items() if name not in _OMITTED_TEXTS]
     seconds = f", {response.stats.seconds:.3g} s" if response.stats.is_complete else ""
     rows = [("run", str(response.status)), ("steps", f"{response.stats.steps} of {describe_dofs(response)}{seconds}")]
-    if (error := periodicity_error(response)) is not None:
-        rows.append(("periodic within", f"{error:.3g} of the motion"))
+    if response.stats.periodicity >= 0.0:
+        rows.append(("periodic within", f"{response.stats.periodicity:.3g} of the motion"))
     if balance := describe_balance(ExtremesSink.of(response), response.stats):
         rows.append(("energy balance", balance))
     warnings = dict.fromkeys([*result.warnings, *result.about.get("warnings", "").splitlines()])

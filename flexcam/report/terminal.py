@@ -1,4 +1,4 @@
-"""Format numbers: units, and zeros without rounding noise."""
+"""Format numbers and tables for the terminal, CSV and JSON."""
 
 from __future__ import annotations
 
@@ -25,6 +25,12 @@ from flexcam.core.errors import printable
 from flexcam.core.units import ROUNDING
 from flexcam.dynamics import Block, Sink, Stats, Status
 
+_HUGE = 1e7  # value above which decimals are omitted
+_NUMBER = 14
+"""Maximum length of a cell that counts as a number, with its unit, characters; longer ones are words and may wrap."""
+
+_WORDS = 40  # width that a column of words needs at least, characters
+_GAP = 3  # between columns
 NOISE = 1e-9  # negative lift relative to the maximum lift below which it is not reported
 
 
@@ -41,9 +47,6 @@ def format_decimals(value: float, decimals: int) -> str:
 def count_decimals(largest: float, usual: int) -> int:
     """Return the number of decimals that show four digits of the largest value."""
     return usual if largest < ROUNDING else max(usual, 3 - math.floor(math.log10(largest)))
-
-
-_HUGE = 1e7  # value above which decimals are omitted
 
 
 def format_degrees(angle: float) -> str:
@@ -192,13 +195,6 @@ def plain_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]
     for row in cells:
         made.add_row(*row)
     return made
-
-
-_NUMBER = 14
-"""Maximum length of a cell that counts as a number, with its unit, characters; longer ones are words and may wrap."""
-
-_WORDS = 40  # width that a column of words needs at least, characters
-_GAP = 3
 
 
 def _widths(heads: Sequence[str], longest: Sequence[int], most: int) -> tuple[list[int], int]:

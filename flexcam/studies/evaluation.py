@@ -47,6 +47,10 @@ from flexcam.io.exports import scalar_probes
 from flexcam.studies.plan import Bundle, Row, catch_all_errors, evaluate_each
 from flexcam.valvetrain import Metric, Model, rigid_motion, train_metric_names
 
+_NORM = re.compile(r"(.+)\.(?:rms|pnorm_([2-9]|[1-9]\d))$")
+_DEVIATIONS = ("deviation.peak", "deviation.rms")
+_RESIDUAL = "energy.residual.largest"
+
 
 def compute_scalars(ready: PreparedRun, response: Response, names: Sequence[str] | None = None) -> list[Metric]:
     """Return the scalars of a run: all without a parameter, or those of the kinds of given names."""
@@ -55,9 +59,10 @@ def compute_scalars(ready: PreparedRun, response: Response, names: Sequence[str]
         *(compute_metrics(ready, response, names) if response.outline.channels else ()),
         *(_probe_scalars(response, ready.revolution) if kinds is None or "probes" in kinds else ()),
         *(_deviation_scalars(ready, response) if kinds is None or "deviation" in kinds else ()),
-        *_energy_residual(response),
-        *_norms(ready, response, names or ()),
     ]
+    if (residual := response.channels.get("energy.residual")) is not None:
+        figures.append(Metric(_RESIDUAL, float(np.abs(residual).max(initial=0.0)), "J"))
+    figures += _norms(ready, response, names or ())
     return [figure for figure in figures if np.isfinite(figure.value)]
 
 
@@ -96,9 +101,6 @@ def get_history(response: Response, name: str) -> FloatArray:
     return getattr(response[probe], series)
 
 
-_NORM = re.compile(r"(.+)\.(?:rms|pnorm_([2-9]|[1-9]\d))$")
-
-
 def _norms(ready: PreparedRun, response: Response, names: Sequence[str]) -> Iterator[Metric]:
     """Yield the requested p-norms of histories in the last revolution, ((1/T) int |x|^p dt)^(1/p)."""
     units, begin = history_units(response.outline), int(np.argmax(response.latest(ready.revolution)))
@@ -109,10 +111,6 @@ def _norms(ready: PreparedRun, response: Response, names: Sequence[str]) -> Iter
             size = float(values.max()) or 1.0
             mean = float(np.trapezoid((values / size) ** order, time)) / float(time[-1] - time[0])
             yield Metric(name, size * mean ** (1.0 / order), units[norm[1]])
-
-
-_DEVIATIONS = ("deviation.peak", "deviation.rms")
-_RESIDUAL = "energy.residual.largest"
 
 
 def _probe_scalars(response: Response, period: float) -> Iterator[Metric]:
@@ -141,10 +139,8 @@ def _deviation_scalars(ready: PreparedRun, response: Response) -> Iterator[Metri
         yield Metric(name, part, "1")
 
 
-def _energy_residual(response: Response) -> Iterator[Metric]:
-    if "energy.residual" in response.channels:
-        residual = response.channels["energy.residual"]
-        yield Metric(_RESIDUAL, float(np.abs(residual).max(initial=0.0)), "J")
+# Output of one of many linear runs without saved fields: blocks are long; rows agree with a single run to rounding.
+_SPARSE_OUTPUT = SaveAt(field_every=4096)
 
 
 def evaluate(
@@ -153,34 +149,27 @@ def evaluate(
 ) -> Row:  # fmt: skip
     """Run a case, no longer than `time_limit`, s, and return its row, with scalars of the kinds of given names."""
     until = None if time_limit is None else time.monotonic() + time_limit
-    return catch_all_errors(lambda: _run(case, folder, model, runs, channels, until, names))
 
+    def run() -> Row:
+        read, choice = select_case(case, until)
+        ready = prepare(read, model=model, until=until)
+        sinks = [] if folder is None else [open_result_file(ready, folder)]
+        alone = sinks or runs == 1 or ready.problem.system.local_forces
+        save = ready.save if alone else _SPARSE_OUTPUT
+        save = save if channels or sinks else replace(save, channels=False)
+        response = solve(replace(ready.problem, runs=runs), ready.scheme, save=save, sinks=sinks, until=until)
+        if not response.status.ok:
+            return Row(response.status)
+        figures = compute_scalars(ready, response, names)
+        values, units = {one.name: one.value for one in figures}, {one.name: one.unit for one in figures}
+        if choice is None:
+            return Row(response.status, values, units)
+        named = f"{choice.found.rung}, {choice.found.steps} steps per revolution"
+        met = Status(text=f"chosen within the tolerance: {named}")
+        missed = Status(Cause.TOLERANCE, f"the tolerance is not met: {choice.why}; that is {named}")
+        return Row(met if choice.met else missed, values, units)
 
-_SPARSE_OUTPUT = SaveAt(field_every=4096)
-"""Output of one of many linear runs without saved fields: blocks are long; rows agree with a single run to rounding."""
-
-
-def _run(
-    case: Case, folder: Path | None, model: Model | None, runs: int, channels: bool, until: float | None,
-    names: Sequence[str] | None,
-) -> Row:  # fmt: skip
-    read, choice = select_case(case, until)
-    ready = prepare(read, model=model, until=until)
-    sinks = [] if folder is None else [open_result_file(ready, folder)]
-    alone = sinks or runs == 1 or ready.problem.system.local_forces
-    save = ready.save if alone else _SPARSE_OUTPUT
-    save = save if channels or sinks else replace(save, channels=False)
-    response = solve(replace(ready.problem, runs=runs), ready.scheme, save=save, sinks=sinks, until=until)
-    if not response.status.ok:
-        return Row(response.status)
-    figures = compute_scalars(ready, response, names)
-    values, units = {one.name: one.value for one in figures}, {one.name: one.unit for one in figures}
-    if choice is None:
-        return Row(response.status, values, units)
-    named = f"{choice.found.rung}, {choice.found.steps} steps per revolution"
-    met = Status(text=f"chosen within the tolerance: {named}")
-    missed = Status(Cause.TOLERANCE, f"the tolerance is not met: {choice.why}; that is {named}")
-    return Row(met if choice.met else missed, values, units)
+    return catch_all_errors(run)
 
 
 def evaluate_chunk(

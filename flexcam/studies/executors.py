@@ -16,11 +16,12 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, ExitStack, contextmanager
+from copy import copy
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing import resource_tracker
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 from urllib.parse import urlsplit
 
 from flexcam import __version__
@@ -31,11 +32,10 @@ from flexcam.io import temporary_folder
 from flexcam.studies.plan import Bundle, Row, evaluate_each, open_case
 from flexcam.studies.variables import Runs
 
-Variants = Sequence[tuple[str, ...]]
-"""Overrides by variant."""
+Variants = Sequence[tuple[str, ...]]  # overrides by variant
 
+# Function that evaluates variants of a case in a worker; it and its rows can be pickled.
 Evaluate = Callable[[Bundle | Path, Variants], list[Row]]
-"""Function that evaluates variants of a case in a worker; it and its rows can be pickled."""
 
 
 @dataclass(frozen=True)
@@ -61,14 +61,6 @@ class Pool:
     window: int  #: number of chunks submitted at a time; more would only wait
     lost: tuple[type[BaseException], ...]  #: exceptions of a future whose worker died
     has_workers: Callable[[], bool] | None = None  #: function that returns whether any worker is left; None if one is
-
-
-class Workers(Protocol):
-    """Interface of workers."""
-
-    def open_pool(self, source: Bundle | Path, evaluate: Evaluate) -> AbstractContextManager[Pool]:
-        """Yield workers that evaluate variants of a case; they end with the context."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -126,7 +118,8 @@ def open_processes(count: int) -> Generator[Callable[..., Future[Any]]]:
     try:
         yield submit
         if awake.done() and awake.exception() is not None:
-            raise RunFailedError(_NOT_STARTED_STATUS)
+            remedy = 'a script that sweeps needs its last part under: if __name__ == "__main__":'
+            raise RunFailedError(Status(Cause.WORKER_LOST, "no worker process could begin", remedy))
     finally:
         for process in multiprocessing.active_children():
             if process.pid not in before:
@@ -137,18 +130,8 @@ def open_processes(count: int) -> Generator[Callable[..., Future[Any]]]:
 
 @contextmanager
 def _unpack(source: Bundle | Path) -> Generator[Path]:
-    if isinstance(source, Path):
-        yield source
-        return
     with temporary_folder() as folder:
-        yield source.unpack(folder)
-
-
-_NOT_STARTED_STATUS = Status(
-    Cause.WORKER_LOST,
-    "no worker process could begin",
-    'a script that sweeps needs its last part under: if __name__ == "__main__":',
-)
+        yield source if isinstance(source, Path) else source.unpack(folder)
 
 
 def _get_version() -> str:
@@ -191,13 +174,10 @@ KILLED_STATUS = Status(
     "memory is the usual cause: save fewer fields (output.field_every), or run fewer at a time (--workers)",
 )
 _NO_WORKERS_STATUS = Status(Cause.WORKER_LOST, "the cluster has no workers left", "start some; --resume does the rest")
-_PATIENCE = 60.0
-"""Time without a finished chunk after which flexcam checks the workers of a cluster, s."""
-
 _CLUSTER_LOST_STATUS = Status(Cause.WORKER_LOST, "the connection to the scheduler was lost", "--resume does the rest")
-
+_PATIENCE = 60.0  # time without a finished chunk after which flexcam checks the workers of a cluster, s
+# Function that runs chunks and yields each with its rows as soon as it is finished.
 ChunkRunner = Callable[[Iterable[Chunk]], Iterator[tuple[Chunk, list[Row]]]]
-"""Function that runs chunks and yields each with its rows as soon as it is finished."""
 
 
 @contextmanager
@@ -263,11 +243,9 @@ def _repeat(start: Callable[[], AbstractContextManager[Pool]], variants: Variant
     return [row for variant in variants for row in _repeat(start, (variant,))]
 
 
-_TIMEOUT = 5.0
-"""Timeout of a scheduler, and then of its workers, s."""
-
-LOCAL = "local"
-"""Address of a local Dask cluster."""
+_TIMEOUT = 5.0  # timeout of a scheduler, and then of its workers, s
+_UNLIMITED = 1_000_000  # window of a cluster, whose scheduler holds all tasks
+LOCAL = "local"  # address of a local Dask cluster
 
 
 @dataclass(frozen=True)
@@ -285,24 +263,32 @@ class ClusterWorkers:
     def open_pool(self, source: Bundle | Path, evaluate: Evaluate) -> Generator[Pool]:
         """Yield the workers of the cluster."""
         require_packages("--scheduler", self.address, "cluster", "distributed")
-        from distributed import KilledWorker
+        from distributed import Client, KilledWorker, LocalCluster
         from distributed.comm.core import CommClosedError
 
+        cluster: Any = self.address
+        quiet: dict[str, Any] = {"dashboard_address": None, "silence_logs": logging.CRITICAL}
         try:
-            with _suppress_dask_log(), warnings.catch_warnings(), _client(self) as client:
+            with _suppress_dask_log(), warnings.catch_warnings(), ExitStack() as stack:
+                if self.address == LOCAL:
+                    with _block_interrupts():
+                        cluster = LocalCluster(n_workers=self.count, threads_per_worker=1, processes=True, **quiet)
+                    stack.enter_context(cluster)
+                else:
+                    _check_address(self)
+                client: Any = stack.enter_context(Client(cluster, timeout=_TIMEOUT))
                 # large cases, different versions of other packages
                 warnings.filterwarnings("ignore", module="distributed")
                 _check_workers(client, self)
                 # A task that loads the case instead of the case itself: Dask repeats it if a worker is lost.
-                case = client.submit(_identity, source, pure=False)
-                executor = client.get_executor(pure=False)
-
-                def submit(variants: Variants) -> Future[list[Row]]:
-                    return executor.submit(evaluate, case, variants)
-
+                case = client.submit(copy, source, pure=False)
+                submit = partial(client.get_executor(pure=False).submit, evaluate, case)
                 yield Pool(submit, _UNLIMITED, (KilledWorker,), lambda: bool(client.scheduler_info()["workers"]))
         except CommClosedError:  # an OSError, but none of a disk
             raise RunFailedError(_CLUSTER_LOST_STATUS) from None
+
+
+Workers = SerialWorkers | ProcessWorkers | ClusterWorkers
 
 
 @contextmanager
@@ -317,26 +303,6 @@ def _suppress_dask_log() -> Generator[None]:
     finally:
         for name, level in levels.items():
             logging.getLogger(name).setLevel(level)
-
-
-_UNLIMITED = 1_000_000
-"""Window of a cluster, whose scheduler holds all tasks."""
-
-
-@contextmanager
-def _client(asked: ClusterWorkers) -> Generator[Any]:
-    from distributed import Client, LocalCluster
-
-    if asked.address == LOCAL:
-        quiet: dict[str, Any] = {"dashboard_address": None, "silence_logs": logging.CRITICAL}
-        with _block_interrupts():
-            local = LocalCluster(n_workers=asked.count, threads_per_worker=1, processes=True, **quiet)
-        with local, Client(local, timeout=_TIMEOUT) as client:
-            yield client
-        return
-    _check_address(asked)
-    with Client(asked.address, timeout=_TIMEOUT) as client:
-        yield client
 
 
 def _check_address(asked: ClusterWorkers) -> None:
@@ -378,10 +344,6 @@ def _check_workers(client: Any, asked: ClusterWorkers) -> None:  # noqa: ANN401 
         why = str(fault)
     if why:
         raise refuse("--scheduler", asked.address, allowed, why, remedy)
-
-
-def _identity(source: Bundle | Path) -> Bundle | Path:
-    return source
 
 
 @contextmanager

@@ -57,9 +57,8 @@ class Measurement:
         if self.over == "angle":
             end = float(response.angle[-1])
             if end - response.angle[0] < 2.0 * math.pi * (1.0 - 1e-9):
-                raise refuse(
-                    "run.revolutions", case.record.run.revolutions, "1 or more", "an angle needs a full revolution"
-                )
+                given, why = case.record.run.revolutions, "an angle needs a full revolution"
+                raise refuse("run.revolutions", given, "1 or more", why)
             turn = np.mod(self.instants - end + 1e-9, 2.0 * math.pi) - 1e-9
             turn[(turn < 1e-9) & (self.instants > self.instants.min() + math.pi)] = 2.0 * math.pi  # the end of it
             times = np.asarray(np.interp(end - 2.0 * math.pi + turn, response.angle, response.time), dtype=float)
@@ -80,7 +79,14 @@ def read_measurement(path: Path, case: Case, only: Sequence[str] = (), noises: S
     wanted = list(only) or [name for name in columns if name not in ABSCISSAS]
     if not wanted:
         raise refuse("--to", ", ".join(columns), f"{over} and a measured column")
-    given = dict(_parse_noise(text) for text in noises)
+    given = dict[str, float]()
+    for text in noises:
+        name, _, size = text.partition("=")
+        try:
+            given[name.strip()] = float(size)
+        except ValueError:
+            allowed = "NAME=VALUE, a standard deviation in the unit of the column"
+            raise refuse("--noise", repr(text), allowed, "", "write it as in 'valve displacement=0.005'") from None
     for option, names, known in (("--column", wanted, columns), ("--noise", given, wanted)):
         if unknown := [name for name in names if name not in known]:
             near = suggest_name(unknown[0], known)
@@ -92,15 +98,6 @@ def read_measurement(path: Path, case: Case, only: Sequence[str] = (), noises: S
         noise = positive("--noise", given[name] * factor, curve.unit) if name in given else None
         curves.append(replace(curve, values=values * factor, noise=noise))
     return Measurement("time" if over == "time" else "angle", instants, tuple(curves))
-
-
-def _parse_noise(text: str) -> tuple[str, float]:
-    name, _, size = text.partition("=")
-    try:
-        return name.strip(), float(size)
-    except ValueError:
-        allowed = "NAME=VALUE, a standard deviation in the unit of the column"
-        raise refuse("--noise", repr(text), allowed, "", "write it as in 'valve displacement=0.005'") from None
 
 
 _LISTED = 20  # number of results that a message lists
@@ -127,9 +124,7 @@ def curve_row(case: Case, measured: Measurement) -> Row:
     return Row(Status(), history=("curves", measured.simulate(case).tobytes()))
 
 
-_SINGULAR = 1e-3
-"""Singular value of the scaled Jacobian, relative to the largest, below which values cannot be determined."""
-
+_SINGULAR = 1e-3  # singular value of the scaled Jacobian by the largest one, below which values are not determined
 _STEP = 1e-3  # step of central differences, relative to the interval of a value
 _FAILED = 1e6  # residual, in units of the noise, of a trial whose run fails, so that the search takes a shorter step
 
@@ -267,9 +262,8 @@ def fit_curves(points: PointEvaluator, measured: Measurement, *, steps: int = 50
     covariance, undetermined = estimate_covariance(problem.jacobian(parts))
     deviation = np.sqrt(np.diag(covariance))
     scale = np.where(deviation > 0.0, deviation, 1.0)
-    intervals = (
-        student.ppf(0.975, free) * deviation * (misfit if unknown.all() else 1.0) * np.diff(points.ends, axis=0)[0]
-    )
+    factor = misfit if unknown.all() else 1.0
+    intervals = student.ppf(0.975, free) * deviation * factor * np.diff(points.ends, axis=0)[0]
     intervals[sorted({i for group in undetermined for i in group})] = math.inf
     rest = np.where(known, after - wanted, 0.0)[:, np.argsort(measured.instants)]
     rounding = (1e-9 * spread[:, None] * known).sum(axis=1) ** 2

@@ -37,23 +37,15 @@ from flexcam.studies.quantities import compute_quantities, is_run_scalar
 from flexcam.studies.variables import PointEvaluator, WorstCase
 from flexcam.valvetrain import Metric
 
-RELATIVE_WIDTH = 1e-6
-"""Half the difference of a number, relative to its size: a compromise of rounding, and of contacts that it switches."""
-
-_WIDTH_WITHOUT_RUN = 1e-4
-"""The same for results without contact events: periodic states and eigenvalues have rounding errors of 1e-10."""
-
-CHAOTIC_GROWTH = 1e3
-"""Growth of a small disturbance over a run above which derivatives say nothing about changes of practical size."""
-
+# Half the difference of a number, relative to its size: a compromise of rounding, and of contacts that it switches;
+# more for results without contact events, as periodic states and eigenvalues have rounding errors of 1e-10.
+RELATIVE_WIDTH, _WIDTH_WITHOUT_RUN = 1e-6, 1e-4
+CHAOTIC_GROWTH = 1e3  # growth of a disturbance over a run above which derivatives say nothing about practical changes
 _PERIODIC = 1e-6  # relative residual of a periodic start above which its derivative does not exist
 _SIMILAR_RUNS = 10  # number of runs whose time the derivatives of a run take, for the selection of the engine
-
-COUNTED = (".bounces", ".open_on_the_lift")
-"""Ends of the names of results that count instants or events, and have no derivative."""
-
-_RATES = (".velocity", ".acceleration")
-"""Ends of the names of histories whose results need the rates of a point, which one without mass does not have."""
+COUNTED = (".bounces", ".open_on_the_lift")  # ends of the names of results that count, and have no derivative
+_RATES = (".velocity", ".acceleration")  # ends of the names of histories that a point without mass does not have
+_PROBE_KINDS = {"probes", "deviation"}  # first parts of the names of scalars that need no channels
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +56,7 @@ class Gradient:
     `warning` says why the derivatives of the run say nothing.
     """
 
-    values: Mapping[str, float]  #: value and SI unit by name of the result
-    units: Mapping[str, str]
+    values: Mapping[str, Metric]  #: results by name
     #: by name of the result and key of the number, SI; NaN for a result that a neighbouring case lacks
     derivatives: Mapping[tuple[str, str], float]
     growth: float
@@ -101,9 +92,10 @@ def compute_gradient(
 
     def add(rows: Sequence[Mapping[str, Metric]], widths: Sequence[float]) -> None:
         values.update(rows[0])
-        for i, (number, width) in enumerate(zip(numbers, widths, strict=True)):
+        for number, width, below, above in zip(numbers, widths, rows[1::2], rows[2::2], strict=True):
             for name in rows[0]:
-                derivatives[name, number.key] = _difference(rows[1 + 2 * i], rows[2 + 2 * i], name) / width
+                known = name in below and name in above and not name.endswith(COUNTED)
+                derivatives[name, number.key] = (above[name].value - below[name].value) / width if known else math.nan
 
     growth, warning = 1.0, ""
     if of_runs:
@@ -113,8 +105,7 @@ def compute_gradient(
     if others:
         pairs, widths = _neighbour_cases(file, overrides, numbers, [_WIDTH_WITHOUT_RUN * size for size in sizes])
         add([compute_quantities(one, others) for one in (case, *chain.from_iterable(pairs))], widths)
-    units = {name: one.unit for name, one in values.items()}
-    return Gradient({name: one.value for name, one in values.items()}, units, derivatives, growth, warning)
+    return Gradient(values, derivatives, growth, warning)
 
 
 def _neighbour_cases(
@@ -140,12 +131,6 @@ def _read(file: CaseFile, overrides: Sequence[str]) -> Case | None:
         return None
 
 
-def _difference(below: Mapping[str, Metric], above: Mapping[str, Metric], name: str) -> float:
-    if name not in below or name not in above or name.endswith(COUNTED):
-        return math.nan
-    return above[name].value - below[name].value
-
-
 def gradient_function(
     file: CaseFile, fixed: Sequence[str], points: PointEvaluator, sizes: FloatArray, names: Sequence[str],
     worst: WorstCase | None = None,
@@ -162,18 +147,16 @@ def gradient_function(
             case = file.read(overrides)
             numbers = [get_number(case, one.key, "--vary") for one in points.variables]
             found.append(compute_gradient(file, overrides, names, numbers, sizes.tolist()))
-        return found[0] if worst is None else _worst_gradient(found, worst)
+        if worst is None:
+            return found[0]
+        known = [name for name in found[0].values if all(name in one.values for one in found)]
+        at = {name: found[worst.worst(name, [one.values[name].value for one in found])] for name in known}
+        derivatives = {(name, key): at[name].derivatives[name, key] for name, key in found[0].derivatives if name in at}
+        values = {name: one.values[name] for name, one in at.items()}
+        warning = next((one.warning for one in found if one.warning), "")
+        return Gradient(values, derivatives, max(one.growth for one in found), warning)
 
     return derive
-
-
-def _worst_gradient(found: Sequence[Gradient], worst: WorstCase) -> Gradient:
-    names = [name for name in found[0].values if all(name in one.values for one in found)]
-    at = {name: found[worst.worst(name, [one.values[name] for one in found])] for name in names}
-    derivatives = {(name, key): at[name].derivatives[name, key] for name, key in found[0].derivatives if name in at}
-    values = {name: one.values[name] for name, one in at.items()}
-    warning = next((one.warning for one in found if one.warning), "")
-    return Gradient(values, found[0].units, derivatives, max(one.growth for one in found), warning)
 
 
 def make_neighbours(case: Case, number: Number, step: float) -> list[tuple[str, ...]]:
@@ -235,9 +218,6 @@ def _with_channels(ready: PreparedRun, kinds: set[str]) -> PreparedRun:
     needed = set[str]() if kinds <= _PROBE_KINDS else {*kinds, "contacts"}
     channels = tuple(one for one in system.channels if one.name.partition(".")[0] in needed)
     return replace(ready, problem=replace(ready.problem, system=replace(system, channels=channels)))
-
-
-_PROBE_KINDS = {"probes", "deviation"}  # first parts of the names of scalars that need no channels
 
 
 _BOX, _SMALLEST_BOX = 0.1, 1e-3  # first and smallest half width of the box, relative to the intervals
@@ -321,7 +301,9 @@ class _Tangents:
             return self._spans * np.array([found.derivatives[name, one.key] for one in variables])
 
         rows = [
-            slope(one.name) * (1.0 if one.relation == "<=" else -1.0) / (abs(one.bound(found.units[one.name])) or 1.0)
+            slope(one.name)
+            * (1.0 if one.relation == "<=" else -1.0)
+            / (abs(one.bound(found.values[one.name].unit)) or 1.0)
             for one in bounds
         ]
         cost_slope = (-1.0 if goal.most else 1.0) * slope(goal.name)

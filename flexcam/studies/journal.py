@@ -20,28 +20,26 @@ from flexcam.dynamics import Cause, Status
 from flexcam.io import create_folder, open_with_lock
 from flexcam.io.sweep_table import Column, SweepTable
 from flexcam.studies.plan import Plan, Row
+from flexcam.studies.variables import column
 
 
 def make_table(plan: Plan, rows: Sequence[Row], about: Mapping[str, str] | None = None) -> SweepTable:
     """Return the table of a plan."""
+    inputs: list[Column] = []
+    for axis, values in zip(plan.varied_axes, zip(*plan.points, strict=True), strict=True):
+        if axis.is_numeric:
+            inputs.append(Column(axis.key, axis.unit, np.array([value.number for value in values], dtype=float)))
+        else:
+            inputs.append(Column(axis.key, "", tuple(value.text for value in values)))
     units = {name: unit for row in reversed(rows) for name, unit in row.units.items()}
     names = list(dict.fromkeys(name for row in rows for name in row.scalars))
-    scalars = {name: np.array([row.scalars.get(name, np.nan) for row in rows], dtype=float) for name in names}
+    scalars = {name: column(rows, name) for name in names}
     shape = plan.shape if plan.sample is None else ()
     statuses = tuple(row.status for row in rows)
-    return SweepTable(_inputs(plan), scalars, {name: units[name] for name in names}, statuses, shape, about or {})
+    return SweepTable(tuple(inputs), scalars, {name: units[name] for name in names}, statuses, shape, about or {})
 
 
-def _inputs(plan: Plan) -> tuple[Column, ...]:
-    columns: list[Column] = []
-    for axis, values in zip(plan.varied_axes, zip(*plan.points, strict=True), strict=True):
-        numbers = [value.number for value in values if value.number is not None]
-        column = np.array(numbers, dtype=float) if axis.is_numeric else tuple(value.text for value in values)
-        columns.append(Column(axis.key, axis.unit if axis.is_numeric else "", column))
-    return tuple(columns)
-
-
-_WORDS = {
+_WORDS = {  # the facts that identify a journal
     "format": "the format of the journal",
     "flexcam": "the version of flexcam",
     "case": "the case, or a file it names",
@@ -49,7 +47,6 @@ _WORDS = {
     "histories": "whether histories are kept",
     "channels": "whether scalars other than those of the probes are computed",
 }
-"""Descriptions of the facts that identify a journal."""
 
 
 class Journal:
@@ -88,7 +85,14 @@ class Journal:
             if not self._end:
                 self._line(self._head)
         units = {name: unit for row in rows for name, unit in row.units.items()}
-        self._line({"chunk": index, "units": units, "rows": [_format_row(row) for row in rows]})
+        texts = [
+            {
+                "cause": str(row.status.cause), "text": row.status.text, "remedy": row.status.remedy,
+                "scalars": dict(row.scalars), "seconds": round(row.seconds, 3),
+            }
+            for row in rows
+        ]  # fmt: skip
+        self._line({"chunk": index, "units": units, "rows": texts})
         self.rows[index] = list(rows)
 
     def close(self) -> None:
@@ -135,19 +139,11 @@ def _read_journal(path: Path, belongs: Mapping[str, Any]) -> tuple[dict[int, lis
             remedy = "--overwrite starts again; or name another folder"
             raise refuse("journal", given, "the journal of this sweep", why, remedy)
         return {int(one["chunk"]): [_parse_row(row, one["units"]) for row in one["rows"]] for one in chunks}, end
+    except InputError:
+        raise
     except (ValueError, KeyError, TypeError, AttributeError) as fault:
-        if isinstance(fault, InputError):
-            raise
         why = f"it is damaged: {fault}"
         raise refuse("journal", str(path), "the journal of a sweep", why, "--overwrite starts again") from None
-
-
-def _format_row(row: Row) -> dict[str, Any]:
-    status = row.status
-    return {
-        "cause": str(status.cause), "text": status.text, "remedy": status.remedy,
-        "scalars": dict(row.scalars), "seconds": round(row.seconds, 3),
-    }  # fmt: skip
 
 
 def _parse_row(raw: Mapping[str, Any], units: Mapping[str, str]) -> Row:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -97,16 +98,12 @@ def parse_constraints(texts: Sequence[str]) -> tuple[Constraint, ...]:
 
 def _bound_by_unit(text: str, where: str = "") -> dict[str, float]:
     """Return the bound in every possible SI unit; ``bare`` for a number without unit."""
-    try:
+    with suppress(ValueError):
         return {"bare": float(text)}
-    except ValueError:
-        pass
     found: dict[str, float] = {}
     for name, kind in DIMENSIONS.items():
-        try:
+        with suppress(InputError):
             found[kind.si] = parse(text, name)
-        except InputError:
-            continue
     if not found:
         raise refuse("--subject", repr(where or text), "NAME <= a number with a unit", "a subject needs a quantity")
     return found
@@ -128,9 +125,7 @@ def is_active(violation: float) -> bool:
     return violation >= -_ACTIVE_TOLERANCE
 
 
-_POINTS_PER_VARIABLE, _MIN_POINTS, _MAX_POINTS = 6, 12, 64
-"""Points of a generation: number per variable, minimum and maximum."""
-
+_POINTS_PER_VARIABLE, _MIN_POINTS, _MAX_POINTS = 6, 12, 64  # points of a generation; the first number per variable
 _GLOBAL_FRACTION = 0.7  # fraction of the evaluations for the global search; the others refine the best variant
 _TRUST_RADIUS = 0.05  # initial radius of the trust region relative to the intervals
 _LARGE_COST = 1e30
@@ -379,13 +374,8 @@ def _run_nsga2(judge: ProblemEvaluator, design: OptimizationProblem, size: int, 
 def pareto_indices(found: Evaluations) -> list[int]:
     """Return the indices of the Pareto-optimal variants that satisfy all constraints."""
     inside = np.flatnonzero(is_feasible(found.violations) & np.isfinite(found.costs).all(axis=1)).tolist()
-    costs = found.costs[inside]
-
-    def has_better(own: FloatArray) -> bool:
-        return bool(((costs <= own).all(axis=1) & (costs < own).any(axis=1)).any())
-
-    kept = [i for i in inside if not has_better(found.costs[i])]
-    first: dict[tuple[float, ...], int] = {}
-    for i in kept:
-        first.setdefault(tuple(found.costs[i].tolist()), i)
+    costs, first = found.costs[inside], dict[tuple[float, ...], int]()
+    for i, own in zip(inside, costs, strict=True):
+        if not ((costs <= own).all(axis=1) & (costs < own).any(axis=1)).any():
+            first.setdefault(tuple(own.tolist()), i)
     return sorted(first.values(), key=lambda i: float(found.costs[i, 0]))

@@ -32,7 +32,7 @@ from functools import cached_property, lru_cache
 from itertools import product
 from math import prod
 from pathlib import Path, PurePosixPath
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, cast
 
 from flexcam.case.case import Case
 from flexcam.case.reader import CaseFile
@@ -50,7 +50,6 @@ _DIGITS = Context(prec=17)
 _SAMPLED = Context(prec=10)
 _MAX_EXPONENT = 300  # maximum exponent of a number
 _MIN_FIXED_EXPONENT, _MAX_FIXED_EXPONENT = -6, 16  # range of decimal exponents written in fixed notation
-_FEWEST = 2
 _MANY = 10**15
 
 MAX_VARIANTS = 10_000  # default maximum number of variants
@@ -133,34 +132,27 @@ def _range(key: str, where: str, match: re.Match[str], limit: int) -> Axis:
         raise refuse(where, " and ".join(sorted(units)), "one unit, at the end", "a range has one unit")
     unit = "".join(units)
     if match[7]:
-        numbers = _divide_range(where, start, stop, int(match[7]), limit)
+        count = int(match[7])
+        if count < 2 or start == stop:
+            given = f"{count} values from {start} to {stop}"
+            raise refuse(where, given, "two values or more, from a start to another stop", "the range is empty")
+        check_count(where, count, limit)
+        numbers = [start + (stop - start) * i / (count - 1) for i in range(count)]
     elif match[5]:
-        numbers = _range_values(where, start, stop, step, limit)
+        if step == 0:
+            raise refuse(where, "a step of zero", "a step that leads from start to stop", "the range has no end")
+        steps = (stop - start) / step
+        if steps < 0:
+            given = f"a step of {step} and a stop {'below' if step > 0 else 'above'} the start"
+            remedy = f"swap start and stop, or take a step of {-step}"
+            raise refuse(where, given, "a step that leads from start to stop", "the range is empty", remedy)
+        check_count(where, int(steps) + 1, limit)
+        numbers = [start + i * step for i in range(int(steps) + 1)]
     elif start >= stop:
         raise refuse(where, match[0].strip(), "an interval that rises, such as 30:60 kN/m", "the interval is empty")
     else:
         return Axis(key, where, (_quantity(start, unit), _quantity(stop, unit)), unit, interval=True)
-    return Axis(key, where, tuple(_quantity(number, unit) for number in numbers), unit)
-
-
-def _divide_range(where: str, start: Decimal, stop: Decimal, count: int, limit: int) -> list[Decimal]:
-    if count < _FEWEST or start == stop:
-        given = f"{count} values from {start} to {stop}"
-        raise refuse(where, given, "two values or more, from a start to another stop", "the range is empty")
-    check_count(where, count, limit)
-    return [_DIGITS.plus(start + (stop - start) * i / (count - 1)) for i in range(count)]
-
-
-def _range_values(where: str, start: Decimal, stop: Decimal, step: Decimal, limit: int) -> list[Decimal]:
-    if step == 0:
-        raise refuse(where, "a step of zero", "a step that leads from start to stop", "the range has no end")
-    steps = (stop - start) / step
-    if steps < 0:
-        given = f"a step of {step} and a stop {'below' if step > 0 else 'above'} the start"
-        remedy = f"swap start and stop, or take a step of {-step}"
-        raise refuse(where, given, "a step that leads from start to stop", "the range is empty", remedy)
-    check_count(where, int(steps) + 1, limit)
-    return [_DIGITS.plus(start + i * step) for i in range(int(steps) + 1)]
+    return Axis(key, where, tuple(_quantity(_DIGITS.plus(number), unit) for number in numbers), unit)
 
 
 def check_count(where: str, count: int, limit: int) -> None:
@@ -180,9 +172,8 @@ def _list(key: str, where: str, spec: str, limit: int) -> Axis:
     units = [one[2] if one else None for one in found]
     unit = units[-1] or ""
     if all(found) and any(units) and not unit:
-        raise refuse(
-            where, repr(spec), FORMS, "some numbers have a unit and the last one has none", "give each its unit"
-        )
+        why = "some numbers have a unit and the last one has none"
+        raise refuse(where, repr(spec), FORMS, why, "give each its unit")
     texts = [_join_unit(part, unit) if one and not one[2] else part for part, one in zip(parts, found, strict=True)]
     if all(found) and set(units) <= {None, unit or None}:
         numbers = [float(one[1]) for one in found if one]
@@ -217,9 +208,6 @@ def _join_unit(number: str, unit: str) -> str:
     return f"{number} {unit}" if unit[:1] == "1" else f"{number}{unit}"
 
 
-_SAMPLE = re.compile(r"([a-z]+):(\d{1,15})$")
-
-
 @dataclass(frozen=True)
 class Sample:
     """Sampling method."""
@@ -241,15 +229,15 @@ class Sample:
 def parse_sample(text: str, seed: int = 0) -> Sample:
     """Parse a sampling method."""
     allowed = "lhs:N (Latin hypercube) or sobol:N (Sobol's sequence), such as sobol:512"
-    match = _SAMPLE.match(text.strip())
-    if match is None or match[1] not in ("lhs", "sobol"):
+    match = re.match(r"(lhs|sobol):(\d{1,15})$", text.strip())
+    if match is None:
         raise refuse("--sample", repr(text), allowed, "", suggest_name(text.partition(":")[0], ["lhs", "sobol"]))
-    count = int(match[2])
+    count, kind = int(match[2]), cast("Literal['lhs', 'sobol']", match[1])
     if count < 1:
         raise refuse("--sample", text, "1 point or more", "the plan is empty")
-    if match[1] == "sobol":
+    if kind == "sobol":
         check_power_of_two("--sample", count)
-    return Sample("sobol" if match[1] == "sobol" else "lhs", count, check_seed(seed))
+    return Sample(kind, count, check_seed(seed))
 
 
 def check_power_of_two(where: str, count: int, least: int = 1) -> None:
@@ -430,7 +418,6 @@ def open_case(source: Bundle | Path) -> CaseFile:
     return CaseFile.open(source.unpack(_folders.enter_context(temporary_folder())))
 
 
-_folders = ExitStack()
-"""Temporary folders, removed when the process ends."""
+_folders = ExitStack()  # temporary folders, removed when the process ends
 
 atexit.register(_folders.close)

@@ -35,14 +35,7 @@ from flexcam.dynamics import Cause, ProgressCallback, RunFailedError, Status, fl
 from flexcam.io.sweep_table import unknown_scalar_fault
 from flexcam.studies.evaluation import are_probe_scalars, evaluate, get_history, history_units, scalar_names
 from flexcam.studies.executors import KILLED_STATUS, BrokenProcessPool, open_evaluator, open_processes
-from flexcam.studies.plan import (
-    Axis,
-    Plan,
-    Row,
-    Value,
-    make_bundle,
-    make_plan,
-)
+from flexcam.studies.plan import Axis, Plan, Row, Value, make_bundle, make_plan
 from flexcam.studies.variables import Runs, column
 from flexcam.valvetrain import Metric, build_structure, model_modes
 
@@ -50,9 +43,11 @@ _FREQUENCY = re.compile(r"frequency\.([1-9]\d{0,2})$")
 _CAM = re.compile(r"cams\.(.+)\.(area|velocity|acceleration|deceleration|jerk)$")
 _MULTIPLIER = re.compile(r"multiplier\.([1-9]\d{0,2})$")
 _LIMIT, _STATIC = "limits.", "static."
-_CAM_UNITS = {
-    "area": "m rad", "velocity": "m/rad", "acceleration": "m/rad^2", "deceleration": "m/rad^2", "jerk": "m/rad^3",
+_CAM_PROPERTIES = {  # unit, and order of the derivative by the cam angle
+    "area": ("m rad", 0), "velocity": ("m/rad", 1), "acceleration": ("m/rad^2", 2), "deceleration": ("m/rad^2", 2),
+    "jerk": ("m/rad^3", 3),
 }  # fmt: skip
+_PERIODIC = 1e-6  # relative residual above which a motion is not periodic
 
 
 def frequency_number(name: str) -> int | None:
@@ -73,7 +68,9 @@ def compute_quantities(
 ) -> dict[str, Metric]:
     """Return the requested quantities of a case; raise an error if a run fails."""
     found = _frequencies(case, names) | _limits(case, names, search, runs)
-    found |= _cams(case, names) | _numbers(case, names) | _statics(case, names) | _multipliers(case, names)
+    found |= _cams(case, names) | _statics(case, names) | _multipliers(case, names)
+    numbers = [(name, _number(case, name)) for name in names]
+    found |= {name: Metric(name, number.value, number.unit) for name, number in numbers if number}
     of_a_run = [name for name in names if name not in found and not name.startswith(_LIMIT)]
     if not of_a_run:
         return found
@@ -114,7 +111,7 @@ def is_run_scalar(case: Case, name: str) -> bool:
 
 
 def _unknown_name_fault(name: str, known: Iterable[str], cams: Iterable[str]) -> Fault:
-    of_cams = [f"cams.{cam}.{kind}" for cam in cams for kind in _CAM_UNITS]
+    of_cams = [f"cams.{cam}.{kind}" for cam in cams for kind in _CAM_PROPERTIES]
     near = suggest_name(name, [*known, "frequency.1", *(_LIMIT + one for one in LIMITS), *of_cams])
     others = "frequency.N, multiplier.N, limits.NAME, cams.NAME.area, static.CHANNEL, CHANNEL.rms, CHANNEL.pnorm_8"
     keys = "a numeric key of the case, such as springs.valve.stiffness"
@@ -136,11 +133,16 @@ def _frequencies(case: Case, names: Sequence[str]) -> dict[str, Metric]:
     if not asked:
         return {}
     found = model_modes(build_structure(build_model(case))).modes
-    elastic = found.frequencies[found.rigid :]
+    return _select(asked, found.frequencies[found.rigid :], "Hz", "the model has no more modes")
+
+
+def _select(asked: Mapping[str, int], values: FloatArray, unit: str, why: str) -> dict[str, Metric]:
+    """Return the values of names such as ``frequency.2``, which count from 1."""
     for name, number in asked.items():
-        if number > len(elastic):
-            raise refuse("scalar", name, f"frequency.1 to frequency.{len(elastic)}", "the model has no more modes")
-    return {name: Metric(name, float(elastic[number - 1]), "Hz") for name, number in asked.items()}
+        if number > len(values):
+            kind = name.partition(".")[0]
+            raise refuse("scalar", name, f"{kind}.1 to {kind}.{len(values)}", why)
+    return {name: Metric(name, float(values[number - 1]), unit) for name, number in asked.items()}
 
 
 def _statics(case: Case, names: Sequence[str]) -> dict[str, Metric]:
@@ -168,14 +170,8 @@ def _multipliers(case: Case, names: Sequence[str]) -> dict[str, Metric]:
         change = f"after a revolution the motion differs by {100.0 * missed:.2g} % of its amplitude"
         text = f"no periodic motion was found: {change}"
         raise RunFailedError(Status(Cause.NO_CONVERGENCE, text, "add damping, or take a speed at which contact holds"))
-    found = np.abs(floquet(replace(ready.problem, steps=steps), ready.scheme).multipliers).tolist()
-    for name, number in asked.items():
-        if number > len(found):
-            raise refuse("scalar", name, f"multiplier.1 to multiplier.{len(found)}", "the model has no more")
-    return {name: Metric(name, found[number - 1], "1") for name, number in asked.items()}
-
-
-_PERIODIC = 1e-6  # relative residual above which a motion is not periodic
+    found = np.abs(floquet(replace(ready.problem, steps=steps), ready.scheme).multipliers)
+    return _select(asked, found, "1", "the model has no more")
 
 
 def _limits(case: Case, names: Sequence[str], search: Search | None, runs: int) -> dict[str, Metric]:
@@ -201,11 +197,12 @@ def _cams(case: Case, names: Sequence[str]) -> dict[str, Metric]:
     asked = {
         name: (found[1], found[2]) for name in names if (found := _CAM.match(name)) and found[1] in case.record.cams
     }
-    model = build_model(case) if asked else None
+    if not asked:
+        return {}
+    cams = build_model(case).cams
     return {
-        name: Metric(name, _lift_property(model.cams[cam].event, kind), _CAM_UNITS[kind])
+        name: Metric(name, _lift_property(cams[cam].event, kind), _CAM_PROPERTIES[kind][0])
         for name, (cam, kind) in asked.items()
-        if model is not None
     }
 
 
@@ -216,19 +213,10 @@ def _lift_property(event: Event, kind: str) -> float:
     if kind == "jerk" and any(one.steps[2] for one in joints(event)):
         allowed = "a lift whose acceleration does not step"
         raise refuse("scalar", "the jerk of a lift", allowed, "it is infinite at a step")
-    low, high = event_extremes(event, _DERIVATIVE_ORDERS[kind])
+    low, high = event_extremes(event, _CAM_PROPERTIES[kind][1])
     if kind == "deceleration":
         return -low.value
     return high.value if kind == "acceleration" else max(abs(low.value), abs(high.value))
-
-
-_DERIVATIVE_ORDERS = {"velocity": 1, "acceleration": 2, "deceleration": 2, "jerk": 3}
-"""Order of the derivative by the cam angle."""
-
-
-def _numbers(case: Case, names: Sequence[str]) -> dict[str, Metric]:
-    numbers = {name: number for name in names if (number := _number(case, name)) is not None}
-    return {name: Metric(name, number.value, number.unit) for name, number in numbers.items()}
 
 
 def _number(case: Case, name: str) -> Number | None:

@@ -25,13 +25,11 @@ from flexcam.studies.gradients import COUNTED, compute_gradient, exact_refusal
 from flexcam.studies.plan import Row, check_power_of_two, check_seed
 from flexcam.studies.quantities import frequency_number, is_run_scalar, require_complete
 from flexcam.studies.variables import Runs, column
-from flexcam.valvetrain import Structure, build_structure
+from flexcam.valvetrain import build_structure
 
 STEP_OFFSETS = (-1.0, -0.5, 0.5, 1.0)  # offsets of the evaluated points, in steps
 _LARGE_ERROR = 0.05  # relative error of a derivative from which it is reported
-_KINK_RATIO = 0.8
-"""Ratio of the jump of the slope at half the step to that at the full step: 1/2 for smooth functions, 1 for a kink."""
-
+_KINK_RATIO = 0.8  # ratio of the jumps of the slope at half and full step from which it is a kink; 1/2 if smooth
 _ROUNDING = 1e-9  # relative change of a function below which it is rounding
 
 
@@ -63,8 +61,7 @@ def central_derivative(middle: float, beside: FloatArray, step: float) -> Deriva
 _REPEATED_TOLERANCE = 1e-6  # relative difference below which frequencies count as repeated
 _EXTRA_MODES = 6  # additional modes beyond the highest requested one, which contain its repeated frequencies
 
-MatrixPair = tuple[Triplets, Triplets]
-"""Mass and stiffness matrices."""
+MatrixPair = tuple[Triplets, Triplets]  # mass and stiffness matrices
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +90,8 @@ def frequency_derivatives(
     dM, dK = (_finite_difference([pair[i] for pair in beside], step) for i in (0, 1))
     values = np.zeros(len(omegas))
     repeated = np.zeros(len(omegas), dtype=bool)
-    for group in _repeated_groups(omegas):
+    starts = np.flatnonzero(np.diff(omegas) > _REPEATED_TOLERANCE * omegas[1:]) + 1
+    for group in np.split(np.arange(len(omegas)), starts):
         x, square = shapes[:, group], float(np.mean(omegas[group])) ** 2
         projected = x.T @ dK.multiply(x) - square * (x.T @ dM.multiply(x))
         slopes = np.linalg.eigvalsh(0.5 * (projected + projected.T))
@@ -110,19 +108,7 @@ def _finite_difference(matrices: Sequence[Triplets], step: float) -> Triplets:
     return Triplets.from_dense((4.0 * half - whole) / 3.0)
 
 
-def _repeated_groups(omegas: FloatArray) -> list[list[int]]:
-    """Return the groups of repeated frequencies as lists of indices."""
-    found: list[list[int]] = []
-    for i, omega in enumerate(omegas.tolist()):
-        if found and omega - omegas[found[-1][-1]] <= _REPEATED_TOLERANCE * omega:
-            found[-1].append(i)
-        else:
-            found.append([i])
-    return found
-
-
 _MATRIX_STEP = 1e-3  # relative step for derivatives of matrices: truncation error 1e-12, rounding 1e-13
-
 RELATIVE_STEP = 0.01  # relative step for derivatives of responses: their maxima contain noise of the time step
 
 
@@ -147,21 +133,21 @@ class Sensitivity:
 
 def get_numbers(case: Case, keys: Sequence[str], option: str = "--to") -> list[Number]:
     """Return the numbers with respect to which derivatives are computed."""
-    found, faults = parse_all(lambda key: _check_not_zero(get_number(case, key, option), option), dict.fromkeys(keys))
+
+    def read(key: str) -> Number:
+        number = get_number(case, key, option)
+        if number.value == 0.0:
+            why, remedy = "the step is a fraction of the number", f"give it a small value first: --set {key}=..."
+            raise refuse(option, f"{key} = 0", "a number that is not zero", why, remedy)
+        return number
+
+    found, faults = parse_all(read, dict.fromkeys(keys))
     if faults:
         raise InputError(faults)
     return found
 
 
-def _check_not_zero(number: Number, option: str) -> Number:
-    if number.value == 0.0:
-        why, remedy = "the step is a fraction of the number", f"give it a small value first: --set {number.key}=..."
-        raise refuse(option, f"{number.key} = 0", "a number that is not zero", why, remedy)
-    return number
-
-
-Method = Literal["exact", "differences"]
-"""Methods for derivatives of runs: along the motion, or by differences of runs."""
+Method = Literal["exact", "differences"]  # methods for derivatives of runs: along the motion, or by differences of runs
 
 
 def exact_names(
@@ -182,11 +168,10 @@ def exact_names(
     if why := exact_refusal(case):
         raise refuse(option, case.name, "a case whose runs have exact derivatives", why, other)
     limits = [name for name in names if name.startswith("limits.")]
-    if others := counted + limits:
-        why = "a limit is the result of a search"
-        if counted:
-            why = "it is a residual" if counted[0].startswith("energy.") else "it counts events or instants"
-        raise refuse(option, others[0], "a result with an exact derivative", why, other)
+    for name in (counted + limits)[:1]:
+        why = "it is a residual" if name.startswith("energy.") else "it counts events or instants"
+        why = "a limit is the result of a search" if name in limits else why
+        raise refuse(option, name, "a result with an exact derivative", why, other)
     return of_runs
 
 
@@ -222,7 +207,13 @@ def _frequency_sensitivities(
     step = abs(number.value) * _MATRIX_STEP
     count = max(frequency_number(name) or 0 for name in names)
     structure = build_structure(build_model(case))
-    beside = [_matrices(file, (*fixed, *one), structure) for one in _variants(case, number, step)]
+    beside = list[MatrixPair]()
+    for variant in _variants(case, number, step):
+        other = build_structure(build_model(file.read((*fixed, *variant))))
+        if other.mass.size != structure.mass.size:
+            allowed, why = "a number that does not change the unknowns", "their matrices are compared"
+            raise refuse("--to", variant[-1], allowed, why)
+        beside.append((other.mass, other.stiffness))
     found = frequency_derivatives((structure.mass, structure.stiffness), beside, step, count, structure.free)
     rows: list[Sensitivity] = []
     for name in names:
@@ -235,13 +226,6 @@ def _frequency_sensitivities(
     return rows
 
 
-def _matrices(file: CaseFile, overrides: Sequence[str], like: Structure) -> MatrixPair:
-    one = build_structure(build_model(file.read(overrides)))
-    if one.mass.size != like.mass.size:
-        raise refuse("--to", overrides[-1], "a number that does not change the unknowns", "their matrices are compared")
-    return one.mass, one.stiffness
-
-
 def _exact_sensitivities(
     file: CaseFile, fixed: Sequence[str], names: Sequence[str], numbers: Sequence[Number]
 ) -> dict[tuple[str, str], Sensitivity]:
@@ -252,11 +236,11 @@ def _exact_sensitivities(
         if name not in gradient.values:
             raise refuse("--of", name, "a result that this run has", "the run did not give it")
         for number in numbers:
-            value = gradient.values[name]
+            metric = gradient.values[name]
             slope = math.nan if warning else gradient.derivatives[name, number.key]
-            lacks = "no exact derivative: use --method differences" if math.isnan(slope) else ""
-            smooth, unit = not math.isnan(slope), gradient.units[name]
-            found[name, number.key] = Sensitivity(name, unit, value, number, slope, None, smooth, warning or lacks)
+            smooth = not math.isnan(slope)
+            note = warning or ("" if smooth else "no exact derivative: use --method differences")
+            found[name, number.key] = Sensitivity(name, metric.unit, metric.value, number, slope, None, smooth, note)
     return found
 
 
@@ -271,11 +255,10 @@ def _response_sensitivities(
     variants = [one for number, step in zip(numbers, steps, strict=True) for one in _variants(case, number, step)]
     middle, *rows = runs([(), *variants])
     require_complete(middle)
-    found: dict[tuple[str, str], Sensitivity] = {}
+    found, count = dict[tuple[str, str], Sensitivity](), len(STEP_OFFSETS)
     for i, (number, step) in enumerate(zip(numbers, steps, strict=True)):
-        beside = rows[len(STEP_OFFSETS) * i : len(STEP_OFFSETS) * (i + 1)]
         for name in names:
-            found[name, number.key] = _response(name, middle, beside, number, step)
+            found[name, number.key] = _response(name, middle, rows[count * i : count * (i + 1)], number, step)
     return found
 
 
@@ -286,14 +269,10 @@ def _response(name: str, middle: Row, beside: Sequence[Row], number: Number, ste
         failed = next((row.status for row in (middle, *beside) if not row.status.ok), None)
         note = "no value on both sides: " + (str(failed) if failed else "the limit is outside the search range")
         return Sensitivity(name, unit, value, number, math.nan, None, False, note)
-    found: Derivative = central_derivative(value, values, step)
+    found = central_derivative(value, values, step)
     doubt = "not smooth here: contacts open or close, or the values have noise; the derivative is unreliable"
     note = "" if found.smooth else doubt
     return Sensitivity(name, unit, value, number, found.value, found.error, found.smooth, note)
-
-
-_CONFIDENCE = 0.95
-_RESAMPLES = 499
 
 
 @dataclass(frozen=True, eq=False)
@@ -309,13 +288,12 @@ class SobolIndices:
     asked: int  #: number of base points requested
 
 
-Function = Callable[[FloatArray], FloatArray]
-"""Function from points of the unit cube, shape (m, k), to s scalars, shape (m, s); NaN for missing values."""
-
-
-def sobol_indices(function: Function, dimensions: int, count: int, *, seed: int = 0) -> list[SobolIndices]:
+def sobol_indices(
+    function: Callable[[FloatArray], FloatArray], dimensions: int, count: int, *, seed: int = 0
+) -> list[SobolIndices]:
     """Return the Sobol indices of scalars over the unit cube.
 
+    `function` returns s scalars, shape (m, s), of points, shape (m, k); NaN for missing values.
     Variables are independent and uniformly distributed over their intervals. Points are from a scrambled Sobol
     sequence; estimators and bootstrap are those of `scipy.stats.sobol_indices`: A. Saltelli et al., Comput. Phys.
     Commun. 181 (2010) 259.
@@ -357,7 +335,7 @@ def _compute_indices(values: FloatArray, asked: int, seed: int) -> SobolIndices:
     first, total = np.ravel(found.first_order)[:k], np.ravel(found.total_order)[:k]
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a variable without effect has nothing to resample
-        ends = found.bootstrap(confidence_level=_CONFIDENCE, n_resamples=_RESAMPLES)
+        ends = found.bootstrap(confidence_level=0.95, n_resamples=499)
     intervals: list[FloatArray] = []
     for one, index in ((ends.first_order, first), (ends.total_order, total)):
         interval: Any = one.confidence_interval

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -38,19 +38,8 @@ from flexcam.studies.plan import (
 )
 from flexcam.studies.variables import require_units
 
-_QUICK_CHECK_LIMIT = 1000
-"""Number of variants above which the ends of the axes are checked first: reading a case takes at least 0.5 ms."""
-
+_QUICK_CHECK_LIMIT = 1000  # variants above which the ends of the axes are checked first: reading a case takes 0.5 ms
 _MAX_LISTED = 3  # number of variants and values listed in a report
-
-
-@dataclass
-class _FaultGroup:
-    """Variants rejected for the same reason at the same key."""
-
-    fault: Fault
-    variants: list[int] = field(default_factory=list[int])
-    given: dict[str, None] = field(default_factory=dict[str, None])
 
 
 def validate_plan(file: CaseFile, plan: Plan) -> Case:
@@ -64,16 +53,14 @@ def validate_plan(file: CaseFile, plan: Plan) -> Case:
 
 def _check_variants(file: CaseFile, plan: Plan, indices: Sequence[int]) -> None:
     """Raise an error that reports faults of the same reason at the same key once."""
-    variants, groups = plan.variants, dict[tuple[str, str, str], _FaultGroup]()
+    variants, groups = plan.variants, dict[tuple[str, str, str], list[tuple[int, Fault]]]()
     for i in indices:
         try:
             file.read(variants[i])
         except InputError as refusal:
             for fault in refusal.faults:
                 placed = _locate_fault(fault, plan.axes)
-                group = groups.setdefault((placed.where, fault.allowed, fault.why), _FaultGroup(placed))
-                group.variants.append(i)
-                group.given[fault.given] = None
+                groups.setdefault((placed.where, fault.allowed, fault.why), []).append((i, placed))
     if groups:
         raise InputError(_summarize_faults(group, len(indices)) for group in groups.values())
 
@@ -98,12 +85,12 @@ def _locate_fault(fault: Fault, axes: Sequence[Axis]) -> Fault:
     return fault
 
 
-def _summarize_faults(group: _FaultGroup, count: int) -> Fault:
-    """Return the fault of a group, with the affected variants if these are not all of the checked ones."""
-    fault, indices = group.fault, group.variants
+def _summarize_faults(group: Sequence[tuple[int, Fault]], count: int) -> Fault:
+    """Return the fault of several variants, with their numbers if these are not all of the checked ones."""
+    fault, indices = group[0][1], list(dict.fromkeys(i for i, _ in group))
     where = f"in variant{'s' * (len(indices) > 1)} {_list_some([str(i + 1) for i in indices])}"
     why = "; ".join(filter(None, (fault.why, where if len(indices) < count else "")))
-    return replace(fault, given=_list_some(list(group.given)), why=why)
+    return replace(fault, given=_list_some(list(dict.fromkeys(one.given for _, one in group))), why=why)
 
 
 def _list_some(items: Sequence[str]) -> str:
@@ -117,27 +104,17 @@ def check_names(file: CaseFile, plan: Plan, names: Sequence[str]) -> None:
     The parts of a case determine its scalars, and numbers rarely do: variants are checked only until every name is
     found, first those with the ends of every axis and with every value that is a word.
     """
-    known, left = dict[str, None](), list(names)
-    for one in _scalar_name_sets(file, plan) if left else ():
-        known |= dict.fromkeys(one)
-        left = [name for name in left if not is_scalar_prefix(name, known)]
-        if not left:
-            return
-    if known:
-        faults = [unknown_scalar_fault(name, known) for name in left]
-        raise InputError(replace(fault, where="--scalars") for fault in faults)
-
-
-def _scalar_name_sets(file: CaseFile, plan: Plan) -> Iterator[list[str]]:
-    """Yield the scalar names of variants; a variant with inconsistent parts is skipped."""
-    variants = plan.variants
+    known, left, variants = dict[str, None](), list(names), plan.variants
     words = [f"{one.key}={value.text}" for one in plan.axes if not one.is_numeric for value in one.values]
     with_words = [next((i for i, one in enumerate(variants) if word in one), 0) for word in words]
     for i in dict.fromkeys([*end_variants(plan), *with_words]):
-        try:
-            yield scalar_names(file.read(variants[i]))
-        except InputError:
-            continue
+        if not left:
+            break
+        with suppress(InputError):  # a variant with inconsistent parts
+            known |= dict.fromkeys(scalar_names(file.read(variants[i])))
+        left = [name for name in left if not is_scalar_prefix(name, known)]
+    if known and left:
+        raise InputError(replace(unknown_scalar_fault(name, known), where="--scalars") for name in left)
 
 
 GRID = "grid"
@@ -218,16 +195,16 @@ def make_sweep(
     return Sweep(first.name, first.record.title, plan, bundle, size, kept, channels=not are_probe_scalars(kept))
 
 
+_MAX_CHUNK_SIZE = 16  # maximum number of variants per chunk, which limits the loss in a crash
+_CHUNK_COUNT = 64  # desired number of chunks of a plan, enough for many workers
+_MAX_CHUNK_STEPS = 120_000  # maximum number of steps per chunk; a longer run is a separate chunk
+
+
 def chunk_size(plan: Plan, case: Case) -> int:
     """Return the number of variants per chunk, independent of the number of workers."""
     run = case.record.run
     steps = int(run.revolutions * (run.steps_per_revolution or 3600))
     return max(1, min(_MAX_CHUNK_SIZE, len(plan) // _CHUNK_COUNT, _MAX_CHUNK_STEPS // max(steps, 1)))
-
-
-_MAX_CHUNK_SIZE = 16  # maximum number of variants per chunk, which limits the loss in a crash
-_CHUNK_COUNT = 64  # desired number of chunks of a plan, enough for many workers
-_MAX_CHUNK_STEPS = 120_000  # maximum number of steps per chunk; a longer run is a separate chunk
 
 
 def _axes(file: CaseFile, settings: Sequence[str], limit: int) -> tuple[Axis, ...]:
@@ -308,20 +285,22 @@ def run_sweep_to_files(
     """Run a sweep with a journal and write its tables."""
     if target.parquet:
         require_packages(*PARQUET)
-    asked = _with_all_scalars(asked, target)
+    begun = target.resume and journal_contains(target.journal(asked.name), "channels")
+    if begun or target.histories:  # the journal has all scalars, or result files are kept
+        asked = replace(asked, channels=True)
     try:
         with _open_journal(asked, target) as journal:
             _run_missing_chunks(asked, target, journal, workers or SerialWorkers(), advance)
-            table = _select_scalars(_make_table(asked, journal.rows), asked.scalars)
+            table = _make_table(asked, journal.rows)
+            try:
+                table = table.select(asked.scalars) if asked.scalars else table
+            except InputError as refusal:
+                remedy = "nothing is lost: --resume with other --scalars writes the tables at once"
+                mended = [replace(one, remedy="; ".join(filter(None, (one.remedy, remedy)))) for one in refusal.faults]
+                raise InputError(mended) from None
             return table, [write_table(table, path, overwrite=True) for path in target.tables(asked.name)]
     except KeyboardInterrupt:
         raise RunFailedError(_interrupted_status(asked, target)) from None
-
-
-def _with_all_scalars(asked: Sweep, target: OutputTarget) -> Sweep:
-    """Return a sweep that computes all scalars if its journal has them or result files are kept."""
-    begun = target.resume and journal_contains(target.journal(asked.name), "channels")
-    return replace(asked, channels=True) if begun or target.histories else asked
 
 
 def _run_missing_chunks(
@@ -358,16 +337,6 @@ def _interrupted_status(asked: Sweep, target: OutputTarget) -> Status:
         return Status(Cause.INTERRUPTED, "stopped before the first variant ended", "run it again")
     text = f"stopped: {kept} of {len(asked.plan)} variants are kept in {path}"
     return Status(Cause.INTERRUPTED, text, "the same command with --resume does the rest")
-
-
-def _select_scalars(table: SweepTable, names: Sequence[str]) -> SweepTable:
-    """Return a table with the requested scalars."""
-    try:
-        return table.select(names) if names else table
-    except InputError as refusal:
-        remedy = "nothing is lost: --resume with other --scalars writes the tables at once"
-        mended = [replace(one, remedy="; ".join(filter(None, (one.remedy, remedy)))) for one in refusal.faults]
-        raise InputError(mended) from None
 
 
 @contextmanager

@@ -62,7 +62,14 @@ def _parse_scatter(case: Case, setting: str, where: str) -> PartScatter:
         raise refuse(where, repr(spec or setting), f"KEY={FORMS}", "", "write it as in springs.valve.stiffness=±5%")
     number = get_number(case, key.strip(), where)
     kind: Literal["uniform", "normal"] = "normal" if match[1] == "normal" else "uniform"
-    half = _half_width(match[2], number.value, number.unit, where)
+    dimension = next((name for name, one in DIMENSIONS.items() if one.si == number.unit), None)
+    if match[2].endswith("%"):
+        half = abs(number.value) * parse(match[2], "number", where)
+    elif dimension is None:
+        why = "the unit of this number depends on other keys"
+        raise refuse(where, repr(match[2]), "a percentage such as ±2%", why)
+    else:
+        half = parse(match[2], dimension, where)
     if not half > 0.0:
         raise refuse(where, repr(spec), "a width above zero", "the value would not vary")
     found = PartScatter(number.key, number.value, half, kind)
@@ -73,16 +80,6 @@ def _parse_scatter(case: Case, setting: str, where: str) -> PartScatter:
     for end in (0.0, 1.0):
         number_after_override(case, number.key, repr(found.value(end)), where)  # raises an error for an invalid value
     return found
-
-
-def _half_width(text: str, middle: float, unit: str, where: str) -> float:
-    """Return the half width: a fraction of the centre, or a quantity of the same dimension."""
-    if text.endswith("%"):
-        return abs(middle) * parse(text, "number", where)
-    kinds = [name for name, one in DIMENSIONS.items() if one.si == unit]
-    if not kinds:
-        raise refuse(where, repr(text), "a percentage such as ±2%", "the unit of this number depends on other keys")
-    return parse(text, kinds[0], where)
 
 
 def sample_parts(scatters: Sequence[PartScatter], count: int, seed: int = 0) -> FloatArray:
@@ -110,19 +107,12 @@ def scalar_distribution(points: FloatArray, values: FloatArray) -> ScalarDistrib
     known = ~np.isnan(values)
     kept = values[known]
     if len(kept) < 2:
-        nothing = dict.fromkeys(QUANTILES, math.nan)
-        return ScalarDistribution(
-            kept, int((~known).sum()), math.nan, math.nan, nothing, np.zeros(points.shape[1]) + math.nan
-        )
+        nothing, ranks = dict.fromkeys(QUANTILES, math.nan), np.full(points.shape[1], math.nan)
+        return ScalarDistribution(kept, int((~known).sum()), math.nan, math.nan, nothing, ranks)
     quantiles = {part: float(np.quantile(kept, part)) for part in QUANTILES}
     from scipy.stats import rankdata
 
-    places = rankdata(points[known], axis=0)
-    ranks = np.array([_correlation(own, rankdata(kept)) for own in places.T])
+    x, y = (rank - rank.mean(axis=0) for rank in (rankdata(points[known], axis=0), rankdata(kept)))
+    sizes = np.sqrt((x * x).sum(axis=0) * (y @ y))
+    ranks = np.divide(x.T @ y, sizes, out=np.zeros(len(sizes)), where=sizes > 0.0)
     return ScalarDistribution(kept, int((~known).sum()), float(kept.mean()), float(kept.std(ddof=1)), quantiles, ranks)
-
-
-def _correlation(one: FloatArray, other: FloatArray) -> float:
-    x, y = one - one.mean(), other - other.mean()
-    size = math.sqrt(float(x @ x) * float(y @ y))
-    return float(x @ y) / size if size > 0.0 else 0.0

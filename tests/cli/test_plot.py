@@ -261,6 +261,6 @@ def test_a_reopened_result_is_the_run(tmp_path):
     result = read_result(sink.path)
     again, found = reload_result(case_from_result(result), result)
     assert found.outline == response.outline
-    for name, values in vars(response.fields).items():
+    for name, values in response.fields._asdict().items():
         np.testing.assert_allclose(getattr(found.fields, name), values, rtol=0.0, atol=0.0)
     assert member_strength(again, found) == stressed.members()

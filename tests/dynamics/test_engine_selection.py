@@ -30,7 +30,6 @@ from flexcam.dynamics import (
     bathe,
     constant,
     elastic_stop,
-    exact,
     generalized_alpha,
     hht,
     newmark,
@@ -84,7 +83,6 @@ def refusal(problem, method=None):
 @pytest.mark.parametrize(("options", "method", "words"), [
     ({"adaptive": Adaptive()}, newmark(), "it has no adaptive steps"),
     ({}, bathe(), "newmark, hht and generalized-alpha only"),
-    ({}, exact(), "newmark, hht and generalized-alpha only"),
 ])  # fmt: skip
 def test_methods_that_go_the_general_way_alone(path, options, method, words):
     assert words in refusal(problem_of(masses(2), path, **options), method)

@@ -64,7 +64,7 @@ import hashlib
 import flexcam
 case = flexcam.read_case("cases/pushrod-engine/intake.toml", ["run.revolutions=2", "run.crank_speed=6700rpm"])
 run = flexcam.run(case)
-values = [run.fields.displacement, *(getattr(run.probes, name) for name in vars(run.probes)), *run.channels.values()]
+values = [run.fields.displacement, *run.probes, *run.channels.values()]
 found = hashlib.sha256(b"".join(one.tobytes() for one in values)).hexdigest()
 print(run.stats.engine, run.status.cause, found)
 """

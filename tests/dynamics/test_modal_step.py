@@ -6,8 +6,9 @@ import mpmath
 import numpy as np
 import pytest
 
-from flexcam.dynamics import newmark
-from flexcam.dynamics.modal_step import ModalStep, ModeParameters, StepBlock, drop_vanished
+from flexcam.core import Triplets
+from flexcam.dynamics import System, newmark
+from flexcam.dynamics.modal_step import ModalStep, StepBlock, drop_vanished
 from tests.integrators import SCHEMES
 
 OMEGA = np.array([0.0, 1e-5, 1e-3, 0.1, 1.0, 10.0, 1e3, 1e6])
@@ -15,7 +16,9 @@ OMEGA = np.array([0.0, 1e-5, 1e-3, 0.1, 1.0, 10.0, 1e3, 1e6])
 
 
 def steps_of(scheme, ratio=0.0, omega=OMEGA):
-    return ModalStep.of(scheme, ModeParameters(np.ones_like(omega), 2.0 * ratio * omega, omega**2, 1.0))
+    rows = np.ones_like(omega), 2.0 * ratio * omega, omega**2
+    mass, damping, stiffness = (Triplets.from_dense(np.diag(row)) for row in rows)
+    return ModalStep.of(scheme, System(mass, damping, stiffness, ("",) * len(omega)), 1.0)
 
 
 def walked(steps, begin, loads):

@@ -47,7 +47,6 @@ WAYS = {
     "HHT, contacts": (BUCKET, "run.engine=direct", "run.integrator.method=hht"),
     "Bathe, contacts": (BUCKET, "run.integrator.method=bathe"),
     "central difference": (LINEAR, "run.integrator.method=central-difference", "run.steps_per_revolution=36000"),
-    "exact": (LINEAR, "run.integrator.method=exact"),
     "scipy's Radau": (LINEAR, "run.integrator.method=radau", "run.steps_per_revolution=3600"),
     "scipy's DOP853": (LINEAR, "run.integrator.method=dop853", "run.steps_per_revolution=7200"),
     "adaptive steps": (BUCKET, "run.adaptive={ tolerance = 1e-6 }"),
@@ -111,7 +110,7 @@ def differing(found, wanted):
 
 SLOW = {
     "general, hydraulic adjuster", "general, lash, Hertz, dissipation", "modal, generalized-alpha", "HHT, contacts",
-    "compiled, hydraulic adjuster", "scipy's Radau", "adaptive steps", "central difference", "exact", "chain",
+    "compiled, hydraulic adjuster", "scipy's Radau", "adaptive steps", "central difference", "chain",
     "Craig-Bampton", "every unknown, none left out", "periodic start", "speed that swings", "one mass", "rigid",
     "scipy's DOP853", "four modes", "compiled, linear", "Bathe, contacts",
     "collocation, contacts and seat",

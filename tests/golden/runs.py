@@ -69,7 +69,6 @@ METHODS = {
 VARIANTS: dict[str, dict[str, tuple[tuple[str, ...], dict[str, int]]]] = {
     "models/linear-train": {
         **{name: (laid, LINEAR) for name, laid in METHODS.items()},
-        "exact": (('run.integrator={ method = "exact" }',), {"auto": LIGHT}),
         "radau": (('run.integrator={ method = "radau" }', "run.steps_per_revolution=90"), {"auto": LIGHT}),
         "rayleigh": (('run.damping={ alpha = "20 1/s", beta = "1e-6 s" }',), LINEAR),
         "modal-damping": (("run.damping={ modal = 0.02 }",), LINEAR),

@@ -63,8 +63,8 @@ def solved(case):
     ids=["time", "crank angle", "pressure over cam angle"],
 )  # fmt: skip
 def test_ramp(rows, overrides, record, tmp_path):
-    """The exact method integrates a force that is linear over every step without error."""
-    found = solved(write(tmp_path, rows, **overrides, **{"run.integrator": '{ method = "exact" }'}))
+    """The collocation integrates a force that is linear over every step without error."""
+    found = solved(write(tmp_path, rows, **overrides, **{"run.integrator": '{ method = "collocation" }'}))
     record(source=SOURCE, case=f"force that grows and stays, {rows.partition(' [')[0]}",
            quantity="largest error of the displacement", unit="m", reference=0.0,
            computed=np.abs(found["mass"].displacement[:, 0] - ramp(found.time)).max(), tolerance=1e-12, absolute=True,

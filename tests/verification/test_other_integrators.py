@@ -1,4 +1,4 @@
-"""Central difference, exact modes and scipy's integrators: closed forms, limits, and one against the other.
+"""Central difference and scipy's integrators: closed forms, limits, and one against the other.
 
 T. J. R. Hughes, The Finite Element Method (1987), ch. 9: the central difference is stable up to w dt = 2 at any damping
 taken at the new instant, its period error at x = w dt is x / (2 asin(x/2)) - 1 without damping.
@@ -28,14 +28,13 @@ from flexcam.dynamics import (
     central_difference,
     constant,
     dop853,
-    exact,
     newmark,
     radau,
     solve,
 )
 from tests.integrators import METHODS
 
-SOURCE = "Hughes (1987), explicit and exact integration"
+SOURCE = "Hughes (1987), explicit integration"
 
 
 def chain(masses, springs, dampers=(), forces=(), push=None):
@@ -76,15 +75,6 @@ def test_period_of_the_central_difference(record, x):
            tolerance=1e-12, reason="rounding")  # fmt: skip
 
 
-@pytest.mark.parametrize("damping", [0.0, 0.05, 0.5])
-@pytest.mark.parametrize("x", [0.01, 1.0, 30.0])
-def test_exact_modes_have_no_error(damping, x):
-    grows = math.exp(-damping * x)
-    assert exact().spectral_radius(x, damping) == pytest.approx(grows, rel=1e-11, abs=1e-14)
-    if x < math.pi and grows > 1e-6:
-        assert abs(exact().period_error(x, damping)) < 1e-12
-
-
 def test_linear_acceleration_limit_is_that_of_its_formula():
     assert newmark(beta=1 / 6).stability_limit() == pytest.approx(2.0 * math.sqrt(3.0), rel=1e-6)
 
@@ -103,20 +93,6 @@ def test_a_run_at_the_limit():
     assert np.abs(solve(below, central_difference())["all"].displacement).max() < 0.1
     with pytest.raises(InputError, match=r"run\.step.*m1.*smaller steps"):
         solve(above, central_difference())
-
-
-def test_exact_under_a_straight_load(record):
-    """A load that grows straight on is answered exactly at any step, damping that couples the modes included."""
-    system = chain([2.0, 1.0], [30.0, 20.0], [0.4, 0.1])
-    ramp = Load("ramp", np.array([1.0, -2.0]), lambda motion: motion.angle)
-    system = System(system.mass, system.damping, system.stiffness, system.names, (ramp,), probes=system.probes)
-    fine, coarse = end(system, exact(), 64), end(system, exact(), 2)
-    np.testing.assert_allclose(coarse.displacement, fine.displacement[::32], rtol=1e-11, atol=1e-15)
-    np.testing.assert_allclose(coarse.velocity, fine.velocity[::32], rtol=1e-11, atol=1e-15)
-    check = end(system, dop853(tolerance=1e-12), 4)
-    record(source=SOURCE, case="two masses, coupled damping, ramp", quantity="displacement after 1 s", unit="m",
-           reference=check.displacement[-1, 0], computed=coarse.displacement[-1, 0], tolerance=1e-10,
-           reason="DOP853 at a tolerance of 1e-12")  # fmt: skip
 
 
 def test_a_conditionally_stable_scheme_diverges_on_a_damped_massless_joint():
@@ -181,7 +157,7 @@ def test_scipy_agrees_through_a_stop(record, check):
            tolerance=2e-6, reason="second order at w dt = 0.0015, events within both")  # fmt: skip
 
 
-@pytest.mark.parametrize("method", [central_difference(), exact(), radau()])
+@pytest.mark.parametrize("method", [central_difference(), radau()])
 def test_contacts_and_dampers_without_mass_are_refused_by_name(method):
     springs = [30.0, 20.0, 25.0]
     damped = chain([2.0, 0.0, 1.0], springs, [0.0, 0.3, 0.0])
@@ -190,11 +166,6 @@ def test_contacts_and_dampers_without_mass_are_refused_by_name(method):
     touched = chain([2.0, 0.0, 1.0], springs, forces=(stop_at(3, 1, 0.01),))
     with pytest.raises(InputError, match="stop"):
         end(touched, method, 1000)
-
-
-def test_exact_refuses_contacts_by_name():
-    with pytest.raises(InputError, match=r"stop.*newmark"):
-        end(chain([1.0], [30.0], forces=(stop_at(1, 0, 0.01),)), exact(), 10)
 
 
 @pytest.mark.slow

@@ -154,7 +154,7 @@ def swinging(request):
     )  # fmt: skip
     problem = Problem(build_system(model, 1.0), ConstantSpeed(1.0), 2e-5, 200)
     fields = solve(problem, newmark(), save=SaveAt(field_every=1)).fields
-    moved, moving, pushed = (bar.dofs.nodal(getattr(fields, name)) for name in Series.__dataclass_fields__)
+    moved, moving, pushed = (bar.dofs.nodal(getattr(fields, name)) for name in Series._fields)
     forces = section_forces(bar.beams, moved, velocity=moving, acceleration=pushed, damping=request.param)
     return bar, pull, forces, (pushed + request.param.alpha * moving)[:, -1]
 
@@ -183,7 +183,7 @@ def test_damped_shear_at_the_tip_is_the_applied_force(damping):
     structure, shown = build_structure(model), output_geometry(model)
     strength = StrengthSink(structure)
     fields = solve(problem, newmark(), save=SaveAt(field_every=1), sinks=[strength]).fields
-    nodal = [structure.dofs.nodal(getattr(fields, name)) for name in Series.__dataclass_fields__]
+    nodal = [structure.dofs.nodal(getattr(fields, name)) for name in Series._fields]
     found = shown.recover_fields(*nodal)
     assert np.abs(found["section_force"][:, -1] - bar.axes @ push[:3]).max() <= 1e-9 * 1000.0  # of a direct solve
     assert np.ptp(found["section_force"][:, 0], axis=0).max() > 100.0  # it does swing
@@ -251,7 +251,7 @@ def strength_under(material, tension, torsion=0.0):
     for part in (slice(0, 20), slice(20, None)):  # two blocks: extremes are kept over all of them
         sink.write(
             Block(nothing[part], nothing[part], empty, np.zeros((len(tension), 0))[part], nothing[part], nothing[part],
-                  Series(*(getattr(series, n)[part] for n in ("displacement", "velocity", "acceleration"))))
+                  series.at(part))
         )  # fmt: skip
     return sink.members()["bar"]
 

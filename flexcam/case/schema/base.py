@@ -14,6 +14,7 @@ from pydantic import (
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
+    PlainValidator,
     ValidationInfo,
     WithJsonSchema,
     model_validator,
@@ -25,17 +26,14 @@ from flexcam.core.errors import NAME, InputError
 from flexcam.core.units import DIMENSIONS, parse
 from flexcam.fem.frames import COMPONENTS, component, direction
 
-_BARE = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
-"""Number without a unit."""
+_BARE = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")  # number without a unit
 
-_TYPE_NAMES = {
+_TYPE_NAMES = {  # of pydantic, in messages
     "string_type": "a string in quotes", "bool_type": "true or false", "bool_parsing": "true or false",
-    "list_type": "a list in brackets",
-    "tuple_type": "a list in brackets",
-    "dict_type": "a table", "float_type": "a number", "float_parsing": "a number",
+    "list_type": "a list in brackets", "tuple_type": "a list in brackets", "dict_type": "a table",
+    "float_type": "a number", "float_parsing": "a number",
     "int_type": "a whole number", "int_parsing": "a whole number", "int_from_float": "a whole number",
 }  # fmt: skip
-"""Names of pydantic's types in messages: string, boolean, list, tuple, dictionary, number."""
 
 
 def describe_type_error(error: ErrorDetails) -> str:
@@ -61,9 +59,8 @@ def value_error(
 def convert_error(refusal: InputError, *, inside: bool = False) -> PydanticCustomError:
     """Convert an `InputError` to the form that pydantic collects."""
     fault = refusal.faults[0]
-    if inside:
-        return value_error(fault.allowed, fault.why, fault.remedy, inside=fault.where, given=fault.given)
-    return value_error(fault.allowed, fault.why, fault.remedy)
+    place = {"inside": fault.where, "given": fault.given} if inside else {}
+    return value_error(fault.allowed, fault.why, fault.remedy, **place)
 
 
 @dataclass(frozen=True)
@@ -111,17 +108,13 @@ class Unit:
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         if self.axis:
             return {"anyOf": [{"type": "number"}, {"type": "string"}]}
-        kind = DIMENSIONS[self.dimension]
-        example = {
-            "description": f"{kind.name}, SI number ({kind.si or '-'}) or string with a unit",
-            "examples": [kind.example],
-        }
-        number: dict[str, Any] = {"type": "number"}
+        kind, number = DIMENSIONS[self.dimension], dict[str, Any](type="number")
         if not self.signed:
             number["exclusiveMinimum" if self.above else "minimum"] = 0
         if self.most is not None:
             number["maximum"] = self.most
-        return {"anyOf": [number, {"type": "string"}], **example}
+        words = f"{kind.name}, SI number ({kind.si or '-'}) or string with a unit"
+        return {"anyOf": [number, {"type": "string"}], "description": words, "examples": [kind.example]}
 
 
 def _component(value: Any) -> str:  # noqa: ANN401 - any TOML value
@@ -145,51 +138,36 @@ def _direction(value: Any) -> Any:  # noqa: ANN401
 
 def _line(value: Any) -> Any:  # noqa: ANN401
     if direction(_direction(value))[3:].any():
-        why = "it is a motion along a line, in m"
-        raise value_error(
-            "a component such as 'uy' or '-uy', or three numbers", why, "take the direction of the motion"
-        )
+        allowed, why = "a component such as 'uy' or '-uy', or three numbers", "it is a motion along a line, in m"
+        raise value_error(allowed, why, "take the direction of the motion")
     return value
 
 
-@dataclass(frozen=True)
-class Check:
-    """Annotation that validates a value with a function of flexcam instead of pydantic."""
-
-    check: Any  #: function that returns the value or raises
-    schema: str  #: JSON Schema of the value
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
-        return core_schema.no_info_plain_validator_function(self.check)
-
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        if self.schema == "component":
-            return {"enum": list(COMPONENTS)}
-        line = self.schema == "line"
-        array = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3 if line else 6}
-        return {"anyOf": [{"type": "string", "pattern": f"^[+-]?{'u' if line else '[ur]'}[xyz]$"}, array]}
+def _direction_schema(kind: str, most: int) -> WithJsonSchema:
+    array = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": most}
+    return WithJsonSchema({"anyOf": [{"type": "string", "pattern": f"^[+-]?{kind}[xyz]$"}, array]})
 
 
-Component = Annotated[str, Check(_component, "component")]
-"""Component: one of ux uy uz rx ry rz."""
-
-DirectionValue = Annotated[Any, Check(_direction, "direction")]
-"""Component with an optional sign, or three (or six) numbers in global axes."""
+Component = Annotated[str, PlainValidator(_component), WithJsonSchema({"enum": list(COMPONENTS)})]
+# Component with an optional sign, or three (or six) numbers in global axes.
+DirectionValue = Annotated[Any, PlainValidator(_direction), _direction_schema("[ur]", 6)]
 DIRECTION = "a component such as uy or -uy, or three numbers (six with rotations)"
-"""Description of a direction, for messages."""
-
-LineValue = Annotated[Any, Check(_line, "line")]
-"""Direction without rotations, for motions and forces in contacts and rockers."""
+# Direction without rotations, for motions and forces in contacts and rockers.
+LineValue = Annotated[Any, PlainValidator(_line), _direction_schema("u", 3)]
 
 Length = Annotated[float, Unit("length", above=True)]
 Position = Annotated[float, Unit("length", signed=True)]
 MassValue = Annotated[float, Unit("mass")]
 Inertia = Annotated[float, Unit("inertia")]
+Density = Annotated[float, Unit("density", above=True)]
+Viscosity = Annotated[float, Unit("viscosity", above=True)]
 Stress = Annotated[float, Unit("stress", above=True)]
 Stiffness = Annotated[float, Unit("stiffness")]
 PositiveStiffness = Annotated[float, Unit("stiffness", above=True)]
 SecondMoment = Annotated[float, Unit("second moment", above=True)]
 DampingValue = Annotated[float, Unit("damping")]
+PositiveDamping = Annotated[float, Unit("damping", above=True)]
+AxisDamping = Annotated[float, Unit("damping", axis="rotational damping")]
 Force = Annotated[float, Unit("force")]
 Angle = Annotated[float, Unit("angle")]
 PositiveAngle = Annotated[float, Unit("angle", above=True)]
@@ -204,6 +182,9 @@ SignedNumber = Annotated[float, Unit("number", signed=True)]
 
 CamshaftSpeed = Annotated[Speed | None, Field(description="camshaft speed")]
 CrankshaftSpeed = Annotated[Speed | None, Field(description="crankshaft speed, twice the camshaft's")]
+
+Flag = Annotated[bool, Field(strict=True)]
+Count = Annotated[int, Field(ge=1, strict=True)]
 
 Part = TypeVar("Part")
 _MARKED_NAME = r"^[A-Za-z0-9_{][A-Za-z0-9_{} -]*$"
@@ -221,6 +202,17 @@ class Record(BaseModel):
 
     # defer_build: the validator of a table is built once, together with the enclosing table
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
+
+    def _check(self) -> None:
+        """Raise an error if keys do not fit together."""
+
+    @model_validator(mode="after")
+    def _check_keys(self) -> Self:
+        try:
+            self._check()
+        except InputError as refusal:
+            raise convert_error(refusal, inside=True) from None
+        return self
 
 
 class PartRecord(Record, Generic[Part]):
@@ -246,14 +238,6 @@ class PartRecord(Record, Generic[Part]):
     def _check(self) -> None:
         """Check that the part can be built."""
         _ = self.part
-
-    @model_validator(mode="after")
-    def _check_part(self) -> Self:
-        try:
-            self._check()
-        except InputError as refusal:
-            raise convert_error(refusal, inside=True) from None
-        return self
 
 
 def records_at(path: tuple[str, ...], root: type[BaseModel]) -> list[type[BaseModel]]:

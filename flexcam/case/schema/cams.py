@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import Field, ValidationInfo, WithJsonSchema, field_validator, model_validator
+from pydantic import Field, ValidationInfo, WithJsonSchema, field_validator
 
 from flexcam import valvetrain
 from flexcam.cams import (
@@ -73,12 +73,10 @@ class TimingRecord(Record):
     closing: SignedAngle | None = Field(None, description="cam angle at which it closes, instead of opening")
     centre: SignedAngle | None = Field(None, description="lobe centre halfway between both, instead of these")
 
-    @model_validator(mode="after")
-    def _check_angle(self) -> Self:
+    def _check(self) -> None:
         given = [key for key in ("opening", "closing", "centre") if getattr(self, key) is not None]
         if len(given) != 1:
             raise value_error("one of opening, closing, centre", given=" and ".join(given) or "none of them")
-        return self
 
     def phase_of(self, event: Event) -> float:
         """Return the phase, rad, that places a lift event of phase zero."""
@@ -245,10 +243,9 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
         if self.lift_table is not None:
             return DelayedEvent(self.lift_table.event, phase) if phase else self.lift_table.event
         if self.law is None or self.lift is None or self.rise is None or self.fall is None:
-            given, why = f"nothing for {', '.join(self.missing_keys)}", "a cam without a lift_table needs them"
-            raise refuse(
-                "lift", given, ", ".join(LAW_KEYS), why, f"add {', '.join(self.missing_keys)}, or a lift_table"
-            )
+            missing, why = ", ".join(self.missing_keys), "a cam without a lift_table needs them"
+            remedy = f"add {missing}, or a lift_table"
+            raise refuse("lift", f"nothing for {missing}", ", ".join(LAW_KEYS), why, remedy)
         opening, closing = self.ramps.build() if self.ramps else (None, None)
         return LiftEvent(
             self.law.law, self.lift, self.rise, self.fall, self.dwell, phase,

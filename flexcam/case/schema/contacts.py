@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from flexcam.case.schema.base import (
+    AxisDamping,
     DampingValue,
+    Density,
     DirectionValue,
+    Flag,
     Force,
     Length,
     LineValue,
     Name,
     PartRecord,
+    PositiveDamping,
     PositiveStiffness,
     Ratio,
     Record,
     Stress,
     Unit,
     Velocity,
+    Viscosity,
     value_error,
 )
 from flexcam.valvetrain import DAMPING_DEPTH, CheckValve, Lubrication, OilChamber, PlungerTravel
@@ -43,10 +48,8 @@ class PublishedLoadRecord(Record):
     follower: _FollowerName
     direction: _LiftDirection = None
     preload_factor: Ratio = Field(2.5, description="preload by the force that the rigid train needs for contact")
-    cam_deflection: bool = Field(
-        False, strict=True, description="the force depends on the shaft's deflection, U_c of (21)"
-    )
-    cam_torque: bool = Field(True, strict=True, description="the force twists the shaft, T_CF of (24)")
+    cam_deflection: Flag = Field(False, description="the force depends on the shaft's deflection, U_c of (21)")
+    cam_torque: Flag = Field(True, description="the force twists the shaft, T_CF of (24)")
 
 
 class BilateralRecord(Record):
@@ -62,9 +65,7 @@ class BilateralRecord(Record):
 class LubricationRecord(PartRecord[Lubrication]):
     """Oil and surfaces of a cam contact, for the channels of film, flash temperature and wear."""
 
-    viscosity: Annotated[float, Unit("viscosity", above=True)] = Field(
-        description="dynamic viscosity of the oil at the inlet"
-    )
+    viscosity: Viscosity = Field(description="dynamic viscosity of the oil at the inlet")
     pressure_viscosity: Annotated[float, Unit("pressure-viscosity coefficient", above=True)] = Field(
         description="alpha of Barus: the viscosity grows by exp(alpha p)"
     )
@@ -82,11 +83,10 @@ class LubricationRecord(PartRecord[Lubrication]):
     )
     kind = Lubrication
 
-    @model_validator(mode="after")
-    def _check_heat(self) -> Self:
+    def _check(self) -> None:
+        super()._check()
         if (self.conductivity is None) != (self.specific_heat is None):
             raise value_error("conductivity and specific_heat, or none of them", "the flash temperature needs both")
-        return self
 
 
 class UnilateralRecord(Record):
@@ -109,8 +109,7 @@ class UnilateralRecord(Record):
     friction_speed: Velocity = Field(0.01, description="sliding velocity over which friction changes its sign, m/s")
     lubrication: LubricationRecord | None = Field(None, description="oil and surfaces, for film and wear")
 
-    @model_validator(mode="after")
-    def _check_friction_speed(self) -> Self:
+    def _check(self) -> None:
         if "friction_speed" in self.model_fields_set and "friction" not in self.model_fields_set:
             given, why = f"{self.friction_speed:g} m/s", "it has no effect without friction"
             raise value_error("friction with it", why, "add friction", inside="friction_speed", given=given)
@@ -119,7 +118,6 @@ class UnilateralRecord(Record):
             why, remedy = "the heat of a flash temperature is that of friction", "add friction, or leave it out"
             given = f"{oil.conductivity:g} W/m/K"
             raise value_error("friction with it", why, remedy, inside="lubrication.conductivity", given=given)
-        return self
 
 
 CamContactRecord = PublishedLoadRecord | BilateralRecord | UnilateralRecord
@@ -145,14 +143,12 @@ class _GapRecord(Record):
     to: Name | None = Field(None, description="node that is pushed")
     direction: LineValue | None = Field(None, description="in which it pushes, between nodes")
 
-    @model_validator(mode="after")
-    def _check_place(self) -> Self:
+    def _check(self) -> None:
         between = self.start is not None and self.to is not None and self.direction is not None
         nothing = self.start is None and self.to is None and self.direction is None
         if not ((self.at is None and between) or (self.at is not None and nothing)):
             why = "a lash lies at a rocker's point or between two nodes"
             raise value_error("either at = a rocker, or from, to and direction", why)
-        return self
 
     @property
     def ends(self) -> tuple[str, str] | None:
@@ -173,9 +169,7 @@ class LashRecord(_GapRecord):
         description="of both sides when they touch; ten times EA/L of the softest member that ends there, "
         "required about an axis, N m/rad",
     )
-    damping: Annotated[float, Unit("damping", axis="rotational damping")] = Field(
-        0.0, description="N s/m, or N m s/rad about an axis"
-    )
+    damping: AxisDamping = Field(0.0, description="N s/m, or N m s/rad about an axis")
     damping_depth: Annotated[float, Unit("length", above=True, axis="angle")] = Field(
         DAMPING_DEPTH, description="penetration over which the damper becomes active, m, or rad about an axis"
     )
@@ -189,7 +183,7 @@ class CheckValveRecord(PartRecord[CheckValve]):
     )
     seat_diameter: Length
     ball_travel: Length = Field(description="travel of the ball from its seat to its cage")
-    density: Annotated[float, Unit("density", above=True)] = Field(850.0, description="of the oil")
+    density: Density = Field(850.0, description="of the oil")
     discharge: Annotated[float, Unit("number", above=True, most=1.0)] = Field(
         0.62, description="coefficient of the flow between ball and seat"
     )
@@ -199,7 +193,7 @@ class CheckValveRecord(PartRecord[CheckValve]):
 class OilRecord(PartRecord[OilChamber]):
     """Oil chamber under the plunger of an adjuster, which gives its stiffness and its leak-down."""
 
-    viscosity: Annotated[float, Unit("viscosity", above=True)] = Field(description="dynamic viscosity of the oil")
+    viscosity: Viscosity = Field(description="dynamic viscosity of the oil")
     bulk_modulus: Stress = Field(description="bulk modulus of the oil without air")
     plunger_diameter: Length
     clearance: Length = Field(description="radial clearance between plunger and body")
@@ -215,15 +209,13 @@ class OilRecord(PartRecord[OilChamber]):
     )
     check_valve: CheckValveRecord | None = Field(None, description="cracking pressure and flow; needs supply_pressure")
 
-    @model_validator(mode="after")
-    def _check_supply(self) -> Self:
+    def _check(self) -> None:
+        super()._check()
         if self.supply_pressure is None and self.check_valve is not None:
             raise value_error("supply_pressure with it", "the valve opens below it", inside="check_valve")
         if self.supply_pressure is not None and self.pressure is not None:
-            raise value_error(
-                "either pressure or supply_pressure", "the stiffness of the air is constant or follows it"
-            )
-        return self
+            why = "the stiffness of the air is constant or follows it"
+            raise value_error("either pressure or supply_pressure", why)
 
     def build(self) -> OilChamber:
         """Build the chamber."""
@@ -248,18 +240,14 @@ class AdjusterRecord(_GapRecord):
 
     model: Literal["lash-adjuster"]
     stiffness: PositiveStiffness | None = Field(None, description="of the oil column; from oil where absent")
-    leak: Annotated[float, Unit("damping", above=True)] | None = Field(
-        None, description="force per velocity of leak-down; from oil where absent"
-    )
+    leak: PositiveDamping | None = Field(None, description="force per velocity of leak-down; from oil where absent")
     oil: OilRecord | None = Field(None, description="chamber under the plunger, for stiffness and leak")
-    refill: Annotated[float, Unit("damping", above=True)] = Field(
-        description="force per velocity while the check valve is open"
-    )
+    refill: PositiveDamping = Field(description="force per velocity while the check valve is open")
     plunger_force: Force = Field(description="force of the plunger at rest, from its spring and the supply pressure")
     travel: TravelRecord | None = Field(None, description="stops of the plunger, which needs its own node with a mass")
 
-    @model_validator(mode="after")
-    def _check_leakage(self) -> Self:
+    def _check(self) -> None:
+        super()._check()
         if self.oil is None and (self.stiffness is None or self.leak is None):
             raise value_error("stiffness and leak, or oil", "they describe the oil column")
         if self.oil is not None and self.stiffness is not None and self.leak is not None:
@@ -273,7 +261,6 @@ class AdjusterRecord(_GapRecord):
             given = f"leak {self.column[1]:g} N s/m, refill {self.refill:g} N s/m"
             why = "the check valve is wider than the gap around the plunger"
             raise value_error("leak above refill", why, given=given)
-        return self
 
     @property
     def column(self) -> tuple[float, float]:

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import tau
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field
 
 from flexcam import valvetrain
 from flexcam.case.curves import LoadValue, MatrixValue
 from flexcam.case.schema.base import (
     DIRECTION,
+    AxisDamping,
     Component,
     DampingValue,
     DirectionValue,
+    Flag,
     Inertia,
     Length,
     LineValue,
@@ -34,6 +36,7 @@ from flexcam.case.schema.base import (
     Stress,
     Unit,
     Vector,
+    Viscosity,
     value_error,
 )
 from flexcam.core import FloatArray
@@ -163,22 +166,18 @@ class MemberRecord(Record):
         description="into how many equal elements each span between two nodes is divided",
     )
     orientation: Vector | None = Field(None, description="vector in the local x-y plane, global axes")
-    shear: bool = Field(False, strict=True, description="shear deformation (Timoshenko)")
-    rotary_inertia: bool = Field(True, strict=True, description="rotary inertia of the sections in bending")
+    shear: Flag = Field(False, description="shear deformation (Timoshenko)")
+    rotary_inertia: Flag = Field(True, description="rotary inertia of the sections in bending")
     mass: Literal["consistent", "lumped"] = "consistent"
-    geometric_stiffness: bool = Field(
-        False, strict=True, description="axial force and bending act on each other within a run"
-    )
+    geometric_stiffness: Flag = Field(False, description="axial force and bending act on each other within a run")
     bow: Position = Field(0.0, description="initial half wave in the local x-y plane, at mid-length")
     temperature: Annotated[float, Unit("temperature", signed=True)] = Field(
         0.0, description="rise over the temperature of assembly; needs expansion of the material"
     )
 
-    @model_validator(mode="after")
-    def _check_bow(self) -> Self:
+    def _check(self) -> None:
         if self.bow and not self.geometric_stiffness:
             raise value_error("bow with geometric_stiffness = true", "a bow has no effect without it")
-        return self
 
 
 _Product = Annotated[float, Unit("inertia", signed=True)]
@@ -254,9 +253,7 @@ class FilmRecord(Record):
     diameter: Length = Field(description="diameter of the journal")
     length: Length = Field(description="length of the bearing along the shaft")
     radial_clearance: Length
-    viscosity: Annotated[float, Unit("viscosity", above=True)] = Field(
-        description="dynamic viscosity of the oil in the film"
-    )
+    viscosity: Viscosity = Field(description="dynamic viscosity of the oil in the film")
 
 
 class BearingRecord(Record):
@@ -267,13 +264,11 @@ class BearingRecord(Record):
     damping: DampingValue = 0.0
     film: FilmRecord | None = None
 
-    @model_validator(mode="after")
-    def _check_film(self) -> Self:
+    def _check(self) -> None:
         if (self.stiffness is None) == (self.film is None):
             raise value_error("either stiffness or film", "a bearing is elastic or has an oil film")
         if self.film is not None and self.damping:
             raise value_error("damping with stiffness", "the film has its own damping", inside="damping")
-        return self
 
 
 _FrictionForce = Annotated[float, Unit("force", axis="moment")]
@@ -298,12 +293,9 @@ class FrictionRecord(Record):
     friction_speed: _SlidingSpeed = Field(
         0.01, description="speed over which the force reverses, m/s, or rad/s about an axis"
     )
-    damping: Annotated[float, Unit("damping", axis="rotational damping")] = Field(
-        0.0, description="viscous part, N s/m, or N m s/rad about an axis"
-    )
+    damping: AxisDamping = Field(0.0, description="viscous part, N s/m, or N m s/rad about an axis")
 
-    @model_validator(mode="after")
-    def _check_place(self) -> Self:
+    def _check(self) -> None:
         slide, coils = (self.at, self.direction), (self.spring, self.inside)
         given, other = (slide, coils) if self.at is not None else (coils, (*slide, self.to))
         if None in given or any(one is not None for one in other):
@@ -312,7 +304,6 @@ class FrictionRecord(Record):
         if self.breakaway_force is not None and self.breakaway_force < self.force:
             given = f"{self.breakaway_force:g}"
             raise value_error(f"{self.force:g} or more", "it is the maximum", inside="breakaway_force", given=given)
-        return self
 
 
 class LoadRecord(PartRecord[valvetrain.GivenLoad]):
@@ -338,8 +329,8 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
         None, strict=True, description="whether a table repeats; by default each revolution, but not over time"
     )
 
-    @model_validator(mode="after")
-    def _check_target(self) -> Self:
+    def _check(self) -> None:
+        super()._check()
         spread = self.force_per_length is not None
         sizes = sum(one is not None for one in (self.force, self.table, self.force_per_length))
         if sizes != 1 or (self.member is not None) != spread or (self.at is None) != spread:
@@ -349,7 +340,6 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
             for key in ("area", "phase", "repeat"):
                 if getattr(self, key) is not None:
                     raise value_error("table with it", "the key describes a table", "add table", inside=key)
-        return self
 
     def build(self) -> valvetrain.GivenLoad:
         """Build the load."""
@@ -421,8 +411,7 @@ class RepeatRecord(Record):
         None, description="cam angle by which every copy is later, instead of firing_order"
     )
 
-    @model_validator(mode="after")
-    def _check_lengths(self) -> Self:
+    def _check(self) -> None:
         names = self.copy_names
         if not names or len(set(names)) < len(names):
             allowed = "names, or a firing_order" if not names else "each name once"
@@ -438,7 +427,6 @@ class RepeatRecord(Record):
         if missing or len(set(self._order)) < len(self._order):
             allowed = f"an order such as '1-3-4-2' that contains {', '.join(names)} once"
             raise value_error(allowed, inside="firing_order", given=repr(self.firing_order))
-        return self
 
     @property
     def copy_names(self) -> list[str]:

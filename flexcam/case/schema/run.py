@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated, Literal, Self, cast
+from typing import Annotated, Literal, cast
 
-from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
+from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator
 
 from flexcam import dynamics
 from flexcam.case.schema.base import (
     CamshaftSpeed,
+    Count,
     CrankshaftSpeed,
+    Flag,
     Gravity,
     MassValue,
     Name,
@@ -36,11 +38,9 @@ class ToleranceRecord(Record):
     acceleration: Tolerance | None = None
     force: Tolerance | None = Field(None, description="of every contact")
 
-    @model_validator(mode="after")
-    def _check_not_empty(self) -> Self:
+    def _check(self) -> None:
         if not self.by_quantity():
             raise value_error("at least one of lift, velocity, acceleration, force", "an empty table limits nothing")
-        return self
 
     def by_quantity(self) -> dict[str, float]:
         """Return the given tolerances by quantity."""
@@ -65,33 +65,24 @@ class FidelityRecord(Record):
         description="of the errors of `tolerance` and `trade`: maximum or root mean square; by default the "
         "maximum for forces and the root mean square for motions",
     )
-    estimate: bool = Field(
-        False, strict=True, description="also run with other steps and elements, and estimate the errors"
+    estimate: Flag = Field(False, description="also run with other steps and elements, and estimate the errors")
+    prune: Flag = Field(
+        True, description="do not integrate what cannot move; it changes no result, only the computing time"
     )
-    prune: bool = Field(
-        True,
-        strict=True,
-        description="do not integrate what cannot move; it changes no result, only the computing time",
-    )
-    modes: int | None = Field(
-        None,
-        ge=1,
-        strict=True,
-        description="number of modes to integrate, with static correction; every degree of freedom by default",
+    modes: Count | None = Field(
+        None, description="number of modes to integrate, with static correction; every degree of freedom by default"
     )
     reduction: Literal["modes", "craig-bampton"] = Field(
         "modes", description="modes of the whole train, or of each part between loads, probes and contacts"
     )
 
-    @model_validator(mode="after")
-    def _check_choice(self) -> Self:
+    def _check(self) -> None:
         if self.tolerance is not None and self.model != "beams":
             raise value_error("either model or tolerance", "a tolerance chooses the model")
         if self.reduction != "modes" and self.modes is None:
             raise value_error("modes with a reduction", "the reduction needs their number")
         if self.modes is not None and self.model != "beams":
             raise value_error("model = beams with modes", "the other models have no modes")
-        return self
 
     @property
     def tolerances(self) -> dict[str, float]:
@@ -156,13 +147,6 @@ class CentralDifferenceRecord(PartRecord[dynamics.Method]):
     kind = dynamics.central_difference
 
 
-class ExactRecord(PartRecord[dynamics.Method]):
-    """Exact modal solution, for models without contacts."""
-
-    method: Literal["exact"]
-    kind = dynamics.exact
-
-
 class ScipyReferenceRecord(PartRecord[dynamics.Method]):
     """Integrators of scipy, as a check of small models: slow, with an accuracy set by the tolerance."""
 
@@ -182,7 +166,6 @@ IntegratorRecord = Annotated[
     | CollocationRecord
     | BatheRecord
     | CentralDifferenceRecord
-    | ExactRecord
     | ScipyReferenceRecord,
     Field(discriminator="method"),
 ]
@@ -216,11 +199,10 @@ class GivenStartRecord(Record):
 
 def _start_tag(value: object) -> str:
     """Return the kind of initial state of a value or record, so that an invalid value gives one fault."""
-    if isinstance(value, dict):
-        return "result" if "result" in value else "given"
-    if isinstance(value, ResultStartRecord):
-        return "result"
-    return "given" if isinstance(value, GivenStartRecord) else "named"
+    if not isinstance(value, dict | Record):
+        return "named"
+    of_result = "result" in value if isinstance(value, dict) else isinstance(value, ResultStartRecord)
+    return "result" if of_result else "given"
 
 
 StartRecord = Annotated[
@@ -238,13 +220,11 @@ class FluctuationRecord(Record):
     amplitudes: list[Ratio] = Field(description='fractions of the mean speed, such as "2 %"; their sum is below 1')
     phases: list[SignedAngle] = Field(default=[], description="of the harmonics; zero by default")
 
-    @model_validator(mode="after")
-    def _check_lengths(self) -> Self:
+    def _check(self) -> None:
         if len(self.amplitudes) != len(self.orders) or len(self.phases) not in (0, len(self.orders)):
             raise value_error("an amplitude (and a phase, or none) for every order", "they belong together")
         if sum(self.amplitudes) >= 1.0:
             raise value_error("amplitudes with a sum below 1", "the shaft must keep turning")
-        return self
 
 
 class FreeRunningRecord(Record):
@@ -288,8 +268,7 @@ class RunRecord(Record):
         None, min_length=2, description="rows of time and rotation of the camshaft against its drive, in cam angle"
     )
     start: StartRecord = Field(
-        "rest",
-        description="at rest as installed, in static equilibrium, in the periodic state, or from a given state",
+        "rest", description="at rest as installed, in static equilibrium, in the periodic state, or from a given state"
     )
     gravity: Gravity = Field(
         (0.0, 0.0, 0.0), description="acceleration, global axes; masses and springs at a rocker's point are left out"
@@ -300,42 +279,34 @@ class RunRecord(Record):
     )
     damping: DampingRecord = Field(default_factory=lambda: DampingRecord.model_validate({}))
 
-    @model_validator(mode="after")
-    def _check_drive(self) -> Self:
+    def _check(self) -> None:
         given = [key for key in ("fluctuation", "free_running", "phaser") if getattr(self, key) is not None]
         if len(given) > 1:
-            raise value_error(
-                "one of fluctuation, free_running, phaser", "each defines the speed", given=" and ".join(given)
-            )
+            allowed = "one of fluctuation, free_running, phaser"
+            raise value_error(allowed, "each defines the speed", given=" and ".join(given))
         if any(later <= time for (time, _), (later, _) in pairwise(self.phaser or [])):
             raise value_error("rows of increasing time", inside="phaser")
         orders = self.fluctuation.orders if self.fluctuation else []
         if self.start == "periodic" and any(order != round(order) for order in orders):
             raise value_error("whole orders with start = periodic", "the state repeats with the camshaft")
-        return self
 
-    @model_validator(mode="after")
-    def _check_method(self) -> Self:
         if isinstance(self.integrator, CollocationRecord):
             if self.adaptive is not None:
-                raise value_error(
-                    "fixed steps with method = collocation", "it has no adaptive steps", "remove adaptive"
-                )
+                allowed = "fixed steps with method = collocation"
+                raise value_error(allowed, "it has no adaptive steps", "remove adaptive")
             if self.engine not in ("auto", "kernel"):
                 raise value_error("the kernel solver engine with method = collocation", "", "remove engine")
-        return self
-
-
-def _check_duplicates(names: list[str]) -> list[str]:
-    twice = [name for name in names if names.count(name) > 1]
-    if twice:
-        raise value_error("every point once", f"{twice[0]!r} is listed {names.count(twice[0])} times", "remove it")
-    return names
 
 
 class OutputRecord(Record):
     """Saved quantities and instants."""
 
     probes: list[Name] = Field(default=[], description="points saved at every step")
-    _listed_once = field_validator("probes")(_check_duplicates)
     field_every: int = Field(20, ge=1, le=1_000_000_000, strict=True, description="steps between saved fields")
+
+    @field_validator("probes")
+    @classmethod
+    def _check_duplicates(cls, names: list[str]) -> list[str]:
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise value_error("every point once", f"{twice[0]!r} is listed {names.count(twice[0])} times", "remove it")
+        return names

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
-from typing import Annotated, Self
+from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from flexcam import valvetrain
 from flexcam.case.schema.base import (
     DIRECTION,
+    AxisDamping,
+    Density,
     DirectionValue,
+    Flag,
     Force,
     Length,
     MassValue,
@@ -29,10 +32,8 @@ from flexcam.case.schema.base import (
 from flexcam.fem.frames import direction
 from flexcam.valvetrain.springs import Coils, coil_spring, install_spring
 
+# Default ratio of the stiffness of touching coils to that of the spring part between them: flexcam's choice.
 _COIL_CONTACT_RATIO = 50.0
-"""Default ratio of the stiffness of touching coils to that of the spring part between them: flexcam's choice."""
-
-
 _WAHL = "Wahl's factor has no meaning for less"
 
 
@@ -43,17 +44,13 @@ class WireRecord(Record):
     coil_diameter: Length | None = Field(None, description="of the coil's mean circle; required without coils")
     active_coils: PositiveNumber | None = Field(None, description="with shear_modulus: the spring's stiffness")
     shear_modulus: Stress | None = Field(None, description="with active_coils, or with coils of the spring")
-    density: Annotated[float, Unit("density", above=True)] | None = Field(
-        None, description="with coils of the spring: its mass"
-    )
+    density: Density | None = Field(None, description="with coils of the spring: its mass")
 
-    @model_validator(mode="after")
-    def _check_coil(self) -> Self:
+    def _check(self) -> None:
         if self.coil_diameter is not None and self.coil_diameter < 2.0 * self.diameter:
             raise value_error("a coil_diameter of twice the wire's or more", _WAHL)
         if self.active_coils is not None and self.shear_modulus is None:
             raise value_error("active_coils and shear_modulus together, or neither", "the stiffness follows from both")
-        return self
 
     @property
     def coil(self) -> valvetrain.Wire | None:
@@ -91,11 +88,10 @@ class PulsationRecord(PartRecord[valvetrain.Pulsation]):
     phase: SignedAngle = 0.0
     kind = valvetrain.Pulsation
 
-    @model_validator(mode="after")
-    def _check_amplitude(self) -> Self:
+    def _check(self) -> None:
+        super()._check()
         if self.amplitude >= 1.0:
             raise value_error("an amplitude below 1", "the stiffness must not change its sign")
-        return self
 
 
 class SpringRecord(PartRecord[valvetrain.Spring]):
@@ -107,12 +103,8 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
     stiffness: Annotated[float, Unit("stiffness", axis="rotational stiffness")] = Field(
         0.0, description="N/m, or N m/rad about an axis"
     )
-    damping: Annotated[float, Unit("damping", axis="rotational damping")] = Field(
-        0.0, description="N s/m, or N m s/rad about an axis"
-    )
-    link: bool = Field(
-        False, strict=True, description="represents a part of the train, which is rigid in the rigid model"
-    )
+    damping: AxisDamping = Field(0.0, description="N s/m, or N m s/rad about an axis")
+    link: Flag = Field(False, description="represents a part of the train, which is rigid in the rigid model")
     installed_force: Force | None = Field(None, description="preload, against direction")
     installed_compression: Length | None = Field(
         None, description="instead of installed_force: from the free length to the installed one"
@@ -137,45 +129,36 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
     )
     wire: WireRecord | None = Field(None, description="for the shear stress, and the stiffness where none is given")
 
-    @model_validator(mode="after")
-    def _check_parts(self) -> Self:
-        if self.wire is not None and not direction(self.direction)[:3].any():
-            raise value_error(
-                "a wire on a spring along a line", "its stress and stiffness are those of a coil in compression"
-            )
-        if self.wire is not None and self.wire.active_coils is not None and self.stiffness:
-            raise value_error(
-                "either stiffness, or active_coils and shear_modulus of the wire", "both define the stiffness"
-            )
-        if self.installed_force is not None and self.installed_compression is not None:
-            raise value_error("either installed_force or installed_compression", "one determines the other")
-        if self.link and (self.to is None or self.installed_force or self.installed_compression):
-            raise value_error(
-                "a link with an end `to` and no preload", "it joins two points as a part of the train does"
-            )
-        if self.clash_travel is not None and not self.part.stiffness:
-            given, allowed = "clash_travel of a spring without stiffness", "a stiffness above zero, or no clash_travel"
-            raise value_error(allowed, "such a spring has no coils", given=given)
-        return self
-
     def _check(self) -> None:
-        """Check the keys that define the force, then that the spring can be built."""
+        """Check the keys that define the force, then that the spring can be built, then keys that exclude others."""
         if self.force_table is not None or self.coils is not None:
             self._check_force("coils" if self.force_table is None else "force_table")
         if self.force_table is not None:
             self._check_table(self.force_table)
-        if self.coils is None:
-            self._check_wire()
-        else:
+        if self.coils is not None:
             self._check_coils(self.coils)
+        elif self.wire is not None:
+            self._check_wire(self.wire)
         super()._check()
         if self.coils is not None and (self.part.clash_travel or 0.0) <= 0.0:
             raise value_error("an installed position before all coils touch", "a solid spring has no travel left")
+        if self.wire is not None and not direction(self.direction)[:3].any():
+            why = "its stress and stiffness are those of a coil in compression"
+            raise value_error("a wire on a spring along a line", why)
+        if self.wire is not None and self.wire.active_coils is not None and self.stiffness:
+            allowed = "either stiffness, or active_coils and shear_modulus of the wire"
+            raise value_error(allowed, "both define the stiffness")
+        if self.installed_force is not None and self.installed_compression is not None:
+            raise value_error("either installed_force or installed_compression", "one determines the other")
+        if self.link and (self.to is None or self.installed_force or self.installed_compression):
+            why = "it joins two points as a part of the train does"
+            raise value_error("a link with an end `to` and no preload", why)
+        if self.clash_travel is not None and not self.part.stiffness:
+            given, allowed = "clash_travel of a spring without stiffness", "a stiffness above zero, or no clash_travel"
+            raise value_error(allowed, "such a spring has no coils", given=given)
 
-    def _check_wire(self) -> None:
-        wire = self.wire
-        if wire is None:
-            return
+    @staticmethod
+    def _check_wire(wire: WireRecord) -> None:
         if wire.coil_diameter is None:
             why, remedy = "the key is required without coils", "add 'coil_diameter'"
             raise value_error("a length", why, remedy, inside="wire.coil_diameter", given="nothing")
@@ -208,10 +191,8 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
         start, force = self.installed_compression or 0.0, self.installed_force
         (least, weakest), (most, strongest) = rows[0], rows[-1]
         if not (least <= start <= most if force is None else weakest <= force <= strongest):
-            allowed = (
-                f"rows around the installed position, {start:g} m" if force is None else f"rows around {force:g} N"
-            )
-            raise value_error(allowed, "the travel counts from there", inside="force_table")
+            place = f"the installed position, {start:g} m" if force is None else f"{force:g} N"
+            raise value_error(f"rows around {place}", "the travel counts from there", inside="force_table")
 
     def _check_force(self, key: str) -> None:
         """Check the keys that a force table or coils exclude."""
@@ -227,15 +208,14 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
     def build(self) -> valvetrain.Spring:
         """Build the spring."""
         along = direction(self.direction)
-        stiffness = self.stiffness or (self.wire.rate if self.wire else None) or 0.0
+        wire, stiffness = self.wire and self.wire.coil, self.stiffness or (self.wire and self.wire.rate) or 0.0
         clash = self.clash_stiffness or _COIL_CONTACT_RATIO * self.elements * stiffness
-        wire = self.wire.coil if self.wire else None
         force = self.installed_force
         if self.installed_compression is not None:
             force = stiffness * self.installed_compression
         spring = valvetrain.Spring(
             self.at, along, stiffness, self.damping, self.to, force, self.mass, self.elements,
-            self.clash_travel, clash, wire, self.pulsation.part if self.pulsation else None, self.link,
+            self.clash_travel, clash, wire, self.pulsation and self.pulsation.part, self.link,
         )  # fmt: skip
         place = self.installed_force, self.installed_compression
         if self.force_table is not None:
