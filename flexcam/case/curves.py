@@ -308,7 +308,7 @@ def read_law(path: Path, text: str | None = None) -> LawDefinition:
 
 
 def _read_toml_table(path: Path, name: str, text: str | None, make: Callable[[Table], Read]) -> Read:
-    """Return what is made of a table of a file; faults name the file."""
+    """Return the part that `make` builds from a table of a file; faults name the file."""
     try:
         content = parse_toml(read_text(path) if text is None else text)
     except FileNotFoundError:
