@@ -194,8 +194,8 @@ def _contact(tables: dict) -> list[str]:
     return [
         "## Contact",
         "",
-        "Time per step in µs over the first two camshaft revolutions: the probes saved / every channel, energy and field of the case saved.",
-        "Bold: the solver engine that flexcam selects. *Events* are openings and closings of contacts with restitution, *iterations* those of",
+        "Time per step in µs of Newmark's method over the first two camshaft revolutions: the probes saved / every channel, energy and field of the case saved.",
+        "Bold: the solver engine that flexcam selects. *Events* are openings and closings of contacts, *iterations* those of",
         "Newton's method per step. *Straight*: the pushrod without bow and geometric stiffness.",
         "",
         "| case | unknowns | local forces | steps | events | iterations | kernel | direct |",

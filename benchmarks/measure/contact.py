@@ -32,8 +32,9 @@ def measured() -> list[dict[str, object]]:
 
 
 def revolution(name: str, overrides: Sequence[str] = ()) -> PreparedRun:
-    """Return two revolutions of a case, ready to go."""
-    return prepare(read_case(ROOT / f"cases/{name}.toml", ["run.revolutions=2", *overrides]))
+    """Return two revolutions of a case with the method that all engines have, ready to go."""
+    newmark = "run.integrator.method=newmark"
+    return prepare(read_case(ROOT / f"cases/{name}.toml", ["run.revolutions=2", newmark, *overrides]))
 
 
 def ran(ready: PreparedRun, path: str, save: SaveAt | None = None) -> Response:
