@@ -41,7 +41,7 @@ def test_the_frequency_is_that_of_the_accelerations():
     sink, w, n = seen.resolution, 700.0, ready.problem.system.size
     t = np.linspace(0.0, 2.0 * math.pi / w, 400, endpoint=False)[:, None]
     block = solve(ready.problem, ready.scheme).fields
-    moved = replace(block, displacement=np.sin(w * t) * np.ones(n), velocity=w * np.cos(w * t) * np.ones(n),
+    moved = block._replace(displacement=np.sin(w * t) * np.ones(n), velocity=w * np.cos(w * t) * np.ones(n),
                     acceleration=-(w**2) * np.sin(w * t) * np.ones(n))  # fmt: skip
     time, channels = t[:, 0], np.zeros((len(t), len(seen.extremes.outline.channels)))
     sink.write(Block(time, time, moved, channels, time, time, moved))

@@ -22,7 +22,7 @@ ENGINE = ROOT / "cases/pushrod-engine/intake.toml"
 
 SEEN_ALWAYS = ("motion",)
 LOOKS = {
-    "motion": "b3cccc33cc4873cc",
+    "motion": "b3cee631e6087386",
     "force": "b13131a1cecc6e5e",
     "energy": "e5ac7ea9a6598618",
     "svaj": "a5e7f6a064866639",
