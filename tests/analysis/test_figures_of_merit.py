@@ -12,8 +12,6 @@ from flexcam.analysis.figures_of_merit import SPRING_MARGIN, compute_margins, fi
 from flexcam.analysis.run_metrics import compute_metrics
 from flexcam.core.units import RPM
 
-pytestmark = pytest.mark.usefixtures("machine_code")
-
 MASS, SPRING, INSTALLED, DAMPING, LIFT, CONTACT = 0.25, 20e3, 300.0, 6.0, 8e-3, 2e9
 CASE = f"""
 format = 1

@@ -248,7 +248,6 @@ def test_runs_to_come_are_counted_by_their_steps():
     assert run_count(with_steps(case, 480), 0) == run_count(with_steps(case, 480), 1) == 1
 
 
-@pytest.mark.usefixtures("machine_code")
 def test_norms_of_a_ladder():
     """Each is what its reference says: the same runs, told by another norm."""
     asked = [["run.steps_per_revolution=120"], ['fidelity.norm="max"'], ['fidelity.norm="rms"']]
@@ -314,6 +313,7 @@ class TestEstimate:
         for one in estimate_errors(case, "valve"):
             assert abs(one.size - true.size(one.quantity)) <= one.total
 
+    @pytest.mark.usefixtures("shipped_selection")
     @pytest.mark.parametrize(("revolutions", "way"), [(1, "kernel"), (0.05, "direct")])
     def test_all_its_runs_count_for_the_way_through_time(self, revolutions, way, monkeypatch):
         """4.5 times 1440 steps are worth compiling, the longest run of 2880 by itself is not."""
@@ -329,7 +329,6 @@ class TestEstimate:
         estimate_errors(read_case(ENGINE, [*fewer, *plain]), "valve")
         assert taken == [way] * 4
 
-    @pytest.mark.usefixtures("machine_code")
     def test_chatter_has_none(self):
         """At 9000 crank rpm the tappet comes down on its cam again and again, with shorter steps at other moments."""
         fast = ["run.crank_speed=9000rpm", "run.revolutions=0.6", "run.steps_per_revolution=180"]
@@ -337,7 +336,6 @@ class TestEstimate:
                                   "members.pushrod.bow=0"])  # fmt: skip
         assert not {one.quantity: one for one in estimate_errors(case, "valve")}["force intake"].holds
 
-    @pytest.mark.usefixtures("machine_code")
     def test_the_seating_velocity_has_an_error(self):
         """At 3000 crank rpm a valve that rings meets its ramp: eight times the steps seat it within what is claimed."""
         slow = ["run.crank_speed=3000rpm", "run.revolutions=1", "run.steps_per_revolution=720"]

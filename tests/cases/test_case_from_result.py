@@ -18,8 +18,6 @@ from flexcam.io import read_result
 from flexcam.plotting.scene.motion import result_motion
 from flexcam.valvetrain import build_structure
 
-pytestmark = pytest.mark.usefixtures("machine_code")
-
 ROOT = Path(__file__).parents[2]
 CASES = ["tayeb/model-3-shm", "pushrod-engine/lever", "li/valve-train", "petrescu/valve-spring", "checks/cantilever"]
 

@@ -53,7 +53,6 @@ def test_says_where_its_numbers_come_from(name):
 CAMS = [name for name in CASES if "/cams/" in name]
 
 
-@pytest.mark.usefixtures("machine_code")
 @pytest.mark.parametrize("name", [name for name in CASES if name not in (*PUBLISHED, *CAMS)])
 def test_runs(name, flown):
     response, _ = flown(name.removeprefix("cases/").removesuffix(".toml"))

@@ -217,7 +217,6 @@ def check(seed, folder):
 
 
 @pytest.mark.parametrize("seed", QUICK)
-@pytest.mark.usefixtures("machine_code")
 def test_fifteen(seed, tmp_path):
     check(seed, tmp_path)
 

@@ -57,7 +57,6 @@ QUICK = (0, 1, 2, 3, 6, 7)
 
 
 @pytest.mark.parametrize("seed", QUICK)
-@pytest.mark.usefixtures("machine_code")
 def test_a_few(seed):
     check(seed)
 

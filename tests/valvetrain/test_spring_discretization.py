@@ -72,7 +72,6 @@ def test_only_springs_with_mass_that_say_nothing_are_divided(untold):
     assert build_model(read_case(untold, FAST)).springs["valve"].elements == 16
 
 
-@pytest.mark.usefixtures("machine_code")
 def test_the_default_is_near_the_wave_equation(untold):
     """Cam and adjuster within half a percent of their largest force of 32 parts; one part is off by 14 %."""
     true = run_histories(read_case(untold, [*FAST, "springs.valve.elements=32"]), "valve")
@@ -82,7 +81,6 @@ def test_the_default_is_near_the_wave_equation(untold):
             assert least < found[name] / true.size(name) < most
 
 
-@pytest.mark.usefixtures("machine_code")
 def test_the_estimate_covers_a_spring_in_one_part():
     case = read_case(FINGER, [*FAST, "springs.valve.elements=1"])
     finer = read_case(FINGER, [*FAST, "springs.valve.elements=16", "run.steps_per_revolution=1440"])

@@ -25,8 +25,6 @@ METHODS = {
 }
 WAYS = ["direct", "modal", "kernel"]
 
-pytestmark = pytest.mark.usefixtures("machine_code")
-
 
 def sine(angle):
     return np.sin(angle)
