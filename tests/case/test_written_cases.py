@@ -10,6 +10,7 @@ from flexcam import read_case
 from flexcam.case.reader import case_tables, complete_case_tables
 from flexcam.case.records import resolve_record
 from flexcam.io import format_toml
+from tests.thinning import mostly_slow
 
 ROOT = Path(__file__).parents[2]
 CASES = [
@@ -19,7 +20,7 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", mostly_slow(CASES), ids=lambda path: path.stem)
 @pytest.mark.parametrize("write", [case_tables, complete_case_tables])
 def test_a_written_case_is_the_same_case(path, write, monkeypatch):
     """Files are named relative to the case: the text is read as if it stood in the place of the file."""

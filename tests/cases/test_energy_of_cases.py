@@ -29,7 +29,7 @@ SLOW = ("bucket", "finger", "intake", "lever", "pump-up", "rocker", "valve-mass"
     [
         pytest.param(
             path, engine, id=f"{path.stem}-{engine}",
-            marks=[pytest.mark.slow] if engine == "direct" and path.stem in SLOW else [],
+            marks=[pytest.mark.slow] if path.stem == "pump-up" or (engine == "direct" and path.stem in SLOW) else [],
         )
         for path in CASES for engine in ("direct", "auto")
     ],

@@ -38,7 +38,7 @@ def test_every_key_has_a_comment(name):
 
 
 LONG = ("dohc-16-valve", "v8-bank", "direct-acting", "exhaust-valve", "finger-follower", "roller-tappet")
-"""`test_doubtful_numbers` checks these in the normal suite, too."""
+"""`test_doubtful_numbers` checks these but for the first in the normal suite, too."""
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in NAMES])

@@ -51,11 +51,11 @@ def test_units_of_tables(flexcam, tmp_path):
     assert "--units" in refused.err
 
 
-@pytest.mark.parametrize("command", ["check", "cam", "modes", "limits"])
+@pytest.mark.parametrize("command", ["check", "cam", "modes", pytest.param("limits", marks=pytest.mark.slow)])
 def test_units_of_tables_without_a_run(flexcam, tmp_path, command):
     """No table prints a metric unit where imperial ones are asked for; 24 mm and 52 kN/m by hand."""
     flexcam("new", "pushrod-engine", "-o", "engine.toml")
-    fast = ("--lowest", "4900 rpm", "--highest", "5100 rpm", "--set", "run.steps_per_revolution=360", "--workers", "1")
+    fast = ("--lowest", "4900 rpm", "--highest", "5100 rpm", "--set", "run.steps_per_revolution=360")
     options = (*fast, "--lift-deviation", "1 in") if command == "limits" else ()
     done = flexcam(command, "engine.toml", *options, "--units", "imperial")
     assert (done.code, done.err) == (0, "")

@@ -16,6 +16,7 @@ from flexcam.cams import HarmonicLift
 from flexcam.case.variants import with_elements
 from flexcam.valvetrain import Spring, build_structure
 from flexcam.valvetrain.spring_properties import count_spring_parts, surge_frequency
+from tests.thinning import mostly_slow
 
 FINGER = Path("cases/direct-acting/finger.toml")
 UP = np.eye(6)[1]
@@ -46,7 +47,9 @@ def test_four_parts_in_half_a_wave_are_off_by_what_the_rule_says():
         assert error == pytest.approx((math.pi / 4.0) ** 2 / 24.0, rel=0.05)
 
 
-@pytest.mark.parametrize(("harmonic", "parts"), [(1, 4), (4, 4), (6, 6), (7, 7), (13, 13), (16, 16), (40, 16)])
+@pytest.mark.parametrize(
+    ("harmonic", "parts"), mostly_slow([(1, 4), (4, 4), (6, 6), (7, 7), (13, 13), (16, 16), (40, 16)])
+)
 def test_parts_for_a_lift_of_one_harmonic(harmonic, parts):
     """At a quarter of the surge's speed the harmonic n has n/4 half waves in the spring, and four parts in each."""
     speed = 2.0 * math.pi * surge_frequency(SPRING) / 4.0
