@@ -17,7 +17,6 @@ import pytest
 
 from flexcam import InputError, build_model, prepare, read_case, run
 from flexcam.dynamics import ConstantSpeed, equilibrium
-from tests.thinning import mostly_slow
 
 SOURCE = "Point of contact of a cam"
 E, NU, SPAN, REACH = 207e9, 0.29, 0.12, 0.25
@@ -155,7 +154,7 @@ def tangent(found, offset, base=BASE, roller=ROLLER):
     return (found.slope - offset) / (math.sqrt((base + roller) ** 2 - offset**2) + found.s)
 
 
-@pytest.mark.parametrize("angle", mostly_slow(ANGLES))
+@pytest.mark.parametrize("angle", ANGLES)
 @pytest.mark.parametrize("offset", [0.0, 0.004, -0.004])
 @pytest.mark.parametrize("contact", [LINEAR, HERTZ])
 def test_a_roller_pushes_the_shaft_sideways(record, case, angle, offset, contact):

@@ -191,9 +191,7 @@ def tube(tmp_path_factory):
     return Tube(tmp_path_factory.mktemp("tube") / "case.toml")
 
 
-@pytest.mark.parametrize(
-    ("count", "name"), [(25, "25 modes"), pytest.param(None, "all unknowns", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("count", "name"), [(25, "25 modes"), (None, "all unknowns")])
 def test_tube_as_published(record, tube, count, name):
     computed = tube.force(count)
     record(source=TUBE, case=name, quantity="rms force of the end stop", unit="N", reference=23.4, computed=computed,

@@ -26,7 +26,6 @@ from flexcam.dynamics import (
     newmark,
     solve,
 )
-from tests.thinning import mostly_slow
 
 SOURCE = "Hochbruck and Ostermann (2010), exponential collocation"
 STIFFNESS, PUSH = 2e4, np.array([20.0, 0.0, 100.0])
@@ -106,7 +105,7 @@ def test_a_contact_of_a_point_without_mass_does_not_divide_steps(damper):
     np.testing.assert_allclose(response["all"].displacement, 0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize("steps", mostly_slow([360, 900, 3600]))
+@pytest.mark.parametrize("steps", [360, 900, 3600])
 def test_force_of_a_hopping_tappet_at_coarse_and_default_steps(steps):
     """The pushrod engine over its lift; Newmark's method is wrong by 42 %, 39 % and 20 %."""
     words = ("run.revolutions=0.5", "run.integrator.method=collocation")

@@ -17,13 +17,7 @@ REASONS = {
 }
 
 
-@pytest.mark.parametrize(
-    "check",
-    [
-        pytest.param(check, id=check.scalar, marks=[pytest.mark.slow] * (check.scalar == "multiplier.1"))
-        for check in derivatives.CHECKS
-    ],
-)
+@pytest.mark.parametrize("check", derivatives.CHECKS, ids=lambda check: check.scalar)
 def test_derivatives_against_closed_forms(record, monkeypatch, check):
     monkeypatch.setattr(derivatives, "REPEATS", 1)
     if check.scalar.startswith("probes"):

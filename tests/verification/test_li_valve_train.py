@@ -111,10 +111,7 @@ RIPPLES = [(0.3, 0.25, 2.3047), (0.3, 0.5, 1.9553), (0.25, 0.25, 2.1134), (0.4, 
 """Split, take-off and the ratio, as (12) gave it on 72001 points."""
 
 
-@pytest.mark.parametrize(
-    ("split", "take_off", "expected"),
-    [RIPPLES[0], *(pytest.param(*one, marks=pytest.mark.slow) for one in RIPPLES[1:])],
-)
+@pytest.mark.parametrize(("split", "take_off", "expected"), RIPPLES)
 def test_ripple(record, reference, split, take_off, expected):
     lift = [f'cams.exhaust.law={{ id = "fb2", split = {split} }}', f"cams.exhaust.ramps.take_off={take_off}"]
     case = read_case(CASE, [*lift, "run.steps_per_revolution=14400"])

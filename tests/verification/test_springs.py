@@ -17,7 +17,6 @@ from scipy.interpolate import CubicHermiteSpline
 from flexcam import build_model, modes, prepare, read_case, run
 from flexcam.dynamics import ConstantSpeed, equilibrium
 from flexcam.valvetrain.spring_properties import condense_spring, spring_curve, spring_frequencies
-from tests.thinning import mostly_slow
 
 SOURCE = "Coil springs"
 CASE = """
@@ -110,7 +109,7 @@ def test_stress_at_rest(record, case, degrees):
 SURGING = OF_WIRE + '\nmass = "80 g"\nelements = PARTS\ndamping = 2.0'
 
 
-@pytest.mark.parametrize("parts", mostly_slow([4, 8], 2))
+@pytest.mark.parametrize("parts", [4, 8])
 def test_surge_against_a_chain(record, case, parts):
     """Parts in a row between ground and a given motion: bars with consistent masses, by scipy's own integration."""
     response = run(case(SURGING.replace("PARTS", str(parts))))

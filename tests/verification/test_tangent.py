@@ -181,7 +181,7 @@ ONE_REVOLUTION = ("run.revolutions=1", "run.steps_per_revolution=1440")
         (FINGER, "contacts.adjuster.leak",
          ("contacts.adjuster.leak_down.largest", "contacts.intake.force.largest"), ()),
         (FINGER, "run.crank_speed", ("contacts.adjuster.force.largest", "contacts.seat.seating_velocity"),
-         ("run.start=periodic", "run.steps_per_revolution=720")),
+         ("run.start=periodic",)),
     ],
     ids=["speed", "spring", "adjuster", "periodic"],
 )  # fmt: skip

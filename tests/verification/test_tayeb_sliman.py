@@ -17,7 +17,6 @@ from flexcam.dynamics import ConstantSpeed, Problem, installed_state, modes, new
 from flexcam.fem.elements import bending
 from flexcam.valvetrain import build_rigid, build_structure, build_system, follower_train
 from flexcam.valvetrain.loads import preload, series_stiffness
-from tests.thinning import mostly_slow
 
 SOURCE = "Tayeb and Sliman, Flexibility analysis of a cam mechanism"
 TWO_SCRIPTS = "half a unit of the last digit of two independent scripts, and their rounding (0.39453 given as 0.394)"
@@ -158,7 +157,7 @@ def test_first_loaded_mode(record, published, number):
     assert bound * (1 - 0.004) < found.frequencies[1] < bound
 
 
-@pytest.mark.parametrize("number", mostly_slow(sorted(COUNTS)))
+@pytest.mark.parametrize("number", sorted(COUNTS))
 @pytest.mark.parametrize("law", sorted(PRELOADS))
 @pytest.mark.parametrize("rpm", sorted(TABLE))
 def test_deviations(record, published, rpm, law, number):
