@@ -12,7 +12,6 @@ from flexcam import InputError, read_case, run
 from flexcam.analysis.preparation import prepare
 from flexcam.analysis.run import open_result_file
 from flexcam.dynamics import solve
-from tests.thinning import mostly_slow
 
 INLINE = Path(__file__).parents[1] / "data/inline.toml"
 
@@ -30,7 +29,7 @@ def stopped(tmp_path):
 RESTART = ['run.start={ result = "inline.vtkhdf" }', "run.revolutions=0.25"]
 
 
-@pytest.mark.parametrize("rigid", mostly_slow([False, True], 2))
+@pytest.mark.parametrize("rigid", [False, True])
 @pytest.mark.parametrize("rpm", [3000, 6000, 1234])
 def test_angle_goes_on(stopped, rpm, rigid):
     response = run(read_case(stopped, [*RESTART, f"run.speed={rpm}rpm"]), rigid=rigid)

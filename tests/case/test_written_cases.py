@@ -14,13 +14,13 @@ from tests.thinning import mostly_slow
 
 ROOT = Path(__file__).parents[2]
 CASES = [
-    *sorted(path for path in (ROOT / "cases").rglob("*.toml") if path.parent.name != "cams"),
+    *mostly_slow(sorted(path for path in (ROOT / "cases").rglob("*.toml") if path.parent.name != "cams")),
     *(ROOT / "tests/data" / f"{name}.toml" for name in ("every-key", "every-contact", "every-engine")),
-    *sorted((ROOT / "flexcam/templates").glob("*.toml")),
+    *mostly_slow(sorted((ROOT / "flexcam/templates").glob("*.toml")), 2),
 ]
 
 
-@pytest.mark.parametrize("path", mostly_slow(CASES), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 @pytest.mark.parametrize("write", [case_tables, complete_case_tables])
 def test_a_written_case_is_the_same_case(path, write, monkeypatch):
     """Files are named relative to the case: the text is read as if it stood in the place of the file."""

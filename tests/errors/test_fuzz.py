@@ -12,7 +12,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from flexcam import FlexcamError, InputError, prepare, read_case
-from tests.thinning import mostly_slow
 
 LINES = (Path(__file__).parents[1] / "data/inline.toml").read_text(encoding="utf-8").splitlines()
 VALUES = [
@@ -100,7 +99,7 @@ def test_accepted_or_refused_never_broken(steps, path):
 KEYS = [i for i, line in enumerate(LINES) if "=" in line and not line.startswith("#")]
 
 
-@pytest.mark.parametrize(("first", "value"), mostly_slow(list(enumerate(VALUES)), 2))
+@pytest.mark.parametrize(("first", "value"), list(enumerate(VALUES)))
 def test_every_value_at_every_third_key(first, value, path):
     """Keys of the file hold the value in turn; those beside them hold the values beside it."""
     broken = {}

@@ -20,7 +20,6 @@ from flexcam.dynamics import solve
 from flexcam.io import open_hdf5, verify_file, write_digest
 from flexcam.io.sweep_table import read_table
 from flexcam.report.content import load_subject
-from tests.thinning import mostly_slow
 
 ROOT = Path(__file__).parents[2]
 
@@ -136,7 +135,7 @@ NUMBERS = (
 
 @pytest.mark.parametrize(
     ("what", "name"),
-    mostly_slow([(what, name) for i, what in enumerate(CHANGED) for j, name in enumerate(NUMBERS) if (i + j) % 3 == 0]),
+    [(what, name) for i, what in enumerate(CHANGED) for j, name in enumerate(NUMBERS) if (i + j) % 3 == 0],
 )
 def test_numbers_of_another_type_shape_or_size(what, name, sound, tmp_path):
     """With a valid checksum, as another program may write it."""

@@ -13,7 +13,6 @@ import pytest
 
 from flexcam.dynamics import ConstantSpeed, Problem, SaveAt, State, newmark, solve
 from tests.integrators import WITH_CONTACTS
-from tests.thinning import mostly_slow
 
 STEPS, TURNS = "step times frequency", "many revolutions"
 EPS = float(np.finfo(float).eps)
@@ -60,7 +59,7 @@ def test_average_acceleration_follows_its_own_theory(expect, swing, x):
                  tolerance=500 * EPS * (1.0 + 0.25 * x**2))  # fmt: skip
 
 
-@pytest.mark.parametrize("name", mostly_slow(WITH_CONTACTS, 2))
+@pytest.mark.parametrize("name", WITH_CONTACTS)
 def test_small_steps_are_right(expect, swing, name):
     """Period error of order (w dt)^2: at most 1/5 of it for these schemes, times the angle turned through."""
     x, steps = 1e-4, 10_000

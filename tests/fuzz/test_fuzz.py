@@ -11,7 +11,6 @@ from flexcam import FlexcamError
 from flexcam.dynamics import RunFailedError
 from tests.fuzz import damage, targets
 from tests.fuzz.run import fuzz
-from tests.thinning import mostly_slow
 
 INPUTS = 60
 
@@ -82,7 +81,7 @@ def test_a_body_on_a_spring_without_stiffness_is_checked(tmp_path):
     assert targets.command(tmp_path / "mathieu.toml", Random(4)) in ("accepted", "failed")
 
 
-@pytest.mark.parametrize("change", mostly_slow(damage.STRUCTURE, 2))
+@pytest.mark.parametrize("change", damage.STRUCTURE)
 @pytest.mark.parametrize("kind", ["result", "table"])
 def test_every_change_of_structure(kind, change, tmp_path):
     """Each at two places: refused, or what is read is what was written."""

@@ -9,7 +9,6 @@ from flexcam import build_model, prepare, read_case, run
 from flexcam.analysis.natural_modes import modes
 from flexcam.case.input_checks import check_values
 from flexcam.report.tables import model_table
-from tests.thinning import mostly_slow
 
 SURGING = """
 format = 1
@@ -168,11 +167,11 @@ def test_force_in_the_rigid_train():
     np.testing.assert_array_equal(response.channels["springs.idle.force"], 7.0)
 
 
-@pytest.mark.parametrize("more", mostly_slow([
+@pytest.mark.parametrize("more", [
     'force_table = [["0 mm", "400 N"], ["4 mm", "550 N"], ["12 mm", "1100 N"]]',
     'stiffness = "50 kN/m", clash_travel = "8 mm", clash_stiffness = "0.1 MN/m", mass = "60 g"',
     'stiffness = "50 kN/m", pulsation = { order = 3, amplitude = 0.2 }',
-]))  # fmt: skip
+])  # fmt: skip
 def test_force_in_the_rigid_train_is_the_slow_limit(more):
     case = read_case(PUSHROD, [f"springs.valve={{ {BASE}, {more} }}", *SLOW])
     rigid, slow = (run(case, rigid=one).channels["springs.valve.force"] for one in (True, False))
