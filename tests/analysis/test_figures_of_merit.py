@@ -11,8 +11,6 @@ from flexcam import prepare, read_case, solve
 from flexcam.analysis.run_metrics import SPRING_MARGIN, compute_margins, compute_metrics, figures_of_merit
 from flexcam.core.units import RPM
 
-pytestmark = pytest.mark.usefixtures("machine_code")
-
 MASS, SPRING, INSTALLED, DAMPING, LIFT, CONTACT = 0.25, 20e3, 300.0, 6.0, 8e-3, 2e9
 CASE = f"""
 format = 1

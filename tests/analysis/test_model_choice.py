@@ -176,7 +176,7 @@ class TestLadder:
         assert work == sorted(work)
         assert {steps_per_revolution_of(one.case) for one in found} == {60, 120, 240}
 
-    @pytest.mark.parametrize(("steps", "counts"), [(100, {100}), (243, {243}), (120, {60, 120})])
+    @pytest.mark.parametrize(("steps", "counts"), [(100, {100}), (120, {60, 120})])
     def test_steps_that_divide(self, steps, counts):
         """Half as often, down to 60 per revolution, and whole numbers only."""
         found = candidate_models(read_case(INLINE, [f"run.steps_per_revolution={steps}"]))
@@ -248,7 +248,6 @@ def test_runs_to_come_are_counted_by_their_steps():
     assert run_count(with_steps(case, 480), 0) == run_count(with_steps(case, 480), 1) == 1
 
 
-@pytest.mark.usefixtures("machine_code")
 def test_norms_of_a_ladder():
     """Each is what its reference says: the same runs, told by another norm."""
     asked = [["run.steps_per_revolution=120"], ['fidelity.norm="max"'], ['fidelity.norm="rms"']]
@@ -282,7 +281,7 @@ def lift_of(case, steps):
 
 
 class TestEstimate:
-    @pytest.mark.parametrize("steps", [60, 61, 90, 125])
+    @pytest.mark.parametrize("steps", [60, 125])
     def test_the_error_of_the_steps_of_a_smooth_case(self, steps):
         """Of second order: 3/4 of it goes with half the step, and that is doubled: 1.5 times the truth.
 
@@ -304,8 +303,7 @@ class TestEstimate:
         true = distance(lift_of(case, 180), lift_of(with_elements(case, factor=8), 180))
         assert true["lift"] <= found["lift"].space <= 2.0 * true["lift"]
 
-    @pytest.mark.parametrize("speed", [3000, 600])
-    @pytest.mark.parametrize("law", ["shm", "parabolic", "cycloidal"])
+    @pytest.mark.parametrize(("law", "speed"), [("shm", 3000), ("parabolic", 600), ("cycloidal", 3000)])
     def test_largest_values_between_the_saved_steps(self, law, speed):
         """The largest values of 64 times the steps lie within what is claimed, that of a load that is given as well."""
         few = ["run.steps_per_revolution=45", f'run.speed="{speed}rpm"']
@@ -314,6 +312,7 @@ class TestEstimate:
         for one in estimate_errors(case, "valve"):
             assert abs(one.size - true.size(one.quantity)) <= one.total
 
+    @pytest.mark.usefixtures("shipped_selection")
     @pytest.mark.parametrize(("revolutions", "way"), [(1, "kernel"), (0.05, "direct")])
     def test_all_its_runs_count_for_the_way_through_time(self, revolutions, way, monkeypatch):
         """4.5 times 1440 steps are worth compiling, the longest run of 2880 by itself is not."""
@@ -329,7 +328,6 @@ class TestEstimate:
         estimate_errors(read_case(ENGINE, [*fewer, *plain, "run.integrator.method=newmark"]), "valve")
         assert taken == [way] * 4
 
-    @pytest.mark.usefixtures("machine_code")
     def test_chatter_has_none(self):
         """At 9000 crank rpm the tappet comes down on its cam again and again, with shorter steps at other moments."""
         fast = [
@@ -342,7 +340,6 @@ class TestEstimate:
                                   "members.pushrod.bow=0"])  # fmt: skip
         assert not {one.quantity: one for one in estimate_errors(case, "valve")}["force intake"].holds
 
-    @pytest.mark.usefixtures("machine_code")
     def test_the_seating_velocity_has_an_error(self):
         """At 3000 crank rpm a valve that rings meets its ramp: eight times the steps seat it within what is claimed."""
         slow = ["run.crank_speed=3000rpm", "run.revolutions=1", "run.steps_per_revolution=720"]

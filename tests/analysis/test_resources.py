@@ -17,6 +17,7 @@ from flexcam.analysis.resources import ResourceEstimate, check_resources, free_d
 from flexcam.analysis.run import estimate_case_resources, open_result_file
 from flexcam.core.errors import InputError
 from flexcam.studies.sweep import check_sweep_resources, make_sweep
+from tests.thinning import mostly_slow
 
 ROOT = Path(__file__).parents[2]
 CASE = ROOT / "tests/data/inline.toml"
@@ -32,7 +33,7 @@ SIZES = {
 }
 
 
-@pytest.mark.parametrize("name", SIZES)
+@pytest.mark.parametrize("name", mostly_slow(SIZES, 2))
 def test_the_file_is_as_large_as_was_said(name, tmp_path):
     """Within 5 %: counted, but for HDF5's own index and heads."""
     case, settings = SIZES[name]

@@ -60,7 +60,6 @@ NOT_ASKED = {"flexcam.studies", "flexcam.plotting.figures", "flexcam.report.page
 }
 BUDGETS = {
     "help": (["--help"], READ | PRINT | {"docstring_parser"}, {"flexcam.plotting.figures"}),
-    "check": (["check", str(CASE)], READ | PRINT, NOT_ASKED),
     "run": (["run", str(CASE), "-o", "."], READ | PRINT, NOT_ASKED),
     "run on a mesh": (["run", TAYEB, "--set", "run.revolutions=0.1", "-o", "."], READ | PRINT | {"meshio"}, NOT_ASKED),
 }

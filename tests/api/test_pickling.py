@@ -11,12 +11,13 @@ import pytest
 
 import flexcam
 from flexcam.case.builder import build_model
+from tests.thinning import mostly_slow
 
 CASES = Path(__file__).parents[2] / "cases"
 
 
 @pytest.mark.parametrize(
-    "name", ["tayeb/model-3-shm", "pushrod-engine/intake", "direct-acting/finger", "li/valve-train"]
+    "name", mostly_slow(["tayeb/model-3-shm", "pushrod-engine/intake", "direct-acting/finger", "li/valve-train"])
 )
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])  # noqa: S301 - our own
 def test_a_copy_is_the_same_model(name, copied):

@@ -22,6 +22,7 @@ from flexcam.cams import (
     minimum_base_radius,
 )
 from flexcam.core.errors import InputError
+from tests.thinning import mostly_slow
 
 M = 0.002
 TWICE = HarmonicLift(M, (0.0, -M), (0.0, 0.0))
@@ -142,7 +143,7 @@ KINDS = {
 }
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", mostly_slow(KINDS, 2))
 def test_the_smallest_base_circle_fits_and_no_smaller_one(kind, turn, smooth_event):
     follower, limit, radius = KINDS[kind], math.radians(28.0), 0.004
 

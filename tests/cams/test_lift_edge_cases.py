@@ -23,6 +23,7 @@ from flexcam.cams import (
     through_points,
 )
 from flexcam.core.errors import InputError
+from tests.thinning import mostly_slow
 
 TURN, DEGREE = 2 * math.pi, math.radians(1.0)
 LOBE = LiftEvent(LAWS["4-5-6-7"], 0.008, 65 * DEGREE, 65 * DEGREE, phase=0.7)
@@ -69,7 +70,7 @@ def test_passing_through_a_smooth_lobe_alone(spacing):
     assert np.abs(event(FINE, 2) - LOBE(FINE, 2)).max() < 0.02 * PEAK
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", mostly_slow(range(8)))
 def test_smoothing_a_coarse_lobe_alone_does_not_make_it_worse(seed):
     """2 deg, 5 um: the worst of eight seeds is 70 % off, where bare differences are off by 46 % at most."""
     theta = lobe_alone(2.0)

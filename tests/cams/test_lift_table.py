@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexcam.cams import LAWS, HarmonicLift, LiftEvent, PeriodicSpline, lift_table
+from tests.thinning import mostly_slow
 
 TURN = 2 * math.pi
 DEGREE = math.radians(1.0)
@@ -121,7 +122,7 @@ def test_lift_and_noise_in_another_unit(scale, tolerance):
     assert second.smoothing == pytest.approx(first.smoothing, rel=1e-6)
 
 
-@pytest.mark.parametrize("tolerance", [0.2e-6, 1e-6, 2e-6, 5e-6, 50e-6])
+@pytest.mark.parametrize("tolerance", mostly_slow([0.2e-6, 1e-6, 2e-6, 5e-6, 50e-6]))
 @pytest.mark.parametrize("spacing", [1.0, 2.0])
 def test_the_tolerance_is_kept_and_used(spacing, tolerance):
     """All of it is used, as any smoothing less would be rougher than it need be."""

@@ -25,6 +25,7 @@ from flexcam.cams import (
     polydyne,
 )
 from flexcam.core.errors import InputError
+from tests.thinning import mostly_slow
 
 AROUND = np.linspace(0.0, 2 * math.pi, 12, endpoint=False)
 CIRCLE = 0.02 * np.column_stack([np.cos(AROUND), np.sin(AROUND)])
@@ -107,7 +108,7 @@ def test_roller_between_two_points():
     np.testing.assert_allclose(lift, 0.002, atol=1e-7)
 
 
-@pytest.mark.parametrize("count", [90, 180, 360])
+@pytest.mark.parametrize("count", mostly_slow([90, 180, 360]))
 def test_two_contacts_almost_as_high(count):
     """A flat face over a hollow, about the angle where the contact jumps from one flank to the other."""
     p, m = 0.0031, 0.006

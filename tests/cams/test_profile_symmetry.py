@@ -16,6 +16,7 @@ from flexcam.cams import (
     lift_from_profile,
     minimum_base_radius,
 )
+from tests.thinning import mostly_slow
 
 ANGLES = np.linspace(0.0, 6.2, 63)
 
@@ -52,7 +53,7 @@ def test_mirror(follower, turn, smooth_event):
     )
 
 
-@pytest.mark.parametrize("factor", [1e-3, 1e3])
+@pytest.mark.parametrize("factor", mostly_slow([1e-3, 1e3]))
 def test_scale(factor, follower, turn, smooth_event):
     event, large = replace(smooth_event, lift=factor * smooth_event.lift), scaled(follower, factor)
     made = cam_profile(smooth_event, follower, turn=turn)
@@ -69,7 +70,7 @@ def test_scale(factor, follower, turn, smooth_event):
     )
 
 
-@pytest.mark.parametrize("factor", [1e-3, 1e3])
+@pytest.mark.parametrize("factor", mostly_slow([1e-3, 1e3], 2))
 @pytest.mark.parametrize("kind", [FlatFollower(0.018), SwingFlatFollower(0.018, 0.05, 0.055)], ids=["flat", "swing"])
 def test_scale_of_limits(factor, kind, smooth_event):
     event, large = replace(smooth_event, lift=factor * smooth_event.lift), scaled(kind, factor)

@@ -10,12 +10,13 @@ from flexcam import read_case
 from flexcam.case.reader import case_tables, complete_case_tables
 from flexcam.case.records import resolve_record
 from flexcam.io import format_toml
+from tests.thinning import mostly_slow
 
 ROOT = Path(__file__).parents[2]
 CASES = [
-    *sorted(path for path in (ROOT / "cases").rglob("*.toml") if path.parent.name != "cams"),
+    *mostly_slow(sorted(path for path in (ROOT / "cases").rglob("*.toml") if path.parent.name != "cams")),
     *(ROOT / "tests/data" / f"{name}.toml" for name in ("every-key", "every-contact", "every-engine")),
-    *sorted((ROOT / "flexcam/templates").glob("*.toml")),
+    *mostly_slow(sorted((ROOT / "flexcam/templates").glob("*.toml")), 2),
 ]
 
 

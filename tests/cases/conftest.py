@@ -1,4 +1,4 @@
-"""Where cases and documents are, and runs of cases that several tests look at."""
+"""Runs of cases that several tests look at."""
 
 from __future__ import annotations
 
@@ -10,11 +10,6 @@ import pytest
 from flexcam import prepare, read_case, run
 
 ROOT = Path(__file__).parents[2]
-
-
-@pytest.fixture(scope="session")
-def root():
-    return ROOT
 
 
 @pytest.fixture(scope="session")

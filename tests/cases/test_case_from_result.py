@@ -17,8 +17,7 @@ from flexcam.case.starters import new_case
 from flexcam.io import read_result
 from flexcam.plotting.scene.motion import result_motion
 from flexcam.valvetrain import build_structure
-
-pytestmark = pytest.mark.usefixtures("machine_code")
+from tests.thinning import mostly_slow
 
 ROOT = Path(__file__).parents[2]
 CASES = ["tayeb/model-3-shm", "pushrod-engine/lever", "li/valve-train", "petrescu/valve-spring", "checks/cantilever"]
@@ -32,7 +31,7 @@ def solved(path, folder, *overrides):
     return case, response, read_result(sink.path)
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", mostly_slow(CASES, 2))
 def test_model_and_motion_are_those_of_the_run(name, tmp_path):
     """Unknowns of nodes, of points with play and of springs' parts: all come back from the file, in their places."""
     shutil.copytree(ROOT / "meshes", tmp_path / "meshes")

@@ -10,6 +10,7 @@ import pytest
 from flexcam import prepare, read_case
 from flexcam.analysis.cam_analysis import cam_facts, load_cams
 from flexcam.analysis.published_claims import deviation
+from tests.thinning import mostly_slow
 
 ROOT = Path(__file__).parents[2]
 CASES = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "cases").rglob("*.toml"))
@@ -53,8 +54,7 @@ def test_says_where_its_numbers_come_from(name):
 CAMS = [name for name in CASES if "/cams/" in name]
 
 
-@pytest.mark.usefixtures("machine_code")
-@pytest.mark.parametrize("name", [name for name in CASES if name not in (*PUBLISHED, *CAMS)])
+@pytest.mark.parametrize("name", mostly_slow([name for name in CASES if name not in (*PUBLISHED, *CAMS)], 2))
 def test_runs(name, flown):
     response, _ = flown(name.removeprefix("cases/").removesuffix(".toml"))
     assert response.status.ok

@@ -82,8 +82,8 @@ def assert_near(general, found, most, tail=""):
         np.testing.assert_allclose(found.channels[name], values, rtol=0.0, atol=allowed * size, err_msg=f"{name}{tail}")
 
 
-SLOW = ("bucket", "intake", "lever", "pump-up", "rocker")
-"""Cases whose direct runs take seconds; the small models of `tests/golden` have their parts in the normal suite."""
+SLOW = ("bucket", "camshaft", "finger", "intake", "leak-down", "lever", "pump-up", "rocker", "valve-mass")
+"""Cases whose direct runs take long; the small models of `tests/golden` have their parts in the normal suite."""
 
 
 def named(path):

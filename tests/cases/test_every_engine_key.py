@@ -16,8 +16,6 @@ from flexcam.case import schema
 from flexcam.case.reader import read_cams
 from flexcam.case.schema import base
 
-pytestmark = pytest.mark.usefixtures("machine_code")
-
 CHECKS = Path(__file__).parents[2] / "cases" / "checks"
 DATA = Path(__file__).parents[1] / "data"
 ENGINE = DATA / "every-engine.toml"
@@ -98,9 +96,7 @@ def ran(path, *overrides):
 
 @pytest.fixture(scope="module")
 def as_it_stands():
-    with pytest.MonkeyPatch.context() as patch:  # in the kernel, as the runs that are compared with it
-        patch.setattr("flexcam.dynamics.engine_selection._COMPILER", 0.0)
-        return ran(ENGINE)
+    return ran(ENGINE)
 
 
 ROUNDING = {"energy.residual", "energy.numerical"}

@@ -36,7 +36,10 @@ def one(told, *words):
     return next(iter(facts(told, *words)["cams"].values()))
 
 
-@pytest.mark.parametrize("name", [name for name in FILES if name[:6] != "model-" or name == "model-3-shm"])
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name not in ("every-cam", "petrescu-cos"))) for name in FILES],
+)
 def test_every_file(name, told):
     found, words = facts(told, name), told(name)
     assert list(found) == ["status", "cams", "overlaps", "lobe_separations", "files"]

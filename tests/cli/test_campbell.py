@@ -22,9 +22,6 @@ QUICK = ("--set", "run.steps_per_revolution=360")
 RANGE = ("--lowest", "1000rpm", "--highest", "6000rpm", "--count", "3")
 
 
-pytestmark = pytest.mark.usefixtures("machine_code")
-
-
 def test_published_mode_meets_the_first_order(flexcam, tmp_path):
     """The loaded mode at 67.114 Hz meets order 1 at 4026.9 rpm; simple harmonic motion has no other order."""
     picture = tmp_path / "campbell.svg"
@@ -61,7 +58,6 @@ def test_force_between_speeds_is_that_of_the_runs(flexcam):
     assert found["crossings"][0]["load"] == pytest.approx(exact["resonances"][0]["load_n"], rel=1e-3)
 
 
-@pytest.mark.usefixtures("machine_code")
 def test_campbell_of_an_engine(flexcam):
     """Crank speeds, orders of the camshaft: the surge of the spring at 455 Hz meets order 11 at 120 * 455 / 11."""
     told = ("--lowest", "4500rpm", "--highest", "5200rpm", "--count", "2", "--orders", "11,12", "--modes", "5")

@@ -21,7 +21,6 @@ def test_compare_takes_the_lift_of_a_train_of_masses(flexcam, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("machine_code")
 def test_models_over_speed_with_a_picture(flexcam, tmp_path):
     picture = tmp_path / "forces.svg"
     told = ("--lowest", "2000rpm", "--highest", "7000rpm", "--count", "2", "--plot", picture, *QUICK)

@@ -11,8 +11,6 @@ import pytest
 
 from flexcam import read_result
 
-pytestmark = pytest.mark.usefixtures("machine_code")
-
 ROOT = Path(__file__).parents[2]
 ENGINE = ROOT / "tests/data/every-engine.toml"
 PUSHROD = ROOT / "cases/pushrod-engine/intake.toml"

@@ -32,7 +32,6 @@ def marked(case):
 
 @pytest.mark.parametrize("asked", MODELS[1:])
 @pytest.mark.parametrize("case", [marked(case) for case in CASES if case not in ALIKE], ids=lambda path: path.stem)
-@pytest.mark.usefixtures("machine_code")
 def test_run(flexcam, tmp_path, case, asked):
     done = flexcam("run", case, *QUICK, "--set", f"fidelity.{asked}", "-o", str(tmp_path), "--json")
     assert done.code in (0, 2, 3), done.err
@@ -45,7 +44,6 @@ def test_run(flexcam, tmp_path, case, asked):
 @pytest.mark.parametrize("command", ["check", "modes", "stability"])
 @pytest.mark.parametrize("asked", ["model=beams", "model=rigid", "model=sdof"])
 @pytest.mark.parametrize("case", FEW, ids=lambda path: path.stem)
-@pytest.mark.usefixtures("machine_code")
 def test_commands(flexcam, case, command, asked):
     done = flexcam(command, case, *QUICK, "--set", f"fidelity.{asked}", "--json")
     assert done.code in (0, 2, 3), done.err

@@ -22,6 +22,7 @@ ROOT = Path(__file__).parents[2]
 FEW = ("run.revolutions=1", "run.steps_per_revolution=360")
 TRADE = import_module("flexcam.analysis.model_choice")  # its function has the same name
 FEW_SET = [word for one in FEW for word in ("--set", one)]
+QUICKER = ("--set", "run.steps_per_revolution=120")
 
 
 TOLD: dict[str, object] = {}
@@ -60,7 +61,7 @@ def fine(tayeb):
 
 
 def test_table_and_files(trade):
-    done = trade("--csv", "trade.csv", "--plot", "trade.svg")
+    done = trade(*QUICKER, "--csv", "trade.csv", "--plot", "trade.svg")
     assert done.code == 0
     assert "its own error" in done.out
     assert "* no other model has both less work and a smaller largest error (over all columns)" in " ".join(
@@ -69,7 +70,7 @@ def test_table_and_files(trade):
     with open("trade.csv", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert {row["model"] for row in rows} == {"rigid", "sdof", "modes 3", "modes 10", "beams", "beams x2"}
-    assert {row["steps_per_revolution"] for row in rows} == {"90", "180", "360"}
+    assert {row["steps_per_revolution"] for row in rows} == {"60", "120"}
     assert all(int(row["work"]) == int(row["unknowns"]) * int(row["steps_per_revolution"]) for row in rows)
     with open("trade.svg", encoding="utf-8") as file:
         assert "</svg>" in file.read()
@@ -115,7 +116,7 @@ def test_a_reference_that_fails_is_named(trade, monkeypatch):
         raise RunFailedError(Status(Cause.NO_CONVERGENCE, "the forces do not settle"))
 
     monkeypatch.setattr(TRADE, "run_histories", failing)
-    done = trade()
+    done = trade(*QUICKER)
     assert done.code == 3
     assert "the reference, of 3 times the elements and 4 times the steps: the forces do not settle" in done.err
 
@@ -181,9 +182,9 @@ def test_other_elements_have_other_numbers(trade, ladder):
 
 def test_a_case_of_another_model_is_traded_against_beams(trade):
     """The reference has flexible members even where the case itself asks for rigid ones."""
-    rungs = {one["model"]: one for one in trade("--set", 'fidelity.model="rigid"', "--json").json["rungs"]}
+    rungs = {one["model"]: one for one in trade("--set", 'fidelity.model="rigid"', *QUICKER, "--json").json["rungs"]}
     assert rungs["rigid"]["errors"]["lift"] > 0.1
-    assert rungs["beams"]["errors"]["lift"] < 1e-4
+    assert rungs["beams"]["errors"]["lift"] < 1e-3
 
 
 @pytest.mark.parametrize(

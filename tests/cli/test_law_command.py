@@ -12,6 +12,7 @@ import pytest
 
 from flexcam.cams import KINDS, LAWS, criteria, residual_spectrum
 from tests.command import facts
+from tests.thinning import mostly_slow
 
 PI, NEAR = math.pi, math.sin(1.25 * math.pi)
 KEYS = {
@@ -57,7 +58,7 @@ def with_(parameters):
     return [f"--with={key}={value}" for key, value in parameters.items()]
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", mostly_slow(LAWS, 4))
 def test_every_law(name, told):
     found, law = facts(told, "law", name), criteria(LAWS[name])
     assert found.keys() == KEYS

@@ -20,8 +20,6 @@ QUICK = ("--set", "run.steps_per_revolution=360")
 ALONE = ("--workers", "1")
 """Speeds are run in this process: a worker takes longer to start than they do."""
 
-pytestmark = pytest.mark.usefixtures("machine_code")
-
 
 def test_limits_name_every_limit_and_the_rigid_speed(flexcam, one_mass):
     """Without seat, coils and members nothing of these is met; a stiff train parts where inertia meets its spring."""

@@ -37,11 +37,10 @@ def test_every_key_has_a_comment(name):
     assert tomllib.loads(text)["title"]
 
 
-LONG = ("dohc-16-valve", "v8-bank", "direct-acting", "exhaust-valve", "finger-follower")
-"""`test_doubtful_numbers` checks these in the normal suite, too."""
+LONG = ("dohc-16-valve", "v8-bank", "direct-acting", "exhaust-valve", "finger-follower", "roller-tappet")
+"""`test_doubtful_numbers` checks these but for the first in the normal suite, too."""
 
 
-@pytest.mark.usefixtures("machine_code")
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in NAMES])
 def test_it_passes_the_check_and_runs(name, flexcam):
     """Without a warning: a beginner's first case must not begin with one."""

@@ -95,7 +95,6 @@ def test_difference_from_the_rigid_train_and_lost_contact(drawn):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("machine_code")
 def test_several_runs_are_drawn_over_their_last_revolution(drawn, flexcam, tmp_path):
     for folder, rpm in (("a", 3000), ("b", 4000)):
         given = (FEW[0], KERNEL, f"run.crank_speed={rpm}rpm", "run.revolutions=1.5")
@@ -162,7 +161,6 @@ def test_spring_curve_with_its_marks(drawn, engine):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("machine_code")
 def test_goodman_diagram(drawn):
     strong = [*FEW, KERNEL, "materials.steel.ultimate_strength=900 MPa", "materials.steel.endurance_limit=350 MPa"]
     figure = drawn(ENGINE, "--what", "goodman", overrides=strong)

@@ -48,7 +48,6 @@ def test_every_line_of_shell_is_looked_at():
 
 
 @pytest.mark.slow  # CI runs the slow tests of this file
-@pytest.mark.usefixtures("machine_code")
 def test_commands_from_above_to_below(clone):
     """And the first of them prints what README shows."""
     printed = []

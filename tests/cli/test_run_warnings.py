@@ -61,7 +61,6 @@ def test_the_word_on_the_contact_tells_a_follower_that_left_its_cam(engine):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("machine_code")
 def test_a_run_too_fast_keeps_it_with_its_result_and_its_report(flexcam, engine, tmp_path):
     fast = ("--set", "run.crank_speed=8000rpm", "--set", "run.steps_per_revolution=720")
     warnings = flexcam("run", engine, "-o", tmp_path, *fast, "--json").json["warnings"]
@@ -146,7 +145,6 @@ def test_a_spring_that_opens_the_valve_is_told(flexcam, direct):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("machine_code")
 def test_a_transient_of_an_adjuster_is_told(flexcam):
     """One revolution from rest reports the transient; a periodic start does not. Several say how far they are."""
     case = Path(__file__).parents[2] / "cases/direct-acting/finger.toml"
@@ -184,7 +182,6 @@ def test_an_impact_on_a_contact_that_stays_closed_has_twice_its_rise():
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("machine_code")
 def test_figures_of_merit_are_printed_once(flexcam, engine, tmp_path):
     """They are metrics of the run in words of the trade; the table of metrics has the others."""
     options = ("--set", "run.steps_per_revolution=1440", "-o", tmp_path, "--overwrite")

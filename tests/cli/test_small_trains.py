@@ -51,7 +51,7 @@ def test_units_of_tables(flexcam, tmp_path):
     assert "--units" in refused.err
 
 
-@pytest.mark.parametrize("command", ["check", "cam", "modes", "limits"])
+@pytest.mark.parametrize("command", ["check", "cam", "modes", pytest.param("limits", marks=pytest.mark.slow)])
 def test_units_of_tables_without_a_run(flexcam, tmp_path, command):
     """No table prints a metric unit where imperial ones are asked for; 24 mm and 52 kN/m by hand."""
     flexcam("new", "pushrod-engine", "-o", "engine.toml")

@@ -22,8 +22,6 @@ MATHIEU = ROOT / "cases/checks/mathieu.toml"
 CANTILEVER = ROOT / "cases/checks/cantilever.toml"
 QUICK = ("--set", "run.steps_per_revolution=360")
 
-pytestmark = pytest.mark.usefixtures("machine_code")
-
 
 @pytest.mark.parametrize(("rpm", "verdict"), [(1000, []), (2000, []), (4000, ["resonance"])])
 def test_published_claim(flexcam, rpm, verdict):

@@ -186,7 +186,6 @@ def test_a_search_by_gradients_through_chaos_is_refused(flexcam):
     assert "The motion is chaotic" in " ".join(refused.err.split())
 
 
-@pytest.mark.usefixtures("machine_code")
 def test_static_results_and_multipliers(flexcam):
     """The force of an installed spring; multipliers that meet at the edge of a tongue have no slope there."""
     asked = ("--of", "static.springs.valve.force", "--to", "springs.valve.installed_force")
@@ -327,7 +326,6 @@ def test_bounds_at_zero_have_no_relative_margin(flexcam, oscillator):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("machine_code")
 def test_events_of_the_best_variant_are_warned_of(flexcam, one_mass):
     """The softest spring has the smallest force, and the follower leaves its cam at the higher speed."""
     asked = ("--vary", "springs.held.stiffness=20:42kN/m", "--least", "springs.held.force.largest")

@@ -56,7 +56,7 @@ def test_json_and_chosen_scalars(flexcam, case):
 
 def test_a_variant_beyond_the_time_limit_fails_alone(flexcam, case, tmp_path):
     """A resumed sweep runs it again, and keeps the others."""
-    words = ("sweep", case, "--set", "run.revolutions=0.1,1e6", "--workers", "0", "--time-limit", "1s", "--json")
+    words = ("sweep", case, "--set", "run.revolutions=0.1,1e6", "--workers", "0", "--time-limit", "0.5s", "--json")
     done = flexcam(*words)
     assert done.json["failed"] == {"time-limit": [2]}
     assert read_table(tmp_path / "results/case.sweep.h5").statuses[0].ok
@@ -339,7 +339,8 @@ def killed_and_resumed(flexcam, folder, kills, seed, workers):
     assert one == other
 
 
-@pytest.mark.parametrize(("kills", "workers"), [(1, 0), pytest.param(20, 2, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("kills", "workers"), [(1, 0), (20, 2)])
 def test_a_sweep_killed_and_resumed_is_the_one_nobody_disturbed(kills, workers, flexcam, case, tmp_path):
     killed_and_resumed(flexcam, tmp_path, kills, seed=kills, workers=workers)
 

@@ -78,7 +78,6 @@ def follow(page, folder, slow):
 @pytest.mark.parametrize(
     "page", [pytest.param(page, marks=[pytest.mark.slow] * (page.name in LONG), id=name_of(page)) for page in PLAIN]
 )
-@pytest.mark.usefixtures("machine_code")
 def test_page(page, folder):
     follow(page, folder, slow=False)
 

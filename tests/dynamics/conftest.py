@@ -16,6 +16,11 @@ START, SPEED0 = np.array([0.2, -0.1]), np.array([-0.5, 0.8])
 END = 2.0
 
 
+@pytest.fixture(autouse=True)
+def _selection(shipped_selection):
+    """Keep the direct engine for short runs: half of these tests are about it."""
+
+
 @pytest.fixture(scope="session")
 def pair(system_of):
     """Return the pair as a System; `springs` off leaves its stiffness away, `local` adds forces."""

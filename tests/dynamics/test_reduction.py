@@ -102,12 +102,11 @@ def test_craig_bampton_refuses(boundary, groups, said):
     assert said in str(refusal.value)
 
 
-@pytest.mark.usefixtures("machine_code")
 @pytest.mark.parametrize(
     ("case", "limits"), [("tayeb/model-3-shm", (1e-4, 1e-9)), ("direct-acting/bucket", (5e-3, 1e-8))]
 )
 def test_a_run_in_few_modes_converges_to_the_whole(case, limits, cases_folder):
-    short = ["run.revolutions=0.5", "run.steps_per_revolution=1800"]
+    short = ["run.revolutions=0.5", "run.steps_per_revolution=1800", "run.engine=kernel"]
     whole, few, all_of_them = (
         run_of(cases_folder / f"{case}.toml", [*short, *more])
         for more in ([], ["fidelity.modes=5"], ["fidelity.modes=90"])
@@ -119,13 +118,12 @@ def test_a_run_in_few_modes_converges_to_the_whole(case, limits, cases_folder):
         assert missed <= limit * np.abs(whole.probes.displacement).max()
 
 
-@pytest.mark.usefixtures("machine_code")
 def test_all_modes_of_a_train_with_an_unknown_without_mass_are_the_train(cases_folder):
     """A lever's tip has no mass: the highest modes, lost to rounding without it, are there all the same.
 
     Contact forces agree to what an open contact makes of rounding; three modes less had left 5e-5 of them.
     """
-    short = ["run.revolutions=0.35", "run.steps_per_revolution=1200"]
+    short = ["run.revolutions=0.35", "run.steps_per_revolution=1200", "run.engine=kernel"]
     path = cases_folder / "pushrod-engine" / "lever.toml"
     whole, modal = (run_of(path, [*short, *more]) for more in ([], ["fidelity.modes=1000"]))
     assert modal.stats.unknowns == whole.stats.unknowns
@@ -163,12 +161,11 @@ def cases_folder(request):
     return request.config.rootpath / "cases"
 
 
-@pytest.mark.usefixtures("machine_code")
 @pytest.mark.parametrize("case", ["tayeb/model-3-shm", "pushrod-engine/intake"])
 def test_craig_bampton_of_a_case(case):
     """Parts between what is pushed or watched: all their modes give the run of the beams, few come near."""
     path = Path(__file__).parents[2] / "cases" / f"{case}.toml"
-    about = ["run.steps_per_revolution=360", "run.revolutions=0.4"]
+    about = ["run.steps_per_revolution=360", "run.revolutions=0.4", "run.engine=kernel"]
     beams = run(read_case(path, about))
     moved = beams.probes.displacement
     for count, allowed in ((50, 1e-9), (3, 1e-3)):  # rounding, and what three modes a part leave

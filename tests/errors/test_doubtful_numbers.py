@@ -84,7 +84,15 @@ def _sound():
     return [path for folder in folders for path in sorted(folder.rglob("*.toml"))]
 
 
-@pytest.mark.parametrize("path", _sound(), ids=lambda path: f"{path.parent.name}-{path.stem}")
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(
+            path, id=f"{path.parent.name}-{path.stem}", marks=[pytest.mark.slow] * (path.stem == "dohc-16-valve")
+        )
+        for path in _sound()
+    ],
+)
 def test_a_sound_case_is_not_doubted(path):
     try:
         case = read_case(path)
@@ -141,7 +149,7 @@ def test_a_contact_that_no_spring_closes(start, tmp_path, tried):
     tried("planted", f"springs that cannot hold contact, start {start}", 1, "warning with the remedy")
 
 
-@pytest.mark.usefixtures("machine_code")
+@pytest.mark.slow
 def test_a_follower_that_flies_at_the_periodic_start_is_pressed_on():
     """It hops on the base circle where the revolution begins; in equilibrium its spring presses it to the cam."""
     case = read_case(ROOT / "flexcam/templates/valve-bridge.toml", ['run.start="periodic"'])

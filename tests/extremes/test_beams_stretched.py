@@ -204,7 +204,6 @@ def test_statics_beyond_the_critical_load_is_refused(expect, column, bow, name):
     )
 
 
-@pytest.mark.usefixtures("machine_code")
 def test_a_run_beyond_the_critical_load_tells_its_margin(expect, column):
     """The straight column, struck sideways: it does not come back, and the margin in the run's table is below one."""
     start = prepare(column(0.999)).problem.start.displacement * (1.001 / 0.999)

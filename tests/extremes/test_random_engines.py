@@ -7,6 +7,7 @@ import pytest
 
 from flexcam import read_case, run
 from flexcam.dynamics import RunFailedError
+from tests.thinning import mostly_slow
 
 HEAD = """
 format = 1
@@ -216,8 +217,7 @@ def check(seed, folder):
     assert not status.ok or residual < 0.02, f"{residual:.2g} of the energy does not add up"
 
 
-@pytest.mark.parametrize("seed", QUICK)
-@pytest.mark.usefixtures("machine_code")
+@pytest.mark.parametrize("seed", mostly_slow(QUICK))
 def test_fifteen(seed, tmp_path):
     check(seed, tmp_path)
 

@@ -9,6 +9,7 @@ import pytest
 
 from flexcam import read_case, run
 from flexcam.dynamics import RunFailedError
+from tests.thinning import mostly_slow
 
 CASE = Path(__file__).parents[2] / "cases/pushrod-engine/intake.toml"
 
@@ -56,8 +57,7 @@ QUICK = (0, 1, 2, 3, 6, 7)
 """Trains that take some seconds at most."""
 
 
-@pytest.mark.parametrize("seed", QUICK)
-@pytest.mark.usefixtures("machine_code")
+@pytest.mark.parametrize("seed", mostly_slow(QUICK))
 def test_a_few(seed):
     check(seed)
 

@@ -40,6 +40,7 @@ def marked(job: Job):
     return pytest.param(job, id=f"{job.golden}-{job.name}".replace(" ", "-"), marks=marks)
 
 
+@pytest.mark.usefixtures("shipped_selection")
 @pytest.mark.parametrize("job", [marked(job) for job in JOBS])
 def test_as_kept(job):
     moved = compared(job.golden, job.name, kept(job.golden).get(job.name, {}), computed(job))

@@ -38,7 +38,6 @@ def inclined(tmp_path):
     return tmp_path / "inclined.toml"
 
 
-@pytest.mark.usefixtures("machine_code")
 @pytest.mark.parametrize(("model", "tolerance"), [("beams", 2e-3), ("rigid", 1e-6)])
 def test_guides_of_springs_in_an_inclined_bank(inclined, model, tolerance):
     """Guides of 1 GN/m give way by less than a thousandth of the motion of the pushrod."""

@@ -36,6 +36,7 @@ from flexcam.plotting.scene.solids import (
     section_outlines,
 )
 from flexcam.valvetrain import build_structure
+from tests.thinning import mostly_slow
 
 ROOT = Path(__file__).parents[2]
 STEEL = Material(E=207e9, nu=0.29, density=7800.0)
@@ -225,7 +226,7 @@ def test_a_coil_follows_the_ends_and_the_parts_of_its_spring():
     assert (pressed.points - at_rest.points)[:, 1].max() == pytest.approx(0.004, rel=0.02)
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", mostly_slow(CASES))
 def test_every_case_is_drawn_with_closed_solids(name):
     structure = structure_of(name)
     motion, drawn = case_motion(structure, 100.0), build_mechanism(structure)

@@ -37,8 +37,6 @@ from flexcam.report.tables import metrics_table
 from flexcam.report.terminal import facts_table, plain_table
 from flexcam.valvetrain import Metric
 
-pytestmark = pytest.mark.usefixtures("machine_code")
-
 EVIL = """</script></title><script>alert("1")</script><img src=x onerror='alert(2)'> & "quoted" 'single' {{ 7 * 7 }}"""
 
 
@@ -271,7 +269,6 @@ def test_a_zero_of_the_train_has_no_sign():
     assert list(made.columns[1].cells) == ["0 N"]
 
 
-@pytest.mark.usefixtures("machine_code")
 def test_a_ladder_on_a_rough_reference_says_so():
     """Sixty steps of Newmark's method do not see how a contact of 4 MN/m rings."""
     case = read_case(

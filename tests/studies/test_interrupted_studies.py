@@ -38,7 +38,6 @@ STUDIES = {
 """Module of `flexcam.analysis`, case and call by study."""
 
 
-@pytest.mark.usefixtures("machine_code")
 @pytest.mark.parametrize("study", STUDIES)
 def test_a_stopped_run_stops_what_asked_for_it(study, monkeypatch):
     calls = []
@@ -72,7 +71,6 @@ def test_a_run_behind_another_is_heeded_too(where, ask, monkeypatch):
         ask(read_case(TAYEB, SHORT))
 
 
-@pytest.mark.usefixtures("machine_code")
 @pytest.mark.parametrize("study", STUDIES)
 def test_each_is_told_of(study):
     _, path, ask = STUDIES[study]

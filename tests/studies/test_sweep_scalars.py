@@ -58,7 +58,6 @@ def test_a_row_says_which_model_was_chosen(asked, cause):
     assert not evaluate(read_case("tests/data/inline.toml", ["run.steps_per_revolution=120"])).status.message
 
 
-@pytest.mark.usefixtures("machine_code")
 @pytest.mark.parametrize("path", CASES)
 def test_a_row_is_what_run_and_compare_say(path):
     case = read_case(path, CASES[path])

@@ -10,8 +10,6 @@ from flexcam.analysis.natural_modes import modes
 from flexcam.case.input_checks import check_values
 from flexcam.report.tables import model_table
 
-pytestmark = pytest.mark.usefixtures("machine_code")
-
 SURGING = """
 format = 1
 [nodes]

@@ -16,6 +16,7 @@ from flexcam.cams import HarmonicLift
 from flexcam.case.variants import with_elements
 from flexcam.valvetrain import Spring, build_structure
 from flexcam.valvetrain.springs import count_spring_parts, surge_frequency
+from tests.thinning import mostly_slow
 
 FINGER = Path("cases/direct-acting/finger.toml")
 UP = np.eye(6)[1]
@@ -46,7 +47,9 @@ def test_four_parts_in_half_a_wave_are_off_by_what_the_rule_says():
         assert error == pytest.approx((math.pi / 4.0) ** 2 / 24.0, rel=0.05)
 
 
-@pytest.mark.parametrize(("harmonic", "parts"), [(1, 4), (4, 4), (6, 6), (7, 7), (13, 13), (16, 16), (40, 16)])
+@pytest.mark.parametrize(
+    ("harmonic", "parts"), mostly_slow([(1, 4), (4, 4), (6, 6), (7, 7), (13, 13), (16, 16), (40, 16)])
+)
 def test_parts_for_a_lift_of_one_harmonic(harmonic, parts):
     """At a quarter of the surge's speed the harmonic n has n/4 half waves in the spring, and four parts in each."""
     speed = 2.0 * math.pi * surge_frequency(SPRING) / 4.0
@@ -72,7 +75,6 @@ def test_only_springs_with_mass_that_say_nothing_are_divided(untold):
     assert build_model(read_case(untold, FAST)).springs["valve"].elements == 16
 
 
-@pytest.mark.usefixtures("machine_code")
 def test_the_default_is_near_the_wave_equation(untold):
     """Cam and adjuster within half a percent of their largest force of 32 parts; one part is off by 14 %."""
     true = run_histories(read_case(untold, [*FAST, "springs.valve.elements=32"]), "valve")
@@ -82,7 +84,6 @@ def test_the_default_is_near_the_wave_equation(untold):
             assert least < found[name] / true.size(name) < most
 
 
-@pytest.mark.usefixtures("machine_code")
 def test_the_estimate_covers_a_spring_in_one_part():
     case = read_case(FINGER, [*FAST, "springs.valve.elements=1"])
     finer = read_case(FINGER, [*FAST, "springs.valve.elements=16", "run.steps_per_revolution=1440"])

@@ -55,8 +55,3 @@ def plane_beam():
         return StraightBeam(member, length, elements, ends + inner)
 
     return make
-
-
-@pytest.fixture(autouse=True)
-def _short_runs_in_machine_code(machine_code):
-    """Run contacts in the kernel engine unless a test names another; `tests/invariants` compares the engines."""

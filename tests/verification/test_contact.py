@@ -129,7 +129,6 @@ def bar(elements, stiffness, speed, law=None):
     )
 
 
-@pytest.mark.usefixtures("machine_code")
 def test_impact_of_a_bar(record):
     response, force, c = bar(200, 2e10, 1.0)
     found = response.channels["force"]

@@ -24,8 +24,6 @@ from flexcam.analysis.run import open_result_file
 from flexcam.dynamics import ConstantSpeed, Load, Problem, SaveAt, State, equilibrium, newmark, solve
 from tests.pinned_rod import LENGTH, TUBE, across, pinned_rod, push
 
-pytestmark = pytest.mark.usefixtures("machine_code")
-
 SOURCE = "Geometric stiffness within a run"
 E, DENSITY = 207e9, 7800.0
 EI, EA = E * TUBE.Iz, E * TUBE.A

@@ -256,7 +256,6 @@ ENGINE = """contacts.lash={ at = "rocker", model = "lash-adjuster", stiffness = 
 refill = "500 N s/m", plunger_force = "20 N" }"""
 
 
-@pytest.mark.usefixtures("machine_code")
 def test_at_a_rocker(record):
     """The pushrod engine with an adjuster in the place of its play: the same law there, and it closes its valve."""
     probes = "output.probes=['valve', 'pushrod-top']"

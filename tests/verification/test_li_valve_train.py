@@ -23,8 +23,6 @@ from flexcam.analysis.published_claims import deviation
 from flexcam.cams import harmonics_below
 from flexcam.dynamics import frequency_response, normalized_response
 
-pytestmark = pytest.mark.usefixtures("machine_code")
-
 SOURCE = "C. Li (2014), eqs. 2-4 and 12-13"
 CASE = Path(__file__).parents[2] / "cases/li/valve-train.toml"
 MASS = np.array([0.25, 0.18, 0.21])

@@ -71,7 +71,6 @@ def test_ramp(rows, overrides, record, tmp_path):
            reason="rounding: the force is linear over every step")  # fmt: skip
 
 
-@pytest.mark.usefixtures("machine_code")
 @pytest.mark.parametrize("rows", [
     "time [ms],force [N]\n0,0\n30,600\n300,600\n", "cam angle [deg],force [N]\n0,0\n90,400\n330,0\n",
 ], ids=["time", "cam angle"])  # fmt: skip

@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 
 from flexcam.core import Triplets
 from flexcam.dynamics import ConstantSpeed, Load, Probe, Problem, System, generalized_alpha, hht, newmark, solve
+from tests.thinning import mostly_slow
 
 PUSH, STIFF, SPEED, STEP, STEPS = 100.0, 1e4, 30.0, 1e-4, 4000
 METHODS = {
@@ -24,8 +25,6 @@ METHODS = {
     "generalized-alpha": generalized_alpha(),
 }
 WAYS = ["direct", "modal", "kernel"]
-
-pytestmark = pytest.mark.usefixtures("machine_code")
 
 
 def sine(angle):
@@ -79,7 +78,7 @@ def under_ramp(t):
 
 
 @pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", mostly_slow(METHODS, 2))
 @pytest.mark.parametrize(
     ("history", "exact", "broken"), [(sine, under_sine, 0), (kinked, under_ramp, 1000)], ids=["start", "kink"]
 )
@@ -113,7 +112,7 @@ def slowed(damper):
     return x[1], v, a
 
 
-@pytest.mark.parametrize("way", ["direct", "kernel"])
+@pytest.mark.parametrize("way", [pytest.param("direct", marks=pytest.mark.slow), "kernel"])
 def test_a_damped_joint_does_not_ring_either(way):
     """What its velocity has of the start dies out with the damper; its acceleration keeps nothing of it."""
     damper = 2.0  # the joint follows in c/(2 k) = 1e-4 s, a step

@@ -15,6 +15,7 @@ import pytest
 
 from flexcam import build_model, prepare, read_case, run
 from flexcam.dynamics import ConstantSpeed, Problem, equilibrium, solve
+from tests.thinning import mostly_slow
 
 CASE = """
 format = 1
@@ -147,7 +148,7 @@ ARRANGED = {
 
 
 @pytest.mark.parametrize("rocker", ROCKERS)
-@pytest.mark.parametrize("name", ARRANGED)
+@pytest.mark.parametrize("name", mostly_slow(ARRANGED, 2))
 def test_a_stiff_train_goes_the_same_way(train, name, rocker):
     """Members of 20 TPa and contacts of 0.5 to 5 GN/m: what is left is what they give."""
     contacts, rod, valve = ARRANGED[name]

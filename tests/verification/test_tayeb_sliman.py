@@ -248,7 +248,6 @@ def test_beat_beside_resonance(record, published):
 
 
 @pytest.mark.parametrize(("rpm", "law"), [(1000, "shm"), (2000, "parabolic"), (3000, "cycloidal")])
-@pytest.mark.usefixtures("machine_code")
 def test_cam_deflection_changes_one_percent(record, published, rpm, law):
     felt = np.abs(deviation(published(1, law, cam_deflection=True), rpm)).max()
     record(
