@@ -334,11 +334,11 @@ def _parse_case(path: Path, text: str) -> dict[str, Any]:
         remedy = "strings need quotes, tables need [brackets]"
         if twice := re.match(r"Cannot (?:overwrite|declare).*line (\d+)", str(fault)):
             line = text.split("\n")[int(twice[1]) - 1].strip()
-            if line.startswith("["):
-                line = line.partition("#")[0].strip()
-            name = line if line.startswith("[") else repr(line.partition("=")[0].strip())
+            is_table = line.startswith("[")
+            name = line.partition("#")[0].strip() if is_table else repr(line.partition("=")[0].strip())
             allowed, why = "every key and table only once", f"{name} is given twice"
-            raise refuse(f"{path}, line {twice[1]}", line, allowed, why, "delete one of the two") from None
+            given = name if is_table else f"key {name}"
+            raise refuse(f"{path}, line {twice[1]}", given, allowed, why, "delete one of the two") from None
         if path.suffix != ".toml":
             raise refuse("case file", str(path), "a case file (.toml)", f"it is not a TOML document: {fault}") from None
         raise refuse(str(path), "text that is not TOML", "a TOML document", str(fault), remedy) from None

@@ -95,7 +95,8 @@ def _run_output(ran: FinishedRun) -> Iterator[Table | str]:
     if 0.0 <= stats.periodicity <= MAX_PERIODICITY_ERROR:
         yield f"Periodic start: after a revolution the state differs by {stats.periodicity:.3g} of the motion"
     if change := revolution_change(ran.ready, ran.response):
-        chatter = "; it chatters, and its single impacts do not repeat" if change.force > _CHATTER else ""
+        impacts = "; this contact chatters: its impacts differ from revolution to revolution"
+        chatter = impacts if change.force > _CHATTER else ""
         yield f"The last two revolutions differ by {describe_change(change)}{chatter}"
     if balance := describe_balance(ran.watched.extremes, stats):
         yield f"Energy balance: {balance}"

@@ -57,7 +57,9 @@ def _verdict(found: Stability) -> list[str]:
 def _describe_stable(found: Stability) -> str:
     skipped = [] if found.discrete.is_available else ["the integrator"]
     skipped += ["the growth of disturbances"] if found.floquet is None else []
-    return "none: no cause of instability found" + (f"; not assessed: {' and '.join(skipped)}" if skipped else "")
+    return "none: no cause of instability found" + (
+        f"; {' and '.join(skipped)} could not be assessed" if skipped else ""
+    )
 
 
 def _describe_amplification(found: StepAmplification) -> str:
@@ -158,8 +160,8 @@ def stability(
     scale = read.turns
     if lowest is None and highest is None and plot is None:
         if count is not None:
-            why, remedy = "without a range, only the speed of the case is assessed", "add a range, or leave it out"
-            raise refuse("--count", count, "--count with --lowest, --highest or --plot only", why, remedy)
+            why, remedy = "without a range, only the speed of the case is assessed", "add a range, or leave --count out"
+            raise refuse("--count", count, "--lowest, --highest or --plot with it", why, remedy)
         found = assess_stability(read)
         output = cli.CommandOutput([_stability_table(found, scale)], _stability_json(found, scale))
         cli.write_output(output, as_json=as_json)

@@ -65,9 +65,9 @@ class Exact(Method):
     def refusal(self, system: System, step: float) -> InputError | None:
         """Return the error for local forces, dampers without mass, and large systems."""
         if system.local_forces:
-            names = ", ".join([force.name for force in system.local_forces][:6])
+            names = ", ".join([*dict.fromkeys(force.name for force in system.local_forces)][:6])
             why = "the modal solution is exact only for loads that do not depend on the motion"
-            return refuse("run.integrator", _NAME, f"a method that takes {names}", why, "use newmark or bathe")
+            return refuse("run.integrator", _NAME, f"a method that can integrate {names}", why, "use newmark or bathe")
         if system.size > _MAX_EXACT_UNKNOWNS:
             given = f"{_NAME} with {system.size} unknowns"
             return refuse(
