@@ -120,8 +120,8 @@ def _check_cam_steps(ready: PreparedRun) -> Iterator[str]:
         if curvature * turn**2 > _LIFT_TOLERANCE:
             missed, enough = min(curvature * turn**2, 1.0), 2.0 * math.pi * math.sqrt(curvature / _LIFT_TOLERANCE)
             yield (
-                f"Warning: with {2.0 * math.pi / turn:.4g} steps per revolution, the lift of cam {name} interpolated "
-                f"between steps is wrong by up to {100.0 * missed:.3g} %; "
+                f"Warning: with {2.0 * math.pi / turn:.4g} steps per revolution, interpolation between steps "
+                f"changes the lift of cam {name} by up to {100.0 * missed:.3g} %; "
                 f"take at least {math.ceil(enough)}, and more for contacts"
             )
 
@@ -238,9 +238,11 @@ def check_transient(ready: PreparedRun, change: RevolutionChange | None) -> list
         return []
     if change is not None and change.motion <= MAX_PERIODICITY_ERROR:
         return []
-    size = "it has one revolution" if change is None else f"its last revolutions differ by {describe_change(change)}"
+    size = "the run has only one revolution"
+    if change is not None:
+        size = f"its last revolutions differ by {describe_change(change)}"
     remedy = 'run more revolutions, or take run.start = "periodic"'
-    oil = f"the oil of hydraulic adjuster {', '.join(adjusters)} is still in a transient"
+    oil = f"the oil of hydraulic adjuster {', '.join(adjusters)} may still be in a transient"
     return [f"Warning: {oil}: {size}; {remedy}"]
 
 
@@ -381,8 +383,8 @@ def _check_accuracy(ready: PreparedRun, extremes: ExtremesSink, stats: Stats) ->
         yield f"Warning: {residual}: {why}; take more steps per revolution"
     if not abs(share := numerical_dissipation(extremes)) <= _MAX_ENERGY_RESIDUAL:
         verb = "dissipates" if share > 0.0 else "adds"
-        other = "" if ready.scheme == newmark() else ', or integrator = { method = "newmark" }'
-        why = f"{100.0 * abs(share):.2g} % of the external work: the steps are too long"
+        other = "" if ready.scheme == newmark() else ", or leave run.integrator out"
+        why = f"{100.0 * abs(share):.3g} % of the external work: the steps are too long"
         yield f"Warning: the time integration {verb} {why}; take more steps per revolution{other}"
     if not stats.imbalance <= _MAX_RESIDUAL:
         why = "the steps are too long for the motion; take more steps per revolution"

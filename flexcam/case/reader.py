@@ -185,10 +185,10 @@ class CaseFile:
         except ValueError as fault:
             if twice := re.match(r"Cannot (?:overwrite|declare).*line (\d+)", str(fault)):
                 line = self.text.split("\n")[int(twice[1]) - 1].strip()
-                line = line.partition("#")[0].strip() if line.startswith("[") else line
-                name = line if line.startswith("[") else repr(line.partition("=")[0].strip())
+                table, key = line.partition("#")[0].strip(), repr(line.partition("=")[0].strip())
+                name, given = (table, table) if line.startswith("[") else (key, f"key {key}")
                 where, why = f"{self.path}, line {twice[1]}", f"{name} is given twice"
-                raise refuse(where, line, "every key and table only once", why, "delete one of the two") from None
+                raise refuse(where, given, "every key and table only once", why, "delete one of the two") from None
             if self.path.suffix != ".toml":
                 why = f"it is not a TOML document: {fault}"
                 raise refuse("case file", str(self.path), "a case file (.toml)", why) from None

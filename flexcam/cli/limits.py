@@ -27,8 +27,9 @@ from flexcam.studies.sweep import validate_plan
 from flexcam.studies.variables import InterruptibleRuns, require_units
 
 _LEGEND = (
-    "bracket: the event begins at most this far below the speed; lasting from: it occurs at this speed and at all "
-    "examined speeds up to 15 % above the limit; not lasting: not at the last of these"
+    "bracket: the event begins at most this much below the printed speed; lasting from: it occurs at this "
+    "speed and at all higher examined speeds, up to 15 % above the limit; not lasting: it does not occur at the last "
+    "of them"
 )
 
 _MAP = Group("Map over two values", sort_key=1)
@@ -65,10 +66,10 @@ def limits(
     """Find the speed limits of a valve train: contact loss, valve float, valve bounce, coil clash, buckling.
 
     It runs the case at speeds 5 % apart from --lowest to --highest. For each limit it bisects between the first speed
-    with its event and the one before, and checks whether the event also occurs at the next three speeds. With --over
-    and --and it maps the limits over two values of the case. Valve float is contact loss over the nose; valve loft is
-    valve lift above that of the rigid train. Speeds are those of the crankshaft if the case gives crank_speed,
-    otherwise those of the camshaft.
+    at which the event occurs and the speed before, and examines the next three speeds. With --over and --and it maps
+    the limits over two values of the case. Valve float is contact loss over the nose; valve loft is valve lift above
+    that of the rigid train. Speeds are those of the crankshaft if the case gives crank_speed, otherwise those of the
+    camshaft.
     """
     read = cli.load_beams(case, overrides)
     scale = read.turns

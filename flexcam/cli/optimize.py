@@ -57,8 +57,8 @@ def optimize(
     subject: Annotated[list[str] | None, Parameter(
         "--subject", help="Constraint: 'NAME <= VALUE' or 'NAME >= VALUE'. Repeatable.")] = None,
     at: Annotated[list[str] | None, Parameter(
-        "--at", help="Evaluate every variant at these conditions, such as masses.valve.mass=85:95:5g; the worst "
-        "counts for each goal and constraint. Repeatable.")] = None,
+        "--at", help="Evaluate every variant at these conditions, such as masses.valve.mass=85:95:5g; each goal "
+        "and constraint takes its worst value. Repeatable.")] = None,
     method: Annotated[Literal["evolution", "gradient"], Parameter(
         help="evolution searches the whole intervals without derivatives; gradient starts at the case "
         "and follows exact derivatives to the nearest optimum.")] = "evolution",

@@ -128,7 +128,8 @@ def _describe_run(
     if 0.0 <= stats.periodicity <= run_checks.MAX_PERIODICITY_ERROR:
         parts.append(f"Periodic start: after a revolution the state differs by {stats.periodicity:.3g} of the motion")
     if change:
-        chatter = "; it chatters, and its single impacts do not repeat" if change.force > _CHATTER else ""
+        impacts = "; this contact chatters: its impacts differ from revolution to revolution"
+        chatter = impacts if change.force > _CHATTER else ""
         parts.append(f"The last two revolutions differ by {run_checks.describe_change(change)}{chatter}")
     if balance := run_checks.describe_balance(extremes, stats):
         parts.append(f"Energy balance: {balance}")

@@ -45,7 +45,7 @@ def sensitivity(
         "--to", group=_DERIVATIVES, help="Value of the case: KEY; with --sobol KEY=LOW:HIGHunit. Repeatable.")] = None,
     method: Annotated[Method | None, Parameter(
         group=_DERIVATIVES, help="exact: differentiate along the motion of one run; differences: compare "
-        "several runs. By default exact where it is possible, as always for frequencies.")] = None,
+        "several runs. Default: exact where possible. Frequencies are always exact.")] = None,
     relative_step: Annotated[float | None, Parameter(
         group=_DERIVATIVES, help="Step of differences, relative to the value; 0.01 by default.")] = None,
     sobol: Annotated[int | None, Parameter(

@@ -37,7 +37,8 @@ _WORDS = {
 def _stability_table(found: Stability, scale: float) -> Table:
     skipped = [] if found.discrete.is_available else ["the integrator"]
     skipped += ["the growth of disturbances"] if found.floquet is None else []
-    stable = "none: no cause of instability found" + (f"; not assessed: {' and '.join(skipped)}" if skipped else "")
+    stable = "none: no cause of instability found"
+    stable += f"; {' and '.join(skipped)} could not be assessed" if skipped else ""
     several = len({one.contact for one in found.resonances}) > 1
     rows = [
         ("integrator", _describe_amplification(found.discrete)),
@@ -152,8 +153,8 @@ def stability(
     scale = read.turns
     if lowest is None and highest is None and plot is None:
         if count is not None:
-            why, remedy = "without a range, only the speed of the case is assessed", "add a range, or leave it out"
-            raise refuse("--count", count, "--count with --lowest, --highest or --plot only", why, remedy)
+            why, remedy = "without a range, only the speed of the case is assessed", "add a range, or leave --count out"
+            raise refuse("--count", count, "--lowest, --highest or --plot with it", why, remedy)
         found = assess_stability(read)
         return cli.CommandOutput([_stability_table(found, scale)], _stability_json(found, scale))
     speeds = cli.spaced_speeds(lowest, highest, 11 if count is None else count, read)

@@ -111,8 +111,8 @@ def sweep(
 ) -> cli.CommandOutput:  # fmt: skip
     """Run many variants of a case and write one table with a row per variant.
 
-    Ranges come from the case's [sweep] table and from --set, which replaces them. The output table has a column
-    per varied key and per scalar, and the status of each run.
+    Ranges come from the case's [sweep] table and from --set, which replaces the range of the same key or adds one. The
+    output table has a column per varied key and per scalar, and the status of each run.
     """
     kept = [name.strip() for words in scalars or [] for name in words.split(",")]
     asked, (runners, seconds) = collect_errors(

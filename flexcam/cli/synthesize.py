@@ -147,7 +147,7 @@ def synthesize_law(
     asymmetric: Annotated[bool, Parameter(group=_FAMILY, help="Allow asymmetric laws.")] = False,
     output: Output = None, plot: cli.Picture = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> cli.CommandOutput:  # fmt: skip
-    """Find the motion law of a family with minimum peak values, with a proven lower bound."""
+    """Find the motion law with minimum peak values in a family of laws, and a proven lower bound."""
     cli.refuse_without("--pareto", {"--count": count}, present=against is not None)
     cli.check_targets(None, plot, overwrite=overwrite)
     where = _family(family, degree, pieces, orders, rest, symmetric=not asymmetric)

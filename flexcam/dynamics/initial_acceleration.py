@@ -185,12 +185,12 @@ def massless_contact_error(system: System, method: str) -> InputError | None:
         on |= (stack.owner[:, light.force_on_massless(stack.vectors) > FORCE_TOLERANCE] > 0.0).any(axis=1)
     names = list(dict.fromkeys(forces.names[i] for i in np.flatnonzero(on).tolist()))
     if names:
-        return refuse("run.integrator", method, f"a method that takes {', '.join(names)} without mass", why, remedy)
+        return refuse("run.integrator", method, f"a method that allows {', '.join(names)} without mass", why, remedy)
     slowed = np.abs(system.damping.multiply(light.motions))
     damped = np.flatnonzero(slowed.max(axis=0) > FORCE_TOLERANCE * np.abs(system.damping.values).max(initial=0.0))
     if not len(damped):
         return None
     rows: list[int] = np.abs(light.motions[:, damped]).argmax(axis=0).tolist()
     names = list(dict.fromkeys(system.names[i] for i in rows))[:6]
-    given = f"a method that takes dampers on {', '.join(names)} without mass"
+    given = f"a method that allows dampers on {', '.join(names)} without mass"
     return refuse("run.integrator", method, given, why, f"{remedy}, or mass-proportional damping")

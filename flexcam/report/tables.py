@@ -117,7 +117,7 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
         ("lowest frequencies", ", ".join(lowest) + " Hz, contacts open" if lowest else "none"),
     ]  # fmt: skip
     if takes:
-        rows.append(("a run takes", f"{format_size(takes.memory)} of memory, a result of {format_size(takes.file)}"))
+        rows.append(("a run needs", f"{format_size(takes.memory)} of memory, {format_size(takes.file)} of disk space"))
     return facts_table(ready.case.title, rows)
 
 
@@ -282,9 +282,9 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
     deviation = f"{comparison.probe} deviates by up to {peak} times the range of the {other} motion (rms {rms} times)"
     said = [f"{deviation}; its peak acceleration is {ratio} times the {other} one."]
     if mode_hz is not None:
-        nearest = "Of the modes that the cam force excites, the nearest to the cam speed is"
+        nearest = "The nearest mode that the cam force excites is at"
         found, share = f"{mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} camshaft rpm", comparison.speed_rpm / (60.0 * mode_hz)
-        said.append(f"{nearest} {found}; the cam turns at {share:.2f} of that.")
+        said.append(f"{nearest} {found}; the cam turns at {share:.2f} of this speed.")
     return said
 
 

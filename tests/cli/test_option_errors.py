@@ -20,7 +20,7 @@ REFUSED = {
     "too many speeds for modes": (("campbell", INLINE, "--count", HUGE), "2 to 10000"),
     "too many speeds of a picture": (("plot", INLINE, "--what", "campbell", "--count", HUGE), "2 to 10000"),
     "too many orders": (("campbell", INLINE, "--orders", "1:9999"), "1 to 1000"),
-    "speeds of no map": (("stability", INLINE, "--count", "5"), "--lowest, --highest or --plot only"),
+    "speeds of no map": (("stability", INLINE, "--count", "5"), "--lowest, --highest or --plot with it"),
     "a negative height": (("limits", ENGINE, "--bounce-height=-1mm"), "zero or more"),
     "a negative part": (("compare", ENGINE, "--lowest", "1000rpm", "--tolerance=-5%"), "--tolerance: got -0.05"),
     "a part in mm": (("compare", ENGINE, "--lowest", "1000rpm", "--tolerance", "5mm"), "--tolerance: got '5mm'"),

@@ -63,7 +63,7 @@ def test_frequencies_need_no_room_for_a_run(flexcam, case, monkeypatch):
 
 
 def test_check_tells_what_a_run_takes(flexcam, case):
-    assert "of memory, a result of" in flexcam("check", case).out
+    assert "of disk space" in flexcam("check", case).out
     told = flexcam("check", case, "--json").json
     needs = estimate_case_resources(prepare(read_case(case)), "revolution")
     assert (told["memory_bytes"], told["result_bytes"]) == (needs.memory, needs.file)
