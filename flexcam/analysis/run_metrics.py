@@ -22,7 +22,7 @@ from flexcam.case.case import Case
 from flexcam.core import FloatArray
 from flexcam.core.errors import FlexcamError
 from flexcam.core.units import RPM
-from flexcam.dynamics import ConstantSpeed, Problem, Response, equilibrium, solve
+from flexcam.dynamics import ConstantSpeed, Problem, Response, equilibrium, newmark, solve
 from flexcam.valvetrain import Metric, main_lift, opposed_contacts, train_metrics
 
 
@@ -199,7 +199,7 @@ def _buckling_margins(case: Case) -> dict[str, float]:
     for cam in ready.model.cams.values():
         drive = ConstantSpeed(case.speed, event_extremes(cam.event)[1].at)
         still = Problem(system, drive, 1e-6 / case.speed, 1, equilibrium(system, drive))
-        for name, use in solve(still, ready.scheme).channels.items():
+        for name, use in solve(still, newmark()).channels.items():
             if name.endswith(".buckling_use") and float(use[0]) > 0.0:
                 member = name.split(".")[1]
                 least[member] = min(1.0 / float(use[0]), least.get(member, math.inf))

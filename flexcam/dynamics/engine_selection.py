@@ -41,7 +41,7 @@ _COMPILER = 2.5
 """Time, s, of the direct engine for all runs to come above which the kernel engine is chosen. Compiled code takes some
 seconds to compile once per installation, and half a second to load afterwards."""
 
-_DIVISIONS = 16
+_DIVISIONS = 4
 """Parts of a step that are short enough for the contacts of runs that take the collocation by default."""
 
 _SELDOM = 10

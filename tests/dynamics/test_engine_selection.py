@@ -28,7 +28,9 @@ from flexcam.dynamics import (
     State,
     System,
     bathe,
+    collocation,
     constant,
+    default_method,
     elastic_stop,
     generalized_alpha,
     hht,
@@ -256,3 +258,15 @@ def test_a_free_motion_behind_a_massless_unknown_is_no_negative_stiffness(soft):
 def test_a_stiffness_that_pushes_behind_a_massless_unknown(push):
     K = np.array([[10.0, 0.0, -10.0], [0.0, 10.0 + push, -10.0], [-10.0, -10.0, 20.0]])
     assert "not symmetric and positive" in refusal(problem_of(pair(K), "modal"))
+
+
+@pytest.mark.parametrize(("stiffness", "options", "method"), [
+    (1.5e5, {}, collocation()),  # (omega h)^2 = 15/16 in a quarter of the step
+    (1.7e5, {}, newmark()),
+    (1.5e5, {"engine": "direct"}, newmark()),
+    (1.5e5, {"adaptive": Adaptive()}, newmark()),
+    (None, {}, newmark()),
+])  # fmt: skip
+def test_method_of_a_case_that_names_none(stiffness, options, method):
+    law = None if stiffness is None else elastic_stop(stiffness)
+    assert default_method(problem_of(masses(2, law=law), **options)) == method

@@ -109,7 +109,7 @@ def errors(seed, folder):
     """Return by quantity: estimated and true error, as parts of its size, and whether the estimate holds."""
     path = folder / f"random-{seed}.toml"
     path.write_text(text(seed), encoding="utf-8")
-    case = read_case(path)
+    case = read_case(path, ["run.integrator.method=newmark"])
     steps = steps_per_revolution_of(case)
     own, best = (
         run_histories(with_steps(with_elements(case, factor=finer), times * steps), "valve")
