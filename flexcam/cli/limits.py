@@ -27,8 +27,8 @@ from flexcam.studies.sweep import validate_plan
 from flexcam.studies.variables import InterruptibleRuns, require_units
 
 _LEGEND = (
-    "bracket: the event begins at most this much below the printed speed; lasting from: it occurs at this "
-    "speed and at all higher examined speeds, up to 15 % above the limit; not lasting: it does not occur at the last "
+    "bracket: the event begins at most this much below the printed speed. lasting from: it occurs at this "
+    "speed and at all higher examined speeds, up to 15 % above the limit. not lasting: it does not occur at the last "
     "of them"
 )
 

@@ -500,8 +500,8 @@ def film_integrals(p: float, q: float) -> tuple[float, float, float, float, floa
     """Return integrals over the half of a journal bearing in which its film has pressure.
 
     With the thickness ``H = 1 - p cos(a) - q sin(a)`` they are the second and third derivatives by p and q of half the
-    integral of 1/H over a from -pi/2 to pi/2, ``(pi/2 + atan(p/w))/w`` with ``w^2 = 1 - p^2 - q^2``: the integrals of
-    cos^2/H^3, cos sin/H^3 and sin^2/H^3, and 3 times those of cos^3/H^4, cos^2 sin/H^4 and cos sin^2/H^4. The
+    integral of 1/H over a from -pi/2 to pi/2, ``(pi/2 + atan(p/w))/w`` with ``w^2 = 1 - p^2 - q^2``. They are the integrals
+    of cos^2/H^3, cos sin/H^3 and sin^2/H^3, and 3 times those of cos^3/H^4, cos^2 sin/H^4 and cos sin^2/H^4. The
     eccentricity along the middle of the pressure is p, that across it q, as fractions of the clearance.
 
     Examples
@@ -618,7 +618,7 @@ def evaluate_laws(
     """Write forces, tangents and energies of all laws at the given penetrations and rates.
 
     `laws` (l, 7) and `constants` are the table of the laws. `cam` has the functions of the cam angle, a row per
-    instant: row k is that of the instant, and the first function stands in `column`. `local` has a row per quantity of
+    instant: row k is that of the instant, and `column` has the first function. `local` has a row per quantity of
     the scalars; `PENETRATION` and `RATE` are read, `ANSWER` and `ENERGY` written. `tangent` (2, c, width) are the
     derivatives of the force of a scalar by penetration (0) and rate (1) of the scalars of its law; `states` has a row
     per quantity of the internal states.
