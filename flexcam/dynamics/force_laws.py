@@ -501,8 +501,8 @@ def film_integrals(p: float, q: float) -> tuple[float, float, float, float, floa
 
     With the thickness ``H = 1 - p cos(a) - q sin(a)`` they are the second and third derivatives by p and q of half the
     integral of 1/H over a from -pi/2 to pi/2, ``(pi/2 + atan(p/w))/w`` with ``w^2 = 1 - p^2 - q^2``. They are the
-    integrals of cos^2/H^3, cos sin/H^3 and sin^2/H^3, and 3 times those of cos^3/H^4, cos^2 sin/H^4 and cos sin^2/H^4. The
-    eccentricity along the middle of the pressure is p, that across it q, as fractions of the clearance.
+    integrals of cos^2/H^3, cos sin/H^3 and sin^2/H^3, and 3 times those of cos^3/H^4, cos^2 sin/H^4 and cos sin^2/H^4.
+    The eccentricity along the middle of the pressure is p, that across it q, as fractions of the clearance.
 
     Examples
     --------
