@@ -12,11 +12,12 @@ from flexcam.analysis.resources import check_mesh_memory
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_values
-from flexcam.case.schema.run import GivenStartRecord, ResultStartRecord
+from flexcam.case.schema.run import CollocationRecord, GivenStartRecord, NewmarkRecord, ResultStartRecord
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.dynamics import (
     Basis,
+    Collocation,
     ConstantSpeed,
     Drive,
     FluctuatingSpeed,
@@ -79,6 +80,16 @@ class PreparedRun:
     def revolution(self) -> float:
         """Duration of a camshaft revolution, s."""
         return revolution_time(self.case, self.problem.drive)
+
+    @property
+    def explicit_case(self) -> Case:
+        """The case with its integrator, also where this is the default."""
+        if self.case.record.run.integrator is not None:
+            return self.case
+        collocated = isinstance(self.scheme, Collocation)
+        return self.case.with_run(
+            {"integrator": CollocationRecord(method="collocation") if collocated else NewmarkRecord()}
+        )
 
 
 def scalar_probe(ready: PreparedRun) -> str:

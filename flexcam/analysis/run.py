@@ -49,7 +49,7 @@ def open_result_file(
         why = f"the partial result of {ready.case.name.removesuffix(_PARTIAL)}.toml has the name of this one's result"
         raise refuse("case file", ready.case.path.name, f"a name that does not end in {_PARTIAL}", why, "rename it")
     path = create_folder(Path(folder)) / f"{ready.case.name}.vtkhdf"
-    about = _metadata(ready.case) if resume is None else resume.about
+    about = _metadata(ready) if resume is None else resume.about
     return ResultFile(
         path, output_geometry(ready.model), outline(ready.problem.system), steps=ready.problem.steps, save=ready.save,
         about=about, overwrite=overwrite, resume=None if resume is None else resume.checkpoint, warnings=warnings,
@@ -66,7 +66,7 @@ def open_partial_result(ready: PreparedRun, folder: str | Path) -> PartialResult
             why, remedy = f"{path} is complete", "leave out --resume, and use --overwrite to run again"
         raise refuse("--resume", str(partial), "", why, remedy)
     earlier = PartialResult(partial, output_geometry(ready.model), outline(ready.problem.system), ready.save)
-    found = find_differences(_metadata(ready.case), earlier.about)
+    found = find_differences(_metadata(ready), earlier.about)
     if not found and earlier.checkpoint.problem != fingerprint(ready.problem, ready.scheme, ready.save):
         found = [_difference("a mesh or a table of the case", "another one", "the one at the start of the run")]
     if found:
@@ -77,8 +77,9 @@ def open_partial_result(ready: PreparedRun, folder: str | Path) -> PartialResult
 _PARTIAL = ".partial"  # suffix of a partial result
 
 
-def _metadata(case: Case) -> dict[str, str]:
+def _metadata(ready: PreparedRun) -> dict[str, str]:
     """Return the texts stored with a result: the case as written and resolved, and the versions."""
+    case = ready.case
     return {
         "title": case.record.title,
         # Relative paths as given; an absolute one would tell others the folders of this machine.
@@ -86,7 +87,7 @@ def _metadata(case: Case) -> dict[str, str]:
         "case": case.text,
         "overrides": json.dumps(case.overrides),
         "files": json.dumps(case.files),
-        "resolved": case.record.model_dump_json(by_alias=True),
+        "resolved": ready.explicit_case.record.model_dump_json(by_alias=True),
         "warnings": "\n".join(check_values(case)),
         "flexcam": _version("flexcam"),
         "python": platform.python_version(),

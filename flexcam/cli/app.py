@@ -182,13 +182,17 @@ def warn_ignored_keys(overrides: Sequence[str] | None, case: Case | None = None)
         print_message(f"Note: --set {given[keys.index('run.speed')]} {text}")
     for commands, ignored, why in IGNORED_KEYS:
         if case is not None and command in commands:
-            changed = [case.place(key) for key in (tuple(one.split(".")) for one in ignored) if _is_changed(case, *key)]
+            changed = [
+                case.place(key)
+                for key in (tuple(one.split(".")) for one in ignored)
+                if _has_value(case, *key)
+            ]
             if changed:
                 has = "has" if len(changed) == 1 else "have"
                 print_message(f"Note: {', '.join(changed)} {has} no effect in {command}: {why}")
 
 
-def _is_changed(case: Case, table: str, key: str) -> bool:
+def _has_value(case: Case, table: str, key: str) -> bool:
     record: Record = getattr(case.record, table)
     default: object = type(record).model_fields[key].default
     return key in record.model_fields_set and getattr(record, key) != default
@@ -343,7 +347,7 @@ def command(
             files, overwrite = list[Path](), options.get("overwrite", False)
             if csv := options.get("csv"):
                 files.append(write_text(csv, output.csv, overwrite=overwrite))
-            if output.draw and (picture := options.get("plot")):
+            if output.draw and (picture := options.get("plot")):  # `cam` and `synthesize` save their own
                 files.append(plotting.figures.save_figure(output.figure(), picture, overwrite=overwrite))
             files += output.files
             if options.get("as_json"):

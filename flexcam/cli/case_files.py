@@ -8,18 +8,16 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from flexcam.analysis.natural_modes import modes
-from flexcam.analysis.preparation import PreparedRun, prepare_without_periodic_search
+from flexcam.analysis.preparation import prepare_without_periodic_search
 from flexcam.analysis.run import estimate_case_resources
 from flexcam.analysis.run_checks import check_input, check_modes
-from flexcam.case.case import Case
 from flexcam.case.input_checks import check_coil_bind
 from flexcam.case.reader import complete_case_tables
 from flexcam.case.records import CaseRecord
-from flexcam.case.schema.run import CollocationRecord, NewmarkRecord
 from flexcam.case.starters import new_case, templates
 from flexcam.cli import app as cli
 from flexcam.core.errors import refuse
-from flexcam.dynamics import Collocation, integrated_size
+from flexcam.dynamics import integrated_size
 from flexcam.io import format_toml
 from flexcam.report.tables import describe_inactive, model_table, spring_curve_rows, spring_curve_table
 from flexcam.report.terminal import plain_table, print_json
@@ -99,25 +97,15 @@ def check(
         "frequencies_hz": found.modes.frequencies[found.modes.rigid :][:10].tolist(),
         "warnings": warnings,
         "loads": {load.name: [system.names[i] for i in load.vector.nonzero()[0]] for load in system.loads},
-        "case": ready.case.record.model_dump(mode="json", by_alias=True),
+        "case": ready.explicit_case.record.model_dump(mode="json", by_alias=True),
     }  # fmt: skip
     parts = [model_table(ready, found, resources), *(spring_curve_table(*item) for item in springs.items()), *warnings]
     text = ""
     if echo:
-        text = "\n# the case with all default values\n" + format_toml(complete_case_tables(_with_integrator(ready)))
+        text = "\n# the case with all default values\n" + format_toml(complete_case_tables(ready.explicit_case))
     else:
         parts.append("--echo prints the case with all default values.")
     return cli.CommandOutput(parts, json, text=text)
-
-
-def _with_integrator(ready: PreparedRun) -> Case:
-    """Return the case of a run with the integrator that it takes by default."""
-    if ready.case.record.run.integrator is not None:
-        return ready.case
-    collocated = isinstance(ready.scheme, Collocation)
-    return ready.case.with_run(
-        {"integrator": CollocationRecord(method="collocation") if collocated else NewmarkRecord()}
-    )
 
 
 @cli.command("flexcam schema > case.schema.json\n")

@@ -304,8 +304,7 @@ def find_coupling(forces: LocalForces, operator: StepOperator) -> tuple[FloatArr
         return np.zeros((forces.count, forces.count)), np.zeros((forces.count, forces.count))
     give = np.abs(operator.give).reshape(2, -1, acts, operator.give.shape[2] // senses, senses).max(axis=(1, 3))
     can = forces.act.owner @ give.sum(axis=0) @ forces.sense.owner.T
-    angle = np.linspace(0.0, 2.0 * np.pi, _ANGLES)
-    inputs = forces.prescribed_inputs(CamMotion(angle, np.ones_like(angle), np.zeros_like(angle), angle))
+    inputs = _revolution_inputs(forces)
     sensed, acted = (np.sqrt(np.mean(one**2, axis=0)) for one in (inputs.sensing_weights, inputs.acting_weights))
     moved = (forces.act.owner * acted) @ give[0] @ (forces.sense.owner * sensed).T
     own = np.sqrt(np.diag(moved))
@@ -315,20 +314,25 @@ def find_coupling(forces: LocalForces, operator: StepOperator) -> tuple[FloatArr
     return can + can.T, np.maximum(relative, relative.T)
 
 
+def _revolution_inputs(forces: LocalForces) -> PrescribedInputs:
+    angle = np.linspace(0.0, 2.0 * np.pi, _ANGLES)
+    return forces.prescribed_inputs(CamMotion(angle, np.ones_like(angle), np.zeros_like(angle), angle))
+
+
 def contact_stiffness_ratio(problem: Problem, step: float) -> float:
     """Return the largest (omega h)^2 of a contact that has just closed, for the collocation in modal coordinates.
 
-    It is an estimate of `flexcam.dynamics.kernel.contact_ratio` before the run, with stages of length `step`, s.
+    It is an estimate of `flexcam.dynamics.kernel.contact_ratio` before the run, with stages of length `step`, s: at
+    rest, each contact by itself, with the functions of its law at angle zero.
     """
     forces = LocalForces(problem.system)
     hold = ModalSystem.of(problem.system, forces).operator(Collocation(), step).hold
-    angle = np.linspace(0.0, 2.0 * np.pi, _ANGLES)
-    inputs = forces.prescribed_inputs(CamMotion(angle, np.ones_like(angle), np.zeros_like(angle), angle))
-    sensed, acted = (np.abs(one).max(axis=0) for one in (inputs.sensing_weights, inputs.acting_weights))
-    own = np.sum((forces.act.owner * acted) @ hold * (forces.sense.owner * sensed), axis=1)
+    inputs = _revolution_inputs(forces)
+    acted = forces.act.owner * inputs.acting_weights[:, None]  # shape (angles, c, acts)
+    own = np.abs(np.sum(acted @ hold * (forces.sense.owner * inputs.sensing_weights[:, None]), axis=2)).max(axis=0)
     closed = np.full(forces.count, _CLOSED)
     stiffness = forces.respond(closed, np.zeros_like(closed), forces.start_state, inputs).by_penetration
-    return float(np.abs(np.diag(stiffness) * own).max(initial=0.0))
+    return float((np.abs(np.diag(stiffness)) * own).max(initial=0.0))
 
 
 def divide_laws(laws: IntArray, coupling: FloatArray) -> tuple[IntArray, IntArray]:
