@@ -161,7 +161,7 @@ def pushrod_engine(folder: Path) -> dict[str, Figure]:
     draw(rows[2], flexible, flexible.channels["springs.valve.force"], "flexible", BLUE, "-")
     add_legend(ran, rows[0], 2)
     speeds, (nose,) = create_stacked_axes(("cam force of the\nrigid train, kN",), "cam angle, deg", height=2.4)
-    for rpm, (colour, dashes) in zip((5000, 5611, 6348), line_styles(), strict=False):
+    for rpm, (colour, dashes) in zip((5000, 5576, 6348), line_styles(), strict=False):
         one = run(path, f"run.crank_speed={rpm}rpm", rigid=True)
         draw(nose, one, 1e-3 * one.channels["contacts.intake.force"], f"{rpm} rpm", colour, dashes)
     add_legend(speeds, nose, 3)
@@ -221,9 +221,9 @@ def measured_lift(folder: Path) -> dict[str, Figure]:
 
 BSPLINE = '{{ id = "bspline", degree = 11, coefficients = [0, 0, 0, 0, {}, 1, 1, 1, 1] }}'
 REDESIGN = (
-    "cams.intake.law=" + BSPLINE.format("0.155797, 0.482755, 0.462963, 0.799235"),
-    "cams.intake.return_law=" + BSPLINE.format("0.171681, 0.303019, 0.523128, 0.796514"),
-    "springs.valve.stiffness=53.8921kN/m", "springs.valve.installed_force=374.235N",
+    "cams.intake.law=" + BSPLINE.format("0.166728, 0.470414, 0.472927, 0.785323"),
+    "cams.intake.return_law=" + BSPLINE.format("0.146854, 0.291524, 0.496349, 0.785323"),
+    "springs.valve.stiffness=55.7248kN/m", "springs.valve.installed_force=355.772N",
 )  # fmt: skip
 _FLAT = 'base_radius = "24.1 mm", width = "12 mm", follower = { type = "flat" }'
 POLYDYNE = (f'cams.intake={{ at = "cam", lift_table = "polydyne.toml", phase = "105 deg", {_FLAT} }}',)
@@ -231,7 +231,7 @@ POLYDYNE = (f'cams.intake={{ at = "cam", lift_table = "polydyne.toml", phase = "
 
 def redesign(folder: Path) -> dict[str, Figure]:
     """Return lift and acceleration of the cams, and contact force and valve loft over speed."""
-    case = folder / "engine.toml"
+    case = folder / "redesign.toml"
     new_case("pushrod-engine", case)
     table = ["synthesize", "polydyne", str(case), "--frequency", "1163 Hz", "--speed", "2750rpm"]
     subprocess.run(
