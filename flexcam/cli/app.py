@@ -182,11 +182,7 @@ def warn_ignored_keys(overrides: Sequence[str] | None, case: Case | None = None)
         print_message(f"Note: --set {given[keys.index('run.speed')]} {text}")
     for commands, ignored, why in IGNORED_KEYS:
         if case is not None and command in commands:
-            changed = [
-                case.place(key)
-                for key in (tuple(one.split(".")) for one in ignored)
-                if _has_value(case, *key)
-            ]
+            changed = [case.place(key) for key in (tuple(one.split(".")) for one in ignored) if _has_value(case, *key)]
             if changed:
                 has = "has" if len(changed) == 1 else "have"
                 print_message(f"Note: {', '.join(changed)} {has} no effect in {command}: {why}")
