@@ -256,9 +256,10 @@ def _slenderness_warnings(case: Case) -> Iterator[str]:
         ends = [section.at(share) for share in (0.0, 1.0)]
         change = max(max(pair) / min(pair) for pair in zip(*((one.Iy, one.Iz) for one in ends), strict=True))
         count = member.elements * (len(points) - 1)
-        if change > _SECTION_CHANGE**count:
+        per_element = change ** (1.0 / count)
+        if per_element > _SECTION_CHANGE:
             wanted = math.ceil(math.log(change) / math.log(_SECTION_CHANGE) / (len(points) - 1))
-            share = f"{100.0 * (change ** (1.0 / count) - 1.0):.3g} %"
+            share = f"{100.0 * (per_element - 1.0):.3g} %"
             why = f"its second moment changes by {share} per element, which has one section"
             yield f"{place}: {why}; take elements = {wanted}"
         if not _MIN_SLENDERNESS <= length / size <= _MAX_SLENDERNESS:

@@ -12,6 +12,7 @@ import pytest
 
 from flexcam import InputError, build_model, prepare, read_case, run
 from flexcam.analysis.run_checks import check_input
+from flexcam.case.input_checks import check_values
 from flexcam.fem.members import sections_at_nodes
 from flexcam.fem.recovery import fibres
 from flexcam.fem.sections import Section, Taper
@@ -105,3 +106,8 @@ def test_few_elements_for_a_taper_are_told(tmp_path, elements, wanted):
     warnings = check_input(prepare(rod(tmp_path, 'shape = "circle", diameter = ["12 mm", "6 mm"]', elements)))
     told = [one for one in warnings if "second moment changes" in one]
     assert [one.rpartition("= ")[2] for one in told] == ([str(wanted)] if wanted else [])
+
+
+def test_thousands_of_elements_are_checked(tmp_path):
+    """1.3 to the power of 3000 is beyond the floating-point numbers."""
+    assert not check_values(rod(tmp_path, 'shape = "circle", diameter = "12 mm"', 3000))
