@@ -105,6 +105,7 @@ def build_model(case: Case) -> valvetrain.Model:
             films[name] = bearing
         else:
             elastic |= {f"bearing {name}, {which} direction": one for which, one in bearing.items()}
+    phasers = {cam: one.part for one in record.phasers.values() for cam in one.cams}
     model = valvetrain.Model(
         mesh=mesh,
         members={name: geometry.member(member) for name, member in record.members.items()},
@@ -114,7 +115,7 @@ def build_model(case: Case) -> valvetrain.Model:
         masses={name: one.part for name, one in record.masses.items()},
         springs={name: one.part for name, one in record.springs.items()} | elastic,
         rockers=each("rockers", record.rockers, geometry.rocker),
-        cams={name: one.part for name, one in record.cams.items()},
+        cams={name: replace(one.part, phaser=phasers.get(name)) for name, one in record.cams.items()},
         contacts=each("contacts", record.contacts, geometry.contact),
         friction=each("friction", record.friction, geometry.friction),
         loads={name: one.part for name, one in record.loads.items()},

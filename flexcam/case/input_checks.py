@@ -307,7 +307,7 @@ def check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
         return
     lost = False
     closed = {
-        name: abs(float(cam.event(first.angle[:1])[0])) <= _LIFT_TOLERANCE * cam.event.height
+        name: abs(float(cam.lift(first.angle[:1], 0)[0])) <= _LIFT_TOLERANCE * cam.event.height
         for name, cam in model.cams.items()
     }
     for name, contact in contacts.items():
@@ -346,9 +346,9 @@ def check_start_impact(case: Case, model: Model, problem: Problem) -> Iterator[s
         return
     start = problem.drive.at(np.zeros(1))
     for name in dict.fromkeys(contact.cam for contact in model.cam_contacts.values()):
-        event = model.cams[name].event
-        lift, slope = (float(event(start.angle, order)[0]) for order in (0, 1))
-        if abs(lift) > _IMPACT_LIFT * event.height:
+        cam = model.cams[name]
+        lift, slope = (float(cam.lift(start.angle, order)[0]) for order in (0, 1))
+        if abs(lift) > _IMPACT_LIFT * cam.event.height:
             motion = f"{1e3 * lift:.3g} mm and {slope * float(start.speed[0]):.3g} m/s"
             what = f"the run starts in the middle of its lift, at {motion}, and strikes a train at rest"
             remedy = 'turn it onto its base circle (phase), or take start = "equilibrium" or "periodic"'
