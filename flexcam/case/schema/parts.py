@@ -287,11 +287,9 @@ class FrictionRecord(Record):
         None, description="the Coulomb friction force in N, or moment in N m about an axis"
     )
     coefficient: Annotated[float, Unit("number", above=True, most=2.0)] | None = Field(
-        None, description="instead of force: Coulomb's coefficient between the coils of a nest with interference"
+        None, description="instead of force: Coulomb's, of a nest with interference"
     )
-    interference: Length | None = Field(
-        None, description="with coefficient: radial interference of the coils; from their diameters by default"
-    )
+    interference: Length | None = Field(None, description="radial, with coefficient; from the diameters by default")
     breakaway_force: _FrictionForce | None = Field(
         None, description="force at which sliding begins; as force by default"
     )

@@ -236,13 +236,12 @@ class FreeRunningRecord(Record):
 
 
 class PhaserRecord(PartRecord[dynamics.Phaser]):
-    """Phaser that turns cams, usually those of one shaft, against their drive."""
+    """Phaser that turns the cams of a shaft against their drive."""
 
     cams: list[Name] = Field(min_length=1, description="names of cams; all of a shaft")
     shift: list[tuple[Annotated[float, Unit("angle")], SignedAngle]] = Field(
         min_length=2,
-        description="rows of the angle of the drive, from the start of the run over all revolutions, and the rotation "
-        "of the cams against it; positive: earlier",
+        description="rows of the angle of the drive since the start and the rotation of the cams against it",
     )
 
     def _check(self) -> None:
