@@ -23,7 +23,6 @@ from flexcam.dynamics import (
     FluctuatingSpeed,
     Method,
     ModeBasis,
-    PhasedSpeed,
     Probe,
     Problem,
     RunFailedError,
@@ -329,13 +328,6 @@ def camshaft_drive(case: Case, model: Model, start: float = 0.0, time: float = 0
     if run.free_running is not None:
         free = run.free_running
         return free_running(model, case.speed, free.cam, free.cam_mass, free.follower_mass, start, time)
-    if run.phaser is not None:
-        for name, load in case.record.loads.items():
-            if load.table is not None and not load.table.over_time:
-                where, why = case.place(("loads", name, "table")), "the phaser turns the cam against the crankshaft"
-                raise refuse(where, "a table over an angle with run.phaser", "a table over time", why)
-        times, shifts = zip(*run.phaser, strict=True)
-        return PhasedSpeed(case.speed, times, shifts, start)
     return ConstantSpeed(case.speed, start)
 
 
@@ -384,8 +376,7 @@ def excitation_without_period(case: Case) -> dict[str, str]:
     speed = case.record.run.fluctuation
     broken = [order for order in speed.orders if order % 1.0] if speed else []
     found = {"run.fluctuation.orders": f"order {broken[0]:g}"} if broken else {}
-    if case.record.run.phaser is not None:
-        found["run.phaser"] = "a shaft that turns against its drive"
+    found |= {f"phasers.{name}": "a shaft that turns against its drive" for name in case.record.phasers}
     for name, spring in case.record.springs.items():
         if spring.pulsation is not None and spring.pulsation.order % 1.0:
             found[f"springs.{name}.pulsation.order"] = f"order {spring.pulsation.order:g}"
