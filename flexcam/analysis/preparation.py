@@ -12,6 +12,7 @@ from flexcam.analysis.resources import check_mesh_memory
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_values
+from flexcam.case.reader import CaseFile
 from flexcam.case.schema.run import CollocationRecord, GivenStartRecord, NewmarkRecord, ResultStartRecord
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
@@ -257,18 +258,18 @@ def _build_equations(
     case: Case, model: Model | None, kind: str, *, allow_large: bool
 ) -> tuple[Model, System, Chain | None]:  # fmt: skip
     """Return model and equations, and the chain of masses if the case uses one."""
-    model = model or build_model(case)
-    if not allow_large:
-        check_mesh_memory(model.mesh)
-    model = straighten(model) if kind in MASS_CHAINS else model
     try:
+        model = model or build_model(case)
+        if not allow_large:
+            check_mesh_memory(model.mesh)
+        model = straighten(model) if kind in MASS_CHAINS else model
         system = (build_rigid if kind == "rigid" else build_system)(model, case.speed)
         if kind not in MASS_CHAINS or system.is_kinematic:
             return model, system, None
         chain = build_chain(model, case.speed, MASS_CHAINS[kind] or case.record.fidelity.masses)
     except InputError as refusal:
         faults = (replace(fault, where=_CHAIN_KEYS.get(fault.where, fault.where)) for fault in refusal.faults)
-        raise _add_lines(case, InputError(faults)) from None
+        raise CaseFile.of(case).complete_refusal(_add_lines(case, InputError(faults)), case.overrides) from None
     return model, without_compression(system, chain.unfelt), chain
 
 
@@ -296,10 +297,7 @@ def _residual_start(case: Case, problem: Problem, shapes: FloatArray) -> FloatAr
 
 def _add_lines(case: Case, refusal: InputError) -> InputError:
     """Return an error with the lines of its keys in the case file added."""
-    return InputError(
-        fault if " (" in fault.where else replace(fault, where=case.place(tuple(fault.where.split("."))))
-        for fault in refusal.faults
-    )
+    return InputError(map(case.places.locate, refusal.faults))
 
 
 def _make_problem(case: Case, model: Model, system: System) -> Problem:
