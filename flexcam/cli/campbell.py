@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -23,7 +23,7 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import collect_errors, refuse
 from flexcam.core.units import shaft_name
 from flexcam.dynamics import Status
-from flexcam.report.terminal import NOISE, finite_numbers, finite_or_none, format_number, plain_table, show_count
+from flexcam.report.terminal import NOISE, format_csv, format_number, plain_table, show_count
 
 _MODES, _RESPONSE = Group("Natural modes", sort_key=1), Group("Orders of the response", sort_key=2)
 _MAX_ORDER = 1000  # the harmonics of a lift are below a thousandth of the maximum long before
@@ -34,7 +34,7 @@ _DASH = (
 )
 
 
-def _campbell_table(found: Campbell, scale: float) -> Table:
+def _modes_table(found: Campbell, scale: float) -> Table:
     low, high = (f"Hz at {scale * found.rpm[i]:.6g}" for i in (0, -1))
     rows = [
         (str(i), format_number(column[0], 5), format_number(column[-1], 5), "yes" if reached else "no", words)
@@ -47,7 +47,6 @@ def _campbell_table(found: Campbell, scale: float) -> Table:
 
 
 def _crossing_table(found: Campbell, scale: float) -> Table:
-    """Return the table of the crossings of orders and modes in ascending order of speed."""
     rows = [
         (f"{scale * one.rpm:.6g}", str(one.harmonic), str(one.mode + 1), f"{one.frequency:.5g}",
          format_number(1e3 * one.amplitude, 3), format_number(one.load, 3), one.words)
@@ -60,18 +59,14 @@ def _crossing_table(found: Campbell, scale: float) -> Table:
 
 def _campbell_json(found: Campbell, scale: float) -> dict[str, object]:
     modes = [
-        {"frequencies_hz": finite_numbers(column), "reached": reached, "moves": words}
+        {"frequencies_hz": column, "reached": reached, "moves": words}
         for column, reached, words in zip(found.frequencies.T, found.reached, found.words, strict=True)
     ]
-    met = [
-        {**asdict(one), "rpm": scale * one.rpm, "mode": one.mode + 1, "load": finite_or_none(one.load)}
-        for one in found.crossings
-    ]
     return {
-        "shaft": shaft_name(scale), "contact": found.contact, "rpm": (scale * found.rpm).tolist(), "modes": modes,
-        "lift_amplitudes_m": {str(n): size for n, size in found.lifts.items()},
-        "force_amplitudes_n": dict(zip(map(str, found.lifts), finite_numbers(found.loads.T), strict=True)),
-        "crossings": met, "ended": [str(one.cause) for one in found.statuses],
+        "shaft": shaft_name(scale), "contact": found.contact, "rpm": scale * found.rpm, "modes": modes,
+        "lift_amplitudes_m": found.lifts, "force_amplitudes_n": dict(zip(found.lifts, found.loads.T, strict=True)),
+        "crossings": [replace(one, rpm=scale * one.rpm, mode=one.mode + 1) for one in found.crossings],
+        "ended": [one.cause for one in found.statuses],
     }  # fmt: skip
 
 
@@ -84,7 +79,6 @@ def _describe_incomplete_runs(statuses: Sequence[Status], rpm: FloatArray, scale
 
 
 def _orders_table(found: Waterfall, scale: float) -> Table:
-    """Return the table of the largest orders of a history over speed."""
     shown = sorted(largest_orders(found, _MAX_TABLE_ORDERS))
     rounding = NOISE * float(np.nanmax(found.amplitudes)) if shown else 0.0
     rows: list[tuple[str, ...]] = []
@@ -100,27 +94,24 @@ def _orders_table(found: Waterfall, scale: float) -> Table:
 
 
 def _orders_csv(found: Sequence[Waterfall], scale: float) -> str:
-    """Return amplitudes as CSV text, a row per history, speed and order, without incomplete runs."""
-    lines = [f"history,unit,{shaft_name(scale)} speed [rpm],order,amplitude,not periodic by"]
-    for one in found:
-        for i, rpm in enumerate((scale * one.rpm).tolist()):
-            for n, size in enumerate(one.amplitudes[i].tolist()):
-                if not math.isnan(size):
-                    lines.append(f"{one.signal.name},{one.unit},{rpm:.10g},{n},{size:.17g},{one.gaps[i]:.17g}")
-    return "\n".join(lines) + "\n"
+    """Return a row per history, speed and order, without incomplete runs."""
+    head = ("history", "unit", f"{shaft_name(scale)} speed [rpm]", "order", "amplitude", "not periodic by")
+    rows = [
+        (one.signal.name, one.unit, f"{scale * rpm:.10g}", n, size, gap)
+        for one in found
+        for rpm, sizes, gap in zip(one.rpm, one.amplitudes.tolist(), one.gaps.tolist(), strict=True)
+        for n, size in enumerate(sizes)
+        if not math.isnan(size)
+    ]
+    return format_csv(head, rows)
 
 
 def _orders_json(found: Sequence[Waterfall], scale: float) -> dict[str, object]:
     histories = {
-        one.signal.name: {
-            "unit": one.unit, "amplitudes": finite_numbers(one.amplitudes), "open_by": finite_numbers(one.gaps),
-        }
-        for one in found
-    }  # fmt: skip
-    return {
-        "shaft": shaft_name(scale), "rpm": (scale * found[0].rpm).tolist(), "histories": histories,
-        "ended": [str(status.cause) for status in found[0].statuses],
-    }  # fmt: skip
+        one.signal.name: {"unit": one.unit, "amplitudes": one.amplitudes, "open_by": one.gaps} for one in found
+    }
+    ended = [status.cause for status in found[0].statuses]
+    return {"shaft": shaft_name(scale), "rpm": scale * found[0].rpm, "histories": histories, "ended": ended}
 
 
 @cli.command("""\
@@ -180,7 +171,7 @@ def modes_over_speed(
         found = find_crossings(case, speeds, orders=orders, modes=count, contact=contact, advance=shown)
     incomplete = _describe_incomplete_runs(found.statuses, found.rpm, scale)
     dash = [_DASH] if np.isnan(found.frequencies[[0, -1]]).any() else []
-    parts = [_campbell_table(found, scale), *dash, _crossing_table(found, scale), *incomplete]
+    parts = [_modes_table(found, scale), *dash, _crossing_table(found, scale), *incomplete]
     return cli.CommandOutput(
         parts, _campbell_json(found, scale), title=case.title, status=cli.joint_status(found.statuses, "speeds"),
         draw=lambda: plotting.spectra.campbell_figure(found, scale, shaft_name(scale)),

@@ -19,7 +19,7 @@ from flexcam.cli import app as cli
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import shaft_name
 from flexcam.report.tables import limits_json, limits_table
-from flexcam.report.terminal import finite_numbers, format_csv, format_number, plain_table, show_count, with_unit
+from flexcam.report.terminal import format_csv, format_number, plain_table, show_count, with_unit
 from flexcam.studies.executors import count_cores
 from flexcam.studies.plan import Axis, parse_axis
 from flexcam.studies.quantities import LimitMap, create_evaluator, grid_plan, limit_map, open_speed_runs
@@ -158,14 +158,17 @@ def limit_map_output(found: LimitMap, shaft: str) -> cli.CommandOutput:
         for i, one in enumerate(first.values)
         for j, other in enumerate(second.values)
     ]  # fmt: skip
+    numbers = [np.array([value.number for value in one.values]) for one in found.axes]
+    over, beside = (
+        {"key": one.key, "unit": one.unit, "values": values} for one, values in zip(found.axes, numbers, strict=True)
+    )
     json = {
         "shaft": shaft,
-        "over": {"key": first.key, "unit": first.unit, "values": [value.number for value in first.values]},
-        "and": {"key": second.key, "unit": second.unit, "values": [value.number for value in second.values]},
-        "limits_rpm": {name: finite_numbers(rpm) for name, rpm in found.rpm.items()},
-        "statuses": [str(status.cause) for status in found.statuses],
+        "over": over,
+        "and": beside,
+        "limits_rpm": found.rpm,
+        "statuses": [status.cause for status in found.statuses],
     }
-    numbers = [np.array([value.number for value in one.values]) for one in found.axes]
     rpm = {f"{name.replace('_', ' ')}\n{shaft} speed, rpm": speeds for name, speeds in found.rpm.items()}
     return cli.CommandOutput(
         [*tables, *words], json, format_csv(head, rows),

@@ -20,7 +20,7 @@ from flexcam.core.errors import collect_errors
 from flexcam.core.units import shaft_name
 from flexcam.io import check_folder_name, create_folder, write_modes
 from flexcam.report.tables import describe_mac, mac_table, mode_table
-from flexcam.report.terminal import finite_numbers, plain_table
+from flexcam.report.terminal import plain_table
 from flexcam.valvetrain import ModelModes
 
 
@@ -94,18 +94,18 @@ def modes(
         parts.append(f"{files[0]}: choose a mode in Warp By Vector and press play; {files[1]} has the static shapes")
     closed_hz = {
         one.contact: {
-            key: [float(modes.modes.frequencies[i]) for i in _elastic(modes, count)]
+            key: modes.modes.frequencies[_elastic(modes, count)]
             for key, modes in (("base_circle_hz", one.base_circle), ("full_lift_hz", one.full_lift))
         }
         for one in closed
     }
     json = {
         "title": read.record.title,
-        "frequencies_hz": found.modes.frequencies.tolist(), "free_motions": found.modes.rigid,
-        "effective_masses": found.effective.tolist(), "lost": found.modes.lost,
-        "rounding": found.modes.rounding.tolist(), "warnings": check_modes(found),
+        "frequencies_hz": found.modes.frequencies, "free_motions": found.modes.rigid,
+        "effective_masses": found.effective, "lost": found.modes.lost,
+        "rounding": found.modes.rounding, "warnings": check_modes(found),
         "moves": [found.words(i) for i in range(len(found.shares))],
-        "mac": None if criterion is None else finite_numbers(criterion), "mac_nodes": compared,
-        "closed": closed_hz, "files": [str(path) for path in files],
+        "mac": criterion, "mac_nodes": compared,
+        "closed": closed_hz, "files": files,
     }  # fmt: skip
     return cli.CommandOutput(parts, json)

@@ -17,7 +17,7 @@ from flexcam.cli.study_options import Highest, LimitAccuracy, Lowest, StudyOptio
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
 from flexcam.dynamics import Cause
-from flexcam.report.terminal import finite_numbers, finite_or_none, format_csv, format_number, plain_table
+from flexcam.report.terminal import format_csv, format_number, plain_table
 from flexcam.studies import sensitivity as studies
 from flexcam.studies.plan import check_power_of_two
 from flexcam.studies.quantities import frequency_number
@@ -118,12 +118,11 @@ def _derivatives(
     ]  # fmt: skip
     head = ("scalar", "unit", "value", "key", "key_unit", "key_value", "derivative", "error", "logarithmic", "smooth")
     table = [[math.nan if row[name] is None else row[name] for name in head] for row in rows]
-    json = [{name: finite_or_none(x) if isinstance(x, float) else x for name, x in row.items()} for row in rows]
     csv = format_csv([name.replace("_", " ") for name in head], table)
     known = [one for one in found if not math.isnan(one.logarithmic)]
     bars = {name: {one.by.key: one.logarithmic for one in known if one.scalar == name} for name in names}
     return cli.CommandOutput(
-        [*tables, *words], {"derivatives": json}, csv, status=kept.status,
+        [*tables, *words], {"derivatives": rows}, csv, status=kept.status,
         draw=lambda: plotting.histories.bars_figure(bars, "percent per percent"),
     )  # fmt: skip
 
@@ -258,10 +257,10 @@ def _tolerance_analysis(asked: StudyOptions, tolerances: list[str], count: int, 
     ]
     json = {
         name: {
-            "unit": units[name], "value": finite_or_none(nominal[name]), "mean": finite_or_none(one.mean),
-            "std": finite_or_none(one.deviation), "missing": one.missing, "count": len(parts),
-            "quantiles": {f"{part:g}": finite_or_none(value) for part, value in one.quantiles.items()},
-            "rank_correlation": dict(zip(keys, finite_numbers(one.ranks), strict=True)),
+            "unit": units[name], "value": nominal[name], "mean": one.mean, "std": one.deviation,
+            "missing": one.missing, "count": len(parts),
+            "quantiles": {f"{part:g}": value for part, value in one.quantiles.items()},
+            "rank_correlation": dict(zip(keys, one.ranks, strict=True)),
         }
         for name, one in found.items()
     }  # fmt: skip

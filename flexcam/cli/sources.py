@@ -36,10 +36,15 @@ class Source:
     path: Path
     overrides: tuple[str, ...] = ()
 
+    @property
+    def is_result(self) -> bool:
+        """True for a result file, False for a case or a file of cams."""
+        return self.path.suffix == _RESULT
+
     @cached_property
     def result(self) -> Result | None:
         """Result file; None for a case."""
-        return read_result(self.path) if self.path.suffix == _RESULT else None
+        return read_result(self.path) if self.is_result else None
 
     @cached_property
     def case(self) -> Case:
@@ -69,7 +74,7 @@ class Source:
     @cached_property
     def cams_only(self) -> CamSet | None:
         """Cams of a file without a mechanism; None for a result or a complete case."""
-        if self.path.suffix == _RESULT or has_mechanism(self.path):
+        if self.is_result or has_mechanism(self.path):
             return None
         return load_cams(self.path, self.overrides)
 
@@ -113,9 +118,9 @@ def open_sources(paths: Sequence[Path], overrides: Sequence[str] | None, *, cams
     """
     if not paths:
         raise refuse("command line", "no file", "one or more results (.vtkhdf) or cases (.toml)")
-    if overrides and any(path.suffix == _RESULT for path in paths):
-        raise refuse("--set", overrides[0], "--set with a case only", "a result cannot be changed", "give the case")
     found = [Source(path, tuple(overrides or ())) for path in paths]
+    if overrides and any(one.is_result for one in found):
+        raise refuse("--set", overrides[0], "--set with a case only", "a result cannot be changed", "give the case")
     for one in found:
         _ = one.result or (cams and one.cams_only) or one.case
     return found

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -18,10 +17,9 @@ from flexcam.analysis.stability import Resonance, Stability, StepAmplification, 
 from flexcam.cli import app as cli
 from flexcam.core.errors import refuse
 from flexcam.core.units import RPM, shaft_name, shaft_speed
-from flexcam.report.terminal import facts_table, finite_or_none, plain_table, show_count
+from flexcam.report.terminal import facts_table, plain_table, show_count
 
 _SHOWN = 5
-
 _HARMLESS = "chatter (harmless)"
 _WORDS = {
     "broken off": "the run at this speed ended early; its contacts are assessed up to there",
@@ -71,7 +69,6 @@ def _format_resonance(one: Resonance, scale: float) -> str:
 
 
 def _count_resonances(found: Stability, scale: float) -> str:
-    """Return the number of resonances below and above the highest listed speed."""
     count = len(found.within)
     rpm = f"{shaft_name(scale)} rpm"
     words = f"{count or 'none'} at or below {scale * found.highest_listed_rpm:.5g} {rpm}"
@@ -97,12 +94,12 @@ def _describe_growth(found: Stability) -> str:
 def _stability_json(found: Stability, scale: float) -> dict[str, object]:
     discrete, floquet = found.discrete, found.floquet
     return {
-        "shaft": shaft_name(scale), "rpm": scale * found.rpm, "run": str(found.status.cause),
+        "shaft": shaft_name(scale), "rpm": scale * found.rpm, "run": found.status.cause,
         "spectral_radius": discrete.radius, "endangered_mode_hz": discrete.frequency,
-        "endangered_moves": list(discrete.moving), "critical_step_s": finite_or_none(discrete.critical_step),
+        "endangered_moves": list(discrete.moving), "critical_step_s": discrete.critical_step,
         "multipliers": [] if floquet is None else [[one.real, one.imag] for one in floquet.multipliers.tolist()],
         "growth": None if floquet is None else floquet.growth, "chatters": found.is_chattering,
-        "revolution_change": None if found.change is None else asdict(found.change), "note": found.why_not,
+        "revolution_change": found.change, "note": found.why_not,
         "open_on_the_lift_deg": math.degrees(found.open_on_the_lift),
         "resonances": [
             {

@@ -38,7 +38,6 @@ from flexcam.valvetrain import Metric
 _PAGE = Path(__file__).parent / "template"
 _LARGE = 5000.0  # absolute value above which single precision is insufficient for cam angles
 _SINGLE = 1e37  # maximum of single precision; a diverged run exceeds it
-
 _ESCAPED = str.maketrans({character: f"\\u{ord(character):04x}" for character in "<>&\u2028\u2029"})
 
 
@@ -106,7 +105,6 @@ def build_report(
 
 
 def _main_probe(about: ReportSubject, probe: str | None) -> str:
-    """Return the main probe of a result; empty if it has none."""
     response = about.result.response
     saved = scalar_probes(response.outline)
     if probe is not None:
