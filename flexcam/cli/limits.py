@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -135,14 +136,12 @@ def limit_map_output(found: LimitMap, shaft: str) -> cli.CommandOutput:
     """Return the output of a map of limits."""
     first, second = found.axes
     down, across = (with_unit(one.key, one.unit) for one in found.axes)
+    rows_at, columns_at = ([value.number or 0.0 for value in one.values] for one in found.axes)
     tables = [
         plain_table(
             f"{name.replace('_', ' ')}, {shaft} rpm; columns: {across}",
-            (down, *(format_number(value.number or 0.0) for value in second.values)),
-            [
-                (format_number(value.number or 0.0), *(format_number(x) for x in row))
-                for value, row in zip(first.values, rpm.tolist(), strict=True)
-            ],
+            (down, *map(format_number, columns_at)),
+            [tuple(map(format_number, (at, *row))) for at, row in zip(rows_at, rpm.tolist(), strict=True)],
         )
         for name, rpm in found.rpm.items()
     ]
@@ -152,25 +151,18 @@ def limit_map_output(found: LimitMap, shaft: str) -> cli.CommandOutput:
     if failed := [status for status in found.statuses if not status.ok]:
         words.append(f"{len(failed)} variants failed; the first: {failed[0]}")
     head = (down, across, *(f"{name} [{shaft} rpm]" for name in found.rpm), "status")
-    rows = [
-        (one.number or 0.0, other.number or 0.0, *(float(rpm[i, j]) for rpm in found.rpm.values()),
-         str(found.statuses[i * len(second.values) + j].cause))
-        for i, one in enumerate(first.values)
-        for j, other in enumerate(second.values)
-    ]  # fmt: skip
-    numbers = [np.array([value.number for value in one.values]) for one in found.axes]
-    over, beside = (
-        {"key": one.key, "unit": one.unit, "values": values} for one, values in zip(found.axes, numbers, strict=True)
-    )
+    speeds = zip(*(rpm.ravel().tolist() for rpm in found.rpm.values()), strict=True)
+    places = zip(product(rows_at, columns_at), speeds, found.statuses, strict=True)
+    rows = [(*place, *rpm, status.cause) for place, rpm, status in places]
     json = {
         "shaft": shaft,
-        "over": over,
-        "and": beside,
+        "over": {"key": first.key, "unit": first.unit, "values": rows_at},
+        "and": {"key": second.key, "unit": second.unit, "values": columns_at},
         "limits_rpm": found.rpm,
         "statuses": [status.cause for status in found.statuses],
     }
     rpm = {f"{name.replace('_', ' ')}\n{shaft} speed, rpm": speeds for name, speeds in found.rpm.items()}
     return cli.CommandOutput(
         [*tables, *words], json, format_csv(head, rows),
-        draw=lambda: plotting.histories.map_figure(numbers[1], numbers[0], rpm, (across, down)),
+        draw=lambda: plotting.histories.map_figure(np.array(columns_at), np.array(rows_at), rpm, (across, down)),
     )  # fmt: skip

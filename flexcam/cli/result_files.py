@@ -117,7 +117,7 @@ def export(
             if len(response.time) < 2:
                 raise refuse("--instants", "a result with one instant", "two or more", "", "leave --instants out")
             cli.check_number("--instants", instants, 2, _MAX_INSTANTS)
-            response = response.at(np.linspace(response.time[0], response.time[-1], instants))
+            response = response.at(np.linspace(float(response.time[0]), float(response.time[-1]), instants))
         files = [io.write_csv(response, target, probes=probes, every=every, overwrite=overwrite)]
     elif form in ("stl", "vtm", "glb"):
         files = _write_solids(source, target, fields, instants, at, overwrite=overwrite)
