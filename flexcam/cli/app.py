@@ -40,8 +40,8 @@ COMMANDS: Mapping[str, Mapping[str, str]] = {
     "Cases and runs": {
         "new": "case_files", "check": "case_files", "run": "run", "info": "result_files", "compare": "compare",
     },
-    "Pictures and files": {"plot": "plot", "view": "view", "report": "result_files", "export": "result_files"},
-    "Dynamics": {"modes": "modes", "stability": "stability", "limits": "limits", "campbell": "campbell"},
+    "Pictures and files": {"plot": "plot", "view": "result_files", "report": "result_files", "export": "result_files"},
+    "Dynamics": {"modes": "modes", "stability": "limits", "limits": "limits", "campbell": "modes"},
     "Cams": {"law": "law", "cam": "cam", "synthesize": "synthesize"},
     "Studies": {
         "sweep": "sweep", "optimize": "optimize", "fit": "fit", "sensitivity": "sensitivity", "trade": "compare",

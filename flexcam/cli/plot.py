@@ -27,7 +27,7 @@ from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_shared_seat_load
 from flexcam.cli import app as cli
-from flexcam.cli.campbell import modes_over_speed, orders_of_response, select_signals
+from flexcam.cli.modes import modes_over_speed, orders_of_response, select_signals
 from flexcam.cli.sources import Source, name_sources, open_sources
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name

@@ -21,9 +21,10 @@ from flexcam.core.units import RPM, shaft_name
 from flexcam.dynamics import Response, reraise_interrupt, solve
 from flexcam.io import Result, read_result
 from flexcam.report.terminal import make_unique, show_progress
-from flexcam.valvetrain import Cam, Structure
+from flexcam.valvetrain import Cam, build_structure
 
 if TYPE_CHECKING:
+    from flexcam.plotting.scene.mechanism import Mechanism
     from flexcam.plotting.scene.motion import Motion
 
 _RESULT = ".vtkhdf"
@@ -134,17 +135,18 @@ def name_sources(sources: Sequence[Source]) -> dict[str, Source]:
     return dict(zip(make_unique(named, [""] * len(named)), sources, strict=True))
 
 
-def displayed_motion(
-    source: Source, structure: Structure, *, color: str | None = None, mode: int | None = None,
-    angle: float | None = None,
-) -> tuple[Motion, str, int]:  # fmt: skip
-    """Return the displayed motion, its title, and the index of the instant of an image.
+def displayed_mechanism(
+    source: Source, *, color: str | None = None, mode: int | None = None, angle: float | None = None
+) -> tuple[Mechanism, Motion, str, int]:
+    """Return the displayed mechanism, its motion, their title, and the index of the instant of an image.
 
     An image shows the instant at a cam angle, rad; without one full lift of a result, else the first instant.
     """
+    from flexcam.plotting.scene.mechanism import build_mechanism
     from flexcam.plotting.scene.motion import case_motion, full_lift, mode_motion, result_motion
 
     case, result, title = source.case, source.result, source.case.title
+    structure = build_structure(build_model(case))
     if mode is not None:
         if mode < 1:
             raise refuse("--mode", mode, "a whole number, at least 1, as flexcam modes counts them")
@@ -160,6 +162,7 @@ def displayed_motion(
         motion = result_motion(structure, result, case.speed, color).last_revolution()
     else:
         motion, title = case_motion(structure, case.speed, color), f"{title}: rigid mechanism"
+    still = 0 if angle is None else motion.nearest(angle)
     if angle is None and result is not None and mode is None:
-        return motion, title, full_lift(case, result.response, motion.angle)
-    return motion, title, 0 if angle is None else motion.nearest(angle)
+        still = full_lift(case, result.response, motion.angle)
+    return build_mechanism(structure), motion, title, still

@@ -316,7 +316,7 @@ def metrics_table(model: Model | None, figures: Sequence[Metric]) -> Table:
     cells: list[tuple[str, str]] = []
     for (parts_kind, kind, *quantity), parts in rows.items():
         if len(parts) > _MOST_PARTS:
-            cells.append((_words(parts_kind, *quantity), fill(", ".join(_range_cells(parts)), _CELL)))
+            cells.append((_words(parts_kind, *quantity), _range_text(parts)))
         else:
             cells += [(_words(kind, part, *quantity), text) for _, text, part in parts]
     return facts_table("Metrics of the last revolution", cells)
@@ -347,18 +347,18 @@ def merit_table(model: Model, figures: Sequence[FigureOfMerit]) -> Table:
         rows.setdefault(name, []).append((one.value, value, one.part))
     cells: list[tuple[str, str]] = []
     for name, parts in rows.items():
-        shown = _range_cells(parts)
+        text = _range_text(parts)
         if len(parts) <= _MOST_PARTS:  # a line break does not separate a value from its part
-            shown = [(f"{text} ({part})" if part else text).replace(" ", _NO_BREAK) for _, text, part in parts]
-        cells.append((name, fill(", ".join(shown), _CELL).replace(_NO_BREAK, " ")))
+            shown = [(f"{value} ({part})" if part else value).replace(" ", _NO_BREAK) for _, value, part in parts]
+            text = fill(", ".join(shown), _CELL).replace(_NO_BREAK, " ")
+        cells.append((name, text))
     return facts_table("Figures of merit", cells)
 
 
-def _range_cells(parts: list[tuple[float, str, str]]) -> list[str]:
+def _range_text(parts: list[tuple[float, str, str]]) -> str:
     (_, low, first), (_, high, last) = min(parts), max(parts)
-    if low == high:
-        return [f"{low} (all {len(parts)})"]
-    return [f"{low} ({first}) to {high} ({last}) of {len(parts)}"]
+    text = f"{low} (all {len(parts)})" if low == high else f"{low} ({first}) to {high} ({last}) of {len(parts)}"
+    return fill(text, _CELL)
 
 
 def strength_table(members: Mapping[str, valvetrain.MemberStrength]) -> Table:
