@@ -144,7 +144,7 @@ def limit_map_output(found: LimitMap, shaft: str) -> cli.CommandOutput:
         plain_table(
             f"{name.replace('_', ' ')}, {shaft} rpm; columns: {across}",
             (down, *map(format_number, columns_at)),
-            [tuple(map(format_number, (at, *row))) for at, row in zip(rows_at, rpm.tolist(), strict=True)],
+            [(at, *row) for at, row in zip(rows_at, rpm.tolist(), strict=True)],
         )
         for name, rpm in found.rpm.items()
     ]

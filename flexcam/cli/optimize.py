@@ -219,10 +219,7 @@ def _front(design: OptimizationProblem, found: Evaluations) -> tuple[list[Table 
     best = optimization.pareto_indices(found)
     head = (*(with_unit(goal.words, design.unit(goal.name, found.rows)) for goal in design.goals),
             *(with_unit(one.key, one.unit) for one in design.points.variables))  # fmt: skip
-    rows = [
-        tuple(map(format_number, (*(row_value(found.rows[i], goal.name) for goal in design.goals), *found.points[i])))
-        for i in best
-    ]
+    rows = [(*(row_value(found.rows[i], goal.name) for goal in design.goals), *found.points[i].tolist()) for i in best]
     title = f"Pareto front of {len(found.rows)} variants" if rows else "No variant meets all constraints"
     words, count = _describe_failures(found)
     json = {"front": [_variant_json(design, found, i) for i in best], "evaluations": len(found.rows), "failed": count}

@@ -226,15 +226,13 @@ def _tolerance_analysis(asked: StudyOptions, tolerances: list[str], count: int, 
     rows, parts = list(compress(every, run)), parts[run]
     names = asked.names
     values = np.column_stack([column(rows, name) for name in names])
-    units = {name: one.unit for name, one in initial.items()}
-    units |= {
-        name: next((row.units[name] for row in rows if name in row.units), "") for name in names if name not in units
-    }
+    known_units = [{name: one.unit for name, one in initial.items()}, *(row.units for row in rows)]
+    units = {name: next((one[name] for one in known_units if name in one), "") for name in names}
     nominal = {name: initial[name].value if name in initial else math.nan for name in names}
     found = {name: scalar_distribution(parts, values[:, i]) for i, name in enumerate(names)}
     summary = [
-        (name, units[name], format_number(nominal[name]), format_number(one.mean), format_number(one.deviation, 4),
-         *(format_number(one.quantiles[part]) for part in QUANTILES), str(one.missing))
+        (name, units[name], nominal[name], one.mean, format_number(one.deviation, 4),
+         *(one.quantiles[part] for part in QUANTILES), str(one.missing))
         for name, one in found.items()
     ]  # fmt: skip
     head = ("scalar", "unit", "nominal", "mean", "std", *(f"{part:.0%}" for part in QUANTILES), "n/a")
@@ -251,10 +249,8 @@ def _tolerance_analysis(asked: StudyOptions, tolerances: list[str], count: int, 
         if one.missing
     ]
     keys = [one.key for one in scatters]
-    columns, causes = (*keys, *names, "status"), [str(row.status.cause) for row in rows]
-    body = [
-        (*point, *value, cause) for point, value, cause in zip(parts.tolist(), values.tolist(), causes, strict=True)
-    ]
+    table = np.column_stack([parts, values]).tolist()
+    body = [(*numbers, row.status.cause) for numbers, row in zip(table, rows, strict=True)]
     json = {
         name: {
             "unit": units[name], "value": nominal[name], "mean": one.mean, "std": one.deviation,
@@ -267,6 +263,6 @@ def _tolerance_analysis(asked: StudyOptions, tolerances: list[str], count: int, 
     known = {name: one[~np.isnan(one)] for name, one in zip(names, values.T, strict=True)}
     middle = {name: one.value for name, one in initial.items()}
     return cli.CommandOutput(
-        [*tables, *words], {"scatter": json}, format_csv(columns, body), status=kept.status,
+        [*tables, *words], {"scatter": json}, format_csv((*keys, *names, "status"), body), status=kept.status,
         draw=lambda: plotting.histories.scatter_figure(known, units, middle),
     )  # fmt: skip

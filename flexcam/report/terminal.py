@@ -164,9 +164,10 @@ def create_table(title: str) -> Table:
     return made
 
 
-def plain_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
-    """Return a plain table with the first column aligned left and numbers aligned right."""
-    made, cells = create_table(title), [list(row) for row in rows]
+def plain_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str | float]]) -> Table:
+    """Return a plain table of texts and numbers with the first column aligned left and numbers aligned right."""
+    made = create_table(title)
+    cells = [[cell if isinstance(cell, str) else format_number(cell) for cell in row] for row in rows]
     longest = [max((len(row[i]) for row in cells), default=0) for i in range(len(columns))]
     heads, most = list(columns), result_console().width
     whole = sum(size + 1 for size in longest if size <= _NUMBER) <= most  # otherwise their digits are wrapped

@@ -156,7 +156,8 @@ def lever_solids(frame: LeverFrame, instant: SceneState, thick: float) -> list[S
 
     The lower side of a rocker touches its pushrod and its valve; a finger touches its valve.
     """
-    (driven, point), thin = frame.ends(instant.along(instant.structure.path(frame.rocker))), 0.5 * thick
+    path, thin = float(instant.structure.path(frame.rocker) @ instant.unknowns), 0.5 * thick
+    driven, point = frame.ends(path)
     if frame.rocker.finger:
         middle = 0j
         joints = [(middle, 0.7 * thick), (driven, 0.7 * thick), (point - 1j * thin, thin)]
