@@ -44,6 +44,7 @@ def selftest(*, as_json: cli.Json = False) -> cli.CommandOutput:
     parts += [f"All {len(found)} checks passed"] if status.ok else []
     json = {
         "status": status.cause, "message": status.text, "remedy": status.remedy,
-        "checks": [{**asdict(one), "passed": one.passed} for one in found], "installed": dict(installation_info()),
+        "checks": [{**asdict(one), "error": one.error, "passed": one.passed} for one in found],
+        "installed": installation_info(),
     }  # fmt: skip
     return cli.CommandOutput(parts, json, status=status)
