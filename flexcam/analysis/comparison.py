@@ -132,9 +132,14 @@ def compare_responses(
         raise refuse("responses", "no time in common", "runs that overlap", "results are compared instant by instant")
     both = one.at(times), other.at(times)
     if np.abs(both[0].angle - both[1].angle).max() > _SAME_ANGLE:
-        given, why = "different cam angles at the same time", "results are compared at equal times"
-        raise refuse("responses", given, "runs at the same speed", why)
+        given = " and ".join(f"{_mean_rpm(run):.6g}" for run in (one, other))
+        why = f"the two runs have different camshaft speeds ({given} rpm), and results are compared at equal times"
+        raise refuse("--against", "", "", why, "run both at the same speed")
     return replace(compare(*both, probe, speed_rpm), names=names)
+
+
+def _mean_rpm(response: Response) -> float:
+    return float((response.angle[-1] - response.angle[0]) / (response.time[-1] - response.time[0])) / RPM
 
 
 def _compute_deviation(quantity: str, moved: History, still: History, flexible: Response) -> Deviation:

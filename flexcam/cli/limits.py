@@ -27,9 +27,9 @@ from flexcam.studies.sweep import validate_plan
 from flexcam.studies.variables import InterruptibleRuns, require_units
 
 _LEGEND = (
-    "bracket: the event begins at most this much below the printed speed. lasting from: it occurs at this "
-    "speed and at all higher examined speeds, up to 15 % above the limit. not lasting: it does not occur at the last "
-    "of them"
+    "bracket: the event begins at most this much below the printed speed. persists from: the event also occurs at "
+    "every higher speed examined (up to 15 % above the limit). not persistent: the event does not occur at the highest "
+    "of these speeds"
 )
 
 _MAP = Group("Map over two values", sort_key=1)
@@ -42,8 +42,8 @@ flexcam limits case.toml --over springs.valve.stiffness=40:70:5kN/m --and masses
 """)
 def limits(
     case: cli.CaseFile, *,
-    lowest: Annotated[str | None, Parameter(help="Lowest speed of the range; half the case's by default.")] = None,
-    highest: Annotated[str | None, Parameter(help="Highest speed of the range; twice the case's by default.")] = None,
+    lowest: Annotated[str | None, Parameter(help="Lowest speed of the range; half the speed of the case by default.")] = None,
+    highest: Annotated[str | None, Parameter(help="Highest speed of the range; twice the speed of the case by default.")] = None,
     accuracy: cli.Accuracy = "10 rpm",
     bounce_height: Annotated[str | None, Parameter(
         help="Minimum height of a bounce; by default the smaller of 0.1 mm and 2 % of the lift.")] = None,
@@ -79,7 +79,7 @@ def limits(
     if height is not None:
         positive("--bounce-height", height, "m", zero=True)
     deviation = cli.parse_optional("--lift-deviation", lift_deviation, "length", "mm")
-    cutoff = cli.parse_optional("--low-pass", low_pass, "rate", "Hz")
+    cutoff = cli.parse_optional("--low-pass", low_pass, "frequency", "Hz")
     search = Search(low, high, width, height, deviation, cutoff)
     cli.check_number("--workers", workers)
     if any(one is not None for one in (over, beside, which, csv, plot)):

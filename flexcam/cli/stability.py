@@ -34,16 +34,17 @@ _WORDS = {
 }
 
 
-def _stability_table(found: Stability, scale: float) -> Table:
+def _stability_table(found: Stability, scale: float, *, has_contact: bool) -> Table:
     skipped = [] if found.discrete.is_available else ["the integrator"]
     skipped += ["the growth of disturbances"] if found.floquet is None else []
     stable = "none: no cause of instability found"
     stable += f"; {' and '.join(skipped)} could not be assessed" if skipped else ""
     several = len({one.contact for one in found.resonances}) > 1
+    opened = f"{math.degrees(found.open_on_the_lift):.3g} deg of cam angle on the lift"
     rows = [
         ("integrator", _describe_amplification(found.discrete)),
         ("periodic motion", _describe_growth(found)),
-        ("loss of contact", f"{math.degrees(found.open_on_the_lift):.3g} deg of cam angle on the lift"),
+        ("loss of contact", opened if has_contact else "not assessed: a load drives the follower, without a contact"),
         ("resonances", _count_resonances(found, scale)),
         *((f"harmonic {one.harmonic}" + (f", {one.contact}" if several else ""), _format_resonance(one, scale))
           for one in found.within[:_SHOWN]),
@@ -90,7 +91,8 @@ def _describe_growth(found: Stability) -> str:
     if found.is_chattering:
         events = found.floquet.events
         words = f"chatters: differences of rounding size grow by {largest:.3g} over {events} impacts ({moving})"
-        return words if found.change is None else f"{words}; two revolutions differ by {describe_change(found.change)}"
+        change = "" if found.change is None else describe_change(found.change)
+        return f"{words}; difference between two revolutions: {change}" if change else words
     return f"max multiplier {largest:.6g}, growth {found.floquet.growth:.4g} 1/s ({moving})"
 
 
@@ -138,7 +140,7 @@ def stability(
     case: cli.CaseFile, *,
     lowest: Annotated[str | None, Parameter(
         help="Lowest speed of a range; without a range, only the speed of the case is assessed.")] = None,
-    highest: Annotated[str | None, Parameter(help="Highest speed; 1.5 times the case's by default.")] = None,
+    highest: Annotated[str | None, Parameter(help="Highest speed; 1.5 times the speed of the case by default.")] = None,
     count: Annotated[int | None, Parameter(help="Number of speeds, evenly spaced; 11 by default.")] = None,
     plot: Annotated[Path | None, Parameter(
         help="Also draw the growth rate over speed to this file (.svg, .png or .pdf).")] = None,
@@ -156,7 +158,10 @@ def stability(
             why, remedy = "without a range, only the speed of the case is assessed", "add a range, or leave --count out"
             raise refuse("--count", count, "--lowest, --highest or --plot with it", why, remedy)
         found = assess_stability(read)
-        return cli.CommandOutput([_stability_table(found, scale)], _stability_json(found, scale))
+        has_contact = any(one.model != "published-load" for one in read.record.contacts.values())
+        return cli.CommandOutput(
+            [_stability_table(found, scale, has_contact=has_contact)], _stability_json(found, scale)
+        )
     speeds = cli.spaced_speeds(lowest, highest, 11 if count is None else count, read)
     cli.check_targets(None, plot, overwrite=overwrite)
     with show_count(len(speeds), "speeds") as shown:

@@ -21,7 +21,7 @@ from flexcam.case.schema.base import (
     PositiveStiffness,
     Ratio,
     Record,
-    Stress,
+    Pressure,
     Unit,
     Velocity,
     Viscosity,
@@ -178,7 +178,7 @@ class LashRecord(_GapRecord):
 class CheckValveRecord(PartRecord[CheckValve]):
     """Ball check valve through which the chamber of an adjuster is refilled."""
 
-    cracking_pressure: Annotated[float, Unit("stress")] = Field(
+    cracking_pressure: Annotated[float, Unit("pressure")] = Field(
         0.0, description="of the supply above the chamber, at which the ball leaves its seat"
     )
     seat_diameter: Length
@@ -194,16 +194,18 @@ class OilRecord(PartRecord[OilChamber]):
     """Oil chamber under the plunger of an adjuster, which gives its stiffness and its leak-down."""
 
     viscosity: Viscosity = Field(description="dynamic viscosity of the oil")
-    bulk_modulus: Stress = Field(description="bulk modulus of the oil without air")
+    bulk_modulus: Annotated[float, Unit("bulk modulus", above=True)] = Field(
+        description="bulk modulus of the oil without air"
+    )
     plunger_diameter: Length
     clearance: Length = Field(description="radial clearance between plunger and body")
     land_length: Length = Field(description="length of the plunger in its body")
     chamber_height: Length = Field(description="height of the oil under the plunger, with the check valve's space")
-    air: Annotated[float, Unit("number", most=0.5)] = Field(0.0, description="part of the volume, at `pressure`")
-    pressure: Stress | None = Field(
+    air: Annotated[float, Unit("number", most=0.5)] = Field(0.0, description="fraction of the volume, at `pressure`")
+    pressure: Pressure | None = Field(
         None, description="absolute, typical of the loaded chamber, for the stiffness of the air; 1 MPa by default"
     )
-    supply_pressure: Stress | None = Field(
+    supply_pressure: Pressure | None = Field(
         None,
         description="absolute, of the oil before the check valve, instead of pressure: the air follows the pressure",
     )

@@ -34,7 +34,7 @@ from flexcam.valvetrain.springs import Coils, coil_spring, install_spring
 
 # Default ratio of the stiffness of touching coils to that of the spring part between them: flexcam's choice.
 _COIL_CONTACT_RATIO = 50.0
-_WAHL = "Wahl's factor has no meaning for less"
+_WAHL = "Wahl's factor is not valid below that"
 
 
 class WireRecord(Record):
@@ -48,7 +48,7 @@ class WireRecord(Record):
 
     def _check(self) -> None:
         if self.coil_diameter is not None and self.coil_diameter < 2.0 * self.diameter:
-            raise value_error("a coil_diameter of twice the wire's or more", _WAHL)
+            raise value_error("at least twice the wire diameter", _WAHL, inside="coil_diameter")
         if self.active_coils is not None and self.shear_modulus is None:
             raise value_error("active_coils and shear_modulus together, or neither", "the stiffness follows from both")
 
@@ -118,11 +118,11 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
     mass: MassValue = Field(0.0, description="distributed over its length")
     elements: int = Field(
         1, ge=1, le=1000, strict=True,
-        description="equal parts, or parts per entry of coils; 4 to 16 by default with mass",
+        description="equal elements of the spring, or of each entry of `coils`; 4 to 16 by default with `mass`",
     )  # fmt: skip
     clash_travel: Length | None = Field(None, description="along direction from installed until all coils touch")
     clash_stiffness: PositiveStiffness | None = Field(
-        None, description="of a contact between neighbouring parts; 50 times a part's own by default"
+        None, description="of a contact between neighbouring elements; by default 50 times that of an element"
     )
     pulsation: PulsationRecord | None = Field(
         None, description="variation of its stiffness with the cam angle; none by default"
