@@ -360,7 +360,7 @@ def _parse_load_value(value: object, files: _Files) -> LoadDefinition:
     abscissa, at = find_abscissa(columns, "table")
     loads = [name for name in columns if name not in ABSCISSAS]
     if not loads:
-        given = f"{Path(record.file).name} with {', '.join(columns)} only"
+        given = f"{Path(record.file).name} with only {', '.join(columns)}"
         raise refuse("table", given, f"{abscissa} and a column of the load", "", "add a force, a moment or a pressure")
     name = record.column or (loads[0] if len(loads) == 1 else "")
     if name not in loads:

@@ -46,7 +46,8 @@ def compare(
         help=f"Point or component; {cli.DEFAULT_PROBE}.")] = None,
     against: Annotated[str | None, Parameter(
         help="Model of the case (as in flexcam trade), other case or result; the rigid model by default.")] = None,
-    lowest: Annotated[str | None, Parameter(group=_SPEEDS, help="Lowest speed; half the speed of the case by default.")] = None,
+    lowest: Annotated[str | None, Parameter(
+        group=_SPEEDS, help="Lowest speed; half the speed of the case by default.")] = None,
     highest: Annotated[str | None, Parameter(
         group=_SPEEDS, help="Highest speed; 1.5 times the speed of the case by default.")] = None,
     count: Annotated[int | None, Parameter(

@@ -42,8 +42,10 @@ flexcam limits case.toml --over springs.valve.stiffness=40:70:5kN/m --and masses
 """)
 def limits(
     case: cli.CaseFile, *,
-    lowest: Annotated[str | None, Parameter(help="Lowest speed of the range; half the speed of the case by default.")] = None,
-    highest: Annotated[str | None, Parameter(help="Highest speed of the range; twice the speed of the case by default.")] = None,
+    lowest: Annotated[str | None, Parameter(
+        help="Lowest speed of the range; half the speed of the case by default.")] = None,
+    highest: Annotated[str | None, Parameter(
+        help="Highest speed of the range; twice the speed of the case by default.")] = None,
     accuracy: cli.Accuracy = "10 rpm",
     bounce_height: Annotated[str | None, Parameter(
         help="Minimum height of a bounce; by default the smaller of 0.1 mm and 2 % of the lift.")] = None,
@@ -88,7 +90,7 @@ def limits(
             raise refuse("limits", given, "--over KEY=SPEC and --and KEY=SPEC", "a map needs two values")
         if deviation is not None or cutoff is not None:
             given = "--lift-deviation or --low-pass with --over"
-            raise refuse("limits", given, "one of them", "a map has the other limits only")
+            raise refuse("limits", given, "one of them", "a map has only the other limits")
         cli.check_targets(csv, plot, case, overwrite=overwrite)
         names = which or ["loss_of_contact"]
         return _map_limits(case, overrides, (over, beside), names, search, 1 if workers is None else workers)

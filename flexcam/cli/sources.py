@@ -114,7 +114,7 @@ def open_sources(paths: Sequence[Path], overrides: Sequence[str] | None, *, cams
     if not paths:
         raise refuse("command line", "no file", "one or more results (.vtkhdf) or cases (.toml)")
     if overrides and any(path.suffix == _RESULT for path in paths):
-        raise refuse("--set", overrides[0], "--set with a case only", "a result cannot be changed", "give the case")
+        raise refuse("--set", overrides[0], "--set only with a case", "a result cannot be changed", "give the case")
     found = [Source(path, tuple(overrides or ())) for path in paths]
     for one in found:
         _ = one.result or (cams and one.cams_only) or one.case

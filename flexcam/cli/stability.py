@@ -120,12 +120,12 @@ def _stability_json(found: Stability, scale: float) -> dict[str, object]:
     }  # fmt: skip
 
 
-def _growth_table(found: Sequence[Stability], scale: float) -> Table:
+def _growth_table(found: Sequence[Stability], scale: float, *, has_contact: bool) -> Table:
     rows: list[tuple[str, ...]] = []
     for one in found:
         largest = "not assessed" if one.floquet is None else f"{abs(complex(one.floquet.multipliers[0])):.6g}"
         growth = "" if one.floquet is None else f"{one.floquet.growth:.4g}"
-        opened = f"{math.degrees(one.open_on_the_lift):.3g}"
+        opened = f"{math.degrees(one.open_on_the_lift):.3g}" if has_contact else "not assessed"
         words = ", ".join(_verdict(one)) or "none"
         rows.append((f"{scale * one.rpm:.6g}", f"{one.discrete.radius:.9g}", largest, growth, opened, words))
     heads = (f"{shaft_name(scale)} rpm", "spectral radius", "multiplier", "growth, 1/s", "contact loss, deg", "verdict")
@@ -153,12 +153,12 @@ def stability(
     """
     read = cli.load_beams(case, overrides)
     scale = read.turns
+    has_contact = any(one.model != "published-load" for one in read.record.contacts.values())
     if lowest is None and highest is None and plot is None:
         if count is not None:
             why, remedy = "without a range, only the speed of the case is assessed", "add a range, or leave --count out"
             raise refuse("--count", count, "--lowest, --highest or --plot with it", why, remedy)
         found = assess_stability(read)
-        has_contact = any(one.model != "published-load" for one in read.record.contacts.values())
         return cli.CommandOutput(
             [_stability_table(found, scale, has_contact=has_contact)], _stability_json(found, scale)
         )
@@ -170,6 +170,6 @@ def stability(
     growth = np.array([math.nan if one.floquet is None else one.floquet.growth for one in every])
     causes = {cause: np.array([cause in _verdict(one) for one in every]) for cause in _WORDS if cause != _HARMLESS}
     return cli.CommandOutput(
-        [_growth_table(every, scale)], {"speeds": [_stability_json(one, scale) for one in every]}, title=read.title,
+        [_growth_table(every, scale, has_contact=has_contact)], {"speeds": [_stability_json(one, scale) for one in every]}, title=read.title,
         draw=lambda: plotting.spectra.growth_figure(rpm, growth, causes, shaft_name(scale)),
     )  # fmt: skip

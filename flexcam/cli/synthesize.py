@@ -242,7 +242,8 @@ def synthesize_harmonic(
     bound: Annotated[str | None, Parameter(help="Maximum deviation elsewhere.")] = None,
     count: Annotated[int | None, Parameter(
         help="Number of harmonics; by default those below the lowest mode that the cam excites.")] = None,
-    output: LiftOutput = None, overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
+    output: LiftOutput = None, overrides: cli.Overrides = None, overwrite: cli.Overwrite = False,
+    as_json: cli.Json = False,
 ) -> cli.CommandOutput:  # fmt: skip
     """Replace the lift of a cam by its low harmonics, which lie below the modes that the cam excites.
 
@@ -288,7 +289,8 @@ def synthesize_polydyne(
         help="Natural frequency of one mass on a spring, instead of the train of the case.")] = None,
     damping: Annotated[float, Parameter(help="Damping ratio of that mass.")] = 0.0,
     count: Annotated[int, Parameter(help="Number of harmonics.")] = 60,
-    output: LiftOutput = None, overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
+    output: LiftOutput = None, overrides: cli.Overrides = None, overwrite: cli.Overwrite = False,
+    as_json: cli.Json = False,
 ) -> cli.CommandOutput:  # fmt: skip
     """Design a polydyne cam: at the design speed the flexible train moves the valve as a rigid one would."""
     cli.check_distinct_files({"--output": output}, [case])
@@ -305,7 +307,7 @@ def synthesize_polydyne(
     elif has_mechanism(case):
         found = cam_analysis.polydyne_cam(cli.load_case(case, overrides), name, speed=at, count=count)
     else:
-        given, remedy = f"{case.name}, which has cams only", "add --frequency for one mass on a spring"
+        given, remedy = f"{case.name}, which has only cams", "add --frequency for one mass on a spring"
         raise refuse("case", given, "a case with the train that the cam drives", "", remedy)
     about = {"flexcam": __version__, "made_for": str(case), "design_speed_rpm": found.speed / RPM}
     lift = found.design.event.with_delay(-found.phase)

@@ -22,8 +22,8 @@ _DIGITS = 12  # maximum number of decimals
 _KINDS = ("lift", "velocity", "acceleration")
 _HEADS = {"acceleration": "accel."}  # a longer word would be broken in a terminal of usual width
 TRADE_LEGEND = (
-    "* Pareto-optimal: no other model has both less work and a lower maximum error over all columns; work is the number "
-    "of unknowns times the number of steps"
+    "* Pareto-optimal: no other model has both less work and a lower maximum error over all columns; work is the "
+    "number of unknowns times the number of steps"
 )
 """Legend of `trade_table`."""
 

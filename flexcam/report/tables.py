@@ -326,14 +326,27 @@ def metrics_table(model: Model | None, figures: Sequence[Metric]) -> Table:
     cells: list[tuple[str, str]] = []
     for (parts_kind, kind, *quantity), parts in rows.items():
         if len(parts) > _MOST_PARTS:
-            cells.append((_words(parts_kind, *quantity), fill(", ".join(_range_cells(parts)), _CELL)))
+            cells.append((_metric_label(parts_kind, quantity), fill(", ".join(_range_cells(parts)), _CELL)))
         else:
-            cells += [(_words(kind, part, *quantity), text) for _, text, part in parts]
+            cells += [(_metric_label(f"{kind.removesuffix('s')} {part}", quantity), text) for _, text, part in parts]
     return facts_table("Metrics of the last revolution", cells)
 
 
-def _words(*names: str) -> str:
-    return " ".join(names).replace("open_on_the_lift", "loss of contact on the lift").replace("_", " ")
+def _metric_label(place: str, quantity: Sequence[str]) -> str:
+    """Return the label of a metric, such as ``contact intake: max force`` of ``contacts.intake.force.largest``."""
+    name = ".".join(quantity)
+    for key, words in _METRIC_WORDS.items():
+        name = name.replace(key, words)
+    name, _, kind = name.rpartition(".")
+    label = f"{_METRIC_KINDS[kind]} {name}" if kind in _METRIC_KINDS else f"{name} {kind}".strip()
+    return f"{place}: {label.replace('_', ' ')}"
+
+
+_METRIC_KINDS = {"largest": "max", "least": "min", "mean": "mean"}
+_METRIC_WORDS = {
+    "open_on_the_lift": "loss of contact on the lift", "leak_down": "leak-down", "nose_force": "force over the nose",
+    ".nose": ".at the nose",
+}  # fmt: skip
 
 
 def _part_kind(model: Model | None, metric: str) -> str:

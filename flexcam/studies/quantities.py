@@ -113,10 +113,10 @@ def is_run_scalar(case: Case, name: str) -> bool:
 def _unknown_name_fault(name: str, known: Iterable[str], cams: Iterable[str]) -> Fault:
     of_cams = [f"cams.{cam}.{kind}" for cam in cams for kind in _CAM_PROPERTIES]
     near = suggest_name(name, [*known, "frequency.1", *(_LIMIT + one for one in LIMITS), *of_cams])
-    others = "frequency.N and multiplier.N with N from 1, limits.NAME, cams.NAME.area, static.CHANNEL, CHANNEL.rms, CHANNEL.pnorm_8"
+    others = "frequency.N and multiplier.N with N from 1, limits.NAME, cams.NAME.area, static.CHANNEL, CHANNEL.rms"
     keys = "a numeric key of the case, such as springs.valve.stiffness"
     allowed = unknown_scalar_fault(name, known).allowed
-    allowed += "" if allowed.startswith("a result under") else f"; {others}, or {keys}"
+    allowed += "" if allowed.startswith("a result under") else f"; {others}, CHANNEL.pnorm_8, or {keys}"
     return Fault("scalar", repr(name), allowed, "there is no such result", near)
 
 

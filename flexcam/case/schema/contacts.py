@@ -19,9 +19,9 @@ from flexcam.case.schema.base import (
     PartRecord,
     PositiveDamping,
     PositiveStiffness,
+    Pressure,
     Ratio,
     Record,
-    Pressure,
     Unit,
     Velocity,
     Viscosity,
@@ -36,7 +36,7 @@ _Restitution = Annotated[
     Ratio | None, Field(le=1.0, description="coefficient of restitution: speed of separation per speed of approach")
 ]
 _DampingDepth = Annotated[
-    Length, Field(description="penetration over which the damper becomes active; smaller for small parts")
+    Length, Field(description="penetration over which the damper becomes active; reduce it for small mechanisms")
 ]
 
 
@@ -47,7 +47,9 @@ class PublishedLoadRecord(Record):
     cam: _CamName
     follower: _FollowerName
     direction: _LiftDirection = None
-    preload_factor: Ratio = Field(2.5, description="preload by the force that the rigid train needs for contact")
+    preload_factor: Ratio = Field(
+        2.5, description="preload divided by the force that the rigid train needs for contact"
+    )
     cam_deflection: Flag = Field(False, description="the force depends on the shaft's deflection, U_c of (21)")
     cam_torque: Flag = Field(True, description="the force twists the shaft, T_CF of (24)")
 

@@ -285,7 +285,7 @@ class FrictionRecord(Record):
     inside: Name | None = Field(None, description="outer spring of the nest, with the same ends")
     force: _FrictionForce = Field(description="the Coulomb friction force in N, or moment in N m about an axis")
     breakaway_force: _FrictionForce | None = Field(
-        None, description="force at which sliding begins; as force by default"
+        None, description="force at which sliding begins; equal to `force` by default"
     )
     stribeck_speed: _SlidingSpeed = Field(
         0.1, description="speed over which the breakaway force falls to force, m/s, or rad/s about an axis"
@@ -310,7 +310,7 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
     """Force at a point, constant or from a table, or constant force distributed over a member."""
 
     at: Name | None = Field(None, description="point of application")
-    member: Name | None = Field(None, description="member it is distributed over")
+    member: Name | None = Field(None, description="member over which the load is distributed")
     direction: DirectionValue = Field(description=DIRECTION)
     force: Annotated[float, Unit("force", signed=True, axis="moment")] | None = Field(
         None, description="N at a point, N m about an axis"
@@ -378,7 +378,7 @@ class LeverRecord(Record):
     to: _DefinedPoint
     arms: _Arms
     angles: tuple[SignedAngle, SignedAngle] = Field(
-        (0.0, 0.0), description="of both arms as installed; 0 where an arm is square to the motion of its end"
+        (0.0, 0.0), description="of both arms as installed; 0 where an arm is perpendicular to the motion of its end"
     )
     inertia: Annotated[float, Unit("inertia", above=True)] = Field(
         description="moment of inertia about the lever's axis"
@@ -386,7 +386,7 @@ class LeverRecord(Record):
     stiffness: PositiveStiffness = Field(description="stiffness of the arm at `to`")
     damping: DampingValue = Field(0.0, description="of the arm at `to`")
     drive_stiffness: PositiveStiffness | None = Field(
-        None, description="of the arm at a driven node; as stiffness by default"
+        None, description="of the arm at a driven node; equal to `stiffness` by default"
     )
     drive_damping: DampingValue = Field(0.0, description="of the arm at a driven node")
     direction: _DrivenDirection = None
