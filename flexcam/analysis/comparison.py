@@ -132,9 +132,8 @@ def compare_responses(
         raise refuse("responses", "no time in common", "runs that overlap", "results are compared instant by instant")
     both = one.at(times), other.at(times)
     if np.abs(both[0].angle - both[1].angle).max() > _SAME_ANGLE:
-        given = " and ".join(f"{_mean_rpm(run):.6g}" for run in (one, other))
-        why = f"the two runs have different camshaft speeds ({given} rpm), and results are compared at equal times"
-        raise refuse("--against", "", "", why, "run both at the same speed")
+        given = f"camshaft speeds of {_mean_rpm(one):.6g} and {_mean_rpm(other):.6g} rpm"
+        raise refuse("--against", given, "runs at the same speed", "results are compared at equal times")
     return replace(compare(*both, probe, speed_rpm), names=names)
 
 

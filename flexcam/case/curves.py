@@ -247,8 +247,8 @@ def _make_law(name: str, parameters: Table) -> Law:
         table = f'{{ id = "{name}", {", ".join(f"{key} = {value}" for key, value in values.items())} }}'
         options = " ".join(f"--with {key}={value}" for key, value in values.items())
         remedy = f"write law = {table} in a case, or add {options} to flexcam law"
-        why = f"the law {name} needs {'this parameter' if len(missing) == 1 else 'these parameters'}"
-        raise refuse(", ".join(missing), "nothing", "", f"{why}; {text}" if text else why, remedy)
+        allowed = f"a value for {'the parameter' if len(missing) == 1 else 'each of'} {', '.join(missing)} of {name}"
+        raise refuse(missing[0], "nothing", allowed, text, remedy)
     parameters = _validate(record, parameters, f"a parameter of {name}", "law")
     return kind(**parameters)
 

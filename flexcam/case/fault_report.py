@@ -178,7 +178,8 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
             if path[-1] in known:
                 variants = _variants_with(path, root)
                 remedy = f"remove it, or change {variants.partition(' ')[0]}"
-                return Fault(where, f"key {path[-1]!r}", "", f"{path[-1]!r} applies only to {variants}", remedy)
+                allowed = f"{variants} with this key" if "=" in variants else "this key only in another table"
+                return Fault(where, f"key {path[-1]!r}", allowed, "", remedy)
             hint = suggest_name(path[-1], known) or "remove it"
             return Fault(where, f"key {path[-1]!r}", ", ".join(known), "there is no such key", hint)
         case "literal_error" | "union_tag_invalid":

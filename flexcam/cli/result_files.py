@@ -197,7 +197,8 @@ flexcam report slow.vtkhdf fast.vtkhdf --probe valve -o both.html
 flexcam report results/case.vtkhdf --errors --limits --trade --overwrite
 """)
 def report(
-    results: Annotated[list[Path], Parameter(help="Result files (.vtkhdf), including those of runs that ended early.")], *,
+    results: Annotated[list[Path], Parameter(
+        help="Result files (.vtkhdf), including those of runs that ended early.")], *,
     output: Annotated[Path | None, Parameter(
         ["-o", "--output"], help="HTML file; in the folder of the first result by default.")] = None,
     probe: Annotated[str | None, Parameter(help=f"Probe whose motion is shown first; {cli.DEFAULT_PROBE}.")] = None,

@@ -170,6 +170,7 @@ def stability(
     growth = np.array([math.nan if one.floquet is None else one.floquet.growth for one in every])
     causes = {cause: np.array([cause in _verdict(one) for one in every]) for cause in _WORDS if cause != _HARMLESS}
     return cli.CommandOutput(
-        [_growth_table(every, scale, has_contact=has_contact)], {"speeds": [_stability_json(one, scale) for one in every]}, title=read.title,
+        [_growth_table(every, scale, has_contact=has_contact)],
+        {"speeds": [_stability_json(one, scale) for one in every]}, title=read.title,
         draw=lambda: plotting.spectra.growth_figure(rpm, growth, causes, shaft_name(scale)),
     )  # fmt: skip

@@ -115,7 +115,7 @@ def _find_curve(case: Case, name: str, where: str) -> Curve:
         known = [*(f"{one} {series}" for one in probes), *units]
         near = suggest_name(name, [*probes, *known])
         allowed = ", ".join(known[:_LISTED]) + (f" and {len(known) - _LISTED} more" if len(known) > _LISTED else "")
-        raise refuse(where, repr(name), "", f"the case has no such result; its results are {allowed}", near)
+        raise refuse(where, "a name that is no result of the case", f"one of {allowed}", "", near)
     return Curve(f"{probe} {series}", probe, series, component_unit(probes[probe], SERIES[series]), np.zeros(0))
 
 

@@ -149,8 +149,9 @@ def _range(key: str, where: str, match: re.Match[str], limit: int) -> Axis:
         check_count(where, int(steps) + 1, limit)
         numbers = [start + i * step for i in range(int(steps) + 1)]
     elif start >= stop:
-        given, swapped = match[0].strip(), f"{stop}:{start}{unit}"
-        raise refuse(where, given, "", "the lower end must come first", f"write {swapped}")
+        allowed, remedy = "the lower end first", f"write {stop}:{start}{unit}"
+        allowed, remedy = ("two different ends", "widen the interval") if start == stop else (allowed, remedy)
+        raise refuse(where, match[0].strip(), allowed, "", remedy)
     else:
         return Axis(key, where, (_quantity(start, unit), _quantity(stop, unit)), unit, interval=True)
     return Axis(key, where, tuple(_quantity(_DIGITS.plus(number), unit) for number in numbers), unit)

@@ -123,7 +123,7 @@ def test_a_result_that_is_there_is_told_before_a_model_is_chosen(flexcam, result
     monkeypatch.setattr("flexcam.analysis.model_choice.select_case", choosing)
     done = flexcam("run", INLINE, "--set", "fidelity.tolerance=1%")
     assert done.code == 2
-    assert "result: results/inline.vtkhdf exists already" in done.err
+    assert "result: results/inline.vtkhdf already exists" in done.err
 
 
 def test_a_key_laid_over_twice_is_told(flexcam):

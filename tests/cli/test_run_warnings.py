@@ -141,7 +141,7 @@ def test_a_spring_that_opens_the_valve_is_told(flexcam, direct):
     at = text.index('direction = "-uy"', text.index("[springs.valve]"))
     direct.write_text(text[:at] + text[at:].replace('"-uy"', '"uy"', 1), encoding="utf-8")
     (warning,) = (one for one in flexcam("check", direct, "--json").json["warnings"] if "contacts.seat" in one)
-    assert "no spring presses the valve to its seat" in warning
+    assert "no spring holds the valve on its seat" in warning
 
 
 @pytest.mark.slow
