@@ -119,7 +119,6 @@ def _linear(tables: dict) -> list[str]:
         "|---|---|---|---|---|",
         *rows,
         "",
-        *_model(tables["linear"]),
     ]
 
 
@@ -132,52 +131,6 @@ def _pair(probes: dict, full: dict) -> str:
         return probes["missing"]
     text = f"{_cost(probes)} / {_cost(full)}"
     return f"**{text}**" if probes["automatic"] else text
-
-
-def _model(rows: list[dict]) -> list[str]:
-    """Return the cost of a step as a function of the unknowns, fitted."""
-    lines = []
-    for part, name in _parts([row for row in rows if row["saved"] == "probes" and "missing" not in row]):
-        n, cost = (np.array([row[key] for row in part], dtype=float) for key in ("unknowns", "us_per_step"))
-        power, (a, b), off = min((_fitted(n, cost, power) for power in (1, 2)), key=lambda found: found[2])
-        words = f"{_number(a)} + {b:.2g} n{'²' if power == 2 else ''} µs"
-        lines.append(f"| {name} | {n[0]:.0f} to {n[-1]:.0f} | {words} | {100.0 * off:.0f} % |")
-    if not lines:
-        return []
-    return [
-        "Time of a step with probes saved, fitted to the rows above, with n unknowns:",
-        "",
-        "| solver engine | unknowns | µs per step | maximum error of the fit |",
-        "|---|---|---|---|",
-        *lines,
-        "",
-    ]
-
-
-DENSE = 300
-"""Unknowns up to which the direct engine is dense (`flexcam.core.DENSE_LIMIT`)."""
-
-
-def _parts(rows: list[dict]) -> list[tuple[list[dict], str]]:
-    """Return the rows by engine, the direct one dense and sparse apart; three at least make a fit."""
-
-    def kind(row: dict) -> str:
-        dense = "dense" if row["unknowns"] <= DENSE else "sparse"
-        return f"direct, {dense}" if row["path"] == "direct" else row["path"]
-
-    found = {name: [row for row in rows if kind(row) == name] for name in dict.fromkeys(map(kind, rows))}
-    return [(its, name) for name, its in found.items() if len(its) >= 3]
-
-
-def _fitted(n: np.ndarray, cost: np.ndarray, power: int) -> tuple[int, np.ndarray, float]:
-    """Return power, both coefficients of ``a + b n^power``, none below zero, and the largest relative error."""
-    columns = np.column_stack([np.ones_like(n), n**power]) / cost[:, None]
-    found = np.linalg.lstsq(columns, np.ones_like(n), rcond=None)[0]
-    if found.min() < 0.0:
-        kept = int(np.argmax(found))
-        found = np.zeros(2)
-        found[kept] = columns[:, kept].sum() / (columns[:, kept] ** 2).sum()
-    return power, found, float(np.abs(columns @ found - 1.0).max())
 
 
 def _contact(tables: dict) -> list[str]:
@@ -218,7 +171,7 @@ def _accuracy(tables: dict) -> list[str]:
         "## Accuracy in contact",
         "",
         "Half a camshaft revolution with the kernel solver engine, by steps per revolution: relative rms error of the cam force against a",
-        "collocation with 115 200 steps / time of the steps with the probes only, ms.",
+        "collocation with 115 200 steps / time of the steps with only the probes, ms.",
         "The collocation divides steps that are too long for the contacts, here those of 900 and 1800.",
         "",
         f"| case | method | {' | '.join(map(str, steps))} |",
@@ -272,7 +225,7 @@ def _gradients(tables: dict) -> list[str]:
 
 
 def _derivatives(tables: dict) -> list[str]:
-    """Return derivatives against closed forms."""
+    """Return derivatives against closed-form solutions."""
     rows = [
         f"| {row['what']} | `{row['scalar']}` | {row['closed_form']:.6g} | {row['exact_error']:.0e} | "
         f"{_number(row['exact_ms'])} | {row['differences_error']:.0e} | {_number(row['differences_ms'])} |"
@@ -283,7 +236,7 @@ def _derivatives(tables: dict) -> list[str]:
         "`flexcam sensitivity --method exact` and `--method differences`, which are [the same](studies.md#derivatives) for",
         "frequencies, static results and Floquet multipliers.",
         "",
-        "| derivative | of | closed form | exact, error | ms | differences, error | ms |",
+        "| derivative | of | closed-form value | exact, error | ms | differences, error | ms |",
         "|---|---|---|---|---|---|---|",
         *rows,
         "",

@@ -83,7 +83,7 @@ class PreparedRun:
 
     @property
     def explicit_case(self) -> Case:
-        """The case with its integrator, also where this is the default."""
+        """The case with its integrator, even if this is the default."""
         if self.case.record.run.integrator is not None:
             return self.case
         collocated = isinstance(self.scheme, Collocation)

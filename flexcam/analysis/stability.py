@@ -216,7 +216,7 @@ class Stability:
 
     @property
     def highest_listed_rpm(self) -> float:
-        """Camshaft speed up to which resonances are listed individually, rpm: twice the case's own."""
+        """Camshaft speed up to which resonances are listed individually, rpm: twice that of the case."""
         return _LISTED_SPEED_RATIO * self.rpm
 
     @property

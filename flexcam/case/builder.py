@@ -326,7 +326,7 @@ class _Geometry:
         lift = direction(record.direction)
         given = lift[:3].tolist()
         if abs(float(lift[:3] @ axis)) > _PERPENDICULAR_TOLERANCE * float(np.linalg.norm(lift[:3])):
-            raise refuse("direction", given, "a direction square to the shaft", "a plate cam lifts in its plane")
+            raise refuse("direction", given, "a direction perpendicular to the shaft", "a plate cam lifts in its plane")
         if record.follower in self.mesh.points:
             span = self.mesh.nodes[self.mesh.node(record.follower)] - cam
             if float(span @ lift[:3]) < -_PERPENDICULAR_TOLERANCE * float(np.linalg.norm(span)):

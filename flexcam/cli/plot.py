@@ -134,7 +134,7 @@ def plot(
     files: Annotated[list[Path], Parameter(help="Result files (.vtkhdf), case files (.toml), which flexcam runs, or "
         "the table of a sweep (.h5 or .csv).")], *,
     what: Annotated[FigureKind | None, Parameter(
-        help="Kind of figure; motion by default, sweep for a table; svaj: lift and its derivatives; orbits: journals "
+        help="Kind of figure; motion by default, sweep for a table. svaj: lift and its derivatives; orbits: journals "
         "in their oil films; waterfall: orders over speed; map: a channel over cam angle and speed; work-precision: "
         "error of simpler models against computing cost (unknowns times steps)."
         )] = None,
@@ -145,7 +145,7 @@ def plot(
         "shown by colours; spring: force of the spring.")] = None,
     over: Annotated[Literal["angle", "time", "crank"] | None, Parameter(
         help="motion, force, torque, energy: abscissa; cam angle by default; crank: crank angle of the last "
-        "revolution, from top dead centre (key tdc of the cam) or else from the start of the revolution.")] = None,
+        "revolution from top dead centre (key tdc of the cam), or from the start of the revolution.")] = None,
     rigid: Annotated[bool, Parameter(
         help="motion, force, torque: also draw the rigid model, and for motion the difference from it.")] = False,
     cam: Annotated[str | None, Parameter(help="svaj, profile: draw only this cam.")] = None,
@@ -354,7 +354,7 @@ def _goodman(asked: FigureOptions) -> Figure:
 
 
 def _map(asked: FigureOptions) -> Figure:
-    """Draw a channel over cam angle and speed, of several results or from 0.5 to 1.5 times the case's speed."""
+    """Draw a channel over cam angle and speed, of several results or from 0.5 to 1.5 times the speed of the case."""
     case, contact = asked.first.case, asked.contact(asked.first)
     channels = asked.channels or ([] if contact is None else [f"contacts.{contact}.force"])
     if len(channels) != 1:
@@ -398,13 +398,13 @@ def _modes(asked: FigureOptions) -> Figure:
 
 
 def _campbell(asked: FigureOptions) -> Figure:
-    """Draw modes and orders from 0.5 to 1.5 times the case's speed."""
+    """Draw modes and orders from 0.5 to 1.5 times the speed of the case."""
     case = _single_source(asked, "campbell").case
     return modes_over_speed(case, _speeds(asked, case), range(1, _ORDERS + 1)).figure()
 
 
 def _waterfall(asked: FigureOptions) -> Figure:
-    """Draw the orders of a motion and a force from 0.5 to 1.5 times the case's speed."""
+    """Draw the orders of a motion and a force from 0.5 to 1.5 times the speed of the case."""
     case = _single_source(asked, "waterfall").case
     seen = select_signals(case, asked.channels, None if asked.probe is None else [asked.probe])
     return orders_of_response(case, _speeds(asked, case), seen, _ORDERS).figure()

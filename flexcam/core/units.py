@@ -200,7 +200,7 @@ def _unit_product(text: str, where: str, wanted: Exponents, allowed: str = _UNIT
 
 
 def _equal_dimension(found: Exponents, wanted: Exponents) -> bool:
-    """Return whether two dimensions agree; the radian may be omitted in moments and derived quantities only."""
+    """Return whether two dimensions agree; the radian may be omitted only in moments and derived quantities."""
     of_moments = wanted[:2] == (2, 1)
     return found[:4] == wanted[:4] if of_moments else found == wanted
 

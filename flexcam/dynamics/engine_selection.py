@@ -1,6 +1,6 @@
 """Selection of the solver engine of a problem.
 
-*modal*: a linear system in modal coordinates, many steps at once, numpy only. *kernel*: modal coordinates and local
+*modal*: a linear system in modal coordinates, many steps at once, only numpy. *kernel*: modal coordinates and local
 forces in compiled code. *direct*: factorized matrices, every system and every method. The choice depends on the problem
 alone, not on whether compiled code is cached; `Problem.engine` forces one, and the statistics of a run name it.
 """

@@ -238,7 +238,7 @@ class SuperelementRecord(Record):
 
 
 class RigidLinkRecord(Record):
-    """Massless rigid connection: nodes follow a leading node as points of one body, or by some components only."""
+    """Massless rigid connection: nodes follow a leading node as points of one body, or in only some components."""
 
     start: Name = Field(alias="from", description="the name of the node that leads")
     to: list[Name] = Field(min_length=1, description="the names of the nodes that follow; they may lie at its place")
