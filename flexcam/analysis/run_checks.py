@@ -143,8 +143,8 @@ def check_lobes(model: Model) -> list[str]:
 
 def _check_lobe(model: Model, name: str, cam: Cam, follower: Follower) -> Iterator[str]:
     if _is_undercut(cam, follower):
-        why = "its profile crosses itself (undercut), so that no cam can make the lift of this run"
-        yield f"Warning: cams.{name}: {why}; flexcam cam gives the base circle that is large enough"
+        why = "its profile crosses itself (undercut), so no real cam can produce this lift"
+        yield f"Warning: cams.{name}: {why}; flexcam cam prints the minimum base-circle radius"
     if isinstance(follower, FlatFollower) and not abs(beside := follower.lobe_contact) <= 0.5 * (cam.width or math.inf):
         place = "at the edge of the lobe" if math.isinf(beside) else f"{1e3 * abs(beside):.3g} mm from its middle"
         remedy = "give the follower a crown_radius, or change the taper" if math.isinf(beside) else "change the taper"

@@ -296,7 +296,10 @@ class _Geometry:
             return record.stiffness
         ends, ratio = record.ends, 1.0
         if record.direction is not None and not direction(record.direction)[:3].any():
-            why, remedy = "no member defines that of a lash about an axis", 'add it, such as stiffness = "5 kN m/rad"'
+            why, remedy = (
+                "no member defines the stiffness of a lash about an axis",
+                'add it, such as stiffness = "5 kN m/rad"',
+            )
             raise refuse("stiffness", "nothing", "a value", why, remedy)
         if ends is None:
             rocker = self.case.rockers[str(record.at)]

@@ -49,7 +49,7 @@ def get_number(case: Case, key: str, where: str) -> Number:
         last, names = key.rpartition(".")[2], [name.rpartition(".")[2] for name in numbers]
         near = suggest_name(key, numbers) or suggest_name(last, names)
         allowed = f"a numeric key of the case, such as {', '.join(numbers[:6])}"
-        raise refuse(where, repr(key), allowed, "there is no such key", near or "flexcam check --echo prints them all")
+        raise refuse(where, repr(key), allowed, "there is no such key", near or "flexcam check --echo prints all keys")
     value = known[copies[0]]
     if different := [name for name in copies if known[name] != value]:
         given = f"{known[different[0]]!r} for {different[0]} and {value!r} for {copies[0]}"

@@ -157,7 +157,7 @@ def stability(
     if lowest is None and highest is None and plot is None:
         if count is not None:
             why, remedy = "without a range, only the speed of the case is assessed", "add a range, or leave --count out"
-            raise refuse("--count", count, "--lowest, --highest or --plot with it", why, remedy)
+            raise refuse("--count", count, "--count with --lowest, --highest or --plot", why, remedy)
         found = assess_stability(read)
         return cli.CommandOutput(
             [_stability_table(found, scale, has_contact=has_contact)], _stability_json(found, scale)

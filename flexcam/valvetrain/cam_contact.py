@@ -319,7 +319,6 @@ def hertz_line(
             why = f"{at}, the profile has a hollow that is narrower than the roller"
         radius = f"{1e3 * follower.base_radius:g} mm"
         allowed = f"a larger base circle for a lift of {1e3 * cam.event.height:.4g} mm"
-        why += "; no real cam can produce this lift"
         remedy = "flexcam cam prints the minimum base-circle radius; a longer event also helps"
         raise refuse(f"cams.{contact.cam}.base_radius", radius, allowed, why, remedy)
     rolls = bool(np.isfinite(roller))

@@ -114,12 +114,16 @@ class UnilateralRecord(Record):
     def _check(self) -> None:
         if "friction_speed" in self.model_fields_set and "friction" not in self.model_fields_set:
             given, why = f"{self.friction_speed:g} m/s", "it has no effect without friction"
-            raise value_error("friction with it", why, "add friction", inside="friction_speed", given=given)
+            raise value_error(
+                "friction together with this key", why, "add friction", inside="friction_speed", given=given
+            )
         oil = self.lubrication
         if oil is not None and oil.conductivity is not None and "friction" not in self.model_fields_set:
             why, remedy = "the heat of a flash temperature is that of friction", "add friction, or leave it out"
             given = f"{oil.conductivity:g} W/m/K"
-            raise value_error("friction with it", why, remedy, inside="lubrication.conductivity", given=given)
+            raise value_error(
+                "friction together with this key", why, remedy, inside="lubrication.conductivity", given=given
+            )
 
 
 CamContactRecord = PublishedLoadRecord | BilateralRecord | UnilateralRecord
@@ -216,7 +220,9 @@ class OilRecord(PartRecord[OilChamber]):
     def _check(self) -> None:
         super()._check()
         if self.supply_pressure is None and self.check_valve is not None:
-            raise value_error("supply_pressure with it", "the valve opens below it", inside="check_valve")
+            raise value_error(
+                "supply_pressure together with this key", "the valve opens below this pressure", inside="check_valve"
+            )
         if self.supply_pressure is not None and self.pressure is not None:
             why = "the stiffness of the air is constant or follows it"
             raise value_error("either pressure or supply_pressure", why)

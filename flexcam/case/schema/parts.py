@@ -339,7 +339,9 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
         if self.table is None:
             for key in ("area", "phase", "repeat"):
                 if getattr(self, key) is not None:
-                    raise value_error("table with it", "the key describes a table", "add table", inside=key)
+                    raise value_error(
+                        "table together with this key", "the key describes a table", "add table", inside=key
+                    )
 
     def build(self) -> valvetrain.GivenLoad:
         """Build the load."""

@@ -194,7 +194,7 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
         (least, weakest), (most, strongest) = rows[0], rows[-1]
         if not (least <= start <= most if force is None else weakest <= force <= strongest):
             place = f"the installed position, {start:g} m" if force is None else f"{force:g} N"
-            raise value_error(f"rows around {place}", "the travel counts from there", inside="force_table")
+            raise value_error(f"rows around {place}", "they give the force in this position", inside="force_table")
 
     def _check_force(self, key: str) -> None:
         """Check the keys that a force table or coils exclude."""
