@@ -101,11 +101,15 @@ Csv = Annotated[Path | None, Parameter("--csv", help="Also write a table to this
 Folder = Annotated[Path, Parameter(["-o", "--output"], help="Folder of the results.")]
 Overwrite = Annotated[bool, Parameter("--overwrite", help="Replace existing files.")]
 AllowLarge = Annotated[bool, Parameter("--allow-large", help="Run even if memory or disk space seem too small.")]
-CamName = Annotated[str | None, Parameter("--cam", help="Name of the cam; not needed if there is one only.")]
+CamName = Annotated[str | None, Parameter("--cam", help="Name of the cam; not needed if there is only one.")]
 
 
-Lowest = Annotated[str | None, Parameter("--lowest", help="Lowest speed, such as 1000rpm; half the case's by default.")]
-Highest = Annotated[str | None, Parameter("--highest", help="Highest speed; 1.5 times the case's by default.")]
+Lowest = Annotated[
+    str | None, Parameter("--lowest", help="Lowest speed, such as 1000rpm; half the speed of the case by default.")
+]
+Highest = Annotated[
+    str | None, Parameter("--highest", help="Highest speed; 1.5 times the speed of the case by default.")
+]
 Accuracy = Annotated[str, Parameter("--accuracy", help="Accuracy of the computed speeds.")]
 Count = Annotated[int, Parameter("--count", help="Number of speeds, evenly spaced.")]
 
@@ -299,8 +303,8 @@ def check_targets(
 def describe_lift_file(path: Path, phase: float = 0.0) -> str:
     """Return the name of a lift file, and the keys of a case with which it replaces the lift of a cam."""
     delay = f', phase = "{math.degrees(phase):.10g} deg"' if phase else ""
-    keys = f'lift_table = "{path.name}"{delay} instead of the law with its keys, and phase, centreline, timing'
-    return f"{path}  (in a case: {keys})"
+    keys = "law, return_law, lift, rise, dwell, return, ramps, phase, centreline and timing"
+    return f'{path}  (in the case, replace {keys} with: lift_table = "{path.name}"{delay})'
 
 
 @dataclass(frozen=True)

@@ -240,7 +240,7 @@ flexcam cam --from-profile points.csv --unit mm --follower '{ type = "flat" }' -
 """)  # noqa: E501 - a command to a line
 def cam(
     case: Annotated[Path | None, Parameter(
-        group=_CASE, help="Case file, or a file with format = 1 and [cams.NAME] tables only.")] = None, *,
+        group=_CASE, help="Case file, or a file with only format = 1 and [cams.NAME] tables.")] = None, *,
     name: Annotated[cli.CamName, Parameter(group=_CASE)] = None,
     forms: Annotated[list[_ProfileFormat] | None, Parameter(
         "--format", group=_CASE, help="Format of the profile files with -o; all by default.")] = None,

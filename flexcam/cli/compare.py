@@ -42,9 +42,10 @@ def compare(
         help=f"Point or component; {cli.DEFAULT_PROBE}.")] = None,
     against: Annotated[str | None, Parameter(
         help="Model of the case (as in flexcam trade), other case or result; the rigid model by default.")] = None,
-    lowest: Annotated[str | None, Parameter(group=_SPEEDS, help="Lowest speed; half the case's by default.")] = None,
+    lowest: Annotated[str | None, Parameter(
+        group=_SPEEDS, help="Lowest speed; half the speed of the case by default.")] = None,
     highest: Annotated[str | None, Parameter(
-        group=_SPEEDS, help="Highest speed; 1.5 times the case's by default.")] = None,
+        group=_SPEEDS, help="Highest speed; 1.5 times the speed of the case by default.")] = None,
     count: Annotated[int | None, Parameter(
         group=_SPEEDS, help="Number of speeds, evenly spaced; 8 by default.")] = None,
     tolerance: Annotated[str | None, Parameter(
@@ -58,8 +59,8 @@ def compare(
     """Compare the flexible model with the rigid one, or any two models, cases or results.
 
     With --lowest, --highest or --plot it compares the contact forces of three models over a range of speeds: rigid,
-    flexible with bilateral contact, and flexible with unilateral contact. It prints the first of these speeds at which
-    they differ.
+    flexible with bilateral contact, and flexible with unilateral contact. It prints from which of these speeds
+    on they differ.
     Speeds are those of the crankshaft if the case gives crank_speed, otherwise those of the camshaft.
     """
     over_speed = any(one is not None for one in (lowest, highest, plot))
@@ -97,7 +98,7 @@ def _compare_pair(case: Path, against: str, probe: str | None, overrides: cli.Ov
     first, second = (Source(path, tuple(overrides or ())) for path in (case, Path(against)))
     if overrides and first.is_result and second.is_result:
         why = "results cannot be changed"
-        raise refuse("--set", overrides[0], "--set with a case only", why, "give the case, or leave it out")
+        raise refuse("--set", overrides[0], "--set only with a case", why, "give the case, or leave it out")
     one = first.response if first.is_result else _run(first.case)
     at = probe or scalar_probe(first.ready)
     if second.is_result:
@@ -132,11 +133,10 @@ def _compare_over_speed(case: Case, speeds: list[float], tolerance: float, conta
     words, parting = list[str](), dict[str, float | None]()
     for first, second in _PAIRS:
         rpm = comparison.divergence_speed(found, first, second, tolerance)
-        when = "already at the lowest speed," if rpm == found[0].rpm else "first at"
-        there = "at none of the speeds" if rpm is None else f"{when} {scale * rpm:.6g} {shaft} rpm"
-        words.append(f"{first} and {second} {there}")
+        when = "from the lowest speed on" if rpm == found[0].rpm else "from the speed"
+        when = "at none of the speeds" if rpm is None else f"{when} ({scale * rpm:.6g} {shaft} rpm)"
+        words.append(f"{first.capitalize()} and {second} differ by more than {tolerance:.0%} {when}.")
         parting[f"{first}_{second}_part_rpm"] = None if rpm is None else scale * rpm
-    differ = f"differences above {tolerance:.0%} of the maximum force: {'; '.join(words)}"
     head = (f"{shaft} rpm", *(f"{name}, N" for name in MODELS))
     rpm = np.array([scale * one.rpm for one in found])
     forces = {name: [one and (one.least, one.largest) for one in (at.forces[name] for at in found)] for name in MODELS}
@@ -147,7 +147,7 @@ def _compare_over_speed(case: Case, speeds: list[float], tolerance: float, conta
     rows = zip((f"{speed:.6g}" for speed in rpm), *cells, strict=True)
     ranges = {name: np.array([pair or (np.nan, np.nan) for pair in pairs]).T for name, pairs in forces.items()}
     return cli.CommandOutput(
-        [plain_table(f"Contact force on the main lift, min to max; {differ}", head, rows)],
+        [plain_table("Min and max contact force on the main lift", head, rows), " ".join(words)],
         {"shaft": shaft, "rpm": rpm, "forces_n": forces, **parting, "tolerance": tolerance}, title=case.title,
         draw=lambda: plotting.spectra.force_figure(rpm, ranges, shaft),
     )  # fmt: skip

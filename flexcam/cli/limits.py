@@ -31,9 +31,9 @@ from flexcam.studies.sweep import validate_plan
 from flexcam.studies.variables import InterruptibleRuns, require_units
 
 _LEGEND = (
-    "bracket: the event begins at most this much below the printed speed. lasting from: it occurs at this "
-    "speed and at all higher examined speeds, up to 15 % above the limit. not lasting: it does not occur at the last "
-    "of them"
+    "bracket: the event begins at most this much below the printed speed. persists from: the event also occurs at "
+    "every higher speed examined (up to 15 % above the limit). not persistent: the event does not occur at the highest "
+    "of these speeds"
 )
 
 _MAP = Group("Map over two values", sort_key=1)
@@ -46,8 +46,10 @@ flexcam limits case.toml --over springs.valve.stiffness=40:70:5kN/m --and masses
 """)
 def limits(
     case: cli.CaseFile, *,
-    lowest: Annotated[str | None, Parameter(help="Lowest speed of the range; half the case's by default.")] = None,
-    highest: Annotated[str | None, Parameter(help="Highest speed of the range; twice the case's by default.")] = None,
+    lowest: Annotated[str | None, Parameter(
+        help="Lowest speed of the range; half the speed of the case by default.")] = None,
+    highest: Annotated[str | None, Parameter(
+        help="Highest speed of the range; twice the speed of the case by default.")] = None,
     accuracy: cli.Accuracy = "10 rpm",
     bounce_height: Annotated[str | None, Parameter(
         help="Minimum height of a bounce; by default the smaller of 0.1 mm and 2 % of the lift.")] = None,
@@ -83,7 +85,7 @@ def limits(
     if height is not None:
         positive("--bounce-height", height, "m", zero=True)
     deviation = cli.parse_optional("--lift-deviation", lift_deviation, "length", "mm")
-    cutoff = cli.parse_optional("--low-pass", low_pass, "rate", "Hz")
+    cutoff = cli.parse_optional("--low-pass", low_pass, "frequency", "Hz")
     search = Search(low, high, width, height, deviation, cutoff)
     cli.check_number("--workers", workers)
     if any(one is not None for one in (over, beside, which, csv, plot)):
@@ -92,7 +94,7 @@ def limits(
             raise refuse("limits", given, "--over KEY=SPEC and --and KEY=SPEC", "a map needs two values")
         if deviation is not None or cutoff is not None:
             given = "--lift-deviation or --low-pass with --over"
-            raise refuse("limits", given, "one of them", "a map has the other limits only")
+            raise refuse("limits", given, "one of them", "a map has only the other limits")
         cli.check_targets(csv, plot, case, overwrite=overwrite)
         names = which or ["loss_of_contact"]
         return _map_limits(case, overrides, (over, beside), names, search, 1 if workers is None else workers)
@@ -184,16 +186,17 @@ _WORDS = {
 }
 
 
-def _stability_table(found: Stability, scale: float) -> Table:
+def _stability_table(found: Stability, scale: float, *, has_contact: bool) -> Table:
     skipped = [] if found.discrete.is_available else ["the integrator"]
     skipped += ["the growth of disturbances"] if found.floquet is None else []
     stable = "none: no cause of instability found"
     stable += f"; {' and '.join(skipped)} could not be assessed" if skipped else ""
     several = len({one.contact for one in found.resonances}) > 1
+    opened = f"{math.degrees(found.open_on_the_lift):.3g} deg of cam angle on the lift"
     rows = [
         ("integrator", _describe_amplification(found.discrete)),
         ("periodic motion", _describe_growth(found)),
-        ("loss of contact", f"{math.degrees(found.open_on_the_lift):.3g} deg of cam angle on the lift"),
+        ("loss of contact", opened if has_contact else "not assessed: a load drives the follower, without a contact"),
         ("resonances", _count_resonances(found, scale)),
         *((f"harmonic {one.harmonic}" + (f", {one.contact}" if several else ""), _format_resonance(one, scale))
           for one in found.within[:_SHOWN]),
@@ -239,7 +242,8 @@ def _describe_growth(found: Stability) -> str:
     if found.is_chattering:
         events = found.floquet.events
         words = f"chatters: differences of rounding size grow by {largest:.3g} over {events} impacts ({moving})"
-        return words if found.change is None else f"{words}; two revolutions differ by {describe_change(found.change)}"
+        change = "" if found.change is None else describe_change(found.change)
+        return f"{words}; difference between two revolutions: {change}" if change else words
     return f"max multiplier {largest:.6g}, growth {found.floquet.growth:.4g} 1/s ({moving})"
 
 
@@ -267,12 +271,12 @@ def _stability_json(found: Stability, scale: float) -> dict[str, object]:
     }  # fmt: skip
 
 
-def _growth_table(found: Sequence[Stability], scale: float) -> Table:
+def _growth_table(found: Sequence[Stability], scale: float, *, has_contact: bool) -> Table:
     rows: list[tuple[str, ...]] = []
     for one in found:
         largest = "not assessed" if one.floquet is None else f"{abs(complex(one.floquet.multipliers[0])):.6g}"
         growth = "" if one.floquet is None else f"{one.floquet.growth:.4g}"
-        opened = f"{math.degrees(one.open_on_the_lift):.3g}"
+        opened = f"{math.degrees(one.open_on_the_lift):.3g}" if has_contact else "not assessed"
         words = ", ".join(_verdict(one)) or "none"
         rows.append((f"{scale * one.rpm:.6g}", f"{one.discrete.radius:.9g}", largest, growth, opened, words))
     heads = (f"{shaft_name(scale)} rpm", "spectral radius", "multiplier", "growth, 1/s", "contact loss, deg", "verdict")
@@ -287,7 +291,7 @@ def stability(
     case: cli.CaseFile, *,
     lowest: Annotated[str | None, Parameter(
         help="Lowest speed of a range; without a range, only the speed of the case is assessed.")] = None,
-    highest: Annotated[str | None, Parameter(help="Highest speed; 1.5 times the case's by default.")] = None,
+    highest: Annotated[str | None, Parameter(help="Highest speed; 1.5 times the speed of the case by default.")] = None,
     count: Annotated[int | None, Parameter(help="Number of speeds, evenly spaced; 11 by default.")] = None,
     plot: Annotated[Path | None, Parameter(
         help="Also draw the growth rate over speed to this file (.svg, .png or .pdf).")] = None,
@@ -300,12 +304,15 @@ def stability(
     """
     read = cli.load_beams(case, overrides)
     scale = read.turns
+    has_contact = any(one.model != "published-load" for one in read.record.contacts.values())
     if lowest is None and highest is None and plot is None:
         if count is not None:
             why, remedy = "without a range, only the speed of the case is assessed", "add a range, or leave --count out"
-            raise refuse("--count", count, "--lowest, --highest or --plot with it", why, remedy)
+            raise refuse("--count", count, "--count with --lowest, --highest or --plot", why, remedy)
         found = assess_stability(read)
-        return cli.CommandOutput([_stability_table(found, scale)], _stability_json(found, scale))
+        return cli.CommandOutput(
+            [_stability_table(found, scale, has_contact=has_contact)], _stability_json(found, scale)
+        )
     speeds = cli.spaced_speeds(lowest, highest, 11 if count is None else count, read)
     cli.check_targets(None, plot, overwrite=overwrite)
     with show_count(len(speeds), "speeds") as shown:
@@ -314,6 +321,7 @@ def stability(
     growth = np.array([math.nan if one.floquet is None else one.floquet.growth for one in every])
     causes = {cause: np.array([cause in _verdict(one) for one in every]) for cause in _WORDS if cause != _HARMLESS}
     return cli.CommandOutput(
-        [_growth_table(every, scale)], {"speeds": [_stability_json(one, scale) for one in every]}, title=read.title,
+        [_growth_table(every, scale, has_contact=has_contact)],
+        {"speeds": [_stability_json(one, scale) for one in every]}, title=read.title,
         draw=lambda: plotting.spectra.growth_figure(rpm, growth, causes, shaft_name(scale)),
     )  # fmt: skip

@@ -40,7 +40,7 @@ _STREAM_FAULTS = (errno.ENOSPC, errno.EPIPE, errno.EIO)  # errors of a standard 
 _INTERRUPTED = Status(Cause.INTERRUPTED, "stopped before it was finished; nothing is kept")
 _OUT_OF_MEMORY = Status(
     Cause.OUT_OF_MEMORY, "the memory is exhausted",
-    "free memory, or take fewer elements; a run needs less with a larger output.field_every, a study with fewer "
+    "free memory, or use fewer elements; a run needs less with a larger output.field_every, a study with fewer "
     "--workers",
 )  # fmt: skip
 # Words of a library that cannot be loaded for lack of memory

@@ -52,8 +52,8 @@ def optimize(
     case: cli.CaseFile, *,
     vary: study.Vary,
     least: Annotated[list[str] | None, Parameter(
-        "--least", help="Result to minimize, as in flexcam sensitivity --of.")] = None,
-    most: Annotated[list[str] | None, Parameter("--most", help="Result to maximize.")] = None,
+        "--least", help="Minimize this result, named as in flexcam sensitivity --of.")] = None,
+    most: Annotated[list[str] | None, Parameter("--most", help="Maximize this result.")] = None,
     subject: Annotated[list[str] | None, Parameter(
         "--subject", help="Constraint: 'NAME <= VALUE' or 'NAME >= VALUE'. Repeatable.")] = None,
     at: Annotated[list[str] | None, Parameter(

@@ -78,10 +78,10 @@ def export(
         ),
     ] = "pvd",
     folder: Annotated[Path | None, Parameter(["-o", "--output"], help="Folder; that of the source by default.")] = None,
-    every: Annotated[int, Parameter("--every", help="pvd, csv: write every n-th saved instant only.")] = 1,
+    every: Annotated[int, Parameter("--every", help="pvd, csv: write only every n-th saved instant.")] = 1,
     fields: Annotated[list[str] | None, Parameter(
-        "--field", help="pvd: write this point data only, repeatable; vtm: this field on members.")] = None,
-    probes: Annotated[list[str] | None, Parameter("--probe", help="csv: write this probe only. Repeatable.")] = None,
+        "--field", help="pvd: write only this point data, repeatable; vtm: this field on members.")] = None,
+    probes: Annotated[list[str] | None, Parameter("--probe", help="csv: write only this probe. Repeatable.")] = None,
     instants: Annotated[int | None, Parameter(
         help="csv: number of evenly spaced instants, interpolated between steps; vtm, glb: number of instants of the "
         "last revolution, by default 36 and 72.")] = None,
@@ -96,13 +96,13 @@ def export(
     """
     for option, forms, given, why in (
         ("--paraview", ("pvd",), macro, "the macro opens that collection"),
-        ("--field", ("pvd", "vtm"), fields is not None, "it selects the data of these formats only; leave it out"),
+        ("--field", ("pvd", "vtm"), fields is not None, "it applies only to these formats; leave it out"),
         ("--probe", ("csv",), probes is not None, "only the table has probes"),
         ("--every", ("pvd", "csv"), every != 1,
          "for vtm and glb use --instants; stl has one instant (--at), a mesh none"),
         ("--instants", ("csv", "vtm", "glb"), instants is not None,
          "format pvd writes the saved instants (see --every), stl a single one (see --at); leave it out"),
-        ("--at", ("stl",), at is not None, "only this is a single instant"),
+        ("--at", ("stl",), at is not None, "only format stl writes a single instant"),
     ):  # fmt: skip
         if given and form not in forms:
             raise refuse(option, f"--format {form}", f"--format {' or '.join(forms)}", why)
@@ -177,7 +177,8 @@ flexcam report slow.vtkhdf fast.vtkhdf --probe valve -o both.html
 flexcam report results/case.vtkhdf --errors --limits --trade --overwrite
 """)
 def report(
-    results: Annotated[list[Path], Parameter(help="Result files (.vtkhdf), also of runs that ended early.")], *,
+    results: Annotated[list[Path], Parameter(
+        help="Result files (.vtkhdf), including those of runs that ended early.")], *,
     output: Annotated[Path | None, Parameter(
         ["-o", "--output"], help="HTML file; in the folder of the first result by default.")] = None,
     probe: Annotated[str | None, Parameter(help=f"Probe whose motion is shown first; {cli.DEFAULT_PROBE}.")] = None,

@@ -122,11 +122,12 @@ def _describe_run(
         *warnings,
     ]
     if 0.0 <= stats.periodicity <= run_checks.MAX_PERIODICITY_ERROR:
-        parts.append(f"Periodic start: after a revolution the state differs by {stats.periodicity:.3g} of the motion")
+        error = f"{100.0 * stats.periodicity:.2g} % of the amplitude"
+        parts.append(f"Periodic start: the state after one revolution differs from that at its start by {error}")
     if change:
-        impacts = "; this contact chatters: its impacts differ from revolution to revolution"
+        impacts = "; this contact chatters: its impacts differ between revolutions"
         chatter = impacts if change.force > _CHATTER else ""
-        parts.append(f"The last two revolutions differ by {run_checks.describe_change(change)}{chatter}")
+        parts.append(f"Difference between the last two revolutions: {run_checks.describe_change(change)}{chatter}")
     if balance := run_checks.describe_balance(extremes, stats):
         parts.append(f"Energy balance: {balance}")
     parts.append(

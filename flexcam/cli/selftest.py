@@ -22,7 +22,7 @@ flexcam selftest
 flexcam selftest --json
 """)
 def selftest(*, as_json: cli.Json = False) -> cli.CommandOutput:
-    """Check this installation: closed forms, published values, and a comparison of the solver engines.
+    """Check this installation: closed-form solutions, published values, and a comparison of the solver engines.
 
     It takes some seconds, or half a minute when code is compiled for the first time. The exit code is 3 if a check
     fails.

@@ -91,7 +91,7 @@ def _derivatives(
 ) -> cli.CommandOutput:
     if interval := next((key for key in keys if "=" in key), None):
         key = interval.partition("=")[0]
-        why, remedy = "only --sobol takes intervals", "add --sobol, or give the key alone"
+        why, remedy = "only --sobol has intervals", "add --sobol, or give the key alone"
         raise refuse("--to", repr(interval), repr(key), why, remedy)
     exact = studies.exact_names(asked.case, asked.names, method)
     responses = [name for name in asked.names if not frequency_number(name) and name not in exact]
@@ -106,7 +106,9 @@ def _derivatives(
         )
     names = list(dict.fromkeys(one.scalar for one in found))
     tables = [_derivative_table(name, [one for one in found if one.scalar == name]) for name in names]
-    words = [f"{one.scalar} by {one.by.key}: {one.note}" for one in found if one.note]
+    words = [f"{one.scalar} with respect to {one.by.key}: {one.note}" for one in found if one.note]
+    if exact and asked.case.record.run.integrator is None:
+        words.append(_NEWMARK)
     rows = [
         {
             "scalar": one.scalar, "unit": one.unit, "value": one.value,
@@ -125,6 +127,12 @@ def _derivatives(
         [*tables, *words], {"derivatives": rows}, csv, status=kept.status,
         draw=lambda: plotting.histories.bars_figure(bars, "percent per percent"),
     )  # fmt: skip
+
+
+_NEWMARK = (
+    "Exact derivatives, and the values with them, are those of a run with Newmark's method, because the case names no "
+    "run.integrator. flexcam run may use another method by default."
+)
 
 
 def _is_analytic(one: Sensitivity) -> bool:

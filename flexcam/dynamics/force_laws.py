@@ -1,7 +1,7 @@
 """Force laws of contacts, joints and springs, each defined once as a function of plain numbers.
 
 `evaluate_laws` evaluates all laws of a system; static equilibrium, both time-stepping engines, the energy balance,
-linearization and the rigid model call it. The functions use numbers and array elements only, so that they run as Python
+linearization and the rigid model call it. The functions use only numbers and array elements, so that they run as Python
 and as compiled code.
 
 Parameters that several laws share: the penetration `x` of two bodies, m, positive while they touch, and its rate `v`,

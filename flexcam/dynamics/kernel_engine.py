@@ -59,7 +59,7 @@ _MOST_DIVISIONS = 64
 _TOO_STIFF = Status(
     Cause.NO_CONVERGENCE,
     f"contacts are too stiff for the collocation, even in 1/{_MOST_DIVISIONS} of a step",
-    'take more steps per revolution, a softer contact, or integrator = { method = "newmark" }',
+    'use more steps per revolution, a softer contact, or integrator = { method = "newmark" }',
 )
 """Status of a run whose steps must be divided."""
 _NO_SIDES = np.zeros((2, 0), dtype=np.intp)

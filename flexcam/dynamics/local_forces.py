@@ -206,7 +206,7 @@ class Workspace:
 class LocalForces:
     """The local forces of a system, stacked; evaluated in Python without compiled functions.
 
-    With `impacts_only` steps end at impacts with restitution only, and not wherever a contact opens or closes.
+    With `impacts_only` steps end only at impacts with restitution, and not wherever a contact opens or closes.
     """
 
     def __init__(self, system: System, compiled: Functions | None = None, *, impacts_only: bool = False) -> None:

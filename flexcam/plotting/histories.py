@@ -437,7 +437,7 @@ def work_precision_figure(found: Sequence[ModelEvaluation]) -> Figure:
         best = [one for one in of if one.best]
         line = {"label": name, "linestyle": dashes, "marker": "o", "markersize": 4}
         square = {"linestyle": "none", "marker": "s", "markersize": 8, "fillstyle": "none"}
-        square |= {} if names > 1 else {"label": "no other has less work and a smaller error"}
+        square |= {} if names > 1 else {"label": "Pareto-optimal"}
         for axis, kind in zip(axes, kinds, strict=True):
             for some, style in ((of, line), (best, square)):
                 errors = [100.0 * one.errors[kind] for one in some]

@@ -211,7 +211,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class Picture:
-    """Static image, also for printing."""
+    """Static image, used for printing too."""
 
     title: str  # title above the image
     png: bytes  # content of the PNG file

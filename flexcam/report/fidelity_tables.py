@@ -20,8 +20,8 @@ _DIGITS = 12  # maximum number of decimals
 _KINDS = ("lift", "velocity", "acceleration")
 _HEADS = {"acceleration": "accel."}  # a longer word would be broken in a terminal of usual width
 TRADE_LEGEND = (
-    "* no other model has both less work and a smaller largest error (over all columns); work is unknowns times steps "
-    "of the run"
+    "* Pareto-optimal: no other model has both less work and a lower maximum error over all columns; work is the "
+    "number of unknowns times the number of steps"
 )
 
 

@@ -43,8 +43,8 @@ CONTACT_DESCRIPTIONS = {
         "Contact model: bilateral. The follower cannot lose contact; where the contact force is negative, a real "
         "follower would leave its cam."
     ),
-    "unilateral": "Contact model: unilateral. Springs press the follower to its cam, and it can lose contact.",
-    "opposed": "Contact model: unilateral. Opposed cams drive the follower in turn, and each loses it in between.",
+    "unilateral": "Contact model: unilateral. Springs press the follower against its cam; contact can be lost.",
+    "opposed": "Contact model: unilateral. Opposed cams drive the follower in turn; each loses contact in between.",
 }
 
 _CONTACT_KINDS = {
@@ -252,7 +252,8 @@ def comparison_table(comparison: Comparison, turns: float = 1.0) -> Table:
     one, other = comparison.names
     head = ("", f"{other} peak", f"{one} peak", "peak deviation", "rms deviation", f"of {other} peak", "at cam deg")
     speed = shaft_speed(comparison.speed_rpm * RPM, turns)
-    return plain_table(f"{one[:1].upper()}{one[1:]} against {other} at {comparison.probe}, {speed}", head, rows)
+    title = "Flexible" if one == "flexible" else one
+    return plain_table(f"{title} against {other} at {comparison.probe}, {speed}", head, rows)
 
 
 def comparison_json(comparison: Comparison) -> dict[str, object]:
@@ -302,7 +303,11 @@ def run_table(case: Case, extremes: ExtremesSink) -> Table:
             places = 4 if own >= _FOUR_DECIMAL_AMPLITUDE else count_decimals(own, 4)
             rows.append((name, *(f"{format_decimals(float(one), places)} {unit}" for one in shown)))
     title = f"{case.title}, {case.speed_text}"
-    return plain_table(title, ("probe", "min", "max"), rows or [("no probe moves", "", "")])
+    return plain_table(
+        title,
+        ("probe", "min", "max"),
+        rows or [("no steps were completed" if not extremes.steps else "no probe moves", "", "")],
+    )
 
 
 def metrics_table(model: Model | None, figures: Sequence[Metric]) -> Table:
@@ -317,14 +322,27 @@ def metrics_table(model: Model | None, figures: Sequence[Metric]) -> Table:
     cells: list[tuple[str, str]] = []
     for (parts_kind, kind, *quantity), parts in rows.items():
         if len(parts) > _MOST_PARTS:
-            cells.append((_words(parts_kind, *quantity), _range_text(parts)))
+            cells.append((_metric_label(parts_kind, quantity), _range_text(parts)))
         else:
-            cells += [(_words(kind, part, *quantity), text) for _, text, part in parts]
+            cells += [(_metric_label(f"{kind.removesuffix('s')} {part}", quantity), text) for _, text, part in parts]
     return facts_table("Metrics of the last revolution", cells)
 
 
-def _words(*names: str) -> str:
-    return " ".join(names).replace("open_on_the_lift", "loss of contact on the lift").replace("_", " ")
+def _metric_label(place: str, quantity: Sequence[str]) -> str:
+    """Return the label of a metric, such as ``contact intake: max force`` of ``contacts.intake.force.largest``."""
+    name = ".".join(quantity)
+    for key, words in _METRIC_WORDS.items():
+        name = name.replace(key, words)
+    name, _, kind = name.rpartition(".")
+    label = f"{_METRIC_KINDS[kind]} {name}" if kind in _METRIC_KINDS else f"{name} {kind}".strip()
+    return f"{place}: {label.replace('_', ' ')}"
+
+
+_METRIC_KINDS = {"largest": "max", "least": "min", "mean": "mean"}
+_METRIC_WORDS = {
+    "open_on_the_lift": "loss of contact on the lift", "leak_down": "leak-down", "nose_force": "force over the nose",
+    ".nose": ".at the nose",
+}  # fmt: skip
 
 
 def _part_kind(model: Model | None, metric: str) -> str:
@@ -399,7 +417,7 @@ def info_table(result: Result) -> Table:
     seconds = f", {response.stats.seconds:.3g} s" if response.stats.is_complete else ""
     rows = [("run", str(response.status)), ("steps", f"{response.stats.steps} of {describe_dofs(response)}{seconds}")]
     if response.stats.periodicity >= 0.0:
-        rows.append(("periodic within", f"{response.stats.periodicity:.3g} of the motion"))
+        rows.append(("periodic within", f"{100.0 * response.stats.periodicity:.2g} % of the amplitude"))
     if balance := describe_balance(ExtremesSink.of(response), response.stats):
         rows.append(("energy balance", balance))
     warnings = dict.fromkeys([*result.warnings, *result.about.get("warnings", "").splitlines()])
@@ -447,7 +465,7 @@ def limits_table(found: Limits, margins: Margins, scale: float) -> Table:
     rows = [
         (name.replace("_", " "), _limit_speed(one, one.rpm, scale, high),
          "" if one.rpm is None or math.isinf(one.tolerance_rpm) else f"{scale * one.tolerance_rpm:.3g}",
-         _limit_speed(one, one.lasting_rpm, scale, high) if one.lasting_rpm else "not lasting" if one.rpm else "",
+         _limit_speed(one, one.lasting_rpm, scale, high) if one.lasting_rpm else "not persistent" if one.rpm else "",
          one.words)
         for name, one in ordered
     ]  # fmt: skip
@@ -458,7 +476,7 @@ def limits_table(found: Limits, margins: Margins, scale: float) -> Table:
         words = "of the rigid train at the speed of the case"
         rows.append(("spring margin", f"{margins.spring_margin:.1%}", "", "", words))
     for name, margin in margins.buckling_margins.items():
-        words = "buckling load over the compression at full lift, static"
+        words = "static buckling load divided by the compression at full lift"
         rows.append((f"{name}, margin", f"{margin:.3g} (ratio)", "", "", words))
     shaft = shaft_name(scale)
-    return plain_table("Speed limits", ("limit", f"{shaft} rpm", "bracket, rpm", "lasting from", "event"), rows)
+    return plain_table("Speed limits", ("limit", f"{shaft} rpm", "bracket, rpm", "persists from", "event"), rows)

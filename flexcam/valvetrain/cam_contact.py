@@ -300,9 +300,11 @@ def hertz_line(
     """Return the Hertz line contact of a cam with its follower; messages name the key of the contact that needs it."""
     where, given = f"contacts.{name}.{key}", "hertz" if key == "stiffness" else "a table"
     if cam.follower is None or cam.width is None:
-        other = "or a stiffness" if key == "stiffness" else "or leave lubrication out"
-        remedy = f"give base_radius, follower and width of the cam, {other}"
-        raise refuse(where, given, "a cam with a profile and a width", "it depends on the radius of curvature", remedy)
+        missing = ["base_radius", "follower"] if cam.follower is None else []
+        missing += ["width"] if cam.width is None else []
+        other = "or give a stiffness" if key == "stiffness" else "or leave lubrication out"
+        why, remedy = f"cams.{contact.cam} has no {' and no '.join(missing)}", f"add {' and '.join(missing)}, {other}"
+        raise refuse(where, given, "a cam with base_radius, follower and width", why, remedy)
     material = _cam_material(structure, cam)
     if material is None:
         given, why = f"{given}, of a cam at {cam.at!r} on no member", "the material is that of the member"
@@ -317,7 +319,7 @@ def hertz_line(
             why = f"{at}, the profile has a hollow that is narrower than the roller"
         radius = f"{1e3 * follower.base_radius:g} mm"
         allowed = f"a larger base circle for a lift of {1e3 * cam.event.height:.4g} mm"
-        remedy = "flexcam cam prints the min base circle; a longer event also helps"
+        remedy = "flexcam cam prints the minimum base-circle radius; a longer event also helps"
         raise refuse(f"cams.{contact.cam}.base_radius", radius, allowed, why, remedy)
     rolls = bool(np.isfinite(roller))
     depth = 2.0 * (follower.base_radius + roller) if rolls else follower.base_radius  # the base circle for the cam

@@ -195,7 +195,7 @@ def test_the_rigid_model_prescribes_the_rotation(case):
 
 REFUSED = {
     "no stiffness": ('contacts.driving={ from = "gear", to = "shaft", direction = "rz", model = "lash", gap = 0.01 }',
-                     "No member defines that of a lash about an axis"),
+                     "No member defines the stiffness of a lash about an axis"),
     "a gap in mm": ('contacts.driving.gap="0.1 mm"', "an angle"),
     "an adjuster": ("contacts.driving={ from = 'gear', to = 'shaft', direction = 'rz', model = 'lash-adjuster' }",
                     "motion along a line"),
