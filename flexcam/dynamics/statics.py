@@ -52,6 +52,8 @@ _NEGATIVE = 1e-9
 _DECREASE, _HALVINGS = 1e-4, 40
 _FALL = 0.01
 """Largest displacement, m, of an unsupported part in one iteration."""
+_STIFFEST = 1e9
+"""Limit of that spring, N/m."""
 _SOFTENING = 20
 """Iterations after which the spring on free motions, first 1 N/m, becomes half as stiff."""
 
@@ -80,6 +82,9 @@ def solve_equilibrium(
         # a small force of a contact, such as the torque of a cam that begins to lift, moves a part through its lash.
         hold = max(least, 0.5 ** (count // _SOFTENING))
         step = _solve(partial(factorize_with_update, tangent, free, hold), missing)
+        while forces.lifts and missing @ step < 0.0 and hold < _STIFFEST:  # a shaft tips over the nose of its cam
+            hold *= 4.0
+            step = _solve(partial(factorize_with_update, tangent, free, hold), missing)
         part, energy = potential.line_search(u, step, missing, energy, diagonal_scale(tangent))
         u, before = u + part * step, most
     missing, _, tangent = potential.at(u)
