@@ -65,9 +65,9 @@ def check(
 ) -> cli.CommandOutput:  # fmt: skip
     """Check a case file and summarize its model: size, masses, natural frequencies, warnings.
 
-    It reports all errors of keys, values and references at once. If the TOML syntax is wrong, it reports only this. It
-    reports errors of the assembled model, such as an undercut cam, only if all keys are correct. It estimates the
-    memory and disk space of a run, but does not run the case.
+    It reports all errors of keys, values, references and parts, such as an undercut cam, at once. If the TOML syntax is
+    wrong, it reports only this. It reports errors of the start and the steps only if all parts are correct. It
+    estimates the memory and disk space of a run, but does not run the case.
     """
     read = cli.load_case(case, overrides)
     ready = prepare_without_periodic_search(read)

@@ -294,7 +294,7 @@ def _profile(asked: FigureOptions) -> Figure:
         raise refuse("--what", "profile", "a cam with a follower", why, "give the cam base_radius and follower")
     turned = 0.0 if asked.angle is None else cli.parse_quantity("--angle", asked.angle, "angle", "deg")
     profile = cam_profile(one.event, one.follower, count=720, turn=one.turn)
-    coloured = None if asked.channels is None else _profile_values(source, profile, asked.channels[0])
+    coloured = None if asked.channels is None else _profile_values(source, one, profile, asked.channels[0])
     return plotting.curves.profile_figure(profile, angle=turned % math.tau, coloured=coloured)
 
 
@@ -313,14 +313,14 @@ def _cam_of_channel(source: Source, asked: FigureOptions, channels: Sequence[str
     return cam
 
 
-def _profile_values(source: Source, profile: CamProfile, channel: str) -> tuple[CamProfile, FloatArray, str]:
+def _profile_values(source: Source, cam: Cam, profile: CamProfile, channel: str) -> tuple[CamProfile, FloatArray, str]:
     """Return the profile at the instants of the last revolution, the values of a channel and their label."""
     response = source.response
     unit, last = plotting.histories.channel_unit(response, channel), response.latest(source.ready.revolution)
     values, (factor, symbol) = response.channels[channel][last], to_display_unit(unit)
     if unit == "m" and float(np.abs(values).max(initial=0.0)) < _THIN:
         factor, symbol = 1e6, "µm"
-    touched = profile_at(profile.event, profile.follower, response.angle[last], profile.turn)
+    touched = profile_at(profile.event, profile.follower, cam.angle(response.angle[last]), profile.turn)
     return touched, factor * values, ", ".join(filter(None, (plotting.histories.short_name(channel), symbol)))
 
 

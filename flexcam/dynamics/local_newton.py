@@ -93,9 +93,10 @@ def fill_compliance(
     i: int, j: int, places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int,
     W: FloatArray,
 ) -> None:  # fmt: skip
-    """Write the effect of a unit of force j on scalar i (0) and on its rate (1), unless it is known."""
-    if W[0, j, i] == W[0, j, i]:
-        return
+    """Write the effect of a unit of force j on scalar i (0) and on its rate (1).
+
+    Callers compare an entry with itself before: the call takes longer than the product that needs it.
+    """
     rate_at, act_at = sense_at + give.shape[2], sense_at + 2 * give.shape[2]
     by_d, by_v = 0.0, 0.0
     for b in range(places[1, j], places[1, j + 1]):
@@ -126,7 +127,8 @@ def sense(
                 local[SENSED, j] = local[TRIAL, j]
                 for at in range(reach[j], reach[j + 1]):
                     i = reach[at]
-                    fill_compliance(i, j, places, give, given, k, sense_at, W)
+                    if W[0, j, i] != W[0, j, i]:
+                        fill_compliance(i, j, places, give, given, k, sense_at, W)
                     local[PENETRATION, i] += W[0, j, i] * change
                     local[RATE, i] += W[1, j, i] * change
                     local[STALE, i] = 1.0
@@ -165,7 +167,8 @@ def is_rounding(
             penetration, rate = abs(local[FREE_PENETRATION, i]), abs(local[FREE_RATE, i])
             by_penetration, by_rate = 0.0, 0.0
             for j in range(local.shape[1]):
-                fill_compliance(i, j, places, give, given, k, sense_at, W)
+                if W[0, j, i] != W[0, j, i]:
+                    fill_compliance(i, j, places, give, given, k, sense_at, W)
                 on_penetration, on_rate = abs(W[0, j, i]), abs(W[1, j, i])
                 missing = abs(local[TRIAL, j] - local[ANSWER, j])
                 penetration += on_penetration * abs(local[TRIAL, j])
@@ -189,7 +192,8 @@ def own_compliance(
     largest = 0.0
     for stage in range(stages):
         j = stage * count + i % count
-        fill_compliance(i, j, places, give, given, k, sense_at, W)
+        if W[0, j, i] != W[0, j, i]:
+            fill_compliance(i, j, places, give, given, k, sense_at, W)
         largest = max(largest, abs(W[0, j, i]))
     return largest
 
@@ -245,7 +249,8 @@ def correct(
                 sensed = active[0, begin + r]
                 for column in range(n):
                     j = active[0, column]
-                    fill_compliance(sensed, j, places, give, given, k, sense_at, W)
+                    if W[0, j, sensed] != W[0, j, sensed]:
+                        fill_compliance(sensed, j, places, give, given, k, sense_at, W)
                     matrix[row, column] -= by_penetration * W[0, j, sensed] + by_rate * W[1, j, sensed]
         matrix[row, row] += 1.0
         matrix[row, n] = local[TRIAL, i] - local[ANSWER, i]

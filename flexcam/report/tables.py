@@ -104,7 +104,8 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
         ("supports", ", ".join(f"{point}: {' '.join(held)}" for point, held in model.supports.items()) or "none"),
         *((f"rocker {n}", f"{r.start} to {r.point}, ratio {r.ratio:g}, along {_vector(r.direction)}")
           for n, r in model.rockers.items()),
-        *((f"cam {n}", f"at {c.at}, lift {format_quantity('m', c.event.height)}") for n, c in model.cams.items()),
+        *((f"cam {n}", f"at {c.at}, lift {format_quantity('m', c.event.height)}"
+           + (", behind a phaser" if c.phaser else "")) for n, c in model.cams.items()),
         *((f"contact {n}", _contact(model, c)) for n, c in model.contacts.items()),
         *((f"friction {n}", f"{format_quantity(_unit(one), one.force)} "
            + (f"at {one.at}" if one.springs is None else f"of {' in '.join(one.springs)}"))

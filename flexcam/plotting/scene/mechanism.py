@@ -262,7 +262,8 @@ class Mechanism:
     def _cam(self, place: CamPlacement, instant: SceneState) -> Iterator[tuple[str, list[Solid]]]:
         """Yield names and solids of the lobe, with the stub shaft of a cam without a member, and of the follower."""
         moved = instant.nodal[place.node]
-        own = [parts.lobe_solid(place, instant.angle, moved)]
+        angle = self.structure.model.cams[place.contact.cam].angle(np.array([instant.angle]))
+        own = [parts.lobe_solid(place, float(angle[0]), moved)]
         if not self.structure.model.mesh.on_members()[place.node]:
             middle, reach = place.centre + moved[:3], 1.1 * place.width * place.axis
             own.append(cylinder("shaft", middle - reach, middle + reach, 0.4 * place.follower.base_radius))
