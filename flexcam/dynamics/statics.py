@@ -304,11 +304,20 @@ def moving_equilibrium(system: System, drive: Drive, time: float = 0.0) -> State
         jump = 2.0 * step * np.linalg.norm(half - velocity)
         if jump > _LEAST_JUMP and np.linalg.norm(half) > 1.5 * np.linalg.norm(velocity):
             velocity = 2.0 * velocity - half
+        if forces.lifts:  # a shaft within its lash turns with its drive
+            rows = forces.prescribed_inputs(drive.at(np.array([time]))).sensing_matrix(0) @ forces.sense.vectors
+            rows = rows[[angle for _, angle, _ in forces.lifts]]
+            turned = rows @ system.free
+            turned[np.abs(turned) <= _ROUNDING * np.abs(system.free).max()] = 0.0
+            velocity = velocity - system.free @ np.linalg.pinv(turned) @ (rows @ velocity)
     return replace(still, velocity=velocity)
 
 
 _ANGLE_STEP = 1e-3
 """Angle step of the difference, rad."""
+
+_ROUNDING = 1e-9
+"""Relative rotation of a shaft by a free motion that is rounding."""
 
 _LEAST_JUMP = 1e-9
 """Jump, m or rad, above the rounding of a motion without stiffness."""

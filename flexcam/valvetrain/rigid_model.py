@@ -189,7 +189,7 @@ def _couple_contact(structure: Structure, name: str, speed: float) -> Coupling:
     if ends and model.mesh.node(ends[0], f"contacts.{name}.from") in shaft_axes(model):
         return Coupling((), (), ())  # the rotation of a shaft is prescribed
     if isinstance(contact, CamContact):
-        return couple_cam(structure, name, contact, twists=False)
+        return shift_coupling(couple_cam(structure, name, contact, twists=False), model.cams[contact.cam].phaser)
     if not isinstance(contact, PublishedLoad):
         return couple_contact(structure, name, contact, speed)
     # The cam moves the follower; the springs press with the published preload.
