@@ -238,7 +238,6 @@ def _linear(tables: dict) -> list[str]:
         "|---|---|---|---|---|",
         *rows,
         "",
-        *_model(tables["linear"]),
     ]
 
 
@@ -333,7 +332,7 @@ def _accuracy(tables: dict) -> list[str]:
         "## Accuracy in contact",
         "",
         "Half a camshaft revolution with the kernel solver engine, by steps per revolution: relative rms error of the cam force against a",
-        "collocation with 115 200 steps / time of the steps with the probes only, ms.",
+        "collocation with 115 200 steps / time of the steps with only the probes, ms.",
         "The collocation divides steps that are too long for the contacts, here those of 1800.",
         "",
         f"| case | method | {' | '.join(map(str, steps))} |",
@@ -385,7 +384,7 @@ def _gradients(tables: dict) -> list[str]:
 
 
 def _derivatives(tables: dict) -> list[str]:
-    """Return derivatives against closed forms."""
+    """Return derivatives against closed-form solutions."""
     rows = [
         f"| {row['what']} | {row['exact_error']:.0e} | "
         f"{_number(row['exact_ms'])} | {row['differences_error']:.0e} | {_number(row['differences_ms'])} |"

@@ -294,7 +294,7 @@ def coil(axes: Axes, start: Point, end: Point, turns: int = 4, width: float = 2.
 
 
 def spring_model() -> Figure:
-    """Return the picture of a spring of parts with mass, stiffness, damper and coil contact."""
+    """Return the picture of a spring of elements with mass, stiffness, damper and coil contact."""
     figure = Figure(figsize=(9.0, 2.6), layout="constrained")
     axes = figure.subplots()
     clear(axes, "", (-8.0, 132.0), (-22.0, 24.0))
@@ -312,7 +312,7 @@ def spring_model() -> Figure:
     axes.annotate("$n\\,c$", (4.0, 2.0), ha="center")
     axes.annotate("$l/n$", (11.0, -16.0), ha="center")
     axes.annotate("$k_c$", (19.0, -16.0), ha="center")
-    axes.annotate("mass $m/n$ per part", (54.5, 14.0), ha="center")
+    axes.annotate("mass $m/n$ per element", (54.5, 14.0), ha="center")
     axes.annotate("fixed end (to, or ground)", (-6.0, -21.0), fontsize="small")
     axes.annotate("moving end (at)", (112.5, -19.0), ha="center", fontsize="small")
     arrow(axes, (129.0, 0.0), (117.0, 0.0), "", RED)

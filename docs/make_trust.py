@@ -29,7 +29,7 @@ flexcam promises:
 - **No wrong number from a damaged file.** Results and tables of sweeps have checksums. A changed bit is found before a number is used.
 - **No harm from files of others.** Cases and results execute no code and read no other files than those they name in their folder.
 - **Bounded time and memory.** flexcam estimates memory and disk space before a run and refuses what does not fit.
-- **No collisions.** Runs in threads and processes give the numbers of a run alone, to rounding; two writers of one file cannot mix.
+- **No collisions.** Parallel runs in threads and processes equal single runs to rounding; two writers of one file cannot mix.
 
 The tables list the damaged, hostile and random input and the machine faults that tests try, with their number in the last run and the
 outcome. A line sums up the rows of a test with one outcome; [trust.csv](trust.csv) has all rows with their tests. `make trust`

@@ -117,16 +117,16 @@ class Check(NamedTuple):
 
 STIFF = "springs.one.stiffness"
 CHECKS = (
-    Check("natural frequency by stiffness", OSCILLATOR, "frequency.1", STIFF, frequency, 1e-10),
-    Check("static deflection by stiffness", OSCILLATOR + FALLING, "static.probes.mass.ux.displacement", STIFF,
-          deflection, 1e-7),
-    Check("rms of a step response by stiffness", OSCILLATOR + FALLING + AT_ZERO,
+    Check("natural frequency with respect to stiffness", OSCILLATOR, "frequency.1", STIFF, frequency, 1e-10),
+    Check("static deflection with respect to stiffness", OSCILLATOR + FALLING, "static.probes.mass.ux.displacement",
+          STIFF, deflection, 1e-7),
+    Check("rms of a step response with respect to stiffness", OSCILLATOR + FALLING + AT_ZERO,
           "probes.mass.ux.displacement.rms", STIFF, rms_of_a_step, 1e-5),
-    Check("8-norm of a sine by stiffness", OSCILLATOR + MOVING, "probes.mass.ux.displacement.pnorm_8", STIFF,
-          norm_of_a_sine, 1e-5),
-    Check("rms of a bounce by restitution", BALL, "probes.body.uy.displacement.rms", "contacts.floor.restitution",
-          rms_of_a_bounce, 1e-6),
-    Check("Floquet multiplier of Mathieu's equation by amplitude", MATHIEU, "multiplier.1",
+    Check("8-norm of a sine with respect to stiffness", OSCILLATOR + MOVING, "probes.mass.ux.displacement.pnorm_8",
+          STIFF, norm_of_a_sine, 1e-5),
+    Check("rms of a bounce with respect to restitution", BALL, "probes.body.uy.displacement.rms",
+          "contacts.floor.restitution", rms_of_a_bounce, 1e-6),
+    Check("Floquet multiplier of Mathieu's equation with respect to amplitude", MATHIEU, "multiplier.1",
           "springs.mean.pulsation.amplitude", mathieu_multiplier, 1e-5,
           (f"run.steps_per_revolution={MATHIEU_STEPS}",)),
 )  # fmt: skip

@@ -62,7 +62,7 @@ BENCHMARKS = (
         "corner-impact",
         "A cam follower at a corner of its cam's curvature (Alzate, di Bernardo et al.)",
         ("Alzate, di Bernardo et al., corner impact of a cam follower",),
-        "closed form",
+        "closed-form solution",
     ),
     Published(
         "code-aster",
@@ -74,7 +74,7 @@ BENCHMARKS = (
             "Tube in loose supports, DOP853 on 25 modes",
             "SDND101 of code_aster, closed form",
         ),
-        "computed by others and by another method; closed form",
+        "computed by others and by another method; closed-form solution",
     ),
     Published(
         "impacts",
@@ -85,7 +85,7 @@ BENCHMARKS = (
             "One-dimensional wave theory",
             "Sustained unilateral contact, closed form",
         ),
-        "closed form",
+        "closed-form solution",
     ),
     Published(
         "spin-test",

@@ -189,7 +189,7 @@ def cam_facts(
     findings: list[ProfileFault] = []
     if lift[0].value < (lowest := -NEGATIVE_LIFT_TOLERANCE * lift[1].value):
         what = "the lift is negative: the cam would be cut into its base circle"
-        remedy = "take another law or table, or smooth less"
+        remedy = "use another law or table, or smooth less"
         findings.append(ProfileFault(what, remedy, lift[0].at, lift[0].value, lowest))
     if cam.follower is not None:
         profile = cam_profile(event, cam.follower, count=count, turn=cam.turn)

@@ -132,9 +132,13 @@ def compare_responses(
         raise refuse("responses", "no time in common", "runs that overlap", "results are compared instant by instant")
     both = one.at(times), other.at(times)
     if np.abs(both[0].angle - both[1].angle).max() > _SAME_ANGLE:
-        given, why = "different cam angles at the same time", "results are compared at equal times"
-        raise refuse("responses", given, "runs at the same speed", why)
+        given = f"camshaft speeds of {_mean_rpm(one):.6g} and {_mean_rpm(other):.6g} rpm"
+        raise refuse("--against", given, "runs at the same speed", "results are compared at equal times")
     return replace(compare(*both, probe, speed_rpm), names=names)
+
+
+def _mean_rpm(response: Response) -> float:
+    return float((response.angle[-1] - response.angle[0]) / (response.time[-1] - response.time[0])) / RPM
 
 
 def _compute_deviation(quantity: str, moved: History, still: History, flexible: Response) -> Deviation:

@@ -266,7 +266,7 @@ def _conditions(model: Model, search: Search | None = None) -> dict[str, tuple[C
     if found or model.members:
         found["buckling"] = (
             lambda response, ready: _parts_above(response, ready, ".buckling_use", 1.0),
-            "a member's compression passes its buckling load",
+            "the compression of a member exceeds its buckling load",
         )
     return found
 

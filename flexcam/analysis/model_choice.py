@@ -192,7 +192,7 @@ def reference_run(case: Case, probe: str, until: float | None = None, *, work: i
 
 def _refuse_result(case: Case) -> None:
     if isinstance(case.record.run.start, ResultStartRecord):
-        where, why = case.place(("run", "start")), "the result fits one mesh only, and flexcam tries others"
+        where, why = case.place(("run", "start")), "the result fits only one mesh, and flexcam tries others"
         raise refuse(where, "a start from a result", "another start", why, "give rest, equilibrium, periodic or values")
 
 

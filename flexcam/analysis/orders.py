@@ -78,7 +78,7 @@ def last_revolution_orders(response: Response, values: FloatArray, count: int) -
     if count > highest:
         given, allowed = f"{count} of a last revolution of {steps} steps", f"up to {highest}" if highest else "none"
         raise refuse(
-            "orders", given, allowed, _MIN_STEPS_REASON, f"take {_required_steps(count)} steps per revolution or more"
+            "orders", given, allowed, _MIN_STEPS_REASON, f"use {_required_steps(count)} steps per revolution or more"
         )
     return order_spectrum(response.angle[begin:], values[begin:], count)
 
@@ -153,9 +153,9 @@ def _check_steps(case: Case, fastest: float, count: int) -> None:
     if run.step:
         at = f"{fastest / RPM:.6g} camshaft rpm"
         most = f"{0.995 * turn / wanted:.3g} s or less for {count} orders"  # rounded down to three digits
-        given, key, remedy = f"{run.step:.6g} s, {steps} steps per revolution at {at}", "step", "take shorter steps"
+        given, key, remedy = f"{run.step:.6g} s, {steps} steps per revolution at {at}", "step", "use shorter steps"
     else:
-        given, key, remedy = str(steps), "steps_per_revolution", "take more steps"
+        given, key, remedy = str(steps), "steps_per_revolution", "use more steps"
         most = f"{wanted} or more for {count} orders"
     raise refuse(case.place(("run", key)), given, most, _MIN_STEPS_REASON, ", ".join(filter(None, (remedy, fewer))))
 

@@ -83,7 +83,7 @@ class PreparedRun:
 
     @property
     def explicit_case(self) -> Case:
-        """The case with its integrator, also where this is the default."""
+        """The case with its integrator, even if this is the default."""
         if self.case.record.run.integrator is not None:
             return self.case
         collocated = isinstance(self.scheme, Collocation)
@@ -308,7 +308,7 @@ def _make_problem(case: Case, model: Model, system: System) -> Problem:
     steps = round(run.revolutions * revolution / step)
     if steps < 1:
         given = f"{run.revolutions:g} revolutions with a step of {step:g} s"
-        raise refuse("run", given, "at least one step", "", "take more revolutions or a smaller step")
+        raise refuse("run", given, "at least one step", "", "use more revolutions or a smaller step")
     adaptive, prune = run.adaptive.part if run.adaptive else None, case.record.fidelity.prune
     return Problem(system, drive, step, steps, adaptive=adaptive, prune=prune, engine=run.engine)
 

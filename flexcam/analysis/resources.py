@@ -135,10 +135,10 @@ def check_resources(needs: ResourceEstimate, folder: Path | None = None, *, toge
     run = f"a run of {format_size(needs.memory)}" + (f"; {together} side by side" if together > 1 else "")
     less, fewer = "steps or probes, save fewer fields (output.field_every)", "or use --allow-large"
     faults = _space_faults(
-        "memory", run, together * needs.memory, free_memory(), f"take fewer elements, {less}, {fewer}"
+        "memory", run, together * needs.memory, free_memory(), f"use fewer elements, {less}, {fewer}"
     )
     if folder is not None:
-        file, remedy = f"a result file of {format_size(needs.file)}", f"take fewer {less}, choose another disk, {fewer}"
+        file, remedy = f"a result file of {format_size(needs.file)}", f"use fewer {less}, choose another disk, {fewer}"
         faults += _space_faults("disk", file, needs.file, free_disk(folder), remedy)
     if faults:
         raise InputError(faults)
@@ -147,8 +147,8 @@ def check_resources(needs: ResourceEstimate, folder: Path | None = None, *, toge
 def check_mesh_memory(mesh: Mesh) -> None:
     """Raise an error if memory is insufficient for the matrices of a mesh, before they are assembled."""
     count = sum(len(line) - 1 for line in mesh.lines.values())
-    given = f"{count} elements, whose matrices take {format_size(_ELEMENT * count)}"
-    remedy = "take fewer elements, or use flexcam run --allow-large"
+    given = f"{count} elements, whose matrices need {format_size(_ELEMENT * count)}"
+    remedy = "use fewer elements, or flexcam run --allow-large"
     free = free_memory() if _ELEMENT * count > _SMALL else None
     if faults := _space_faults("memory", given, _ELEMENT * count, free, remedy):
         raise InputError(faults)

@@ -122,7 +122,7 @@ def _check_cam_steps(ready: PreparedRun) -> Iterator[str]:
             yield (
                 f"Warning: with {2.0 * math.pi / turn:.4g} steps per revolution, interpolation between steps "
                 f"changes the lift of cam {name} by up to {100.0 * missed:.3g} %; "
-                f"take at least {math.ceil(enough)}, and more for contacts"
+                f"use at least {math.ceil(enough)}, and more for contacts"
             )
 
 
@@ -131,7 +131,7 @@ def _check_geometric_stiffness(ready: PreparedRun) -> Iterator[str]:
         why = f"its computed buckling load is {100.0 * excess:.2g} % too high"
         if math.isinf(excess):
             why = "no node between its supports can move sideways"
-        yield f"Warning: too few elements in member {name} for its geometric stiffness: {why}; take {elements}"
+        yield f"Warning: too few elements in member {name} for its geometric stiffness: {why}; use {elements}"
 
 
 def check_lobes(model: Model) -> list[str]:
@@ -143,8 +143,8 @@ def check_lobes(model: Model) -> list[str]:
 
 def _check_lobe(model: Model, name: str, cam: Cam, follower: Follower) -> Iterator[str]:
     if _is_undercut(cam, follower):
-        why = "its profile crosses itself (undercut), so that no cam can make the lift of this run"
-        yield f"Warning: cams.{name}: {why}; flexcam cam gives the base circle that is large enough"
+        why = "its profile crosses itself (undercut), so no real cam can produce this lift"
+        yield f"Warning: cams.{name}: {why}; flexcam cam prints the minimum base-circle radius"
     if isinstance(follower, FlatFollower) and not abs(beside := follower.lobe_contact) <= 0.5 * (cam.width or math.inf):
         place = "at the edge of the lobe" if math.isinf(beside) else f"{1e3 * abs(beside):.3g} mm from its middle"
         remedy = "give the follower a crown_radius, or change the taper" if math.isinf(beside) else "change the taper"
@@ -240,18 +240,18 @@ def check_transient(ready: PreparedRun, change: RevolutionChange | None) -> list
         return []
     size = "the run has only one revolution"
     if change is not None:
-        size = f"its last revolutions differ by {describe_change(change)}"
-    remedy = 'run more revolutions, or take run.start = "periodic"'
+        size = f"difference between its last two revolutions: {describe_change(change)}"
+    remedy = 'run more revolutions, or use run.start = "periodic"'
     oil = f"the oil of hydraulic adjuster {', '.join(adjusters)} may still be in a transient"
     return [f"Warning: {oil}: {size}; {remedy}"]
 
 
 def describe_change(change: RevolutionChange) -> str:
     """Describe the difference of the last revolution from the one before."""
-    motion = f"{100.0 * change.motion:.2g} % of the motion"
+    motion = f"motion {100.0 * change.motion:.2g} %"
     if not change.contact:
         return motion
-    return f"{motion} and {100.0 * change.force:.2g} % (rms) of the force of contact {change.contact}"
+    return f"{motion}, force of contact {change.contact} {100.0 * change.force:.2g} % (rms)"
 
 
 def _has_member_dofs(ready: PreparedRun) -> bool:
@@ -271,7 +271,7 @@ def describe_model_limits(ready: PreparedRun) -> list[str]:
     warnings = [f"Warning: the lumped model gives no twist, torque and stresses of members: {why}"]
     if missing:
         why = "the model has no mass behind them, and so no inertia force that compresses them"
-        remedy = 'take fidelity.model = "chain" with two masses or more'
+        remedy = 'use fidelity.model = "chain" with two masses or more'
         warnings.append(f"Warning: no compression and buckling of {', '.join(missing)}: {why}; {remedy}")
     return warnings
 
@@ -380,18 +380,18 @@ def _check_accuracy(ready: PreparedRun, extremes: ExtremesSink, stats: Stats) ->
     if not (share := energy_residual(extremes)) <= _MAX_ENERGY_RESIDUAL:
         residual = f"the energy balance has a residual of {100.0 * share:.2g} %"
         why = "the steps are too long, or a contact is too stiff for them"
-        yield f"Warning: {residual}: {why}; take more steps per revolution"
+        yield f"Warning: {residual}: {why}; use more steps per revolution"
     if not abs(share := numerical_dissipation(extremes)) <= _MAX_ENERGY_RESIDUAL:
         verb = "dissipates" if share > 0.0 else "adds"
         other = "" if ready.scheme == newmark() else ", or leave run.integrator out"
         why = f"{100.0 * abs(share):.3g} % of the external work: the steps are too long"
-        yield f"Warning: the time integration {verb} {why}; take more steps per revolution{other}"
+        yield f"Warning: the time integration {verb} {why}; use more steps per revolution{other}"
     if not stats.imbalance <= _MAX_RESIDUAL:
-        why = "the steps are too long for the motion; take more steps per revolution"
+        why = "the steps are too long for the motion; use more steps per revolution"
         yield f"Warning: forces are out of balance by up to {100.0 * stats.imbalance:.2g} % of the largest: {why}"
     if not stats.periodicity <= MAX_PERIODICITY_ERROR:
-        error = f"{100.0 * stats.periodicity:.2g} % of the motion"
-        why = f"after a revolution the state still differs by {error}. This happens if contacts chatter"
+        error = f"{100.0 * stats.periodicity:.2g} % of the amplitude"
+        why = f"the state after one revolution still differs from that at its start by {error}. Contacts may chatter"
         yield f"Warning: no periodic start was found: {why}. Run more revolutions"
     if extremes.most_bent.any() and not ready.problem.system.is_kinematic:
         share = rounding_fraction(ready.problem.system.stiffness, extremes.most_bent)
@@ -418,18 +418,18 @@ def _check_resolution(sink: ResolutionSink) -> Iterator[str]:
         more = math.ceil(10.0 * ratio) / 10.0 if ratio < 10.0 else math.ceil(ratio)
         yield (
             f"Warning: {at}, a period has only {found.steps:.3g} time steps; "
-            f"take at least {more:g} times as many steps per revolution"
+            f"use at least {more:g} times as many steps per revolution"
         )
     for name, count in found.elements.items():
         if count < _MIN_ELEMENTS:
             yield (
                 f"Warning: {at}, one bending wavelength of member {name} spans only {count:.2g} elements; "
-                f"take {math.ceil(_MIN_ELEMENTS / count)} times as many in this member"
+                f"use {math.ceil(_MIN_ELEMENTS / count)} times as many in this member"
             )
     for name, count in found.impacts.items():
         if count < _MIN_IMPACT_STEPS:
             steps = f"{count} time step{'s' if count > 1 else ''}"
             yield (
                 f"Warning: the largest force of contact {name} comes from an impact that lasts only {steps}: "
-                f"take more steps per revolution, or a softer contact"
+                f"use more steps per revolution, or a softer contact"
             )

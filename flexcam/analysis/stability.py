@@ -216,7 +216,7 @@ class Stability:
 
     @property
     def highest_listed_rpm(self) -> float:
-        """Camshaft speed up to which resonances are listed individually, rpm: twice the case's own."""
+        """Camshaft speed up to which resonances are listed individually, rpm: twice that of the case."""
         return _LISTED_SPEED_RATIO * self.rpm
 
     @property
@@ -303,8 +303,8 @@ def _floquet_multipliers(ready: PreparedRun) -> tuple[Floquet | None, str]:
     try:
         state = solve_periodic(one, ready.scheme, tolerance=1e-7)
         if (missed := state.periodicity or 0.0) > _PERIODICITY_TOLERANCE:
-            change = f"after a revolution the motion differs by {100.0 * missed:.2g} % of its amplitude"
-            return None, f"no periodic motion was found: {change}"
+            change = f"differs from that at its start by {100.0 * missed:.2g} % of the amplitude"
+            return None, f"no periodic motion was found: the state after one revolution {change}"
         return floquet(replace(one, start=state), ready.scheme), ""
     except InputError as refusal:
         return None, refusal.faults[0].why

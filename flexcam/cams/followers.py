@@ -215,7 +215,7 @@ class SwingRollerFollower(Follower):
         pitch = math.sqrt(arm**2 + distance**2 - 2.0 * arm * distance * math.cos(angle))
         if pitch <= roller_radius:
             given = f"{math.degrees(angle):g} deg, where the roller's centre is {pitch:g} m from the cam's"
-            raise refuse("follower.angle", given, "an angle with a base circle above zero", "", "take a larger angle")
+            raise refuse("follower.angle", given, "an angle with a base circle above zero", "", "use a larger angle")
         return cls(pitch - roller_radius, roller_radius, arm, distance, side)
 
     @property

@@ -187,7 +187,7 @@ def harmonic_fit(
     """
     positive("tolerance", tolerance, "m")
     if not 1 <= count <= _MOST_FITTED:
-        remedy = "give more harmonics, or take a lower speed" if count < 1 else ""
+        remedy = "give more harmonics, or use a lower speed" if count < 1 else ""
         raise refuse("count", count, f"a whole number from 1 to {_MOST_FITTED}", "", remedy)
     points = max(_LEAST_POINTS, _POINTS_PER_HARMONIC * count)
     ends = [end for section in strict or () for end in section] if strict is not None else list(wanted.joints)

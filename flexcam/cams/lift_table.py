@@ -275,7 +275,7 @@ def _remarks(
         estimate = f"the noise estimated from the table ({1e6 * noise:.2g} um)"
         moved = f"smoothing moves {points} by more than {_FAR:g} times {estimate}"
         worst = f"{1e6 * change[at]:.3g} um at {math.degrees(theta[at]):.4g} deg of cam angle"
-        why = "outliers, or a lobe too narrow (give a tolerance)"
+        why = "outliers, a kink in the lift, or too few points on the lobe; check the table or set a tolerance"
         if tolerance is not None:
             why = f"reduce the tolerance of {1e6 * tolerance:.3g} um, or correct outliers"
         said.append(f"{moved}, by up to {worst}: {why}")

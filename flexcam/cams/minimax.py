@@ -117,7 +117,7 @@ class Program:
         if found.status == _INFEASIBLE:
             raise self._impossible()
         if found.x is None:
-            raise refuse("family", self.family.name, "a family that converges", str(found.message), "take fewer terms")
+            raise refuse("family", self.family.name, "a family that converges", str(found.message), "use fewer terms")
         dual = float(b @ found.ineqlin.marginals + e @ found.eqlin.marginals)
         return np.asarray(found.x[: self.family.size], dtype=float), dual
 

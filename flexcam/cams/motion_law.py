@@ -59,7 +59,7 @@ class ReversedLaw:
     """Reversed law s(z) = 1 - u(1 - z); a symmetric law equals its reverse.
 
     R. Roussev, B. Paleva-Kadiyska and V. Galabov, Quinquinomial power functions (2021), eq. 1, reverse their laws in
-    this way for a cam with a lower dwell only.
+    this way for a cam with only a lower dwell.
     """
 
     law: Law  #: the law u

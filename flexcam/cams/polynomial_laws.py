@@ -29,7 +29,7 @@ class Polynomial(SmoothLaw):
     """s = sum a_j z^j with given exponents, by default with s(1) = 1 and as many zero derivatives at 1 as possible.
 
     The coefficients then are ``a_j = prod p_i/(p_i - p_j)`` over the other exponents; with the lowest exponent p the
-    first p - 1 derivatives vanish at z = 0. They are exact fractions, also for explicit conditions. Reference: R. L.
+    first p - 1 derivatives vanish at z = 0. They are exact fractions, even for explicit conditions. Reference: R. L.
     Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 4, for 3-4-5 and 4-5-6-7.
 
     Examples

@@ -200,12 +200,12 @@ def find_profile_faults(
         found.append(ProfileFault(what, remedy, steep.at, abs(steep.value), pressure_angle, "angle"))
     if cutter is not None and not cut and seen.hollow is not None and seen.hollow.value < cutter:
         what = "the cutter is larger than the hollow it would have to cut"
-        found.append(ProfileFault(what, "take a smaller one", seen.hollow.at, seen.hollow.value, cutter))
+        found.append(ProfileFault(what, "use a smaller one", seen.hollow.at, seen.hollow.value, cutter))
     if isinstance(follower, FlatFollower) and follower.face_diameter is not None:
         farthest = max(seen.offset, key=lambda end: abs(end.value))
         left = 0.5 * follower.face_diameter - follower.face_radius(farthest.value, width)
         if left < 0.0:
-            what, remedy = "the contact line crosses the edge of the face", "take a larger face or a narrower cam"
+            what, remedy = "the contact line crosses the edge of the face", "use a larger face or a narrower cam"
             found.append(ProfileFault(what, remedy, farthest.at, left, 0.0))
     return found
 
@@ -213,7 +213,7 @@ def find_profile_faults(
 def _remedy(others: list[str], *, base_helps: bool) -> str:
     """Return remedies as a sentence, a larger base circle first if it helps."""
     *first, last = [*(["a larger base circle"] if base_helps else []), *others, "a longer event"]
-    return f"take {', '.join(first)} or {last}" if first else f"take {last}"
+    return f"use {', '.join(first)} or {last}" if first else f"use {last}"
 
 
 def undercut(radius: FloatArray, follower: Follower) -> NDArray[np.bool_]:
@@ -244,7 +244,7 @@ def minimum_base_radius(
     good = [fits(float(base)) for base in candidates]
     if not any(good):
         given = f"no base circle between {candidates[0]:.3g} and {high:.3g} m"
-        raise refuse("base_radius", given, "a base circle within the limits", "", "take a longer event or wider limits")
+        raise refuse("base_radius", given, "a base circle within the limits", "", "use a longer event or wider limits")
     first = good.index(True)
     if first == 0:
         return 0.0

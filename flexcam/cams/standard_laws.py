@@ -155,7 +155,7 @@ class Scca:
 
     def __post_init__(self) -> None:
         if not (min(self.b, self.c, self.d) >= 0.0 and abs(self.b + self.c + self.d - 1.0) <= 1e-12):
-            raise refuse("b, c, d", (self.b, self.c, self.d), "three parts of zero or more that sum to 1")
+            raise refuse("b, c, d", (self.b, self.c, self.d), "three non-negative fractions that sum to 1")
 
     @property
     def peak(self) -> float:

@@ -105,7 +105,7 @@ class SplineFamily(Family):
             raise refuse("family", given, allowed, "larger families take minutes without any gain")
         if self._count < 2 * (self.rest + 1) + 1 or not self.size:
             given = f"{self._count} coefficients with {self.rest + 1} held at each end"
-            raise refuse("family", given, "free coefficients", "", "take a higher degree or more pieces")
+            raise refuse("family", given, "free coefficients", "", "use a higher degree or more pieces")
 
     @property
     def name(self) -> str:

@@ -328,7 +328,10 @@ class _Geometry:
             return record.stiffness
         ends, ratio = record.ends, 1.0
         if record.direction is not None and not direction(record.direction)[:3].any():
-            why, remedy = "no member defines that of a lash about an axis", 'add it, such as stiffness = "5 kN m/rad"'
+            why, remedy = (
+                "no member defines the stiffness of a lash about an axis",
+                'add it, such as stiffness = "5 kN m/rad"',
+            )
             raise refuse("stiffness", "nothing", "a value", why, remedy)
         if ends is None:
             rocker = self.case.rockers[str(record.at)]
@@ -358,7 +361,7 @@ class _Geometry:
         lift = direction(record.direction)
         given = lift[:3].tolist()
         if abs(float(lift[:3] @ axis)) > _PERPENDICULAR_TOLERANCE * float(np.linalg.norm(lift[:3])):
-            raise refuse("direction", given, "a direction square to the shaft", "a plate cam lifts in its plane")
+            raise refuse("direction", given, "a direction perpendicular to the shaft", "a plate cam lifts in its plane")
         if record.follower in self.mesh.points:
             span = self.mesh.nodes[self.mesh.node(record.follower)] - cam
             if float(span @ lift[:3]) < -_PERPENDICULAR_TOLERANCE * float(np.linalg.norm(span)):

@@ -312,7 +312,7 @@ def _unsymmetric_shaft_faults(places: KeyLocations, model: Model) -> Iterator[Fa
         if given:
             why = f"it turns with cam {cam!r}, and flexcam models no stiffness that varies with the rotation"
             allowed = f"a section that is as stiff along y as along z, within {100.0 * _ROUNDNESS_TOLERANCE:g} %"
-            remedy = "take a circle, a tube, or a custom section with the mean of both"
+            remedy = "use a circle, a tube, or a custom section with the mean of both"
             yield Fault(places.place(("members", name, "section")), "; ".join(given), allowed, why, remedy)
 
 

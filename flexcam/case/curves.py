@@ -247,7 +247,8 @@ def _make_law(name: str, parameters: Table) -> Law:
         table = f'{{ id = "{name}", {", ".join(f"{key} = {value}" for key, value in values.items())} }}'
         options = " ".join(f"--with {key}={value}" for key, value in values.items())
         remedy = f"write law = {table} in a case, or add {options} to flexcam law"
-        raise refuse(missing[0], "nothing", f"the parameters {', '.join(record.model_fields)} of {name}", text, remedy)
+        allowed = f"a value for {'the parameter' if len(missing) == 1 else 'each of'} {', '.join(missing)} of {name}"
+        raise refuse(missing[0], "nothing", allowed, text, remedy)
     parameters = _validate(record, parameters, f"a parameter of {name}", "law")
     return kind(**parameters)
 
@@ -359,7 +360,7 @@ def _parse_load_value(value: object, files: _Files) -> LoadDefinition:
     abscissa, at = find_abscissa(columns, "table")
     loads = [name for name in columns if name not in ABSCISSAS]
     if not loads:
-        given = f"{Path(record.file).name} with {', '.join(columns)} only"
+        given = f"{Path(record.file).name} with only {', '.join(columns)}"
         raise refuse("table", given, f"{abscissa} and a column of the load", "", "add a force, a moment or a pressure")
     name = record.column or (loads[0] if len(loads) == 1 else "")
     if name not in loads:

@@ -161,8 +161,8 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
     match error["type"]:
         case "flexcam":
             where, given = _locate_fault(context, path, value, places, root)
-            if isinstance(value, str) and path and (variants := _variants_with(path, root, value)):
-                return Fault(where, given, str(context["allowed"]), f"only {variants} has {value!r}", "")
+            if isinstance(value, str) and value and path and (variants := _variants_with(path, root, value)):
+                return Fault(where, given, str(context["allowed"]), f"{value!r} is available only with {variants}", "")
             return Fault(where, given, str(context["allowed"]), str(context["why"]), str(context["remedy"]))
         case "missing" if path[-1].isdigit():  # an element of a row
             return Fault(places.place(path[:-1]), given, f"{int(path[-1]) + 1} values", "", "")
@@ -183,7 +183,8 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
             if path[-1] in known:
                 variants = _variants_with(path, root)
                 remedy = f"remove it, or change {variants.partition(' ')[0]}"
-                return Fault(where, f"key {path[-1]!r}", f"this key only with {variants}", "", remedy)
+                allowed = f"{variants} with this key" if "=" in variants else "this key only in another table"
+                return Fault(where, f"key {path[-1]!r}", allowed, "", remedy)
             hint = suggest_name(path[-1], known) or "remove it"
             return Fault(where, f"key {path[-1]!r}", ", ".join(known), "there is no such key", hint)
         case "literal_error" | "union_tag_invalid":

@@ -276,7 +276,7 @@ def _slenderness_warnings(case: Case) -> Iterator[str]:
             wanted = math.ceil(math.log(change) / math.log(_SECTION_CHANGE) / (len(points) - 1))
             share = f"{100.0 * (per_element - 1.0):.3g} %"
             why = f"its second moment changes by {share} per element, which has one section"
-            yield f"{place}: {why}; take elements = {wanted}"
+            yield f"{place}: {why}; use elements = {wanted}"
         if not _MIN_SLENDERNESS <= length / size <= _MAX_SLENDERNESS:
             sizes = f"{length:g} m long and {size:g} m thick, {length / size:.2g} to one"
             yield f"{place}: {sizes}: do lengths and sections have the same unit?"
@@ -312,11 +312,11 @@ def check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
     }
     for name, contact in contacts.items():
         if closed[contact.cam] and float(first.channels[f"contacts.{name}.force"][0]) <= 0.0:
-            why, lost = "no spring presses the follower to its cam before it turns", True
+            why, lost = "no spring holds the follower on its cam on the base circle", True
             yield f"Warning: contacts.{name}: {why}; give a spring an installed_force"
     for name in seats if closed and all(closed.values()) and not lost else ():
         if float(first.channels[f"contacts.{name}.force"][0]) <= 0.0:
-            why = "no spring presses the valve to its seat before the cams turn"
+            why = "no spring holds the valve on its seat with the cams on their base circles"
             yield f"Warning: contacts.{name}: {why}; check the direction and the installed_force of its spring"
 
 
@@ -337,7 +337,7 @@ def check_overshoot(problem: Problem, scheme: Method) -> list[str]:
         return []
     size, name = f"{100.0 * float(beyond.max()) / scale:.3g} %", system.names[int(np.argmax(beyond))]
     what = f"the first step overshoots at {name} by {size} of the largest motion of the start"
-    return [f"Warning: {what}: the step does not resolve its damping; take newmark, bathe or smaller steps"]
+    return [f"Warning: {what}: the step does not resolve its damping; use newmark, bathe or smaller steps"]
 
 
 def check_start_impact(case: Case, model: Model, problem: Problem) -> Iterator[str]:
@@ -351,7 +351,7 @@ def check_start_impact(case: Case, model: Model, problem: Problem) -> Iterator[s
         if abs(lift) > _IMPACT_LIFT * cam.event.height:
             motion = f"{1e3 * lift:.3g} mm and {slope * float(start.speed[0]):.3g} m/s"
             what = f"the run starts in the middle of its lift, at {motion}, and strikes a train at rest"
-            remedy = 'turn it onto its base circle (phase), or take start = "equilibrium" or "periodic"'
+            remedy = 'turn it onto its base circle (phase), or use start = "equilibrium" or "periodic"'
             yield f"Warning: cams.{name}: {what}; {remedy}"
 
 
@@ -377,7 +377,7 @@ def check_oblique_springs(model: Model) -> Iterator[str]:
             line = [round(float(x), 4) for x in rocker.direction[:3]]
             angle = f"{math.degrees(math.acos(cosine)):.3g} deg"
             what = f"its direction is at {angle} to that in which the rocker moves point {spring.at!r}"
-            yield f"Warning: springs.{name}: {what}; take direction = {line}"
+            yield f"Warning: springs.{name}: {what}; use direction = {line}"
 
 
 def check_connectivity(model: Model) -> list[str]:
@@ -468,7 +468,7 @@ def check_loose_masses(model: Model) -> Iterator[str]:
         own = [lash for lash, one in lashes.items() if one.ends and mass.at in one.ends]
         if len(own) > 1 and mass.at not in held and len(connected_nodes(model, model.mesh.node(mass.at))) == 1:
             what = f"only the lashes {' and '.join(own)} touch it, and it moves freely while they are open"
-            yield f"Warning: masses.{name}: {what}; hold it by a soft spring"
+            yield f"Warning: masses.{name}: {what}; hold it with a soft spring"
 
 
 def check_lash(model: Model) -> Iterator[str]:
@@ -478,4 +478,4 @@ def check_lash(model: Model) -> Iterator[str]:
         lash = largest_lashes(model)[name]
         if isinstance(event, LiftEvent) and event.ramp and lash > event.ramp.height:
             sizes = f"{1e3 * lash:.3g} mm at the follower is above the ramp of {1e3 * event.ramp.height:.3g} mm"
-            yield f"Warning: cams.{name}: the lash of {sizes}: the valve opens without a ramp"
+            yield f"Warning: cams.{name}: the lash of {sizes}; it is taken up only after the ramp"

@@ -49,16 +49,16 @@ def get_number(case: Case, key: str, where: str) -> Number:
         last, names = key.rpartition(".")[2], [name.rpartition(".")[2] for name in numbers]
         near = suggest_name(key, numbers) or suggest_name(last, names)
         allowed = f"a numeric key of the case, such as {', '.join(numbers[:6])}"
-        raise refuse(where, repr(key), allowed, "there is no such key", near or "flexcam check --echo prints them all")
+        raise refuse(where, repr(key), allowed, "there is no such key", near or "flexcam check --echo prints all keys")
     value = known[copies[0]]
     if different := [name for name in copies if known[name] != value]:
         given = f"{known[different[0]]!r} for {different[0]} and {value!r} for {copies[0]}"
         raise refuse(where, given, "a number that all copies share", "one value replaces all", "name one of the copies")
     if not isinstance(value, float):
         given = f"{key} = {value!r}" if value is not None else f"{key}, which is not given"
-        why = "" if value is None else "a whole number, a choice or a switch has no derivative"
+        why = "" if value is None else "only keys with real-number values can be varied"
         remedy = "give it a number" if value is None else "compare its values with flexcam sweep"
-        raise refuse(where, given, "the key of a number that may have decimals", why, remedy)
+        raise refuse(where, given, "the key of a real number", why, remedy)
     unit = find_unit(case.record, copies[0].split("."))
     return Number(key, value, "SI" if unit is None else unit)
 

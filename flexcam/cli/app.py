@@ -35,23 +35,21 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.table import Table
 
+# Commands by panel of the help, each with its file in this package
 COMMANDS: Mapping[str, Mapping[str, str]] = {
     "Cases and runs": {
         "new": "case_files", "check": "case_files", "run": "run", "info": "result_files", "compare": "compare",
     },
-    "Pictures and files": {"plot": "plot", "view": "view", "report": "result_files", "export": "result_files"},
-    "Dynamics": {"modes": "modes", "stability": "stability", "limits": "limits", "campbell": "campbell"},
+    "Pictures and files": {"plot": "plot", "view": "result_files", "report": "result_files", "export": "result_files"},
+    "Dynamics": {"modes": "modes", "stability": "limits", "limits": "limits", "campbell": "modes"},
     "Cams": {"law": "law", "cam": "cam", "synthesize": "synthesize"},
     "Studies": {
         "sweep": "sweep", "optimize": "optimize", "fit": "fit", "sensitivity": "sensitivity", "trade": "compare",
     },
     "Reference": {"selftest": "selftest", "schema": "case_files"},
 }  # fmt: skip
-"""Commands by panel of the help, each with its file in this package."""
 
 COMMAND_FILES = {command: file for panel in COMMANDS.values() for command, file in panel.items()}
-"""File of every command."""
-
 _MAX_SPEEDS = 10_000
 _BARE = re.compile(r"\s*[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?\s*$")  # a number without unit
 _TIME_UNITS = {"h": 3600.0, "min": 60.0, "s": 1.0, "ms": 1e-3}
@@ -59,7 +57,7 @@ _PART_OF_TIME = r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(h|min|ms|s)\s*"
 _ACCURACY = ("fidelity.tolerance", "fidelity.estimate")
 _MODEL = ("fidelity.model", "fidelity.masses", "fidelity.modes", "fidelity.reduction")
 _NORM = ("fidelity.norm",)
-
+# Keys of the case that some commands ignore: the commands, the keys, and what the commands do instead
 IGNORED_KEYS = (
     (
         ("campbell", "compare", "limits", "plot", "stability", "view"), (*_ACCURACY, *_NORM),
@@ -73,7 +71,6 @@ IGNORED_KEYS = (
     ),
     (("cam",), (*_MODEL, *_ACCURACY, *_NORM), "a cam needs no model of the train"),
 )  # fmt: skip
-"""Keys of the case that some commands ignore: the commands, the keys, and what the commands do instead."""
 
 
 @dataclass
@@ -104,11 +101,15 @@ Csv = Annotated[Path | None, Parameter("--csv", help="Also write a table to this
 Folder = Annotated[Path, Parameter(["-o", "--output"], help="Folder of the results.")]
 Overwrite = Annotated[bool, Parameter("--overwrite", help="Replace existing files.")]
 AllowLarge = Annotated[bool, Parameter("--allow-large", help="Run even if memory or disk space seem too small.")]
-CamName = Annotated[str | None, Parameter("--cam", help="Name of the cam; not needed if there is one only.")]
+CamName = Annotated[str | None, Parameter("--cam", help="Name of the cam; not needed if there is only one.")]
 
 
-Lowest = Annotated[str | None, Parameter("--lowest", help="Lowest speed, such as 1000rpm; half the case's by default.")]
-Highest = Annotated[str | None, Parameter("--highest", help="Highest speed; 1.5 times the case's by default.")]
+Lowest = Annotated[
+    str | None, Parameter("--lowest", help="Lowest speed, such as 1000rpm; half the speed of the case by default.")
+]
+Highest = Annotated[
+    str | None, Parameter("--highest", help="Highest speed; 1.5 times the speed of the case by default.")
+]
 Accuracy = Annotated[str, Parameter("--accuracy", help="Accuracy of the computed speeds.")]
 Count = Annotated[int, Parameter("--count", help="Number of speeds, evenly spaced.")]
 
@@ -302,8 +303,8 @@ def check_targets(
 def describe_lift_file(path: Path, phase: float = 0.0) -> str:
     """Return the name of a lift file, and the keys of a case with which it replaces the lift of a cam."""
     delay = f', phase = "{math.degrees(phase):.10g} deg"' if phase else ""
-    keys = f'lift_table = "{path.name}"{delay} instead of the law with its keys, and phase, centreline, timing'
-    return f"{path}  (in a case: {keys})"
+    keys = "law, return_law, lift, rise, dwell, return, ramps, phase, centreline and timing"
+    return f'{path}  (in the case, replace {keys} with: lift_table = "{path.name}"{delay})'
 
 
 @dataclass(frozen=True)
@@ -347,9 +348,8 @@ def command(
                 files.append(plotting.figures.save_figure(output.figure(), picture, overwrite=overwrite))
             files += output.files
             if options.get("as_json"):
-                status = "ok" if output.status.ok else str(output.status.cause)
-                named = output.json.get("files", [str(path) for path in files])
-                print_json({"status": status, **output.json, "files": named})
+                status = "ok" if output.status.ok else output.status.cause
+                print_json({"status": status, **output.json, "files": output.json.get("files", files)})
                 return output.status
             for i, part in enumerate(output.parts):
                 result_console().print(*([""] if i else []), part, sep="\n")

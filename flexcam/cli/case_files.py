@@ -49,8 +49,7 @@ def new(
         return cli.CommandOutput([table], {"templates": templates()})
     files = new_case(template, target, overwrite=overwrite)
     following = f"Next: flexcam check {files[0]}, flexcam run {files[0]}, flexcam view {files[0]}"
-    names = [str(path) for path in files]
-    return cli.CommandOutput(["\n".join(names), following], {"files": names})
+    return cli.CommandOutput(["\n".join(map(str, files)), following], {"files": files})
 
 
 @cli.command("""\
@@ -94,7 +93,7 @@ def check(
         "member_masses": member_masses(ready.model),
         "free_motions": found.modes.rigid, "steps": ready.problem.steps, "step_s": ready.problem.step,
         "memory_bytes": resources.memory, "result_bytes": resources.file,
-        "frequencies_hz": found.modes.frequencies[found.modes.rigid :][:10].tolist(),
+        "frequencies_hz": found.modes.frequencies[found.modes.rigid :][:10],
         "warnings": warnings,
         "loads": {load.name: [system.names[i] for i in load.vector.nonzero()[0]] for load in system.loads},
         "case": ready.explicit_case.record.model_dump(mode="json", by_alias=True),

@@ -27,7 +27,7 @@ from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_shared_seat_load
 from flexcam.cli import app as cli
-from flexcam.cli.campbell import modes_over_speed, orders_of_response, select_signals
+from flexcam.cli.modes import modes_over_speed, orders_of_response, select_signals
 from flexcam.cli.sources import Source, name_sources, open_sources
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
@@ -50,6 +50,7 @@ FigureKind = Literal[
     "waterfall", "map", "sweep", "work-precision",
 ]  # fmt: skip
 _OF_CAMS = ("svaj", "profile")
+# Kinds of figures to which an option applies
 _APPLIES = {
     "probe": ("motion", "waterfall", "work-precision"),
     "channel": ("motion", "force", "torque", "profile", "spring", "waterfall", "map"),
@@ -59,7 +60,6 @@ _APPLIES = {
     "units": tuple(kind for kind in get_args(FigureKind) if kind not in ("orbits", "campbell", "work-precision")),
     "set": tuple(kind for kind in get_args(FigureKind) if kind != "sweep"),
 }  # fmt: skip
-"""Kinds of figures to which an option applies."""
 
 _ORDERS = 24  # highest drawn order of the camshaft
 _OPEN_LIFT = 1e-4  # lift above which a valve counts as open for the overlap, m
@@ -134,9 +134,9 @@ def plot(
     files: Annotated[list[Path], Parameter(help="Result files (.vtkhdf), case files (.toml), which flexcam runs, or "
         "the table of a sweep (.h5 or .csv).")], *,
     what: Annotated[FigureKind | None, Parameter(
-        help="Kind of figure; motion by default, sweep for a table; svaj: lift and its derivatives; orbits: journals "
+        help="Kind of figure; motion by default, sweep for a table. svaj: lift and its derivatives; orbits: journals "
         "in their oil films; waterfall: orders over speed; map: a channel over cam angle and speed; work-precision: "
-        "error of simpler models over their work."
+        "error of simpler models against computing cost (unknowns times steps)."
         )] = None,
     probe: Annotated[str | None, Parameter(
         help=f"motion, waterfall, work-precision: point or component; {cli.DEFAULT_PROBE}.")] = None,
@@ -145,10 +145,10 @@ def plot(
         "shown by colours; spring: force of the spring.")] = None,
     over: Annotated[Literal["angle", "time", "crank"] | None, Parameter(
         help="motion, force, torque, energy: abscissa; cam angle by default; crank: crank angle of the last "
-        "revolution, from top dead centre (key tdc of the cam).")] = None,
+        "revolution from top dead centre (key tdc of the cam), or from the start of the revolution.")] = None,
     rigid: Annotated[bool, Parameter(
         help="motion, force, torque: also draw the rigid model, and for motion the difference from it.")] = False,
-    cam: Annotated[str | None, Parameter(help="svaj, profile: draw this cam only.")] = None,
+    cam: Annotated[str | None, Parameter(help="svaj, profile: draw only this cam.")] = None,
     angle: Annotated[str | None, Parameter(help="profile: cam angle at which it is drawn, such as '90 deg'.")] = None,
     count: Annotated[int | None, Parameter(
         help="modes: number of modes, 6 by default; campbell, waterfall, map: number of speeds, 9 by default.")] = None,
@@ -354,7 +354,7 @@ def _goodman(asked: FigureOptions) -> Figure:
 
 
 def _map(asked: FigureOptions) -> Figure:
-    """Draw a channel over cam angle and speed, of several results or from 0.5 to 1.5 times the case's speed."""
+    """Draw a channel over cam angle and speed, of several results or from 0.5 to 1.5 times the speed of the case."""
     case, contact = asked.first.case, asked.contact(asked.first)
     channels = asked.channels or ([] if contact is None else [f"contacts.{contact}.force"])
     if len(channels) != 1:
@@ -398,13 +398,11 @@ def _modes(asked: FigureOptions) -> Figure:
 
 
 def _campbell(asked: FigureOptions) -> Figure:
-    """Draw modes and orders from 0.5 to 1.5 times the case's speed."""
     case = _single_source(asked, "campbell").case
     return modes_over_speed(case, _speeds(asked, case), range(1, _ORDERS + 1)).figure()
 
 
 def _waterfall(asked: FigureOptions) -> Figure:
-    """Draw the orders of a motion and a force from 0.5 to 1.5 times the case's speed."""
     case = _single_source(asked, "waterfall").case
     seen = select_signals(case, asked.channels, None if asked.probe is None else [asked.probe])
     return orders_of_response(case, _speeds(asked, case), seen, _ORDERS).figure()

@@ -24,9 +24,11 @@ from flexcam.valvetrain import Metric
 _LIMITS = Group("Speed range of the search, for results named limits.NAME", sort_key=2)
 
 WorkerCount = Annotated[int, Parameter("--workers", help="Number of processes that evaluate variants.")]
-Lowest = Annotated[str | None, Parameter("--lowest", group=_LIMITS, help="Lowest speed; half the case's by default.")]
+Lowest = Annotated[
+    str | None, Parameter("--lowest", group=_LIMITS, help="Lowest speed; half the speed of the case by default.")
+]
 Highest = Annotated[
-    str | None, Parameter("--highest", group=_LIMITS, help="Highest speed; twice the case's by default.")
+    str | None, Parameter("--highest", group=_LIMITS, help="Highest speed; twice the speed of the case by default.")
 ]
 LimitAccuracy = Annotated[cli.Accuracy, Parameter(group=_LIMITS)]
 

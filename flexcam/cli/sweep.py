@@ -47,7 +47,6 @@ def _is_varying(values: FloatArray) -> bool:
 
 
 def _describe_sweep(found: SweepTable) -> list[str]:
-    """Return sentences about failed variants and about an empty table."""
     alike = found.scalars and not any(_is_varying(values) for values in found.scalars.values())
     words = ["every scalar has the same value in all variants; the files list them"] if alike else list[str]()
     for cause, rows in _failures(found).items():
@@ -99,7 +98,7 @@ def sweep(
     parquet: Annotated[bool, Parameter(help="Also write a Parquet table.")] = False,
     resume: Annotated[bool, Parameter(help="Continue a sweep that was stopped.")] = False,
     workers: Annotated[int | None, Parameter(
-        group=_WORKERS, help="Number of processes; one per core by default, 0 for this process only.")] = None,
+        group=_WORKERS, help="Number of processes; one per core by default, 0 for only this process.")] = None,
     scheduler: Annotated[str | None, Parameter(
         group=_WORKERS, help="Address of a Dask scheduler, tcp://HOST:PORT; or the word local, which starts one with "
         "--workers processes.")] = None,
@@ -139,7 +138,7 @@ def _create_workers(scheduler: str | None, count: int | None) -> Workers:
     if scheduler is not None and scheduler != LOCAL:
         if count is not None:
             why = "a cluster sets its own number of workers"
-            raise refuse("--workers", count, "--workers with --scheduler local only", why, "leave one out")
+            raise refuse("--workers", count, "--workers only with --scheduler local", why, "leave one out")
         return ClusterWorkers(scheduler)
     number = count_cores() if count is None else count
     if scheduler == LOCAL:

@@ -20,7 +20,7 @@ from flexcam.cli import app as cli
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, format_quantity, parse
 from flexcam.io import check_writable, create_folder, write_law, write_lift
-from flexcam.report.terminal import NOISE, facts_table, finite_numbers, plain_table
+from flexcam.report.terminal import NOISE, facts_table, plain_table
 
 _FAMILY = Group("Family of laws", sort_key=1)
 _LEGEND = (
@@ -107,11 +107,12 @@ flexcam synthesize polydyne case.toml --speed 3000rpm -o lift.toml
 )
 cli.app.command(synthesize)
 
-Output = Annotated[
-    Path | None,
-    Parameter(["-o", "--output"], help="Also write the lift or the law to this file (.toml), for use in a case."),
-]
-CamsPath = Annotated[Path, Parameter(help="Case file; with --frequency also a file that has [cams.NAME] only.")]
+LawOutput = Annotated[Path | None, Parameter(
+    ["-o", "--output"], help="Also write the law to this file (.toml), for the key law of a cam; with --pareto every "
+    "law to a numbered file.")]  # fmt: skip
+LiftOutput = Annotated[Path | None, Parameter(
+    ["-o", "--output"], help="Also write the lift to this file (.toml), for the key lift_table of a cam.")]  # fmt: skip
+CamsPath = Annotated[Path, Parameter(help="Case file; with --frequency also a file that has only [cams.NAME].")]
 
 
 @cli.command(
@@ -145,7 +146,7 @@ def synthesize_law(
     rest: Annotated[int | None, Parameter(
         group=_FAMILY, help="Number of derivatives that are zero at both ends; 2 by default.")] = None,
     asymmetric: Annotated[bool, Parameter(group=_FAMILY, help="Allow asymmetric laws.")] = False,
-    output: Output = None, plot: cli.Picture = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
+    output: LawOutput = None, plot: cli.Picture = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> cli.CommandOutput:  # fmt: skip
     """Find the motion law with minimum peak values in a family of laws, and a proven lower bound."""
     cli.refuse_without("--pareto", {"--count": count}, present=against is not None)
@@ -209,7 +210,6 @@ def _condition(text: str) -> tuple[float, int, float]:
 def _write_law_files(
     front: list[Synthesis], goals: tuple[str, str] | None, output: Path | None, plot: Path | None, *, overwrite: bool
 ) -> list[Path]:
-    """Write the requested files of a law, or of a front of two criteria, the goals."""
     files: list[Path] = []
     paths = [] if output is None else [output]
     if output is not None and len(front) > 1:  # numbered
@@ -241,11 +241,12 @@ def synthesize_harmonic(
     bound: Annotated[str | None, Parameter(help="Maximum deviation elsewhere.")] = None,
     count: Annotated[int | None, Parameter(
         help="Number of harmonics; by default those below the lowest mode that the cam excites.")] = None,
-    output: Output = None, overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
+    output: LiftOutput = None, overrides: cli.Overrides = None, overwrite: cli.Overwrite = False,
+    as_json: cli.Json = False,
 ) -> cli.CommandOutput:  # fmt: skip
     """Replace the lift of a cam by its low harmonics, which lie below the modes that the cam excites.
 
-    In the dwells the new lift differs from the old one by --tolerance at most.
+    In the dwells the new lift differs from the old one by at most --tolerance.
     """
     cli.check_distinct_files({"--output": output}, [case])
     strict = cli.parse_quantity("--tolerance", tolerance, "length", "um")
@@ -282,20 +283,21 @@ flexcam synthesize polydyne cams.toml --frequency "400 Hz" --damping 0.02 --spee
 def synthesize_polydyne(
     case: CamsPath, *,
     name: cli.CamName = None,
-    speed: Annotated[str | None, Parameter(help="Design speed of the camshaft; the case's by default.")] = None,
+    speed: Annotated[str | None, Parameter(help="Design speed of the camshaft; by default that of the case.")] = None,
     frequency: Annotated[str | None, Parameter(
-        help="Natural frequency of one mass on a spring, instead of the case's train.")] = None,
+        help="Natural frequency of one mass on a spring, instead of the train of the case.")] = None,
     damping: Annotated[float, Parameter(help="Damping ratio of that mass.")] = 0.0,
     count: Annotated[int, Parameter(help="Number of harmonics.")] = 60,
-    output: Output = None, overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
+    output: LiftOutput = None, overrides: cli.Overrides = None, overwrite: cli.Overwrite = False,
+    as_json: cli.Json = False,
 ) -> cli.CommandOutput:  # fmt: skip
     """Design a polydyne cam: at the design speed the flexible train moves the valve as a rigid one would."""
     cli.check_distinct_files({"--output": output}, [case])
     at = None if speed is None else positive("--speed", cli.parse_quantity("--speed", speed, "speed", "rpm"), "rad/s")
     if damping and frequency is None:
-        raise refuse("--damping", damping, "--damping with --frequency only", "the train of the case has its own")
+        raise refuse("--damping", damping, "--damping only with --frequency", "the train of the case has its own")
     if frequency is not None:
-        omega = 2.0 * math.pi * cli.parse_quantity("--frequency", frequency, "rate", "Hz")
+        omega = 2.0 * math.pi * cli.parse_quantity("--frequency", frequency, "frequency", "Hz")
         cams = cam_analysis.load_cams(case, overrides or ())
         design_speed = cams.speed if at is None else at
         if design_speed is None:
@@ -304,7 +306,7 @@ def synthesize_polydyne(
     elif has_mechanism(case):
         found = cam_analysis.polydyne_cam(cli.load_case(case, overrides), name, speed=at, count=count)
     else:
-        given, remedy = f"{case.name}, which has cams only", "add --frequency for one mass on a spring"
+        given, remedy = f"{case.name}, which has only cams", "add --frequency for one mass on a spring"
         raise refuse("case", given, "a case with the train that the cam drives", "", remedy)
     about = {"flexcam": __version__, "made_for": str(case), "design_speed_rpm": found.speed / RPM}
     lift = found.design.event.with_delay(-found.phase)
@@ -313,8 +315,7 @@ def synthesize_polydyne(
         "design_speed_rpm": found.speed / RPM, "left_out": found.design.left_out,
         "lift": [end.value for end in event_extremes(found.design.event)],
         "acceleration": [end.value for end in event_extremes(found.design.event, 2)], "ratio": found.ratio,
-        "speeds_rpm": (found.speeds / RPM).tolist(), "plain": finite_numbers(found.plain),
-        "polydyne": finite_numbers(found.compensated),
+        "speeds_rpm": found.speeds / RPM, "plain": found.plain, "polydyne": found.compensated,
     }  # fmt: skip
     tables = [_polydyne_properties_table(found), _polydyne_table(found)]
     describe_file = partial(cli.describe_lift_file, phase=found.phase)

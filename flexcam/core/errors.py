@@ -191,7 +191,7 @@ def finite_array(where: str, values: ArrayLike, shape: tuple[int | None, ...]) -
         raise refuse(where, f"shape {format_shape(array.shape)}", f"shape {format_shape(shape)}")
     if not np.isfinite(array).all():
         first = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        raise refuse(f"{where}{list(first)}", str(array[first]), "finite numbers only")
+        raise refuse(f"{where}{list(first)}", str(array[first]), "only finite numbers")
     array.setflags(write=False)
     return array
 

@@ -152,8 +152,8 @@ def connected_components(size: int, rows: IntArray, cols: IntArray) -> IntArray:
     """Return the component label of each node of a graph.
 
     Each group is merged with its lowest-numbered neighbour until none is left, which at least halves their number in
-    each pass: Y. Shiloach and U. Vishkin, An O(log n) parallel connectivity algorithm, J. Algorithms 3 (1982). Uses
-    numpy only, so that a small run does not import scipy.
+    each pass: Y. Shiloach and U. Vishkin, An O(log n) parallel connectivity algorithm, J. Algorithms 3 (1982). It
+    uses only numpy, so that a small run does not import scipy.
     """
     labels = np.arange(size)
     while (labels[rows] != labels[cols]).any():

@@ -30,6 +30,9 @@ _FOREIGN = {
 }  # fmt: skip
 """Other names of units, and the remedies."""
 
+_UNITS = "a unit such as mm, kg, kN/m, GPa, rpm, deg"
+"""Allowed units where the quantity is not given, for messages."""
+
 _POUND = re.compile(r"\blb\b")
 """Pounds as a mass, which are often meant as a force."""
 
@@ -123,6 +126,8 @@ DIMENSIONS = _table(
     ("inertia", (2, 1, 0, 0, 0), "kg m^2", "1e-4 kg m^2", 1e-24, 1e20),
     ("density", (-3, 1, 0, 0, 0), "kg/m^3", "7800 kg/m^3", 1e-09, 1e09),
     ("stress", (-1, 1, -2, 0, 0), "Pa", "207 GPa", 0.001, 1e15),
+    ("pressure", (-1, 1, -2, 0, 0), "Pa", "0.4 MPa", 0.001, 1e15),
+    ("bulk modulus", (-1, 1, -2, 0, 0), "Pa", "1.5 GPa", 0.001, 1e15),
     ("force", (1, 1, -2, 0, 0), "N", "300 N", 1e-12, 1e15),
     ("moment", (2, 1, -2, 0, 0), "N m", "5 N m", 1e-15, 1e15),
     ("stiffness", (0, 1, -2, 0, 0), "N/m", "40 kN/m", 1e-12, 1e18),
@@ -131,6 +136,7 @@ DIMENSIONS = _table(
     ("rotational damping", (2, 1, -1, 0, -1), "N m s/rad", "1 N m s/rad", 1e-15, 1e15),
     ("time", (0, 0, 1, 0, 0), "s", "20 us", 1e-15, 1e09),
     ("rate", (0, 0, -1, 0, 0), "1/s", "5.36 1/s", 1e-12, 1e15),
+    ("frequency", (0, 0, -1, 0, 0), "Hz", "5 kHz", 1e-12, 1e15),
     ("angle", (0, 0, 0, 0, 1), "rad", "180 deg", 1e-09, 1e06),
     ("speed", (0, 0, -1, 0, 1), "rad/s", "3000 rpm", 1e-06, 1e08),
     ("velocity", (1, 0, -1, 0, 0), "m/s", "0.5 m/s", 1e-12, 1e6),
@@ -174,7 +180,7 @@ def _suggest_unit(text: str, wanted: Exponents) -> str:
     return ""
 
 
-def _unit_product(text: str, where: str, wanted: Exponents) -> tuple[Decimal, Exponents]:
+def _unit_product(text: str, where: str, wanted: Exponents, allowed: str = _UNITS) -> tuple[Decimal, Exponents]:
     factor, exponents, position, divide = Decimal(1), _NONE, 0, False
     while position < len(text):
         match = _FACTOR.match(text, position)
@@ -182,14 +188,8 @@ def _unit_product(text: str, where: str, wanted: Exponents) -> tuple[Decimal, Ex
         if match is None or found is None:
             symbol = match[2] if match else text[position:]
             hint = _FOREIGN.get(symbol) or _suggest_unit(text.strip(), wanted)
-            allowed = "a unit such as mm, kg, kN/m, GPa, rpm, deg"
-            raise refuse(
-                where,
-                f"unit {symbol!r} in {text!r}",
-                allowed,
-                "the unit is unknown",
-                hint or "write its symbol, such as mm",
-            )
+            given, why = f"unit {symbol!r} in {text!r}", f"the unit {symbol!r} is unknown"
+            raise refuse(where, given, allowed, why, hint or "write its symbol, such as mm")
         # As in print, a '/' applies to all factors up to the next '*' or '/': N s/m, kg/(m s) is kg/m/s.
         divide = match[1] == "/" or (match[1] == "" and divide)
         power = int(match[3] or 1) * (-1 if divide else 1)
@@ -200,7 +200,7 @@ def _unit_product(text: str, where: str, wanted: Exponents) -> tuple[Decimal, Ex
 
 
 def _equal_dimension(found: Exponents, wanted: Exponents) -> bool:
-    """Return whether two dimensions agree; the radian may be omitted in moments and derived quantities only."""
+    """Return whether two dimensions agree; the radian may be omitted only in moments and derived quantities."""
     of_moments = wanted[:2] == (2, 1)
     return found[:4] == wanted[:4] if of_moments else found == wanted
 
@@ -225,10 +225,11 @@ def parse(value: float | str, dimension: str, where: str = "value", *, noise: bo
             )
     else:
         raise refuse(where, repr(value), allowed, "it does not begin with a number")
-    factor, exponents = _unit_product(text, where, kind.exponents) if text else (Decimal(1), kind.exponents)
+    factor, exponents = _unit_product(text, where, kind.exponents, allowed) if text else (Decimal(1), kind.exponents)
     if not _equal_dimension(exponents, kind.exponents):
-        why = f"the unit {text!r} does not measure {article} {kind.name}" if kind.si else "only % is a unit of a number"
-        remedy = f"use a unit of {kind.name}, as in {kind.example!r}" if kind.si else "leave the unit out"
+        why = f"{text!r} is not a unit of {kind.name}" if kind.si else "the value is dimensionless"
+        remedy = "leave the unit out, or write a percentage such as '5 %'"
+        remedy = f"use a unit such as {kind.example.partition(' ')[2]}" if kind.si else remedy
         force = _POUND.sub("lbf", text)
         if force != text and _equal_dimension(_unit_product(force, where, kind.exponents)[1], kind.exponents):
             remedy = f"use {force!r}, because 'lb' is a mass"

@@ -6,7 +6,7 @@ Every other group stays at its initial displacement, also under its weight. Idle
 bending of a straight strut, couple nothing unless another force moves them.
 
 An entry couples unless it is exactly zero, even if it is of the size of rounding: a soft spring between stiff parts has
-entries as small. Too many active unknowns cost time only, not accuracy.
+entries as small. Too many active unknowns cost only time, not accuracy.
 
 The reduced problem is integrated in the active unknowns or in a basis, and its results are expanded.
 """

@@ -157,7 +157,7 @@ class Sink(Protocol):
         ...
 
     def close(self, status: Status, stats: Stats) -> None:
-        """Close with the status of the run; called once, also after a failure."""
+        """Close with the status of the run; called once, even after a failure."""
         ...
 
 

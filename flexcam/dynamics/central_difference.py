@@ -64,7 +64,7 @@ class CentralDifference(Method):
         allowed = f"at most {_LIMIT / omega:.6g} s with {_NAME}"
         mode = f"the mode of {', '.join(names)} at {omega / (2.0 * np.pi):.5g} Hz"
         why = f"with longer steps {mode} is unstable"
-        return refuse("run.step", f"{step:.6g} s", allowed, why, "take smaller steps, or an implicit method")
+        return refuse("run.step", f"{step:.6g} s", allowed, why, "use smaller steps, or an implicit method")
 
 
 class _Stepper:

@@ -44,7 +44,7 @@ class Collocation(Method):
 
     @property
     def locates_contacts(self) -> bool:
-        """False: steps end at impacts with restitution only."""
+        """False: steps end only at impacts with restitution."""
         return False
 
     def amplification(self, omega_dt: float, damping: float = 0.0) -> FloatArray:

@@ -83,7 +83,7 @@ def in_range(
     names = [*(3 * system.names), *(name for force in system.local_forces for name in [force.name] * len(force.sense))]
     when = instant(float(track.time[at]), float(angle[count]))
     text = f"{names[int(np.argmax(ahead))]} is not finite {when}"
-    return track.until(count), Status(Cause.NOT_FINITE, text, "take a smaller step, more damping or a lower speed")
+    return track.until(count), Status(Cause.NOT_FINITE, text, "use a smaller step, more damping or a lower speed")
 
 
 def all_within(values: FloatArray) -> bool:
@@ -110,7 +110,7 @@ def instant(at: float, angle: float) -> str:
 def convergence_failure(forces: list[str], at: float, angle: float) -> Status:
     """Return the status of a local Newton iteration that did not converge."""
     text = f"{', '.join(dict.fromkeys(forces))} did not converge within the step {instant(at, angle)}"
-    return Status(Cause.NO_CONVERGENCE, text, "take a smaller step or a softer contact")
+    return Status(Cause.NO_CONVERGENCE, text, "use a smaller step or a softer contact")
 
 
 def first_track(problem: Problem, forces: LocalForces) -> Trajectory:
@@ -118,4 +118,4 @@ def first_track(problem: Problem, forces: LocalForces) -> Trajectory:
     start = problem.start or State.rest(problem.system.size)
     motion = problem.drive.at(problem.times(np.zeros(1, dtype=np.intp)))
     to = StepInputs(start.time, problem.system.load_vector(motion)[0], forces.prescribed_inputs(motion))
-    return Trajectory.of([[InitialAcceleration(problem.system, forces).first(start, to)]], forces.switching)
+    return Trajectory.of([[InitialAcceleration(problem.system, forces).first(start, to)]], forces.contact_sides)

@@ -1,6 +1,6 @@
 """Selection of the solver engine of a problem.
 
-*modal*: a linear system in modal coordinates, many steps at once, numpy only. *kernel*: modal coordinates and local
+*modal*: a linear system in modal coordinates, many steps at once, only numpy. *kernel*: modal coordinates and local
 forces in compiled code. *direct*: factorized matrices, every system and every method. The choice depends on the problem
 alone, not on whether compiled code is cached; `Problem.engine` forces one, and the statistics of a run name it.
 """
@@ -132,7 +132,7 @@ def _modal_problem(problem: Problem, method: Method, engine: EngineName) -> tupl
     """Return the modes of a problem, and the problem in modal coordinates."""
     system = problem.system
     if not isinstance(method, Scheme) and not (engine == "kernel" and isinstance(method, Collocation)):
-        raise _UnsuitableEngineError("it integrates with newmark, hht and generalized-alpha only")
+        raise _UnsuitableEngineError("it integrates only with newmark, hht and generalized-alpha")
     if problem.adaptive is not None:
         raise _UnsuitableEngineError("it has no adaptive steps")
     if not 0 < system.size <= MAX_MODES:

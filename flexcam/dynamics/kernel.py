@@ -20,6 +20,7 @@ from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.force_laws import (
     BASE,
     BEGIN,
+    DEPTH,
     FIRST,
     FREE_PENETRATION,
     FREE_RATE,
@@ -50,9 +51,10 @@ BEGIN_FORCE, MIDDLE_FORCE, END_FORCE = 4, 5, 6
 """Rows in the collocation in place of the prediction: forces on the modes; the motion at its end follows that at its
 middle."""
 STATE_SIZE = 12
-LAST_FORCE, LAST_PENETRATION, LAST_RATE, TREND, LAST_CHANGE = range(5)
-"""Rows of the local forces of the last instant: force, penetration, rate, extrapolated and last change of the force."""
-FORCE_SIZE = 5
+LAST_FORCE, LAST_PENETRATION, LAST_RATE, TREND, LAST_CHANGE, LAST_DEPTH = range(6)
+"""Rows of the local forces of the last instant: force, penetration, rate, extrapolated and last change of the force, and
+penetration with the lift of a cam."""
+FORCE_SIZE = 6
 STEP, BETA, GAMMA, ALPHA_M, ALPHA_F = range(5)
 """Entries of the scheme."""
 MASS, DAMPING, STIFFNESS, INVERSE = range(4)
@@ -176,7 +178,8 @@ def correct_modes(
 def crosses_zero(local: FloatArray, switching: IntArray) -> bool:
     """Return whether a switching scalar (row 0) is on another side of zero than before (row 1)."""
     for at in range(switching.shape[1]):
-        if (local[PENETRATION, switching[0, at]] > 0.0) != (switching[1, at] == 1):
+        pressed = local[DEPTH, switching[0, at]] > 0.0
+        if pressed != (switching[1, at] == 1):
             return True
     return False
 
@@ -216,7 +219,7 @@ def keep_forces(forces: FloatArray, local: FloatArray) -> None:
         forces[TREND, j] = change if forces[LAST_CHANGE, j] == 0.0 else 2.0 * change - forces[LAST_CHANGE, j]
         forces[LAST_CHANGE, j] = change
         forces[LAST_FORCE, j], forces[LAST_PENETRATION, j] = local[TRIAL, j], local[PENETRATION, j]
-        forces[LAST_RATE, j] = local[RATE, j]
+        forces[LAST_RATE, j], forces[LAST_DEPTH, j] = local[RATE, j], local[DEPTH, j]
 
 
 def stage_value(operator: FloatArray, row: int, i: int, q: float, v: float, state: FloatArray) -> float:
@@ -304,8 +307,9 @@ def changes_side(local: FloatArray, forces: FloatArray, touching: IntArray, stag
     count = local.shape[1] // stages
     for at in range(len(touching)):
         i = touching[at]
+        before = forces[LAST_DEPTH, (stages - 1) * count + i] > 0.0
         for stage in range(stages):
-            if (local[PENETRATION, stage * count + i] > 0.0) != (forces[LAST_PENETRATION, i] > 0.0):
+            if (local[DEPTH, stage * count + i] > 0.0) != before:
                 return True
     return False
 

@@ -20,13 +20,13 @@ from flexcam.dynamics.cam_motion import CamFunctionCache, CamMotion, PrescribedI
 from flexcam.dynamics.collocation import Collocation, stage_coefficients
 from flexcam.dynamics.contact_events import EventStepper
 from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, no_instants, stack_instant
-from flexcam.dynamics.force_laws import FIRST, OWN, PENETRATION, SCALARS, STATE, STATE_ROWS
+from flexcam.dynamics.force_laws import DEPTH, FIRST, OWN, SCALARS, STATE, STATE_ROWS
 from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.implicit_step import NoConvergenceError, unconverged_forces
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.integrator import At
 from flexcam.dynamics.jit import Functions, compile_functions
-from flexcam.dynamics.kernel import FORCE_SIZE, FUNCTIONS_OF_KERNEL, PARTS, STATE_SIZE, TOO_LONG, UNSETTLED
+from flexcam.dynamics.kernel import FORCE_SIZE, FUNCTIONS_OF_KERNEL, LAST_DEPTH, PARTS, STATE_SIZE, TOO_LONG, UNSETTLED
 from flexcam.dynamics.local_forces import LocalForces, Workspace
 from flexcam.dynamics.problem import Problem, State
 from flexcam.dynamics.status import Cause, Stats, Status
@@ -59,7 +59,7 @@ _MOST_DIVISIONS = 64
 _TOO_STIFF = Status(
     Cause.NO_CONVERGENCE,
     f"contacts are too stiff for the collocation, even in 1/{_MOST_DIVISIONS} of a step",
-    'take more steps per revolution, a softer contact, or integrator = { method = "newmark" }',
+    'use more steps per revolution, a softer contact, or integrator = { method = "newmark" }',
 )
 """Status of a run whose steps must be divided."""
 _NO_SIDES, _NO_SCALARS = np.zeros((2, 0), dtype=np.intp), np.zeros(0, dtype=np.intp)
@@ -254,6 +254,7 @@ class Kernel:
         modes[:4] = moment.d, moment.v, moment.a, moment.applied
         forces = np.zeros((FORCE_SIZE, stages * self.forces.count))
         forces[:3] = np.tile([moment.local, moment.penetration, moment.rate], stages)
+        forces[LAST_DEPTH] = np.tile(self.forces.contact_motion(moment.penetration, moment.rate)[0], stages)
         states = np.zeros((STATE_ROWS, stages * len(moment.inner)))
         states[STATE] = np.tile(moment.inner, stages)
         return KernelState(modes, forces, states)
@@ -292,8 +293,8 @@ class Kernel:
 
     def touches_between(self, now: StepState, new: StepState) -> bool:
         """Return whether in the last call a switching scalar had another side at the middle than at both ends."""
-        before, after = (one.penetration[self.forces.switching] > 0.0 for one in (now, new))
-        middle = self._local[0, PENETRATION, self.forces.switching] > 0.0
+        before, after = (self.forces.contact_sides(one.penetration) for one in (now, new))
+        middle = self._local[0, DEPTH, self.forces.switching] > 0.0
         before = before if now.pressed is None else now.pressed
         return bool(((middle != before) & (middle != after)).any())
 
@@ -364,6 +365,7 @@ def contact_stiffness_ratio(problem: Problem, step: float) -> float:
     acted = forces.act.owner * inputs.acting_weights[:, None]  # shape (angles, c, acts)
     own = np.abs(np.sum(acted @ hold * (forces.sense.owner * inputs.sensing_weights[:, None]), axis=2)).max(axis=0)
     closed = np.full(forces.count, _CLOSED)
+    closed = 2.0 * closed - forces.contact_motion(closed, closed)[0]
     stiffness = forces.respond(closed, np.zeros_like(closed), forces.start_state, inputs).by_penetration
     return float((np.abs(np.diag(stiffness)) * own).max(initial=0.0))
 
@@ -548,7 +550,7 @@ class KernelEngine:
             return plain if len(time) == len(schedule.angle) else replace(plain, cam=None)
         parts, first = list[Trajectory](), 0
         for row, moments in stepped.items():
-            parts += [plain.between(first, row), Trajectory.of([moments], self._forces.switching)]
+            parts += [plain.between(first, row), Trajectory.of([moments], self._forces.contact_sides)]
             first = row + 1
         return Trajectory.concatenate([*parts, plain.between(first, len(time))])
 

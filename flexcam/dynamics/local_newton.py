@@ -8,7 +8,7 @@ Newton step under the latest forces of the others (nonlinear Gauss-Seidel iterat
 Iterative Solution of Nonlinear Equations in Several Variables (1970), sec. 7.4). The compliance W is filled on demand,
 and stays valid for scalars whose weights do not change with the cam angle.
 
-The functions use numbers and array elements only; the direct engine runs them as Python with the two linear-algebra
+The functions use only numbers and array elements; the direct engine runs them as Python with the two linear-algebra
 functions `eliminate` and `sense` replaced by numpy (`NUMPY`), the kernel engine compiles them.
 """
 # Elements of arrays are numbers to the compiler and arrays to the type checker.

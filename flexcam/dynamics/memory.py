@@ -1,4 +1,4 @@
-"""Results in memory: all results, recent ones, or extremes only.
+"""Results in memory: all results, recent ones, or only extremes.
 
 `solve` writes its blocks to one of these sinks and returns its response.
 """

@@ -199,7 +199,7 @@ class OutputMatrices:
 
 
 class ProbeEngine(ModalEngine):
-    """Engine of a linear problem in modal coordinates that computes the probes only."""
+    """Engine of a linear problem in modal coordinates that computes only the probes."""
 
     def __init__(self, problem: Problem, scheme: Scheme, save: SaveAt, stop: Callable[[], bool]) -> None:
         super().__init__(problem, scheme, stop, PROBE_BLOCK)

@@ -147,7 +147,7 @@ def _project(variation: Variation, selected: SelectedEngine) -> Variation:
     below, above = variation.below, variation.above
     for basis in reversed(selected.bases):
         if below.system.size != basis.held.size or above.system.size != basis.held.size:
-            remedy = "take differences of runs"
+            remedy = "use differences of runs"
             raise refuse("parameter", "a number that changes the unknowns", "another one", "", remedy)
         below, above = reduce_problem(below, basis), reduce_problem(above, basis)
     return Variation(below, above, variation.width)
@@ -160,7 +160,7 @@ def _check_structure(problem: Problem, parameters: ParameterForces) -> None:
         return (one.system.size, one.steps, *(len(force.sense) for force in one.system.local_forces))
 
     if any(size(side.problem) != size(problem) for pair in parameters.sides for side in pair):
-        why, remedy = "the equations must keep their structure", "take differences of runs"
+        why, remedy = "the equations must keep their structure", "use differences of runs"
         raise refuse("parameter", "a number that changes the unknowns, contacts or steps", "another one", why, remedy)
 
 

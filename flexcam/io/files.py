@@ -161,7 +161,7 @@ def check_writable(where: str, path: Path, *, overwrite: bool, remedy: str = _RE
     if path.is_dir():
         raise refuse(where, str(path), "a file", "a folder has this name", "move it, or name another folder")
     if path.exists() and not overwrite:
-        raise refuse(where, str(path), "", f"{path} exists already", remedy)
+        raise refuse(where, str(path), "", f"{path} already exists", remedy)
     if path.is_file() or not path.exists():
         check_folder(path.parent)
 

@@ -257,7 +257,9 @@ def open_hdf5(path: Path, where: str, allowed: str, remedy: str = "") -> Generat
     except FileNotFoundError:
         raise refuse(where, str(path), allowed, "there is no such file", remedy) from None
     except MemoryError:
-        raise refuse(where, str(path), "a file that fits into the free memory", "it does not", "free memory") from None
+        raise refuse(
+            where, str(path), "a file that fits into the free memory", "the file is larger", "free memory"
+        ) from None
     except READ_ERRORS as fault:
         why = "it is damaged or not from flexcam"
         if isinstance(fault, OSError) and "signature" in str(fault):  # message of HDF5 for another kind of file

@@ -38,7 +38,7 @@ def read_matrix(path: Path, where: str, text: str | None = None, name: str | Non
 
     A Matrix Market file has six rows per node, numbered from 1. A Nastran punch file has DMIG cards; the name selects
     one of its matrices. In other files a line has node, component, node, component and value, and lines that begin
-    with ``*`` are comments; an entry may be given on one side of the diagonal only.
+    with ``*`` are comments; an entry may be given on only one side of the diagonal.
     """
     content = read_source(path, where, text, "a readable matrix file")
     if re.search(r"^DMIG\b", content, re.MULTILINE):

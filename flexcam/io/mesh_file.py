@@ -100,7 +100,7 @@ def _group_faults(group: _ElementGroup) -> Iterator[Fault]:
         why, remedy = "members are beams", "mesh only curves, in order 1"
         yield Fault("mesh", shape, "only points and two-node lines", why, remedy)
     elif group.kind == _LINE and not group.name:
-        why = "each member takes its elements from the physical curve of its name"
+        why = "each member has the elements of the physical curve of its name"
         yield Fault("mesh", f"{what} in no named group", "line elements in named groups", why, "add a physical curve")
     elif group.name and not re.fullmatch(NAME, group.name):
         where, why = f"mesh group {group.name!r}", "cases and results name the group"

@@ -104,7 +104,12 @@ def unknown_scalar_fault(name: str, known: Iterable[str]) -> Fault:
     groups = list(dict.fromkeys(".".join(part[:2]) for part in parts))
     allowed = ", ".join(names if len(names) <= _MAX_LISTED else groups) or "(no run was completed)"
     head = "a name that begins with " if len(names) > _MAX_LISTED else ""
-    return Fault("scalars", repr(name), head + allowed, "", suggest_name(name, [*begins, *names]))
+    group = ".".join(name.split(".")[:2])
+    if head and group in groups:
+        head, allowed = f"a result under {group}: ", ", ".join([one for one in names if one.startswith(f"{group}.")])
+    return Fault(
+        "scalars", repr(name), head + allowed, "there is no such result", suggest_name(name, [*begins, *names])
+    )
 
 
 def table_frame(table: SweepTable) -> pd.DataFrame:

@@ -43,10 +43,9 @@ CONTACT_DESCRIPTIONS = {
         "Contact model: bilateral. The follower cannot lose contact; where the contact force is negative, a real "
         "follower would leave its cam."
     ),
-    "unilateral": "Contact model: unilateral. Springs press the follower to its cam, and it can lose contact.",
-    "opposed": "Contact model: unilateral. Opposed cams drive the follower in turn, and each loses it in between.",
+    "unilateral": "Contact model: unilateral. Springs press the follower against its cam; contact can be lost.",
+    "opposed": "Contact model: unilateral. Opposed cams drive the follower in turn; each loses contact in between.",
 }
-"""Descriptions of the contact formulations."""
 
 _CONTACT_KINDS = {
     "CamContact": "cam contacts", "PublishedLoad": "cam contacts", "Seat": "seats", "Lash": "lashes",
@@ -56,12 +55,10 @@ _CURVE_ROWS = 12  # maximum number of printed rows of a spring's curve
 _ENGINES = {"modal": ", modal solver", "kernel": ", kernel solver"}
 _MIN_FRACTION = 5e-4  # fraction from which three decimals are sufficient
 _MOST_PARTS = 4  # number of parts, such as valves, up to which a table shows the value of each
+# No-break space, and the width of a cell of the figures of merit, characters: with its name it stays within 100
 _NO_BREAK, _CELL = "\u00a0", 62
-"""No-break space, and the width of a cell of the figures of merit, characters: with its name it stays within 100."""
-
+# A probe is at rest if it moves less than this, mm or mrad, and less than this fraction of the largest motion
 _REST_AMPLITUDE, _RELATIVE_REST_AMPLITUDE = 5e-5, 1e-5
-"""A probe is at rest if it moves less than this, mm or mrad, and less than this fraction of the largest motion."""
-
 _FOUR_DECIMAL_AMPLITUDE = 1e-3  # motion, mm or mrad, for which four decimals are sufficient
 _OMITTED_TEXTS = ("case", "files", "resolved", "overrides", "warnings")  # texts of a result not shown here
 
@@ -158,12 +155,10 @@ def describe_inactive(ready: PreparedRun) -> list[str]:
 
 
 def _unit(part: Friction | GivenLoad) -> str:
-    """Return the unit of a force or a moment."""
     return "N" if part.direction[:3].any() else "N m"
 
 
 def _load(load: GivenLoad) -> str:
-    """Return size, place, direction and abscissa of a load."""
     table, turns = load.size, not load.direction[:3].any()
     along = f"along {_vector(load.direction[3:] if turns else load.direction)}"
     if not isinstance(table, valvetrain.LoadTable):
@@ -257,13 +252,14 @@ def comparison_table(comparison: Comparison, turns: float = 1.0) -> Table:
     one, other = comparison.names
     head = ("", f"{other} peak", f"{one} peak", "peak deviation", "rms deviation", f"of {other} peak", "at cam deg")
     speed = shaft_speed(comparison.speed_rpm * RPM, turns)
-    return plain_table(f"{one[:1].upper()}{one[1:]} against {other} at {comparison.probe}, {speed}", head, rows)
+    title = "Flexible" if one == "flexible" else one
+    return plain_table(f"{title} against {other} at {comparison.probe}, {speed}", head, rows)
 
 
 def comparison_json(comparison: Comparison) -> dict[str, object]:
     """Return a comparison for ``--json``."""
     return {
-        "status": str(comparison.status.cause), "probe": comparison.probe, "speed_rpm": comparison.speed_rpm,
+        "status": comparison.status.cause, "probe": comparison.probe, "speed_rpm": comparison.speed_rpm,
         "peak_deviation": comparison.peak_deviation, "rms_deviation": comparison.rms_deviation,
         "peak_acceleration_ratio": comparison.peak_acceleration_ratio,
         "deviations": [{**asdict(one), "of_rigid": one.relative_peak} for one in comparison.deviations],
@@ -307,7 +303,11 @@ def run_table(case: Case, extremes: ExtremesSink) -> Table:
             places = 4 if own >= _FOUR_DECIMAL_AMPLITUDE else count_decimals(own, 4)
             rows.append((name, *(f"{format_decimals(float(one), places)} {unit}" for one in shown)))
     title = f"{case.title}, {case.speed_text}"
-    return plain_table(title, ("probe", "min", "max"), rows or [("no probe moves", "", "")])
+    return plain_table(
+        title,
+        ("probe", "min", "max"),
+        rows or [("no steps were completed" if not extremes.steps else "no probe moves", "", "")],
+    )
 
 
 def metrics_table(model: Model | None, figures: Sequence[Metric]) -> Table:
@@ -322,14 +322,27 @@ def metrics_table(model: Model | None, figures: Sequence[Metric]) -> Table:
     cells: list[tuple[str, str]] = []
     for (parts_kind, kind, *quantity), parts in rows.items():
         if len(parts) > _MOST_PARTS:
-            cells.append((_words(parts_kind, *quantity), fill(", ".join(_range_cells(parts)), _CELL)))
+            cells.append((_metric_label(parts_kind, quantity), _range_text(parts)))
         else:
-            cells += [(_words(kind, part, *quantity), text) for _, text, part in parts]
+            cells += [(_metric_label(f"{kind.removesuffix('s')} {part}", quantity), text) for _, text, part in parts]
     return facts_table("Metrics of the last revolution", cells)
 
 
-def _words(*names: str) -> str:
-    return " ".join(names).replace("open_on_the_lift", "loss of contact on the lift").replace("_", " ")
+def _metric_label(place: str, quantity: Sequence[str]) -> str:
+    """Return the label of a metric, such as ``contact intake: max force`` of ``contacts.intake.force.largest``."""
+    name = ".".join(quantity)
+    for key, words in _METRIC_WORDS.items():
+        name = name.replace(key, words)
+    name, _, kind = name.rpartition(".")
+    label = f"{_METRIC_KINDS[kind]} {name}" if kind in _METRIC_KINDS else f"{name} {kind}".strip()
+    return f"{place}: {label.replace('_', ' ')}"
+
+
+_METRIC_KINDS = {"largest": "max", "least": "min", "mean": "mean"}
+_METRIC_WORDS = {
+    "open_on_the_lift": "loss of contact on the lift", "leak_down": "leak-down", "nose_force": "force over the nose",
+    ".nose": ".at the nose",
+}  # fmt: skip
 
 
 def _part_kind(model: Model | None, metric: str) -> str:
@@ -353,19 +366,18 @@ def merit_table(model: Model, figures: Sequence[FigureOfMerit]) -> Table:
         rows.setdefault(name, []).append((one.value, value, one.part))
     cells: list[tuple[str, str]] = []
     for name, parts in rows.items():
-        shown = _range_cells(parts)
+        text = _range_text(parts)
         if len(parts) <= _MOST_PARTS:  # a line break does not separate a value from its part
-            shown = [(f"{text} ({part})" if part else text).replace(" ", _NO_BREAK) for _, text, part in parts]
-        cells.append((name, fill(", ".join(shown), _CELL).replace(_NO_BREAK, " ")))
+            shown = [(f"{value} ({part})" if part else value).replace(" ", _NO_BREAK) for _, value, part in parts]
+            text = fill(", ".join(shown), _CELL).replace(_NO_BREAK, " ")
+        cells.append((name, text))
     return facts_table("Figures of merit", cells)
 
 
-def _range_cells(parts: list[tuple[float, str, str]]) -> list[str]:
-    """Return the smallest and the largest of the values of many parts."""
+def _range_text(parts: list[tuple[float, str, str]]) -> str:
     (_, low, first), (_, high, last) = min(parts), max(parts)
-    if low == high:
-        return [f"{low} (all {len(parts)})"]
-    return [f"{low} ({first}) to {high} ({last}) of {len(parts)}"]
+    text = f"{low} (all {len(parts)})" if low == high else f"{low} ({first}) to {high} ({last}) of {len(parts)}"
+    return fill(text, _CELL)
 
 
 def strength_table(members: Mapping[str, valvetrain.MemberStrength]) -> Table:
@@ -405,7 +417,7 @@ def info_table(result: Result) -> Table:
     seconds = f", {response.stats.seconds:.3g} s" if response.stats.is_complete else ""
     rows = [("run", str(response.status)), ("steps", f"{response.stats.steps} of {describe_dofs(response)}{seconds}")]
     if response.stats.periodicity >= 0.0:
-        rows.append(("periodic within", f"{response.stats.periodicity:.3g} of the motion"))
+        rows.append(("periodic within", f"{100.0 * response.stats.periodicity:.2g} % of the amplitude"))
     if balance := describe_balance(ExtremesSink.of(response), response.stats):
         rows.append(("energy balance", balance))
     warnings = dict.fromkeys([*result.warnings, *result.about.get("warnings", "").splitlines()])
@@ -453,7 +465,7 @@ def limits_table(found: Limits, margins: Margins, scale: float) -> Table:
     rows = [
         (name.replace("_", " "), _limit_speed(one, one.rpm, scale, high),
          "" if one.rpm is None or math.isinf(one.tolerance_rpm) else f"{scale * one.tolerance_rpm:.3g}",
-         _limit_speed(one, one.lasting_rpm, scale, high) if one.lasting_rpm else "not lasting" if one.rpm else "",
+         _limit_speed(one, one.lasting_rpm, scale, high) if one.lasting_rpm else "not persistent" if one.rpm else "",
          one.words)
         for name, one in ordered
     ]  # fmt: skip
@@ -464,7 +476,7 @@ def limits_table(found: Limits, margins: Margins, scale: float) -> Table:
         words = "of the rigid train at the speed of the case"
         rows.append(("spring margin", f"{margins.spring_margin:.1%}", "", "", words))
     for name, margin in margins.buckling_margins.items():
-        words = "buckling load over the compression at full lift, static"
+        words = "static buckling load divided by the compression at full lift"
         rows.append((f"{name}, margin", f"{margin:.3g} (ratio)", "", "", words))
     shaft = shaft_name(scale)
-    return plain_table("Speed limits", ("limit", f"{shaft} rpm", "bracket, rpm", "lasting from", "event"), rows)
+    return plain_table("Speed limits", ("limit", f"{shaft} rpm", "bracket, rpm", "persists from", "event"), rows)

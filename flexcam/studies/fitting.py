@@ -93,7 +93,7 @@ def read_measurement(path: Path, case: Case, only: Sequence[str] = (), noises: S
             raise refuse(option, repr(unknown[0]), ", ".join(known), "there is no such column", near)
     curves: list[Curve] = []
     for name in wanted:
-        curve, (unit, values) = _find_curve(case, name), columns[name]
+        curve, (unit, values) = _find_curve(case, name, f"{path.name}, column {name!r}"), columns[name]
         factor = conversion_factor(unit, curve.unit, f"--to, column {name!r}")
         noise = positive("--noise", given[name] * factor, curve.unit) if name in given else None
         curves.append(replace(curve, values=values * factor, noise=noise))
@@ -103,7 +103,7 @@ def read_measurement(path: Path, case: Case, only: Sequence[str] = (), noises: S
 _LISTED = 20  # number of results that a message lists
 
 
-def _find_curve(case: Case, name: str) -> Curve:
+def _find_curve(case: Case, name: str, where: str) -> Curve:
     """Return a curve without values by its name: a channel, or a component of a probe with its series."""
     named = outline(build_problem(case)[1])
     units = dict(named.channels)
@@ -115,7 +115,7 @@ def _find_curve(case: Case, name: str) -> Curve:
         known = [*(f"{one} {series}" for one in probes), *units]
         near = suggest_name(name, [*probes, *known])
         allowed = ", ".join(known[:_LISTED]) + (f" and {len(known) - _LISTED} more" if len(known) > _LISTED else "")
-        raise refuse("--to", repr(name), f"a result of the case: {allowed}", "there is no such result", near)
+        raise refuse(where, "a name that is no result of the case", f"one of {allowed}", "", near)
     return Curve(f"{probe} {series}", probe, series, component_unit(probes[probe], SERIES[series]), np.zeros(0))
 
 

@@ -193,7 +193,7 @@ def _run_scalars(
     if found.growth > CHAOTIC_GROWTH:
         return rows, found.growth, f"the motion is chaotic: a small disturbance grows {found.growth:.1g} times"
     residual = (ready.problem.start.periodicity or 0.0) if periodic and ready.problem.start else 0.0
-    return rows, found.growth, f"the periodic start repeats to {residual:.1g} only" if residual > _PERIODIC else ""
+    return rows, found.growth, f"the periodic start repeats only to {residual:.1g}" if residual > _PERIODIC else ""
 
 
 def _with_newmark(case: Case) -> Case:

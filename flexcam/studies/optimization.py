@@ -245,7 +245,7 @@ class ProblemEvaluator:
         return Evaluations(points, self._design.parts(points), rows, *self._judge(rows))
 
     def run_search(self, search: Callable[[], None]) -> Evaluations:
-        """Run a search and return all evaluations, also after Ctrl-C."""
+        """Run a search and return all evaluations, even after Ctrl-C."""
         try:
             search()
         except KeyboardInterrupt:

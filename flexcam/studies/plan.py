@@ -144,12 +144,14 @@ def _range(key: str, where: str, match: re.Match[str], limit: int) -> Axis:
         steps = (stop - start) / step
         if steps < 0:
             given = f"a step of {step} and a stop {'below' if step > 0 else 'above'} the start"
-            remedy = f"swap start and stop, or take a step of {-step}"
+            remedy = f"swap start and stop, or use a step of {-step}"
             raise refuse(where, given, "a step that leads from start to stop", "the range is empty", remedy)
         check_count(where, int(steps) + 1, limit)
         numbers = [start + i * step for i in range(int(steps) + 1)]
     elif start >= stop:
-        raise refuse(where, match[0].strip(), "an interval that rises, such as 30:60 kN/m", "the interval is empty")
+        allowed, remedy = "the lower end first", f"write {stop}:{start}{unit}"
+        allowed, remedy = ("two different ends", "widen the interval") if start == stop else (allowed, remedy)
+        raise refuse(where, match[0].strip(), allowed, "", remedy)
     else:
         return Axis(key, where, (_quantity(start, unit), _quantity(stop, unit)), unit, interval=True)
     return Axis(key, where, tuple(_quantity(_DIGITS.plus(number), unit) for number in numbers), unit)
@@ -159,7 +161,7 @@ def check_count(where: str, count: int, limit: int) -> None:
     """Raise an error if the number of runs exceeds the limit."""
     if count > limit:
         given = f"{count} variants" if count < _MANY else "more variants than could ever be run"
-        remedy = f"take fewer values, or allow them with --limit {count}" if count < _MANY else "take fewer values"
+        remedy = f"use fewer values, or allow them with --limit {count}" if count < _MANY else "use fewer values"
         raise refuse(where, given, f"up to {limit}", "each is a run", remedy)
 
 
@@ -245,13 +247,13 @@ def check_power_of_two(where: str, count: int, least: int = 1) -> None:
     if count < least or count & (count - 1):
         below = 1 << (max(count, least).bit_length() - 1)
         why = "other numbers of points do not cover the space evenly"
-        raise refuse(where, count, f"a power of two, {least} or more", why, f"take {below} or {2 * below}")
+        raise refuse(where, count, f"a power of two, {least} or more", why, f"use {below} or {2 * below}")
 
 
 def check_seed(seed: int) -> int:
     """Return a random seed after checking it."""
     if seed < 0:
-        raise refuse("--seed", seed, "a whole number, at least 0", "the random generator takes no other number")
+        raise refuse("--seed", seed, "a whole number, at least 0", "the random generator accepts no other number")
     return seed
 
 

@@ -113,10 +113,11 @@ def is_run_scalar(case: Case, name: str) -> bool:
 def _unknown_name_fault(name: str, known: Iterable[str], cams: Iterable[str]) -> Fault:
     of_cams = [f"cams.{cam}.{kind}" for cam in cams for kind in _CAM_PROPERTIES]
     near = suggest_name(name, [*known, "frequency.1", *(_LIMIT + one for one in LIMITS), *of_cams])
-    others = "frequency.N, multiplier.N, limits.NAME, cams.NAME.area, static.CHANNEL, CHANNEL.rms, CHANNEL.pnorm_8"
+    others = "frequency.N and multiplier.N with N from 1, limits.NAME, cams.NAME.area, static.CHANNEL, CHANNEL.rms"
     keys = "a numeric key of the case, such as springs.valve.stiffness"
-    allowed = f"{unknown_scalar_fault(name, known).allowed}; {others}, or {keys}"
-    return Fault("scalar", repr(name), allowed, "", near)
+    allowed = unknown_scalar_fault(name, known).allowed
+    allowed += "" if allowed.startswith("a result under") else f"; {others}, CHANNEL.pnorm_8, or {keys}"
+    return Fault("scalar", repr(name), allowed, "there is no such result", near)
 
 
 def require_complete(row: Row) -> Row:
@@ -167,9 +168,11 @@ def _multipliers(case: Case, names: Sequence[str]) -> dict[str, Metric]:
     ready = prepare(case.with_run({"start": "periodic"}))
     start, steps = ready.problem.start, steps_per_revolution(case, ready.problem)
     if start is not None and (missed := start.periodicity or 0.0) > _PERIODIC:
-        change = f"after a revolution the motion differs by {100.0 * missed:.2g} % of its amplitude"
+        change = (
+            f"the state after one revolution differs from that at its start by {100.0 * missed:.2g} % of the amplitude"
+        )
         text = f"no periodic motion was found: {change}"
-        raise RunFailedError(Status(Cause.NO_CONVERGENCE, text, "add damping, or take a speed at which contact holds"))
+        raise RunFailedError(Status(Cause.NO_CONVERGENCE, text, "add damping, or use a speed at which contact holds"))
     found = np.abs(floquet(replace(ready.problem, steps=steps), ready.scheme).multipliers)
     return _select(asked, found, "1", "the model has no more")
 

@@ -267,7 +267,8 @@ def _response(name: str, middle: Row, beside: Sequence[Row], number: Number, ste
     values = column(beside, name)
     if math.isnan(value) or np.isnan(values).any():
         failed = next((row.status for row in (middle, *beside) if not row.status.ok), None)
-        note = "no value on both sides: " + (str(failed) if failed else "the limit is outside the search range")
+        outside = "with a changed value the limit lies outside the search range on at least one side"
+        note = f"no derivative: {failed or f'{outside}; widen --lowest and --highest'}"
         return Sensitivity(name, unit, value, number, math.nan, None, False, note)
     found = central_derivative(value, values, step)
     doubt = "not smooth here: contacts open or close, or the values have noise; the derivative is unreliable"
@@ -324,7 +325,7 @@ def _compute_indices(values: FloatArray, asked: int, seed: int) -> SobolIndices:
     used = 1 << (whole.shape[1].bit_length() - 1) if whole.shape[1] else 0
     if used < 2:
         given = f"{whole.shape[1]} of {asked} base points with a number"
-        raise refuse("--sobol", given, "two or more", "the others failed", "narrow the intervals, or take more points")
+        raise refuse("--sobol", given, "two or more", "the others failed", "narrow the intervals, or use more points")
     a, b, mixed = whole[:1, :used], whole[1:2, :used], whole[2:, None, :used]
     k, variance = len(mixed), float(np.var(np.concatenate([a, b])))
     if variance <= 0.0:

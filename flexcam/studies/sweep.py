@@ -181,7 +181,7 @@ def make_sweep(
     how = sampled if sampled is not None else (own.sample if own else None) or GRID
     if seed is not None and how == GRID:
         why, remedy = "every combination is run, and none is drawn", "add --sample, or leave it out"
-        raise refuse("--seed", seed, "--seed with --sample only", why, remedy)
+        raise refuse("--seed", seed, "--seed only with --sample", why, remedy)
     number = seed if seed is not None else own.seed if own else 0
     plan = make_plan(found, None if how == GRID else parse_sample(how, number), limit=limit)
     first = validate_plan(file, plan)

@@ -57,7 +57,7 @@ def _variable(case: Case, setting: str, where: str) -> Variable:
     ends = parse_axis(key, spec, where=where)
     low, *_, high = ends.values[0], ends.values[-1]
     if not ends.interval or low.number is None or high.number is None:
-        raise refuse(where, repr(spec), "an interval such as 30:60 kN/m", "the search takes any value inside it")
+        raise refuse(where, repr(spec), "an interval such as 30:60 kN/m", "the search uses any value inside it")
     require_units(case, [ends])
     first, last = (number_after_override(case, key, end.text, where) for end in (low, high))
     start = (number.value - first) / (last - first) if last != first else None

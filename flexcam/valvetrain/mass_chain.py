@@ -29,7 +29,7 @@ def static_shapes(system: System, rows: FloatArray) -> FloatArray:
     n, m = system.size, len(rows)
     if n > 2 * DENSE_LIMIT:
         given, allowed = f"a model of {n} unknowns", f"up to {2 * DENSE_LIMIT}"
-        raise refuse("chain", given, allowed, "mode shapes are dense", "take fewer elements")
+        raise refuse("chain", given, allowed, "mode shapes are dense", "use fewer elements")
     basis = np.linalg.qr(np.zeros((n, 0)) if system.free is None else system.free)[0]
     _, values, vectors = np.linalg.svd(rows @ basis)
     unseen = basis @ vectors[int(np.count_nonzero(values > _UNSEEN)) :].T  # motions without strain that no row senses
@@ -62,7 +62,7 @@ def build_chain(model: Model, speed: float, count: int, *, contact: str | None =
     points = _train(structure, driven)
     if not 1 <= count <= len(points):
         given, why = f"{count} masses", "a mass sits at a node of the train"
-        raise refuse("count", given, f"1 to {len(points)}", why, "take more elements in its members")
+        raise refuse("count", given, f"1 to {len(points)}", why, "use more elements in its members")
     step = (len(points) - 1) / max(count - 1, 1)
     picked = [points[round(i * step)] for i in range(count)]
     names, rows = _kept_rows(system, picked)

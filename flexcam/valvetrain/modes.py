@@ -302,7 +302,7 @@ def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Calla
         raise refuse("contact", repr(contact), f"one of {', '.join(model.cam_contacts)}")
     if system.size > _MAX_RESPONSE_UNKNOWNS:
         allowed = f"up to {_MAX_RESPONSE_UNKNOWNS} for a polydyne cam"
-        raise refuse("model", f"{system.size} unknowns", allowed, "", "take fewer elements")
+        raise refuse("model", f"{system.size} unknowns", allowed, "", "use fewer elements")
     structure, part = build_structure(model), model.cam_contacts[contact]
     where = f"contacts.{contact}.follower"
     lift = part.direction

@@ -489,7 +489,7 @@ class Lever(Rocker):
         if float(np.abs(sine).max(initial=0.0)) >= _STEEP:
             given = f"a motion of {1e3 * float(np.abs(lift).max()):.4g} mm at an arm of {1e3 * arm:.4g} mm"
             why = "the lever would turn until its arm points along the motion"
-            remedy = "take a longer arm, or other angles"
+            remedy = "use a longer arm, or other angles"
             raise refuse(where, given, f"up to {math.degrees(_MOST):g} deg", why, remedy)
         cosine = np.sqrt(1.0 - sine**2)
         return arm * (np.arcsin(sine) - start), 1.0 / cosine, sine / (arm * cosine**3)

@@ -128,7 +128,7 @@ def test_a_run_in_python_is_refused_too(monkeypatch):
 def test_a_mesh_is_refused_before_its_matrices_are_made(monkeypatch):
     monkeypatch.setattr(within, "free_memory", lambda: 1_000_000)
     case = flexcam.read_case(CASE, ["members.camshaft.elements=100"])
-    with pytest.raises(InputError, match=r"301 elements, whose matrices take 2\.4 MB"):
+    with pytest.raises(InputError, match=r"301 elements, whose matrices need 2\.4 MB"):
         prepare(case)
     assert prepare(case, allow_large=True).problem.system.size > 1000
 

@@ -101,12 +101,12 @@ def test_what_is_coarse_is_told():
     ready, seen, response = watched(CASE)
     coarse = Resolution(400.0, 10.0, {"shaft": 30.0, "pushrod": 1.9}, {"seat": 4, "tip": 5, "play": 1})
     told = check_run(ready, replace(seen, resolution=Found(coarse)), [], response.stats)
-    longer = "take more steps per revolution, or a softer contact"
+    longer = "use more steps per revolution, or a softer contact"
     at = "at the mean frequency of the accelerations (400 Hz)"
     bend = "one bending wavelength of member pushrod spans only 1.9 elements"
     assert told == [
-        f"Warning: {at}, a period has only 10 time steps; take at least 2 times as many steps per revolution",
-        f"Warning: {at}, {bend}; take 3 times as many in this member",
+        f"Warning: {at}, a period has only 10 time steps; use at least 2 times as many steps per revolution",
+        f"Warning: {at}, {bend}; use 3 times as many in this member",
         f"Warning: the largest force of contact seat comes from an impact that lasts only 4 time steps: {longer}",
         f"Warning: the largest force of contact play comes from an impact that lasts only 1 time step: {longer}",
     ]
@@ -117,7 +117,7 @@ def test_enough_steps_are_named(steps, more):
     """As many as that are enough, and more than there are."""
     ready, seen, response = watched(CASE)
     (told,) = check_run(ready, replace(seen, resolution=Found(Resolution(400.0, steps, {}, {}))), [], response.stats)
-    assert told.endswith(f"take at least {more} times as many steps per revolution")
+    assert told.endswith(f"use at least {more} times as many steps per revolution")
 
 
 def test_the_same_is_told_of_a_result():
@@ -181,7 +181,7 @@ def test_what_the_time_integration_dissipates_is_told(tmp_path):
     assert f"numerical dissipation {share:.2g} of the external work" in describe_balance(seen.extremes, response.stats)
     (words,) = (one for one in check_run(ready, seen, [], response.stats) if "dissipates" in one)
     assert words.startswith(f"Warning: the time integration dissipates {100.0 * share:.3g} % of the external work")
-    assert words.endswith("take more steps per revolution, or leave run.integrator out")
+    assert words.endswith("use more steps per revolution, or leave run.integrator out")
 
 
 def test_what_the_time_integration_adds_is_told():
@@ -192,7 +192,7 @@ def test_what_the_time_integration_adds_is_told():
     words = [one for one in check_run(ready, seen, [], response.stats) if "time integration" in one]
     assert len(words) == 1
     assert " adds " in words[0]
-    assert words[0].endswith("take more steps per revolution")
+    assert words[0].endswith("use more steps per revolution")
 
 
 def test_units_of_unknowns_do_not_matter(system_of):
@@ -212,7 +212,7 @@ def test_what_is_out_of_balance_is_told():
     assert words == [
         (
             "Warning: forces are out of balance by up to 2 % of the largest: the steps are too long for the motion; "
-            "take more steps per revolution"
+            "use more steps per revolution"
         )
     ]
     assert "equilibrium of forces within" in describe_balance(seen.extremes, response.stats)

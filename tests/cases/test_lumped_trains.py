@@ -158,7 +158,7 @@ def test_links_are_rigid_in_the_rigid_mechanism_and_springs_are_not(written):
 
 REFUSED = [
     (("axis = [1, 0, 0]\n", ""), "a cam at 'camshaft' on no member"),
-    (('model = "bilateral", stiffness = "4e6 N/m"', 'model = "unilateral", stiffness = "hertz"'), "depends on the radius of curvature"),
+    (('model = "bilateral", stiffness = "4e6 N/m"', 'model = "unilateral", stiffness = "hertz"'), "has no base_radius and no follower and no width"),
     (('follower = "tappet"', 'follower = "camshaft"'), "nothing that moves"),
     (('stiffness = "23 kN/m"', 'stiffness = "23 kN/m", link = true'), "a link with an end"),
     (('stiffness = "23 kN/m"', 'stiffness = "23 kN/m", installed_force = "1 N", installed_compression = "1 mm"'), "either installed_force or"),

@@ -393,7 +393,7 @@ def test_a_case_without_a_base_circle_says_how_to_get_a_profile(told):
 
 
 REFUSED = {  # words, where, what is given, a part of the message
-    "--cutter=40 kg": ("--cutter", "40 kg", "does not measure a length"),
+    "--cutter=40 kg": ("--cutter", "40 kg", "is not a unit of length"),
     "--pressure-angle=30 mm": ("--pressure-angle", "30 mm", "180 deg"),
     "--pressure-angle=30": ("--pressure-angle", "30", "write '30 deg'"),
     "--pressure-angle=90 deg": ("--pressure-angle", "90 deg", "below 90 deg"),

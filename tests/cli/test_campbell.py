@@ -170,11 +170,11 @@ def test_refuses_before_it_runs(flexcam, tmp_path):
     ("steps", "said"),
     [
         (("run.steps_per_revolution=20",),
-         ("run.steps_per_revolution (--set", "got 20,", "49 or more for 24 orders", "Take more steps, or ask for 9")),
+         ("run.steps_per_revolution (--set", "got 20,", "49 or more for 24 orders", "Use more steps, or ask for 9")),
         (("run.step=0.001s",),
          ("run.step (--set", "60 steps per revolution at 1000 camshaft rpm", "0.000493 s or less", "ask for 29")),
         (("run.steps_per_revolution=20", "run.adaptive.tolerance=0.01"),
-         ("orders: got 24 of a last revolution of 20 steps", "up to 9", "Take 49 steps per revolution")),
+         ("orders: got 24 of a last revolution of 20 steps", "up to 9", "Use 49 steps per revolution")),
     ],
 )  # fmt: skip
 def test_too_few_steps_for_the_orders_are_named(flexcam, steps, said):

@@ -64,7 +64,7 @@ def test_table_and_files(trade):
     done = trade(*QUICKER, "--csv", "trade.csv", "--plot", "trade.svg")
     assert done.code == 0
     assert "its own error" in done.out
-    assert "* no other model has both less work and a smaller largest error (over all columns)" in " ".join(
+    assert "* Pareto-optimal: no other model has both less work and a lower maximum error over all columns" in " ".join(
         done.out.split()
     )
     with open("trade.csv", encoding="utf-8", newline="") as file:

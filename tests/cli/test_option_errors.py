@@ -20,7 +20,7 @@ REFUSED = {
     "too many speeds for modes": (("campbell", INLINE, "--count", HUGE), "2 to 10000"),
     "too many speeds of a picture": (("plot", INLINE, "--what", "campbell", "--count", HUGE), "2 to 10000"),
     "too many orders": (("campbell", INLINE, "--orders", "1:9999"), "1 to 1000"),
-    "speeds of no map": (("stability", INLINE, "--count", "5"), "--lowest, --highest or --plot with it"),
+    "speeds of no map": (("stability", INLINE, "--count", "5"), "--count with --lowest, --highest or --plot"),
     "a negative height": (("limits", ENGINE, "--bounce-height=-1mm"), "zero or more"),
     "a negative part": (("compare", ENGINE, "--lowest", "1000rpm", "--tolerance=-5%"), "--tolerance: got -0.05"),
     "a part in mm": (("compare", ENGINE, "--lowest", "1000rpm", "--tolerance", "5mm"), "--tolerance: got '5mm'"),
@@ -105,7 +105,7 @@ def result(flexcam):
 def test_what_is_laid_over_results_is_refused(flexcam, result):
     done = flexcam("compare", result, "--against", result, "--set", "run.speed=1rpm")
     assert done.code == 2
-    assert "--set: got run.speed=1rpm, expected --set with a case only" in done.err
+    assert "--set: got run.speed=1rpm, expected --set only with a case" in done.err
     few = ("--set", "run.steps_per_revolution=360")
     assert flexcam("compare", result, "--against", INLINE, *few).code == 0
 
@@ -123,7 +123,7 @@ def test_a_result_that_is_there_is_told_before_a_model_is_chosen(flexcam, result
     monkeypatch.setattr("flexcam.analysis.model_choice.select_case", choosing)
     done = flexcam("run", INLINE, "--set", "fidelity.tolerance=1%")
     assert done.code == 2
-    assert "result: results/inline.vtkhdf exists already" in done.err
+    assert "result: results/inline.vtkhdf already exists" in done.err
 
 
 def test_a_key_laid_over_twice_is_told(flexcam):

@@ -168,7 +168,7 @@ def test_laws_of_a_front_are_written_together_or_not_at_all(flexcam):
     words = ("--family", "harmonic", "--orders", "1", "--orders", "3", "--minimize", "Ca", "--pareto", "Cv")
     done = flexcam("synthesize", "law", *words, "--count", "3", "-o", "best.toml")
     assert done.code == 2
-    assert "output: best-3.toml exists already" in done.err
+    assert "output: best-3.toml already exists" in done.err
     assert not Path("best-1.toml").exists()
 
 

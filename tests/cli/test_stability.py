@@ -135,7 +135,10 @@ def test_disturbances_are_followed_by_a_bounded_number_of_steps(monkeypatch, ste
     assert (asked, told.floquet, told.why_not) == (
         [followed],
         None,
-        "no periodic motion was found: after a revolution the motion differs by 50 % of its amplitude",
+        (
+            "no periodic motion was found: the state after one revolution differs from that at its start by 50 % of "
+            "the amplitude"
+        ),
     )
 
 

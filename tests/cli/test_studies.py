@@ -660,7 +660,7 @@ def test_refusals(flexcam, told):
 def test_an_interval_without_sobol(flexcam):
     done = flexcam("sensitivity", PUBLISHED, "--of", "frequency.1", "--to", "masses.valve.mass=80:90g")
     assert done.code == 2
-    assert "Only --sobol takes intervals" in done.err
+    assert "Only --sobol has intervals" in done.err
 
 
 @pytest.mark.slow

@@ -267,7 +267,7 @@ def test_options_that_do_not_fit(flexcam, case):
 @pytest.mark.parametrize(
     ("words", "where"),
     [
-        (("--seed", "5"), "--seed: got 5, expected --seed with --sample only"),
+        (("--seed", "5"), "--seed: got 5, expected --seed only with --sample"),
         (("--seed", "-1", "--sample", "lhs:4"), "--seed: got -1, expected a whole number, at least 0"),
         (("--sample", "lhs"), "--sample: got 'lhs', expected lhs:N"),
         (("--limit", "-5"), "--limit: got -5, expected a whole number, at least 1"),

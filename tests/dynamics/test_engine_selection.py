@@ -84,7 +84,7 @@ def refusal(problem, method=None):
 @pytest.mark.parametrize("path", FORCED)
 @pytest.mark.parametrize(("options", "method", "words"), [
     ({"adaptive": Adaptive()}, newmark(), "it has no adaptive steps"),
-    ({}, bathe(), "newmark, hht and generalized-alpha only"),
+    ({}, bathe(), "only with newmark, hht and generalized-alpha"),
 ])  # fmt: skip
 def test_methods_that_go_the_general_way_alone(path, options, method, words):
     assert words in refusal(problem_of(masses(2), path, **options), method)

@@ -115,7 +115,7 @@ FAULTS = {
     "gap of an adjuster": ([('plunger_force = "20 N"', 'plunger_force = "20 N"\ngap = 0')], "contacts.adjuster.gap", "gap", "Remove it"),
     "model of an adjuster": ([('"lash-adjuster"', '"lash-adjustor"')], "contacts.adjuster.model", "'lash-adjustor'", "Did you mean 'lash-adjuster'"),
     # wire
-    "coil too tight": ([(WIRE, 'wire = { diameter = "14 mm", coil_diameter = "26 mm" }')], "springs.exhaust.wire", "14 mm", "coil_diameter"),
+    "coil too tight": ([(WIRE, 'wire = { diameter = "14 mm", coil_diameter = "26 mm" }')], "springs.exhaust.wire.coil_diameter", "26 mm", "twice the wire diameter"),
     "coils without a shear modulus": ([(WIRE, 'wire = { diameter = "4 mm", coil_diameter = "26 mm", active_coils = 4 }')], "springs.exhaust.wire", "4", "shear_modulus"),
     "no coil diameter": ([(WIRE, 'wire = { diameter = "4 mm" }')], "springs.exhaust.wire.coil_diameter", "nothing", "required"),
     "wire of diameter zero": ([(WIRE, 'wire = { diameter = 0, coil_diameter = "26 mm" }')], "springs.exhaust.wire.diameter", "0", "above zero"),
@@ -144,7 +144,7 @@ FAULTS = {
     "coils of a pitch within the wire": ([(STEM, UNEVEN.replace("9 mm", "3.9 mm"))], "springs.stem.coils.1.pitch", "0.0039 m", "above 0.004 m"),
     "coils too tight": ([(STEM, UNEVEN.replace("24 mm", "7 mm"))], "springs.stem.coils.0.diameter", "0.007 m", "twice the diameter"),
     "coils installed solid": ([(STEM, f'{UNEVEN}\ninstalled_force = "5 kN"')], "springs.stem", "", "before all coils touch"),
-    "density of a uniform wire": ([(WIRE, WIRE.replace(" }", ", density = 7850 }"))], "springs.exhaust", "", "with coils only"),
+    "density of a uniform wire": ([(WIRE, WIRE.replace(" }", ", density = 7850 }"))], "springs.exhaust", "", "only with coils"),
     "shear modulus without coils": ([(WIRE, WIRE.replace(" }", ', shear_modulus = "80 GPa" }'))], "springs.exhaust", "", "active_coils"),
     # speed
     "fewer amplitudes than orders": ([('["3 %", 0.01]', '["3 %"]')], "run.fluctuation", "3 %", "every order"),

@@ -43,7 +43,7 @@ FAULTS = {
     "no method": ('{ method = "newmark" }', "{ beta = 0.25 }", "run.integrator", "", "newmark"),
     "no nodes of a member": ('nodes = ["tappet", "pushrod-top"], ', "", "members.pushrod", "no nodes", "node"),
     # units
-    "wrong unit": ('lift = "6 mm"', 'lift = "6 kg"', "cams.intake.lift", "6 kg", "Use a unit of length, as in"),
+    "wrong unit": ('lift = "6 mm"', 'lift = "6 kg"', "cams.intake.lift", "6 kg", "Use a unit such as mm"),
     "unknown unit": ('"207 GPa"', '"207 Gpa"', "materials.steel.E", "207 Gpa", "did you mean 'GPa'"),
     "revolutions per minute without an angle": ('"3000 rpm"', '"3000 1/min"', "run.speed", "3000 1/min", "rpm"),
     "no number": ('lift = "6 mm"', 'lift = "six mm"', "cams.intake.lift", "six mm", "number"),

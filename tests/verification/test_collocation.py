@@ -212,7 +212,8 @@ def test_bounces_with_restitution(record):
     fall = math.sqrt(2.0 / 9.81)
     end = fall * (1.0 + 0.8 * 2.0 + 0.8**2)  # at the top of the second bounce
     height = motion(system, collocation(), 101, end, State(np.ones(1), np.zeros(1)))
-    record(source="closed form", case="ball, e = 0.8, collocation", quantity="height of the second bounce", unit="m",
+    record(source="Contact and springs, closed-form solutions", case="ball, e = 0.8, collocation",
+           quantity="height of the second bounce", unit="m",
            reference=0.8**4, computed=height[-1], tolerance=1e-9, reason="location of the impacts")  # fmt: skip
 
 

@@ -37,7 +37,7 @@ from flexcam.dynamics import (
 from flexcam.dynamics.force_laws import line_load
 from flexcam.valvetrain.cam_contact import HertzLine
 
-SOURCE = "Contact and springs, closed forms"
+SOURCE = "Contact and springs, closed-form solutions"
 G, W, V0 = 9.81, 2000.0, 1.2
 """Gravity, circular frequency of the mass on its stop, speed of the fall."""
 
@@ -156,7 +156,7 @@ def test_surge(record, parts):
     K, M = (matrix.part(np.array(inner)).dense() for matrix in (structure.stiffness, structure.mass))
     exact = 0.5 * math.sqrt(50e3 / 0.06)
     found = math.sqrt(eigh(K, M, eigvals_only=True)[0]) / (2.0 * math.pi)
-    record(source=SOURCE, case=f"valve spring of {parts} parts", quantity="first surge frequency", unit="Hz",
+    record(source=SOURCE, case=f"valve spring of {parts} elements", quantity="first surge frequency", unit="Hz",
            reference=exact * (1.0 + (math.pi / parts) ** 2 / 24.0), computed=found,
            tolerance=0.02 * (math.pi / parts) ** 4, reason="next term of the series")  # fmt: skip
 

@@ -166,7 +166,7 @@ def test_force_of_a_cam_under_gas(record, tmp_path):
         ("time [s],force [N]\n0,0\n1,1\n", {"loads.push.table": '"none.csv"'}, "none.csv"),
         ("time [s],gas [bar]\n0,0\n1,1\n", {}, r"gas \[bar\].*Give area with a pressure"),
         ("time [s],force\n0,0\n1,1\n", {}, "force, without a unit"),
-        ("time [s]\n0\n1\n", {}, "push.csv with time only"),
+        ("time [s]\n0\n1\n", {}, "push.csv with only time"),
         ("time [s],force [N]\n0,0\n1,1,2\n", {}, "line 3: '1,1,2'"),
         ("crank angle [deg],force [N]\n120,0\n180,400\n240,0\n", {}, "60 of 360 deg of cam angle"),
     ],

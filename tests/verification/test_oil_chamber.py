@@ -173,7 +173,7 @@ TRAVEL = "travel = { compression = '1 mm', extension = '1 mm', stiffness = '50 M
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('supply_pressure = "0.36 MPa"', 'pressure = "1 MPa"', "supply_pressure with it"),
+        ('supply_pressure = "0.36 MPa"', 'pressure = "1 MPa"', "supply_pressure together with this key"),
         ('supply_pressure = "0.36 MPa"', 'supply_pressure = "0.36 MPa", pressure = "1 MPa"', "either pressure or"),
         ("[supports]", ROD, "an end at a mass on no member"),
         ('refill = "150 N s/m"', 'refill = "150 N s/m"\nstiffness = "20 MN/m"', "either oil.supply_pressure or stiff"),

@@ -119,7 +119,7 @@ class Unit:
 
 def _component(value: Any) -> str:  # noqa: ANN401 - any TOML value
     if isinstance(value, list):
-        remedy = "take a stiff spring with this direction"
+        remedy = "use a stiff spring with this direction"
         raise value_error("ux, uy, uz, rx, ry, rz", "a support acts in global axes", remedy)
     try:
         component(str(value))
@@ -139,7 +139,7 @@ def _direction(value: Any) -> Any:  # noqa: ANN401
 def _line(value: Any) -> Any:  # noqa: ANN401
     if direction(_direction(value))[3:].any():
         allowed, why = "a component such as 'uy' or '-uy', or three numbers", "it is a motion along a line, in m"
-        raise value_error(allowed, why, "take the direction of the motion")
+        raise value_error(allowed, why, "give the direction of the motion")
     return value
 
 
@@ -162,6 +162,7 @@ Inertia = Annotated[float, Unit("inertia")]
 Density = Annotated[float, Unit("density", above=True)]
 Viscosity = Annotated[float, Unit("viscosity", above=True)]
 Stress = Annotated[float, Unit("stress", above=True)]
+Pressure = Annotated[float, Unit("pressure", above=True)]
 Stiffness = Annotated[float, Unit("stiffness")]
 PositiveStiffness = Annotated[float, Unit("stiffness", above=True)]
 SecondMoment = Annotated[float, Unit("second moment", above=True)]

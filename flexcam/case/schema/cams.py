@@ -54,10 +54,10 @@ class RampsRecord(Record):
     height: Length
     duration: PositiveAngle
     take_off: Annotated[float, Unit("number", most=1.0)] = Field(
-        0.25, description="part of the duration over which the velocity rises"
+        0.25, description="fraction of the duration over which the velocity rises"
     )
-    closing_height: Length | None = Field(None, description="as height by default")
-    closing_duration: PositiveAngle | None = Field(None, description="as duration by default")
+    closing_height: Length | None = Field(None, description="equal to `height` by default")
+    closing_duration: PositiveAngle | None = Field(None, description="equal to `duration` by default")
 
     def build(self) -> tuple[Ramp, Ramp]:
         """Build the opening and the closing ramp."""

@@ -19,9 +19,9 @@ from flexcam.case.schema.base import (
     PartRecord,
     PositiveDamping,
     PositiveStiffness,
+    Pressure,
     Ratio,
     Record,
-    Stress,
     Unit,
     Velocity,
     Viscosity,
@@ -36,7 +36,7 @@ _Restitution = Annotated[
     Ratio | None, Field(le=1.0, description="coefficient of restitution: speed of separation per speed of approach")
 ]
 _DampingDepth = Annotated[
-    Length, Field(description="penetration over which the damper becomes active; smaller for small parts")
+    Length, Field(description="penetration over which the damper becomes active; reduce it for small mechanisms")
 ]
 
 
@@ -47,7 +47,9 @@ class PublishedLoadRecord(Record):
     cam: _CamName
     follower: _FollowerName
     direction: _LiftDirection = None
-    preload_factor: Ratio = Field(2.5, description="preload by the force that the rigid train needs for contact")
+    preload_factor: Ratio = Field(
+        2.5, description="preload divided by the force that the rigid train needs for contact"
+    )
     cam_deflection: Flag = Field(False, description="the force depends on the shaft's deflection, U_c of (21)")
     cam_torque: Flag = Field(True, description="the force twists the shaft, T_CF of (24)")
 
@@ -112,12 +114,16 @@ class UnilateralRecord(Record):
     def _check(self) -> None:
         if "friction_speed" in self.model_fields_set and "friction" not in self.model_fields_set:
             given, why = f"{self.friction_speed:g} m/s", "it has no effect without friction"
-            raise value_error("friction with it", why, "add friction", inside="friction_speed", given=given)
+            raise value_error(
+                "friction together with this key", why, "add friction", inside="friction_speed", given=given
+            )
         oil = self.lubrication
         if oil is not None and oil.conductivity is not None and "friction" not in self.model_fields_set:
             why, remedy = "the heat of a flash temperature is that of friction", "add friction, or leave it out"
             given = f"{oil.conductivity:g} W/m/K"
-            raise value_error("friction with it", why, remedy, inside="lubrication.conductivity", given=given)
+            raise value_error(
+                "friction together with this key", why, remedy, inside="lubrication.conductivity", given=given
+            )
 
 
 CamContactRecord = PublishedLoadRecord | BilateralRecord | UnilateralRecord
@@ -178,7 +184,7 @@ class LashRecord(_GapRecord):
 class CheckValveRecord(PartRecord[CheckValve]):
     """Ball check valve through which the chamber of an adjuster is refilled."""
 
-    cracking_pressure: Annotated[float, Unit("stress")] = Field(
+    cracking_pressure: Annotated[float, Unit("pressure")] = Field(
         0.0, description="of the supply above the chamber, at which the ball leaves its seat"
     )
     seat_diameter: Length
@@ -194,16 +200,18 @@ class OilRecord(PartRecord[OilChamber]):
     """Oil chamber under the plunger of an adjuster, which gives its stiffness and its leak-down."""
 
     viscosity: Viscosity = Field(description="dynamic viscosity of the oil")
-    bulk_modulus: Stress = Field(description="bulk modulus of the oil without air")
+    bulk_modulus: Annotated[float, Unit("bulk modulus", above=True)] = Field(
+        description="bulk modulus of the oil without air"
+    )
     plunger_diameter: Length
     clearance: Length = Field(description="radial clearance between plunger and body")
     land_length: Length = Field(description="length of the plunger in its body")
     chamber_height: Length = Field(description="height of the oil under the plunger, with the check valve's space")
-    air: Annotated[float, Unit("number", most=0.5)] = Field(0.0, description="part of the volume, at `pressure`")
-    pressure: Stress | None = Field(
+    air: Annotated[float, Unit("number", most=0.5)] = Field(0.0, description="fraction of the volume, at `pressure`")
+    pressure: Pressure | None = Field(
         None, description="absolute, typical of the loaded chamber, for the stiffness of the air; 1 MPa by default"
     )
-    supply_pressure: Stress | None = Field(
+    supply_pressure: Pressure | None = Field(
         None,
         description="absolute, of the oil before the check valve, instead of pressure: the air follows the pressure",
     )
@@ -212,7 +220,9 @@ class OilRecord(PartRecord[OilChamber]):
     def _check(self) -> None:
         super()._check()
         if self.supply_pressure is None and self.check_valve is not None:
-            raise value_error("supply_pressure with it", "the valve opens below it", inside="check_valve")
+            raise value_error(
+                "supply_pressure together with this key", "the valve opens below this pressure", inside="check_valve"
+            )
         if self.supply_pressure is not None and self.pressure is not None:
             why = "the stiffness of the air is constant or follows it"
             raise value_error("either pressure or supply_pressure", why)

@@ -238,7 +238,7 @@ class SuperelementRecord(Record):
 
 
 class RigidLinkRecord(Record):
-    """Massless rigid connection: nodes follow a leading node as points of one body, or by some components only."""
+    """Massless rigid connection: nodes follow a leading node as points of one body, or in only some components."""
 
     start: Name = Field(alias="from", description="the name of the node that leads")
     to: list[Name] = Field(min_length=1, description="the names of the nodes that follow; they may lie at its place")
@@ -291,7 +291,7 @@ class FrictionRecord(Record):
     )
     interference: Length | None = Field(None, description="radial, with coefficient; from the diameters by default")
     breakaway_force: _FrictionForce | None = Field(
-        None, description="force at which sliding begins; as force by default"
+        None, description="force at which sliding begins; equal to `force` by default"
     )
     stribeck_speed: _SlidingSpeed = Field(
         0.1, description="speed over which the breakaway force falls to force, m/s, or rad/s about an axis"
@@ -324,7 +324,7 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
     """Force at a point, constant or from a table, or constant force distributed over a member."""
 
     at: Name | None = Field(None, description="point of application")
-    member: Name | None = Field(None, description="member it is distributed over")
+    member: Name | None = Field(None, description="member over which the load is distributed")
     direction: DirectionValue = Field(description=DIRECTION)
     force: Annotated[float, Unit("force", signed=True, axis="moment")] | None = Field(
         None, description="N at a point, N m about an axis"
@@ -353,7 +353,9 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
         if self.table is None:
             for key in ("area", "phase", "repeat"):
                 if getattr(self, key) is not None:
-                    raise value_error("table with it", "the key describes a table", "add table", inside=key)
+                    raise value_error(
+                        "table together with this key", "the key describes a table", "add table", inside=key
+                    )
 
     def build(self) -> valvetrain.GivenLoad:
         """Build the load."""
@@ -392,7 +394,7 @@ class LeverRecord(Record):
     to: _DefinedPoint
     arms: _Arms
     angles: tuple[SignedAngle, SignedAngle] = Field(
-        (0.0, 0.0), description="of both arms as installed; 0 where an arm is square to the motion of its end"
+        (0.0, 0.0), description="of both arms as installed; 0 where an arm is perpendicular to the motion of its end"
     )
     inertia: Annotated[float, Unit("inertia", above=True)] = Field(
         description="moment of inertia about the lever's axis"
@@ -400,7 +402,7 @@ class LeverRecord(Record):
     stiffness: PositiveStiffness = Field(description="stiffness of the arm at `to`")
     damping: DampingValue = Field(0.0, description="of the arm at `to`")
     drive_stiffness: PositiveStiffness | None = Field(
-        None, description="of the arm at a driven node; as stiffness by default"
+        None, description="of the arm at a driven node; equal to `stiffness` by default"
     )
     drive_damping: DampingValue = Field(0.0, description="of the arm at a driven node")
     direction: _DrivenDirection = None

@@ -67,7 +67,7 @@ class FidelityRecord(Record):
     )
     estimate: Flag = Field(False, description="also run with other steps and elements, and estimate the errors")
     prune: Flag = Field(
-        True, description="do not integrate what cannot move; it changes no result, only the computing time"
+        True, description="omit inactive degrees of freedom; this changes only the computing time, no result"
     )
     modes: Count | None = Field(
         None, description="number of modes to integrate, with static correction; every degree of freedom by default"
@@ -259,7 +259,7 @@ class AdaptiveRecord(PartRecord[dynamics.Adaptive]):
     """Adaptive steps with an error below a tolerance; results are saved at the given steps."""
 
     tolerance: PositiveNumber = Field(1e-6, description="maximum error of a step relative to the motion (energy)")
-    smallest: Time | None = Field(None, description="minimum step; 2^-16 of the given one by default")
+    smallest: Time | None = Field(None, description="minimum step; by default 2^-16 of the given step")
     kind = dynamics.Adaptive
 
 

@@ -34,7 +34,7 @@ from flexcam.valvetrain.springs import Coils, coil_spring, install_spring
 
 # Default ratio of the stiffness of touching coils to that of the spring part between them: flexcam's choice.
 _COIL_CONTACT_RATIO = 50.0
-_WAHL = "Wahl's factor has no meaning for less"
+_WAHL = "Wahl's factor is not valid below that"
 
 
 class WireRecord(Record):
@@ -48,7 +48,7 @@ class WireRecord(Record):
 
     def _check(self) -> None:
         if self.coil_diameter is not None and self.coil_diameter < 2.0 * self.diameter:
-            raise value_error("a coil_diameter of twice the wire's or more", _WAHL)
+            raise value_error("at least twice the wire diameter", _WAHL, inside="coil_diameter")
         if self.active_coils is not None and self.shear_modulus is None:
             raise value_error("active_coils and shear_modulus together, or neither", "the stiffness follows from both")
 
@@ -118,11 +118,11 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
     mass: MassValue = Field(0.0, description="distributed over its length")
     elements: int = Field(
         1, ge=1, le=1000, strict=True,
-        description="equal parts, or parts per entry of coils; 4 to 16 by default with mass",
+        description="equal elements of the spring, or of each entry of `coils`; 4 to 16 by default with `mass`",
     )  # fmt: skip
     clash_travel: Length | None = Field(None, description="along direction from installed until all coils touch")
     clash_stiffness: PositiveStiffness | None = Field(
-        None, description="of a contact between neighbouring parts; 50 times a part's own by default"
+        None, description="of a contact between neighbouring elements; by default 50 times that of an element"
     )
     pulsation: PulsationRecord | None = Field(
         None, description="variation of its stiffness with the cam angle; none by default"
@@ -173,7 +173,9 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
         if wire.active_coils is None and wire.shear_modulus is not None:
             raise value_error("no shear_modulus without active_coils or coils", "the stiffness follows from both")
         if wire.density is not None:
-            raise value_error("a density of the wire with coils only", "it needs their length", "give the mass")
+            raise value_error(
+                "a density of the wire only with coils", "the mass follows from their length", "give the mass"
+            )
 
     def _check_coils(self, entries: list[CoilsRecord]) -> None:
         wire = self.wire
@@ -200,7 +202,7 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
         (least, weakest), (most, strongest) = rows[0], rows[-1]
         if not (least <= start <= most if force is None else weakest <= force <= strongest):
             place = f"the installed position, {start:g} m" if force is None else f"{force:g} N"
-            raise value_error(f"rows around {place}", "the travel counts from there", inside="force_table")
+            raise value_error(f"rows around {place}", "they give the force in this position", inside="force_table")
 
     def _check_force(self, key: str) -> None:
         """Check the keys that a force table or coils exclude."""
