@@ -52,7 +52,7 @@ BEGIN_FORCE, MIDDLE_FORCE, END_FORCE = 4, 5, 6
 middle."""
 STATE_SIZE = 12
 LAST_FORCE, LAST_PENETRATION, LAST_RATE, TREND, LAST_CHANGE, LAST_DEPTH = range(6)
-"""Rows of the local forces of the last instant: force, penetration, rate, extrapolated and last change of the force, and
+"""Rows of the local forces of the last instant: force, penetration, rate, extrapolated and last change of the force,
 penetration with the lift of a cam."""
 FORCE_SIZE = 6
 STEP, BETA, GAMMA, ALPHA_M, ALPHA_F = range(5)
