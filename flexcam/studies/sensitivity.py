@@ -10,7 +10,7 @@ import math
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.reader import CaseFile
 from flexcam.case.variants import Number, get_number, make_overrides
-from flexcam.core import FloatArray, Triplets
+from flexcam.core import FloatArray, IntArray, Triplets
 from flexcam.core.errors import InputError, parse_all, refuse
 from flexcam.dynamics import modes
 from flexcam.studies.gradients import COUNTED, compute_gradient, exact_refusal
@@ -296,8 +296,8 @@ def sobol_indices(
 
     `function` returns s scalars, shape (m, s), of points, shape (m, k); NaN for missing values.
     Variables are independent and uniformly distributed over their intervals. Points are from a scrambled Sobol
-    sequence; estimators and bootstrap are those of `scipy.stats.sobol_indices`: A. Saltelli et al., Comput. Phys.
-    Commun. 181 (2010) 259.
+    sequence; the estimators are those of A. Saltelli et al., Comput. Phys. Commun. 181 (2010) 259, with bootstrap
+    intervals by `scipy.stats.bootstrap`.
     """
     check_power_of_two("--sobol", count, 2)
     check_seed(seed)
@@ -326,20 +326,22 @@ def _compute_indices(values: FloatArray, asked: int, seed: int) -> SobolIndices:
     if used < 2:
         given = f"{whole.shape[1]} of {asked} base points with a number"
         raise refuse("--sobol", given, "two or more", "the others failed", "narrow the intervals, or use more points")
-    a, b, mixed = whole[:1, :used], whole[1:2, :used], whole[2:, None, :used]
-    k, variance = len(mixed), float(np.var(np.concatenate([a, b])))
+    a, b, *mixed = whole[:, :used] - whole[:2, :used].mean()
+    k, variance = len(mixed), float(np.var([a, b]))
     if variance <= 0.0:
         nothing = np.zeros(k)
         return SobolIndices(nothing, nothing, np.zeros((2, k)), np.zeros((2, k)), 0.0, used, asked)
-    several = mixed if k > 1 else np.repeat(mixed, 2, axis=0)  # with one variable scipy returns scalars and fails
-    found = stats.sobol_indices(func={"f_A": a, "f_B": b, "f_AB": several}, n=used, rng=np.random.default_rng(seed))
-    first, total = np.ravel(found.first_order)[:k], np.ravel(found.total_order)[:k]
+
+    def indices(chosen: IntArray) -> FloatArray:
+        """Return first-order and total indices of some base points, shape (2, k)."""
+        own, other, swapped = a[chosen], b[chosen], np.array(mixed)[:, chosen]
+        shares = [(other * (swapped - own)).mean(axis=1), 0.5 * ((own - swapped) ** 2).mean(axis=1)]
+        return np.array(shares) / np.var([own, other])
+
+    first, total = indices(np.arange(used))
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a variable without effect has nothing to resample
-        ends = found.bootstrap(confidence_level=0.95, n_resamples=499)
-    intervals: list[FloatArray] = []
-    for one, index in ((ends.first_order, first), (ends.total_order, total)):
-        interval: Any = one.confidence_interval
-        both = np.array([np.ravel(end)[:k] for end in (interval.low, interval.high)], dtype=float)
-        intervals.append(np.where(np.isfinite(both), both, index))  # the index itself if resampling gave none
-    return SobolIndices(first, total, intervals[0], intervals[1], variance, used, asked)
+        ends = stats.bootstrap([np.arange(used)], indices, n_resamples=499, rng=np.random.default_rng(seed))
+    low, high = ends.confidence_interval
+    both = np.where(np.isfinite([low, high]), [low, high], [[first, total]] * 2)  # the index if resampling gave none
+    return SobolIndices(first, total, both[:, 0], both[:, 1], variance, used, asked)
