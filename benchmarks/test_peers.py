@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from benchmarks.peers import compare, with_flexcam, with_scipy
-from benchmarks.peers.compare import PEERS, REFERENCE, TOLERANCE, Measured, Once
+from benchmarks.peers import compare, train_flexcam, train_scipy, with_flexcam, with_scipy
+from benchmarks.peers.compare import PEERS, REFERENCE, TOLERANCE, TRAIN_PEERS, Measured, MeasuredTrain, Once
+from benchmarks.peers.train import C1, equations
 from benchmarks.peers.work import B1, Work
+from flexcam.dynamics import newmark
 
 
 @pytest.mark.parametrize("spans", [1, 3])
@@ -47,3 +50,45 @@ def test_no_number_does_not_agree():
 
 def _both(found):
     return {PEERS[0]: found, REFERENCE: with_scipy.run(B1).displacement}
+
+
+@pytest.fixture(scope="module")
+def exact():
+    return train_scipy.reference(C1, tolerance=1e-9)
+
+
+@pytest.mark.parametrize(
+    "peer", [one for one in TRAIN_PEERS if not compare.absent(one.package)], ids=lambda one: one.file
+)
+def test_each_solver_of_the_train_comes_close_to_the_reference(peer, exact):
+    found = compare.train_once(peer, 0.0)
+    errors = [compare.force_error(motion, exact) for motion in found.motion]
+    settings = [{"method": method, "error": error} for method, error in zip(found.methods, errors, strict=True)]
+    compare.check_forces([MeasuredTrain(peer.title, settings=settings)])
+    assert max(errors) < 0.2
+    assert found.seconds.min() > 0.0
+    assert found.first_seconds.min() > 0.0
+
+
+def test_the_train_is_written_alike_for_all_solvers():
+    """Lift, its rate, and all forces but those of the contacts by the matrices."""
+    laws, angles = equations(C1), np.linspace(0.0, 2.0 * math.pi, 201)
+    lifts, rates = np.array([laws.cam_motion(angle / C1.speed) for angle in angles]).T
+    np.testing.assert_allclose(lifts, C1.lift_at(angles), atol=1e-15)
+    np.testing.assert_allclose(rates, C1.speed * C1.lift_at(angles, 1), atol=1e-12)
+    h = 1e-5
+    slopes = (C1.lift_at(angles + h, 1) - C1.lift_at(angles - h, 1)) / (2.0 * h)
+    np.testing.assert_allclose(C1.lift_at(angles, 2), slopes, atol=1e-9)
+    x, v = np.array([3e-4, 1e-4, 2e-4]), np.array([-0.3, 0.1, 0.2])  # all contacts open
+    _, C, K = C1.matrices()
+    np.testing.assert_allclose(laws.forces(0.0, *x, *v), C1.preload - K @ x - C @ v, rtol=1e-12)
+    assert np.abs(laws.forces(0.0, *C1.start)).max() < 1e-10
+
+
+def test_other_forces_are_not_compared(exact):
+    """Newmark's method with few steps is not close enough, and no number is not either."""
+    motion = train_flexcam.motion(C1, newmark(), 1800)
+    for error in (compare.force_error(motion, exact), math.nan):
+        row = MeasuredTrain("flexcam", settings=[{"method": "coarse", "error": error}])
+        with pytest.raises(SystemExit, match="coarse by"):
+            compare.check_forces([row])

@@ -1,4 +1,4 @@
-"""Copies of one valve train that share nothing."""
+"""Copies of one valve train that share nothing: of a case, and of the train of three masses of `benchmarks.peers`."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from benchmarks.peers.train import C1, least_time
+from benchmarks.peers.train_flexcam import problem
 from benchmarks.processes import ROOT
 from flexcam import prepare, read_case
 from flexcam.core import FloatArray, Triplets
-from flexcam.dynamics import AngleVector, Problem, System, collocation, newmark
+from flexcam.dynamics import AngleVector, Problem, SaveAt, System, collocation, newmark, solve
 
 CASE = "direct-acting/bucket"
 """Cam contact, lash, seat and two springs of two coils per valve."""
@@ -22,11 +24,45 @@ COARSE = (
 """Few unknowns per train, so that sixteen have no more modes than the kernel solver engine takes."""
 METHODS = {"newmark": newmark(), "collocation": collocation()}
 COUNTS = (1, 2, 4, 8, 16)
+SMALL_COUNTS = (*COUNTS, 32)
+"""Of the train of three masses."""
+STEPS = 3600
+"""Per revolution, of both trains."""
+ENOUGH_SECONDS = 2.0
+"""Of repeats."""
+
+
+def times_by_valves() -> list[dict[str, float]]:
+    """Return the processor time of a step of the trains of three masses, us, by number of valves and method."""
+    return [
+        {"valves": count} | {method: _us_per_step(small_copies(count), method) for method in METHODS}
+        for count in SMALL_COUNTS
+    ]
+
+
+def _us_per_step(train: Problem, method: str) -> float:
+    def run() -> None:
+        response = solve(train, METHODS[method], save=SaveAt(field_every=train.steps, channels=False))
+        assert response.status.ok
+        assert response.stats.engine == "kernel"
+
+    run()
+    return 1e6 * least_time(run, ENOUGH_SECONDS) / train.steps
+
+
+def small_copies(count: int, steps: int = STEPS) -> Problem:
+    """Return a revolution of some equal trains of three masses in one system."""
+    return problem(C1, steps, count)
 
 
 def copies(count: int) -> Problem:
     """Return a revolution of some equal trains in one system."""
-    ready = prepare(read_case(ROOT / f"cases/{CASE}.toml", ["run.revolutions=1", "run.engine=kernel", *COARSE]))
+    ready = prepare(
+        read_case(
+            ROOT / f"cases/{CASE}.toml",
+            ["run.revolutions=1", f"run.steps_per_revolution={STEPS}", "run.engine=kernel", *COARSE],
+        )
+    )
     one = ready.problem.system
     size = one.size
 

@@ -12,7 +12,7 @@ from PIL import Image
 
 from flexcam import read_case, run
 from flexcam.dynamics import Response
-from flexcam.plotting.histories import CurveStyle, draw_channel, draw_motion
+from flexcam.plotting.histories import curve_style, draw_channel, draw_motion
 
 ROOT = Path(__file__).parents[1]
 PICTURES = ROOT / "docs/pictures"
@@ -37,9 +37,9 @@ def drawn(flexible: Response, rigid: Response) -> Figure:
     left.imshow(cropped(PICTURES / "view-pushrod.png"))
     left.axis("off")
     lift, force = curves.subplots(2, sharex=True)
-    for response, look in ((flexible, CurveStyle("flexible")), (rigid, CurveStyle("rigid", "#D55E00", "--"))):
-        draw_motion([lift], response, "valve", look=look)
-        draw_channel(force, response, FORCE, look=look)
+    for response, look in ((flexible, curve_style("flexible")), (rigid, curve_style("rigid", "#D55E00", "--"))):
+        draw_motion([lift], response, "valve", look)
+        draw_channel(force, response, FORCE, look)
     lift.set_ylabel("valve, mm")
     force.set_ylabel("cam to tappet, N")
     force.set_xlabel("cam angle, deg")

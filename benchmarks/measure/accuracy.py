@@ -10,7 +10,7 @@ from flexcam.dynamics import Response, SaveAt, solve
 
 CASES = ("pushrod-engine/intake", "pushrod-engine/lever", "direct-acting/bucket")
 METHODS = ("newmark", "collocation")
-STEPS = (900, 1800, 3600, 7200, 14400)
+STEPS = (1800, 3600, 7200, 14400)
 """Steps per revolution."""
 REFERENCE = 115_200
 REVOLUTIONS = 0.5

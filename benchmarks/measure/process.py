@@ -11,10 +11,8 @@ CASE = "cases/tayeb/model-3-shm.toml"
 REPEATS = 7
 COMMANDS = {
     "Python alone": ["-c", "pass"],
-    "`import numpy`": ["-c", "import numpy"],
     "`import flexcam`": ["-c", "import flexcam"],
     "`import flexcam`, a case read": ["-c", f"import flexcam; flexcam.read_case('{CASE}')"],
-    "`flexcam --version`": ["-m", "flexcam", "--version"],
     f"`flexcam check {CASE}`": ["-m", "flexcam", "check", CASE],
     f"`flexcam run {CASE}`, result written": ["-m", "flexcam", "run", CASE, "--overwrite", "-o"],
 }

@@ -222,7 +222,7 @@ def _force_range(ready: PreparedRun, free: PreparedRun, contact: str, runs: int)
         return None
     model = free.model
     cam = model.cam_contacts[contact].cam
-    lifted = response.latest(free.revolution) & (model.cams[cam].event(response.angle) > main_lift(model, cam))
+    lifted = response.latest(free.revolution) & (model.cams[cam].lift(response.angle, 0) > main_lift(model, cam))
     force: FloatArray = response.channels[f"contacts.{contact}.force"][lifted]
     return ForceRange(float(force.min()), float(force.max()))
 

@@ -12,6 +12,7 @@ from flexcam.analysis.resources import check_mesh_memory
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_values
+from flexcam.case.reader import CaseFile
 from flexcam.case.schema.run import CollocationRecord, GivenStartRecord, NewmarkRecord, ResultStartRecord
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
@@ -23,7 +24,6 @@ from flexcam.dynamics import (
     FluctuatingSpeed,
     Method,
     ModeBasis,
-    PhasedSpeed,
     Probe,
     Problem,
     RunFailedError,
@@ -258,18 +258,18 @@ def _build_equations(
     case: Case, model: Model | None, kind: str, *, allow_large: bool
 ) -> tuple[Model, System, Chain | None]:  # fmt: skip
     """Return model and equations, and the chain of masses if the case uses one."""
-    model = model or build_model(case)
-    if not allow_large:
-        check_mesh_memory(model.mesh)
-    model = straighten(model) if kind in MASS_CHAINS else model
     try:
+        model = model or build_model(case)
+        if not allow_large:
+            check_mesh_memory(model.mesh)
+        model = straighten(model) if kind in MASS_CHAINS else model
         system = (build_rigid if kind == "rigid" else build_system)(model, case.speed)
         if kind not in MASS_CHAINS or system.is_kinematic:
             return model, system, None
         chain = build_chain(model, case.speed, MASS_CHAINS[kind] or case.record.fidelity.masses)
     except InputError as refusal:
         faults = (replace(fault, where=_CHAIN_KEYS.get(fault.where, fault.where)) for fault in refusal.faults)
-        raise _add_lines(case, InputError(faults)) from None
+        raise CaseFile.of(case).complete_refusal(_add_lines(case, InputError(faults)), case.overrides) from None
     return model, without_compression(system, chain.unfelt), chain
 
 
@@ -297,10 +297,7 @@ def _residual_start(case: Case, problem: Problem, shapes: FloatArray) -> FloatAr
 
 def _add_lines(case: Case, refusal: InputError) -> InputError:
     """Return an error with the lines of its keys in the case file added."""
-    return InputError(
-        fault if " (" in fault.where else replace(fault, where=case.place(tuple(fault.where.split("."))))
-        for fault in refusal.faults
-    )
+    return InputError(map(case.places.locate, refusal.faults))
 
 
 def _make_problem(case: Case, model: Model, system: System) -> Problem:
@@ -329,13 +326,6 @@ def camshaft_drive(case: Case, model: Model, start: float = 0.0, time: float = 0
     if run.free_running is not None:
         free = run.free_running
         return free_running(model, case.speed, free.cam, free.cam_mass, free.follower_mass, start, time)
-    if run.phaser is not None:
-        for name, load in case.record.loads.items():
-            if load.table is not None and not load.table.over_time:
-                where, why = case.place(("loads", name, "table")), "the phaser turns the cam against the crankshaft"
-                raise refuse(where, "a table over an angle with run.phaser", "a table over time", why)
-        times, shifts = zip(*run.phaser, strict=True)
-        return PhasedSpeed(case.speed, times, shifts, start)
     return ConstantSpeed(case.speed, start)
 
 
@@ -384,8 +374,7 @@ def excitation_without_period(case: Case) -> dict[str, str]:
     speed = case.record.run.fluctuation
     broken = [order for order in speed.orders if order % 1.0] if speed else []
     found = {"run.fluctuation.orders": f"order {broken[0]:g}"} if broken else {}
-    if case.record.run.phaser is not None:
-        found["run.phaser"] = "a shaft that turns against its drive"
+    found |= {f"phasers.{name}": "a shaft that turns against its drive" for name in case.record.phasers}
     for name, spring in case.record.springs.items():
         if spring.pulsation is not None and spring.pulsation.order % 1.0:
             found[f"springs.{name}.pulsation.order"] = f"order {spring.pulsation.order:g}"

@@ -50,7 +50,7 @@ def revolution_change(ready: PreparedRun, response: Response) -> RevolutionChang
     changes = dict[str, float]()
     for name, contact in ready.model.cam_contacts.items():
         if (force := response.channels.get(f"contacts.{name}.force")) is not None:
-            lift = ready.model.cams[contact.cam].event(response.angle[last])
+            lift = ready.model.cams[contact.cam].lift(response.angle[last], 0)
             lifted = lift > main_lift(ready.model, contact.cam)
             changes[name] = _relative(np.linalg.norm(difference(force)[lifted]), np.linalg.norm(force[last][lifted]))
     contact = max(changes, key=lambda name: changes[name], default="")
@@ -182,7 +182,7 @@ def _rigid_limit_speed(case: Case) -> float | None:
     for name, contact in model.cam_contacts.items():
         if name in opposed:
             continue
-        lifted = model.cams[contact.cam].event(_ANGLES) > main_lift(model, contact.cam)
+        lifted = model.cams[contact.cam].lift(_ANGLES, 0) > main_lift(model, contact.cam)
         forces = [one[f"contacts.{name}.force"][lifted] for one in channels]
         still, _, inertia = np.linalg.solve(np.vander(speeds, increasing=True), forces)
         pulls = inertia < 0.0
@@ -197,7 +197,7 @@ def _buckling_margins(case: Case) -> dict[str, float]:
     system = ready.problem.system
     least: dict[str, float] = {}
     for cam in ready.model.cams.values():
-        drive = ConstantSpeed(case.speed, event_extremes(cam.event)[1].at)
+        drive = ConstantSpeed(case.speed, cam.drive_angle(event_extremes(cam.event)[1].at))
         still = Problem(system, drive, 1e-6 / case.speed, 1, equilibrium(system, drive))
         for name, use in solve(still, newmark()).channels.items():
             if name.endswith(".buckling_use") and float(use[0]) > 0.0:

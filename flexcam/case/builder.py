@@ -28,6 +28,7 @@ from flexcam.fem.superelements import Superelement, reduce_superelement
 
 # Default stiffness of touching faces relative to the member behind them, to whose compliance it adds a tenth.
 DEFAULT_LASH_STIFFNESS_RATIO = 10.0
+_SAME_LENGTH = 1e-9  # m, rounding of diameters
 _PERPENDICULAR_TOLERANCE = 1e-6  # maximum cosine of the angle between directions that count as perpendicular
 
 
@@ -104,6 +105,7 @@ def build_model(case: Case) -> valvetrain.Model:
             films[name] = bearing
         else:
             elastic |= {f"bearing {name}, {which} direction": one for which, one in bearing.items()}
+    phasers = {cam: one.part for one in record.phasers.values() for cam in one.cams}
     model = valvetrain.Model(
         mesh=mesh,
         members={name: geometry.member(member) for name, member in record.members.items()},
@@ -113,7 +115,7 @@ def build_model(case: Case) -> valvetrain.Model:
         masses={name: one.part for name, one in record.masses.items()},
         springs={name: one.part for name, one in record.springs.items()} | elastic,
         rockers=each("rockers", record.rockers, geometry.rocker),
-        cams={name: one.part for name, one in record.cams.items()},
+        cams={name: replace(one.part, phaser=phasers.get(name)) for name, one in record.cams.items()},
         contacts=each("contacts", record.contacts, geometry.contact),
         friction=each("friction", record.friction, geometry.friction),
         loads={name: one.part for name, one in record.loads.items()},
@@ -263,11 +265,20 @@ class _Geometry:
 
     def friction(self, record: parts.FrictionRecord) -> valvetrain.Friction:
         """Return a friction at a point or between the coils of two springs."""
-        breakaway = record.force if record.breakaway_force is None else record.breakaway_force
-        size = record.force, breakaway, record.stribeck_speed, record.friction_speed, record.damping
+        names = None if record.spring is None else self._nest(record.spring, str(record.inside))
+        if names is not None and record.force is None:
+            force = self._nest_friction(record, names)
+        else:
+            force = record.force or 0.0
+        breakaway = force if record.breakaway_force is None else record.breakaway_force
+        size = force, breakaway, record.stribeck_speed, record.friction_speed, record.damping
         if record.at is not None and record.direction is not None:
             return valvetrain.Friction(record.at, direction(record.direction), *size, record.to)
-        names = str(record.spring), str(record.inside)
+        inner = self.case.springs[str(record.spring)].part
+        return valvetrain.Friction(inner.at, inner.direction, *size, inner.to, names)
+
+    def _nest(self, *names: str) -> tuple[str, str]:
+        """Return the names of the inner and the outer spring of a nest."""
         inner, outer = (self.case.springs[name].part for name in names)
         along = np.array_equal(inner.direction, outer.direction) and not inner.turns
         nested = names[0] != names[1] and (inner.at, inner.to) == (outer.at, outer.to) and along
@@ -275,7 +286,28 @@ class _Geometry:
             why, allowed = "coils rub on those of another spring at the same height", "two springs of a nest"
             remedy = "give both the same at, to and direction along a line, a mass, and two elements or more"
             raise refuse("spring", f"{names[0]!r} inside {names[1]!r}", allowed, why, remedy)
-        return valvetrain.Friction(inner.at, inner.direction, *size, inner.to, names)
+        return names[0], names[1]
+
+    def _nest_friction(self, record: parts.FrictionRecord, names: tuple[str, str]) -> float:
+        """Return the friction of coils that press on each other by their interference, N."""
+        springs = [self.case.springs[name] for name in names]
+        for key, name, spring in zip(("spring", "inside"), names, springs, strict=True):
+            if spring.active_coils is None:
+                allowed, why = "a spring with coils of one diameter", "the force between the coils follows from them"
+                remedy = f"add coil_diameter, active_coils and shear_modulus to springs.{name}.wire, or give force"
+                raise refuse(key, f"{name!r} without such coils", allowed, why, remedy)
+        inner, outer = (spring.part for spring in springs)
+        diameters = [one.wire.coil_diameter for one in (inner, outer) if one.wire is not None]
+        if diameters[0] >= diameters[1]:
+            given = f"coils of {diameters[0]:.6g} m inside coils of {diameters[1]:.6g} m"
+            raise refuse("spring", given, "a spring narrower than that around it", "", "exchange spring and inside")
+        by_diameters = valvetrain.nest_interference(inner, outer)
+        interference = by_diameters if record.interference is None else record.interference
+        if by_diameters < -_SAME_LENGTH or not interference > 0.0:
+            given, why = f"a radial clearance of {-by_diameters:.3g} m", "by their diameters the coils do not touch"
+            raise refuse("coefficient", given, "coils with interference", why, "correct the diameters, or give force")
+        compliance = sum(1.0 / valvetrain.radial_stiffness(one.part, one.active_coils or 0.0) for one in springs)
+        return (record.coefficient or 0.0) * interference / compliance
 
     def _plunger_travel(self, record: contacts.AdjusterRecord) -> valvetrain.PlungerTravel | None:
         """Return the stops of a plunger, which can hold it back but not the part that it pushes."""

@@ -122,6 +122,13 @@ class RawTables:
                 yield from self._check_name(("contacts", name, "at"), table.get("at"), rockers, "a rocker")
         path = ("run", "free_running", "cam")
         yield from self._check_name(path, value_at(self.raw, path), list(self._table("cams")), "a cam")
+        first: dict[object, str] = {}
+        for name, table in self._each("phasers"):
+            for cam in _as_list(table.get("cams")):
+                yield from self._check_name(("phasers", name, "cams"), cam, list(self._table("cams")), "a cam")
+                if first.setdefault(cam, name) != name:
+                    given, why = repr(cam), f"phasers.{first[cam]} turns it"
+                    yield self._fault(("phasers", name, "cams"), given, "other cams", why)
         for kind, key, target, what in _PART_REFERENCES:
             for name, table in self._each(kind):
                 yield from self._check_name((kind, name, key), table.get(key), list(self._table(target)), what)
@@ -310,6 +317,7 @@ def _unsymmetric_shaft_faults(places: KeyLocations, model: Model) -> Iterator[Fa
 
 
 def _rotation_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
+    """Yield cams of one shaft with opposite senses of rotation or different phasers."""
     first: dict[int, str] = {}
     axes = {contact.cam: contact.shaft_axis for contact in model.cam_contacts.values()}
     for name, axis in axes.items():
@@ -320,6 +328,9 @@ def _rotation_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
             given = f"{shown}, against cam {other!r} about {against}"
             where, why = places.place(("cams", name, "axis")), f"{name!r} and {other!r} are on one shaft"
             yield Fault(where, given, "one sense of rotation", why, "change the sign of one axis")
+        if model.cams[name].phaser is not model.cams[other].phaser:
+            why, allowed = f"{name!r} and {other!r} are on one shaft", "one phaser for all cams of a shaft"
+            yield Fault(places.place(("phasers",)), f"a phaser only of {name!r} or {other!r}", allowed, why, "")
 
 
 def _undriven_rocker_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:

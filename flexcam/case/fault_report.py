@@ -56,6 +56,11 @@ class KeyLocations:
             return f"{'.'.join(path)} (new table of {note})"
         return ".".join(path) or "case file"
 
+    def locate(self, fault: Fault) -> Fault:
+        """Return a fault at a key path with the source of the key added."""
+        path, colon, inside = fault.where.partition(":")
+        return fault if " (" in path else replace(fault, where=self.place(tuple(path.split("."))) + colon + inside)
+
 
 def sort_faults(faults: Iterable[Fault]) -> list[Fault]:
     """Return faults sorted by line; faults without a line come last."""

@@ -9,7 +9,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from itertools import product
+from itertools import permutations, product
 from typing import Any, cast
 
 import numpy as np
@@ -31,6 +31,7 @@ from flexcam.valvetrain import (
     connected_nodes,
     driving_contact,
     largest_lashes,
+    nest_interference,
     opposed_contacts,
     pulling_contacts,
     shared_forces,
@@ -92,7 +93,8 @@ TYPICAL_RANGES = (
     TypicalRange("springs.*.force_table.*.1", 1e-4, 1e6, _FORCE, "N"),
     TypicalRange("springs.*.clash_stiffness bearings.*.stiffness rockers.*.stiffness", 10.0, 1e13, _STIFFNESS),
     TypicalRange("contacts.*.stiffness", 10.0, 1e13, _STIFFNESS, turns=False),
-    TypicalRange("contacts.*.friction", 0.0, 1.0, {"%": 0.01}),
+    TypicalRange("contacts.*.friction friction.*.coefficient", 0.0, 1.0, {"%": 0.01}),
+    TypicalRange("friction.*.interference", 0.0, 2e-3, {"um": 1e-6, "mm": 1e-3}),
     TypicalRange("fidelity.tolerance fidelity.tolerance.*", 0.0, 0.99, {"%": 0.01}),
     TypicalRange("run.speed", 1e-3, _MAX_SPEED, {"rpm": RPM}),
     TypicalRange("run.crank_speed", 1e-3, 2.0 * _MAX_SPEED, {"rpm": RPM}),
@@ -109,7 +111,7 @@ def check_values(case: Case) -> list[str]:
     found = [warning for usual in TYPICAL_RANGES for warning in _range_warnings(case, tables, usual)]
     checks = (
         _speed_unit_warnings, _section_warnings, _fidelity_warnings, _lift_table_warnings, _unused_part_warnings,
-        _support_warnings, _slenderness_warnings,
+        _support_warnings, _nest_warnings, _slenderness_warnings,
     )  # fmt: skip
     found += [warning for check in checks for warning in check(case)]
     return list(dict.fromkeys(f"Warning: {warning}" for warning in found))
@@ -234,6 +236,19 @@ def _support_warnings(case: Case) -> Iterator[str]:
             yield f"{place}: a support fixes {along} of {spring.at!r}, so that the spring acts on nothing"
 
 
+def _nest_warnings(case: Case) -> Iterator[str]:
+    """Yield springs whose coils overlap those of a spring around them, without friction between both."""
+    nests = {(one.spring, one.inside) for one in case.record.friction.values()}
+    springs = {name: one.part for name, one in case.record.springs.items() if one.part.wire is not None}
+    for (name, inner), (around, outer) in permutations(springs.items(), 2):
+        same = (inner.at, inner.to) == (outer.at, outer.to) and np.array_equal(inner.direction, outer.direction)
+        narrower = inner.wire and outer.wire and inner.wire.coil_diameter < outer.wire.coil_diameter
+        if same and narrower and (name, around) not in nests and (overlap := nest_interference(inner, outer)) > 0.0:
+            what = f"by their diameters its coils overlap those of {around!r} by {1e3 * overlap:.3g} mm"
+            remedy = f"add friction = {{ spring = {name!r}, inside = {around!r}, coefficient = ... }}"
+            yield f"{case.place(('springs', name))}: {what}; correct the diameters, or {remedy}"
+
+
 def _nodes(case: Case, point: str) -> list[int]:
     if case.mesh is None:
         names = list(case.record.nodes)
@@ -292,7 +307,7 @@ def check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
         return
     lost = False
     closed = {
-        name: abs(float(cam.event(first.angle[:1])[0])) <= _LIFT_TOLERANCE * cam.event.height
+        name: abs(float(cam.lift(first.angle[:1], 0)[0])) <= _LIFT_TOLERANCE * cam.event.height
         for name, cam in model.cams.items()
     }
     for name, contact in contacts.items():
@@ -331,9 +346,9 @@ def check_start_impact(case: Case, model: Model, problem: Problem) -> Iterator[s
         return
     start = problem.drive.at(np.zeros(1))
     for name in dict.fromkeys(contact.cam for contact in model.cam_contacts.values()):
-        event = model.cams[name].event
-        lift, slope = (float(event(start.angle, order)[0]) for order in (0, 1))
-        if abs(lift) > _IMPACT_LIFT * event.height:
+        cam = model.cams[name]
+        lift, slope = (float(cam.lift(start.angle, order)[0]) for order in (0, 1))
+        if abs(lift) > _IMPACT_LIFT * cam.event.height:
             motion = f"{1e3 * lift:.3g} mm and {slope * float(start.speed[0]):.3g} m/s"
             what = f"the run starts in the middle of its lift, at {motion}, and strikes a train at rest"
             remedy = 'turn it onto its base circle (phase), or use start = "equilibrium" or "periodic"'

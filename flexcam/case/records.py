@@ -26,7 +26,7 @@ from flexcam.case.schema.parts import (
     SectionRecord,
     SuperelementRecord,
 )
-from flexcam.case.schema.run import FidelityRecord, OutputRecord, RunRecord
+from flexcam.case.schema.run import FidelityRecord, OutputRecord, PhaserRecord, RunRecord
 from flexcam.case.schema.springs import SpringRecord
 from flexcam.core.errors import InputError
 from flexcam.core.units import DIMENSIONS
@@ -69,6 +69,7 @@ class CaseRecord(Record):
     loads: dict[Name, LoadRecord] = Field(default={})
     rockers: dict[Name, RockerRecord] = Field(default={})
     cams: dict[Name, CamRecord] = Field(default={})
+    phasers: dict[Name, PhaserRecord] = Field(default={}, description="of camshafts")
     contacts: dict[Name, ContactRecord] = Field(default={})
     friction: dict[Name, FrictionRecord] = Field(default={}, description="of guides, seals and pivots")
     repeat: dict[Name, RepeatRecord] = Field(default={}, description="copies of parts, such as those of each cylinder")

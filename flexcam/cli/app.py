@@ -35,23 +35,21 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.table import Table
 
+# Commands by panel of the help, each with its file in this package
 COMMANDS: Mapping[str, Mapping[str, str]] = {
     "Cases and runs": {
         "new": "case_files", "check": "case_files", "run": "run", "info": "result_files", "compare": "compare",
     },
-    "Pictures and files": {"plot": "plot", "view": "view", "report": "result_files", "export": "result_files"},
-    "Dynamics": {"modes": "modes", "stability": "stability", "limits": "limits", "campbell": "campbell"},
+    "Pictures and files": {"plot": "plot", "view": "result_files", "report": "result_files", "export": "result_files"},
+    "Dynamics": {"modes": "modes", "stability": "limits", "limits": "limits", "campbell": "modes"},
     "Cams": {"law": "law", "cam": "cam", "synthesize": "synthesize"},
     "Studies": {
         "sweep": "sweep", "optimize": "optimize", "fit": "fit", "sensitivity": "sensitivity", "trade": "compare",
     },
     "Reference": {"selftest": "selftest", "schema": "case_files"},
 }  # fmt: skip
-"""Commands by panel of the help, each with its file in this package."""
 
 COMMAND_FILES = {command: file for panel in COMMANDS.values() for command, file in panel.items()}
-"""File of every command."""
-
 _MAX_SPEEDS = 10_000
 _BARE = re.compile(r"\s*[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?\s*$")  # a number without unit
 _TIME_UNITS = {"h": 3600.0, "min": 60.0, "s": 1.0, "ms": 1e-3}
@@ -59,7 +57,7 @@ _PART_OF_TIME = r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(h|min|ms|s)\s*"
 _ACCURACY = ("fidelity.tolerance", "fidelity.estimate")
 _MODEL = ("fidelity.model", "fidelity.masses", "fidelity.modes", "fidelity.reduction")
 _NORM = ("fidelity.norm",)
-
+# Keys of the case that some commands ignore: the commands, the keys, and what the commands do instead
 IGNORED_KEYS = (
     (
         ("campbell", "compare", "limits", "plot", "stability", "view"), (*_ACCURACY, *_NORM),
@@ -73,7 +71,6 @@ IGNORED_KEYS = (
     ),
     (("cam",), (*_MODEL, *_ACCURACY, *_NORM), "a cam needs no model of the train"),
 )  # fmt: skip
-"""Keys of the case that some commands ignore: the commands, the keys, and what the commands do instead."""
 
 
 @dataclass
@@ -351,9 +348,8 @@ def command(
                 files.append(plotting.figures.save_figure(output.figure(), picture, overwrite=overwrite))
             files += output.files
             if options.get("as_json"):
-                status = "ok" if output.status.ok else str(output.status.cause)
-                named = output.json.get("files", [str(path) for path in files])
-                print_json({"status": status, **output.json, "files": named})
+                status = "ok" if output.status.ok else output.status.cause
+                print_json({"status": status, **output.json, "files": output.json.get("files", files)})
                 return output.status
             for i, part in enumerate(output.parts):
                 result_console().print(*([""] if i else []), part, sep="\n")

@@ -28,22 +28,24 @@ from flexcam.cams import (
 from flexcam.case.builder import parse_follower
 from flexcam.cli import app as cli
 from flexcam.core.errors import positive, refuse, suggest_name
-from flexcam.core.units import RPM, format_quantity, to_display_unit
-from flexcam.report.terminal import NOISE, facts_table, format_csv, format_degrees, plain_table
+from flexcam.core.units import DIMENSIONS, RPM, format_quantity, to_display_unit
+from flexcam.report.terminal import NOISE, facts_table, format_csv, format_degrees, json_value, plain_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _CASE, _PROFILE = Group("Cams of a case file", sort_key=1), Group("Cam from a measured profile", sort_key=2)
 _MIN_POINTS, _MAX_POINTS = 12, 100_000
-_STEPS = (("lift", "m"), ("velocity", "m/rad"), ("acceleration", "m/rad^2"), ("jerk", "m/rad^3"))
+_STEPS = {"lift": "m", "velocity": "m/rad", "acceleration": "m/rad^2", "jerk": "m/rad^3"}
+_ProfileFormat = Literal["csv", "dxf", "vtp"]
+_LengthUnit = Literal["um", "mm", "cm", "m", "in"]
+# SI units of the numbers of a card by the last part of their names; others are lengths.
 _UNITS = {
     "velocity": "m/rad", "sliding_velocity": "m/rad", "acceleration": "m/rad^2", "jerk": "m/rad^3", "ratio": "1",
     **dict.fromkeys(
         ("angle", "opens", "closes", "duration", "centre", "centreline", "tdc", "pressure_angle", "convex_radius_at",
          "hollow_radius_at", "pressure_angle_at"), "rad"),
 }  # fmt: skip
-"""SI units of the numbers of a card by the last part of their names; others are lengths."""
 
 
 def _cam_json(found: CamFacts, report: LiftReport | None) -> dict[str, object]:
@@ -57,15 +59,11 @@ def _cam_json(found: CamFacts, report: LiftReport | None) -> dict[str, object]:
     return {
         "lift": found.lift[1].value, "least_lift": found.lift[0].value, "velocity": found.velocity,
         "acceleration": found.acceleration, "jerk": found.jerk, "harmonics": list(found.harmonics),
-        "joints": [
-            {"angle": one.angle, "steps": {name: step for (name, _), step in zip(_STEPS, one.steps, strict=True)}}
-            for one in found.joints
-        ],
+        "joints": [{"angle": one.angle, "steps": dict(zip(_STEPS, one.steps, strict=True))} for one in found.joints],
         "valve_events": {name: _event_json(one) for name, one in found.events.items()},
         "follower_events": {name: _event_json(one) for name, one in found.follower_events.items()},
         "profile": _profile_json(found),
-        "findings": [asdict(one) for one in found.findings],
-        "smoothing": None if report is None else asdict(report),
+        "findings": found.findings, "smoothing": report,
         "centreline": found.centreline, "tdc": found.tdc, "ratio": found.ratio, "lash": found.lash,
         "valve_lift": _valve_lift(found), "after_tdc": after_tdc,
     }  # fmt: skip
@@ -144,7 +142,6 @@ def _lift(found: CamFacts) -> str:
 
 
 def _centreline(found: CamFacts, turns: float) -> str:
-    """Return the centreline in degrees of the camshaft, and of the crank from top dead centre."""
     cam = f"cam {math.degrees(found.centreline):.2f} deg"
     if found.centreline_after_tdc is None:
         return cam + (" (set tdc of the cam to get angles from the dead centres)" if turns == 2.0 else "")
@@ -179,7 +176,7 @@ def _event(found: CamFacts, event: ValveEvent | None, always: bool, turns: float
 
 
 def _describe_steps(steps: Sequence[float]) -> str:
-    named = ((name, step, *to_display_unit(unit)) for (name, unit), step in zip(_STEPS, steps, strict=True))
+    named = ((name, step, *to_display_unit(_STEPS[name])) for name, step in zip(_STEPS, steps, strict=True))
     jumps = (f"{name} jumps by {factor * step:+.5g} {symbol}" for name, step, factor, symbol in named if step)
     return ", ".join(jumps) or "smooth"
 
@@ -245,7 +242,7 @@ def cam(
     case: Annotated[Path | None, Parameter(
         group=_CASE, help="Case file, or a file with only format = 1 and [cams.NAME] tables.")] = None, *,
     name: Annotated[cli.CamName, Parameter(group=_CASE)] = None,
-    forms: Annotated[list[Literal["csv", "dxf", "vtp"]] | None, Parameter(
+    forms: Annotated[list[_ProfileFormat] | None, Parameter(
         "--format", group=_CASE, help="Format of the profile files with -o; all by default.")] = None,
     cutter: Annotated[str | None, Parameter(
         group=_CASE, help="Radius of the cutter or grinding wheel, such as '40 mm'.")] = None,
@@ -265,7 +262,7 @@ def cam(
         group=_PROFILE, help="Follower as in a case, such as '{ type = \"flat\" }'.")] = None,
     base_radius: Annotated[str | None, Parameter(
         group=_PROFILE, help="Radius of the base circle, where the lift is zero.")] = None,
-    unit: Annotated[Literal["um", "mm", "cm", "m", "in"] | None, Parameter(
+    unit: Annotated[_LengthUnit | None, Parameter(
         group=_PROFILE, help="Unit of the points, if the header of the file names none.")] = None,
     clockwise: Annotated[bool, Parameter(group=_PROFILE, help="The cam turns clockwise.")] = False,
     points: Annotated[int, Parameter(help="Points of the profile or of the lift table per revolution.")] = 720,
@@ -297,22 +294,8 @@ def cam(
         io.check_folder_name(output)
     cams = cam_analysis.load_cams(case, overrides or ())
     cli.warn_ignored_keys(overrides)
-    if name is not None and name not in cams.cams:
-        raise refuse("--cam", repr(name), ", ".join(cams.cams), "", suggest_name(name, cams.cams))
     wheel = cli.parse_optional("--cutter", cutter, "length", "mm")
-    limit = PRESSURE_ANGLE if pressure_angle is None else _pressure_limit(pressure_angle)
-    option = "--checking-lift"
-    lifts = {
-        text: positive(option, cli.parse_quantity(option, text, "length", "mm"), "m") for text in checking_lifts or ()
-    }
-    found = {
-        one: cam_analysis.cam_facts(
-            part, count=points, pressure_angle=limit, cutter=wheel, checking_lifts=THRESHOLDS | lifts,
-            ratio=cams.ratios[one], lash=cams.lashes[one], tdc=cams.tdcs[one],
-        )
-        for one, part in cams.cams.items()
-        if name in (None, one)
-    }  # fmt: skip
+    found = _evaluate_cams(cams, name, points, wheel, pressure_angle, checking_lifts or ())
     for option, given in (("-o", output), ("--cutter", cutter)):
         if given is not None and not any(one.profile for one in found.values()):
             why, remedy = f"{', '.join(found)} has no profile", "give the cam base_radius and follower"
@@ -321,11 +304,37 @@ def cam(
     return replace(_describe_cams(cams, found), files=files)
 
 
+def _evaluate_cams(
+    cams: CamSet, name: str | None, points: int, cutter: float | None, pressure_angle: str | None,
+    checking_lifts: Sequence[str],
+) -> dict[str, CamFacts]:  # fmt: skip
+    if name is not None and name not in cams.cams:
+        raise refuse("--cam", repr(name), ", ".join(cams.cams), "", suggest_name(name, cams.cams))
+    limit = PRESSURE_ANGLE
+    if pressure_angle is not None:
+        limit = _positive_quantity("--pressure-angle", pressure_angle, "angle", "deg")
+        if limit >= 0.5 * math.pi:
+            why, remedy = "at 90 deg the cam jams", "30 deg is common"
+            raise refuse("--pressure-angle", pressure_angle, "an angle below 90 deg", why, remedy)
+    lifts = {text: _positive_quantity("--checking-lift", text, "length", "mm") for text in checking_lifts}
+    return {
+        one: cam_analysis.cam_facts(
+            part, count=points, pressure_angle=limit, cutter=cutter, checking_lifts=THRESHOLDS | lifts,
+            ratio=cams.ratios[one], lash=cams.lashes[one], tdc=cams.tdcs[one],
+        )
+        for one, part in cams.cams.items()
+        if name in (None, one)
+    }  # fmt: skip
+
+
+def _positive_quantity(option: str, text: str, dimension: str, unit: str) -> float:
+    return positive(option, cli.parse_quantity(option, text, dimension, unit), DIMENSIONS[dimension].si)
+
+
 def _write_cam_files(
     name: str, found: Mapping[str, CamFacts], plot: Path | None, form: str, folder: Path | None,
-    forms: Sequence[Literal["csv", "dxf", "vtp"]] | None, cutter: float | None, *, overwrite: bool,
+    forms: Sequence[_ProfileFormat] | None, cutter: float | None, *, overwrite: bool,
 ) -> list[Path]:  # fmt: skip
-    """Write the card, the profiles and the figures of the cams of a file with a given name."""
     if plot is not None and plot.suffix in (".svg", ".png", ".pdf"):
         remedy = f"name a folder; --plot-format {plot.suffix[1:]} selects the format"
         raise refuse("--plot", str(plot), "a folder", "a cam has several figures", remedy)
@@ -340,14 +349,13 @@ def _write_cam_files(
             target = io.create_folder(folder) / f"{name}-{one}"
             files += io.write_profile(table, target, forms or ["csv", "dxf", "vtp"], overwrite=overwrite)
     if card is not None:
-        rows = ((one, *row) for one, facts in found.items() for row in _card_rows(_cam_json(facts, None)))
+        rows = ((one, *row) for one, facts in found.items() for row in _card_rows(json_value(_cam_json(facts, None))))
         text = format_csv(("cam", "quantity", "value", "unit"), rows)
         files.append(io.write_text(card, text, overwrite=overwrite))
     return files + [plotting.figures.save_figure(one, path, overwrite=overwrite) for path, one in figures.items()]
 
 
 def _draw_cams(name: str, found: Mapping[str, CamFacts]) -> dict[str, Figure]:
-    """Return the figures of cams and cylinders by the stems of their files."""
     curves, cylinders, figures = plotting.curves, cam_analysis.cylinders(found), dict[str, "Figure"]()
     for one, facts in found.items():
         stem = f"{name}-{one}"
@@ -372,16 +380,12 @@ def _describe_cams(cams: CamSet, found: Mapping[str, CamFacts]) -> cli.CommandOu
     for one, facts in found.items():
         parts.append(_cam_table(one, facts, cams))
         if report := cams.reports.get(one):
-            before, after = (
-                format_quantity("m/rad^2", *ends, digits=4)
-                for ends in (report.acceleration_before, report.acceleration_after)
-            )
             changed = f"{1e6 * report.rms_change:.3g} um rms, max {1e6 * report.largest_change:.3g} um"
             rows = [
                 ("points", str(report.points)),
                 ("points moved by smoothing", f"{changed} {_at(report.at)}"),
-                ("acceleration of the points", before),
-                ("acceleration of the spline", after),
+                ("acceleration of the points", format_quantity("m/rad^2", *report.acceleration_before, digits=4)),
+                ("acceleration of the spline", format_quantity("m/rad^2", *report.acceleration_after, digits=4)),
                 *(("warning", said) for said in report.remarks),
             ]
             parts.append(facts_table(f"Lift table of {one}", rows))
@@ -396,28 +400,20 @@ def _describe_cams(cams: CamSet, found: Mapping[str, CamFacts]) -> cli.CommandOu
     return cli.CommandOutput(parts, json)
 
 
-def _pressure_limit(text: str) -> float:
-    limit = positive("--pressure-angle", cli.parse_quantity("--pressure-angle", text, "angle", "deg"), "rad")
-    if limit >= 0.5 * math.pi:
-        raise refuse("--pressure-angle", text, "an angle below 90 deg", "at 90 deg the cam jams", "30 deg is common")
-    return limit
-
-
 def _lift_of_profile(
-    profile: Path, follower: str | None, base_radius: str | None, unit: Literal["um", "mm", "cm", "m", "in"] | None,
-    clockwise: bool, points: int, output: Path | None, *, overwrite: bool,
+    profile: Path, follower: str | None, base_radius: str | None, unit: _LengthUnit | None, clockwise: bool,
+    points: int, output: Path | None, *, overwrite: bool,
 ) -> cli.CommandOutput:  # fmt: skip
-    """Return the lift of a follower on a profile given by points, and write it as a table, if requested."""
     cli.check_distinct_files({"--output": output}, [profile])
     if follower is None:
         raise refuse("--follower", "nothing", "the follower as in a case, such as '{ type = \"flat\" }'")
     if base_radius is not None:
-        positive("--base-radius", cli.parse_quantity("--base-radius", base_radius, "length", "mm"), "m")
+        _positive_quantity("--base-radius", base_radius, "length", "mm")
     made, turn = parse_follower(follower, base_radius, clockwise=clockwise)
     angle, xy = np.linspace(0.0, 2.0 * math.pi, points, endpoint=False), io.read_profile(profile, unit=unit)
     lift, bridge = lift_from_profile(xy, made, angle, turn=turn), find_bridges(xy, made, turn=turn)
     files = [] if output is None else [io.write_lift_table(output, angle, lift, overwrite=overwrite)]
-    json = {"points": len(xy), "angle": angle.tolist(), "lift": lift.tolist(), "bridged": bridge and asdict(bridge)}
+    json = {"points": len(xy), "angle": angle, "lift": lift, "bridged": bridge}
     low, high = (int(find(lift)) for find in (np.argmin, np.argmax))
     rows = [
         ("points", str(len(xy))),

@@ -49,8 +49,7 @@ def new(
         return cli.CommandOutput([table], {"templates": templates()})
     files = new_case(template, target, overwrite=overwrite)
     following = f"Next: flexcam check {files[0]}, flexcam run {files[0]}, flexcam view {files[0]}"
-    names = [str(path) for path in files]
-    return cli.CommandOutput(["\n".join(names), following], {"files": names})
+    return cli.CommandOutput(["\n".join(map(str, files)), following], {"files": files})
 
 
 @cli.command("""\
@@ -65,9 +64,9 @@ def check(
 ) -> cli.CommandOutput:  # fmt: skip
     """Check a case file and summarize its model: size, masses, natural frequencies, warnings.
 
-    It reports all errors of keys, values and references at once. If the TOML syntax is wrong, it reports only this. It
-    reports errors of the assembled model, such as an undercut cam, only if all keys are correct. It estimates the
-    memory and disk space of a run, but does not run the case.
+    It reports all errors of keys, values, references and parts, such as an undercut cam, at once. If the TOML syntax is
+    wrong, it reports only this. It reports errors of the start and the steps only if all parts are correct. It
+    estimates the memory and disk space of a run, but does not run the case.
     """
     read = cli.load_case(case, overrides)
     ready = prepare_without_periodic_search(read)
@@ -94,7 +93,7 @@ def check(
         "member_masses": member_masses(ready.model),
         "free_motions": found.modes.rigid, "steps": ready.problem.steps, "step_s": ready.problem.step,
         "memory_bytes": resources.memory, "result_bytes": resources.file,
-        "frequencies_hz": found.modes.frequencies[found.modes.rigid :][:10].tolist(),
+        "frequencies_hz": found.modes.frequencies[found.modes.rigid :][:10],
         "warnings": warnings,
         "loads": {load.name: [system.names[i] for i in load.vector.nonzero()[0]] for load in system.loads},
         "case": ready.explicit_case.record.model_dump(mode="json", by_alias=True),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -15,20 +14,17 @@ from flexcam.analysis.comparison import MODELS, compare_responses
 from flexcam.analysis.model_choice import evaluate_ladder, model_ladder
 from flexcam.analysis.preparation import prepare, scalar_probe
 from flexcam.analysis.published_claims import check_claims, deviation, excited_mode
-from flexcam.analysis.run import reload_result
 from flexcam.analysis.run import run as run_case
 from flexcam.case.case import Case
-from flexcam.case.reader import case_from_result
 from flexcam.cli import app as cli
+from flexcam.cli.sources import Source
 from flexcam.core.errors import collect_errors, positive, refuse, suggest_name
 from flexcam.core.units import RPM, parse, shaft_name
 from flexcam.dynamics import Response, reraise_interrupt
-from flexcam.io import read_result
 from flexcam.report.fidelity_tables import TRADE_LEGEND, trade_csv, trade_json, trade_table, trade_warnings
 from flexcam.report.tables import comparison_json, comparison_table, describe_comparison, describe_contacts
 from flexcam.report.terminal import create_table, format_decimals, plain_table, show_count
 
-_RESULT = ".vtkhdf"
 _SPEEDS = Group("Contact forces over speed", sort_key=1)
 _PAIRS = (("rigid", "bilateral"), ("bilateral", "unilateral"))
 
@@ -86,7 +82,7 @@ def compare(
     published = any(contact.model == "published-load" for contact in read.record.contacts.values())
     mode_hz = excited_mode(read)[0] if published else None
     claims = check_claims(read, at, found) if read.record.paper and found.status.ok else []
-    json = {**comparison_json(found), "loaded_mode_hz": mode_hz, "claims": [asdict(claim) for claim in claims]}
+    json = {**comparison_json(found), "loaded_mode_hz": mode_hz, "claims": claims}
     parts = [comparison_table(found, read.turns), *describe_comparison(found, mode_hz), *describe_contacts(read)]
     if claims:
         table = create_table("Claims of the paper and this computation")
@@ -99,29 +95,23 @@ def compare(
 
 
 def _compare_pair(case: Path, against: str, probe: str | None, overrides: cli.Overrides) -> cli.CommandOutput:
-    """Compare two models of a case, two cases or two results."""
-    second = Path(against)
-    if case.suffix == _RESULT:
-        if overrides and second.suffix == _RESULT:
-            why = "results cannot be changed"
-            raise refuse("--set", overrides[0], "--set only with a case", why, "give the case, or leave it out")
-        result, read = read_result(case), None
-        one = result.response
-        at = probe or scalar_probe(reload_result(case_from_result(result), result)[0])
+    first, second = (Source(path, tuple(overrides or ())) for path in (case, Path(against)))
+    if overrides and first.is_result and second.is_result:
+        why = "results cannot be changed"
+        raise refuse("--set", overrides[0], "--set only with a case", why, "give the case, or leave it out")
+    one = first.response if first.is_result else _run(first.case)
+    at = probe or scalar_probe(first.ready)
+    if second.is_result:
+        other = second.response
+    elif second.path.suffix == ".toml":
+        other = _run(second.case)
     else:
-        read = cli.load_case(case, overrides)
-        one, at = _run(read), probe or scalar_probe(prepare(read))
-    if second.suffix == _RESULT:
-        other = read_result(second).response
-    elif second.suffix == ".toml":
-        other = _run(cli.load_case(second, overrides))
-    else:
-        models = {} if read is None else {model.name: model for model in model_ladder(read)}
+        models = {} if first.is_result else {model.name: model.case for model in model_ladder(first.case)}
         if against not in models:
             allowed = f"a case, a result, or one of {', '.join(models)}" if models else "a case or a result"
             raise refuse("--against", repr(against), allowed, "", suggest_name(against, list(models)))
-        other = _run(models[against].case)
-    pairs = (case.stem, second.stem), (case.name, second.name), (str(case), against)
+        other = _run(models[against])
+    pairs = (case.stem, second.path.stem), (case.name, second.path.name), (str(case), against)
     names = next((pair for pair in pairs if pair[0] != pair[1]), pairs[0])
     angle, duration = (float(series[-1] - series[0]) for series in (one.angle, one.time))
     rpm = angle / duration / RPM if duration > 0.0 else 0.0
@@ -131,14 +121,12 @@ def _compare_pair(case: Path, against: str, probe: str | None, overrides: cli.Ov
 
 
 def _run(case: Case) -> Response:
-    """Run a case for a comparison; Ctrl-C during the run ends the command."""
     response = run_case(case)
     reraise_interrupt(response.status)
     return response
 
 
 def _compare_over_speed(case: Case, speeds: list[float], tolerance: float, contact: str | None) -> cli.CommandOutput:
-    """Compare the contact forces of the rigid, bilateral and unilateral model over speed."""
     scale, shaft = case.turns, shaft_name(case.turns)
     with show_count(len(speeds), "speeds") as shown:
         found = comparison.compare_models_over_speed(case, speeds, contact=contact, advance=shown)
@@ -150,25 +138,19 @@ def _compare_over_speed(case: Case, speeds: list[float], tolerance: float, conta
         words.append(f"{first.capitalize()} and {second} differ by more than {tolerance:.0%} {when}.")
         parting[f"{first}_{second}_part_rpm"] = None if rpm is None else scale * rpm
     head = (f"{shaft} rpm", *(f"{name}, N" for name in MODELS))
-    rows = [(f"{scale * one.rpm:.6g}", *(_format_forces(one.forces[name]) for name in MODELS)) for one in found]
     rpm = np.array([scale * one.rpm for one in found])
-    forces = {
-        name: [None if (one := speed.forces[name]) is None else (one.least, one.largest) for speed in found]
-        for name in MODELS
-    }
-    ends = {name: np.array([pair or (np.nan, np.nan) for pair in pairs]).T for name, pairs in forces.items()}
-    ranges = {name: (low, high) for name, (low, high) in ends.items()}
+    forces = {name: [one and (one.least, one.largest) for one in (at.forces[name] for at in found)] for name in MODELS}
+    cells = [
+        [" to ".join(format_decimals(end, 0) for end in pair) if pair else "did not finish" for pair in pairs]
+        for pairs in forces.values()
+    ]
+    rows = zip((f"{speed:.6g}" for speed in rpm), *cells, strict=True)
+    ranges = {name: np.array([pair or (np.nan, np.nan) for pair in pairs]).T for name, pairs in forces.items()}
     return cli.CommandOutput(
         [plain_table("Min and max contact force on the main lift", head, rows), " ".join(words)],
-        {"shaft": shaft, "rpm": rpm.tolist(), "forces_n": forces, **parting, "tolerance": tolerance}, title=case.title,
+        {"shaft": shaft, "rpm": rpm, "forces_n": forces, **parting, "tolerance": tolerance}, title=case.title,
         draw=lambda: plotting.spectra.force_figure(rpm, ranges, shaft),
     )  # fmt: skip
-
-
-def _format_forces(forces: comparison.ForceRange | None) -> str:
-    if forces is None:
-        return "did not finish"
-    return f"{format_decimals(forces.least, 0)} to {format_decimals(forces.largest, 0)}"
 
 
 @cli.command("""\

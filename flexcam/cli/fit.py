@@ -17,7 +17,7 @@ from flexcam.case.reader import CaseFile as OpenCase
 from flexcam.cli import app as cli
 from flexcam.cli.study_options import NewCase, Vary, WorkerCount, write_variant
 from flexcam.dynamics import Cause, Status
-from flexcam.report.terminal import finite_numbers, finite_or_none, format_csv, format_number, plain_table, show_count
+from flexcam.report.terminal import format_csv, plain_table, show_count, with_unit
 from flexcam.studies.executors import open_evaluator
 from flexcam.studies.fitting import Fit, Measurement, curve_row, fit_curves, read_measurement
 from flexcam.studies.plan import make_bundle
@@ -110,22 +110,22 @@ def _fit_output(variables: Sequence[Variable], measured: Measurement, found: Fit
     every = [x for c, old, new in zip(curves, found.before, found.after, strict=True) for x in (c.values, old, new)]
     json = {
         "values": [
-            {"key": one.key, "unit": one.unit, "before": a, "value": b, "half_width": finite_or_none(half)}
+            {"key": one.key, "unit": one.unit, "before": a, "value": b, "half_width": half}
             for one, a, b, half in values
         ],
         "curves": [
             {"curve": c.label, "unit": c.unit, "rms_before": a, "rms_after": b, "noise": size}
             for c, (a, b, size) in zip(curves, rms, strict=True)
         ],
-        "correlation": finite_numbers(found.correlation),
+        "correlation": found.correlation,
         "misfit": found.misfit, "runs": found.runs,
         "undetermined": [[keys[i] for i in group] for group in found.undetermined],
     }  # fmt: skip
     tables = [
         plain_table("Fitted values", ("value", "before", "after", "95 % interval, ±"),
-                    [(f"{one.key}, {one.unit}".rstrip(", "), *map(format_number, x)) for one, *x in values]),
+                    [(with_unit(one.key, one.unit), *x) for one, *x in values]),
         plain_table("Residuals, root mean square", ("curve", "before", "after", "noise"),
-                    [(f"{c.label}, {c.unit}", *map(format_number, x)) for c, x in zip(curves, rms, strict=True)]),
+                    [(f"{c.label}, {c.unit}", *x) for c, x in zip(curves, rms, strict=True)]),
     ]  # fmt: skip
     histories = zip(curves, found.before, found.after, strict=True)
     drawn = {f"{c.label}, {c.unit}": (c.values, old, new) for c, old, new in histories}

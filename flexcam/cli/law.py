@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -19,17 +19,17 @@ from flexcam.core.errors import refuse, suggest_name
 from flexcam.report.terminal import facts_table, plain_table, remove_noise
 
 _RATIOS = (1.0, 1.5, 2.0, 3.0, 5.0)
-_CURVES = (("velocity", "s'"), ("acceleration", "s''"), ("jerk", "s'''"), ("moment", "s' s''"))
+_CURVES = {"velocity": "s'", "acceleration": "s''", "jerk": "s'''", "moment": "s' s''"}
 
 
 def _law_json(found: Criteria) -> dict[str, object]:
     ends = {f"z={z}": dict(zip(("s", "s'", "s''", "s'''"), end, strict=True)) for z, end in enumerate(found.ends)}
     return {
         "Cv": found.Cv, "Ca": found.Ca, "Cj": found.Cj, "Cm": found.Cm,
-        "extremes": {name: [asdict(one) for one in getattr(found, name)] for name, _ in _CURVES},
-        "jumps": list(found.jumps), "end_conditions": ends, "rest_at_ends": found.rest_at_ends,
-        "symmetric": found.symmetric, "broken": list(found.violations), "rms": list(found.rms),
-        "harmonics": list(found.harmonics),
+        "extremes": {name: getattr(found, name) for name in _CURVES},
+        "jumps": found.jumps, "end_conditions": ends, "rest_at_ends": found.rest_at_ends,
+        "symmetric": found.symmetric, "broken": found.violations, "rms": found.rms,
+        "harmonics": found.harmonics,
     }  # fmt: skip
 
 
@@ -38,11 +38,12 @@ def _law_facts(name: str, found: Criteria) -> Table:
     rows = [("criteria", ", ".join(f"{n} {'infinite' if x is None else f'{x:.6g}'}" for n, x in criteria))]
     rows += [
         (f"{symbol} ({curve})", f"min {_format_position(low)}; max {_format_position(high)}")
-        for curve, symbol in _CURVES
+        for curve, symbol in _CURVES.items()
         for low, high in [getattr(found, curve)]
     ]
-    steps = ", ".join(_CURVES[order - 1][0] for order in found.jumps)
-    peaks = [1.0, *(max(abs(one.value) for one in getattr(found, curve)) for curve, _ in _CURVES[:3])]
+    curves = list(_CURVES)
+    steps = ", ".join(curves[order - 1] for order in found.jumps)
+    peaks = [1.0, *(max(abs(one.value) for one in getattr(found, curve)) for curve in curves[:3])]
     ends = [", ".join(f"{remove_noise(v, peak):.6g}" for v, peak in zip(end, peaks, strict=True)) for end in found.ends]
     largest = max(found.harmonics, default=0.0)
     rows += [
@@ -146,7 +147,6 @@ def law(
 
 
 def _compare_laws(ratios: Sequence[float]) -> cli.CommandOutput:
-    """Return the criteria of all laws that need no parameters."""
     found = {name: criteria(one) for name, one in LAWS.items()}
     spectra = {name: residual_spectrum(one, ratios).tolist() for name, one in LAWS.items()}
     rows: dict[str, str] = {}  # first name of every law, with all its names
@@ -159,11 +159,10 @@ def _compare_laws(ratios: Sequence[float]) -> cli.CommandOutput:
         f"Laws with parameters (flexcam law NAME --with KEY=VALUE): {', '.join(kind_names())}",
     ]
     laws = {name: {**_law_json(one), "residual": spectra[name]} for name, one in found.items()}
-    return cli.CommandOutput(parts, {"ratios": list(ratios), "kinds": list(kind_names()), "laws": laws})
+    return cli.CommandOutput(parts, {"ratios": ratios, "kinds": kind_names(), "laws": laws})
 
 
 def _draw_laws(laws: Mapping[str, Law], plot: Path | None, spectrum: Path | None, *, overwrite: bool) -> list[Path]:
-    """Draw laws and their residual vibration, if requested, and return the files."""
     cli.check_distinct_files({"--plot": plot, "--spectrum": spectrum})
     paths = [path for path in (plot, spectrum) if path is not None]
     for path in paths:

@@ -33,30 +33,23 @@ from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.report.terminal import print_json, print_message
 
 DONE, REFUSED, FAILED, FAULT, INTERRUPTED, TERMINATED = 0, 2, 3, 70, 130, 143
+# SIGHUP reports a closed terminal; Windows has none, and nohup ignores it.
+_HANGUP = [one for one in signal.Signals if one.name == "SIGHUP" and signal.getsignal(one) is not signal.SIG_IGN]
 
-_HANGUP = [
-    number for number in (getattr(signal, "SIGHUP", None),)
-    if number is not None and signal.getsignal(number) is not signal.SIG_IGN  # nohup ignores it
-]  # fmt: skip
-"""Signal of a closed terminal."""
-
-_STREAM_FAULTS = (errno.ENOSPC, errno.EPIPE, errno.EIO)
-"""Errors of a standard output that is full or has no reader."""
-
+_STREAM_FAULTS = (errno.ENOSPC, errno.EPIPE, errno.EIO)  # errors of a standard output that is full or has no reader
 _INTERRUPTED = Status(Cause.INTERRUPTED, "stopped before it was finished; nothing is kept")
 _OUT_OF_MEMORY = Status(
     Cause.OUT_OF_MEMORY, "the memory is exhausted",
     "free memory, or use fewer elements; a run needs less with a larger output.field_every, a study with fewer "
     "--workers",
 )  # fmt: skip
+# Words of a library that cannot be loaded for lack of memory
 _NO_MEMORY = re.compile("failed to map segment|cannot allocate memory", re.IGNORECASE)
-"""Words of a library that cannot be loaded for lack of memory."""
-
+# Words that a command is suggested for
 _SYNONYMS = {
     "campbell": ("orders", "waterfall"), "cam": ("lift", "profile"), "law": ("laws",),
     "compare": ("divergence", "parting"), "new": ("init", "template"), "view": ("show",),
 }  # fmt: skip
-"""Words that a command is suggested for."""
 
 
 def load_commands(words: Sequence[str]) -> None:

@@ -1,26 +1,39 @@
-"""Command that computes natural modes: modes."""
+"""Commands on natural modes, and on the orders that excite them: modes, campbell."""
 
 from __future__ import annotations
 
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import chain, zip_longest
 from pathlib import Path
 from typing import Annotated, Literal
 
-from cyclopts import Parameter
+import numpy as np
+from cyclopts import Group, Parameter
 from rich.table import Table
 
+from flexcam import plotting
+from flexcam.analysis.campbell import Campbell
+from flexcam.analysis.campbell import campbell as find_crossings
 from flexcam.analysis.natural_modes import ClosedModes, closed_modes, modal_assurance
 from flexcam.analysis.natural_modes import modes as case_modes
+from flexcam.analysis.orders import Signal, Waterfall, largest_orders, waterfall
+from flexcam.analysis.preparation import prepare, scalar_probe
 from flexcam.analysis.run import output_geometry
 from flexcam.analysis.run_checks import check_modes
 from flexcam.case.builder import build_model
+from flexcam.case.case import Case
 from flexcam.case.reader import read_case
 from flexcam.cli import app as cli
-from flexcam.core.errors import collect_errors
+from flexcam.core import FloatArray
+from flexcam.core.errors import collect_errors, refuse
 from flexcam.core.units import shaft_name
+from flexcam.dynamics import Status
 from flexcam.io import check_folder_name, create_folder, write_modes
 from flexcam.report.tables import describe_mac, mac_table, mode_table
-from flexcam.report.terminal import finite_numbers, plain_table
+from flexcam.report.terminal import NOISE, format_csv, format_number, plain_table, show_count
 from flexcam.valvetrain import ModelModes
 
 
@@ -94,18 +107,209 @@ def modes(
         parts.append(f"{files[0]}: choose a mode in Warp By Vector and press play; {files[1]} has the static shapes")
     closed_hz = {
         one.contact: {
-            key: [float(modes.modes.frequencies[i]) for i in _elastic(modes, count)]
+            key: modes.modes.frequencies[_elastic(modes, count)]
             for key, modes in (("base_circle_hz", one.base_circle), ("full_lift_hz", one.full_lift))
         }
         for one in closed
     }
     json = {
         "title": read.record.title,
-        "frequencies_hz": found.modes.frequencies.tolist(), "free_motions": found.modes.rigid,
-        "effective_masses": found.effective.tolist(), "lost": found.modes.lost,
-        "rounding": found.modes.rounding.tolist(), "warnings": check_modes(found),
+        "frequencies_hz": found.modes.frequencies, "free_motions": found.modes.rigid,
+        "effective_masses": found.effective, "lost": found.modes.lost,
+        "rounding": found.modes.rounding, "warnings": check_modes(found),
         "moves": [found.words(i) for i in range(len(found.shares))],
-        "mac": None if criterion is None else finite_numbers(criterion), "mac_nodes": compared,
-        "closed": closed_hz, "files": [str(path) for path in files],
+        "mac": criterion, "mac_nodes": compared,
+        "closed": closed_hz, "files": files,
     }  # fmt: skip
     return cli.CommandOutput(parts, json)
+
+
+_MODES, _RESPONSE = Group("Natural modes", sort_key=1), Group("Orders of the response", sort_key=2)
+_MAX_ORDER = 1000  # the harmonics of a lift are below a thousandth of the maximum long before
+_MAX_TABLE_ORDERS = 8  # in the table: those with the largest amplitudes
+_DASH = (
+    "-: at this speed the mode does not exist, because a contact is open or closed there, or there is no result. A "
+    "mode that exists only at some speeds has a separate row."
+)
+
+
+def _modes_table(found: Campbell, scale: float) -> Table:
+    low, high = (f"Hz at {scale * found.rpm[i]:.6g}" for i in (0, -1))
+    rows = [
+        (str(i), format_number(column[0], 5), format_number(column[-1], 5), "yes" if reached else "no", words)
+        for i, (column, reached, words) in enumerate(
+            zip(found.frequencies.T, found.reached, found.words, strict=True), start=1
+        )
+    ]
+    title = f"Modes at full lift of {found.contact} over {shaft_name(scale)} rpm"
+    return plain_table(title, ("mode", low, high, "excited", "what moves"), rows)
+
+
+def _crossing_table(found: Campbell, scale: float) -> Table:
+    rows = [
+        (f"{scale * one.rpm:.6g}", str(one.harmonic), str(one.mode + 1), f"{one.frequency:.5g}",
+         format_number(1e3 * one.amplitude, 3), format_number(one.load, 3), one.words)
+        for one in found.crossings
+    ]  # fmt: skip
+    title = "Resonances: orders of the camshaft that excite modes at the contact"
+    head = (f"{shaft_name(scale)} rpm", "order", "mode", "Hz", "lift, mm", "force, N", "what moves")
+    return plain_table(title if rows else f"{title}: none between these speeds", head, rows)
+
+
+def _campbell_json(found: Campbell, scale: float) -> dict[str, object]:
+    modes = [
+        {"frequencies_hz": column, "reached": reached, "moves": words}
+        for column, reached, words in zip(found.frequencies.T, found.reached, found.words, strict=True)
+    ]
+    return {
+        "shaft": shaft_name(scale), "contact": found.contact, "rpm": scale * found.rpm, "modes": modes,
+        "lift_amplitudes_m": found.lifts, "force_amplitudes_n": dict(zip(found.lifts, found.loads.T, strict=True)),
+        "crossings": [replace(one, rpm=scale * one.rpm, mode=one.mode + 1) for one in found.crossings],
+        "ended": [one.cause for one in found.statuses],
+    }  # fmt: skip
+
+
+def _describe_incomplete_runs(statuses: Sequence[Status], rpm: FloatArray, scale: float) -> list[str]:
+    return [
+        f"Warning: no result at {scale * speed:.6g} {shaft_name(scale)} rpm: {status}"
+        for status, speed in zip(statuses, rpm.tolist(), strict=True)
+        if not status.ok
+    ]
+
+
+def _orders_table(found: Waterfall, scale: float) -> Table:
+    shown = sorted(largest_orders(found, _MAX_TABLE_ORDERS))
+    rounding = NOISE * float(np.nanmax(found.amplitudes)) if shown else 0.0
+    rows: list[tuple[str, ...]] = []
+    for rpm, sizes, gap in zip(found.rpm.tolist(), found.amplitudes, found.gaps.tolist(), strict=True):
+        largest = float(sizes[1:].max())
+        shares = f"{gap / largest:.1%}" if largest > 0.0 else "-"
+        cells = (format_number(0.0 if sizes[n] < rounding else sizes[n], 4) for n in (0, *shown))
+        rows.append((f"{scale * rpm:.6g}", *cells, shares))
+    what = f"acceleration of {found.signal.name}" if found.signal.probe else found.signal.name
+    title = f"Orders of {what}, {found.unit}, in the last revolution: largest of {found.amplitudes.shape[1] - 1}"
+    head = (f"{shaft_name(scale)} rpm", "mean", *(f"order {n}" for n in shown), "not periodic by")
+    return plain_table(title, head, rows)
+
+
+def _orders_csv(found: Sequence[Waterfall], scale: float) -> str:
+    """Return a row per history, speed and order, without incomplete runs."""
+    head = ("history", "unit", f"{shaft_name(scale)} speed [rpm]", "order", "amplitude", "not periodic by")
+    rows = [
+        (one.signal.name, one.unit, f"{scale * rpm:.10g}", n, size, gap)
+        for one in found
+        for rpm, sizes, gap in zip(one.rpm, one.amplitudes.tolist(), one.gaps.tolist(), strict=True)
+        for n, size in enumerate(sizes)
+        if not math.isnan(size)
+    ]
+    return format_csv(head, rows)
+
+
+def _orders_json(found: Sequence[Waterfall], scale: float) -> dict[str, object]:
+    histories = {
+        one.signal.name: {"unit": one.unit, "amplitudes": one.amplitudes, "open_by": one.gaps} for one in found
+    }
+    ended = [status.cause for status in found[0].statuses]
+    return {"shaft": shaft_name(scale), "rpm": scale * found[0].rpm, "histories": histories, "ended": ended}
+
+
+@cli.command("""\
+flexcam campbell cases/tayeb/model-3-shm.toml --lowest 1000rpm --highest 6000rpm --plot campbell.svg
+flexcam campbell case.toml --orders 1:12 --modes 4 --count 21 --json
+flexcam campbell case.toml --response --lowest 3000rpm --highest 7000rpm --plot orders.svg --csv orders.csv
+flexcam campbell case.toml --response --channel contacts.intake.force --probe valve --orders 1:40
+""")
+def campbell(
+    case: cli.CaseFile, *,
+    lowest: cli.Lowest = None, highest: cli.Highest = None, count: cli.Count = 9,
+    orders: Annotated[str, Parameter(help="Orders of the camshaft: 1:24, or 1,2,4; with --response 1:N.")] = "1:24",
+    modes: Annotated[int | None, Parameter(
+        group=_MODES, help="Number of modes, from the lowest; 8 by default.")] = None,
+    contact: Annotated[str | None, Parameter(
+        group=_MODES, help="Contact whose cam excites the modes, if there are several.")] = None,
+    response: Annotated[bool, Parameter(
+        group=_RESPONSE, help="Run each speed and show the orders of its last revolution.")] = False,
+    channels: Annotated[list[str] | None, Parameter(
+        "--channel", group=_RESPONSE, help="Channel such as a contact force; that of the first cam by "
+        "default. Repeatable.")] = None,
+    probes: Annotated[list[str] | None, Parameter(
+        "--probe", group=_RESPONSE, help=f"Probe whose acceleration is shown; {cli.DEFAULT_PROBE}. "
+        "Repeatable.")] = None,
+    csv: Annotated[cli.Csv, Parameter(group=_RESPONSE)] = None, plot: cli.Picture = None,
+    overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
+) -> cli.CommandOutput:  # fmt: skip
+    """Compute natural frequencies over speed and the orders of the cam that excite them, or the orders of the response.
+
+    Use it to find resonances (Campbell diagram). With --response it runs the case at every speed and shows the
+    harmonics of acceleration and contact force instead (waterfall diagram). Speeds are those of the crankshaft if the
+    case gives crank_speed, otherwise those of the camshaft.
+    """
+    if response:
+        why = "the orders of the response need no modes"
+        cli.refuse_with("--response", why, {"--modes": modes, "--contact": contact}, "leave one out")
+    of_response = {"--channel": channels, "--probe": probes, "--csv": csv}
+    cli.refuse_without("--response", of_response, present=response)
+    read, numbers = collect_errors(
+        lambda: cli.load_case(case, overrides) if response else cli.load_beams(case, overrides),
+        lambda: _parse_orders(orders, response),
+        lambda: cli.check_number("--modes", modes),
+        lambda: cli.check_targets(csv, plot, case, overwrite=overwrite),
+    )
+    speeds = cli.spaced_speeds(lowest, highest, count, read)
+    if response:
+        return orders_of_response(read, speeds, select_signals(read, channels, probes), numbers[-1])
+    return modes_over_speed(read, speeds, numbers, 8 if modes is None else modes, contact)
+
+
+def modes_over_speed(
+    case: Case, speeds: list[float], orders: Sequence[int], count: int = 8, contact: str | None = None
+) -> cli.CommandOutput:
+    """Return natural modes over speed and their crossings with orders of the cam."""
+    scale = case.turns
+    with show_count(len(speeds), "speeds") as shown:
+        found = find_crossings(case, speeds, orders=orders, modes=count, contact=contact, advance=shown)
+    incomplete = _describe_incomplete_runs(found.statuses, found.rpm, scale)
+    dash = [_DASH] if np.isnan(found.frequencies[[0, -1]]).any() else []
+    parts = [_modes_table(found, scale), *dash, _crossing_table(found, scale), *incomplete]
+    return cli.CommandOutput(
+        parts, _campbell_json(found, scale), title=case.title, status=cli.joint_status(found.statuses, "speeds"),
+        draw=lambda: plotting.spectra.campbell_figure(found, scale, shaft_name(scale)),
+    )  # fmt: skip
+
+
+def orders_of_response(case: Case, speeds: list[float], signals: list[Signal], highest_order: int) -> cli.CommandOutput:
+    """Run every speed and return the orders of the last revolution."""
+    scale = case.turns
+    with show_count(len(speeds), "speeds") as shown:
+        found = waterfall(case, speeds, signals, highest_order, advance=shown)
+    incomplete = _describe_incomplete_runs(found[0].statuses, found[0].rpm, scale)
+    parts = [*(_orders_table(one, scale) for one in found), *incomplete]
+    return cli.CommandOutput(
+        parts, _orders_json(found, scale), _orders_csv(found, scale), title=case.title,
+        draw=lambda: plotting.spectra.waterfall_figure(found, scale, shaft_name(scale)),
+        status=cli.joint_status(found[0].statuses, "speeds"),
+    )  # fmt: skip
+
+
+def select_signals(case: Case, channels: list[str] | None, probes: list[str] | None) -> list[Signal]:
+    """Return the requested histories: by default the acceleration of the valve and the force of the first cam."""
+    if channels is None and probes is None:
+        driven = next((name for name, one in case.record.contacts.items() if hasattr(one, "cam")), None)
+        channels = [] if driven is None else [f"contacts.{driven}.force"]
+        probes = [scalar_probe(prepare(case))]
+    return [*(Signal(name, probe=True) for name in probes or []), *(Signal(name) for name in channels or [])]
+
+
+def _parse_orders(text: str, response: bool) -> list[int]:
+    """Parse orders: ``1:12``, ``1,2,4`` or one; those of a response begin with 1 and have no gaps."""
+    numbers: list[int] = []
+    if found := re.fullmatch(r"\s*(\d{1,4})\s*:\s*(\d{1,4})\s*", text):
+        numbers = list(range(int(found[1]), int(found[2]) + 1))
+    elif re.fullmatch(r"\s*\d{1,4}\s*(,\s*\d{1,4}\s*)*", text):
+        numbers = sorted({int(one) for one in text.split(",")})
+    if not numbers or numbers[0] < 1 or numbers[-1] > _MAX_ORDER:
+        raise refuse("--orders", repr(text), f"whole numbers from 1 to {_MAX_ORDER}: 1:12, or 1,2,4")
+    if response and len(numbers) != numbers[-1]:
+        why = "the response has all orders from 1"
+        raise refuse("--orders", repr(text), "1:N with --response", why, f"write 1:{numbers[-1]}")
+    return numbers

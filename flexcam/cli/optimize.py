@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from cyclopts import Parameter
@@ -20,8 +21,7 @@ from flexcam.cli.study_options import StudyOptions
 from flexcam.core.errors import refuse
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Cause, RunFailedError, Status
-from flexcam.report import terminal
-from flexcam.report.terminal import facts_table, finite_or_none, format_number, plain_table, with_unit
+from flexcam.report.terminal import facts_table, format_csv, format_decimals, format_number, plain_table, with_unit
 from flexcam.studies import optimization
 from flexcam.studies.evaluation import evaluate
 from flexcam.studies.gradients import gradient_function, optimize_by_gradient
@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 
 
 _ROUNDING = 1e-9  # tolerance of a constraint for rounding, relative to its bound
+# Distance to a variant that violates a constraint, relative to the intervals, below which the constraint is active.
 _ACTIVE_DISTANCE = 0.01
-"""Distance to a variant that violates a constraint, relative to the intervals, below which the constraint is active."""
 
 
 @cli.command("""\
@@ -73,16 +73,15 @@ def optimize(
 ) -> cli.CommandOutput:  # fmt: skip
     """Find the best variant of a case under constraints, or the Pareto front of two goals."""
     cli.check_targets(csv, plot, case, overwrite=overwrite, target=target)
-    goals = _parse_goals(least or (), most or ())
-    bounds = optimization.parse_constraints(subject or ())
-    names = [*(goal.name for goal in goals), *(bound.name for bound in bounds)]
-    options = "--least, --most or --subject"
+    goals, bounds = _parse_goals(least or (), most or ()), optimization.parse_constraints(subject or ())
+    names, options = [one.name for one in (*goals, *bounds)], "--least, --most or --subject"
     asked = StudyOptions(
         case, overrides, names, lowest, highest, accuracy, option=options, workers=workers, allow_large=allow_large
     )
     variables = variables_of(asked.case, vary, "--vary")
-    cli.refuse_without("--method gradient", {"--starts": starts}, present=method == "gradient")
-    if method == "gradient":
+    by_gradient = method == "gradient"
+    cli.refuse_without("--method gradient", {"--starts": starts}, present=by_gradient)
+    if by_gradient:
         exact_names(asked.case, names, "exact", option="--method gradient", other="use --method evolution")
     with suppress(RunFailedError):  # a case that fails may have better variants
         asked.initial_quantities(evaluations)
@@ -90,7 +89,7 @@ def optimize(
     with asked.evaluators(evaluations) as runs:
         points = PointEvaluator(asked.case, variables, worst.over(runs) if worst else runs)
         design = OptimizationProblem(points, goals, bounds)
-        if method == "gradient":
+        if by_gradient:
             derive = gradient_function(asked.file, asked.fixed, points, design.spans, names, worst)
             begins = 1 if starts is None else starts
             found = optimize_by_gradient(design, derive, evaluations=evaluations, starts=begins, seed=seed)
@@ -101,31 +100,39 @@ def optimize(
     if target is not None and found.best is not None:
         best = (*asked.fixed, *design.points.overrides(found.points[found.best]))
         title = f"The best variant of {asked.file.path.name}:"
-        written += study.write_variant(asked.file, best, target, title, overwrite=overwrite)
-    ended = Status()
+        written = study.write_variant(asked.file, best, target, title, overwrite=overwrite)
+    output = _describe_search(asked, design, found, worst, by_gradient=by_gradient)
+    return replace(output, files=written, status=_search_status(found, evaluations))
+
+
+def _search_status(found: Evaluations, evaluations: int) -> Status:
     if found.stopped:
         done = f"stopped after {len(found.rows)} of about {evaluations} variants; the result is their best"
-        ended = Status(Cause.INTERRUPTED, done, "run the same command with the same --seed again for the whole search")
-    parts, json = _optimum(design, found) if len(goals) == 1 else _front(design, found)
-    if method == "gradient" and design.start is None:
+        return Status(Cause.INTERRUPTED, done, "run the same command with the same --seed again for the whole search")
+    if found.best is None:
+        remedy = "widen the intervals, or relax a constraint"
+        return Status(Cause.TOLERANCE, "no variant meets all constraints", remedy)
+    return Status()
+
+
+def _describe_search(
+    asked: StudyOptions, design: OptimizationProblem, found: Evaluations, worst: WorstCase | None, *, by_gradient: bool
+) -> cli.CommandOutput:
+    parts, json = _optimum(design, found) if len(design.goals) == 1 else _front(design, found)
+    if by_gradient and design.start is None:
         parts.append("The case is outside the intervals: the search started from their centre.")
     if found.is_flat:
         remedy = "Vary a value on which it depends, add --starts, or use --method evolution."
-        if goals[0].name.startswith("contacts."):
+        if design.goals[0].name.startswith("contacts."):
             remedy = f"A lost contact has no force: start with a closed contact (--set). {remedy}"
-        parts.append(f"At the start no varied value changes {goals[0].name}. {remedy}")
-    if not found.stopped and found.best is not None and len(goals) == 1:
+        parts.append(f"At the start no varied value changes {design.goals[0].name}. {remedy}")
+    if not found.stopped and found.best is not None and len(design.goals) == 1:
         conditions = worst.conditions if worst else ((),)
-        events = _check_variant(asked, design.points.overrides(found.points[found.best]), conditions)
-        parts, json = [*parts, *events], {**json, "warnings": events}
-    if ended.ok and found.best is None:
-        ended = Status(
-            Cause.TOLERANCE, "no variant meets all constraints", "widen the intervals, or relax a constraint"
-        )
+        json["warnings"] = _check_variant(asked, design.points.overrides(found.points[found.best]), conditions)
+        parts += json["warnings"]
+    if not found.stopped and found.best is None:
         json = {"status": "ok", **json}
-    return cli.CommandOutput(
-        parts, json, _csv(design, found), lambda: _search_figure(design, found), files=written, status=ended
-    )
+    return cli.CommandOutput(parts, json, _csv(design, found), lambda: _search_figure(design, found))
 
 
 def _parse_goals(least: Sequence[str], most: Sequence[str]) -> tuple[Goal, ...]:
@@ -138,9 +145,7 @@ def _parse_goals(least: Sequence[str], most: Sequence[str]) -> tuple[Goal, ...]:
     return goals
 
 
-def _check_variant(
-    asked: StudyOptions, variant: Sequence[str], conditions: Sequence[Sequence[str]]
-) -> list[str]:  # fmt: skip
+def _check_variant(asked: StudyOptions, variant: Sequence[str], conditions: Sequence[Sequence[str]]) -> list[str]:
     """Return warnings about events of the best variant, such as contact loss, in each of its conditions."""
     if not any(is_run_scalar(asked.case, name) for name in asked.names):
         return []
@@ -176,7 +181,6 @@ def _worst_case(
 
 
 def _search_figure(design: OptimizationProblem, found: Evaluations) -> Figure:
-    """Return the figure of a search: progress of one goal, or the Pareto front of two."""
     inside = optimization.is_feasible(found.violations)
     signs = np.array([-1.0 if goal.most else 1.0 for goal in design.goals])
     labels = [with_unit(goal.name, design.unit(goal.name, found.rows)) for goal in design.goals]
@@ -190,11 +194,11 @@ def _search_figure(design: OptimizationProblem, found: Evaluations) -> Figure:
     return plotting.histories.progress_figure(signs[0] * costs, inside, signs[0] * best, labels[0])
 
 
-def _optimum(design: OptimizationProblem, found: Evaluations) -> tuple[list[Table | str], Mapping[str, object]]:
+def _optimum(design: OptimizationProblem, found: Evaluations) -> tuple[list[Table | str], dict[str, Any]]:
     """Return the printed output and the JSON of an optimization with one goal."""
     at = found.nearest if found.best is None else found.best
     title = f"Best of {len(found.rows)} variants" if found.best is not None else "Smallest violation of constraints"
-    point = zip(design.points.variables, found.points[at].tolist(), strict=True)
+    point = list(zip(design.points.variables, found.points[at].tolist(), strict=True))
     rows = [
         (design.goals[0].words, _value(found, at, design.goals[0].name)),
         *((f"--set {one.key}", f"{format_number(x)}{one.unit}") for one, x in point),
@@ -202,12 +206,7 @@ def _optimum(design: OptimizationProblem, found: Evaluations) -> tuple[list[Tabl
     parts: list[Table | str] = [facts_table(title, rows)]
     if design.bounds:
         parts.append(_constraint_table(design, found, at))
-    ends = [
-        one.key
-        for one, value in zip(design.points.variables, found.points[at].tolist(), strict=True)
-        if min(value - one.low, one.high - value) <= 0.01 * (one.high - one.low)
-    ]
-    if ends:
+    if ends := [one.key for one, x in point if min(x - one.low, one.high - x) <= 0.01 * (one.high - one.low)]:
         parts.append(f"At an end of its interval: {', '.join(ends)}; a wider interval may have a better variant.")
     words, count = _describe_failures(found)
     json = {"best": None if found.best is None else _variant_json(design, found, found.best),
@@ -215,19 +214,12 @@ def _optimum(design: OptimizationProblem, found: Evaluations) -> tuple[list[Tabl
     return [*parts, *words], json
 
 
-def _front(design: OptimizationProblem, found: Evaluations) -> tuple[list[Table | str], Mapping[str, object]]:
+def _front(design: OptimizationProblem, found: Evaluations) -> tuple[list[Table | str], dict[str, Any]]:
     """Return the printed output and the JSON of a search for a Pareto front."""
     best = optimization.pareto_indices(found)
-    names = [goal.name for goal in design.goals]
     head = (*(with_unit(goal.words, design.unit(goal.name, found.rows)) for goal in design.goals),
             *(with_unit(one.key, one.unit) for one in design.points.variables))  # fmt: skip
-    rows = [
-        (
-            *(format_number(row_value(found.rows[i], name)) for name in names),
-            *(format_number(x) for x in found.points[i].tolist()),
-        )
-        for i in best
-    ]
+    rows = [(*(row_value(found.rows[i], goal.name) for goal in design.goals), *found.points[i].tolist()) for i in best]
     title = f"Pareto front of {len(found.rows)} variants" if rows else "No variant meets all constraints"
     words, count = _describe_failures(found)
     json = {"front": [_variant_json(design, found, i) for i in best], "evaluations": len(found.rows), "failed": count}
@@ -243,19 +235,26 @@ def _value(found: Evaluations, at: int, name: str) -> str:
 
 def _constraint_table(design: OptimizationProblem, found: Evaluations, at: int) -> Table:
     rows = list[Sequence[str]]()
-    for i, (one, violation) in enumerate(zip(design.bounds, found.violations[at].tolist(), strict=False)):
-        distance = found.distance_to_violation(at, i)
-        active = is_active(violation) or distance <= _ACTIVE_DISTANCE
+    for one, violation, distance, active in _constraints(design, found, at):
         if one.bound(found.rows[at].units.get(one.name, "rpm")) == 0.0:  # nothing to which a margin is relative
             margin = "violated" if violation > _ROUNDING else "active" if active else "met"
         elif violation > _ROUNDING:
-            margin = f"violated by {terminal.format_decimals(100.0 * violation, 2)} %"
+            margin = f"violated by {format_decimals(100.0 * violation, 2)} %"
         else:
             margin = f"active: {-violation:.2%}" if active else f"{-violation:.1%}"
         away = "none found" if math.isinf(distance) else f"{distance:.2%}"
         rows.append((one.words, _value(found, at, one.name), margin, away))
     head = ("subject to", "value", "margin", "smallest change of the varied values that violates it, % of the interval")
     return plain_table("Constraints", head, rows)
+
+
+def _constraints(
+    design: OptimizationProblem, found: Evaluations, at: int
+) -> list[tuple[Constraint, float, float, bool]]:
+    """Return constraints with their violation, the distance to a variant that violates them, and if they are active."""
+    bounds = enumerate(zip(design.bounds, found.violations[at].tolist(), strict=False))
+    rows = [(one, violation, found.distance_to_violation(at, i)) for i, (one, violation) in bounds]
+    return [(*row, is_active(row[1]) or row[2] <= _ACTIVE_DISTANCE) for row in rows]
 
 
 def _describe_failures(found: Evaluations) -> tuple[list[str], int]:
@@ -266,30 +265,24 @@ def _describe_failures(found: Evaluations) -> tuple[list[str], int]:
 
 
 def _variant_json(design: OptimizationProblem, found: Evaluations, i: int) -> dict[str, object]:
-    row = found.rows[i]
-    names = [*(goal.name for goal in design.goals), *(one.name for one in design.bounds)]
+    row, names = found.rows[i], [one.name for one in (*design.goals, *design.bounds)]
     return {
         "overrides": list(design.points.overrides(found.points[i])),
-        "values": {name: finite_or_none(row_value(row, name)) for name in names},
+        "values": {name: row_value(row, name) for name in names},
         "units": {name: row.units.get(name, "") for name in names},
         "bounds": [
-            {
-                "bound": one.words,
-                "slack": finite_or_none(-float(x)),
-                "outside": finite_or_none(found.distance_to_violation(i, k)),
-                "active": is_active(float(x)) or found.distance_to_violation(i, k) <= _ACTIVE_DISTANCE,
-            }
-            for k, (one, x) in enumerate(zip(design.bounds, found.violations[i].tolist(), strict=False))
+            {"bound": one.words, "slack": -violation, "outside": distance, "active": active}
+            for one, violation, distance, active in _constraints(design, found, i)
         ],
     }
 
 
 def _csv(design: OptimizationProblem, found: Evaluations) -> str:
-    names = list(dict.fromkeys([*(goal.name for goal in design.goals), *(one.name for one in design.bounds)]))
+    names = list(dict.fromkeys(one.name for one in (*design.goals, *design.bounds)))
     head = [*(with_unit(one.key, one.unit) for one in design.points.variables), *names, "within all bounds", "status"]
     inside = optimization.is_feasible(found.violations).tolist()
     rows: list[Sequence[object]] = [
-        (*point, *(row_value(row, name) for name in names), "yes" if good else "no", str(row.status.cause))
+        (*point, *(row_value(row, name) for name in names), "yes" if good else "no", row.status.cause)
         for point, row, good in zip(found.points.tolist(), found.rows, inside, strict=True)
     ]
-    return terminal.format_csv(head, rows)
+    return format_csv(head, rows)

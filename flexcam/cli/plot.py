@@ -27,7 +27,7 @@ from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_shared_seat_load
 from flexcam.cli import app as cli
-from flexcam.cli.campbell import modes_over_speed, orders_of_response, select_signals
+from flexcam.cli.modes import modes_over_speed, orders_of_response, select_signals
 from flexcam.cli.sources import Source, name_sources, open_sources
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
@@ -50,6 +50,7 @@ FigureKind = Literal[
     "waterfall", "map", "sweep", "work-precision",
 ]  # fmt: skip
 _OF_CAMS = ("svaj", "profile")
+# Kinds of figures to which an option applies
 _APPLIES = {
     "probe": ("motion", "waterfall", "work-precision"),
     "channel": ("motion", "force", "torque", "profile", "spring", "waterfall", "map"),
@@ -59,7 +60,6 @@ _APPLIES = {
     "units": tuple(kind for kind in get_args(FigureKind) if kind not in ("orbits", "campbell", "work-precision")),
     "set": tuple(kind for kind in get_args(FigureKind) if kind != "sweep"),
 }  # fmt: skip
-"""Kinds of figures to which an option applies."""
 
 _ORDERS = 24  # highest drawn order of the camshaft
 _OPEN_LIFT = 1e-4  # lift above which a valve counts as open for the overlap, m
@@ -294,7 +294,7 @@ def _profile(asked: FigureOptions) -> Figure:
         raise refuse("--what", "profile", "a cam with a follower", why, "give the cam base_radius and follower")
     turned = 0.0 if asked.angle is None else cli.parse_quantity("--angle", asked.angle, "angle", "deg")
     profile = cam_profile(one.event, one.follower, count=720, turn=one.turn)
-    coloured = None if asked.channels is None else _profile_values(source, profile, asked.channels[0])
+    coloured = None if asked.channels is None else _profile_values(source, one, profile, asked.channels[0])
     return plotting.curves.profile_figure(profile, angle=turned % math.tau, coloured=coloured)
 
 
@@ -313,14 +313,14 @@ def _cam_of_channel(source: Source, asked: FigureOptions, channels: Sequence[str
     return cam
 
 
-def _profile_values(source: Source, profile: CamProfile, channel: str) -> tuple[CamProfile, FloatArray, str]:
+def _profile_values(source: Source, cam: Cam, profile: CamProfile, channel: str) -> tuple[CamProfile, FloatArray, str]:
     """Return the profile at the instants of the last revolution, the values of a channel and their label."""
     response = source.response
     unit, last = plotting.histories.channel_unit(response, channel), response.latest(source.ready.revolution)
     values, (factor, symbol) = response.channels[channel][last], to_display_unit(unit)
     if unit == "m" and float(np.abs(values).max(initial=0.0)) < _THIN:
         factor, symbol = 1e6, "µm"
-    touched = profile_at(profile.event, profile.follower, response.angle[last], profile.turn)
+    touched = profile_at(profile.event, profile.follower, cam.angle(response.angle[last]), profile.turn)
     return touched, factor * values, ", ".join(filter(None, (plotting.histories.short_name(channel), symbol)))
 
 
@@ -398,13 +398,11 @@ def _modes(asked: FigureOptions) -> Figure:
 
 
 def _campbell(asked: FigureOptions) -> Figure:
-    """Draw modes and orders from 0.5 to 1.5 times the speed of the case."""
     case = _single_source(asked, "campbell").case
     return modes_over_speed(case, _speeds(asked, case), range(1, _ORDERS + 1)).figure()
 
 
 def _waterfall(asked: FigureOptions) -> Figure:
-    """Draw the orders of a motion and a force from 0.5 to 1.5 times the speed of the case."""
     case = _single_source(asked, "waterfall").case
     seen = select_signals(case, asked.channels, None if asked.probe is None else [asked.probe])
     return orders_of_response(case, _speeds(asked, case), seen, _ORDERS).figure()

@@ -1,36 +1,23 @@
-"""Commands for result files: info, export, report."""
+"""Commands for result files: info, export, report, view."""
 
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 from cyclopts import Parameter
 
+from flexcam import io
 from flexcam.case.builder import build_model
 from flexcam.case.reader import read_case
 from flexcam.cli import app as cli
+from flexcam.cli.sources import displayed_mechanism, open_sources
 from flexcam.core.errors import refuse
-from flexcam.dynamics import Response
-from flexcam.io import (
-    Result,
-    check_folder_name,
-    check_writable,
-    create_folder,
-    macro_path,
-    read_result,
-    verify_file,
-    write_csv,
-    write_macro,
-    write_mesh,
-    write_pvd,
-    write_text,
-)
 from flexcam.report.tables import info_table, stats_json
 from flexcam.report.terminal import print_json, result_console
-from flexcam.valvetrain import build_structure
 
 _FRAMES, _MAX_FRAMES = {".vtm": 36, ".glb": 72}, 720
 _MAX_INSTANTS = 10_000_000
@@ -47,22 +34,22 @@ def info(
 ) -> None:  # fmt: skip
     """Show the contents of a result file: how its run ended, versions, solver statistics, saved data."""
     if verify:
-        found = verify_file(result)
+        found = io.verify_file(result)
         if as_json:
-            print_json({"status": "ok", "file": str(result), **found})
+            print_json({"status": "ok", "file": result, **found})
         else:
             partial = "" if found["complete"] else "; its run ended early"
             size = f"{found['datasets']} datasets, {found['bytes']} bytes"
             result_console().print(f"{result} is intact: {size}, as written{partial}")
         return
-    read = read_result(result)
+    read = io.read_result(result)
     response = read.response
     if as_json:
         print_json({
-            "status": "ok", "run": str(response.status.cause), "message": response.status.text,
+            "status": "ok", "run": response.status.cause, "message": response.status.text,
             "stats": stats_json(response.stats),
             "saved_steps": len(response.time), "saved_fields": len(response.field_time),
-            "probes": {name: list(components) for name, components in response.outline.probes},
+            "probes": dict(response.outline.probes),
             "channels": dict(response.outline.channels), "fields": [*read.field_names, *read.recovered],
             "about": {name: text for name, text in read.about.items() if name not in ("case", "files", "resolved")},
             "case": json.loads(read.about["resolved"]),
@@ -119,44 +106,47 @@ def export(
     ):  # fmt: skip
         if given and form not in forms:
             raise refuse(option, f"--format {form}", f"--format {' or '.join(forms)}", why)
-    target = create_folder(source.parent if folder is None else check_folder_name(folder)) / f"{source.stem}.{form}"
+    target = (
+        io.create_folder(source.parent if folder is None else io.check_folder_name(folder)) / f"{source.stem}.{form}"
+    )
     if form in ("msh", "inp"):
-        write_mesh(build_model(read_case(source)).mesh, target, overwrite=overwrite)
+        io.write_mesh(build_model(read_case(source)).mesh, target, overwrite=overwrite)
         files = [target]
     elif form == "csv":
-        response = _interpolate(read_result(source).response, instants)
-        files = [write_csv(response, target, probes=probes, every=every, overwrite=overwrite)]
+        response = io.read_result(source).response
+        if instants is not None:
+            if len(response.time) < 2:
+                raise refuse("--instants", "a result with one instant", "two or more", "", "leave --instants out")
+            cli.check_number("--instants", instants, 2, _MAX_INSTANTS)
+            response = response.at(np.linspace(float(response.time[0]), float(response.time[-1]), instants))
+        files = [io.write_csv(response, target, probes=probes, every=every, overwrite=overwrite)]
     elif form in ("stl", "vtm", "glb"):
         files = _write_solids(source, target, fields, instants, at, overwrite=overwrite)
     else:
-        files = _write_collection(read_result(source), target, every, fields, macro=macro, overwrite=overwrite)
+        files = _write_collection(io.read_result(source), target, every, fields, macro=macro, overwrite=overwrite)
     said = f"{files[0]} ({len(files)} files)" if len(files) > 1 else str(files[0])
     script = f"\nparaview --script={files[1]}" if macro else ""
-    return cli.CommandOutput([said + script], {"files": [str(path) for path in files]})
+    return cli.CommandOutput([said + script], {"files": files})
 
 
 def _write_collection(
-    result: Result, target: Path, every: int, fields: list[str] | None, *, macro: bool, overwrite: bool
+    result: io.Result, target: Path, every: int, fields: list[str] | None, *, macro: bool, overwrite: bool
 ) -> list[Path]:
-    """Write a collection and its macro after checking that both may be written."""
     if not macro:
-        return write_pvd(result, target, every=every, fields=fields, overwrite=overwrite)
+        return io.write_pvd(result, target, every=every, fields=fields, overwrite=overwrite)
     if fields is not None and "displacement" not in fields:
         why = "the script of --paraview shows the deformation"
         raise refuse("--field", ", ".join(fields), "displacement among them", why)
-    check_writable("export", macro_path(target), overwrite=overwrite)
-    first, *rest = write_pvd(result, target, every=every, fields=fields, overwrite=overwrite)
+    io.check_writable("export", io.macro_path(target), overwrite=overwrite)
+    first, *rest = io.write_pvd(result, target, every=every, fields=fields, overwrite=overwrite)
     shown = (*result.field_names, *result.recovered) if fields is None else tuple(fields)
     degrees = np.degrees(result.response.field_angle[::every]).tolist()
-    return [first, write_macro(first, shown, degrees, overwrite=overwrite), *rest]
+    return [first, io.write_macro(first, shown, degrees, overwrite=overwrite), *rest]
 
 
 def _write_solids(
     source: Path, target: Path, fields: list[str] | None, instants: int | None, at: str | None, *, overwrite: bool
 ) -> list[Path]:
-    """Write the solids of a result, or of a case as a rigid mechanism, in the format of the suffix of the target."""
-    from flexcam.cli.sources import displayed_motion, open_sources
-    from flexcam.plotting.scene.mechanism import build_mechanism
     from flexcam.plotting.solid_files import collect_parts, write_glb, write_stl, write_vtm
 
     cli.check_number("--instants", instants, 2, _MAX_FRAMES)
@@ -165,11 +155,11 @@ def _write_solids(
     angle = cli.parse_optional("--at", at, "angle", "deg")
     folder = target.with_name(f"{target.stem}-solids")
     if target.suffix != ".stl":
-        check_writable("export", target if target.suffix == ".glb" else folder.with_suffix(".pvd"), overwrite=overwrite)
+        io.check_writable(
+            "export", target if target.suffix == ".glb" else folder.with_suffix(".pvd"), overwrite=overwrite
+        )
     (read,) = open_sources([source], None)
-    structure = build_structure(build_model(read.case))
-    motion, title, still = displayed_motion(read, structure, color=fields[0] if fields else None, angle=angle)
-    drawn = build_mechanism(structure)
+    drawn, motion, title, still = displayed_mechanism(read, color=fields[0] if fields else None, angle=angle)
     if target.suffix == ".stl":
         return write_stl(folder, collect_parts(drawn, motion.at([still])), overwrite=overwrite)
     frames = motion.spread(instants or _FRAMES[target.suffix])
@@ -179,16 +169,6 @@ def _write_solids(
     times = motion.angle / read.case.speed if read.result is None else read.result.response.field_time[-len(motion) :]
     label = motion.label.replace("\n", ", ")
     return write_vtm(folder.with_suffix(".pvd"), parts, times[frames], label, overwrite=overwrite)
-
-
-def _interpolate(response: Response, count: int | None) -> Response:
-    """Return a response at evenly spaced instants; None for its own instants."""
-    if count is None:
-        return response
-    if len(response.time) < 2:
-        raise refuse("--instants", "a result with one instant", "two or more", "", "leave --instants out")
-    cli.check_number("--instants", count, 2, _MAX_INSTANTS)
-    return response.at(np.linspace(float(response.time[0]), float(response.time[-1]), count))
 
 
 @cli.command("""\
@@ -217,12 +197,76 @@ def report(
     target = output or results[0].parent / f"{results[0].stem}.html"
     if target.suffix != ".html":
         raise refuse("-o", str(target), "a name that ends in .html")
-    check_writable("report", target, overwrite=overwrite)
+    io.check_writable("report", target, overwrite=overwrite)
     subjects = [load_subject(one) for one in results]
     found = build_report(subjects, probe=probe, asked=ReportOptions(errors, limits, trade))
-    write_text(target, render_page(found), overwrite=overwrite)
+    io.write_text(target, render_page(found), overwrite=overwrite)
     if as_json:
-        warnings = {str(path): list(chapter.warnings) for path, chapter in zip(results, found.chapters, strict=True)}
-        print_json({"status": "ok", "file": str(target), "title": found.title, "warnings": warnings})
+        warnings = {str(path): chapter.warnings for path, chapter in zip(results, found.chapters, strict=True)}
+        print_json({"status": "ok", "file": target, "title": found.title, "warnings": warnings})
     else:
         result_console().print(str(target))
+
+
+_MIN_SIZE, _MAX_SIZE = 64, 8192  # of a picture, pixels
+_MAX_SCALE = 1e6
+
+
+@cli.command("""\
+flexcam view results/intake.vtkhdf
+flexcam view results/intake.vtkhdf --color stress_von_mises --scale 50 --save train.gif
+flexcam view case.toml --at 120deg --save train.png
+flexcam view case.toml --mode 2 --save mode.mp4
+""")
+def view(
+    source: Annotated[Path, Parameter(
+        help="Result file (.vtkhdf), or case file (.toml) to show the rigid motion.")], *,
+    picture: Annotated[Path | None, Parameter(
+        "--save", help="Write a file (.png, .gif, .mp4 or .html) instead of opening a window.")] = None,
+    color: Annotated[str | None, Parameter(
+        help="Color the members by a saved field or a stress, such as stress_von_mises.")] = None,
+    scale: Annotated[float, Parameter(
+        help="Magnification of the elastic deformation; the rigid motion is not scaled.")] = 1.0,
+    at: Annotated[str | None, Parameter(
+        "--at", help="Cam angle of a still picture, or of the start of the motion: 120deg.")] = None,
+    mode: Annotated[int | None, Parameter(help="Animate a natural mode, by its number in flexcam modes.")] = None,
+    size: Annotated[str, Parameter(help="Size of the window or picture in pixels.")] = "1024x768",
+    overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
+) -> cli.CommandOutput:  # fmt: skip
+    """Show the moving mechanism in 3D, or write a picture or an animation of it.
+
+    The window has a slider over the cam angle. A picture of a result shows full lift by default.
+    """
+    from flexcam.plotting.rendering import FRAMES, check_output_path, save_view, select_renderer
+
+    if not abs(scale) <= _MAX_SCALE:
+        allowed = f"a finite number, at most {_MAX_SCALE:g} in size"
+        raise refuse("--scale", scale, allowed, "the deformation would leave the picture")
+    angle = cli.parse_optional("--at", at, "angle", "deg")
+    found = re.fullmatch(r"(\d+)x(\d+)", size)
+    pixels = (int(found[1]), int(found[2])) if found else (0, 0)
+    if not all(_MIN_SIZE <= side <= _MAX_SIZE for side in pixels):
+        raise refuse("--size", repr(size), f"WIDTHxHEIGHT of {_MIN_SIZE} to {_MAX_SIZE} pixels each, such as 1024x768")
+    if picture is not None:
+        check_output_path(picture, pixels, overwrite=overwrite)
+    (read,) = open_sources([source], overrides)
+    drawn, motion, title, still = displayed_mechanism(read, color=color, mode=mode, angle=angle)
+    if picture is not None and picture.suffix == ".html":
+        from flexcam.plotting.solid_files import collect_parts, write_page
+
+        frames = sorted({*motion.spread(FRAMES), still})
+        labels = [motion.words(i, title, scale) for i in frames]
+        parts = collect_parts(drawn, motion.at(frames), scale)
+        write_page(picture, parts, drawn.view, labels, frames.index(still), motion.label)
+    else:
+        select_renderer(off_screen=picture is not None)
+        from flexcam.plotting.solid_view import MechanismView
+
+        stage = MechanismView(drawn, motion, off_screen=picture is not None, scale=scale, size=pixels, title=title)
+        if picture is None:
+            stage.open_window(still, swings=mode is not None)
+        else:
+            save_view(stage, picture, motion.spread(FRAMES), still)
+    notes = ["\n  ".join(["Sizes chosen for the drawing:", *drawn.notes])] if drawn.notes else []
+    json = {"instants": len(motion), "drawn": list(drawn.notes)}
+    return cli.CommandOutput(notes, json, files=[] if picture is None else [picture])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -29,8 +29,7 @@ from flexcam.report.fidelity_tables import choice_json, describe_choice, error_t
 from flexcam.report.terminal import show_progress
 from flexcam.valvetrain import MemberStrength, StrengthSink, build_structure
 
-_CHATTER = 0.1
-"""Change of a contact force from one revolution to the next, rms, above which the run reports chatter."""
+_CHATTER = 0.1  # change of a contact force from one revolution to the next, rms, that is chatter
 
 
 @cli.command("""\
@@ -76,11 +75,8 @@ def run(
     if not allow_large:
         check_resources(estimate_case_resources(ready, "revolution"), folder)
     earlier = open_partial_result(ready, folder) if resume else None
-    strength, kept, watched = (
-        StrengthSink(build_structure(ready.model)),
-        summary_sink(ready, 2.0),
-        run_checks.RunMonitor.of(ready),
-    )
+    strength, kept = StrengthSink(build_structure(ready.model)), summary_sink(ready, 2.0)
+    watched = run_checks.RunMonitor.of(ready)
 
     def doubtful(stats: Stats) -> list[str]:
         recent = kept.response()
@@ -139,19 +135,16 @@ def _describe_run(
         f"Open it in ParaView 5.12 or newer; for older versions: flexcam export {path} --format pvd"
     )
     json = {
-        "status": str(status.cause), "message": status.text, "remedy": status.remedy, "result": str(path),
+        "status": status.cause, "message": status.text, "remedy": status.remedy, "result": path,
         "steps": stats.steps, "dof": ready.problem.system.size, "integrated": stats.unknowns,
         "seconds": stats.seconds, "events": stats.events,
         "periodicity": stats.periodicity if stats.periodicity >= 0.0 else None,
-        **({"revolution_change": asdict(change)} if change else {}),
+        **({"revolution_change": change} if change else {}),
         "energy_lost": run_checks.energy_residual(extremes),
         "energy_numerical": run_checks.numerical_dissipation(extremes),
         "imbalance": stats.imbalance if stats.imbalance >= 0.0 else None, "warnings": list(warnings),
         "train": {figure.name: figure.value for figure in figures},
-        "figures_of_merit": [asdict(one) for one in merit],
-        "errors": [asdict(one) for one in errors],
-        "choice": choice and choice_json(choice),
-        "strength": {name: asdict(member) for name, member in stressed.items()},
+        "figures_of_merit": merit, "errors": errors, "choice": choice and choice_json(choice), "strength": stressed,
     }  # fmt: skip
     return cli.CommandOutput(parts, json, status=status)
 

@@ -9,7 +9,7 @@ from rich.console import JustifyMethod
 from flexcam.analysis.selftest import all_checks, installation_info
 from flexcam.cli import app as cli
 from flexcam.dynamics import Cause, Status
-from flexcam.report.terminal import create_table, facts_table, finite_or_none
+from flexcam.report.terminal import create_table, facts_table
 
 _HEADS: tuple[tuple[str, JustifyMethod], ...] = (
     ("quantity", "left"), ("reference", "right"), ("computed", "right"), ("error", "right"), ("tolerance", "right"),
@@ -42,11 +42,9 @@ def selftest(*, as_json: cli.Json = False) -> cli.CommandOutput:
         table.add_row(one.quantity, *numbers, f"{one.tolerance:.1e}", "passed" if one.passed else "FAILED", one.source)
     parts = [table, facts_table("Installed packages", installation_info().items())]
     parts += [f"All {len(found)} checks passed"] if status.ok else []
-    rows = [
-        {**asdict(one), "computed": finite_or_none(one.computed), "error": finite_or_none(one.error),
-         "passed": one.passed}
-        for one in found
-    ]  # fmt: skip
-    json = {"status": str(status.cause), "message": status.text, "remedy": status.remedy, "checks": rows,
-            "installed": dict(installation_info())}  # fmt: skip
+    json = {
+        "status": status.cause, "message": status.text, "remedy": status.remedy,
+        "checks": [{**asdict(one), "error": one.error, "passed": one.passed} for one in found],
+        "installed": installation_info(),
+    }  # fmt: skip
     return cli.CommandOutput(parts, json, status=status)

@@ -17,7 +17,7 @@ from flexcam.cli.study_options import Highest, LimitAccuracy, Lowest, StudyOptio
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
 from flexcam.dynamics import Cause
-from flexcam.report.terminal import finite_numbers, finite_or_none, format_csv, format_number, plain_table
+from flexcam.report.terminal import format_csv, format_number, plain_table
 from flexcam.studies import sensitivity as studies
 from flexcam.studies.plan import check_power_of_two
 from flexcam.studies.quantities import frequency_number
@@ -120,12 +120,11 @@ def _derivatives(
     ]  # fmt: skip
     head = ("scalar", "unit", "value", "key", "key_unit", "key_value", "derivative", "error", "logarithmic", "smooth")
     table = [[math.nan if row[name] is None else row[name] for name in head] for row in rows]
-    json = [{name: finite_or_none(x) if isinstance(x, float) else x for name, x in row.items()} for row in rows]
     csv = format_csv([name.replace("_", " ") for name in head], table)
     known = [one for one in found if not math.isnan(one.logarithmic)]
     bars = {name: {one.by.key: one.logarithmic for one in known if one.scalar == name} for name in names}
     return cli.CommandOutput(
-        [*tables, *words], {"derivatives": json}, csv, status=kept.status,
+        [*tables, *words], {"derivatives": rows}, csv, status=kept.status,
         draw=lambda: plotting.histories.bars_figure(bars, "percent per percent"),
     )  # fmt: skip
 
@@ -235,15 +234,13 @@ def _tolerance_analysis(asked: StudyOptions, tolerances: list[str], count: int, 
     rows, parts = list(compress(every, run)), parts[run]
     names = asked.names
     values = np.column_stack([column(rows, name) for name in names])
-    units = {name: one.unit for name, one in initial.items()}
-    units |= {
-        name: next((row.units[name] for row in rows if name in row.units), "") for name in names if name not in units
-    }
+    known_units = [{name: one.unit for name, one in initial.items()}, *(row.units for row in rows)]
+    units = {name: next((one[name] for one in known_units if name in one), "") for name in names}
     nominal = {name: initial[name].value if name in initial else math.nan for name in names}
     found = {name: scalar_distribution(parts, values[:, i]) for i, name in enumerate(names)}
     summary = [
-        (name, units[name], format_number(nominal[name]), format_number(one.mean), format_number(one.deviation, 4),
-         *(format_number(one.quantiles[part]) for part in QUANTILES), str(one.missing))
+        (name, units[name], nominal[name], one.mean, format_number(one.deviation, 4),
+         *(one.quantiles[part] for part in QUANTILES), str(one.missing))
         for name, one in found.items()
     ]  # fmt: skip
     head = ("scalar", "unit", "nominal", "mean", "std", *(f"{part:.0%}" for part in QUANTILES), "n/a")
@@ -260,22 +257,20 @@ def _tolerance_analysis(asked: StudyOptions, tolerances: list[str], count: int, 
         if one.missing
     ]
     keys = [one.key for one in scatters]
-    columns, causes = (*keys, *names, "status"), [str(row.status.cause) for row in rows]
-    body = [
-        (*point, *value, cause) for point, value, cause in zip(parts.tolist(), values.tolist(), causes, strict=True)
-    ]
+    table = np.column_stack([parts, values]).tolist()
+    body = [(*numbers, row.status.cause) for numbers, row in zip(table, rows, strict=True)]
     json = {
         name: {
-            "unit": units[name], "value": finite_or_none(nominal[name]), "mean": finite_or_none(one.mean),
-            "std": finite_or_none(one.deviation), "missing": one.missing, "count": len(parts),
-            "quantiles": {f"{part:g}": finite_or_none(value) for part, value in one.quantiles.items()},
-            "rank_correlation": dict(zip(keys, finite_numbers(one.ranks), strict=True)),
+            "unit": units[name], "value": nominal[name], "mean": one.mean, "std": one.deviation,
+            "missing": one.missing, "count": len(parts),
+            "quantiles": {f"{part:g}": value for part, value in one.quantiles.items()},
+            "rank_correlation": dict(zip(keys, one.ranks, strict=True)),
         }
         for name, one in found.items()
     }  # fmt: skip
     known = {name: one[~np.isnan(one)] for name, one in zip(names, values.T, strict=True)}
     middle = {name: one.value for name, one in initial.items()}
     return cli.CommandOutput(
-        [*tables, *words], {"scatter": json}, format_csv(columns, body), status=kept.status,
+        [*tables, *words], {"scatter": json}, format_csv((*keys, *names, "status"), body), status=kept.status,
         draw=lambda: plotting.histories.scatter_figure(known, units, middle),
     )  # fmt: skip

@@ -21,9 +21,10 @@ from flexcam.core.units import RPM, shaft_name
 from flexcam.dynamics import Response, reraise_interrupt, solve
 from flexcam.io import Result, read_result
 from flexcam.report.terminal import make_unique, show_progress
-from flexcam.valvetrain import Cam, Structure
+from flexcam.valvetrain import Cam, build_structure
 
 if TYPE_CHECKING:
+    from flexcam.plotting.scene.mechanism import Mechanism
     from flexcam.plotting.scene.motion import Motion
 
 _RESULT = ".vtkhdf"
@@ -36,10 +37,15 @@ class Source:
     path: Path
     overrides: tuple[str, ...] = ()
 
+    @property
+    def is_result(self) -> bool:
+        """True for a result file, False for a case or a file of cams."""
+        return self.path.suffix == _RESULT
+
     @cached_property
     def result(self) -> Result | None:
         """Result file; None for a case."""
-        return read_result(self.path) if self.path.suffix == _RESULT else None
+        return read_result(self.path) if self.is_result else None
 
     @cached_property
     def case(self) -> Case:
@@ -69,7 +75,7 @@ class Source:
     @cached_property
     def cams_only(self) -> CamSet | None:
         """Cams of a file without a mechanism; None for a result or a complete case."""
-        if self.path.suffix == _RESULT or has_mechanism(self.path):
+        if self.is_result or has_mechanism(self.path):
             return None
         return load_cams(self.path, self.overrides)
 
@@ -113,9 +119,9 @@ def open_sources(paths: Sequence[Path], overrides: Sequence[str] | None, *, cams
     """
     if not paths:
         raise refuse("command line", "no file", "one or more results (.vtkhdf) or cases (.toml)")
-    if overrides and any(path.suffix == _RESULT for path in paths):
-        raise refuse("--set", overrides[0], "--set only with a case", "a result cannot be changed", "give the case")
     found = [Source(path, tuple(overrides or ())) for path in paths]
+    if overrides and any(one.is_result for one in found):
+        raise refuse("--set", overrides[0], "--set with a case only", "a result cannot be changed", "give the case")
     for one in found:
         _ = one.result or (cams and one.cams_only) or one.case
     return found
@@ -129,17 +135,18 @@ def name_sources(sources: Sequence[Source]) -> dict[str, Source]:
     return dict(zip(make_unique(named, [""] * len(named)), sources, strict=True))
 
 
-def displayed_motion(
-    source: Source, structure: Structure, *, color: str | None = None, mode: int | None = None,
-    angle: float | None = None,
-) -> tuple[Motion, str, int]:  # fmt: skip
-    """Return the displayed motion, its title, and the index of the instant of an image.
+def displayed_mechanism(
+    source: Source, *, color: str | None = None, mode: int | None = None, angle: float | None = None
+) -> tuple[Mechanism, Motion, str, int]:
+    """Return the displayed mechanism, its motion, their title, and the index of the instant of an image.
 
     An image shows the instant at a cam angle, rad; without one full lift of a result, else the first instant.
     """
+    from flexcam.plotting.scene.mechanism import build_mechanism
     from flexcam.plotting.scene.motion import case_motion, full_lift, mode_motion, result_motion
 
     case, result, title = source.case, source.result, source.case.title
+    structure = build_structure(build_model(case))
     if mode is not None:
         if mode < 1:
             raise refuse("--mode", mode, "a whole number, at least 1, as flexcam modes counts them")
@@ -155,6 +162,7 @@ def displayed_motion(
         motion = result_motion(structure, result, case.speed, color).last_revolution()
     else:
         motion, title = case_motion(structure, case.speed, color), f"{title}: rigid mechanism"
+    still = 0 if angle is None else motion.nearest(angle)
     if angle is None and result is not None and mode is None:
-        return motion, title, full_lift(case, result.response, motion.angle)
-    return motion, title, 0 if angle is None else motion.nearest(angle)
+        still = full_lift(case, result.response, motion.angle)
+    return build_mechanism(structure), motion, title, still

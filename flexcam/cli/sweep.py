@@ -47,7 +47,6 @@ def _is_varying(values: FloatArray) -> bool:
 
 
 def _describe_sweep(found: SweepTable) -> list[str]:
-    """Return sentences about failed variants and about an empty table."""
     alike = found.scalars and not any(_is_varying(values) for values in found.scalars.values())
     words = ["every scalar has the same value in all variants; the files list them"] if alike else list[str]()
     for cause, rows in _failures(found).items():

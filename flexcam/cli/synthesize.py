@@ -20,7 +20,7 @@ from flexcam.cli import app as cli
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, format_quantity, parse
 from flexcam.io import check_writable, create_folder, write_law, write_lift
-from flexcam.report.terminal import NOISE, facts_table, finite_numbers, plain_table
+from flexcam.report.terminal import NOISE, facts_table, plain_table
 
 _FAMILY = Group("Family of laws", sort_key=1)
 _LEGEND = (
@@ -210,7 +210,6 @@ def _condition(text: str) -> tuple[float, int, float]:
 def _write_law_files(
     front: list[Synthesis], goals: tuple[str, str] | None, output: Path | None, plot: Path | None, *, overwrite: bool
 ) -> list[Path]:
-    """Write the requested files of a law, or of a front of two criteria, the goals."""
     files: list[Path] = []
     paths = [] if output is None else [output]
     if output is not None and len(front) > 1:  # numbered
@@ -316,8 +315,7 @@ def synthesize_polydyne(
         "design_speed_rpm": found.speed / RPM, "left_out": found.design.left_out,
         "lift": [end.value for end in event_extremes(found.design.event)],
         "acceleration": [end.value for end in event_extremes(found.design.event, 2)], "ratio": found.ratio,
-        "speeds_rpm": (found.speeds / RPM).tolist(), "plain": finite_numbers(found.plain),
-        "polydyne": finite_numbers(found.compensated),
+        "speeds_rpm": found.speeds / RPM, "plain": found.plain, "polydyne": found.compensated,
     }  # fmt: skip
     tables = [_polydyne_properties_table(found), _polydyne_table(found)]
     describe_file = partial(cli.describe_lift_file, phase=found.phase)

@@ -226,20 +226,17 @@ class FluctuatingSpeed:
 
 
 @dataclass(frozen=True, eq=False)
-class PhasedSpeed:
-    """Camshaft behind a phaser that turns it against its drive: ``theta = start + omega t + phi(t)``.
+class Phaser:
+    """Phaser that turns a shaft against its drive: ``psi = theta + phi(theta)``, theta the angle of the drive.
 
-    The angle phi is interpolated by F. N. Fritsch and R. E. Carlson's monotone cubic, SIAM J. Numer. Anal. 17 (1980),
-    and is constant before the first and after the last row.
+    The rotation phi is interpolated by F. N. Fritsch and R. E. Carlson's monotone cubic, SIAM J. Numer. Anal. 17
+    (1980), and is constant before the first and after the last row. As theta grows over all revolutions of a run, phi
+    is a schedule and not a periodic function.
 
     Parameters
     ----------
-    speed
-        Of the drive, rad/s, above zero.
-    times, shifts
-        Rows of time, s, ascending, and phi, rad; shape (m,) each.
-    start
-        Angle of the drive at time zero, rad.
+    angles, shifts
+        Rows of theta, ascending, and phi, rad; shape (m,) each.
 
     Raises
     ------
@@ -248,38 +245,69 @@ class PhasedSpeed:
 
     Examples
     --------
-    >>> PhasedSpeed(10.0, (0.0, 1.0), (0.0, 0.5)).at(np.array([0.0, 1.0, 2.0])).angle
+    >>> Phaser((0.0, 10.0), (0.0, 0.5))(np.array([0.0, 10.0, 20.0]))
     array([ 0. , 10.5, 20.5])
     """
 
-    speed: float
-    times: tuple[float, ...]
+    angles: tuple[float, ...]
     shifts: tuple[float, ...]
-    start: float = 0.0
 
     def __post_init__(self) -> None:
-        positive("speed", self.speed, "rad/s")
-        fine = np.concatenate([np.linspace(one, later, 21) for one, later in pairwise(self.times)])
-        slowest = float(self.at(fine).speed.min())
+        fine = np.concatenate([np.linspace(one, later, 21) for one, later in pairwise(self.angles)])
+        slowest = float(self(fine, 1).min())
         if slowest <= 0.0:
-            why = "the shaft must keep turning"
-            raise refuse("phaser", f"a shaft speed of {slowest:g} rad/s", "a speed above zero", why, "shift it slower")
+            given, why = f"a shaft at {slowest:.3g} times the speed of its drive", "the shaft must keep turning"
+            raise refuse("phaser", given, "a speed above zero", why, "shift it slower")
 
     @cached_property
     def _shift(self) -> PchipInterpolator:
         from scipy.interpolate import PchipInterpolator
 
-        edge = self.times[-1] - self.times[0]  # rows of equal angle beyond both ends make the ends smooth
-        times = [self.times[0] - edge, *self.times, self.times[-1] + edge]
-        return PchipInterpolator(times, [self.shifts[0], *self.shifts, self.shifts[-1]])
+        edge = self.angles[-1] - self.angles[0]  # rows of equal shift beyond both ends make the ends smooth
+        angles = [self.angles[0] - edge, *self.angles, self.angles[-1] + edge]
+        return PchipInterpolator(angles, [self.shifts[0], *self.shifts, self.shifts[-1]])
 
-    def at(self, time: FloatArray) -> CamMotion:
-        """Return angle, speed and rate at the given times, s."""
-        time = np.asarray(time, dtype=float)
-        inside = np.clip(time, self.times[0], self.times[-1])
-        shift, rate, change = (np.asarray(self._shift(inside, order), dtype=float) for order in range(3))
-        change = np.where(inside == time, change, 0.0)
-        return CamMotion(self.start + self.speed * time + shift, self.speed + rate, change, time)
+    def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
+        """Return the angle of the shaft, rad, or a derivative by the angle of the drive."""
+        inside = np.clip(angle, self.angles[0], self.angles[-1])
+        shift = np.asarray(self._shift(inside, order), dtype=float)
+        return angle + shift if order == 0 else np.where(inside == angle, shift, 0.0) + float(order == 1)
+
+    def drive_angle(self, angle: float) -> float:
+        """Return the angle of the drive at an angle of the shaft, rad."""
+        found = angle
+        for _ in range(50):
+            at = np.array([found])
+            found -= float((self(at) - angle)[0] / self(at, 1)[0])
+        return found
+
+    def cache(self, cam: CamFunctionCache) -> CamFunctionCache:
+        """Return the cache of functions of the angle of the shaft at the angles of another cache."""
+        return cam.lookup(self, lambda: CamFunctionCache(self(cam.angle)))
+
+    def motion(self, drive: CamMotion) -> CamMotion:
+        """Return the motion of the shaft."""
+        known, slope, bend = self.cache(drive.cam), self(drive.angle, 1), self(drive.angle, 2)
+        rate = slope * drive.rate + bend * drive.speed**2
+        return CamMotion(known.angle, slope * drive.speed, rate, drive.time, known)
+
+
+@dataclass(frozen=True)
+class ShiftedFunction(DerivedCamFunction):
+    """Function of the angle of a shaft behind a phaser, over the angle of its drive; two derivatives."""
+
+    function: AngleFunction
+    phaser: Phaser
+
+    def of(self, cam: CamFunctionCache, order: int) -> FloatArray:
+        """Return the function or its derivative by the angle of the drive."""
+        shaft = self.phaser.cache(cam)
+        if order == 0:
+            return shaft(self.function, 0)
+        slope = self.phaser(cam.angle, 1)
+        if order == 1:
+            return shaft(self.function, 1) * slope
+        return shaft(self.function, 2) * slope**2 + shaft(self.function, 1) * self.phaser(cam.angle, 2)
 
 
 class SpeedByAngle:

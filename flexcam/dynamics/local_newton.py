@@ -93,7 +93,10 @@ def fill_compliance(
     i: int, j: int, places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int,
     W: FloatArray,
 ) -> None:  # fmt: skip
-    """Write the effect of a unit of force j on scalar i (0) and on its rate (1), unless it is known."""
+    """Write the effect of a unit of force j on scalar i (0) and on its rate (1).
+
+    Callers compare an entry with itself before: the call takes longer than the product that needs it.
+    """
     rate_at, act_at = sense_at + give.shape[2], sense_at + 2 * give.shape[2]
     by_d, by_v = 0.0, 0.0
     for b in range(places[1, j], places[1, j + 1]):

@@ -15,17 +15,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
+from flexcam import cams
 from flexcam.analysis.cam_analysis import CamFacts, exhaust_and_intake, lobe_separation
-from flexcam.cams import (
-    CamProfile,
-    Event,
-    Law,
-    SwingFlatFollower,
-    SwingRollerFollower,
-    Synthesis,
-    joints,
-    residual_spectrum,
-)
 from flexcam.core import ComplexArray, FloatArray
 from flexcam.core.units import format_quantity, to_display_unit
 from flexcam.fem.sections import Material
@@ -48,7 +39,7 @@ _RATIOS = np.linspace(0.05, 6.0, 600)
 _JUMP_OFFSET = 1e-6  # angle before a discontinuity, rad, at which its left-hand limit is drawn
 
 
-def law_figure(laws: Mapping[str, Law]) -> Figure:
+def law_figure(laws: Mapping[str, cams.Law]) -> Figure:
     """Return a figure with lift, velocity, acceleration and jerk of laws."""
     figure, axes = create_stacked_axes(LAW_LABELS, LAW_POSITION)
     draw_laws(axes, laws)
@@ -56,7 +47,7 @@ def law_figure(laws: Mapping[str, Law]) -> Figure:
     return add_title(figure, _single_name(laws))
 
 
-def draw_laws(axes: Sequence[Axes], laws: Mapping[str, Law]) -> None:
+def draw_laws(axes: Sequence[Axes], laws: Mapping[str, cams.Law]) -> None:
     """Draw lift, velocity, acceleration and jerk of laws."""
     z = np.linspace(0.0, 1.0, _POINTS)
     for (name, law), (color, dashes) in zip(laws.items(), line_styles(), strict=False):
@@ -64,7 +55,7 @@ def draw_laws(axes: Sequence[Axes], laws: Mapping[str, Law]) -> None:
             one.plot(*_insert_gaps(z, law.breaks, law(z, order)), label=name, color=color, linestyle=dashes)
 
 
-def lift_figure(events: Mapping[str, Event]) -> Figure:
+def lift_figure(events: Mapping[str, cams.Event]) -> Figure:
     """Return a figure with lift, velocity, acceleration and jerk of cams over the cam angle."""
     even = np.linspace(0.0, 2.0 * math.pi, _POINTS)
     factor, length = to_display_unit("m")
@@ -73,7 +64,7 @@ def lift_figure(events: Mapping[str, Event]) -> Figure:
     labels = [f"{name}\n{unit}" for name, unit in zip(names, units, strict=True)]
     figure, axes = create_stacked_axes(labels, "cam angle, deg")
     for (name, event), (color, dashes) in zip(events.items(), line_styles(), strict=False):
-        met = joints(event)
+        met = cams.joints(event)
         ends = np.array([joint.angle for joint in met])
         both_sides = [even, ends, ends[ends > _JUMP_OFFSET] - _JUMP_OFFSET]  # of every jump
         angle = np.sort(np.concatenate(both_sides))
@@ -120,28 +111,28 @@ def mark_dead_centres(axes: Sequence[Axes]) -> None:
     axes[-1].set_xticks(range(-360, 361, 90))
 
 
+# Names of the dead centres by crank angle, deg
 _DEAD_CENTRES = {-360: "firing TDC", -180: "BDC", 0: "TDC", 180: "BDC", 360: "firing TDC"}
-"""Names of the dead centres by crank angle, deg."""
 
 
-def spectrum_figure(laws: Mapping[str, Law]) -> Figure:
+def spectrum_figure(laws: Mapping[str, cams.Law]) -> Figure:
     """Return a figure with the residual vibration of laws over the rise time."""
     figure, (axes,) = create_axes((7.0, 4.0))
     for (name, law), (color, dashes) in zip(laws.items(), line_styles(), strict=False):
-        axes.plot(_RATIOS, residual_spectrum(law, _RATIOS), label=name, color=color, linestyle=dashes)
+        axes.plot(_RATIOS, cams.residual_spectrum(law, _RATIOS), label=name, color=color, linestyle=dashes)
     axes.set(xlabel="rise time over the period of the oscillator", ylabel="residual amplitude over lift")
     axes.set(ylim=(0.0, 1.1), xlim=(0.0, float(_RATIOS[-1])))
     add_legend(figure, axes, len(laws))
     return add_title(figure, _single_name(laws))
 
 
-def _single_name(laws: Mapping[str, Law]) -> str:
+def _single_name(laws: Mapping[str, cams.Law]) -> str:
     """Return the name of a single law; several laws are named in the legend."""
     return next(iter(laws)) if len(laws) == 1 else ""
 
 
 def profile_figure(
-    profile: CamProfile, *, angle: float = 0.0, coloured: tuple[CamProfile, FloatArray, str] | None = None
+    profile: cams.CamProfile, *, angle: float = 0.0, coloured: tuple[cams.CamProfile, FloatArray, str] | None = None
 ) -> Figure:
     """Return a figure with a cam and its follower at one cam angle.
 
@@ -157,7 +148,7 @@ def profile_figure(
     return figure
 
 
-def draw_profile(axes: Axes, profile: CamProfile, angle: float, *, thin: bool = False) -> None:
+def draw_profile(axes: Axes, profile: cams.CamProfile, angle: float, *, thin: bool = False) -> None:
     """Draw a cam, rotated by its angle, with its follower; its outline may be thin and black."""
     turned = np.exp(1j * profile.turn * angle)
     at = int(np.argmin(np.abs(np.angle(np.exp(1j * (profile.angle - angle))))))
@@ -177,7 +168,7 @@ def draw_profile(axes: Axes, profile: CamProfile, angle: float, *, thin: bool = 
     point = factor * touch.point[at]
     axes.plot(point.real, point.imag, "o", color="black", markersize=4, label="contact")
     axes.plot(0.0, 0.0, "+", color="black")
-    if isinstance(follower, (SwingRollerFollower, SwingFlatFollower)):
+    if isinstance(follower, (cams.SwingRollerFollower, cams.SwingFlatFollower)):
         end = touch.trace[at] if math.isfinite(follower.roller_radius) else touch.point[at]
         _line(axes, np.array([follower.distance, end], dtype=np.complex128), "arm", color=COLOURS[1], linewidth=1.0)
         axes.plot(factor * follower.distance, 0.0, "^", color=COLOURS[1], markersize=8, label="pivot")
@@ -193,7 +184,7 @@ def draw_profile(axes: Axes, profile: CamProfile, angle: float, *, thin: bool = 
     axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize="small")
 
 
-def _colour_cam(axes: Axes, profile: CamProfile, values: FloatArray, angle: float) -> LineCollection:
+def _colour_cam(axes: Axes, profile: cams.CamProfile, values: FloatArray, angle: float) -> LineCollection:
     """Colour a drawn cam by values at the cam angles of a profile, each where the cam is in contact at that angle."""
     order = np.argsort(np.mod(profile.angle, 2.0 * math.pi))
     x, y = profile.points[order].T
@@ -206,7 +197,7 @@ def _colour_cam(axes: Axes, profile: CamProfile, values: FloatArray, angle: floa
     return line
 
 
-def pressure_figure(profile: CamProfile) -> Figure:
+def pressure_figure(profile: cams.CamProfile) -> Figure:
     """Return a figure with pressure angle and radius of curvature over the cam angle."""
     factor, unit = to_display_unit("m")
     labels = ["pressure angle\ndeg", f"radius of\ncurvature, {unit}"]
@@ -238,7 +229,7 @@ _DIGITS = 4  # digits to which coincident laws agree; they share a label
 _UNIT = "lift 1 over angle 1"
 
 
-def law_front_figure(front: Sequence[Synthesis], first: str, second: str) -> Figure:
+def law_front_figure(front: Sequence[cams.Synthesis], first: str, second: str) -> Figure:
     """Return a figure with a Pareto front of laws, and the laws with the same numbers and colours."""
     figure = Figure(figsize=(12.0, 7.6), layout="constrained")
     halves = figure.add_gridspec(1, 2)

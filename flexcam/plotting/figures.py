@@ -18,7 +18,6 @@ from itertools import cycle
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase
 
@@ -32,8 +31,8 @@ _DASHES = ("-", "--", "-.", ":")
 _FORMATS = (".svg", ".png", ".pdf")
 TITLE_PAD = 14.0  # space between axes and title, points: the order numbers of a Campbell diagram are placed there
 _TITLE_WIDTH = 76  # characters per line of a title above axes of standard width
+# Resolution of an image for printing, dots per inch, and its number of colours; curves need few
 _DPI, _COLOUR_COUNT = 160, 64
-"""Resolution of an image for printing, dots per inch, and its number of colours; curves need few."""
 
 
 def save_figure(figure: Figure, path: Path, *, overwrite: bool = False) -> Path:
@@ -98,7 +97,7 @@ def create_axes(
 ) -> tuple[Figure, list[Axes]]:
     """Return a figure of a size in inches with axes in rows, with grid lines."""
     figure = Figure(figsize=size, layout="constrained")
-    axes = list(np.atleast_1d(np.asarray(figure.subplots(rows, sharex=sharex))))
+    axes = list(figure.subplots(rows, sharex=sharex, squeeze=False)[:, 0])
     for one in axes if grid else ():
         one.grid(alpha=0.3, axis=grid or "both")
     return figure, axes
@@ -112,13 +111,16 @@ def create_stacked_axes(labels: Sequence[str], below: str, *, height: float = 1.
 
 def add_stacked_axes(figure: FigureBase, labels: Sequence[str], below: str) -> list[Axes]:
     """Return vertically stacked axes of a figure or a subfigure."""
-    axes = list(np.atleast_1d(np.asarray(figure.subplots(len(labels), sharex=True))))
+    axes = list(figure.subplots(len(labels), sharex=True, squeeze=False)[:, 0])
     for one, label in zip(axes, labels, strict=True):
         one.set_ylabel(label)
         one.grid(alpha=0.3)
     axes[-1].set_xlabel(below)
     figure.align_ylabels(axes)
     return axes
+
+
+_LEGEND_WIDTH, _HANDLE_WIDTH = 110, 7  # characters per line of a legend, and of the line drawn before a name
 
 
 def add_legend(figure: FigureBase, axes: Axes, count: int, *, columns: int = 4) -> None:
@@ -128,6 +130,3 @@ def add_legend(figure: FigureBase, axes: Axes, count: int, *, columns: int = 4) 
         fitting = _LEGEND_WIDTH // (max(map(len, names), default=0) + _HANDLE_WIDTH)
         number = max(1, min(count, columns, fitting))
         figure.legend(lines, names, loc="outside upper center", fontsize="small", ncols=number)
-
-
-_LEGEND_WIDTH, _HANDLE_WIDTH = 110, 7  # characters per line of a legend, and of the line drawn before a name

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import groupby
 from typing import Any, Literal
 
@@ -46,22 +46,9 @@ _BELOW = {"angle": "cam angle, deg", "time": "time, s", "crank": "crank angle, d
 _SHORT_NAME = 10  # length of a name, characters, that shares a line of an axis label with a quantity
 
 
-@dataclass(frozen=True)
-class CurveStyle:
-    """Style and name of a curve."""
-
-    label: str = ""  #: label in the legend
-    colour: str = COLOURS[0]  #: colour and dashes in the format of matplotlib
-    dashes: str = "-"
-    width: float = 1.4  #: width of the line, points
-
-    def draw(self, axes: Axes, x: FloatArray, y: FloatArray) -> None:
-        """Draw a curve."""
-        label = escape_math(self.label)
-        axes.plot(x, y, label=label, color=self.colour, linestyle=self.dashes, linewidth=self.width)
-
-
-_PLAIN = CurveStyle()
+def curve_style(label: str, colour: str = COLOURS[0], dashes: str = "-", width: float = 1.4) -> dict[str, Any]:
+    """Return name and style of a curve as keyword arguments of matplotlib's `plot`."""
+    return {"label": escape_math(label), "color": colour, "linestyle": dashes, "linewidth": width}
 
 
 def last_revolution(response: Response, zero: float = 0.0, begin: float = 0.0) -> Response:
@@ -81,22 +68,22 @@ _ROUNDING = 1e-9  # of an angle, relative to a revolution
 
 
 def draw_motion(
-    axes: Sequence[Axes], response: Response, probe: str, *, over: Abscissa = "angle", look: CurveStyle = _PLAIN,
+    axes: Sequence[Axes], response: Response, probe: str, style: Mapping[str, Any], *, over: Abscissa = "angle",
     sign: float = 1.0,
 ) -> None:  # fmt: skip
-    """Draw displacement, velocity and acceleration of a probe, times a sign."""
+    """Draw displacement, velocity and acceleration of a probe, times a sign, in a style of matplotlib's `plot`."""
     history = scalar_history(response, probe)
     for one, (series, unit) in zip(axes, SERIES.items(), strict=False):
         factor, _ = to_display_unit(component_unit(probe.rpartition(".")[2], unit))
-        look.draw(one, abscissa(response, over), sign * factor * getattr(history, series))
+        one.plot(abscissa(response, over), sign * factor * getattr(history, series), **style)
 
 
 def draw_channel(
-    axes: Axes, response: Response, channel: str, *, over: Abscissa = "angle", look: CurveStyle = _PLAIN
+    axes: Axes, response: Response, channel: str, style: Mapping[str, Any], *, over: Abscissa = "angle"
 ) -> None:
-    """Draw a channel, such as a contact force."""
+    """Draw a channel, such as a contact force, in a style of matplotlib's `plot`."""
     factor, _ = to_display_unit(channel_unit(response, channel))
-    look.draw(axes, abscissa(response, over), factor * response.channels[channel])
+    axes.plot(abscissa(response, over), factor * response.channels[channel], **style)
 
 
 def channel_unit(response: Response, channel: str) -> str:
@@ -131,14 +118,14 @@ def motion_figure(
     labels += [axis_label("flexible\nminus rigid", component_unit(component, "m"))] if deviation else []
     figure, axes = create_stacked_axes(labels, _BELOW[over])
     styled = _style_responses(responses, rigid or {})
-    for response, look in styled:
-        draw_motion(axes[: len(SERIES)], response, probe, over=over, look=look, sign=sign)
+    for response, style in styled:
+        draw_motion(axes[: len(SERIES)], response, probe, style, over=over, sign=sign)
     _draw_channels(axes[len(SERIES) :], styled, channels, over)
-    for (flexible, look), (still, _) in zip(styled[::2], styled[1::2], strict=True) if deviation else ():
+    for (flexible, style), (still, _) in zip(styled[::2], styled[1::2], strict=True) if deviation else ():
         factor, _ = to_display_unit(component_unit(component, "m"))
         own, path = (scalar_history(one, probe).displacement for one in (flexible, still))
         difference = own - np.interp(flexible.angle, still.angle, path)
-        look.draw(axes[-1], abscissa(flexible, over), sign * factor * difference)
+        axes[-1].plot(abscissa(flexible, over), sign * factor * difference, **style)
         axes[-1].axhline(0.0, color="0.4", linewidth=0.8)
     return _finish_axes(figure, axes, over, title)
 
@@ -213,13 +200,13 @@ def add_area_legend(figure: Figure) -> Figure:
 
 
 def _draw_channels(
-    axes: Sequence[Axes], styled: Sequence[tuple[Response, CurveStyle]], channels: Sequence[str], over: Abscissa
+    axes: Sequence[Axes], styled: Sequence[tuple[Response, Mapping[str, Any]]], channels: Sequence[str], over: Abscissa
 ) -> None:
     """Draw channels of runs, one axis each, as far as a run has them; a rigid one lacks the force of an adjuster."""
-    for response, look in styled:
+    for response, style in styled:
         for one, channel in zip(axes, channels, strict=False):
             if channel in response.channels:
-                draw_channel(one, response, channel, over=over, look=look)
+                draw_channel(one, response, channel, style, over=over)
 
 
 def energy_figure(responses: Mapping[str, Response], *, over: Abscissa = "angle", title: str = "") -> Figure:
@@ -229,7 +216,7 @@ def energy_figure(responses: Mapping[str, Response], *, over: Abscissa = "angle"
     for one, response in zip(axes, responses.values(), strict=True):
         for (name, energy), (colour, dashes) in zip(energies(response).items(), line_styles(), strict=False):
             if energy.any():
-                CurveStyle(name, colour, dashes).draw(one, abscissa(response, over), energy)
+                one.plot(abscissa(response, over), energy, **curve_style(name, colour, dashes))
     return _finish_axes(figure, axes, over, title)
 
 
@@ -240,15 +227,15 @@ def abscissa(response: Response, over: Abscissa) -> FloatArray:
 
 def _style_responses(
     responses: Mapping[str, Response], rigid: Mapping[str, Response]
-) -> list[tuple[Response, CurveStyle]]:
+) -> list[tuple[Response, dict[str, Any]]]:
     """Return the drawn responses with their styles: rigid runs are dotted, in the colour of their flexible runs."""
-    found: list[tuple[Response, CurveStyle]] = []
+    found: list[tuple[Response, dict[str, Any]]] = []
     for (name, response), (colour, dashes) in zip(responses.items(), line_styles(), strict=False):
         flexible = "flexible" if name in rigid and not name else name
-        found.append((response, CurveStyle(flexible, colour, "-" if dashes == ":" else dashes)))
+        found.append((response, curve_style(flexible, colour, "-" if dashes == ":" else dashes)))
         if name in rigid:
             own = colour if len(responses) > 1 else COLOURS[1]
-            found.append((rigid[name], CurveStyle(f"{name}, rigid" if name else "rigid", own, ":", 1.6)))
+            found.append((rigid[name], curve_style(f"{name}, rigid" if name else "rigid", own, ":", 1.6)))
     return found
 
 

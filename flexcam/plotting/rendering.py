@@ -44,9 +44,8 @@ sys.exit(0 if image.min() < 100 < image.max() else "the picture is empty")
 
 _TIMEOUT = 60.0  # of a rendering test, s
 _COLOUR, _HEAD = re.compile(r"\x1b\[[0-9;]*m"), re.compile(r"^.*\b(?:WARN|ERR)\| ")  # in lines of VTK's log
+# Classes of VTK windows that need no display; the first is tried before the default class, the other after it
 _OFF_SCREEN = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
-"""Classes of VTK windows that need no display; the first is tried before the default class, the other after it."""
-
 _REMEDY = (
     "install a renderer: on Debian and Ubuntu `apt-get install libgl1 libegl1 libegl-mesa0 libx11-6`, and for a window "
     "without a screen `xvfb`, then `xvfb-run flexcam view ...`; curves (flexcam plot) need none of it"
@@ -91,13 +90,13 @@ def _test_renderer(window: str, *, off_screen: bool) -> str:
     return next((line for line in reversed(lines) if line), f"the renderer ended with {done.returncode}")
 
 
+# Requirements by file type: the extra of flexcam and its modules
 REQUIREMENTS = {
     ".png": ("", ()),
     ".gif": ("movie", ("imageio",)),
     ".mp4": ("movie", ("imageio", "imageio_ffmpeg")),
     ".html": ("", ()),
 }
-"""Requirements by file type: the extra of flexcam and its modules."""
 
 FRAMES = 72  # frames per revolution
 _PER_SECOND = 24

@@ -153,8 +153,7 @@ class _Buffer:
         return list(range(first, len(self.accessors)))
 
 
-_COMPONENTS = {"<f4": 5126, "<u4": 5125}
-"""Numbers of component types in glTF."""
+_COMPONENTS = {"<f4": 5126, "<u4": 5125}  # numbers of component types in glTF
 
 
 def write_glb(

@@ -24,7 +24,6 @@ _BAR = {
     "color": "black", "n_labels": 5, "fmt": "%.3g", "vertical": True,
     "position_x": 0.84, "position_y": 0.2, "height": 0.55,
 }  # fmt: skip
-"""Style of the colour bar."""
 
 _FRAME_TIME = 40  # time between two instants of a mode in the window, ms
 
@@ -113,7 +112,6 @@ class MechanismView:
         self.plotter.show()
 
     def _set_camera(self) -> None:
-        """Set the camera so that lobes and train are visible and everything fits."""
         plane = self._mechanism.view
         instants = {(i * len(self._motion)) // 4 for i in range(4)}  # what they show defines the visible region
         seen = np.concatenate([solid.points for i in sorted(instants) for solid in self._solids(i)]) @ plane.T

@@ -140,8 +140,8 @@ def angle_map_figure(rpm: FloatArray, runs: Sequence[Response | None], channel: 
     return figure
 
 
-def force_figure(rpm: FloatArray, forces: Mapping[str, tuple[FloatArray, FloatArray]], shaft: str) -> Figure:
-    """Return a figure with maximum and minimum contact force over speed."""
+def force_figure(rpm: FloatArray, forces: Mapping[str, FloatArray], shaft: str) -> Figure:
+    """Return a figure with minimum and maximum contact force, the rows of an array, over speed."""
     figure, (upper, lower) = create_stacked_axes(("max force, N", "min force, N"), f"{shaft} speed, rpm")
     for (name, (least, largest)), (colour, dashes) in zip(forces.items(), line_styles(), strict=False):
         for axes, values in ((upper, largest), (lower, least)):
@@ -177,17 +177,23 @@ _TITLE_WIDTH = 58  # characters per line of a title of one column
 def draw_mode(axes: Axes, structure: Structure, member: str, nodal: FloatArray, size: float) -> None:
     """Draw the motion of a member in a mode over its length."""
     part = structure.model.mesh.element_ranges()[member]
-    moved = deflection(structure.beams, nodal, _PARTS, part)[..., :4]
     begin = np.cumsum(structure.beams.length[part]) - structure.beams.length[part]
     along = begin[:, None] + structure.beams.length[part, None] * np.linspace(0.0, 1.0, _PARTS + 1)
     place = to_display_unit("m")[0] * along.ravel()
-    scale = np.array([1.0, 1.0, 1.0, structure.model.members[member].section.at(0.5).radius]) / size
-    for values, name, (colour, dashes) in zip((moved * scale).reshape(-1, 4).T, _MOTIONS, line_styles(), strict=False):
+    moved = _member_motion(structure, member, nodal) / size
+    for values, name, (colour, dashes) in zip(moved.T, _MOTIONS, line_styles(), strict=False):
         if np.abs(values).max() > _MIN_MOTION:
             axes.plot(place, values, label=name, color=colour, linestyle=dashes)
     axes.axhline(0.0, color="0.4", linewidth=0.8)
     axes.set(xlim=(0.0, float(place[-1])), ylim=(-1.1, 1.1))
     axes.grid(alpha=0.3)
+
+
+def _member_motion(structure: Structure, member: str, nodal: FloatArray) -> FloatArray:
+    """Return the motion of the centre line of a member, and its twist times its radius, m, shape (points, 4)."""
+    part = structure.model.mesh.element_ranges()[member]
+    radius = structure.model.members[member].section.at(0.5).radius
+    return (deflection(structure.beams, nodal, _PARTS, part)[..., :4] * [1.0, 1.0, 1.0, radius]).reshape(-1, 4)
 
 
 def mode_figure(structure: Structure, found: ModelModes, *, title: str = "") -> Figure:
@@ -197,12 +203,9 @@ def mode_figure(structure: Structure, found: ModelModes, *, title: str = "") -> 
         why = "shapes are drawn along members; flexcam modes says what moves in a train of masses"
         raise refuse("members", "none", "one or more", why)
     shapes = structure.dofs.nodal_modes(found.modes.shapes.T, structure.model.mesh.extent)
-    ranges = structure.model.mesh.element_ranges()
-    radii = {name: structure.model.members[name].section.at(0.5).radius for name in members}
-    motions: list[dict[str, float]] = []  # of the centre line and the surface of each member
-    for nodal in shapes:
-        bent = {name: deflection(structure.beams, nodal, _PARTS, part)[..., :4] for name, part in ranges.items()}
-        motions.append({name: float((np.abs(u) * [1.0, 1.0, 1.0, radii[name]]).max()) for name, u in bent.items()})
+    motions = [
+        {name: float(np.abs(_member_motion(structure, name, nodal)).max()) for name in members} for nodal in shapes
+    ]
     moving = [[name for name, size in own.items() if size > _MIN_MOTION * max(own.values())] for own in motions]
     columns = max(map(len, moving), default=1) or 1
     heights = [2.2 if own else 0.4 for own in moving]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -285,53 +285,46 @@ class ReportOptions:
     trade: bool = False  # whether to evaluate error versus cost of models
 
 
-@dataclass(frozen=True)
-class AdditionalContent:
-    """Additional content of a chapter."""
-
-    sentences: list[str] = field(default_factory=list[str])
-    sheets: list[ReportTable] = field(default_factory=list[ReportTable])
-    pictures: list[Picture] = field(default_factory=list[Picture])
-
-
-def additional_content(case: Case, probe: str, asked: ReportOptions) -> AdditionalContent:
-    """Return the additional content from runs of the case."""
-    found = AdditionalContent()
+def additional_content(
+    case: Case, probe: str, asked: ReportOptions
+) -> tuple[list[str], list[ReportTable], list[Picture]]:
+    """Return the sentences, tables and pictures from additional runs of the case."""
+    sentences, sheets, pictures = list[str](), list[ReportTable](), list[Picture]()
     if asked.errors or case.record.fidelity.estimate:
         errors = estimate_errors(case, probe)
         known = "; ".join(f"{one.quantity} {format_with_error(one)}" for one in errors if one.holds)
         unknown = ", ".join(one.quantity for one in errors if not one.holds)
         if known:
-            found.sentences.append(f"Maximum values of {probe} and the contacts with their estimated errors: {known}.")
+            sentences.append(f"Maximum values of {probe} and the contacts with their estimated errors: {known}.")
         if unknown:
-            found.sentences.append(f"No error estimate for {unknown}: the results do not converge with shorter steps.")
-        found.sheets.append(report_table(error_table(errors)))
+            sentences.append(f"No error estimate for {unknown}: the results do not converge with shorter steps.")
+        sheets.append(report_table(error_table(errors)))
     if asked.limits:
-        _add_limits(found, case)
+        _add_limits(sentences, sheets, case)
     if asked.trade:
         against, rungs = evaluate_ladder(case, probe, repeats=1)
-        found.sentences.extend(trade_warnings(against, rungs))
-        found.sheets.append(report_table(trade_table(against, rungs)))
+        sentences.extend(trade_warnings(against, rungs))
+        sheets.append(report_table(trade_table(against, rungs)))
         best = ", ".join(f"{one.rung} at {one.steps} steps" for one in rungs if one.best)
         words = f"Error over work, both logarithmic. Best models in both: {best}. The table has the numbers"
         png = plotting.figures.render_png(plotting.histories.work_precision_figure(rungs))
-        found.pictures.append(Picture("Error and cost of models", png, f"{words} ({TRADE_LEGEND})."))
-    return found
+        pictures.append(Picture("Error and cost of models", png, f"{words} ({TRADE_LEGEND})."))
+    return sentences, sheets, pictures
 
 
-def _add_limits(found: AdditionalContent, case: Case) -> None:
+def _add_limits(sentences: list[str], sheets: list[ReportTable], case: Case) -> None:
     scale = case.turns
     try:
         limits = find_limits(case, Search(0.5 * case.speed, 2.0 * case.speed, _LIMIT_TOLERANCE * case.speed))
     except InputError as refusal:  # the rest of the page is still valid
-        found.sentences.extend(f"No speed limits: {fault.why or fault.given}." for fault in refusal.faults)
+        sentences.extend(f"No speed limits: {fault.why or fault.given}." for fault in refusal.faults)
         return
     first = "No speed limit was found up to twice the speed."
     if limits.first is not None:
         one = limits.limits[limits.first]
         speed = f"{scale * (one.rpm or 0.0):.4g} rpm of the {shaft_name(scale)}"
         first = f"The first speed limit is {limits.first.replace('_', ' ')}, from {speed}: {one.words}."
-    found.sentences.append(first)
+    sentences.append(first)
     if unknown := [name.replace("_", " ") for name, one in limits.limits.items() if not one.known]:
-        found.sentences.append(f"Not known, because runs failed: {', '.join(unknown)}.")
-    found.sheets.append(report_table(tables.limits_table(limits, compute_margins(case), scale)))
+        sentences.append(f"Not known, because runs failed: {', '.join(unknown)}.")
+    sheets.append(report_table(tables.limits_table(limits, compute_margins(case), scale)))

@@ -12,12 +12,10 @@ from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Cause
 from flexcam.report.terminal import format_csv, plain_table
 
+# Error relative to its number below which it is rounding: the stiffness of many elements leaves about 1e-11
 _ROUNDING = 1e-10
-"""Error relative to its number below which it is rounding: the stiffness of many elements leaves about 1e-11."""
-
+# Error of the reference relative to the quantity's size from which a warning is given
 _REFERENCE_ERROR_TOLERANCE = 0.05
-"""Error of the reference relative to the quantity's size from which a warning is given."""
-
 _DIGITS = 12  # maximum number of decimals
 _KINDS = ("lift", "velocity", "acceleration")
 _HEADS = {"acceleration": "accel."}  # a longer word would be broken in a terminal of usual width
@@ -25,7 +23,6 @@ TRADE_LEGEND = (
     "* Pareto-optimal: no other model has both less work and a lower maximum error over all columns; work is the "
     "number of unknowns times the number of steps"
 )
-"""Legend of `trade_table`."""
 
 
 def trade_table(against: Reference, found: Sequence[ModelEvaluation]) -> Table:
@@ -87,7 +84,7 @@ def evaluation_json(one: ModelEvaluation) -> dict[str, object]:
     return {
         "model": one.rung, "words": one.words, "steps_per_revolution": one.steps, "unknowns": one.unknowns,
         "work": one.work, "cpu_seconds": one.seconds, "errors": one.errors, "best": one.best,
-        "status": str(one.status.cause),
+        "status": one.status.cause,
     }  # fmt: skip
 
 

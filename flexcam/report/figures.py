@@ -21,25 +21,19 @@ from flexcam.report.content import Chart, ChartGroup, Curve, Panel, ReportSubjec
 from flexcam.valvetrain import Structure
 
 _CURVE_TOLERANCE = 1e-4  # allowed deviation of a drawn curve relative to its range: less than a pixel of a large screen
-
+# Ratio of the points of an album's first chart, which is visible initially, to those of the others
 _FIRST_CHART_RATIO = 4
-"""Ratio of the points of an album's first chart, which is visible initially, to those of the others."""
-
 _LONG_HISTORY = 40_000  # number of points of a history above which it is reduced by intervals first
-
+# Total points of all curves of a page, about 600 kB, and the part of it used by the texts of every result
 _MAX_TOTAL_POINTS, _RESULT_POINTS = 55_000, 2_500
-"""Total points of all curves of a page, about 600 kB, and the part of it used by the texts of every result."""
-
 _MAX_POINTS, _MIN_POINTS = 3000, 100  # maximum and minimum number of points of a curve
 _MAX_CURVES = 300  # maximum number of curves of a page; probes listed in the case come first
-
 _PARTS = 6  # drawn segments per element, if the page has space for them
 _POINTS = 240  # total points of all scenes of a page: with modes and frames about 250 kB
 _FRAMES = 48  # frames of the motion of a run
 _SAME_PLACE = 1e-9  # distance below which points coincide, m
 
-Runs = Mapping[str, tuple[Response, Response | None]]
-"""Response by name, and the response with rigid members."""
+Runs = Mapping[str, tuple[Response, Response | None]]  # response by name, and the response with rigid members
 
 
 def reduce_points(x: FloatArray, y: FloatArray, most: int = _MAX_POINTS) -> tuple[FloatArray, FloatArray]:

@@ -38,7 +38,6 @@ from flexcam.valvetrain import Metric
 _PAGE = Path(__file__).parent / "template"
 _LARGE = 5000.0  # absolute value above which single precision is insufficient for cam angles
 _SINGLE = 1e37  # maximum of single precision; a diverged run exceeds it
-
 _ESCAPED = str.maketrans({character: f"\\u{ord(character):04x}" for character in "<>&\u2028\u2029"})
 
 
@@ -106,7 +105,6 @@ def build_report(
 
 
 def _main_probe(about: ReportSubject, probe: str | None) -> str:
-    """Return the main probe of a result; empty if it has none."""
     response = about.result.response
     saved = scalar_probes(response.outline)
     if probe is not None:
@@ -122,9 +120,9 @@ def _chapter(about: ReportSubject, name: str, main: str, asked: ReportOptions, s
     title = kept.get("title", "") or about.stem
     figures = compute_metrics(known.ready, known.response) if known else []
     compared, lacking = _compare_rigid(about, known, main) if known else (None, [])
-    more = content.AdditionalContent()
-    if known and status.ok and main:
-        more = content.additional_content(known.case, main, asked)
+    sentences, sheets, pictures = (
+        content.additional_content(known.case, main, asked) if known and status.ok and main else ([], [], [])
+    )
     doubts = [] if status.ok else [f"The run did not reach its end. {status}"]
     if known and len(known.response.time):
         doubts += _warnings(known, figures, drawn_rigid=about.rigid is not None)
@@ -136,10 +134,10 @@ def _chapter(about: ReportSubject, name: str, main: str, asked: ReportOptions, s
         name=name,
         title=f"{title}, {known.case.speed_text}" if known else title,
         verdict=tuple(content.describe_verdict(compared)) if compared and status.ok else (),
-        summary=(*summary, *more.sentences),
+        summary=(*summary, *sentences),
         warnings=(*doubts, *about.lacking, *lacking),
-        sheets=(*more.sheets, *content.result_tables(about, compared, figures)),
-        pictures=tuple(more.pictures),
+        sheets=(*sheets, *content.result_tables(about, compared, figures)),
+        pictures=tuple(pictures),
         scene=scene(about, share),
         case=known.case.text if known else kept.get("case", ""),
         origin=replace(report_table(info_table(result)), title="The result file"),

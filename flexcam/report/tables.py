@@ -46,7 +46,6 @@ CONTACT_DESCRIPTIONS = {
     "unilateral": "Contact model: unilateral. Springs press the follower against its cam; contact can be lost.",
     "opposed": "Contact model: unilateral. Opposed cams drive the follower in turn; each loses contact in between.",
 }
-"""Descriptions of the contact formulations."""
 
 _CONTACT_KINDS = {
     "CamContact": "cam contacts", "PublishedLoad": "cam contacts", "Seat": "seats", "Lash": "lashes",
@@ -56,12 +55,10 @@ _CURVE_ROWS = 12  # maximum number of printed rows of a spring's curve
 _ENGINES = {"modal": ", modal solver", "kernel": ", kernel solver"}
 _MIN_FRACTION = 5e-4  # fraction from which three decimals are sufficient
 _MOST_PARTS = 4  # number of parts, such as valves, up to which a table shows the value of each
+# No-break space, and the width of a cell of the figures of merit, characters: with its name it stays within 100
 _NO_BREAK, _CELL = "\u00a0", 62
-"""No-break space, and the width of a cell of the figures of merit, characters: with its name it stays within 100."""
-
+# A probe is at rest if it moves less than this, mm or mrad, and less than this fraction of the largest motion
 _REST_AMPLITUDE, _RELATIVE_REST_AMPLITUDE = 5e-5, 1e-5
-"""A probe is at rest if it moves less than this, mm or mrad, and less than this fraction of the largest motion."""
-
 _FOUR_DECIMAL_AMPLITUDE = 1e-3  # motion, mm or mrad, for which four decimals are sufficient
 _OMITTED_TEXTS = ("case", "files", "resolved", "overrides", "warnings")  # texts of a result not shown here
 
@@ -104,7 +101,8 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
         ("supports", ", ".join(f"{point}: {' '.join(held)}" for point, held in model.supports.items()) or "none"),
         *((f"rocker {n}", f"{r.start} to {r.point}, ratio {r.ratio:g}, along {_vector(r.direction)}")
           for n, r in model.rockers.items()),
-        *((f"cam {n}", f"at {c.at}, lift {format_quantity('m', c.event.height)}") for n, c in model.cams.items()),
+        *((f"cam {n}", f"at {c.at}, lift {format_quantity('m', c.event.height)}"
+           + (", behind a phaser" if c.phaser else "")) for n, c in model.cams.items()),
         *((f"contact {n}", _contact(model, c)) for n, c in model.contacts.items()),
         *((f"friction {n}", f"{format_quantity(_unit(one), one.force)} "
            + (f"at {one.at}" if one.springs is None else f"of {' in '.join(one.springs)}"))
@@ -157,12 +155,10 @@ def describe_inactive(ready: PreparedRun) -> list[str]:
 
 
 def _unit(part: Friction | GivenLoad) -> str:
-    """Return the unit of a force or a moment."""
     return "N" if part.direction[:3].any() else "N m"
 
 
 def _load(load: GivenLoad) -> str:
-    """Return size, place, direction and abscissa of a load."""
     table, turns = load.size, not load.direction[:3].any()
     along = f"along {_vector(load.direction[3:] if turns else load.direction)}"
     if not isinstance(table, valvetrain.LoadTable):
@@ -263,7 +259,7 @@ def comparison_table(comparison: Comparison, turns: float = 1.0) -> Table:
 def comparison_json(comparison: Comparison) -> dict[str, object]:
     """Return a comparison for ``--json``."""
     return {
-        "status": str(comparison.status.cause), "probe": comparison.probe, "speed_rpm": comparison.speed_rpm,
+        "status": comparison.status.cause, "probe": comparison.probe, "speed_rpm": comparison.speed_rpm,
         "peak_deviation": comparison.peak_deviation, "rms_deviation": comparison.rms_deviation,
         "peak_acceleration_ratio": comparison.peak_acceleration_ratio,
         "deviations": [{**asdict(one), "of_rigid": one.relative_peak} for one in comparison.deviations],
@@ -326,7 +322,7 @@ def metrics_table(model: Model | None, figures: Sequence[Metric]) -> Table:
     cells: list[tuple[str, str]] = []
     for (parts_kind, kind, *quantity), parts in rows.items():
         if len(parts) > _MOST_PARTS:
-            cells.append((_metric_label(parts_kind, quantity), fill(", ".join(_range_cells(parts)), _CELL)))
+            cells.append((_metric_label(parts_kind, quantity), _range_text(parts)))
         else:
             cells += [(_metric_label(f"{kind.removesuffix('s')} {part}", quantity), text) for _, text, part in parts]
     return facts_table("Metrics of the last revolution", cells)
@@ -370,19 +366,18 @@ def merit_table(model: Model, figures: Sequence[FigureOfMerit]) -> Table:
         rows.setdefault(name, []).append((one.value, value, one.part))
     cells: list[tuple[str, str]] = []
     for name, parts in rows.items():
-        shown = _range_cells(parts)
+        text = _range_text(parts)
         if len(parts) <= _MOST_PARTS:  # a line break does not separate a value from its part
-            shown = [(f"{text} ({part})" if part else text).replace(" ", _NO_BREAK) for _, text, part in parts]
-        cells.append((name, fill(", ".join(shown), _CELL).replace(_NO_BREAK, " ")))
+            shown = [(f"{value} ({part})" if part else value).replace(" ", _NO_BREAK) for _, value, part in parts]
+            text = fill(", ".join(shown), _CELL).replace(_NO_BREAK, " ")
+        cells.append((name, text))
     return facts_table("Figures of merit", cells)
 
 
-def _range_cells(parts: list[tuple[float, str, str]]) -> list[str]:
-    """Return the smallest and the largest of the values of many parts."""
+def _range_text(parts: list[tuple[float, str, str]]) -> str:
     (_, low, first), (_, high, last) = min(parts), max(parts)
-    if low == high:
-        return [f"{low} (all {len(parts)})"]
-    return [f"{low} ({first}) to {high} ({last}) of {len(parts)}"]
+    text = f"{low} (all {len(parts)})" if low == high else f"{low} ({first}) to {high} ({last}) of {len(parts)}"
+    return fill(text, _CELL)
 
 
 def strength_table(members: Mapping[str, valvetrain.MemberStrength]) -> Table:

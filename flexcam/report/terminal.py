@@ -10,25 +10,22 @@ import os
 import sys
 from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, is_dataclass
+from pathlib import Path
 from textwrap import fill
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
-from rich.console import Console, HighlighterType, JustifyMethod, OverflowMethod
-from rich.style import Style
+from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from flexcam.core import FloatArray
 from flexcam.core.errors import printable
 from flexcam.core.units import ROUNDING
 from flexcam.dynamics import Block, Sink, Stats, Status
 
 _HUGE = 1e7  # value above which decimals are omitted
-_NUMBER = 14
-"""Maximum length of a cell that counts as a number, with its unit, characters; longer ones are words and may wrap."""
-
+_NUMBER = 14  # maximum length of a cell that counts as a number, with its unit, characters; longer ones may wrap
 _WORDS = 40  # width that a column of words needs at least, characters
 _GAP = 3  # between columns
 NOISE = 1e-9  # negative lift relative to the maximum lift below which it is not reported
@@ -65,26 +62,13 @@ def make_unique(names: Sequence[str], beside: Sequence[str]) -> list[str]:
 def format_csv(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """Return a table as CSV text with empty cells for missing numbers."""
     text = io.StringIO()
-    cells = ([finite_or_none(value) if isinstance(value, float) else value for value in row] for row in rows)
-    csv.writer(text, lineterminator="\n").writerows([head, *cells])
+    csv.writer(text, lineterminator="\n").writerows([head, *(map(json_value, row) for row in rows)])
     return text.getvalue()
-
-
-def finite_or_none(value: float) -> float | None:
-    """Return a number for JSON; None if it is not finite."""
-    return value if abs(value) < float("inf") else None
-
-
-def finite_numbers(values: FloatArray) -> list[Any]:
-    """Return an array as nested lists for JSON; None for numbers that are not finite."""
-    found = values.astype(object)
-    found[~np.isfinite(values)] = None
-    return found.tolist()
 
 
 def format_number(value: float, digits: int = 6) -> str:
     """Format a number for a table; a dash if it is missing."""
-    return "-" if finite_or_none(value) is None else f"{value:.{digits}g}"
+    return f"{value:.{digits}g}" if math.isfinite(value) else "-"
 
 
 def with_unit(name: str, unit: str) -> str:
@@ -101,20 +85,11 @@ def result_console() -> Console:
 class _ResultConsole(Console):
     """Console that removes control sequences from texts of files, and leaves a broken pipe to the command line."""
 
-    def render_str(
-        self, text: str, *, style: str | Style = "", justify: JustifyMethod | None = None,
-        overflow: OverflowMethod | None = None, emoji: bool | None = None, markup: bool | None = None,
-        highlight: bool | None = None, highlighter: HighlighterType | None = None,
-    ) -> Text:  # fmt: skip
-        """Return a text for the terminal."""
-        return super().render_str(
-            printable(text), style=style, justify=justify, overflow=overflow, emoji=emoji, markup=markup,
-            highlight=highlight, highlighter=highlighter,
-        )  # fmt: skip
+    def render_str(self, text: str, **style: Any) -> Text:  # noqa: ANN401 - as rich has them
+        return super().render_str(printable(text), **style)
 
     def on_broken_pipe(self) -> None:
-        """Raise the error of a closed pipe, which rich would hide."""
-        raise BrokenPipeError
+        raise BrokenPipeError  # rich would hide it
 
 
 def print_message(sentence: str) -> None:
@@ -124,22 +99,34 @@ def print_message(sentence: str) -> None:
 
 
 def print_json(content: object) -> None:
-    """Print one JSON object to standard output; raise an error for numbers that are not finite."""
-    sys.stdout.write(json.dumps(content, indent=2, allow_nan=False) + "\n")
+    """Print one JSON object to standard output."""
+    sys.stdout.write(json.dumps(json_value(content), indent=2, allow_nan=False) + "\n")
+
+
+def json_value(value: object) -> object:
+    """Return a value as JSON has it: dataclasses and arrays as plain values, None for numbers that are not finite."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: json_value(one) for key, one in cast("dict[str, object]", value).items()}
+    if isinstance(value, list | tuple):
+        return [json_value(one) for one in cast("list[object]", value)]
+    if isinstance(value, np.ndarray | np.generic):
+        return json_value(cast("Any", value).tolist())
+    if is_dataclass(value):
+        return json_value(asdict(cast("Any", value)))
+    return str(value) if isinstance(value, Path) else value
 
 
 @dataclass(frozen=True)
 class _ProgressSink:
-    """Sink that updates a progress bar."""
-
     advance: Callable[[int], None]
 
     def write(self, block: Block) -> None:
-        """Advance the bar, see `Sink`."""
         self.advance(len(block.time))
 
     def close(self, status: Status, stats: Stats) -> None:
-        """Leave the bar, see `Sink`."""
+        pass
 
 
 @contextmanager
@@ -177,9 +164,10 @@ def create_table(title: str) -> Table:
     return made
 
 
-def plain_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
-    """Return a plain table with the first column aligned left and numbers aligned right."""
-    made, cells = create_table(title), [list(row) for row in rows]
+def plain_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str | float]]) -> Table:
+    """Return a plain table of texts and numbers with the first column aligned left and numbers aligned right."""
+    made = create_table(title)
+    cells = [[cell if isinstance(cell, str) else format_number(cell) for cell in row] for row in rows]
     longest = [max((len(row[i]) for row in cells), default=0) for i in range(len(columns))]
     heads, most = list(columns), result_console().width
     whole = sum(size + 1 for size in longest if size <= _NUMBER) <= most  # otherwise their digits are wrapped

@@ -46,6 +46,7 @@ from flexcam.valvetrain.parts import (
 from flexcam.valvetrain.resolution import Resolution, ResolutionSink
 from flexcam.valvetrain.rigid_kinematics import follower_train, largest_lashes, valve_ratio
 from flexcam.valvetrain.rigid_model import build_rigid, pulling_contacts, rigid_motion, shared_forces, touching_coils
+from flexcam.valvetrain.springs import nest_interference, radial_stiffness
 from flexcam.valvetrain.strength import (
     MemberStrength,
     StrengthSink,
@@ -82,7 +83,8 @@ __all__ = [
     "compressed_members", "connected_nodes", "contact_loss", "contact_modes", "contact_stiffness", "describe_inactive",
     "driving_contact", "element_loads", "follower_train", "free_running", "free_speed", "hertz_line",
     "largest_lashes", "lift_transfer", "main_lift", "member_masses", "modal_basis", "model_modes",
-    "modes_on_the_lift", "opposed_contacts", "pulling_contacts", "rigid_motion", "seating", "separation",
-    "separation_by_flank", "shared_forces", "spring_held_contacts", "stiff_struts", "straighten", "touching_coils",
-    "train_metric_names", "train_metrics", "valve_loft", "valve_ratio", "without_compression",
+    "modes_on_the_lift", "nest_interference", "opposed_contacts", "pulling_contacts", "radial_stiffness",
+    "rigid_motion", "seating", "separation", "separation_by_flank", "shared_forces", "spring_held_contacts",
+    "stiff_struts", "straighten", "touching_coils", "train_metric_names", "train_metrics", "valve_loft", "valve_ratio",
+    "without_compression",
 ]  # fmt: skip

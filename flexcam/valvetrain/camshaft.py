@@ -14,11 +14,13 @@ from flexcam.core.errors import refuse, suggest_name
 from flexcam.dynamics import (
     AngleFunction,
     AngleVector,
+    CamMotion,
     Channel,
     Load,
     LocalForce,
     Observable,
     Observation,
+    Phaser,
     SpeedByAngle,
     row_of,
 )
@@ -39,7 +41,7 @@ def shaft_channels(structure: Structure) -> Coupling:
     for contact in model.cam_contacts.values():
         at, nodes = model.cams[contact.cam].at, _shaft_nodes(model, contact.cam)
         if int(nodes[0]) not in inertias:
-            inertias[int(nodes[0])] = _inertia(structure, nodes, contact.rotation)
+            inertias[int(nodes[0])] = _inertia(structure, nodes, contact.rotation, model.cams[contact.cam].phaser)
         if model.mesh.on_members()[model.mesh.node(at)]:
             channels += [
                 Channel(f"cams.{contact.cam}.twist", "rad", row_of(structure.row(at, contact.rotation))),
@@ -67,7 +69,7 @@ def _drive_torque(structure: Structure, name: str) -> Iterator[Channel]:
     yield Channel(f"springs.{name}.torque", "N m", torque)
 
 
-def _inertia(structure: Structure, nodes: IntArray, turning: FloatArray) -> Load:
+def _inertia(structure: Structure, nodes: IntArray, turning: FloatArray, phaser: Phaser | None) -> Load:
     """Return the load of a shaft's rotary inertia at variable speed: unknowns are relative to the rotation."""
     dofs, mesh = structure.dofs, structure.model.mesh
     beams = structure.beams.part(np.flatnonzero(np.isin(structure.beams.nodes[:, 0], nodes)))
@@ -79,7 +81,11 @@ def _inertia(structure: Structure, nodes: IntArray, turning: FloatArray) -> Load
     for part in structure.model.masses.values():
         if structure.is_node(part.at) and (node := mesh.node(part.at)) in nodes:
             vector += dofs.vector(node, part.body.matrix() @ motion[node])
-    return Load(f"shaft of {mesh.node_name(int(nodes[0]))}", -vector, lambda motion: motion.rate)
+
+    def rate(motion: CamMotion) -> FloatArray:
+        return motion.rate if phaser is None else phaser.motion(motion).rate
+
+    return Load(f"shaft of {mesh.node_name(int(nodes[0]))}", -vector, rate)
 
 
 _ALONG = 0.9  # cosine above which a constrained rotation is about the shaft

@@ -3,12 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from flexcam.core import FloatArray
-from flexcam.dynamics import AngleFunction, AngleVector, CamMotion, Channel, ForceLaw, Load, LocalForce, constant
+from flexcam.dynamics import (
+    AngleFunction,
+    AngleVector,
+    CamMotion,
+    Channel,
+    Constant,
+    ForceLaw,
+    Load,
+    LocalForce,
+    Observable,
+    Phaser,
+    ShiftedFunction,
+    constant,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,3 +59,36 @@ def installed_load(name: str, vector: FloatArray, size: float = 1.0) -> Load:
 def constant_history(value: float) -> Callable[[CamMotion], FloatArray]:
     """Return a constant load history."""
     return lambda motion: np.full_like(motion.angle, value)
+
+
+def shift_coupling(coupling: Coupling, phaser: Phaser | None) -> Coupling:
+    """Return the coupling of a cam, which depends on the angle of its shaft, over the angle of the drive."""
+    if phaser is None:
+        return coupling
+
+    def functions(given: tuple[AngleFunction, ...]) -> tuple[AngleFunction, ...]:
+        return tuple(one if isinstance(one, Constant) else ShiftedFunction(one, phaser) for one in given)
+
+    def vectors(given: tuple[AngleVector, ...]) -> tuple[AngleVector, ...]:
+        return tuple(AngleVector(one.vectors, functions(one.functions)) for one in given)
+
+    def law(given: ForceLaw) -> ForceLaw:
+        return replace(given, functions=functions(given.functions))
+
+    def history(load: Load) -> Callable[[CamMotion], FloatArray]:
+        return lambda motion: load.history(phaser.motion(motion))
+
+    def value(channel: Channel) -> Observable:
+        return lambda seen: channel.value(replace(seen, motion=phaser.motion(seen.motion), cam=phaser.cache(seen.cam)))
+
+    return Coupling(
+        tuple(replace(load, history=history(load)) for load in coupling.loads),
+        tuple(
+            replace(
+                force, sense=vectors(force.sense), act=vectors(force.act), offset=functions(force.offset),
+                law=law(force.law) if isinstance(force.law, ForceLaw) else force.law,
+            )
+            for force in coupling.forces
+        ),
+        tuple(replace(channel, value=value(channel)) for channel in coupling.channels),
+    )  # fmt: skip

@@ -236,8 +236,9 @@ def modes_on_the_lift(model: Model, contact: str, speed: float, *, base_circle: 
     structure, system = build_structure(model), build_system(model, speed)
     if not system.local_forces or system.size > _MAX_CONTACT_UNKNOWNS:
         return contact_modes(structure, contact, ())
-    lowest, highest = event_extremes(model.cams[model.cam_contacts[contact].cam].event)
-    drive = ConstantSpeed(speed, start=(lowest if base_circle else highest).at)
+    cam = model.cams[model.cam_contacts[contact].cam]
+    lowest, highest = event_extremes(cam.event)
+    drive = ConstantSpeed(speed, start=cam.drive_angle((lowest if base_circle else highest).at))
     state = equilibrium(system, drive)
     inner = None if state.inner is None else state.inner[None]
     still = np.zeros((1, system.size))

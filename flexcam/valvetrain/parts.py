@@ -10,7 +10,7 @@ import numpy as np
 from flexcam.cams import Event, Follower, Turn
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
-from flexcam.dynamics import CamMotion, ForceLaw
+from flexcam.dynamics import AngleFunction, CamMotion, ForceLaw, Phaser, ShiftedFunction
 from flexcam.dynamics.force_laws import OIL_CHAMBER, PULSATING, SHORT_BEARING
 from flexcam.fem.rigid_bodies import PointMass
 
@@ -200,10 +200,24 @@ class Cam:
     """A cam on the camshaft."""
 
     at: str  #: named node of the camshaft
-    event: Event  #: lift over the cam angle
+    event: Event  #: lift over the angle of its shaft
     follower: Follower | None = None  #: follower; None if not given
     turn: Turn = 1  #: sense of rotation in the plane of the profile: 1 counterclockwise, -1 clockwise
     width: float | None = None  #: along the shaft, m
+    phaser: Phaser | None = None  #: between its shaft and the drive; None without
+
+    def angle(self, drive: FloatArray) -> FloatArray:
+        """Return the angle of its shaft at angles of the drive, rad."""
+        return drive if self.phaser is None else self.phaser(drive)
+
+    @property
+    def lift(self) -> AngleFunction:
+        """Lift over the angle of the drive, m, with two derivatives."""
+        return self.event if self.phaser is None else ShiftedFunction(self.event, self.phaser)
+
+    def drive_angle(self, angle: float) -> float:
+        """Return the angle of the drive at an angle of its shaft, rad."""
+        return angle if self.phaser is None else self.phaser.drive_angle(angle)
 
 
 @dataclass(frozen=True, eq=False)

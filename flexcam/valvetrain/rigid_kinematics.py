@@ -38,7 +38,7 @@ def rigid_trains(structure: Structure) -> tuple[RigidTrain, ...]:
         Drive(
             name,
             one,
-            model.cams[one.cam].event,
+            model.cams[one.cam].lift,
             structure.row(one.follower, one.direction, f"contacts.{name}.follower"),
         )
         for name, one in cam_contacts.items()

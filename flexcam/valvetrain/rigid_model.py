@@ -33,7 +33,7 @@ from flexcam.fem.assembly import modal_damping, rayleigh_damping
 from flexcam.fem.rigid_bodies import scalar_matrix
 from flexcam.valvetrain.camshaft import shaft_axes
 from flexcam.valvetrain.contacts import check_lever_rotation, couple_friction
-from flexcam.valvetrain.coupling import Coupling, conservative_force, installed_load
+from flexcam.valvetrain.coupling import Coupling, conservative_force, installed_load, shift_coupling
 from flexcam.valvetrain.loads import given_loads, preload, spring_share, steady_load
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, Lash, PublishedLoad
@@ -196,10 +196,11 @@ def _couple_contact(structure: Structure, name: str, speed: float) -> Coupling:
     follower = structure.row(contact.follower, contact.direction)
     pressed = installed_load(f"{where}.preload", -spring_share(structure, train), force)
     law = conservative_force(where, AngleVector.constant(-follower), spring_damper(1.0), cam.event)
-    return Coupling((pressed,), (law,), (
+    found = Coupling((pressed,), (law,), (
         Channel(f"{where}.force", "N", force_sum(0)),
         Channel(f"{where}.torque", "N m", force_sum(0, factor=derivative(cam.event))),
     ))  # fmt: skip
+    return shift_coupling(found, cam.phaser)
 
 
 def _constraint_forces(model: Model, system: System) -> dict[str, ConstraintForce]:
@@ -276,7 +277,8 @@ def pulling_contacts(model: Model) -> dict[str, float]:
 def touching_coils(model: Model, speed: float) -> dict[str, float]:
     """Return the compression of springs beyond coil clash at full lift of the rigid trains, m."""
     system, trains = _build(model, speed)
-    tops = [event_extremes(model.cams[contact.cam].event)[1].at for contact in model.cam_contacts.values()]
+    cams = [model.cams[contact.cam] for contact in model.cam_contacts.values()]
+    tops = [cam.drive_angle(event_extremes(cam.event)[1].at) for cam in cams]
     motion, forces = ConstantSpeed(speed).at(np.array(tops) / speed), LocalForces(system)
     pressed = forces.sense_motion(*trains.at(motion)[:2], forces.prescribed_inputs(motion))[0]
     found: dict[str, float] = {}

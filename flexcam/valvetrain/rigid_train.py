@@ -16,10 +16,9 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.cams import Event
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import refuse
-from flexcam.dynamics import CamFunctionCache
+from flexcam.dynamics import AngleFunction, CamFunctionCache
 from flexcam.valvetrain.parts import Adjuster, CamContact, Lash, Lever, PublishedLoad, Seat
 
 RANK = 1e-9
@@ -49,7 +48,7 @@ class Drive:
 
     name: str
     contact: CamContact | PublishedLoad
-    event: Event
+    lift: AngleFunction  #: over the angle of the drive
     row: FloatArray
 
 
@@ -144,7 +143,7 @@ class RigidTrain:
 
     def _lifts(self, cam: CamFunctionCache, order: int) -> FloatArray:
         """Return the lifts of the cams or their derivatives by the cam angle, shape (m, cams)."""
-        rows = [cam(drive.event, order) for drive in self.drives]
+        rows = [cam(drive.lift, order) for drive in self.drives]
         return np.array(rows).reshape(len(rows), len(cam.angle)).T
 
     def _assign(self, lifts: FloatArray, known: Sequence[Branch]) -> list[tuple[Branch, IntArray]]:

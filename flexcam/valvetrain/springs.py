@@ -206,6 +206,41 @@ def condense_spring(spring: Spring) -> Spring:
     )  # fmt: skip
 
 
+_POISSON = 0.3  # Poisson's ratio of the wire, for Young's modulus from the shear modulus
+
+
+def radial_stiffness(spring: Spring, turns: float) -> float:
+    """Return the contact force of all coils of a nest per radial displacement of its wire, N/m.
+
+    The coils remain circles and their ends may turn: as the radius R decreases by x, the spring winds up by
+    ``2 pi n x/R`` against its torsional stiffness ``E d^4/(64 D n)`` (A. M. Wahl, Mechanical Springs, 1963). This
+    gives a line load of ``E I x/R^4`` along the wire, and for all n coils ``4 pi^2 (1 + nu) n^2`` times the axial
+    stiffness.
+
+    Parameters
+    ----------
+    spring
+        Spring whose axial stiffness is that of n coils of one diameter D = 2 R.
+    turns
+        n.
+    """
+    return 4.0 * math.pi**2 * (1.0 + _POISSON) * turns**2 * spring.stiffness
+
+
+def nest_interference(inner: Spring, outer: Spring) -> float:
+    """Return the largest radial interference by the diameters of two springs with wires at equal heights, m."""
+    heights: list[float] = sorted({*inner.heights.tolist(), *outer.heights.tolist()})
+    found: list[float] = []
+    for pair in pairwise(heights):
+        inside, outside = (
+            one.parts[int(np.searchsorted(one.heights, sum(pair) / 2.0)) - 1].wire for one in (inner, outer)
+        )
+        if inside is not None and outside is not None:
+            radii = inside.coil_diameter + inside.diameter, outside.coil_diameter - outside.diameter
+            found.append(0.5 * (radii[0] - radii[1]))
+    return max(found, default=-math.inf)
+
+
 _FINE = 64  # minimum number of parts for natural frequencies, with which the first one is 1e-4 too high
 
 

@@ -23,7 +23,7 @@ from flexcam.valvetrain.contacts import (
     couple_seat,
     lever_joints,
 )
-from flexcam.valvetrain.coupling import Coupling
+from flexcam.valvetrain.coupling import Coupling, shift_coupling
 from flexcam.valvetrain.loads import couple_published_load, given_loads
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Adjuster, CamContact, Contact, Lash, PublishedLoad, Seat
@@ -124,9 +124,10 @@ def couple_contact(structure: Structure, name: str, contact: Contact, speed: flo
     """Return the coupling of a contact."""
     match contact:
         case PublishedLoad():
-            return couple_published_load(structure, name, contact, speed)
+            found = couple_published_load(structure, name, contact, speed)
+            return shift_coupling(found, structure.model.cams[contact.cam].phaser)
         case CamContact():
-            return couple_cam(structure, name, contact)
+            return shift_coupling(couple_cam(structure, name, contact), structure.model.cams[contact.cam].phaser)
         case Seat():
             return couple_seat(structure, name, contact)
         case Lash():

@@ -10,13 +10,13 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.cams import Event, event_extremes
+from flexcam.cams import event_extremes
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError
 from flexcam.dynamics import ConstantSpeed, Response
 from flexcam.valvetrain.cam_functions import sliding_ratio
 from flexcam.valvetrain.model import Model
-from flexcam.valvetrain.parts import CamContact, Lash, Seat
+from flexcam.valvetrain.parts import Cam, CamContact, Lash, Seat
 from flexcam.valvetrain.rigid_kinematics import largest_lashes
 from flexcam.valvetrain.rigid_model import rigid_motion
 from flexcam.valvetrain.structure import build_structure
@@ -185,8 +185,8 @@ def _metric_name(channel: str) -> str:
 
 
 def _nose(model: Model, contact: str, angle: FloatArray) -> int | None:
-    top = event_extremes(model.cams[model.cam_contacts[contact].cam].event)[1].at
-    near = np.cos(angle - top)
+    cam = model.cams[model.cam_contacts[contact].cam]
+    near = np.cos(cam.angle(angle) - event_extremes(cam.event)[1].at)
     return int(np.argmax(near)) if float(near.max()) > math.cos(_NOSE_TOLERANCE) else None
 
 
@@ -228,7 +228,7 @@ def valve_loft(model: Model, response: Response, name: str, seat: Seat, instants
         motion = rigid_motion(model)
     except InputError:  # no rigid train exists
         return None
-    over = _flanks(model.cams[model.cam_contacts[contact].cam].event, angle)["nose"]
+    over = _flanks(model.cams[model.cam_contacts[contact].cam], angle)["nose"]
     if not over.any():
         return None
     moved = motion.at(ConstantSpeed(1.0).at(angle))[0] @ build_structure(model).row(seat.at, seat.direction)
@@ -253,7 +253,7 @@ def spring_held_contacts(model: Model) -> list[str]:
 
 
 def _nose_force(model: Model, response: Response, name: str, last: Bools) -> list[Metric]:
-    over = _flanks(model.cams[model.cam_contacts[name].cam].event, response.angle[last])["nose"]
+    over = _flanks(model.cams[model.cam_contacts[name].cam], response.angle[last])["nose"]
     force = response.channels[f"contacts.{name}.force"][last][over]
     return [Metric(f"contacts.{name}.{_NOSE_FORCE}", float(force.min()), "N")] if len(force) else []
 
@@ -276,7 +276,7 @@ def _drive(model: Model, response: Response, last: Bools) -> list[Metric]:
         found += [Metric(f"{where}.{name}", *value) for name, value in zip(_DRIVE, values, strict=True)]
     for where in _parts_with(response.channels, "friction"):
         cam = model.cams[model.cam_contacts[where.removeprefix("contacts.")].cam]
-        slid = response.channels[f"{where}.friction"][begin:] * sliding_ratio(cam)(angle, 0)
+        slid = response.channels[f"{where}.friction"][begin:] * sliding_ratio(cam)(cam.angle(angle), 0)
         mean = float(np.trapezoid(np.abs(slid), angle)) / float(time[-1] - time[0])
         found.append(Metric(f"{where}.{_FRICTION_POWER}", mean, "W"))
     for where in _parts_with(response.channels, "power"):
@@ -300,24 +300,24 @@ def separation_by_flank(model: Model, response: Response, contact: str, instants
     The nose lies between the maximum velocities of opening and closing: there the acceleration points to the cam, and
     only the spring holds the follower.
     """
-    event, angle = model.cams[model.cam_contacts[contact].cam].event, response.angle[instants]
+    cam, angle = model.cams[model.cam_contacts[contact].cam], response.angle[instants]
     if len(angle) < _MIN_INSTANTS:
         return {}
     off = contact_loss(model, response, contact, instants)
     step = float(angle[-1] - angle[0]) / (len(angle) - 1)
-    return {name: float((off & part).sum()) * step for name, part in _flanks(event, angle).items()}
+    return {name: float((off & part).sum()) * step for name, part in _flanks(cam, angle).items()}
 
 
 def contact_loss(model: Model, response: Response, contact: str, instants: Bools | None = None) -> Bools:
     """Return at which of some instants, by default all, a contact is open on the main lift of its cam."""
     cam, chosen = model.cam_contacts[contact].cam, slice(None) if instants is None else instants
-    lifted = model.cams[cam].event(response.angle[chosen]) > main_lift(model, cam)
+    lifted = model.cams[cam].lift(response.angle[chosen], 0) > main_lift(model, cam)
     return lifted & (response.channels[f"contacts.{contact}.force"][chosen] <= 0.0)
 
 
-def _flanks(event: Event, angle: FloatArray) -> dict[str, Bools]:
-    closing, opening = (end.at for end in event_extremes(event, 1))
-    after, nose = np.mod(angle - opening, 2.0 * math.pi), (closing - opening) % (2.0 * math.pi)
+def _flanks(cam: Cam, angle: FloatArray) -> dict[str, Bools]:
+    closing, opening = (end.at for end in event_extremes(cam.event, 1))
+    after, nose = np.mod(cam.angle(angle) - opening, 2.0 * math.pi), (closing - opening) % (2.0 * math.pi)
     middle = nose + 0.5 * (2.0 * math.pi - nose)
     return {
         "opening flank": after >= middle, "nose": after <= nose, "closing flank": (after > nose) & (after < middle)

@@ -42,3 +42,20 @@ def test_what_is_missing_is_said(maker, figures):
     text = maker.page(measured | {"tables": measured["tables"] | {"linear": rows}}, {})
     assert "| more memory than there is |" in text
     assert "## Beside other solvers" not in text
+
+
+def test_solvers_that_are_missing_in_contact_are_said(maker, figures):
+    train = figures[1]["train"]
+    gone = train["solvers"][-1] | {"missing": "not installed: pip install it", "settings": []}
+    text = maker.page({}, figures[1] | {"train": train | {"solvers": [*train["solvers"][:-1], gone]}})
+    assert f"| {gone['title']} | not installed: pip install it | | |" in text
+    assert f"| {gone['title']}, " not in text
+
+
+def test_times_at_equal_error_lie_between_the_settings(maker):
+    """Along the fastest settings, a straight line in logarithms; no time beyond the smallest error."""
+    settings = [{"error": error, "ms": ms} for error, ms in ((1e-1, 5.0), (1e-2, 1.0), (1e-3, 10.0), (2e-3, 20.0))]
+    assert maker.time_at(settings, 1e-1) == pytest.approx(1.0)  # 5 ms with more error is no alternative
+    assert maker.time_at(settings, 10.0**-2.5) == pytest.approx(10.0**0.5)
+    assert maker.time_at(settings, 1e-3) == pytest.approx(10.0)
+    assert maker.time_at(settings, 1e-4) is None

@@ -251,6 +251,13 @@ NEST = (
     f"springs.outer={COIL}",
     "friction.nest={ spring = 'inner', inside = 'outer', force = 10 }",
 )
+WIRE = "wire = { diameter = '3 mm', coil_diameter = 'DIAMETER', active_coils = 5, shear_modulus = '80 GPa' }"
+PRESSED = COIL.replace('stiffness = "10 kN/m"', WIRE)
+INTERFERENCE = (
+    f"springs.inner={PRESSED.replace('DIAMETER', '20 mm')}",
+    f"springs.outer={PRESSED.replace('DIAMETER', '26 mm')}",
+    "friction.nest={ spring = 'inner', inside = 'outer', coefficient = 0.1, interference = '0.05 mm' }",
+)
 ADJUSTER = (
     '{ at = "rocker", model = "lash-adjuster", refill = "200 N s/m", plunger_force = "20 N", oil = '
     '{ viscosity = "20 mPa s", bulk_modulus = "1.5 GPa", plunger_diameter = "11 mm", clearance = "6 um", '
@@ -285,7 +292,8 @@ def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):
         (DATA / "every-key.toml", ['run.integrator={ method = "collocation" }']),
         (DATA / "every-key.toml", [f"loads.gas={GAS}", f"friction.guide={GUIDE}"]),
         (DATA / "every-key.toml", [*NEST]),
-        (DATA.parents[1] / "flexcam/templates/valve-bridge.toml", ['run.phaser=[["0 s", "0 deg"], ["1 s", "5 deg"]]']),
+        (DATA / "every-key.toml", [*INTERFERENCE]),
+        (DATA.parents[1] / "flexcam/templates/valve-bridge.toml", ['phasers.intake={ cams = ["intake"], shift = [["0 deg", "0 deg"], ["9 deg", "1 deg"]] }']),
         (DATA / "every-engine.toml", [f"contacts.adjuster={ADJUSTER}"]),
         (CHECKS / "mathieu.toml", []),
         (DATA / "every-key.toml", ['run.integrator={ method = "bathe" }', "fidelity.modes=20", "fidelity.reduction=craig-bampton"]),

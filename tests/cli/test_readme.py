@@ -6,6 +6,7 @@ that take many seconds run there with fewer steps or variants, and as they stand
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import re
 import shlex
@@ -85,6 +86,23 @@ def test_what_is_said_of_speed_is_what_was_measured():
     others = {title: one for title, one in took.items() if one and not title.startswith("flexcam")}
     assert max(took["flexcam"], took["flexcam, kernel solver"]) < min(others.values()) == others["Exudyn, tuned"]
     assert took["flexcam, direct solver"] == pytest.approx(others["scipy `splu`, Python loop"], rel=0.2)
+
+
+def test_what_is_said_of_contact_is_what_was_measured():
+    spec = importlib.util.spec_from_file_location("make_performance", ROOT / "docs/make_performance.py")
+    maker = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(maker)
+    methods = maker.group_methods(maker.read(maker.PEERS)["train"])
+    took = {method: maker.time_at(settings, 1e-3) for method, settings in methods.items()}
+    own = took["flexcam, `collocation`"]
+    words = " ".join(README.split())
+    assert "0.1 % of the cam force of three masses in contact, diffrax and CVODES are faster than flexcam;" in words
+    assert "; scipy, MuJoCo and Exudyn with Newmark's method are slower." in words
+    for method, time in took.items():
+        if method.startswith(("diffrax", "CVODES")):
+            assert time < own
+        elif method.startswith(("scipy", "MuJoCo", "Exudyn, Newmark")):
+            assert time > own
 
 
 def test_targets_stand_in_the_makefile():

@@ -158,7 +158,7 @@ FAULTS = {
     "amplitudes that stop the shaft": ([('["3 %", 0.01]', '["60 %", 0.4]')], "run.fluctuation", "60 %", "below 1"),
     "phase in a wrong unit": ([('["30 deg", 0]', '["30 mm", 0]')], "run.fluctuation.phases", "30 mm", "angle"),
     "key of a fluctuation": ([("phases =", "phase =")], "run.fluctuation.phase", "phase", "Did you mean 'phases'"),
-    "two ways to turn": ([(SWING, f"{SWING}\n{FREE}")], "run", "", "one of fluctuation, free_running, phaser"),
+    "two ways to turn": ([(SWING, f"{SWING}\n{FREE}")], "run", "", "one of fluctuation, free_running"),
     "free running with an unknown cam": ([(SWING, FREE.replace('"intake"', '"intak"'))], "run.free_running.cam", "'intak'", "Did you mean 'intake'"),
     "free running without a base circle": ([(SWING, FREE.replace('"intake"', '"direct"')), NO_PROFILE], "cams.direct", "", "base_radius"),
     "cam mass zero": ([(SWING, FREE.replace('"0.4 kg"', "0"))], "run.free_running.cam_mass", "0", "above zero"),

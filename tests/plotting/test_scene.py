@@ -310,11 +310,11 @@ def test_rocker_valve_and_spring_move_together(name):
     rocker, along = frame.rocker, drawn.valves[0].away
     lifts = [motion.instant(i).at(valve.point, along) @ along for i in range(360)]
     still, full = motion.instant(0), motion.instant(int(np.argmax(lifts)))
-    path = full.along(structure.path(rocker))
+    path = structure.path(rocker) @ full.unknowns
     end = frame.space(frame.ends(path)[1]) @ along
     assert end == pytest.approx((valve.tip + full.at(valve.point, along)) @ along, abs=1e-9)
     driven = (frame.ends(path)[0] - frame.ends(0.0)[0]).imag
-    moved = full.along(structure.row(rocker.start, rocker.direction))
+    moved = structure.row(rocker.start, rocker.direction) @ full.unknowns
     assert driven == pytest.approx(moved, rel=0.05 if rocker.finger else 1e-9)  # a finger's path is an arc
     before, after = (next(s for s in drawn.solids(one) if s.kind == "spring").points @ along for one in (still, full))
     assert after.max() == pytest.approx(before.max(), abs=1e-5)

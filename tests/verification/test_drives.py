@@ -7,6 +7,7 @@ follower's acceleration is s'' w^2 + s' w': F. Y. Chen, Mechanics and Design of 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +16,13 @@ from scipy.integrate import quad, solve_ivp
 
 from flexcam import InputError, build_model, prepare, read_case, run, solve
 from flexcam.analysis.run import open_result_file
-from flexcam.dynamics import FluctuatingSpeed, PhasedSpeed, SpeedByAngle
+from flexcam.analysis.run_metrics import compute_metrics
+from flexcam.dynamics import CamMotion, ConstantSpeed, FluctuatingSpeed, Phaser, SpeedByAngle
 from flexcam.valvetrain import free_running
 
 SOURCE = "Drives of the camshaft"
 INLINE = Path(__file__).parents[1] / "data/inline.toml"
+TEMPLATES = Path(__file__).parents[2] / "flexcam/templates"
 SWING = FluctuatingSpeed(120.0, (1.0, 2.0, 0.5), (0.05, 0.1, 0.02), (0.3, -1.0, 2.0), start=0.7)
 TIMES = np.linspace(0.0, 0.21, 41)
 
@@ -297,49 +300,125 @@ def test_a_restart_at_another_speed_goes_on_at_its_angle(case, tmp_path, lines):
     assert begins == pytest.approx(end, abs=1e-9)
 
 
+ROWS = (math.radians(60.0), math.radians(300.0)), (0.0, math.radians(12.0))
+PHASER = 'phasers.{0}={{ cams = ["{0}"], shift = [["60 deg", "0 deg"], ["300 deg", "12 deg"]] }}'
+
+
 def test_a_phaser_that_moves(record):
     """Speed and rate are the derivatives of the angle, which passes the rows and rests before and after them."""
-    drive = PhasedSpeed(100.0, (0.05, 0.10, 0.12), (0.0, 0.35, 0.30), start=0.4)
-    moved = drive.at(TIMES).angle - 0.4 - 100.0 * TIMES
-    assert moved[TIMES < 0.05] == pytest.approx(0.0, abs=1e-15)
-    assert moved[TIMES > 0.12] == pytest.approx(0.30, abs=1e-13)
-    assert drive.at(np.array([0.1])).angle == pytest.approx([0.4 + 10.0 + 0.35], rel=1e-13)
-    h, times = 1e-6, np.linspace(0.051, 0.099, 25)
-    sides = [drive.at(times + side) for side in (h, -h)]
+    phaser, drive = Phaser((5.0, 10.0, 12.0), (0.0, 0.35, 0.30)), ConstantSpeed(100.0, 0.4)
+    shift = phaser(angle := 0.4 + 100.0 * TIMES) - angle
+    assert shift[angle < 5.0] == pytest.approx(0.0, abs=1e-15)
+    assert shift[angle > 12.0] == pytest.approx(0.30, abs=1e-13)
+    assert phaser(np.array([10.0])) == pytest.approx([10.35], rel=1e-13)
+    h, times = 1e-6, np.linspace(0.051, 0.095, 25)
+    sides = [phaser.motion(drive.at(times + side)) for side in (h, -h)]
     slopes = [(one - other) / (2.0 * h) for one, other in
               zip((sides[0].angle, sides[0].speed), (sides[1].angle, sides[1].speed), strict=True)]  # fmt: skip
-    motion = drive.at(times)
+    motion = phaser.motion(drive.at(times))
     record(source=SOURCE, case="phaser", quantity="largest error of the speed", unit="rad/s", reference=0.0,
            computed=np.abs(motion.speed - slopes[0]).max(), tolerance=1e-6, absolute=True,
            reason="differences")  # fmt: skip
-    assert motion.rate == pytest.approx(slopes[1], abs=1e-3)
+    assert motion.rate == pytest.approx(slopes[1], abs=1e-2)
+    assert phaser.drive_angle(8.1 + float(phaser(np.array([8.1]))[0]) - 8.1) == pytest.approx(8.1, rel=1e-12)
 
 
-LOCKED = 'run.phaser=[["0 s", "25 deg"], ["1 s", "25 deg"]]'
+@dataclass(frozen=True)
+class MovedDrive:
+    """Camshaft whose whole drive has the motion of a shaft behind a phaser."""
+
+    speed: float
+
+    def at(self, time):
+        theta = self.speed * np.asarray(time, dtype=float)
+        moved = [Phaser(*ROWS)(theta, order) for order in range(3)]
+        return CamMotion(moved[0], self.speed * moved[1], self.speed**2 * moved[2], time)
+
+
+MOVED = {
+    "flat face with friction, elastic shaft": (TEMPLATES / "direct-acting.toml", "intake", ()),
+    "direct engine": (TEMPLATES / "direct-acting.toml", "intake",
+                      ("run.engine=direct", "run.integrator.method=newmark", "run.steps_per_revolution=900")),
+    "rigid": (TEMPLATES / "direct-acting.toml", "intake", ("fidelity.model=rigid",)),
+    "roller": (TEMPLATES / "roller-tappet.toml", "intake", ()),
+    "finger": (TEMPLATES / "finger-follower.toml", "intake", ()),
+    "published load": (INLINE, "intake", ()),
+    "rigid published load": (INLINE, "intake", ("fidelity.model=rigid",)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", MOVED)
+def test_one_phaser_for_all_cams_is_a_drive_that_moves(record, kind):
+    """Motion, contact force, torque and energy of all cams are those of a drive with the motion of the shaft."""
+    case, name, options = MOVED[kind]
+    options = (*options, "run.revolutions=1", "run.start=rest")
+    ready = prepare(read_case(case, options))
+    speed = float(ready.problem.drive.at(np.zeros(1)).speed[0])
+    drive = solve(replace(ready.problem, drive=MovedDrive(speed)), ready.scheme)
+    found = run(read_case(case, (*options, PHASER.format(name))))
+    largest = 0.0
+    for channel, other in drive.channels.items():
+        if channel not in ("energy.residual", "energy.numerical"):  # sums of rounding
+            scale = max(float(np.abs(other).max()), 1e-12)
+            largest = max(largest, float(np.abs(found.channels[channel] - other).max()) / scale)
+    record(source=SOURCE, case=f"phaser, {kind}", quantity="difference from a moved drive", unit="1", reference=0.0,
+           computed=largest, tolerance=1e-6, absolute=True, reason="tolerance of the Newton iteration")  # fmt: skip
+    assert found.angle == pytest.approx(speed * found.time, rel=1e-12, abs=1e-12)  # of the drive
+    still = run(read_case(case, options)).channels
+    force = next(name for name in still if name.startswith("contacts.") and name.endswith(".force"))
+    assert np.abs(found.channels[force] - still[force]).max() > 1e-3 * np.abs(still[force]).max()
+
+
+def test_a_phaser_per_shaft():
+    """Each shaft of a head with two has its own schedule: the cams of the other do not move."""
+    case, options = TEMPLATES / "dohc-16-valve.toml", ("repeat.cylinder={ names = ['1'] }", "run.revolutions=0.5")
+    rows = '[["30 deg", "0 deg"], ["150 deg", "10 deg"]]'
+    intake = f'phasers.intake={{ cams = ["intake-1a", "intake-1b"], shift = {rows} }}'
+    still, moved = run(read_case(case, options)), run(read_case(case, (*options, intake)))
+    same, other = (f"contacts.{kind}-1a.force" for kind in ("exhaust", "intake"))
+    scale = np.abs(still.channels[same]).max()
+    assert np.abs(moved.channels[same] - still.channels[same]).max() < 1e-9 * scale
+    assert np.abs(moved.channels[other] - still.channels[other]).max() > 0.1 * scale
 
 
 def test_a_locked_phaser_is_a_cam_at_another_phase():
-    """A shaft 25 deg ahead lifts 25 deg earlier: the histories over time are those of a cam with that phase."""
+    """Cams 25 deg ahead lift 25 deg earlier: the histories over time are those of a cam with that phase."""
     options = ("run.revolutions=1", 'run.start="rest"')
     case = read_case(INLINE, options)
     name = next(iter(case.record.cams))
     phase = case.record.cams[name].phase - math.radians(25.0)
-    ahead = run(read_case(INLINE, (*options, LOCKED)))
+    locked = f'phasers.intake={{ cams = ["{name}"], shift = [["0 deg", "25 deg"], ["360 deg", "25 deg"]] }}'
+    ahead = run(read_case(INLINE, (*options, locked)))
     other = run(read_case(INLINE, (*options, f"cams.{name}.phase={phase!r}")))
     probe = next(iter(dict(ahead.outline.probes)))
     scale = np.abs(other[probe].displacement).max()
     assert np.abs(ahead[probe].displacement - other[probe].displacement).max() <= 1e-9 * scale  # rounding of the angle
-    assert ahead.angle - other.angle == pytest.approx(math.radians(25.0), abs=1e-12)
+    assert ahead.angle == pytest.approx(other.angle, abs=1e-12)
+    metrics = [compute_metrics(prepare(read_case(INLINE, (*options, one))), response)
+               for one, response in ((locked, ahead), (f"cams.{name}.phase={phase!r}", other))]  # fmt: skip
+    assert [one.name for one in metrics[0]] == [one.name for one in metrics[1]]
+    assert [one.value for one in metrics[0]] == pytest.approx([one.value for one in metrics[1]], rel=1e-6, abs=1e-9)
 
 
 @pytest.mark.parametrize(
-    ("override", "said"),
+    ("rows", "options", "said"),
     [
-        ('run.phaser=[["0 s", "0 deg"], ["1 ms", "-60 deg"]]', "must keep turning"),
-        ('run.phaser=[["0 s", "0 deg"], ["9 s", "0 deg"], ["9.001 s", "-60 deg"], ["20 s", "0 deg"]]', "keep turning"),
-        ('run.phaser=[["1 s", "0 deg"], ["1 s", "5 deg"]]', "increasing time"),
+        ('[["0 deg", "0 deg"], ["10 deg", "-60 deg"]]', (), "must keep turning"),
+        ('[[0, 0], ["900 deg", 0], ["901 deg", "-60 deg"], ["2000 deg", 0]]', (), "keep turning"),
+        ('[["10 deg", "0 deg"], ["10 deg", "5 deg"]]', (), "increasing angle"),
+        ('[["0 deg", "0 deg"], ["90 deg", "5 deg"]]', ("run.start=periodic",), "repeats each revolution"),
+        ('[["0 deg", "0 deg"], ["90 deg", "5 deg"]]', ('phasers.intake.cams=["intak"]',), "Did you mean 'intake'"),
+        ('[["0 deg", "0 deg"], ["90 deg", "5 deg"]]',
+         ('phasers.other={ cams = ["intake"], shift = [["0 deg", "0 deg"], ["90 deg", "5 deg"]] }',),
+         "phasers.intake turns it"),
     ],
-)
-def test_refused_phasers(override, said):
+)  # fmt: skip
+def test_refused_phasers(rows, options, said):
     with pytest.raises(InputError, match=said):
-        prepare(read_case(INLINE, (override,)))
+        prepare(read_case(INLINE, (f'phasers.intake={{ cams = ["intake"], shift = {rows} }}', *options)))
+
+
+def test_cams_of_one_shaft_share_their_phaser():
+    case, rows = TEMPLATES / "dohc-16-valve.toml", '[["0 deg", "0 deg"], ["90 deg", "5 deg"]]'
+    with pytest.raises(InputError, match="one phaser for all cams of a shaft"):
+        build_model(read_case(case, (f'phasers.intake={{ cams = ["intake-1a"], shift = {rows} }}',)))

@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexcam import InputError, build_model, prepare, read_case, run, solve
+from flexcam import InputError, build_model, prepare, read_case, run, solve, valvetrain
 from flexcam.analysis.run_metrics import compute_metrics
+from flexcam.case.input_checks import check_values
 
 SOURCE = "Friction between nested springs"
 K, MASS, FORCE, AMPLITUDE = 20e3, 0.03, 4.0, 1e-3
@@ -168,6 +169,192 @@ def test_hysteresis_of_a_progressive_spring_in_a_uniform_one(record, tmp_path):
         record(source=SOURCE, case=f"progressive spring in a uniform one, at {1e3 * place:.1f} mm",
                quantity="width of the hysteresis loop", unit="N", reference=width, computed=wide, tolerance=1e-3,
                reason="springs that ring from the reversal")  # fmt: skip
+
+
+INTERFERENCE = """
+format = 1
+nodes = { retainer = [0, 0, 0] }
+[masses]
+retainer = { at = "retainer", mass = 0.1 }
+[springs.drive]
+at = "retainer"
+direction = "uy"
+stiffness = 1e7
+damping = 1e3
+[springs.outer]
+at = "retainer"
+direction = "-uy"
+mass = "40 g"
+elements = 16
+damping = 10
+wire = { diameter = "4 mm", coil_diameter = "27.9 mm", active_coils = 5, shear_modulus = "80 GPa" }
+[springs.inner]
+at = "retainer"
+direction = "-uy"
+installed_compression = "6 mm"
+elements = 8
+damping = 10
+wire = { diameter = "3 mm", shear_modulus = "78 GPa", density = 7850 }
+coils = [
+    { turns = 4, diameter = "21 mm", pitch = "6 mm" },
+    { turns = 2, diameter = "21 mm", pitch = "12 mm" },
+]
+[friction]
+nest = { spring = "inner", inside = "outer", coefficient = 0.1, friction_speed = "0.02 mm/s" }
+[loads]
+drive = { at = "retainer", direction = "-uy", table = "drive.csv" }
+[run]
+speed = "600 rpm"
+revolutions = 4
+steps_per_revolution = 1000
+[output]
+probes = ["retainer"]
+"""
+OVERLAP = 0.5 * (21e-3 + 3e-3) - 0.5 * (27.9e-3 - 4e-3)
+
+
+def interfering(folder, *options):
+    """Return the case of a nest with interference."""
+    rows = "".join(f"{STROKE * t},{1e7 * TRAVEL * (t % 2)}\n" for t in range(6))
+    (folder / "drive.csv").write_text(f"time [s],force [N]\n{rows}", encoding="utf-8")
+    (folder / "interference.toml").write_text(INTERFERENCE, encoding="utf-8")
+    return read_case(folder / "interference.toml", options)
+
+
+def normal_force(interference):
+    """Return the force between the coils: both wires carry it as a line load E I/R^4 times their displacement.
+
+    Forces are compared per angle around the axis and all turns: q R times 2 pi n is the same for both.
+    """
+
+    def displacement_by_force(young, wire, diameter, turns):
+        R, inertia = 0.5 * diameter, math.pi * wire**4 / 64.0
+        line_load = 1.0 / (2.0 * math.pi * turns * R)
+        return line_load * R**4 / (young * inertia)
+
+    return interference / (displacement_by_force(2.6 * 80e9, 4e-3, 27.9e-3, 5.0)
+                           + displacement_by_force(2.6 * 78e9, 3e-3, 21e-3, 6.0))  # fmt: skip
+
+
+def squeezed_helix(wire, diameter, turns, displacement, *, young=206e9, per_turn=72):
+    """Return the forces of a rigid bore on the nodes of a plane helix with free ends, and the length per node.
+
+    Straight frame elements along the wire; the bore is narrower than the helix by the displacement and only pushes.
+    """
+    R, inertia, area = 0.5 * diameter, math.pi * wire**4 / 64.0, math.pi * wire**2 / 4.0
+    n = per_turn * turns
+    angle, h = 2.0 * math.pi * turns * np.arange(n + 1) / n, 2.0 * R * math.sin(math.pi / per_turn)
+    a, b = young * area / h, young * inertia / h**3
+    element = np.array([
+        [a, 0, 0, -a, 0, 0], [0, 12 * b, 6 * b * h, 0, -12 * b, 6 * b * h],
+        [0, 6 * b * h, 4 * b * h**2, 0, -6 * b * h, 2 * b * h**2],
+        [-a, 0, 0, a, 0, 0], [0, -12 * b, -6 * b * h, 0, 12 * b, -6 * b * h],
+        [0, 6 * b * h, 2 * b * h**2, 0, -6 * b * h, 4 * b * h**2],
+    ])  # fmt: skip
+    K = 1e-9 * young * inertia / R**3 * np.eye(3 * (n + 1))
+    for i in range(n):
+        c, s = np.cos(along := 0.5 * (angle[i] + angle[i + 1] + math.pi)), np.sin(along)
+        T = np.kron(np.eye(2), [[c, s, 0], [-s, c, 0], [0, 0, 1]])
+        K[3 * i : 3 * i + 6, 3 * i : 3 * i + 6] += T.T @ element @ T
+    outward = np.zeros((n + 1, 3 * (n + 1)))
+    outward[np.arange(n + 1), 3 * np.arange(n + 1)] = np.cos(angle)
+    outward[np.arange(n + 1), 3 * np.arange(n + 1) + 1] = np.sin(angle)
+    length = np.full(n + 1, h)
+    length[[0, -1]] *= 0.5
+    stiff, touching = 1e4 * young * inertia / R**4 * length, np.ones(n + 1, dtype=bool)
+    for _ in range(50):
+        B, k = outward[touching], stiff[touching]
+        u = np.linalg.solve(K + B.T @ (k[:, None] * B), -B.T @ (k * displacement))
+        force = stiff * (outward @ u + displacement)
+        if ((force > 0.0) == touching).all():
+            return np.where(touching, force, 0.0), length
+        touching = force > 0.0
+    raise AssertionError
+
+
+@pytest.mark.parametrize("turns", [3, 5])
+def test_radial_stiffness_of_coils(record, turns):
+    """Coils that a rigid bore squeezes: at each end the contact opens over an arc, which costs 0.31 R of wire."""
+    wire, diameter = 4e-3, 28e-3
+    spring = valvetrain.Spring("retainer", np.eye(6)[1], valvetrain.Wire(wire, diameter).rate(206e9 / 2.6, turns))
+    force, length = squeezed_helix(wire, diameter, turns, 50e-6)
+    whole = valvetrain.radial_stiffness(spring, turns) * 50e-6
+    middle = slice(len(force) // 3, 2 * len(force) // 3)
+    line_load = force[middle].sum() / length[middle].sum()
+    record(source=SOURCE, case=f"{turns} coils squeezed by a bore", quantity="line load", unit="N/m",
+           reference=line_load, computed=whole / (math.pi * diameter * turns), tolerance=0.01,
+           reason="72 straight elements per turn")  # fmt: skip
+    assert force.sum() / whole == pytest.approx(1.0 - 0.31 / (math.pi * turns), abs=0.01)
+
+
+@pytest.mark.parametrize("given", [None, 80e-6])
+def test_friction_of_a_nest_with_interference(record, tmp_path, given):
+    """Coulomb's coefficient times the force between the coils, by their diameters or by a given interference."""
+    options = () if given is None else (f"friction.nest.interference={given}",)
+    nested = build_model(interfering(tmp_path, *options)).friction["nest"]
+    kind = "by the diameters" if given is None else "given"
+    record(source=SOURCE, case=f"interference {kind}", quantity="friction", unit="N",
+           reference=0.1 * normal_force(given or OVERLAP), computed=nested.force, tolerance=1e-9,
+           reason="closed form")  # fmt: skip
+    assert nested.breakaway_force == nested.force
+    assert nested.springs == ("inner", "outer")
+
+
+def test_energy_of_slow_cycles_with_interference(record, tmp_path):
+    """4 F times the amplitude of sliding per cycle, for a friction that does not bend the motion of the coils.
+
+    The border between the coils of the inner spring, at the height h, has 2/3 of the motion of the retainer, and the
+    uniform spring there h: both slide by a triangle over the height with the mean |2/3 - h|/2.
+    """
+    found = solved(prepare(interfering(tmp_path, "friction.nest.coefficient=1e-4")))
+    h = (0.024 - 0.004) / (0.048 - 0.006)  # as installed, 2/3 and 1/3 of the 6 mm compressed
+    amplitude = 0.5 * TRAVEL * 0.5 * (2.0 / 3.0 - h)
+    cycle = (found.time >= 2.0 * STROKE) & (found.time <= 4.0 * STROKE)
+    energy = -np.trapezoid(found.channels["friction.nest.power"][cycle], found.time[cycle])
+    record(source=SOURCE, case="slow cycle with interference", quantity="friction energy", unit="J",
+           reference=4.0 * 1e-4 * normal_force(OVERLAP) * amplitude, computed=abs(energy), tolerance=0.01,
+           reason="reversal over 0.02 mm/s, 16 heights, elastic coils")  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (('springs.outer.wire={ diameter = "4 mm", coil_diameter = "27.9 mm" }', "springs.outer.stiffness=24e3"),
+         r"friction.nest.*'outer' without such coils.*[Aa]dd coil_diameter, active_coils and shear_modulus"),
+        (('springs.inner.coils=[{ turns = 6, diameter = ["21 mm", "18 mm"], pitch = "8 mm" }]',),
+         r"'inner' without such coils"),
+        (("springs.outer.wire.coil_diameter=30e-3",), r"radial clearance of 0.001 m.*Correct the diameters"),
+        (("springs.outer.wire.coil_diameter=30e-3", "friction.nest.interference=5e-5"), r"radial clearance of 0.001 m"),
+        (('friction.nest.spring="outer"', 'friction.nest.inside="inner"'), r"Exchange spring and inside"),
+        (("friction.nest.force=3",), r"either force, or coefficient and interference"),
+        (("friction.nest.breakaway_force=3",), r"no breakaway_force with coefficient"),
+        (('friction.nest={ at = "retainer", direction = "uy", coefficient = 0.1 }',), r"for a nest with interference"),
+        (('friction.nest={ spring = "inner", inside = "outer" }',), r"a force, or for a nest with interference"),
+    ],
+)  # fmt: skip
+def test_refused_interference(tmp_path, options, said):
+    with pytest.raises(InputError, match=f"(?s){said}"):
+        build_model(interfering(tmp_path, *options))
+
+
+def test_touching_diameters_with_a_given_interference(tmp_path):
+    case = interfering(tmp_path, "springs.outer.wire.coil_diameter=28e-3", "friction.nest.interference=5e-5")
+    assert build_model(case).friction["nest"].force > 0.0
+
+
+def test_overlapping_coils_without_friction_are_reported(tmp_path):
+    told = "coils overlap those of 'outer' by 0.05 mm"
+    assert not [one for one in check_values(interfering(tmp_path)) if "overlap" in one]
+    bare = INTERFERENCE.replace(INTERFERENCE.split("[friction]")[1].split("[loads]")[0], "\n")
+    interfering(tmp_path)
+    (tmp_path / "bare.toml").write_text(bare, encoding="utf-8")
+    assert [one for one in check_values(read_case(tmp_path / "bare.toml")) if told in one]
+    wide = "springs.outer.wire.coil_diameter=29e-3"
+    assert not [one for one in check_values(read_case(tmp_path / "bare.toml", (wide,))) if "overlap" in one]
+    barrel = 'springs.inner.coils=[{ turns = 6, diameter = ["20 mm", "23 mm"], pitch = "8 mm" }]'  # wide at its top
+    found = check_values(read_case(tmp_path / "bare.toml", (wide, barrel)))
+    radius = 0.5 * (20e-3 + 15.0 / 16.0 * 3e-3 + 3e-3)  # the middle of the last of eight parts
+    assert [one for one in found if f"by {1e3 * (radius - 12.5e-3):.3g} mm" in one]
 
 
 REFUSED = {

@@ -283,7 +283,13 @@ class FrictionRecord(Record):
     direction: DirectionValue | None = Field(None, description="in which the point slides")
     spring: Name | None = Field(None, description="instead of at and direction: inner spring or damper of a nest")
     inside: Name | None = Field(None, description="outer spring of the nest, with the same ends")
-    force: _FrictionForce = Field(description="the Coulomb friction force in N, or moment in N m about an axis")
+    force: _FrictionForce | None = Field(
+        None, description="the Coulomb friction force in N, or moment in N m about an axis"
+    )
+    coefficient: Annotated[float, Unit("number", above=True, most=2.0)] | None = Field(
+        None, description="instead of force: Coulomb's, of a nest with interference"
+    )
+    interference: Length | None = Field(None, description="radial, with coefficient; from the diameters by default")
     breakaway_force: _FrictionForce | None = Field(
         None, description="force at which sliding begins; equal to `force` by default"
     )
@@ -301,7 +307,15 @@ class FrictionRecord(Record):
         if None in given or any(one is not None for one in other):
             why = "friction acts at a point or between the coils of two springs"
             raise value_error("either at and direction, or spring and inside", why)
-        if self.breakaway_force is not None and self.breakaway_force < self.force:
+        if self.force is None and (self.coefficient is None or self.spring is None):
+            allowed, why = "a force, or for a nest with interference a coefficient", "the friction follows from it"
+            raise value_error(allowed, why, inside="force", given="nothing")
+        if self.force is not None and (self.coefficient is not None or self.interference is not None):
+            raise value_error("either force, or coefficient and interference", "both define the friction")
+        if self.force is None and self.breakaway_force is not None:
+            why = "with a coefficient, sliding begins at the same force"
+            raise value_error("no breakaway_force with coefficient", why, inside="breakaway_force")
+        if self.force is not None and self.breakaway_force is not None and self.breakaway_force < self.force:
             given = f"{self.breakaway_force:g}"
             raise value_error(f"{self.force:g} or more", "it is the maximum", inside="breakaway_force", given=given)
 

@@ -235,7 +235,24 @@ class FreeRunningRecord(Record):
     follower_mass: MassValue = Field(description="mass of the follower")
 
 
-_PhaserRow = tuple[Annotated[float, Unit("time")], SignedAngle]
+class PhaserRecord(PartRecord[dynamics.Phaser]):
+    """Phaser that turns the cams of a shaft against their drive."""
+
+    cams: list[Name] = Field(min_length=1, description="names of cams; all of a shaft")
+    shift: list[tuple[Annotated[float, Unit("angle")], SignedAngle]] = Field(
+        min_length=2,
+        description="rows of the angle of the drive since the start and the rotation of the cams against it",
+    )
+
+    def _check(self) -> None:
+        if any(later <= angle for (angle, _), (later, _) in pairwise(self.shift)):
+            raise value_error("rows of increasing angle", inside="shift")
+        super()._check()
+
+    def build(self) -> dynamics.Phaser:
+        """Build the phaser."""
+        angles, shifts = zip(*self.shift, strict=True)
+        return dynamics.Phaser(angles, shifts)
 
 
 class AdaptiveRecord(PartRecord[dynamics.Adaptive]):
@@ -264,9 +281,6 @@ class RunRecord(Record):
     adaptive: AdaptiveRecord | None = Field(None, description="step size control; fixed steps by default")
     fluctuation: FluctuationRecord | None = Field(None, description="fluctuation of the speed about its mean")
     free_running: FreeRunningRecord | None = Field(None, description="speed of a freely rotating cam")
-    phaser: list[_PhaserRow] | None = Field(
-        None, min_length=2, description="rows of time and rotation of the camshaft against its drive, in cam angle"
-    )
     start: StartRecord = Field(
         "rest", description="at rest as installed, in static equilibrium, in the periodic state, or from a given state"
     )
@@ -280,12 +294,9 @@ class RunRecord(Record):
     damping: DampingRecord = Field(default_factory=lambda: DampingRecord.model_validate({}))
 
     def _check(self) -> None:
-        given = [key for key in ("fluctuation", "free_running", "phaser") if getattr(self, key) is not None]
-        if len(given) > 1:
-            allowed = "one of fluctuation, free_running, phaser"
-            raise value_error(allowed, "each defines the speed", given=" and ".join(given))
-        if any(later <= time for (time, _), (later, _) in pairwise(self.phaser or [])):
-            raise value_error("rows of increasing time", inside="phaser")
+        if self.fluctuation is not None and self.free_running is not None:
+            given = "fluctuation and free_running"
+            raise value_error("one of fluctuation, free_running", "each defines the speed", given=given)
         orders = self.fluctuation.orders if self.fluctuation else []
         if self.start == "periodic" and any(order != round(order) for order in orders):
             raise value_error("whole orders with start = periodic", "the state repeats with the camshaft")

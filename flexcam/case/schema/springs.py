@@ -129,6 +129,14 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
     )
     wire: WireRecord | None = Field(None, description="for the shear stress, and the stiffness where none is given")
 
+    @property
+    def active_coils(self) -> float | None:
+        """Number of active coils of one diameter; None if it is not given or their diameters differ."""
+        if self.coils is None:
+            return self.wire and self.wire.active_coils
+        diameters = {end for entry in self.coils for end in entry.part.ends}
+        return sum(entry.turns for entry in self.coils) if len(diameters) == 1 else None
+
     def _check(self) -> None:
         """Check the keys that define the force, then that the spring can be built, then keys that exclude others."""
         if self.force_table is not None or self.coils is not None:

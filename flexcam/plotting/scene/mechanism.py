@@ -23,8 +23,7 @@ _COILS = 6.0  # number of coils of a spring without wire data
 _PROFILE_POINTS = 360
 
 
-Notes = dict[str, list[str]]
-"""Names of the parts drawn with a default size, by the sentence about them."""
+Notes = dict[str, list[str]]  # names of the parts drawn with a default size, by the sentence about them
 
 
 def _record(notes: Notes, what: str, name: str, size: float, why: str) -> float:
@@ -95,7 +94,6 @@ def _lever(model: Model, rocker: Rocker, cams: tuple[CamPlacement, ...]) -> Leve
 
 
 def _valves(model: Model, levers: dict[str, LeverFrame]) -> Iterator[ValvePlacement]:
-    """Yield the valves: at the points of rockers and at seats."""
     seats = {one.at: one for one in model.contacts.values() if isinstance(one, Seat)}
     for name, frame in levers.items():
         point, play = frame.rocker.point, model.rocker_lashes.get(name)
@@ -170,7 +168,6 @@ def _moving_end(
 def _spring_between_nodes(
     model: Model, name: str, spring: Spring, borders: FloatArray, head: float, notes: Notes
 ) -> CoilPlacement:
-    """Return the position of a spring between two nodes, starting at its end `to`."""
     start, end = (model.mesh.nodes[model.mesh.node(str(one))] for one in (spring.to, spring.at))
     span = end - start
     length = float(np.linalg.norm(span))
@@ -262,7 +259,8 @@ class Mechanism:
     def _cam(self, place: CamPlacement, instant: SceneState) -> Iterator[tuple[str, list[Solid]]]:
         """Yield names and solids of the lobe, with the stub shaft of a cam without a member, and of the follower."""
         moved = instant.nodal[place.node]
-        own = [parts.lobe_solid(place, instant.angle, moved)]
+        angle = self.structure.model.cams[place.contact.cam].angle(np.array([instant.angle]))
+        own = [parts.lobe_solid(place, float(angle[0]), moved)]
         if not self.structure.model.mesh.on_members()[place.node]:
             middle, reach = place.centre + moved[:3], 1.1 * place.width * place.axis
             own.append(cylinder("shaft", middle - reach, middle + reach, 0.4 * place.follower.base_radius))

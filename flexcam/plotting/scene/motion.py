@@ -43,15 +43,11 @@ class SceneState:
         """Displacements of all nodes, m and rad, shape (nodes, 6)."""
         return self.structure.dofs.nodal(self.unknowns)
 
-    def along(self, row: FloatArray) -> float:
-        """Return the motion selected by a row over the degrees of freedom, m."""
-        return float(row @ self.unknowns)
-
     def at(self, point: str, away: FloatArray) -> FloatArray:
         """Return the displacement of a named point, m, shape (3,); the point of a rocker moves along `away`."""
         if self.structure.is_node(point):
             return self.nodal[self.structure.model.mesh.node(point), :3]
-        return self.along(self.structure.row(point, np.zeros(6))) * away
+        return float(self.structure.row(point, np.zeros(6)) @ self.unknowns) * away
 
 
 SEGMENTS_PER_ELEMENT = 8  # drawn segments per element
@@ -225,13 +221,13 @@ def rigid_motion(structure: Structure, angle: FloatArray, speed: float) -> tuple
 
 def _structure_dofs(structure: Structure, response: Response, rigid: FloatArray) -> FloatArray:
     """Return the degrees of freedom of the structure at the saved fields; missing ones move as in the rigid model."""
-    numbers = structure.dofs.numbers
+    numbers, count = structure.dofs.numbers, int((structure.dofs.numbers >= 0).sum())
     nodal = response.fields.displacement.reshape(len(rigid), -1, 6)
     moved = rigid.copy()
     moved[:, numbers[numbers >= 0]] = nodal[:, numbers >= 0]
     rows = np.clip(np.searchsorted(response.time, response.field_time - 1e-12), 0, len(response.time) - 1)
     components = dict(response.outline.probes)
-    for i, name in enumerate(structure.dofs.names[int((numbers >= 0).sum()) :], start=int((numbers >= 0).sum())):
+    for i, name in enumerate(structure.dofs.names[count:], start=count):
         group, _, own = name.rpartition(".")
         if name in components or own in components.get(group, ()):
             moved[:, i] = response[name].displacement[rows]

@@ -12,19 +12,9 @@ import numpy as np
 from flexcam.cams import CamProfile, Follower, SwingFlatFollower, SwingRollerFollower
 from flexcam.core import ComplexArray, FloatArray
 from flexcam.fem.frames import COMPONENTS
+from flexcam.plotting.scene import solids
 from flexcam.plotting.scene.motion import SceneState, rotation_matrices
-from flexcam.plotting.scene.solids import (
-    Solid,
-    capsule,
-    circle,
-    cylinder,
-    loft,
-    perpendicular_axes,
-    prism,
-    revolve,
-    ring,
-    unit_vector,
-)
+from flexcam.plotting.scene.solids import Solid
 from flexcam.valvetrain import Lever, Model, Rocker, Spring
 from flexcam.valvetrain.parts import CamPair
 
@@ -83,7 +73,9 @@ def lobe_solid(frame: CamFrame, angle: float, moved: FloatArray) -> Solid:
     """Return the solid of a lobe."""
     outline = frame.contour(angle)
     plane = frame.plane @ rotation_matrices(moved[None, 3:])[0]
-    return prism("lobe", np.column_stack([outline.real, outline.imag]), plane, frame.centre + moved[:3], frame.width)
+    return solids.prism(
+        "lobe", np.column_stack([outline.real, outline.imag]), plane, frame.centre + moved[:3], frame.width
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,10 +100,10 @@ def follower_solids(place: CamPlacement, instant: SceneState) -> list[Solid]:
     face = place.centre + base * place.lift + moved
     thick = 0.3 * radius
     profile = [(0.0, 0.96 * radius), (0.04 * radius, radius), (thick, radius)]
-    parts = [revolve("follower", face, place.lift, profile)]
+    parts = [solids.revolve("follower", face, place.lift, profile)]
     if place.ahead - base > thick:
         bottom, top = face + thick * place.lift, face + (place.ahead - base) * place.lift
-        parts.append(cylinder("follower", bottom, top, 0.3 * radius))
+        parts.append(solids.cylinder("follower", bottom, top, 0.3 * radius))
     return parts
 
 
@@ -121,10 +113,10 @@ def _roller(place: CamPlacement, moved: np.ndarray, instant: SceneState) -> list
     centre = place.contact_end(float(moved @ place.lift) if swings else 0.0)
     middle = place.centre + in_space(centre, place.plane) + (0.0 if swings else 1.0) * moved
     half, radius = 0.55 * place.width * place.axis, place.follower.roller_radius
-    parts = [cylinder("roller", middle - half, middle + half, radius)]
+    parts = [solids.cylinder("roller", middle - half, middle + half, radius)]
     if not finger and place.ahead - place.contact_end(0.0).imag > 1.2 * radius:
         node = middle + (place.ahead - centre.imag) * place.lift
-        parts.append(cylinder("follower", middle, node, 0.4 * radius))
+        parts.append(solids.cylinder("follower", middle, node, 0.4 * radius))
     return parts
 
 
@@ -164,28 +156,29 @@ def lever_solids(frame: LeverFrame, instant: SceneState, thick: float) -> list[S
 
     The lower side of a rocker touches its pushrod and its valve; a finger touches its valve.
     """
-    (driven, point), thin = frame.ends(instant.along(instant.structure.path(frame.rocker))), 0.5 * thick
+    path, thin = float(instant.structure.path(frame.rocker) @ instant.unknowns), 0.5 * thick
+    driven, point = frame.ends(path)
     if frame.rocker.finger:
         middle = 0j
         joints = [(middle, 0.7 * thick), (driven, 0.7 * thick), (point - 1j * thin, thin)]
     else:
         middle = 1j * thin
         joints = [(driven + middle, thin), (middle, 0.85 * thick), (point + middle, thin)]
-    links = [capsule(a, b, (r, s)) for (a, r), (b, s) in pairwise(joints)]
-    made = [prism("rocker", outline, frame.plane, frame.pivot, thick) for outline in links]
+    links = [solids.capsule(a, b, (r, s)) for (a, r), (b, s) in pairwise(joints)]
+    made = [solids.prism("rocker", outline, frame.plane, frame.pivot, thick) for outline in links]
     reach, centre = 0.9 * thick * np.cross(frame.plane[0], frame.plane[1]), frame.space(middle)
-    made.append(cylinder("pivot", centre - reach, centre + reach, 0.45 * thick))
+    made.append(solids.cylinder("pivot", centre - reach, centre + reach, 0.45 * thick))
     if frame.rocker.finger:
         up = thick * frame.plane[1]
-        made.append(cylinder("pivot", centre + 0.3 * up, centre + 3.0 * up, 0.6 * thick))
+        made.append(solids.cylinder("pivot", centre + 0.3 * up, centre + 3.0 * up, 0.6 * thick))
     return made
 
 
 STEM = 1.0 / 6.0  # ratio of stem diameter to head diameter
 VALVE_LENGTH = 3.0  # ratio of valve length to head diameter
 _HALF = 0.5 * STEM
+# Axial positions from the valve end and radii there, relative to the head diameter
 _HEAD_PROFILE = [(-0.45, _HALF), (-0.2, 1.3 * _HALF), (-0.1, 2.1 * _HALF), (-0.04, 0.47), (0.0, 0.5), (0.03, 0.5)]
-"""Axial positions from the valve end and radii there, relative to the head diameter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,10 +198,10 @@ def valve_solids(place: ValvePlacement, instant: SceneState, head: float) -> lis
     length, away = (VALVE_LENGTH * head if place.stem else 0.0), place.away
     tip, stem = place.tip + instant.at(place.point, away), 0.5 * STEM * head
     profile = [(length + x * head, radius * head) for x, radius in _HEAD_PROFILE]
-    parts = [revolve("valve", tip, away, [*([(0.0, stem)] if place.stem else []), *profile])]
+    parts = [solids.revolve("valve", tip, away, [*([(0.0, stem)] if place.stem else []), *profile])]
     if place.seat:
         closed = place.tip + (length - 0.08 * head) * away
-        parts.append(ring("seat", closed, away, (0.47 * head, 0.62 * head), 0.14 * head))
+        parts.append(solids.ring("seat", closed, away, (0.47 * head, 0.62 * head), 0.14 * head))
     return parts
 
 
@@ -238,14 +231,14 @@ def coil_solid(sizes: CoilSizes, start: FloatArray, axis: FloatArray, moved: Flo
     place = np.interp(angle / (2.0 * math.pi), ends, [half, lower, lower + inner, length - half])
     closed = (0.5 + _END_COILS) * sizes.wire  # end coils move with the ends
     along = place + np.interp(place, np.linspace(closed, max(length - closed, closed), len(moved)), moved)
-    first, second = perpendicular_axes(axis)
+    first, second = solids.perpendicular_axes(axis)
     out = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second
     centres = start + along[:, None] * axis + 0.5 * sizes.diameter * out
     tangent = np.gradient(centres, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1)[:, None]
     up = np.cross(tangent, out)
-    wire = circle(0.5 * sizes.wire, _WIRE)
-    return loft("spring", centres[:, None] + wire[:, :1] * out[:, None] + wire[:, 1:] * up[:, None])
+    wire = solids.circle(0.5 * sizes.wire, _WIRE)
+    return solids.loft("spring", centres[:, None] + wire[:, :1] * out[:, None] + wire[:, 1:] * up[:, None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,9 +265,9 @@ def spring_solids(place: CoilPlacement, instant: SceneState) -> list[Solid]:
     inner, outer, thick = 0.5 * (size.diameter - 1.6 * size.wire), 0.5 * size.diameter + size.wire, 0.7 * size.wire
     if place.retainer:
         top = place.start + (size.length + moved[-1] + 0.5 * thick) * axis
-        made.append(ring("retainer", top, axis, (0.25 * inner, outer), thick))
+        made.append(solids.ring("retainer", top, axis, (0.25 * inner, outer), thick))
     if place.ground:
-        made.append(ring("ground", place.start - 0.5 * thick * axis, axis, (0.6 * inner, 1.1 * outer), thick))
+        made.append(solids.ring("ground", place.start - 0.5 * thick * axis, axis, (0.6 * inner, 1.1 * outer), thick))
     return made
 
 
@@ -307,23 +300,27 @@ def support_solids(model: Model, cams: Sequence[CamPlacement], instant: SceneSta
         radius = model.members[name].section.at(0.5).radius
         for place, node in enumerate(line.tolist()):
             before, after = max(place - 1, 0), min(place + 1, len(line) - 1)
-            axis = unit_vector(model.mesh.nodes[line[after]] - model.mesh.nodes[line[before]])
+            axis = solids.unit_vector(model.mesh.nodes[line[after]] - model.mesh.nodes[line[before]])
             where, kept = model.mesh.nodes[node], held[node]
             driven = name in turning and float(np.abs(kept[3:] * axis).max()) > 0.5
             if driven:
                 sense = float(np.sign(cams[0].axis @ axis)) if cams else 1.0
                 yield replace(_wheel(where, axis, 2.4 * radius, sense * instant.angle), name=name)
-            plane = np.array(perpendicular_axes(axis))
+            plane = np.array(solids.perpendicular_axes(axis))
             across = np.abs(plane)[:, ~kept[:3]]  # free translations perpendicular to the axis
             if kept.all():
                 corners = 2.0 * radius * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
-                yield replace(prism("ground", corners, plane, where, 0.8 * radius), name=name)
+                yield replace(solids.prism("ground", corners, plane, where, 0.8 * radius), name=name)
             elif (node in bearings or not (across > 0.3).any()) and node not in faces and not driven:
-                yield replace(ring("bearing", where, axis, (1.02 * radius, 1.6 * radius), 1.1 * radius), name=name)
+                yield replace(
+                    solids.ring("bearing", where, axis, (1.02 * radius, 1.6 * radius), 1.1 * radius), name=name
+                )
 
 
 def _wheel(where: FloatArray, axis: FloatArray, radius: float, angle: float) -> Solid:
-    first, second = perpendicular_axes(axis)
-    teeth = np.where(np.arange(4 * _TEETH) % 4 < 2, 1.0, 0.9)[:, None] * circle(radius, 4 * _TEETH)
+    first, second = solids.perpendicular_axes(axis)
+    teeth = np.where(np.arange(4 * _TEETH) % 4 < 2, 1.0, 0.9)[:, None] * solids.circle(radius, 4 * _TEETH)
     c, s = np.cos(angle), np.sin(angle)
-    return prism("drive", teeth, np.array([c * first + s * second, c * second - s * first]), where, 0.35 * radius)
+    return solids.prism(
+        "drive", teeth, np.array([c * first + s * second, c * second - s * first]), where, 0.35 * radius
+    )

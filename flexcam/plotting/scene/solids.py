@@ -13,12 +13,12 @@ from flexcam.core import FloatArray, IntArray
 from flexcam.fem.frames import default_orientation
 from flexcam.fem.sections import Section, Taper
 
+# Colours by kind of part: those of Okabe and Ito for moving parts
 COLOURS = {
     "shaft": "#7a8fa6", "member": "#c9ced4", "lobe": "#D55E00", "follower": "#E69F00", "roller": "#F0C25A",
     "rocker": "#0072B2", "pivot": "#33414e", "spring": "#009E73", "retainer": "#5b6b78", "valve": "#CC79A7",
     "seat": "#33414e", "bearing": "#4d5a66", "ground": "#4d5a66", "drive": "#56B4E9", "mass": "#b08d57",
 }  # fmt: skip
-"""Colours by kind of part: those of Okabe and Ito for moving parts."""
 
 NEUTRAL_COLOUR = "#d5d9dd"  # colour of parts without a value if members are coloured by one
 OPACITIES = {"bearing": 0.45, "seat": 0.6, "ground": 0.8}

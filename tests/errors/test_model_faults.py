@@ -1,0 +1,112 @@
+"""Faults of the model come in one report with those of keys, units and references, and with each other."""
+
+# ruff: noqa: E501 - tables, a row to a line
+
+from __future__ import annotations
+
+import re
+from itertools import chain
+
+import pytest
+
+from flexcam import InputError
+from flexcam.case.reader import CaseFile
+from flexcam.case.starters import new_case
+from flexcam.io import format_toml
+
+# faults of the starter pushrod-engine, with the place of each
+DENSITY = (('density = "7800', 'densty = "7800'), ["materials.steel.density", "materials.steel.densty"])
+STIFFNESS = (('stiffness = "50 kN/m"', 'stiffness = "50 kN"'), ["springs.valve.stiffness"])
+MASS = (('mass = "0.06 kg"', 'mass = "0.06 m"'), ["masses.follower.mass"])
+ARMS = (('arms = ["25 mm", "40 mm"]', 'arms = ["25 mm"]'), ["rockers.rocker.arms"])
+LIFT_EVENT = (('rise = "75 deg"', 'rise = "300 deg"'), ["cams.intake: rise + dwell + return"])
+SPEED = (('"5000 rpm"', '"5000 kg"'), ["run.crank_speed"])
+COMPONENT = (('rear = ["uy", "uz"]', 'rear = ["uy", "uzz"]'), ["supports.rear.1"])
+PROBE = (('probes = ["valve"', 'probes = ["vavle"'), ["output.probes"])
+MATERIAL = (('material = "steel"', 'material = "stel"'), ["members.camshaft.material"])
+UNDERCUT = (('lift = "6 mm"', 'lift = "40 mm"'), ["cams.intake.base_radius"])
+INERTIA = (('mass = "0.09 kg"', 'mass = "0.09 kg", inertia = [1e-5, 1e-5, 1e-5]'), ["masses.valve"])
+ACROSS = (
+    ("[springs.tappet]", '[springs.more]\nat = "valve"\ndirection = "ux"\nstiffness = "1 N/m"\n[springs.tappet]'),
+    ["springs.more.at"],
+)
+STOP = (
+    (
+        "[contacts.seat]",
+        '[contacts.stop]\nat = "tappet"\ndirection = "ux"\nmodel = "seat"\nstiffness = "1 MN/m"\n[contacts.seat]',
+    ),
+    ["contacts.stop"],
+)
+SLIDES = (
+    (
+        "[run]",
+        '[friction]\nguide = { at = "tappet", direction = "ux", force = 1 }\nseal = { at = "pushrod-top", direction = "ux", force = 1 }\n[run]',
+    ),
+    ["friction.guide", "friction.seal"],
+)
+SHAFT = (
+    ('"circle", diameter = "30 mm"', '"rectangle", width_y = "30 mm", width_z = "20 mm"'),
+    ["members.camshaft.section"],
+)
+
+TOGETHER = {
+    "a key, a reference and two parts": (DENSITY, PROBE, INERTIA, UNDERCUT),
+    "a unit of a spring": (STIFFNESS, UNDERCUT, STOP),
+    "a unit of a mass": (MASS, ACROSS, UNDERCUT, SLIDES),
+    "a rocker": (ARMS, INERTIA, ACROSS, UNDERCUT),
+    "a cam": (LIFT_EVENT, SHAFT, STOP),
+    "the speed": (SPEED, UNDERCUT, SHAFT),
+    "a support": (COMPONENT, UNDERCUT, SLIDES),
+    "a material": (MATERIAL, INERTIA, UNDERCUT),
+    "parts on their mesh and in their equations": (SHAFT, INERTIA, UNDERCUT, SLIDES),
+}  # fmt: skip
+
+
+@pytest.fixture
+def starter(tmp_path):
+    return new_case("pushrod-engine", tmp_path / "engine.toml")[0].read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", TOGETHER)
+def test_all_faults_in_one_report_and_no_other(name, starter, changed, faults_of):
+    edits, places = zip(*TOGETHER[name], strict=True)
+    wheres = [fault.where for fault in faults_of(changed(starter, *edits))]
+    assert sorted(re.sub(r" \(line \d+\)", "", one) for one in wheres) == sorted(chain.from_iterable(places))
+    lines = [int(re.search(r"line (\d+)", one)[1]) for one in wheres]
+    assert lines == sorted(lines)
+
+
+@pytest.mark.parametrize("command", ["check", "run"])
+def test_commands_report_all_faults_with_exit_code_2(command, starter, changed, flexcam, tmp_path):
+    edits, places = zip(*TOGETHER["a key, a reference and two parts"], strict=True)
+    path = tmp_path / "case.toml"
+    path.write_text(changed(starter, *edits), encoding="utf-8")
+    done = flexcam(command, path, "--json")
+    assert done.code == 2
+    assert all(place in done.out + done.err for place in chain.from_iterable(places))
+
+
+@pytest.mark.parametrize("template", ["finger-follower", "valve-bridge", "desmodromic"])
+def test_a_fault_of_a_part_causes_no_fault_of_another(template, tmp_path):
+    """Contacts, cams, rockers, supports, masses and springs with a wrong key: the rest has no fault without them."""
+    file = CaseFile.open(new_case(template, tmp_path / "case.toml")[0])
+    for kind in ("sections", "members", "supports", "masses", "bearings", "springs", "rockers", "cams", "contacts"):
+        for name, part in list(file.raw.get(kind, {}).items())[:2]:
+            wrong = {**part, "wrong": 1} if isinstance(part, dict) else ["uxx"]
+            tables = {**file.raw, kind: {**file.raw[kind], name: wrong}}
+            with pytest.raises(InputError) as refusal:
+                CaseFile(file.path, format_toml(tables)).read()
+            wheres = [fault.where for fault in refusal.value.faults]
+            assert all(where.startswith(f"{kind}.{name}") for where in wheres), wheres
+
+
+def test_the_model_of_a_good_case_has_no_fault(tmp_path):
+    for template in ("pushrod-engine", "roller-tappet", "gear-drive", "lumped-train", "published-model"):
+        file = CaseFile.open(new_case(template, tmp_path / f"{template}.toml")[0])
+        assert not file.complete_refusal(InputError(())).faults, template
+
+
+def test_a_fault_of_a_node_leaves_the_model_unchecked(starter, changed, faults_of):
+    """No direction or length is known then."""
+    text = changed(starter, ('rear = ["180 mm"', 'rear = ["180 kg"'), UNDERCUT[0])
+    assert [fault.where.partition(" ")[0] for fault in faults_of(text)] == ["nodes.rear.0"]
