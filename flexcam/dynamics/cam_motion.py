@@ -73,6 +73,11 @@ def derivative(function: AngleFunction) -> AngleFunction:
     return Derivative(function)
 
 
+def cam_angle(angle: FloatArray, order: int) -> FloatArray:
+    """Return the cam angle itself, as a function of it."""
+    return angle if order == 0 else np.full_like(angle, order == 1)
+
+
 ONE = Constant(1.0)
 """Constant function 1, such as the cosine of a contact without inclination."""
 

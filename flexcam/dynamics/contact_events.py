@@ -206,4 +206,5 @@ class EventStepper:
 
     def _penetrations(self, moment: StepState) -> tuple[FloatArray, FloatArray]:
         """Return the switching scalars and their rates."""
-        return moment.penetration[self._forces.switching], moment.rate[self._forces.switching]
+        penetration, rate = self._forces.contact_motion(moment.penetration, moment.rate)
+        return penetration[self._forces.switching], rate[self._forces.switching]

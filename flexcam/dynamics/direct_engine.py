@@ -156,7 +156,7 @@ class DirectEngine:
             return no_instants(self._system.size, self._forces), status
         self._iterations += sum(m.iterations for part in walked for m in part)
         self._substeps += sum(len(part) for part in walked)
-        track, left = in_range(Trajectory.of(walked, self._forces.switching), before, self._system, motion.angle)
+        track, left = in_range(Trajectory.of(walked, self._forces.contact_sides), before, self._system, motion.angle)
         return track, status if left.ok else left
 
     def _advance_steps(

@@ -140,9 +140,10 @@ class Disturbances:
         which = self._forces.switching
         if not len(which):
             return penetration
-        penetration, depth = penetration.copy(), penetration[..., which]
-        there = np.abs(depth) <= _AT_ONCE * self._problem.step * np.abs(rate[..., which])
-        penetration[..., which] = np.where(there, np.where(side, _TOUCH, -_TOUCH), depth)
+        depth, depth_rate = (one[..., which] for one in self._forces.contact_motion(penetration, rate))
+        penetration, sensed = penetration.copy(), penetration[..., which]
+        there = np.abs(depth) <= _AT_ONCE * self._problem.step * np.abs(depth_rate)
+        penetration[..., which] = np.where(there, sensed - depth + np.where(side, _TOUCH, -_TOUCH), sensed)
         return penetration
 
     def _steps(self, every: SensedTrajectory, part: slice, side: Bools) -> tuple[StepSequence, FloatArray]:
@@ -193,15 +194,17 @@ class Disturbances:
             moved = moved + shifted[:, None] * self._shift
         after, self._shift = step.propagate(0, self._current, moved), None
         crossed = np.flatnonzero(side != every.track.pressed[i + 1])
-        crossed = crossed[np.abs(new.rate[self._forces.switching[crossed]]) > _AT_REST]
+        depth, depth_rate = self._forces.contact_motion(new.penetration, new.rate)
+        crossed = crossed[np.abs(depth_rate[self._forces.switching[crossed]]) > _AT_REST]
         if len(crossed):
             which = self._forces.switching[crossed]
-            which = int(which[np.argmin(np.abs(new.penetration[which] / new.rate[which]))])
+            which = int(which[np.argmin(np.abs(depth[which] / depth_rate[which]))])
+            gradient = self._forces.contact_gradient(which, new.penetration)
             longer = (longer + 0.5 * h * self._prescribed_rates(new, side))[:, None]
             by_time = step.propagate(0, np.zeros_like(longer), longer)[:, 0]
-            sense, n = directions(self._forces, every.schedule, i + 1)[1][which], len(new.d)
-            rate = new.rate[which] + sense @ (by_time[:n] - new.v)
-            self._shift = shift = -(sense @ after[:n] + self._scalar_derivatives(i + 1, which)) / rate
+            sense, n = gradient @ directions(self._forces, every.schedule, i + 1)[1], len(new.d)
+            rate = depth_rate[which] + sense @ (by_time[:n] - new.v)
+            self._shift = shift = -(sense @ after[:n] + gradient @ self._scalar_derivatives(i + 1)) / rate
             after = after + by_time[:, None] * shift
         self._current = after
 
@@ -215,10 +218,7 @@ class Disturbances:
         before, shift = self._current, self._shift
         if shift is None:  # at the end of a step
             first = int(np.argmax(rate))
-            shift = (
-                -(hit.sense[first] @ before[:n] + self._scalar_derivatives(i, int(switching[held[first]])))
-                / rate[first]
-            )
+            shift = -(hit.sense[first] @ before[:n] + self._scalar_derivatives(i)[switching[held[first]]]) / rate[first]
             before = before + self._flow(old)[:, None] * shift
         d, v, z = split_state(before, n)
         factor, beside = hit.reversal(rate), _BESIDE * self._problem.step
@@ -285,9 +285,9 @@ class Disturbances:
             pushed[:, :, : found.shape[2]] = found
         return pushed
 
-    def _scalar_derivatives(self, i: int, scalar: int) -> FloatArray:
-        """Return the derivatives of a sensed scalar at an instant by the parameters, shape (k,)."""
-        found = np.zeros(self._current.shape[1])
+    def _scalar_derivatives(self, i: int) -> FloatArray:
+        """Return the derivatives of the sensed scalars at an instant by the parameters, shape (c, k)."""
+        found = np.zeros((self._forces.count, self._current.shape[1]))
         if self._explicit is not None:
-            found[: self._explicit.penetration.shape[2]] = self._explicit.penetration[i, scalar]
+            found[:, : self._explicit.penetration.shape[2]] = self._explicit.penetration[i]
         return found

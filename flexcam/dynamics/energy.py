@@ -123,6 +123,8 @@ class EnergyBalance:
         self._smooth = StoredEnergy(forces, np.flatnonzero(smooth)) if smooth.any() else None
         self._smooth_scalars = np.flatnonzero(smooth)
         self._stores, self._others = StoredEnergy(forces, rough), np.flatnonzero(~forces.opposed[rough])
+        places = np.cumsum(~smooth) - 1
+        self._lifts = [(int(places[first]), int(places[last]), lift) for first, last, lift in forces.lifts]
         self._storing, self._circulatory = forces.storing[rough], np.flatnonzero(forces.circulatory[rough])
         self._strikes = not np.isnan(forces.restitution).all()
         # Vectors of the contacts that are not opposed, and the force acting along each.
@@ -186,7 +188,14 @@ class EnergyBalance:
         crushed -= 0.5 * _dot(sums("by_state"), changes("states"))
         # Difference of the work of the mean force and of the nonlinear force, by Simpson's rule.
         half = 0.5 * sums("penetration"), 0.5 * sums("states"), 0.5 * sums("angle")
+        bows = np.zeros_like(deepened)
+        for i, angle, lift in self._lifts:  # the path is curved: in its middle the contact is as deep as on average
+            begin, middle, end = (lift(half[0][:, angle] + part * deepened[:, angle], 0) for part in (-0.5, 0.0, 0.5))
+            bows[:, i] = 0.5 * (begin + end) - middle
+            half[0][:, i] += bows[:, i]
         curves = 2.0 / 3.0 * (0.5 * still - self._stores.at(*half)[1]) * deepened
+        if self._lifts:
+            curves += 2.0 / 3.0 * bows * changes("still")
         curved = curves.sum(axis=1)
         turned = self._circulatory  # the rotation of the shaft does the work of their forces without motion
         from_shaft = curves[:, turned].sum(axis=1) - 0.5 * _dot(sums("still")[:, turned], deepened[:, turned])

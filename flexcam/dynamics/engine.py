@@ -118,4 +118,4 @@ def first_track(problem: Problem, forces: LocalForces) -> Trajectory:
     start = problem.start or State.rest(problem.system.size)
     motion = problem.drive.at(problem.times(np.zeros(1, dtype=np.intp)))
     to = StepInputs(start.time, problem.system.load_vector(motion)[0], forces.prescribed_inputs(motion))
-    return Trajectory.of([[InitialAcceleration(problem.system, forces).first(start, to)]], forces.switching)
+    return Trajectory.of([[InitialAcceleration(problem.system, forces).first(start, to)]], forces.contact_sides)

@@ -37,11 +37,14 @@ LawResponse = tuple[float, float, float, float]
 ) = range(13)  # fmt: skip
 """Numbers of the laws."""
 
-TRIAL, PENETRATION, RATE, ANSWER, FREE_PENETRATION, FREE_RATE, OWN, ENERGY, BASE, CHANGE, SENSED, STALE = range(12)
+TRIAL, PENETRATION, RATE, ANSWER, FREE_PENETRATION, FREE_RATE, OWN, ENERGY, BASE, CHANGE, SENSED, STALE, DEPTH = range(
+    13
+)
 """Rows of the local scalars: trial force, sensed penetration and rate under it, force of the law, sensed values without
-the forces, square root of the scalar's own compliance, the stored energy, and four rows of the iteration.
+the forces, square root of the scalar's own compliance, the stored energy, four rows of the iteration, and the
+penetration of the law with the lift of `CamLift`, of its first scalar.
 """
-LOCAL_ROWS = 12
+LOCAL_ROWS = 13
 
 STATE, BEGIN, NEW_STATE, STATE_RATE, FLOW, ENERGY_BY_STATE, BY_TRAVEL, BY_BEGIN, SPAN = range(9)
 """Rows of the internal states: at the beginning of a step, the penetration there, at its end; the rate at the end, the
@@ -50,11 +53,11 @@ of (penetration - state) at the end: by the travel of the penetration and by its
 the length of the step, s, zero for an instant."""
 STATE_ROWS = 9
 
-KIND, FIRST, SCALARS, CONSTANTS, FUNCTIONS, LAW_STATE, FRICTION = range(7)
+KIND, FIRST, SCALARS, CONSTANTS, FUNCTIONS, LAW_STATE, FRICTION, LIFT = range(8)
 """Columns of the table of laws.
 
 They are the number of the law, its first scalar and number of scalars, first constant, first function of the cam angle,
-internal state (-1 for none), and first constant of friction.
+internal state (-1 for none), first constant of friction, and first constant of the lift (-1 for none).
 """
 
 _MAX_ITERATIONS = 60
@@ -68,6 +71,12 @@ THINNEST = 0.99
 """Eccentricity of a journal up to which its film is that of the theory."""
 _STEEP = 4.0 * THINNEST / (1.0 - THINNEST**2)
 """Relative growth of the film's force per eccentricity beyond it, that of the steady radial force there."""
+
+TURN = 2.0 * math.pi
+_PIECES = 720
+"""Polynomials of the lift of a cam without joints."""
+_LEFT = 1e-8
+"""Angle before a joint at which the left limit is evaluated, rad."""
 
 ARCH_SCALARS = 7
 """Scalars of a shallow arch: the elongation, then chord slope and both end rotations in two planes."""
@@ -599,6 +608,40 @@ def force_table(x: float, constants: FloatArray, b: int) -> LawResponse:
     return force + slope * beyond, slope, 0.0, constants[row + 2 * n] + beyond * (force + 0.5 * slope * beyond)
 
 
+def cam_lift(angle: float, constants: FloatArray, b: int) -> tuple[float, float, float]:
+    """Return the lift of a cam at an angle, m, with its first and second derivative (m/rad and m/rad^2).
+
+    The constants are the number of pieces, then the rows of `CamLift`.
+    """
+    t = angle - TURN * math.floor(angle / TURN)
+    low, high = 0, int(constants[b])
+    while high - low > 1:
+        middle = (low + high) // 2
+        if t < constants[b + 1 + 7 * middle]:
+            high = middle
+        else:
+            low = middle
+    row = b + 1 + 7 * low
+    x, lift, slope, bend = t - constants[row], 0.0, 0.0, 0.0
+    for k in range(6):
+        bend, slope, lift = bend * x + 2.0 * slope, slope * x + lift, lift * x + constants[row + 6 - k]
+    return lift, slope, bend
+
+
+def turn_cam(i: int, last: int, slope: float, bend: float, local: FloatArray, tangent: FloatArray) -> None:
+    """Write the response on the angle of a cam, the last scalar of a law, and that of the law to this angle.
+
+    With the lift s the force is ``s' N``, so that both derive from the energy of the law.
+    """
+    r, N = last - i, local[ANSWER, i]
+    local[ANSWER, last], local[ENERGY, last] = slope * N, 0.0
+    tangent[0, last, 0], tangent[1, last, 0] = slope * tangent[0, i, 0], slope * tangent[1, i, 0]
+    for j in range(i, last + 1):
+        by_x, by_v = tangent[0, j, 0], tangent[1, j, 0]
+        tangent[0, j, r], tangent[1, j, r] = slope * by_x + bend * local[RATE, last] * by_v, slope * by_v
+    tangent[0, last, r] += bend * N
+
+
 def custom(law: int, angle: float, local: FloatArray, tangent: FloatArray) -> None:
     """Do nothing: the direct engine binds a function in its place that evaluates a law written in Python.
 
@@ -617,7 +660,7 @@ def evaluate_laws(
 ) -> None:  # fmt: skip
     """Write forces, tangents and energies of all laws at the given penetrations and rates.
 
-    `laws` (l, 7) and `constants` are the table of the laws. `cam` has the functions of the cam angle, a row per
+    `laws` (l, 8) and `constants` are the table of the laws. `cam` has the functions of the cam angle, a row per
     instant: row k is that of the instant, and `column` has the first function. `local` has a row per quantity of
     the scalars; `PENETRATION` and `RATE` are read, `ANSWER` and `ENERGY` written. `tangent` (2, c, width) are the
     derivatives of the force of a scalar by penetration (0) and rate (1) of the scalars of its law; `states` has a row
@@ -639,6 +682,11 @@ def evaluate_laws(
         if kind == CUSTOM:
             custom(law, cam[k, f], local, tangent)
             continue
+        last, slope, bend = i + laws[law, SCALARS] - 1, 0.0, 0.0
+        if laws[law, LIFT] >= 0:  # the last scalar is the angle of the cam
+            lift, slope, bend = cam_lift(local[PENETRATION, last], constants, laws[law, LIFT])
+            x, v = x + lift, v + slope * local[RATE, last]
+        local[DEPTH, i] = x
         if kind == BILATERAL:
             N, by_x, by_v, energy = bilateral(x, v, constants[b], constants[b + 1])
         elif kind == STOP:
@@ -679,13 +727,15 @@ def evaluate_laws(
         else:
             N, by_x, by_v, energy = bilateral(x, v, constants[b] * cam[k, f], 0.0)
         local[ANSWER, i], local[ENERGY, i], tangent[0, i, 0], tangent[1, i, 0] = N, energy, by_x, by_v
-        if laws[law, SCALARS] == 2:  # Coulomb friction on the next scalar
+        if last > i + (laws[law, LIFT] >= 0):  # Coulomb friction on the next scalar
             b = laws[law, FRICTION]
-            direction, slope = coulomb(local[RATE, i + 1], constants[b + 1])
+            direction, steepness = coulomb(local[RATE, i + 1], constants[b + 1])
             share = constants[b] * direction
             local[ANSWER, i + 1], local[ENERGY, i + 1] = share * N, 0.0
             tangent[0, i + 1, 0], tangent[1, i + 1, 0] = share * by_x, share * by_v
-            tangent[1, i + 1, 1] = constants[b] * N * slope
+            tangent[1, i + 1, 1] = constants[b] * N * steepness
+        if laws[law, LIFT] >= 0:
+            turn_cam(i, last, slope, bend, local, tangent)
 
 
 def evaluate_rows(
@@ -722,7 +772,7 @@ def evaluate_rows(
 FUNCTIONS_OF_LAWS = (
     bilateral, stop, hunt_crossley, line_load, line_contact, oil_column, check_valve_velocity, chamber_pressure,
     fitted_weight, oil_chamber, lever_motion, coulomb, sliding_friction, lever, arch, film_integrals, rotate_tensor,
-    short_bearing, force_table, custom, evaluate_laws, evaluate_rows,
+    short_bearing, force_table, cam_lift, turn_cam, custom, evaluate_laws, evaluate_rows,
 )  # fmt: skip
 """Functions for the compiler, in the order of their calls."""
 
@@ -773,6 +823,50 @@ LAWS = {
 
 
 @dataclass(frozen=True, eq=False)
+class CamLift:
+    """Lift of a cam as polynomials of fifth degree, so that a law can follow the rotation of its shaft.
+
+    A series about the prescribed angle would jump where a derivative of the lift jumps within the twist.
+    """
+
+    pieces: FloatArray  #: first angle, rad, and ascending coefficients of each, shape (p, 7)
+
+    @classmethod
+    def of(cls, function: AngleFunction, joints: Sequence[float]) -> CamLift:
+        """Return the polynomials through lift, velocity and acceleration at both ends of pieces that end at the joints.
+
+        The function of the cam angle, rad, gives the right limit where one of its derivatives jumps.
+        """
+        even = np.linspace(0.0, TURN, _PIECES + 1)
+        clear = [not any(0.0 < abs(at - joint) < 0.1 * even[1] for joint in joints) for at in even.tolist()]
+        edges = np.union1d(even[clear], joints)
+        edges = edges[np.append(True, np.diff(edges) > _LEFT)]
+        h, before = np.diff(edges), edges[1:] - _LEFT
+
+        def exact(values: FloatArray, order: int) -> FloatArray:
+            """Return values without rounding: a dwell has no curvature."""
+            return np.where(np.abs(values) > 1e-14 * np.abs(function(even, order)).max(), values, 0.0)
+
+        s, v, a = (exact(function(edges[:-1], order), order) for order in range(3))
+        new_a = exact(function(before, 2), 2)
+        new_v = exact(function(before, 1) + _LEFT * new_a, 1)
+        more = exact(function(edges[1:], 0) - s - h * (v + 0.5 * h * a), 0)
+        faster, bent = h * exact(new_v - v - h * a, 1), h * h * exact(new_a - a, 2)
+        third, fourth = 10.0 * more - 4.0 * faster + 0.5 * bent, -15.0 * more + 7.0 * faster - bent
+        fifth = 6.0 * more - 3.0 * faster + 0.5 * bent
+        return cls(np.column_stack([edges[:-1], s, v, 0.5 * a, third / h**3, fourth / h**4, fifth / h**5]))
+
+    def __call__(self, angle: FloatArray, order: int) -> FloatArray:
+        """Return a derivative at any angles, rad, see `cam_lift`."""
+        t = angle - TURN * np.floor(angle / TURN)
+        row = self.pieces[np.maximum(np.searchsorted(self.pieces[:, 0], t, side="right") - 1, 0)]
+        x, found = t - row[..., 0], np.zeros_like(t)
+        for k in range(5, order - 1, -1):
+            found = found * x + math.perm(k, order) * row[..., k + 1]
+        return found
+
+
+@dataclass(frozen=True, eq=False)
 class ForceLaw:
     """A force law as data.
 
@@ -786,17 +880,20 @@ class ForceLaw:
         Of the cam angle, as `LAWS` names them.
     friction
         mu and v0 (m/s) of Coulomb friction on an additional scalar after those of the law; None without friction.
+    lift
+        Of a cam, added to the penetration; the last scalar is its angle, rad. None without.
     """
 
     kind: int
     constants: tuple[float, ...]
     functions: tuple[AngleFunction, ...] = ()
     friction: tuple[float, float] | None = None
+    lift: CamLift | None = None
 
     @property
     def scalars(self) -> int:
         """Number of sensed scalars."""
-        return LAWS[self.kind].scalars + (self.friction is not None)
+        return LAWS[self.kind].scalars + (self.friction is not None) + (self.lift is not None)
 
     @property
     def states(self) -> int:

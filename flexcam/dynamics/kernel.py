@@ -20,6 +20,7 @@ from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.force_laws import (
     BASE,
     BEGIN,
+    DEPTH,
     FIRST,
     FREE_PENETRATION,
     FREE_RATE,
@@ -172,7 +173,8 @@ def correct_modes(
 def crosses_zero(local: FloatArray, switching: IntArray) -> bool:
     """Return whether a switching scalar (row 0) is on another side of zero than before (row 1)."""
     for at in range(switching.shape[1]):
-        if (local[PENETRATION, switching[0, at]] > 0.0) != (switching[1, at] == 1):
+        pressed = local[DEPTH, switching[0, at]] > 0.0
+        if pressed != (switching[1, at] == 1):
             return True
     return False
 

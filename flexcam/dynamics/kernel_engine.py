@@ -20,7 +20,7 @@ from flexcam.dynamics.cam_motion import CamFunctionCache, CamMotion, PrescribedI
 from flexcam.dynamics.collocation import Collocation, stage_coefficients
 from flexcam.dynamics.contact_events import EventStepper
 from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, no_instants, stack_instant
-from flexcam.dynamics.force_laws import FIRST, OWN, PENETRATION, SCALARS, SPAN, STATE, STATE_ROWS
+from flexcam.dynamics.force_laws import DEPTH, FIRST, OWN, SCALARS, SPAN, STATE, STATE_ROWS
 from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.implicit_step import NoConvergenceError, unconverged_forces
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
@@ -260,8 +260,8 @@ class Kernel:
 
     def touches_between(self, now: StepState, new: StepState) -> bool:
         """Return whether in the last call a switching scalar had another side at the middle than at both ends."""
-        before, after = (one.penetration[self.forces.switching] > 0.0 for one in (now, new))
-        middle = self._work.local[PENETRATION, self.forces.switching] > 0.0
+        before, after = (self.forces.contact_sides(one.penetration) for one in (now, new))
+        middle = self._work.local[DEPTH, self.forces.switching] > 0.0
         before = before if now.pressed is None else now.pressed
         return bool(((middle != before) & (middle != after)).any())
 
@@ -331,6 +331,7 @@ def contact_stiffness_ratio(problem: Problem, step: float) -> float:
     acted = forces.act.owner * inputs.acting_weights[:, None]  # shape (angles, c, acts)
     own = np.abs(np.sum(acted @ hold * (forces.sense.owner * inputs.sensing_weights[:, None]), axis=2)).max(axis=0)
     closed = np.full(forces.count, _CLOSED)
+    closed = 2.0 * closed - forces.contact_motion(closed, closed)[0]
     stiffness = forces.respond(closed, np.zeros_like(closed), forces.start_state, inputs).by_penetration
     return float((np.abs(np.diag(stiffness)) * own).max(initial=0.0))
 
@@ -512,7 +513,7 @@ class KernelEngine:
             return plain if len(time) == len(schedule.angle) else replace(plain, cam=None)
         parts, first = list[Trajectory](), 0
         for row, moments in stepped.items():
-            parts += [plain.between(first, row), Trajectory.of([moments], self._forces.switching)]
+            parts += [plain.between(first, row), Trajectory.of([moments], self._forces.contact_sides)]
             first = row + 1
         return Trajectory.concatenate([*parts, plain.between(first, len(time))])
 

@@ -18,6 +18,7 @@ from flexcam.dynamics.cam_motion import (
     CamMotion,
     Constant,
     PrescribedInputs,
+    cam_angle,
 )
 from flexcam.dynamics.force_laws import (
     ANSWER,
@@ -31,6 +32,7 @@ from flexcam.dynamics.force_laws import (
     KIND,
     LAW_STATE,
     LAWS,
+    LIFT,
     LOCAL_ROWS,
     OWN,
     PENETRATION,
@@ -89,11 +91,6 @@ class StoredEnergy:
         return whole
 
 
-def _cam_angle(angle: FloatArray, order: int) -> FloatArray:
-    """Return the cam angle itself, as the function of a custom law."""
-    return angle if order == 0 else np.ones_like(angle)
-
-
 @dataclass(frozen=True, eq=False)
 class VectorStack:
     """All sensing or all acting vectors, stacked."""
@@ -137,7 +134,7 @@ def _separate(functions: Sequence[AngleFunction]) -> tuple[FloatArray, tuple[tup
 class LawTable:
     """The laws of all local forces as arrays, see `flexcam.dynamics.force_laws`."""
 
-    laws: IntArray  #: shape (l, 7)
+    laws: IntArray  #: shape (l, 8)
     constants: FloatArray  #: of all laws, one after the other
     functions: tuple[AngleFunction, ...]  #: of the cam angle, of all laws
     owners: IntArray  #: first scalar of the law of every internal state, shape (s,)
@@ -156,20 +153,22 @@ class LawTable:
             law, count = force.law, len(force.sense)
             if not isinstance(law, ForceLaw):
                 custom[len(rows)] = law
-                rows.append((CUSTOM, first, count, 0, len(functions), -1, 0))
-                functions.append(_cam_angle)
+                rows.append((CUSTOM, first, count, 0, len(functions), -1, 0, -1))
+                functions.append(cam_angle)
                 first += count
                 continue
             for _ in force.groups:
                 friction = len(constants) + len(law.constants)
                 scalars = _count_arch_scalars(first, moved) if law.kind == ARCH else law.scalars
                 state = len(owners) if law.states else -1
-                rows.append((law.kind, first, scalars, len(constants), len(functions), state, friction))
+                lift = -1 if law.lift is None else friction + len(law.friction or ())
+                rows.append((law.kind, first, scalars, len(constants), len(functions), state, friction, lift))
                 constants += [*law.constants, *(law.friction or ())]
+                constants += [] if law.lift is None else [len(law.lift.pieces), *law.lift.pieces.ravel().tolist()]
                 functions += law.functions
                 owners += [first] * law.states
                 first += law.scalars
-        table = np.array(rows, dtype=np.intp).reshape(-1, 7)
+        table = np.array(rows, dtype=np.intp).reshape(-1, 8)
         return cls(table, np.array(constants), tuple(functions), np.array(owners, dtype=np.intp), custom)
 
     def repeat(self, times: int, count: int) -> LawTable:
@@ -223,6 +222,12 @@ class LocalForces:
         self.parts = list(zip(forces, scalars, states, strict=True))
         switches = [(part.start + i, force.restitution) for force, part, _ in self.parts for i in force.switching]
         switches = [one for one in switches if one[1] is not None or not impacts_only]
+        #: First and last scalar and lift of the laws with the angle of a cam.
+        self.lifts = [
+            (part.start + i, part.start + i + force.law.scalars - 1, force.law.lift)
+            for force, part, _ in self.parts if isinstance(force.law, ForceLaw) and force.law.lift
+            for i in force.groups
+        ]  # fmt: skip
         self.switching: IntArray = np.array([i for i, _ in switches], dtype=np.intp)
         self.restitution: FloatArray = np.array([np.nan if e is None else e for _, e in switches], dtype=float)
         self.functions = bind((*FUNCTIONS_OF_LAWS, *FUNCTIONS_OF_NEWTON), self._overrides())
@@ -357,11 +362,29 @@ class LocalForces:
         table = self.table.laws
         contacts = np.array([kind != CUSTOM and LAWS[kind].touching for kind in table[:, KIND].tolist()], dtype=bool)
         still_open = (penetration[:, table[:, FIRST]] <= 0.0).all(axis=0)
-        return table[~(contacts & still_open & (table[:, LAW_STATE] < 0))]
+        return table[~(contacts & still_open & (table[:, LAW_STATE] < 0) & (table[:, LIFT] < 0))]
+
+    def contact_motion(self, penetration: FloatArray, rate: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return sensed scalars and their rates, shape (..., c), with the lifts of cams in the penetrations."""
+        if not self.lifts:
+            return penetration, rate
+        depth, new_rate = penetration.copy(), rate.copy()
+        for first, last, lift in self.lifts:
+            depth[..., first] += lift(penetration[..., last], 0)
+            new_rate[..., first] += lift(penetration[..., last], 1) * rate[..., last]
+        return depth, new_rate
+
+    def contact_gradient(self, scalar: int, penetration: FloatArray) -> FloatArray:
+        """Return the derivatives of a penetration of `contact_motion` by all sensed scalars, shape (c,)."""
+        found = np.zeros(self.count)
+        found[scalar] = 1.0
+        for first, last, lift in self.lifts:
+            found[last] += float(lift(penetration[last], 1)) * (first == scalar)
+        return found
 
     def contact_sides(self, penetration: FloatArray) -> NDArray[np.bool_]:
         """Return the sides of the switching scalars."""
-        return penetration[self.switching] > 0.0
+        return self.contact_motion(penetration, penetration)[0][self.switching] > 0.0
 
     def evaluate(
         self, penetration: FloatArray, state: FloatArray, functions: FloatArray, laws: IntArray | None = None,

@@ -52,6 +52,8 @@ _NEGATIVE = 1e-9
 _DECREASE, _HALVINGS = 1e-4, 40
 _FALL = 0.01
 """Largest displacement, m, of an unsupported part in one iteration."""
+_STIFFEST = 1e9
+"""Limit of that spring, N/m."""
 _SOFTENING = 20
 """Iterations after which the spring on free motions, first 1 N/m, becomes half as stiff."""
 
@@ -80,6 +82,9 @@ def solve_equilibrium(
         # a small force of a contact, such as the torque of a cam that begins to lift, moves a part through its lash.
         hold = max(least, 0.5 ** (count // _SOFTENING))
         step = _solve(partial(factorize_with_update, tangent, free, hold), missing)
+        while forces.lifts and missing @ step < 0.0 and hold < _STIFFEST:  # a shaft tips over the nose of its cam
+            hold *= 4.0
+            step = _solve(partial(factorize_with_update, tangent, free, hold), missing)
         part, energy = potential.line_search(u, step, missing, energy, diagonal_scale(tangent))
         u, before = u + part * step, most
     missing, _, tangent = potential.at(u)
@@ -299,11 +304,20 @@ def moving_equilibrium(system: System, drive: Drive, time: float = 0.0) -> State
         jump = 2.0 * step * np.linalg.norm(half - velocity)
         if jump > _LEAST_JUMP and np.linalg.norm(half) > 1.5 * np.linalg.norm(velocity):
             velocity = 2.0 * velocity - half
+        if forces.lifts:  # a shaft within its lash turns with its drive
+            rows = forces.prescribed_inputs(drive.at(np.array([time]))).sensing_matrix(0) @ forces.sense.vectors
+            rows = rows[[angle for _, angle, _ in forces.lifts]]
+            turned = rows @ system.free
+            turned[np.abs(turned) <= _ROUNDING * np.abs(system.free).max()] = 0.0
+            velocity = velocity - system.free @ np.linalg.pinv(turned) @ (rows @ velocity)
     return replace(still, velocity=velocity)
 
 
 _ANGLE_STEP = 1e-3
 """Angle step of the difference, rad."""
+
+_ROUNDING = 1e-9
+"""Relative rotation of a shaft by a free motion that is rounding."""
 
 _LEAST_JUMP = 1e-9
 """Jump, m or rad, above the rounding of a motion without stiffness."""

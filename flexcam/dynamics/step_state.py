@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -75,8 +75,8 @@ class Trajectory:
     cam: CamFunctionCache | None = None  #: functions of the cam angle at these instants, if available
 
     @classmethod
-    def of(cls, steps: Sequence[Sequence[StepState]], switching: IntArray) -> Trajectory:
-        """Return the instants of some steps, one sequence per step, with some switching scalars."""
+    def of(cls, steps: Sequence[Sequence[StepState]], sides: Callable[[FloatArray], NDArray[np.bool_]]) -> Trajectory:
+        """Return the instants of some steps, one sequence per step, with the sides of the switching scalars."""
         every = [moment for part in steps for moment in part]
         nothing = np.zeros(len(every[0].local))
         return cls(
@@ -84,7 +84,7 @@ class Trajectory:
             v=np.array([m.v for m in every]), a=np.array([m.a for m in every]),
             local=np.array([m.local for m in every]), state=np.array([m.inner for m in every]),
             impulse=np.array([nothing if m.impulse is None else m.impulse for m in every]),
-            pressed=np.array([m.penetration[switching] > 0.0 if m.pressed is None else m.pressed for m in every]),
+            pressed=np.array([sides(m.penetration) if m.pressed is None else m.pressed for m in every]),
             ends=np.cumsum([len(part) for part in steps]) - 1,
         )  # fmt: skip
 

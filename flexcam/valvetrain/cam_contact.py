@@ -27,6 +27,7 @@ from flexcam.dynamics import (
     observable_sum,
     spring_damper,
 )
+from flexcam.dynamics.cam_motion import cam_angle
 from flexcam.dynamics.force_laws import LINE_CONTACT
 from flexcam.fem.sections import Material
 from flexcam.valvetrain.cam_functions import (
@@ -34,6 +35,7 @@ from flexcam.valvetrain.cam_functions import (
     cached_profile,
     cam_sliding,
     face_sliding,
+    lift_polynomials,
     lift_ratio,
     normal_force_ratio,
     pressure_tangent,
@@ -44,7 +46,8 @@ from flexcam.valvetrain.cam_functions import (
     sliding_ratio,
     transverse_lift_ratio,
 )
-from flexcam.valvetrain.coupling import Coupling, conservative_force
+from flexcam.valvetrain.camshaft import has_elastic_drive
+from flexcam.valvetrain.coupling import Coupling
 from flexcam.valvetrain.lubrication import (
     Film,
     cam_surface_velocity,
@@ -198,25 +201,39 @@ def _face_row(structure: Structure, contact: CamContact, cam: Cam, face: SwingFl
     return own - cam.turn * height * turned
 
 
-def couple_cam(structure: Structure, name: str, contact: CamContact) -> Coupling:
-    """Return the contact of a cam and its follower."""
+def couple_cam(structure: Structure, name: str, contact: CamContact, *, twists: bool = True) -> Coupling:
+    """Return the contact of a cam and its follower; with `twists` the lift may be that at the angle of the shaft."""
     cam, where = structure.model.cams[contact.cam], f"contacts.{name}"
-    depth = _penetration_rows(structure, contact, cam, where)
-    law = _cam_law(structure, name, contact, cam)
-    force = conservative_force(where, depth, law, cam.event, contact.restitution)
+    sense, law = [_penetration_rows(structure, contact, cam, where)], _cam_law(structure, name, contact, cam)
+    offset: list[AngleFunction] = [cam.event]
     torque: Observable = force_sum(0, factor=derivative(cam.event))
     if contact.friction:
         # The second scalar is the sliding path along the face.
-        path = sliding_path(structure, name, contact, cam)
-        act = *force.act, AngleVector(-path.vectors, path.functions)
+        sense.append(sliding_path(structure, name, contact, cam))
         law = replace(law, friction=(contact.friction, contact.friction_speed))
-        offset = *force.offset, sliding_distance(cam)
-        force = LocalForce(where, (*force.sense, path), act, law, offset, force.restitution)
+        offset.append(sliding_distance(cam))
+    if twists and contact.restitution is None and has_elastic_drive(structure, contact):
+        # The last scalar is the angle of the cam, at which the law takes the lift.
+        law, pressing = replace(law, lift=lift_polynomials(cam.event)), sense[0]
+        at = pressing.functions.index(derivative(cam.event))
+        others = AngleVector(
+            np.delete(pressing.vectors, at, axis=0), (*pressing.functions[:at], *pressing.functions[at + 1 :])
+        )
+        sense = [others, *sense[1:], AngleVector.constant(pressing.vectors[at])]
+        offset, torque = [constant(0.0), *offset[1:], cam_angle], force_sum(len(sense) - 1)
+    if contact.friction:
         torque = observable_sum(torque, force_sum(1, factor=cam_sliding(cam)))
+    act = tuple(AngleVector(-one.vectors, one.functions) for one in sense)
+    force = LocalForce(where, tuple(sense), act, law, tuple(offset), contact.restitution)
+
+    def gap(seen: Observation) -> FloatArray:
+        lift = law.lift(seen.penetrations[:, -1], 0) if law.lift else 0.0
+        return -seen.penetrations[:, 0] - lift
+
     return Coupling((), (force,), (
         Channel(f"{where}.force", "N", force_sum(0)),
         Channel(f"{where}.torque", "N m", torque),
-        Channel(f"{where}.gap", "m", lambda seen: -seen.penetrations[:, 0]),
+        Channel(f"{where}.gap", "m", gap),
         *_profile_channels(structure, name, contact, cam),
         *lubrication_channels(structure, name, contact, force_sum(0), force_sum(1)),
     ))  # fmt: skip

@@ -8,11 +8,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from flexcam.cams import CamProfile, Follower, SwingFlatFollower, profile_at
+from flexcam.cams import CamProfile, Event, Follower, SwingFlatFollower, profile_at
 from flexcam.cams.profile import Motion
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
 from flexcam.dynamics import AngleFunction, CamFunctionCache, DerivedCamFunction
+from flexcam.dynamics.force_laws import CamLift
 from flexcam.valvetrain.parts import Cam
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 7201)
@@ -29,6 +30,12 @@ def _profile(cam: Cam, angle: FloatArray, motion: Motion | None = None) -> CamPr
 def profile_table(cam: Cam) -> CamProfile:
     """Return the profile at `ANGLES`, for several tables."""
     return _profile(cam, ANGLES)
+
+
+@lru_cache(maxsize=64)
+def lift_polynomials(event: Event) -> CamLift:
+    """Return the lift as polynomials of the cam angle."""
+    return CamLift.of(event, event.joints)
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -29,7 +30,7 @@ from flexcam.fem.elements import beam
 from flexcam.fem.frames import ROTATIONS
 from flexcam.valvetrain.coupling import Coupling
 from flexcam.valvetrain.model import Model
-from flexcam.valvetrain.parts import Lash
+from flexcam.valvetrain.parts import CamPair, Lash
 from flexcam.valvetrain.structure import Structure, build_structure_in
 
 
@@ -104,8 +105,13 @@ class ShaftDrive:
 
 def find_shaft_drives(structure: Structure) -> tuple[ShaftDrive, ...]:
     """Return all nodes at which a shaft's rotation is prescribed."""
-    model, found = structure.model, list[ShaftDrive]()
-    driven = shaft_axes(model)
+    return tuple(_release_rotation(structure, *one) for one in _rotation_supports(structure.model))
+
+
+@lru_cache(maxsize=4)
+def _rotation_supports(model: Model) -> list[tuple[str, int, FloatArray]]:
+    """Return name, node and axis of the supports that hold the rotation of a shaft."""
+    found, driven = list[tuple[str, int, FloatArray]](), shaft_axes(model)
     for point, held in model.supports.items():
         nodes = model.mesh.select(point).tolist()
         for node in nodes:
@@ -113,8 +119,16 @@ def find_shaft_drives(structure: Structure) -> tuple[ShaftDrive, ...]:
             axis = int(np.argmax(np.abs(along)))
             if abs(float(along[axis])) > _ALONG and ROTATIONS[axis] in held:
                 name = point if len(nodes) == 1 else model.mesh.node_name(node)
-                found.append(_release_rotation(structure, name, node, along))
-    return tuple(found)
+                found.append((name, node, along))
+    return found
+
+
+def has_elastic_drive(structure: Structure, contact: CamPair) -> bool:
+    """Return whether springs or lash, not a support, hold the rotation of a cam: it may then twist by degrees."""
+    model, at = structure.model, structure.model.cams[contact.cam].at
+    nodes = set(model.mesh.connected_nodes(model.mesh.node(at), turning=True).tolist())
+    held = any(node in nodes for _, node, _ in _rotation_supports(model))
+    return not held and bool(structure.row(at, contact.rotation).any())
 
 
 def shaft_axes(model: Model) -> dict[int, FloatArray]:

@@ -31,6 +31,7 @@ from flexcam.dynamics.kinematic_engine import reactions
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.fem.assembly import modal_damping, rayleigh_damping
 from flexcam.fem.rigid_bodies import scalar_matrix
+from flexcam.valvetrain.cam_contact import couple_cam
 from flexcam.valvetrain.camshaft import shaft_axes
 from flexcam.valvetrain.contacts import check_lever_rotation, couple_friction
 from flexcam.valvetrain.coupling import Coupling, conservative_force, installed_load, shift_coupling
@@ -187,6 +188,8 @@ def _couple_contact(structure: Structure, name: str, speed: float) -> Coupling:
     ends = contact.ends if isinstance(contact, Lash) and contact.turns else None
     if ends and model.mesh.node(ends[0], f"contacts.{name}.from") in shaft_axes(model):
         return Coupling((), (), ())  # the rotation of a shaft is prescribed
+    if isinstance(contact, CamContact):
+        return shift_coupling(couple_cam(structure, name, contact, twists=False), model.cams[contact.cam].phaser)
     if not isinstance(contact, PublishedLoad):
         return couple_contact(structure, name, contact, speed)
     # The cam moves the follower; the springs press with the published preload.

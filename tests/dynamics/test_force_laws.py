@@ -38,6 +38,7 @@ from flexcam.dynamics.force_laws import (
     OIL_CHAMBER,
     SHORT_BEARING,
     SLIDING_FRICTION,
+    CamLift,
     ForceLaw,
     force_table_law,
     line_load,
@@ -61,6 +62,12 @@ def cosine(angle, order):
     return 0.9 + 0.09 * np.cos(2.0 * angle)
 
 
+def wave(angle, order):
+    """Return a lift whose derivative jumps at 0."""
+    return (-0.15 * np.polynomial.Polynomial.fromroots([0.0, math.tau])).deriv(order)(np.mod(angle, math.tau))
+
+
+LIFT = CamLift.of(wave, (0.0,))
 LINE = HertzLine(0.01, 2.07e11, 0.29, radius, 0.03, 0.2)
 LEVER = Lever(
     "a", "b", (0.03, 0.045), 1e-4, np.eye(6)[1], angles=(0.1, -0.2), stiffness=(1e7, 2e7), damping=(50.0, 9.0)
@@ -94,6 +101,9 @@ CASES = {
     "journal at its shell": (ForceLaw(SHORT_BEARING, (3e3, 3e-5, 150.0)), 5e-5, 2e-3),
     "sliding friction": (ForceLaw(SLIDING_FRICTION, (20.0, 30.0, 0.1, 3.0, 0.01)), 1e-3, 0.3),
     "friction": (replace(hunt_crossley_contact(5e7, 0.3), friction=(0.12, 1e-2)), 1e-4, 2.0),
+    "lift": (replace(spring_damper(2e6, 30.0), lift=LIFT), 5e-2, 2.0),
+    "lift of a contact": (replace(hunt_crossley_contact(5e7, 0.3), lift=LIFT), 5e-2, 2.0),
+    "lift and friction": (replace(LINE.law(cosine), friction=(0.1, 1e-2), lift=LIFT), 5e-2, 2.0),
     "friction of a line contact": (replace(LINE.law(cosine), friction=(0.1, 1e-2)), 1e-4, 2.0),
 }
 """Law, size of its scalars and of their rates."""
@@ -223,7 +233,8 @@ def chain(law):
 
 @pytest.mark.parametrize("path", ["direct", "kernel"])
 @pytest.mark.parametrize(
-    "name", ["bilateral", "stop", "hunt-crossley", "line contact", "table", "lever, point", "arch"]
+    "name",
+    ["bilateral", "stop", "hunt-crossley", "line contact", "table", "lever, point", "arch", "lift of a contact"],
 )
 def test_a_run_from_static_equilibrium_stays_there(name, path):
     law, _, _ = CASES[name]

@@ -406,6 +406,7 @@ def rubbed_face(face, side, turn, psi, rate, distance=0.04):
 
 RUBBED = {
     "phase = -0.8": "phase = 0.2",
+    '"50 kN m/rad"': '"50 MN m/rad"',  # friction acts at the cam angle without the twist
     '"1 GN/m"': '"1 GN/m", friction = 0.1, dissipation = "0.5 s/m"',
     'step = "1 us"\nrevolutions = 1e-6': """steps_per_revolution = 900
 revolutions = 0.4

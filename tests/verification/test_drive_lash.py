@@ -133,22 +133,25 @@ def test_crossing_under_a_reversed_torque(record, case):
 
 def test_a_cam_whose_torque_reverses(case):
     """The cam drives the shaft off the driving flank as the follower returns; the flanks take what the cam supplies."""
+    drag = 0.5  # N m s/rad; without it the shaft tips chaotically from flank to flank under the nose
     ready = prepare(
-        case('run.start="periodic"', "run.steps_per_revolution=5000", "run.integrator.method=newmark", *DAMPED)
-    )
+        case('run.start="periodic"', "run.steps_per_revolution=5000", "run.integrator.method=newmark", *DAMPED,
+             f"springs.drag={{ at = 'shaft', direction = 'rz', stiffness = 0, damping = {drag} }}")
+    )  # fmt: skip
     found = solve(ready.problem, ready.scheme)
     channels, angle = found.channels, found["shaft"].displacement[:, 5]
     assert min(channels[f"contacts.{flank}.force"].max() for flank in ("driving", "coasting")) > 4.0
     drive = channels["contacts.driving.force"] - channels["contacts.coasting.force"]
     np.testing.assert_allclose(channels["supports.gear.torque"], drive, atol=1e-12)
     asked = J * found["shaft"].acceleration[:, 5] + channels["contacts.k.torque"]
+    asked += drag * found["shaft"].velocity[:, 5]
     np.testing.assert_allclose(drive, asked, atol=1e-9 * np.abs(asked).max())
     free = np.abs(angle) < GAP
     assert 0.1 < free.mean() < 0.9
     assert not drive[free].any()
     lost = channels["energy.dissipated"][-1]
     assert np.abs(channels["energy.residual"]).max() < 1e-6 * lost
-    assert channels["energy.work"][-1] == pytest.approx(lost, rel=1e-6)  # periodic to 1e-11 of the motion
+    assert channels["energy.work"][-1] == pytest.approx(lost, rel=2e-5)  # steps of 0.07 deg
     assert lost > 1e-3
     metrics = {one.name: one for one in compute_metrics(ready, found)}
     assert metrics["contacts.driving.gap.largest"].unit == "rad"
