@@ -30,6 +30,7 @@ from flexcam.dynamics.force_laws import (
     PENETRATION,
     RATE,
     SCALARS,
+    SPAN,
     STATE,
     TRIAL,
 )
@@ -50,9 +51,10 @@ BEGIN_FORCE, MIDDLE_FORCE, END_FORCE = 4, 5, 6
 """Rows in the collocation in place of the prediction: forces on the modes; the motion at its end follows that at its
 middle."""
 STATE_SIZE = 12
-LAST_FORCE, LAST_PENETRATION, LAST_RATE, TREND, LAST_CHANGE = range(5)
-"""Rows of the local forces of the last instant: force, penetration, rate, extrapolated and last change of the force."""
-FORCE_SIZE = 5
+LAST_FORCE, LAST_PENETRATION, LAST_RATE, TREND, LAST_CHANGE, LAST_DEPTH = range(6)
+"""Rows of the local forces of the last instant: force, penetration, rate, extrapolated and last change of the force,
+penetration with the lift of a cam."""
+FORCE_SIZE = 6
 STEP, BETA, GAMMA, ALPHA_M, ALPHA_F = range(5)
 """Entries of the scheme."""
 MASS, DAMPING, STIFFNESS, INVERSE = range(4)
@@ -60,6 +62,9 @@ MASS, DAMPING, STIFFNESS, INVERSE = range(4)
 STAGE = 3
 """Row of the operator where the coefficients of the first stage of the collocation begin: of displacement, velocity and
 acceleration by (q, v, force at begin, middle and end), those of the acceleration by q and v of the stage."""
+
+PARTS = 4
+"""Parts of a step of the collocation in which a contact opens or closes; even, so that a part ends at its middle."""
 
 VANISHED = 1e-150
 """Motion below which a mode is at rest: denormal numbers are very slow."""
@@ -214,7 +219,7 @@ def keep_forces(forces: FloatArray, local: FloatArray) -> None:
         forces[TREND, j] = change if forces[LAST_CHANGE, j] == 0.0 else 2.0 * change - forces[LAST_CHANGE, j]
         forces[LAST_CHANGE, j] = change
         forces[LAST_FORCE, j], forces[LAST_PENETRATION, j] = local[TRIAL, j], local[PENETRATION, j]
-        forces[LAST_RATE, j] = local[RATE, j]
+        forces[LAST_RATE, j], forces[LAST_DEPTH, j] = local[RATE, j], local[DEPTH, j]
 
 
 def stage_value(operator: FloatArray, row: int, i: int, q: float, v: float, state: FloatArray) -> float:
@@ -297,11 +302,53 @@ def accept(
     add_forces(k, act, places, vectors, runs, senses, given, local, last * c, state, LOAD)
 
 
+def changes_side(local: FloatArray, forces: FloatArray, touching: IntArray, stages: int) -> bool:
+    """Return whether one of some scalars is on another side of zero at a stage than at the beginning of the step."""
+    count = local.shape[1] // stages
+    for at in range(len(touching)):
+        i = touching[at]
+        before = forces[LAST_DEPTH, (stages - 1) * count + i] > 0.0
+        for stage in range(stages):
+            if (local[DEPTH, stage * count + i] > 0.0) != before:
+                return True
+    return False
+
+
+def interpolate(cuts: IntArray, before: FloatArray, row: FloatArray, part: int, into: FloatArray) -> None:
+    """Write the prescribed inputs at both stages of a part of a step, the first of which is 1.
+
+    They lie on the parabola through the inputs at begin, middle and end of the step; it begins where the row before
+    ends. Between `cuts` are those of one kind, at both stages.
+    """
+    for p in range(len(cuts) - 1):
+        begin, size = cuts[p], (cuts[p + 1] - cuts[p]) // 2
+        for stage in range(2):
+            x = (part - 0.5 + 0.5 * stage) / PARTS
+            for i in range(size):
+                first, middle, last = before[begin + size + i], row[begin + i], row[begin + size + i]
+                slope, bend = 4.0 * middle - 3.0 * first - last, 2.0 * (first - 2.0 * middle + last)
+                into[begin + stage * size + i] = first + x * (slope + x * bend)
+
+
+def copy_rows(count: int, source: FloatArray, into: FloatArray) -> None:
+    """Copy the first rows of an array to another one, which may have more or fewer columns."""
+    for row in range(count):
+        for i in range(min(source.shape[1], into.shape[1])):
+            into[row, i] = source[row, i]
+
+
+def forget_trend(forces: FloatArray) -> None:
+    """Begin the extrapolation of the local forces anew."""
+    for j in range(forces.shape[1]):
+        forces[TREND, j], forces[LAST_CHANGE, j] = 0.0, 0.0
+
+
 def march(
-    begin: int, end: int, stages: int, slope: float, scheme: FloatArray, operator: FloatArray, answers: FloatArray,
-    answer_runs: IntArray, give: FloatArray, hold: FloatArray, inverse: FloatArray, coupled: FloatArray,
-    mode_runs: IntArray, vectors: FloatArray, runs: IntArray, given: FloatArray, laws: IntArray, blocks: IntArray,
-    constants: FloatArray, places: IntArray, reach: IntArray, owners: IntArray, varying: IntArray, state: FloatArray,
+    begin: int, end: int, stages: int, lengths: FloatArray, slopes: FloatArray, scheme: FloatArray,
+    operator: FloatArray, answers: FloatArray, answer_runs: IntArray, give: FloatArray, hold: FloatArray,
+    inverse: FloatArray, coupled: FloatArray, mode_runs: IntArray, vectors: FloatArray, runs: IntArray,
+    given: FloatArray, cuts: IntArray, parts: FloatArray, laws: IntArray, blocks: IntArray, constants: FloatArray,
+    places: IntArray, reach: IntArray, owners: IntArray, varying: IntArray, touching: IntArray, state: FloatArray,
     forces: FloatArray, states: FloatArray, local: FloatArray, tangent: FloatArray, active: IntArray, W: FloatArray,
     matrix: FloatArray, switching: IntArray, found: FloatArray, count: IntArray,
 ) -> int:  # fmt: skip
@@ -309,35 +356,64 @@ def march(
 
     The state, the local forces and the internal states advance; `count` receives the row reached and the iterations.
     The integration ends before a step in which a switching scalar changes sides, the local forces do not converge, or
-    contacts are too stiff for its length.
-    Results have a row per stage.
+    contacts are too stiff for its length. A step in which a touching scalar changes sides is divided into `PARTS`.
+
+    Arrays that depend on the length of a step have an axis in front: whole steps, then parts. The rows of `parts` are
+    the inputs of a part, those of the instant at which the first row begins, the results at both stages of a part, and
+    the saved beginning of a divided step. Results have a row per stage.
     """
-    for k in range(begin, end):
+    k, part, n = begin, 0, state.shape[1]
+    while k < end:
         count[0] = k
+        level = 1 if part > 0 else 0
+        source, at = given, k
+        if part > 0:
+            interpolate(cuts, given[k - 1] if k > 0 else parts[1], given[k], part, parts[0])
+            source, at = parts, 0
         if stages == 2:
-            predict_stages(operator, coupled, inverse, mode_runs, given[k], state)
+            predict_stages(operator[level], coupled, inverse[level], mode_runs, source[at], state)
         else:
-            predict_modes(scheme, operator, coupled, inverse, mode_runs, given[k], state)
+            predict_modes(scheme, operator[level], coupled, inverse[level], mode_runs, source[at], state)
         for z in range(states.shape[1]):
             states[BEGIN, z] = forces[LAST_PENETRATION, owners[z]]
+            states[SPAN, z] = lengths[level] * (1 + z * stages // states.shape[1])
         iterations = find_forces(
-            k, stages, slope, give, vectors, runs, given, laws, blocks, constants, places, reach, varying, state,
-            forces, states, local, tangent, active, W, matrix,
+            at, stages, slopes[level], give[level], vectors, runs, source, laws, blocks, constants, places, reach,
+            varying, state, forces, states, local[level], tangent, active, W[level], matrix,
         )  # fmt: skip
         if iterations == 0:
+            if part > 0:
+                copy_rows(4, parts[4:], state)
+                copy_rows(FORCE_SIZE, parts[8:], forces)
+                copy_rows(1, parts[8 + FORCE_SIZE :], states)
             return UNSETTLED
         count[1] += iterations
-        if crosses_zero(local, switching):
-            return SWITCHED
-        if len(hold) > 0 and contact_ratio(
-            k, stages, laws, blocks, places, hold, given, stages * state.shape[1], tangent
-        ) > 1.0:  # fmt: skip
-            return TOO_LONG
-        rows = found[stages * k : stages * (k + 1)]
+        if part == 0:
+            if crosses_zero(local[0], switching):
+                return SWITCHED
+            if len(hold) > 0 and contact_ratio(
+                k, stages, laws, blocks, places, hold, given, stages * n, tangent
+            ) > 1.0:  # fmt: skip
+                return TOO_LONG
+            if changes_side(local[0], forces, touching, stages):
+                copy_rows(4, state, parts[4:])
+                copy_rows(FORCE_SIZE, forces, parts[8:])
+                copy_rows(1, states, parts[8 + FORCE_SIZE :])
+                forget_trend(forces)
+                part = 1
+                continue
+        rows = parts[2:4] if part > 0 else found[stages * k : stages * (k + 1)]
         accept(
-            k, stages, scheme, operator, answers, answer_runs, vectors, runs, given, places, state, forces, states,
-            local, rows,
+            at, stages, scheme, operator[level], answers[level], answer_runs, vectors, runs, source, places, state,
+            forces, states, local[level], rows,
         )  # fmt: skip
+        if 2 * part == PARTS or part == PARTS:
+            copy_rows(1, parts[3:], found[stages * k + 2 * part // PARTS - 1 :])
+        if part == PARTS:
+            forget_trend(forces)
+        part = (part + 1) % (PARTS + 1) if part > 0 else 0
+        if part == 0:
+            k += 1
     count[0] = end
     return DONE
 
@@ -345,6 +421,6 @@ def march(
 FUNCTIONS_OF_KERNEL = (
     predict, massless_rates, *FUNCTIONS_OF_LAWS, *FUNCTIONS_OF_NEWTON, dot, predict_modes, find_forces, add_forces,
     correct_modes, crosses_zero, contact_ratio, keep_forces, stage_value, move_stages, predict_stages, correct_stages,
-    accept, march,
+    accept, changes_side, interpolate, copy_rows, forget_trend, march,
 )  # fmt: skip
 """Functions for the compiler, in the order of their calls."""

@@ -20,13 +20,13 @@ from flexcam.dynamics.cam_motion import CamFunctionCache, CamMotion, PrescribedI
 from flexcam.dynamics.collocation import Collocation, stage_coefficients
 from flexcam.dynamics.contact_events import EventStepper
 from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, no_instants, stack_instant
-from flexcam.dynamics.force_laws import DEPTH, FIRST, OWN, SCALARS, SPAN, STATE, STATE_ROWS
+from flexcam.dynamics.force_laws import DEPTH, FIRST, OWN, SCALARS, STATE, STATE_ROWS
 from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.implicit_step import NoConvergenceError, unconverged_forces
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.integrator import At
 from flexcam.dynamics.jit import Functions, compile_functions
-from flexcam.dynamics.kernel import FORCE_SIZE, FUNCTIONS_OF_KERNEL, STATE_SIZE, TOO_LONG, UNSETTLED
+from flexcam.dynamics.kernel import FORCE_SIZE, FUNCTIONS_OF_KERNEL, LAST_DEPTH, PARTS, STATE_SIZE, TOO_LONG, UNSETTLED
 from flexcam.dynamics.local_forces import LocalForces, Workspace
 from flexcam.dynamics.problem import Problem, State
 from flexcam.dynamics.status import Cause, Stats, Status
@@ -62,7 +62,7 @@ _TOO_STIFF = Status(
     'use more steps per revolution, a softer contact, or integrator = { method = "newmark" }',
 )
 """Status of a run whose steps must be divided."""
-_NO_SIDES = np.zeros((2, 0), dtype=np.intp)
+_NO_SIDES, _NO_SCALARS = np.zeros((2, 0), dtype=np.intp), np.zeros(0, dtype=np.intp)
 
 
 def compiled_functions() -> Functions:
@@ -72,18 +72,26 @@ def compiled_functions() -> Functions:
 
 @dataclass(frozen=True, eq=False)
 class StepOperator:
-    """A step of one length, as arrays of the kernel."""
+    """Steps of one or two lengths, as arrays of the kernel with an axis of the lengths in front."""
 
-    step: float  #: length of a stage, s
-    slope: float  #: velocity per displacement by a force within the step, 1/s
+    lengths: FloatArray  #: of a stage, s, shape (lengths,)
+    slopes: FloatArray  #: velocity per displacement by a force within the step, 1/s, shape (lengths,)
     scheme: FloatArray  #: parameters of the generalized-alpha family; without effect for the collocation
     operator: FloatArray  #: matrices of the modes and coefficients of the step
-    answers: FloatArray  #: response of the modes to the acting vectors, shape (stages, acts, n)
-    give: FloatArray  #: displacement and velocity along the sensing vectors by the acting ones, shape (2, acts, senses)
+    answers: FloatArray  #: response of the modes to the acting vectors, shape (lengths, stages, acts, n)
+    give: FloatArray  #: displacement and velocity along sensing vectors by acting ones, (lengths, 2, acts, senses)
     #: Square of the step times the acceleration along the sensing vectors by the acting ones, as far as modes with mass
     #: answer within the step, shape (acts, senses) of one stage; empty where it does not limit the step.
     hold: FloatArray
     inverse: FloatArray  #: treatment of the damping that couples modes; empty without it
+
+    def followed_by(self, shorter: StepOperator) -> StepOperator:
+        """Return the steps of both lengths."""
+        lengths, slopes, operator, answers, give, inverse = (
+            np.concatenate([getattr(one, name) for one in (self, shorter)])
+            for name in ("lengths", "slopes", "operator", "answers", "give", "inverse")
+        )
+        return StepOperator(lengths, slopes, self.scheme, operator, answers, give, self.hold, inverse)
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +151,9 @@ class ModalSystem:
         to_d, to_v = scheme.beta * step**2, scheme.gamma * step
         sensed = answering @ self.sensing.T
         operator, give = np.array([*self.modes, single]), np.array([to_d * sensed, to_v * sensed])
-        return StepOperator(step, to_v / to_d, weights, operator, answering[None], give, _NONE, inverse)
+        lengths, slopes = np.array([step]), np.array([to_v / to_d])
+        each = operator[None], answering[None, None], give[None]
+        return StepOperator(lengths, slopes, weights, *each, _NONE, inverse[None])
 
     def _two_stages(self, step: float) -> StepOperator:
         """Return the collocation over two stages of one length; a force acts on its stage alone."""
@@ -166,7 +176,8 @@ class ModalSystem:
         # A force at the middle alone moves a free mass by 4/3 h^2 of its acceleration until the end.
         heavy = np.where(mass > 0.0, 0.75 * on_d[1, 0], 0.0)
         hold = (self.acting * heavy) @ self.sensing.T
-        return StepOperator(step, 1.0 / step, np.zeros(5), operator, pushes, give, hold, inverse)
+        lengths, each = np.array([step]), (operator[None], pushes[None], give[None])
+        return StepOperator(lengths, 1.0 / lengths, np.zeros(5), *each, hold, inverse[None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,8 +205,10 @@ class Kernel:
         self._runs = list_runs(self._vectors)
         groups = system.coupled_groups
         self._mode_runs = list_runs((groups[:, None] == groups).astype(float))
-        self.whole = self.operator(problem.step)  #: steps of the usual length
-        self._answer_runs = list_runs(np.abs(self.whole.answers).sum(axis=0))
+        #: Scalars of contacts whose opening and closing divides a step.
+        self._touching = forces.touching if stages == 2 and not len(forces.switching) else _NO_SCALARS
+        self.whole = self._usual_steps(problem.step)  #: steps of the usual length, and parts of them
+        self._answer_runs = list_runs(np.abs(self.whole.answers).sum(axis=(0, 1)))
         can_move, coupling = find_coupling(forces, self.whole)
         self._reach = list_members(np.tile(can_move, (stages, stages)))
         order, blocks = divide_laws(forces.table.laws, coupling)
@@ -203,16 +216,26 @@ class Kernel:
         rows = (order[:, None] + count * np.arange(stages)).ravel()  # the stages of a law stand together
         self._table, self._blocks = replace(table, laws=table.laws[rows]), stages * blocks
         self._varying = np.concatenate([forces.varying + stage * forces.count for stage in range(stages)])
-        self._work = Workspace(self._table, stages * forces.count)
+        self._work = work = Workspace(self._table, stages * forces.count)
+        self._local, self._compliance = np.stack([work.local] * 2), np.stack([work.compliance] * 2)
+        n, c = problem.system.size, forces.count
+        sizes = [n, *np.diff(forces.prescribed_cuts).tolist()]
+        self._cuts = np.cumsum([0, *(stages * size for size in sizes)])
+        width = max(int(self._cuts[-1]), self.columns, n, stages * c)
+        self._parts = np.zeros((4 + 4 + FORCE_SIZE + 1, width))
         self._length, self.shortest = 0.0, problem.step / _SHORTEST
 
     def operator(self, step: float) -> StepOperator:
         """Return a step whose stages have a length, s."""
         return self._system.operator(self._scheme, step)
 
+    def _usual_steps(self, step: float) -> StepOperator:
+        whole = self.operator(step)
+        return whole.followed_by(self.operator(step / PARTS)) if len(self._touching) else whole
+
     def shorten(self, step: float) -> None:
         """Make a length, s, that of usual steps."""
-        self.whole = self.operator(step)
+        self.whole = self._usual_steps(step)
 
     def given(self, loads: FloatArray, schedule: PrescribedInputs) -> FloatArray:
         """Return the prescribed inputs of steps side by side: loads and those of the local forces, by stage."""
@@ -220,12 +243,18 @@ class Kernel:
         steps = len(loads) // self.stages
         return np.hstack([part[: steps * self.stages].reshape(steps, self.stages * part.shape[1]) for part in parts])
 
+    def instant(self, loads: FloatArray, schedule: PrescribedInputs, i: int) -> FloatArray:
+        """Return the prescribed inputs of an instant as a row, the same at every stage."""
+        rows = [i] * self.stages
+        return self.given(loads[rows], schedule.at(np.array(rows)))[0]
+
     def state(self, moment: StepState) -> KernelState:
         """Return a copy of an instant."""
         modes, stages = np.zeros((STATE_SIZE, len(moment.d))), self.stages
         modes[:4] = moment.d, moment.v, moment.a, moment.applied
         forces = np.zeros((FORCE_SIZE, stages * self.forces.count))
         forces[:3] = np.tile([moment.local, moment.penetration, moment.rate], stages)
+        forces[LAST_DEPTH] = np.tile(self.forces.contact_motion(moment.penetration, moment.rate)[0], stages)
         states = np.zeros((STATE_ROWS, stages * len(moment.inner)))
         states[STATE] = np.tile(moment.inner, stages)
         return KernelState(modes, forces, states)
@@ -239,21 +268,25 @@ class Kernel:
 
     def advance(
         self, operator: StepOperator, state: KernelState, steps: tuple[int, int], given: FloatArray, found: FloatArray,
-        sides: IntArray = _NO_SIDES,
+        sides: IntArray = _NO_SIDES, before: FloatArray | None = None,
     ) -> tuple[int, int, int]:  # fmt: skip
-        """Step over some rows of given; return how it ended, the row reached and the iterations. The state advances."""
+        """Step over some rows of given; return how it ended, the row reached and the iterations. The state advances.
+
+        Steps are divided where contacts open and close if the inputs `before` the first row are given.
+        """
         system, table, work, count = self._system, self._table, self._work, np.zeros(2, dtype=np.intp)
-        if operator.step != self._length:  # the compliance belongs to the length of a step
-            work.compliance[:], work.local[OWN], self._length = np.nan, -1.0, operator.step
-        spans = operator.step * np.arange(1.0, self.stages + 1.0)
-        state.states[SPAN] = np.repeat(spans, len(self.forces.start_state))
+        if operator.lengths[0] != self._length:  # the compliance belongs to the length of a step
+            self._compliance[:], self._local[:, OWN], self._length = np.nan, -1.0, float(operator.lengths[0])
+        if before is not None:
+            self._parts[1, : len(before)] = before
         stage_sides = np.hstack([np.add(sides, [[stage * self.forces.count], [0]]) for stage in range(self.stages)])
         how = self._march(
-            *steps, self.stages, operator.slope, operator.scheme, operator.operator, operator.answers,
-            self._answer_runs, operator.give, operator.hold, operator.inverse, system.coupled, self._mode_runs,
-            self._vectors, self._runs, given, table.laws, self._blocks, table.constants, self._places, self._reach,
-            table.owners, self._varying, state.modes, state.forces, state.states, work.local, work.tangent, work.active,
-            work.compliance, work.matrix, stage_sides, found, count,
+            *steps, self.stages, operator.lengths, operator.slopes, operator.scheme, operator.operator,
+            operator.answers, self._answer_runs, operator.give, operator.hold, operator.inverse, system.coupled,
+            self._mode_runs, self._vectors, self._runs, given, self._cuts, self._parts, table.laws, self._blocks,
+            table.constants, self._places, self._reach, table.owners, self._varying,
+            _NO_SCALARS if before is None else self._touching, state.modes, state.forces, state.states, self._local,
+            work.tangent, work.active, self._compliance, work.matrix, stage_sides, found, count,
         )  # fmt: skip
         row, iterations = count.tolist()
         return int(how), row, iterations
@@ -261,13 +294,13 @@ class Kernel:
     def touches_between(self, now: StepState, new: StepState) -> bool:
         """Return whether in the last call a switching scalar had another side at the middle than at both ends."""
         before, after = (self.forces.contact_sides(one.penetration) for one in (now, new))
-        middle = self._work.local[DEPTH, self.forces.switching] > 0.0
+        middle = self._local[0, DEPTH, self.forces.switching] > 0.0
         before = before if now.pressed is None else now.pressed
         return bool(((middle != before) & (middle != after)).any())
 
     def unconverged_forces(self) -> list[str]:
         """Return the names of the forces that did not converge in the last call."""
-        return unconverged_forces(self.forces.names * self.stages, self._work.local)
+        return unconverged_forces(self.forces.names * self.stages, self._local[0])
 
 
 def list_runs(rows: FloatArray) -> IntArray:
@@ -302,7 +335,8 @@ def find_coupling(forces: LocalForces, operator: StepOperator) -> tuple[FloatArr
     acts, senses = len(forces.act.vectors), len(forces.sense.vectors)
     if not (acts and senses):
         return np.zeros((forces.count, forces.count)), np.zeros((forces.count, forces.count))
-    give = np.abs(operator.give).reshape(2, -1, acts, operator.give.shape[2] // senses, senses).max(axis=(1, 3))
+    give = np.abs(operator.give[0])
+    give = give.reshape(2, -1, acts, give.shape[2] // senses, senses).max(axis=(1, 3))
     can = forces.act.owner @ give.sum(axis=0) @ forces.sense.owner.T
     inputs = _revolution_inputs(forces)
     sensed, acted = (np.sqrt(np.mean(one**2, axis=0)) for one in (inputs.sensing_weights, inputs.acting_weights))
@@ -375,7 +409,7 @@ class KernelStepper:
         if how == UNSETTLED:
             raise NoConvergenceError(kernel.unconverged_forces())
         new = replace(kernel.moment(state, to.time), iterations=iterations)
-        if kernel.stages > 1 and self._operator.step > kernel.shortest and kernel.touches_between(now, new):
+        if kernel.stages > 1 and self._operator.lengths[0] > kernel.shortest and kernel.touches_between(now, new):
             raise NoConvergenceError([])  # the step is halved: its end does not show the contact
         return new
 
@@ -392,6 +426,7 @@ class KernelEngine:
         self._balances, self._division, self._within = scheme.is_collocated, 1, 0
         self._walker = self._event_stepper()
         self._last: StepState | None = None
+        self._inputs: FloatArray | None = None  # prescribed inputs of the last instant, as a row of the kernel
         self._span = math.inf, math.inf
         self._nodes: FloatArray | None = None
         self._iterations, self._at_middle = 0, False
@@ -418,9 +453,9 @@ class KernelEngine:
 
         The results then do not depend on the number of steps between two calls.
         """
-        last, counts = self._last, (self._iterations, self._walker.events)
+        kept = self._last, self._inputs, self._iterations, self._walker.events
         track, status = self._advance_rows(np.append(step, step + 1))
-        self._last, (self._iterations, self._walker.events) = last, counts
+        self._last, self._inputs, self._iterations, self._walker.events = kept
         self._at_middle = len(track.ends) > 0
         return track.until(min(len(track.ends), 1)), Status() if self._at_middle else status
 
@@ -471,13 +506,14 @@ class KernelEngine:
             to = StepInputs(float(at[0]), loads[0], schedule, 0)
             self._last, row = self._starter.first(self._problem.start or State.rest(self._system.size), to), 1
             found[0] = _row(self._last)
+            self._inputs = kernel.instant(loads, schedule, 0)
         state, sides = kernel.state(self._last), self._sides(self._last)
         pressed[:] = sides[1]
         first, given = row, kernel.given(loads[row:], schedule.at(slice(row, None)) if row else schedule)
         while row < len(at) and status.ok:
             done = (row - first) // kernel.stages
             how, reached, iterations = kernel.advance(
-                kernel.whole, state, (done, len(given)), given, found[first:], sides
+                kernel.whole, state, (done, len(given)), given, found[first:], sides, self._inputs
             )
             row, self._iterations = first + kernel.stages * reached, self._iterations + iterations
             if how == TOO_LONG:
@@ -498,6 +534,7 @@ class KernelEngine:
                 pressed[row:] = sides[1]
         if row:
             self._last = kernel.moment(state, float(at[row - 1]), sides[1] > 0)
+            self._inputs = kernel.instant(loads, schedule, row - 1)
         return self._track(at[:row], found[:row], pressed[:row], stepped, schedule), status
 
     def _track(
@@ -526,13 +563,14 @@ class KernelEngine:
         """Return the last instant and the counts, see `Engine`."""
         return {
             **flatten("last", self._last),
+            **flatten("inputs", self._inputs),
             "counts": np.array([self._iterations, self._walker.events, self._at_middle]),
             "division": np.array(self._division),
         }
 
     def restore(self, state: Arrays) -> None:
         """Restore the state, see `Engine`."""
-        self._last = StepState.from_checkpoint("last", state)
+        self._last, self._inputs = StepState.from_checkpoint("last", state), state.get("inputs")
         self._iterations, events, at_middle = state["counts"].tolist()
         self._at_middle, self._division = bool(at_middle), int(state["division"])
         self._kernel.shorten(self._problem.step / self._division)

@@ -221,6 +221,8 @@ class LocalForces:
         scalars, states = _slices([len(force.sense) for force in forces]), _slices([force.states for force in forces])
         self.parts = list(zip(forces, scalars, states, strict=True))
         switches = [(part.start + i, force.restitution) for force, part, _ in self.parts for i in force.switching]
+        #: Scalars of contacts, whose passing zero opens or closes them.
+        self.touching: IntArray = np.array([i for i, _ in switches], dtype=np.intp)
         switches = [one for one in switches if one[1] is not None or not impacts_only]
         #: First and last scalar and lift of the laws with the angle of a cam.
         self.lifts = [
@@ -277,11 +279,15 @@ class LocalForces:
         """Mask of the scalars of circulatory laws, shape (c,)."""
         return self.mask(lambda force: force.kind.circulatory)
 
+    @property
+    def prescribed_cuts(self) -> IntArray:
+        """Columns at which the parts of the prescribed inputs begin, and their number, shape (7,)."""
+        senses, acts, c = len(self.sense.vectors), len(self.act.vectors), self.count
+        return np.cumsum([0, senses, senses, acts, c, c, len(self.table.functions)])
+
     def prescribed_inputs(self, motion: CamMotion) -> PrescribedInputs:
         """Return the prescribed inputs for the cam motion at some instants."""
-        cam, speed = motion.cam, motion.speed[:, None]
-        senses, acts, c = len(self.sense.vectors), len(self.act.vectors), self.count
-        cuts = np.cumsum([0, senses, senses, acts, c, c, len(self.table.functions)])
+        cam, speed, cuts = motion.cam, motion.speed[:, None], self.prescribed_cuts
         rows = np.empty((len(motion.angle), int(cuts[-1])))
         sensed, sensed_rates, acted, offset, offset_rate, functions = (rows[:, a:b] for a, b in pairwise(cuts.tolist()))
         _write_functions(sensed, self.sense.fixed, self.sense.varying, cam, 0)

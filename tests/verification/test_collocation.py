@@ -107,7 +107,10 @@ def test_a_contact_of_a_point_without_mass_does_not_divide_steps(damper):
 
 @pytest.mark.parametrize("steps", [360, 900, 3600])
 def test_force_of_a_hopping_tappet_at_coarse_and_default_steps(steps):
-    """The pushrod engine over its lift; Newmark's method is wrong by 42 %, 39 % and 20 %."""
+    """The pushrod engine over its lift; Newmark's method is wrong by 42 %, 39 % and 20 %.
+
+    Without the division of steps in which a contact opens or closes the error is 2.7 %, with it 0.2 %.
+    """
     words = ("run.revolutions=0.5", "run.integrator.method=collocation")
     found, fine = (
         run(read_case("cases/pushrod-engine/intake.toml", [*words, f"run.steps_per_revolution={count}"])).channels[
@@ -116,7 +119,7 @@ def test_force_of_a_hopping_tappet_at_coarse_and_default_steps(steps):
         for count in (steps, 14400)
     )
     fine = fine[:: 14400 // steps]
-    assert np.sqrt(np.mean((found - fine) ** 2) / np.mean(fine**2)) < 0.03
+    assert np.sqrt(np.mean((found - fine) ** 2) / np.mean(fine**2)) < 0.004
 
 
 def test_motions_without_mass(record):
