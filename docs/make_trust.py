@@ -21,7 +21,7 @@ HEAD = """# Robustness
 flexcam promises:
 
 - **No silent fault.** A case, mesh, lift table or result that is wrong is refused with its place, the given and the permitted value,
-  the remedy and exit code 2; faults of keys, units, references and parts come in one report if the nodes are correct; published
+  the remedy and exit code 2. Faults of keys, units, references and parts come in one report if the nodes are correct; published
   loads, start, steps and equilibrium are checked afterwards. A run that fails ends with a status, its cause, place and remedy, and
   exit code 3.
 - **Nothing is lost.** No file is overwritten without `--overwrite`. A result appears under its name when it is complete. A run that

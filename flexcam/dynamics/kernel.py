@@ -338,7 +338,7 @@ def copy_rows(count: int, source: FloatArray, into: FloatArray) -> None:
 
 
 def forget_trend(forces: FloatArray) -> None:
-    """Begin the extrapolation of the local forces anew."""
+    """Begin the extrapolation of the local forces again."""
     for j in range(forces.shape[1]):
         forces[TREND, j], forces[LAST_CHANGE, j] = 0.0, 0.0
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[2]
@@ -60,13 +59,3 @@ def test_times_at_equal_error_lie_between_the_settings(maker):
     assert maker.time_at(settings, 10.0**-2.5) == pytest.approx(10.0**0.5)
     assert maker.time_at(settings, 1e-3) == pytest.approx(10.0)
     assert maker.time_at(settings, 1e-4) is None
-
-
-@pytest.mark.parametrize(("a", "b", "power"), [(15.0, 0.2, 1), (3.0, 1e-3, 2), (0.0, 0.5, 1)])
-def test_the_model_of_cost_is_found_again(maker, a, b, power):
-    n = np.array([12.0, 60.0, 118.0, 234.0])
-    found, (first, slope), off = min((maker._fitted(n, a + b * n**power, p) for p in (1, 2)), key=lambda one: one[2])
-    assert found == power
-    assert off < 1e-12  # exact data, but for rounding
-    assert first == pytest.approx(a, abs=1e-10)
-    assert slope == pytest.approx(b, rel=1e-10)

@@ -123,7 +123,7 @@ def test_refuses_a_cam_without_width_or_profile(tmp_path):
     for key in ('width = "12 mm"\n', 'base_radius = "28 mm"\nwidth = "12 mm"\nfollower = { type = "flat" }\n'):
         assert key in text
         path.write_text(text.replace(key, ""), encoding="utf-8")
-        with pytest.raises(InputError, match=r"contacts\.intake\.lubrication.*profile and a width.*leave lubrication"):
+        with pytest.raises(InputError, match=r"contacts\.intake\.lubrication.*follower and width.*leave lubrication"):
             prepare(read_case(path, [oil()]))
 
 
