@@ -370,14 +370,17 @@ def test_one_phaser_for_all_cams_is_a_drive_that_moves(record, kind):
 
 
 def test_a_phaser_per_shaft():
-    """Each shaft of a head with two has its own schedule: the cams of the other do not move."""
+    """Each shaft of a head with two has its own schedule: the cams of the other do not move.
+
+    Steps in which an intake contact opens or closes are divided for all contacts, which changes the error of the steps.
+    """
     case, options = TEMPLATES / "dohc-16-valve.toml", ("repeat.cylinder={ names = ['1'] }", "run.revolutions=0.5")
     rows = '[["30 deg", "0 deg"], ["150 deg", "10 deg"]]'
     intake = f'phasers.intake={{ cams = ["intake-1a", "intake-1b"], shift = {rows} }}'
     still, moved = run(read_case(case, options)), run(read_case(case, (*options, intake)))
     same, other = (f"contacts.{kind}-1a.force" for kind in ("exhaust", "intake"))
     scale = np.abs(still.channels[same]).max()
-    assert np.abs(moved.channels[same] - still.channels[same]).max() < 1e-9 * scale
+    assert np.abs(moved.channels[same] - still.channels[same]).max() < 1e-4 * scale
     assert np.abs(moved.channels[other] - still.channels[other]).max() > 0.1 * scale
 
 
