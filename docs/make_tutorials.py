@@ -161,7 +161,7 @@ def pushrod_engine(folder: Path) -> dict[str, Figure]:
     draw(rows[2], flexible, flexible.channels["springs.valve.force"], "flexible", BLUE, "-")
     add_legend(ran, rows[0], 2)
     speeds, (nose,) = create_stacked_axes(("cam force of the\nrigid train, kN",), "cam angle, deg", height=2.4)
-    for rpm, (colour, dashes) in zip((5000, 5576, 6348), line_styles(), strict=False):
+    for rpm, (colour, dashes) in zip((5000, 5602, 6348), line_styles(), strict=False):
         one = run(path, f"run.crank_speed={rpm}rpm", rigid=True)
         draw(nose, one, 1e-3 * one.channels["contacts.intake.force"], f"{rpm} rpm", colour, dashes)
     add_legend(speeds, nose, 3)

@@ -89,8 +89,8 @@ def _check_instability(case: Case, probe: str) -> Claim:
     revolutions = rpm / abs(mode - rpm) if mode != rpm else math.inf
     bound = ratio / abs(1.0 - ratio) if mode != rpm else math.inf
     return Claim("unstable at 4000 rpm (SHM, parabolic)", not multipliers.stable(),
-                 f"from 2 to 4 revolutions the deviation grows {late / early:.2f} times, but disturbances do not: "
-                 f"their largest multiplier is {abs(multipliers.multipliers[0]):.5g}; the follower's mass on its "
+                 f"the deviation after 4 revolutions is {late / early:.2f} times that after 2, but disturbances do not "
+                 f"grow: their largest multiplier is {abs(multipliers.multipliers[0]):.5g}; the follower's mass on its "
                  f"spring resonates at {mode:.0f} rpm. Near this speed an undamped motion beats: "
                  f"within {revolutions:.0f} revolutions the deviation grows to {bound:.0f} times the lift (SHM) and "
                  f"returns to zero")  # fmt: skip

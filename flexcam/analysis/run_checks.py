@@ -122,7 +122,7 @@ def _check_cam_steps(ready: PreparedRun) -> Iterator[str]:
             yield (
                 f"Warning: with {2.0 * math.pi / turn:.4g} steps per revolution, interpolation between steps "
                 f"changes the lift of cam {name} by up to {100.0 * missed:.3g} %; "
-                f"use at least {math.ceil(enough)}, and more for contacts"
+                f"use at least {math.ceil(enough)}, and several times more with contacts that open and close"
             )
 
 
@@ -282,7 +282,8 @@ def _check_open_lashes(model: Model, metrics: Iterable[Metric]) -> Iterator[str]
     for name, force in _metrics_with_suffix(metrics, ".force.largest"):
         part = model.contacts.get(name)
         if force == 0.0 and isinstance(part, Lash) and part.gap < lift:
-            yield f"Warning: lash {name!r} stays open over the revolution: check the sign of its direction, and its gap"
+            checked = "gap" if part.ends is None else "gap and the sign of its direction"
+            yield f"Warning: lash {name!r} stays open over the revolution: check its {checked}"
 
 
 def check_events(metrics: Iterable[Metric]) -> list[str]:

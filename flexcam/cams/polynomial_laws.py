@@ -195,7 +195,7 @@ def spline_derivatives(inner_knots: FloatArray, coefficients: FloatArray, degree
 
 def _check_ends(name: str, values: tuple[float, ...]) -> None:
     if (values[0], values[-1]) != (0.0, 1.0) or not np.isfinite(values).all():
-        raise refuse(name, list(values), "finite numbers from 0 to 1 at the ends", "s(0) = 0, s(1) = 1")
+        raise refuse(name, list(values), "finite numbers, the first 0 and the last 1", "s(0) = 0, s(1) = 1")
 
 
 def through_points(z: tuple[float, ...], s: tuple[float, ...]) -> BSplineLaw:

@@ -312,8 +312,8 @@ def check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
     }
     for name, contact in contacts.items():
         if closed[contact.cam] and float(first.channels[f"contacts.{name}.force"][0]) <= 0.0:
-            why, lost = "no spring holds the follower on its cam on the base circle", True
-            yield f"Warning: contacts.{name}: {why}; give a spring an installed_force"
+            why, lost = "no spring presses the follower against its cam on the base circle", True
+            yield f"Warning: contacts.{name}: {why}; check the installed_force and the direction of the springs"
     for name in seats if closed and all(closed.values()) and not lost else ():
         if float(first.channels[f"contacts.{name}.force"][0]) <= 0.0:
             why = "no spring holds the valve on its seat with the cams on their base circles"

@@ -56,9 +56,9 @@ def get_number(case: Case, key: str, where: str) -> Number:
         raise refuse(where, given, "a number that all copies share", "one value replaces all", "name one of the copies")
     if not isinstance(value, float):
         given = f"{key} = {value!r}" if value is not None else f"{key}, which is not given"
-        why = "" if value is None else "only keys with real-number values can be varied"
+        why = "" if value is None else "whole numbers and texts cannot be varied here"
         remedy = "give it a number" if value is None else "compare its values with flexcam sweep"
-        raise refuse(where, given, "the key of a real number", why, remedy)
+        raise refuse(where, given, "the key of a number with a continuous value", why, remedy)
     unit = find_unit(case.record, copies[0].split("."))
     return Number(key, value, "SI" if unit is None else unit)
 

@@ -236,7 +236,7 @@ def speed_range(
     lowest: str | None, highest: str | None, count: int, case: Case, most: float = 1.5
 ) -> tuple[float, float]:
     """Return the range of camshaft speeds of a command, rad/s; by default half to `most` times the case's speed."""
-    check_number("--count", count, 2, _MAX_SPEEDS, "each speed is a run")
+    check_number("--count", count, 2, _MAX_SPEEDS, "a curve over speed needs several speeds")
     speed, scale = case.speed, case.turns
     low = 0.5 * speed if lowest is None else parse_quantity("--lowest", lowest, "speed", "rpm") / scale
     high = most * speed if highest is None else parse_quantity("--highest", highest, "speed", "rpm") / scale

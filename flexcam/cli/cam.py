@@ -280,7 +280,7 @@ def cam(
             "CASE": case, "--cam": name, "--format": forms, "--cutter": cutter, "--pressure-angle": pressure_angle,
             "--checking-lift": checking_lifts, "--plot": plot, "--plot-format": plot_format, "--set": overrides,
         }  # fmt: skip
-        cli.refuse_with("--from-profile", "it belongs to the cams of a case file", of_case)
+        cli.refuse_with("--from-profile", "it concerns the cams of a case, not a profile", of_case)
     of_profile = {"--follower": follower, "--base-radius": base_radius, "--unit": unit, "--clockwise": clockwise}
     cli.refuse_without("--from-profile", of_profile, present=profile is not None)
     cli.check_number("--points", points, _MIN_POINTS, _MAX_POINTS)

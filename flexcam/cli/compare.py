@@ -59,8 +59,8 @@ def compare(
     """Compare the flexible model with the rigid one, or any two models, cases or results.
 
     With --lowest, --highest or --plot it compares the contact forces of three models over a range of speeds: rigid,
-    flexible with bilateral contact, and flexible with unilateral contact. It prints from which of these speeds
-    on they differ.
+    flexible with bilateral contact, and flexible with unilateral contact. It prints the speed above which
+    the models differ.
     Speeds are those of the crankshaft if the case gives crank_speed, otherwise those of the camshaft.
     """
     over_speed = any(one is not None for one in (lowest, highest, plot))
@@ -133,9 +133,9 @@ def _compare_over_speed(case: Case, speeds: list[float], tolerance: float, conta
     words, parting = list[str](), dict[str, float | None]()
     for first, second in _PAIRS:
         rpm = comparison.divergence_speed(found, first, second, tolerance)
-        when = "from the lowest speed on" if rpm == found[0].rpm else "from the speed"
-        when = "at none of the speeds" if rpm is None else f"{when} ({scale * rpm:.6g} {shaft} rpm)"
-        words.append(f"{first.capitalize()} and {second} differ by more than {tolerance:.0%} {when}.")
+        every = ", the lowest of these speeds" if rpm == found[0].rpm else ""
+        when = "At none of these speeds" if rpm is None else f"From {scale * rpm:.6g} {shaft} rpm upward{every}"
+        words.append(f"{when}, the {first} and {second} forces differ by more than {tolerance:.0%}.")
         parting[f"{first}_{second}_part_rpm"] = None if rpm is None else scale * rpm
     head = (f"{shaft} rpm", *(f"{name}, N" for name in MODELS))
     rpm = np.array([scale * one.rpm for one in found])

@@ -72,10 +72,10 @@ def limits(
     """Find the speed limits of a valve train: contact loss, valve float, valve bounce, coil clash, buckling.
 
     It runs the case at speeds 5 % apart from --lowest to --highest. For each limit it bisects between the first speed
-    at which the event occurs and the speed before, and examines the next three speeds. With --over and --and it maps
-    the limits over two values of the case. Valve float is contact loss over the nose; valve loft is valve lift above
-    that of the rigid train. Speeds are those of the crankshaft if the case gives crank_speed, otherwise those of the
-    camshaft.
+    at which the event occurs and the speed before. It then checks whether the event also occurs at the next three
+    higher speeds. With --over and --and it maps the limits over two values of the case. Valve float is contact loss
+    over the nose; valve loft is valve lift above that of the rigid train. Speeds are those of the crankshaft if the
+    case gives crank_speed, otherwise those of the camshaft.
     """
     read = cli.load_beams(case, overrides)
     scale = read.turns
@@ -88,10 +88,11 @@ def limits(
     cutoff = cli.parse_optional("--low-pass", low_pass, "frequency", "Hz")
     search = Search(low, high, width, height, deviation, cutoff)
     cli.check_number("--workers", workers)
-    if any(one is not None for one in (over, beside, which, csv, plot)):
+    of_map = {"--over": over, "--and": beside, "--limit": which, "--csv": csv, "--plot": plot}
+    if given := [name for name, one in of_map.items() if one is not None]:
         if over is None or beside is None:
-            given = "--over alone" if over else "--and alone" if beside else "--limit, --csv or --plot alone"
-            raise refuse("limits", given, "--over KEY=SPEC and --and KEY=SPEC", "a map needs two values")
+            allowed = "--over KEY=SPEC and --and KEY=SPEC"
+            raise refuse("limits", f"{' and '.join(given)} alone", allowed, "a map needs two values")
         if deviation is not None or cutoff is not None:
             given = "--lift-deviation or --low-pass with --over"
             raise refuse("limits", given, "one of them", "a map has only the other limits")

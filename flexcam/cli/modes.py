@@ -128,7 +128,7 @@ _MODES, _RESPONSE = Group("Natural modes", sort_key=1), Group("Orders of the res
 _MAX_ORDER = 1000  # the harmonics of a lift are below a thousandth of the maximum long before
 _MAX_TABLE_ORDERS = 8  # in the table: those with the largest amplitudes
 _DASH = (
-    "-: at this speed the mode does not exist, because a contact is open or closed there, or there is no result. A "
+    "-: there is no such mode at this speed, because other contacts are closed there, or no result. A "
     "mode that exists only at some speeds has a separate row."
 )
 

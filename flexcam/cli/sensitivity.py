@@ -39,7 +39,7 @@ flexcam sensitivity case.toml --of limits.loss_of_contact --tolerance springs.va
 def sensitivity(
     case: cli.CaseFile, *,
     names: Annotated[list[str], Parameter(
-        "--of", help="Result: a scalar of a run, a natural frequency (frequency.1) or a speed limit "
+        "--of", help="Result: a scalar of a run, a natural frequency above zero (frequency.1) or a speed limit "
         "(limits.loss_of_contact). Repeatable.")],
     keys: Annotated[list[str] | None, Parameter(
         "--to", group=_DERIVATIVES, help="Value of the case: KEY; with --sobol KEY=LOW:HIGHunit. Repeatable.")] = None,
@@ -130,7 +130,7 @@ def _derivatives(
 
 
 _NEWMARK = (
-    "Exact derivatives, and the values with them, are those of a run with Newmark's method, because the case names no "
+    "The exact derivatives and their values are those of a run with Newmark's method, because the case names no "
     "run.integrator. flexcam run may use another method by default."
 )
 

@@ -21,7 +21,7 @@ from flexcam.studies.quantities import check_names, compute_quantities, create_e
 from flexcam.studies.variables import Runs
 from flexcam.valvetrain import Metric
 
-_LIMITS = Group("Speed range of the search, for results named limits.NAME", sort_key=2)
+_LIMITS = Group("Speed range for results named limits.NAME", sort_key=2)
 
 WorkerCount = Annotated[int, Parameter("--workers", help="Number of processes that evaluate variants.")]
 Lowest = Annotated[

@@ -255,7 +255,9 @@ def _duplicate_faults(mesh: Mesh) -> Iterator[Fault]:
     for i in same[:_MAX_FAULTS].tolist():
         where = f"nodes {mesh.node_name(int(order[i]))!r} and {mesh.node_name(int(order[i + 1]))!r}"
         why = "members meet only at a shared node"
-        yield Fault(where, str(nodes[i].tolist()), "one node at one place", why, "merge them")
+        yield Fault(
+            where, str(nodes[i].tolist()), "one node at one place", why, "list the node in the member, or move it"
+        )
 
 
 def chain(

@@ -305,7 +305,10 @@ def make_plan(axes: Sequence[Axis], sampled: Sample | None = None, *, limit: int
     """Return a plan after checking the number of variants."""
     plan = Plan(tuple(axes), sampled)
     if sampled is None and (open_ones := [one for one in axes if one.interval]):
-        why, remedy = "a grid needs points", "write start:stop:step, or sample it: --sample sobol:512"
+        why, remedy = (
+            "a grid needs points",
+            "write start:stop:step; flexcam sweep can also sample it: --sample sobol:512",
+        )
         raise InputError(
             Fault(one.where, "an interval", "a range with a step, or a list", why, remedy) for one in open_ones
         )

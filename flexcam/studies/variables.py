@@ -70,7 +70,7 @@ def require_units(case: Case, axes: Iterable[Axis]) -> None:
         unit = find_unit(case.record, axis.key.split(".")) if axis.is_varied else None
         if unit and axis.is_numeric and not axis.unit:
             example = next((kind.example for kind in DIMENSIONS.values() if kind.si == unit), f"1 {unit}")
-            given, allowed = "numbers without a unit", f"numbers with a unit, such as that of {example!r}"
+            given, allowed = "numbers without a unit", f"numbers with a unit, as in {example!r}"
             raise refuse(axis.where, given, allowed, "", "write the unit after the last number")
 
 

@@ -330,10 +330,10 @@ def hertz_line(
     own = profile_table(cam).radius
     curvature = 1.0 / own + 1.0 / roller
     if (crossed := undercut(own, follower) | (curvature < 0.0)).any():
-        at = f"from {math.degrees(ANGLES[np.argmax(crossed)]):.4g} deg of cam angle on"
-        why = f"{at}, the profile is undercut (it would cross itself)"
+        at = f"first at {math.degrees(ANGLES[np.argmax(crossed)]):.4g} deg of cam angle"
+        why = f"the profile is undercut (it would cross itself), {at}"
         if np.isfinite(roller) and not undercut(own, follower).any():
-            why = f"{at}, the profile has a hollow that is narrower than the roller"
+            why = f"the profile has a hollow that is narrower than the roller, {at}"
         radius = f"{1e3 * follower.base_radius:g} mm"
         allowed = f"a larger base circle for a lift of {1e3 * cam.event.height:.4g} mm"
         remedy = "flexcam cam prints the minimum base-circle radius; a longer event also helps"

@@ -312,7 +312,7 @@ def test_a_search_by_gradients_takes_few_runs(flexcam, oscillator, tmp_path):
     assert flexcam("optimize", oscillator, *told, "--starts", "0").code == 2
     assert flexcam("optimize", oscillator, *told[:-2], "--starts", "2").code == 2
     bare = flexcam("optimize", oscillator, "--vary", "springs.one.stiffness=20e3:80e3", *told[2:])
-    assert "got numbers without a unit, expected numbers with a unit, such as that of '40 kN/m'" in bare.err
+    assert "got numbers without a unit, expected numbers with a unit, as in '40 kN/m'" in bare.err
 
 
 def test_bounds_at_zero_have_no_relative_margin(flexcam, oscillator):

@@ -380,7 +380,7 @@ def test_springs_that_are_no_nest_are_refused(tmp_path, change):
 )  # fmt: skip
 def test_a_friction_has_one_place(tmp_path, table):
     nest(tmp_path)
-    with pytest.raises(InputError, match="either at and direction, or spring and inside"):
+    with pytest.raises(InputError, match="either the keys 'at' and 'direction', or 'spring' and 'inside'"):
         read_case(tmp_path / "nest.toml", [f"friction.nest={table}"])
 
 

@@ -306,7 +306,7 @@ class FrictionRecord(Record):
         given, other = (slide, coils) if self.at is not None else (coils, (*slide, self.to))
         if None in given or any(one is not None for one in other):
             why = "friction acts at a point or between the coils of two springs"
-            raise value_error("either at and direction, or spring and inside", why)
+            raise value_error("either the keys 'at' and 'direction', or 'spring' and 'inside'", why)
         if self.force is None and (self.coefficient is None or self.spring is None):
             allowed, why = "a force, or for a nest with interference a coefficient", "the friction follows from it"
             raise value_error(allowed, why, inside="force", given="nothing")
