@@ -145,7 +145,7 @@ def test_a_contact_that_no_spring_closes(start, tmp_path, tried):
     lines = [line for line in case.read_text(encoding="utf-8").splitlines() if "installed_force" not in line]
     (tmp_path / "case.toml").write_text("\n".join(lines), encoding="utf-8")
     (told,) = check_input(prepare(read_case(tmp_path / "case.toml", [f"run.start={start}"])))
-    assert "contacts.intake: no spring holds the follower on its cam" in told
+    assert "contacts.intake: no spring presses the follower against its cam" in told
     tried("planted", f"springs that cannot hold contact, start {start}", 1, "warning with the remedy")
 
 
@@ -218,7 +218,7 @@ def test_crank_angles_given_for_a_cam(factor, warns):
 
 def test_a_lobe_without_a_line_of_contact_names_its_base_circle():
     with pytest.raises(
-        InputError, match=r"^cams\.intake\.base_radius .*: got 17\.4 mm, .* 154\.6 deg of cam angle .*undercut"
+        InputError, match=r"^cams\.intake\.base_radius .*: got 17\.4 mm, .*undercut.* first at 154\.6 deg of cam angle"
     ):
         prepare(read_case(PUSHROD, ["cams.intake.base_radius=17.4mm"]))
 
