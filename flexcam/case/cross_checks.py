@@ -122,6 +122,8 @@ class RawTables:
                 yield from self._check_name(("contacts", name, "at"), table.get("at"), rockers, "a rocker")
         path = ("run", "free_running", "cam")
         yield from self._check_name(path, value_at(self.raw, path), list(self._table("cams")), "a cam")
+        if self._table("phasers") and value_at(self.raw, ("run", "free_running")) is not None:
+            yield self._fault(("phasers",), "a phaser", "no phaser with run.free_running", "the shaft has no drive")
         first: dict[object, str] = {}
         for name, table in self._each("phasers"):
             for cam in _as_list(table.get("cams")):
@@ -330,7 +332,9 @@ def _rotation_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
             yield Fault(where, given, "one sense of rotation", why, "change the sign of one axis")
         if model.cams[name].phaser is not model.cams[other].phaser:
             why, allowed = f"{name!r} and {other!r} are on one shaft", "one phaser for all cams of a shaft"
-            yield Fault(places.place(("phasers",)), f"a phaser only of {name!r} or {other!r}", allowed, why, "")
+            yield Fault(
+                places.place(("phasers",)), f"a phaser only of {name!r} or {other!r}", allowed, why, "name both"
+            )
 
 
 def _undriven_rocker_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:

@@ -245,7 +245,7 @@ def _nest_warnings(case: Case) -> Iterator[str]:
         narrower = inner.wire and outer.wire and inner.wire.coil_diameter < outer.wire.coil_diameter
         if same and narrower and (name, around) not in nests and (overlap := nest_interference(inner, outer)) > 0.0:
             what = f"by their diameters its coils overlap those of {around!r} by {1e3 * overlap:.3g} mm"
-            remedy = f"add friction = {{ spring = {name!r}, inside = {around!r}, coefficient = ... }}"
+            remedy = f"add friction.NAME = {{ spring = {name!r}, inside = {around!r}, coefficient = ... }}"
             yield f"{case.place(('springs', name))}: {what}; correct the diameters, or {remedy}"
 
 

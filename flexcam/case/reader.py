@@ -288,7 +288,7 @@ _STAND_INS: Mapping[str, Mapping[str, Any]] = {
     "rockers": {"model": "lumped", "from": None, "to": None, "direction": None, "arms": [1.0, 1.0]},
     "cams": {"at": None, "axis": None, "law": "cycloidal", "lift": 1e-3, "rise": 1.0, "return": 1.0,
              "base_radius": 0.1, "width": 0.01, "follower": {"type": "flat"}},
-    "run": {"speed": 1.0}, "fidelity": {"model": "rigid"},
+    "run": {"speed": 1.0}, "fidelity": {"model": "beams"},
 }  # fmt: skip
 
 

@@ -14,7 +14,13 @@ from rich.table import Table
 
 from flexcam.analysis import run_checks
 from flexcam.analysis.model_choice import Choice, Error, estimate_errors, select_case
-from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search, scalar_probe
+from flexcam.analysis.preparation import (
+    PreparedRun,
+    excitation_without_period,
+    prepare,
+    prepare_without_periodic_search,
+    scalar_probe,
+)
 from flexcam.analysis.resources import check_resources
 from flexcam.analysis.run import estimate_case_resources, open_partial_result, open_result_file, summary_sink
 from flexcam.analysis.run_metrics import compute_metrics, figures_of_merit, revolution_change, usual_name
@@ -126,7 +132,7 @@ def _describe_run(
         parts.append(f"Periodic start: the state after one revolution differs from that at its start by {error}")
     if change:
         impacts = "; this contact chatters: its impacts differ between revolutions"
-        chatter = impacts if change.force > _CHATTER else ""
+        chatter = impacts if change.force > _CHATTER and not excitation_without_period(case) else ""
         parts.append(f"Difference between the last two revolutions: {run_checks.describe_change(change)}{chatter}")
     if balance := run_checks.describe_balance(extremes, stats):
         parts.append(f"Energy balance: {balance}")

@@ -230,6 +230,10 @@ class FluctuatingSpeed:
         return CamMotion(angle, speed, rate, time)
 
 
+_BEYOND = 1e-9
+"""Angle, rad, above the rounding of an instant at a row of a phaser."""
+
+
 @dataclass(frozen=True, eq=False)
 class Phaser:
     """Phaser that turns a shaft against its drive: ``psi = theta + phi(theta)``, theta the angle of the drive.
@@ -274,17 +278,17 @@ class Phaser:
 
     def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
         """Return the angle of the shaft, rad, or a derivative by the angle of the drive."""
-        inside = np.clip(angle, self.angles[0], self.angles[-1])
+        at = angle + _BEYOND if order > 1 else angle  # the second derivative jumps at rows: that after a row
+        inside = np.clip(at, self.angles[0], self.angles[-1])
         shift = np.asarray(self._shift(inside, order), dtype=float)
-        return angle + shift if order == 0 else np.where(inside == angle, shift, 0.0) + float(order == 1)
+        return angle + shift if order == 0 else np.where(inside == at, shift, 0.0) + float(order == 1)
 
     def drive_angle(self, angle: float) -> float:
         """Return the angle of the drive at an angle of the shaft, rad."""
-        found = angle
-        for _ in range(50):
-            at = np.array([found])
-            found -= float((self(at) - angle)[0] / self(at, 1)[0])
-        return found
+        from scipy.optimize import brentq
+
+        most = max(map(abs, self.shifts)) + 1.0
+        return float(brentq(lambda at: float(self(np.array([at]))[0]) - angle, angle - most, angle + most, xtol=1e-13))
 
     def cache(self, cam: CamFunctionCache) -> CamFunctionCache:
         """Return the cache of functions of the angle of the shaft at the angles of another cache."""

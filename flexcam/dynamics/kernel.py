@@ -66,6 +66,11 @@ acceleration by (q, v, force at begin, middle and end), those of the acceleratio
 PARTS = 4
 """Parts of a step of the collocation in which a contact opens or closes; even, so that a part ends at its middle."""
 
+INPUTS, BEFORE, RESULTS, SAVED = 0, 1, 2, 4
+"""Rows of the work array of divided steps: prescribed inputs of a part; those of the instant before the first row; the
+results at both stages of a part; and from there on the beginning of the step: modes, local forces, internal states."""
+PART_ROWS = SAVED + 4 + FORCE_SIZE + 1
+
 VANISHED = 1e-150
 """Motion below which a mode is at rest: denormal numbers are very slow."""
 
@@ -315,10 +320,10 @@ def changes_side(local: FloatArray, forces: FloatArray, touching: IntArray, stag
 
 
 def interpolate(cuts: IntArray, before: FloatArray, row: FloatArray, part: int, into: FloatArray) -> None:
-    """Write the prescribed inputs at both stages of a part of a step, the first of which is 1.
+    """Write the prescribed inputs at both stages of a part of a step; parts count from 1.
 
-    They lie on the parabola through the inputs at begin, middle and end of the step; it begins where the row before
-    ends. Between `cuts` are those of one kind, at both stages.
+    They lie on the parabola through the inputs at the end of the row before, and at middle and end of this row. `cuts`
+    are the columns at which a kind of inputs begins, with its values at both stages.
     """
     for p in range(len(cuts) - 1):
         begin, size = cuts[p], (cuts[p + 1] - cuts[p]) // 2
@@ -358,9 +363,8 @@ def march(
     The integration ends before a step in which a switching scalar changes sides, the local forces do not converge, or
     contacts are too stiff for its length. A step in which a touching scalar changes sides is divided into `PARTS`.
 
-    Arrays that depend on the length of a step have an axis in front: whole steps, then parts. The rows of `parts` are
-    the inputs of a part, those of the instant at which the first row begins, the results at both stages of a part, and
-    the saved beginning of a divided step. Results have a row per stage.
+    Arrays that depend on the length of a step have an axis in front: whole steps, then parts. Results have a row per
+    stage.
     """
     k, part, n = begin, 0, state.shape[1]
     while k < end:
@@ -368,8 +372,8 @@ def march(
         level = 1 if part > 0 else 0
         source, at = given, k
         if part > 0:
-            interpolate(cuts, given[k - 1] if k > 0 else parts[1], given[k], part, parts[0])
-            source, at = parts, 0
+            interpolate(cuts, given[k - 1] if k > 0 else parts[BEFORE], given[k], part, parts[INPUTS])
+            source, at = parts, INPUTS
         if stages == 2:
             predict_stages(operator[level], coupled, inverse[level], mode_runs, source[at], state)
         else:
@@ -381,34 +385,33 @@ def march(
             at, stages, slopes[level], give[level], vectors, runs, source, laws, blocks, constants, places, reach,
             varying, state, forces, states, local[level], tangent, active, W[level], matrix,
         )  # fmt: skip
-        if iterations == 0:
+        struck = iterations > 0 and crosses_zero(local[level], switching)
+        if iterations == 0 or struck:
             if part > 0:
-                copy_rows(4, parts[4:], state)
-                copy_rows(FORCE_SIZE, parts[8:], forces)
-                copy_rows(1, parts[8 + FORCE_SIZE :], states)
-            return UNSETTLED
+                copy_rows(4, parts[SAVED:], state)
+                copy_rows(FORCE_SIZE, parts[SAVED + 4 :], forces)
+                copy_rows(1, parts[SAVED + 4 + FORCE_SIZE :], states)
+            return SWITCHED if struck else UNSETTLED
         count[1] += iterations
         if part == 0:
-            if crosses_zero(local[0], switching):
-                return SWITCHED
             if len(hold) > 0 and contact_ratio(
                 k, stages, laws, blocks, places, hold, given, stages * n, tangent
             ) > 1.0:  # fmt: skip
                 return TOO_LONG
             if changes_side(local[0], forces, touching, stages):
-                copy_rows(4, state, parts[4:])
-                copy_rows(FORCE_SIZE, forces, parts[8:])
-                copy_rows(1, states, parts[8 + FORCE_SIZE :])
+                copy_rows(4, state, parts[SAVED:])
+                copy_rows(FORCE_SIZE, forces, parts[SAVED + 4 :])
+                copy_rows(1, states, parts[SAVED + 4 + FORCE_SIZE :])
                 forget_trend(forces)
                 part = 1
                 continue
-        rows = parts[2:4] if part > 0 else found[stages * k : stages * (k + 1)]
+        rows = parts[RESULTS:SAVED] if part > 0 else found[stages * k : stages * (k + 1)]
         accept(
             at, stages, scheme, operator[level], answers[level], answer_runs, vectors, runs, source, places, state,
             forces, states, local[level], rows,
         )  # fmt: skip
         if 2 * part == PARTS or part == PARTS:
-            copy_rows(1, parts[3:], found[stages * k + 2 * part // PARTS - 1 :])
+            copy_rows(1, parts[RESULTS + 1 :], found[stages * k + 2 * part // PARTS - 1 :])
         if part == PARTS:
             forget_trend(forces)
         part = (part + 1) % (PARTS + 1) if part > 0 else 0

@@ -26,7 +26,17 @@ from flexcam.dynamics.implicit_step import NoConvergenceError, unconverged_force
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.integrator import At
 from flexcam.dynamics.jit import Functions, compile_functions
-from flexcam.dynamics.kernel import FORCE_SIZE, FUNCTIONS_OF_KERNEL, LAST_DEPTH, PARTS, STATE_SIZE, TOO_LONG, UNSETTLED
+from flexcam.dynamics.kernel import (
+    BEFORE,
+    FORCE_SIZE,
+    FUNCTIONS_OF_KERNEL,
+    LAST_DEPTH,
+    PART_ROWS,
+    PARTS,
+    STATE_SIZE,
+    TOO_LONG,
+    UNSETTLED,
+)
 from flexcam.dynamics.local_forces import LocalForces, Workspace
 from flexcam.dynamics.problem import Problem, State
 from flexcam.dynamics.status import Cause, Stats, Status
@@ -182,7 +192,7 @@ class ModalSystem:
 
 @dataclass(frozen=True, eq=False)
 class KernelState:
-    """An instant as arrays that the kernel advances: modes (12, n), local forces (5, c) and internal states (9, s)."""
+    """An instant as arrays that the kernel advances: modes (12, n), local forces (6, c) and internal states (9, s)."""
 
     modes: FloatArray
     forces: FloatArray
@@ -205,8 +215,8 @@ class Kernel:
         self._runs = list_runs(self._vectors)
         groups = system.coupled_groups
         self._mode_runs = list_runs((groups[:, None] == groups).astype(float))
-        #: Scalars of contacts whose opening and closing divides a step.
-        self._touching = forces.touching if stages == 2 and not len(forces.switching) else _NO_SCALARS
+        #: Scalars of contacts without impacts, whose opening and closing divides a step.
+        self._touching = np.setdiff1d(forces.touching, forces.switching) if stages == 2 else _NO_SCALARS
         self.whole = self._usual_steps(problem.step)  #: steps of the usual length, and parts of them
         self._answer_runs = list_runs(np.abs(self.whole.answers).sum(axis=(0, 1)))
         can_move, coupling = find_coupling(forces, self.whole)
@@ -222,7 +232,7 @@ class Kernel:
         sizes = [n, *np.diff(forces.prescribed_cuts).tolist()]
         self._cuts = np.cumsum([0, *(stages * size for size in sizes)])
         width = max(int(self._cuts[-1]), self.columns, n, stages * c)
-        self._parts = np.zeros((4 + 4 + FORCE_SIZE + 1, width))
+        self._parts = np.zeros((PART_ROWS, width))
         self._length, self.shortest = 0.0, problem.step / _SHORTEST
 
     def operator(self, step: float) -> StepOperator:
@@ -278,7 +288,7 @@ class Kernel:
         if operator.lengths[0] != self._length:  # the compliance belongs to the length of a step
             self._compliance[:], self._local[:, OWN], self._length = np.nan, -1.0, float(operator.lengths[0])
         if before is not None:
-            self._parts[1, : len(before)] = before
+            self._parts[BEFORE, : len(before)] = before
         stage_sides = np.hstack([np.add(sides, [[stage * self.forces.count], [0]]) for stage in range(self.stages)])
         how = self._march(
             *steps, self.stages, operator.lengths, operator.slopes, operator.scheme, operator.operator,

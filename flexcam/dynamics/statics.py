@@ -53,7 +53,7 @@ _DECREASE, _HALVINGS = 1e-4, 40
 _FALL = 0.01
 """Largest displacement, m, of an unsupported part in one iteration."""
 _STIFFEST = 1e9
-"""Limit of that spring, N/m."""
+"""Limit of the spring on free motions, N/m."""
 _SOFTENING = 20
 """Iterations after which the spring on free motions, first 1 N/m, becomes half as stiff."""
 

@@ -30,7 +30,7 @@ from flexcam.fem.elements import beam
 from flexcam.fem.frames import ROTATIONS
 from flexcam.valvetrain.coupling import Coupling
 from flexcam.valvetrain.model import Model
-from flexcam.valvetrain.parts import CamPair, Lash
+from flexcam.valvetrain.parts import Cam, CamPair, Lash
 from flexcam.valvetrain.structure import Structure, build_structure_in
 
 
@@ -109,7 +109,7 @@ def find_shaft_drives(structure: Structure) -> tuple[ShaftDrive, ...]:
 
 
 @lru_cache(maxsize=4)
-def _rotation_supports(model: Model) -> list[tuple[str, int, FloatArray]]:
+def _rotation_supports(model: Model) -> tuple[tuple[str, int, FloatArray], ...]:
     """Return name, node and axis of the supports that hold the rotation of a shaft."""
     found, driven = list[tuple[str, int, FloatArray]](), shaft_axes(model)
     for point, held in model.supports.items():
@@ -120,7 +120,7 @@ def _rotation_supports(model: Model) -> list[tuple[str, int, FloatArray]]:
             if abs(float(along[axis])) > _ALONG and ROTATIONS[axis] in held:
                 name = point if len(nodes) == 1 else model.mesh.node_name(node)
                 found.append((name, node, along))
-    return found
+    return tuple(found)
 
 
 def has_elastic_drive(structure: Structure, contact: CamPair) -> bool:
@@ -138,6 +138,17 @@ def shaft_axes(model: Model) -> dict[int, FloatArray]:
         nodes = _shaft_nodes(model, contact.cam)
         axes |= dict.fromkeys(nodes.tolist(), contact.shaft_axis)
     return axes
+
+
+def driven_cam(model: Model, torque: str) -> Cam | None:
+    """Return a cam of the shaft on which a torque acts, such as ``supports.drive`` or ``springs.chain``."""
+    kind, _, name = torque.partition(".")
+    if kind == "contacts":
+        return model.cams[model.cam_contacts[name].cam]
+    point = model.springs[name].at if kind == "springs" else name
+    nodes = set(model.mesh.select(point).tolist()) if point in model.mesh.points else set[int]()
+    turned = (contact.cam for contact in model.cam_contacts.values())
+    return next((model.cams[cam] for cam in turned if nodes & set(_shaft_nodes(model, cam).tolist())), None)
 
 
 def _shaft_nodes(model: Model, cam: str) -> IntArray:

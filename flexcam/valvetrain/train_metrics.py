@@ -15,6 +15,7 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import InputError
 from flexcam.dynamics import ConstantSpeed, Response
 from flexcam.valvetrain.cam_functions import sliding_ratio
+from flexcam.valvetrain.camshaft import driven_cam
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Cam, CamContact, Lash, Seat
 from flexcam.valvetrain.rigid_kinematics import largest_lashes
@@ -261,7 +262,7 @@ def _nose_force(model: Model, response: Response, name: str, last: Bools) -> lis
 def _drive(model: Model, response: Response, last: Bools) -> list[Metric]:
     """Return mean torque and power of every cam and shaft drive, and the mean friction power of contacts and slides.
 
-    The mean torque is that over the cam angle: times the angle of a revolution it is the work of the drive.
+    The mean torque is that over the angle of the shaft: times the angle of a revolution it is the work of the drive.
     """
     begin = max(int(np.argmax(last)) - 1, 0)  # the revolution with both ends
     time, angle = response.time[begin:], response.angle[begin:]
@@ -269,15 +270,18 @@ def _drive(model: Model, response: Response, last: Bools) -> list[Metric]:
         return []
     found: list[Metric] = []
     for where in _parts_with(response.channels, "torque"):
-        torque, span = response.channels[f"{where}.torque"][begin:], float(angle[-1] - angle[0])
-        work = float(np.trapezoid(torque, angle))
+        cam = driven_cam(model, where)
+        turned = angle if cam is None else cam.angle(angle)
+        torque, span = response.channels[f"{where}.torque"][begin:], float(turned[-1] - turned[0])
+        work = float(np.trapezoid(torque, turned))
         work = work if abs(work) > _ROUNDING * span * float(np.abs(torque).max()) else 0.0
         values = (work / span, "N m"), (work / float(time[-1] - time[0]), "W")
         found += [Metric(f"{where}.{name}", *value) for name, value in zip(_DRIVE, values, strict=True)]
     for where in _parts_with(response.channels, "friction"):
         cam = model.cams[model.cam_contacts[where.removeprefix("contacts.")].cam]
-        slid = response.channels[f"{where}.friction"][begin:] * sliding_ratio(cam)(cam.angle(angle), 0)
-        mean = float(np.trapezoid(np.abs(slid), angle)) / float(time[-1] - time[0])
+        turned = cam.angle(angle)
+        slid = response.channels[f"{where}.friction"][begin:] * sliding_ratio(cam)(turned, 0)
+        mean = float(np.trapezoid(np.abs(slid), turned)) / float(time[-1] - time[0])
         found.append(Metric(f"{where}.{_FRICTION_POWER}", mean, "W"))
     for where in _parts_with(response.channels, "power"):
         mean = float(np.trapezoid(response.channels[f"{where}.power"][begin:], time)) / float(time[-1] - time[0])
