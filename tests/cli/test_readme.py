@@ -96,13 +96,17 @@ def test_what_is_said_of_contact_is_what_was_measured():
     took = {method: maker.time_at(settings, 1e-3) for method, settings in methods.items()}
     own = took["flexcam, `collocation`"]
     words = " ".join(README.split())
-    assert "0.1 % of the cam force of three masses in contact, diffrax and CVODES are faster than flexcam;" in words
-    assert "; scipy, MuJoCo and Exudyn with Newmark's method are slower." in words
+    assert (
+        "only diffrax reaches an error of 0.1 % of the cam force faster than flexcam; CVODES needs 1.0 to 1.4" in words
+    )
+    assert "times the time of flexcam, and Exudyn, MuJoCo and scipy need more." in words
     for method, time in took.items():
-        if method.startswith(("diffrax", "CVODES")):
+        if method.startswith("diffrax"):
             assert time < own
-        elif method.startswith(("scipy", "MuJoCo", "Exudyn, Newmark")):
-            assert time > own
+        elif method.startswith("CVODES"):
+            assert 0.95 * own < time < 1.45 * own
+        elif not method.startswith("flexcam"):
+            assert time > 1.4 * own
 
 
 def test_targets_stand_in_the_makefile():
