@@ -23,6 +23,7 @@ LIFT_EVENT = (('rise = "75 deg"', 'rise = "300 deg"'), ["cams.intake: rise + dwe
 SPEED = (('"5000 rpm"', '"5000 kg"'), ["run.crank_speed"])
 COMPONENT = (('rear = ["uy", "uz"]', 'rear = ["uy", "uzz"]'), ["supports.rear.1"])
 PROBE = (('probes = ["valve"', 'probes = ["vavle"'), ["output.probes"])
+FIDELITY = (("[run]", "[fidelity]\nmasses = 0\n[run]"), ["fidelity.masses"])
 MATERIAL = (('material = "steel"', 'material = "stel"'), ["members.camshaft.material"])
 UNDERCUT = (('lift = "6 mm"', 'lift = "40 mm"'), ["cams.intake.base_radius"])
 INERTIA = (('mass = "0.09 kg"', 'mass = "0.09 kg", inertia = [1e-5, 1e-5, 1e-5]'), ["masses.valve"])
@@ -56,6 +57,7 @@ TOGETHER = {
     "a rocker": (ARMS, INERTIA, ACROSS, UNDERCUT),
     "a cam": (LIFT_EVENT, SHAFT, STOP),
     "the speed": (SPEED, UNDERCUT, SHAFT),
+    "the fidelity": (FIDELITY, STOP, UNDERCUT),
     "a support": (COMPONENT, UNDERCUT, SLIDES),
     "a material": (MATERIAL, INERTIA, UNDERCUT),
     "parts on their mesh and in their equations": (SHAFT, INERTIA, UNDERCUT, SLIDES),

@@ -323,6 +323,49 @@ def test_a_phaser_that_moves(record):
     assert phaser.drive_angle(8.1 + float(phaser(np.array([8.1]))[0]) - 8.1) == pytest.approx(8.1, rel=1e-12)
 
 
+def test_second_derivative_of_a_phaser_at_a_row_does_not_depend_on_rounding():
+    """It jumps there; derivatives by the speed would otherwise compare values of both sides."""
+    phaser, row = Phaser((5.0, 10.0, 12.0), (0.0, 0.35, 0.30)), 10.0
+    beside = phaser(np.array([np.nextafter(row, 0.0), row, np.nextafter(row, 20.0)]), 2)
+    assert beside == pytest.approx(beside[1], rel=1e-6)
+    assert abs(float(phaser(np.array([row - 1e-6]), 2)[0]) - beside[1]) > 0.01
+
+
+def test_a_steep_phaser_is_inverted():
+    phaser = Phaser((0.0, 1.0, 1.5, 6.0), (0.0, -0.9, 0.9, 0.0))
+    for angle in np.linspace(-1.0, 7.0, 33):
+        assert float(phaser(np.array([phaser.drive_angle(angle)]))[0]) == pytest.approx(angle, abs=1e-12)
+
+
+def test_mean_power_behind_a_moving_phaser_is_the_work_of_the_cam():
+    """The cam turns by 60 deg more than its drive in a revolution: its work is the torque over its own angle."""
+    rows = '[["0 deg", "0 deg"], ["360 deg", "60 deg"]]'
+    case = read_case(
+        TEMPLATES / "direct-acting.toml",
+        [
+            "run.revolutions=1",
+            "run.steps_per_revolution=1440",
+            f'phasers.intake={{ cams = ["intake"], shift = {rows} }}',
+        ],
+    )
+    ready = prepare(case)
+    response = solve(ready.problem, ready.scheme, save=ready.save)
+    turned = ready.model.cams["intake"].angle(response.angle)
+    work = float(np.trapezoid(response.channels["contacts.intake.torque"], turned))
+    found = {one.name: one.value for one in compute_metrics(ready, response)}
+    duration = response.time[-1] - response.time[0]
+    assert found["contacts.intake.power.mean"] == pytest.approx(work / duration, rel=1e-6)
+    assert work != pytest.approx(
+        float(np.trapezoid(response.channels["contacts.intake.torque"], response.angle)), rel=0.1
+    )
+
+
+def test_a_phaser_needs_a_drive():
+    change = "phasers.free={ cams = ['valve'], shift = [['0 deg', '0 deg'], ['90 deg', '5 deg']] }"
+    with pytest.raises(InputError, match=r"no phaser with run\.free_running"):
+        read_case("cases/petrescu/valve-spring.toml", [change])
+
+
 @dataclass(frozen=True)
 class MovedDrive:
     """Camshaft whose whole drive has the motion of a shaft behind a phaser."""
