@@ -312,7 +312,7 @@ def check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
     }
     for name, contact in contacts.items():
         if closed[contact.cam] and float(first.channels[f"contacts.{name}.force"][0]) <= 0.0:
-            why, lost = "no spring presses the follower against its cam on the base circle", True
+            why, lost = "no spring pushes the follower against its cam on the base circle", True
             yield f"Warning: contacts.{name}: {why}; check the installed_force and the direction of the springs"
     for name in seats if closed and all(closed.values()) and not lost else ():
         if float(first.channels[f"contacts.{name}.force"][0]) <= 0.0:

@@ -68,7 +68,7 @@ PARTS = 4
 
 INPUTS, BEFORE, RESULTS, SAVED = 0, 1, 2, 4
 """Rows of the work array of divided steps: prescribed inputs of a part; those of the instant before the first row; the
-results at both stages of a part; and from there on the beginning of the step: modes, local forces, internal states."""
+results at both stages of a part; then the saved beginning of the step: modes, local forces, internal states."""
 PART_ROWS = SAVED + 4 + FORCE_SIZE + 1
 
 VANISHED = 1e-150

@@ -145,7 +145,7 @@ def test_a_contact_that_no_spring_closes(start, tmp_path, tried):
     lines = [line for line in case.read_text(encoding="utf-8").splitlines() if "installed_force" not in line]
     (tmp_path / "case.toml").write_text("\n".join(lines), encoding="utf-8")
     (told,) = check_input(prepare(read_case(tmp_path / "case.toml", [f"run.start={start}"])))
-    assert "contacts.intake: no spring presses the follower against its cam" in told
+    assert "contacts.intake: no spring pushes the follower against its cam" in told
     tried("planted", f"springs that cannot hold contact, start {start}", 1, "warning with the remedy")
 
 
