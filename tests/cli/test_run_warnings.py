@@ -92,7 +92,7 @@ def test_lashes_that_nothing_closes(flexcam, tmp_path):
     coarse = ("--set", "run.steps_per_revolution=360", "--set", "run.revolutions=1", "--json")
     wrong = flexcam("run", case, *coarse, "--name", "wrong", "--set", 'contacts.lash.direction="uy"').json["warnings"]
     right = flexcam("run", case, *coarse).json["warnings"]
-    said = "Warning: lash 'lash' stays open over the revolution: check its gap"
+    said = "Warning: lash 'lash' stays open over the revolution: check its gap and the sign of its direction"
     assert (said in wrong, said in right) == (True, False)
 
 
