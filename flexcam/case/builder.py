@@ -280,8 +280,7 @@ class _Geometry:
     def _nest(self, *names: str) -> tuple[str, str]:
         """Return the names of the inner and the outer spring of a nest."""
         inner, outer = (self.case.springs[name].part for name in names)
-        along = np.array_equal(inner.direction, outer.direction) and not inner.turns
-        nested = names[0] != names[1] and (inner.at, inner.to) == (outer.at, outer.to) and along
+        nested = names[0] != names[1] and valvetrain.share_ends(inner, outer) and not inner.turns
         if not nested or any(one.mass == 0.0 or one.elements == 1 for one in (inner, outer)):
             why, allowed = "coils rub on those of another spring at the same height", "two springs of a nest"
             remedy = "give both the same at, to and direction along a line, a mass, and two elements or more"
@@ -328,10 +327,8 @@ class _Geometry:
             return record.stiffness
         ends, ratio = record.ends, 1.0
         if record.direction is not None and not direction(record.direction)[:3].any():
-            why, remedy = (
-                "no member defines the stiffness of a lash about an axis",
-                'add it, such as stiffness = "5 kN m/rad"',
-            )
+            why = "no member defines the stiffness of a lash about an axis"
+            remedy = 'add it, such as stiffness = "5 kN m/rad"'
             raise refuse("stiffness", "nothing", "a value", why, remedy)
         if ends is None:
             rocker = self.case.rockers[str(record.at)]

@@ -332,9 +332,8 @@ def _rotation_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
             yield Fault(where, given, "one sense of rotation", why, "change the sign of one axis")
         if model.cams[name].phaser is not model.cams[other].phaser:
             why, allowed = f"{name!r} and {other!r} are on one shaft", "one phaser for all cams of a shaft"
-            yield Fault(
-                places.place(("phasers",)), f"a phaser only of {name!r} or {other!r}", allowed, why, "name both"
-            )
+            given, remedy = f"a phaser only of {name!r} or {other!r}", "list both in cams"
+            yield Fault(places.place(("phasers",)), given, allowed, why, remedy)
 
 
 def _undriven_rocker_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:

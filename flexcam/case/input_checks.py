@@ -34,6 +34,7 @@ from flexcam.valvetrain import (
     nest_interference,
     opposed_contacts,
     pulling_contacts,
+    share_ends,
     shared_forces,
     touching_coils,
 )
@@ -241,7 +242,7 @@ def _nest_warnings(case: Case) -> Iterator[str]:
     nests = {(one.spring, one.inside) for one in case.record.friction.values()}
     springs = {name: one.part for name, one in case.record.springs.items() if one.part.wire is not None}
     for (name, inner), (around, outer) in permutations(springs.items(), 2):
-        same = (inner.at, inner.to) == (outer.at, outer.to) and np.array_equal(inner.direction, outer.direction)
+        same = share_ends(inner, outer)
         narrower = inner.wire and outer.wire and inner.wire.coil_diameter < outer.wire.coil_diameter
         if same and narrower and (name, around) not in nests and (overlap := nest_interference(inner, outer)) > 0.0:
             what = f"by their diameters its coils overlap those of {around!r} by {1e3 * overlap:.3g} mm"

@@ -206,5 +206,5 @@ class EventStepper:
 
     def _penetrations(self, moment: StepState) -> tuple[FloatArray, FloatArray]:
         """Return the switching scalars and their rates."""
-        penetration, rate = self._forces.contact_motion(moment.penetration, moment.rate)
-        return penetration[self._forces.switching], rate[self._forces.switching]
+        lifts, which = self._forces.lifts, self._forces.switching
+        return lifts.depth(moment.penetration)[which], lifts.depth_rate(moment.penetration, moment.rate)[which]

@@ -140,7 +140,8 @@ class Disturbances:
         which = self._forces.switching
         if not len(which):
             return penetration
-        depth, depth_rate = (one[..., which] for one in self._forces.contact_motion(penetration, rate))
+        lifts = self._forces.lifts
+        depth, depth_rate = lifts.depth(penetration)[..., which], lifts.depth_rate(penetration, rate)[..., which]
         penetration, sensed = penetration.copy(), penetration[..., which]
         there = np.abs(depth) <= _AT_ONCE * self._problem.step * np.abs(depth_rate)
         penetration[..., which] = np.where(there, sensed - depth + np.where(side, _TOUCH, -_TOUCH), sensed)
@@ -194,12 +195,13 @@ class Disturbances:
             moved = moved + shifted[:, None] * self._shift
         after, self._shift = step.propagate(0, self._current, moved), None
         crossed = np.flatnonzero(side != every.track.pressed[i + 1])
-        depth, depth_rate = self._forces.contact_motion(new.penetration, new.rate)
+        lifts = self._forces.lifts
+        depth, depth_rate = lifts.depth(new.penetration), lifts.depth_rate(new.penetration, new.rate)
         crossed = crossed[np.abs(depth_rate[self._forces.switching[crossed]]) > _AT_REST]
         if len(crossed):
             which = self._forces.switching[crossed]
             which = int(which[np.argmin(np.abs(depth[which] / depth_rate[which]))])
-            gradient = self._forces.contact_gradient(which, new.penetration)
+            gradient = lifts.gradient(which, new.penetration)
             longer = (longer + 0.5 * h * self._prescribed_rates(new, side))[:, None]
             by_time = step.propagate(0, np.zeros_like(longer), longer)[:, 0]
             sense, n = gradient @ directions(self._forces, every.schedule, i + 1)[1], len(new.d)

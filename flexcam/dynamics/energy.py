@@ -13,7 +13,7 @@ import numpy as np
 
 from flexcam.core import FloatArray, IntArray, Triplets, select_storage
 from flexcam.dynamics.blocks import Arrays, flatten, select_prefix
-from flexcam.dynamics.cam_motion import PrescribedInputs
+from flexcam.dynamics.cam_motion import CamFunctionCache, PrescribedInputs
 from flexcam.dynamics.local_forces import LocalForces, StoredEnergy
 from flexcam.dynamics.step_state import Trajectory
 from flexcam.dynamics.system import Observation, System
@@ -187,7 +187,7 @@ class EnergyBalance:
         crushed = 0.5 * _dot(forces[:, lossy] - still[:, lossy], deepened[:, lossy])
         crushed -= 0.5 * _dot(sums("by_state"), changes("states"))
         # Difference of the work of the mean force and of the nonlinear force, by Simpson's rule.
-        half = 0.5 * sums("penetration"), 0.5 * sums("states"), 0.5 * sums("angle")
+        half = 0.5 * sums("penetration"), 0.5 * sums("states"), CamFunctionCache(0.5 * sums("angle"))
         bows = np.zeros_like(deepened)
         for i, angle, lift in self._lifts:  # the path is curved: in its middle the contact is as deep as on average
             begin, middle, end = (lift(half[0][:, angle] + part * deepened[:, angle], 0) for part in (-0.5, 0.0, 0.5))
@@ -221,20 +221,20 @@ class EnergyBalance:
         """Return the energy stored by cam rotation in contacts whose law depends on the angle."""
         begin = 0 if last else 1
         before = _previous(new.penetration, last and last.penetration), _previous(new.states, last and last.states)
-        later = self._stores.varying(*before, new.angle[begin:])
+        later = self._stores.varying(*before, CamFunctionCache(new.angle[begin:]))
         angle, changing = _previous(new.angle, last and last.angle), _previous(new.changing, last and last.changing)
-        earlier = self._stores.varying(new.penetration[begin:], new.states[begin:], angle)
+        earlier = self._stores.varying(new.penetration[begin:], new.states[begin:], CamFunctionCache(angle))
         return 0.5 * (later - changing + new.changing[begin:] - earlier)
 
     def _evaluate_state(
         self, track: Trajectory, seen: Observation, prescribed_rates: FloatArray, schedule: PrescribedInputs
     ) -> _EnergyState:
         penetrations, forces, d = seen.penetrations[:, self._rough], seen.forces[:, self._rough], track.d
-        stored, elastic, by_state = self._stores.at(penetrations, seen.states, schedule.angle)
-        changing = self._stores.varying(penetrations, seen.states, schedule.angle)
+        stored, elastic, by_state = self._stores.at(penetrations, seen.states, schedule.cam)
+        changing = self._stores.varying(penetrations, seen.states, schedule.cam)
         smooth = np.zeros(len(d))
         if self._smooth is not None:
-            smooth = self._smooth.at(seen.penetrations[:, self._smooth_scalars], seen.states, schedule.angle)[0]
+            smooth = self._smooth.at(seen.penetrations[:, self._smooth_scalars], seen.states, schedule.cam)[0]
         strain, nothing = 0.5 * self._K.twice(d) + self._system.stored, np.zeros((len(d), 0))
         moved = (d, track.v, self._C.times(track.v)) if self._damped else (nothing, nothing, nothing)
         driven = (self._pushed @ track.v.T).T if self._corrected else nothing

@@ -264,7 +264,7 @@ class Kernel:
         modes[:4] = moment.d, moment.v, moment.a, moment.applied
         forces = np.zeros((FORCE_SIZE, stages * self.forces.count))
         forces[:3] = np.tile([moment.local, moment.penetration, moment.rate], stages)
-        forces[LAST_DEPTH] = np.tile(self.forces.contact_motion(moment.penetration, moment.rate)[0], stages)
+        forces[LAST_DEPTH] = np.tile(self.forces.lifts.depth(moment.penetration), stages)
         states = np.zeros((STATE_ROWS, stages * len(moment.inner)))
         states[STATE] = np.tile(moment.inner, stages)
         return KernelState(modes, forces, states)
@@ -375,7 +375,7 @@ def contact_stiffness_ratio(problem: Problem, step: float) -> float:
     acted = forces.act.owner * inputs.acting_weights[:, None]  # shape (angles, c, acts)
     own = np.abs(np.sum(acted @ hold * (forces.sense.owner * inputs.sensing_weights[:, None]), axis=2)).max(axis=0)
     closed = np.full(forces.count, _CLOSED)
-    closed = 2.0 * closed - forces.contact_motion(closed, closed)[0]
+    closed -= forces.lifts.depth(closed) - closed
     stiffness = forces.respond(closed, np.zeros_like(closed), forces.start_state, inputs).by_penetration
     return float((np.abs(np.diag(stiffness)) * own).max(initial=0.0))
 

@@ -42,6 +42,7 @@ from flexcam.dynamics.force_laws import (
     STATE,
     STATE_RATE,
     STATE_ROWS,
+    CamLift,
     ForceLaw,
 )
 from flexcam.dynamics.jit import Functions, bind
@@ -67,19 +68,18 @@ class StoredEnergy:
         self.lossy: IntArray = np.flatnonzero((lossy & (forces.storing > 0.0))[self._scalars])
 
     def at(
-        self, penetration: FloatArray, state: FloatArray, angle: FloatArray
+        self, penetration: FloatArray, state: FloatArray, cam: CamFunctionCache
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the energy, J, (m,), its derivatives by the scalars, (m, r), and by all internal states, (m, s)."""
-        energy, force, by_state = self._forces.evaluate(
-            self._all(penetration), state, self._forces.function_values(CamFunctionCache(angle)), self._laws
-        )
+        functions = self._forces.function_values(cam)
+        energy, force, by_state = self._forces.evaluate(self._all(penetration), state, functions, self._laws)
         return energy.sum(axis=1), force[:, self._scalars], by_state
 
-    def varying(self, penetration: FloatArray, state: FloatArray, angle: FloatArray) -> FloatArray:
+    def varying(self, penetration: FloatArray, state: FloatArray, cam: CamFunctionCache) -> FloatArray:
         """Return the energy of the laws that depend on the cam angle, J, shape (m,)."""
         if not len(self._varying):
             return np.zeros(len(penetration))
-        functions = self._forces.function_values(CamFunctionCache(angle))
+        functions = self._forces.function_values(cam)
         return self._forces.evaluate(self._all(penetration), state, functions, self._varying)[0].sum(axis=1)
 
     def _all(self, penetration: FloatArray) -> FloatArray:
@@ -188,6 +188,34 @@ def _count_arch_scalars(first: int, moved: Callable[[int], bool]) -> int:
     return 1 + 3 * max(planes, default=0)
 
 
+class CamLifts(tuple[tuple[int, int, CamLift], ...]):
+    """First scalar, last scalar and lift of the laws that follow the angle of a cam, see `ForceLaw.lift`."""
+
+    __slots__ = ()
+
+    def depth(self, scalars: FloatArray) -> FloatArray:
+        """Return sensed scalars, shape (..., c), with the lifts in the penetrations of the laws."""
+        found = scalars.copy() if self else scalars
+        for first, last, lift in self:
+            found[..., first] += lift(scalars[..., last], 0)
+        return found
+
+    def depth_rate(self, scalars: FloatArray, rates: FloatArray) -> FloatArray:
+        """Return the rates of `depth`."""
+        found = rates.copy() if self else rates
+        for first, last, lift in self:
+            found[..., first] += lift(scalars[..., last], 1) * rates[..., last]
+        return found
+
+    def gradient(self, scalar: int, scalars: FloatArray) -> FloatArray:
+        """Return the derivatives of one of `depth` by all sensed scalars, shape (c,)."""
+        found = np.zeros(len(scalars))
+        found[scalar] = 1.0
+        for first, last, lift in self:
+            found[last] += float(lift(scalars[last], 1)) * (first == scalar)
+        return found
+
+
 class Workspace:
     """Work arrays of `flexcam.dynamics.local_newton` for some local forces."""
 
@@ -224,12 +252,11 @@ class LocalForces:
         #: Scalars of contacts, whose passing zero opens or closes them.
         self.touching: IntArray = np.array([i for i, _ in switches], dtype=np.intp)
         switches = [one for one in switches if one[1] is not None or not impacts_only]
-        #: First and last scalar and lift of the laws with the angle of a cam.
-        self.lifts = [
+        self.lifts = CamLifts(
             (part.start + i, part.start + i + force.law.scalars - 1, force.law.lift)
             for force, part, _ in self.parts if isinstance(force.law, ForceLaw) and force.law.lift
             for i in force.groups
-        ]  # fmt: skip
+        )  # fmt: skip
         self.switching: IntArray = np.array([i for i, _ in switches], dtype=np.intp)
         self.restitution: FloatArray = np.array([np.nan if e is None else e for _, e in switches], dtype=float)
         self.functions = bind((*FUNCTIONS_OF_LAWS, *FUNCTIONS_OF_NEWTON), self._overrides())
@@ -370,27 +397,9 @@ class LocalForces:
         still_open = (penetration[:, table[:, FIRST]] <= 0.0).all(axis=0)
         return table[~(contacts & still_open & (table[:, LAW_STATE] < 0) & (table[:, LIFT] < 0))]
 
-    def contact_motion(self, penetration: FloatArray, rate: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return sensed scalars and their rates, shape (..., c), with the lifts of cams in the penetrations."""
-        if not self.lifts:
-            return penetration, rate
-        depth, new_rate = penetration.copy(), rate.copy()
-        for first, last, lift in self.lifts:
-            depth[..., first] += lift(penetration[..., last], 0)
-            new_rate[..., first] += lift(penetration[..., last], 1) * rate[..., last]
-        return depth, new_rate
-
-    def contact_gradient(self, scalar: int, penetration: FloatArray) -> FloatArray:
-        """Return the derivatives of a penetration of `contact_motion` by all sensed scalars, shape (c,)."""
-        found = np.zeros(self.count)
-        found[scalar] = 1.0
-        for first, last, lift in self.lifts:
-            found[last] += float(lift(penetration[last], 1)) * (first == scalar)
-        return found
-
     def contact_sides(self, penetration: FloatArray) -> NDArray[np.bool_]:
         """Return the sides of the switching scalars."""
-        return self.contact_motion(penetration, penetration)[0][self.switching] > 0.0
+        return self.lifts.depth(penetration)[..., self.switching] > 0.0
 
     def evaluate(
         self, penetration: FloatArray, state: FloatArray, functions: FloatArray, laws: IntArray | None = None,

@@ -41,7 +41,7 @@ class VariedProblem:
 
     def __init__(self, problem: Problem, original: Problem, compiled: Functions | None) -> None:
         self.problem, self.forces = problem, LocalForces(problem.system, compiled)
-        self._original = LocalForces(original.system) if self.forces.lifts else self.forces
+        self._lifts = LocalForces(original.system).lifts if self.forces.lifts else self.forces.lifts
         self._begin = original.start.time if original.start else 0.0
         self._matrices = [
             one.dense() for one in (problem.system.stiffness, problem.system.damping, problem.system.mass)
@@ -76,12 +76,11 @@ class VariedProblem:
         if not forces.count:
             return [pushed, every.penetration, every.rate, every.rate]
         sensed, rate, _ = forces.sense_motion(track.d, track.v, schedule)
-        functions, motion = schedule.rows[:, schedule.functions :], (every.penetration, every.rate)
-        pairs = zip(forces.contact_motion(*motion), self._original.contact_motion(*motion), strict=True)
-        lifted, faster = (new - old for new, old in pairs)  # of a cam: in the answers the contact stays where it is
-        answer = forces.evaluate(
-            every.penetration - lifted, track.state, functions, rate=every.rate - faster
-        )[1]  # fmt: skip
+        functions, depth, speed = schedule.rows[:, schedule.functions :], every.penetration, every.rate
+        # Of a cam at the angle of its shaft: in the answers the contact stays where it is.
+        lifted = forces.lifts.depth(depth) - self._lifts.depth(depth)
+        faster = forces.lifts.depth_rate(depth, speed) - self._lifts.depth_rate(depth, speed)
+        answer = forces.evaluate(depth - lifted, track.state, functions, rate=speed - faster)[1]
         return [pushed, sensed + lifted, rate + faster, answer]
 
     def states_after(self, every: SensedTrajectory, i: int) -> FloatArray:

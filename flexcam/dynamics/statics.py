@@ -67,7 +67,7 @@ def solve_equilibrium(
     potential = _Potential.of(system, forces, forces.prescribed_inputs(motion), load)
     u = np.zeros(system.size) if near is None else near
     least = float(np.abs(free.T @ load).max(initial=0.0)) / _FALL
-    before, energy = np.inf, None
+    before, energy, tips = np.inf, None, bool(forces.lifts)
     for count in range(_MOST_ITERATIONS):
         missing, size, tangent = potential.at(u)
         most = float(np.abs(missing).max(initial=0.0))
@@ -82,9 +82,10 @@ def solve_equilibrium(
         # a small force of a contact, such as the torque of a cam that begins to lift, moves a part through its lash.
         hold = max(least, 0.5 ** (count // _SOFTENING))
         step = _solve(partial(factorize_with_update, tangent, free, hold), missing)
-        while forces.lifts and missing @ step < 0.0 and hold < _STIFFEST:  # a shaft tips over the nose of its cam
+        while tips and missing @ step < 0.0:  # a shaft tips over the nose of its cam
             hold *= 4.0
             step = _solve(partial(factorize_with_update, tangent, free, hold), missing)
+            tips = hold < _STIFFEST or missing @ step >= 0.0  # otherwise another motion is unstable
         part, energy = potential.line_search(u, step, missing, energy, diagonal_scale(tangent))
         u, before = u + part * step, most
     missing, _, tangent = potential.at(u)
@@ -135,6 +136,7 @@ class _Potential:
     act: FloatArray
     sense: FloatArray
     touching: tuple[_LawContribution, ...]
+    stored: StoredEnergy
     load: FloatArray
 
     @classmethod
@@ -146,7 +148,7 @@ class _Potential:
         for one, part, _ in forces.parts:
             at = np.flatnonzero((act[part] != 0.0).any(axis=0) | (sense[part] != 0.0).any(axis=0))
             each.append(_LawContribution(one.name, part, at, act[part, at], sense[part, at]))
-        return cls(system, forces, schedule, act, sense, tuple(each), load)
+        return cls(system, forces, schedule, act, sense, tuple(each), StoredEnergy(forces), load)
 
     def at(self, u: FloatArray) -> tuple[FloatArray, float, Triplets]:
         """Return the residual forces (n,), the magnitude of the forces, and the tangent."""
@@ -178,7 +180,7 @@ class _Potential:
     def energy(self, u: FloatArray) -> float:
         """Return the potential energy; laws without energy do not contribute."""
         state = self.forces.start_state[None]
-        stored = float(StoredEnergy(self.forces).at(self._gap(u)[None], state, self.schedule.angle)[0][0])
+        stored = float(self.stored.at(self._gap(u)[None], state, self.schedule.cam)[0][0])
         return 0.5 * float(u @ self.system.stiffness.times(u)) - float(self.load @ u) + stored
 
     def line_search(

@@ -46,7 +46,7 @@ from flexcam.valvetrain.parts import (
 from flexcam.valvetrain.resolution import Resolution, ResolutionSink
 from flexcam.valvetrain.rigid_kinematics import follower_train, largest_lashes, valve_ratio
 from flexcam.valvetrain.rigid_model import build_rigid, pulling_contacts, rigid_motion, shared_forces, touching_coils
-from flexcam.valvetrain.springs import nest_interference, radial_stiffness
+from flexcam.valvetrain.springs import nest_interference, radial_stiffness, share_ends
 from flexcam.valvetrain.strength import (
     MemberStrength,
     StrengthSink,
@@ -84,7 +84,7 @@ __all__ = [
     "driving_contact", "element_loads", "follower_train", "free_running", "free_speed", "hertz_line",
     "largest_lashes", "lift_transfer", "main_lift", "member_masses", "modal_basis", "model_modes",
     "modes_on_the_lift", "nest_interference", "opposed_contacts", "pulling_contacts", "radial_stiffness",
-    "rigid_motion", "seating", "separation", "separation_by_flank", "shared_forces", "spring_held_contacts",
-    "stiff_struts", "straighten", "touching_coils", "train_metric_names", "train_metrics", "valve_loft", "valve_ratio",
-    "without_compression",
+    "rigid_motion", "seating", "separation", "separation_by_flank", "share_ends", "shared_forces",
+    "spring_held_contacts", "stiff_struts", "straighten", "touching_coils", "train_metric_names", "train_metrics",
+    "valve_loft", "valve_ratio", "without_compression",
 ]  # fmt: skip

@@ -227,6 +227,11 @@ def radial_stiffness(spring: Spring, turns: float) -> float:
     return 4.0 * math.pi**2 * (1.0 + _POISSON) * turns**2 * spring.stiffness
 
 
+def share_ends(one: Spring, other: Spring) -> bool:
+    """Return whether two springs act between the same points along the same direction."""
+    return (one.at, one.to) == (other.at, other.to) and np.array_equal(one.direction, other.direction)
+
+
 def nest_interference(inner: Spring, outer: Spring) -> float:
     """Return the largest radial interference by the diameters of two springs with wires at equal heights, m."""
     heights: list[float] = sorted({*inner.heights.tolist(), *outer.heights.tolist()})

@@ -1,10 +1,11 @@
-"""A straight beam along x in one of its classical supports, as matrices and frequencies."""
+"""Cases from their text, and a straight beam along x in one of its classical supports, as matrices and frequencies."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from flexcam import read_case
 from flexcam.dynamics import modes
 from flexcam.fem.assembly import geometric as fem_geometric
 from flexcam.fem.assembly import mass, stiffness
@@ -37,6 +38,18 @@ class StraightBeam:
 
     def frequencies(self, count, force=0.0):
         return modes(self.mass, self.stiffness + self.geometric(force), count).frequencies
+
+
+@pytest.fixture
+def case_of(tmp_path):
+    """Return a case from its text and overrides."""
+
+    def make(text, *overrides):
+        path = tmp_path / "case.toml"
+        path.write_text(text, encoding="utf-8")
+        return read_case(path, list(overrides))
+
+    return make
 
 
 @pytest.fixture(scope="session")

@@ -9,17 +9,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from flexcam import build_model, prepare, read_case, solve
+from flexcam import build_model, prepare, solve
 from flexcam.cams import LAWS, LiftEvent
 from flexcam.dynamics import SaveAt, State, Variation, equilibrium, floquet, newmark, tangent_run
 from flexcam.dynamics.force_laws import ForceLaw
 from flexcam.valvetrain.cam_functions import lift_polynomials
+from tests.verification.test_drive_lash import solved
 
 SOURCE = "Twist of a cam"
 OMEGA, J, CHAIN, DAMPING = 20.0 * math.pi, 1e-3, 120.0, 0.06
@@ -58,20 +60,8 @@ JUMPS = ("run.speed=3000rpm", "springs.one.stiffness=15 kN/m", "springs.one.inst
 
 
 @pytest.fixture
-def case(tmp_path):
-    def make(*overrides):
-        (tmp_path / "twist.toml").write_text(CASE, encoding="utf-8")
-        return read_case(tmp_path / "twist.toml", list(overrides))
-
-    return make
-
-
-def solved(made):
-    """Return the response of a case."""
-    ready = prepare(made)
-    found = solve(ready.problem, ready.scheme)
-    assert found.status.ok
-    return found
+def case(case_of):
+    return partial(case_of, CASE)
 
 
 @pytest.mark.parametrize("name", LAWS)

@@ -7,6 +7,7 @@ half a period of sqrt(k/J). Under the torque T it comes to rest at g + T/k.
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -56,12 +57,8 @@ DAMPED = [f"contacts.{one}.{key}" for one in ("driving", "coasting") for key in 
 
 
 @pytest.fixture
-def case(tmp_path):
-    def make(*overrides):
-        (tmp_path / "drive.toml").write_text(CASE, encoding="utf-8")
-        return read_case(tmp_path / "drive.toml", list(overrides))
-
-    return make
+def case(case_of):
+    return partial(case_of, CASE)
 
 
 def solved(made):
