@@ -21,7 +21,8 @@ from flexcam.cams import (
     profile_at,
 )  # fmt: skip
 from flexcam.core import FloatArray
-from flexcam.dynamics.force_laws import hunt_crossley, oil_chamber, stop
+from flexcam.dynamics.force_laws import hunt_crossley, stop
+from flexcam.dynamics.oil_laws import oil_chamber
 from flexcam.plotting.figures import COLOURS, line_styles, save_figure
 from flexcam.valvetrain import OilChamber
 

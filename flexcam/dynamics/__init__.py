@@ -36,9 +36,9 @@ from flexcam.dynamics.cam_motion import (
 from flexcam.dynamics.central_difference import CentralDifference, central_difference, highest_frequency
 from flexcam.dynamics.collocation import Collocation, collocation
 from flexcam.dynamics.engine_selection import default_method
-from flexcam.dynamics.force_laws import ForceLaw, elastic_stop, hunt_crossley_contact, oil_column_law, spring_damper
 from flexcam.dynamics.generalized_alpha import Scheme, generalized_alpha, hht, newmark
 from flexcam.dynamics.integrator import Method
+from flexcam.dynamics.law_data import ForceLaw, elastic_stop, hunt_crossley_contact, oil_column_law, spring_damper
 from flexcam.dynamics.linearization import Tangents
 from flexcam.dynamics.modes import (
     Modes,

@@ -23,9 +23,9 @@ from flexcam.core.errors import InputError
 from flexcam.dynamics.basis import Basis, DofSubset, project_system
 from flexcam.dynamics.blocks import Block, Series
 from flexcam.dynamics.cam_motion import CamMotion, Constant
-from flexcam.dynamics.force_laws import ForceLaw
 from flexcam.dynamics.initial_acceleration import massless_impact_error
 from flexcam.dynamics.integrator import Method
+from flexcam.dynamics.law_data import ForceLaw
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.massless import MasslessMotions
 from flexcam.dynamics.problem import Problem, State

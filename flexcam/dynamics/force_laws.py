@@ -19,14 +19,18 @@ To add a law: write its function here, give it a number and a branch in `evaluat
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import accumulate, pairwise
-
-import numpy as np
 
 from flexcam.core import FloatArray, IntArray
-from flexcam.dynamics.cam_motion import AngleFunction
+from flexcam.dynamics.oil_laws import (
+    CONVERGED,
+    MAX_ITERATIONS,
+    chamber_pressure,
+    check_valve_velocity,
+    fitted_weight,
+    oil_chamber,
+    oil_column,
+)
 
 LawResponse = tuple[float, float, float, float]
 """Force (N), its derivatives by penetration (N/m) and by rate (N s/m), and the stored energy (J)."""
@@ -60,23 +64,14 @@ They are the number of the law, its first scalar and number of scalars, first co
 internal state (-1 for none), first constant of friction, and first constant of the lift (-1 for none).
 """
 
-_MAX_ITERATIONS = 60
-_CONVERGED = 1e-7
-"""Relative change of a load below which a further Newton iteration, which squares the error, changes no digit."""
 _SMALLEST = 1e-300
 """Smallest argument of the logarithm."""
-_POLYTROPIC = 1.4
-"""Exponent of the air in the oil, adiabatic."""
 THINNEST = 0.99
 """Eccentricity of a journal up to which its film is that of the theory."""
 _STEEP = 4.0 * THINNEST / (1.0 - THINNEST**2)
 """Relative growth of the film's force per eccentricity beyond it, that of the steady radial force there."""
 
 TURN = 2.0 * math.pi
-_PIECES = 720
-"""Polynomials of the lift of a cam without joints."""
-_LEFT = 1e-8
-"""Angle before a joint at which the left limit is evaluated, rad."""
 
 ARCH_SCALARS = 7
 """Scalars of a shallow arch: the elongation, then chord slope and both end rotations in two planes."""
@@ -160,11 +155,11 @@ def line_load(approach: float, limit: float, give: float, rest: float, depth: fl
     if approach >= end:
         return limit + (approach - end) / slope, 1.0 / slope
     q = max(q * approach / end, _SMALLEST)
-    for _ in range(_MAX_ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         terms = 2.0 * math.log(depth / q) - rest
         old, q = q, q + (approach - q * terms) / (terms - 2.0)
         q = q if q > 0.0 else 0.5 * old
-        if abs(q - old) <= _CONVERGED * q:
+        if abs(q - old) <= CONVERGED * q:
             break
     return q / give, 1.0 / (give * (2.0 * math.log(depth / q) - rest - 2.0))
 
@@ -214,183 +209,6 @@ def line_contact(
         return 0.0, 0.0, 0.0, energy
     force, stiffness = width * load * cosine, width * slope * cosine * cosine
     return force * factor, stiffness * factor, force * cosine * dissipation, energy
-
-
-def oil_column(
-    x: float, x_begin: float, state: float, step: float, stiffness: float, leak: float, refill: float
-) -> tuple[float, float, float]:
-    """Return the compression ``e = x - z`` of an oil column at the end of a step, and its two derivatives.
-
-    The column leaks while compressed, ``z' = k e/c``, and is refilled through the check valve while it would be pulled,
-    ``z' = k e/c0``. With x linear over the step, ``e' = x' - a e`` has the exact solution
-    ``e1 = exp(-a h) e0 + (1 - exp(-a h))/(a h) (x1 - x0)`` for one rate a; a change of sign splits the step. The rule
-    is L-stable and of second order.
-
-    The derivatives are by the travel x1 - x0 and by e0.
-
-    Parameters
-    ----------
-    leak, refill
-        c and c0, N s/m.
-
-    Examples
-    --------
-    >>> oil_column(2.0, 2.0, 1.0, 0.0, 1.0, 1.0, 1.0)
-    (1.0, 1.0, 1.0)
-    """
-    begin, travel = x_begin - state, x - x_begin
-    if step == 0.0:
-        return begin + travel, 1.0, 1.0
-    pressed = begin > 0.0 or (begin == 0.0 and travel > 0.0)
-    a, b = (stiffness / leak, stiffness / refill) if pressed else (stiffness / refill, stiffness / leak)
-    decay = -math.expm1(-a * step)
-    share = decay / (a * step)
-    end = begin - decay * begin + share * travel
-    if (end > 0.0) == pressed or begin * travel >= 0.0:
-        return end, share, 1.0 - decay
-    rate = travel / step  # the compression passes zero within the step
-    rest = step - math.log1p(-begin * a / rate) / a
-    decay = math.exp(-b * rest)
-    share = -math.expm1(-b * rest) / b
-    by_begin = decay * rate / (rate - begin * a)
-    return share * rate, (share - decay * begin / (rate - begin * a)) / step, by_begin
-
-
-def check_valve_velocity(force: float, leak: float, cracking: float, refill: float, loss: float) -> tuple[float, float]:
-    """Return the velocity of a plunger by the oil that leaves its chamber, m/s, and its derivative by the oil's force.
-
-    The force is the pressure of the oil above that of the supply times the area of the plunger. Oil leaks in both
-    directions, ``w = f/c``. Below the cracking force F_c the ball is off its seat. Oil then enters with
-    ``-f - F_c = c0 w0 + b w0^2``, with the refill c0 and the loss b.
-
-    Examples
-    --------
-    >>> check_valve_velocity(-10.0, 1e9, 2.0, 4.0, 4.0)
-    (-1.00000001, 0.083333334...)
-    """
-    velocity, slope, pull = force / leak, 1.0 / leak, -force - cracking
-    if pull > 0.0:
-        root = math.sqrt(refill * refill + 4.0 * loss * pull)
-        velocity -= 2.0 * pull / (refill + root)
-        slope += 1.0 / root
-    return velocity, slope
-
-
-def chamber_pressure(rest: float, weight: float, constants: FloatArray, b: int) -> float:
-    """Return the pressure q of a chamber for which compression and outflow make up a travel (`rest`, m) of its plunger.
-
-    q is the logarithm of the absolute pressure over that of the supply: the root of ``h eps(q) + weight w(q) = rest``,
-    by Newton's method inside a bracket. The outflow w acts during the time `weight`, s.
-    """
-    area, height, modulus, air, supply = (
-        constants[b], constants[b + 1], constants[b + 2], constants[b + 3], constants[b + 4],
-    )  # fmt: skip
-    liquid = (1.0 - air) * supply / modulus
-    low, high = 0.0, 0.0
-    if rest > 0.0:
-        high = math.log1p(rest / (height * liquid))
-    else:
-        low = -_POLYTROPIC * math.log1p(-rest / (height * air))
-    q = high if rest > 0.0 else low
-    for _ in range(_MAX_ITERATIONS):
-        rise = math.expm1(q)
-        velocity, slope = check_valve_velocity(
-            area * supply * rise, constants[b + 5], constants[b + 6], constants[b + 7], constants[b + 8]
-        )
-        excess = height * (liquid * rise - air * math.expm1(-q / _POLYTROPIC)) + weight * velocity - rest
-        if excess > 0.0:
-            high = q
-        else:
-            low = q
-        by_q = height * (liquid * (1.0 + rise) + air / _POLYTROPIC * math.exp(-q / _POLYTROPIC))
-        new = q - excess / (by_q + weight * slope * area * supply * (1.0 + rise))
-        if not low <= new <= high:
-            new = 0.5 * (low + high)
-        old, q = q, new
-        if abs(q - old) <= _CONVERGED * abs(q):
-            break
-    return q
-
-
-def fitted_weight(rate: float) -> float:
-    """Return the weight of the end of a step with which the theta method is exact for ``y' = f(t) - rate y``, f linear.
-
-    W. Liniger and R. A. Willoughby, Efficient integration methods for stiff systems of ordinary differential equations,
-    SIAM J. Numer. Anal. 7 (1970): ``1/(1 - exp(-a h)) - 1/(a h)``, from 1/2 for short steps to 1 for long ones. The
-    rate is a h.
-    """
-    if rate < 1e-3:  # the next term of the series is rate^3/720
-        return 0.5 + rate / 12.0
-    return -1.0 / math.expm1(-rate) - 1.0 / rate
-
-
-def oil_chamber(
-    x: float, x_begin: float, state: float, step: float, constants: FloatArray, b: int
-) -> tuple[float, float, float, float, float, float, float, float, float]:
-    """Return the response of an oil chamber with entrained air and a check valve at the end of a step.
-
-    The compression of the height h is ``e = x - z = h ((1 - a) (p - p0)/K + a (1 - (p0/p)^(1/n)))``: oil of constant
-    modulus K and air that follows ``p V^n`` = const., n = 1.4 (M. G. Rabie, Fluid Power Engineering, 2009, p. 32, eqs.
-    2.50, 2.52 and 2.53). The oil's force is ``f = A (p - p0)``, and ``z' = w(f)`` of `check_valve_velocity`. A step is
-    one of the theta method with `fitted_weight`, for a penetration that is linear over the step. The force on the
-    plunger is never negative: below, the plunger stays behind.
-
-    The constants of the chamber are area A (m^2), height h (m), modulus K (Pa), air a at the supply pressure, absolute
-    supply pressure p0 (Pa) and leak c (N s/m); of the check valve: cracking force (N), refill c0 (N s/m) and loss b (N
-    s^2/m^2); last, the plunger's force at the supply pressure (N).
-
-    Returns
-    -------
-    tuple
-        Force (N), its derivative by x (N/m), stored energy (J); e1 (m) and its derivatives by the travel and by e0;
-        w at the end (m/s), its derivative by e (1/s), and the oil's force (N).
-
-    Examples
-    --------
-    >>> water = [1e-4, 1e-2, 2e9, 1e-9, 1e5, 1e6, 0.0, 100.0, 0.0, 20.0]
-    >>> round(oil_chamber(1e-6, 1e-6, 0.0, 0.0, water, 0)[0], 2)
-    40.0
-    """
-    area, height, modulus, air, supply = (
-        constants[b], constants[b + 1], constants[b + 2], constants[b + 3], constants[b + 4],
-    )  # fmt: skip
-    leak, cracking, refill, loss, plunger = (
-        constants[b + 5], constants[b + 6], constants[b + 7], constants[b + 8], constants[b + 9],
-    )  # fmt: skip
-    liquid, pull = (1.0 - air) * supply / modulus, area * supply
-    least = math.log1p(-plunger / pull) if plunger < pull else -1e3
-    begin, rest, weight, kept = x_begin - state, x - state, 0.0, 1.0
-    if step > 0.0:
-        start = max(chamber_pressure(begin, 0.0, constants, b), least)
-        velocity, slope = check_valve_velocity(pull * math.expm1(start), leak, cracking, refill, loss)
-        if begin > 0.0 or (begin == 0.0 and x > x_begin):
-            rate = pull / (height * liquid) / leak
-        else:
-            rate = pull / (height * (liquid + air / _POLYTROPIC)) * (1.0 / leak + 1.0 / refill)
-        weight = step * fitted_weight(rate * step)
-        rest -= (step - weight) * velocity
-        if start > least:
-            by_q = height * (liquid * math.exp(start) + air / _POLYTROPIC * math.exp(-start / _POLYTROPIC))
-            kept = 1.0 - (step - weight) * slope * pull * math.exp(start) / by_q
-    q = max(chamber_pressure(rest, weight, constants, b), least)
-    rise = math.expm1(q)
-    velocity, slope = check_valve_velocity(pull * rise, leak, cracking, refill, loss)
-    compression = height * (liquid * rise - air * math.expm1(-q / _POLYTROPIC))
-    energy = 0.5 * liquid * rise * rise + air * (
-        math.expm1(q * (1.0 - 1.0 / _POLYTROPIC)) / (_POLYTROPIC - 1.0) + math.expm1(-q / _POLYTROPIC)
-    )
-    end = rest - weight * velocity
-    energy = plunger * (x - end + compression) + pull * height * energy
-    if q == least:
-        return 0.0, 0.0, energy, end, 1.0, kept, velocity, 0.0, pull * rise
-    stiffness = (
-        pull * (1.0 + rise) / (height * (liquid * (1.0 + rise) + air / _POLYTROPIC * math.exp(-q / _POLYTROPIC)))
-    )
-    share = 1.0 / (1.0 + weight * slope * stiffness)
-    return (
-        plunger + pull * rise, stiffness * share, energy, end, share, kept * share, velocity, slope * stiffness,
-        pull * rise,
-    )  # fmt: skip
 
 
 def lever_motion(path: float, arm: float, driven: float, start: float) -> tuple[float, float, float, float]:
@@ -820,154 +638,3 @@ LAWS = {
     CUSTOM: LawKind("custom", (), ("cam angle",)),
 }  # fmt: skip
 """The laws by number."""
-
-
-@dataclass(frozen=True, eq=False)
-class CamLift:
-    """Lift of a cam as polynomials of fifth degree, so that a law can follow the rotation of its shaft.
-
-    A series about the prescribed angle would jump where a derivative of the lift jumps within the twist.
-    """
-
-    pieces: FloatArray  #: first angle, rad, and ascending coefficients of each, shape (p, 7)
-
-    @classmethod
-    def of(cls, function: AngleFunction, joints: Sequence[float]) -> CamLift:
-        """Return the polynomials through lift, velocity and acceleration at both ends of pieces that end at the joints.
-
-        The function of the cam angle, rad, gives the right limit where one of its derivatives jumps.
-        """
-        even = np.linspace(0.0, TURN, _PIECES + 1)
-        clear = [not any(0.0 < abs(at - joint) < 0.1 * even[1] for joint in joints) for at in even.tolist()]
-        edges = np.union1d(even[clear], joints)
-        edges = edges[np.append(True, np.diff(edges) > _LEFT)]
-        h, before = np.diff(edges), edges[1:] - _LEFT
-
-        def exact(values: FloatArray, order: int) -> FloatArray:
-            """Return values without rounding: a dwell has no curvature."""
-            return np.where(np.abs(values) > 1e-14 * np.abs(function(even, order)).max(), values, 0.0)
-
-        s, v, a = (exact(function(edges[:-1], order), order) for order in range(3))
-        new_a = exact(function(before, 2), 2)
-        new_v = exact(function(before, 1) + _LEFT * new_a, 1)
-        more = exact(function(edges[1:], 0) - s - h * (v + 0.5 * h * a), 0)
-        faster, bent = h * exact(new_v - v - h * a, 1), h * h * exact(new_a - a, 2)
-        third, fourth = 10.0 * more - 4.0 * faster + 0.5 * bent, -15.0 * more + 7.0 * faster - bent
-        fifth = 6.0 * more - 3.0 * faster + 0.5 * bent
-        return cls(np.column_stack([edges[:-1], s, v, 0.5 * a, third / h**3, fourth / h**4, fifth / h**5]))
-
-    def __call__(self, angle: FloatArray, order: int) -> FloatArray:
-        """Return a derivative at any angles, rad, see `cam_lift`."""
-        t = angle - TURN * np.floor(angle / TURN)
-        row = self.pieces[np.maximum(np.searchsorted(self.pieces[:, 0], t, side="right") - 1, 0)]
-        x, found = t - row[..., 0], np.zeros_like(t)
-        for k in range(5, order - 1, -1):
-            found = found * x + math.perm(k, order) * row[..., k + 1]
-        return found
-
-
-@dataclass(frozen=True, eq=False)
-class ForceLaw:
-    """A force law as data.
-
-    Parameters
-    ----------
-    kind
-        Number of the law, such as `STOP`.
-    constants
-        As `LAWS` names them.
-    functions
-        Of the cam angle, as `LAWS` names them.
-    friction
-        mu and v0 (m/s) of Coulomb friction on an additional scalar after those of the law; None without friction.
-    lift
-        Of a cam, added to the penetration; the last scalar is its angle, rad. None without.
-    """
-
-    kind: int
-    constants: tuple[float, ...]
-    functions: tuple[AngleFunction, ...] = ()
-    friction: tuple[float, float] | None = None
-    lift: CamLift | None = None
-
-    @property
-    def scalars(self) -> int:
-        """Number of sensed scalars."""
-        return LAWS[self.kind].scalars + (self.friction is not None) + (self.lift is not None)
-
-    @property
-    def states(self) -> int:
-        """Number of internal states."""
-        return LAWS[self.kind].states
-
-    @property
-    def is_conservative(self) -> bool:
-        """True if the law is conservative."""
-        lossless = all(self.constants[i] == 0.0 for i in LAWS[self.kind].damping)
-        return self.friction is None and not self.states and lossless
-
-    def idle_scalars(self) -> tuple[tuple[int, ...], ...]:
-        """Return sets of scalars that, while zero, neither carry nor cause a force.
-
-        The scalars of bending of a shallow arch without a bow in that plane: a straight strut stays straight.
-        """
-        if self.kind != ARCH:
-            return ()
-        bow = self.constants[37:43]
-        return tuple((first + 1, first + 2, first + 3) for first in (0, 3) if not any(bow[first : first + 3]))
-
-
-def elastic_stop(stiffness: float, damping: float = 0.0, depth: float = 1e-5) -> ForceLaw:
-    """Return the law `stop`.
-
-    Parameters
-    ----------
-    depth
-        Penetration at which the damping is complete, m.
-    """
-    return ForceLaw(STOP, (stiffness, damping, depth))
-
-
-def spring_damper(stiffness: float, damping: float = 0.0) -> ForceLaw:
-    """Return the law `bilateral`."""
-    return ForceLaw(BILATERAL, (stiffness, damping))
-
-
-def hunt_crossley_contact(stiffness: float, dissipation: float) -> ForceLaw:
-    """Return the law `hunt_crossley`.
-
-    Parameters
-    ----------
-    dissipation
-        chi, s/m.
-    """
-    return ForceLaw(HUNT_CROSSLEY, (stiffness, dissipation))
-
-
-def oil_column_law(stiffness: float, leak: float, refill: float, plunger_force: float) -> ForceLaw:
-    """Return the law `oil_column`.
-
-    Parameters
-    ----------
-    leak, refill
-        Force per velocity of leak-down and through the open check valve, N s/m.
-    plunger_force
-        Of the spring that extends the adjuster, N.
-    """
-    return ForceLaw(OIL_COLUMN, (stiffness, leak, refill, plunger_force))
-
-
-def force_table_law(travel: Sequence[float], force: Sequence[float]) -> ForceLaw:
-    """Return the law `force_table`, whose stored energy is zero at no travel.
-
-    Parameters
-    ----------
-    travel, force
-        Rows of the table, m (ascending) and N.
-    """
-    rows = list(zip(travel, force, strict=True))
-    areas = (0.5 * (f0 + f1) * (x1 - x0) for (x0, f0), (x1, f1) in pairwise(rows))
-    energies = list(accumulate(areas, initial=0.0))
-    constants = np.array([len(rows), *travel, *force, *energies])
-    constants[-len(rows) :] -= force_table(0.0, constants, 0)[3]
-    return ForceLaw(TABLE, tuple(constants.tolist()))

@@ -8,42 +8,31 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.core import FloatArray, IntArray, component_members, connected_components
+from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.blocks import Arrays, flatten
-from flexcam.dynamics.cam_motion import CamFunctionCache, CamMotion, PrescribedInputs
-from flexcam.dynamics.collocation import Collocation, stage_coefficients
+from flexcam.dynamics.cam_motion import CamFunctionCache, PrescribedInputs
+from flexcam.dynamics.collocation import Collocation
 from flexcam.dynamics.contact_events import EventStepper
 from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, no_instants, stack_instant
-from flexcam.dynamics.force_laws import DEPTH, FIRST, OWN, SCALARS, STATE, STATE_ROWS
 from flexcam.dynamics.generalized_alpha import Scheme
-from flexcam.dynamics.implicit_step import NoConvergenceError, unconverged_forces
+from flexcam.dynamics.implicit_step import NoConvergenceError
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.integrator import At
-from flexcam.dynamics.jit import Functions, compile_functions
 from flexcam.dynamics.kernel import (
-    BEFORE,
-    FORCE_SIZE,
-    FUNCTIONS_OF_KERNEL,
-    LAST_DEPTH,
-    PART_ROWS,
-    PARTS,
-    STATE_SIZE,
     TOO_LONG,
     UNSETTLED,
 )
-from flexcam.dynamics.local_forces import LocalForces, Workspace
+from flexcam.dynamics.kernel_step import Kernel
+from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.problem import Problem, State
 from flexcam.dynamics.status import Cause, Stats, Status
 from flexcam.dynamics.step_state import StepInputs, StepState, Trajectory
-from flexcam.dynamics.system import System
 
-_NONE = np.zeros((0, 0))
 _ORDERS = np.arange(10.0)
 _NODES = np.cos(np.pi * (_ORDERS + 0.5) / len(_ORDERS))
 _FIT: FloatArray = np.linalg.inv(np.cos(np.outer(np.arccos(_NODES), _ORDERS))).astype(np.float64)
@@ -56,14 +45,6 @@ L. N. Trefethen, Approximation Theory and Approximation Practice (2013), ch. 2 a
 """
 _FITTED = 1e-12
 """Largest error of the polynomials at the points between, as a fraction of the largest value."""
-_SHORTEST = 64.0
-"""Fraction of a step below which contacts that close and open again within it are not looked for."""
-_STRONG = 0.05
-"""Motion of a scalar by the force of another law, relative to their own, above which both laws are in one block."""
-_CLOSED = 1e-6
-"""Penetration of a contact that has just closed, m or rad."""
-_ANGLES = 73
-"""Number of cam angles at which the weights of vectors are compared."""
 _MOST_DIVISIONS = 64
 """Parts of a step up to which the collocation divides it."""
 _TOO_STIFF = Status(
@@ -72,331 +53,6 @@ _TOO_STIFF = Status(
     'use more steps per revolution, a softer contact, or integrator = { method = "newmark" }',
 )
 """Status of a run whose steps must be divided."""
-_NO_SIDES, _NO_SCALARS = np.zeros((2, 0), dtype=np.intp), np.zeros(0, dtype=np.intp)
-
-
-def compiled_functions() -> Functions:
-    """Return the compiled functions of the kernel."""
-    return compile_functions(FUNCTIONS_OF_KERNEL, ("evaluate_laws", "evaluate_rows", "march"))
-
-
-@dataclass(frozen=True, eq=False)
-class StepOperator:
-    """Steps of one or two lengths, as arrays of the kernel with an axis of the lengths in front."""
-
-    lengths: FloatArray  #: of a stage, s, shape (lengths,)
-    slopes: FloatArray  #: velocity per displacement by a force within the step, 1/s, shape (lengths,)
-    scheme: FloatArray  #: parameters of the generalized-alpha family; without effect for the collocation
-    operator: FloatArray  #: matrices of the modes and coefficients of the step
-    answers: FloatArray  #: response of the modes to the acting vectors, shape (lengths, stages, acts, n)
-    give: FloatArray  #: displacement and velocity along sensing vectors by acting ones, (lengths, 2, acts, senses)
-    #: Square of the step times the acceleration along the sensing vectors by the acting ones, as far as modes with mass
-    #: answer within the step, shape (acts, senses) of one stage; empty where it does not limit the step.
-    hold: FloatArray
-    inverse: FloatArray  #: treatment of the damping that couples modes; empty without it
-
-    def followed_by(self, shorter: StepOperator) -> StepOperator:
-        """Return the steps of both lengths."""
-        lengths, slopes, operator, answers, give, inverse = (
-            np.concatenate([getattr(one, name) for one in (self, shorter)])
-            for name in ("lengths", "slopes", "operator", "answers", "give", "inverse")
-        )
-        return StepOperator(lengths, slopes, self.scheme, operator, answers, give, self.hold, inverse)
-
-
-@dataclass(frozen=True, eq=False)
-class ModalSystem:
-    """A system in modal coordinates as arrays of the kernel."""
-
-    modes: FloatArray  #: mass, damping and stiffness, shape (3, n)
-    coupled: FloatArray  #: damping off its diagonal, shape (n, n); empty where there is none
-    sensing: FloatArray  #: sensing vectors of the local forces, shape (senses, n)
-    acting: FloatArray  #: acting vectors, shape (acts, n)
-
-    @classmethod
-    def of(cls, system: System, forces: LocalForces) -> ModalSystem:
-        """Return those of a system whose mass and stiffness are diagonal."""
-        own = system.damping.diagonal()
-        beside = system.damping.dense() - np.diag(own)
-        modes = np.array([system.mass.diagonal(), own, system.stiffness.diagonal()])
-        return cls(modes, beside if beside.any() else _NONE, forces.sense.vectors, forces.act.vectors)
-
-    @cached_property
-    def coupled_groups(self) -> IntArray:
-        """Label of the group of modes that dampers couple, of each mode; empty without such dampers."""
-        return connected_components(len(self.coupled), *np.nonzero(self.coupled))
-
-    @cached_property
-    def groups(self) -> list[tuple[IntArray, FloatArray]]:
-        """Groups of modes that dampers couple, such as those of one valve train, by size.
-
-        Arrays (groups, size), and their acting vectors, shape (groups, size, acts).
-        """
-        found = component_members(self.coupled_groups)
-        sizes = sorted({len(group) for group in found})
-        groups = [np.array([group for group in found if len(group) == size]) for size in sizes]
-        return [(group, np.ascontiguousarray(self.acting.T[group])) for group in groups]
-
-    def operator(self, scheme: Scheme | Collocation, step: float) -> StepOperator:
-        """Return the step of a method, s."""
-        return self._one_stage(scheme, step) if isinstance(scheme, Scheme) else self._two_stages(step)
-
-    def _one_stage(self, scheme: Scheme, step: float) -> StepOperator:
-        new = 1.0 - scheme.alpha_f
-        mass, damping, stiffness = self.modes
-        whole = scheme.effective_mass(mass, damping, stiffness, step)
-        single, inverse = np.zeros_like(whole), _NONE
-        if len(self.coupled):
-            inverse, answering = np.zeros_like(self.coupled), np.empty_like(self.acting)
-            full = np.diag(whole) + new * scheme.gamma * step * self.coupled
-            for group, acting in self.groups:
-                rows, columns = group[:, :, None], group[:, None, :]
-                blocks = np.linalg.inv(full[rows, columns])
-                inverse[rows, columns] = blocks
-                answering[:, group.ravel()] = new * (blocks @ acting).reshape(group.size, len(self.acting)).T
-        else:
-            single = 1.0 / whole
-            answering = new * self.acting * single
-        weights = np.array([step, scheme.beta, scheme.gamma, scheme.alpha_m, scheme.alpha_f])
-        to_d, to_v = scheme.beta * step**2, scheme.gamma * step
-        sensed = answering @ self.sensing.T
-        operator, give = np.array([*self.modes, single]), np.array([to_d * sensed, to_v * sensed])
-        lengths, slopes = np.array([step]), np.array([to_v / to_d])
-        each = operator[None], answering[None, None], give[None]
-        return StepOperator(lengths, slopes, weights, *each, _NONE, inverse[None])
-
-    def _two_stages(self, step: float) -> StepOperator:
-        """Return the collocation over two stages of one length; a force acts on its stage alone."""
-        n, acts, length = self.modes.shape[1], len(self.acting), 2.0 * step
-        mass, damping, stiffness = self.modes
-        found = stage_coefficients(mass, damping, stiffness, length)
-        on_d, on_v = found[:, 0, 3:], found[:, 1, 3:]  # by the forces at middle and end, shape (stage, 2, n)
-        pushes = np.zeros((2, 2 * acts, n))  # by stage of the mode force; acting vectors of both stages
-        pushes[0, :acts] = pushes[1, acts:] = self.acting
-        inverse = _NONE
-        if len(self.coupled):
-            by_force: FloatArray = (on_v[..., None] * np.eye(n)).transpose(0, 2, 1, 3).reshape(2 * n, 2 * n)
-            slowing = np.kron(np.eye(2), self.coupled)
-            inverse = np.asarray(slowing @ np.linalg.inv(np.eye(2 * n) + by_force @ slowing), dtype=float)
-            flat = pushes.transpose(1, 0, 2).reshape(2 * acts, 2 * n)
-            pushes = (flat - flat @ (inverse @ by_force).T).reshape(2 * acts, 2, n).transpose(1, 0, 2).copy()
-        moved = np.einsum("tan,qstn->qasn", pushes, np.array([on_d, on_v]))
-        give = (moved @ self.sensing.T).reshape(2, 2 * acts, 2 * len(self.sensing))
-        operator = np.concatenate([self.modes, found.reshape(-1, n)])
-        # A force at the middle alone moves a free mass by 4/3 h^2 of its acceleration until the end.
-        heavy = np.where(mass > 0.0, 0.75 * on_d[1, 0], 0.0)
-        hold = (self.acting * heavy) @ self.sensing.T
-        lengths, each = np.array([step]), (operator[None], pushes[None], give[None])
-        return StepOperator(lengths, 1.0 / lengths, np.zeros(5), *each, hold, inverse[None])
-
-
-@dataclass(frozen=True, eq=False)
-class KernelState:
-    """An instant as arrays that the kernel advances: modes (12, n), local forces (6, c) and internal states (9, s)."""
-
-    modes: FloatArray
-    forces: FloatArray
-    states: FloatArray
-
-
-class Kernel:
-    """The compiled step of one system, in modal coordinates and with all laws as data.
-
-    The collocation takes a local force at each stage for a separate force.
-    """
-
-    def __init__(self, problem: Problem, scheme: Scheme | Collocation, forces: LocalForces) -> None:
-        self._march, self._scheme, self.forces = compiled_functions()["march"], scheme, forces
-        self.stages = stages = 1 if isinstance(scheme, Scheme) else 2
-        self._system = system = ModalSystem.of(problem.system, forces)
-        self.columns = 3 * problem.system.size + forces.count + len(forces.start_state)
-        self._places = _repeat_places(forces.places, stages)
-        self._vectors = np.concatenate([system.sensing] * stages + [system.acting] * stages)
-        self._runs = list_runs(self._vectors)
-        groups = system.coupled_groups
-        self._mode_runs = list_runs((groups[:, None] == groups).astype(float))
-        #: Scalars of contacts without impacts, whose opening and closing divides a step.
-        self._touching = np.setdiff1d(forces.touching, forces.switching) if stages == 2 else _NO_SCALARS
-        self.whole = self._usual_steps(problem.step)  #: steps of the usual length, and parts of them
-        self._answer_runs = list_runs(np.abs(self.whole.answers).sum(axis=(0, 1)))
-        can_move, coupling = find_coupling(forces, self.whole)
-        self._reach = list_members(np.tile(can_move, (stages, stages)))
-        order, blocks = divide_laws(forces.table.laws, coupling)
-        table, count = forces.table.repeat(stages, forces.count), len(order)
-        rows = (order[:, None] + count * np.arange(stages)).ravel()  # the stages of a law stand together
-        self._table, self._blocks = replace(table, laws=table.laws[rows]), stages * blocks
-        self._varying = np.concatenate([forces.varying + stage * forces.count for stage in range(stages)])
-        self._work = work = Workspace(self._table, stages * forces.count)
-        self._local, self._compliance = np.stack([work.local] * 2), np.stack([work.compliance] * 2)
-        n, c = problem.system.size, forces.count
-        sizes = [n, *np.diff(forces.prescribed_cuts).tolist()]
-        self._cuts = np.cumsum([0, *(stages * size for size in sizes)])
-        width = max(int(self._cuts[-1]), self.columns, n, stages * c)
-        self._parts = np.zeros((PART_ROWS, width))
-        self._length, self.shortest = 0.0, problem.step / _SHORTEST
-
-    def operator(self, step: float) -> StepOperator:
-        """Return a step whose stages have a length, s."""
-        return self._system.operator(self._scheme, step)
-
-    def _usual_steps(self, step: float) -> StepOperator:
-        whole = self.operator(step)
-        return whole.followed_by(self.operator(step / PARTS)) if len(self._touching) else whole
-
-    def shorten(self, step: float) -> None:
-        """Make a length, s, that of usual steps."""
-        self.whole = self._usual_steps(step)
-
-    def given(self, loads: FloatArray, schedule: PrescribedInputs) -> FloatArray:
-        """Return the prescribed inputs of steps side by side: loads and those of the local forces, by stage."""
-        parts = [loads, *schedule.parts] if self.stages > 1 else [loads, schedule.rows]
-        steps = len(loads) // self.stages
-        return np.hstack([part[: steps * self.stages].reshape(steps, self.stages * part.shape[1]) for part in parts])
-
-    def instant(self, loads: FloatArray, schedule: PrescribedInputs, i: int) -> FloatArray:
-        """Return the prescribed inputs of an instant as a row, the same at every stage."""
-        rows = [i] * self.stages
-        return self.given(loads[rows], schedule.at(np.array(rows)))[0]
-
-    def state(self, moment: StepState) -> KernelState:
-        """Return a copy of an instant."""
-        modes, stages = np.zeros((STATE_SIZE, len(moment.d))), self.stages
-        modes[:4] = moment.d, moment.v, moment.a, moment.applied
-        forces = np.zeros((FORCE_SIZE, stages * self.forces.count))
-        forces[:3] = np.tile([moment.local, moment.penetration, moment.rate], stages)
-        forces[LAST_DEPTH] = np.tile(self.forces.lifts.depth(moment.penetration), stages)
-        states = np.zeros((STATE_ROWS, stages * len(moment.inner)))
-        states[STATE] = np.tile(moment.inner, stages)
-        return KernelState(modes, forces, states)
-
-    def moment(self, state: KernelState, time: float, pressed: NDArray[np.bool_] | None = None) -> StepState:
-        """Return an instant; its arrays are its own."""
-        c, z = self.forces.count, len(self.forces.start_state)
-        (d, v, a, applied), (local, penetration, rate) = state.modes[:4].copy(), state.forces[:3, -c or None :].copy()
-        inner = state.states[STATE, -z or None :].copy()
-        return StepState(time, d, v, a, applied, local, penetration, rate, inner, pressed)
-
-    def advance(
-        self, operator: StepOperator, state: KernelState, steps: tuple[int, int], given: FloatArray, found: FloatArray,
-        sides: IntArray = _NO_SIDES, before: FloatArray | None = None,
-    ) -> tuple[int, int, int]:  # fmt: skip
-        """Step over some rows of given; return how it ended, the row reached and the iterations. The state advances.
-
-        Steps are divided where contacts open and close if the inputs `before` the first row are given.
-        """
-        system, table, work, count = self._system, self._table, self._work, np.zeros(2, dtype=np.intp)
-        if operator.lengths[0] != self._length:  # the compliance belongs to the length of a step
-            self._compliance[:], self._local[:, OWN], self._length = np.nan, -1.0, float(operator.lengths[0])
-        if before is not None:
-            self._parts[BEFORE, : len(before)] = before
-        stage_sides = np.hstack([np.add(sides, [[stage * self.forces.count], [0]]) for stage in range(self.stages)])
-        how = self._march(
-            *steps, self.stages, operator.lengths, operator.slopes, operator.scheme, operator.operator,
-            operator.answers, self._answer_runs, operator.give, operator.hold, operator.inverse, system.coupled,
-            self._mode_runs, self._vectors, self._runs, given, self._cuts, self._parts, table.laws, self._blocks,
-            table.constants, self._places, self._reach, table.owners, self._varying,
-            _NO_SCALARS if before is None else self._touching, state.modes, state.forces, state.states, self._local,
-            work.tangent, work.active, self._compliance, work.matrix, stage_sides, found, count,
-        )  # fmt: skip
-        row, iterations = count.tolist()
-        return int(how), row, iterations
-
-    def touches_between(self, now: StepState, new: StepState) -> bool:
-        """Return whether in the last call a switching scalar had another side at the middle than at both ends."""
-        before, after = (self.forces.contact_sides(one.penetration) for one in (now, new))
-        middle = self._local[0, DEPTH, self.forces.switching] > 0.0
-        before = before if now.pressed is None else now.pressed
-        return bool(((middle != before) & (middle != after)).any())
-
-    def unconverged_forces(self) -> list[str]:
-        """Return the names of the forces that did not converge in the last call."""
-        return unconverged_forces(self.forces.names * self.stages, self._local[0])
-
-
-def list_runs(rows: FloatArray) -> IntArray:
-    """Return the runs of nonzero entries of each row, as `flexcam.dynamics.kernel` reads them.
-
-    Examples
-    --------
-    >>> list_runs(np.array([[1.0, 1.0, 0.0, 1.0], [0.0, 0.0, 0.0, 0.0]])).tolist()
-    [3, 7, 7, 0, 2, 3, 4]
-    """
-    padded = np.pad((rows != 0.0).astype(np.int8), ((0, 0), (1, 1)))
-    owner, border = np.nonzero(np.diff(padded))  # begin and end in turn
-    return _list_entries(owner, border, len(rows))
-
-
-def list_members(pattern: FloatArray) -> IntArray:
-    """Return the columns of the entries of each row that differ from zero, in the same form."""
-    owner, entries = np.nonzero(pattern)
-    return _list_entries(owner, entries, len(pattern))
-
-
-def _list_entries(owner: IntArray, entries: IntArray, count: int) -> IntArray:
-    starts = count + 1 + np.searchsorted(owner, np.arange(count + 1))
-    return np.concatenate([starts, entries]).astype(np.intp)
-
-
-def find_coupling(forces: LocalForces, operator: StepOperator) -> tuple[FloatArray, FloatArray]:
-    """Return which forces can move which scalars, and how much relative to their own, shape (c, c) each.
-
-    The motion is the largest of the stages of a step, with the root mean squares of the weights over a revolution.
-    """
-    acts, senses = len(forces.act.vectors), len(forces.sense.vectors)
-    if not (acts and senses):
-        return np.zeros((forces.count, forces.count)), np.zeros((forces.count, forces.count))
-    give = np.abs(operator.give[0])
-    give = give.reshape(2, -1, acts, give.shape[2] // senses, senses).max(axis=(1, 3))
-    can = forces.act.owner @ give.sum(axis=0) @ forces.sense.owner.T
-    inputs = _revolution_inputs(forces)
-    sensed, acted = (np.sqrt(np.mean(one**2, axis=0)) for one in (inputs.sensing_weights, inputs.acting_weights))
-    moved = (forces.act.owner * acted) @ give[0] @ (forces.sense.owner * sensed).T
-    own = np.sqrt(np.diag(moved))
-    scale = np.outer(own, own)
-    alone = np.where(moved > 0.0, np.inf, 0.0)  # forces that move other scalars than their own
-    relative = np.divide(moved, scale, out=alone, where=scale > 0.0)
-    return can + can.T, np.maximum(relative, relative.T)
-
-
-def _revolution_inputs(forces: LocalForces) -> PrescribedInputs:
-    angle = np.linspace(0.0, 2.0 * np.pi, _ANGLES)
-    return forces.prescribed_inputs(CamMotion(angle, np.ones_like(angle), np.zeros_like(angle), angle))
-
-
-def contact_stiffness_ratio(problem: Problem, step: float) -> float:
-    """Return the largest (omega h)^2 of a contact that has just closed, for the collocation in modal coordinates.
-
-    It is an estimate of `flexcam.dynamics.kernel.contact_ratio` before the run, with stages of length `step`, s: at
-    rest, each contact by itself, with the functions of its law at angle zero.
-    """
-    forces = LocalForces(problem.system)
-    hold = ModalSystem.of(problem.system, forces).operator(Collocation(), step).hold
-    inputs = _revolution_inputs(forces)
-    acted = forces.act.owner * inputs.acting_weights[:, None]  # shape (angles, c, acts)
-    own = np.abs(np.sum(acted @ hold * (forces.sense.owner * inputs.sensing_weights[:, None]), axis=2)).max(axis=0)
-    closed = np.full(forces.count, _CLOSED)
-    closed -= forces.lifts.depth(closed) - closed
-    stiffness = forces.respond(closed, np.zeros_like(closed), forces.start_state, inputs).by_penetration
-    return float((np.abs(np.diag(stiffness)) * own).max(initial=0.0))
-
-
-def divide_laws(laws: IntArray, coupling: FloatArray) -> tuple[IntArray, IntArray]:
-    """Return the rows of the table of laws block by block, and where blocks begin and the last one ends.
-
-    Laws that move each other's scalars more than a little form one block.
-    """
-    scalars = [slice(first, first + size) for first, size in laws[:, [FIRST, SCALARS]].tolist()]
-    strong = [(i, j) for i, a in enumerate(scalars) for j, b in enumerate(scalars) if (coupling[a, b] > _STRONG).any()]
-    rows, columns = np.array(strong, dtype=np.intp).reshape(-1, 2).T
-    members = component_members(connected_components(len(laws), rows, columns))
-    order = np.concatenate([np.zeros(0, dtype=np.intp), *members])
-    return order, np.cumsum([0, *(len(one) for one in members)])
-
-
-def _repeat_places(places: IntArray, stages: int) -> IntArray:
-    """Return the first vector of each scalar, followed by those of further stages."""
-    later = [places[:, 1:] + stage * places[:, -1:] for stage in range(stages)]
-    return np.ascontiguousarray(np.hstack([places[:, :1], *later]))
 
 
 class KernelStepper:
@@ -404,7 +60,7 @@ class KernelStepper:
 
     def __init__(self, kernel: Kernel, step: float, at: At) -> None:
         # Trials before an impact press the contact deeper than it will be: they are not divided for its stiffness.
-        self._operator = replace(kernel.operator(step / kernel.stages), hold=_NONE)
+        self._operator = replace(kernel.operator(step / kernel.stages), hold=np.zeros((0, 0)))
         self._kernel, self._at = kernel, at
 
     def advance(self, now: StepState, to: StepInputs) -> StepState:

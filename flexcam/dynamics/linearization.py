@@ -146,7 +146,7 @@ class StepSequence:
 
     With ``d = d_free + A v``, ``z = z_free + F d`` and ``M v + h/2 (C v + K d - f) = p`` at the new end, v is the only
     unknown of a step; the local forces f are a correction of low rank (Sherman, Morrison and Woodbury). Internal states
-    follow the rule of `flexcam.dynamics.force_laws.oil_column`: what a state z leaves of its scalar x, ``e = x - z``,
+    follow the rule of `flexcam.dynamics.oil_laws.oil_column`: what a state z leaves of its scalar x, ``e = x - z``,
     follows ``e1 = T (x1 - x0) + B e0``, so that ``z1 = (1 - T) x1 + (T - B) x0 + B z0``; T and B have the shape (m - 1,
     s).
     """

@@ -42,10 +42,9 @@ from flexcam.dynamics.force_laws import (
     STATE,
     STATE_RATE,
     STATE_ROWS,
-    CamLift,
-    ForceLaw,
 )
 from flexcam.dynamics.jit import Functions, bind
+from flexcam.dynamics.law_data import CamLift, ForceLaw
 from flexcam.dynamics.local_newton import FUNCTIONS_OF_NEWTON, NUMPY
 from flexcam.dynamics.system import CustomLaw, LocalForce, Reaction, System
 

@@ -12,7 +12,8 @@ import numpy as np
 from flexcam.core import FloatArray, IntArray, Triplets
 from flexcam.core.errors import refuse
 from flexcam.dynamics.cam_motion import AngleFunction, AngleVector, CamFunctionCache, CamMotion
-from flexcam.dynamics.force_laws import CUSTOM, LAWS, ForceLaw, LawKind
+from flexcam.dynamics.force_laws import CUSTOM, LAWS, LawKind
+from flexcam.dynamics.law_data import ForceLaw
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from flexcam.dynamics.engine import Engine, iterate_tracks
 from flexcam.dynamics.engine_selection import SelectedEngine, create_engine, forces_of, select_engine
 from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.integrator import Method
-from flexcam.dynamics.kernel_engine import compiled_functions
+from flexcam.dynamics.kernel_step import compiled_functions
 from flexcam.dynamics.linearization import split_state
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.parameter_forces import ParameterForces, Variation, VariedProblem

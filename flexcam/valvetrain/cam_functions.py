@@ -13,7 +13,7 @@ from flexcam.cams.profile import Motion
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
 from flexcam.dynamics import AngleFunction, CamFunctionCache, DerivedCamFunction
-from flexcam.dynamics.force_laws import CamLift
+from flexcam.dynamics.law_data import CamLift
 from flexcam.valvetrain.parts import Cam
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 7201)

@@ -12,7 +12,8 @@ import numpy as np
 from flexcam.cams import Event, harmonics
 from flexcam.core import FloatArray
 from flexcam.dynamics import Channel, ForceLaw, Load, LocalForce, Observation, constant, elastic_stop
-from flexcam.dynamics.force_laws import force_table, force_table_law
+from flexcam.dynamics.force_laws import force_table
+from flexcam.dynamics.law_data import force_table_law
 from flexcam.valvetrain.coupling import Coupling, installed_load, opposed_force
 from flexcam.valvetrain.parts import Spring, SpringPart, Wire
 from flexcam.valvetrain.structure import Structure, spring_parts

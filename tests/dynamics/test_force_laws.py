@@ -33,20 +33,12 @@ from flexcam.dynamics import (
     solve,
     spring_damper,
 )
-from flexcam.dynamics.force_laws import (
-    LAWS,
-    OIL_CHAMBER,
-    SHORT_BEARING,
-    SLIDING_FRICTION,
-    CamLift,
-    ForceLaw,
-    force_table_law,
-    line_load,
-    oil_column,
-)
+from flexcam.dynamics.force_laws import LAWS, OIL_CHAMBER, SHORT_BEARING, SLIDING_FRICTION, line_load
 from flexcam.dynamics.force_laws import LEVER as LEVER_KIND
-from flexcam.dynamics.kernel_engine import compiled_functions
+from flexcam.dynamics.kernel_step import compiled_functions
+from flexcam.dynamics.law_data import CamLift, ForceLaw, force_table_law
 from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.oil_laws import oil_column
 from flexcam.fem.elements.arch import Arch
 from flexcam.valvetrain import Lever, Pulsation
 from flexcam.valvetrain.cam_contact import HertzLine

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import flexcam.dynamics.kernel_engine as kernel_engine
+import flexcam.dynamics.kernel_step as kernel_step
 from flexcam.core import Triplets
 from flexcam.dynamics import (
     AngleVector,
@@ -20,7 +20,7 @@ from flexcam.dynamics import (
     newmark,
     solve,
 )
-from flexcam.dynamics.kernel_engine import list_runs
+from flexcam.dynamics.kernel_step import list_runs
 
 TRAINS, PARTS = 5, 3
 
@@ -76,16 +76,16 @@ def forces_of(shaft, method, engine="kernel"):
 @pytest.mark.parametrize("shaft", [0.0, 1e6, 5e8])
 def test_blocks_find_the_forces_of_one_matrix(method, shaft, monkeypatch):
     blocks = list[int]()
-    divide = kernel_engine.divide_laws
+    divide = kernel_step.divide_laws
 
     def counted(laws, coupling):
         found = divide(laws, coupling)
         blocks.append(len(found[1]) - 1)
         return found
 
-    monkeypatch.setattr(kernel_engine, "divide_laws", counted)
+    monkeypatch.setattr(kernel_step, "divide_laws", counted)
     divided, iterations = forces_of(shaft, method)
-    monkeypatch.setattr(kernel_engine, "_STRONG", -1.0)
+    monkeypatch.setattr(kernel_step, "_STRONG", -1.0)
     together, usual = forces_of(shaft, method)
     assert blocks == [TRAINS, 1]
     np.testing.assert_allclose(divided, together, rtol=0.0, atol=1e-8 * np.abs(together).max())

@@ -19,7 +19,7 @@ from scipy.optimize import brentq
 from flexcam import build_model, prepare, solve
 from flexcam.cams import LAWS, LiftEvent
 from flexcam.dynamics import SaveAt, State, Variation, equilibrium, floquet, newmark, tangent_run
-from flexcam.dynamics.force_laws import ForceLaw
+from flexcam.dynamics.law_data import ForceLaw
 from flexcam.valvetrain.cam_functions import lift_polynomials
 from tests.verification.test_drive_lash import solved
 

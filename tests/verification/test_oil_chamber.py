@@ -18,7 +18,7 @@ from scipy.optimize import brentq
 
 from flexcam import InputError, build_model, prepare, read_case, run
 from flexcam.dynamics import ConstantSpeed, equilibrium
-from flexcam.dynamics.force_laws import oil_chamber
+from flexcam.dynamics.oil_laws import oil_chamber
 from tests.verification.test_rigid_pivots import CASE as FINGER
 from tests.verification.test_rigid_pivots import GUIDED
 
