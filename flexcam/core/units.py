@@ -20,7 +20,7 @@ RPM = math.pi / 30.0
 Exponents = tuple[int, int, int, int, int]
 """Exponents of metre, kilogram, second, kelvin, radian."""
 
-_NUMBER = re.compile(r"\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)$")
+NUMBER = re.compile(r"\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)$")
 _FACTOR = re.compile(r"([*/]?)\s*(1(?=\s*/)|[A-Za-z%µ°]+)\s*(?:(?:\^|\*\*)\s*([+-]?\d+))?\s*")
 
 _FOREIGN = {
@@ -214,7 +214,7 @@ def parse(value: float | str, dimension: str, where: str = "value", *, noise: bo
         raise refuse(where, value, allowed)
     if not isinstance(value, str):
         number, text = Decimal(value) if abs(value) < _LARGEST else Decimal("inf"), ""
-    elif match := _NUMBER.match(value.rstrip()):
+    elif match := NUMBER.match(value.rstrip()):
         number, text = _EXACT.create_decimal(match[1]), match[2]
         if re.match(r",\d", text):
             given = value.strip()

@@ -7,7 +7,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -17,13 +16,12 @@ from numpy.typing import NDArray
 from flexcam.case.variants import number_after_override
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, parse_all, refuse, require_packages
-from flexcam.core.units import DIMENSIONS, RPM, parse
+from flexcam.core.units import DIMENSIONS, NUMBER, RPM, conversion_factor
 from flexcam.studies.plan import Row, check_seed
 from flexcam.studies.variables import PointEvaluator
 
 _CONSTRAINT = re.compile(r"\s*([^<>=]+?)\s*(<=|>=)\s*([^<>=]+?)\s*$")
 _FAILED_VIOLATION = 1e6  # violation of every constraint if a variant has no value: larger than any regular one
-_UNIT_NAMES = {"1": "", "Hz": "1/s"}  # units of scalars and the corresponding units of dimensions
 
 ROUNDING = 1e-9  # tolerance of a bound for rounding, relative to the bound
 _ACTIVE_TOLERANCE = 0.01  # distance from a bound, relative to the bound, within which a constraint is active
@@ -57,17 +55,13 @@ class Constraint:
 
     def bound(self, unit: str) -> float:
         """Return the bound in the unit of its quantity."""
-        values = _bound_by_unit(self.text)
-        if unit.endswith("rpm") and "rad/s" in values:
-            return values["rad/s"] / RPM
-        wanted = _UNIT_NAMES.get(unit, unit)
-        if "bare" in values:
-            if values["bare"] and wanted and wanted in {kind.si for kind in DIMENSIONS.values()}:
-                raise refuse("--subject", self.words, "a bound with its unit", "", f"add the unit, such as {unit}")
-            return values["bare"]
-        if wanted not in values:
-            raise refuse("--subject", self.words, f"a bound in {unit or 'no unit'}", "units differ")
-        return values[wanted]
+        number, given = _split_bound(self.text)
+        wanted = "rad/s" if unit.endswith("rpm") else unit
+        if given:
+            return number * conversion_factor(given, wanted, "--subject") / (RPM if unit.endswith("rpm") else 1.0)
+        if number and wanted and wanted in {kind.si for kind in DIMENSIONS.values()}:
+            raise refuse("--subject", self.words, "a bound with its unit", "", f"add the unit, such as {unit}")
+        return number
 
     def violation(self, value: float, unit: str) -> float:
         """Return the violation of the bound by a value, relative to the bound; negative if it is satisfied."""
@@ -84,7 +78,7 @@ def parse_constraint(text: str) -> Constraint:
         parts = re.match(r"\s*(\S+)\s*([<>])\s*([^<>=]+)$", text)
         example = f"{parts[1]} {parts[2]}= {parts[3].strip()}" if parts else "frequency.1 >= 900 Hz"
         raise refuse("--subject", repr(text), allowed, "", f"write '{example}'")
-    _bound_by_unit(found[3], text)
+    _split_bound(found[3])
     return Constraint(found[1], "<=" if found[2] == "<=" else ">=", found[3])
 
 
@@ -96,17 +90,13 @@ def parse_constraints(texts: Sequence[str]) -> tuple[Constraint, ...]:
     return tuple(found)
 
 
-def _bound_by_unit(text: str, where: str = "") -> dict[str, float]:
-    """Return the bound in every possible SI unit; ``bare`` for a number without unit."""
-    with suppress(ValueError):
-        return {"bare": float(text)}
-    found: dict[str, float] = {}
-    for name, kind in DIMENSIONS.items():
-        with suppress(InputError):
-            found[kind.si] = parse(text, name)
-    if not found:
-        raise refuse("--subject", repr(where or text), "NAME <= a number with a unit", "a subject needs a quantity")
-    return found
+def _split_bound(text: str) -> tuple[float, str]:
+    """Return the number and the unit of a bound, which may be empty."""
+    found = NUMBER.match(text)
+    if found is None:
+        raise refuse("--subject", repr(text), "NAME <= a number with a unit", "it does not begin with a number")
+    conversion_factor(found[2], found[2], "--subject")  # the unit is known
+    return float(found[1]), found[2]
 
 
 def row_value(row: Row, name: str) -> float:
