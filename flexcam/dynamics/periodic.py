@@ -55,15 +55,19 @@ def period_map(
         forces = forces_of(selected, method)
         engine = create_engine(selected, method, forces, SaveAt(field_every=problem.steps + 1), stop, pilot)
         disturbances = Disturbances(problem, forces) if derived else None
+        within = np.setdiff1d(forces.touching, forces.switching)  # contacts that open and close within steps
+        closed = [np.zeros((0, len(within)), dtype=bool)]
         for track in iterate_tracks(engine, problem.steps):
             if disturbances is not None:
                 disturbances.follow(track)
             fields.append(np.hstack([track.d, track.v])[track.ends])
+            closed.append(track.local[:, within] > 0.0)
             end = np.concatenate([track.d[-1], track.v[-1], track.state[-1]])
     except SingularMatrixError as fault:
         raise RunFailedError(singular_status(fault, problem.system)) from None
     derivative = np.zeros((0, 0)) if disturbances is None else disturbances.monodromy()
-    return PeriodMap(end, np.concatenate(fields), derivative, engine.statistics(Stats()).events)
+    changes = int(np.count_nonzero(np.diff(np.concatenate(closed), axis=0)))
+    return PeriodMap(end, np.concatenate(fields), derivative, engine.statistics(Stats()).events + changes)
 
 
 @dataclass(frozen=True, eq=False)
