@@ -257,7 +257,8 @@ def profile_table(profile: CamProfile, cutter: float | None = None) -> ProfileTa
         "cam angle [deg]": np.degrees(profile.angle), "lift [mm]": 1e3 * profile.lift,
         "velocity [mm/rad]": 1e3 * profile.velocity, "acceleration [mm/rad^2]": 1e3 * profile.acceleration,
         "radius of curvature [mm]": 1e3 * radius, "pressure angle [deg]": np.degrees(profile.pressure_angle),
-        "contact offset [mm]": 1e3 * profile.offset, "sliding velocity [mm/rad]": 1e3 * profile.touch.sliding,
+        "lever arm of contact force [mm]": 1e3 * profile.offset,
+        "sliding velocity [mm/rad]": 1e3 * profile.touch.sliding,
     }  # fmt: skip
     return ProfileTable(curves, profile.follower.base_radius, columns)
 

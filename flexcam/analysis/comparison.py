@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -62,6 +63,7 @@ class Comparison:
     status: Status  #: status of the flexible run; the values of an incomplete run cover its finished part
     #: names of the compared systems: the first replaces the flexible, the second the rigid one
     names: tuple[str, str] = ("flexible", "rigid")
+    peak_acceleration_deg: float = math.nan  #: cam angle of the maximum acceleration of the flexible system, deg
 
     @property
     def peak_deviation(self) -> float:
@@ -119,7 +121,10 @@ def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -
         why, remedy = "it does not move in the other result", "add a follower's point to output.probes"
         raise refuse("probe", repr(probe), "a point that the cam moves", why, remedy)
     found = [_compute_deviation(name, moved, still, flexible) for name in ("displacement", "velocity", "acceleration")]
-    return Comparison(probe, speed_rpm, lift, (found[0], found[1], found[2]), flexible.status)
+    at = peak(flexible.time, moved.acceleration[:count])[1]
+    angle = float(np.degrees(np.interp(at, flexible.time, flexible.angle)))
+    deviations = found[0], found[1], found[2]
+    return Comparison(probe, speed_rpm, lift, deviations, flexible.status, peak_acceleration_deg=angle)
 
 
 def compare_responses(

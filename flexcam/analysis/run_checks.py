@@ -20,6 +20,7 @@ from flexcam.cams import FlatFollower, Follower, profile_at, undercut
 from flexcam.case.input_checks import (
     check_coil_bind,
     check_connectivity,
+    check_drives,
     check_lash,
     check_loads,
     check_loose_masses,
@@ -104,6 +105,7 @@ def check_input(ready: PreparedRun) -> list[str]:
         *check_open_contacts(model, problem),
         *check_start_impact(case, model, problem),
         *check_overshoot(problem, ready.scheme),
+        *check_drives(model),
         *check_lash(model),
         *check_valve_angles(model),
         *(sentence for check in rigid for sentence in check(model, case.speed)),

@@ -77,7 +77,7 @@ class CamProfile:
 
     @property
     def offset(self) -> FloatArray:
-        """Distance of the contact from the parallel to the normal through the cam centre, m; s' for a flat face."""
+        """Distance of the contact normal from the cam centre, m: the lever arm of the force; s' for a flat face."""
         return -(self.touch.point * np.conj(1j * self.touch.normal)).real
 
     def _to_cam_frame(self, fixed: ComplexArray) -> FloatArray:

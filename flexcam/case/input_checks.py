@@ -28,6 +28,7 @@ from flexcam.valvetrain import (
     Lash,
     Model,
     Seat,
+    build_structure,
     connected_nodes,
     driving_contact,
     largest_lashes,
@@ -37,6 +38,7 @@ from flexcam.valvetrain import (
     share_ends,
     shared_forces,
     touching_coils,
+    undriven_shafts,
 )
 
 
@@ -473,10 +475,20 @@ def check_loose_masses(model: Model) -> Iterator[str]:
 
 
 def check_lash(model: Model) -> Iterator[str]:
-    """Yield warnings about a lash above the ramp of its cam, so that the valve opens on the flank."""
-    for name, cam in model.cams.items():
-        event = cam.event.event if isinstance(cam.event, DelayedEvent) else cam.event
-        lash = largest_lashes(model)[name]
-        if isinstance(event, LiftEvent) and event.ramp and lash > event.ramp.height:
-            sizes = f"{1e3 * lash:.3g} mm at the follower is above the ramp of {1e3 * event.ramp.height:.3g} mm"
-            yield f"Warning: cams.{name}: the lash of {sizes}; it is taken up only after the ramp"
+    """Yield warnings about a lash that the ramp of its cam does not take up, or not even its lift."""
+    for name, lash in largest_lashes(model).items():
+        whole = model.cams[name].event
+        event = whole.event if isinstance(whole, DelayedEvent) else whole
+        ramp = event.ramp.height if isinstance(event, LiftEvent) and event.ramp else 0.0
+        begin = f"Warning: cams.{name}: the lash of {1e3 * lash:.3g} mm at the follower exceeds the"
+        if lash >= whole.height:
+            yield f"{begin} lift of {1e3 * whole.height:.3g} mm: the cam never takes it up; check gap and its unit"
+        elif isinstance(event, LiftEvent) and lash > ramp:
+            yield f"{begin} ramp height of {1e3 * ramp:.3g} mm: it is taken up on the flank; add a ramp or a higher one"
+
+
+def check_drives(model: Model) -> Iterator[str]:
+    """Yield warnings about camshafts whose rotation is free: no support, spring or lash ties it to the drive."""
+    for cams, along in undriven_shafts(build_structure(model)):
+        remedy = f"add {along} to the support of its drive end, or a spring about its axis"
+        yield f"Warning: cams.{', cams.'.join(cams)}: nothing drives the shaft, and contact forces turn it; {remedy}"

@@ -197,7 +197,7 @@ def _profile(found: CamFacts, speed: float | None) -> list[tuple[str, str]]:
         ("min convex radius", f"{convex} {_at(seen.convex.at)}"),
         ("min concave radius", hollow),
         ("max pressure angle", f"{format_degrees(abs(seen.pressure_angle.value))} deg {_at(seen.pressure_angle.at)}"),
-        ("contact offset", format_quantity("m", *(end.value for end in seen.offset), digits=5)),
+        ("lever arm of contact force", format_quantity("m", *(end.value for end in seen.offset), digits=5)),
     ]  # fmt: skip
     if found.min_face_diameter is not None:
         rows.append(("min face diameter", _face(found, found.min_face_diameter)))

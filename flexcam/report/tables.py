@@ -277,7 +277,8 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
     ratio = format_decimals(comparison.peak_acceleration_ratio, 2)
     other = comparison.names[1]
     deviation = f"{comparison.probe} deviates by up to {peak} times the range of the {other} motion (rms {rms} times)"
-    said = [f"{deviation}; its peak acceleration is {ratio} times the {other} one."]
+    angle = f"{comparison.peak_acceleration_deg:.1f} deg of the cam"
+    said = [f"{deviation}; its peak acceleration, at {angle}, is {ratio} times the {other} one."]
     if mode_hz is not None:
         nearest = "The nearest mode that the cam force excites is at"
         found, share = f"{mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} camshaft rpm", comparison.speed_rpm / (60.0 * mode_hz)

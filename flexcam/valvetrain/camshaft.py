@@ -131,6 +131,23 @@ def has_elastic_drive(structure: Structure, contact: CamPair) -> bool:
     return not held and bool(structure.row(at, contact.rotation).any())
 
 
+_ROUNDING = 1e-9
+"""Rotation by a free motion of size 1 that is rounding, rad."""
+
+
+def undriven_shafts(structure: Structure) -> list[tuple[list[str], str]]:
+    """Return the cams and the rotation, such as ``rx``, of every shaft that can turn without deforming a part."""
+    model, found = structure.model, dict[tuple[int, ...], tuple[list[str], str]]()
+    for contact in model.cam_contacts.values():
+        at = model.cams[contact.cam].at
+        shaft = tuple(model.mesh.connected_nodes(model.mesh.node(at), turning=True).tolist())
+        geared = len(_shaft_nodes(model, contact.cam)) > len(shaft)
+        if not geared and np.abs(structure.row(at, contact.rotation) @ structure.free).max(initial=0.0) > _ROUNDING:
+            cams, _ = found.setdefault(shaft, ([], ROTATIONS[int(np.argmax(np.abs(contact.shaft_axis)))]))
+            cams += [contact.cam] if contact.cam not in cams else []
+    return list(found.values())
+
+
 def shaft_axes(model: Model) -> dict[int, FloatArray]:
     """Return the axis of rotation at every node of a camshaft."""
     axes: dict[int, FloatArray] = {}

@@ -213,7 +213,12 @@ def test_figures_of_merit_are_printed_once(flexcam, engine, tmp_path):
             "springs.valve.clash_travel=9mm",
             "spring 'valve' reaches coil bind before full lift: full lift needs 0.88 mm more clash_travel",
         ),
-        ("contacts.lash.gap=0.6mm", "the lash of 0.375 mm at the follower is above the ramp of 0.3 mm"),
+        ("contacts.lash.gap=0.6mm", "the lash of 0.375 mm at the follower exceeds the ramp height of 0.3 mm"),
+        ("contacts.lash.gap=0.2m", "the lash of 125 mm at the follower exceeds the lift of 6.3 mm"),
+        (
+            'supports.drive=["ux", "uy", "uz"]',
+            "cams.intake: nothing drives the shaft, and contact forces turn it; add rx",
+        ),
         ("run.crank_speed=4000", "4000 rad/s is unusual"),
         ("run.speed=2500rpm", "run.speed is the speed of the camshaft; the crankshaft turns at 5000 rpm"),
     ],

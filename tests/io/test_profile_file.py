@@ -29,7 +29,7 @@ PRINTED = 6e-12
 
 HEADS = [
     "cam angle [deg]", "lift [mm]", "velocity [mm/rad]", "acceleration [mm/rad^2]", "radius of curvature [mm]",
-    "pressure angle [deg]", "contact offset [mm]", "sliding velocity [mm/rad]",
+    "pressure angle [deg]", "lever arm of contact force [mm]", "sliding velocity [mm/rad]",
 ]  # fmt: skip
 
 
@@ -70,7 +70,7 @@ def test_csv(files, made, curves):
         "acceleration [mm/rad^2]": 1e3 * EVENT(made.angle, 2),
         "radius of curvature [mm]": 1e3 * made.radius,
         "pressure angle [deg]": np.degrees(made.pressure_angle),
-        "contact offset [mm]": 1e3 * made.offset,
+        "lever arm of contact force [mm]": 1e3 * made.offset,
         "sliding velocity [mm/rad]": 1e3 * made.touch.sliding,
     }
     expected |= {f"{name} {axis} [mm]": 1e3 * xy[:, i] for name, xy in curves.items() for i, axis in enumerate("xy")}
