@@ -1,4 +1,4 @@
-"""Make the superelement of cases/calculix-rocker with CalculiX: ``python meshes/calculix_rocker.py`` (needs ``ccx``).
+"""Make the superelement of `flexcam new solid-rocker` with CalculiX: ``python meshes/calculix_rocker.py`` (needs ``ccx``).
 
 The rocker consists of hexahedra with 20 nodes. Rigid bodies of CalculiX join the bore and both ends to reference
 nodes, whose six unknowns are the interface. CalculiX stores the matrices of the whole model (``SOLVER=MATRIXSTORAGE``).
@@ -20,7 +20,7 @@ from scipy.io import mmwrite
 from scipy.sparse import coo_array, csc_array
 from scipy.sparse.linalg import eigsh, splu
 
-FOLDER = Path(__file__).resolve().parents[1] / "cases/calculix-rocker"
+FOLDER = Path(__file__).resolve().parents[1] / "flexcam/templates"
 STATIONS = np.linspace(-30.0, 45.0, 16)
 ACROSS = 3
 MODES = 24

@@ -28,7 +28,7 @@ def new_case(template: str, path: Path | None = None, *, overwrite: bool = False
     target = path or Path(f"{template}.toml")
     if target.suffix != ".toml":
         raise refuse("-o", str(target), "a name that ends in .toml", "the output is a case file")
-    tables = [name for name in iterate_texts(tomllib.loads(text)) if name.endswith(".csv")]
+    tables = [name for name in iterate_texts(tomllib.loads(text)) if name.endswith((".csv", ".mtx"))]
     written = {target: text, **{target.with_name(name): _read_template(name) for name in tables}}
     for one, content in written.items():
         same = one != target and one.is_file() and one.read_bytes() == content.encode()  # of another starter case

@@ -34,6 +34,8 @@ from flexcam.report.terminal import NOISE, facts_table, format_csv, format_degre
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from flexcam.dynamics import Phaser
+
 _CASE, _PROFILE = Group("Cams of a case file", sort_key=1), Group("Cam from a measured profile", sort_key=2)
 _MIN_POINTS, _MAX_POINTS = 12, 100_000
 _STEPS = {"lift": "m", "velocity": "m/rad", "acceleration": "m/rad^2", "jerk": "m/rad^3"}
@@ -117,6 +119,7 @@ def _cam_table(name: str, found: CamFacts, cams: CamSet) -> Table:
     rows = [
         ("lift", _lift(found)),
         ("lobe centreline", _centreline(found, cams.turns)),
+        *([("phaser", _phaser(found.cam.phaser))] if found.cam.phaser else []),
         ("max velocity", _at_speed(found.velocity, "m/rad", "m/s", 1, speed)),
         ("max acceleration", _at_speed(found.acceleration, "m/rad^2", "m/s^2", 2, speed)),
         ("max jerk", infinite if found.jerk is None else format_quantity("m/rad^3", found.jerk, digits=5)),
@@ -146,6 +149,11 @@ def _centreline(found: CamFacts, turns: float) -> str:
     if found.centreline_after_tdc is None:
         return cam + (" (set tdc of the cam to get angles from the dead centres)" if turns == 2.0 else "")
     return f"{cam}, crank {_from_dead_centre(found.centreline_after_tdc)}"
+
+
+def _phaser(phaser: Phaser) -> str:
+    ahead = " to ".join(f"{math.degrees(end):.4g}" for end in sorted({min(phaser.shifts), max(phaser.shifts)}))
+    return f"turns the cam by {ahead} deg; the angles in this table are without it"
 
 
 def _from_dead_centre(crank_angle: float | None, centre: float = 0.0) -> str:

@@ -64,6 +64,7 @@ _APPLIES = {
 _ORDERS = 24  # highest drawn order of the camshaft
 _OPEN_LIFT = 1e-4  # lift above which a valve counts as open for the overlap, m
 _OVERLAP = "valve overlap, both open by 0.1 mm"
+_LOST = "lost"  # name of the channel of contact loss
 _THIN = 1e-4  # length, m, up to which lengths are drawn in micrometres
 
 
@@ -96,13 +97,13 @@ class FigureOptions:
 
     def responses(self) -> dict[str, Response]:
         """Return the drawn responses by name; the name of a single run is empty."""
-        return {name: self._drawn(one, one.response) for name, one in self.sources.items()}
+        return {name: self.draw(one, one.response) for name, one in self.sources.items()}
 
     def rigid_responses(self) -> dict[str, Response]:
         """Return the drawn rigid responses by name; empty if they are not requested."""
-        return {name: self._drawn(one, one.rigid) for name, one in self.sources.items()} if self.rigid else {}
+        return {name: self.draw(one, one.rigid) for name, one in self.sources.items()} if self.rigid else {}
 
-    def _drawn(self, source: Source, response: Response) -> Response:
+    def draw(self, source: Source, response: Response) -> Response:
         """Return a response, or its last revolution over the crank angle and of several runs."""
         tdc = self.tdc(source) if self.over == "crank" else None
         if tdc is not None:
@@ -209,9 +210,9 @@ def _motion(asked: FigureOptions) -> Figure:
         contact, model, drawn = asked.contact(source), source.ready.model, responses[name]
         if contact in spring_held_contacts(model) and f"contacts.{contact}.force" in drawn.channels:
             label = ", ".join(filter(None, (name, "contact lost on the lift")))
-            tdc = (asked.tdc(source) or 0.0) if over == "crank" else 0.0
-            lost = contact_loss(model, replace(drawn, angle=drawn.angle + tdc), str(contact))
-            plotting.histories.shade(figure.axes, plotting.histories.abscissa(drawn, over), lost, label, colour)
+            lost = {_LOST: contact_loss(model, source.response, str(contact)).astype(float)}
+            shaded = asked.draw(source, replace(source.response, channels=lost)).channels[_LOST] > 0.0
+            plotting.histories.shade(figure.axes, plotting.histories.abscissa(drawn, over), shaded, label, colour)
     return _mark_areas(asked, figure)
 
 
@@ -226,14 +227,18 @@ def _mark_areas(asked: FigureOptions, figure: Figure) -> Figure:
 
 
 def _valve_overlap(asked: FigureOptions, tdc: float, crank: FloatArray) -> NDArray[np.bool_]:
-    """Return at which crank angles from a top dead centre, rad, exhaust and intake of its cylinder are both open."""
-    facts: dict[str, CamFacts] = {}
+    """Return at which crank angles from a top dead centre, rad, exhaust and intake of its cylinder are both open.
+
+    A phaser has the position of the last revolution.
+    """
+    facts, opened = dict[str, CamFacts](), dict[str, NDArray[np.bool_]]()
     for name, source in asked.sources.items():
-        cams = case_cams(source.case)
-        facts |= {f"{name} {one}": cam_facts(cam, ratio=cams.ratios[one], lash=cams.lashes[one], tdc=cams.tdcs[one])
-                  for one, cam in cams.cams.items()}  # fmt: skip
+        cams, end = case_cams(source.case), float(source.response.angle.max(initial=0.0))
+        angle = end - np.mod(end - tdc - 0.5 * crank, math.tau)  # in the last revolution
+        for one, cam in cams.cams.items():
+            found = cam_facts(cam, ratio=cams.ratios[one], lash=cams.lashes[one], tdc=cams.tdcs[one])
+            facts[f"{name} {one}"], opened[f"{name} {one}"] = found, found.valve_lift(cam.lift(angle, 0)) > _OPEN_LIFT
     own = next(one for one in cylinders(facts) if any(part.tdc == tdc for part in one.values()))
-    opened = {name: one.valve_lift(one.cam.event(tdc + 0.5 * crank)) > _OPEN_LIFT for name, one in own.items()}
     both = np.zeros(len(crank), dtype=bool)
     for one, other in combinations(own, 2):
         both |= opened[one] & opened[other] & exhaust_and_intake(own[one], own[other])

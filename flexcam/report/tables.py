@@ -342,7 +342,7 @@ def _metric_label(place: str, quantity: Sequence[str]) -> str:
 _METRIC_KINDS = {"largest": "max", "least": "min", "mean": "mean"}
 _METRIC_WORDS = {
     "open_on_the_lift": "loss of contact on the lift", "leak_down": "leak-down", "nose_force": "force over the nose",
-    ".nose": ".at the nose",
+    ".nose": ".at the nose", "wear.largest": "wear in 1e6 revolutions.largest",
 }  # fmt: skip
 
 

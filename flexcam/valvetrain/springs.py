@@ -56,6 +56,12 @@ class SpringCurve:
         """Stiffness between the corners, N/m, shape (c - 1,)."""
         return np.diff(self.force) / np.diff(self.travel)
 
+    @property
+    def closing_last(self) -> list[int]:
+        """Numbers of the parts that close last, as the spring becomes solid."""
+        last = self.parts[-2] - self.parts[-3]
+        return np.flatnonzero(last > _CLOSED * last.max()).tolist()
+
     def row_at(self, travel: float) -> int:
         """Return the corner from which the curve is straight at a travel; at a corner, that corner."""
         return int(np.clip(np.searchsorted(self.travel, travel, side="right") - 1, 0, len(self.travel) - 2))
@@ -73,9 +79,7 @@ class SpringCurve:
 
         Parts that closed before are stiff: the vibration of closed coils does not affect the remaining travel.
         """
-        last = self.parts[-2] - self.parts[-3]
-        parts = [pair for pair, own in zip(zip(compression.T, self.parts.T, strict=True), last, strict=True)
-                 if own > _CLOSED * last.max()]  # fmt: skip
+        parts = [(compression[:, i], self.parts[:, i]) for i in self.closing_last]
         return np.array([np.interp(x, own, self.travel) for x, own in parts], dtype=np.float64).max(axis=0)
 
 
@@ -298,20 +302,11 @@ def is_bent(table: Sequence[tuple[float, float]]) -> bool:
     return max(slopes, default=0.0) > (1.0 + _SAME) * min(slopes, default=0.0)
 
 
-def solid_forces(spring: Spring, curve: SpringCurve | None) -> FloatArray | float:
-    """Return the force of the touching coils of every part as the spring becomes solid, N."""
-    if curve is None:
-        return 0.0
-    travel = np.array([part.travel or 0.0 for part in spring.parts])
-    forces = spring.clash_stiffness * np.maximum(curve.parts[-2] - travel, 0.0)
-    return forces + _SAME * forces.max()  # forces of open coils beside closed ones have their rounding
-
-
 def couple_springs(structure: Structure) -> Coupling:
     """Return the nonlinear forces of the parts of springs, and the channels of all springs.
 
     ``surge`` is the largest deviation of a coil from its static position, ``clearance`` the travel left until all coils
-    touch, counted by the most compressed part of those that close last.
+    touch, counted by the most compressed part of those that close last, ``clash`` the sum of their contact forces.
     """
     loads: list[Load] = []
     forces: list[LocalForce] = []
@@ -385,7 +380,7 @@ def _channels(where: str, spring: Spring, rows: FloatArray, scalars: dict[str, l
         return (stress_factors * np.abs(forces(seen))).max(axis=1)
 
     def touching(seen: Observation) -> FloatArray:
-        return np.maximum(seen.forces[:, clash] - solid, 0.0).sum(axis=1)
+        return seen.forces[:, bound].sum(axis=1)
 
     found: list[Channel] = []
     if has_channels(spring):
@@ -397,6 +392,6 @@ def _channels(where: str, spring: Spring, rows: FloatArray, scalars: dict[str, l
         if clash:
             found.append(Channel(f"{where}.clearance", "m", clearance))
     if clash:
-        solid = solid_forces(spring, curve)
+        bound = clash if curve is None else [clash[i] for i in curve.closing_last]
         found.append(Channel(f"{where}.clash", "N", touching))
     return found
