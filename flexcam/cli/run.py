@@ -6,6 +6,7 @@ import re
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Annotated
 
@@ -33,7 +34,7 @@ from flexcam.io import check_folder, check_folder_name, check_writable
 from flexcam.report import tables
 from flexcam.report.fidelity_tables import choice_json, describe_choice, error_table
 from flexcam.report.terminal import show_progress
-from flexcam.valvetrain import MemberStrength, StrengthSink, build_structure
+from flexcam.valvetrain import MemberStrength, Metric, StrengthSink, build_structure
 
 _CHATTER = 0.1  # change of a contact force from one revolution to the next, rms, that is chatter
 
@@ -84,9 +85,13 @@ def run(
     strength, kept = StrengthSink(build_structure(ready.model)), summary_sink(ready, 2.0)
     watched = run_checks.RunMonitor.of(ready)
 
+    @cache
+    def metrics(_: int) -> list[Metric]:
+        return compute_metrics(ready, kept.response())
+
     def doubtful(stats: Stats) -> list[str]:
         recent = kept.response()
-        found = run_checks.check_run(ready, watched, compute_metrics(ready, recent), stats)
+        found = run_checks.check_run(ready, watched, metrics(stats.steps), stats)
         if stats.steps == ready.problem.steps:
             found += run_checks.check_transient(ready, revolution_change(ready, recent))
         return found
@@ -102,7 +107,8 @@ def run(
     errors, notes = _estimate_errors(read, probe, until) if probe and response.status.ok else ((), ())
     path, warnings = sink.path if response.status.ok else sink.partial, [*doubtful(response.stats), *notes]
     stressed = strength.members() if read.record.fidelity.model == "beams" else {}
-    output = _describe_run(ready, response, watched.extremes, path, stressed, errors, warnings, choice)
+    figures = metrics(response.stats.steps)
+    output = _describe_run(ready, response, figures, watched.extremes, path, stressed, errors, warnings, choice)
     if response.status.ok and choice is not None and not choice.met:
         why, remedy = f"the tolerance is not met: {choice.why}", "allow more, or refine the case"
         return replace(output, status=Status(Cause.TOLERANCE, why, remedy))
@@ -110,11 +116,11 @@ def run(
 
 
 def _describe_run(
-    ready: PreparedRun, response: Response, extremes: ExtremesSink, path: Path, stressed: Mapping[str, MemberStrength],
-    errors: Sequence[Error], warnings: Sequence[str], choice: Choice | None,
+    ready: PreparedRun, response: Response, figures: Sequence[Metric], extremes: ExtremesSink, path: Path,
+    stressed: Mapping[str, MemberStrength], errors: Sequence[Error], warnings: Sequence[str], choice: Choice | None,
 ) -> cli.CommandOutput:  # fmt: skip
     case, stats, status = ready.case, response.stats, response.status
-    change, figures = revolution_change(ready, response), list(compute_metrics(ready, response))
+    change = revolution_change(ready, response)
     merit = figures_of_merit(case, figures) if figures else ()
     others = [figure for figure in figures if not usual_name(figure)]
     parts: list[Table | str] = [

@@ -352,7 +352,12 @@ class LocalForces:
 
     def direction(self, inputs: PrescribedInputs) -> Callable[[int], FloatArray]:
         """Return a function of a scalar: the vectors with which its force acts at m instants, shape (m, n)."""
-        return lambda scalar: (inputs.acts[scalar] * inputs.acting_weights) @ self.act.vectors
+
+        def vectors(scalar: int) -> FloatArray:
+            own = np.flatnonzero(inputs.acts[scalar])
+            return (inputs.acts[scalar, own] * inputs.acting_weights[:, own]) @ self.act.vectors[own]
+
+        return vectors
 
     def respond(
         self, penetration: FloatArray, rate: FloatArray, state: FloatArray, schedule: PrescribedInputs, i: int = 0

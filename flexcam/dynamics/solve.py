@@ -276,7 +276,8 @@ class _Run:
         self._problem, self._engine, self._system, self._save = problem, engine, problem.system, save
         self._forces = forces
         width = 1 if isinstance(engine, ProbeEngine) else max(problem.system.size, 1)
-        self._at_once = max(AT_ONCE // width, LEAST_AT_ONCE)
+        many = _PRESCRIBED_AT_ONCE if problem.system.prescribed_motion else AT_ONCE
+        self._at_once = max(many // width, LEAST_AT_ONCE)
         self._account = EnergyBalance(problem.system, forces, order)
         self._imbalance = EquilibriumResidual(problem.system, forces, problem.step)
         self.status = Status()
@@ -416,6 +417,8 @@ def pilot(problem: Problem, method: Method) -> Series:
 
 AT_ONCE, LEAST_AT_ONCE = 50_000, 8
 """Unknowns times steps in memory together, so that a dozen arrays fit the cache; minimum steps."""
+
+_PRESCRIBED_AT_ONCE = 4 * AT_ONCE  # of a prescribed motion, whose functions of the cam angle cost more per call
 
 _PILOT_FIELDS = 200
 """Number of fields of the pilot run."""

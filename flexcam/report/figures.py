@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -27,6 +28,7 @@ _LONG_HISTORY = 40_000  # number of points of a history above which it is reduce
 # Total points of all curves of a page, about 600 kB, and the part of it used by the texts of every result
 _MAX_TOTAL_POINTS, _RESULT_POINTS = 55_000, 2_500
 _MAX_POINTS, _MIN_POINTS = 3000, 100  # maximum and minimum number of points of a curve
+_REDUCTION = 1.5  # ratio of the points allowed to those that reduced curves have, at most: fewer reductions are useless
 _MAX_CURVES = 300  # maximum number of curves of a page; probes listed in the case come first
 _PARTS = 6  # drawn segments per element, if the page has space for them
 _POINTS = 240  # total points of all scenes of a page: with modes and frames about 250 kB
@@ -114,13 +116,18 @@ def _fit_albums(albums: list[ChartGroup], size: int) -> list[ChartGroup]:
         panels = (replace(panel, curves=tuple(fit(curve, most) for curve in panel.curves)) for panel in chart.panels)
         return replace(chart, panels=tuple(panels))
 
-    def points() -> int:
-        panels = [panel for album in albums for chart in album.charts for panel in chart.panels]
-        return sum(len(curve.x) for panel in panels for curve in panel.curves)
+    def points(first: float = math.inf, other: float = math.inf) -> float:
+        return sum(
+            min(len(curve.x), other if i else first)
+            for album in albums for i, chart in enumerate(album.charts)
+            for panel in chart.panels for curve in panel.curves
+        )  # fmt: skip
 
     most = _MAX_POINTS
     while most > _MIN_POINTS and points() > size:
         most = 3 * most // 4
+        if most > _MIN_POINTS and points(_FIRST_CHART_RATIO * most, most) > _REDUCTION * size:
+            continue
         albums = [
             replace(album, charts=(fit_chart(first, _FIRST_CHART_RATIO * most), *(fit_chart(c, most) for c in others)))
             for album in albums

@@ -85,6 +85,12 @@ class RigidTrains:
                 moved[:, train.dofs] = scalars @ train.motions
         return found[0], found[1], found[2]
 
+    def along(self, row: FloatArray, motion: CamMotion) -> FloatArray:
+        """Return the displacement along a row of the unknowns, shape (n,), at some instants, shape (m,)."""
+        parts = [(train, train.motions @ row[train.dofs]) for train in self.trains]
+        moved = [train.solve(motion.cam).z[0] @ own for train, own in parts if own.any()]
+        return sum(moved, np.zeros(len(motion.angle)))
+
     def complete_forces(
         self, motion: CamMotion, residual: FloatArray, direction: Callable[[int], FloatArray], rate: FloatArray,
         local: FloatArray,

@@ -232,7 +232,7 @@ def valve_loft(model: Model, response: Response, name: str, seat: Seat, instants
     over = _flanks(model.cams[model.cam_contacts[contact].cam], angle)["nose"]
     if not over.any():
         return None
-    moved = motion.at(ConstantSpeed(1.0).at(angle))[0] @ build_structure(model).row(seat.at, seat.direction)
+    moved = motion.along(build_structure(model).row(seat.at, seat.direction), ConstantSpeed(1.0).at(angle))
     above = response.channels[f"contacts.{name}.gap"][instants] - moved
     return float(above[over].max())
 

@@ -18,7 +18,7 @@ def test_all_are_there(flexcam):
     wanted = {
         "published-model", "pushrod-engine", "direct-acting", "exhaust-valve", "finger-follower", "lumped-train",
         "measured-lift", "dohc-16-valve", "v8-bank", "packaging-cam", "desmodromic", "roller-tappet", "valve-bridge",
-        "gear-drive",
+        "gear-drive", "cam-phaser", "solid-rocker",
     }  # fmt: skip
     assert set(NAMES) == wanted
     assert flexcam("new", "--json").json["templates"] == templates()
@@ -68,6 +68,11 @@ def test_a_measured_lift_comes_with_its_table(flexcam, tmp_path):
     made = flexcam("new", "measured-lift", "-o", "mine.toml", "--json").json
     assert made["files"] == ["mine.toml", "measured-lift.csv"]
     assert (tmp_path / "measured-lift.csv").read_text(encoding="utf-8").startswith("crank_deg, lift_mm")
+
+
+def test_a_superelement_comes_with_its_matrices(flexcam):
+    made = flexcam("new", "solid-rocker", "-o", "mine.toml", "--json").json
+    assert made["files"] == ["mine.toml", "rocker-stiffness.mtx", "rocker-mass.mtx"]
 
 
 def test_nothing_is_written_over(flexcam, tmp_path):

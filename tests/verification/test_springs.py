@@ -345,6 +345,14 @@ def test_closed_coils_leave_the_clearance(case):
     assert curve.travel_of(struck)[0] == pytest.approx(travel, rel=1e-9)
 
 
+@pytest.mark.parametrize("parts", [1, 2])
+def test_coils_that_close_by_design_do_not_clash(case, parts):
+    """The impact of the closing coils exceeds the force that would make the spring solid."""
+    response = run(case(TWO_RATES.replace("PARTS", str(parts)), "springs.valve.installed_force=150 N", *FAST))
+    assert response.channels["springs.valve.clearance"].min() > 6e-3
+    assert response.channels["springs.valve.clash"].max() == 0.0
+
+
 def test_solid_two_rates_clash(case):
     """Beyond the travel to coil bind the clearance is negative and the coils of the large pitch bear force as well."""
     made = case(TWO_RATES.replace("PARTS", "1"), "springs.valve.installed_force=900 N")
