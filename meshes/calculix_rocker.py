@@ -1,4 +1,4 @@
-"""Make the superelement of `flexcam new solid-rocker` with CalculiX (needs ``ccx``): ``python meshes/calculix_rocker.py``.
+"""Make the superelement of `flexcam new solid-rocker`: ``python meshes/calculix_rocker.py`` (needs CalculiX, ``ccx``).
 
 The rocker consists of hexahedra with 20 nodes. Rigid bodies of CalculiX join the bore and both ends to reference
 nodes, whose six unknowns are the interface. CalculiX stores the matrices of the whole model (``SOLVER=MATRIXSTORAGE``).

@@ -71,7 +71,8 @@ TYPICAL_RANGES = (
     TypicalRange(
         "sections.*.diameter sections.*.outer_diameter sections.*.inner_diameter sections.*.width_y sections.*.width_z "
         "springs.*.wire.diameter springs.*.wire.coil_diameter springs.*.coils.*.diameter cams.*.base_radius "
-        "cams.*.width cams.*.follower.radius cams.*.follower.face_diameter",
+        "cams.*.width cams.*.follower.radius cams.*.follower.face_diameter bearings.*.film.diameter "
+        "bearings.*.film.length contacts.*.oil.plunger_diameter",
         1e-6, 3.0, _LENGTH,
     ),
     TypicalRange(
@@ -98,6 +99,11 @@ TYPICAL_RANGES = (
     TypicalRange("contacts.*.stiffness", 10.0, 1e13, _STIFFNESS, turns=False),
     TypicalRange("contacts.*.friction friction.*.coefficient", 0.0, 1.0, {"%": 0.01}),
     TypicalRange("friction.*.interference", 0.0, 2e-3, {"um": 1e-6, "mm": 1e-3}),
+    TypicalRange("bearings.*.film.radial_clearance", 1e-7, 1e-3, {"um": 1e-6}),
+    TypicalRange(
+        "bearings.*.film.viscosity contacts.*.oil.viscosity contacts.*.lubrication.viscosity", 1e-4, 5.0,
+        {"mPa s": 1e-3},
+    ),
     TypicalRange("fidelity.tolerance fidelity.tolerance.*", 0.0, 0.99, {"%": 0.01}),
     TypicalRange("run.speed", 1e-3, _MAX_SPEED, {"rpm": RPM}),
     TypicalRange("run.crank_speed", 1e-3, 2.0 * _MAX_SPEED, {"rpm": RPM}),

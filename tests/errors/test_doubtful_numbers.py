@@ -18,6 +18,7 @@ ROOT = Path(__file__).parents[2]
 CASE = ROOT / "tests/data/inline.toml"
 ENGINE = ROOT / "tests/data/every-engine.toml"
 PUSHROD = ROOT / "flexcam/templates/pushrod-engine.toml"
+GEAR, ROLLER = (ROOT / f"flexcam/templates/{name}.toml" for name in ("gear-drive", "roller-tappet"))
 
 OWN = 'sections.shaft={shape="custom", A=1e-4, Iy=1e-15, Iz=1e-15, J=2e-15}'
 
@@ -54,6 +55,10 @@ DOUBTFUL = {
     "gravity in mm/s^2": (CASE, "run.gravity=[0,-9810,0]", "9810 m/s^2", "did you mean 9810 mm/s^2?"),
     "lash in mm": (ENGINE, "contacts.play.gap=0.3", "play", "did you mean 0.3 mm?"),
     "a tolerance in per cent": (CASE, "fidelity.tolerance={force=5}", "5 is unusual", "did you mean 5 %?"),
+    "a bearing in mm": (GEAR, "bearings.front.film.length=14", "14 m is unusual", "did you mean 14 mm?"),
+    "a clearance in um": (GEAR, "bearings.rear.film.radial_clearance=30", "30 m is unusual", "did you mean 30 um?"),
+    "a viscosity in mPa s": (GEAR, "bearings.front.film.viscosity=9", "9 Pa s is unusual", "did you mean 9 mPa s?"),
+    "an adjuster's oil in mPa s": (ROLLER, "contacts.adjuster.oil.viscosity=15", "15 Pa s", "mean 15 mPa s?"),
     "a member thicker than long": (CASE, "sections.shaft.diameter=1", "1 m thick", "same unit?"),
 }  # fmt: skip
 

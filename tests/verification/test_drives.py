@@ -466,5 +466,6 @@ def test_refused_phasers(rows, options, said):
 
 def test_cams_of_one_shaft_share_their_phaser():
     case, rows = TEMPLATES / "dohc-16-valve.toml", '[["0 deg", "0 deg"], ["90 deg", "5 deg"]]'
-    with pytest.raises(InputError, match="one phaser for all cams of a shaft"):
+    with pytest.raises(InputError, match="one phaser for all cams of a shaft") as caught:
         build_model(read_case(case, (f'phasers.intake={{ cams = ["intake-1a"], shift = {rows} }}',)))
+    assert len(caught.value.faults) == 1
