@@ -482,15 +482,16 @@ def check_loose_masses(model: Model) -> Iterator[str]:
 
 def check_lash(model: Model) -> Iterator[str]:
     """Yield warnings about a lash that the ramp of its cam does not take up, or not even its lift."""
+    opposed = {model.cam_contacts[contact].cam for contact in opposed_contacts(model)}  # their lash is the lift
     for name, lash in largest_lashes(model).items():
         whole = model.cams[name].event
         event = whole.event if isinstance(whole, DelayedEvent) else whole
-        ramp = event.ramp.height if isinstance(event, LiftEvent) and event.ramp else 0.0
+        ramp = event.ramp if isinstance(event, LiftEvent) else None
         begin = f"Warning: cams.{name}: the lash of {1e3 * lash:.3g} mm at the follower exceeds the"
-        if lash >= whole.height:
+        if name not in opposed and lash >= whole.height:
             yield f"{begin} lift of {1e3 * whole.height:.3g} mm: the cam never takes it up; check gap and its unit"
-        elif isinstance(event, LiftEvent) and lash > ramp:
-            yield f"{begin} ramp height of {1e3 * ramp:.3g} mm: it is taken up on the flank; add a ramp or a higher one"
+        elif ramp and lash > ramp.height:
+            yield f"{begin} ramp height of {1e3 * ramp.height:.3g} mm: it is taken up only after the ramp"
 
 
 def check_drives(model: Model) -> Iterator[str]:
