@@ -16,16 +16,18 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-PYTHONS = ("python3.11", "python3.12", "python3.13")
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+PYTHONS = [
+    f"python3.{one[1]}" for one in map(re.compile(r".* :: Python :: 3\.(\d+)").fullmatch, PROJECT["classifiers"]) if one
+]
 UNUSED = ("dev", "peers")
 """Extras that the suite does not install."""
 
 
 def floors() -> list[str]:
     """Return a constraint ``package==floor`` for every dependency with a floor."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    extras = [group for extra, group in project["optional-dependencies"].items() if extra not in UNUSED]
-    wanted = [*project["dependencies"], *(one for group in extras for one in group)]
+    extras = [group for extra, group in PROJECT["optional-dependencies"].items() if extra not in UNUSED]
+    wanted = [*PROJECT["dependencies"], *(one for group in extras for one in group)]
     found = (re.match(r"([\w.-]+)>=([\w.]+)", one) for one in wanted)
     return [f"{one[1]}=={one[2]}" for one in found if one]
 

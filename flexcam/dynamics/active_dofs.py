@@ -31,8 +31,8 @@ from flexcam.dynamics.massless import MasslessMotions
 from flexcam.dynamics.problem import Problem, State
 from flexcam.dynamics.system import LocalForce, System
 
-_VELOCITY_TOLERANCE = 1e-13
-"""Fraction of the largest initial velocity, as square roots of energies, below which a velocity is rounding."""
+_MOTION_TOLERANCE = 1e-13
+"""Fraction of the largest initial displacement or velocity, as square roots of energies, below which it is rounding."""
 
 _RESIDUAL_TOLERANCE = 1e-12
 """Fraction of the forces on a group below which its residual is rounding of the equilibrium."""
@@ -72,7 +72,7 @@ def find_active_dofs(
     v = np.zeros(n) if velocity is None else velocity
     vectors = [load.vector for load in system.loads if not load.steady]
     loaded = (np.array(vectors).reshape(len(vectors), n) != 0.0).any(axis=0)
-    idle, begun = _find_idle_scalars(system, d), loaded | _find_initial_motion(v, system.mass.diagonal())
+    idle, begun = _find_idle_scalars(system, d), loaded | _find_motion(v, system.mass.diagonal())
     while True:
         labels = _coupling_groups(system, idle)
         steady, moving = _constant_forces(system, d, inner, _spread_to_groups(begun, labels), labels)
@@ -102,8 +102,9 @@ class _IdleScalars:
 
 
 def _find_idle_scalars(system: System, d: FloatArray) -> list[_IdleScalars]:
-    """Return the sets of idle scalars that are zero in the initial state."""
+    """Return the sets of idle scalars that are zero within rounding in the initial state."""
     found: list[_IdleScalars] = []
+    d = np.where(_find_motion(d, system.stiffness.diagonal()), d, 0.0)
     for force in system.local_forces:
         for held in force.idle_scalars():
             if not any((force.sense[i].vectors @ d).any() or force.offset[i] != Constant(0.0) for i in held):
@@ -175,10 +176,10 @@ def _find_imbalance(system: System, d: FloatArray, steady: FloatArray, labels: I
     return missing > np.maximum(_RESIDUAL_TOLERANCE * size[labels], _FORCE_TOLERANCE * size.max(initial=0.0))
 
 
-def _find_initial_motion(v: FloatArray, mass: FloatArray) -> NDArray[np.bool_]:
-    """Return the unknowns with an initial velocity; for massless unknowns any velocity counts."""
-    sizes = np.abs(v) * np.sqrt(np.maximum(mass, 0.0))
-    return (sizes > _VELOCITY_TOLERANCE * sizes.max(initial=0.0)) | ((v != 0.0) & (mass <= 0.0))
+def _find_motion(motion: FloatArray, weights: FloatArray) -> NDArray[np.bool_]:
+    """Return the unknowns with a displacement (weights: stiffness) or velocity (mass); without weight any counts."""
+    sizes = np.abs(motion) * np.sqrt(np.maximum(weights, 0.0))
+    return (sizes > _MOTION_TOLERANCE * sizes.max(initial=0.0)) | ((motion != 0.0) & (weights <= 0.0))
 
 
 def _spread_to_groups(one: NDArray[np.bool_], labels: IntArray) -> NDArray[np.bool_]:

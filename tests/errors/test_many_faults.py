@@ -212,21 +212,21 @@ def test_reading_takes_time_proportional_to_the_length(what, text, changed, tmp_
     """Patterns that try every division of a long text would take minutes."""
     path = tmp_path / "long.toml"
     path.write_text(changed(re.sub("title = .*\n", "", text), LONG[what]))
-    begun = time.perf_counter()
+    begun = time.process_time()
     with suppress(InputError):
         CaseFile.open(path).read()
-    assert time.perf_counter() - begun < 2.0
+    assert time.process_time() - begun < 2.0
 
 
 def test_a_long_range_and_a_long_line_take_no_time(tmp_path):
-    begun = time.perf_counter()
+    begun = time.process_time()
     with pytest.raises(InputError):
         parse_axis("run.speed", 20_000 * "1" + " rpm:!")
     for line in (20_000 * ";", "angle" + 20_000 * " " + "[", 20_000 * "["):
         (tmp_path / "long.csv").write_text(f"{line}\n1,2\n2,3\n3,4\n", encoding="utf-8")
         with pytest.raises(InputError, match="lines of up to 10000"):
             read_lift(tmp_path / "long.csv")
-    assert time.perf_counter() - begun < 2.0
+    assert time.process_time() - begun < 2.0
 
 
 def test_a_value_of_thousands_of_characters_is_cut(text, changed, faults_of):

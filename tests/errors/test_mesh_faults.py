@@ -93,10 +93,10 @@ LONG = {
 def test_reading_takes_time_proportional_to_the_length(what, tmp_path):
     """Patterns that try every division of a long text would take minutes."""
     (tmp_path / "long.msh").write_text(LONG[what])
-    begun = time.perf_counter()
+    begun = time.process_time()
     with suppress(InputError):
         read_mesh(tmp_path / "long.msh")
-    assert time.perf_counter() - begun < 1.0
+    assert time.process_time() - begun < 1.0
 
 
 def test_the_good_one_is_read(tmp_path):

@@ -79,6 +79,15 @@ def test_a_start_across_wakes_a_plane(rod, kind):
     assert moving(problem) == PLANES["along"] | PLANES["y"] | PLANES["z"]
 
 
+def test_rounding_across_wakes_no_plane(rod):
+    """Where nothing acts, some solutions of the equilibrium are not exactly zero."""
+    problem = rod().problem
+    rounding = np.zeros(problem.system.size)
+    rounding[problem.system.names.index("mid.uz")] = 1e-40
+    problem = replace(problem, start=replace(problem.start, displacement=problem.start.displacement + rounding))
+    assert moving(problem) == PLANES["along"] | PLANES["y"]
+
+
 def test_a_bow_bends_from_rest(rod):
     """Nothing is bent at the start, but the squeeze bends it."""
     problem = rod().problem
