@@ -154,6 +154,10 @@ def _path(error: ErrorDetails, raw: Mapping[str, Any]) -> Path:
     return tuple(path)
 
 
+_SYNONYMS = {"rate": "stiffness", "preload": "installed_force", "clearance": "gap", "lash": "gap"}
+"""Other words of engineers for keys."""
+
+
 def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[BaseModel]) -> Fault:
     context, value = cast("Mapping[str, Any]", error.get("ctx", {})), cast("object", error["input"])
     where, given = places.place(path), _shorten(value)
@@ -185,7 +189,8 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
                 remedy = f"remove it, or change {variants.partition(' ')[0]}"
                 allowed = f"{variants} with this key" if "=" in variants else "this key only in another table"
                 return Fault(where, f"key {path[-1]!r}", allowed, "", remedy)
-            hint = suggest_name(path[-1], known) or "remove it"
+            usual = _SYNONYMS.get(path[-1])
+            hint = f"did you mean {usual!r}?" if usual in known else suggest_name(path[-1], known) or "remove it"
             return Fault(where, f"key {path[-1]!r}", ", ".join(known), "there is no such key", hint)
         case "literal_error" | "union_tag_invalid":
             allowed = str(context.get("expected") or context.get("expected_tags"))

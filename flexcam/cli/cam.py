@@ -149,7 +149,7 @@ def _centreline(found: CamFacts, turns: float) -> str:
 
 
 def _from_dead_centre(crank_angle: float | None, centre: float = 0.0) -> str:
-    """Return a crank angle from the top dead centre of gas exchange or a bottom one; both in rad after the former."""
+    """Return a crank angle from overlap TDC or a bottom dead centre; both in rad after the former."""
     offset = round(math.degrees(math.remainder((crank_angle or 0.0) - centre, 4.0 * math.pi)), 2)
     return f"{abs(offset):.2f} deg {'B' if offset < 0.0 else 'A'}{'BDC' if centre else 'TDC'}"
 

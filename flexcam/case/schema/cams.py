@@ -86,8 +86,8 @@ class TimingRecord(Record):
         """Return the phase, rad, that places a lift event of phase zero."""
         found = valve_event(event, self.lift)
         if found is None:
-            allowed = f"below the maximum lift {event_extremes(event)[1].value:g} m"
-            raise refuse("timing.lift", f"{self.lift:g} m", allowed, "the follower never passes it")
+            allowed = f"a lift below the maximum, {1e3 * event_extremes(event)[1].value:g} mm"
+            raise refuse("timing.lift", f"{1e3 * self.lift:g} mm", allowed, "the follower never passes it")
         if self.centre is not None:
             return self.centre - 0.5 * found.centre
         return (self.opening or 0.0) - 0.5 * found.opens if self.closing is None else self.closing - 0.5 * found.closes

@@ -48,7 +48,7 @@ from flexcam.fem.sections import Material, Section, Taper
 
 def _check_poisson_ratio(nu: float) -> float:
     if not -1.0 < nu <= 0.5:
-        raise value_error("above -1 and up to 0.5", "the shear modulus E/(2(1+nu)) must be positive")
+        raise value_error("a value above -1 and up to 0.5", "the shear modulus E/(2(1+nu)) must be positive")
     return nu
 
 

@@ -200,12 +200,12 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
             raise value_error("either a mass or a density of the wire", "both define the mass")
         for i, coils in enumerate(entry.part for entry in entries):
             if min(coils.ends) < 2.0 * wire.diameter:
-                given, allowed = f"{min(coils.ends):g} m", "twice the diameter of the wire or more"
+                given, allowed = f"{1e3 * min(coils.ends):g} mm", "twice the diameter of the wire or more"
                 raise value_error(allowed, _WAHL, inside=f"coils.{i}.diameter", given=given)
             if coils.gap(wire.diameter) <= 0.0:
-                allowed = f"above {coils.pitch - coils.gap(wire.diameter):g} m"
+                allowed = f"a pitch above {1e3 * (coils.pitch - coils.gap(wire.diameter)):g} mm"
                 why = "these coils touch each other in the free spring"
-                raise value_error(allowed, why, inside=f"coils.{i}.pitch", given=f"{coils.pitch:g} m")
+                raise value_error(allowed, why, inside=f"coils.{i}.pitch", given=f"{1e3 * coils.pitch:g} mm")
 
     def _check_table(self, rows: list[tuple[float, float]]) -> None:
         if any(x1 <= x0 or f1 <= f0 for (x0, f0), (x1, f1) in pairwise(rows)):
@@ -214,7 +214,7 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
         start, force = self.installed_compression or 0.0, self.installed_force
         (least, weakest), (most, strongest) = rows[0], rows[-1]
         if not (least <= start <= most if force is None else weakest <= force <= strongest):
-            place = f"the installed position, {start:g} m" if force is None else f"{force:g} N"
+            place = f"the installed position, {1e3 * start:g} mm" if force is None else f"{force:g} N"
             raise value_error(f"rows around {place}", "they give the force in this position", inside="force_table")
 
     def _check_force(self, key: str) -> None:
