@@ -211,9 +211,9 @@ def _face(found: CamFacts, smallest: float) -> str:
     width, given, arm = found.cam.width, found.face_diameter, found.rotation_arm
     said = "without the width of the cam" if width is None else f"with the cam's width of {format_quantity('m', width)}"
     if arm:
-        said += f", contact {format_quantity('m', arm)} from the follower's axis, which rotates it"
+        said += f", contact {format_quantity('m', arm)} from the follower's axis, which spins it"
     elif given is not None:
-        said += ", no axial_offset, or crown with taper, that rotates the follower"
+        said += ", no axial_offset, or crown with taper, that spins the tappet"
     has = "" if given is None else f" of {format_quantity('m', given)}"
     return f"{format_quantity('m', smallest)}{has} ({said})"
 

@@ -373,7 +373,7 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
 
 
 _DefinedPoint = Annotated[Name, Field(description="the name of the point that it defines")]
-_Arms = Annotated[tuple[Length, Length], Field(description="two values, for the arms at `from` and at `to`")]
+_Arms = Annotated[tuple[Length, Length], Field(description="of the parts at `from` and at `to`")]
 _DrivenDirection = Annotated[LineValue | None, Field(description="motion at `from`; along the member there by default")]
 
 
@@ -419,7 +419,7 @@ class RepeatRecord(Record):
     """Copies of the parts whose names contain the mark, such as ``{cylinder}`` for the table `[repeat.cylinder]`."""
 
     names: list[Name] = Field(
-        default=[], description="that replace the mark; the numbers of the firing order by default"
+        default=[], description="names that replace the mark; by default the numbers of the firing order"
     )
     spacing: Point | None = Field(None, description="from each copy to the next, global axes")
     offsets: list[Point] | None = Field(None, description="of every copy from the given nodes, instead of spacing")
