@@ -167,6 +167,7 @@ FAULTS = {
     # start
     "periodic with half an order": ([PERIODIC, ("orders = [2, 4]", "orders = [0.5, 4]")], "run", "", "whole orders"),
     "periodic with a step that does not fit": ([PERIODIC, ("steps_per_revolution = 720", 'step = "31 us"')], "run.step", "3.1e-05 s", "whole number of steps"),
+    "steps too long for the method": ([(SWING, f'{SWING}\nintegrator = {{ method = "central-difference" }}')], "run.steps_per_revolution", "720, which is a step of", "times as many steps"),
     "start misspelt": ([('start = "equilibrium"', 'start = "periodical"')], "run.start", "'periodical'", "Did you mean 'periodic'"),
 }  # fmt: skip
 

@@ -21,6 +21,7 @@ FAULTS = {
     "key of a section": ("{ shape = ", "{ diametr = 1, shape = ", "sections.shaft.diametr", "diametr", "did you mean 'diameter'"),
     "key of a member": ('camshaft = { nodes', 'camshaft = { element = 2, nodes', "members.camshaft.element", "element", "did you mean 'elements'"),
     "key of a mass": ('mass = "0.15 kg"', 'mass = "0.15 kg", ofset = 1', "masses.lobe.ofset", "ofset", "did you mean 'offset'"),
+    "rate of a spring": ("stiffness =", "rate =", "springs.valve.rate", "rate", "did you mean 'stiffness'"),
     "key of a spring": ("stiffness =", "stifness =", "springs.valve.stifness", "stifness", "did you mean 'stiffness'"),
     "key of a rocker": ("inertia =", "inertai =", "rockers.rocker.inertai", "inertai", "did you mean 'inertia'"),
     "key of a cam": ("lift =", "lfit =", "cams.intake.lfit", "lfit", "did you mean 'lift'"),
