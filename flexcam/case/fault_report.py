@@ -109,11 +109,14 @@ def parse_toml(text: str) -> dict[str, Any]:
     raise ValueError(_TOO_DEEP)
 
 
-def value_at(table: Mapping[str, Any], path: Sequence[str]) -> object:
-    """Return the value at a key path in nested tables; None if there is none."""
+def value_at(table: object, path: Sequence[str]) -> object:
+    """Return the value at a key path in nested tables and lists; None if there is none."""
     value: object = table
     for step in path:
-        value = cast("dict[str, object]", value).get(step) if isinstance(value, dict) else None
+        if isinstance(value, list) and step.isdigit():
+            value = dict(enumerate(cast("list[object]", value))).get(int(step))
+        else:
+            value = cast("dict[str, object]", value).get(step) if isinstance(value, dict) else None
     return value
 
 
@@ -220,11 +223,13 @@ def _locate_fault(
     inside, given = str(context["inside"]), str(context["given"])
     if not inside:
         return places.place(path), given or _shorten(value)
-    key = inside.rpartition(".")[2]
-    if key not in (name for name, _ in fields_at(path, root)):
+    steps = inside.split(".")
+    known = {name for name, _ in fields_at(path, root)}
+    first = next((i for i, step in enumerate(steps) if step in known), None)
+    if first is None:
         return f"{places.place(path)}: {inside}", given
-    table = cast("dict[str, object]", value) if isinstance(value, dict) else dict[str, object]()
-    return places.place((*path, key)), _shorten(table[key]) if key in table else given
+    found = value_at(value, steps[first:])
+    return places.place((*path, *steps[first:])), given if found is None else _shorten(found)
 
 
 def _variants_with(path: Path, root: type[BaseModel], value: str = "") -> str:

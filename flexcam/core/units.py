@@ -169,6 +169,7 @@ def is_unit(symbol: str) -> bool:
 
 def _suggest_unit(text: str, symbol: str, wanted: Exponents) -> str:
     """Return a suggestion for the unknown symbol of a text, of the same dimension if any is close, or an empty text."""
+    letters = _letters(text)
     for dimensions in ({wanted}, {kind.exponents for kind in DIMENSIONS.values()}):
         bases = [one for one, (_, exponents) in _PREFIXED.items() if exponents in dimensions]
         bases += [kind.si for kind in DIMENSIONS.values() if kind.exponents in dimensions and kind.si[:1] not in "1"]
@@ -178,7 +179,7 @@ def _suggest_unit(text: str, symbol: str, wanted: Exponents) -> str:
             alike = [one for one in known if len(one) == len(text) == 2 and one[0] == text[0]]  # "mn": "mm"
             hint = f"did you mean {alike[0]!r}?" if alike else suggest_name(text, known)
         else:  # a compound of other units would change the quantity
-            hint = next((f"did you mean {one!r}?" for one in known if _letters(one) == _letters(text)), "")
+            hint = next((f"did you mean {one!r}?" for one in known if _letters(one) == letters), "")
         if hint:
             return hint
     if symbol[0].isdigit():
