@@ -32,11 +32,11 @@ Units are m, g, s, N, Pa, J, W, Hz and rad, with the prefixes G, M, k, d, c, m, 
 in, thou or mil, ft, oz, lb (mass), lbf (force), psi, ksi, hp, K. They combine with a space or `*`, `/` and `^`: `"2 kN s/m"`, `"490 mm^2"`.
 
 The command line overrides every key; numbers in a list count from 0: `--set run.speed=4000rpm`, `--set rockers.rocker.arms.1="42 mm"`.
-An override removes a key that cannot stand beside it: `speed` and `crank_speed` replace each other, and so do `step` and
+An override removes a key that excludes it: `speed` and `crank_speed` replace each other, and so do `step` and
 `steps_per_revolution`. flexcam accepts an implausible number such as `E = 207` (Pa instead of GPa) and [warns](long-runs.md#checks-of-a-run).
 
 A node on no member can translate if a mass is at it, rotate if this mass has `inertia` or an `offset`, and move in the directions of
-the springs at it: a train of masses and springs needs no material, section or member (`cases/li`). `cases/checks/cantilever.toml`
+the springs at it. So a train of masses and springs needs no material, section or member (`cases/li`). `cases/checks/cantilever.toml`
 is a short complete case; `flexcam new` writes commented ones.
 
 In the tables below *type* is the SI unit of a quantity, with its range and default. A key that is not required may be absent. The
