@@ -16,7 +16,7 @@ PAGE = ROOT / "docs/case-format.md"
 
 HEAD = """# The case file
 
-Every key of a case file, a TOML file, with type, unit, range, default and meaning. `flexcam schema` prints the same as JSON Schema,
+Every key of a case file (TOML), with type, unit, range, default and meaning. `flexcam schema` prints the same as JSON Schema,
 with which an editor completes and checks a case (`#:schema case.schema.json` on its first line).
 
 ## Values
