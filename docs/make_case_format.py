@@ -16,8 +16,8 @@ PAGE = ROOT / "docs/case-format.md"
 
 HEAD = """# The case file
 
-Every key of a case file, a TOML file, with type, unit, range, default and meaning. `flexcam schema` prints the same as JSON Schema,
-with which an editor completes and checks a case (`#:schema case.schema.json` on its first line). `make docs-pages` generates this page.
+Every key of a case file (TOML), with type, unit, range, default and meaning. `flexcam schema` prints the same as JSON Schema,
+with which an editor completes and checks a case (`#:schema case.schema.json` on its first line).
 
 ## Values
 
@@ -26,17 +26,18 @@ with which an editor completes and checks a case (`#:schema case.schema.json` on
 | quantity: a string with a unit, or a number in the SI unit that the tables give | `"6 mm"`, `0.006`, `"40 kN/m"` |
 | direction: a component with an optional sign, or three numbers in global axes | `"uy"`, `"-rx"`, `[0, 1, 0]` |
 | point: the name of a node, from the mesh's point groups, `[nodes]` or a rocker | `"tip"` |
-| file: in the folder of the case, up to two folders above it, or below these ([security](security.md)) | `"../meshes/tayeb-1.msh"` |
+| file: in the folder of the case, in one of the two folders above it, or in a subfolder of these ([security](security.md)) | `"../meshes/tayeb-1.msh"` |
 
 Units are m, g, s, N, Pa, J, W, Hz and rad, with the prefixes G, M, k, d, c, m, u or µ, n; and %, t, bar, deg or °, rev, rpm, min, h,
 in, thou or mil, ft, oz, lb (mass), lbf (force), psi, ksi, hp, K. They combine with a space or `*`, `/` and `^`: `"2 kN s/m"`, `"490 mm^2"`.
 
 The command line overrides every key; numbers in a list count from 0: `--set run.speed=4000rpm`, `--set rockers.rocker.arms.1="42 mm"`.
-An override replaces a key that excludes it: `crank_speed` and `speed`, `step` and `steps_per_revolution`. flexcam accepts an
-implausible number such as `E = 207` (Pa instead of GPa) and [warns](long-runs.md#checks-of-a-run).
+An override removes a key that excludes it: `speed` and `crank_speed` replace each other, and so do `step` and
+`steps_per_revolution`. flexcam accepts an implausible number such as `E = 207` (Pa instead of GPa) and [warns](long-runs.md#checks-of-a-run).
 
-A node without a member moves if a mass at it has inertia, and along the springs at it: a train of masses and springs needs no
-material, section or member (`cases/li`). `cases/checks/cantilever.toml` is a short complete case; `flexcam new` writes commented ones.
+A node on no member can translate if a mass is at it, rotate if this mass has `inertia` or an `offset`, and move in the directions of
+the springs at it. So a train of masses and springs needs no material, section or member (`cases/li`). `cases/checks/cantilever.toml`
+is a short complete case; `flexcam new` writes commented ones.
 
 In the tables below *type* is the SI unit of a quantity, with its range and default. A key that is not required may be absent. The
 user names the entries of *tables*: `[materials.steel]`.

@@ -73,7 +73,7 @@ class CamSet:
     ratios: Mapping[str, float]  #: valve lift per cam lift, by cam; 1 without a rocker
     lashes: Mapping[str, float]  #: lash that the lift takes up, reduced to the follower, m, by cam
     phases: Mapping[str, float]  #: cam angle at which the rise or the zero of the lift table lies, rad, by cam
-    #: cam angle at the top dead centre of gas exchange, rad, by cam; None if not given
+    #: cam angle at overlap TDC, rad, by cam; None if not given
     tdcs: Mapping[str, float | None]
     reports: Mapping[str, LiftReport]  #: smoothing reports, by cam with a lift table
     speed: float | None  #: camshaft speed, rad/s; None if not given
@@ -109,7 +109,7 @@ class CamFacts:
     #: `ratio`, `lash`: valve lift per cam lift, and the lash at the follower, m, which delays the valve
     ratio: float
     lash: float
-    tdc: float | None  #: cam angle at the top dead centre of gas exchange, rad; None if not given
+    tdc: float | None  #: cam angle at overlap TDC, rad; None if not given
     checking_lifts: Mapping[str, float]  #: lifts at which the events are evaluated, m, by name
 
     @property
@@ -135,7 +135,7 @@ class CamFacts:
         return np.maximum(self.ratio * (lift - self.lash), 0.0)
 
     def after_tdc(self, crank_angle: float) -> float | None:
-        """Return a crank angle from the top dead centre of gas exchange, rad from -2 pi to 2 pi; None without one."""
+        """Return a crank angle from overlap TDC, rad from -2 pi to 2 pi; None without one."""
         return None if self.tdc is None else math.remainder(crank_angle - 2.0 * self.tdc, 4.0 * math.pi)
 
     @property

@@ -70,7 +70,7 @@ class Search:
             if (value := getattr(self, name)) is not None:
                 positive(name, value, unit)
         if not self.highest > self.lowest:
-            raise refuse("highest", f"{self.highest / RPM:g} rpm", f"above {self.lowest / RPM:g} rpm")
+            raise refuse("highest", f"{self.highest / RPM:g} rpm", f"a speed above {self.lowest / RPM:g} rpm")
 
     def speeds(self) -> list[float]:
         """Return the powers of ``1 + spacing`` that enclose the range, rad/s."""
@@ -333,7 +333,7 @@ def _filtered_contacts(response: Response, ready: PreparedRun, cutoff: float) ->
     rate = (len(time) - 1) / (end - begin)
     channels: dict[str, FloatArray] = dict(response.channels)
     if 2.0 * cutoff >= rate:
-        given, allowed = f"{cutoff:g} Hz", f"below {0.5 * rate:g} Hz, half the steps per second"
+        given, allowed = f"{cutoff:g} Hz", f"a frequency below {0.5 * rate:g} Hz, half the steps per second"
         raise refuse("low_pass", given, allowed, "", "more run.steps_per_revolution")
     low_pass = butter(_FILTER_ORDER, cutoff, fs=rate, output="sos")
     for name in ready.model.cam_contacts:

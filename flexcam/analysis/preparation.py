@@ -296,8 +296,16 @@ def _residual_start(case: Case, problem: Problem, shapes: FloatArray) -> FloatAr
 
 
 def _add_lines(case: Case, refusal: InputError) -> InputError:
-    """Return an error with the lines of its keys in the case file added."""
-    return InputError(map(case.places.locate, refusal.faults))
+    """Return an error with the lines of its keys in the case file added, at the key that gives the steps."""
+    run, faults = case.record.run, list(refusal.faults)
+    if run.step is None:
+        count = run.steps_per_revolution or f"{DEFAULT_STEPS_PER_REVOLUTION} by default"
+        faults = [
+            replace(one, where="run.steps_per_revolution", given=f"{count}, which is a step of {one.given}",
+                    allowed=f"steps of {one.allowed}") if one.where == "run.step" else one
+            for one in faults
+        ]  # fmt: skip
+    return InputError(map(case.places.locate, faults))
 
 
 def _make_problem(case: Case, model: Model, system: System) -> Problem:

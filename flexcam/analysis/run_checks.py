@@ -35,7 +35,7 @@ from flexcam.case.input_checks import (
 )
 from flexcam.core import rounding_fraction
 from flexcam.core.errors import InputError
-from flexcam.dynamics import Response, Sink, Stats, newmark, outline
+from flexcam.dynamics import Response, Sink, Stats, default_method, outline
 from flexcam.dynamics.force_laws import THINNEST
 from flexcam.dynamics.memory import ExtremesSink
 from flexcam.valvetrain import (
@@ -375,7 +375,9 @@ def describe_balance(extremes: ExtremesSink, stats: Stats) -> str:
     balance = f"equilibrium of forces within {stats.imbalance:.1e} of the largest force"
     forces = balance if stats.imbalance >= 0.0 else "forces not checked"
     residual, numerical = energy_residual(extremes), numerical_dissipation(extremes)
-    return f"residual {residual:.1e}, numerical dissipation {numerical:.2g} of the external work; {forces}"
+    verb = "added" if numerical < 0.0 else "removed"
+    energies = f"residual {residual:.1e}, energy {verb} by the integrator {abs(numerical):.2g} of the external work"
+    return f"{energies}; {forces}"
 
 
 def _check_accuracy(ready: PreparedRun, extremes: ExtremesSink, stats: Stats) -> Iterator[str]:
@@ -386,7 +388,7 @@ def _check_accuracy(ready: PreparedRun, extremes: ExtremesSink, stats: Stats) ->
         yield f"Warning: {residual}: {why}; use more steps per revolution"
     if not abs(share := numerical_dissipation(extremes)) <= _MAX_ENERGY_RESIDUAL:
         verb = "dissipates" if share > 0.0 else "adds"
-        other = "" if ready.scheme == newmark() else ", or leave run.integrator out"
+        other = "" if ready.scheme == default_method(ready.problem) else ", or leave run.integrator out"
         why = f"{100.0 * abs(share):.3g} % of the external work: the steps are too long"
         yield f"Warning: the time integration {verb} {why}; use more steps per revolution{other}"
     if not stats.imbalance <= _MAX_RESIDUAL:
@@ -415,7 +417,7 @@ def _check_deflections(ready: PreparedRun, extremes: ExtremesSink) -> Iterator[s
 
 def _check_resolution(sink: ResolutionSink) -> Iterator[str]:
     found = sink.found()
-    at = f"at the mean frequency of the accelerations ({found.frequency:.4g} Hz)"
+    at = f"at the typical frequency of the motion ({found.frequency:.4g} Hz, rms acceleration over rms velocity)"
     if found.steps < _MIN_STEPS:
         ratio = _MIN_STEPS / found.steps
         more = math.ceil(10.0 * ratio) / 10.0 if ratio < 10.0 else math.ceil(ratio)

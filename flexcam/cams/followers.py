@@ -163,8 +163,8 @@ class RollerFollower(Follower):
         positive("base_radius", self.base_radius, "m")
         positive("follower.radius", self.roller_radius, "m")
         if not abs(self.offset) < self.base_radius + self.roller_radius:
-            given = f"{self.offset:g} m"
-            allowed = f"less than base circle and roller together, {self.base_radius + self.roller_radius:g} m"
+            given = f"{1e3 * self.offset:g} mm"
+            allowed = f"less than base circle and roller together, {1e3 * (self.base_radius + self.roller_radius):g} mm"
             raise refuse("follower.offset", given, allowed, "the roller would not touch the cam")
 
     @property

@@ -109,11 +109,14 @@ def parse_toml(text: str) -> dict[str, Any]:
     raise ValueError(_TOO_DEEP)
 
 
-def value_at(table: Mapping[str, Any], path: Sequence[str]) -> object:
-    """Return the value at a key path in nested tables; None if there is none."""
+def value_at(table: object, path: Sequence[str]) -> object:
+    """Return the value at a key path in nested tables and lists; None if there is none."""
     value: object = table
     for step in path:
-        value = cast("dict[str, object]", value).get(step) if isinstance(value, dict) else None
+        if isinstance(value, list) and step.isdigit():
+            value = dict(enumerate(cast("list[object]", value))).get(int(step))
+        else:
+            value = cast("dict[str, object]", value).get(step) if isinstance(value, dict) else None
     return value
 
 
@@ -154,6 +157,10 @@ def _path(error: ErrorDetails, raw: Mapping[str, Any]) -> Path:
     return tuple(path)
 
 
+_SYNONYMS = {"rate": "stiffness", "preload": "installed_force", "clearance": "gap", "lash": "gap"}
+"""Other words of engineers for keys."""
+
+
 def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[BaseModel]) -> Fault:
     context, value = cast("Mapping[str, Any]", error.get("ctx", {})), cast("object", error["input"])
     where, given = places.place(path), _shorten(value)
@@ -185,7 +192,8 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
                 remedy = f"remove it, or change {variants.partition(' ')[0]}"
                 allowed = f"{variants} with this key" if "=" in variants else "this key only in another table"
                 return Fault(where, f"key {path[-1]!r}", allowed, "", remedy)
-            hint = suggest_name(path[-1], known) or "remove it"
+            usual = _SYNONYMS.get(path[-1])
+            hint = f"did you mean {usual!r}?" if usual in known else suggest_name(path[-1], known) or "remove it"
             return Fault(where, f"key {path[-1]!r}", ", ".join(known), "there is no such key", hint)
         case "literal_error" | "union_tag_invalid":
             allowed = str(context.get("expected") or context.get("expected_tags"))
@@ -215,11 +223,13 @@ def _locate_fault(
     inside, given = str(context["inside"]), str(context["given"])
     if not inside:
         return places.place(path), given or _shorten(value)
-    key = inside.rpartition(".")[2]
-    if key not in (name for name, _ in fields_at(path, root)):
+    steps = inside.split(".")
+    known = {name for name, _ in fields_at(path, root)}
+    first = next((i for i, step in enumerate(steps) if step in known), None)
+    if first is None:
         return f"{places.place(path)}: {inside}", given
-    table = cast("dict[str, object]", value) if isinstance(value, dict) else dict[str, object]()
-    return places.place((*path, key)), _shorten(table[key]) if key in table else given
+    found = value_at(value, steps[first:])
+    return places.place((*path, *steps[first:])), given if found is None else _shorten(found)
 
 
 def _variants_with(path: Path, root: type[BaseModel], value: str = "") -> str:

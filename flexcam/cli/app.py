@@ -242,7 +242,7 @@ def speed_range(
     high = most * speed if highest is None else parse_quantity("--highest", highest, "speed", "rpm") / scale
     if not high > low:
         given = highest or f"{scale * high / RPM:g} rpm, {most:g} times that of the case"
-        raise refuse("--highest", given, f"above the lowest speed, {scale * low / RPM:g} rpm")
+        raise refuse("--highest", given, f"a speed above the lowest, {scale * low / RPM:g} rpm")
     if not low > 0.0:
         raise refuse("--lowest", lowest, "a speed above zero")
     return low, high

@@ -157,7 +157,7 @@ def _phaser(phaser: Phaser) -> str:
 
 
 def _from_dead_centre(crank_angle: float | None, centre: float = 0.0) -> str:
-    """Return a crank angle from the top dead centre of gas exchange or a bottom one; both in rad after the former."""
+    """Return a crank angle from overlap TDC or a bottom dead centre; both in rad after the former."""
     offset = round(math.degrees(math.remainder((crank_angle or 0.0) - centre, 4.0 * math.pi)), 2)
     return f"{abs(offset):.2f} deg {'B' if offset < 0.0 else 'A'}{'BDC' if centre else 'TDC'}"
 
@@ -219,9 +219,9 @@ def _face(found: CamFacts, smallest: float) -> str:
     width, given, arm = found.cam.width, found.face_diameter, found.rotation_arm
     said = "without the width of the cam" if width is None else f"with the cam's width of {format_quantity('m', width)}"
     if arm:
-        said += f", contact {format_quantity('m', arm)} from the follower's axis, which rotates it"
+        said += f", contact {format_quantity('m', arm)} from the follower's axis, which spins it"
     elif given is not None:
-        said += ", no axial_offset, or crown with taper, that rotates the follower"
+        said += ", no axial_offset, or crown with taper, that spins the tappet"
     has = "" if given is None else f" of {format_quantity('m', given)}"
     return f"{format_quantity('m', smallest)}{has} ({said})"
 

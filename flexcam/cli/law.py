@@ -62,6 +62,12 @@ def _format_position(extreme: Extreme) -> str:
     return f"{extreme.value:.6g} at z = {' and '.join(f'{round(z, 6):g}' for z in (extreme.at, *extreme.also))}"
 
 
+CRITERIA_LEGEND = (
+    "C_v, C_a, C_j: max velocity, acceleration and jerk of the law, lift 1 over angle 1; "
+    "C_m: max product of velocity and acceleration, which is proportional to the inertia torque"
+)
+
+
 def _laws_table(found: Mapping[str, Criteria]) -> Table:
     rest = ("none", "s'", "s' s''", "s' s'' s'''")
     rows = [
@@ -76,7 +82,11 @@ def _laws_table(found: Mapping[str, Criteria]) -> Table:
 
 def _spectrum_table(spectra: Mapping[str, Sequence[float]], ratios: Sequence[float]) -> Table:
     rows = [(name, *(f"{value:.6f}" for value in values)) for name, values in spectra.items()]
-    return plain_table("Residual vibration / lift, by rise time / period", ("law", *(f"{r:g}" for r in ratios)), rows)
+    return plain_table(
+        "Residual vibration divided by lift, for rise time divided by period =",
+        ("law", *(f"{r:g}" for r in ratios)),
+        rows,
+    )
 
 
 def find_law(name: str, parameters: list[str] | None = None) -> Law:
@@ -120,7 +130,7 @@ def law(
         "Repeatable.")] = None,
     plot: cli.Picture = None,
     spectrum: Annotated[Path | None, Parameter(
-        "--spectrum", help="Also draw the residual vibration over the rise time (.svg, .png or .pdf).")] = None,
+        "--spectrum", help="Also draw the residual vibration over rise time / period (.svg, .png or .pdf).")] = None,
     overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> cli.CommandOutput:  # fmt: skip
     """Show the criteria of a motion law, or compare all laws: max velocity, acceleration, jerk, residual vibration.
@@ -155,6 +165,7 @@ def _compare_laws(ratios: Sequence[float]) -> cli.CommandOutput:
         rows[first] = f"{rows[first]}, {name}" if first in rows else name
     parts = [
         _laws_table({names: found[first] for first, names in rows.items()}),
+        CRITERIA_LEGEND,
         _spectrum_table({names: spectra[first] for first, names in rows.items()}, ratios),
         f"Laws with parameters (flexcam law NAME --with KEY=VALUE): {', '.join(kind_names())}",
     ]

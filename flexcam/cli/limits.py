@@ -17,7 +17,7 @@ from flexcam import plotting
 from flexcam.analysis.limits import Search, find_limits
 from flexcam.analysis.run_checks import describe_change
 from flexcam.analysis.run_metrics import compute_margins
-from flexcam.analysis.stability import Resonance, Stability, StepAmplification, assess_stability, stability_over_speeds
+from flexcam.analysis.stability import Resonance, Stability, assess_stability, stability_over_speeds
 from flexcam.case.reader import CaseFile as OpenCase
 from flexcam.cli import app as cli
 from flexcam.core.errors import positive, refuse
@@ -179,8 +179,8 @@ _HARMLESS = "chatter (harmless)"
 _WORDS = {
     "broken off": "the run at this speed ended early; its contacts are assessed up to there",
     "numerical": "the time integration is unstable: use a smaller step or an unconditionally stable integrator",
-    "parametric": "disturbances of the periodic motion grow from revolution to revolution",
-    "resonance": "a harmonic of the cam excites a mode, with more than 5 % of the maximum contact force",
+    "parametric": "a disturbance of the periodic motion grows by the multiplier in each revolution",
+    "resonance": "a harmonic of the cam excites a mode, with more than 5 % of the maximum cam force",
     "contact loss": "the follower leaves its cam during the lift, or the contact would have to pull it",
     "chatter": "impacts change the motion or the force from revolution to revolution",
     _HARMLESS: "differences of rounding size grow at impacts, but two revolutions hardly differ",
@@ -195,7 +195,7 @@ def _stability_table(found: Stability, scale: float, *, has_contact: bool) -> Ta
     several = len({one.contact for one in found.resonances}) > 1
     opened = f"{math.degrees(found.open_on_the_lift):.3g} deg of cam angle on the lift"
     rows = [
-        ("integrator", _describe_amplification(found.discrete)),
+        ("integrator", _describe_amplification(found)),
         ("periodic motion", _describe_growth(found)),
         ("loss of contact", opened if has_contact else "not assessed: a load drives the follower, without a contact"),
         ("resonances", _count_resonances(found, scale)),
@@ -211,15 +211,17 @@ def _verdict(found: Stability) -> list[str]:
     return [*found.causes, *chatter]
 
 
-def _describe_amplification(found: StepAmplification) -> str:
-    if not found.is_available:
+def _describe_amplification(found: Stability) -> str:
+    worst = found.discrete
+    if not worst.is_available:
         return "not assessed"
-    words = f"spectral radius {found.radius:.9g}, at {found.frequency:.5g} Hz ({', '.join(found.moving)})"
-    return words + (f"; max stable step {found.critical_step:.4g} s" if math.isfinite(found.critical_step) else "")
+    stable = "unstable" if "numerical" in found.causes else "stable"
+    words = f"{stable}: spectral radius {worst.radius:.9g}, at {worst.frequency:.5g} Hz ({', '.join(worst.moving)})"
+    return words + (f"; max stable step {worst.critical_step:.4g} s" if math.isfinite(worst.critical_step) else "")
 
 
 def _format_resonance(one: Resonance, scale: float) -> str:
-    sizes = f"lift {1e3 * one.amplitude:.3g} mm, contact force {one.load:.3g} N, {one.share:.1%} of its maximum"
+    sizes = f"lift {1e3 * one.amplitude:.3g} mm, cam force {one.load:.3g} N, {one.share:.1%} of its maximum"
     mode = f"mode {one.frequency:.5g} Hz ({one.words})"
     return f"{mode} at {scale * one.rpm:.5g} {shaft_name(scale)} rpm; amplitudes: {sizes}"
 

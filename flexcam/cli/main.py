@@ -119,6 +119,15 @@ def _command_line_fault(words: Sequence[str], fault: CycloptsError) -> Fault:
     return Fault("command line", " ".join(words), "", why, remedy)
 
 
+def _name_options(faults: Sequence[Fault], words: Sequence[str]) -> list[Fault]:
+    """Return faults at the options that were typed, instead of at parameters of Python."""
+    typed = {word.partition("=")[0] for word in words if word.startswith("--")}
+    arguments = app.parse_commands(words)[1][-1].assemble_argument_collection()
+    options = {one.field_info.name: name for one in arguments for name in one.names if name in typed}
+    options |= {name.removeprefix("--").replace("-", "_"): name for name in typed}
+    return [replace(fault, where=options.get(fault.where, fault.where)) for fault in faults]
+
+
 def _handle_signal(signum: int, frame: FrameType | None) -> None:
     """End a run at its next step; end other operations immediately."""
     del frame
@@ -155,10 +164,7 @@ def _dispatch(words: Sequence[str]) -> int:
     except CycloptsError as fault:
         code = _print_faults([_command_line_fault(words, fault)], as_json)
     except InputError as refusal:
-        given = {word.partition("=")[0] for word in words}
-        options = ((fault, f"--{fault.where.replace('_', '-')}") for fault in refusal.faults)  # of a parameter
-        faults = [replace(fault, where=option) if option in given else fault for fault, option in options]
-        code = _print_faults(faults, as_json)
+        code = _print_faults(_name_options(refusal.faults, words), as_json)
     except RunFailedError as failure:
         code = _print_status(failure.status, as_json=as_json)
     except KeyboardInterrupt:

@@ -32,7 +32,7 @@ from flexcam.core.errors import collect_errors, refuse
 from flexcam.core.units import shaft_name
 from flexcam.dynamics import Status
 from flexcam.io import check_folder_name, create_folder, write_modes
-from flexcam.report.tables import describe_mac, mac_table, mode_table
+from flexcam.report.tables import describe_mac, describe_modes, mac_table, mode_table
 from flexcam.report.terminal import NOISE, format_csv, format_number, plain_table, show_count
 from flexcam.valvetrain import ModelModes
 
@@ -97,6 +97,7 @@ def modes(
     closed, missing = closed_modes(read)
     parts = [
         mode_table(found, f"{read.title}: modes, contacts open", read.turns),
+        describe_modes(found),
         *(_closed_mode_table(one, count, read.turns) for one in closed),
         *check_modes(found),
         *filter(None, [missing]),
@@ -141,7 +142,7 @@ def _modes_table(found: Campbell, scale: float) -> Table:
             zip(found.frequencies.T, found.reached, found.words, strict=True), start=1
         )
     ]
-    title = f"Modes at full lift of {found.contact} over {shaft_name(scale)} rpm"
+    title = f"Modes above zero at full lift of {found.contact} over {shaft_name(scale)} rpm"
     return plain_table(title, ("mode", low, high, "excited", "what moves"), rows)
 
 

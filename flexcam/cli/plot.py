@@ -322,9 +322,8 @@ def _profile_values(source: Source, cam: Cam, profile: CamProfile, channel: str)
     """Return the profile at the instants of the last revolution, the values of a channel and their label."""
     response = source.response
     unit, last = plotting.histories.channel_unit(response, channel), response.latest(source.ready.revolution)
-    values, (factor, symbol) = response.channels[channel][last], to_display_unit(unit)
-    if unit == "m" and float(np.abs(values).max(initial=0.0)) < _THIN:
-        factor, symbol = 1e6, "µm"
+    values = response.channels[channel][last]
+    factor, symbol = to_display_unit(unit, thin=float(np.abs(values).max(initial=0.0)) < _THIN)
     touched = profile_at(profile.event, profile.follower, cam.angle(response.angle[last]), profile.turn)
     return touched, factor * values, ", ".join(filter(None, (plotting.histories.short_name(channel), symbol)))
 

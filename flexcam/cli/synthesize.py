@@ -17,17 +17,14 @@ from flexcam.analysis import cam_analysis
 from flexcam.cams import Family, HarmonicFamily, SingleMass, SplineFamily, Synthesis, event_extremes, minimax, pareto
 from flexcam.case.reader import has_mechanism
 from flexcam.cli import app as cli
+from flexcam.cli.law import CRITERIA_LEGEND
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, format_quantity, parse
 from flexcam.io import check_writable, create_folder, write_law, write_lift
 from flexcam.report.terminal import NOISE, facts_table, plain_table
 
 _FAMILY = Group("Family of laws", sort_key=1)
-_LEGEND = (
-    "C_v, C_a, C_j: max velocity, acceleration and jerk of the law, lift 1 over angle 1; "
-    "C_m: max product of velocity and acceleration, which is proportional to the inertia torque; "
-    "z: angle / duration of the rise"
-)
+_LEGEND = f"{CRITERIA_LEGEND}; z: angle / duration of the rise"
 
 
 def _synthesis_json(found: Synthesis) -> dict[str, object]:

@@ -26,7 +26,7 @@ _FACTOR = re.compile(r"([*/]?)\s*(1(?=\s*/)|[A-Za-z%µ°]+)\s*(?:(?:\^|\*\*)\s*(
 _FOREIGN = {
     "degC": "write K; a temperature is a rise", "C": "write K; a temperature is a rise", "ppm": "write um/m for 1 ppm",
     "lbm": "write 'lb', a mass", "inch": "write 'in'", "inches": "write 'in'", "gram": "write 'g'",
-    "grams": "write 'g'", "lbs": "write 'lb' for a mass, 'lbf' for a force",
+    "grams": "write 'g'", "sec": "write 's'", "lbs": "write 'lb' for a mass, 'lbf' for a force",
 }  # fmt: skip
 """Other names of units, and the remedies."""
 
@@ -167,17 +167,28 @@ def is_unit(symbol: str) -> bool:
     return _unit(symbol) is not None
 
 
-def _suggest_unit(text: str, wanted: Exponents) -> str:
-    """Return a suggestion of the closest common unit, of the same dimension if any is close, or an empty text."""
+def _suggest_unit(text: str, symbol: str, wanted: Exponents) -> str:
+    """Return a suggestion for the unknown symbol of a text, of the same dimension if any is close, or an empty text."""
+    letters = _letters(text)
     for dimensions in ({wanted}, {kind.exponents for kind in DIMENSIONS.values()}):
         bases = [one for one, (_, exponents) in _PREFIXED.items() if exponents in dimensions]
         bases += [kind.si for kind in DIMENSIONS.values() if kind.exponents in dimensions and kind.si[:1] not in "1"]
         prefixed = [prefix + base for base in bases if base != "kg" for prefix in ("", "k", "M", "G", "c", "m", "u")]
         known = [one for one in _PLAIN if _PLAIN[one][1] in dimensions] + prefixed
-        alike = [one for one in known if len(one) == len(text) == 2 and one[0] == text[0]]  # "mn": "mm"
-        if hint := f"did you mean {alike[0]!r}?" if alike else suggest_name(text, known):
+        if text == symbol:
+            alike = [one for one in known if len(one) == len(text) == 2 and one[0] == text[0]]  # "mn": "mm"
+            hint = f"did you mean {alike[0]!r}?" if alike else suggest_name(text, known)
+        else:  # a compound of other units would change the quantity
+            hint = next((f"did you mean {one!r}?" for one in known if _letters(one) == letters), "")
+        if hint:
             return hint
-    return ""
+    if symbol[0].isdigit():
+        return "write a power with ^, such as mm^3"
+    return "" if text == symbol else _suggest_unit(symbol, symbol, _NONE)
+
+
+def _letters(unit: str) -> str:
+    return re.sub(r"[\s*^]", "", unit).lower()
 
 
 def _unit_product(text: str, where: str, wanted: Exponents, allowed: str = _UNITS) -> tuple[Decimal, Exponents]:
@@ -187,7 +198,7 @@ def _unit_product(text: str, where: str, wanted: Exponents, allowed: str = _UNIT
         found = _unit(match[2]) if match else None
         if match is None or found is None:
             symbol = match[2] if match else text[position:]
-            hint = _FOREIGN.get(symbol) or _suggest_unit(text.strip(), wanted)
+            hint = _FOREIGN.get(symbol) or _suggest_unit(text.strip(), symbol, wanted)
             given, why = f"unit {symbol!r} in {text!r}", f"the unit {symbol!r} is unknown"
             raise refuse(where, given, allowed, why, hint or "write its symbol, such as mm")
         # As in print, a '/' applies to all factors up to the next '*' or '/': N s/m, kg/(m s) is kg/m/s.
@@ -301,9 +312,12 @@ def set_unit_system(system: UnitSystem) -> None:
     _unit_system.set(system)
 
 
-def to_display_unit(unit: str) -> tuple[float, str]:
-    """Return the factor from an SI unit to the one in which engineers show the quantity, and its symbol."""
-    shown = _DISPLAY_UNITS[_unit_system.get()].get(unit, unit)
+def to_display_unit(unit: str, *, thin: bool = False) -> tuple[float, str]:
+    """Return the factor from an SI unit to the one in which engineers show the quantity, and its symbol.
+
+    Thin lengths, such as those of oil films, are shown in micrometres.
+    """
+    shown = "µm" if thin and unit == "m" else _DISPLAY_UNITS[_unit_system.get()].get(unit, unit)
     factor = 1.0 if shown == unit else 1.0 / conversion_factor(shown, unit, "unit")
     return factor, "" if shown == "1" else shown.replace("^2", "²").replace("^3", "³")
 

@@ -6,6 +6,7 @@ is evaluated at the new instant, so the limit ``omega dt = 2`` holds at any damp
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -63,8 +64,9 @@ class CentralDifference(Method):
             return None
         allowed = f"at most {_LIMIT / omega:.6g} s with {_NAME}"
         mode = f"the mode of {', '.join(names)} at {omega / (2.0 * np.pi):.5g} Hz"
-        why = f"with longer steps {mode} is unstable"
-        return refuse("run.step", f"{step:.6g} s", allowed, why, "use smaller steps, or an implicit method")
+        why, more = f"with longer steps {mode} is unstable", math.ceil(100.0 * step * omega / _LIMIT) / 100.0
+        remedy = f"use {more:g} times as many steps, or an implicit method"
+        return refuse("run.step", f"{step:.6g} s", allowed, why, remedy)
 
 
 class _Stepper:

@@ -69,7 +69,7 @@ class Scheme(Method):
     def __post_init__(self) -> None:
         if not 0.0 < self.beta <= 1.0:
             why = "beta = 0 is the explicit rule"
-            raise refuse("integrator.beta", self.beta, "above 0 and up to 1", why, "central-difference")
+            raise refuse("integrator.beta", self.beta, "a value above 0 and up to 1", why, "central-difference")
         if not 0.5 - _ROUNDING <= self.gamma + self.alpha_m - self.alpha_f <= 1.5:
             why = "below 1/2 the scheme feeds energy into every mode"
             raise refuse("integrator.gamma", self.gamma, "gamma + alpha_m - alpha_f of 1/2 or more", why)

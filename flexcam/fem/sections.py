@@ -56,7 +56,9 @@ class Material:
             allowed = f"up to the ultimate strength, {self.ultimate_strength:g} Pa"
             raise refuse("endurance_limit", given, allowed, "the endurance limit cannot exceed the strength")
         if not -1.0 < self.nu <= 0.5:
-            raise refuse("nu", self.nu, "above -1 and up to 0.5", "the shear modulus E/(2(1+nu)) must be positive")
+            raise refuse(
+                "nu", self.nu, "a value above -1 and up to 0.5", "the shear modulus E/(2(1+nu)) must be positive"
+            )
 
     @property
     def G(self) -> float:  # noqa: N802 - the books' letter
@@ -170,7 +172,11 @@ class Section:
         outer = positive("outer_diameter", outer_diameter, "m") / 2.0
         inner = positive("inner_diameter", inner_diameter, "m", zero=True) / 2.0
         if inner >= outer:
-            raise refuse("inner_diameter", f"{inner_diameter:g} m", f"less than outer_diameter, {outer_diameter:g} m")
+            given, allowed = (
+                f"{1e3 * inner_diameter:g} mm",
+                f"a value below outer_diameter, {1e3 * outer_diameter:g} mm",
+            )
+            raise refuse("inner_diameter", given, allowed)
         second = math.pi * (outer**4 - inner**4) / 4.0
         nu, square = _COWPER_NU, (1.0 + (inner / outer) ** 2) ** 2
         kappa = 6.0 * (1.0 + nu) * square / ((7.0 + 6.0 * nu) * square + (20.0 + 12.0 * nu) * (inner / outer) ** 2)

@@ -78,7 +78,7 @@ def lift_figure(events: Mapping[str, cams.Event]) -> Figure:
 
 
 def timing_figure(cylinder: Mapping[str, CamFacts]) -> Figure:
-    """Return a figure with the valve lifts of a cylinder over the crank angle from top dead centre of gas exchange."""
+    """Return a figure with the valve lifts of a cylinder over the crank angle from overlap TDC."""
     figure, (axes,) = create_axes((7.0, 4.2))
     crank = np.linspace(-360.0, 360.0, _POINTS)
     (factor, unit), lifts = to_display_unit("m"), dict[str, FloatArray]()
@@ -107,7 +107,7 @@ def mark_dead_centres(axes: Sequence[Axes]) -> None:
         for one in axes:
             one.axvline(angle, color="0.4", linewidth=0.8)
         axes[0].text(angle, 1.01, centre, transform=axes[0].get_xaxis_transform(), ha="center", fontsize="small")
-    axes[-1].set(xlabel="crank angle from top dead centre of gas exchange, deg", xlim=(-360.0, 360.0))
+    axes[-1].set(xlabel="crank angle from overlap TDC, deg", xlim=(-360.0, 360.0))
     axes[-1].set_xticks(range(-360, 361, 90))
 
 
@@ -116,7 +116,7 @@ _DEAD_CENTRES = {-360: "firing TDC", -180: "BDC", 0: "TDC", 180: "BDC", 360: "fi
 
 
 def spectrum_figure(laws: Mapping[str, cams.Law]) -> Figure:
-    """Return a figure with the residual vibration of laws over the rise time."""
+    """Return a figure with the residual vibration of laws over rise time / period."""
     figure, (axes,) = create_axes((7.0, 4.0))
     for (name, law), (color, dashes) in zip(laws.items(), line_styles(), strict=False):
         axes.plot(_RATIOS, cams.residual_spectrum(law, _RATIOS), label=name, color=color, linestyle=dashes)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from flexcam.analysis.histories import scalar_history
 from flexcam.analysis.model_choice import ModelEvaluation
 from flexcam.core import FloatArray
-from flexcam.core.errors import refuse, suggest_name
+from flexcam.core.errors import InputError, refuse, suggest_name
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import SERIES, Response, Series, component_unit
 from flexcam.io.exports import energies
@@ -374,7 +374,7 @@ def map_figure(
 
 def sweep_figure(table: SweepTable, x: str, names: Sequence[str]) -> Figure:
     """Return a figure with columns of a sweep over another one, with a line per combination of the other axes."""
-    below, columns = table.column(x), [table.column(name) for name in names]
+    below, columns = _column(table, "--x", x), [_column(table, "--y", name) for name in names]
     places, labels = np.asarray(below.values), [_column_label(one, "\n") for one in columns]
     figure, axes = create_stacked_axes(labels, _column_label(below, ", "), height=2.4)
     others = [one for one in table.inputs if one.name != x and len(set(one.values)) > 1] if table.shape else []
@@ -408,12 +408,20 @@ def sweep_map(table: SweepTable, x: str, names: Sequence[str]) -> Figure:
     (first, at), (second, row) = (np.unique(np.asarray(one.values), return_inverse=True) for one in (along, down))
     maps: dict[str, FloatArray] = {}
     lost = np.zeros((len(second), len(first)), dtype=bool)
-    for column in (table.column(name) for name in names):
+    for column in (_column(table, "--y", name) for name in names):
         values = np.full(lost.shape, np.nan)
         values[row, at] = _plain_numbers(column)
         maps[_column_label(column, "\n")] = values
         lost |= np.isnan(values)
     return map_figure(first, second, maps, (_column_label(along, ", "), _column_label(down, ", ")), lost)
+
+
+def _column(table: SweepTable, option: str, name: str) -> Column:
+    """Return a column of a sweep that an option names."""
+    try:
+        return table.column(name)
+    except InputError as refusal:
+        raise InputError(replace(fault, where=option) for fault in refusal.faults) from None
 
 
 def _plain_numbers(column: Column) -> FloatArray:

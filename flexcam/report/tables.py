@@ -83,9 +83,10 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
     per_revolution = 2.0 * math.pi / (ready.case.speed * problem.step)
     members = [f"{n} {format_quantity('kg', m, digits=4)}" for n, m in valvetrain.member_masses(model).items()]
     masses = [f"{name} {format_quantity('kg', part.body.mass)}" for name, part in model.masses.items()]
-    springs = [
-        f"{name} {format_quantity('N m/rad' if s.turns else 'N/m', s.stiffness)}" for name, s in model.springs.items()
-    ]
+    stiffness = {  # a bearing has one spring per direction across the shaft, both of its stiffness
+        name.partition(", ")[0]: format_quantity("N m/rad" if s.turns else "N/m", s.stiffness)
+        for name, s in model.springs.items()
+    }
     free = [modes.words(i).removeprefix("free motion: ") for i in range(modes.modes.rigid)]
     rows = [
         ("members", ", ".join(members) or "none"),
@@ -95,7 +96,7 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
         ("masses", ", ".join(masses) or "none"),
         *((f"superelement {n}", f"{len(b.nodes)} nodes, {b.modes} modes") for n, b in model.superelements.items()),
         *((f"rigid link {n}", _link(model, n)) for n in model.rigid_links),
-        ("springs", ", ".join(springs) or "none"),
+        ("springs", ", ".join(f"{name} {size}" for name, size in stiffness.items()) or "none"),
         *((f"bearing {n}", f"film of {format_quantity('m', b.radial_clearance)} at {b.at}")
           for n, b in model.bearings.items()),
         ("supports", ", ".join(f"{point}: {' '.join(held)}" for point, held in model.supports.items()) or "none"),
@@ -111,7 +112,7 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
         *_weight(ready),
         ("speed", ready.case.speed_text),
         ("steps", f"{problem.steps} of {problem.step:.4g} s ({per_revolution:.6g} per revolution)"),
-        ("free motions", "; ".join(free) or "none"),
+        ("free motions", "; ".join(free) + ", contacts open" if free else "none"),
         ("lowest frequencies", ", ".join(lowest) + " Hz, contacts open" if lowest else "none"),
     ]  # fmt: skip
     if takes:
@@ -241,6 +242,13 @@ def mode_table(modes: ModelModes, title: str = "Modes, contacts open", turns: fl
     return made
 
 
+def describe_modes(modes: ModelModes) -> str:
+    """Return sentences about the columns of the table of modes, and how scalars count modes."""
+    unit, first = to_display_unit("kg")[1], modes.modes.rigid + 1
+    words = f"ux, uy, uz {unit}: effective mass of the mode for base excitation along x, y, z."
+    return f"{words} The scalar frequency.1 is that of no. {first}, the first mode above zero." if first > 1 else words
+
+
 def comparison_table(comparison: Comparison, turns: float = 1.0) -> Table:
     """Return the table of the comparison of flexible and rigid models."""
     units = {"displacement": ("mm", 1e3), "velocity": ("m/s", 1.0), "acceleration": ("m/s^2", 1.0)}
@@ -315,7 +323,7 @@ def metrics_table(model: Model | None, figures: Sequence[Metric]) -> Table:
     """Return the table of the metrics of the last revolution; metrics of many parts of one kind share a row."""
     rows: dict[tuple[str, ...], list[tuple[float, str, str]]] = {}
     for figure in figures:
-        factor, unit = to_display_unit(figure.unit)
+        factor, unit = to_display_unit(figure.unit, thin=".film." in figure.name)
         value = factor * figure.value + 0.0  # the sum removes the sign of a negative zero
         kind, part, *quantity = figure.name.split(".")
         row = rows.setdefault((_part_kind(model, figure.name), kind, *quantity), [])
@@ -381,8 +389,8 @@ def _range_text(parts: list[tuple[float, str, str]]) -> str:
     return fill(text, _CELL)
 
 
-def strength_table(members: Mapping[str, valvetrain.MemberStrength]) -> Table:
-    """Return the table of the maximum stresses of every member."""
+def strength_table(members: Mapping[str, valvetrain.MemberStrength], instants: int) -> Table:
+    """Return the table of the maximum stresses of every member at the saved instants."""
     rows: list[tuple[str, ...]] = []
     factor, unit = to_display_unit("Pa")
     for name, one in members.items():
@@ -390,7 +398,7 @@ def strength_table(members: Mapping[str, valvetrain.MemberStrength]) -> Table:
         safety = f"{one.safety:.3g}" if one.safety else "unlimited" if one.rated else "no strength given"
         rows.append((name, *stresses, safety, one.place))
     head = (f"stress, {unit}", "von Mises", "mean", "alternating", "fatigue safety", "at")
-    return plain_table("Stresses at the saved instants", head, rows)
+    return plain_table(f"Stresses at {instants} saved instant{'s' * (instants != 1)}", head, rows)
 
 
 def describe_dofs(response: Response) -> str:

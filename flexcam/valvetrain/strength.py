@@ -263,7 +263,7 @@ class StrengthSink:
     """
 
     def __init__(self, structure: Structure) -> None:
-        self._structure = structure
+        self._structure, self.instants = structure, 0
         mesh, members = structure.model.mesh, structure.model.members
         self._fibres = fibres(list(sections_at_nodes(mesh, members).values()))
         self._spread = element_loads(structure)
@@ -275,6 +275,7 @@ class StrengthSink:
         """Update with a block."""
         if not len(block.field_time):
             return
+        self.instants += len(block.field_time)
         nodal, fields = self._structure.dofs.nodal, block.fields
         forces = section_forces(
             self._structure.beams,

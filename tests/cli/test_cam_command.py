@@ -87,7 +87,7 @@ def test_edge_contact_of_a_round_face(told, offset, smallest, spare):
     assert 1e3 * cam["profile"]["face_diameter"] == pytest.approx(smallest + spare)
     assert [fault["what"] for fault in cam["findings"]] == ["the contact line crosses the edge of the face"] * (spare < 0)  # fmt: skip
     printed = told(*words).out
-    assert ("rotates" in printed, "crosses the edge" in printed) == (True, spare < 0)
+    assert ("spins" in printed, "crosses the edge" in printed) == (True, spare < 0)
     if spare < 0:
         assert 1e3 * cam["findings"][0]["value"] == pytest.approx(0.5 * spare, rel=1e-6)
 

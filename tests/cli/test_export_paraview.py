@@ -32,7 +32,11 @@ def test_where_the_macro_may_not_be_the_collection_is_not_written(flexcam, run):
 
 @pytest.mark.parametrize(
     ("words", "told"),
-    [(("--format", "csv"), "--format pvd"), (("--field", "velocity"), "displacement among them")],
+    [
+        (("--format", "csv"), "--format pvd"),
+        (("--field", "velocity"), "displacement among them"),
+        (("--field", "displacement", "--field", "no"), "--field: got 'no'"),
+    ],
 )
 def test_what_does_not_fit_is_refused(words, told, flexcam, run):
     refused = flexcam("export", run, "--paraview", *words)

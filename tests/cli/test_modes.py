@@ -54,6 +54,16 @@ def test_modes_with_closed_contacts(flexcam, one_mass):
     assert "contacts open" in flexcam("check", case).out
 
 
+def test_columns_and_numbers_are_explained(flexcam, tayeb):
+    """A shaft in radial bearings is free along its axis, so the first mode above zero is the second one."""
+    said = re.sub(r"\s+", " ", flexcam("modes", tayeb(3)).out)
+    assert "ux, uy, uz kg: effective mass of the mode for base excitation along x, y, z" in said
+    assert "frequency.1 is that of no. 2" in said
+    value = flexcam("sensitivity", tayeb(3), "--of", "frequency.1", "--to", "masses.valve.mass").out
+    assert re.search(r"2 +67\.11", said)
+    assert "67.1" in value
+
+
 COLUMN = """
 format = 1
 [nodes]

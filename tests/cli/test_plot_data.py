@@ -267,6 +267,8 @@ def test_a_table_as_csv_is_that_of_hdf5(table, tmp_path):
             "Did you mean 'contacts.intake.pressure.largest'",
         ),
         (["case.sweep.h5", "--y", "run.speed", "--x", "run.sped"], "Did you mean 'run.speed'"),
+        (["case.sweep.h5", "--y", "no"], "--y: got 'no'"),
+        (["case.sweep.h5", "--y", "run.speed", "--x", "no"], "--x: got 'no'"),
         (["case.sweep.h5", "--y", "run.speed", "--map", "--x", "contacts.intake.pressure.largest"], "over both keys"),
         (["case.sweep.h5", "--what", "motion"], "the table of a sweep"),
         (["case.sweep.h5", "--y", "run.speed", "--probe", "valve"], "--what sweep has no --probe"),

@@ -76,7 +76,7 @@ def test_speeds_are_refused_in_those_of_the_shaft_they_were_given_for(flexcam, f
     engine = ("limits", "engine.toml", "--set", "run.crank_speed=4000rpm")
     (fault,) = flexcam(*engine, "--lowest", "9000rpm", "--highest", "2000rpm", "--json").json["errors"]
     assert (fault["where"], fault["given"]) == ("--highest", "2000rpm")
-    assert fault["allowed"] == "above the lowest speed, 9000 rpm"
+    assert fault["allowed"] == "a speed above the lowest, 9000 rpm"
     (fault,) = flexcam(*engine, "--lowest", "9000rpm", "--json").json["errors"]
     assert fault["given"] == "8000 rpm, 2 times that of the case"
 

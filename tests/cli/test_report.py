@@ -45,7 +45,7 @@ def test_a_report(flexcam, result, case):
         "Modelled with flexible beams: 2 members, 3 masses, 1 spring, 1 rocker, 1 cam, 1 contact",
         "Run at camshaft 3000 rpm for 1 revolution of the camshaft, in 720 steps (720 per revolution)",
         "Inactive, as nothing excites it",
-        "published load", "buckling load of pushrod is", "Stresses at the saved instants", "Energy over the run",
+        "published load", "buckling load of pushrod is", "Stresses at 37 saved instants", "Energy over the run",
         "what moves", "numpy", "members]", "[contacts.intake]",
     ]  # fmt: skip
     assert [words for words in wanted if words not in text] == []
@@ -148,7 +148,7 @@ def test_coarser_models(model, flexcam, case, tmp_path):
     assert {"rigid": "no stresses", "sdof": "no twist, torque and stresses"}[model] in str(told.json["warnings"])
     text = text_of((tmp_path / "out/case.html").read_text(encoding="utf-8"))
     assert ("The flexible result" in text) == (model != "rigid")
-    assert "Stresses at the saved instants" not in text
+    assert "saved instants" not in text
 
 
 @pytest.mark.slow

@@ -761,7 +761,7 @@ def test_a_part_that_scatters_twice_is_refused(flexcam, oscillator):
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("--lowest", "9000rpm", "--highest", "8000rpm"), "--highest: got 8000rpm, expected above the lowest"),
+        (("--lowest", "9000rpm", "--highest", "8000rpm"), "--highest: got 8000rpm, expected a speed above the lowest"),
         (("--lowest", "12000rpm"), "--highest: got 10000 rpm, 2 times that of the case, expected"),
         (("--lowest", "0rpm"), "--lowest: got 0rpm, expected a speed above zero"),
         (("--accuracy", "0rpm"), "--accuracy: got 0rpm, expected a speed above zero"),

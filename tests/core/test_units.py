@@ -172,7 +172,9 @@ def test_an_angle_has_no_place_in_a_force_or_mass(text, kind):
 
 @pytest.mark.parametrize(
     ("text", "kind", "near"), [("207 Gpa", "stress", "GPa"), ("3000 rpms", "speed", "rpm"), ("2 kNm/rad", "stiffness", "did"),
-                               ("180 degree", "angle", "deg"), ("4 knm", "length", "km"), ("6 mn", "length", "mm"), ("50 kNm", "stiffness", "kN/m")],
+                               ("180 degree", "angle", "deg"), ("4 knm", "length", "km"), ("6 mn", "length", "mm"), ("50 kNm", "stiffness", "kN/m"),
+                               ("50 N/mmm", "stiffness", "'mm'"), ("40 N/mM", "stiffness", "'mm'"), ("7800 kg/m3", "density", "kg/m^3"),
+                               ("2 kNs/m", "damping", "kN s/m")],
 )  # fmt: skip
 def test_unknown_unit_with_what_was_meant(text, kind, near):
     with pytest.raises(InputError) as refusal:

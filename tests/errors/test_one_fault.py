@@ -21,6 +21,7 @@ FAULTS = {
     "key of a section": ("{ shape = ", "{ diametr = 1, shape = ", "sections.shaft.diametr", "diametr", "did you mean 'diameter'"),
     "key of a member": ('camshaft = { nodes', 'camshaft = { element = 2, nodes', "members.camshaft.element", "element", "did you mean 'elements'"),
     "key of a mass": ('mass = "0.15 kg"', 'mass = "0.15 kg", ofset = 1', "masses.lobe.ofset", "ofset", "did you mean 'offset'"),
+    "rate of a spring": ("stiffness =", "rate =", "springs.valve.rate", "rate", "did you mean 'stiffness'"),
     "key of a spring": ("stiffness =", "stifness =", "springs.valve.stifness", "stifness", "did you mean 'stiffness'"),
     "key of a rocker": ("inertia =", "inertai =", "rockers.rocker.inertai", "inertai", "did you mean 'inertia'"),
     "key of a cam": ("lift =", "lfit =", "cams.intake.lfit", "lfit", "did you mean 'lift'"),
@@ -80,7 +81,7 @@ FAULTS = {
     "date as a length": ('lift = "6 mm"', "lift = 2024-05-01", "cams.intake.lift", "2024", "length"),
     # ranges
     "Poisson's ratio": ("nu = 0.29", "nu = 0.6", "materials.steel.nu", "0.6", "0.5"),
-    "tube without a wall": ('inner_diameter = "5 mm"', 'inner_diameter = "8 mm"', "sections.tube.inner_diameter", "8 mm", "less than"),
+    "tube without a wall": ('inner_diameter = "5 mm"', 'inner_diameter = "8 mm"', "sections.tube.inner_diameter", "8 mm", "below outer_diameter, 8 mm"),
     "event over 360 deg": ('rise = "180 deg"', 'rise = "200 deg"', "cams.intake", "380 deg", "360 deg"),
     "integrator out of range": ('{ method = "newmark" }', '{ method = "hht", alpha = 0.5 }', "run.integrator.alpha", "0.5", "-1/3"),
     "spectral radius": ('{ method = "newmark" }', '{ method = "generalized-alpha", rho_inf = 2 }', "run.integrator.rho_inf", "2", "0 to 1"),
@@ -121,6 +122,7 @@ FAULTS = {
     "both speeds": ("[run]", '[run]\ncrank_speed = "6000 rpm"', "run", "speed and crank_speed", "either speed or crank_speed"),
     "neither speed": ('speed = "3000 rpm"\n', "", "run", "neither speed nor crank_speed", "either speed or crank_speed"),
     "both steps": ("[run]", '[run]\nstep = "20 us"', "run", "steps_per_revolution and step", "either"),
+    "steps too long for the method": ('{ method = "newmark" }', '{ method = "central-difference" }', "run.steps_per_revolution", "720, which is a step of", "times as many steps"),
     # types of tables
     "text for a section": ('{ shape = "circle", diameter = "25 mm" }', '"circle"', "sections.shaft", "'circle'", "table"),
     "list for a table": ("[materials.steel]", "[[materials.steel]]", "materials.steel", "[{", "table"),

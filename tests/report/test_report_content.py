@@ -277,3 +277,8 @@ def test_a_ladder_on_a_rough_reference_says_so():
     )
     sentences, *_ = additional_content(case, "valve.uy", ReportOptions(trade=True))
     assert "the reference itself has a large error in" in sentences[0]
+
+
+def test_an_oil_film_is_shown_in_micrometres():
+    made = metrics_table(None, [Metric("contacts.exhaust.film.nose", 1.476e-7, "m")])
+    assert [str(cell) for column in made.columns for cell in column.cells][-1] == "0.1476 µm"

@@ -66,12 +66,16 @@ class RampsRecord(Record):
 
 
 class TimingRecord(Record):
-    """Place of a cam on its shaft by the angle at which its follower passes a lift."""
+    """Position of a cam on its shaft, by the angle at which its follower reaches a checking lift."""
 
-    lift: Length = Field(description="lift of the follower, such as 0.050 in")
-    opening: SignedAngle | None = Field(None, description="cam angle at which the follower opens above the lift")
-    closing: SignedAngle | None = Field(None, description="cam angle at which it closes, instead of opening")
-    centre: SignedAngle | None = Field(None, description="lobe centre halfway between both, instead of these")
+    lift: Length = Field(description="checking lift of the follower, such as 0.050 in")
+    opening: SignedAngle | None = Field(None, description="cam angle at which the follower rises through this lift")
+    closing: SignedAngle | None = Field(
+        None, description="cam angle at which it falls through this lift, instead of opening"
+    )
+    centre: SignedAngle | None = Field(
+        None, description="cam angle halfway between opening and closing, instead of either"
+    )
 
     def _check(self) -> None:
         given = [key for key in ("opening", "closing", "centre") if getattr(self, key) is not None]
@@ -82,8 +86,8 @@ class TimingRecord(Record):
         """Return the phase, rad, that places a lift event of phase zero."""
         found = valve_event(event, self.lift)
         if found is None:
-            allowed = f"below the maximum lift {event_extremes(event)[1].value:g} m"
-            raise refuse("timing.lift", f"{self.lift:g} m", allowed, "the follower never passes it")
+            allowed = f"a lift below the maximum, {1e3 * event_extremes(event)[1].value:g} mm"
+            raise refuse("timing.lift", f"{1e3 * self.lift:g} mm", allowed, "the follower never passes it")
         if self.centre is not None:
             return self.centre - 0.5 * found.centre
         return (self.opening or 0.0) - 0.5 * found.opens if self.closing is None else self.closing - 0.5 * found.closes
@@ -93,16 +97,20 @@ class FlatRecord(Record):
     """Translating follower with a flat face."""
 
     type: Literal["flat"]
-    face_diameter: Length | None = Field(None, description="of a round face, to check for contact at its edge")
+    face_diameter: Length | None = Field(None, description="diameter of a round face, to check for contact at its edge")
     axial_offset: Position = Field(
-        0.0, description="from the follower's axis to the middle of the cam, along the shaft; it rotates a round face"
+        0.0,
+        description="from the follower's axis to the middle of the cam, along the shaft; it spins a tappet with a "
+        "round face",
     )
     crown_radius: Length | None = Field(
-        None, description="of a spherical face, to check where it touches the lobe; forces are those of a flat face"
+        None,
+        description="radius of a spherical face, to check where it touches the lobe; forces are those of a flat face",
     )
     taper: SignedAngle = Field(
         0.0,
-        description="of the lobe to the shaft, positive if it is thicker toward +; with a crown it rotates the face",
+        description="angle between lobe surface and shaft, positive if the lobe is thicker on the side of a positive "
+        "axial_offset; with a crowned face it spins the tappet",
     )
 
     def build(self, base_radius: float | None) -> Follower | None:
@@ -117,7 +125,7 @@ class RollerRecord(Record):
 
     type: Literal["roller"]
     radius: Length = Field(description="radius of the roller")
-    offset: Position = Field(0.0, description="of the follower's axis from the cam's")
+    offset: Position = Field(0.0, description="of the follower's axis from the axis of the cam")
 
     def build(self, base_radius: float | None) -> Follower | None:
         """Build the follower."""
@@ -134,10 +142,14 @@ class SwingingFollowerRecord(Record):
     distance: Length = Field(description="from the pivot to the cam's centre")
     radius: Length | None = Field(None, description="of the roller")
     angle: PositiveAngle | None = Field(
-        None, description="arm to line of centres on the base circle, instead of base_radius"
+        None,
+        description="angle between arm and line of centres with the follower on the base circle, instead of "
+        "base_radius",
     )
     face: Position = Field(0.0, description="distance of the flat face from the pivot, positive away from the cam")
-    rotation: Literal["clockwise", "counterclockwise"] = Field("clockwise", description="of the follower on the rise")
+    rotation: Literal["clockwise", "counterclockwise"] = Field(
+        "clockwise", description="sense in which the follower turns on the rise"
+    )
 
     def build(self, base_radius: float | None) -> Follower | None:
         """Build the follower."""
@@ -174,22 +186,28 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
     rise: PositiveAngle | None = Field(None, description="cam angle of the rise")
     dwell: Angle = Field(0.0, description="cam angle of the upper dwell")
     fall: PositiveAngle | None = Field(None, alias="return", description="cam angle of the return")
-    phase: SignedAngle = Field(0.0, description="cam angle at which the rise (or the table's zero) lies")
+    phase: SignedAngle = Field(
+        0.0, description="cam angle at which the rise begins, after the ramp (or of the table's zero)"
+    )
     centreline: SignedAngle | None = Field(
         None, description="cam angle of the maximum lift (the middle of an upper dwell), instead of phase"
     )
-    timing: TimingRecord | None = Field(None, description="place by a lift of the follower, instead of phase")
+    timing: TimingRecord | None = Field(
+        None, description="cam position by the angle at which the follower reaches a checking lift, instead of phase"
+    )
     tdc: SignedAngle | None = Field(
-        None, description="cam angle at the top dead centre of the gas exchange of its cylinder, for the cam card"
+        None,
+        description="cam angle at overlap TDC of its cylinder, between exhaust and intake stroke, for the cam card",
     )
     ramps: RampsRecord | None = Field(None, description="before the rise and after the return")
     single_dwell: Literal["high", "low"] | None = Field(
-        None, description="where the only dwell lies, for laws that begin under acceleration"
+        None,
+        description="at high or at low lift, for a cam with only one dwell and a law that begins with an acceleration",
     )
     base_radius: Length | None = Field(None, description="of the base circle")
     width: Length | None = Field(None, description="of the cam along its shaft")
     rotation: Literal["clockwise", "counterclockwise"] = Field(
-        "counterclockwise", description="of the cam in its drawing; the sense in space is that of axis"
+        "counterclockwise", description="sense of rotation in the drawing of the profile; `axis` gives that in space"
     )
 
     @field_validator("lift", mode="before")
@@ -216,7 +234,7 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
 
     @property
     def start_angle(self) -> float:
-        """Cam angle at which the rise (or the table's zero) lies, rad, by phase, centreline or timing."""
+        """Cam angle at which the rise begins (or of the table's zero), rad, by phase, centreline or timing."""
         if self.timing is not None:
             return self.timing.phase_of(self._event_at(0.0))
         return self.phase if self.centreline is None else self.centreline - centreline(self._event_at(0.0))
@@ -258,5 +276,7 @@ class CamRecord(CamDesignRecord):
 
     at: Name = Field(description="the name of a node of the camshaft")  # pyright: ignore[reportIncompatibleVariableOverride, reportGeneralTypeIssues]
     axis: Vector | None = Field(
-        None, description="sense of rotation; along the shaft to positive coordinates by default"
+        None,
+        description="axis and sense of rotation, by the right-hand rule; by default along the shaft to positive "
+        "coordinates",
     )

@@ -50,8 +50,10 @@ class PublishedLoadRecord(Record):
     preload_factor: Ratio = Field(
         2.5, description="preload divided by the force that the rigid train needs for contact"
     )
-    cam_deflection: Flag = Field(False, description="the force depends on the shaft's deflection, U_c of (21)")
-    cam_torque: Flag = Field(True, description="the force twists the shaft, T_CF of (24)")
+    cam_deflection: Flag = Field(
+        False, description="the force depends on the shaft's deflection: U_c in eq. (21) of Tayeb and Sliman"
+    )
+    cam_torque: Flag = Field(True, description="the force twists the shaft: T_CF in eq. (24) of Tayeb and Sliman")
 
 
 class BilateralRecord(Record):
@@ -81,7 +83,7 @@ class LubricationRecord(PartRecord[Lubrication]):
         None, description="of both bodies, for the flash temperature"
     )
     wear_coefficient: Annotated[float, Unit("wear coefficient", above=True)] | None = Field(
-        None, description="of the cam: volume worn off per load and sliding path, for the wear under a flat face"
+        None, description="of the cam: worn volume per load and sliding distance, for the wear under a flat face"
     )
     kind = Lubrication
 
@@ -102,7 +104,7 @@ class UnilateralRecord(Record):
         description="a value, or hertz for line contact with the cam's own curvature", union_mode="left_to_right"
     )
     dissipation: Annotated[float, Unit("inverse velocity")] = Field(
-        0.0, description="chi of Hunt and Crossley: force times 1 + chi times the rate of approach"
+        0.0, description="chi of Hunt and Crossley: elastic force times (1 + chi times the rate of approach)"
     )
     restitution: _Restitution = None
     friction: Annotated[float, Unit("number", most=2.0)] = Field(
@@ -144,10 +146,10 @@ class SeatRecord(Record):
 class _GapRecord(Record):
     """Connection between a rocker and its point, or between two nodes."""
 
-    at: Name | None = Field(None, description="the name of a rocker: the lash is at its point")
+    at: Name | None = Field(None, description="the name of a rocker: the lash is at its point `to`")
     start: Name | None = Field(None, alias="from", description="node, or point of a rocker, that pushes")
     to: Name | None = Field(None, description="node that is pushed")
-    direction: LineValue | None = Field(None, description="in which it pushes, between nodes")
+    direction: LineValue | None = Field(None, description="direction in which `from` pushes, between nodes")
 
     def _check(self) -> None:
         between = self.start is not None and self.to is not None and self.direction is not None
@@ -163,16 +165,18 @@ class _GapRecord(Record):
 
 
 class LashRecord(_GapRecord):
-    """Lash between a rocker and the point it drives, or between two nodes; about an axis that of a drive."""
+    """Lash between a rocker and the point it drives, or between two nodes; about an axis, the backlash of a drive."""
 
     model: Literal["lash"]
-    direction: DirectionValue | None = Field(None, description="in which it pushes or turns, between nodes")
+    direction: DirectionValue | None = Field(
+        None, description="direction in which `from` pushes or turns, between nodes"
+    )
     gap: Annotated[float, Unit("length", axis="angle")] = Field(
         description="clearance at the point of the rocker, or between the two nodes; rad about an axis"
     )
     stiffness: Annotated[float, Unit("stiffness", above=True, axis="rotational stiffness")] | None = Field(
         None,
-        description="of both sides when they touch; ten times EA/L of the softest member that ends there, "
+        description="of the closed contact; by default ten times EA/L of the softest member that ends there; "
         "required about an axis, N m/rad",
     )
     damping: AxisDamping = Field(0.0, description="N s/m, or N m s/rad about an axis")
@@ -185,7 +189,7 @@ class CheckValveRecord(PartRecord[CheckValve]):
     """Ball check valve through which the chamber of an adjuster is refilled."""
 
     cracking_pressure: Annotated[float, Unit("pressure")] = Field(
-        0.0, description="of the supply above the chamber, at which the ball leaves its seat"
+        0.0, description="supply pressure minus chamber pressure at which the ball leaves its seat"
     )
     seat_diameter: Length
     ball_travel: Length = Field(description="travel of the ball from its seat to its cage")
@@ -206,14 +210,21 @@ class OilRecord(PartRecord[OilChamber]):
     plunger_diameter: Length
     clearance: Length = Field(description="radial clearance between plunger and body")
     land_length: Length = Field(description="length of the plunger in its body")
-    chamber_height: Length = Field(description="height of the oil under the plunger, with the check valve's space")
-    air: Annotated[float, Unit("number", most=0.5)] = Field(0.0, description="fraction of the volume, at `pressure`")
+    chamber_height: Length = Field(
+        description="height of the oil under the plunger, including the space of the check valve"
+    )
+    air: Annotated[float, Unit("number", most=0.5)] = Field(
+        0.0, description="fraction of the volume, at `pressure` or `supply_pressure`"
+    )
     pressure: Pressure | None = Field(
-        None, description="absolute, typical of the loaded chamber, for the stiffness of the air; 1 MPa by default"
+        None,
+        description="absolute oil pressure, typical of the loaded chamber, which defines the stiffness of the air; 1 "
+        "MPa by default",
     )
     supply_pressure: Pressure | None = Field(
         None,
-        description="absolute, of the oil before the check valve, instead of pressure: the air follows the pressure",
+        description="absolute oil pressure upstream of the check valve, instead of `pressure`; the air then follows "
+        "the pressure of the chamber",
     )
     check_valve: CheckValveRecord | None = Field(None, description="cracking pressure and flow; needs supply_pressure")
 
@@ -249,8 +260,8 @@ class AdjusterRecord(_GapRecord):
     """Hydraulic lash adjuster, instead of a lash."""
 
     model: Literal["lash-adjuster"]
-    stiffness: PositiveStiffness | None = Field(None, description="of the oil column; from oil where absent")
-    leak: PositiveDamping | None = Field(None, description="force per velocity of leak-down; from oil where absent")
+    stiffness: PositiveStiffness | None = Field(None, description="of the oil column; by default from `oil`")
+    leak: PositiveDamping | None = Field(None, description="force per velocity of leak-down; by default from `oil`")
     oil: OilRecord | None = Field(None, description="chamber under the plunger, for stiffness and leak")
     refill: PositiveDamping = Field(description="force per velocity while the check valve is open")
     plunger_force: Force = Field(description="force of the plunger at rest, from its spring and the supply pressure")

@@ -48,7 +48,7 @@ from flexcam.fem.sections import Material, Section, Taper
 
 def _check_poisson_ratio(nu: float) -> float:
     if not -1.0 < nu <= 0.5:
-        raise value_error("above -1 and up to 0.5", "the shear modulus E/(2(1+nu)) must be positive")
+        raise value_error("a value above -1 and up to 0.5", "the shear modulus E/(2(1+nu)) must be positive")
     return nu
 
 
@@ -71,7 +71,7 @@ class MaterialRecord(PartRecord[Material]):
 _Thickness = Annotated[float, Unit("length")]
 _EndLengths = Annotated[
     Length | tuple[Length, Length],
-    Field(description="two values where the member tapers, at its first and its last node"),
+    Field(description="two values for a tapered member: at its first and last node"),
 ]
 
 
@@ -109,7 +109,7 @@ class TubeRecord(_SectionRecord):
     shape: Literal["tube"]
     outer_diameter: _EndLengths
     inner_diameter: Annotated[
-        _Thickness | tuple[_Thickness, _Thickness], Field(description="two values where the member tapers")
+        _Thickness | tuple[_Thickness, _Thickness], Field(description="two values for a tapered member")
     ]
     kind, dimensions = Section.tube, ("outer_diameter", "inner_diameter")
 
@@ -210,7 +210,7 @@ class SuperelementRecord(Record):
     """Elastic body by its matrices, which another program computed; its axes are the global ones."""
 
     nodes: dict[Annotated[str, Field(pattern=r"^[1-9][0-9]*$")], Name] = Field(
-        min_length=2, description='the named nodes by their numbers in the files: { 12 = "left", 31 = "right" }'
+        min_length=2, description='named nodes by their numbers in the files: { 12 = "left", 31 = "right" }'
     )
     units: Literal["m-kg-s", "mm-t-s"] = Field(description="the units of the files, m-kg-s or mm-t-s")
     stiffness: _MatrixFile
@@ -243,7 +243,9 @@ class RigidLinkRecord(Record):
     start: Name = Field(alias="from", description="the name of the node that leads")
     to: list[Name] = Field(min_length=1, description="the names of the nodes that follow; they may lie at its place")
     components: list[Component] = Field(
-        default=[*COMPONENTS], min_length=1, description="that follow, in global axes; translations alone: a ball joint"
+        default=[*COMPONENTS],
+        min_length=1,
+        description="components that follow, in global axes; translations alone make a ball joint",
     )
 
 
@@ -276,25 +278,27 @@ _SlidingSpeed = Annotated[float, Unit("velocity", above=True, axis="speed")]
 
 
 class FrictionRecord(Record):
-    """Friction of a guide, a seal or a pivot, to ground or between two points, or of a spring in another one."""
+    """Friction of a guide, a seal or a pivot, to ground or between two points, or between nested springs."""
 
     at: Name | None = Field(None, description="the name of the point that slides")
     to: Name | None = Field(None, description="the other side; ground where absent")
-    direction: DirectionValue | None = Field(None, description="in which the point slides")
-    spring: Name | None = Field(None, description="instead of at and direction: inner spring or damper of a nest")
+    direction: DirectionValue | None = Field(None, description="direction in which the point slides")
+    spring: Name | None = Field(None, description="inner spring or damper of a nest, instead of at and direction")
     inside: Name | None = Field(None, description="outer spring of the nest, with the same ends")
     force: _FrictionForce | None = Field(
-        None, description="the Coulomb friction force in N, or moment in N m about an axis"
+        None, description="Coulomb friction force in N, or moment in N m about an axis"
     )
     coefficient: Annotated[float, Unit("number", above=True, most=2.0)] | None = Field(
-        None, description="instead of force: Coulomb's, of a nest with interference"
+        None, description="Coulomb coefficient of nested springs with interference, instead of force"
     )
-    interference: Length | None = Field(None, description="radial, with coefficient; from the diameters by default")
+    interference: Length | None = Field(
+        None, description="radial interference, with coefficient; by default from the diameters"
+    )
     breakaway_force: _FrictionForce | None = Field(
         None, description="force at which sliding begins; equal to `force` by default"
     )
     stribeck_speed: _SlidingSpeed = Field(
-        0.1, description="speed over which the breakaway force falls to force, m/s, or rad/s about an axis"
+        0.1, description="speed over which the breakaway force falls to `force`, m/s, or rad/s about an axis"
     )
     friction_speed: _SlidingSpeed = Field(
         0.01, description="speed over which the force reverses, m/s, or rad/s about an axis"
@@ -369,7 +373,7 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
 
 
 _DefinedPoint = Annotated[Name, Field(description="the name of the point that it defines")]
-_Arms = Annotated[tuple[Length, Length], Field(description="two values, for the arms at `from` and at `to`")]
+_Arms = Annotated[tuple[Length, Length], Field(description="of the parts at `from` and at `to`")]
 _DrivenDirection = Annotated[LineValue | None, Field(description="motion at `from`; along the member there by default")]
 
 
@@ -402,9 +406,9 @@ class LeverRecord(Record):
     stiffness: PositiveStiffness = Field(description="stiffness of the arm at `to`")
     damping: DampingValue = Field(0.0, description="of the arm at `to`")
     drive_stiffness: PositiveStiffness | None = Field(
-        None, description="of the arm at a driven node; equal to `stiffness` by default"
+        None, description="of the arm at `from`, if a node drives it; equal to `stiffness` by default"
     )
-    drive_damping: DampingValue = Field(0.0, description="of the arm at a driven node")
+    drive_damping: DampingValue = Field(0.0, description="of the arm at `from`, if a node drives it")
     direction: _DrivenDirection = None
 
 
@@ -415,7 +419,7 @@ class RepeatRecord(Record):
     """Copies of the parts whose names contain the mark, such as ``{cylinder}`` for the table `[repeat.cylinder]`."""
 
     names: list[Name] = Field(
-        default=[], description="that replace the mark; the numbers of the firing order by default"
+        default=[], description="names that replace the mark; by default the numbers of the firing order"
     )
     spacing: Point | None = Field(None, description="from each copy to the next, global axes")
     offsets: list[Point] | None = Field(None, description="of every copy from the given nodes, instead of spacing")

@@ -31,7 +31,7 @@ from flexcam.fem.assembly import Damping
 
 
 class ToleranceRecord(Record):
-    """Allowed error by quantity in the norm, relative to its maximum; quantities without an entry are not limited."""
+    """Allowed error of each quantity in `fidelity.norm`, relative to its own maximum; no limit without an entry."""
 
     lift: Tolerance | None = None
     velocity: Tolerance | None = None
@@ -54,7 +54,9 @@ class FidelityRecord(Record):
     model: Literal["beams", "rigid", "sdof", "chain"] = Field(
         "beams", description="flexible members, rigid ones, one mass for the train, or a chain of masses"
     )
-    masses: int = Field(3, ge=1, le=1000, strict=True, description="of a chain, at nodes along its train")
+    masses: int = Field(
+        3, ge=1, le=1000, strict=True, description="number of masses of a chain, at nodes along its train"
+    )
     tolerance: Tolerance | ToleranceRecord | None = Field(
         None,
         description='run the cheapest model whose lift is within it, such as "1 %", or a table by quantity',
@@ -62,8 +64,8 @@ class FidelityRecord(Record):
     )
     norm: Literal["max", "rms"] | None = Field(
         None,
-        description="of the errors of `tolerance` and `trade`: maximum or root mean square; by default the "
-        "maximum for forces and the root mean square for motions",
+        description="norm of the errors of `tolerance` and `trade`: maximum or root mean square (rms); by default "
+        "max for forces and rms for motions",
     )
     estimate: Flag = Field(False, description="also run with other steps and elements, and estimate the errors")
     prune: Flag = Field(
@@ -134,7 +136,7 @@ class BatheRecord(PartRecord[dynamics.Method]):
 
 
 class CollocationRecord(PartRecord[dynamics.Method]):
-    """Exponential collocation: exact for the linear structure, forces of contacts of fourth order; needs numba."""
+    """Exponential collocation: exact for the linear structure, contact forces to fourth order; needs numba."""
 
     method: Literal["collocation"]
     kind = dynamics.collocation
@@ -218,7 +220,7 @@ class FluctuationRecord(Record):
 
     orders: list[PositiveNumber] = Field(min_length=1, description="periods per camshaft revolution")
     amplitudes: list[Ratio] = Field(description='fractions of the mean speed, such as "2 %"; their sum is below 1')
-    phases: list[SignedAngle] = Field(default=[], description="of the harmonics; zero by default")
+    phases: list[SignedAngle] = Field(default=[], description="phases of the orders; zero by default")
 
     def _check(self) -> None:
         if len(self.amplitudes) != len(self.orders) or len(self.phases) not in (0, len(self.orders)):
@@ -236,12 +238,13 @@ class FreeRunningRecord(Record):
 
 
 class PhaserRecord(PartRecord[dynamics.Phaser]):
-    """Phaser that turns the cams of a shaft against their drive."""
+    """Phaser that turns the cams of a shaft relative to their drive."""
 
     cams: list[Name] = Field(min_length=1, description="names of cams; all of a shaft")
     shift: list[tuple[Annotated[float, Unit("angle")], SignedAngle]] = Field(
         min_length=2,
-        description="rows of the angle of the drive since the start and the rotation of the cams against it",
+        description="rows of two angles: rotation of the drive since the start, and rotation of the cams ahead of "
+        "the drive (positive: advance)",
     )
 
     def _check(self) -> None:
@@ -275,8 +278,8 @@ class RunRecord(Record):
     step: Time | None = Field(None, description="instead of steps_per_revolution")
     engine: dynamics.EngineName = Field(
         "auto",
-        description="solver engine: auto chooses the fastest that fits; with one integrator all give the same numbers, "
-        "except in chatter",
+        description="solver: auto chooses the fastest suitable one; with the same integrator all give the same "
+        "numbers, except in chatter",
     )
     adaptive: AdaptiveRecord | None = Field(None, description="step size control; fixed steps by default")
     fluctuation: FluctuationRecord | None = Field(None, description="fluctuation of the speed about its mean")
@@ -289,7 +292,7 @@ class RunRecord(Record):
     )
     integrator: IntegratorRecord | None = Field(
         None,
-        description="by default collocation for contacts and other forces that depend on the motion, newmark without",
+        description="by default collocation if contacts or other forces depend on the motion, otherwise newmark",
     )
     damping: DampingRecord = Field(default_factory=lambda: DampingRecord.model_validate({}))
 

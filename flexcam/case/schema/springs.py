@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field
 
@@ -37,14 +37,21 @@ _COIL_CONTACT_RATIO = 50.0
 _WAHL = "Wahl's factor is not valid below that"
 
 
+def _without_default(schema: dict[str, Any]) -> None:
+    """Remove the default from the JSON schema of a key whose default depends on other keys."""
+    del schema["default"]
+
+
 class WireRecord(Record):
     """Wire of a coil spring, for its stress and its default stiffness."""
 
     diameter: Length
     coil_diameter: Length | None = Field(None, description="of the coil's mean circle; required without coils")
-    active_coils: PositiveNumber | None = Field(None, description="with shear_modulus: the spring's stiffness")
+    active_coils: PositiveNumber | None = Field(
+        None, description="with shear_modulus, gives the stiffness of the spring"
+    )
     shear_modulus: Stress | None = Field(None, description="with active_coils, or with coils of the spring")
-    density: Density | None = Field(None, description="with coils of the spring: its mass")
+    density: Density | None = Field(None, description="with coils of the spring, gives its mass")
 
     def _check(self) -> None:
         if self.coil_diameter is not None and self.coil_diameter < 2.0 * self.diameter:
@@ -105,24 +112,30 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
     )
     damping: AxisDamping = Field(0.0, description="N s/m, or N m s/rad about an axis")
     link: Flag = Field(False, description="represents a part of the train, which is rigid in the rigid model")
-    installed_force: Force | None = Field(None, description="preload, against direction")
+    installed_force: Force | None = Field(None, description="preload; pushes the point opposite to `direction`")
     installed_compression: Length | None = Field(
-        None, description="instead of installed_force: from the free length to the installed one"
+        None, description="compression from the free to the installed length, instead of installed_force"
     )
     force_table: list[tuple[Annotated[float, Unit("length")], Force]] | None = Field(
-        None, min_length=2, description="instead of stiffness: rows of travel from the free length and force"
+        None, min_length=2, description="rows of travel from the free length and force, instead of stiffness"
     )
     coils: list[CoilsRecord] | None = Field(
-        None, min_length=1, description="instead of stiffness: active coils from the fixed to the moving end; with wire"
+        None,
+        min_length=1,
+        description="active coils from the fixed to the moving end, instead of stiffness; needs wire",
     )
     mass: MassValue = Field(0.0, description="distributed over its length")
     elements: int = Field(
         1, ge=1, le=1000, strict=True,
-        description="equal elements of the spring, or of each entry of `coils`; 4 to 16 by default with `mass`",
+        description="equal elements of the spring, or of each entry of `coils`; by default 1, or 4 to 16 in all for a "
+        "spring with mass",
+        json_schema_extra=_without_default,
     )  # fmt: skip
-    clash_travel: Length | None = Field(None, description="along direction from installed until all coils touch")
+    clash_travel: Length | None = Field(
+        None, description="travel along `direction` from the installed length to coil bind"
+    )
     clash_stiffness: PositiveStiffness | None = Field(
-        None, description="of a contact between neighbouring elements; by default 50 times that of an element"
+        None, description="of the contact between neighbouring elements; by default 50 times that of an element"
     )
     pulsation: PulsationRecord | None = Field(
         None, description="variation of its stiffness with the cam angle; none by default"
@@ -187,12 +200,12 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
             raise value_error("either a mass or a density of the wire", "both define the mass")
         for i, coils in enumerate(entry.part for entry in entries):
             if min(coils.ends) < 2.0 * wire.diameter:
-                given, allowed = f"{min(coils.ends):g} m", "twice the diameter of the wire or more"
+                given, allowed = f"{1e3 * min(coils.ends):g} mm", "twice the diameter of the wire or more"
                 raise value_error(allowed, _WAHL, inside=f"coils.{i}.diameter", given=given)
             if coils.gap(wire.diameter) <= 0.0:
-                allowed = f"above {coils.pitch - coils.gap(wire.diameter):g} m"
+                allowed = f"a pitch above {1e3 * (coils.pitch - coils.gap(wire.diameter)):g} mm"
                 why = "these coils touch each other in the free spring"
-                raise value_error(allowed, why, inside=f"coils.{i}.pitch", given=f"{coils.pitch:g} m")
+                raise value_error(allowed, why, inside=f"coils.{i}.pitch", given=f"{1e3 * coils.pitch:g} mm")
 
     def _check_table(self, rows: list[tuple[float, float]]) -> None:
         if any(x1 <= x0 or f1 <= f0 for (x0, f0), (x1, f1) in pairwise(rows)):
@@ -201,7 +214,7 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
         start, force = self.installed_compression or 0.0, self.installed_force
         (least, weakest), (most, strongest) = rows[0], rows[-1]
         if not (least <= start <= most if force is None else weakest <= force <= strongest):
-            place = f"the installed position, {start:g} m" if force is None else f"{force:g} N"
+            place = f"the installed position, {1e3 * start:g} mm" if force is None else f"{force:g} N"
             raise value_error(f"rows around {place}", "they give the force in this position", inside="force_table")
 
     def _check_force(self, key: str) -> None:
