@@ -34,11 +34,7 @@ from flexcam.io import check_folder, check_folder_name, check_writable
 from flexcam.report import tables
 from flexcam.report.fidelity_tables import choice_json, describe_choice, error_table
 from flexcam.report.terminal import show_progress
-<<<<<<< HEAD
-from flexcam.valvetrain import MemberStrength, Metric, StrengthSink, build_structure
-=======
-from flexcam.valvetrain import StrengthSink, build_structure
->>>>>>> mend15
+from flexcam.valvetrain import Metric, StrengthSink, build_structure
 
 _CHATTER = 0.1  # change of a contact force from one revolution to the next, rms, that is chatter
 
@@ -110,13 +106,8 @@ def run(
     cli.run_state.solving = False
     errors, notes = _estimate_errors(read, probe, until) if probe and response.status.ok else ((), ())
     path, warnings = sink.path if response.status.ok else sink.partial, [*doubtful(response.stats), *notes]
-<<<<<<< HEAD
-    stressed = strength.members() if read.record.fidelity.model == "beams" else {}
     figures = metrics(response.stats.steps)
-    output = _describe_run(ready, response, figures, watched.extremes, path, stressed, errors, warnings, choice)
-=======
-    output = _describe_run(ready, response, watched.extremes, path, strength, errors, warnings, choice)
->>>>>>> mend15
+    output = _describe_run(ready, response, figures, watched.extremes, path, strength, errors, warnings, choice)
     if response.status.ok and choice is not None and not choice.met:
         why, remedy = f"the tolerance is not met: {choice.why}", "allow more, or refine the case"
         return replace(output, status=Status(Cause.TOLERANCE, why, remedy))
@@ -124,20 +115,12 @@ def run(
 
 
 def _describe_run(
-<<<<<<< HEAD
     ready: PreparedRun, response: Response, figures: Sequence[Metric], extremes: ExtremesSink, path: Path,
-    stressed: Mapping[str, MemberStrength], errors: Sequence[Error], warnings: Sequence[str], choice: Choice | None,
-) -> cli.CommandOutput:  # fmt: skip
-    case, stats, status = ready.case, response.stats, response.status
-    change = revolution_change(ready, response)
-=======
-    ready: PreparedRun, response: Response, extremes: ExtremesSink, path: Path, strength: StrengthSink,
-    errors: Sequence[Error], warnings: Sequence[str], choice: Choice | None,
+    strength: StrengthSink, errors: Sequence[Error], warnings: Sequence[str], choice: Choice | None,
 ) -> cli.CommandOutput:  # fmt: skip
     case, stats, status = ready.case, response.stats, response.status
     stressed = strength.members() if case.record.fidelity.model == "beams" else {}
-    change, figures = revolution_change(ready, response), list(compute_metrics(ready, response))
->>>>>>> mend15
+    change = revolution_change(ready, response)
     merit = figures_of_merit(case, figures) if figures else ()
     others = [figure for figure in figures if not usual_name(figure)]
     parts: list[Table | str] = [
