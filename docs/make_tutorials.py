@@ -221,9 +221,9 @@ def measured_lift(folder: Path) -> dict[str, Figure]:
 
 BSPLINE = '{{ id = "bspline", degree = 11, coefficients = [0, 0, 0, 0, {}, 1, 1, 1, 1] }}'
 REDESIGN = (
-    "cams.intake.law=" + BSPLINE.format("0.166728, 0.470414, 0.472927, 0.785323"),
-    "cams.intake.return_law=" + BSPLINE.format("0.146854, 0.291524, 0.496349, 0.785323"),
-    "springs.valve.stiffness=55.7248kN/m", "springs.valve.installed_force=355.772N",
+    "cams.intake.law=" + BSPLINE.format("0.171683, 0.463841, 0.560393, 0.787907"),
+    "cams.intake.return_law=" + BSPLINE.format("0.111683, 0.354107, 0.568543, 0.791111"),
+    "springs.valve.stiffness=53.0355kN/m", "springs.valve.installed_force=394.404N",
 )  # fmt: skip
 _FLAT = 'base_radius = "24.1 mm", width = "12 mm", follower = { type = "flat" }'
 POLYDYNE = (f'cams.intake={{ at = "cam", lift_table = "polydyne.toml", phase = "105 deg", {_FLAT} }}',)
