@@ -286,7 +286,7 @@ class _Newton:
 
     @property
     def derives(self) -> bool:
-        """Whether the next revolution needs its derivative."""
+        """True if the next revolution needs its derivative."""
         return self._change is None
 
     def next(self, x: FloatArray, turn: PeriodMap) -> FloatArray | None:
@@ -320,7 +320,9 @@ class _Anderson:
         weighed = (df * self._weights).T
         sizes = np.linalg.norm(weighed, axis=0)
         sizes[sizes == 0.0] = 1.0
-        share: FloatArray = np.linalg.lstsq(weighed / sizes, misses[-1] * self._weights, rcond=_DEPENDENT)[0] / sizes
+        share = np.asarray(
+            np.linalg.lstsq(weighed / sizes, misses[-1] * self._weights, rcond=_DEPENDENT)[0] / sizes, dtype=float
+        )
         return points[-1] + misses[-1] - share @ (dx + df)
 
 
