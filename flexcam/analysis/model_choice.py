@@ -11,6 +11,7 @@ import statistics
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 from flexcam.analysis.histories import Histories, Norm, distance, extract_histories, with_seating
@@ -58,6 +59,15 @@ class ModelLevel:
     words: str  #: description
     case: Case  #: case with the settings of this model
 
+    @cached_property
+    def unknowns(self) -> int | None:
+        """Number of integrated unknowns; None if the case has no such model: a chain requires a single train."""
+        try:
+            problem = prepare_without_periodic_search(self.case.with_stable_method()).problem
+        except (InputError, RunFailedError):
+            return None
+        return integrated_size(problem)
+
 
 def run_count(case: Case, work: int) -> int:
     """Return the number of runs like that of a case with this sum of steps per revolution, at least one.
@@ -88,15 +98,6 @@ def steps_per_revolution_of(case: Case) -> int:
     return round(ready.revolution / ready.problem.step)
 
 
-def _count_unknowns(rung: ModelLevel) -> int | None:
-    """Return the unknowns of a model; None if its case has none such: a chain requires a single train with nodes."""
-    try:
-        problem = prepare_without_periodic_search(rung.case).problem
-    except (InputError, RunFailedError):
-        return None
-    return integrated_size(problem)
-
-
 def model_ladder(case: Case) -> tuple[ModelLevel, ...]:
     """Return the models of a case from coarse to fine."""
     beams = with_beam_model(case)
@@ -113,14 +114,14 @@ def model_ladder(case: Case) -> tuple[ModelLevel, ...]:
             words, case_n = f"{n} modes with the static answers they miss", beams.with_fidelity({"modes": n})
             level = ModelLevel(f"modes {n}", words, case_n)
             # Among the static answers of one basis are the next modes of a short train.
-            modes.setdefault(_count_unknowns(level), level)
+            modes.setdefault(level.unknowns, level)
     chains = [
         ModelLevel("sdof", "one mass for the train", beams.with_fidelity({"model": "sdof"})),
         ModelLevel("chain 3", "three masses along the train", beams.with_fidelity({"model": "chain", "masses": 3})),
     ]
     return (
         ModelLevel("rigid", "rigid members", beams.with_fidelity({"model": "rigid"}).with_run({"engine": "auto"})),
-        *(rung for rung in chains if _count_unknowns(rung) is not None),
+        *(rung for rung in chains if rung.unknowns is not None),
         *modes.values(),
         *fewer,
         ModelLevel("beams", "the unchanged case", beams),
@@ -211,13 +212,9 @@ def candidate_models(case: Case) -> list[ModelLevel]:
     _refuse_result(case)
     steps = steps_per_revolution_of(case)
     counts = [steps // n for n in (8, 4, 2, 1) if steps % n == 0 and (steps // n >= _MIN_STEPS or n == 1)]
-    return sorted((replace(one, case=with_steps(one.case, n)) for one in model_ladder(case) for n in counts), key=_work)
-
-
-def _work(rung: ModelLevel) -> tuple[int, int]:
-    """Return degrees of freedom times steps of a run, and its steps per revolution."""
-    problem = prepare_without_periodic_search(rung.case.with_stable_method()).problem
-    return integrated_size(problem) * problem.steps, steps_per_revolution_of(rung.case)
+    found = [(one, n) for one in model_ladder(case) for n in counts]
+    found.sort(key=lambda pair: ((pair[0].unknowns or 0) * pair[1], pair[1]))
+    return [replace(one, case=with_steps(one.case, n)) for one, n in found]
 
 
 def evaluate_model(

@@ -36,15 +36,19 @@ class Engine(Protocol):
         """Restore a state, in this process or another one."""
 
 
-_BLOCK = 500
-"""Number of steps whose instants are in memory together."""
+_BLOCK, _VALUES = 500, 1_000_000
+"""Largest number of steps whose instants are in memory together, and of these times unknowns."""
 
 
-def iterate_tracks(engine: Engine, steps: int) -> Iterator[Trajectory]:
-    """Yield the instants of all steps of an engine in blocks; a failed run raises `RunFailedError`."""
-    for begin in range(0, steps + 1, _BLOCK):
+def iterate_tracks(engine: Engine, steps: int, size: int = 0) -> Iterator[Trajectory]:
+    """Yield the instants of all steps of an engine in blocks, shorter for systems of many unknowns, `size`.
+
+    A failed run raises `RunFailedError`.
+    """
+    block = min(max(_VALUES // max(size, 1), 2), _BLOCK) // 2 * 2  # a step of the collocation covers two
+    for begin in range(0, steps, block):
         with np.errstate(over="ignore", invalid="ignore"):
-            track, status = engine.advance(np.arange(begin, min(begin + _BLOCK, steps + 1)))
+            track, status = engine.advance(np.arange(begin + (begin > 0), min(begin + block, steps) + 1))
         if not status.ok:
             raise RunFailedError(status)
         yield track

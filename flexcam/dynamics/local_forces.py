@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -263,11 +264,6 @@ class LocalForces:
             (compiled or self.functions)[name] for name in ("evaluate_laws", "evaluate_rows")
         )
         self.workspace = Workspace(self.table, self.count)
-        self.storing = self.mask(lambda force: force.conservative).astype(float)
-        #: Mask of the forces that act exactly against their sensed motion at all cam angles, shape (c,).
-        self.opposed = self.storing > 0.0
-        turning = [*self.sense.varying_scalars, *self.act.varying_scalars, *(i for i, _ in self._offsets[1])]
-        self.opposed[turning] = False
 
     def _overrides(self) -> Functions:
         custom, laws = self.table.custom, self.table.laws
@@ -280,6 +276,18 @@ class LocalForces:
             tangent[0, part, :size], tangent[1, part, :size] = answer.by_penetration, answer.by_rate
 
         return {**NUMPY, "custom": evaluate} if custom else dict(NUMPY)
+
+    @cached_property
+    def storing(self) -> FloatArray:
+        """One for the scalars of conservative forces, zero for others, shape (c,)."""
+        return self.mask(lambda force: force.conservative).astype(float)
+
+    @cached_property
+    def opposed(self) -> NDArray[np.bool_]:
+        """Mask of the forces that act exactly against their sensed motion at all cam angles, shape (c,)."""
+        found = self.storing > 0.0
+        found[[*self.sense.varying_scalars, *self.act.varying_scalars, *(i for i, _ in self._offsets[1])]] = False
+        return found
 
     @property
     def start_state(self) -> FloatArray:

@@ -2,10 +2,11 @@
 
 The state after one period is a function of the state before it. Its derivative is the product of those of the steps
 (`disturbances`); the eigenvalues of the derivative are the Floquet multipliers. The periodic state is the fixed point,
-without a long transient, by Newton's method: one revolution for a linear train, few for one with contacts. A. H. Nayfeh
-and B. Balachandran, Applied Nonlinear Dynamics (1995), sec. 5.2. Larger systems use Anderson's method, which needs as
-many revolutions as there are motions that have not decayed: J. ACM 12 (1965); H. F. Walker and P. Ni, SIAM J. Numer.
-Anal. 49 (2011).
+without a long transient. A linear train finds it in one revolution by Newton's method: A. H. Nayfeh and B.
+Balachandran, Applied Nonlinear Dynamics (1995), sec. 5.2. With local forces the derivative takes as long as some
+fifteen revolutions and holds only nearby, because contacts open and close. These systems and large ones use Anderson's
+method, which needs as many revolutions as there are motions that have not decayed: J. ACM 12 (1965); H. F. Walker and
+P. Ni, SIAM J. Numer. Anal. 49 (2011).
 """
 
 from __future__ import annotations
@@ -28,11 +29,14 @@ from flexcam.dynamics.generalized_alpha import newmark
 from flexcam.dynamics.integrator import Method
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.problem import Problem, State
-from flexcam.dynamics.solve import pilot, singular_status, solve
+from flexcam.dynamics.solve import limit_blas_threads, pilot, singular_status
 from flexcam.dynamics.status import Cause, RunFailedError, Stats, Status
 
 MAX_UNKNOWNS = 400
-"""Maximum number of unknowns."""
+"""Maximum number of unknowns for a derivative of the map."""
+
+_FIELDS = 64
+"""Instants of a revolution at which the size of the motion is measured."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +44,7 @@ class PeriodMap:
     """Map of one period; states are displacements, velocities and internal states in a row."""
 
     end: FloatArray  #: state at the end, shape (2n + s,)
-    fields: FloatArray  #: displacements and velocities at the ends of steps, shape (m, 2n)
+    fields: FloatArray  #: displacements and velocities at some ends of steps, shape (m, 2n)
     #: Of the end by the initial state, shape (2n + s, 2n + s); empty if not requested.
     derivative: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     events: int = 0  #: number of contacts that opened or closed
@@ -50,19 +54,22 @@ def period_map(
     selected: SelectedEngine, method: Method, stop: Callable[[], bool], *, derived: bool = True
 ) -> PeriodMap:
     """Return a period of a problem in the unknowns of its engine; a failed run raises `RunFailedError`."""
-    problem, fields, end = selected.problem, list[FloatArray](), np.zeros(0)
+    problem, fields, end, step = selected.problem, list[FloatArray](), np.zeros(0), 0
+    every = max(problem.steps // _FIELDS, 1)
     try:
         forces = forces_of(selected, method)
         engine = create_engine(selected, method, forces, SaveAt(field_every=problem.steps + 1), stop, pilot)
         disturbances = Disturbances(problem, forces) if derived else None
         within = np.setdiff1d(forces.touching, forces.switching)  # contacts that open and close within steps
         closed = [np.zeros((0, len(within)), dtype=bool)]
-        for track in iterate_tracks(engine, problem.steps):
-            if disturbances is not None:
-                disturbances.follow(track)
-            fields.append(np.hstack([track.d, track.v])[track.ends])
-            closed.append(track.local[:, within] > 0.0)
-            end = np.concatenate([track.d[-1], track.v[-1], track.state[-1]])
+        with limit_blas_threads(selected):
+            for track in iterate_tracks(engine, problem.steps, problem.system.size):
+                if disturbances is not None:
+                    disturbances.follow(track)
+                saved = track.ends[-step % every :: every]
+                fields.append(np.hstack([track.d[saved], track.v[saved]]))
+                closed.append(track.local[:, within] > 0.0)
+                end, step = np.concatenate([track.d[-1], track.v[-1], track.state[-1]]), step + len(track.ends)
     except SingularMatrixError as fault:
         raise RunFailedError(singular_status(fault, problem.system)) from None
     derivative = np.zeros((0, 0)) if disturbances is None else disturbances.monodromy()
@@ -148,19 +155,16 @@ _TIME_LIMIT_STATUS = Status(
 )
 """Status of a run that never began."""
 
-_MEMORY = 40
+_MEMORY, _DEPENDENT = 40, 1e-8
+"""Previous states in Anderson's method, and relative distance below which differences of them are dependent."""
+
 _MOST_REVOLUTIONS = 100
 _USUAL_REVOLUTIONS = 10
 """Expected revolutions of a search, for the selection of the engine."""
 
-_MAX_STALLED, _PATIENCE_OF_NEWTON = 12, 8
-"""Revolutions without halving the residual after which the search ends: contacts that open and close limit it."""
-
-_MAX_FAILURES = 3
-"""Newton steps without reduction of the residual after which the search ends: the motion is chaotic."""
-
-_GOOD = 0.1
-"""Reduction of the residual by a Newton step with which its derivative is reused."""
+_MAX_STALLED = 8
+"""Revolutions without halving the residual after which the search ends with contacts: their motion may be chaotic. A
+system without them may need as many revolutions as it has unknowns."""
 
 FREE = 1e-10
 """Relative change per revolution below which a motion is excluded from the search."""
@@ -193,11 +197,10 @@ def solve_periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9,
     start = problem.start or State.rest(problem.system.size)
     several = replace(problem, runs=problem.runs * _USUAL_REVOLUTIONS)
     selected = select_engine(several, scheme, SaveAt(field_every=problem.steps + 1))
-    if not 0 < selected.problem.system.size <= MAX_UNKNOWNS:
-        found = _fixed_point(problem, _Anderson(several, scheme, until), _energy_norm(problem, ()), tolerance)
-        return replace(found, time=start.time)
-    search, norm = _Newton(selected, scheme, until), _energy_norm(problem, selected.bases)
-    found = _fixed_point(selected.problem, search, norm, tolerance)
+    linear = not problem.system.local_forces and 0 < selected.problem.system.size <= MAX_UNKNOWNS
+    revolutions, norm = _Revolutions(selected, scheme, until), _energy_norm(problem, selected.bases)
+    search = _Newton(revolutions.weights) if linear else _Anderson(revolutions.weights, revolutions.patience)
+    found = _fixed_point(revolutions, search, norm, tolerance)
     for basis in selected.bases:
         moved = basis.spread(found.displacement) + basis.held
         found = replace(found, displacement=moved, velocity=basis.spread(found.velocity))
@@ -224,13 +227,40 @@ def _energy_norm(problem: Problem, bases: Sequence[Basis]) -> Norm:
     return norm
 
 
-def _fixed_point(problem: Problem, search: _Newton | _Anderson, norm: Norm, tolerance: float) -> State:
-    """Return the state with the smallest residual, in the unknowns of the problem."""
+class _Revolutions:
+    """Revolutions of a problem from given states."""
+
+    def __init__(self, selected: SelectedEngine, scheme: Method, until: float | None) -> None:
+        self.problem, self._selected, self._scheme, self._until = selected.problem, selected, scheme, until
+        weights = _weights(self.problem)
+        forces = LocalForces(self.problem.system)
+        inner = np.full(len(forces.start_state), weights.max(initial=0.0))
+        self.weights: FloatArray = np.concatenate([weights, inner])  #: of the entries of a state, shape (2n + s,)
+        #: Revolutions without halving the residual after which a search is in vain.
+        self.patience = _MAX_STALLED if len(forces.touching) else max(_MAX_STALLED, len(self.weights))
+
+    def turn(self, x: FloatArray, *, derived: bool) -> PeriodMap | None:
+        """Return a revolution from a state; None if the run fails."""
+        one = replace(self._selected, problem=replace(self.problem, start=_unpack(self.problem, x)))
+        try:
+            return period_map(one, self._scheme, self._late, derived=derived)
+        except RunFailedError:
+            if self._late():
+                raise RunFailedError(_TIME_LIMIT_STATUS) from None
+            return None
+
+    def _late(self) -> bool:
+        return self._until is not None and time.monotonic() >= self._until
+
+
+def _fixed_point(revolutions: _Revolutions, search: _Newton | _Anderson, norm: Norm, tolerance: float) -> State:
+    """Return the state with the smallest residual, in the unknowns of the engine."""
+    problem = revolutions.problem
     motion = slice(2 * problem.system.size)
     x: FloatArray | None = _pack(problem, problem.start or State.rest(problem.system.size))
     best, least, level, since, first = x, np.inf, np.inf, 0, 0.0
     for _ in range(_MOST_REVOLUTIONS):
-        turn, error = search.turn(x), np.inf
+        turn, error = revolutions.turn(x, derived=search.derives), np.inf
         if turn is not None:
             largest = float(norm(turn.fields - x[motion]).max(initial=0.0))
             first = first or largest
@@ -239,94 +269,60 @@ def _fixed_point(problem: Problem, search: _Newton | _Anderson, norm: Norm, tole
         if error < least:
             least, best = error, x
         level, since = (error, 0) if error < 0.5 * level else (level, since + 1)
-        x = search.next(x, turn, error) if error > tolerance and since <= search.patience else None
+        x = search.next(x, turn) if turn and error > tolerance and since <= search.patience else None
         if x is None:
             break
     return replace(_unpack(problem, best), periodicity=float(least))
 
 
 class _Newton:
-    """Newton's method, ``(I - Phi) dx = P(x) - x``, with a plain revolution if a step increases the residual.
+    """Newton's method, ``(I - Phi) dx = P(x) - x``, with the derivative of the first revolution."""
 
-    Phi is reused while it reduces the residual. With decaying motions the plain revolution always reduces the residual;
-    half a step does so less reliably if contacts open and close.
-    """
+    patience = 1
 
-    def __init__(self, selected: SelectedEngine, scheme: Method, until: float | None) -> None:
-        problem = selected.problem
-        self._selected, self._scheme, self._until = selected, scheme, until
-        weights = _weights(problem)
-        inner = np.full(len(LocalForces(problem.system).start_state), weights.max())
-        self._weights = np.concatenate([np.where(weights > 0.0, weights, 1.0), inner])
-        self._derivative: FloatArray | None = None
-        self._end: FloatArray | None = None
-        self._least, self._failures, self.patience = np.inf, 0, _PATIENCE_OF_NEWTON
+    def __init__(self, weights: FloatArray) -> None:
+        self._weights = np.where(weights > 0.0, weights, 1.0)
+        self._change: FloatArray | None = None
 
-    def turn(self, x: FloatArray) -> PeriodMap | None:
-        """Return a revolution from a state; None if the run fails."""
-        problem = self._selected.problem
-        one = replace(self._selected, problem=replace(problem, start=_unpack(problem, x)))
-        try:
-            found = period_map(one, self._scheme, self._late, derived=self._derivative is None)
-        except RunFailedError:
-            if self._late():
-                raise RunFailedError(_TIME_LIMIT_STATUS) from None
+    @property
+    def derives(self) -> bool:
+        """True if the next revolution needs its derivative."""
+        return self._change is None
+
+    def next(self, x: FloatArray, turn: PeriodMap) -> FloatArray | None:
+        """Return the next state after a revolution; None to stop."""
+        w = self._weights
+        if self._change is None:
+            self._change = np.eye(len(w)) - w[:, None] * turn.derivative / w
+        if not np.isfinite(self._change).all():
             return None
-        self._derivative = found.derivative if found.derivative.size else self._derivative
-        return found
-
-    def next(self, x: FloatArray, turn: PeriodMap | None, error: float) -> FloatArray | None:
-        """Return the next state after one with an error; None to stop."""
-        if turn is None or error >= self._least or self._derivative is None:
-            end, self._end, self._derivative, self._least = self._end, None, None, np.inf
-            self._failures += 1
-            return end if self._failures <= _MAX_FAILURES else None
-        step, w = turn.end - x, self._weights
-        change = np.eye(len(w)) - w[:, None] * self._derivative / w
-        if np.isfinite(change).all():  # motions with any periodic amplitude are unchanged
-            step = np.asarray(np.linalg.lstsq(change, w * step, rcond=FREE)[0] / w, dtype=float)
-        if error > _GOOD * self._least:
-            self._derivative = None
-        self._end, self._least = turn.end, error
-        return x + step
-
-    def _late(self) -> bool:
-        return self._until is not None and time.monotonic() >= self._until
+        # Motions with any periodic amplitude are unchanged.
+        return x + np.linalg.lstsq(self._change, w * (turn.end - x), rcond=FREE)[0] / w
 
 
 class _Anderson:
     """Anderson's method: combination of previous states of minimum residual, plus that residual."""
 
-    def __init__(self, problem: Problem, scheme: Method, until: float | None) -> None:
-        self._problem, self._scheme, self._until = problem, scheme, until
-        self._weights, self.patience = _weights(problem), _MAX_STALLED
+    derives = False
+
+    def __init__(self, weights: FloatArray, patience: int) -> None:
+        self._weights, self.patience = weights, patience
         self._points: list[FloatArray] = []
         self._misses: list[FloatArray] = []
 
-    def turn(self, x: FloatArray) -> PeriodMap | None:
-        """Return a revolution from a state; None if the run fails."""
-        one = replace(self._problem, start=_unpack(self._problem, x))
-        save = SaveAt(field_every=max(one.steps // 64, 1))
-        response = solve(one, self._scheme, save=save, until=self._until)
-        if response.status.cause is Cause.TIME_LIMIT:
-            raise RunFailedError(_TIME_LIMIT_STATUS)
-        if not response.status.ok:
-            return None
-        self.patience = max(_MAX_STALLED, 0 if response.stats.events else len(x))
-        fields = np.concatenate([response.fields.displacement, response.fields.velocity], axis=1)
-        return PeriodMap(np.concatenate([fields[-1], response.inner]), fields)
-
-    def next(self, x: FloatArray, turn: PeriodMap | None, error: float) -> FloatArray | None:
-        """Return the next state after one with an error; None to stop."""
-        if turn is None:
-            return None
+    def next(self, x: FloatArray, turn: PeriodMap) -> FloatArray:
+        """Return the next state after a revolution."""
         points = self._points = [*self._points, x][-_MEMORY:]
         misses = self._misses = [*self._misses, turn.end - x][-_MEMORY:]
         if len(points) == 1:
             return points[0] + misses[0]
         dx, df = np.diff(points, axis=0), np.diff(misses, axis=0)
-        weighed = df[:, : len(self._weights)] * self._weights
-        share = np.linalg.lstsq(weighed.T, misses[-1][: len(self._weights)] * self._weights, rcond=1e-12)[0]
+        weighed = (df * self._weights).T
+        sizes = np.linalg.norm(weighed, axis=0)
+        sizes[sizes == 0.0] = 1.0
+        share = np.asarray(
+            np.linalg.lstsq(weighed / sizes, misses[-1] * self._weights, rcond=_DEPENDENT)[0] / sizes, dtype=float
+        )
         return points[-1] + misses[-1] - share @ (dx + df)
 
 

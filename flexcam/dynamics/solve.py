@@ -170,7 +170,7 @@ def solve(
                     sink.write(block)
             run.restore(resume.checkpoint.arrays)
             stats = run.statistics(replace(stats, steps=resume.checkpoint.steps))
-        with _blas_threads(way):
+        with limit_blas_threads(way):
             for block in run.blocks(stats.steps):
                 expanded = reduce(expand_block, way.bases, block)
                 for sink in takers:
@@ -212,7 +212,7 @@ def record(problem: Problem, engine: Engine, forces: LocalForces, method: Method
     return memory.response()
 
 
-def _blas_threads(way: SelectedEngine) -> AbstractContextManager[object]:
+def limit_blas_threads(way: SelectedEngine) -> AbstractContextManager[object]:
     """Return a context with one thread of the linear algebra for a small system; the host's setting returns after it.
 
     In small matrices threads only hinder each other: a run of 66 unknowns takes twice the time.

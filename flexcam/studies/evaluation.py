@@ -156,7 +156,8 @@ def evaluate(
         sinks = [] if folder is None else [open_result_file(ready, folder)]
         alone = sinks or runs == 1 or ready.problem.system.local_forces
         save = ready.save if alone else _SPARSE_OUTPUT
-        save = save if channels or sinks else replace(save, channels=False)
+        balanced = bool(sinks) or names is None or any(name.startswith("energy.") for name in names)
+        save = replace(save, channels=channels or bool(sinks), energies=balanced)
         response = solve(replace(ready.problem, runs=runs), ready.scheme, save=save, sinks=sinks, until=until)
         if not response.status.ok:
             return Row(response.status)
