@@ -9,7 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexcam.analysis.orders import highest_order, last_revolution_orders
-from flexcam.analysis.preparation import PreparedRun, excitation_without_period, prepare
+from flexcam.analysis.preparation import (
+    PreparedRun,
+    excitation_without_period,
+    prepare,
+    prepare_without_periodic_search,
+)
 from flexcam.analysis.run_metrics import RevolutionChange, revolution_change
 from flexcam.cams import Event, harmonics
 from flexcam.case.case import Case
@@ -279,7 +284,7 @@ def assess_stability(case: Case) -> Stability:
         opened = max((separation(ready.model, response, name, last) for name in held), default=0.0)
     multipliers, why_not = None, "the follower leaves its cam, and the impacts that follow need not repeat"
     if opened <= OPEN:
-        multipliers, why_not = _floquet_multipliers(ready)
+        multipliers, why_not = _floquet_multipliers(case)
     return Stability(
         rpm=case.speed / RPM,
         discrete=step_amplification(ready, method, response),
@@ -292,8 +297,9 @@ def assess_stability(case: Case) -> Stability:
     )
 
 
-def _floquet_multipliers(ready: PreparedRun) -> tuple[Floquet | None, str]:
-    for key, given in excitation_without_period(ready.case).items():
+def _floquet_multipliers(case: Case) -> tuple[Floquet | None, str]:
+    ready = prepare_without_periodic_search(case.with_stable_method().with_newmark())
+    for key, given in excitation_without_period(case).items():
         return None, f"the excitation does not repeat with the camshaft: {given} ({key})"
     # The steps of the case, if an integer number of them fits into a revolution and is within the limits.
     given = round(ready.revolution / ready.problem.step)

@@ -165,7 +165,7 @@ def _multipliers(case: Case, names: Sequence[str]) -> dict[str, Metric]:
     asked = {name: int(found[1]) for name in names if (found := _MULTIPLIER.match(name))}
     if not asked:
         return {}
-    ready = prepare(case.with_run({"start": "periodic"}))
+    ready = prepare(case.with_newmark().with_run({"start": "periodic"}))
     start, steps = ready.problem.start, steps_per_revolution(case, ready.problem)
     if start is not None and (missed := start.periodicity or 0.0) > _PERIODIC:
         change = (

@@ -71,6 +71,13 @@ def test_a_sound_train_chatters(flexcam):
     assert re.search(r"verdict +chatter:", told)
 
 
+def test_a_train_whose_disturbances_decay_is_not_called_unstable(flexcam):
+    """Derivatives are those of Newmark's steps: along a motion of the collocation they gave a multiplier of 1.3."""
+    found = flexcam("stability", ROOT / "cases/direct-acting/bucket.toml", "--set", "run.revolutions=1", "--json").json
+    assert found["verdict"] == []
+    assert abs(complex(*found["multipliers"][0])) < 0.95
+
+
 def test_a_step_too_long_for_the_integrator(flexcam):
     told = ("--set", "run.integrator={method='newmark',beta=0.1667}", *QUICK)
     found = flexcam("stability", PUBLISHED, "--set", "run.speed=1000rpm", *told, "--json").json
