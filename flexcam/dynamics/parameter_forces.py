@@ -62,11 +62,11 @@ class VariedProblem:
             + (local @ self.forces.act.owner * schedule.acting_weights) @ self.forces.act.vectors
         )  # fmt: skip
 
-    def explicit_terms(self, every: SensedTrajectory) -> list[FloatArray]:
-        """Return forces on the unknowns (m, n), sensed scalars and rates (m, c), and answers of the laws (m, c).
+    def explicit_terms(self, every: SensedTrajectory, lengths: FloatArray) -> list[FloatArray]:
+        """Return forces on the unknowns (m, n), sensed scalars, rates and answers of the laws (m, c), states (m - 1, s).
 
         The forces are those of loads, matrices and acting vectors with the local forces of the motion; the answers are
-        those to its sensed scalars.
+        those to its sensed scalars; the internal states are those after the steps of some lengths, s, shape (m - 1,).
         """
         track, forces = every.track, self.forces
         motion = self.problem.drive.at(self.times(track.time))
@@ -74,23 +74,15 @@ class VariedProblem:
         pushed = self.forces_without_inertia(motion, schedule, track.d, track.v, track.local)
         pushed -= track.a @ self._matrices[2].T
         if not forces.count:
-            return [pushed, every.penetration, every.rate, every.rate]
+            return [pushed, every.penetration, every.rate, every.rate, track.state[1:]]
         sensed, rate, _ = forces.sense_motion(track.d, track.v, schedule)
         functions, depth, speed = schedule.rows[:, schedule.functions :], every.penetration, every.rate
         # Of a cam at the angle of its shaft: in the answers the contact stays where it is.
         lifted = forces.lifts.depth(depth) - self._lifts.depth(depth)
         faster = forces.lifts.depth_rate(depth, speed) - self._lifts.depth_rate(depth, speed)
         answer = forces.evaluate(depth - lifted, track.state, functions, rate=speed - faster)[1]
-        return [pushed, sensed + lifted, rate + faster, answer]
-
-    def states_after(self, every: SensedTrajectory, i: int) -> FloatArray:
-        """Return the internal states after the step that follows an instant, shape (s,)."""
-        track, forces = every.track, self.forces
-        part = slice(i, i + 2)
-        motion = self.problem.drive.at(self.times(track.time[part]))
-        old, new = forces.sense_motion(track.d[part], track.v[part], forces.prescribed_inputs(motion))[0]
-        (step,) = (self.stretch * np.diff(track.time[part])).tolist()
-        return forces.follow_states(step, new, old, track.state[i])[NEW_STATE]
+        after = forces.follow_states(self.stretch * lengths, sensed[1:], sensed[:-1], track.state[:-1])[:, NEW_STATE]
+        return [pushed, sensed + lifted, rate + faster, answer, after]
 
     def impact_change(self, old: StepState, contacts: IntArray) -> FloatArray:
         """Return the change of the velocities by an impact at switching scalars, shape (n,)."""
@@ -115,11 +107,13 @@ class ExplicitDerivatives:
     penetration: FloatArray  #: of the sensed scalars, shape (m, c, p)
     rate: FloatArray  #: of their rates, shape (m, c, p)
     answer: FloatArray  #: of the force laws at constant scalars, shape (m, c, p)
+    states_after: FloatArray  #: of the internal states after a step, at constant ones before it, shape (m - 1, s, p)
 
-    def source(self, linear: Linear, which: int | slice) -> FloatArray:
-        """Return the forces on the unknowns at some instants, shape (..., n, p), with the tangents there."""
-        local = linear.by_penetration @ self.penetration[which] + linear.by_rate @ self.rate[which]
-        return self.force[which] + np.swapaxes(linear.act, -1, -2) @ (self.answer[which] + local)
+    def source(self, linear: Linear, part: slice) -> FloatArray:
+        """Return the forces on the unknowns at some instants, shape (m, n, p), with the tangents there."""
+        penetration, rate, answer = (one[part, linear.kept] for one in (self.penetration, self.rate, self.answer))
+        local = linear.by_penetration @ penetration + linear.by_rate @ rate
+        return self.force[part] + np.swapaxes(linear.act, -1, -2) @ (answer + local)
 
 
 class ParameterForces:
@@ -151,19 +145,13 @@ class ParameterForces:
 
         return self._difference(start)
 
-    def along(self, every: SensedTrajectory) -> ExplicitDerivatives:
-        """Return the derivatives at all instants of a motion."""
+    def along(self, every: SensedTrajectory, lengths: FloatArray) -> ExplicitDerivatives:
+        """Return the derivatives at all instants of a motion, with the lengths of the steps between them, s."""
         parts = [
-            [(up - low) / width for low, up in zip(*(side.explicit_terms(every) for side in pair), strict=True)]
+            [(up - low) / width for low, up in zip(*(one.explicit_terms(every, lengths) for one in pair), strict=True)]
             for pair, width in zip(self.sides, self.widths.tolist(), strict=True)
         ]
         return ExplicitDerivatives(*(np.stack(terms, axis=-1) for terms in zip(*parts, strict=True)))
-
-    def states_after(self, every: SensedTrajectory, i: int) -> FloatArray:
-        """Return the derivatives of the internal states after the step that follows an instant, shape (s, p)."""
-        if not every.track.state.shape[1]:
-            return np.zeros((0, self.count))
-        return self._difference(lambda side: side.states_after(every, i))
 
     def impact_change(self, old: StepState, contacts: IntArray) -> FloatArray:
         """Return the derivatives of the velocity change by an impact at switching scalars, shape (n, p)."""
