@@ -565,8 +565,8 @@ def evaluate_rows(
 
     Scalars and their rates have the shape (m, c), internal states `inner` (m, s); each instant ends a step of a length
     of `spans` (m,), s, at whose beginning the states and the scalars `begin` (m, s) of their laws apply. `followed` has
-    the shape (m, 9, s); `tangents` (m, 2, c, width) is not written if it has no rows. The first four arguments are those
-    of `evaluate_laws`; `local`, `tangent` and `states` are work arrays.
+    the shape (m, 9, s); `tangents` (m, 2, c, width) is not written if it has no rows. The first four arguments are
+    those of `evaluate_laws`; `local`, `tangent` and `states` are work arrays.
     """
     for k in range(len(penetration)):
         for i in range(local.shape[1]):

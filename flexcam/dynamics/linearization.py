@@ -185,7 +185,7 @@ class LinearStep:
         return self._inverse
 
     def by_length(self, old: FloatArray, new: FloatArray) -> FloatArray:
-        """Return the derivatives of d, momentum and z by the step length, from the flows at both ends, (..., 2n + s)."""
+        """Return the derivatives of d, momentum and z by the step length from the flows at both ends, (..., 2n + s)."""
         n, mean = self._size, 0.5 * (old + new)
         return np.concatenate([mean[..., :n], mean[..., n : 2 * n] @ self.mass.T, mean[..., 2 * n :]], axis=-1)
 
@@ -209,20 +209,20 @@ class StepSequence:
         self, stepper: LinearStep, length: float, linear: Linear, T: FloatArray, B: FloatArray,
         compiled: Functions | None = None,
     ) -> None:  # fmt: skip
-        m, c, n = linear.act.shape
+        _, c, n = linear.act.shape
         self._half, self._shape, self._linear, self._rules = 0.5 * length, (c, n), linear, (T, B)
-        self._propagate = (compiled or _python())["propagate_disturbances"]
+        self._propagate, self._compiled = (compiled or _python())["propagate_disturbances"], compiled is not None
         inverse, by_new, by_v = stepper.inverse(length), linear.by_d[1:], linear.by_v[1:]
-        if T.shape[1]:
-            by_new = by_new + linear.by_state[1:] @ ((1.0 - T)[:, :, None] * linear.followed[1:])
+        rest = (1.0 - T)[:, :, None] * linear.followed[1:]
+        difference = (T - B)[:, :, None] * linear.followed[:-1]
+        by_new = by_new + linear.by_state[1:] @ rest if T.shape[1] else by_new
         moved = by_new * stepper.travel if len(stepper.travel) < n else by_new @ stepper.travel
-        columns = linear.act[1:].transpose(2, 0, 1).reshape(n, (m - 1) * c)
-        answer = _multiply(inverse, columns).reshape(n, m - 1, c).swapaxes(0, 1)
+        answer = linear.act[1:] * inverse if len(inverse) < n else linear.act[1:] @ inverse.T
         self._operators = (*stepper.operators, inverse, np.ones((1, n)))
         self._forces = tuple(
             np.ascontiguousarray(one) for one in (
-                linear.act, linear.by_d, linear.by_v, linear.by_state, linear.followed, by_new,
-                self._half * (by_v + self._half * moved), answer, 1.0 - T, T - B, B,
+                linear.act, linear.by_d, linear.by_v, linear.by_state, by_new,
+                self._half * (by_v + self._half * moved), answer, rest, difference, B,
             )
         )  # fmt: skip
 
@@ -244,15 +244,16 @@ class StepSequence:
 
         `more` is that of `propagate`, shape (steps, 2n + s, k); the result has a row more, or two rows.
         """
-        (c, n), k, steps = self._shape, before.shape[1], len(more)
-        found = np.empty((2 if last else steps + 1, *before.shape))
-        found[0] = before
+        (c, n), (size, k), steps = self._shape, before.shape, len(more)
+        found = np.empty((2 if last else steps + 1, k, size))
+        found[0] = before.T
         part, ends = slice(first, first + steps), slice(first, first + steps + 1)
-        forces = [one[ends] for one in self._forces[:5]] + [one[part] for one in self._forces[5:]]
-        work = np.empty((n, k)), np.empty((n, k)), np.empty((c, k)), np.empty((c, c + k)), np.eye(c, c + k)
-        if not self._propagate(self._half, *self._operators, *forces, more, found, *work):
+        forces = [one[ends] for one in self._forces[:4]] + [one[part] for one in self._forces[4:]]
+        more = np.ascontiguousarray(more.swapaxes(1, 2)) if self._compiled else more.swapaxes(1, 2)
+        work = [np.empty((k, width)) for width in (n, n, size - 2 * n, n, size - 2 * n, n, n, c)]
+        if not self._propagate(self._half, *self._operators, *forces, more, found, *work, np.empty((c, c + k))):
             raise np.linalg.LinAlgError
-        return found
+        return found.swapaxes(1, 2)
 
 
 @lru_cache

@@ -120,6 +120,11 @@ class VectorStack:
         return np.concatenate([[0], np.cumsum(self.owner.sum(axis=1))]).astype(np.intp)
 
     @cached_property
+    def scalars(self) -> IntArray:
+        """Scalar of every vector, shape (k,)."""
+        return self.owner.argmax(axis=0) if len(self.owner) else np.zeros(0, dtype=np.intp)
+
+    @cached_property
     def varying_vectors(self) -> list[tuple[int, int, FloatArray]]:
         """Index, scalar and vector of every vector whose weight varies."""
         places = [place for place, _ in self.varying]
@@ -128,7 +133,7 @@ class VectorStack:
     @property
     def varying_scalars(self) -> list[int]:
         """Scalar of every vector whose weight varies."""
-        return [int(self.owner[:, i].argmax()) for i, _ in self.varying]
+        return [int(self.scalars[i]) for i, _ in self.varying]
 
 
 def _separate(functions: Sequence[AngleFunction]) -> tuple[FloatArray, tuple[tuple[int, AngleFunction], ...]]:

@@ -43,9 +43,8 @@ class VariedProblem:
         self.problem, self.forces = problem, LocalForces(problem.system, compiled)
         self._lifts = LocalForces(original.system).lifts if self.forces.lifts else self.forces.lifts
         self._begin = original.start.time if original.start else 0.0
-        self._matrices = [
-            one.dense() for one in (problem.system.stiffness, problem.system.damping, problem.system.mass)
-        ]
+        #: Stiffness, damping and mass.
+        self.matrices = [one.dense() for one in (problem.system.stiffness, problem.system.damping, problem.system.mass)]
         self.stretch = problem.step / original.step  #: ratio of the steps
 
     def times(self, time: FloatArray) -> FloatArray:
@@ -56,23 +55,29 @@ class VariedProblem:
         self, motion: CamMotion, schedule: PrescribedInputs, d: FloatArray, v: FloatArray, local: FloatArray
     ) -> FloatArray:
         """Return the sum of loads, stiffness, damping and local forces on the unknowns, N, shape (m, n)."""
-        K, C, _ = self._matrices
-        return (
-            self.problem.system.load_vector(motion) - d @ K.T - v @ C.T
-            + (local @ self.forces.act.owner * schedule.acting_weights) @ self.forces.act.vectors
-        )  # fmt: skip
+        K, C, _ = self.matrices
+        return self._applied_forces(motion, schedule, local) - d @ K.T - v @ C.T
 
-    def explicit_terms(self, every: SensedTrajectory, lengths: FloatArray) -> list[FloatArray]:
-        """Return forces on the unknowns (m, n), sensed scalars, rates and answers of the laws (m, c), states (m - 1, s).
+    def _applied_forces(self, motion: CamMotion, schedule: PrescribedInputs, local: FloatArray) -> FloatArray:
+        """Return the sum of loads and local forces on the unknowns, N, shape (m, n)."""
+        act = self.forces.act
+        return self.problem.system.load_vector(motion) + (local[:, act.scalars] * schedule.acting_weights) @ act.vectors
 
-        The forces are those of loads, matrices and acting vectors with the local forces of the motion; the answers are
-        those to its sensed scalars; the internal states are those after the steps of some lengths, s, shape (m - 1,).
+    def inputs(self, time: FloatArray) -> tuple[CamMotion, PrescribedInputs]:
+        """Return motion of the cam and prescribed inputs at instants of the original problem."""
+        motion = self.problem.drive.at(self.times(time))
+        return motion, self.forces.prescribed_inputs(motion)
+
+    def explicit_terms(
+        self, every: SensedTrajectory, lengths: FloatArray, inputs: tuple[CamMotion, PrescribedInputs]
+    ) -> list[FloatArray]:
+        """Return forces on the unknowns (m, n); scalars, rates, answers of the laws (m, c); internal states (m - 1, s).
+
+        The forces are those of loads and acting vectors with the local forces of the motion; the answers are those to
+        its sensed scalars; the internal states are those after the steps of some lengths, s, shape (m - 1,).
         """
-        track, forces = every.track, self.forces
-        motion = self.problem.drive.at(self.times(track.time))
-        schedule = forces.prescribed_inputs(motion)
-        pushed = self.forces_without_inertia(motion, schedule, track.d, track.v, track.local)
-        pushed -= track.a @ self._matrices[2].T
+        track, forces, (motion, schedule) = every.track, self.forces, inputs
+        pushed = self._applied_forces(motion, schedule, track.local)
         if not forces.count:
             return [pushed, every.penetration, every.rate, every.rate, track.state[1:]]
         sensed, rate, _ = forces.sense_motion(track.d, track.v, schedule)
@@ -125,6 +130,11 @@ class ParameterForces:
             for one in variations
         ]
         self.widths: FloatArray = np.array([one.width for one in variations])
+        #: Derivatives of stiffness, damping and mass by every parameter; most change none.
+        self._matrices = [
+            [(high - low) / width for low, high in zip(*(side.matrices for side in pair), strict=True)]
+            for pair, width in zip(self.sides, self.widths.tolist(), strict=True)
+        ]
         #: Relative change of the step, shape (p,).
         self.stretch = self._difference(lambda side: np.array(side.stretch))
 
@@ -151,6 +161,11 @@ class ParameterForces:
             [(up - low) / width for low, up in zip(*(one.explicit_terms(every, lengths) for one in pair), strict=True)]
             for pair, width in zip(self.sides, self.widths.tolist(), strict=True)
         ]
+        track = every.track
+        for terms, matrices in zip(parts, self._matrices, strict=True):
+            for matrix, moved in zip(matrices, (track.d, track.v, track.a), strict=True):
+                if matrix.any():
+                    terms[0] -= moved @ matrix.T
         return ExplicitDerivatives(*(np.stack(terms, axis=-1) for terms in zip(*parts, strict=True)))
 
     def impact_change(self, old: StepState, contacts: IntArray) -> FloatArray:

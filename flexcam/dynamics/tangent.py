@@ -48,8 +48,9 @@ class TangentRun:
 
 
 def tangent_run(
-    problem: Problem, method: Method, variations: Sequence[Variation], *, period: int | None = None
-) -> TangentRun:
+    problem: Problem, method: Method, variations: Sequence[Variation], *, period: int | None = None,
+    accelerations: bool = True,
+) -> TangentRun:  # fmt: skip
     """Integrate a problem together with the disturbances by parameters.
 
     Parameters
@@ -63,6 +64,8 @@ def tangent_run(
     period
         Steps of a revolution if the run begins with a periodic state, which then depends on the parameters; None if
         the variations give the initial state.
+    accelerations
+        Whether probes or channels of the neighbours need accelerations; otherwise these are NaN.
 
     Returns
     -------
@@ -114,7 +117,7 @@ def tangent_run(
     motion = _integrate(selected, method, forces, initial, parameters)
 
     def result(side: VariedProblem, parameter: int, part: float) -> Response:
-        engine = _NeighbourEngine(side, motion, parameter, part)
+        engine = _NeighbourEngine(side, motion, parameter, part, accelerations=accelerations)
         return record(side.problem, engine, side.forces, method, selected.bases)
 
     neighbours = [
@@ -223,8 +226,11 @@ def _periodic_disturbances(
 class _NeighbourEngine(Engine):
     """Engine of a run with a parameter near its value, to first order."""
 
-    def __init__(self, side: VariedProblem, motion: _Motion, parameter: int, part: float) -> None:
+    def __init__(
+        self, side: VariedProblem, motion: _Motion, parameter: int, part: float, *, accelerations: bool
+    ) -> None:
         self._side, self._motion, self._parameter, self._part = side, motion, parameter, part
+        self._accelerations = accelerations
 
     def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
         """Return the instants of successive steps, see `Engine`."""
@@ -238,7 +244,9 @@ class _NeighbourEngine(Engine):
         if forces.count:
             sensed, rate, _ = forces.sense_motion(d, v, schedule)
             local = forces.evaluate(sensed, state, schedule.rows[:, schedule.functions :], rate=rate)[1]
-        pushed = side.forces_without_inertia(drive, schedule, d, v, local)
-        a = track.a[rows] if self._part == 0.0 else side.accelerations.accelerations(pushed.T).T
+        a = track.a[rows] if self._part == 0.0 else np.full_like(d, np.nan)
+        if self._part != 0.0 and self._accelerations:
+            pushed = side.forces_without_inertia(drive, schedule, d, v, local)
+            a = side.accelerations.accelerations(pushed.T).T
         each, pressed = np.arange(len(time)), track.pressed[rows]
-        return Trajectory(time, d, v, a, local, state, np.zeros_like(local), pressed, each), Status()
+        return Trajectory(time, d, v, a, local, state, np.zeros_like(local), pressed, each, drive.cam), Status()
