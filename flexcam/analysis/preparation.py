@@ -172,7 +172,7 @@ def revolution_time(case: Case, drive: Drive) -> float:
 
 def prepare(
     case: Case, *, rigid: bool = False, model: Model | None = None, until: float | None = None,
-    allow_large: bool = False, runs: int = 1, near: State | None = None,
+    allow_large: bool = False, runs: int = 1, near: PreparedRun | None = None,
 ) -> PreparedRun:  # fmt: skip
     """Build the problem described by a case.
 
@@ -191,7 +191,8 @@ def prepare(
     runs
         Number of planned runs of this kind, as in `flexcam.dynamics.Problem`.
     near
-        Initial state of a similar case, near which that of this one is searched for.
+        Prepared run of a similar case, whose equal cams are used, and near whose initial state that of this one is
+        searched for.
 
     Returns
     -------
@@ -210,13 +211,15 @@ def prepare(
     ``prepare(case).problem.system`` is the `System` of a case, for custom studies.
     """
     kind = "rigid" if rigid else case.record.fidelity.model
+    if model is None and near is not None:
+        model = build_model(case, (near.case, near.model))
     model, system, chain = _build_equations(case, model, kind, allow_large=allow_large)
     save = SaveAt(field_every=case.record.output.field_every)
     try:
         plain = replace(_make_problem(case, model, system), runs=runs)
         if rigid:  # the rigid companion of a flexible run; the engine was requested for the flexible one
             plain = replace(plain, engine="auto")
-        problem = set_initial_state(case, model, plain, until=until, near=near)
+        problem = set_initial_state(case, model, plain, until=until, near=near and near.problem.start)
     except InputError as refusal:
         raise _add_lines(case, refusal) from None
     except RunFailedError as failure:  # an unusual value, such as 207 Pa, is the probable cause
@@ -235,7 +238,7 @@ def integration_method(case: Case, problem: Problem) -> Method:
     return default_method(problem) if given is None else given.part
 
 
-def prepare_without_periodic_search(case: Case, near: State | None = None) -> PreparedRun:
+def prepare_without_periodic_search(case: Case, near: PreparedRun | None = None) -> PreparedRun:
     """Prepare a case as `prepare`; a periodic initial state, which is expensive, is replaced by equilibrium."""
     if case.record.run.start != "periodic":
         return prepare(case, near=near)

@@ -10,7 +10,7 @@ Systems (2004), ch. 7 and 8; M. di Bernardo et al., Piecewise-smooth Dynamical S
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +24,8 @@ from flexcam.dynamics.parameter_forces import ExplicitDerivatives, ParameterForc
 from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.step_state import SensedTrajectory, StepInputs, StepState, Trajectory
 
-_MOST_STEPS = 256
-"""Number of steps that are prepared together."""
+_MOST_VALUES, _LEAST_STEPS = 100_000, 32
+"""Number of derivatives of forces that are prepared together, and minimum number of steps."""
 
 _TOUCH = 1e-15
 """Penetration, m, assigned to a contact that is about to open or close, to select its side."""
@@ -58,11 +58,11 @@ class _Way:
     every: SensedTrajectory
     lengths: FloatArray  #: of the steps, s, shape (m - 1,)
     plain: Bools  #: steps of some length without a change of sides, shape (m - 1,)
-    begin: IntArray  #: row of every instant as the beginning of a step, shape (m,)
-    depth: FloatArray  #: sensed scalars of the rows, shape (r, c)
+    begin: list[int]  #: row of every instant as the beginning of a step, shape (m,)
     narrow: FloatArray  #: derivatives of the forces of the rows, see `LocalForces.tangents`
     by_travel: FloatArray  #: T of the steps, see `StepSequence`, shape (m - 1, s)
     by_begin: FloatArray  #: B of the steps, shape (m - 1, s)
+    prescribed_rates: dict[int, FloatArray]  #: rates due to the cam motion alone at events, by row
     flow: FloatArray  #: velocities, accelerations and rates of internal states, shape (m, 2n + s)
     explicit: ExplicitDerivatives | None  #: derivatives by the parameters
 
@@ -85,29 +85,33 @@ class Disturbances:
             np.eye(2 * problem.system.size + len(forces.start_state)) if initial is None else initial.copy()
         )
         self._parameters = parameters
+        self._at_once = max(_MOST_VALUES // max(problem.system.size * forces.count, 1), _LEAST_STEPS)
         self._last: Trajectory | None = None
         self._shift: FloatArray | None = None
 
-    def follow(self, track: Trajectory) -> FloatArray:
+    def follow(self, track: Trajectory) -> tuple[Trajectory, FloatArray]:
         """Propagate the disturbances over successive instants.
 
-        With parameters, return the disturbances at the ends of steps, shape (steps, 2n + s, k), otherwise nothing.
+        With parameters, return the instants, after the last one before them, and the disturbances at the ends of steps,
+        shape (steps, 2n + s, k).
         """
         first = self._last is None
-        way = self._prepare(track if self._last is None else Trajectory.concatenate([self._last, track]))
+        if self._last is not None:
+            track = replace(Trajectory.concatenate([self._last, track]), ends=track.ends + 1)
+        way = self._prepare(track)
         if first:
             begin = self._linearize(way, 0, 0)
             source = self._source(way, begin, slice(0, 1))[0]
             self._current = self._stepper.initial_disturbances(begin, self._current, source)
         ends = np.zeros(len(way.flow), dtype=bool)
         if self._parameters is not None:
-            ends[way.every.track.ends if first else track.ends + 1] = True
+            ends[track.ends] = True
         found = [self._at_fixed_time(way.flow[0])[None]] if ends[0] and first else list[FloatArray]()
         lengths, plain, i = way.lengths, way.plain, 0
         while i < len(lengths):
             count = 1
             if plain[i] and self._shift is None:
-                part = slice(i, i + _MOST_STEPS)
+                part = slice(i, i + self._at_once)
                 same = plain[part] & (np.abs(lengths[part] / lengths[i] - 1.0) <= _SAME_TIME)
                 count = len(same) if same.all() else int(np.argmin(same))
                 found.append(self._propagate(way, i, i + count, ends[i + 1 : i + count + 1]))
@@ -119,8 +123,8 @@ class Disturbances:
                 if ends[i + 1]:
                     found.append(self._at_fixed_time(way.flow[i + 1])[None])
             i += count
-        self._last = way.every.track.last()
-        return np.concatenate(found) if found else np.zeros((0, *self._current.shape))
+        self._last = track.last()
+        return way.every.track, np.concatenate([np.zeros((0, *self._current.shape)), *found])
 
     def _propagate(self, way: _Way, first: int, last: int, ends: Bools) -> FloatArray:
         """Propagate the disturbances over the equal steps between instants; return those after some of them."""
@@ -142,7 +146,7 @@ class Disturbances:
         forces, time, sides, usual = self._forces, track.time, track.pressed, self._problem.step
         schedule = forces.prescribed_inputs(self._problem.drive.at(time))
         penetration, rate, _ = forces.sense_motion(track.d, track.v, schedule)
-        every = SensedTrajectory(track, schedule, penetration, rate)
+        every = SensedTrajectory(replace(track, cam=schedule.cam), schedule, penetration, rate)
         lengths = np.diff(time)
         lengths[np.abs(lengths - usual) <= _SAME_TIME * usual] = usual
         changed = (sides[1:] != sides[:-1]).any(axis=1)
@@ -156,9 +160,13 @@ class Disturbances:
         narrow = forces.tangents(depth, speed, states, functions[instants])[2]
         after = forces.follow_states(lengths, penetration[1:], penetration[:-1], track.state[:-1])
         rates = forces.follow_states(np.zeros(len(time)), penetration, penetration, track.state)[:, STATE_RATE]
+        plain = (lengths > 0.0) & ~changed
+        events = np.flatnonzero(~plain)
+        rows = np.unique(np.concatenate([begin[:1], begin[events], begin[events] + 1, begin[events + 1]]))
+        shifts = self._prescribed_rates(every, instants[rows], depth[rows])
         return _Way(
-            every, lengths, (lengths > 0.0) & ~changed, begin, depth, narrow, after[:, BY_TRAVEL], after[:, BY_BEGIN],
-            np.hstack([track.v, track.a, rates]),
+            every, lengths, plain, begin.tolist(), narrow, after[:, BY_TRAVEL], after[:, BY_BEGIN],
+            dict(zip(rows.tolist(), shifts, strict=True)), np.hstack([track.v, track.a, rates]),
             None if self._parameters is None else self._parameters.along(every, lengths),
         )  # fmt: skip
 
@@ -229,7 +237,7 @@ class Disturbances:
         step, (moved,) = self._steps(way, i, i + 1)
         h, longer = float(way.lengths[i]), self._stepper.by_length(way.flow[i], way.flow[i + 1])
         if self._shift is not None:
-            shifted = self._stepper.old_terms(0.5 * h * self._prescribed_rates(way, i, way.begin[i])) - longer
+            shifted = self._stepper.old_terms(0.5 * h * way.prescribed_rates[way.begin[i]]) - longer
             moved = moved + shifted[:, None] * self._shift
         after, self._shift = step.propagate(0, self._current, moved), None
         crossed = np.flatnonzero(side != every.track.pressed[i + 1])
@@ -240,7 +248,7 @@ class Disturbances:
             which = self._forces.switching[crossed]
             which = int(which[np.argmin(np.abs(depth[which] / depth_rate[which]))])
             gradient = lifts.gradient(which, new.penetration)
-            longer = (longer + 0.5 * h * self._prescribed_rates(way, i + 1, way.begin[i] + 1))[:, None]
+            longer = (longer + 0.5 * h * way.prescribed_rates[way.begin[i] + 1])[:, None]
             by_time = step.propagate(0, np.zeros_like(longer), longer)[:, 0]
             sense, n = gradient @ directions(self._forces, every.schedule, i + 1)[1], len(new.d)
             rate = depth_rate[which] + sense @ (by_time[:n] - new.v)
@@ -279,33 +287,31 @@ class Disturbances:
         rate = hit.sense @ old.v + hit.turning @ old.d + to.schedule.offset_rate[0][self._forces.switching[held]]
         return hit.velocity_change(rate, factor)
 
-    def _prescribed_rates(self, way: _Way, i: int, row: int) -> FloatArray:
-        """Return the rates of forces (n,) and of internal state rates (s,) due to the cam motion alone, per second.
+    def _prescribed_rates(self, every: SensedTrajectory, instants: IntArray, depth: FloatArray) -> FloatArray:
+        """Return the rates of forces and of internal state rates due to the cam motion alone, per second.
 
-        Contacts stay on their side, that of a row: the prescribed penetration rate is multiplied by their stiffness.
+        The shape is (e, 2n + s), with zeros in front. The sensed scalars `depth` at the instants, shape (e, c), are
+        those of contacts on their side: the prescribed penetration rate is multiplied by their stiffness.
         """
-        beside, forces, track = _BESIDE * self._problem.step, self._forces, way.every.track
-        motion = self._problem.drive.at(track.time[i] + beside * np.array([-1.0, 0.0, 1.0]))
-        load, schedule = self._problem.system.load_vector(motion), forces.prescribed_inputs(motion)
-        d, v, state = (np.repeat(rows[i : i + 1], 3, axis=0) for rows in (track.d, track.v, track.state))
+        beside, forces, track, n = _BESIDE * self._problem.step, self._forces, every.track, self._problem.system.size
+        motion = self._problem.drive.at((track.time[instants, None] + beside * np.array([-1.0, 0.0, 1.0])).ravel())
+        schedule, at = forces.prescribed_inputs(motion), np.repeat(instants, 3)
 
         def slope(rows: FloatArray) -> FloatArray:
-            return (rows[2] - rows[0]) / (2.0 * beside)
+            return (rows[2::3] - rows[::3]) / (2.0 * beside)
 
-        found = np.concatenate([np.zeros(d.shape[1]), slope(load), np.zeros(state.shape[1])])
-        if not forces.count:
-            return found
-        by_penetration, by_rate = (slope(one) for one in forces.sense_motion(d, v, schedule)[:2])
-        depth, speed = (np.repeat(one[None], 3, axis=0) for one in (way.depth[row], way.every.rate[i]))
-        force, followed, narrow = forces.tangents(depth, speed, state, schedule.rows[:, schedule.functions :])
-        own, places, others = forces.coupled_scalars
-        pushed = slope(force)
-        for tangent, rates in zip(narrow[1], (by_penetration, by_rate), strict=True):
-            np.add.at(pushed, own, tangent[own, places] * rates[others])
-        weights = pushed @ forces.act.owner * schedule.acting_weights[1]
-        weights += force[1] @ forces.act.owner * slope(schedule.acting_weights)
-        found[len(v[0]) : 2 * len(v[0])] += weights @ forces.act.vectors
-        found[2 * len(v[0]) :] = followed[1, FLOW] * by_penetration[forces.table.owners]
+        sensed = forces.sense_motion(track.d[at], track.v[at], schedule)
+        by_penetration, by_rate = slope(sensed[0]), slope(sensed[1])
+        depth, functions = np.repeat(depth, 3, axis=0), schedule.rows[:, schedule.functions :]
+        force, followed, narrow = forces.tangents(depth, every.rate[at], track.state[at], functions)
+        (own, places, others), pushed = forces.coupled_scalars, slope(force)
+        for i, rates in enumerate((by_penetration, by_rate)):
+            np.add.at(pushed, (slice(None), own), narrow[1::3, i][:, own, places] * rates[:, others])
+        scalars, weights = forces.act.scalars, schedule.acting_weights
+        pushed = pushed[:, scalars] * weights[1::3] + force[1::3, scalars] * slope(weights)
+        found = np.zeros((len(instants), 2 * n + track.state.shape[1]))
+        found[:, n : 2 * n] = slope(self._problem.system.load_vector(motion)) + pushed @ forces.act.vectors
+        found[:, 2 * n :] = followed[1::3, FLOW] * by_penetration[:, forces.table.owners]
         return found
 
     def _instant(self, time: float) -> StepInputs:

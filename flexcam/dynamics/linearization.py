@@ -48,24 +48,28 @@ def linearize(
     used[own[changes[own, places]]] = used[others[changes[own, places]]] = True
     if answer is not None:
         used |= answer.any(axis=(0, 2))
-    kept, (size, m) = np.flatnonzero(used), (forces.sense.vectors.shape[1], len(narrow))
+    kept, m = np.flatnonzero(used), len(narrow)
     at, owners = np.cumsum(used) - 1, forces.table.owners
     inside = used[own] & used[others]
     by_x, by_rate = np.zeros((2, m, len(kept), len(kept)))
+    to, of = at[own[inside]] * len(kept) + at[others[inside]], own[inside] * narrow.shape[3] + places[inside]
     for i, tangent in enumerate((by_x, by_rate)):
-        tangent[:, at[own[inside]], at[others[inside]]] = narrow[:, i, own[inside], places[inside]]
+        tangent.reshape(m, len(kept) ** 2)[:, to] = narrow[:, i].reshape(m, -1)[:, of]
     weights, rates = schedule.sensing_weights, schedule.sensing_rates
     by_d, by_v = (_sensed(tangent, forces.sense, weights, kept) for tangent in (by_x, by_rate))
     by_d += _sensed(by_rate, forces.sense, rates, kept, constant=False)
     by_state = np.where(used[owners], -by_x[:, :, at[owners]], 0.0)
-    act, followed = np.zeros((m, len(kept), size)), np.zeros((m, len(owners), size))
-    for rows, stack, scalars, weights in (
-        (act, forces.act, kept, schedule.acting_weights), (followed, forces.sense, owners, schedule.sensing_weights),
-    ):  # fmt: skip
-        rows[:] = stack.rows[scalars]
-        for place, scalar, vector in stack.varying_vectors:
-            rows[:, scalars == scalar] += (weights[:, place, None] * vector)[:, None]
+    act = _rows(forces.act, schedule.acting_weights, kept)
+    followed = _rows(forces.sense, schedule.sensing_weights, owners)
     return Linear(act, by_d, by_v, by_state, followed, by_x, by_rate, kept)
+
+
+def _rows(stack: VectorStack, weights: FloatArray, scalars: IntArray) -> FloatArray:
+    """Return the vectors of some scalars at m instants, shape (m, c, n)."""
+    found = np.tile(stack.rows[scalars], (len(weights), 1, 1))
+    for place, scalar, vector in stack.varying_vectors:
+        found[:, scalars == scalar] += (weights[:, place, None] * vector)[:, None]
+    return found
 
 
 def _sensed(
@@ -77,8 +81,11 @@ def _sensed(
     """
     m, c, _ = tangent.shape
     found = np.zeros((m, c, stack.vectors.shape[1]))
-    if constant and tangent.any():
+    changed = np.flatnonzero(tangent.any(axis=(0, 2))) if constant else kept[:0]
+    if len(changed) == c:
         found = (tangent.reshape(m * c, c) @ stack.rows[kept]).reshape(found.shape)
+    elif len(changed):
+        found[:, changed] = tangent[:, changed] @ stack.rows[kept]
     for place, scalar, vector in stack.varying_vectors:
         for j in np.flatnonzero(kept == scalar).tolist():
             changed = np.flatnonzero(tangent[:, :, j].any(axis=0))
@@ -216,13 +223,16 @@ class StepSequence:
         rest = (1.0 - T)[:, :, None] * linear.followed[1:]
         difference = (T - B)[:, :, None] * linear.followed[:-1]
         by_new = by_new + linear.by_state[1:] @ rest if T.shape[1] else by_new
-        moved = by_new * stepper.travel if len(stepper.travel) < n else by_new @ stepper.travel
+        sense = by_new * stepper.travel if len(stepper.travel) < n else by_new @ stepper.travel
+        sense *= self._half
+        sense += by_v
+        sense *= self._half
         answer = linear.act[1:] * inverse if len(inverse) < n else linear.act[1:] @ inverse.T
         self._operators = (*stepper.operators, inverse, np.ones((1, n)))
         self._forces = tuple(
             np.ascontiguousarray(one) for one in (
                 linear.act, linear.by_d, linear.by_v, linear.by_state, by_new,
-                self._half * (by_v + self._half * moved), answer, rest, difference, B,
+                sense, answer, rest, difference, B,
             )
         )  # fmt: skip
 

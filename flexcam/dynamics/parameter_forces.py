@@ -8,10 +8,12 @@ act through the tangents of the laws, so that a contact that is about to switch 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.cam_motion import CamMotion, PrescribedInputs
@@ -21,7 +23,7 @@ from flexcam.dynamics.jit import Functions
 from flexcam.dynamics.linearization import Linear
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.problem import Problem
-from flexcam.dynamics.step_state import SensedTrajectory, StepInputs, StepState
+from flexcam.dynamics.step_state import SensedTrajectory, StepInputs, StepState, Trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +48,7 @@ class VariedProblem:
         #: Stiffness, damping and mass.
         self.matrices = [one.dense() for one in (problem.system.stiffness, problem.system.damping, problem.system.mass)]
         self.stretch = problem.step / original.step  #: ratio of the steps
+        self._known: tuple[Trajectory, tuple[CamMotion, PrescribedInputs]] | None = None
 
     def times(self, time: FloatArray) -> FloatArray:
         """Return the instants of this problem for those of the original one, s."""
@@ -56,38 +59,43 @@ class VariedProblem:
     ) -> FloatArray:
         """Return the sum of loads, stiffness, damping and local forces on the unknowns, N, shape (m, n)."""
         K, C, _ = self.matrices
-        return self._applied_forces(motion, schedule, local) - d @ K.T - v @ C.T
+        pushed = self.push(local, schedule.acting_weights)
+        return self.problem.system.load_vector(motion) + pushed - d @ K.T - v @ C.T
 
-    def _applied_forces(self, motion: CamMotion, schedule: PrescribedInputs, local: FloatArray) -> FloatArray:
-        """Return the sum of loads and local forces on the unknowns, N, shape (m, n)."""
+    def push(self, local: FloatArray, weights: FloatArray) -> FloatArray:
+        """Return the sum of local forces on the unknowns, N, shape (m, n), for weights of the acting vectors."""
         act = self.forces.act
-        return self.problem.system.load_vector(motion) + (local[:, act.scalars] * schedule.acting_weights) @ act.vectors
+        nothing = np.zeros((len(local), act.vectors.shape[1]))
+        return (local[:, act.scalars] * weights) @ act.vectors if weights.any() else nothing
 
-    def inputs(self, time: FloatArray) -> tuple[CamMotion, PrescribedInputs]:
-        """Return motion of the cam and prescribed inputs at instants of the original problem."""
-        motion = self.problem.drive.at(self.times(time))
-        return motion, self.forces.prescribed_inputs(motion)
+    def inputs(self, track: Trajectory) -> tuple[CamMotion, PrescribedInputs]:
+        """Return motion of the cam and prescribed inputs at instants of the original problem; they are kept.
 
-    def explicit_terms(
-        self, every: SensedTrajectory, lengths: FloatArray, inputs: tuple[CamMotion, PrescribedInputs]
-    ) -> list[FloatArray]:
-        """Return forces on the unknowns (m, n); scalars, rates, answers of the laws (m, c); internal states (m - 1, s).
-
-        The forces are those of loads and acting vectors with the local forces of the motion; the answers are those to
-        its sensed scalars; the internal states are those after the steps of some lengths, s, shape (m - 1,).
+        Functions of the cam that the parameter does not change are those of the original problem.
         """
-        track, forces, (motion, schedule) = every.track, self.forces, inputs
-        pushed = self._applied_forces(motion, schedule, track.local)
-        if not forces.count:
-            return [pushed, every.penetration, every.rate, every.rate, track.state[1:]]
-        sensed, rate, _ = forces.sense_motion(track.d, track.v, schedule)
-        functions, depth, speed = schedule.rows[:, schedule.functions :], every.penetration, every.rate
-        # Of a cam at the angle of its shaft: in the answers the contact stays where it is.
+        if self._known is None or self._known[0] is not track:
+            motion = self.problem.drive.at(self.times(track.time))
+            if track.cam is not None and np.array_equal(motion.angle, track.cam.angle):
+                motion = replace(motion, known=track.cam)
+            self._known = track, (motion, self.forces.prescribed_inputs(motion))
+        return self._known[1]
+
+    def answers(self, every: SensedTrajectory, schedule: PrescribedInputs) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the answers of the laws to the scalars of a motion, and the lifts beyond the original, with rates.
+
+        With a cam at the angle of its shaft, the contact stays where it is in the answers. The shapes are (m, c).
+        """
+        forces, depth, speed = self.forces, every.penetration, every.rate
         lifted = forces.lifts.depth(depth) - self._lifts.depth(depth)
         faster = forces.lifts.depth_rate(depth, speed) - self._lifts.depth_rate(depth, speed)
-        answer = forces.evaluate(depth - lifted, track.state, functions, rate=speed - faster)[1]
-        after = forces.follow_states(self.stretch * lengths, sensed[1:], sensed[:-1], track.state[:-1])[:, NEW_STATE]
-        return [pushed, sensed + lifted, rate + faster, answer, after]
+        functions = schedule.rows[:, schedule.functions :]
+        answer = forces.evaluate(depth - lifted, every.track.state, functions, rate=speed - faster)[1]
+        return answer, lifted, faster
+
+    def states_after(self, every: SensedTrajectory, lengths: FloatArray, sensed: FloatArray) -> FloatArray:
+        """Return the internal states after the steps of some lengths, s, shape (m - 1, s)."""
+        state = every.track.state[:-1]
+        return self.forces.follow_states(self.stretch * lengths, sensed[1:], sensed[:-1], state)[:, NEW_STATE]
 
     def impact_change(self, old: StepState, contacts: IntArray) -> FloatArray:
         """Return the change of the velocities by an impact at switching scalars, shape (n,)."""
@@ -102,6 +110,52 @@ class VariedProblem:
     def accelerations(self) -> InitialAcceleration:
         """Solver of this problem for accelerations and impacts."""
         return InitialAcceleration(self.problem.system, self.forces)
+
+
+class _VariedPair:
+    """A problem with a parameter below and above its value; what the parameter does not change is not evaluated."""
+
+    def __init__(self, low: VariedProblem, high: VariedProblem, width: float) -> None:
+        self._sides, self._width = (low, high), width
+        #: Derivatives of stiffness, damping and mass.
+        self._matrices = [(up - down) / width for down, up in zip(low.matrices, high.matrices, strict=True)]
+
+        def is_same(part: Callable[[LocalForces], NDArray[Any]]) -> bool:
+            return np.array_equal(part(low.forces), part(high.forces))
+
+        self._same_act, self._same_sense = is_same(lambda one: one.act.vectors), is_same(lambda one: one.sense.vectors)
+        same_laws = is_same(lambda one: one.table.laws) and is_same(lambda one: one.table.constants)
+        self._same_laws = same_laws and not low.forces.lifts and not low.forces.table.custom
+
+    def explicit_terms(self, every: SensedTrajectory, lengths: FloatArray) -> list[FloatArray]:
+        """Return the derivatives of `ExplicitDerivatives` at m instants, with the lengths of the steps between, s."""
+        low, high, track = *self._sides, every.track
+        (before, below), (after, above) = (side.inputs(track) for side in (low, high))
+        force = high.problem.system.load_vector(after) - low.problem.system.load_vector(before)
+        if self._same_act:
+            force += low.push(track.local, above.acting_weights - below.acting_weights)
+        else:
+            force += high.push(track.local, above.acting_weights) - low.push(track.local, below.acting_weights)
+        force /= self._width
+        for matrix, moved in zip(self._matrices, (track.d, track.v, track.a), strict=True):
+            if matrix.any():
+                force -= moved @ matrix.T
+        sensed, rate, states = above.offset - below.offset, above.offset_rate - below.offset_rate, track.state[1:]
+        weights = slice(0, above.sensing_weights.shape[1] + above.sensing_rates.shape[1])
+        if states.size or not (self._same_sense and np.array_equal(above.rows[:, weights], below.rows[:, weights])):
+            down, up = (
+                side.forces.sense_motion(track.d, track.v, one)[:2] for side, one in ((low, below), (high, above))
+            )
+            sensed, rate = up[0] - down[0], up[1] - down[1]
+            states = high.states_after(every, lengths, up[0]) - low.states_after(every, lengths, down[0])
+        else:
+            states = np.zeros_like(states)
+        answer = np.zeros_like(rate)
+        functions = slice(above.functions, None)
+        if not (self._same_laws and np.array_equal(above.rows[:, functions], below.rows[:, functions])):
+            down, up = low.answers(every, below), high.answers(every, above)
+            answer, sensed, rate = up[0] - down[0], sensed + up[1] - down[1], rate + up[2] - down[2]
+        return [force, *(one / self._width for one in (sensed, rate, answer, states))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,11 +184,7 @@ class ParameterForces:
             for one in variations
         ]
         self.widths: FloatArray = np.array([one.width for one in variations])
-        #: Derivatives of stiffness, damping and mass by every parameter; most change none.
-        self._matrices = [
-            [(high - low) / width for low, high in zip(*(side.matrices for side in pair), strict=True)]
-            for pair, width in zip(self.sides, self.widths.tolist(), strict=True)
-        ]
+        self._pairs = [_VariedPair(*pair, width) for pair, width in zip(self.sides, self.widths.tolist(), strict=True)]
         #: Relative change of the step, shape (p,).
         self.stretch = self._difference(lambda side: np.array(side.stretch))
 
@@ -157,15 +207,7 @@ class ParameterForces:
 
     def along(self, every: SensedTrajectory, lengths: FloatArray) -> ExplicitDerivatives:
         """Return the derivatives at all instants of a motion, with the lengths of the steps between them, s."""
-        parts = [
-            [(up - low) / width for low, up in zip(*(one.explicit_terms(every, lengths) for one in pair), strict=True)]
-            for pair, width in zip(self.sides, self.widths.tolist(), strict=True)
-        ]
-        track = every.track
-        for terms, matrices in zip(parts, self._matrices, strict=True):
-            for matrix, moved in zip(matrices, (track.d, track.v, track.a), strict=True):
-                if matrix.any():
-                    terms[0] -= moved @ matrix.T
+        parts = [pair.explicit_terms(every, lengths) for pair in self._pairs]
         return ExplicitDerivatives(*(np.stack(terms, axis=-1) for terms in zip(*parts, strict=True)))
 
     def impact_change(self, old: StepState, contacts: IntArray) -> FloatArray:

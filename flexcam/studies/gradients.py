@@ -46,6 +46,7 @@ _SIMILAR_RUNS = 10  # number of runs whose time the derivatives of a run take, f
 COUNTED = (".bounces", ".open_on_the_lift")  # ends of the names of results that count, and have no derivative
 _RATES = (".velocity", ".acceleration")  # ends of the names of histories that a point without mass does not have
 _PROBE_KINDS = {"probes", "deviation"}  # first parts of the names of scalars that need no channels
+_SPARE = 2  # steps before the last revolution, to which all results but deviations refer
 _WITHOUT_ACCELERATION = {"contacts", "springs"}  # and of those that need no accelerations and no probes
 
 
@@ -174,9 +175,8 @@ def _run_scalars(
     kinds = {name.partition(".")[0] for name in names}
     case, pairs = _with_newmark(case), [tuple(_with_newmark(side) for side in pair) for pair in pairs]
     ready = _with_channels(prepare(case, runs=_SIMILAR_RUNS), kinds)
-    start = ready.problem.start
     beside = [
-        tuple(_with_channels(prepare_without_periodic_search(one, start), kinds) for one in pair) for pair in pairs
+        tuple(_with_channels(prepare_without_periodic_search(one, ready), kinds) for one in pair) for pair in pairs
     ]
     variations = [
         Variation(low.problem, high.problem, width) for (low, high), width in zip(beside, widths, strict=True)
@@ -184,7 +184,11 @@ def _run_scalars(
     periodic = case.record.run.start == "periodic"
     period = steps_per_revolution(case, ready.problem) if periodic else None
     accelerations = not kinds <= _WITHOUT_ACCELERATION
-    found = tangent_run(ready.problem, ready.scheme, variations, period=period, accelerations=accelerations)
+    revolution = math.ceil(ready.revolution / ready.problem.step) + _SPARE
+    first = 0 if "deviation" in kinds else max(ready.problem.steps - revolution, 0)
+    found = tangent_run(
+        ready.problem, ready.scheme, variations, period=period, accelerations=accelerations, first=first
+    )
     if not found.response.status.ok:
         raise RunFailedError(found.response.status)
     rows = [compute_scalars(ready, found.response, names)]
