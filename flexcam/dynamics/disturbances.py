@@ -306,7 +306,7 @@ class Disturbances:
         force, followed, narrow = forces.tangents(depth, every.rate[at], track.state[at], functions)
         (own, places, others), pushed = forces.coupled_scalars, slope(force)
         for i, rates in enumerate((by_penetration, by_rate)):
-            np.add.at(pushed, (slice(None), own), narrow[1::3, i][:, own, places] * rates[:, others])
+            pushed += (narrow[1::3, i][:, own, places] * rates[:, others]) @ (own[:, None] == np.arange(forces.count))
         scalars, weights = forces.act.scalars, schedule.acting_weights
         pushed = pushed[:, scalars] * weights[1::3] + force[1::3, scalars] * slope(weights)
         found = np.zeros((len(instants), 2 * n + track.state.shape[1]))

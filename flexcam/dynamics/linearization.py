@@ -43,7 +43,7 @@ def linearize(
     Forces of laws that have none, such as those of open contacts, are left out, unless parameters change them: the
     derivatives `answer` have the shape (m, c, p).
     """
-    changes, (own, places, others) = narrow.any(axis=(0, 1)), forces.coupled_scalars
+    (own, places, others), changes = forces.coupled_scalars, np.asarray(narrow.any(axis=(0, 1)))
     used = np.zeros(forces.count, dtype=bool)
     used[own[changes[own, places]]] = used[others[changes[own, places]]] = True
     if answer is not None:
