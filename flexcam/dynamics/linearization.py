@@ -238,7 +238,7 @@ class StepSequence:
 
     @property
     def constant(self) -> bool:
-        """Whether all steps are the same."""
+        """True if all steps are the same."""
         parts = (*(getattr(self._linear, one.name) for one in fields(Linear)[:-1]), *self._rules)
         return all((part[1:] == part[:1]).all() for part in parts)
 
