@@ -172,7 +172,7 @@ def revolution_time(case: Case, drive: Drive) -> float:
 
 def prepare(
     case: Case, *, rigid: bool = False, model: Model | None = None, until: float | None = None,
-    allow_large: bool = False, runs: int = 1,
+    allow_large: bool = False, runs: int = 1, near: PreparedRun | None = None,
 ) -> PreparedRun:  # fmt: skip
     """Build the problem described by a case.
 
@@ -190,6 +190,9 @@ def prepare(
         Whether the matrices may exceed the available memory.
     runs
         Number of planned runs of this kind, as in `flexcam.dynamics.Problem`.
+    near
+        Prepared run of a similar case, whose equal cams are used, and near whose initial state that of this one is
+        searched for.
 
     Returns
     -------
@@ -208,13 +211,15 @@ def prepare(
     ``prepare(case).problem.system`` is the `System` of a case, for custom studies.
     """
     kind = "rigid" if rigid else case.record.fidelity.model
+    if model is None and near is not None:
+        model = build_model(case, (near.case, near.model))
     model, system, chain = _build_equations(case, model, kind, allow_large=allow_large)
     save = SaveAt(field_every=case.record.output.field_every)
     try:
         plain = replace(_make_problem(case, model, system), runs=runs)
         if rigid:  # the rigid companion of a flexible run; the engine was requested for the flexible one
             plain = replace(plain, engine="auto")
-        problem = set_initial_state(case, model, plain, until=until)
+        problem = set_initial_state(case, model, plain, until=until, near=near and near.problem.start)
     except InputError as refusal:
         raise _add_lines(case, refusal) from None
     except RunFailedError as failure:  # an unusual value, such as 207 Pa, is the probable cause
@@ -233,11 +238,11 @@ def integration_method(case: Case, problem: Problem) -> Method:
     return default_method(problem) if given is None else given.part
 
 
-def prepare_without_periodic_search(case: Case) -> PreparedRun:
-    """Prepare a case; a periodic initial state, which is expensive, is replaced by equilibrium."""
+def prepare_without_periodic_search(case: Case, near: PreparedRun | None = None) -> PreparedRun:
+    """Prepare a case as `prepare`; a periodic initial state, which is expensive, is replaced by equilibrium."""
     if case.record.run.start != "periodic":
-        return prepare(case)
-    ready = replace(prepare(case.with_run({"start": "equilibrium"})), case=case)
+        return prepare(case, near=near)
+    ready = replace(prepare(case.with_run({"start": "equilibrium"}), near=near), case=case)
     try:
         steps_per_revolution(case, ready.problem)
     except InputError as refusal:
@@ -337,17 +342,20 @@ def camshaft_drive(case: Case, model: Model, start: float = 0.0, time: float = 0
     return ConstantSpeed(case.speed, start)
 
 
-def set_initial_state(case: Case, model: Model, problem: Problem, *, until: float | None = None) -> Problem:
-    """Return a problem with the initial state requested by its case."""
+def set_initial_state(
+    case: Case, model: Model, problem: Problem, *, until: float | None = None, near: State | None = None
+) -> Problem:
+    """Return a problem with the initial state requested by its case, found near a known one."""
     system = problem.system
+    known = near.displacement if near and len(near.displacement) == system.size else None
     match case.record.run.start:
         case "rest" | "equilibrium" | "periodic" as kind if system.is_kinematic:
             periodicity = 0.0 if kind == "periodic" else None
             return replace(problem, start=replace(State.rest(system.size), periodicity=periodicity))
         case "rest":
-            return replace(problem, start=installed_state(system, problem.drive))
+            return replace(problem, start=installed_state(system, problem.drive, near=known))
         case "equilibrium":
-            return replace(problem, start=moving_equilibrium(system, problem.drive))
+            return replace(problem, start=moving_equilibrium(system, problem.drive, near=known))
         case "periodic":
             start, steps = moving_equilibrium(system, problem.drive), steps_per_revolution(case, problem)
             one = replace(problem, start=start, steps=steps)

@@ -21,6 +21,7 @@ from flexcam.case.schema.base import Length, Record
 from flexcam.case.schema.cams import FollowerRecord
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
+from flexcam.dynamics import Phaser
 from flexcam.fem.frames import ROTATIONS, default_orientation, direction
 from flexcam.fem.members import Member
 from flexcam.fem.mesh import Mesh, refine
@@ -63,13 +64,15 @@ In = TypeVar("In")
 Out = TypeVar("Out")
 
 
-def build_model(case: Case) -> valvetrain.Model:
+def build_model(case: Case, similar: tuple[Case, valvetrain.Model] | None = None) -> valvetrain.Model:
     """Build the model of a case.
 
     Parameters
     ----------
     case
         Checked case.
+    similar
+        Similar case and its model: equal cams are the same objects, so that their functions are evaluated once.
 
     Returns
     -------
@@ -115,7 +118,7 @@ def build_model(case: Case) -> valvetrain.Model:
         masses={name: one.part for name, one in record.masses.items()},
         springs={name: one.part for name, one in record.springs.items()} | elastic,
         rockers=each("rockers", record.rockers, geometry.rocker),
-        cams={name: replace(one.part, phaser=phasers.get(name)) for name, one in record.cams.items()},
+        cams={name: _cam(case, name, phasers.get(name), similar) for name in record.cams},
         contacts=each("contacts", record.contacts, geometry.contact),
         friction=each("friction", record.friction, geometry.friction),
         loads={name: one.part for name, one in record.loads.items()},
@@ -128,6 +131,15 @@ def build_model(case: Case) -> valvetrain.Model:
     if faults:
         raise InputError(faults)
     return model
+
+
+def _cam(case: Case, name: str, phaser: Phaser | None, similar: tuple[Case, valvetrain.Model] | None) -> valvetrain.Cam:
+    """Return a cam, that of a similar case if both are equal."""
+    if similar is not None:
+        other, model = similar[0].record, similar[1]
+        if other.cams.get(name) == case.record.cams[name] and other.phasers == case.record.phasers:
+            return model.cams[name]
+    return replace(case.record.cams[name].part, phaser=phaser)
 
 
 def _prefix_fault(where: str, fault: Fault) -> Fault:

@@ -10,11 +10,13 @@ Systems (2004), ch. 7 and 8; M. di Bernardo et al., Piecewise-smooth Dynamical S
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
-from flexcam.dynamics.force_laws import BY_BEGIN, BY_TRAVEL, STATE_RATE
+from flexcam.dynamics.force_laws import BY_BEGIN, BY_TRAVEL, FLOW, STATE_RATE
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.linearization import Linear, LinearStep, StepSequence, directions, linearize, split_state
 from flexcam.dynamics.local_forces import LocalForces
@@ -22,8 +24,8 @@ from flexcam.dynamics.parameter_forces import ExplicitDerivatives, ParameterForc
 from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.step_state import SensedTrajectory, StepInputs, StepState, Trajectory
 
-_MOST_STEPS = 256
-"""Number of steps that are prepared together."""
+_MOST_VALUES, _LEAST_STEPS = 100_000, 32
+"""Number of derivatives of forces that are prepared together, and minimum number of steps."""
 
 _TOUCH = 1e-15
 """Penetration, m, assigned to a contact that is about to open or close, to select its side."""
@@ -40,7 +42,29 @@ _AT_REST = 1e-6
 _SAME_TIME = 1e-7
 """Relative difference of a step from the usual one that is rounding of the time."""
 
+_FEW = 32
+"""Number of disturbances up to which compiled steps are faster than those of numpy."""
+
 Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class _Way:
+    """Successive instants of a motion with their derivatives.
+
+    Rows are instants with the contacts on their sides within a step: an instant at which sides change has two.
+    """
+
+    every: SensedTrajectory
+    lengths: FloatArray  #: of the steps, s, shape (m - 1,)
+    plain: Bools  #: steps of some length without a change of sides, shape (m - 1,)
+    begin: list[int]  #: row of every instant as the beginning of a step, shape (m,)
+    narrow: FloatArray  #: derivatives of the forces of the rows, see `LocalForces.tangents`
+    by_travel: FloatArray  #: T of the steps, see `StepSequence`, shape (m - 1, s)
+    by_begin: FloatArray  #: B of the steps, shape (m - 1, s)
+    prescribed_rates: dict[int, FloatArray]  #: rates due to the cam motion alone at events, by row
+    flow: FloatArray  #: velocities, accelerations and rates of internal states, shape (m, 2n + s)
+    explicit: ExplicitDerivatives | None  #: derivatives by the parameters
 
 
 class Disturbances:
@@ -61,79 +85,106 @@ class Disturbances:
             np.eye(2 * problem.system.size + len(forces.start_state)) if initial is None else initial.copy()
         )
         self._parameters = parameters
-        self._explicit: ExplicitDerivatives | None = None  # of the instants that are followed
+        self._at_once = max(_MOST_VALUES // max(problem.system.size * forces.count, 1), _LEAST_STEPS)
         self._last: Trajectory | None = None
         self._shift: FloatArray | None = None
 
-    def follow(self, track: Trajectory) -> FloatArray:
+    def follow(self, track: Trajectory) -> tuple[Trajectory, FloatArray]:
         """Propagate the disturbances over successive instants.
 
-        With parameters, return the disturbances at the ends of steps, shape (steps, 2n + s, k), otherwise nothing.
+        With parameters, return the instants, after the last one before them, and the disturbances at the ends of steps,
+        shape (steps, 2n + s, k).
         """
         first = self._last is None
-        every = self._sense(track if self._last is None else Trajectory.concatenate([self._last, track]))
-        time, sides = every.track.time, every.track.pressed
-        if self._parameters is not None:
-            self._explicit = self._parameters.along(every)
+        if self._last is not None:
+            track = replace(Trajectory.concatenate([self._last, track]), ends=track.ends + 1)
+        way = self._prepare(track)
         if first:
-            begin = self._linearize(every, slice(0, 1), sides[0])
-            self._current = self._stepper.initial_disturbances(
-                begin, self._current, self._source(begin, slice(0, 1))[0]
-            )
-        ends = set[int]() if self._parameters is None else set((track.ends + (not first)).tolist())
-        found = [self._at_fixed_time(every.at(0))] if 0 in ends and first else list[FloatArray]()
-        lengths = np.diff(time)
-        plain, i = (lengths > 0.0) & (sides[1:] == sides[:-1]).all(axis=1), 0
+            begin = self._linearize(way, 0, 0)
+            source = self._source(way, begin, slice(0, 1))[0]
+            self._current = self._stepper.initial_disturbances(begin, self._current, source)
+        ends = np.zeros(len(way.flow), dtype=bool)
+        if self._parameters is not None:
+            ends[track.ends] = True
+        found = [self._at_fixed_time(way.flow[0])[None]] if ends[0] and first else list[FloatArray]()
+        lengths, plain, i = way.lengths, way.plain, 0
         while i < len(lengths):
             count = 1
             if plain[i] and self._shift is None:
-                same = plain[i : i + _MOST_STEPS] & (
-                    np.abs(lengths[i : i + _MOST_STEPS] / lengths[i] - 1.0) <= _SAME_TIME
-                )
+                part = slice(i, i + self._at_once)
+                same = plain[part] & (np.abs(lengths[part] / lengths[i] - 1.0) <= _SAME_TIME)
                 count = len(same) if same.all() else int(np.argmin(same))
-                found += self._propagate(every, slice(i, i + count + 1), sides[i], ends)
+                found.append(self._propagate(way, i, i + count, ends[i + 1 : i + count + 1]))
             else:
                 if lengths[i] > 0.0:
-                    self._event_step(every, i)
-                elif every.track.impulse[i + 1].any():
-                    self._apply_impact(every, i)
-                if i + 1 in ends:
-                    found.append(self._at_fixed_time(every.at(i + 1)))
+                    self._event_step(way, i)
+                elif way.every.track.impulse[i + 1].any():
+                    self._apply_impact(way, i)
+                if ends[i + 1]:
+                    found.append(self._at_fixed_time(way.flow[i + 1])[None])
             i += count
-        self._last = every.track.last()
-        return np.array(found)
+        self._last = track.last()
+        return way.every.track, np.concatenate([np.zeros((0, *self._current.shape)), *found])
 
-    def _propagate(self, every: SensedTrajectory, part: slice, side: Bools, ends: set[int]) -> list[FloatArray]:
-        """Propagate the disturbances over the equal steps between some instants; return those at the `ends`."""
-        sequence, more = self._steps(every, part, side)
-        found, size = list[FloatArray](), len(self._current)
-        if sequence.constant and self._parameters is None:  # a power of a step has less rounding than many steps
-            step = sequence.propagate(0, np.eye(size), np.zeros((size, 1)))
-            self._current = np.linalg.matrix_power(step, len(more)) @ self._current
-            return found
-        for j, terms in enumerate(more):
-            self._current = sequence.propagate(j, self._current, terms)
-            if part.start + j + 1 in ends:
-                found.append(self._current)
-        return found
+    def _propagate(self, way: _Way, first: int, last: int, ends: Bools) -> FloatArray:
+        """Propagate the disturbances over the equal steps between instants; return those after some of them."""
+        sequence, more = self._steps(way, first, last)
+        if self._parameters is None:
+            size = len(self._current)
+            if sequence.constant:  # a power of a step has less rounding than many steps
+                step = sequence.propagate(0, np.eye(size), np.zeros((size, 1)))
+                self._current = np.linalg.matrix_power(step, last - first) @ self._current
+            else:
+                self._current = sequence.propagate_all(self._current, more, last=True)[(last - first) % 2]
+            return self._current[None][:0]
+        found = sequence.propagate_all(self._current, more)[1:]
+        self._current = found[-1]
+        return found[ends]
 
-    def _sense(self, track: Trajectory) -> SensedTrajectory:
-        schedule = self._forces.prescribed_inputs(self._problem.drive.at(track.time))
-        penetration, rate, _ = self._forces.sense_motion(track.d, track.v, schedule)
-        return SensedTrajectory(track, schedule, penetration, rate)
+    def _prepare(self, track: Trajectory) -> _Way:
+        """Return the instants of successive steps with their derivatives, all at once."""
+        forces, time, sides, usual = self._forces, track.time, track.pressed, self._problem.step
+        schedule = forces.prescribed_inputs(self._problem.drive.at(time))
+        penetration, rate, _ = forces.sense_motion(track.d, track.v, schedule)
+        every = SensedTrajectory(replace(track, cam=schedule.cam), schedule, penetration, rate)
+        lengths = np.diff(time)
+        lengths[np.abs(lengths - usual) <= _SAME_TIME * usual] = usual
+        changed = (sides[1:] != sides[:-1]).any(axis=1)
+        instants = np.repeat(np.arange(len(time)), 1 + np.append(False, changed))
+        begin = np.arange(len(time)) + np.cumsum(np.append(False, changed))
+        row_sides = sides[instants]
+        row_sides[begin[1:][changed] - 1] = sides[:-1][changed]
+        depth, speed, functions = penetration[instants], rate[instants], schedule.rows[:, schedule.functions :]
+        depth = self._set_sides(row_sides, depth, speed)
+        states = track.state[instants]
+        narrow = forces.tangents(depth, speed, states, functions[instants])[2]
+        after = forces.follow_states(lengths, penetration[1:], penetration[:-1], track.state[:-1])
+        rates = forces.follow_states(np.zeros(len(time)), penetration, penetration, track.state)[:, STATE_RATE]
+        plain = (lengths > 0.0) & ~changed
+        events = np.flatnonzero(~plain)
+        rows = np.unique(np.concatenate([begin[:1], begin[events], begin[events] + 1, begin[events + 1]]))
+        shifts = self._prescribed_rates(every, instants[rows], depth[rows])
+        return _Way(
+            every, lengths, plain, begin.tolist(), narrow, after[:, BY_TRAVEL], after[:, BY_BEGIN],
+            dict(zip(rows.tolist(), shifts, strict=True)), np.hstack([track.v, track.a, rates]),
+            None if self._parameters is None else self._parameters.along(every, lengths),
+        )  # fmt: skip
 
     def monodromy(self) -> FloatArray:
         """Return the propagated disturbances, shape (2n + s, 2n + s)."""
-        return self._current if self._last is None else self._at_fixed_time(self._sense(self._last).at(0))
+        if self._last is None or self._shift is None:
+            return self._current
+        return self._at_fixed_time(self._prepare(self._last).flow[0])
 
-    def _at_fixed_time(self, moment: StepState) -> FloatArray:
+    def _at_fixed_time(self, flow: FloatArray) -> FloatArray:
         """Return the disturbances at the time of an instant; those at the time of an event include its shift."""
-        return self._current if self._shift is None else self._current - self._flow(moment)[:, None] * self._shift
+        return self._current if self._shift is None else self._current - flow[:, None] * self._shift
 
-    def _linearize(self, every: SensedTrajectory, part: slice, side: Bools) -> Linear:
-        """Return the linear forces at some instants, with every contact on its side within the steps."""
-        penetration = self._set_sides(side, every.penetration[part], every.rate[part])
-        return linearize(self._forces, every.schedule.at(part), penetration, every.rate[part], every.track.state[part])
+    def _linearize(self, way: _Way, first: int, last: int) -> Linear:
+        """Return the linear forces at some successive instants, with every contact on its side within the steps."""
+        at, rows = slice(first, last + 1), slice(way.begin[first], way.begin[first] + last - first + 1)
+        answer = None if way.explicit is None else way.explicit.answer[at]
+        return linearize(self._forces, way.every.schedule.at(at), way.narrow[rows], answer)
 
     def _set_sides(self, side: Bools, penetration: FloatArray, rate: FloatArray) -> FloatArray:
         """Return the sensed scalars, shape (..., c), with contacts that are about to switch set to their side."""
@@ -147,51 +198,46 @@ class Disturbances:
         penetration[..., which] = np.where(there, sensed - depth + np.where(side, _TOUCH, -_TOUCH), sensed)
         return penetration
 
-    def _steps(self, every: SensedTrajectory, part: slice, side: Bools) -> tuple[StepSequence, FloatArray]:
+    def _steps(self, way: _Way, first: int, last: int) -> tuple[StepSequence, FloatArray]:
         """Return the equal steps between some instants, and the contributions of the parameters to them."""
-        forces, time, state = self._forces, every.track.time[part], every.track.state[part]
-        length, usual, linear = float(time[1] - time[0]), self._problem.step, self._linearize(every, part, side)
-        length = usual if abs(length - usual) <= _SAME_TIME * usual else length
-        travel, begin = np.zeros((2, len(time) - 1, state.shape[1]))
-        for i in range(len(travel) if state.shape[1] else 0):
-            old, new = every.penetration[part.start + i], every.penetration[part.start + i + 1]
-            travel[i], begin[i] = forces.follow_states(length, new, old, state[i])[[BY_TRAVEL, BY_BEGIN]]
-        sequence = StepSequence(self._stepper, length, linear, travel, begin)
-        return sequence, self._parameter_terms(every, part, length, self._source(linear, part))
+        part, linear = slice(first, last), self._linearize(way, first, last)
+        few = self._parameters is not None and self._current.shape[1] <= _FEW
+        sequence = StepSequence(
+            self._stepper, float(way.lengths[first]), linear, way.by_travel[part], way.by_begin[part],
+            self._forces.compiled if few else None,
+        )  # fmt: skip
+        return sequence, self._parameter_terms(way, part, self._source(way, linear, slice(first, last + 1)))
 
-    def _parameter_terms(self, every: SensedTrajectory, part: slice, length: float, source: FloatArray) -> FloatArray:
-        """Return the contributions of the parameters to the steps between some instants, see `StepSequence.propagate`.
+    def _parameter_terms(self, way: _Way, steps: slice, source: FloatArray) -> FloatArray:
+        """Return the contributions of the parameters to some equal steps, see `StepSequence.propagate`.
 
-        `source` are the forces of the parameters at these instants, shape (m, n, k).
+        `source` are the forces of the parameters at the m + 1 instants of the steps, shape (m + 1, n, k).
         """
-        track, n, half = every.track, self._problem.system.size, 0.5 * length
-        shape = (len(source) - 1, *self._current.shape)
-        if self._parameters is None:
+        n, length = self._problem.system.size, float(way.lengths[steps.start])
+        shape, half = (len(source) - 1, *self._current.shape), 0.5 * length
+        if self._parameters is None or way.explicit is None:
             return np.broadcast_to(np.zeros(()), shape)
         terms = np.zeros(shape)
         count, begin = self._parameters.count, (half * source[:-1]).swapaxes(0, 1)
         terms[:, n : 2 * n] = half * source[1:]
         terms[:, n : 2 * n] += self._stepper.equilibrate(begin.reshape(n, -1)).reshape(begin.shape).swapaxes(0, 1)
-        if track.state.shape[1]:
-            terms[:, 2 * n :, :count] = [
-                self._parameters.states_after(every, part.start + i) for i in range(len(terms))
-            ]
+        terms[:, 2 * n :, :count] = way.explicit.states_after[steps]
         if (stretch := self._parameters.stretch).any():
-            v, a = (0.5 * (rows[part][:-1] + rows[part][1:]) for rows in (track.v, track.a))
-            mean = np.hstack([v, self._problem.system.mass.multiply(a.T).T])
-            terms[:, : 2 * n, :count] += mean[:, :, None] * (length * stretch)
+            mean = self._stepper.by_length(way.flow[steps], way.flow[steps.start + 1 : steps.stop + 1])
+            terms[:, : 2 * n, :count] += mean[:, : 2 * n, None] * (length * stretch)
         return terms
 
-    def _event_step(self, every: SensedTrajectory, i: int) -> None:
+    def _event_step(self, way: _Way, i: int) -> None:
         """Apply a step that begins or ends at an event, whose time depends on the disturbances.
 
         An event at g(d, t) = 0 comes later by ``-g_d Y/g'``, with the rate of g by the length of the step.
         """
-        old, new, side = every.at(i), every.at(i + 1), every.track.pressed[i]
-        step, (moved,) = self._steps(every, slice(i, i + 2), side)
-        h, longer = new.time - old.time, self._stepper.by_length(self._flow(old), self._flow(new))
+        every = way.every
+        new, side = every.at(i + 1), every.track.pressed[i]
+        step, (moved,) = self._steps(way, i, i + 1)
+        h, longer = float(way.lengths[i]), self._stepper.by_length(way.flow[i], way.flow[i + 1])
         if self._shift is not None:
-            shifted = self._stepper.old_terms(0.5 * h * self._prescribed_rates(old, side)) - longer
+            shifted = self._stepper.old_terms(0.5 * h * way.prescribed_rates[way.begin[i]]) - longer
             moved = moved + shifted[:, None] * self._shift
         after, self._shift = step.propagate(0, self._current, moved), None
         crossed = np.flatnonzero(side != every.track.pressed[i + 1])
@@ -202,17 +248,17 @@ class Disturbances:
             which = self._forces.switching[crossed]
             which = int(which[np.argmin(np.abs(depth[which] / depth_rate[which]))])
             gradient = lifts.gradient(which, new.penetration)
-            longer = (longer + 0.5 * h * self._prescribed_rates(new, side))[:, None]
+            longer = (longer + 0.5 * h * way.prescribed_rates[way.begin[i] + 1])[:, None]
             by_time = step.propagate(0, np.zeros_like(longer), longer)[:, 0]
             sense, n = gradient @ directions(self._forces, every.schedule, i + 1)[1], len(new.d)
             rate = depth_rate[which] + sense @ (by_time[:n] - new.v)
-            self._shift = shift = -(sense @ after[:n] + gradient @ self._scalar_derivatives(i + 1)) / rate
+            self._shift = shift = -(sense @ after[:n] + gradient @ self._scalar_derivatives(way, i + 1)) / rate
             after = after + by_time[:, None] * shift
         self._current = after
 
-    def _apply_impact(self, every: SensedTrajectory, i: int) -> None:
+    def _apply_impact(self, way: _Way, i: int) -> None:
         """Apply an impact R(x, t): the disturbances become ``R_x Y + R_t t'``, with the shift t' of its time."""
-        old, new = every.at(i), every.at(i + 1)
+        old, new = way.every.at(i), way.every.at(i + 1)
         n, switching = self._problem.system.size, self._forces.switching
         impulse = np.zeros_like(new.local) if new.impulse is None else new.impulse
         held = np.flatnonzero(impulse[switching] > 0.0)
@@ -220,8 +266,11 @@ class Disturbances:
         before, shift = self._current, self._shift
         if shift is None:  # at the end of a step
             first = int(np.argmax(rate))
-            shift = -(hit.sense[first] @ before[:n] + self._scalar_derivatives(i)[switching[held[first]]]) / rate[first]
-            before = before + self._flow(old)[:, None] * shift
+            shift = (
+                -(hit.sense[first] @ before[:n] + self._scalar_derivatives(way, i)[switching[held[first]]])
+                / rate[first]
+            )
+            before = before + way.flow[i][:, None] * shift
         d, v, z = split_state(before, n)
         factor, beside = hit.reversal(rate), _BESIDE * self._problem.step
         later, earlier = (self._change(old, held, factor, sign * beside) for sign in (1.0, -1.0))
@@ -238,58 +287,48 @@ class Disturbances:
         rate = hit.sense @ old.v + hit.turning @ old.d + to.schedule.offset_rate[0][self._forces.switching[held]]
         return hit.velocity_change(rate, factor)
 
-    def _prescribed_rates(self, moment: StepState, side: Bools) -> FloatArray:
-        """Return the rates of forces (n,) and of internal state rates (s,) due to the cam motion alone, per second.
+    def _prescribed_rates(self, every: SensedTrajectory, instants: IntArray, depth: FloatArray) -> FloatArray:
+        """Return the rates of forces and of internal state rates due to the cam motion alone, per second.
 
-        Contacts stay on their side: the prescribed penetration rate is multiplied by their stiffness.
+        The shape is (e, 2n + s), with zeros in front. The sensed scalars `depth` at the instants, shape (e, c), are
+        those of contacts on their side: the prescribed penetration rate is multiplied by their stiffness.
         """
-        beside = _BESIDE * self._problem.step
-        before, there, after = (self._instant(moment.time + one * beside) for one in (-1.0, 0.0, 1.0))
-        forces, state = self._forces, moment.inner
+        beside, forces, track, n = _BESIDE * self._problem.step, self._forces, every.track, self._problem.system.size
+        motion = self._problem.drive.at((track.time[instants, None] + beside * np.array([-1.0, 0.0, 1.0])).ravel())
+        schedule, at = forces.prescribed_inputs(motion), np.repeat(instants, 3)
 
-        def slope(earlier: FloatArray, later: FloatArray) -> FloatArray:
-            return (later - earlier) / (2.0 * beside)
+        def slope(rows: FloatArray) -> FloatArray:
+            return (rows[2::3] - rows[::3]) / (2.0 * beside)
 
-        if not forces.count:
-            return np.concatenate([np.zeros_like(moment.d), slope(before.load, after.load)])
-        seen = [forces.sense_motion(moment.d[None], moment.v[None], one.schedule) for one in (before, after)]
-        by_penetration, by_rate = (
-            slope(one[0], other[0]) for one, other in zip(*(part[:2] for part in seen), strict=True)
-        )
-        penetration = self._set_sides(side, moment.penetration, moment.rate)
-        early, now, late = (
-            forces.respond(penetration, moment.rate, state, one.schedule) for one in (before, there, after)
-        )
-        force = slope(early.force, late.force) + now.by_penetration @ by_penetration + now.by_rate @ by_rate
-        act, turned = (
-            there.schedule.acting_matrix(0),
-            slope(before.schedule.acting_matrix(0), after.schedule.acting_matrix(0)),
-        )
-        pushed = slope(before.load, after.load) + (force @ act + now.force @ turned) @ forces.act.vectors
-        return np.concatenate([np.zeros_like(moment.d), pushed, now.flow * by_penetration[forces.table.owners]])
-
-    def _flow(self, moment: StepState) -> FloatArray:
-        """Return velocities, accelerations and rates of internal states in a row."""
-        rates, depth = moment.inner, moment.penetration
-        if len(rates):
-            rates = self._forces.follow_states(0.0, depth, depth, moment.inner)[STATE_RATE]
-        return np.concatenate([moment.v, moment.a, rates])
+        sensed = forces.sense_motion(track.d[at], track.v[at], schedule)
+        by_penetration, by_rate = slope(sensed[0]), slope(sensed[1])
+        depth, functions = np.repeat(depth, 3, axis=0), schedule.rows[:, schedule.functions :]
+        force, followed, narrow = forces.tangents(depth, every.rate[at], track.state[at], functions)
+        (own, places, others), pushed = forces.coupled_scalars, slope(force)
+        for i, rates in enumerate((by_penetration, by_rate)):
+            pushed += (narrow[1::3, i][:, own, places] * rates[:, others]) @ (own[:, None] == np.arange(forces.count))
+        scalars, weights = forces.act.scalars, schedule.acting_weights
+        pushed = pushed[:, scalars] * weights[1::3] + force[1::3, scalars] * slope(weights)
+        found = np.zeros((len(instants), 2 * n + track.state.shape[1]))
+        found[:, n : 2 * n] = slope(self._problem.system.load_vector(motion)) + pushed @ forces.act.vectors
+        found[:, 2 * n :] = followed[1::3, FLOW] * by_penetration[:, forces.table.owners]
+        return found
 
     def _instant(self, time: float) -> StepInputs:
         motion = self._problem.drive.at(np.array([time]))
         return StepInputs(time, self._problem.system.load_vector(motion)[0], self._forces.prescribed_inputs(motion))
 
-    def _source(self, at: Linear, part: slice) -> FloatArray:
+    def _source(self, way: _Way, linear: Linear, part: slice) -> FloatArray:
         """Return the forces of the parameters on the unknowns at some instants, shape (m, n, k)."""
-        pushed = np.zeros((len(at.act), self._problem.system.size, self._current.shape[1]))
-        if self._explicit is not None:
-            found = self._explicit.source(at, part)
+        pushed = np.zeros((len(linear.act), self._problem.system.size, self._current.shape[1]))
+        if way.explicit is not None:
+            found = way.explicit.source(linear, part)
             pushed[:, :, : found.shape[2]] = found
         return pushed
 
-    def _scalar_derivatives(self, i: int) -> FloatArray:
+    def _scalar_derivatives(self, way: _Way, i: int) -> FloatArray:
         """Return the derivatives of the sensed scalars at an instant by the parameters, shape (c, k)."""
         found = np.zeros((self._forces.count, self._current.shape[1]))
-        if self._explicit is not None:
-            found[:, : self._explicit.penetration.shape[2]] = self._explicit.penetration[i]
+        if way.explicit is not None:
+            found[:, : way.explicit.penetration.shape[2]] = way.explicit.penetration[i]
         return found

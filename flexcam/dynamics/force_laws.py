@@ -558,29 +558,28 @@ def evaluate_laws(
 
 def evaluate_rows(
     laws: IntArray, constants: FloatArray, cam: FloatArray, column: int, penetration: FloatArray, rate: FloatArray,
-    inner: FloatArray, local: FloatArray, tangent: FloatArray, states: FloatArray, force: FloatArray,
-    energy: FloatArray, by_state: FloatArray, tangents: FloatArray,
+    inner: FloatArray, begin: FloatArray, spans: FloatArray, local: FloatArray, tangent: FloatArray,
+    states: FloatArray, force: FloatArray, energy: FloatArray, followed: FloatArray, tangents: FloatArray,
 ) -> None:  # fmt: skip
-    """Write forces (N), stored energies (J) and their derivatives by the internal states at m instants, a row each.
+    """Write forces (N), stored energies (J) and the rows of the internal states at m instants, a row each.
 
-    Scalars and their rates have the shape (m, c), internal states `inner` (m, s); `tangents` (m, 2, c, width) is not
-    written if it has no rows. The first four arguments are those of `evaluate_laws`; `local`, `tangent` and `states`
-    are work arrays.
+    Scalars and their rates have the shape (m, c), internal states `inner` (m, s); each instant ends a step of a length
+    of `spans` (m,), s, at whose beginning the states and the scalars `begin` (m, s) of their laws apply. `followed` has
+    the shape (m, 9, s); `tangents` (m, 2, c, width) is not written if it has no rows. The first four arguments are
+    those of `evaluate_laws`; `local`, `tangent` and `states` are work arrays.
     """
     for k in range(len(penetration)):
         for i in range(local.shape[1]):
             local[PENETRATION, i], local[RATE, i] = penetration[k, i], rate[k, i]
             local[ANSWER, i], local[ENERGY, i] = 0.0, 0.0
-        for law in range(len(laws)):
-            if laws[law, LAW_STATE] >= 0:
-                states[BEGIN, laws[law, LAW_STATE]] = local[PENETRATION, laws[law, FIRST]]
         for z in range(states.shape[1]):
-            states[STATE, z], states[SPAN, z] = inner[k, z], 0.0
+            states[STATE, z], states[BEGIN, z], states[SPAN, z] = inner[k, z], begin[k, z], spans[k]
         evaluate_laws(laws, constants, cam, k, column, local, tangent, states)
         for i in range(local.shape[1]):
             force[k, i], energy[k, i] = local[ANSWER, i], local[ENERGY, i]
         for z in range(states.shape[1]):
-            by_state[k, z] = states[ENERGY_BY_STATE, z]
+            for row in range(len(states)):
+                followed[k, row, z] = states[row, z]
         if len(tangents) > 0:
             for i in range(local.shape[1]):
                 for j in range(tangent.shape[2]):

@@ -28,6 +28,7 @@ from flexcam.dynamics.local_forces import LocalForces, Workspace
 from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.step_state import StepState
 from flexcam.dynamics.system import System
+from flexcam.dynamics.tangent_kernel import FUNCTIONS_OF_TANGENTS
 
 _NONE = np.zeros((0, 0))
 _SHORTEST = 64.0
@@ -43,7 +44,8 @@ _NO_SIDES, _NO_SCALARS = np.zeros((2, 0), dtype=np.intp), np.zeros(0, dtype=np.i
 
 def compiled_functions() -> Functions:
     """Return the compiled functions of the kernel."""
-    return compile_functions(FUNCTIONS_OF_KERNEL, ("evaluate_laws", "evaluate_rows", "march"))
+    functions = (*FUNCTIONS_OF_KERNEL, *FUNCTIONS_OF_TANGENTS)
+    return compile_functions(functions, ("evaluate_laws", "evaluate_rows", "march", "propagate_disturbances"))
 
 
 @dataclass(frozen=True, eq=False)

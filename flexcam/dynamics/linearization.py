@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields
+from functools import lru_cache
 
 import numpy as np
 
-from flexcam.core import FloatArray
+from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.cam_motion import CamMotion, PrescribedInputs
-from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.jit import Functions, bind
+from flexcam.dynamics.local_forces import LocalForces, VectorStack
 from flexcam.dynamics.massless import MasslessMotions, find_massless_rates
 from flexcam.dynamics.system import System
+from flexcam.dynamics.tangent_kernel import FUNCTIONS_OF_TANGENTS, NUMPY
 
 _SAME_LENGTH = 1e-9
 """Relative difference of two step lengths that is rounding."""
@@ -28,22 +31,66 @@ class Linear:
     followed: FloatArray  #: G, shape (m, s, n)
     by_penetration: FloatArray  #: derivatives by the sensed scalars, shape (m, c, c)
     by_rate: FloatArray  #: by their rates, shape (m, c, c)
+    #: The c forces among all of the system.
+    kept: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
 
 
 def linearize(
-    forces: LocalForces, schedule: PrescribedInputs, penetration: FloatArray, rate: FloatArray, state: FloatArray
+    forces: LocalForces, schedule: PrescribedInputs, narrow: FloatArray, answer: FloatArray | None = None
 ) -> Linear:
-    """Return the linear forces at all m rows of the prescribed inputs.
+    """Return the linear forces at all m rows of the prescribed inputs from the derivatives of `LocalForces.tangents`.
 
-    Sensed scalars and rates have the shape (m, c), internal states (m, s).
+    Forces of laws that have none, such as those of open contacts, are left out, unless parameters change them: the
+    derivatives `answer` have the shape (m, c, p).
     """
-    functions = schedule.rows[:, schedule.functions :]
-    by_x, by_rate = forces.tangents(penetration, rate, state, functions)
-    act = (schedule.acts * schedule.acting_weights[:, None]) @ forces.act.vectors
-    sense = (schedule.senses * schedule.sensing_weights[:, None]) @ forces.sense.vectors
-    turning = (schedule.senses * schedule.sensing_rates[:, None]) @ forces.sense.vectors
-    by_d, owners = by_x @ sense + by_rate @ turning, forces.table.owners
-    return Linear(act, by_d, by_rate @ sense, -by_x[:, :, owners], sense[:, owners], by_x, by_rate)
+    (own, places, others), changes = forces.coupled_scalars, np.asarray(narrow.any(axis=(0, 1)))
+    used = np.zeros(forces.count, dtype=bool)
+    used[own[changes[own, places]]] = used[others[changes[own, places]]] = True
+    if answer is not None:
+        used |= answer.any(axis=(0, 2))
+    kept, m = np.flatnonzero(used), len(narrow)
+    at, owners = np.cumsum(used) - 1, forces.table.owners
+    inside = used[own] & used[others]
+    by_x, by_rate = np.zeros((2, m, len(kept), len(kept)))
+    to, of = at[own[inside]] * len(kept) + at[others[inside]], own[inside] * narrow.shape[3] + places[inside]
+    for i, tangent in enumerate((by_x, by_rate)):
+        tangent.reshape(m, len(kept) ** 2)[:, to] = narrow[:, i].reshape(m, -1)[:, of]
+    weights, rates = schedule.sensing_weights, schedule.sensing_rates
+    by_d, by_v = (_sensed(tangent, forces.sense, weights, kept) for tangent in (by_x, by_rate))
+    by_d += _sensed(by_rate, forces.sense, rates, kept, constant=False)
+    by_state = np.where(used[owners], -by_x[:, :, at[owners]], 0.0)
+    act = _rows(forces.act, schedule.acting_weights, kept)
+    followed = _rows(forces.sense, schedule.sensing_weights, owners)
+    return Linear(act, by_d, by_v, by_state, followed, by_x, by_rate, kept)
+
+
+def _rows(stack: VectorStack, weights: FloatArray, scalars: IntArray) -> FloatArray:
+    """Return the vectors of some scalars at m instants, shape (m, c, n)."""
+    found = np.tile(stack.rows[scalars], (len(weights), 1, 1))
+    for place, scalar, vector in stack.varying_vectors:
+        found[:, scalars == scalar] += (weights[:, place, None] * vector)[:, None]
+    return found
+
+
+def _sensed(
+    tangent: FloatArray, stack: VectorStack, weights: FloatArray, kept: IntArray, *, constant: bool = True
+) -> FloatArray:
+    """Return derivatives by some sensed scalars, shape (m, c, c), as those by the unknowns, shape (m, c, n).
+
+    Without `constant` the constant part of the sensing vectors, which has no rate, is left out.
+    """
+    m, c, _ = tangent.shape
+    found = np.zeros((m, c, stack.vectors.shape[1]))
+    changed = np.flatnonzero(tangent.any(axis=(0, 2))) if constant else kept[:0]
+    if len(changed) == c:
+        found = (tangent.reshape(m * c, c) @ stack.rows[kept]).reshape(found.shape)
+    elif len(changed):
+        found[:, changed] = tangent[:, changed] @ stack.rows[kept]
+    for place, scalar, vector in stack.varying_vectors:
+        for j in np.flatnonzero(kept == scalar).tolist():
+            changed = np.flatnonzero(tangent[:, :, j].any(axis=0))
+            found[:, changed] += (tangent[:, changed, j] * weights[:, place, None])[:, :, None] * vector
+    return found
 
 
 def directions(forces: LocalForces, schedule: PrescribedInputs, i: int) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -72,8 +119,10 @@ class Tangents:
 
     def at(self, i: int) -> tuple[FloatArray, FloatArray]:
         """Return damping and stiffness at an instant, shape (n, n) each."""
-        row, state = slice(i, i + 1), self._state(i)[None]
-        found = linearize(self._forces, self._schedule.at(row), self._gap[row], self._rate[row], state)
+        row, state, forces = slice(i, i + 1), self._state(i)[None], self._forces
+        there = self._schedule.at(row)
+        narrow = forces.tangents(self._gap[row], self._rate[row], state, there.rows[:, there.functions :])[2]
+        found = linearize(forces, there, narrow)
         (act,) = found.act
         return self._C - act.T @ found.by_v[0], self._K - act.T @ found.by_d[0]
 
@@ -104,15 +153,21 @@ class LinearStep:
         )
         self._light, self._size = MasslessMotions(system), system.size
         found = find_massless_rates(system, average=True) if self._light.any else None
-        #: Displacement per new velocity and half a step; that of the old velocity makes the sum 2.
-        self.travel = np.eye(self._size)
-        if found is not None:
-            self.travel += found.free @ found.amounts[: found.free.shape[1]]
         one = np.eye(self._size)
-        #: Forces of the old end, shape (n, k), without their part on massless motions.
-        self.equilibrate = _operator(self._light.condense_force(one) if self._light.any else one)
-        self.operators = tuple(_operator(one) for one in (self.mass, self._damping, self._stiffness, self.travel))
-        self._length, self._solve = 0.0, self.equilibrate
+        travel = one if found is None else one + found.free @ found.amounts[: found.free.shape[1]]
+        #: Displacement per new velocity and half a step; that of the old velocity makes the sum 2.
+        self.travel = _compact(travel)
+        self._transfer = _compact(self._light.condense_force(one) if self._light.any else one)
+        #: Mass, damping, stiffness, displacement per new and old velocity, transfer of forces from the old end.
+        self.operators = (
+            *(_compact(matrix) for matrix in (self.mass, self._damping, self._stiffness)),
+            self.travel, _compact(2.0 * one - travel), self._transfer,
+        )  # fmt: skip
+        self._length, self._inverse = 0.0, self.travel
+
+    def equilibrate(self, forces: FloatArray) -> FloatArray:
+        """Return forces of the old end, shape (n, k), without their part on massless motions."""
+        return _multiply(self._transfer, forces)
 
     def initial_disturbances(self, at: Linear, given: FloatArray, source: FloatArray) -> FloatArray:
         """Return disturbances of an initial state with massless motions in equilibrium with a source of force."""
@@ -122,18 +177,24 @@ class LinearStep:
         push = source + at.act[0].T @ (at.by_state[0] @ z + at.by_v[0] @ v + at.by_d[0] @ d)
         return np.vstack([self._light.place(d, push), v, z])
 
-    def solution(self, length: float) -> Callable[[FloatArray], FloatArray]:
+    def inverse(self, length: float) -> FloatArray:
         """Return the new velocities without local forces by the impulse, for a length of the step in s."""
         if abs(length - self._length) > _SAME_LENGTH * length:
             half = 0.5 * length
-            matrix = self.mass + half * (self._damping + half * self._stiffness @ self.travel)
-            self._solve, self._length = _operator(np.linalg.inv(matrix).astype(np.float64)), length
-        return self._solve
+            mass, damping, stiffness = self.operators[:3]
+            if len(damping) == len(stiffness) == len(mass) == len(self.travel) == 1:
+                self._inverse = 1.0 / (mass + half * (damping + half * stiffness * self.travel))
+            else:
+                pushed = self._stiffness @ _dense(self.travel)
+                matrix = self.mass + half * (self._damping + half * pushed)
+                self._inverse = np.linalg.inv(matrix).astype(np.float64)
+            self._length = length
+        return self._inverse
 
     def by_length(self, old: FloatArray, new: FloatArray) -> FloatArray:
-        """Return the derivatives of d, momentum and z by the step length, from the flows at both ends, (2n + s,)."""
+        """Return the derivatives of d, momentum and z by the step length from the flows at both ends, (..., 2n + s)."""
         n, mean = self._size, 0.5 * (old + new)
-        return np.concatenate([mean[:n], self.mass @ mean[n : 2 * n], mean[2 * n :]])
+        return np.concatenate([mean[..., :n], mean[..., n : 2 * n] @ self.mass.T, mean[..., 2 * n :]], axis=-1)
 
     def old_terms(self, more: FloatArray) -> FloatArray:
         """Return the contribution of the old end, without its residual on massless motions."""
@@ -148,50 +209,82 @@ class StepSequence:
     unknown of a step; the local forces f are a correction of low rank (Sherman, Morrison and Woodbury). Internal states
     follow the rule of `flexcam.dynamics.oil_laws.oil_column`: what a state z leaves of its scalar x, ``e = x - z``,
     follows ``e1 = T (x1 - x0) + B e0``, so that ``z1 = (1 - T) x1 + (T - B) x0 + B z0``; T and B have the shape (m - 1,
-    s).
+    s). The steps are those of `propagate_disturbances`, of the compiled functions if they are given.
     """
 
-    def __init__(self, stepper: LinearStep, length: float, linear: Linear, T: FloatArray, B: FloatArray) -> None:
-        m, c, n = linear.act.shape
-        self._stepper, self._solve, self._half, self._size = stepper, stepper.solution(length), 0.5 * length, n
-        #: Whether all steps are the same.
-        self.constant = all((part[1:] == part[:1]).all() for part in (*vars(linear).values(), T, B))
-        self._followed, self._by_state = linear.followed, linear.by_state
-        self._by_begin, self._rest, self._difference = B[:, :, None], (1.0 - T)[:, :, None], (T - B)[:, :, None]
-        self._force = np.concatenate([linear.by_d, linear.by_v, linear.by_state], axis=2)
-        self._turned = np.ascontiguousarray(np.swapaxes(linear.act, 1, 2))
-        self._by_new = linear.by_d[1:] + linear.by_state[1:] @ (self._rest * linear.followed[1:])
-        answer = self._solve(self._turned[1:].transpose(1, 0, 2).reshape(n, (m - 1) * c))
-        self._answer = np.ascontiguousarray(answer.reshape(n, m - 1, c).swapaxes(0, 1))
-        sense = self._half * (linear.by_v[1:] + self._half * self._by_new @ stepper.travel)
-        self._gain = np.linalg.solve(np.eye(c) - sense @ self._answer, sense)
+    def __init__(
+        self, stepper: LinearStep, length: float, linear: Linear, T: FloatArray, B: FloatArray,
+        compiled: Functions | None = None,
+    ) -> None:  # fmt: skip
+        _, c, n = linear.act.shape
+        self._half, self._shape, self._linear, self._rules = 0.5 * length, (c, n), linear, (T, B)
+        self._propagate, self._compiled = (compiled or _python())["propagate_disturbances"], compiled is not None
+        inverse, by_new, by_v = stepper.inverse(length), linear.by_d[1:], linear.by_v[1:]
+        rest = (1.0 - T)[:, :, None] * linear.followed[1:]
+        difference = (T - B)[:, :, None] * linear.followed[:-1]
+        by_new = by_new + linear.by_state[1:] @ rest if T.shape[1] else by_new
+        sense = by_new * stepper.travel if len(stepper.travel) < n else by_new @ stepper.travel
+        sense *= self._half
+        sense += by_v
+        sense *= self._half
+        answer = linear.act[1:] * inverse if len(inverse) < n else linear.act[1:] @ inverse.T
+        self._operators = (*stepper.operators, inverse, np.ones((1, n)))
+        self._forces = tuple(
+            np.ascontiguousarray(one) for one in (
+                linear.act, linear.by_d, linear.by_v, linear.by_state, by_new,
+                sense, answer, rest, difference, B,
+            )
+        )  # fmt: skip
+
+    @property
+    def constant(self) -> bool:
+        """True if all steps are the same."""
+        parts = (*(getattr(self._linear, one.name) for one in fields(Linear)[:-1]), *self._rules)
+        return all((part[1:] == part[:1]).all() for part in parts)
 
     def propagate(self, i: int, before: FloatArray, more: FloatArray) -> FloatArray:
         """Return disturbances, shape (2n + s, k), after the step that follows instant i.
 
         `more` is what comes to d_free, p and z_free from elsewhere, of the same shape.
         """
-        (mass, damping, stiffness, travel), half, n = self._stepper.operators, self._half, self._size
-        d, v, z = split_state(before, n)
-        residual = damping(v) + stiffness(d) - self._turned[i] @ (self._force[i] @ before)
-        push = mass(v) - half * self._stepper.equilibrate(residual) + more[n : 2 * n]
-        moved = d + half * (2.0 * v - travel(v)) + more[:n]
-        local = self._by_new[i] @ moved
-        if len(z):
-            z = self._by_begin[i] * z + self._difference[i] * (self._followed[i] @ d) + more[2 * n :]
-            local += self._by_state[i + 1] @ z
-        v = self._solve(push - half * (stiffness(moved) - self._turned[i + 1] @ local))
-        v = v + self._answer[i] @ (self._gain[i] @ v)
-        d = moved + half * travel(v)
-        return np.concatenate([d, v, z + self._rest[i] * (self._followed[i + 1] @ d)] if len(z) else [d, v])
+        return self.propagate_all(before, more[None], i)[1]
+
+    def propagate_all(self, before: FloatArray, more: FloatArray, first: int = 0, *, last: bool = False) -> FloatArray:
+        """Return disturbances before and after successive steps, or before or after the `last` one alone, at its index.
+
+        `more` is that of `propagate`, shape (steps, 2n + s, k); the result has a row more, or two rows.
+        """
+        (c, n), (size, k), steps = self._shape, before.shape, len(more)
+        found = np.empty((2 if last else steps + 1, k, size))
+        found[0] = before.T
+        part, ends = slice(first, first + steps), slice(first, first + steps + 1)
+        forces = [one[ends] for one in self._forces[:4]] + [one[part] for one in self._forces[4:]]
+        more = np.ascontiguousarray(more.swapaxes(1, 2)) if self._compiled else more.swapaxes(1, 2)
+        work = [np.empty((k, width)) for width in (n, n, size - 2 * n, n, size - 2 * n, n, n, c)]
+        if not self._propagate(self._half, *self._operators, *forces, more, found, *work, np.empty((c, c + k))):
+            raise np.linalg.LinAlgError
+        return found.swapaxes(1, 2)
 
 
-def _operator(matrix: FloatArray) -> Callable[[FloatArray], FloatArray]:
-    """Return the product of a matrix with columns; that of a diagonal matrix takes one operation per entry."""
-    own = np.diag(matrix)[:, None]
-    if np.count_nonzero(matrix) <= len(own) and not (matrix - np.diagflat(own)).any():
-        return lambda columns: own * columns
-    return lambda columns: matrix @ columns
+@lru_cache
+def _python() -> Functions:
+    return bind(FUNCTIONS_OF_TANGENTS, NUMPY)
+
+
+def _compact(matrix: FloatArray) -> FloatArray:
+    """Return a matrix, or the diagonal of a diagonal one as a row, whose product takes one operation per entry."""
+    own = np.diag(matrix)[None].copy()
+    is_diagonal = np.count_nonzero(matrix) <= len(matrix) and not (matrix - np.diagflat(own)).any()
+    return own if is_diagonal else np.ascontiguousarray(matrix)
+
+
+def _dense(matrix: FloatArray) -> FloatArray:
+    return np.diagflat(matrix) if len(matrix) == 1 else matrix
+
+
+def _multiply(matrix: FloatArray, columns: FloatArray) -> FloatArray:
+    """Return the product of a matrix of `_compact` with columns."""
+    return matrix.T * columns if len(matrix) < len(columns) else matrix @ columns
 
 
 def split_state(state: FloatArray, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:

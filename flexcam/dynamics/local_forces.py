@@ -26,6 +26,7 @@ from flexcam.dynamics.force_laws import (
     ARCH,
     BEGIN,
     CUSTOM,
+    ENERGY_BY_STATE,
     FIRST,
     FLOW,
     FUNCTIONS,
@@ -118,10 +119,21 @@ class VectorStack:
         """Index of the first vector of each scalar, shape (c + 1,)."""
         return np.concatenate([[0], np.cumsum(self.owner.sum(axis=1))]).astype(np.intp)
 
+    @cached_property
+    def scalars(self) -> IntArray:
+        """Scalar of every vector, shape (k,)."""
+        return self.owner.argmax(axis=0) if len(self.owner) else np.zeros(0, dtype=np.intp)
+
+    @cached_property
+    def varying_vectors(self) -> list[tuple[int, int, FloatArray]]:
+        """Index, scalar and vector of every vector whose weight varies."""
+        places = [place for place, _ in self.varying]
+        return list(zip(places, self.varying_scalars, self.vectors[places], strict=True))
+
     @property
     def varying_scalars(self) -> list[int]:
         """Scalar of every vector whose weight varies."""
-        return [int(self.owner[:, i].argmax()) for i, _ in self.varying]
+        return [int(self.scalars[i]) for i, _ in self.varying]
 
 
 def _separate(functions: Sequence[AngleFunction]) -> tuple[FloatArray, tuple[tuple[int, AngleFunction], ...]]:
@@ -260,6 +272,7 @@ class LocalForces:
         self.switching: IntArray = np.array([i for i, _ in switches], dtype=np.intp)
         self.restitution: FloatArray = np.array([np.nan if e is None else e for _, e in switches], dtype=float)
         self.functions = bind((*FUNCTIONS_OF_LAWS, *FUNCTIONS_OF_NEWTON), self._overrides())
+        self.compiled = compiled  #: functions of the kernel; None in Python
         self._evaluate, self._evaluate_rows = (
             (compiled or self.functions)[name] for name in ("evaluate_laws", "evaluate_rows")
         )
@@ -387,20 +400,16 @@ class LocalForces:
         return Reaction(local[ANSWER].copy(), by_penetration, by_rate, rates, by_state, flow)
 
     def follow_states(
-        self, step: float, penetration: FloatArray, begin: FloatArray, state: FloatArray
+        self, steps: FloatArray, penetration: FloatArray, begin: FloatArray, state: FloatArray
     ) -> FloatArray:  # fmt: skip
-        """Return the rows of the internal states, shape (9, s), at the end of a step, s, that may be zero.
+        """Return the rows of the internal states, shape (m, 9, s), at the ends of steps, s, that may be zero.
 
-        The sensed scalars at its end and at its beginning have the shape (c,), the states (s,). With e, scalar minus
-        internal state, ``e1 = BY_TRAVEL (x1 - x0) + BY_BEGIN e0``.
+        The sensed scalars at their ends and at their beginnings have the shape (m, c), the states at their beginnings
+        (m, s). With e, scalar minus internal state, ``e1 = BY_TRAVEL (x1 - x0) + BY_BEGIN e0``.
         """
-        work, table = self.workspace, self.table
-        rows = table.laws[table.laws[:, LAW_STATE] >= 0]
-        work.local[PENETRATION], work.states[BEGIN] = penetration, begin[table.owners]
-        work.states[STATE], work.states[SPAN] = state, step
-        none = np.zeros((1, len(table.functions)))
-        self._evaluate(rows, table.constants, none, 0, 0, work.local, work.tangent, work.states)
-        return work.states.copy()
+        rows = self.table.laws[self.table.laws[:, LAW_STATE] >= 0]
+        begin, none = begin[:, self.table.owners], np.zeros((0, len(self.table.functions)))
+        return self._evaluate_all(penetration, state, none, rows, step=(steps, begin))[2]
 
     def acting_laws(self, penetration: FloatArray) -> IntArray:
         """Return the rows of the laws without those of contacts that stay open at all m instants, shape (m, c)."""
@@ -423,39 +432,51 @@ class LocalForces:
         the table, None for all. With rates of the scalars, (m, c), the forces are those of the motion. The results have
         the shapes (m, c), (m, c) and (m, s).
         """
-        return self._evaluate_all(penetration, state, functions, laws, rate, tangents=False)[:3]
+        energy, force, followed, _ = self._evaluate_all(penetration, state, functions, laws, rate)
+        return energy, force, followed[:, ENERGY_BY_STATE]
 
     def tangents(
         self, penetration: FloatArray, rate: FloatArray, state: FloatArray, functions: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the derivatives of the forces by the scalars and by their rates at m instants, shape (m, c, c) each.
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the forces at m instants (m, c), the rows of the internal states (m, 9, s), and derivatives.
 
-        The arguments are those of `evaluate`.
+        The derivatives of the forces, shape (m, 2, c, width), are those by the scalars of the law of a force, and by
+        their rates. The arguments are those of `evaluate`.
         """
-        narrow = self._evaluate_all(penetration, state, functions, None, rate, tangents=True)[3]
-        found = np.zeros((2, len(penetration), self.count, self.count))
-        for first, size in self.table.laws[:, [FIRST, SCALARS]].tolist():
-            part = slice(first, first + size)
-            found[:, :, part, part] = np.moveaxis(narrow[:, :, part, :size], 1, 0)
-        return found[0], found[1]
+        return self._evaluate_all(penetration, state, functions, None, rate, tangents=True)[1:]
+
+    @cached_property
+    def coupled_scalars(self) -> IntArray:
+        """Scalar of a force, and place and scalar of a derivative of it, of all derivatives, shape (3, d)."""
+        found = [
+            (i, j, first + j)
+            for first, size in self.table.laws[:, [FIRST, SCALARS]].tolist()
+            for i in range(first, first + size)
+            for j in range(size)
+        ]
+        return np.array(found, dtype=np.intp).reshape(-1, 3).T
 
     def _evaluate_all(
-        self, penetration: FloatArray, state: FloatArray, functions: FloatArray, laws: IntArray | None,
-        rate: FloatArray | None, *, tangents: bool,
+        self, penetration: FloatArray, state: FloatArray, functions: FloatArray, laws: IntArray | None = None,
+        rate: FloatArray | None = None, step: tuple[FloatArray, FloatArray] | None = None, *, tangents: bool = False,
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:  # fmt: skip
-        """Return the results of `evaluate`, and the tangents of every law if requested."""
-        work, table = Workspace(self.table, self.count), self.table
+        """Return energies, forces, rows of the internal states, and the tangents of every law if requested.
+
+        `step` are the lengths of the steps that end at the instants, and the scalars of the states before them.
+        """
+        work, table, m = Workspace(self.table, self.count), self.table, len(penetration)
         force, energy = np.zeros_like(penetration, order="C"), np.zeros_like(penetration, order="C")
-        by_state, rows = np.zeros_like(state, order="C"), table.laws if laws is None else laws
+        followed, rows = np.zeros((m, *work.states.shape)), table.laws if laws is None else laws
         rates = np.zeros(penetration.shape) if rate is None else np.ascontiguousarray(rate)
-        narrow = np.zeros((len(penetration) if tangents else 0, *work.tangent.shape))
+        narrow = np.zeros((m if tangents else 0, *work.tangent.shape))
+        spans, begin = step or (np.zeros(m), penetration[:, table.owners])
         if not len(rows):
-            return energy, force, by_state, narrow
+            return energy, force, followed, narrow
         self._evaluate_rows(
             rows, table.constants, functions, 0, np.ascontiguousarray(penetration), rates, np.ascontiguousarray(state),
-            work.local, work.tangent, work.states, force, energy, by_state, narrow,
+            np.ascontiguousarray(begin), spans, work.local, work.tangent, work.states, force, energy, followed, narrow,
         )  # fmt: skip
-        return energy, force, by_state, narrow
+        return energy, force, followed, narrow
 
 
 def _write_functions(

@@ -8,10 +8,12 @@ act through the tangents of the laws, so that a contact that is about to switch 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.cam_motion import CamMotion, PrescribedInputs
@@ -21,7 +23,7 @@ from flexcam.dynamics.jit import Functions
 from flexcam.dynamics.linearization import Linear
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.problem import Problem
-from flexcam.dynamics.step_state import SensedTrajectory, StepInputs, StepState
+from flexcam.dynamics.step_state import SensedTrajectory, StepInputs, StepState, Trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,10 +45,10 @@ class VariedProblem:
         self.problem, self.forces = problem, LocalForces(problem.system, compiled)
         self._lifts = LocalForces(original.system).lifts if self.forces.lifts else self.forces.lifts
         self._begin = original.start.time if original.start else 0.0
-        self._matrices = [
-            one.dense() for one in (problem.system.stiffness, problem.system.damping, problem.system.mass)
-        ]
+        #: Stiffness, damping and mass.
+        self.matrices = [one.dense() for one in (problem.system.stiffness, problem.system.damping, problem.system.mass)]
         self.stretch = problem.step / original.step  #: ratio of the steps
+        self._known: tuple[Trajectory, tuple[CamMotion, PrescribedInputs]] | None = None
 
     def times(self, time: FloatArray) -> FloatArray:
         """Return the instants of this problem for those of the original one, s."""
@@ -56,41 +58,44 @@ class VariedProblem:
         self, motion: CamMotion, schedule: PrescribedInputs, d: FloatArray, v: FloatArray, local: FloatArray
     ) -> FloatArray:
         """Return the sum of loads, stiffness, damping and local forces on the unknowns, N, shape (m, n)."""
-        K, C, _ = self._matrices
-        return (
-            self.problem.system.load_vector(motion) - d @ K.T - v @ C.T
-            + (local @ self.forces.act.owner * schedule.acting_weights) @ self.forces.act.vectors
-        )  # fmt: skip
+        K, C, _ = self.matrices
+        pushed = self.push(local, schedule.acting_weights)
+        return self.problem.system.load_vector(motion) + pushed - d @ K.T - v @ C.T
 
-    def explicit_terms(self, every: SensedTrajectory) -> list[FloatArray]:
-        """Return forces on the unknowns (m, n), sensed scalars and rates (m, c), and answers of the laws (m, c).
+    def push(self, local: FloatArray, weights: FloatArray) -> FloatArray:
+        """Return the sum of local forces on the unknowns, N, shape (m, n), for weights of the acting vectors."""
+        act = self.forces.act
+        nothing = np.zeros((len(local), act.vectors.shape[1]))
+        return (local[:, act.scalars] * weights) @ act.vectors if weights.any() else nothing
 
-        The forces are those of loads, matrices and acting vectors with the local forces of the motion; the answers are
-        those to its sensed scalars.
+    def inputs(self, track: Trajectory) -> tuple[CamMotion, PrescribedInputs]:
+        """Return motion of the cam and prescribed inputs at instants of the original problem; they are kept.
+
+        Functions of the cam that the parameter does not change are those of the original problem.
         """
-        track, forces = every.track, self.forces
-        motion = self.problem.drive.at(self.times(track.time))
-        schedule = forces.prescribed_inputs(motion)
-        pushed = self.forces_without_inertia(motion, schedule, track.d, track.v, track.local)
-        pushed -= track.a @ self._matrices[2].T
-        if not forces.count:
-            return [pushed, every.penetration, every.rate, every.rate]
-        sensed, rate, _ = forces.sense_motion(track.d, track.v, schedule)
-        functions, depth, speed = schedule.rows[:, schedule.functions :], every.penetration, every.rate
-        # Of a cam at the angle of its shaft: in the answers the contact stays where it is.
+        if self._known is None or self._known[0] is not track:
+            motion = self.problem.drive.at(self.times(track.time))
+            if track.cam is not None and np.array_equal(motion.angle, track.cam.angle):
+                motion = replace(motion, known=track.cam)
+            self._known = track, (motion, self.forces.prescribed_inputs(motion))
+        return self._known[1]
+
+    def answers(self, every: SensedTrajectory, schedule: PrescribedInputs) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the answers of the laws to the scalars of a motion, and the lifts beyond the original, with rates.
+
+        With a cam at the angle of its shaft, the contact stays where it is in the answers. The shapes are (m, c).
+        """
+        forces, depth, speed = self.forces, every.penetration, every.rate
         lifted = forces.lifts.depth(depth) - self._lifts.depth(depth)
         faster = forces.lifts.depth_rate(depth, speed) - self._lifts.depth_rate(depth, speed)
-        answer = forces.evaluate(depth - lifted, track.state, functions, rate=speed - faster)[1]
-        return [pushed, sensed + lifted, rate + faster, answer]
+        functions = schedule.rows[:, schedule.functions :]
+        answer = forces.evaluate(depth - lifted, every.track.state, functions, rate=speed - faster)[1]
+        return answer, lifted, faster
 
-    def states_after(self, every: SensedTrajectory, i: int) -> FloatArray:
-        """Return the internal states after the step that follows an instant, shape (s,)."""
-        track, forces = every.track, self.forces
-        part = slice(i, i + 2)
-        motion = self.problem.drive.at(self.times(track.time[part]))
-        old, new = forces.sense_motion(track.d[part], track.v[part], forces.prescribed_inputs(motion))[0]
-        (step,) = (self.stretch * np.diff(track.time[part])).tolist()
-        return forces.follow_states(step, new, old, track.state[i])[NEW_STATE]
+    def states_after(self, every: SensedTrajectory, lengths: FloatArray, sensed: FloatArray) -> FloatArray:
+        """Return the internal states after the steps of some lengths, s, shape (m - 1, s)."""
+        state = every.track.state[:-1]
+        return self.forces.follow_states(self.stretch * lengths, sensed[1:], sensed[:-1], state)[:, NEW_STATE]
 
     def impact_change(self, old: StepState, contacts: IntArray) -> FloatArray:
         """Return the change of the velocities by an impact at switching scalars, shape (n,)."""
@@ -107,6 +112,52 @@ class VariedProblem:
         return InitialAcceleration(self.problem.system, self.forces)
 
 
+class _VariedPair:
+    """A problem with a parameter below and above its value; what the parameter does not change is not evaluated."""
+
+    def __init__(self, low: VariedProblem, high: VariedProblem, width: float) -> None:
+        self._sides, self._width = (low, high), width
+        #: Derivatives of stiffness, damping and mass.
+        self._matrices = [(up - down) / width for down, up in zip(low.matrices, high.matrices, strict=True)]
+
+        def is_same(part: Callable[[LocalForces], NDArray[Any]]) -> bool:
+            return np.array_equal(part(low.forces), part(high.forces))
+
+        self._same_act, self._same_sense = is_same(lambda one: one.act.vectors), is_same(lambda one: one.sense.vectors)
+        same_laws = is_same(lambda one: one.table.laws) and is_same(lambda one: one.table.constants)
+        self._same_laws = same_laws and not low.forces.lifts and not low.forces.table.custom
+
+    def explicit_terms(self, every: SensedTrajectory, lengths: FloatArray) -> list[FloatArray]:
+        """Return the derivatives of `ExplicitDerivatives` at m instants, with the lengths of the steps between, s."""
+        low, high, track = *self._sides, every.track
+        (before, below), (after, above) = (side.inputs(track) for side in (low, high))
+        force = high.problem.system.load_vector(after) - low.problem.system.load_vector(before)
+        if self._same_act:
+            force += low.push(track.local, above.acting_weights - below.acting_weights)
+        else:
+            force += high.push(track.local, above.acting_weights) - low.push(track.local, below.acting_weights)
+        force /= self._width
+        for matrix, moved in zip(self._matrices, (track.d, track.v, track.a), strict=True):
+            if matrix.any():
+                force -= moved @ matrix.T
+        sensed, rate, states = above.offset - below.offset, above.offset_rate - below.offset_rate, track.state[1:]
+        weights = slice(0, above.sensing_weights.shape[1] + above.sensing_rates.shape[1])
+        if states.size or not (self._same_sense and np.array_equal(above.rows[:, weights], below.rows[:, weights])):
+            down, up = (
+                side.forces.sense_motion(track.d, track.v, one)[:2] for side, one in ((low, below), (high, above))
+            )
+            sensed, rate = up[0] - down[0], up[1] - down[1]
+            states = high.states_after(every, lengths, up[0]) - low.states_after(every, lengths, down[0])
+        else:
+            states = np.zeros_like(states)
+        answer = np.zeros_like(rate)
+        functions = slice(above.functions, None)
+        if not (self._same_laws and np.array_equal(above.rows[:, functions], below.rows[:, functions])):
+            down, up = low.answers(every, below), high.answers(every, above)
+            answer, sensed, rate = up[0] - down[0], sensed + up[1] - down[1], rate + up[2] - down[2]
+        return [force, *(one / self._width for one in (sensed, rate, answer, states))]
+
+
 @dataclass(frozen=True, eq=False)
 class ExplicitDerivatives:
     """Derivatives of the equations by p parameters at m instants of a motion."""
@@ -115,11 +166,13 @@ class ExplicitDerivatives:
     penetration: FloatArray  #: of the sensed scalars, shape (m, c, p)
     rate: FloatArray  #: of their rates, shape (m, c, p)
     answer: FloatArray  #: of the force laws at constant scalars, shape (m, c, p)
+    states_after: FloatArray  #: of the internal states after a step, at constant ones before it, shape (m - 1, s, p)
 
-    def source(self, linear: Linear, which: int | slice) -> FloatArray:
-        """Return the forces on the unknowns at some instants, shape (..., n, p), with the tangents there."""
-        local = linear.by_penetration @ self.penetration[which] + linear.by_rate @ self.rate[which]
-        return self.force[which] + np.swapaxes(linear.act, -1, -2) @ (self.answer[which] + local)
+    def source(self, linear: Linear, part: slice) -> FloatArray:
+        """Return the forces on the unknowns at some instants, shape (m, n, p), with the tangents there."""
+        penetration, rate, answer = (one[part, linear.kept] for one in (self.penetration, self.rate, self.answer))
+        local = linear.by_penetration @ penetration + linear.by_rate @ rate
+        return self.force[part] + np.swapaxes(linear.act, -1, -2) @ (answer + local)
 
 
 class ParameterForces:
@@ -131,6 +184,7 @@ class ParameterForces:
             for one in variations
         ]
         self.widths: FloatArray = np.array([one.width for one in variations])
+        self._pairs = [_VariedPair(*pair, width) for pair, width in zip(self.sides, self.widths.tolist(), strict=True)]
         #: Relative change of the step, shape (p,).
         self.stretch = self._difference(lambda side: np.array(side.stretch))
 
@@ -151,19 +205,10 @@ class ParameterForces:
 
         return self._difference(start)
 
-    def along(self, every: SensedTrajectory) -> ExplicitDerivatives:
-        """Return the derivatives at all instants of a motion."""
-        parts = [
-            [(up - low) / width for low, up in zip(*(side.explicit_terms(every) for side in pair), strict=True)]
-            for pair, width in zip(self.sides, self.widths.tolist(), strict=True)
-        ]
+    def along(self, every: SensedTrajectory, lengths: FloatArray) -> ExplicitDerivatives:
+        """Return the derivatives at all instants of a motion, with the lengths of the steps between them, s."""
+        parts = [pair.explicit_terms(every, lengths) for pair in self._pairs]
         return ExplicitDerivatives(*(np.stack(terms, axis=-1) for terms in zip(*parts, strict=True)))
-
-    def states_after(self, every: SensedTrajectory, i: int) -> FloatArray:
-        """Return the derivatives of the internal states after the step that follows an instant, shape (s, p)."""
-        if not every.track.state.shape[1]:
-            return np.zeros((0, self.count))
-        return self._difference(lambda side: side.states_after(every, i))
 
     def impact_change(self, old: StepState, contacts: IntArray) -> FloatArray:
         """Return the derivatives of the velocity change by an impact at switching scalars, shape (n, p)."""

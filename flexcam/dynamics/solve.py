@@ -33,7 +33,7 @@ from flexcam.dynamics.modal_engine import ProbeEngine
 from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.response import STATE, Outline, Response
 from flexcam.dynamics.status import Cause, RunFailedError, Stats, Status
-from flexcam.dynamics.step_state import ProbeTrajectory, Trajectory
+from flexcam.dynamics.step_state import ProbeTrajectory, SensedTrajectory, Trajectory
 from flexcam.dynamics.system import Observation, Probe, System
 
 _INSTANTS = 64
@@ -198,20 +198,6 @@ def solve(
     return memory.response()
 
 
-def record(problem: Problem, engine: Engine, forces: LocalForces, method: Method, bases: Sequence[Basis]) -> Response:
-    """Return the response of an engine that is ready to start: probes and channels of its system, without energies.
-
-    The bases lead from the unknowns of the engine to those of the response, innermost first; no fields are saved.
-    """
-    save = SaveAt(field_every=problem.steps, energies=False)
-    memory = MemorySink(outline(problem.system, save), problem.steps + 1, 2)
-    run = _Run(problem, engine, forces, save, method.order)
-    for block in run.blocks():
-        memory.write(reduce(expand_block, bases, block))
-    memory.close(run.status, Stats(steps=problem.steps))
-    return memory.response()
-
-
 def limit_blas_threads(way: SelectedEngine) -> AbstractContextManager[object]:
     """Return a context with one thread of the linear algebra for a small system; the host's setting returns after it.
 
@@ -269,17 +255,81 @@ def singular_status(fault: SingularMatrixError, system: System) -> Status:
     return Status(Cause.SINGULAR, text, "support it, or give it a mass or a spring")
 
 
-class _Run:
+class _Observer:
+    """Observations of a motion."""
+
+    def __init__(self, problem: Problem, forces: LocalForces, save: SaveAt, order: int) -> None:
+        self._problem, self._system, self._save, self._forces = problem, problem.system, save, forces
+        self._account = EnergyBalance(problem.system, forces, order)
+        self._imbalance = EquilibriumResidual(problem.system, forces, problem.step)
+
+    def block(self, steps: IntArray, track: Trajectory, sensed: SensedTrajectory | None = None) -> Block:
+        """Return the observations at the ends of some steps, with the sensed scalars if they are known."""
+        motion, time = replace(self._problem.drive.at(track.time), known=track.cam), track.time
+        ends = track.ends if len(track.ends) < len(time) else slice(None)
+        fields, series = track.ends[self._save.fields(steps, self._problem.steps)], Series(track.d, track.v, track.a)
+        probes = _probe_series(self._system.probes, series, motion)
+        return Block(
+            time=time[ends], angle=motion.angle[ends], probes=probes.at(ends),
+            channels=self._channels(steps, track, motion, sensed) if self._save.channels else np.zeros((len(steps), 0)),
+            field_time=time[fields], field_angle=motion.angle[fields],
+            fields=series if len(fields) == len(time) else series.at(fields),
+        )  # fmt: skip
+
+    def _channels(
+        self, steps: IntArray, track: Trajectory, motion: CamMotion, sensed: SensedTrajectory | None
+    ) -> FloatArray:
+        """Return channels, energies and internal states at the ends of steps; check the balance of forces at some."""
+        if sensed is None:
+            inputs = self._forces.prescribed_inputs(motion)
+            penetrations, rates, prescribed_rates = self._forces.sense_motion(track.d, track.v, inputs)
+        else:
+            inputs, penetrations, rates = sensed.schedule, sensed.penetration, sensed.rate
+            prescribed_rates = np.zeros_like(rates)  # for energies alone
+        forces = np.asfortranarray(track.local)  # contiguous per scalar, like the sensed scalars
+        moved, histories = Series(track.d, track.v, track.a), self._system.load_histories(motion)
+        seen = Observation(motion, inputs.cam, moved, histories, forces, penetrations, rates, track.state)
+        each = [channel.value(seen) for channel in self._system.channels]
+        if self._save.energies:
+            if not self._system.prescribed_motion:
+                saved = self._save.fields(steps, self._problem.steps)
+                self._imbalance.evaluate(track, seen, inputs, track.ends[saved & (steps > 0)])  # the start is no step
+                each.append(self._account.block(track, seen, prescribed_rates, inputs))
+            each.append(seen.states)
+        found = np.column_stack([np.zeros((len(track.time), 0)), *each])
+        return found[track.ends] if len(steps) < len(found) else found
+
+
+class Recorder:
+    """Response of a motion that is given block by block: probes and channels, without energies and fields.
+
+    The bases lead from the unknowns of the motion to those of the response, innermost first.
+    """
+
+    def __init__(self, problem: Problem, forces: LocalForces, method: Method, bases: Sequence[Basis]) -> None:
+        save = SaveAt(field_every=problem.steps, energies=False)
+        self._memory = MemorySink(outline(problem.system, save), problem.steps + 1, 2)
+        self._observer, self._bases, self._steps = _Observer(problem, forces, save, method.order), bases, problem.steps
+
+    def write(self, steps: IntArray, sensed: SensedTrajectory) -> None:
+        """Store the instants at the ends of some steps."""
+        self._memory.write(reduce(expand_block, self._bases, self._observer.block(steps, sensed.track, sensed)))
+
+    def response(self) -> Response:
+        """Return the response."""
+        self._memory.close(Status(), Stats(steps=self._steps))
+        return self._memory.response()
+
+
+class _Run(_Observer):
     """A run: blocks of an engine with all observations."""
 
     def __init__(self, problem: Problem, engine: Engine, forces: LocalForces, save: SaveAt, order: int) -> None:
-        self._problem, self._engine, self._system, self._save = problem, engine, problem.system, save
-        self._forces = forces
+        super().__init__(problem, forces, save, order)
+        self._engine = engine
         width = 1 if isinstance(engine, ProbeEngine) else max(problem.system.size, 1)
         many = _PRESCRIBED_AT_ONCE if problem.system.prescribed_motion else AT_ONCE
         self._at_once = max(many // width, LEAST_AT_ONCE)
-        self._account = EnergyBalance(problem.system, forces, order)
-        self._imbalance = EquilibriumResidual(problem.system, forces, problem.step)
         self.status = Status()
 
     def state(self) -> Arrays:
@@ -316,7 +366,7 @@ class _Run:
                     block = self._probe_part(steps[: len(glance.time)], glance) if len(glance.time) else None
                 else:
                     track, self.status = self._engine.advance(steps)
-                    block = self._block(steps[: len(track.ends)], track) if len(track.ends) else None
+                    block = self.block(steps[: len(track.ends)], track) if len(track.ends) else None
             if block is not None:
                 yield block
             if not self.status.ok:
@@ -330,39 +380,10 @@ class _Run:
             fields=glance.fields,
         )  # fmt: skip
 
-    def _block(self, steps: IntArray, track: Trajectory) -> Block:
-        motion, time = replace(self._problem.drive.at(track.time), known=track.cam), track.time
-        ends = track.ends if len(track.ends) < len(time) else slice(None)
-        fields, series = track.ends[self._save.fields(steps, self._problem.steps)], Series(track.d, track.v, track.a)
-        probes = _probe_series(self._system.probes, series, motion)
-        return Block(
-            time=time[ends], angle=motion.angle[ends], probes=probes.at(ends),
-            channels=self._channels(steps, track, motion) if self._save.channels else np.zeros((len(steps), 0)),
-            field_time=time[fields], field_angle=motion.angle[fields],
-            fields=series if len(fields) == len(time) else series.at(fields),
-        )  # fmt: skip
-
     def statistics(self, stats: Stats) -> Stats:
         """Return the statistics with the counts of this run."""
         stats = self._engine.statistics(stats)
         return replace(stats, imbalance=self._imbalance.share) if self._save.channels and self._save.energies else stats
-
-    def _channels(self, steps: IntArray, track: Trajectory, motion: CamMotion) -> FloatArray:
-        """Return channels, energies and internal states at the ends of steps; check the balance of forces at some."""
-        inputs = self._forces.prescribed_inputs(motion)
-        penetrations, rates, prescribed_rates = self._forces.sense_motion(track.d, track.v, inputs)
-        forces = np.asfortranarray(track.local)  # contiguous per scalar, like the sensed scalars
-        moved, histories = Series(track.d, track.v, track.a), self._system.load_histories(motion)
-        seen = Observation(motion, inputs.cam, moved, histories, forces, penetrations, rates, track.state)
-        each = [channel.value(seen) for channel in self._system.channels]
-        if self._save.energies:
-            if not self._system.prescribed_motion:
-                saved = self._save.fields(steps, self._problem.steps)
-                self._imbalance.evaluate(track, seen, inputs, track.ends[saved & (steps > 0)])  # the start is no step
-                each.append(self._account.block(track, seen, prescribed_rates, inputs))
-            each.append(seen.states)
-        found = np.column_stack([np.zeros((len(track.time), 0)), *each])
-        return found[track.ends] if len(steps) < len(found) else found
 
 
 def _probe_series(probes: tuple[Probe, ...], moved: Series, motion: CamMotion) -> Series:

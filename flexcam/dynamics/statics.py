@@ -274,9 +274,9 @@ def _refuse_mechanism(motions: FloatArray, load: FloatArray, names: Sequence[str
     raise RunFailedError(Status(Cause.SINGULAR, text, "support one of these components or attach a spring to it"))
 
 
-def installed_state(system: System, drive: Drive, time: float = 0.0) -> State:
-    """Return the initial state as installed: equilibrium of preloads at rest."""
-    return _solve_from(LocalForces(system), system, drive, time, installed=True)
+def installed_state(system: System, drive: Drive, time: float = 0.0, near: FloatArray | None = None) -> State:
+    """Return the initial state as installed: equilibrium of preloads at rest, found from a nearby displacement."""
+    return _solve_from(LocalForces(system), system, drive, time, near, installed=True)
 
 
 def equilibrium(system: System, drive: Drive, time: float = 0.0) -> State:
@@ -284,20 +284,20 @@ def equilibrium(system: System, drive: Drive, time: float = 0.0) -> State:
     return _solve_from(LocalForces(system), system, drive, time)
 
 
-def moving_equilibrium(system: System, drive: Drive, time: float = 0.0) -> State:
-    """Return the static equilibrium of an instant with its quasi-static velocity.
+def moving_equilibrium(system: System, drive: Drive, time: float = 0.0, near: FloatArray | None = None) -> State:
+    """Return the static equilibrium of an instant with its quasi-static velocity, found from a nearby displacement.
 
     A train at rest would be hit by a cam that lifts at the start. The velocities are ``omega du/dtheta``, by a central
     difference over a thousandth of a radian. A motion that only contacts stop crosses its lash at once where the load
     on it reverses; such a jump J, which adds J/(2h) to a difference over the step h, is no velocity.
     """
     forces = LocalForces(system)
-    still = _solve_from(forces, system, drive, time)
+    still = _solve_from(forces, system, drive, time, near)
     step = _ANGLE_STEP / float(drive.at(np.array([time])).speed[0])
 
     def difference(h: float) -> FloatArray:
-        near = still.displacement
-        before, after = (_solve_from(forces, system, drive, time + side, near).displacement for side in (-h, h))
+        there = still.displacement
+        before, after = (_solve_from(forces, system, drive, time + side, there).displacement for side in (-h, h))
         return (after - before) / (2.0 * h)
 
     velocity = difference(step)

@@ -8,8 +8,9 @@ contact events; these do not.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from flexcam.dynamics.active_dofs import basis_of, reduce_problem
 from flexcam.dynamics.basis import DofSubset
 from flexcam.dynamics.blocks import SaveAt
 from flexcam.dynamics.disturbances import Disturbances
-from flexcam.dynamics.engine import Engine, iterate_tracks
+from flexcam.dynamics.engine import iterate_tracks
 from flexcam.dynamics.engine_selection import SelectedEngine, create_engine, forces_of, select_engine
 from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.integrator import Method
@@ -30,9 +31,9 @@ from flexcam.dynamics.parameter_forces import ParameterForces, Variation, Varied
 from flexcam.dynamics.periodic import FREE
 from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.response import Response
-from flexcam.dynamics.solve import pilot, record
-from flexcam.dynamics.status import Status
-from flexcam.dynamics.step_state import Trajectory
+from flexcam.dynamics.solve import Recorder, pilot
+from flexcam.dynamics.step_state import SensedTrajectory, Trajectory
+from flexcam.dynamics.system import System
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +49,9 @@ class TangentRun:
 
 
 def tangent_run(
-    problem: Problem, method: Method, variations: Sequence[Variation], *, period: int | None = None
-) -> TangentRun:
+    problem: Problem, method: Method, variations: Sequence[Variation], *, period: int | None = None,
+    accelerations: bool = True, first: int = 0,
+) -> TangentRun:  # fmt: skip
     """Integrate a problem together with the disturbances by parameters.
 
     Parameters
@@ -63,6 +65,10 @@ def tangent_run(
     period
         Steps of a revolution if the run begins with a periodic state, which then depends on the parameters; None if
         the variations give the initial state.
+    accelerations
+        Whether probes or channels of the neighbours need accelerations; otherwise these are NaN.
+    first
+        First step of the results; those of a few steps before it may be added.
 
     Returns
     -------
@@ -111,18 +117,27 @@ def tangent_run(
     initial = _initial_disturbances(selected.problem, forces, parameters)
     if period is not None:
         initial = _periodic_disturbances(selected, method, forces, parameters, initial, period)
-    motion = _integrate(selected, method, forces, initial, parameters)
 
-    def result(side: VariedProblem, parameter: int, part: float) -> Response:
-        engine = _NeighbourEngine(side, motion, parameter, part)
-        return record(side.problem, engine, side.forces, method, selected.bases)
+    def neighbour(side: VariedProblem, parameter: int, part: float) -> _Neighbour:
+        recorder = Recorder(side.problem, side.forces, method, selected.bases)
+        return _Neighbour(side, parameter, part, recorder, accelerations=accelerations)
 
-    neighbours = [
-        (result(low, i, -0.5 * width), result(high, i, 0.5 * width))
+    itself = neighbour(VariedProblem(selected.problem, selected.problem, compiled), 0, 0.0)
+    pairs = [
+        (neighbour(low, i, -0.5 * width), neighbour(high, i, 0.5 * width))
         for i, ((low, high), width) in enumerate(zip(parameters.sides, parameters.widths.tolist(), strict=True))
     ]
-    itself = VariedProblem(selected.problem, selected.problem, compiled)
-    return TangentRun(result(itself, 0, 0.0), tuple(neighbours), motion.growth(selected.problem))
+    done, sizes = 0, list[FloatArray]()
+    for track, moved in _integrate(selected, method, forces, initial, parameters):
+        steps, done = np.arange(done, done + len(moved)), done + len(moved)
+        sizes.append(_energies(selected.problem.system, moved[:, :, -1]))
+        if done > first:
+            for one in (itself, *chain.from_iterable(pairs)):
+                one.write(steps, track, moved)
+    energy = np.concatenate(sizes)
+    growth = float(np.sqrt(energy.max() / energy[0])) if energy[0] > 0.0 else 1.0
+    neighbours = tuple((low.response(), high.response()) for low, high in pairs)
+    return TangentRun(itself.response(), neighbours, growth)
 
 
 def _without_acceleration(problem: Problem) -> Problem:
@@ -173,33 +188,21 @@ def _initial_disturbances(problem: Problem, forces: LocalForces, parameters: Par
     return np.hstack([begin, more])
 
 
-@dataclass(frozen=True, eq=False)
-class _Motion:
-    """Motion of a run at the ends of its steps, and its disturbances."""
-
-    track: Trajectory
-    disturbances: FloatArray  #: shape (steps + 1, 2n + s, p + 1); the last column is that of the initial state
-
-    def growth(self, problem: Problem) -> float:
-        """Return the largest ratio of the energies of a disturbance, as a ratio of amplitudes."""
-        system = problem.system
-        d, v, _ = split_state(self.disturbances[:, :, -1].T, system.size)
-        energy = (v * system.mass.multiply(v)).sum(axis=0) + (d * system.stiffness.multiply(d)).sum(axis=0)
-        return float(np.sqrt(energy.max() / energy[0])) if len(energy) and energy[0] > 0.0 else 1.0
+def _energies(system: System, disturbance: FloatArray) -> FloatArray:
+    """Return twice the energies of a disturbance at m instants, shape (m, 2n + s)."""
+    d, v, _ = split_state(disturbance.T, system.size)
+    return (v * system.mass.multiply(v)).sum(axis=0) + (d * system.stiffness.multiply(d)).sum(axis=0)
 
 
 def _integrate(
     selected: SelectedEngine, method: Method, forces: LocalForces, initial: FloatArray, parameters: ParameterForces
-) -> _Motion:
-    """Return the motion of a problem with the disturbances by its parameters."""
+) -> Iterator[tuple[Trajectory, FloatArray]]:
+    """Yield the motion of a problem block by block with the disturbances by its parameters, see `Disturbances`."""
     problem = selected.problem
     engine = create_engine(selected, method, forces, SaveAt(field_every=problem.steps + 1), lambda: False, pilot)
     disturbances = Disturbances(problem, forces, initial, parameters)
-    tracks, found = list[Trajectory](), list[FloatArray]()
     for track in iterate_tracks(engine, problem.steps):
-        found.append(disturbances.follow(track))
-        tracks.append(track.at_ends())
-    return _Motion(Trajectory.concatenate(tracks), np.concatenate(found))
+        yield disturbances.follow(track)
 
 
 def _periodic_disturbances(
@@ -214,31 +217,36 @@ def _periodic_disturbances(
     size, count = len(initial), parameters.count
     one = replace(selected, problem=replace(selected.problem, steps=period))
     begin = np.hstack([np.zeros((size, count)), np.eye(size)])
-    end = _integrate(one, method, forces, begin, parameters).disturbances[-1]
+    *_, (_, moved) = _integrate(one, method, forces, begin, parameters)
+    end = moved[-1]
     found = initial.copy()
     found[:, :count] = np.linalg.lstsq(np.eye(size) - end[:, count:], end[:, :count], rcond=FREE)[0]
     return found
 
 
-class _NeighbourEngine(Engine):
-    """Engine of a run with a parameter near its value, to first order."""
+class _Neighbour:
+    """Results of a run with a parameter near its value, to first order."""
 
-    def __init__(self, side: VariedProblem, motion: _Motion, parameter: int, part: float) -> None:
-        self._side, self._motion, self._parameter, self._part = side, motion, parameter, part
+    def __init__(
+        self, side: VariedProblem, parameter: int, part: float, recorder: Recorder, *, accelerations: bool
+    ) -> None:
+        self._side, self._parameter, self._part = side, parameter, part
+        self._recorder, self._accelerations = recorder, accelerations
+        self.response = recorder.response
 
-    def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
-        """Return the instants of successive steps, see `Engine`."""
-        side, rows = self._side, slice(int(steps[0]), int(steps[-1]) + 1)
-        track, n, forces = self._motion.track, side.problem.system.size, side.forces
-        change = self._part * self._motion.disturbances[rows, :, self._parameter]
-        time = side.times(track.time[rows])
-        d, v = track.d[rows] + change[:, :n], track.v[rows] + change[:, n : 2 * n]
-        state, drive = track.state[rows] + change[:, 2 * n :], side.problem.drive.at(time)
-        schedule, local = forces.prescribed_inputs(drive), np.zeros((len(time), forces.count))
-        if forces.count:
-            sensed, rate, _ = forces.sense_motion(d, v, schedule)
-            local = forces.evaluate(sensed, state, schedule.rows[:, schedule.functions :], rate=rate)[1]
-        pushed = side.forces_without_inertia(drive, schedule, d, v, local)
-        a = track.a[rows] if self._part == 0.0 else side.accelerations.accelerations(pushed.T).T
-        each, pressed = np.arange(len(time)), track.pressed[rows]
-        return Trajectory(time, d, v, a, local, state, np.zeros_like(local), pressed, each), Status()
+    def write(self, steps: IntArray, track: Trajectory, moved: FloatArray) -> None:
+        """Add the instants of some steps with the disturbances at their ends; events between them stay undisturbed."""
+        side, n, forces = self._side, self._side.problem.system.size, self._side.forces
+        motion, schedule = side.inputs(track)
+        change = np.zeros((len(track.time), moved.shape[1]))
+        change[track.ends] = self._part * moved[:, :, self._parameter]
+        d, v, state = track.d + change[:, :n], track.v + change[:, n : 2 * n], track.state + change[:, 2 * n :]
+        sensed, rate, _ = forces.sense_motion(d, v, schedule)
+        local = forces.evaluate(sensed, state, schedule.rows[:, schedule.functions :], rate=rate)[1]
+        a = track.a if self._part == 0.0 else np.full_like(d, np.nan)
+        if self._part != 0.0 and self._accelerations:
+            a = side.accelerations.accelerations(side.forces_without_inertia(motion, schedule, d, v, local).T).T
+        new = Trajectory(
+            motion.time, d, v, a, local, state, np.zeros_like(local), track.pressed, track.ends, motion.cam
+        )
+        self._recorder.write(steps, SensedTrajectory(new, schedule, sensed, rate))

@@ -24,7 +24,6 @@ import numpy as np
 from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search, steps_per_revolution
 from flexcam.case.case import Case
 from flexcam.case.reader import CaseFile
-from flexcam.case.schema.run import NewmarkRecord
 from flexcam.case.variants import Number, get_number, make_overrides
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse
@@ -46,6 +45,8 @@ _SIMILAR_RUNS = 10  # number of runs whose time the derivatives of a run take, f
 COUNTED = (".bounces", ".open_on_the_lift")  # ends of the names of results that count, and have no derivative
 _RATES = (".velocity", ".acceleration")  # ends of the names of histories that a point without mass does not have
 _PROBE_KINDS = {"probes", "deviation"}  # first parts of the names of scalars that need no channels
+_SPARE = 2  # steps before the last revolution, to which all results but deviations refer
+_WITHOUT_ACCELERATION = {"contacts", "springs"}  # and of those that need no accelerations and no probes
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,15 +172,22 @@ def _run_scalars(
     if why := exact_refusal(case):
         raise refuse("--method", "exact", "differences", why)
     kinds = {name.partition(".")[0] for name in names}
-    case, pairs = _with_newmark(case), [tuple(_with_newmark(side) for side in pair) for pair in pairs]
+    case, pairs = case.with_newmark(), [tuple(side.with_newmark() for side in pair) for pair in pairs]
     ready = _with_channels(prepare(case, runs=_SIMILAR_RUNS), kinds)
-    beside = [tuple(_with_channels(prepare_without_periodic_search(one), kinds) for one in pair) for pair in pairs]
+    beside = [
+        tuple(_with_channels(prepare_without_periodic_search(one, ready), kinds) for one in pair) for pair in pairs
+    ]
     variations = [
         Variation(low.problem, high.problem, width) for (low, high), width in zip(beside, widths, strict=True)
     ]
     periodic = case.record.run.start == "periodic"
     period = steps_per_revolution(case, ready.problem) if periodic else None
-    found = tangent_run(ready.problem, ready.scheme, variations, period=period)
+    accelerations = not kinds <= _WITHOUT_ACCELERATION
+    revolution = math.ceil(ready.revolution / ready.problem.step) + _SPARE
+    first = 0 if "deviation" in kinds else max(ready.problem.steps - revolution, 0)
+    found = tangent_run(
+        ready.problem, ready.scheme, variations, period=period, accelerations=accelerations, first=first
+    )
     if not found.response.status.ok:
         raise RunFailedError(found.response.status)
     rows = [compute_scalars(ready, found.response, names)]
@@ -196,11 +204,6 @@ def _run_scalars(
     return rows, found.growth, f"the periodic start repeats only to {residual:.1g}" if residual > _PERIODIC else ""
 
 
-def _with_newmark(case: Case) -> Case:
-    """Return a case whose steps are derived: those of the average acceleration, if it names no method."""
-    return case if case.record.run.integrator else case.with_run({"integrator": NewmarkRecord()})
-
-
 def _massless_probes(system: System) -> tuple[str, ...]:
     """Return the beginnings of the names of results of points without mass."""
     light = MasslessMotions(system)
@@ -213,11 +216,12 @@ def _massless_probes(system: System) -> tuple[str, ...]:
 
 
 def _with_channels(ready: PreparedRun, kinds: set[str]) -> PreparedRun:
-    """Return a run with the channels of some kinds alone; metrics of all parts need those of the contacts."""
+    """Return a run with channels of some kinds, or probes, alone; metrics of all parts need those of the contacts."""
     system = ready.problem.system
     needed = set[str]() if kinds <= _PROBE_KINDS else {*kinds, "contacts"}
     channels = tuple(one for one in system.channels if one.name.partition(".")[0] in needed)
-    return replace(ready, problem=replace(ready.problem, system=replace(system, channels=channels)))
+    probes = () if kinds <= _WITHOUT_ACCELERATION else system.probes
+    return replace(ready, problem=replace(ready.problem, system=replace(system, channels=channels, probes=probes)))
 
 
 _BOX, _SMALLEST_BOX = 0.1, 1e-3  # first and smallest half width of the box, relative to the intervals

@@ -103,13 +103,14 @@ class ShaftDrive:
     turned: FloatArray  #: unit rotation about the shaft in the released unknowns, shape (n of `freed`,)
 
 
+@lru_cache(maxsize=4)
 def find_shaft_drives(structure: Structure) -> tuple[ShaftDrive, ...]:
     """Return all nodes at which a shaft's rotation is prescribed."""
-    return tuple(_release_rotation(structure, *one) for one in _rotation_supports(structure.model))
+    return tuple(_release_rotation(structure, *one) for one in rotation_supports(structure.model))
 
 
 @lru_cache(maxsize=4)
-def _rotation_supports(model: Model) -> tuple[tuple[str, int, FloatArray], ...]:
+def rotation_supports(model: Model) -> tuple[tuple[str, int, FloatArray], ...]:
     """Return name, node and axis of the supports that hold the rotation of a shaft."""
     found, driven = list[tuple[str, int, FloatArray]](), shaft_axes(model)
     for point, held in model.supports.items():
@@ -127,7 +128,7 @@ def has_elastic_drive(structure: Structure, contact: CamPair) -> bool:
     """Return whether springs or lash, not a support, hold the rotation of a cam: it may then twist by degrees."""
     model, at = structure.model, structure.model.cams[contact.cam].at
     nodes = set(model.mesh.connected_nodes(model.mesh.node(at), turning=True).tolist())
-    held = any(node in nodes for _, node, _ in _rotation_supports(model))
+    held = any(node in nodes for _, node, _ in rotation_supports(model))
     return not held and bool(structure.row(at, contact.rotation).any())
 
 

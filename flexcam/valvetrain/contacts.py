@@ -174,7 +174,7 @@ def lever_joints(structure: Structure) -> Coupling:
 def check_lever_rotation(structure: Structure) -> None:
     """Refuse a lift that rotates a lever until its arm is parallel to the motion."""
     model = structure.model
-    for name, contact in model.cam_contacts.items():
+    for name, contact in model.cam_contacts.items() if model.levers else ():
         train = follower_train(structure, contact, f"contacts.{name}.follower")
         event = model.cams[contact.cam].event
         for rocker, lever in model.levers.items():

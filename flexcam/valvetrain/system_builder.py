@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import cache, lru_cache, partial
 
 import numpy as np
 
@@ -14,7 +14,14 @@ from flexcam.core.errors import InputError, parse_all, refuse
 from flexcam.dynamics import Channel, DofSubset, Observable, Observation, Probe, System, observable_sum
 from flexcam.fem.assembly import modal_damping, rayleigh_damping
 from flexcam.valvetrain.cam_contact import couple_cam
-from flexcam.valvetrain.camshaft import ShaftDrive, find_shaft_drives, inertia_torque, reaction_torque, shaft_channels
+from flexcam.valvetrain.camshaft import (
+    ShaftDrive,
+    find_shaft_drives,
+    inertia_torque,
+    reaction_torque,
+    rotation_supports,
+    shaft_channels,
+)
 from flexcam.valvetrain.contacts import (
     couple_adjuster,
     couple_films,
@@ -38,9 +45,13 @@ def build_system(model: Model, speed: float) -> System:
     """Return the system of the flexible mechanism."""
     structure = build_structure(model)
     contacts = couple_contacts(structure, lambda name: couple_contact(structure, name, model.contacts[name], speed))
-    damping, joined, ends = _at_any_speed(structure)
+    damping, joined = _at_any_speed(structure)
     couplings = [*contacts, *joined, Coupling(given_loads(structure), (), ()), couple_films(structure, speed)]
-    drives = [_torque(end, others, contacts, split_observation(couplings), speed) for end, others in ends]
+    parts = split_observation(couplings)
+    drives = [
+        Channel(f"supports.{name}.torque", "N m", _later(partial(_torque, structure, i, contacts, parts, speed)))
+        for i, (name, *_) in enumerate(rotation_supports(model))
+    ]
     return assemble_system(structure, damping, couplings, drives)
 
 
@@ -79,12 +90,15 @@ def _probes(structure: Structure) -> tuple[Probe, ...]:
 
 
 @lru_cache(maxsize=4)
-def _at_any_speed(
-    structure: Structure,
-) -> tuple[Triplets, tuple[Coupling, ...], tuple[tuple[ShaftDrive, list[Observable]], ...]]:
-    """Return damping, couplings other than contacts, and shaft drives with the reactions of these couplings."""
-    ends = tuple((end, _reactions(end)) for end in find_shaft_drives(structure))
-    return structure.dampers + _damping(structure), _joints(structure), ends
+def _at_any_speed(structure: Structure) -> tuple[Triplets, tuple[Coupling, ...]]:
+    """Return damping, and couplings other than contacts."""
+    return structure.dampers + _damping(structure), _joints(structure)
+
+
+def _later(build: Callable[[], Observable]) -> Observable:
+    """Return an observable that is built at its first use: that of a shaft drive takes a second structure."""
+    built = cache(build)
+    return lambda seen: built()(seen)
 
 
 def _joints(structure: Structure) -> tuple[Coupling, ...]:
@@ -98,6 +112,7 @@ def _joints(structure: Structure) -> tuple[Coupling, ...]:
     )
 
 
+@lru_cache(maxsize=4)
 def _reactions(end: ShaftDrive) -> list[Observable]:
     """Return the reactions of couplings other than contacts at a prescribed rotation, in coupling order."""
     freed = end.freed
@@ -106,10 +121,11 @@ def _reactions(end: ShaftDrive) -> list[Observable]:
 
 
 def _torque(
-    end: ShaftDrive, others: Sequence[Observable], contacts: Sequence[Coupling], parts: Sequence[_Part], speed: float
-) -> Channel:
-    model = end.freed.model
-    each = [inertia_torque(end), *map(_offset_positions, others, parts[len(contacts) :])]
+    structure: Structure, i: int, contacts: Sequence[Coupling], parts: Sequence[_Part], speed: float
+) -> Observable:
+    """Return the torque of a shaft drive."""
+    model, end = structure.model, find_shaft_drives(structure)[i]
+    each = [inertia_torque(end), *map(_offset_positions, _reactions(end), parts[len(contacts) :])]
     for part, (name, contact), coupling in zip(parts, model.contacts.items(), contacts, strict=False):
         if isinstance(contact, PublishedLoad):  # its stiffness is that of the supported structure
             if contact.cam_torque and model.mesh.node(model.cams[contact.cam].at) == end.node:
@@ -117,7 +133,7 @@ def _torque(
         else:
             again = couple_contact(end.freed, name, contact, speed)
             each.append(_offset_positions(reaction_torque(end, again.loads, again.forces), part))
-    return Channel(f"supports.{end.name}.torque", "N m", observable_sum(*each))
+    return observable_sum(*each)
 
 
 def couple_contact(structure: Structure, name: str, contact: Contact, speed: float) -> Coupling:

@@ -122,9 +122,9 @@ def train_metrics(model: Model, response: Response, period: float, names: Sequen
         return []
     last = response.latest(period)
     figures = [
-        Metric(f"contacts.{name}.open_on_the_lift", separation(model, response, name, last), "rad")
-        for name in spring_held_contacts(model)
-    ]
+        Metric(f"contacts.{name}.{_OPEN}", separation(model, response, name, last), "rad")
+        for name in spring_held_contacts(model) if names is None or f"contacts.{name}.{_OPEN}" in names
+    ]  # fmt: skip
     for name, contact in model.cam_contacts.items():
         if isinstance(contact, CamContact):
             figures += _nose_force(model, response, name, last)
@@ -159,7 +159,7 @@ def train_metric_names(model: Model, channels: Iterable[str]) -> list[str]:
     seats = [name for name, one in model.contacts.items() if isinstance(one, Seat) and f"contacts.{name}.gap" in known]
     pressed = [name for name, one in model.cam_contacts.items() if isinstance(one, CamContact)]
     lashes = [name for name, one in model.contacts.items() if isinstance(one, Lash) and f"contacts.{name}.gap" in known]
-    names = [f"contacts.{name}.open_on_the_lift" for name in spring_held_contacts(model)]
+    names = [f"contacts.{name}.{_OPEN}" for name in spring_held_contacts(model)]
     names += [f"contacts.{name}.{_NOSE_FORCE}" for name in pressed]
     names += [f"contacts.{name}.{one}" for name in seats for one in (*_SEATING, _LOFT)]
     names += [f"contacts.{name}.{_GAP}" for name in lashes]
@@ -216,7 +216,7 @@ def _seat(response: Response, where: str, last: Bools) -> list[Metric]:
 
 
 _LOFT, _NOSE_FORCE, _FRICTION_POWER = "valve_loft", "nose_force.least", "friction_power.mean"
-_GAP = "gap.largest"
+_GAP, _OPEN = "gap.largest", "open_on_the_lift"
 _DRIVE = ("torque.mean", "power.mean")
 
 

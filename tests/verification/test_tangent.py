@@ -16,22 +16,28 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case
+from flexcam.case.builder import build_model
 from flexcam.case.reader import CaseFile
 from flexcam.core import Triplets
 from flexcam.core.errors import InputError
 from flexcam.dynamics import (
+    AngleVector,
     ConstantSpeed,
     Load,
+    LocalForce,
     Probe,
     Problem,
     State,
     System,
     Variation,
+    constant,
     hht,
     newmark,
     solve,
     tangent_run,
 )
+from flexcam.dynamics.kernel_step import compiled_functions
+from flexcam.dynamics.law_data import force_table_law
 from flexcam.dynamics.linearization import Linear, LinearStep, StepSequence
 from flexcam.studies.evaluation import evaluate
 from flexcam.studies.gradients import compute_gradient, make_neighbours
@@ -262,3 +268,52 @@ def test_linearized_steps_solve_their_equations():
         expected = np.linalg.solve(new, old @ state + more[i])
         state = sequence.propagate(i, state, more[i])
         assert state == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_compiled_steps_are_those_of_numpy():
+    """Of modes that a damper couples, with local forces and two internal states; rounding."""
+    rng, n, c, s, m, h = np.random.default_rng(5), 5, 3, 2, 6, 1e-3
+    A = rng.normal(size=(n, n))
+    M, K = np.diag(1.0 + rng.random(n)), np.diag(1e4 * rng.random(n))
+    system = System(*(Triplets.from_dense(matrix) for matrix in (M, 10.0 * A @ A.T, K)), tuple("abcde"))
+    linear = Linear(
+        act=rng.normal(size=(m, c, n)), by_d=1e3 * rng.normal(size=(m, c, n)), by_v=rng.normal(size=(m, c, n)),
+        by_state=1e3 * rng.normal(size=(m, c, s)), followed=rng.normal(size=(m, s, n)),
+        by_penetration=np.zeros((m, c, c)), by_rate=np.zeros((m, c, c)),
+    )  # fmt: skip
+    T, B = rng.random((2, m - 1, s))
+    state, more = rng.normal(size=(2 * n + s, 4)), rng.normal(size=(m - 1, 2 * n + s, 4))
+    stepper = LinearStep(system)
+    compiled, plain = (
+        StepSequence(stepper, h, linear, T, B, functions).propagate_all(state, more)
+        for functions in (compiled_functions(), None)
+    )
+    assert compiled == pytest.approx(plain, rel=1e-11, abs=1e-11)
+
+
+@pytest.mark.parametrize("engine", ["direct", "kernel"])
+def test_a_force_that_only_a_parameter_changes(engine):
+    """A constant force F of a table on an oscillator: d(displacement)/dF = (1 - cos(omega t))/k."""
+
+    def oscillator(F):
+        one, row = Triplets.from_dense([[1.0]]), AngleVector.constant(np.ones(1))
+        law = force_table_law([-1.0, 1.0], [F, F])
+        push = LocalForce("push", (row,), (row,), law, (constant(0.0),))
+        probe = Probe("x", ("x",), np.eye(1), (None,))
+        system = System(one, Triplets.zeros(1), one.scale(4.0), ("x",), (), (push,), (probe,))
+        return Problem(system, ConstantSpeed(1.0), step=1e-3, steps=1000, engine=engine)
+
+    found = tangent_run(oscillator(0.3), newmark(), [Variation(oscillator(0.299), oscillator(0.301), 0.002)])
+    low, high = (one["x"].displacement[-1] for one in found.neighbours[0])
+    assert (high - low) / 0.002 == pytest.approx(0.25 * (1.0 - math.cos(2.0)), rel=1e-6)
+
+
+def test_similar_models_share_equal_cams_alone():
+    case = read_case(INTAKE)
+    model = build_model(case)
+    same, other = (
+        build_model(case.replace({key: value}), (case, model)).cams["intake"]
+        for key, value in (("masses.valve.mass", 0.1), ("cams.intake.lift", 0.0061))
+    )
+    assert same is model.cams["intake"]
+    assert other.event.height > same.event.height
