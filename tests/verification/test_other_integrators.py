@@ -91,7 +91,7 @@ def test_a_run_at_the_limit():
     start = State(np.array([1e-3, -2e-3]), np.zeros(2))
     below, above = (Problem(system, ConstantSpeed(3.0), f * 2.0 / omega, 2000, start) for f in (0.999, 1.001))
     assert np.abs(solve(below, central_difference())["all"].displacement).max() < 0.1
-    with pytest.raises(InputError, match=r"run\.step.*m1.*smaller steps"):
+    with pytest.raises(InputError, match=r"run\.step.*m1.*as many steps"):
         solve(above, central_difference())
 
 
