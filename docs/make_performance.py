@@ -361,18 +361,17 @@ def _sweep(tables: dict) -> list[str]:
 def _gradients(tables: dict) -> list[str]:
     """Return what derivatives of a run cost."""
     rows = [
-        f"| `{row['case']}` | {row['parameters']} | {_number(row['run_ms'])} | {_number(row['gradient_ms'])} | "
-        f"{_number(row['differences_ms'])} |"
+        f"| `{row['case']}` | {row['parameters']} | {row['exact_runs']:.1f} | {row['differences_runs']:.1f} |"
         for row in tables["gradients"]
     ]
     return [
         "## Derivatives",
         "",
-        "One revolution with the kernel solver engine: time of a run with its metrics, of the run with exact",
-        "[derivatives](topics/derivatives.md) of two metrics, and of central differences, two runs per parameter.",
+        "One revolution with Newmark's method and the kernel solver engine: processor time of exact",
+        "[derivatives](topics/derivatives.md) of two metrics, and of central differences, in runs with these metrics.",
         "",
-        "| case | parameters | run, ms | exact, ms | differences, ms |",
-        "|---|---|---|---|---|",
+        "| case | parameters | exact, runs | differences, runs |",
+        "|---|---|---|---|",
         *rows,
         "",
     ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 from benchmarks.processes import ROOT
-from benchmarks.timing import least
+from benchmarks.timing import least_processor_times
 from flexcam.case.reader import CaseFile
 from flexcam.studies.evaluation import evaluate
 from flexcam.studies.gradients import compute_gradient, make_neighbours
@@ -18,16 +18,19 @@ NUMBERS = {
     "direct-acting/bucket": ("run.crank_speed", "masses.bucket.mass", "contacts.lash.gap", "cams.intake.lift",
                              "masses.head.mass", "masses.retainer.mass", "contacts.seat.stiffness",
                              "springs.outer.installed_force"),
+    "direct-acting/finger": ("contacts.adjuster.leak", "run.crank_speed", "cams.intake.lift",
+                             "contacts.adjuster.stiffness", "masses.valve.mass", "springs.valve.stiffness",
+                             "springs.valve.installed_force", "contacts.seat.stiffness"),
 }  # fmt: skip
-"""Numbers by case, of which 1, 4 and 8 are taken."""
-COUNTS = (1, 4, 8)
+"""Numbers by case, of which 1, 3 and 8 are taken."""
+COUNTS = (1, 3, 8)
 SCALARS = ("contacts.intake.force.largest", "contacts.seat.seating_velocity")
-FIXED = ("run.revolutions=1", "run.engine=kernel")
-REPEATS = 3
+FIXED = ("run.revolutions=1", "run.engine=kernel", "run.integrator.method=newmark")
+REPEATS = 5
 
 
 def measured() -> list[dict[str, object]]:
-    """Return times of a run, of its gradient and of central differences, by case and number of parameters."""
+    """Return what a gradient and central differences take, in runs, by case and number of parameters."""
     return [row for name in NUMBERS for row in _rows(name)]
 
 
@@ -35,21 +38,22 @@ def _rows(name: str) -> list[dict[str, object]]:
     file = CaseFile.open(ROOT / f"cases/{name}.toml")
     case = file.read(FIXED)
     numbers = get_numbers(case, NUMBERS[name])
-    run = least(lambda: evaluate(file.read(FIXED)), REPEATS)
 
     def differences(count: int) -> None:
         for number in numbers[:count]:
             for one in make_neighbours(case, number, 1e-3 * number.value):
-                evaluate(file.read((*FIXED, *one)))
+                evaluate(file.read((*FIXED, *one)), names=SCALARS)
 
-    def exact(count: int) -> None:
-        compute_gradient(file, FIXED, SCALARS, numbers[:count])
-
+    works = [partial(differences, count) for count in COUNTS]
+    works += [partial(compute_gradient, file, FIXED, SCALARS, numbers[:count]) for count in COUNTS]
+    run, *times = least_processor_times([lambda: evaluate(file.read(FIXED), names=SCALARS), *works], REPEATS)
     return [
         {
-            "case": name, "parameters": count, "run_ms": 1e3 * run,
-            "gradient_ms": 1e3 * least(partial(exact, count), REPEATS),
-            "differences_ms": 1e3 * least(partial(differences, count), REPEATS),
+            "case": name,
+            "parameters": count,
+            "run_ms": 1e3 * run,
+            "exact_runs": exact / run,
+            "differences_runs": other / run,
         }
-        for count in COUNTS
-    ]  # fmt: skip
+        for count, other, exact in zip(COUNTS, times[: len(COUNTS)], times[len(COUNTS) :], strict=True)
+    ]
