@@ -108,7 +108,9 @@ def build_model(case: Case, similar: tuple[Case, valvetrain.Model] | None = None
             films[name] = bearing
         else:
             elastic |= {f"bearing {name}, {which} direction": one for which, one in bearing.items()}
-    phasers = {cam: one.part for one in record.phasers.values() for cam in one.cams}
+    phasers: dict[str, Phaser | None] = {cam: one.part for one in record.phasers.values() for cam in one.cams}
+    if similar is not None and similar[0].record.phasers == record.phasers:  # one object for all cams of a shaft
+        phasers = {name: cam.phaser for name, cam in similar[1].cams.items()}
     model = valvetrain.Model(
         mesh=mesh,
         members={name: geometry.member(member) for name, member in record.members.items()},

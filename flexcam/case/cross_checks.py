@@ -320,7 +320,7 @@ def _unsymmetric_shaft_faults(places: KeyLocations, model: Model) -> Iterator[Fa
 
 def _rotation_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
     """Yield cams of one shaft with opposite senses of rotation or different phasers."""
-    first, told = dict[int, str](), set[int]()
+    first, reported = dict[int, str](), set[int]()
     axes = {contact.cam: contact.shaft_axis for contact in model.cam_contacts.values()}
     for name, axis in axes.items():
         shaft = int(model.mesh.connected_nodes(model.mesh.node(model.cams[name].at), turning=True)[0])
@@ -330,8 +330,8 @@ def _rotation_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
             given = f"{shown}, against cam {other!r} about {against}"
             where, why = places.place(("cams", name, "axis")), f"{name!r} and {other!r} are on one shaft"
             yield Fault(where, given, "one sense of rotation", why, "change the sign of one axis")
-        if model.cams[name].phaser is not model.cams[other].phaser and shaft not in told:
-            told.add(shaft)
+        if model.cams[name].phaser is not model.cams[other].phaser and shaft not in reported:
+            reported.add(shaft)
             why, allowed = f"{name!r} and {other!r} are on one shaft", "one phaser for all cams of a shaft"
             given, remedy = f"a phaser only of {name!r} or {other!r}", "list both in cams"
             yield Fault(places.place(("phasers",)), given, allowed, why, remedy)

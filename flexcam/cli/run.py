@@ -140,7 +140,7 @@ def _describe_run(
         impacts = "; this contact chatters: its impacts differ between revolutions"
         chatter = impacts if change.force > _CHATTER and not excitation_without_period(case) else ""
         parts.append(f"Difference between the last two revolutions: {run_checks.describe_change(change)}{chatter}")
-    elif len(response.time) and ready.model.cam_contacts and stats.periodicity < 0.0:
+    elif len(response.time) and ready.model.cam_contacts and stats.unknowns and stats.periodicity < 0.0:
         parts.append("Fewer than two revolutions: the start may still affect the results; run.revolutions = 2 shows it")
     if balance := run_checks.describe_balance(extremes, stats):
         parts.append(f"Energy balance: {balance}")

@@ -49,7 +49,7 @@ Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class _Way:
+class _LinearizedMotion:
     """Successive instants of a motion with their derivatives.
 
     Rows are instants with the contacts on their sides within a step: an instant at which sides change has two.
@@ -126,7 +126,7 @@ class Disturbances:
         self._last = track.last()
         return way.every.track, np.concatenate([np.zeros((0, *self._current.shape)), *found])
 
-    def _propagate(self, way: _Way, first: int, last: int, ends: Bools) -> FloatArray:
+    def _propagate(self, way: _LinearizedMotion, first: int, last: int, ends: Bools) -> FloatArray:
         """Propagate the disturbances over the equal steps between instants; return those after some of them."""
         sequence, more = self._steps(way, first, last)
         if self._parameters is None:
@@ -141,7 +141,7 @@ class Disturbances:
         self._current = found[-1]
         return found[ends]
 
-    def _prepare(self, track: Trajectory) -> _Way:
+    def _prepare(self, track: Trajectory) -> _LinearizedMotion:
         """Return the instants of successive steps with their derivatives, all at once."""
         forces, time, sides, usual = self._forces, track.time, track.pressed, self._problem.step
         schedule = forces.prescribed_inputs(self._problem.drive.at(time))
@@ -164,7 +164,7 @@ class Disturbances:
         events = np.flatnonzero(~plain)
         rows = np.unique(np.concatenate([begin[:1], begin[events], begin[events] + 1, begin[events + 1]]))
         shifts = self._prescribed_rates(every, instants[rows], depth[rows])
-        return _Way(
+        return _LinearizedMotion(
             every, lengths, plain, begin.tolist(), narrow, after[:, BY_TRAVEL], after[:, BY_BEGIN],
             dict(zip(rows.tolist(), shifts, strict=True)), np.hstack([track.v, track.a, rates]),
             None if self._parameters is None else self._parameters.along(every, lengths),
@@ -180,7 +180,7 @@ class Disturbances:
         """Return the disturbances at the time of an instant; those at the time of an event include its shift."""
         return self._current if self._shift is None else self._current - flow[:, None] * self._shift
 
-    def _linearize(self, way: _Way, first: int, last: int) -> Linear:
+    def _linearize(self, way: _LinearizedMotion, first: int, last: int) -> Linear:
         """Return the linear forces at some successive instants, with every contact on its side within the steps."""
         at, rows = slice(first, last + 1), slice(way.begin[first], way.begin[first] + last - first + 1)
         answer = None if way.explicit is None else way.explicit.answer[at]
@@ -198,7 +198,7 @@ class Disturbances:
         penetration[..., which] = np.where(there, sensed - depth + np.where(side, _TOUCH, -_TOUCH), sensed)
         return penetration
 
-    def _steps(self, way: _Way, first: int, last: int) -> tuple[StepSequence, FloatArray]:
+    def _steps(self, way: _LinearizedMotion, first: int, last: int) -> tuple[StepSequence, FloatArray]:
         """Return the equal steps between some instants, and the contributions of the parameters to them."""
         part, linear = slice(first, last), self._linearize(way, first, last)
         few = self._parameters is not None and self._current.shape[1] <= _FEW
@@ -208,7 +208,7 @@ class Disturbances:
         )  # fmt: skip
         return sequence, self._parameter_terms(way, part, self._source(way, linear, slice(first, last + 1)))
 
-    def _parameter_terms(self, way: _Way, steps: slice, source: FloatArray) -> FloatArray:
+    def _parameter_terms(self, way: _LinearizedMotion, steps: slice, source: FloatArray) -> FloatArray:
         """Return the contributions of the parameters to some equal steps, see `StepSequence.propagate`.
 
         `source` are the forces of the parameters at the m + 1 instants of the steps, shape (m + 1, n, k).
@@ -227,7 +227,7 @@ class Disturbances:
             terms[:, : 2 * n, :count] += mean[:, : 2 * n, None] * (length * stretch)
         return terms
 
-    def _event_step(self, way: _Way, i: int) -> None:
+    def _event_step(self, way: _LinearizedMotion, i: int) -> None:
         """Apply a step that begins or ends at an event, whose time depends on the disturbances.
 
         An event at g(d, t) = 0 comes later by ``-g_d Y/g'``, with the rate of g by the length of the step.
@@ -256,7 +256,7 @@ class Disturbances:
             after = after + by_time[:, None] * shift
         self._current = after
 
-    def _apply_impact(self, way: _Way, i: int) -> None:
+    def _apply_impact(self, way: _LinearizedMotion, i: int) -> None:
         """Apply an impact R(x, t): the disturbances become ``R_x Y + R_t t'``, with the shift t' of its time."""
         old, new = way.every.at(i), way.every.at(i + 1)
         n, switching = self._problem.system.size, self._forces.switching
@@ -318,7 +318,7 @@ class Disturbances:
         motion = self._problem.drive.at(np.array([time]))
         return StepInputs(time, self._problem.system.load_vector(motion)[0], self._forces.prescribed_inputs(motion))
 
-    def _source(self, way: _Way, linear: Linear, part: slice) -> FloatArray:
+    def _source(self, way: _LinearizedMotion, linear: Linear, part: slice) -> FloatArray:
         """Return the forces of the parameters on the unknowns at some instants, shape (m, n, k)."""
         pushed = np.zeros((len(linear.act), self._problem.system.size, self._current.shape[1]))
         if way.explicit is not None:
@@ -326,7 +326,7 @@ class Disturbances:
             pushed[:, :, : found.shape[2]] = found
         return pushed
 
-    def _scalar_derivatives(self, way: _Way, i: int) -> FloatArray:
+    def _scalar_derivatives(self, way: _LinearizedMotion, i: int) -> FloatArray:
         """Return the derivatives of the sensed scalars at an instant by the parameters, shape (c, k)."""
         found = np.zeros((self._forces.count, self._current.shape[1]))
         if way.explicit is not None:

@@ -323,7 +323,7 @@ def metrics_table(model: Model | None, figures: Sequence[Metric]) -> Table:
     """Return the table of the metrics of the last revolution; metrics of many parts of one kind share a row."""
     rows: dict[tuple[str, ...], list[tuple[float, str, str]]] = {}
     for figure in figures:
-        factor, unit = to_display_unit(figure.unit, thin=".film." in figure.name)
+        factor, unit = to_display_unit(figure.unit, thin=".film." in figure.name or ".wear." in figure.name)
         value = factor * figure.value + 0.0  # the sum removes the sign of a negative zero
         kind, part, *quantity = figure.name.split(".")
         row = rows.setdefault((_part_kind(model, figure.name), kind, *quantity), [])

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from flexcam.case.variants import number_after_override
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, parse_all, refuse, require_packages
-from flexcam.core.units import DIMENSIONS, NUMBER, RPM, conversion_factor
+from flexcam.core.units import DIMENSIONS, NUMBER, RPM, conversion_factor, unit_of
 from flexcam.studies.plan import Row, check_seed
 from flexcam.studies.variables import PointEvaluator
 
@@ -58,10 +58,16 @@ class Constraint:
         number, given = _split_bound(self.text)
         wanted = "rad/s" if unit.endswith("rpm") else unit
         if given:
-            return number * conversion_factor(given, wanted, "--subject") / (RPM if unit.endswith("rpm") else 1.0)
-        if number and wanted and wanted in {kind.si for kind in DIMENSIONS.values()}:
+            return number * self._factor(given, wanted) / (RPM if unit.endswith("rpm") else 1.0)
+        if number and unit and unit in {kind.si for kind in DIMENSIONS.values()}:
             raise refuse("--subject", self.words, "a bound with its unit", "", f"add the unit, such as {unit}")
         return number
+
+    def _factor(self, given: str, wanted: str) -> float:
+        try:
+            return conversion_factor(given, wanted, "--subject")
+        except InputError:
+            raise refuse("--subject", self.words, f"a bound with {unit_of(wanted)}", "units differ") from None
 
     def violation(self, value: float, unit: str) -> float:
         """Return the violation of the bound by a value, relative to the bound; negative if it is satisfied."""
@@ -94,7 +100,7 @@ def _split_bound(text: str) -> tuple[float, str]:
     """Return the number and the unit of a bound, which may be empty."""
     found = NUMBER.match(text)
     if found is None:
-        raise refuse("--subject", repr(text), "NAME <= a number with a unit", "it does not begin with a number")
+        raise refuse("--subject", repr(text), "a number with a unit after <= or >=", "it does not begin with a number")
     conversion_factor(found[2], found[2], "--subject")  # the unit is known
     return float(found[1]), found[2]
 

@@ -49,7 +49,7 @@ def build_system(model: Model, speed: float) -> System:
     couplings = [*contacts, *joined, Coupling(given_loads(structure), (), ()), couple_films(structure, speed)]
     parts = split_observation(couplings)
     drives = [
-        Channel(f"supports.{name}.torque", "N m", _later(partial(_torque, structure, i, contacts, parts, speed)))
+        Channel(f"supports.{name}.torque", "N m", _build_lazily(partial(_torque, structure, i, contacts, parts, speed)))
         for i, (name, *_) in enumerate(rotation_supports(model))
     ]
     return assemble_system(structure, damping, couplings, drives)
@@ -95,7 +95,7 @@ def _at_any_speed(structure: Structure) -> tuple[Triplets, tuple[Coupling, ...]]
     return structure.dampers + _damping(structure), _joints(structure)
 
 
-def _later(build: Callable[[], Observable]) -> Observable:
+def _build_lazily(build: Callable[[], Observable]) -> Observable:
     """Return an observable that is built at its first use: that of a shaft drive takes a second structure."""
     built = cache(build)
     return lambda seen: built()(seen)

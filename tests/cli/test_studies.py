@@ -194,7 +194,7 @@ def test_static_results_and_multipliers(flexcam):
     meets = ("--of", "multiplier.1", "--to", "springs.mean.stiffness", "--set", "springs.mean.pulsation.amplitude=1e-4")
     (found,) = flexcam("sensitivity", MATHIEU, *meets, "--json").json["derivatives"]
     assert not found["smooth"]
-    fast = ("--set", "run.speed=9000rpm", "--set", "run.steps_per_revolution=360")  # it hops
+    fast = ("--set", "run.speed=12000rpm", "--set", "run.steps_per_revolution=360")  # it hops
     refused = flexcam("sensitivity", FOLLOWER, "--of", "multiplier.1", "--to", "springs.one.stiffness", *fast)
     assert refused.code == 3
     assert "no periodic motion was found" in refused.err

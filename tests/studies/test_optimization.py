@@ -103,6 +103,8 @@ def test_constraints_with_units():
     with pytest.raises(InputError, match="Add the unit, such as Pa"):
         parse_constraint("springs.valve.stress.largest <= 800").bound("Pa")
     assert parse_constraint("deviation.peak <= 5 %").bound("1") == pytest.approx(0.05)
+    assert parse_constraint("limits.loss_of_contact >= 7000").bound("crank rpm") == 7000.0
+    assert parse_constraint("cams.intake.deceleration <= 25 mm/rad^2").bound("m/rad^2") == pytest.approx(0.025)
     with pytest.raises(InputError):
         one.bound("m")
 

@@ -317,3 +317,16 @@ def test_similar_models_share_equal_cams_alone():
     )
     assert same is model.cams["intake"]
     assert other.event.height > same.event.height
+
+
+def test_cams_of_a_similar_model_keep_the_phaser_of_their_shaft(tmp_path):
+    """A shaft has one phaser, and a changed cam is another object than its unchanged neighbour on the shaft."""
+    text = Path("flexcam/templates/cam-phaser.toml").read_text(encoding="utf-8")
+    text = text.replace('cams = ["intake"]', 'cams = ["intake", "second"]')
+    at = '{ at = "rear-intake", law = "4-5-6-7", lift = "6 mm", rise = "64 deg", return = "64 deg", phase = 0 }'
+    (tmp_path / "two.toml").write_text(
+        text.replace("[cams.intake]", f"[cams]\nsecond = {at}\n\n[cams.intake]"), encoding="utf-8"
+    )
+    case = read_case(tmp_path / "two.toml")
+    varied = build_model(case.replace({"cams.second.lift": 0.007}), (case, build_model(case))).cams
+    assert varied["second"].phaser is varied["intake"].phaser
