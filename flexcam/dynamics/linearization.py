@@ -56,8 +56,8 @@ def linearize(
     for i, tangent in enumerate((by_x, by_rate)):
         tangent.reshape(m, len(kept) ** 2)[:, to] = narrow[:, i].reshape(m, -1)[:, of]
     weights, rates = schedule.sensing_weights, schedule.sensing_rates
-    by_d, by_v = (_sensed(tangent, forces.sense, weights, kept) for tangent in (by_x, by_rate))
-    by_d += _sensed(by_rate, forces.sense, rates, kept, constant=False)
+    by_d, by_v = (_by_unknowns(tangent, forces.sense, weights, kept) for tangent in (by_x, by_rate))
+    by_d += _by_unknowns(by_rate, forces.sense, rates, kept, constant=False)
     by_state = np.where(used[owners], -by_x[:, :, at[owners]], 0.0)
     act = _rows(forces.act, schedule.acting_weights, kept)
     followed = _rows(forces.sense, schedule.sensing_weights, owners)
@@ -72,7 +72,7 @@ def _rows(stack: VectorStack, weights: FloatArray, scalars: IntArray) -> FloatAr
     return found
 
 
-def _sensed(
+def _by_unknowns(
     tangent: FloatArray, stack: VectorStack, weights: FloatArray, kept: IntArray, *, constant: bool = True
 ) -> FloatArray:
     """Return derivatives by some sensed scalars, shape (m, c, c), as those by the unknowns, shape (m, c, n).

@@ -37,7 +37,7 @@ def accumulate(target: FloatArray, factor: float, matrix: FloatArray, rows: Floa
                 target[p, i] += factor * total
 
 
-def accumulate_transposed(target: FloatArray, factor: float, matrix: FloatArray, rows: FloatArray) -> None:
+def accumulate_transpose(target: FloatArray, factor: float, matrix: FloatArray, rows: FloatArray) -> None:
     """Add a factor times the products of a transposed matrix with rows."""
     for p in range(len(target)):
         for j in range(len(matrix)):
@@ -96,7 +96,7 @@ def propagate_disturbances(
     accumulate(local, half, by_d[0], d)
     accumulate(local, half, by_v[0], v)
     accumulate(local, half, by_state[0], z)
-    accumulate_transposed(residual, -1.0, act[0], local)
+    accumulate_transpose(residual, -1.0, act[0], local)
     for i in range(len(more)):
         assign(push, more[i, :, n : 2 * n])
         accumulate(push, 1.0, mass, v)
@@ -115,10 +115,10 @@ def propagate_disturbances(
             local[:] = 0.0
             accumulate(local, half, by_new[i], moved)
             accumulate(local, half, by_state[i + 1], free)
-            accumulate_transposed(v, 1.0, answer[i], local)
+            accumulate_transpose(v, 1.0, answer[i], local)
             if not solve_forces(sense[i], answer[i], v, local, system):
                 return False
-            accumulate_transposed(v, 1.0, answer[i], local)
+            accumulate_transpose(v, 1.0, answer[i], local)
         accumulate(moved, half, travel, v)
         assign(d, moved)
         assign(z, free)
@@ -132,7 +132,7 @@ def propagate_disturbances(
     return True
 
 
-FUNCTIONS_OF_TANGENTS = (assign, accumulate, accumulate_transposed, solve_forces, propagate_disturbances)
+FUNCTIONS_OF_TANGENTS = (assign, accumulate, accumulate_transpose, solve_forces, propagate_disturbances)
 """Functions for the compiler, in the order of their calls; `eliminate` comes before them."""
 
 
@@ -146,8 +146,8 @@ def accumulate_numpy(target: FloatArray, factor: float, matrix: FloatArray, rows
     target += factor * (matrix * rows if len(matrix) < target.shape[1] else rows @ matrix.T)
 
 
-def accumulate_transposed_numpy(target: FloatArray, factor: float, matrix: FloatArray, rows: FloatArray) -> None:
-    """Replace `accumulate_transposed` by numpy."""
+def accumulate_transpose_numpy(target: FloatArray, factor: float, matrix: FloatArray, rows: FloatArray) -> None:
+    """Replace `accumulate_transpose` by numpy."""
     target += factor * (rows @ matrix)
 
 
@@ -163,7 +163,7 @@ def solve_forces_numpy(
 
 
 NUMPY = {
-    "assign": assign_numpy, "accumulate": accumulate_numpy, "accumulate_transposed": accumulate_transposed_numpy,
+    "assign": assign_numpy, "accumulate": accumulate_numpy, "accumulate_transpose": accumulate_transpose_numpy,
     "solve_forces": solve_forces_numpy,
 }  # fmt: skip
 """Functions of matrices in Python."""
