@@ -125,6 +125,7 @@ def main() -> int:
         return 0
     survived = survivors(faults)
     sys.stdout.write(f"{len(faults) - len(survived)} of {len(faults)} faults caught\n")
+    sys.stdout.write("".join(f"no test catches: {name}\n" for name in survived))
     return 1 if survived else 0
 
 
