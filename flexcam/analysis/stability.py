@@ -298,9 +298,9 @@ def assess_stability(case: Case) -> Stability:
 
 
 def _floquet_multipliers(case: Case) -> tuple[Floquet | None, str]:
-    ready = prepare_without_periodic_search(case.with_stable_method().with_newmark())
     for key, given in excitation_without_period(case).items():
         return None, f"the excitation does not repeat with the camshaft: {given} ({key})"
+    ready = prepare_without_periodic_search(case.with_newmark())
     # The steps of the case, if an integer number of them fits into a revolution and is within the limits.
     given = round(ready.revolution / ready.problem.step)
     steps = min(max(given, _MIN_STEPS), _MAX_STEPS)

@@ -11,7 +11,7 @@ from flexcam.case.fault_report import KeyLocations
 from flexcam.case.fault_report import Path as KeyPath
 from flexcam.case.records import CaseRecord
 from flexcam.case.schema.base import Record
-from flexcam.case.schema.run import CollocationRecord, NewmarkRecord
+from flexcam.case.schema.run import NewmarkRecord
 from flexcam.core.html import html_table
 from flexcam.core.units import shaft_speed
 from flexcam.fem.mesh import Mesh
@@ -143,15 +143,11 @@ class Case:
         """Return the same case if its method is stable at any time step, otherwise with the average acceleration."""
         given = self.record.run.integrator
         limited = given is not None and given.part.stability_limit() < math.inf
-        return self.with_run({"integrator": NewmarkRecord()}) if limited else self
+        return self.with_newmark() if limited else self
 
     def with_newmark(self) -> Case:
-        """Return the same case with Newmark's method in place of the default and of the collocation.
-
-        Derivatives along a run are those of the steps of the average acceleration.
-        """
-        collocated = isinstance(self.record.run.integrator, CollocationRecord | None)
-        return self.with_run({"integrator": NewmarkRecord()}) if collocated else self
+        """Return the same case with Newmark's method, whose steps are those of derivatives along a run."""
+        return self.with_run({"integrator": NewmarkRecord()})
 
     def with_run(self, changed: Mapping[str, object]) -> Case:
         """Return the same case with changed keys of ``[run]``.

@@ -30,7 +30,7 @@ _MOST_VALUES, _LEAST_STEPS = 100_000, 32
 _TOUCH = 1e-15
 """Penetration, m, assigned to a contact that is about to open or close, to select its side."""
 
-_AT_ONCE = 1e-6
+_NEAR_SWITCH = 1e-6
 """Fraction of a step within which a contact is about to switch."""
 
 _BESIDE = 1e-3
@@ -85,7 +85,7 @@ class Disturbances:
             np.eye(2 * problem.system.size + len(forces.start_state)) if initial is None else initial.copy()
         )
         self._parameters = parameters
-        self._at_once = max(_MOST_VALUES // max(problem.system.size * forces.count, 1), _LEAST_STEPS)
+        self._most_steps = max(_MOST_VALUES // max(problem.system.size * forces.count, 1), _LEAST_STEPS)
         self._last: Trajectory | None = None
         self._shift: FloatArray | None = None
 
@@ -98,37 +98,37 @@ class Disturbances:
         first = self._last is None
         if self._last is not None:
             track = replace(Trajectory.concatenate([self._last, track]), ends=track.ends + 1)
-        way = self._prepare(track)
+        motion = self._prepare(track)
         if first:
-            begin = self._linearize(way, 0, 0)
-            source = self._source(way, begin, slice(0, 1))[0]
+            begin = self._linearize(motion, 0, 0)
+            source = self._source(motion, begin, slice(0, 1))[0]
             self._current = self._stepper.initial_disturbances(begin, self._current, source)
-        ends = np.zeros(len(way.flow), dtype=bool)
+        ends = np.zeros(len(motion.flow), dtype=bool)
         if self._parameters is not None:
             ends[track.ends] = True
-        found = [self._at_fixed_time(way.flow[0])[None]] if ends[0] and first else list[FloatArray]()
-        lengths, plain, i = way.lengths, way.plain, 0
+        found = [self._at_fixed_time(motion.flow[0])[None]] if ends[0] and first else list[FloatArray]()
+        lengths, plain, i = motion.lengths, motion.plain, 0
         while i < len(lengths):
             count = 1
             if plain[i] and self._shift is None:
-                part = slice(i, i + self._at_once)
+                part = slice(i, i + self._most_steps)
                 same = plain[part] & (np.abs(lengths[part] / lengths[i] - 1.0) <= _SAME_TIME)
                 count = len(same) if same.all() else int(np.argmin(same))
-                found.append(self._propagate(way, i, i + count, ends[i + 1 : i + count + 1]))
+                found.append(self._propagate(motion, i, i + count, ends[i + 1 : i + count + 1]))
             else:
                 if lengths[i] > 0.0:
-                    self._event_step(way, i)
-                elif way.every.track.impulse[i + 1].any():
-                    self._apply_impact(way, i)
+                    self._event_step(motion, i)
+                elif motion.every.track.impulse[i + 1].any():
+                    self._apply_impact(motion, i)
                 if ends[i + 1]:
-                    found.append(self._at_fixed_time(way.flow[i + 1])[None])
+                    found.append(self._at_fixed_time(motion.flow[i + 1])[None])
             i += count
         self._last = track.last()
-        return way.every.track, np.concatenate([np.zeros((0, *self._current.shape)), *found])
+        return motion.every.track, np.concatenate([np.zeros((0, *self._current.shape)), *found])
 
-    def _propagate(self, way: _LinearizedMotion, first: int, last: int, ends: Bools) -> FloatArray:
+    def _propagate(self, motion: _LinearizedMotion, first: int, last: int, ends: Bools) -> FloatArray:
         """Propagate the disturbances over the equal steps between instants; return those after some of them."""
-        sequence, more = self._steps(way, first, last)
+        sequence, more = self._steps(motion, first, last)
         if self._parameters is None:
             size = len(self._current)
             if sequence.constant:  # a power of a step has less rounding than many steps
@@ -180,11 +180,11 @@ class Disturbances:
         """Return the disturbances at the time of an instant; those at the time of an event include its shift."""
         return self._current if self._shift is None else self._current - flow[:, None] * self._shift
 
-    def _linearize(self, way: _LinearizedMotion, first: int, last: int) -> Linear:
+    def _linearize(self, motion: _LinearizedMotion, first: int, last: int) -> Linear:
         """Return the linear forces at some successive instants, with every contact on its side within the steps."""
-        at, rows = slice(first, last + 1), slice(way.begin[first], way.begin[first] + last - first + 1)
-        answer = None if way.explicit is None else way.explicit.answer[at]
-        return linearize(self._forces, way.every.schedule.at(at), way.narrow[rows], answer)
+        at, rows = slice(first, last + 1), slice(motion.begin[first], motion.begin[first] + last - first + 1)
+        answer = None if motion.explicit is None else motion.explicit.answer[at]
+        return linearize(self._forces, motion.every.schedule.at(at), motion.narrow[rows], answer)
 
     def _set_sides(self, side: Bools, penetration: FloatArray, rate: FloatArray) -> FloatArray:
         """Return the sensed scalars, shape (..., c), with contacts that are about to switch set to their side."""
@@ -194,50 +194,50 @@ class Disturbances:
         lifts = self._forces.lifts
         depth, depth_rate = lifts.depth(penetration)[..., which], lifts.depth_rate(penetration, rate)[..., which]
         penetration, sensed = penetration.copy(), penetration[..., which]
-        there = np.abs(depth) <= _AT_ONCE * self._problem.step * np.abs(depth_rate)
+        there = np.abs(depth) <= _NEAR_SWITCH * self._problem.step * np.abs(depth_rate)
         penetration[..., which] = np.where(there, sensed - depth + np.where(side, _TOUCH, -_TOUCH), sensed)
         return penetration
 
-    def _steps(self, way: _LinearizedMotion, first: int, last: int) -> tuple[StepSequence, FloatArray]:
+    def _steps(self, motion: _LinearizedMotion, first: int, last: int) -> tuple[StepSequence, FloatArray]:
         """Return the equal steps between some instants, and the contributions of the parameters to them."""
-        part, linear = slice(first, last), self._linearize(way, first, last)
+        part, linear = slice(first, last), self._linearize(motion, first, last)
         few = self._parameters is not None and self._current.shape[1] <= _FEW
         sequence = StepSequence(
-            self._stepper, float(way.lengths[first]), linear, way.by_travel[part], way.by_begin[part],
+            self._stepper, float(motion.lengths[first]), linear, motion.by_travel[part], motion.by_begin[part],
             self._forces.compiled if few else None,
         )  # fmt: skip
-        return sequence, self._parameter_terms(way, part, self._source(way, linear, slice(first, last + 1)))
+        return sequence, self._parameter_terms(motion, part, self._source(motion, linear, slice(first, last + 1)))
 
-    def _parameter_terms(self, way: _LinearizedMotion, steps: slice, source: FloatArray) -> FloatArray:
+    def _parameter_terms(self, motion: _LinearizedMotion, steps: slice, source: FloatArray) -> FloatArray:
         """Return the contributions of the parameters to some equal steps, see `StepSequence.propagate`.
 
         `source` are the forces of the parameters at the m + 1 instants of the steps, shape (m + 1, n, k).
         """
-        n, length = self._problem.system.size, float(way.lengths[steps.start])
+        n, length = self._problem.system.size, float(motion.lengths[steps.start])
         shape, half = (len(source) - 1, *self._current.shape), 0.5 * length
-        if self._parameters is None or way.explicit is None:
+        if self._parameters is None or motion.explicit is None:
             return np.broadcast_to(np.zeros(()), shape)
         terms = np.zeros(shape)
         count, begin = self._parameters.count, (half * source[:-1]).swapaxes(0, 1)
         terms[:, n : 2 * n] = half * source[1:]
         terms[:, n : 2 * n] += self._stepper.equilibrate(begin.reshape(n, -1)).reshape(begin.shape).swapaxes(0, 1)
-        terms[:, 2 * n :, :count] = way.explicit.states_after[steps]
+        terms[:, 2 * n :, :count] = motion.explicit.states_after[steps]
         if (stretch := self._parameters.stretch).any():
-            mean = self._stepper.by_length(way.flow[steps], way.flow[steps.start + 1 : steps.stop + 1])
+            mean = self._stepper.by_length(motion.flow[steps], motion.flow[steps.start + 1 : steps.stop + 1])
             terms[:, : 2 * n, :count] += mean[:, : 2 * n, None] * (length * stretch)
         return terms
 
-    def _event_step(self, way: _LinearizedMotion, i: int) -> None:
+    def _event_step(self, motion: _LinearizedMotion, i: int) -> None:
         """Apply a step that begins or ends at an event, whose time depends on the disturbances.
 
         An event at g(d, t) = 0 comes later by ``-g_d Y/g'``, with the rate of g by the length of the step.
         """
-        every = way.every
+        every = motion.every
         new, side = every.at(i + 1), every.track.pressed[i]
-        step, (moved,) = self._steps(way, i, i + 1)
-        h, longer = float(way.lengths[i]), self._stepper.by_length(way.flow[i], way.flow[i + 1])
+        step, (moved,) = self._steps(motion, i, i + 1)
+        h, longer = float(motion.lengths[i]), self._stepper.by_length(motion.flow[i], motion.flow[i + 1])
         if self._shift is not None:
-            shifted = self._stepper.old_terms(0.5 * h * way.prescribed_rates[way.begin[i]]) - longer
+            shifted = self._stepper.old_terms(0.5 * h * motion.prescribed_rates[motion.begin[i]]) - longer
             moved = moved + shifted[:, None] * self._shift
         after, self._shift = step.propagate(0, self._current, moved), None
         crossed = np.flatnonzero(side != every.track.pressed[i + 1])
@@ -248,17 +248,17 @@ class Disturbances:
             which = self._forces.switching[crossed]
             which = int(which[np.argmin(np.abs(depth[which] / depth_rate[which]))])
             gradient = lifts.gradient(which, new.penetration)
-            longer = (longer + 0.5 * h * way.prescribed_rates[way.begin[i] + 1])[:, None]
+            longer = (longer + 0.5 * h * motion.prescribed_rates[motion.begin[i] + 1])[:, None]
             by_time = step.propagate(0, np.zeros_like(longer), longer)[:, 0]
             sense, n = gradient @ directions(self._forces, every.schedule, i + 1)[1], len(new.d)
             rate = depth_rate[which] + sense @ (by_time[:n] - new.v)
-            self._shift = shift = -(sense @ after[:n] + gradient @ self._scalar_derivatives(way, i + 1)) / rate
+            self._shift = shift = -(sense @ after[:n] + gradient @ self._scalar_derivatives(motion, i + 1)) / rate
             after = after + by_time[:, None] * shift
         self._current = after
 
-    def _apply_impact(self, way: _LinearizedMotion, i: int) -> None:
+    def _apply_impact(self, motion: _LinearizedMotion, i: int) -> None:
         """Apply an impact R(x, t): the disturbances become ``R_x Y + R_t t'``, with the shift t' of its time."""
-        old, new = way.every.at(i), way.every.at(i + 1)
+        old, new = motion.every.at(i), motion.every.at(i + 1)
         n, switching = self._problem.system.size, self._forces.switching
         impulse = np.zeros_like(new.local) if new.impulse is None else new.impulse
         held = np.flatnonzero(impulse[switching] > 0.0)
@@ -267,10 +267,10 @@ class Disturbances:
         if shift is None:  # at the end of a step
             first = int(np.argmax(rate))
             shift = (
-                -(hit.sense[first] @ before[:n] + self._scalar_derivatives(way, i)[switching[held[first]]])
+                -(hit.sense[first] @ before[:n] + self._scalar_derivatives(motion, i)[switching[held[first]]])
                 / rate[first]
             )
-            before = before + way.flow[i][:, None] * shift
+            before = before + motion.flow[i][:, None] * shift
         d, v, z = split_state(before, n)
         factor, beside = hit.reversal(rate), _BESIDE * self._problem.step
         later, earlier = (self._change(old, held, factor, sign * beside) for sign in (1.0, -1.0))
@@ -318,17 +318,17 @@ class Disturbances:
         motion = self._problem.drive.at(np.array([time]))
         return StepInputs(time, self._problem.system.load_vector(motion)[0], self._forces.prescribed_inputs(motion))
 
-    def _source(self, way: _LinearizedMotion, linear: Linear, part: slice) -> FloatArray:
+    def _source(self, motion: _LinearizedMotion, linear: Linear, part: slice) -> FloatArray:
         """Return the forces of the parameters on the unknowns at some instants, shape (m, n, k)."""
         pushed = np.zeros((len(linear.act), self._problem.system.size, self._current.shape[1]))
-        if way.explicit is not None:
-            found = way.explicit.source(linear, part)
+        if motion.explicit is not None:
+            found = motion.explicit.source(linear, part)
             pushed[:, :, : found.shape[2]] = found
         return pushed
 
-    def _scalar_derivatives(self, way: _LinearizedMotion, i: int) -> FloatArray:
+    def _scalar_derivatives(self, motion: _LinearizedMotion, i: int) -> FloatArray:
         """Return the derivatives of the sensed scalars at an instant by the parameters, shape (c, k)."""
         found = np.zeros((self._forces.count, self._current.shape[1]))
-        if way.explicit is not None:
-            found[:, : way.explicit.penetration.shape[2]] = way.explicit.penetration[i]
+        if motion.explicit is not None:
+            found[:, : motion.explicit.penetration.shape[2]] = motion.explicit.penetration[i]
         return found

@@ -239,7 +239,7 @@ class StepSequence:
     @property
     def constant(self) -> bool:
         """True if all steps are the same."""
-        parts = (*(getattr(self._linear, one.name) for one in fields(Linear)[:-1]), *self._rules)
+        parts = (*(getattr(self._linear, one.name) for one in fields(Linear) if one.name != "kept"), *self._rules)
         return all((part[1:] == part[:1]).all() for part in parts)
 
     def propagate(self, i: int, before: FloatArray, more: FloatArray) -> FloatArray:

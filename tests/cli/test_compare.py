@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import math
+import re
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from flexcam import read_case, run
 
 CASE = Path(__file__).resolve().parents[2] / "cases/pushrod-engine/intake.toml"
 QUICK = ("--set", "run.steps_per_revolution=360", "--set", "run.revolutions=1")
@@ -18,6 +23,16 @@ def test_compare_takes_the_lift_of_a_train_of_masses(flexcam, tmp_path):
     done = flexcam("compare", case, "--set", "run.steps_per_revolution=360")
     assert done.code == 0, done.err
     assert "at valve.uy" in done.out
+
+
+def test_the_angle_of_the_peak_acceleration(flexcam):
+    """The largest acceleration of the valve is that of its seating, behind the lift."""
+    moved = run(read_case(CASE, QUICK[1::2]))
+    told = flexcam("compare", CASE, *QUICK).out
+    angle = float(re.search(r"at ([\d.]+) deg of the cam", " ".join(told.split()))[1])
+    largest = int(np.argmax(np.abs(moved["valve"].acceleration)))
+    assert angle == pytest.approx(math.degrees(moved.angle[largest]), abs=0.06)  # printed to 0.1 deg
+    assert angle > 250.0
 
 
 @pytest.mark.slow

@@ -144,6 +144,17 @@ def test_a_spring_that_opens_the_valve_is_told(flexcam, direct):
     assert "no spring holds the valve on its seat" in warning
 
 
+@pytest.mark.parametrize(("override", "told"), [
+    ("run.revolutions=1", True), ("run.revolutions=2", False), ("fidelity.model=rigid", False),
+])  # fmt: skip
+def test_the_start_of_a_short_run_is_told(override, told, flexcam, tmp_path):
+    """A rigid train follows the cam angle, whatever its start."""
+    new_case("lumped-train", tmp_path / "train.toml")
+    quick = ("--set", "run.revolutions=1", "--set", "run.steps_per_revolution=360", "--set", override)
+    out = flexcam("run", tmp_path / "train.toml", "-o", tmp_path, *quick).out
+    assert ("Fewer than two revolutions" in out) is told
+
+
 @pytest.mark.slow
 def test_a_transient_of_an_adjuster_is_told(flexcam):
     """One revolution from rest reports the transient; a periodic start does not. Several say how far they are."""
