@@ -46,7 +46,7 @@ COUNTED = (".bounces", ".open_on_the_lift")  # ends of the names of results that
 _RATES = (".velocity", ".acceleration")  # ends of the names of histories that a point without mass does not have
 _PROBE_KINDS = {"probes", "deviation"}  # first parts of the names of scalars that need no channels
 _SPARE = 2  # steps before the last revolution, to which all results but deviations refer
-_WITHOUT_ACCELERATION = {"contacts", "springs"}  # and of those that need no accelerations and no probes
+_WITHOUT_ACCELERATION = {"contacts", "springs"}  # first parts of those that need neither accelerations nor probes
 
 
 @dataclass(frozen=True, eq=False)
