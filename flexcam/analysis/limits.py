@@ -20,7 +20,7 @@ from flexcam.case.case import Case
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, format_quantity, shaft_speed
-from flexcam.dynamics import ProgressCallback, Response, reraise_interrupt, solve, track_progress
+from flexcam.dynamics import ProgressCallback, Response, SaveAt, reraise_interrupt, solve, track_progress
 from flexcam.valvetrain import (
     BOUNCE_HEIGHT,
     OPEN,
@@ -164,7 +164,7 @@ def evaluate_speed(
     system = ready.problem.system
     seen = tuple(channel for channel in system.channels if channel.name.endswith(_CHANNELS))
     problem = replace(ready.problem, system=replace(system, channels=seen, probes=()), runs=runs * len(search.speeds()))
-    response = solve(problem, ready.scheme, save=replace(ready.save, energies=False))
+    response = solve(problem, ready.scheme, save=SaveAt(field_every=problem.steps, energies=False))
     reraise_interrupt(response.status)
     if not response.status.ok:
         return f"the run at {shaft_speed(speed, case.turns)} ended: {response.status.text}"
