@@ -45,7 +45,7 @@ def _rows(name: str) -> list[dict[str, object]]:
                 evaluate(file.read((*FIXED, *one)), names=SCALARS)
 
     works = [partial(differences, count) for count in COUNTS]
-    works += [partial(compute_gradient, file, FIXED, SCALARS, numbers[:count]) for count in COUNTS]
+    works += [partial(compute_gradient, case, SCALARS, numbers[:count]) for count in COUNTS]
     run, *times = least_processor_times([lambda: evaluate(file.read(FIXED), names=SCALARS), *works], REPEATS)
     return [
         {

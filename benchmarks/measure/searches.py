@@ -10,7 +10,7 @@ from benchmarks.processes import ROOT
 from flexcam.case.reader import CaseFile
 from flexcam.core import FloatArray
 from flexcam.core.units import RPM
-from flexcam.studies.gradients import gradient_function, optimize_by_gradient
+from flexcam.studies.gradients import gradient_evaluator, optimize_by_gradient
 from flexcam.studies.optimization import (
     Evaluations,
     Goal,
@@ -61,12 +61,15 @@ def _search(method: str) -> tuple[Evaluations, float]:
     case, names = file.read(FIXED), (GOAL.name, *(one.name for one in bounds))
     variables = variables_of(case, VARIED, "--vary")
     begun = time.process_time()
-    with create_evaluator(file, FIXED, names, runs=GLOBAL) as runs:
-        points = PointEvaluator(case, variables, runs)
-        design = OptimizationProblem(points, (GOAL,), bounds)
-        if method == "gradient":
-            derive = gradient_function(file, FIXED, points, design.spans, names)
-            found = optimize_by_gradient(design, derive, evaluations=GRADIENT)
+    by_gradient = method == "gradient"
+    with (
+        gradient_evaluator(file, FIXED, names, variables)
+        if by_gradient
+        else create_evaluator(file, FIXED, names, runs=GLOBAL)
+    ) as runs:
+        design = OptimizationProblem(PointEvaluator(case, variables, runs), (GOAL,), bounds)
+        if by_gradient:
+            found = optimize_by_gradient(design, evaluations=GRADIENT)
         else:
             found = optimize(design, evaluations=GLOBAL)
     return found, time.process_time() - begun

@@ -24,7 +24,7 @@ from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.report.terminal import facts_table, format_csv, format_decimals, format_number, plain_table, with_unit
 from flexcam.studies import optimization
 from flexcam.studies.evaluation import evaluate
-from flexcam.studies.gradients import gradient_function, optimize_by_gradient
+from flexcam.studies.gradients import optimize_by_gradient
 from flexcam.studies.optimization import Constraint, Evaluations, Goal, OptimizationProblem, is_active, row_value
 from flexcam.studies.plan import make_plan, parse_axes
 from flexcam.studies.quantities import is_run_scalar
@@ -86,13 +86,12 @@ def optimize(
     with suppress(RunFailedError):  # a case that fails may have better variants
         asked.initial_quantities(evaluations)
     worst = _worst_case(asked, at, goals, bounds, [one.key for one in variables]) if at else None
-    with asked.evaluators(evaluations) as runs:
+    with asked.evaluators(evaluations, variables=variables if by_gradient else ()) as runs:
         points = PointEvaluator(asked.case, variables, worst.over(runs) if worst else runs)
         design = OptimizationProblem(points, goals, bounds)
         if by_gradient:
-            derive = gradient_function(asked.file, asked.fixed, points, design.spans, names, worst)
             begins = 1 if starts is None else starts
-            found = optimize_by_gradient(design, derive, evaluations=evaluations, starts=begins, seed=seed)
+            found = optimize_by_gradient(design, evaluations=evaluations, starts=begins, seed=seed)
         else:
             search = optimization.optimize if len(goals) == 1 else optimization.find_pareto_front
             found = search(design, evaluations=evaluations, seed=seed)

@@ -17,8 +17,9 @@ from flexcam.cli import app as cli
 from flexcam.dynamics import RunFailedError, reraise_interrupt
 from flexcam.io import write_text
 from flexcam.report.terminal import show_count
+from flexcam.studies.gradients import gradient_evaluator
 from flexcam.studies.quantities import check_names, compute_quantities, create_evaluator, frequency_number
-from flexcam.studies.variables import Runs
+from flexcam.studies.variables import Runs, Variable
 from flexcam.valvetrain import Metric
 
 _LIMITS = Group("Speed range for results named limits.NAME", sort_key=2)
@@ -61,16 +62,22 @@ class StudyOptions:
             raise
 
     @contextmanager
-    def evaluators(self, count: int, names: Sequence[str] | None = None) -> Generator[Runs]:
-        """Yield the function that evaluates variants, with a progress display."""
+    def evaluators(
+        self, count: int, names: Sequence[str] | None = None, variables: Sequence[Variable] = ()
+    ) -> Generator[Runs]:
+        """Yield the function that evaluates variants, with derivatives by some variables, and show the progress."""
         asked = self.names if names is None else names
-        with (
-            show_count(count if asked else 0, "variants") as shown,
-            create_evaluator(
-                self.file, self.fixed, asked, self.search, workers=self.workers, runs=count, advance=shown
-            ) as runs,
-        ):
-            yield runs
+        with show_count(count if asked else 0, "variants") as shown:
+            if variables:
+                context = gradient_evaluator(
+                    self.file, self.fixed, asked, variables, workers=self.workers, advance=shown
+                )
+            else:
+                context = create_evaluator(
+                    self.file, self.fixed, asked, self.search, workers=self.workers, runs=count, advance=shown
+                )
+            with context as runs:
+                yield runs
 
 
 Vary = Annotated[

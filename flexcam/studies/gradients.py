@@ -15,8 +15,10 @@ Applics 16 (1975) 321.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain
 
 import numpy as np
@@ -27,13 +29,14 @@ from flexcam.case.reader import CaseFile
 from flexcam.case.variants import Number, get_number, make_overrides
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse
-from flexcam.dynamics import RunFailedError, Scheme, System, Variation, tangent_run
+from flexcam.dynamics import ProgressCallback, RunFailedError, Scheme, Status, System, Variation, tangent_run
 from flexcam.dynamics.massless import FORCE_TOLERANCE, MasslessMotions
 from flexcam.studies.evaluation import compute_scalars
+from flexcam.studies.executors import open_evaluator
 from flexcam.studies.optimization import ROUNDING, Evaluations, OptimizationProblem, ProblemEvaluator
-from flexcam.studies.plan import check_seed
-from flexcam.studies.quantities import compute_quantities, is_run_scalar
-from flexcam.studies.variables import PointEvaluator, WorstCase
+from flexcam.studies.plan import Row, check_seed, make_bundle
+from flexcam.studies.quantities import compute_quantities, is_run_scalar, quantity_row
+from flexcam.studies.variables import Runs, Variable, interval_widths
 from flexcam.valvetrain import Metric
 
 # Half the difference of a number, relative to its size: a compromise of rounding, and of contacts that it switches;
@@ -75,17 +78,15 @@ def exact_refusal(case: Case) -> str:
 
 
 def compute_gradient(
-    file: CaseFile, overrides: Sequence[str], names: Sequence[str], numbers: Sequence[Number],
-    sizes: Sequence[float] | None = None,
-) -> Gradient:  # fmt: skip
+    case: Case, names: Sequence[str], numbers: Sequence[Number], sizes: Sequence[float] | None = None
+) -> Gradient:
     """Return results of a case and their derivatives by some of its numbers.
 
     `names` are scalars of a run, natural frequencies, properties of cams, or keys, but no speed limits; `sizes` are the
     usual sizes of the numbers, SI, instead of their values, which must not be zero then. A case whose runs cannot be
     derived, or a number that changes the structure of the equations, raises `InputError`, a run that fails
-    `RunFailedError`. Example: ``compute_gradient(file, (), ["springs.valve.force.largest"], get_numbers(case, keys))``.
+    `RunFailedError`. Example: ``compute_gradient(case, ["springs.valve.force.largest"], get_numbers(case, keys))``.
     """
-    case = file.read(overrides)
     sizes = [abs(size) for size in sizes or [number.value for number in numbers]]
     of_runs = [name for name in names if is_run_scalar(case, name)]
     others = [name for name in names if name not in of_runs]
@@ -100,22 +101,22 @@ def compute_gradient(
 
     growth, warning = 1.0, ""
     if of_runs:
-        pairs, widths = _neighbour_cases(file, overrides, numbers, [RELATIVE_WIDTH * size for size in sizes])
+        pairs, widths = _neighbour_cases(case, numbers, [RELATIVE_WIDTH * size for size in sizes])
         found, growth, warning = _run_scalars(case, pairs, widths, of_runs)
         add([{one.name: one for one in metrics if one.name in of_runs} for metrics in found], widths)
     if others:
-        pairs, widths = _neighbour_cases(file, overrides, numbers, [_WIDTH_WITHOUT_RUN * size for size in sizes])
+        pairs, widths = _neighbour_cases(case, numbers, [_WIDTH_WITHOUT_RUN * size for size in sizes])
         add([compute_quantities(one, others) for one in (case, *chain.from_iterable(pairs))], widths)
     return Gradient(values, derivatives, growth, warning)
 
 
 def _neighbour_cases(
-    file: CaseFile, overrides: Sequence[str], numbers: Sequence[Number], steps: Sequence[float]
+    case: Case, numbers: Sequence[Number], steps: Sequence[float]
 ) -> tuple[list[tuple[Case, ...]], list[float]]:
     """Return the cases with each number below and above its value, and the differences of the numbers."""
-    case, pairs, widths = file.read(overrides), list[tuple[Case, ...]](), list[float]()
+    file, pairs, widths = CaseFile.of(case), list[tuple[Case, ...]](), list[float]()
     for number, step in zip(numbers, steps, strict=True):
-        below, above = ((*overrides, *one) for one in make_neighbours(case, number, step))
+        below, above = ((*case.overrides, *one) for one in make_neighbours(case, number, step))
         sides = [_read(file, below), _read(file, above)]
         if sides == [None, None]:
             file.read(above)  # raises the reason
@@ -132,32 +133,23 @@ def _read(file: CaseFile, overrides: Sequence[str]) -> Case | None:
         return None
 
 
-def gradient_function(
-    file: CaseFile, fixed: Sequence[str], points: PointEvaluator, sizes: FloatArray, names: Sequence[str],
-    worst: WorstCase | None = None,
-) -> Callable[[FloatArray], Gradient]:  # fmt: skip
-    """Return the function from a point of some variables to the gradient of quantities by them.
+def gradient_evaluator(
+    file: CaseFile, fixed: Sequence[str], names: Sequence[str], variables: Sequence[Variable],
+    *, workers: int = 1, advance: ProgressCallback | None = None,
+) -> AbstractContextManager[Runs]:  # fmt: skip
+    """Return a context with a function that evaluates variants of a file, with derivatives by some variables."""
+    sizes = interval_widths(file.read(fixed), variables).tolist()
+    row = partial(_gradient_row, names=tuple(names), keys=tuple(one.key for one in variables), sizes=sizes)
+    return open_evaluator(make_bundle(file, None, fixed), row, fixed, workers=workers, advance=advance)
 
-    `sizes` are those of the variables, SI. With conditions, every quantity is that of its worst one.
-    """
 
-    def derive(point: FloatArray) -> Gradient:
-        found = list[Gradient]()
-        for condition in worst.conditions if worst else ((),):
-            overrides = (*fixed, *points.overrides(point), *condition)
-            case = file.read(overrides)
-            numbers = [get_number(case, one.key, "--vary") for one in points.variables]
-            found.append(compute_gradient(file, overrides, names, numbers, sizes.tolist()))
-        if worst is None:
-            return found[0]
-        known = [name for name in found[0].values if all(name in one.values for one in found)]
-        at = {name: found[worst.worst(name, [one.values[name].value for one in found])] for name in known}
-        derivatives = {(name, key): at[name].derivatives[name, key] for name, key in found[0].derivatives if name in at}
-        values = {name: one.values[name] for name, one in at.items()}
-        warning = next((one.warning for one in found if one.warning), "")
-        return Gradient(values, derivatives, max(one.growth for one in found), warning)
-
-    return derive
+def _gradient_row(case: Case, names: Sequence[str], keys: Sequence[str], sizes: Sequence[float]) -> Row:
+    row = quantity_row(case, names)
+    found = compute_gradient(case, names, [get_number(case, key, "--vary") for key in keys], sizes)
+    if found.warning:
+        return replace(row, status=Status(text=found.warning))
+    slopes = {name: tuple(found.derivatives.get((name, key), math.nan) for key in keys) for name in row.scalars}
+    return replace(row, derivatives=slopes)
 
 
 def make_neighbours(case: Case, number: Number, step: float) -> list[tuple[str, ...]]:
@@ -250,13 +242,11 @@ class Plane:
 
 
 def optimize_by_gradient(
-    design: OptimizationProblem, derive: Callable[[FloatArray], Gradient], *, evaluations: int = 200, starts: int = 1,
-    seed: int = 0,
-) -> Evaluations:  # fmt: skip
-    """Search for the best variant with exact gradients, each counted as one of the evaluations.
+    design: OptimizationProblem, *, evaluations: int = 200, starts: int = 1, seed: int = 0
+) -> Evaluations:
+    """Search for the best variant with exact gradients, which the rows of the points have (`gradient_evaluator`).
 
-    `derive` returns the gradient of all quantities at a point in the units of the variables, shape (k,). The search
-    starts from the case, or the centre of the intervals, and then from random points.
+    The search starts from the case, or the centre of the intervals, and then from random points.
     """
     if len(design.goals) != 1:
         raise refuse("goals", len(design.goals), "one", "a gradient search has one goal")
@@ -266,7 +256,7 @@ def optimize_by_gradient(
     judge, count = ProblemEvaluator(design), len(design.points.variables)
     first = np.full(count, 0.5) if design.start is None else design.start
     begins = [first, *np.random.default_rng(seed).random((starts - 1, count))]
-    tangents = _Tangents(design, judge, derive)
+    tangents = _Tangents(design, judge)
 
     def search() -> None:
         for i, begin in enumerate(begins):
@@ -280,39 +270,33 @@ def optimize_by_gradient(
 
 
 class _Tangents:
-    def __init__(
-        self, design: OptimizationProblem, judge: ProblemEvaluator, derive: Callable[[FloatArray], Gradient]
-    ) -> None:
-        self._design, self._judge, self._derive, self._spans = design, judge, derive, design.spans
+    def __init__(self, design: OptimizationProblem, judge: ProblemEvaluator) -> None:
+        self._design, self._judge = design, judge
+        self._widths = interval_widths(design.points.case, design.points.variables)
         self.warning = ""  #: why the last variant without derivatives has none
         self.is_flat = False  #: whether the goal has no slope at the first point
 
     def plane(self, x: FloatArray) -> Plane | None:
         """Return the tangents at a point; None if its run fails or has no derivative."""
-        costs, violations = self._judge.evaluate(x[None])
-        if not math.isfinite(costs[0, 0]):
+        [row] = self._judge.rows(x[None])
+        costs, violations = self._judge.judge([row])
+        if not (row.status.ok and math.isfinite(costs[0, 0])):
             return None
-        try:
-            found = self._derive(self._design.points_at(x))
-        except RunFailedError:
+        if not row.derivatives:
+            self.warning = row.status.text
             return None
-        if found.warning:
-            self.warning = found.warning
-            return None
-        goal, bounds, variables = self._design.goals[0], self._design.bounds, self._design.points.variables
+        goal, bounds = self._design.goals[0], self._design.bounds
 
         def slope(name: str) -> FloatArray:
-            return self._spans * np.array([found.derivatives[name, one.key] for one in variables])
+            return self._widths * np.array(row.derivatives[name])
 
         rows = [
-            slope(one.name)
-            * (1.0 if one.relation == "<=" else -1.0)
-            / (abs(one.bound(found.values[one.name].unit)) or 1.0)
+            slope(one.name) * (1.0 if one.relation == "<=" else -1.0) / (abs(one.bound(row.units[one.name])) or 1.0)
             for one in bounds
         ]
         cost_slope = (-1.0 if goal.most else 1.0) * slope(goal.name)
         self.is_flat = self.is_flat or (self._judge.count == 1 and not cost_slope.any())
-        slopes = np.array(rows).reshape(len(bounds), len(variables))
+        slopes = np.array(rows).reshape(len(bounds), len(self._widths))
         if not (np.isfinite(cost_slope).all() and np.isfinite(slopes).all()):
             return None
         return Plane(x, float(costs[0, 0]), cost_slope, violations[0, :-1], slopes)

@@ -13,7 +13,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.case.variants import number_after_override
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, parse_all, refuse, require_packages
 from flexcam.core.units import DIMENSIONS, NUMBER, RPM, conversion_factor, unit_of
@@ -146,15 +145,6 @@ class OptimizationProblem:
         return (points - low) / (high - low)
 
     @property
-    def spans(self) -> FloatArray:
-        """Width of the intervals in SI units, shape (k,)."""
-        case, found = self.points.case, list[float]()
-        for one in self.points.variables:
-            low, high = (number_after_override(case, one.key, one.text(end), "--vary") for end in (one.low, one.high))
-            found.append(high - low)
-        return np.array(found)
-
-    @property
     def start(self) -> FloatArray | None:
         """Point of the case as fractions of the intervals, shape (k,); None if it is outside of an interval."""
         parts = [one.start for one in self.points.variables]
@@ -216,14 +206,18 @@ class ProblemEvaluator:
 
     def evaluate(self, parts: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return costs, (m, goals), and violations, (m, bounds + 1), at fractions of the intervals, shape (m, k)."""
+        return self.judge(self.rows(parts))
+
+    def rows(self, parts: FloatArray) -> list[Row]:
+        """Return the rows at fractions of the intervals, shape (m, k)."""
         points = [tuple(point) for point in self._design.points_at(np.asarray(parts, dtype=float)).tolist()]
         new = [point for point in dict.fromkeys(points) if point not in self._rows]
         if new:
             for point, row in zip(new, self._design.points.iterate_rows(np.array(new)), strict=True):
                 self._rows[point] = row
-        return self._judge([self._rows[point] for point in points])
+        return [self._rows[point] for point in points]
 
-    def _judge(self, rows: Sequence[Row]) -> tuple[FloatArray, FloatArray]:
+    def judge(self, rows: Sequence[Row]) -> tuple[FloatArray, FloatArray]:
         """Return the costs of rows, and the relative violations of the constraints with a zero for a complete run."""
         goals, bounds = self._design.goals, self._design.bounds
         values = np.array([[row_value(row, goal.name) for goal in goals] for row in rows], dtype=float)
@@ -238,7 +232,7 @@ class ProblemEvaluator:
     def evaluations(self) -> Evaluations:
         """Return all evaluations so far."""
         points, rows = np.array(list(self._rows)), tuple(self._rows.values())
-        return Evaluations(points, self._design.parts(points), rows, *self._judge(rows))
+        return Evaluations(points, self._design.parts(points), rows, *self.judge(rows))
 
     def run_search(self, search: Callable[[], None]) -> Evaluations:
         """Run a search and return all evaluations, even after Ctrl-C."""

@@ -330,6 +330,8 @@ class Row:
     units: Mapping[str, str] = field(default_factory=dict[str, str])  #: SI unit by scalar
     seconds: float = 0.0  #: run time; not written to tables, which are the same on every machine
     history: tuple[str, bytes] | None = None  #: suffix and content of its result file, if result files are kept
+    #: derivatives of a scalar by the numbers of a gradient search, SI; empty without them, and `status` says why
+    derivatives: Mapping[str, tuple[float, ...]] = field(default_factory=dict[str, tuple[float, ...]])
 
 
 def catch_errors(compute: Callable[[], Row]) -> Row:

@@ -193,7 +193,7 @@ def sensitivities(
         for one in _frequency_sensitivities(file, fixed, case, frequencies, number)
     }
     if exact:
-        found |= _exact_sensitivities(file, fixed, exact, numbers)
+        found |= _exact_sensitivities(case, exact, numbers)
     if responses:
         found |= _response_sensitivities(case, responses, numbers, runs, relative_step)
     return [found[name, number.key] for name in dict.fromkeys(names) for number in numbers]
@@ -227,9 +227,9 @@ def _frequency_sensitivities(
 
 
 def _exact_sensitivities(
-    file: CaseFile, fixed: Sequence[str], names: Sequence[str], numbers: Sequence[Number]
+    case: Case, names: Sequence[str], numbers: Sequence[Number]
 ) -> dict[tuple[str, str], Sensitivity]:
-    gradient = compute_gradient(file, fixed, names, numbers)
+    gradient = compute_gradient(case, names, numbers)
     warning = f"no derivative: {gradient.warning}; --method differences shows what remains" if gradient.warning else ""
     found = dict[tuple[str, str], Sensitivity]()
     for name in names:

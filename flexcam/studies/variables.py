@@ -43,6 +43,12 @@ def variables_of(case: Case, settings: Sequence[str], option: str) -> tuple[Vari
     return tuple(found)
 
 
+def interval_widths(case: Case, variables: Sequence[Variable]) -> FloatArray:
+    """Return the widths of the intervals in SI units, shape (k,)."""
+    ends = [[number_after_override(case, v.key, v.text(x), "--vary") for x in (v.low, v.high)] for v in variables]
+    return np.diff(np.array(ends).reshape(-1, 2)).ravel()
+
+
 def duplicate_key_faults(option: str, keys: Sequence[str]) -> list[Fault]:
     """Return a fault for every key given more than once."""
     twice = dict.fromkeys(key for key in keys if keys.count(key) > 1)
@@ -182,13 +188,16 @@ class WorstCase:
         for row in rows:
             if not row.status.ok:
                 return row
-        return replace(rows[0], scalars={
-            name: rows[self.worst(name, [row.scalars.get(name, np.nan) for row in rows])].scalars[name]
-            for name in rows[0].scalars
-            if all(name in row.scalars for row in rows)
-        })  # fmt: skip
+        known = [name for name in rows[0].scalars if all(name in row.scalars for row in rows)]
+        at = {name: rows[self.worst(name, [row.scalars[name] for row in rows])] for name in known}
+        status = next((row.status for row in rows if row.status.text), rows[0].status)
+        derived = known if all(row.derivatives for row in rows) else ()
+        return replace(
+            rows[0], status=status, scalars={name: at[name].scalars[name] for name in known},
+            derivatives={name: at[name].derivatives[name] for name in derived},
+        )  # fmt: skip
 
     def worst(self, name: str, values: Sequence[float]) -> int:
-        """Return the position of the worst of the values of a quantity, the first missing one if there is any."""
+        """Return the position of the worst of the values of a quantity."""
         array = np.array(values)
         return int(np.argmax(array) if self.largest.get(name, True) else np.argmin(array))
