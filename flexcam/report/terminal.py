@@ -86,10 +86,12 @@ class _ResultConsole(Console):
     """Console that removes control sequences from texts of files, and leaves a broken pipe to the command line."""
 
     def render_str(self, text: str, **style: Any) -> Text:  # noqa: ANN401 - as rich has them
+        """Return a text without control sequences."""
         return super().render_str(printable(text), **style)
 
     def on_broken_pipe(self) -> None:
-        raise BrokenPipeError  # rich would hide it
+        """Raise the error, which rich would hide."""
+        raise BrokenPipeError
 
 
 def print_message(sentence: str) -> None:
@@ -123,10 +125,11 @@ class _ProgressSink:
     advance: Callable[[int], None]
 
     def write(self, block: Block) -> None:
+        """Count the instants of a block."""
         self.advance(len(block.time))
 
     def close(self, status: Status, stats: Stats) -> None:
-        pass
+        """Do nothing: the bar ends with its context."""
 
 
 @contextmanager

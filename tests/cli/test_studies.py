@@ -213,10 +213,12 @@ def test_a_search_by_gradients_keeps_a_motion_stable(flexcam):
 
 @pytest.mark.slow
 def test_a_goal_over_a_band_of_speeds(flexcam):
-    """The rms acceleration at the worst of several speeds, which a range names."""
+    """The rms acceleration at the worst of several speeds, which a range names; workers give the same."""
     quiet = ("--least", "probes.valve.acceleration.rms", "--vary", "springs.valve.damping=1:40N s/m", *QUICK)
     band = ("--at", "run.speed=1000:3000:2000rpm", "--method", "gradient", "--evaluations", "4")
-    best = flexcam("optimize", PUBLISHED, *quiet, *band, "--json").json["best"]
+    alone, shared = (flexcam("optimize", PUBLISHED, *quiet, *band, *more, "--json").json for more in ((), ("--workers", "2")))
+    assert alone == shared
+    best = alone["best"]
     each = []
     for rpm in (1000, 3000):
         fixed = [word for one in (*best["overrides"], f"run.speed={rpm}rpm") for word in ("--set", one)]
