@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -205,7 +205,7 @@ def prepare(
 
 
 @contextmanager
-def _all_faults(case: Case) -> Iterator[None]:
+def _all_faults(case: Case) -> Generator[None]:
     """Add the other faults of a case to an error."""
     try:
         yield

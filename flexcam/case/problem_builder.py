@@ -232,7 +232,11 @@ def _given_state(case: Case, system: System, given: Mapping[str, Mapping[str, fl
 def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[State, float]:
     """Return the last saved state of a result and its cam angle."""
     where = case.place(("run", "start"))
-    result = read_result(resolve_file(case.path, name, where))
+    try:
+        result = read_result(resolve_file(case.path, name, where))
+    except InputError as refusal:
+        file = case.place(("run", "start", "result"))
+        raise InputError(replace(fault, where=file) for fault in refusal.faults) from None
     response = result.response
     if not np.array_equal(result.mesh.nodes, model.mesh.nodes) or not len(response.field_time):
         raise refuse(where, name, "a result of the same mesh with at least one saved field")

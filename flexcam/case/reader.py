@@ -36,13 +36,13 @@ from flexcam.case.repetition import Repetition
 from flexcam.case.schema.base import Record
 from flexcam.case.schema.cams import LIFT_TABLE_CONFLICTS
 from flexcam.case.schema.parts import RepeatRecord
-from flexcam.case.valid_parts import ValidParts
+from flexcam.case.valid_parts import TRAIN, ValidParts
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name, system_message
 from flexcam.dynamics import RunFailedError
 from flexcam.fem.assembly import Damping
 from flexcam.fem.mesh import Mesh
 from flexcam.io import Result, read_mesh, read_text, resolve_file
-from flexcam.valvetrain import PublishedLoad
+from flexcam.valvetrain import CamContact, PublishedLoad
 from flexcam.valvetrain.springs import count_spring_parts
 
 
@@ -217,15 +217,15 @@ class CaseFile:
         """Return an error with the faults of all other parts added: faulty ones are left out until none is found."""
         raw, places, _ = self.complete(overrides)
         found = dict.fromkeys(refusal.faults)  # the copies of a part have the same fault
-        valid, faults = ValidParts(raw, self._mesh(raw, places)[0]), refusal.faults
-        while len(found) <= _MAX_FAULTS and (valid.leave_out(faults) or not faults):
-            case, faults, others = self._check(valid.tables(), valid.mesh, KeyLocations({}))
+        mesh, faults = self._mesh(raw, KeyLocations({}))
+        valid = ValidParts(raw, mesh)
+        valid.leave_out(faults)
+        while len(found) <= _MAX_FAULTS and "repeat" not in raw:
+            case, faults, others = self._check(valid.tables(), mesh, KeyLocations({}))
             if case is not None and not others:
                 faults = _case_faults(case, valid)
-            own = (fault for fault in faults if not valid.follows(fault))
-            found |= dict.fromkeys(map(places.locate, own))
-            faults = [*faults, *others]
-            if not faults:
+            found |= dict.fromkeys(places.locate(fault) for fault in faults if not valid.follows(fault))
+            if not valid.leave_out([*faults, *others]):
                 break
         return InputError(sort_faults(found))
 
@@ -235,27 +235,32 @@ class CaseFile:
         """Return the case of some tables, the faults of their values, and those of their references."""
         record, faults = _record(CaseRecord, raw, places, self.path, self.files)
         tables = RawTables(raw, mesh, places)
-        others = [*tables.reference_faults(), *tables.exclusive_key_faults(), *tables.coincident_node_faults()]
+        others = [*tables.exclusive_key_faults()]
+        if "repeat" not in raw:  # otherwise names and places of the copies are unknown
+            others += [*tables.reference_faults(), *tables.coincident_node_faults()]
         if record is None:
             return None, faults, others
         case = Case(self.path, self.text, tuple(overrides), record, mesh, places, self.files, replace_values)
         return case, faults, others
 
     def complete(self, overrides: Sequence[str]) -> tuple[dict[str, Any], KeyLocations, list[Fault]]:
-        """Return the tables with overrides and copies, the sources of all keys and the faults."""
+        """Return the tables with overrides and copies, the sources of all keys and the faults.
+
+        If `repeat` is faulty, it remains in the tables, with one copy of each part for the checks of its values.
+        """
         tables, places = deepcopy(dict(self.raw)), KeyLocations.of_text(self.text)
         first = [one for one in overrides if one.startswith("repeat.") or "{" in one.partition("=")[0]]
         places, found = _apply_overrides(tables, places, first)
-        repeats: Mapping[str, RepeatRecord] = {}
-        if "repeat" in tables:
-            record, faults = _record(RepeatFileRecord, {"repeat": tables["repeat"]}, places, self.path)
-            found += faults
-            marks = tables["repeat"] if isinstance(tables["repeat"], dict) else {}
-            repeats = record.repeat if record else dict.fromkeys(marks, RepeatRecord(names=["1"]))
-        copies = Repetition.of(tables, repeats)
+        given, faulty = tables.get("repeat", {}), dict[str, Any]()
+        record, faults = _record(RepeatFileRecord, {"repeat": given}, places, self.path)
+        if record is None:
+            faulty, marks = {"repeat": given}, cast("Mapping[str, Any]", given) if isinstance(given, dict) else ()
+            record = RepeatFileRecord(repeat=dict.fromkeys(marks, RepeatRecord.model_validate({"names": ["1"]})))
+        copies = Repetition.of(tables, record.repeat)
         places = replace(places, templates=copies.templates)
-        places, more = _apply_overrides(copies.tables, places, [one for one in overrides if one not in first])
-        return copies.tables, places, [*found, *copies.faults(places), *more]
+        later = [one for one in overrides if one not in first and not faulty]
+        places, more = _apply_overrides(copies.tables, places, later)
+        return copies.tables | faulty, places, [*found, *faults, *copies.faults(places), *more]
 
     @property
     def sweep(self) -> SweepRecord | None:
@@ -283,19 +288,33 @@ class CaseFile:
 _MAX_FAULTS, _MAX_NODES = 100, 20_000  # other faults, and nodes of the mesh, up to which the model is checked as well
 
 
+_RIGID = (
+    "cams",
+    "contacts",
+    "rockers",
+    "springs",
+    "loads",
+)  # tables whose values decide whether a rigid train can move
+
+
 def _case_faults(case: Case, valid: ValidParts) -> Sequence[Fault]:
     """Return the faults of the parts on their mesh, else of their equations, else of their run."""
     kind = case.record.fidelity.model
     try:
+        case = _with_spring_parts(case)
         model = build_model(case)
         if len(model.mesh.nodes) > _MAX_NODES:
             return ()
         if not valid.connected:
-            contacts = {name: one for name, one in model.contacts.items() if not isinstance(one, PublishedLoad)}
-            model = replace(model, contacts=contacts, damping=Damping())
-        possible = valid.exact if kind == "rigid" else valid.connected
+            loads = {name: one for name, one in model.contacts.items() if isinstance(one, PublishedLoad)}
+            contacts = {
+                name: CamContact(one.cam, one.follower, one.direction, one.shaft_axis, 1e6, unilateral=False)
+                for name, one in loads.items()
+            }
+            model = replace(model, contacts={**model.contacts, **contacts}, damping=Damping())
+        possible = valid.connected and (kind != "rigid" or valid.keeps(_RIGID))
         equations = build_equations(case, model, kind if possible else "beams")
-        check_run(case, *equations, method=valid.exact)
+        check_run(case, *equations, method=valid.keeps((*TRAIN, "materials", "sections")))
     except InputError as refusal:
         return locate_run_faults(case, refusal).faults
     except RunFailedError:

@@ -13,31 +13,20 @@ from flexcam.case.records import example_value
 from flexcam.core.errors import Fault
 from flexcam.fem.mesh import Mesh
 
-_TRAIN = frozenset(
-    [
-        "nodes",
-        "members",
-        "superelements",
-        "rigid_links",
-        "supports",
-        "masses",
-        "springs",
-        "bearings",
-        "loads",
-        "rockers",
-        "cams",
-        "contacts",
-    ]
-)
-# Parts and keys whose checks search other tables, and those tables.
-_SEARCHED = {
-    "bearings": {"cams"}, "rockers": {"contacts", "supports"}, "cams": {"members"}, "contacts": {"nodes"},
-    "run.start": _TRAIN, "run.start.displacement": _TRAIN, "run.start.velocity": _TRAIN,
-    "run.step": {"run.speed"}, "run.adaptive.smallest": {"run.step", "run.speed"},
+# Tables of the train: without one of their parts no train is known to be complete.
+TRAIN = frozenset(
+    ("nodes", "members", "superelements", "rigid_links", "supports", "masses", "springs", "bearings", "loads",
+     "rockers", "cams", "contacts")
+)  # fmt: skip
+_INNER = frozenset(("mesh", "members", "superelements", "springs", "rockers"))  # tables that name unknowns
+# Parts and keys whose checks search other tables, and those tables and keys.
+_SEARCHED: Mapping[str, set[str] | frozenset[str]] = {
+    "bearings": {"cams", "members"}, "rockers": {"contacts", "supports"}, "cams": {"members"}, "contacts": {"members"},
+    "run.start": TRAIN, "run.start.displacement": _INNER, "run.start.velocity": _INNER, "run.step": {"run.speed"},
+    "run.steps_per_revolution": {"run.speed"}, "run.adaptive.smallest": {"run", "run.step", "run.speed"},
 }  # fmt: skip
 # Tables without a fault, also with all other parts, that replace faulty ones; None for a key that the faulty one keeps.
-_STAND_INS: Mapping[str, Any] = {
-    "format": 1,
+_STAND_INS: Mapping[str, Mapping[str, Any]] = {
     "materials": {"E": 2e11, "nu": 0.3, "density": 8e3, "expansion": 1e-5},
     "sections": {"shape": "circle", "diameter": 0.01},
     "members": {"nodes": None, "material": "stand-in", "section": "stand-in"},
@@ -63,45 +52,48 @@ class ValidParts:
     changed: set[str] = field(default_factory=set[str])
     replaced: set[str] = field(default_factory=set[str])  #: parts that have a stand-in
 
-    @property
-    def exact(self) -> bool:
-        """Whether no part of the train is changed."""
-        return all(key.partition(".")[0] in (*_OPTIONAL, "format") for key in self.changed)
+    def keeps(self, kinds: Iterable[str]) -> bool:
+        """Return whether no part of some tables was changed."""
+        return {key.partition(".")[0] for key in self.changed}.isdisjoint(kinds)
 
     @property
     def connected(self) -> bool:
         """Whether no part of the train is missing."""
-        return self.changed.isdisjoint(_TRAIN)
+        return self.changed.isdisjoint(TRAIN)
 
     def tables(self) -> dict[str, Any]:
-        """Return the tables; if parts are missing, with few elements, and with masses that let every point move."""
-        found = deepcopy(self.given)
-        if "mesh" not in found and not self._table("nodes"):
-            found["nodes"] = {"stand-in": [0.0, 0.0, 0.0]}
-        for kind in ("materials", "sections"):
-            found[kind] = self._table(kind) | {"stand-in": _STAND_INS[kind]}
+        """Return the tables; if parts are missing, with masses that let every point move."""
+        found, nodes = deepcopy(self.given) | {"format": 1}, self._table("nodes")
+        if "mesh" not in found and not nodes:
+            found["nodes"] = nodes = {"stand-in": [0.0, 0.0, 0.0]}
+        own: dict[str, dict[str, Any]] = {kind: {"stand-in": _STAND_INS[kind]} for kind in ("materials", "sections")}
+        own["members"] = {name: {"material": "stand-in", "section": "stand-in"} for name in self._lines}
         if not self.connected:
-            points = {name: [0] for name in self._table("nodes")} if self.mesh is None else self.mesh.points
-            masses = {
-                f"at {one}": {"at": one, "mass": 1.0, "inertia": [1.0] * 3} for one, n in points.items() if len(n) == 1
-            }
-            found["masses"] = self._table("masses") | masses
-            members = self._table("members")
-            found["members"] = {name: self._table("members", name) | {"elements": 1} for name in members}
-        return found
+            points = nodes if self.mesh is None else [one for one, n in self.mesh.points.items() if len(n) == 1]
+            own["masses"] = {f"at {one}": {"at": one, "mass": 1.0, "inertia": [1.0, 1.0, 1.0]} for one in points}
+        return found | {kind: parts | self._table(kind) for kind, parts in own.items()}
+
+    @property
+    def _lines(self) -> Iterable[str]:
+        """Members that a mesh file defines."""
+        return () if self.mesh is None else self.mesh.lines
 
     def follows(self, fault: Fault) -> bool:
         """Return whether a fault may follow from the changes."""
-        path = _path(fault)
+        path, node = _path(fault), fault.given.strip("'").partition(".")[0]
         searched = _SEARCHED.get(path[0], set()) | _SEARCHED.get(".".join(path), set())
-        return ".".join(path[:2]) in self.changed or not self.changed.isdisjoint(searched)
+        keys = {".".join(path[:2]), f"nodes.{node}", "nodes" if node.startswith("node ") else "", *searched}
+        return not self.changed.isdisjoint(keys) or (path[0] == "friction" and not self.keeps(["springs"]))  # of a nest
 
     def leave_out(self, faults: Iterable[Fault]) -> bool:
         """Leave out what has a fault; return whether anything was left to change."""
         parts: dict[Path, list[Fault]] = {}
         for fault in faults:
             parts.setdefault(_path(fault)[:2], []).append(fault)
-        return any([any([self._cure(one) for one in own]) or self._replace(*part) for part, own in parts.items()])
+        changes = [[self._cure(fault) for fault in own] for own in parts.values()]
+        left = [part for part, cured in zip(parts, changes, strict=True) if not any(cured)]
+        replaced = [self._replace(*part) for part in left]
+        return len(left) < len(parts) or any(replaced)
 
     def _table(self, *path: str) -> dict[str, Any]:
         table = value_at(self.given, path)
@@ -109,34 +101,34 @@ class ValidParts:
 
     def _cure(self, fault: Fault) -> bool:
         """Remove an unknown or an optional key, or replace a quantity by an example; return whether this changed it."""
-        path, part = _path(fault), ".".join(_path(fault)[:2])
-        if fault.given == f"key {path[-1]!r}":
-            return self._table(*path[:-1]).pop(path[-1], None) is not None
+        path = _path(fault)
+        holder, key, part = self._table(*path[:-1]), path[-1], ".".join(path[:2])
+        if fault.given == f"key {key!r}":
+            return holder.pop(key, None) is not None
         if path[0] in _OPTIONAL and len(path) > 1:
             self.changed.add(part)
             return self._table(path[0]).pop(path[1], None) is not None
-        holder, key = value_at(self.given, path[:-1]), cast("Any", path[-1])
-        example = example_value(path) if isinstance(holder, dict) and len(path) > 2 else None
-        if example is None or self._table(*path[:-1]).get(key) == example:
+        example = example_value(path) if holder and len(path) > 2 else None
+        if example is None or holder.get(key) == example:
             return False
-        self._table(*path[:-1])[key] = example
+        holder[key] = example
         self.changed.add(part)
         return True
 
     def _replace(self, kind: str, name: str = "") -> bool:
         """Replace a part by its stand-in, or remove it; return whether this changed it."""
-        holder, key = (self._table(kind), name) if name else (self.given, kind)
-        part, own, stand_in = ".".join(filter(None, (kind, name))), holder.get(key), _STAND_INS.get(kind)
+        alone = not name or kind in _OPTIONAL
+        holder, key = (self.given, kind) if alone else (self._table(kind), name)
+        part, stand_in = kind if alone else f"{kind}.{name}", _STAND_INS.get(kind)
         self.changed.add(part)
         if stand_in is None or part in self.replaced:
-            self.changed.add(kind)
+            self.changed |= set() if name in self._lines else {kind}
             return holder.pop(key, None) is not None
-        if isinstance(stand_in, dict):
-            kept = own if isinstance(own, dict) else {}
-            stand_in = {at: kept.get(at) if one is None else one for at, one in stand_in.items()}
-            stand_in = {at: one for at, one in stand_in.items() if one is not None}
-            if kind == "members" and self.mesh is None:
-                stand_in["nodes"] = [one for one in dict.fromkeys(kept.get("nodes", [])) if one in self._table("nodes")]
+        kept = self._table(*part.split("."))
+        found = {at: kept.get(at) if one is None else one for at, one in stand_in.items()}
+        if isinstance(nodes := found.get("nodes"), list):
+            named = (one for one in cast("list[object]", nodes) if isinstance(one, str) and one in self._table("nodes"))
+            found["nodes"] = list(dict.fromkeys(named))
         self.replaced.add(part)
-        holder[key] = stand_in
+        holder[key] = {at: one for at, one in found.items() if one is not None}
         return True
