@@ -83,7 +83,9 @@ class ValidParts:
         path, node = _path(fault), fault.given.strip("'").partition(".")[0]
         searched = _SEARCHED.get(path[0], set()) | _SEARCHED.get(".".join(path), set())
         keys = {".".join(path[:2]), f"nodes.{node}", "nodes" if node.startswith("node ") else "", *searched}
-        return not self.changed.isdisjoint(keys) or (path[0] == "friction" and not self.keeps(["springs"]))  # of a nest
+        if path[0] == "friction":  # of a nest of springs
+            keys |= {f"springs.{name}" for name in self._table("springs")}
+        return not self.changed.isdisjoint(keys)
 
     def leave_out(self, faults: Iterable[Fault]) -> bool:
         """Leave out what has a fault; return whether anything was left to change."""
