@@ -58,7 +58,7 @@ class ValidParts:
 
     @property
     def connected(self) -> bool:
-        """Whether no part of the train is missing."""
+        """True if no part of the train is missing."""
         return self.changed.isdisjoint(TRAIN)
 
     def tables(self) -> dict[str, Any]:
