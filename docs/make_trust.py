@@ -21,9 +21,8 @@ HEAD = """# Robustness
 flexcam promises:
 
 - **No silent fault.** A case, mesh, lift table or result that is wrong is refused with its place, the given and the permitted value,
-  the remedy and exit code 2. Faults of keys, units, references and parts come in one report if the nodes are correct; published
-  loads, start, steps and equilibrium are checked afterwards. A run that fails ends with a status, its cause, place and remedy, and
-  exit code 3.
+  the remedy and exit code 2. All faults come in one report, except those that depend on others; equilibrium is checked
+  afterwards. A run that fails ends with a status, its cause, place and remedy, and exit code 3.
 - **Nothing is lost.** No file is overwritten without `--overwrite`. A result appears under its name when it is complete. A run that
   fails, is stopped or killed leaves the file of its last saved steps, which opens as a result, and `--resume` continues it.
 - **No wrong number from a damaged file.** Results and tables of sweeps have checksums. A changed bit is found before a number is used.

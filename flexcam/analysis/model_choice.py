@@ -15,14 +15,9 @@ from functools import cached_property
 from itertools import pairwise
 
 from flexcam.analysis.histories import Histories, Norm, distance, extract_histories, with_seating
-from flexcam.analysis.preparation import (
-    DEFAULT_STEPS_PER_REVOLUTION,
-    PreparedRun,
-    prepare,
-    prepare_without_periodic_search,
-    scalar_probe,
-)
+from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search, scalar_probe
 from flexcam.case.case import Case
+from flexcam.case.problem_builder import DEFAULT_STEPS_PER_REVOLUTION
 from flexcam.case.schema.run import ResultStartRecord
 from flexcam.case.variants import with_beam_model, with_elements, with_steps
 from flexcam.core.errors import InputError, refuse

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexcam.analysis.preparation import DEFAULT_STEPS_PER_REVOLUTION, PreparedRun, prepare
+from flexcam.analysis.preparation import PreparedRun, prepare
 from flexcam.cams import OrderSpectrum, order_spectrum
 from flexcam.case.case import Case
+from flexcam.case.problem_builder import DEFAULT_STEPS_PER_REVOLUTION
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.core.units import RPM

@@ -1,9 +1,9 @@
-"""Prepare the run of a case: model, equations, camshaft drive, initial state, integrator, output and default probe."""
+"""Prepare the run of a case: model, problem, integrator, output and default probe."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,54 +12,32 @@ from flexcam.analysis.resources import check_mesh_memory
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_values
+from flexcam.case.problem_builder import (
+    build_equations,
+    integration_method,
+    locate_run_faults,
+    make_problem,
+    reduced_basis,
+    revolution_time,
+    set_initial_state,
+    steps_per_revolution,
+)
 from flexcam.case.reader import CaseFile
-from flexcam.case.schema.run import CollocationRecord, GivenStartRecord, NewmarkRecord, ResultStartRecord
-from flexcam.core import FloatArray
-from flexcam.core.errors import Fault, InputError, refuse, suggest_name
+from flexcam.case.schema.run import CollocationRecord, NewmarkRecord
+from flexcam.core.errors import InputError, refuse
 from flexcam.dynamics import (
-    Basis,
     Collocation,
     ConstantSpeed,
-    Drive,
-    FluctuatingSpeed,
     Method,
-    ModeBasis,
     Probe,
     Problem,
     RunFailedError,
     SaveAt,
-    SpeedByAngle,
-    State,
     System,
-    default_method,
-    installed_state,
     method_refusal,
-    moving_equilibrium,
-    solve_periodic,
 )
 from flexcam.fem.frames import COMPONENTS
-from flexcam.io import read_result, resolve_file
-from flexcam.io.result_reader import unknown_fields
-from flexcam.valvetrain import (
-    Chain,
-    Model,
-    build_chain,
-    build_rigid,
-    build_structure,
-    build_system,
-    driving_contact,
-    free_running,
-    modal_basis,
-    rigid_motion,
-    straighten,
-    without_compression,
-)
-
-DEFAULT_STEPS_PER_REVOLUTION = 3600
-"""Default number of steps per revolution: a tenth of a degree."""
-
-MASS_CHAINS = {"sdof": 1, "chain": None}
-"""Models of few masses, which represent the camshaft only by its compliance; number of masses if it is fixed."""
+from flexcam.valvetrain import Chain, Model, driving_contact, rigid_motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,11 +143,6 @@ def _component_name(probe: Probe, component: int) -> str:
     return probe.name if len(probe.components) == 1 else f"{probe.name}.{probe.components[component]}"
 
 
-def revolution_time(case: Case, drive: Drive) -> float:
-    """Return the duration of a camshaft revolution, s."""
-    return drive.period if isinstance(drive, SpeedByAngle) else 2.0 * math.pi / case.speed
-
-
 def prepare(
     case: Case, *, rigid: bool = False, model: Model | None = None, until: float | None = None,
     allow_large: bool = False, runs: int = 1, near: PreparedRun | None = None,
@@ -211,31 +184,33 @@ def prepare(
     ``prepare(case).problem.system`` is the `System` of a case, for custom studies.
     """
     kind = "rigid" if rigid else case.record.fidelity.model
-    if model is None and near is not None:
-        model = build_model(case, (near.case, near.model))
-    model, system, chain = _build_equations(case, model, kind, allow_large=allow_large)
     save = SaveAt(field_every=case.record.output.field_every)
-    try:
-        plain = replace(_make_problem(case, model, system), runs=runs)
+    with _all_faults(case):
+        if model is None and near is not None:
+            model = build_model(case, (near.case, near.model))
+        model, system, chain = _build_equations(case, model, kind, allow_large=allow_large)
+        plain = replace(make_problem(case, model, system), runs=runs)
         if rigid:  # the rigid companion of a flexible run; the engine was requested for the flexible one
             plain = replace(plain, engine="auto")
-        problem = set_initial_state(case, model, plain, until=until, near=near and near.problem.start)
-    except InputError as refusal:
-        raise _add_lines(case, refusal) from None
-    except RunFailedError as failure:  # an unusual value, such as 207 Pa, is the probable cause
-        unusual = [warning.removeprefix("Warning: ") for warning in check_values(case)]
-        raise RunFailedError(replace(failure.status, remedy="; ".join([*unusual, failure.status.remedy]))) from None
-    problem = replace(problem, basis=_reduced_basis(case, problem, chain))
-    scheme = integration_method(case, problem)
-    if refusal := method_refusal(problem, scheme):
-        raise _add_lines(case, refusal)
+        try:
+            problem = set_initial_state(case, model, plain, until=until, near=near and near.problem.start)
+        except RunFailedError as failure:  # an unusual value, such as 207 Pa, is the probable cause
+            unusual = [warning.removeprefix("Warning: ") for warning in check_values(case)]
+            raise RunFailedError(replace(failure.status, remedy="; ".join([*unusual, failure.status.remedy]))) from None
+        problem = replace(problem, basis=reduced_basis(case, problem, chain))
+        scheme = integration_method(case, problem)
+        if refusal := method_refusal(problem, scheme):
+            raise refusal
     return PreparedRun(case, model, problem, scheme, save)
 
 
-def integration_method(case: Case, problem: Problem) -> Method:
-    """Return the integrator of a case, by default the one that suits its problem."""
-    given = case.record.run.integrator
-    return default_method(problem) if given is None else given.part
+@contextmanager
+def _all_faults(case: Case) -> Generator[None]:
+    """Add the other faults of a case to an error."""
+    try:
+        yield
+    except InputError as refusal:
+        raise CaseFile.of(case).complete_refusal(locate_run_faults(case, refusal), case.overrides) from None
 
 
 def prepare_without_periodic_search(case: Case, near: PreparedRun | None = None) -> PreparedRun:
@@ -243,199 +218,21 @@ def prepare_without_periodic_search(case: Case, near: PreparedRun | None = None)
     if case.record.run.start != "periodic":
         return prepare(case, near=near)
     ready = replace(prepare(case.with_run({"start": "equilibrium"}), near=near), case=case)
-    try:
+    with _all_faults(case):
         steps_per_revolution(case, ready.problem)
-    except InputError as refusal:
-        raise _add_lines(case, refusal) from None
     return ready
 
 
 def build_problem(case: Case) -> tuple[Model, System]:
     """Return the model of a case and its equations without an initial state."""
-    return _build_equations(case, None, case.record.fidelity.model, allow_large=False)[:2]
-
-
-# arguments of a chain, and the keys of a case that set them
-_CHAIN_KEYS = {"count": "fidelity.masses", "contact": "fidelity.model"}
+    with _all_faults(case):
+        return _build_equations(case, None, case.record.fidelity.model, allow_large=False)[:2]
 
 
 def _build_equations(
     case: Case, model: Model | None, kind: str, *, allow_large: bool
 ) -> tuple[Model, System, Chain | None]:  # fmt: skip
-    """Return model and equations, and the chain of masses if the case uses one."""
-    try:
-        model = model or build_model(case)
-        if not allow_large:
-            check_mesh_memory(model.mesh)
-        model = straighten(model) if kind in MASS_CHAINS else model
-        system = (build_rigid if kind == "rigid" else build_system)(model, case.speed)
-        if kind not in MASS_CHAINS or system.is_kinematic:
-            return model, system, None
-        chain = build_chain(model, case.speed, MASS_CHAINS[kind] or case.record.fidelity.masses)
-    except InputError as refusal:
-        faults = (replace(fault, where=_CHAIN_KEYS.get(fault.where, fault.where)) for fault in refusal.faults)
-        raise CaseFile.of(case).complete_refusal(_add_lines(case, InputError(faults)), case.overrides) from None
-    return model, without_compression(system, chain.unfelt), chain
-
-
-def _reduced_basis(case: Case, problem: Problem, chain: Chain | None) -> Basis | None:
-    """Return the basis of a reduced model; None for the full degrees of freedom."""
-    fidelity = case.record.fidelity
-    if chain is not None:
-        return ModeBasis(chain.shapes, chain.system.names, _residual_start(case, problem, chain.shapes))
-    if fidelity.modes is None or problem.system.is_kinematic:
-        return None
-    return modal_basis(problem, fidelity.modes, by_parts=fidelity.reduction == "craig-bampton")
-
-
-def _residual_start(case: Case, problem: Problem, shapes: FloatArray) -> FloatArray | None:
-    """Return the part of the initial state outside the chain's shapes, decoupled from them, which stays constant.
-
-    Forces that do not act at the masses, such as that of an installed spring, cause deflections outside their shapes.
-    Without this part a chain would not start in its equilibrium, and would vibrate permanently.
-    """
-    if problem.start is None or isinstance(case.record.run.start, GivenStartRecord):
-        return None
-    begun, stiff = problem.start.displacement, problem.system.stiffness.multiply(shapes)
-    return begun - shapes @ np.linalg.lstsq(shapes.T @ stiff, stiff.T @ begun)[0]
-
-
-def _add_lines(case: Case, refusal: InputError) -> InputError:
-    """Return an error with the lines of its keys in the case file added, at the key that gives the steps."""
-    run, faults = case.record.run, list(refusal.faults)
-    if run.step is None:
-        count = run.steps_per_revolution or f"{DEFAULT_STEPS_PER_REVOLUTION} by default"
-        faults = [
-            replace(one, where="run.steps_per_revolution", given=f"{count}, which is a step of {one.given}",
-                    allowed=f"steps of {one.allowed}") if one.where == "run.step" else one
-            for one in faults
-        ]  # fmt: skip
-    return InputError(map(case.places.locate, faults))
-
-
-def _make_problem(case: Case, model: Model, system: System) -> Problem:
-    run, drive = case.record.run, camshaft_drive(case, model)
-    per_revolution = run.steps_per_revolution or DEFAULT_STEPS_PER_REVOLUTION
-    revolution = revolution_time(case, drive)
-    step = run.step or revolution / per_revolution
-    steps = round(run.revolutions * revolution / step)
-    if steps < 1:
-        given = f"{run.revolutions:g} revolutions with a step of {step:g} s"
-        raise refuse("run", given, "at least one step", "", "use more revolutions or a smaller step")
-    adaptive, prune = run.adaptive.part if run.adaptive else None, case.record.fidelity.prune
-    return Problem(system, drive, step, steps, adaptive=adaptive, prune=prune, engine=run.engine)
-
-
-_SAME_ANGLE = 1e-9  # tolerance for equal cam angles, rad: rounding of speed times time
-
-
-def camshaft_drive(case: Case, model: Model, start: float = 0.0, time: float = 0.0) -> Drive:
-    """Return the drive of the camshaft from its angle at time zero, or at a given time if it runs freely."""
-    run = case.record.run
-    if run.fluctuation is not None:
-        swing = run.fluctuation
-        phases = swing.phases or [0.0] * len(swing.orders)
-        return FluctuatingSpeed(case.speed, tuple(swing.orders), tuple(swing.amplitudes), tuple(phases), start)
-    if run.free_running is not None:
-        free = run.free_running
-        return free_running(model, case.speed, free.cam, free.cam_mass, free.follower_mass, start, time)
-    return ConstantSpeed(case.speed, start)
-
-
-def set_initial_state(
-    case: Case, model: Model, problem: Problem, *, until: float | None = None, near: State | None = None
-) -> Problem:
-    """Return a problem with the initial state requested by its case, found near a known one."""
-    system = problem.system
-    known = near.displacement if near and len(near.displacement) == system.size else None
-    match case.record.run.start:
-        case "rest" | "equilibrium" | "periodic" as kind if system.is_kinematic:
-            periodicity = 0.0 if kind == "periodic" else None
-            return replace(problem, start=replace(State.rest(system.size), periodicity=periodicity))
-        case "rest":
-            return replace(problem, start=installed_state(system, problem.drive, near=known))
-        case "equilibrium":
-            return replace(problem, start=moving_equilibrium(system, problem.drive, near=known))
-        case "periodic":
-            start, steps = moving_equilibrium(system, problem.drive), steps_per_revolution(case, problem)
-            one = replace(problem, start=start, steps=steps)
-            return replace(problem, start=solve_periodic(one, integration_method(case, one), until=until))
-        case ResultStartRecord(result=name):
-            state, angle = _last_state(case, model, system, name)
-            drive, free = problem.drive, case.record.run.free_running is not None
-            missing = angle - float(drive.at(np.array([state.time])).angle[0])
-            if abs(missing) > _SAME_ANGLE:
-                drive = camshaft_drive(case, model, angle if free else missing, state.time)
-            return replace(problem, drive=drive, start=state)
-        case GivenStartRecord(displacement=displacement, velocity=velocity):
-            given = {"displacement": displacement, "velocity": velocity}
-            return replace(problem, start=_given_state(case, system, given))
-
-
-def steps_per_revolution(case: Case, problem: Problem) -> int:
-    """Return the number of steps per revolution, the period of a periodic state."""
-    for key, given in excitation_without_period(case).items():
-        allowed = "an excitation that repeats each revolution with start = periodic"
-        raise refuse(key, given, allowed, "the state repeats with the camshaft")
-    revolution = revolution_time(case, problem.drive)
-    steps = round(revolution / problem.step)
-    if abs(steps * problem.step - revolution) > _SAME_ANGLE * revolution:
-        given, why = f"a step of {problem.step:g} s", "the periodic state is that after a whole revolution"
-        raise refuse("run.step", given, "a whole number of steps per revolution", why, "use steps_per_revolution")
-    return steps
-
-
-def excitation_without_period(case: Case) -> dict[str, str]:
-    """Return the excitations that do not repeat with a revolution of the camshaft: what is given, by key."""
-    speed = case.record.run.fluctuation
-    broken = [order for order in speed.orders if order % 1.0] if speed else []
-    found = {"run.fluctuation.orders": f"order {broken[0]:g}"} if broken else {}
-    found |= {f"phasers.{name}": "a shaft that turns against its drive" for name in case.record.phasers}
-    for name, spring in case.record.springs.items():
-        if spring.pulsation is not None and spring.pulsation.order % 1.0:
-            found[f"springs.{name}.pulsation.order"] = f"order {spring.pulsation.order:g}"
-    for name, load in case.record.loads.items():
-        if load.table is not None and (load.table.over_time or load.repeat is False):
-            found[f"loads.{name}.table"] = "a load over time or without repetition"
-    return found
-
-
-def _given_state(case: Case, system: System, given: Mapping[str, Mapping[str, float]]) -> State:
-    """Return the state of given displacements and velocities; the rigid mechanism has none."""
-    rows, faults, allowed = np.zeros((2, system.size)), list[Fault](), "a free component such as 'cam.uy'"
-    for row, (kind, values) in zip(rows, given.items() if not system.is_kinematic else (), strict=False):
-        for name, value in values.items():
-            if name in system.names:
-                row[system.names.index(name)] = value
-            else:
-                where, near = case.place(("run", "start", kind)), suggest_name(name, system.names)
-                faults.append(Fault(where, repr(name), allowed, "", near))
-    if faults:
-        raise InputError(faults)
-    return State(rows[0], rows[1])
-
-
-def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[State, float]:
-    """Return the last saved state of a result and its cam angle."""
-    where = case.place(("run", "start"))
-    result = read_result(resolve_file(case.path, name, where))
-    response = result.response
-    if not np.array_equal(result.mesh.nodes, model.mesh.nodes) or not len(response.field_time):
-        raise refuse(where, name, "a result of the same mesh with at least one saved field")
-    time, angle = float(response.field_time[-1]), float(response.field_angle[-1])
-    if system.is_kinematic:  # the state of the rigid mechanism is its angle
-        return replace(State.rest(system.size), time=time), angle
-    dofs = build_structure(model).dofs
-    free = dofs.numbers >= 0
-    if any(values[-1].reshape(-1, 6)[~dofs.moving].any() for values in response.fields):
-        raise refuse(where, name, "a result of the same supports", "it moves nodes that this model fixes")
-    try:
-        fields = unknown_fields(response, free, system.names[int(free.sum()) :])
-    except InputError as refusal:
-        why = f"it does not contain {refusal.faults[0].given}"
-        raise refuse(where, name, "a result of the same model", why) from None
-    inner, states = response.inner, sum(force.states for force in system.local_forces)
-    if len(inner) != states:
-        raise refuse(where, name, "a result of the same contacts", f"it has {len(inner)} of {states} internal states")
-    moved, moving, pushed = fields.displacement[-1], fields.velocity[-1], fields.acceleration[-1]
-    return State(moved, moving, time, inner if states else None, acceleration=pushed), angle
+    model = model or build_model(case)
+    if not allow_large:
+        check_mesh_memory(model.mesh)
+    return build_equations(case, model, kind)

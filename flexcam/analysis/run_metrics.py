@@ -9,16 +9,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexcam.analysis.preparation import (
-    MASS_CHAINS,
-    PreparedRun,
-    prepare,
-    prepare_without_periodic_search,
-    scalar_probe,
-)
+from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search, scalar_probe
 from flexcam.cams import event_extremes
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
+from flexcam.case.problem_builder import MASS_CHAINS
 from flexcam.core import FloatArray
 from flexcam.core.errors import FlexcamError
 from flexcam.core.units import RPM

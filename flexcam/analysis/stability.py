@@ -9,15 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexcam.analysis.orders import highest_order, last_revolution_orders
-from flexcam.analysis.preparation import (
-    PreparedRun,
-    excitation_without_period,
-    prepare,
-    prepare_without_periodic_search,
-)
+from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search
 from flexcam.analysis.run_metrics import RevolutionChange, revolution_change
 from flexcam.cams import Event, harmonics
 from flexcam.case.case import Case
+from flexcam.case.problem_builder import excitation_without_period
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError
 from flexcam.core.units import RPM

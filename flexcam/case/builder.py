@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -238,8 +239,11 @@ class _Geometry:
         start = self.mesh.node(record.start, "from")
         tangent, train = self._tangent(start), self.mesh.connected_nodes(start)
         own = [one for one in self._cam_contacts() if one.follower in self.mesh.points]
-        lifts = [self._lift_direction(one) for one in own if self.mesh.node(one.follower, "follower") in train]
-        against = any(float(lift[:3] @ tangent) < 0.0 for lift in lifts)
+        against = False
+        for contact in own:
+            if self.mesh.node(contact.follower, "follower") in train:
+                with suppress(InputError):  # the fault of the contact
+                    against |= float(self._lift_direction(contact)[:3] @ tangent) < 0.0
         return _six_components(-tangent if against else tangent)
 
     def contact(self, record: contacts.ContactRecord) -> valvetrain.Contact:

@@ -1,6 +1,6 @@
 """Checks across the tables of a case: exclusive keys, references, nodes, shafts, rockers and lashes.
 
-Checks of raw tables join the report of invalid values; checks of mesh and model follow when all values are valid.
+Checks of raw tables join the report of invalid values; checks of mesh and model need valid ones (`valid_parts`).
 """
 
 from __future__ import annotations

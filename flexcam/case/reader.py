@@ -21,6 +21,7 @@ from flexcam.case.case import Case
 from flexcam.case.cross_checks import RawTables
 from flexcam.case.fault_report import KeyLocations, convert_errors, parse_toml, sort_faults, value_at
 from flexcam.case.fault_report import Path as KeyPath
+from flexcam.case.problem_builder import build_equations, check_run, locate_run_faults
 from flexcam.case.records import (
     CamsRecord,
     CaseRecord,
@@ -35,12 +36,13 @@ from flexcam.case.repetition import Repetition
 from flexcam.case.schema.base import Record
 from flexcam.case.schema.cams import LIFT_TABLE_CONFLICTS
 from flexcam.case.schema.parts import RepeatRecord
+from flexcam.case.valid_parts import TRAIN, ValidParts
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name, system_message
 from flexcam.dynamics import RunFailedError
 from flexcam.fem.assembly import Damping
 from flexcam.fem.mesh import Mesh
 from flexcam.io import Result, read_mesh, read_text, resolve_file
-from flexcam.valvetrain import PublishedLoad, build_system
+from flexcam.valvetrain import CamContact, PublishedLoad
 from flexcam.valvetrain.springs import count_spring_parts
 
 
@@ -205,54 +207,60 @@ class CaseFile:
         if mesh is None or "mesh" not in raw:
             mesh, mesh_faults = self._mesh(raw, places)
             found += mesh_faults
-        case, faults = self._check(raw, mesh, places, overrides)
-        found += faults
+        case, faults, others = self._check(raw, mesh, places, overrides)
+        found += [*faults, *others]
         if found or case is None:
             raise self.complete_refusal(InputError(found), overrides)
         return _with_spring_parts(case)
 
     def complete_refusal(self, refusal: InputError, overrides: Sequence[str] = ()) -> InputError:
-        """Return an error with the faults of the model added: faulty parts are left out until the rest can be built."""
+        """Return an error with the faults of all other parts added: faulty ones are left out until none is found."""
         raw, places, _ = self.complete(overrides)
-        mesh, faults = self._mesh(raw, places)
-        found, removed = dict.fromkeys(refusal.faults), set[str]()  # the copies of a part have the same fault
-        complete, tables = not faults and len(found) <= _MAX_FAULTS, _with_stand_ins(raw, mesh)
-        while complete:
-            case, faults = self._check(tables, mesh, KeyLocations({}))
-            if case is not None and not faults:
-                faults = _model_faults(case)
-                own = (fault for fault in faults if removed.isdisjoint(_SEARCHED.get(_part(fault)[0], ())))
-                found |= dict.fromkeys(map(places.locate, own))
-            parts = dict.fromkeys(map(_part, faults))
-            complete = bool(parts) and all(_leave_out(tables, removed, *part) for part in parts)
+        found = dict.fromkeys(refusal.faults)  # the copies of a part have the same fault
+        mesh, faults = self._mesh(raw, KeyLocations({}))
+        valid = ValidParts(raw, mesh)
+        valid.leave_out(faults)
+        while len(found) <= _MAX_FAULTS and "repeat" not in raw:
+            case, faults, others = self._check(valid.tables(), mesh, KeyLocations({}))
+            if case is not None and not others:
+                faults = _case_faults(case, valid)
+            found |= dict.fromkeys(places.locate(fault) for fault in faults if not valid.follows(fault))
+            if not valid.leave_out([*faults, *others]):
+                break
         return InputError(sort_faults(found))
 
     def _check(
         self, raw: Mapping[str, Any], mesh: Mesh | None, places: KeyLocations, overrides: Sequence[str] = ()
-    ) -> tuple[Case | None, list[Fault]]:
-        """Return the case of some tables, and the faults of their values and references."""
+    ) -> tuple[Case | None, list[Fault], list[Fault]]:
+        """Return the case of some tables, the faults of their values, and those of their references."""
         record, faults = _record(CaseRecord, raw, places, self.path, self.files)
         tables = RawTables(raw, mesh, places)
-        faults += [*tables.reference_faults(), *tables.exclusive_key_faults(), *tables.coincident_node_faults()]
+        others = [*tables.exclusive_key_faults()]
+        if "repeat" not in raw:  # otherwise names and places of the copies are unknown
+            others += [*tables.reference_faults(), *tables.coincident_node_faults()]
         if record is None:
-            return None, faults
-        return Case(self.path, self.text, tuple(overrides), record, mesh, places, self.files, replace_values), faults
+            return None, faults, others
+        case = Case(self.path, self.text, tuple(overrides), record, mesh, places, self.files, replace_values)
+        return case, faults, others
 
     def complete(self, overrides: Sequence[str]) -> tuple[dict[str, Any], KeyLocations, list[Fault]]:
-        """Return the tables with overrides and copies, the sources of all keys and the faults."""
+        """Return the tables with overrides and copies, the sources of all keys and the faults.
+
+        If `repeat` is faulty, it remains in the tables, with one copy of each part for the checks of its values.
+        """
         tables, places = deepcopy(dict(self.raw)), KeyLocations.of_text(self.text)
         first = [one for one in overrides if one.startswith("repeat.") or "{" in one.partition("=")[0]]
         places, found = _apply_overrides(tables, places, first)
-        repeats: Mapping[str, RepeatRecord] = {}
-        if "repeat" in tables:
-            record, faults = _record(RepeatFileRecord, {"repeat": tables["repeat"]}, places, self.path)
-            if record is None:
-                raise InputError([*found, *faults])
-            repeats = record.repeat
-        copies = Repetition.of(tables, repeats)
+        given, faulty = tables.get("repeat", {}), dict[str, Any]()
+        record, faults = _record(RepeatFileRecord, {"repeat": given}, places, self.path)
+        if record is None:
+            faulty, marks = {"repeat": given}, cast("Mapping[str, Any]", given) if isinstance(given, dict) else ()
+            record = RepeatFileRecord(repeat=dict.fromkeys(marks, RepeatRecord.model_validate({"names": ["1"]})))
+        copies = Repetition.of(tables, record.repeat)
         places = replace(places, templates=copies.templates)
-        places, more = _apply_overrides(copies.tables, places, [one for one in overrides if one not in first])
-        return copies.tables, places, [*found, *copies.faults(places), *more]
+        later = [one for one in overrides if one not in first and not faulty]
+        places, more = _apply_overrides(copies.tables, places, later)
+        return copies.tables | faulty, places, [*found, *faults, *copies.faults(places), *more]
 
     @property
     def sweep(self) -> SweepRecord | None:
@@ -278,65 +286,37 @@ class CaseFile:
 
 
 _MAX_FAULTS, _MAX_NODES = 100, 20_000  # other faults, and nodes of the mesh, up to which the model is checked as well
-_GEOMETRY = ("mesh", "nodes", "members", "superelements", "rigid_links")  # without them no part can be checked
-_SEARCHED = {"bearings": {"cams"}, "rockers": {"contacts", "supports"}}  # tables that checks of a table search
-# Tables without a fault, also with all other parts, that replace faulty ones; None for a key that the faulty one keeps.
-_STAND_INS: Mapping[str, Mapping[str, Any]] = {
-    "materials": {"E": 2e11, "nu": 0.3, "density": 8e3, "expansion": 1e-5},
-    "sections": {"shape": "circle", "diameter": 0.01},
-    "members": {"nodes": None, "material": "stand-in", "section": "stand-in"},
-    "rockers": {"model": "lumped", "from": None, "to": None, "direction": None, "arms": [1.0, 1.0]},
-    "cams": {"at": None, "axis": None, "law": "cycloidal", "lift": 1e-3, "rise": 1.0, "return": 1.0,
-             "base_radius": 0.1, "width": 0.01, "follower": {"type": "flat"}},
-    "run": {"speed": 1.0}, "fidelity": {"model": "beams"},
-}  # fmt: skip
 
 
-def _table(tables: Mapping[str, Any], name: str) -> dict[str, Any]:
-    table: object = tables.get(name)
-    return {**cast("dict[str, Any]", table)} if isinstance(table, dict) else {}
+_RIGID = (
+    "cams",
+    "contacts",
+    "rockers",
+    "springs",
+    "loads",
+)  # tables whose values decide whether a rigid train can move
 
 
-def _with_stand_ins(raw: Mapping[str, Any], mesh: Mesh | None) -> dict[str, Any]:
-    """Return tables with few elements, and masses that let every point move without the parts that are left out."""
-    points = _table(raw, "nodes") if mesh is None else [name for name, nodes in mesh.points.items() if len(nodes) == 1]
-    members = _table(raw, "members")
-    added = {kind: {"stand-in": _STAND_INS[kind]} for kind in ("materials", "sections")}
-    added["masses"] = {f"at {name}": {"at": name, "mass": 1.0, "inertia": [1.0, 1.0, 1.0]} for name in points}
-    added["members"] = {name: _table(members, name) | {"elements": 1} for name in members}
-    return {**raw, **{kind: _table(raw, kind) | parts for kind, parts in added.items()}}
-
-
-def _part(fault: Fault) -> tuple[str, ...]:
-    """Return table and name of the part with a fault."""
-    path = re.split(r"[:(]", fault.where)[0].strip().split(".")
-    return tuple(path[: 1 if path[0] in ("run", "fidelity") else 2])
-
-
-def _leave_out(tables: dict[str, Any], removed: set[str], kind: str, name: str = "") -> bool:
-    """Replace a part by its stand-in, or remove it; return whether others can be checked without it."""
-    holder, key = (_table(tables, kind), name) if name else (tables, kind)
-    own, stand_in = _table(holder, key), _STAND_INS.get(kind, {})
-    part = {at: own[at] if one is None else one for at, one in stand_in.items() if one is not None or at in own}
-    if part and part != own:
-        holder[key] = part
-    elif holder.pop(key, None) is None or kind in _GEOMETRY:
-        return False
-    else:
-        removed.add(kind)
-    tables |= {kind: holder} if name else {}
-    return True
-
-
-def _model_faults(case: Case) -> Sequence[Fault]:
-    """Return the faults of the parts on their mesh, or of their equations, apart from those of a solution."""
+def _case_faults(case: Case, valid: ValidParts) -> Sequence[Fault]:
+    """Return the faults of the parts on their mesh, else of their equations, else of their run."""
+    kind = case.record.fidelity.model
     try:
+        case = _with_spring_parts(case)
         model = build_model(case)
-        contacts = {name: one for name, one in model.contacts.items() if not isinstance(one, PublishedLoad)}
-        if case.record.fidelity.model != "rigid" and len(model.mesh.nodes) <= _MAX_NODES:
-            build_system(replace(model, contacts=contacts, damping=Damping()), case.speed)
+        if len(model.mesh.nodes) > _MAX_NODES:
+            return ()
+        if not valid.connected:
+            loads = {name: one for name, one in model.contacts.items() if isinstance(one, PublishedLoad)}
+            contacts = {
+                name: CamContact(one.cam, one.follower, one.direction, one.shaft_axis, 1e6, unilateral=False)
+                for name, one in loads.items()
+            }
+            model = replace(model, contacts={**model.contacts, **contacts}, damping=Damping())
+        possible = valid.connected and (kind != "rigid" or valid.keeps(_RIGID))
+        equations = build_equations(case, model, kind if possible else "beams")
+        check_run(case, *equations, method=valid.keeps((*TRAIN, "materials", "sections")))
     except InputError as refusal:
-        return refusal.faults
+        return locate_run_faults(case, refusal).faults
     except RunFailedError:
         return ()  # no equilibrium exists
     return ()

@@ -15,17 +15,12 @@ from rich.table import Table
 
 from flexcam.analysis import run_checks
 from flexcam.analysis.model_choice import Choice, Error, estimate_errors, select_case
-from flexcam.analysis.preparation import (
-    PreparedRun,
-    excitation_without_period,
-    prepare,
-    prepare_without_periodic_search,
-    scalar_probe,
-)
+from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search, scalar_probe
 from flexcam.analysis.resources import check_resources
 from flexcam.analysis.run import estimate_case_resources, open_partial_result, open_result_file, summary_sink
 from flexcam.analysis.run_metrics import compute_metrics, figures_of_merit, revolution_change, usual_name
 from flexcam.case.case import Case
+from flexcam.case.problem_builder import excitation_without_period
 from flexcam.cli import app as cli
 from flexcam.core.errors import NAME, NAMES, InputError, collect_errors, refuse
 from flexcam.dynamics import Cause, Response, RunFailedError, Stats, Status, solve

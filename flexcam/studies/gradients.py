@@ -23,8 +23,9 @@ from itertools import chain
 
 import numpy as np
 
-from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search, steps_per_revolution
+from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search
 from flexcam.case.case import Case
+from flexcam.case.problem_builder import steps_per_revolution
 from flexcam.case.reader import CaseFile
 from flexcam.case.variants import Number, get_number, make_overrides
 from flexcam.core import FloatArray

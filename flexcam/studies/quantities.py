@@ -21,10 +21,11 @@ from flexcam.analysis.limits import (
     evaluate_speed,
     find_limits,
 )
-from flexcam.analysis.preparation import build_problem, prepare, steps_per_revolution
+from flexcam.analysis.preparation import build_problem, prepare
 from flexcam.cams import Event, event_extremes, harmonics, joints
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
+from flexcam.case.problem_builder import steps_per_revolution
 from flexcam.case.reader import CaseFile
 from flexcam.case.records import find_unit
 from flexcam.case.variants import Number, get_number

@@ -244,7 +244,7 @@ def _penetration_rows(structure: Structure, contact: CamContact, cam: Cam, where
     lift, axis = contact.direction, contact.rotation
     follower = structure.row(contact.follower, lift, f"{where}.follower")
     if not follower.any():
-        raise _fixed_follower_error(structure, contact.follower, f"{where}.follower")
+        raise fixed_follower_error(structure, contact.follower, f"{where}.follower")
     check_arm_length(structure, contact, cam, where)
     twist = structure.row(cam.at, axis)
     rolls = cam.follower is not None and np.isfinite(cam.follower.roller_radius)
@@ -288,7 +288,8 @@ def _swing_rows(structure: Structure, contact: CamContact, cam: Cam) -> list[tup
     return [(stiff, constant(1.0)), (away - stiff, normal_force_ratio(cam))]
 
 
-def _fixed_follower_error(structure: Structure, follower: str, where: str) -> InputError:
+def fixed_follower_error(structure: Structure, follower: str, where: str) -> InputError:
+    """Return the error of a follower that cannot move along the lift."""
     mesh = structure.model.mesh
     if structure.is_node(follower) and not (structure.dofs.numbers[mesh.node(follower)] >= 0).any():
         given, why = f"{follower!r}, a node with nothing that moves", "members, masses and springs give a node unknowns"

@@ -30,6 +30,7 @@ from flexcam.dynamics import (
     static_displacement,
 )
 from flexcam.fem.assembly import assemble_loads, element_weight, thermal_load
+from flexcam.valvetrain.cam_contact import fixed_follower_error
 from flexcam.valvetrain.coupling import Coupling, constant_history, installed_load
 from flexcam.valvetrain.parts import Cam, LoadTable, PublishedLoad
 from flexcam.valvetrain.rigid_kinematics import FollowerTrain, follower_train
@@ -47,8 +48,7 @@ def series_stiffness(structure: Structure, contact: PublishedLoad, where: str) -
     """Return K_KE of (22): the static stiffness at the follower along the lift, N/m."""
     push = structure.dofs.vector(find_node(structure.model, contact.follower, where), contact.direction)
     if not push.any():
-        given, why = f"{contact.follower!r}, held along the lift", "the cam cannot move this follower"
-        raise refuse(where, given, "a point that is free along the lift", why, "remove that component from [supports]")
+        raise fixed_follower_error(structure, contact.follower, where)
     try:
         give = float(push @ static_displacement(structure.stiffness, push, structure.dofs.names, structure.free))
     except RunFailedError as failure:

@@ -108,7 +108,48 @@ def test_the_model_of_a_good_case_has_no_fault(tmp_path):
         assert not file.complete_refusal(InputError(())).faults, template
 
 
-def test_a_fault_of_a_node_leaves_the_model_unchecked(starter, changed, faults_of):
-    """No direction or length is known then."""
-    text = changed(starter, ('rear = ["180 mm"', 'rear = ["180 kg"'), UNDERCUT[0])
-    assert [fault.where.partition(" ")[0] for fault in faults_of(text)] == ["nodes.rear.0"]
+# Faults that do not depend on each other, of nodes, start, steps, equations, copies and bodies: a template, then for each fault
+# the changed text and the place of the fault.
+NODE = ('rear = ["180 mm"', 'rear = ["180 kg"', "nodes.rear.0")
+START = ("[output]", '[run.start.displacement]\n"nowhere.uy" = 0\n[output]', "run.start.displacement")
+REST = ('start = "equilibrium"', "", "")
+SMALLEST = ("[output]", '[run.adaptive]\nsmallest = "1 s"\n[output]', "run.adaptive.smallest")
+SPRINGZ = ("[run]", "[springz]\n[run]", "springz")
+HELD = ('tappet = ["ux", "uz", "ry"]', 'tappet = ["ux", "uy", "uz", "ry"]', "contacts.intake.follower")
+RIGID = (
+    "[run]",
+    '[fidelity]\nmodel = "rigid"\n[contacts.stop]\nat = "tappet"\ndirection = "-uy"\nmodel = "seat"\nstiffness = 1e7\n[run]',
+    "contacts.intake",
+)
+INDEPENDENT = {
+    "a node and a cam": ("pushrod-engine", NODE, (*UNDERCUT[0], *UNDERCUT[1])),
+    "one place and a mass": ("pushrod-engine", ('front = ["60 mm"', 'front = ["0 mm"', "nodes.front"), (*INERTIA[0], *INERTIA[1])),
+    "a start and a node": ("pushrod-engine", REST, START, NODE),
+    "a start and adaptive steps": ("pushrod-engine", REST, START, SMALLEST),
+    "a result and a unit": ("pushrod-engine", ('"equilibrium"', '{ result = "none.vtkhdf" }', "run.start.result"), (*STIFFNESS[0], *STIFFNESS[1])),
+    "few steps and a part": ("pushrod-engine", ("steps_per_revolution = 3600", 'step = "1000 s"', "run"), (*STOP[0], *STOP[1])),
+    "a period and a reference": (
+        "pushrod-engine", ("steps_per_revolution = 3600", 'step = "1.37 ms"', "run.step"), ('"equilibrium"', '"periodic"', ""), (*PROBE[0], *PROBE[1]),
+    ),
+    "a method and a key": ("pushrod-engine", ("[output]", '[run.integrator]\nmethod = "central-difference"\n[output]', "run.steps_per_revolution"), SPRINGZ),
+    "a chain and a unit": ("pushrod-engine", ("[run]", '[fidelity]\nmodel = "chain"\nmasses = 900\n[run]', "fidelity.masses"), (*MASS[0], *MASS[1])),
+    "a rigid train and a unit": ("pushrod-engine", RIGID, (*MASS[0], *MASS[1])),
+    "the version and a part": ("pushrod-engine", ("format = 1", "format = 2", "format"), (*SHAFT[0], *SHAFT[1])),
+    "a published load and a key": ("published-model", HELD, SPRINGZ),
+    "copies and a speed": ("dohc-16-valve", ('spacing = ["36 mm"', 'spacing = ["36 kg"', "repeat.side.spacing.0"), ('"6000 rpm"', '"6000 kg"', "run.crank_speed")),
+    "a body and adaptive steps": ("solid-rocker", ('"rocker-stiffness.mtx"', '"none.mtx"', "superelements.rocker.stiffness"), REST, SMALLEST),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", INDEPENDENT)
+def test_independent_faults_come_in_one_report(name, tmp_path, changed, faults_of):
+    template, *edits = INDEPENDENT[name]
+    text = new_case(template, tmp_path / "case.toml")[0].read_text(encoding="utf-8")
+    faults = faults_of(changed(text, *(edit[:2] for edit in edits)))
+    wheres = [re.split(r" \(|:", fault.where)[0] for fault in faults]
+    assert sorted(wheres) == sorted(place for *_, place in edits if place)
+
+
+def test_a_key_of_an_old_case_leads_to_its_table(starter, changed, faults_of):
+    (fault,) = faults_of(changed(starter, ("[output]", "[run.phaser]\nshift = [[0, 0], [1, 0.1]]\n[output]")))
+    assert fault.remedy == "did you mean 'phasers' at the top of the file?"

@@ -1,0 +1,136 @@
+"""Valid part of a case: its tables without the faulty parts, so that one report has the faults of all others."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from copy import deepcopy
+from dataclasses import dataclass, field
+from typing import Any, cast
+
+from flexcam.case.fault_report import Path, value_at
+from flexcam.case.records import example_value
+from flexcam.core.errors import Fault
+from flexcam.fem.mesh import Mesh
+
+# Tables of the train: without one of their parts no train is known to be complete.
+TRAIN = frozenset(
+    ("nodes", "members", "superelements", "rigid_links", "supports", "masses", "springs", "bearings", "loads",
+     "rockers", "cams", "contacts")
+)  # fmt: skip
+_INNER = frozenset(("mesh", "members", "superelements", "springs", "rockers"))  # tables that name unknowns
+# Parts and keys whose checks search other tables, and those tables and keys.
+_SEARCHED: Mapping[str, set[str] | frozenset[str]] = {
+    "bearings": {"cams", "members"}, "rockers": {"contacts", "supports"}, "cams": {"members"}, "contacts": {"members"},
+    "run.start": TRAIN, "run.start.displacement": _INNER, "run.start.velocity": _INNER, "run.step": {"run.speed"},
+    "run.steps_per_revolution": {"run.speed"}, "run.adaptive.smallest": {"run", "run.step", "run.speed"},
+}  # fmt: skip
+# Tables without a fault, also with all other parts, that replace faulty ones; None for a key that the faulty one keeps.
+_STAND_INS: Mapping[str, Mapping[str, Any]] = {
+    "materials": {"E": 2e11, "nu": 0.3, "density": 8e3, "expansion": 1e-5},
+    "sections": {"shape": "circle", "diameter": 0.01},
+    "members": {"nodes": None, "material": "stand-in", "section": "stand-in"},
+    "rockers": {"model": "lumped", "from": None, "to": None, "direction": None, "arms": [1.0, 1.0]},
+    "cams": {"at": None, "axis": None, "law": "cycloidal", "lift": 1e-3, "rise": 1.0, "return": 1.0,
+             "base_radius": 0.1, "width": 0.01, "follower": {"type": "flat"}},
+    "run": {"speed": 100.0, "start": None, "integrator": None},
+}  # fmt: skip
+_OPTIONAL = ("run", "fidelity", "output")  # tables whose keys are left out one by one
+
+
+def _path(fault: Fault) -> Path:
+    return tuple(re.split(r" \(|:", fault.where)[0].split("."))
+
+
+@dataclass
+class ValidParts:
+    """Tables of a case from which faulty parts are left out; the smallest change that cures a fault is made first."""
+
+    given: dict[str, Any]  #: tables that are left
+    mesh: Mesh | None
+    #: parts and keys that were changed, and tables that lack a part, as `springs.valve` and `springs`
+    changed: set[str] = field(default_factory=set[str])
+    replaced: set[str] = field(default_factory=set[str])  #: parts that have a stand-in
+
+    def keeps(self, kinds: Iterable[str]) -> bool:
+        """Return whether no part of some tables was changed."""
+        return {key.partition(".")[0] for key in self.changed}.isdisjoint(kinds)
+
+    @property
+    def connected(self) -> bool:
+        """True if no part of the train is missing."""
+        return self.changed.isdisjoint(TRAIN)
+
+    def tables(self) -> dict[str, Any]:
+        """Return the tables; if parts are missing, with masses that let every point move."""
+        found, nodes = deepcopy(self.given) | {"format": 1}, self._table("nodes")
+        if "mesh" not in found and not nodes:
+            found["nodes"] = nodes = {"stand-in": [0.0, 0.0, 0.0]}
+        own: dict[str, dict[str, Any]] = {kind: {"stand-in": _STAND_INS[kind]} for kind in ("materials", "sections")}
+        own["members"] = {name: {"material": "stand-in", "section": "stand-in"} for name in self._lines}
+        if not self.connected:
+            points = nodes if self.mesh is None else [one for one, n in self.mesh.points.items() if len(n) == 1]
+            own["masses"] = {f"at {one}": {"at": one, "mass": 1.0, "inertia": [1.0, 1.0, 1.0]} for one in points}
+        return found | {kind: parts | self._table(kind) for kind, parts in own.items()}
+
+    @property
+    def _lines(self) -> Iterable[str]:
+        """Members that a mesh file defines."""
+        return () if self.mesh is None else self.mesh.lines
+
+    def follows(self, fault: Fault) -> bool:
+        """Return whether a fault may follow from the changes."""
+        path, node = _path(fault), fault.given.strip("'").partition(".")[0]
+        searched = _SEARCHED.get(path[0], set()) | _SEARCHED.get(".".join(path), set())
+        keys = {".".join(path[:2]), f"nodes.{node}", "nodes" if node.startswith("node ") else "", *searched}
+        if path[0] == "friction":  # of a nest of springs
+            keys |= {f"springs.{name}" for name in self._table("springs")}
+        return not self.changed.isdisjoint(keys)
+
+    def leave_out(self, faults: Iterable[Fault]) -> bool:
+        """Leave out what has a fault; return whether anything was left to change."""
+        parts: dict[Path, list[Fault]] = {}
+        for fault in faults:
+            parts.setdefault(_path(fault)[:2], []).append(fault)
+        changes = [[self._cure(fault) for fault in own] for own in parts.values()]
+        left = [part for part, cured in zip(parts, changes, strict=True) if not any(cured)]
+        replaced = [self._replace(*part) for part in left]
+        return len(left) < len(parts) or any(replaced)
+
+    def _table(self, *path: str) -> dict[str, Any]:
+        table = value_at(self.given, path)
+        return cast("dict[str, Any]", table) if isinstance(table, dict) else {}
+
+    def _cure(self, fault: Fault) -> bool:
+        """Remove an unknown or an optional key, or replace a quantity by an example; return whether this changed it."""
+        path = _path(fault)
+        holder, key, part = self._table(*path[:-1]), path[-1], ".".join(path[:2])
+        if fault.given == f"key {key!r}":
+            return holder.pop(key, None) is not None
+        if path[0] in _OPTIONAL and len(path) > 1:
+            self.changed.add(part)
+            return self._table(path[0]).pop(path[1], None) is not None
+        example = example_value(path) if holder and len(path) > 2 else None
+        if example is None or holder.get(key) == example:
+            return False
+        holder[key] = example
+        self.changed.add(part)
+        return True
+
+    def _replace(self, kind: str, name: str = "") -> bool:
+        """Replace a part by its stand-in, or remove it; return whether this changed it."""
+        alone = not name or kind in _OPTIONAL
+        holder, key = (self.given, kind) if alone else (self._table(kind), name)
+        part, stand_in = kind if alone else f"{kind}.{name}", _STAND_INS.get(kind)
+        self.changed.add(part)
+        if stand_in is None or part in self.replaced:
+            self.changed |= set() if name in self._lines else {kind}
+            return holder.pop(key, None) is not None
+        kept = self._table(*part.split("."))
+        found = {at: kept.get(at) if one is None else one for at, one in stand_in.items()}
+        if isinstance(nodes := found.get("nodes"), list):
+            named = (one for one in cast("list[object]", nodes) if isinstance(one, str) and one in self._table("nodes"))
+            found["nodes"] = list(dict.fromkeys(named))
+        self.replaced.add(part)
+        holder[key] = {at: one for at, one in found.items() if one is not None}
+        return True
