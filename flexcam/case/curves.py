@@ -233,10 +233,12 @@ class RowsOrFile:
 
     def _read(self, name: str, files: _Files) -> FloatArray:
         found = files.read(name, "table", lambda path, text: read_columns(path, "table", text))
-        known, names = {one.lower(): column for one, column in found.items()}, [name for name, _ in self.columns]
+        known, names = {one.lower(): column for one, column in found.items()}, [one for one, _ in self.columns]
         if missing := [one for one in names if one not in known]:
             given = f"{Path(name).name}, without {' and '.join(missing)}"
-            raise refuse("table", given, f"a table with the columns {' and '.join(names)}", f"it has {', '.join(found)}")
+            raise refuse(
+                "table", given, f"a table with the columns {' and '.join(names)}", f"it has {', '.join(found)}"
+            )
         scaled = [known[one][1] * conversion_factor(known[one][0], si, f"column {one!r}") for one, si in self.columns]
         return np.column_stack(scaled)
 
