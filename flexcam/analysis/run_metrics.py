@@ -203,8 +203,9 @@ def _buckling_margins(case: Case) -> dict[str, float]:
     ready = prepare_without_periodic_search(case)
     system = ready.problem.system
     least: dict[str, float] = {}
-    for cam in ready.model.cams.values():
-        drive = ConstantSpeed(case.speed, cam.drive_angle(event_extremes(cam.event)[1].at))
+    angles = (cam.drive_angle(event_extremes(cam.event)[1].at) for cam in ready.model.cams.values())
+    for angle in dict.fromkeys(angles):  # valves of a cylinder share one
+        drive = ConstantSpeed(case.speed, angle)
         still = Problem(system, drive, 1e-6 / case.speed, 1, equilibrium(system, drive))
         for name, use in _solve_channels(still, newmark(), ".buckling_use").items():
             if float(use[0]) > 0.0:
