@@ -36,6 +36,7 @@ HEAD = [
     "[definitions](topics/fidelity.md#cost-of-simpler-models). Made by `docs/make_trade.py` on "
     + platform.machine()
     + ".",
+    "Errors of the beams of the case, and of the models with a smaller maximum error than every model of less work, are in %.",
     "",
     "## The cheapest model within a tolerance of the lift",
     "",
@@ -94,8 +95,7 @@ def _ladder(path: str, overrides: list[str]) -> list[str]:
     return [
         f"## {case.record.title}",
         "",
-        f"`{path}`{given}. Errors in % of the beams of the case, and of the models",
-        "with a smaller maximum error than every model of less work.",
+        f"`{path}`{given}.",
         "",
         "| model | steps/rev | unknowns | work | cpu s | " + " | ".join(kinds) + " |",
         "|---|---|---|---|---|" + "---|" * len(kinds),

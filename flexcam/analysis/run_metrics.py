@@ -17,7 +17,7 @@ from flexcam.case.problem_builder import MASS_CHAINS
 from flexcam.core import FloatArray
 from flexcam.core.errors import FlexcamError
 from flexcam.core.units import RPM
-from flexcam.dynamics import ConstantSpeed, Problem, Response, equilibrium, newmark, solve
+from flexcam.dynamics import ConstantSpeed, Method, Problem, Response, SaveAt, equilibrium, newmark, solve
 from flexcam.valvetrain import Metric, main_lift, opposed_contacts, train_metrics
 
 
@@ -171,7 +171,7 @@ def _rigid_limit_speed(case: Case) -> float | None:
     channels: list[Mapping[str, FloatArray]] = []
     for speed, ready in zip(speeds, trains, strict=True):
         problem = replace(ready.problem, step=(_ANGLES[1] - _ANGLES[0]) / speed, steps=len(_ANGLES) - 1)
-        channels.append(solve(problem, ready.scheme).channels)
+        channels.append(_solve_channels(problem, ready.scheme, ".force"))
     model, worst = trains[0].model, list[float]()
     opposed = opposed_contacts(model)
     for name, contact in model.cam_contacts.items():
@@ -186,16 +186,24 @@ def _rigid_limit_speed(case: Case) -> float | None:
     return min(worst) / RPM if worst else None
 
 
+def _solve_channels(problem: Problem, scheme: Method, ending: str) -> Mapping[str, FloatArray]:
+    """Return the channels of a run whose names have an ending, without other results."""
+    seen = tuple(channel for channel in problem.system.channels if channel.name.endswith(ending))
+    bare = replace(problem, system=replace(problem.system, channels=seen, probes=()))
+    return solve(bare, scheme, save=SaveAt(field_every=problem.steps, energies=False)).channels
+
+
 def _buckling_margins(case: Case) -> dict[str, float]:
     """Return the ratio of buckling load to compression of every member with its cam at full lift at rest."""
     ready = prepare_without_periodic_search(case)
     system = ready.problem.system
     least: dict[str, float] = {}
-    for cam in ready.model.cams.values():
-        drive = ConstantSpeed(case.speed, cam.drive_angle(event_extremes(cam.event)[1].at))
+    angles = (cam.drive_angle(event_extremes(cam.event)[1].at) for cam in ready.model.cams.values())
+    for angle in dict.fromkeys(angles):  # valves of a cylinder share one
+        drive = ConstantSpeed(case.speed, angle)
         still = Problem(system, drive, 1e-6 / case.speed, 1, equilibrium(system, drive))
-        for name, use in solve(still, newmark()).channels.items():
-            if name.endswith(".buckling_use") and float(use[0]) > 0.0:
+        for name, use in _solve_channels(still, newmark(), ".buckling_use").items():
+            if float(use[0]) > 0.0:
                 member = name.split(".")[1]
                 least[member] = min(1.0 / float(use[0]), least.get(member, math.inf))
     return least

@@ -208,6 +208,7 @@ class Stability:
     open_on_the_lift: float
     change: RevolutionChange | None  #: difference of the last two revolutions; None if the run ended before
     status: Status  #: status of the run used to evaluate contacts, modes and the integrator
+    why_no_modes: str = ""  #: reason for missing resonances; empty otherwise
 
     @property
     def active_resonances(self) -> tuple[Resonance, ...]:
@@ -281,15 +282,21 @@ def assess_stability(case: Case) -> Stability:
     multipliers, why_not = None, "the follower leaves its cam, and the impacts that follow need not repeat"
     if opened <= OPEN:
         multipliers, why_not = _floquet_multipliers(case)
+    met, why_no_modes = (), ""
+    try:
+        met = resonances(ready, response)
+    except RunFailedError as failure:  # such as a shaft within the backlash of its gear, at the nose of its cam
+        why_no_modes = f"no stable equilibrium at full lift: {failure.status.text}"
     return Stability(
         rpm=case.speed / RPM,
         discrete=step_amplification(ready, method, response),
         floquet=multipliers,
         why_not=why_not,
-        resonances=resonances(ready, response),
+        resonances=met,
         open_on_the_lift=opened,
         change=revolution_change(ready, response),
         status=response.status,
+        why_no_modes=why_no_modes,
     )
 
 

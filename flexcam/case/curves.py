@@ -132,6 +132,12 @@ class _Files:
     case: Path  #: file of the case
     texts: dict[str, str]  #: texts read so far, by file name in the case
 
+    @classmethod
+    def of(cls, info: ValidationInfo) -> _Files:
+        """Return the files of the case that is being validated."""
+        context = cast("Mapping[str, Any]", info.context or {})
+        return cls(context.get("case", Path()), context.get("texts", {}))
+
     def read(self, name: str, where: str, read: Callable[[Path, str | None], Read]) -> Read:
         """Read a file, or its known text, and keep the text."""
         known = self.texts.get(name)
@@ -194,15 +200,47 @@ class _FromFile:
 
     def validate(self, value: object, info: ValidationInfo) -> object:
         """Return the content of a file or of a table; raise its faults in the form of pydantic."""
-        context = cast("Mapping[str, Any]", info.context or {})
         try:
-            return self.make(value, _Files(context.get("case", Path()), context.get("texts", {})))
+            return self.make(value, _Files.of(info))
         except InputError as refusal:
             # A fault of the value itself has no path inside it.
             fault = refusal.faults[0]
             if fault.where == "table":
                 raise value_error(fault.allowed, fault.why, fault.remedy, given=fault.given) from None
             raise convert_error(refusal, inside=fault.where not in ("law", "lift_table")) from None
+
+
+@dataclass(frozen=True)
+class RowsOrFile:
+    """Annotation of a list of rows, or of the name of a table with these columns in the folder of the case."""
+
+    columns: tuple[tuple[str, str], ...]  #: name and SI unit of each column
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
+        return core_schema.with_info_before_validator_function(self.validate, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"anyOf": [{"type": "string"}, handler(schema)]}
+
+    def validate(self, value: object, info: ValidationInfo) -> object:
+        """Return the rows of a file in SI; other values unchanged."""
+        if not isinstance(value, str):
+            return value
+        try:
+            return self._read(value, _Files.of(info)).tolist()
+        except InputError as refusal:
+            raise convert_error(refusal) from None
+
+    def _read(self, name: str, files: _Files) -> FloatArray:
+        found = files.read(name, "table", lambda path, text: read_columns(path, "table", text))
+        known, names = {one.lower(): column for one, column in found.items()}, [one for one, _ in self.columns]
+        if missing := [one for one in names if one not in known]:
+            given = f"{Path(name).name}, without {' and '.join(missing)}"
+            raise refuse(
+                "table", given, f"a table with the columns {' and '.join(names)}", f"it has {', '.join(found)}"
+            )
+        scaled = [known[one][1] * conversion_factor(known[one][0], si, f"column {one!r}") for one, si in self.columns]
+        return np.column_stack(scaled)
 
 
 def _parse_law_value(value: object, files: _Files) -> LawDefinition:

@@ -46,7 +46,7 @@ _UNITS = {
     "velocity": "m/rad", "sliding_velocity": "m/rad", "acceleration": "m/rad^2", "jerk": "m/rad^3", "ratio": "1",
     **dict.fromkeys(
         ("angle", "opens", "closes", "duration", "centre", "centreline", "tdc", "pressure_angle", "convex_radius_at",
-         "hollow_radius_at", "pressure_angle_at"), "rad"),
+         "hollow_radius_at", "pressure_angle_at", "drive_angle", "shift"), "rad"),
 }  # fmt: skip
 
 
@@ -67,8 +67,14 @@ def _cam_json(found: CamFacts, report: LiftReport | None) -> dict[str, object]:
         "profile": _profile_json(found),
         "findings": found.findings, "smoothing": report,
         "centreline": found.centreline, "tdc": found.tdc, "ratio": found.ratio, "lash": found.lash,
-        "valve_lift": _valve_lift(found), "after_tdc": after_tdc,
+        "valve_lift": _valve_lift(found), "after_tdc": after_tdc, "phaser": _phaser_json(found.cam.phaser),
     }  # fmt: skip
+
+
+def _phaser_json(phaser: Phaser | None) -> list[dict[str, float]] | None:
+    if phaser is None:
+        return None
+    return [{"drive_angle": at, "shift": shift} for at, shift in zip(phaser.angles, phaser.shifts, strict=True)]
 
 
 def _valve_lift(found: CamFacts) -> float:

@@ -190,6 +190,7 @@ _WORDS = {
 def _stability_table(found: Stability, scale: float, *, has_contact: bool) -> Table:
     skipped = [] if found.discrete.is_available else ["the integrator"]
     skipped += ["the growth of disturbances"] if found.floquet is None else []
+    skipped += ["resonances"] if found.why_no_modes else []
     stable = "none: no cause of instability found"
     stable += f"; {' and '.join(skipped)} could not be assessed" if skipped else ""
     several = len({one.contact for one in found.resonances}) > 1
@@ -227,6 +228,8 @@ def _format_resonance(one: Resonance, scale: float) -> str:
 
 
 def _count_resonances(found: Stability, scale: float) -> str:
+    if found.why_no_modes:
+        return f"not assessed: {found.why_no_modes}"
     count = len(found.within)
     rpm = f"{shaft_name(scale)} rpm"
     words = f"{count or 'none'} at or below {scale * found.highest_listed_rpm:.5g} {rpm}"
@@ -258,7 +261,7 @@ def _stability_json(found: Stability, scale: float) -> dict[str, object]:
         "endangered_moves": list(discrete.moving), "critical_step_s": discrete.critical_step,
         "multipliers": [] if floquet is None else [[one.real, one.imag] for one in floquet.multipliers.tolist()],
         "growth": None if floquet is None else floquet.growth, "chatters": found.is_chattering,
-        "revolution_change": found.change, "note": found.why_not,
+        "revolution_change": found.change, "note": "; ".join(filter(None, (found.why_not, found.why_no_modes))),
         "open_on_the_lift_deg": math.degrees(found.open_on_the_lift),
         "resonances": [
             {

@@ -17,7 +17,7 @@ from flexcam.cli import app as cli
 from flexcam.cli.sources import displayed_mechanism, open_sources
 from flexcam.core.errors import refuse
 from flexcam.report.tables import info_table, stats_json
-from flexcam.report.terminal import print_json, result_console
+from flexcam.report.terminal import print_json, print_message, result_console
 
 _FRAMES, _MAX_FRAMES = {".vtm": 36, ".glb": 72}, 720
 _MAX_INSTANTS = 10_000_000
@@ -110,7 +110,11 @@ def export(
         io.create_folder(source.parent if folder is None else io.check_folder_name(folder)) / f"{source.stem}.{form}"
     )
     if form in ("msh", "inp"):
-        io.write_mesh(build_model(read_case(source)).mesh, target, overwrite=overwrite)
+        model = build_model(read_case(source))
+        io.write_mesh(model.mesh, target, overwrite=overwrite)
+        parts = [f"{key}.{name}" for key in ("rigid_links", "superelements") for name in getattr(model, key)]
+        if parts:
+            print_message(f"Note: the mesh is without {', '.join(parts)}: connect their nodes in the other program")
         files = [target]
     elif form == "csv":
         response = io.read_result(source).response

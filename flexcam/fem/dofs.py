@@ -150,12 +150,12 @@ def dof_map(
     mesh: Mesh, supports: Iterable[tuple[str, Iterable[str]]], single: Iterable[tuple[int, FloatArray]] = (),
     ties: Ties | None = None,
 ) -> DofMap:  # fmt: skip
-    """Return the numbering of the free components of a mesh; leading nodes of ties have all six."""
+    """Return the numbering of the free components of a mesh; leading nodes of ties have those that move others."""
     free = np.repeat(mesh.on_members()[:, None], 6, axis=1)
     for node, moved in single:
         free[node] |= moved != 0.0
     if ties is not None:
-        free[ties.leader[ties.tied.any(axis=1)]] = True
+        np.logical_or.at(free, ties.leader, ties.matrices.any(axis=1))
         free &= ~ties.tied
     for point, components in supports:
         for name in components:

@@ -9,7 +9,6 @@ from functools import partial
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.units import to_display_unit
@@ -51,7 +50,8 @@ def reduce_points(x: FloatArray, y: FloatArray, most: int = _MAX_POINTS) -> tupl
         peaks = _peaks(y, _LONG_HISTORY // 4)
         x, y = x[peaks], y[peaks]
     off = _CURVE_TOLERANCE * float(np.ptp(y))
-    while (kept := _kept_points(x, y, off)).sum() > most:
+    tolerances = _point_tolerances(x, y, off)
+    while (kept := tolerances > off).sum() > most:
         off *= 2.0
     return x[kept], y[kept]
 
@@ -63,19 +63,23 @@ def _peaks(y: FloatArray, stretches: int) -> IntArray:
     return np.unique([0, *each, len(y) - 1])
 
 
-def _kept_points(x: FloatArray, y: FloatArray, within: float) -> NDArray[np.bool_]:
-    kept = np.zeros(len(x), dtype=bool)
-    kept[[0, -1, int(np.argmin(y)), int(np.argmax(y))]] = True
+def _point_tolerances(x: FloatArray, y: FloatArray, within: float) -> FloatArray:
+    """Return the tolerance below which each point is kept; zero for points that are not kept at a tolerance."""
+    found = np.zeros(len(x))
+    found[[0, -1, int(np.argmin(y)), int(np.argmax(y))]] = np.inf
     while True:
-        at = np.flatnonzero(kept)
+        at = np.flatnonzero(found)
         off = np.abs(y - np.interp(x, x[at], y[at]))
         off[at] = 0.0
-        stretch = np.clip(np.searchsorted(at, np.arange(len(x)), side="right"), 1, len(at) - 1) - 1
+        stretch = np.repeat(np.arange(len(at) - 1), np.diff(at))
+        stretch = np.append(stretch, len(at) - 2)
         farthest = np.maximum.reduceat(off, at[:-1])[stretch]
         more = (off == farthest) & (off > within)
         if not more.any():
-            return kept
-        kept |= more
+            return found
+        # A point of a segment is found only if both ends of the segment are kept.
+        ends = np.minimum(found[at[:-1]], found[at[1:]])[stretch]
+        found[more] = np.minimum(off, ends)[more]
 
 
 def build_albums(runs: Runs, main: str) -> tuple[list[ChartGroup], list[str]]:

@@ -72,6 +72,15 @@ def test_a_result_has_the_lift_table_of_its_case(tmp_path):
         (tmp_path / "measured-lift.csv").unlink(missing_ok=True)
 
 
+def test_a_result_has_the_force_table_of_its_case(tmp_path):
+    shutil.copy(ROOT / "cases/pushrod-engine/intake.toml", tmp_path / "case.toml")
+    (tmp_path / "spring.csv").write_text("travel_mm, force_N\n0, 200\n8, 500\n20, 1100\n")
+    changes = ("springs.valve.stiffness=0", "springs.valve.force_table=spring.csv")
+    case, _, result = solved(tmp_path / "case.toml", tmp_path, *changes)
+    (tmp_path / "spring.csv").unlink()
+    assert case_from_result(result).record.springs["valve"] == case.record.springs["valve"]
+
+
 def test_a_result_has_the_law_file_of_its_case(tmp_path):
     shutil.copy(ROOT / "cases/pushrod-engine/intake.toml", tmp_path / "case.toml")
     (tmp_path / "law.toml").write_text('[law]\nid = "cycloidal"\n')

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 import xml.etree.ElementTree as ET  # the files are our own
 from pathlib import Path
 
@@ -22,7 +23,7 @@ from tests.command import facts
 ROOT, DEG = Path(__file__).parents[2], math.pi / 180
 FILES = {path.stem: path for part in ("cases/cams", "cases/tayeb") for path in sorted((ROOT / part).glob("*.toml"))}
 FILES["every-cam"] = ROOT / "tests/data/every-cam.toml"
-KEYS = ["lift", "least_lift", "velocity", "acceleration", "jerk", "harmonics", "joints", "valve_events", "follower_events", "profile", "findings", "smoothing", "centreline", "tdc", "ratio", "lash", "valve_lift", "after_tdc"]  # fmt: skip
+KEYS = ["lift", "least_lift", "velocity", "acceleration", "jerk", "harmonics", "joints", "valve_events", "follower_events", "profile", "findings", "smoothing", "centreline", "tdc", "ratio", "lash", "valve_lift", "after_tdc", "phaser"]  # fmt: skip
 PROFILE = ["base_radius", "convex_radius", "convex_radius_at", "hollow_radius", "hollow_radius_at", "pressure_angle", "pressure_angle_at", "contact_offset", "sliding_velocity", "least_base_radius", "face_diameter", "min_face_diameter"]  # fmt: skip
 
 
@@ -355,6 +356,17 @@ def test_card_as_a_table(told, tmp_path):
     assert rows["next", "profile base radius"] == (20.0, "mm")
     told("card.toml", "-o", "out", "--format", "csv", "--units", "imperial", "--overwrite")
     assert f"exhaust,lift,{8 / 25.4:.5f}" in (tmp_path / "out/card-card.csv").read_text()
+
+
+def test_rows_of_a_phaser(told, tmp_path):
+    """In the JSON and on the card; a cam that no phaser turns has none."""
+    new_case("cam-phaser", tmp_path / "phaser.toml")
+    found = facts(told, "phaser.toml", "-o", "out", "--format", "csv")["cams"]
+    rows = [(row["drive_angle"] / DEG, row["shift"] / DEG) for row in found["intake"]["phaser"]]
+    assert rows == [pytest.approx((360.0, 0.0)), pytest.approx((1560.0, 20.0))]
+    assert found["exhaust"]["phaser"] is None
+    card = (tmp_path / "out/phaser-card.csv").read_text()
+    assert re.findall("intake,phaser (.*)", card)[2:] == ["2 drive angle,1560.0,deg", "2 shift,20.0,deg"]
 
 
 def test_writes_over_nothing_unasked(told, tmp_path):

@@ -165,6 +165,13 @@ def test_export_a_mesh_and_use_it(flexcam, case, tmp_path):
     assert set(read_mesh(tmp_path / "mesh/case.msh").lines) == {"camshaft", "pushrod"}
 
 
+def test_a_mesh_for_another_program_is_without_links(flexcam):
+    flexcam("new", "valve-bridge")
+    told = flexcam("export", "valve-bridge.toml", "--format", "inp")
+    assert told.code == 0
+    assert "without rigid_links.rocker, rigid_links.cup, rigid_links.bridge: connect" in " ".join(told.err.split())
+
+
 @pytest.mark.parametrize("words", [["--help"], ["run", "--help"], ["--version"]])
 def test_help_and_version(words, flexcam):
     done = flexcam(*words)

@@ -48,6 +48,16 @@ def test_resonances_far_above_are_only_counted(flexcam):
 
 
 @pytest.mark.slow
+def test_a_shaft_behind_a_gear_with_backlash(flexcam):
+    """At the nose of its cam the shaft is unstable between the flanks: only the resonances are missing."""
+    flexcam("new", "gear-drive")
+    told = flexcam("stability", "gear-drive.toml", "--set", "run.revolutions=1", *QUICK, "--json")
+    assert told.code == 0
+    assert "no stable equilibrium at full lift" in told.json["note"]
+    assert told.json["spectral_radius"] < 1.0
+
+
+@pytest.mark.slow
 def test_the_surge_of_the_spring_is_met(flexcam):
     """Its first mode is that between fixed ends, (1/2) sqrt(k/m) = 456 Hz; 5200 rpm lie between two harmonics."""
     run = ("--set", "run.revolutions=1", *QUICK)

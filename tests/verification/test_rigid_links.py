@@ -120,6 +120,28 @@ def test_two_beams_with_a_joint_between_them(tmp_path, components, share):
     assert turns[0] == pytest.approx(-turns[1], abs=1e-12)
 
 
+LOADED = f"""
+{STEEL}
+nodes = {{ foot = [0, 0, 0], tip = [{HALF}, 0, 0] }}
+sections = {{ rod = {{ shape = "circle", diameter = "8 mm" }} }}
+members = {{ arm = {{ nodes = ["foot", "tip"], material = "steel", section = "rod" }} }}
+supports = {{ foot = {ALL} }}
+masses = {{ body = {{ at = "tip", mass = "0.5 kg" }} }}
+run = {{ speed = "3000 rpm", steps_per_revolution = 720, revolutions = 0.1 }}
+output = {{ probes = ["tip"] }}
+"""
+
+
+def test_a_mass_that_leads_a_ball_joint(tmp_path):
+    """Its rotations move nothing and are no unknowns: the modes are those of the mass at the tip."""
+    joint = 'rigid_links = { ball = { from = "hub", to = ["tip"], components = ["ux", "uy", "uz"] } }\n'
+    linked = LOADED.replace("tip = [", f"hub = [{HALF}, 0, 0], tip = [", 1).replace('at = "tip"', 'at = "hub"') + joint
+    direct, led = (build_structure(build_model(case(tmp_path, text))) for text in (LOADED, linked))
+    assert led.dofs.size == direct.dofs.size
+    found, wanted = (model_modes(one).modes.frequencies for one in (led, direct))
+    assert found == pytest.approx(wanted, rel=1e-10)
+
+
 def test_three_beams_at_one_joint(tmp_path):
     """Three cantilevers whose ends one ball joint connects: F L^3/(9 E I)."""
     text = HINGED.replace('to = ["b"], components = COMPONENTS', 'to = ["b", "c"], components = ["ux", "uy", "uz"]')

@@ -14,7 +14,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
-from flexcam import build_model, modes, prepare, read_case, run
+from flexcam import InputError, build_model, modes, prepare, read_case, run
 from flexcam.dynamics import ConstantSpeed, equilibrium
 from flexcam.valvetrain.springs import condense_spring, spring_curve, spring_frequencies
 
@@ -217,6 +217,35 @@ def test_installed_position_on_a_table(case):
     assert by_travel.stiffness == pytest.approx(70e3, rel=1e-12)
     path.write_text(text.replace('installed_compression = "12 mm"', "").format(spring=TABLE.replace("[0,", "[0.0,")))
     assert build_model(read_case(path)).springs["valve"].installed_force == 0.0
+
+
+MEASURED = 'force_table = "spring.csv"'
+
+
+def test_a_table_in_a_file(case, tmp_path):
+    """Columns in any order, with their own units: the rows of the list."""
+    (tmp_path / "spring.csv").write_text(
+        "# on a tester\nforce [kN]; travel [cm]\n0;0\n0,25;0,6\n0,43;1,2\n0,85;1,8\n1,4;2,4\n"
+    )
+    rows = case(MEASURED).record.springs["valve"].force_table
+    np.testing.assert_allclose(rows, case(TABLE).record.springs["valve"].force_table, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("travel [mm], load [N]\n0, 0\n1, 40\n2, 90\n", "columns travel and force. It has travel, load"),
+        ("travel [mm], force [mm]\n0, 0\n1, 40\n2, 90\n", "expected a unit of force"),
+        ("travel [mm], force [N]\n0, 0\n1, 400\n2, 390\n", "expected rows of increasing travel and force"),
+        (None, "spring.csv"),
+    ],
+)
+def test_a_faulty_table_in_a_file(case, tmp_path, text, said):
+    if text is not None:
+        (tmp_path / "spring.csv").write_text(text)
+    with pytest.raises(InputError, match=r"springs\.valve\.force_table") as refusal:
+        case(MEASURED)
+    assert said in str(refusal.value)
 
 
 FAST = ("run.revolutions=1", "run.speed=3000 rpm")

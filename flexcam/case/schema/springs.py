@@ -9,6 +9,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from flexcam import valvetrain
+from flexcam.case.curves import RowsOrFile
 from flexcam.case.schema.base import (
     DIRECTION,
     AxisDamping,
@@ -87,6 +88,13 @@ class CoilsRecord(PartRecord[Coils]):
         return Coils(self.turns, ends, self.pitch)
 
 
+_ForceTable = Annotated[
+    list[tuple[Annotated[float, Unit("length")], Force]],
+    Field(min_length=2),
+    RowsOrFile((("travel", "m"), ("force", "N"))),
+]
+
+
 class PulsationRecord(PartRecord[valvetrain.Pulsation]):
     """Variation of a stiffness with the cam angle."""
 
@@ -116,8 +124,10 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
     installed_compression: Length | None = Field(
         None, description="compression from the free to the installed length, instead of installed_force"
     )
-    force_table: list[tuple[Annotated[float, Unit("length")], Force]] | None = Field(
-        None, min_length=2, description="rows of travel from the free length and force, instead of stiffness"
+    force_table: _ForceTable | None = Field(
+        None,
+        description="rows of travel from the free length and force, or a file with the columns travel and force, "
+        "instead of stiffness",
     )
     coils: list[CoilsRecord] | None = Field(
         None,
