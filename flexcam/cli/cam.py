@@ -232,11 +232,11 @@ def _at(angle: float) -> str:
 
 def _finding(one: ProfileFault) -> str:
     if one.kind == "angle":
-        measure = f"{format_degrees(one.value)} deg, allowed up to {format_degrees(one.limit)} deg"
+        value, allowed = f"{format_degrees(one.value)} deg", f"at most {format_degrees(one.limit)} deg"
     else:
-        side = f"at least {format_quantity('m', one.limit, digits=4)}" if one.limit else "above 0"
-        measure = f"{format_quantity('m', one.value, digits=4)}, allowed {side}"
-    return f"{one.what} ({_at(one.angle)}: {measure}); {one.remedy}"
+        allowed = f"at least {format_quantity('m', one.limit, digits=4)}" if one.limit else "above 0"
+        value = format_quantity("m", one.value, digits=4)
+    return f"{one.what} ({value} {_at(one.angle)}, must be {allowed}); {one.remedy}"
 
 
 @cli.command("""\
@@ -336,7 +336,9 @@ def _evaluate_cams(
 
 
 def _positive_quantity(option: str, text: str, dimension: str, unit: str) -> float:
-    return positive(option, cli.parse_quantity(option, text, dimension, unit), DIMENSIONS[dimension].si)
+    if (value := cli.parse_quantity(option, text, dimension, unit)) > 0.0:
+        return value
+    raise refuse(option, text, "a finite value above zero")
 
 
 def _write_cam_files(

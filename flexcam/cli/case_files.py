@@ -64,7 +64,7 @@ def check(
 ) -> cli.CommandOutput:  # fmt: skip
     """Check a case file and summarize its model: size, masses, natural frequencies, warnings.
 
-    It reports all errors of keys, values, references and parts, such as an undercut cam, at once. If the TOML syntax is
+    It reports all errors of keys, values, references and parts at once. If the TOML syntax is
     wrong, it reports only this. It reports errors of the initial state and the time step only if all parts are correct.
     It estimates the memory and disk space of a run, but does not run the case.
     """
