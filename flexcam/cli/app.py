@@ -251,8 +251,8 @@ def speed_range(
 def spaced_speeds(lowest: str | None, highest: str | None, count: int, case: Case) -> list[float]:
     """Return evenly spaced camshaft speeds of the range of a command, rad/s, without rounding errors in rpm."""
     unit = RPM / case.turns
-    ends = np.array(speed_range(lowest, highest, count, case)) / unit
-    return [float(f"{rpm:.12g}") * unit for rpm in np.linspace(*ends, count).tolist()]
+    low, high = speed_range(lowest, highest, count, case)
+    return [float(f"{speed / unit:.12g}") * unit for speed in np.linspace(low, high, count).tolist()]
 
 
 def joint_status(statuses: Sequence[Status], what: str) -> Status:

@@ -27,8 +27,8 @@ from flexcam.cams import (
 )
 from flexcam.case.builder import parse_follower
 from flexcam.cli import app as cli
-from flexcam.core.errors import positive, refuse, suggest_name
-from flexcam.core.units import DIMENSIONS, RPM, format_quantity, to_display_unit
+from flexcam.core.errors import refuse, suggest_name
+from flexcam.core.units import RPM, format_quantity, to_display_unit
 from flexcam.report.terminal import NOISE, facts_table, format_csv, format_degrees, json_value, plain_table
 
 if TYPE_CHECKING:

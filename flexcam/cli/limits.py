@@ -313,7 +313,7 @@ def stability(
     contacts = {one.model for one in read.record.contacts.values() if hasattr(one, "cam")} - {"published-load"}
     if lowest is None and highest is None and plot is None:
         if count is not None:
-            why, remedy = "without a range or --plot, only the speed of the case is assessed", "add one, or leave --count out"
+            why, remedy = "otherwise only the speed of the case is assessed", "add one, or leave --count out"
             raise refuse("--count", count, "--count with --lowest, --highest or --plot", why, remedy)
         found = assess_stability(read)
         return cli.CommandOutput([_stability_table(found, scale, contacts)], _stability_json(found, scale))

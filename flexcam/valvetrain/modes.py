@@ -316,7 +316,8 @@ def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Calla
         force = series_stiffness(structure, part, where) * push
     else:
         if part.stiffness is None:
-            raise refuse(f"contacts.{contact}.stiffness", "hertz", "a number such as '50 MN/m'", "the response to a lift must be linear")
+            allowed, why = "a number such as '50 MN/m'", "the response to a lift must be linear"
+            raise refuse(f"contacts.{contact}.stiffness", "hertz", allowed, why)
         force = part.stiffness * push
         stiffness, free = stiffness + scalar_matrix(push, part.stiffness), None
     for name, play in model.contacts.items():  # lash is closed while the train is under compression
