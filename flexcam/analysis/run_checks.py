@@ -7,8 +7,8 @@ of the checks of a run.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -35,7 +35,7 @@ from flexcam.case.input_checks import (
 )
 from flexcam.core import rounding_fraction
 from flexcam.core.errors import InputError
-from flexcam.dynamics import Response, Sink, Stats, default_method, outline
+from flexcam.dynamics import Collocation, Response, Sink, Stats, default_method, outline
 from flexcam.dynamics.force_laws import THINNEST
 from flexcam.dynamics.memory import ExtremesSink
 from flexcam.valvetrain import (
@@ -126,6 +126,17 @@ def _check_cam_steps(ready: PreparedRun) -> Iterator[str]:
                 f"changes the lift of cam {name} by up to {100.0 * missed:.3g} %; "
                 f"use at least {math.ceil(enough)}, and several times more with contacts that open and close"
             )
+
+
+def describe_method(ready: PreparedRun) -> list[str]:
+    """Return a sentence about a run that takes Newmark's method only because its steps are too coarse."""
+    if ready.case.record.run.integrator is None and not isinstance(ready.scheme, Collocation):
+        for n in (2, 4, 8):
+            if isinstance(default_method(replace(ready.problem, step=ready.problem.step / n)), Collocation):
+                steps = n * round(2.0 * math.pi / (ready.case.speed * ready.problem.step))
+                coarse = "the steps are too coarse for the collocation, which is more accurate in contacts"
+                return [f"Integrator: Newmark's method, because {coarse}; it needs up to {steps} steps per revolution"]
+    return []
 
 
 def _check_geometric_stiffness(ready: PreparedRun) -> Iterator[str]:
@@ -227,6 +238,7 @@ def check_run(ready: PreparedRun, monitor: RunMonitor, metrics: list[Metric], st
         *describe_model_limits(ready),
         *check_events(metrics),
         *(_check_open_lashes(ready.model, metrics) if ready.case.record.run.revolutions >= 1.0 else ()),
+        *_check_seating(metrics),
         *_check_accuracy(ready, monitor.extremes, stats),
         *(_check_deflections(ready, monitor.extremes) if _has_member_dofs(ready) else ()),
         *(_check_resolution(monitor.resolution) if _has_member_dofs(ready) else ()),
@@ -286,6 +298,15 @@ def _check_open_lashes(model: Model, metrics: Iterable[Metric]) -> Iterator[str]
         if force == 0.0 and isinstance(part, Lash) and part.gap < lift:
             checked = "gap" if part.ends is None else "gap and the sign of its direction"
             yield f"Warning: lash {name!r} stays open over the revolution: check its {checked}"
+
+
+def _check_seating(metrics: Sequence[Metric]) -> Iterator[str]:
+    """Yield warnings about valves that a cam lifts and that do not return to their seat."""
+    seated = dict(_metrics_with_suffix(metrics, ".seating_velocity"))
+    for name, loft in _metrics_with_suffix(metrics, ".valve_loft"):
+        if name not in seated and loft > BOUNCE_HEIGHT:
+            why = "no seating velocity and bounces are evaluated"
+            yield f"Warning: the valve does not close at {name!r} at the end of its lift: {why}"
 
 
 def check_events(metrics: Iterable[Metric]) -> list[str]:

@@ -142,11 +142,13 @@ class Program:
         return x, float(np.linalg.norm(rows @ x + offset))
 
     def _impossible(self) -> InputError:
-        given = ", ".join([f"{name} up to {limit:g}" for name, limit in self.limits.items()]) or "the conditions"
-        remedy = "use a wider bound, a higher degree or more pieces"
+        bounds = ", ".join([f"{name} up to {limit:g}" for name, limit in self.limits.items()])
+        given = bounds or " and ".join(f"{z:g},{order},{value:g}" for z, order, value in self.conditions)
+        remedy = f"use {'a wider bound' if bounds else 'a lower rest'}, a higher degree or more pieces"
         if self.conditions and isinstance(self.family, SplineFamily) and self.family.symmetric:
             remedy += ", or laws without symmetry (--asymmetric)"
-        return refuse("bounds", given, f"bounds that {self.family.name} can meet", "no law satisfies them", remedy)
+        where = "bounds" if bounds else "conditions"
+        return refuse(where, given, f"{where} that {self.family.name} can meet", "no law satisfies them", remedy)
 
     def _inequalities(
         self, places: Mapping[int, FloatArray], cuts: Sequence[TangentPlane], around: tuple[FloatArray, float] | None

@@ -199,8 +199,8 @@ def find_profile_faults(
         remedy = _remedy([other], base_helps=base_helps)
         found.append(ProfileFault(what, remedy, steep.at, abs(steep.value), pressure_angle, "angle"))
     if cutter is not None and not cut and seen.hollow is not None and seen.hollow.value < cutter:
-        what = "the cutter is larger than the hollow it would have to cut"
-        found.append(ProfileFault(what, "use a smaller one", seen.hollow.at, seen.hollow.value, cutter))
+        what = "the concave radius is smaller than the cutter"
+        found.append(ProfileFault(what, "use a smaller cutter", seen.hollow.at, seen.hollow.value, cutter))
     if isinstance(follower, FlatFollower) and follower.face_diameter is not None:
         farthest = max(seen.offset, key=lambda end: abs(end.value))
         left = 0.5 * follower.face_diameter - follower.face_radius(farthest.value, width)

@@ -99,10 +99,10 @@ class SplineFamily(Family):
     symmetric: bool = True  #: whether s(z) + s(1 - z) = 1
 
     def __post_init__(self) -> None:
-        if self.rest < 1 or not 5 <= self.degree <= _MOST_DEGREE or not 1 <= self.pieces <= _MOST_PIECES:
-            given = f"degree {self.degree}, {self.pieces} pieces, rest {self.rest}"
-            allowed = f"degree 5 to {_MOST_DEGREE}, 1 to {_MOST_PIECES} pieces, rest from 1"
-            raise refuse("family", given, allowed, "larger families take minutes without any gain")
+        ranges = {"degree": (5, _MOST_DEGREE), "pieces": (1, _MOST_PIECES), "rest": (1, _MOST_PIECES)}
+        for name, (low, high) in ranges.items():
+            if not low <= getattr(self, name) <= high:
+                raise refuse(name, getattr(self, name), f"{low} to {high}")
         if self._count < 2 * (self.rest + 1) + 1 or not self.size:
             given = f"{self._count} coefficients with {self.rest + 1} held at each end"
             raise refuse("family", given, "free coefficients", "", "use a higher degree or more pieces")

@@ -106,7 +106,7 @@ class RawTables:
 
     def _check_name(self, path: Path, name: object, known: Sequence[str], what: str) -> Iterator[Fault]:
         if isinstance(name, str) and name not in known:
-            allowed = f"{what}: {', '.join(known) or '(there is none)'}"
+            allowed = f"{what} of the case: {', '.join(known)}" if known else f"{what}, and the case has none"
             yield self._fault(path, repr(name), allowed, "", suggest_name(name, known))
 
     def _check_point(self, path: Path, name: object, counts: Mapping[str, int]) -> Iterator[Fault]:

@@ -27,7 +27,7 @@ from flexcam.case.reader import read_case
 from flexcam.case.schema.base import Record
 from flexcam.core.errors import Fault, InputError, collect_errors, refuse
 from flexcam.core.units import RPM, UnitSystem, parse, set_unit_system
-from flexcam.dynamics import Status
+from flexcam.dynamics import Cause, Status
 from flexcam.io import check_writable, write_text
 from flexcam.report.terminal import print_json, print_message, result_console
 
@@ -249,8 +249,10 @@ def speed_range(
 
 
 def spaced_speeds(lowest: str | None, highest: str | None, count: int, case: Case) -> list[float]:
-    """Return evenly spaced camshaft speeds of the range of a command, rad/s."""
-    return np.linspace(*speed_range(lowest, highest, count, case), count).tolist()
+    """Return evenly spaced camshaft speeds of the range of a command, rad/s, without rounding errors in rpm."""
+    unit = RPM / case.turns
+    low, high = speed_range(lowest, highest, count, case)
+    return [float(f"{speed / unit:.12g}") * unit for speed in np.linspace(low, high, count).tolist()]
 
 
 def joint_status(statuses: Sequence[Status], what: str) -> Status:
@@ -258,7 +260,8 @@ def joint_status(statuses: Sequence[Status], what: str) -> Status:
     if any(one.ok for one in statuses):
         return Status()
     first = statuses[0]
-    return Status(first.cause, f"none of {len(statuses)} {what} was completed; the first: {first.text}", first.remedy)
+    remedy = "allow more time" if first.cause is Cause.TIME_LIMIT else first.remedy
+    return Status(first.cause, f"none of {len(statuses)} {what} was completed; the first: {first.text}", remedy)
 
 
 def parse_accuracy(text: str, scale: float) -> float:

@@ -27,8 +27,8 @@ from flexcam.cams import (
 )
 from flexcam.case.builder import parse_follower
 from flexcam.cli import app as cli
-from flexcam.core.errors import positive, refuse, suggest_name
-from flexcam.core.units import DIMENSIONS, RPM, format_quantity, to_display_unit
+from flexcam.core.errors import refuse, suggest_name
+from flexcam.core.units import RPM, format_quantity, to_display_unit
 from flexcam.report.terminal import NOISE, facts_table, format_csv, format_degrees, json_value, plain_table
 
 if TYPE_CHECKING:
@@ -238,11 +238,11 @@ def _at(angle: float) -> str:
 
 def _finding(one: ProfileFault) -> str:
     if one.kind == "angle":
-        measure = f"{format_degrees(one.value)} deg, allowed up to {format_degrees(one.limit)} deg"
+        value, allowed = f"{format_degrees(one.value)} deg", f"at most {format_degrees(one.limit)} deg"
     else:
-        side = f"at least {format_quantity('m', one.limit, digits=4)}" if one.limit else "above 0"
-        measure = f"{format_quantity('m', one.value, digits=4)}, allowed {side}"
-    return f"{one.what} ({_at(one.angle)}: {measure}); {one.remedy}"
+        allowed = f"at least {format_quantity('m', one.limit, digits=4)}" if one.limit else "above 0"
+        value = format_quantity("m", one.value, digits=4)
+    return f"{one.what} ({value} {_at(one.angle)}, must be {allowed}); {one.remedy}"
 
 
 @cli.command("""\
@@ -342,7 +342,9 @@ def _evaluate_cams(
 
 
 def _positive_quantity(option: str, text: str, dimension: str, unit: str) -> float:
-    return positive(option, cli.parse_quantity(option, text, dimension, unit), DIMENSIONS[dimension].si)
+    if (value := cli.parse_quantity(option, text, dimension, unit)) > 0.0:
+        return value
+    raise refuse(option, text, "a finite value above zero")
 
 
 def _write_cam_files(

@@ -133,9 +133,9 @@ def _compare_over_speed(case: Case, speeds: list[float], tolerance: float, conta
     words, parting = list[str](), dict[str, float | None]()
     for first, second in _PAIRS:
         rpm = comparison.divergence_speed(found, first, second, tolerance)
-        every = ", the lowest of these speeds" if rpm == found[0].rpm else ""
-        when = "At none of these speeds" if rpm is None else f"From {scale * rpm:.6g} {shaft} rpm upward{every}"
-        words.append(f"{when}, the {first} and {second} forces differ by more than {tolerance:.0%}.")
+        begin = "already at the lowest speed," if rpm == found[0].rpm else "from"
+        when = "at none of these speeds" if rpm is None else f"{begin} {scale * rpm:.6g} {shaft} rpm"
+        words.append(f"The {first} and {second} forces differ by more than {tolerance:.0%} {when}.")
         parting[f"{first}_{second}_part_rpm"] = None if rpm is None else scale * rpm
     head = (f"{shaft} rpm", *(f"{name}, N" for name in MODELS))
     rpm = np.array([scale * one.rpm for one in found])
@@ -147,7 +147,7 @@ def _compare_over_speed(case: Case, speeds: list[float], tolerance: float, conta
     rows = zip((f"{speed:.6g}" for speed in rpm), *cells, strict=True)
     ranges = {name: np.array([pair or (np.nan, np.nan) for pair in pairs]).T for name, pairs in forces.items()}
     return cli.CommandOutput(
-        [plain_table("Min and max contact force on the main lift", head, rows), " ".join(words)],
+        [plain_table("Min and max contact force on the lift", head, rows), " ".join(words)],
         {"shaft": shaft, "rpm": rpm, "forces_n": forces, **parting, "tolerance": tolerance}, title=case.title,
         draw=lambda: plotting.spectra.force_figure(rpm, ranges, shaft),
     )  # fmt: skip
@@ -168,7 +168,7 @@ def trade(
 
     Use it to choose the keys of [fidelity] and the elements of the members. The reference is a converged run of the
     flexible model. Models: rigid; sdof (one mass); chain 3 (a chain of three masses); modes N (the beams, reduced
-    to N modes); beams N (N elements per segment of a member); beams (the case itself); beams x2 (twice its elements).
+    to N modes); beams N (N elements per span of a member); beams (the case itself); beams x2 (twice its elements).
     """
     read, _ = collect_errors(
         lambda: cli.load_case(case, overrides),

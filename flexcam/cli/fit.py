@@ -45,8 +45,8 @@ def fit(
 ) -> cli.CommandOutput:  # fmt: skip
     """Fit values of a case to measured curves, print 95 % confidence intervals and warn about correlated values.
 
-    Curves over an angle are compared with the last revolution, curves over time with the whole run. A column without
-    --noise is weighted by its own residuals.
+    Curves over an angle are compared with the last revolution, curves over time with the whole run. Without
+    --noise, the residuals of a column set its weight.
     """
     cli.check_targets(csv, plot, case, to, overwrite=overwrite, target=target)
     cli.check_number("--steps", steps)
@@ -92,8 +92,8 @@ def _fit_output(variables: Sequence[Variable], measured: Measurement, found: Fit
     if found.misfit > 2.0:
         words.append(f"The residuals are {found.misfit:.2g} times the noise: the model does not describe the curves.")
     words += [
-        f"Successive residuals of {curve.label} are correlated ({r:+.2f}): the model has a systematic error, so the "
-        "true intervals are wider"
+        f"Successive residuals of {curve.label} are correlated ({r:+.2f}): the model may have a systematic error, "
+        "and the true intervals be wider"
         for curve, r in zip(curves, found.serial, strict=True) if r > 3.0 / np.sqrt(len(measured.instants))
     ]  # fmt: skip
     values = [

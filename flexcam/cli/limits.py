@@ -15,9 +15,10 @@ from rich.table import Table
 
 from flexcam import plotting
 from flexcam.analysis.limits import Search, find_limits
-from flexcam.analysis.run_checks import describe_change
+from flexcam.analysis.run_checks import check_lobes, describe_change
 from flexcam.analysis.run_metrics import compute_margins
 from flexcam.analysis.stability import Resonance, Stability, assess_stability, stability_over_speeds
+from flexcam.case.builder import build_model
 from flexcam.case.reader import CaseFile as OpenCase
 from flexcam.cli import app as cli
 from flexcam.core.errors import positive, refuse
@@ -32,8 +33,8 @@ from flexcam.studies.variables import InterruptibleRuns, require_units
 
 _LEGEND = (
     "bracket: the event begins at most this much below the printed speed. persists from: the event also occurs at "
-    "every higher speed examined (up to 15 % above the limit). not persistent: the event does not occur at the highest "
-    "of these speeds"
+    "every higher speed examined (up to 15 % above the limit). not persistent: it does not occur at the highest speed "
+    "examined"
 )
 
 _MAP = Group("Map over two values", sort_key=1)
@@ -92,7 +93,7 @@ def limits(
     if given := [name for name, one in of_map.items() if one is not None]:
         if over is None or beside is None:
             allowed = "--over KEY=SPEC and --and KEY=SPEC"
-            raise refuse("limits", f"{' and '.join(given)} alone", allowed, "a map needs two values")
+            raise refuse("limits", f"{' and '.join(given)} alone", allowed, "a map needs two keys")
         if deviation is not None or cutoff is not None:
             given = "--lift-deviation or --low-pass with --over"
             raise refuse("limits", given, "one of them", "a map has only the other limits")
@@ -103,7 +104,7 @@ def limits(
     with show_count(None, "runs") as shown, open_speed_runs(read, search, count) as runs:
         found = find_limits(read, search, start=runs, ahead=count, advance=shown)
     margins = compute_margins(read)
-    parts: list[Table | str] = [limits_table(found, margins, scale)]
+    parts: list[Table | str] = [limits_table(found, margins, scale), *check_lobes(build_model(read))]
     if any(one.rpm is not None for one in found.limits.values()):
         parts.append(_LEGEND)
     if "loss_of_contact" not in found.limits:
@@ -181,28 +182,30 @@ _WORDS = {
     "numerical": "the time integration is unstable: use a smaller step or an unconditionally stable integrator",
     "parametric": "a disturbance of the periodic motion grows by the multiplier in each revolution",
     "resonance": "a harmonic of the cam excites a mode, with more than 5 % of the maximum cam force",
-    "contact loss": "the follower leaves its cam during the lift, or the contact would have to pull it",
+    "contact loss": "the follower leaves its cam during the lift",
     "chatter": "impacts change the motion or the force from revolution to revolution",
-    _HARMLESS: "differences of rounding size grow at impacts, but two revolutions hardly differ",
+    _HARMLESS: "rounding errors grow at impacts, but the motion hardly changes between revolutions",
 }
 
 
-def _stability_table(found: Stability, scale: float, *, has_contact: bool) -> Table:
+def _stability_table(found: Stability, scale: float, contacts: set[str]) -> Table:
     skipped = [] if found.discrete.is_available else ["the integrator"]
     skipped += ["the growth of disturbances"] if found.floquet is None else []
     skipped += ["resonances"] if found.why_no_modes else []
     stable = "none: no cause of instability found"
     stable += f"; {' and '.join(skipped)} could not be assessed" if skipped else ""
     several = len({one.contact for one in found.resonances}) > 1
+    pulled = {"contact loss": "the contact would have to pull the follower"} if contacts == {"bilateral"} else {}
+    words = {**_WORDS, **pulled}
     opened = f"{math.degrees(found.open_on_the_lift):.3g} deg of cam angle on the lift"
     rows = [
         ("integrator", _describe_amplification(found)),
         ("periodic motion", _describe_growth(found)),
-        ("loss of contact", opened if has_contact else "not assessed: a load drives the follower, without a contact"),
+        ("loss of contact", opened if contacts else "not assessed: no cam contact"),
         ("resonances", _count_resonances(found, scale)),
         *((f"harmonic {one.harmonic}" + (f", {one.contact}" if several else ""), _format_resonance(one, scale))
           for one in found.within[:_SHOWN]),
-        ("verdict", "; ".join(f"{one}: {_WORDS[one]}" for one in _verdict(found)) or stable),
+        ("verdict", "; ".join(f"{one}: {words[one]}" for one in _verdict(found)) or stable),
     ]  # fmt: skip
     return facts_table(f"Stability at {shaft_speed(found.rpm * RPM, scale)}", rows)
 
@@ -247,7 +250,7 @@ def _describe_growth(found: Stability) -> str:
     largest, moving = abs(complex(found.floquet.multipliers[0])), ", ".join(found.floquet.moving())
     if found.is_chattering:
         events = found.floquet.events
-        words = f"chatters: differences of rounding size grow by {largest:.3g} over {events} impacts ({moving})"
+        words = f"chatters: rounding errors grow by a factor of {largest:.3g} over {events} impacts ({moving})"
         change = "" if found.change is None else describe_change(found.change)
         return f"{words}; difference between two revolutions: {change}" if change else words
     return f"max multiplier {largest:.6g}, growth {found.floquet.growth:.4g} 1/s ({moving})"
@@ -277,13 +280,13 @@ def _stability_json(found: Stability, scale: float) -> dict[str, object]:
     }  # fmt: skip
 
 
-def _growth_table(found: Sequence[Stability], scale: float, *, has_contact: bool) -> Table:
+def _growth_table(found: Sequence[Stability], scale: float, contacts: set[str]) -> Table:
     rows: list[tuple[str, ...]] = []
     for one in found:
         largest = "not assessed" if one.floquet is None else f"{abs(complex(one.floquet.multipliers[0])):.6g}"
         growth = "" if one.floquet is None else f"{one.floquet.growth:.4g}"
-        opened = f"{math.degrees(one.open_on_the_lift):.3g}" if has_contact else "not assessed"
-        words = ", ".join(_verdict(one)) or "none"
+        opened = f"{math.degrees(one.open_on_the_lift):.3g}" if contacts else "not assessed"
+        words = ", ".join(_verdict(one)) or ("not assessed" if one.floquet is None else "none")
         rows.append((f"{scale * one.rpm:.6g}", f"{one.discrete.radius:.9g}", largest, growth, opened, words))
     heads = (f"{shaft_name(scale)} rpm", "spectral radius", "multiplier", "growth, 1/s", "contact loss, deg", "verdict")
     return plain_table("Stability over speed", heads, rows)
@@ -296,7 +299,7 @@ flexcam stability case.toml --lowest 1000rpm --highest 6000rpm --count 11 --plot
 def stability(
     case: cli.CaseFile, *,
     lowest: Annotated[str | None, Parameter(
-        help="Lowest speed of a range; without a range, only the speed of the case is assessed.")] = None,
+        help="Lowest speed of a range; without a range or --plot, only the speed of the case is assessed.")] = None,
     highest: Annotated[str | None, Parameter(help="Highest speed; 1.5 times the speed of the case by default.")] = None,
     count: Annotated[int | None, Parameter(help="Number of speeds, evenly spaced; 11 by default.")] = None,
     plot: Annotated[Path | None, Parameter(
@@ -310,15 +313,13 @@ def stability(
     """
     read = cli.load_beams(case, overrides)
     scale = read.turns
-    has_contact = any(one.model != "published-load" for one in read.record.contacts.values())
+    contacts = {one.model for one in read.record.contacts.values() if hasattr(one, "cam")} - {"published-load"}
     if lowest is None and highest is None and plot is None:
         if count is not None:
-            why, remedy = "without a range, only the speed of the case is assessed", "add a range, or leave --count out"
+            why, remedy = "otherwise only the speed of the case is assessed", "add one, or leave --count out"
             raise refuse("--count", count, "--count with --lowest, --highest or --plot", why, remedy)
         found = assess_stability(read)
-        return cli.CommandOutput(
-            [_stability_table(found, scale, has_contact=has_contact)], _stability_json(found, scale)
-        )
+        return cli.CommandOutput([_stability_table(found, scale, contacts)], _stability_json(found, scale))
     speeds = cli.spaced_speeds(lowest, highest, 11 if count is None else count, read)
     cli.check_targets(None, plot, overwrite=overwrite)
     with show_count(len(speeds), "speeds") as shown:
@@ -327,7 +328,7 @@ def stability(
     growth = np.array([math.nan if one.floquet is None else one.floquet.growth for one in every])
     causes = {cause: np.array([cause in _verdict(one) for one in every]) for cause in _WORDS if cause != _HARMLESS}
     return cli.CommandOutput(
-        [_growth_table(every, scale, has_contact=has_contact)],
+        [_growth_table(every, scale, contacts)],
         {"speeds": [_stability_json(one, scale) for one in every]}, title=read.title,
         draw=lambda: plotting.spectra.growth_figure(rpm, growth, causes, shaft_name(scale)),
     )  # fmt: skip

@@ -66,7 +66,8 @@ def modes(
     case: cli.CaseFile, *,
     count: Annotated[int, Parameter(help="Number of modes, from the lowest.")] = 12,
     prestress: Annotated[Literal["rest", "equilibrium"] | None, Parameter(
-        help="Include axial forces: as installed (rest), or under all loads (equilibrium).")] = None,
+        help="Include axial forces in the modes with contacts open: as installed (rest), or under all loads "
+        "(equilibrium). The others always include those of members with geometric_stiffness.")] = None,
     mac: Annotated[Path | None, Parameter(
         help="Second case file, whose modes are compared by the modal assurance criterion.")] = None,
     folder: Annotated[Path | None, Parameter(
@@ -129,8 +130,8 @@ _MODES, _RESPONSE = Group("Natural modes", sort_key=1), Group("Orders of the res
 _MAX_ORDER = 1000  # the harmonics of a lift are below a thousandth of the maximum long before
 _MAX_TABLE_ORDERS = 8  # in the table: those with the largest amplitudes
 _DASH = (
-    "-: there is no such mode at this speed, because other contacts are closed there, or no result. A "
-    "mode that exists only at some speeds has a separate row."
+    "-: at this speed other contacts close, so this mode does not exist, or the run failed. A mode that exists only at "
+    "some speeds has a separate row."
 )
 
 
@@ -146,7 +147,7 @@ def _modes_table(found: Campbell, scale: float) -> Table:
     return plain_table(title, ("mode", low, high, "excited", "what moves"), rows)
 
 
-def _crossing_table(found: Campbell, scale: float) -> Table:
+def _crossing_table(found: Campbell, scale: float) -> Table | str:
     rows = [
         (f"{scale * one.rpm:.6g}", str(one.harmonic), str(one.mode + 1), f"{one.frequency:.5g}",
          format_number(1e3 * one.amplitude, 3), format_number(one.load, 3), one.words)
@@ -154,7 +155,7 @@ def _crossing_table(found: Campbell, scale: float) -> Table:
     ]  # fmt: skip
     title = "Resonances: orders of the camshaft that excite modes at the contact"
     head = (f"{shaft_name(scale)} rpm", "order", "mode", "Hz", "lift, mm", "force, N", "what moves")
-    return plain_table(title if rows else f"{title}: none between these speeds", head, rows)
+    return plain_table(title, head, rows) if rows else f"{title}: none between these speeds"
 
 
 def _campbell_json(found: Campbell, scale: float) -> dict[str, object]:
@@ -189,13 +190,13 @@ def _orders_table(found: Waterfall, scale: float) -> Table:
         rows.append((f"{scale * rpm:.6g}", *cells, shares))
     what = f"acceleration of {found.signal.name}" if found.signal.probe else found.signal.name
     title = f"Orders of {what}, {found.unit}, in the last revolution: largest of {found.amplitudes.shape[1] - 1}"
-    head = (f"{shaft_name(scale)} rpm", "mean", *(f"order {n}" for n in shown), "not periodic by")
+    head = (f"{shaft_name(scale)} rpm", "mean", *(f"order {n}" for n in shown), "change per revolution")
     return plain_table(title, head, rows)
 
 
 def _orders_csv(found: Sequence[Waterfall], scale: float) -> str:
     """Return a row per history, speed and order, without incomplete runs."""
-    head = ("history", "unit", f"{shaft_name(scale)} speed [rpm]", "order", "amplitude", "not periodic by")
+    head = ("history", "unit", f"{shaft_name(scale)} speed [rpm]", "order", "amplitude", "change per revolution")
     rows = [
         (one.signal.name, one.unit, f"{scale * rpm:.10g}", n, size, gap)
         for one in found

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 _ROUNDING = 1e-9  # tolerance of a constraint for rounding, relative to its bound
 # Distance to a variant that violates a constraint, relative to the intervals, below which the constraint is active.
 _ACTIVE_DISTANCE = 0.01
+_AT_BOUND = 5e-5  # margin, relative to the bound, that is printed as zero: any change may violate the constraint
 
 
 @cli.command("""\
@@ -110,7 +111,7 @@ def _search_status(found: Evaluations, evaluations: int) -> Status:
         return Status(Cause.INTERRUPTED, done, "run the same command with the same --seed again for the whole search")
     if found.best is None:
         remedy = "widen the intervals, or relax a constraint"
-        return Status(Cause.TOLERANCE, "no variant meets all constraints", remedy)
+        return Status(Cause.INFEASIBLE, "no variant meets all constraints", remedy)
     return Status()
 
 
@@ -240,10 +241,10 @@ def _constraint_table(design: OptimizationProblem, found: Evaluations, at: int) 
         elif violation > _ROUNDING:
             margin = f"violated by {format_decimals(100.0 * violation, 2)} %"
         else:
-            margin = f"active: {-violation:.2%}" if active else f"{-violation:.1%}"
+            margin = f"{-violation:.2%} (active)" if active else f"{-violation:.1%}"
         away = "none found" if math.isinf(distance) else f"{distance:.2%}"
         rows.append((one.words, _value(found, at, one.name), margin, away))
-    head = ("subject to", "value", "margin", "smallest change of the varied values that violates it, % of the interval")
+    head = ("subject to", "value", "margin", "smallest change that violates it, % of the interval")
     return plain_table("Constraints", head, rows)
 
 
@@ -252,7 +253,10 @@ def _constraints(
 ) -> list[tuple[Constraint, float, float, bool]]:
     """Return constraints with their violation, the distance to a variant that violates them, and if they are active."""
     bounds = enumerate(zip(design.bounds, found.violations[at].tolist(), strict=False))
-    rows = [(one, violation, found.distance_to_violation(at, i)) for i, (one, violation) in bounds]
+    rows = [
+        (one, violation, 0.0 if abs(violation) < _AT_BOUND else found.distance_to_violation(at, i))
+        for i, (one, violation) in bounds
+    ]
     return [(*row, is_active(row[1]) or row[2] <= _ACTIVE_DISTANCE) for row in rows]
 
 

@@ -119,6 +119,7 @@ def export(
     elif form == "csv":
         response = io.read_result(source).response
         if instants is not None:
+            cli.refuse_with("--instants", "it writes every instant", {"--every": every if every != 1 else None})
             if len(response.time) < 2:
                 raise refuse("--instants", "a result with one instant", "two or more", "", "leave --instants out")
             cli.check_number("--instants", instants, 2, _MAX_INSTANTS)
@@ -232,7 +233,7 @@ def view(
     scale: Annotated[float, Parameter(
         help="Magnification of the elastic deformation; the rigid motion is not scaled.")] = 1.0,
     at: Annotated[str | None, Parameter(
-        "--at", help="Cam angle of a still picture, or of the start of the motion: 120deg.")] = None,
+        "--at", help="Cam angle of a still picture, or of the start of the motion, such as 120deg.")] = None,
     mode: Annotated[int | None, Parameter(help="Animate a natural mode, by its number in flexcam modes.")] = None,
     size: Annotated[str, Parameter(help="Size of the window or picture in pixels.")] = "1024x768",
     overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,

@@ -136,7 +136,8 @@ def _describe_run(
         chatter = impacts if change.force > _CHATTER and not excitation_without_period(case) else ""
         parts.append(f"Difference between the last two revolutions: {run_checks.describe_change(change)}{chatter}")
     elif len(response.time) and ready.model.cam_contacts and stats.unknowns and stats.periodicity < 0.0:
-        parts.append("Fewer than two revolutions: the start may still affect the results; run.revolutions = 2 shows it")
+        parts.append("Fewer than two revolutions: the start may affect the results; set run.revolutions = 2 to see how")
+    parts += run_checks.describe_method(ready)
     if balance := run_checks.describe_balance(extremes, stats):
         parts.append(f"Energy balance: {balance}")
     parts.append(

@@ -107,6 +107,7 @@ def _derivatives(
     names = list(dict.fromkeys(one.scalar for one in found))
     tables = [_derivative_table(name, [one for one in found if one.scalar == name]) for name in names]
     words = [f"{one.scalar} with respect to {one.by.key}: {one.note}" for one in found if one.note]
+    words += ["Frequencies are those with all contacts open."] if any(map(frequency_number, names)) else []
     if exact and asked.case.record.run.integrator is None:
         words.append(_NEWMARK)
     rows = [

@@ -50,7 +50,7 @@ def synthesis_table(found: Synthesis) -> Table:
         ("objective", f"{found.objective:.9g}"),
         *(("not converged", said) for said in found.open),
         ("lower bound of the family", bound),
-        ("lower bound of all laws", every),
+        ("lower bound of all laws, without conditions", every),
         ("C_v, C_a, C_j, C_m", ", ".join("infinite" if x is None else f"{x:.6g}" for x in (c.Cv, c.Ca, c.Cj, c.Cm))),
         *(("as a rise between dwells", said) for said in c.violations),
     ]
@@ -241,7 +241,7 @@ def synthesize_harmonic(
     output: LiftOutput = None, overrides: cli.Overrides = None, overwrite: cli.Overwrite = False,
     as_json: cli.Json = False,
 ) -> cli.CommandOutput:  # fmt: skip
-    """Replace the lift of a cam by its low harmonics, which lie below the modes that the cam excites.
+    """Replace the lift of a cam by its low harmonics, below the lowest mode that the cam excites.
 
     In the dwells the new lift differs from the old one by at most --tolerance.
     """

@@ -26,6 +26,7 @@ class Cause(StrEnum):
     ROUNDING = "rounding"
     STEP_TOO_SMALL = "step-too-small"
     TOLERANCE = "tolerance-not-met"
+    INFEASIBLE = "infeasible"
     NO_RENDERING = "no-rendering"
     REFUSED = "refused"
     WORKER_LOST = "worker-lost"
@@ -74,7 +75,7 @@ ROUNDING_STATUS = Status(
     Cause.ROUNDING,
     "rounding in the stiffness makes the result inaccurate: a member has too many elements, or stiffnesses differ "
     "too much for double precision",
-    "use fewer elements (up to some 1000 per span keep four digits)",
+    "use fewer elements (about 1000 per span still give four digits)",
 )
 """Status of a computation dominated by rounding."""
 

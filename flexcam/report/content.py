@@ -270,7 +270,7 @@ def result_tables(about: ReportSubject, compared: Comparison | None, figures: li
         parts = {name: values for name, values in energies(response).items() if values.any()}
         rows = [(name, f"{v.min():.4g}", f"{v.max():.4g}", f"{v[-1]:.4g}") for name, v in parts.items()]
         found.append(ReportTable("Energy over the run", ("J", "min", "max", "at the end"), tuple(rows)))
-    found += [report_table(tables.mode_table(about.modes))] if about.modes is not None else []
+    found += [report_table(tables.mode_table(about.modes, turns=turns))] if about.modes is not None else []
     if known is not None and about.modes is not None:
         found.append(replace(report_table(tables.model_table(known.ready, about.modes)), title="The model"))
     return found

@@ -35,10 +35,10 @@ def trade_table(against: Reference, found: Sequence[ModelEvaluation]) -> Table:
     ]  # fmt: skip
     own = _reference_errors(against)
     rows.append(("", "reference", str(against.steps), "", "", "", *(_percent(own[k]) for k in kinds), "its own error"))
-    errors = (f"{_HEADS.get(kind, kind)}, %" for kind in kinds)
-    heads = ("", "model", "steps/rev", "unknowns", "work", "cpu s", *errors, "")
-    norm = {"max": "max", "rms": "rms", None: "rms of the motion, max of the forces"}[against.norm]
-    return plain_table(f"Error and cost of models ({norm}, relative to the maximum)", heads, rows)
+    errors = (_HEADS.get(kind, kind) for kind in kinds)
+    heads = ("", "model", "steps per rev", "unknowns", "work", "cpu s", *errors, "")
+    norm = {"max": "max", "rms": "rms", None: "rms of motions, max of forces"}[against.norm]
+    return plain_table(f"Cost and error of models ({norm}, % of the maximum)", heads, rows)
 
 
 def _quantities(against: Reference) -> list[str]:
@@ -61,8 +61,7 @@ def trade_warnings(against: Reference, found: Sequence[ModelEvaluation]) -> list
     rough = [f"{name} ({_percent(share)} %)" for name, share in shares if share > _REFERENCE_ERROR_TOLERANCE]
     if rough:
         unsure = f"Warning: the reference itself has a large error in {', '.join(rough)}"
-        said.append(f"{unsure}: bounces, or motions that its steps do not resolve; errors of that size are not "
-                    "significant")  # fmt: skip
+        said.append(f"{unsure}: bounces, or motions that its steps do not resolve; do not rank models by these errors")
     refused = [one for one in found if one.status.cause is Cause.REFUSED]
     if refused:
         models = {one.rung: [str(other.steps) for other in refused if other.rung == one.rung] for one in refused}
@@ -103,8 +102,9 @@ def error_table(errors: Sequence[Error]) -> Table:
     """Return the values of a run with their estimated errors."""
     rows = [
         (one.quantity, format_with_error(one),
-         *(f"{100.0 * part / one.size:.2g} %" if one.size > 0.0 else "" for part in (one.time, one.space, one.model)),
-         "" if one.holds else "no estimate: no convergence with shorter steps")
+         *(f"{100.0 * part / one.size:.2g} %" if one.size > 0.0 and one.holds else ""
+           for part in (one.time, one.space, one.model)),
+         "" if one.holds else "no convergence with shorter steps")
         for one in errors
     ]  # fmt: skip
     heads = ("quantity", "max", "by the steps", "by the elements", "by the model", "")
@@ -112,9 +112,11 @@ def error_table(errors: Sequence[Error]) -> Table:
 
 
 def format_with_error(one: Error) -> str:
-    """Return a value with its error, such as ``10.43 ± 0.02 mm``."""
+    """Return a value with its error, such as ``10.43 ± 0.02 mm``, or alone if the estimate is invalid."""
     factor, unit = to_display_unit(one.unit)
     value, error = factor * one.size, factor * one.total
+    if not one.holds:
+        return f"{value:.4g} {unit}"
     if not error > _ROUNDING * value:
         return f"{value:.10g} {unit}"
     digits = max(1 - math.floor(math.log10(error)), 0)

@@ -258,7 +258,7 @@ def comparison_table(comparison: Comparison, turns: float = 1.0) -> Table:
         figures = [f"{scale * v:.4g}" for v in (one.rigid_peak, one.flexible_peak, one.peak, one.rms)]
         rows.append((f"{one.quantity}, {unit}", *figures, _format_fraction(one.relative_peak), f"{one.angle_deg:.1f}"))
     one, other = comparison.names
-    head = ("", f"{other} peak", f"{one} peak", "peak deviation", "rms deviation", f"of {other} peak", "at cam deg")
+    head = ("", f"{other} peak", f"{one} peak", "peak deviation", "rms deviation", f"deviation / {other}", "at cam deg")
     speed = shaft_speed(comparison.speed_rpm * RPM, turns)
     title = "Flexible" if one == "flexible" else one
     return plain_table(f"{title} against {other} at {comparison.probe}, {speed}", head, rows)
@@ -281,10 +281,10 @@ def _format_fraction(value: float) -> str:
 
 def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[str]:
     """Return sentences about a comparison."""
-    peak, rms = (_format_fraction(one) for one in (comparison.peak_deviation, comparison.rms_deviation))
+    peak, rms = (f"{100.0 * one:.3g} %" for one in (comparison.peak_deviation, comparison.rms_deviation))
     ratio = format_decimals(comparison.peak_acceleration_ratio, 2)
     other = comparison.names[1]
-    deviation = f"{comparison.probe} deviates by up to {peak} times the range of the {other} motion (rms {rms} times)"
+    deviation = f"{comparison.probe} deviates by up to {peak} of the range of the {other} motion (rms {rms})"
     angle = f"{comparison.peak_acceleration_deg:.1f} deg of the cam"
     said = [f"{deviation}; its peak acceleration, at {angle}, is {ratio} times the {other} one."]
     if mode_hz is not None:
@@ -326,6 +326,7 @@ def metrics_table(model: Model | None, figures: Sequence[Metric]) -> Table:
         factor, unit = to_display_unit(figure.unit, thin=".film." in figure.name or ".wear." in figure.name)
         value = factor * figure.value + 0.0  # the sum removes the sign of a negative zero
         kind, part, *quantity = figure.name.split(".")
+        quantity = [one.replace("force", "torque") if unit == "N m" else one for one in quantity]
         row = rows.setdefault((_part_kind(model, figure.name), kind, *quantity), [])
         row.append((value, f"{value:.4g} {unit}".rstrip(), part))
     cells: list[tuple[str, str]] = []

@@ -76,8 +76,8 @@ def read_measurement(path: Path, case: Case, only: Sequence[str] = (), noises: S
     is_mdf = path.suffix.lower() in (".mf4", ".mdf")
     columns = read_mdf(path, "--to", only) if is_mdf else read_columns(path, "--to")
     over, instants = find_abscissa(columns, "--to")
-    wanted = list(only) or [name for name in columns if name not in ABSCISSAS]
-    if not wanted:
+    measured = [name for name in columns if name not in ABSCISSAS]
+    if not (wanted := list(only) or measured):
         raise refuse("--to", ", ".join(columns), f"{over} and a measured column")
     given = dict[str, float]()
     for text in noises:
@@ -87,7 +87,7 @@ def read_measurement(path: Path, case: Case, only: Sequence[str] = (), noises: S
         except ValueError:
             allowed = "NAME=VALUE, a standard deviation in the unit of the column"
             raise refuse("--noise", repr(text), allowed, "", "write it as in 'valve displacement=0.005'") from None
-    for option, names, known in (("--column", wanted, columns), ("--noise", given, wanted)):
+    for option, names, known in (("--column", wanted, measured), ("--noise", given, wanted)):
         if unknown := [name for name in names if name not in known]:
             near = suggest_name(unknown[0], known)
             raise refuse(option, repr(unknown[0]), ", ".join(known), "there is no such column", near)

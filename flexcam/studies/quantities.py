@@ -262,7 +262,8 @@ def grid_plan(first: Axis, second: Axis, fixed: Sequence[str] = ()) -> Plan:
     """Return the grid plan of two axes."""
     for one in (first, second):
         if not one.is_varied or not one.is_numeric:
-            raise refuse(one.where, f"{len(one.values)} values", "several numbers", "the map needs a grid of values")
+            given = "one value" if len(one.values) == 1 else f"{len(one.values)} values"
+            raise refuse(one.where, given, "several numbers", "the map needs a grid of values")
     if first.key == second.key:
         raise refuse("--and", second.key, "another key than that of --over", "the map needs two different values")
     pairs = [one.partition("=") for one in fixed]

@@ -267,7 +267,7 @@ def _response(name: str, middle: Row, beside: Sequence[Row], number: Number, ste
     values = column(beside, name)
     if math.isnan(value) or np.isnan(values).any():
         failed = next((row.status for row in (middle, *beside) if not row.status.ok), None)
-        outside = "with a changed value the limit lies outside the search range on at least one side"
+        outside = "the limit lies outside the search range, at the value itself or after a step"
         note = f"no derivative: {failed or f'{outside}; widen --lowest and --highest'}"
         return Sensitivity(name, unit, value, number, math.nan, None, False, note)
     found = central_derivative(value, values, step)

@@ -106,6 +106,7 @@ class HertzLine:
         return np.sqrt(p * 0.5 * self.plane_strain / (math.pi * radius))
 
 
+_MAX_LIFT = 0.5  # lift, m, above which a number without a unit was probably meant in mm
 _SAME = 1e-6  # tolerance of lengths for rounding of input digits
 _NEAR = 1e-2  # tolerance between an arm and its member
 
@@ -338,6 +339,8 @@ def hertz_line(
         radius = f"{1e3 * follower.base_radius:g} mm"
         allowed = f"a larger base circle for a lift of {1e3 * cam.event.height:.4g} mm"
         remedy = "flexcam cam prints the minimum base-circle radius; a longer event also helps"
+        if cam.event.height > _MAX_LIFT:
+            remedy = f"did you mean a lift of {cam.event.height:.3g} mm?"
         raise refuse(f"cams.{contact.cam}.base_radius", radius, allowed, why, remedy)
     rolls = bool(np.isfinite(roller))
     depth = 2.0 * (follower.base_radius + roller) if rolls else follower.base_radius  # the base circle for the cam

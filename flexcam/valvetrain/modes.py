@@ -68,7 +68,11 @@ class ModelModes:
     def words(self, mode: int) -> str:
         """Describe a mode, such as ``mass valve 60 %, pushrod axial 30 %``."""
         shares = sorted(self.shares[mode].items(), key=lambda item: -item[1])
-        named = [f"{part} {100.0 * share:.0f} %" for part, share in shares if share >= _ENERGY_FRACTION]
+        named = [
+            f"{' '.join(dict.fromkeys(part.split()))} {100.0 * share:.0f} %"  # a rocker may be named "rocker"
+            for part, share in shares
+            if share >= _ENERGY_FRACTION
+        ]
         free = "free motion: " if mode < self.modes.rigid else ""
         return free + ", ".join(named)
 
@@ -312,7 +316,8 @@ def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Calla
         force = series_stiffness(structure, part, where) * push
     else:
         if part.stiffness is None:
-            raise refuse(f"contacts.{contact}.stiffness", "hertz", "a number", "the response to a lift must be linear")
+            allowed, why = "a number such as '50 MN/m'", "the response to a lift must be linear"
+            raise refuse(f"contacts.{contact}.stiffness", "hertz", allowed, why)
         force = part.stiffness * push
         stiffness, free = stiffness + scalar_matrix(push, part.stiffness), None
     for name, play in model.contacts.items():  # lash is closed while the train is under compression

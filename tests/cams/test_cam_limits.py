@@ -93,7 +93,7 @@ def test_cutter_in_a_hollow(part, large, turn):
     hollow = 0.020**2 / (0.024 - 0.020) + 0.004
     made = cam_profile(deep, RollerFollower(0.016, 0.004), turn=turn)
     found = find_profile_faults(made, pressure_angle=STEEP, cutter=part * hollow)
-    assert [one.what for one in found] == ["the cutter is larger than the hollow it would have to cut"] * large
+    assert [one.what for one in found] == ["the concave radius is smaller than the cutter"] * large
     for one in found:
         assert min(abs(one.angle - at) for at in (0.0, math.pi)) < 1e-6
         assert one.value == pytest.approx(hollow, rel=1e-9)

@@ -135,7 +135,7 @@ def test_orders_as_a_table(flexcam):
     assert done.code == 0
     assert "contacts.train.force" in done.out
     assert "acceleration of valve.uy" in done.out
-    assert "not periodic by" in done.out
+    assert "change per revolution" in done.out
 
 
 @pytest.mark.parametrize(

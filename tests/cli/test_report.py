@@ -161,7 +161,7 @@ def test_what_is_asked_for_beside(flexcam, case, tmp_path):
     assert flexcam("report", "out/case.vtkhdf", "--errors", "--trade", "--limits").code == 0
     page = (tmp_path / "out/case.html").read_text(encoding="utf-8")
     text = text_of(page)
-    wanted = ["Estimated errors", "±", "Error and cost of models", "Best models in both",
+    wanted = ["Estimated errors", "±", "Cost and error of models", "Best models in both",
               "No speed limit was found up to twice the speed"]  # fmt: skip
     assert [words for words in wanted if words not in text] == []
     assert without_programs(page).count('src="data:image/png') == 2

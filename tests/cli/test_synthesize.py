@@ -326,7 +326,7 @@ REFUSED = {  # words, where, a part of the message
     "orders of polynomials": (f"{P} --orders 1 --orders 3", "--orders", "--family harmonic"),
     "pieces of polynomials": (f"{P} --pieces 3", "--pieces", "--family spline"),
     "two numbers": (f"{P} --condition 0.5,1", "--condition", "0.5,1,1.8"),
-    "condition that none meets": (f"{P} --condition 0.5,0,0.7", "bounds", "the conditions"),
+    "condition that none meets": (f"{P} --condition 0.5,0,0.7", "conditions", "0.5,0,0.7"),
     "tolerance in kg": ("harmonic MODEL --tolerance 20kg", "--tolerance", "a length"),
     "no harmonic below the first mode": ("harmonic MODEL --set=run.speed=30000rpm", "count", "--count"),
     "cam that is not there": ("harmonic MODEL --cam intak", "--cam", "did you mean 'intake'"),

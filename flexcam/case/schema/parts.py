@@ -177,7 +177,7 @@ class MemberRecord(Record):
 
     def _check(self) -> None:
         if self.bow and not self.geometric_stiffness:
-            raise value_error("bow with geometric_stiffness = true", "a bow has no effect without it")
+            raise value_error("geometric_stiffness = true", "a bow has no effect without it", inside="bow")
 
 
 _Product = Annotated[float, Unit("inertia", signed=True)]

@@ -292,7 +292,7 @@ class RunRecord(Record):
     )
     integrator: IntegratorRecord | None = Field(
         None,
-        description="by default collocation if contacts or other forces depend on the motion, otherwise newmark",
+        description="by default collocation if forces depend on the motion and steps are fine enough, else newmark",
     )
     damping: DampingRecord = Field(default_factory=lambda: DampingRecord.model_validate({}))
 

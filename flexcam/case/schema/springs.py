@@ -180,7 +180,8 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
             allowed = "either stiffness, or active_coils and shear_modulus of the wire"
             raise value_error(allowed, "both define the stiffness")
         if self.installed_force is not None and self.installed_compression is not None:
-            raise value_error("either installed_force or installed_compression", "one determines the other")
+            allowed = "either installed_force or installed_compression"
+            raise value_error(allowed, "one determines the other", given="both")
         if self.link and (self.to is None or self.installed_force or self.installed_compression):
             why = "it joins two points as a part of the train does"
             raise value_error("a link with an end `to` and no preload", why)
