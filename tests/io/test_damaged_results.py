@@ -21,7 +21,7 @@ from flexcam.io.sweep_table import read_table
 from tests.fuzz import damage
 
 ROOT = Path(__file__).parents[2]
-FLIPS = 30
+FLIPS = 15
 
 
 @pytest.fixture(scope="module")

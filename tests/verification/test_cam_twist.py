@@ -98,7 +98,7 @@ def integrate(event, found, *, linear):
     return exact[0], *np.array([contact(t, *state) for t, state in zip(found.time, exact.T, strict=True)]).T
 
 
-@pytest.mark.parametrize("law", ["4-5-6-7", "parabolic"])
+@pytest.mark.parametrize("law", ["4-5-6-7", pytest.param("parabolic", marks=pytest.mark.slow)])
 def test_against_the_equations_of_motion(record, case, law):
     made = case(f"cams.c.law={law}")
     found, event = solved(made), build_model(made).cams["c"].event
