@@ -79,7 +79,7 @@ def error(system, scheme, steps, phase, after):
 )
 def test_order_through_touchdown_and_parting(scheme, fitted_order):
     """After contact the mass flies up with V0; the contact itself costs what the scheme's period error costs."""
-    counts = np.array([50, 100, 200])
+    counts = np.array([50, 100])
     rms = []
     for count in counts.tolist():
         errors = []

@@ -12,6 +12,7 @@ import pytest
 
 from flexcam import InputError, prepare, read_case, run
 from tests.errors.reports import LIBRARY_WORDS, is_at
+from tests.thinning import mostly_slow
 
 ENGINE = Path(__file__).parents[1] / "data/every-engine.toml"
 
@@ -196,7 +197,7 @@ def refused(path):
     pytest.fail("accepted")
 
 
-@pytest.mark.parametrize("name", FAULTS)
+@pytest.mark.parametrize("name", mostly_slow(FAULTS))
 def test_refused_with_place_and_remedy(name, written):
     changes, key, given, said = FAULTS[name]
     faults = refused(written(changes))

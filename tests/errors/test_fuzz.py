@@ -89,7 +89,7 @@ def outcome(path):
     assert all(all(parts) for parts in told), told
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(steps=STEPS)
 def test_accepted_or_refused_never_broken(steps, path):
     path.write_text(mutated(steps), encoding="utf-8")

@@ -211,7 +211,7 @@ def test_derivatives_against_differences(record, case, key):
 
 def test_multipliers_against_differences(record, case):
     """Derivative of the map of a part of a revolution in which the follower leaves its cam."""
-    problem = prepare(case(*JUMPS, 'run.start="rest"')).problem
+    problem = prepare(case(*JUMPS, 'run.start="rest"', "run.steps_per_revolution=720")).problem
     problem = replace(problem, start=equilibrium(problem.system, problem.drive), engine="direct")
     found, n = floquet(problem), problem.system.size
     state = np.concatenate([problem.start.displacement, problem.start.velocity])
