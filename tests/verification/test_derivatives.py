@@ -16,15 +16,14 @@ REASONS = {
     "multiplier.1": "period error of 1800 steps",
 }
 
+FIXED = {"probes": ("run.engine=kernel",), "multiplier": ("run.steps_per_revolution=1800",)}
+
 
 @pytest.mark.parametrize("check", derivatives.CHECKS, ids=lambda check: check.scalar)
 def test_derivatives_against_closed_forms(record, monkeypatch, check):
     monkeypatch.setattr(derivatives, "REPEATS", 1)
-    fixed = {"probes": "run.engine=kernel", "multiplier": "run.steps_per_revolution=1800"}.get(
-        check.scalar.split(".")[0]
-    )
-    check = check._replace(fixed=(fixed,) if fixed else ())
-    found = derivatives.measure(check)
+    fixed = FIXED.get(check.scalar.partition(".")[0], ())
+    found = derivatives.measure(check._replace(fixed=fixed))
     for method in ("exact", "differences"):
         record(source="Derivatives in closed form", case=check.what, quantity=f"relative error, --method {method}",
                unit="1", reference=0.0, computed=found[f"{method}_error"], tolerance=check.tolerance, absolute=True,
