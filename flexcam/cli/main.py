@@ -121,6 +121,8 @@ def _command_line_fault(words: Sequence[str], fault: CycloptsError) -> Fault:
 
 def _name_options(faults: Sequence[Fault], words: Sequence[str]) -> list[Fault]:
     """Return faults at the options that were typed, instead of at parameters of Python."""
+    if not any(fault.where.isidentifier() for fault in faults):  # all are in files
+        return list(faults)
     typed = {word.partition("=")[0] for word in words if word.startswith("--")}
     arguments = app.parse_commands(words)[1][-1].assemble_argument_collection()
     options = {one.field_info.name: name for one in arguments for name in one.names if name in typed}

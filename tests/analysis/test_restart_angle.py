@@ -12,6 +12,7 @@ from flexcam import InputError, read_case, run
 from flexcam.analysis.preparation import prepare
 from flexcam.analysis.run import open_result_file
 from flexcam.dynamics import solve
+from tests.thinning import mostly_slow
 
 INLINE = Path(__file__).parents[1] / "data/inline.toml"
 
@@ -30,7 +31,7 @@ RESTART = ['run.start={ result = "inline.vtkhdf" }', "run.revolutions=0.25"]
 
 
 @pytest.mark.parametrize("rigid", [False, True])
-@pytest.mark.parametrize("rpm", [3000, 6000, 1234])
+@pytest.mark.parametrize("rpm", mostly_slow([3000, 6000, 1234], 2))
 def test_angle_goes_on(stopped, rpm, rigid):
     response = run(read_case(stopped, [*RESTART, f"run.speed={rpm}rpm"]), rigid=rigid)
     degrees = np.degrees(response.angle[[0, -1]])

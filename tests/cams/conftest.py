@@ -48,6 +48,15 @@ def turn(request):
     return request.param
 
 
+def pytest_itemcollected(item):
+    """Leave every follower with one sense of rotation in the normal suite."""
+    given = item.callspec.params if hasattr(item, "callspec") else {}
+    if {"follower", "turn"} <= given.keys():
+        first = list(FOLLOWERS.values()).index(given["follower"]) % 2
+        if given["turn"] != (1, -1)[first]:
+            item.add_marker(pytest.mark.slow)
+
+
 @pytest.fixture(scope="session")
 def smooth_event():
     """Return a lift whose rise and return differ, so that a mirrored answer is wrong; no cam of it is undercut."""

@@ -31,7 +31,7 @@ RESOLUTIONS = [
 """Law, points, and what the spline of degree 5 leaves, m: the smoother the law and the more points, the less."""
 
 
-@pytest.mark.parametrize(("law", "count", "left"), RESOLUTIONS)
+@pytest.mark.parametrize(("law", "count", "left"), mostly_slow(RESOLUTIONS))
 def test_profile_and_back(law, count, left, follower, turn):
     event = LiftEvent(LAWS[law], lift=0.003, rise=1.5, fall=1.7, dwell=0.4, phase=0.3)
     points = cam_profile(event, follower, count=count, turn=turn).points

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexcam.cams import LAWS, LiftEvent, lift_table
-from flexcam.cams.lift_table import _find_outliers, scatter
+from flexcam.cams.lift_table import _find_outliers, _Fit, scatter
 from flexcam.core.errors import InputError
 
 TURN, DEGREE = 2 * math.pi, math.radians(1.0)
@@ -19,6 +19,16 @@ FINE = np.linspace(0.0, TURN, 3601)[:-1]
 
 def noise(count, size, seed=0):
     return size * np.random.default_rng(seed).standard_normal(count)
+
+
+@pytest.mark.parametrize("power", [-6.0, -2.0, 0.0, 3.0, 8.0])
+@pytest.mark.parametrize("count", [360, 120])
+def test_score_against_its_definition(count, power):
+    """Where all points are measured, and where two thirds are points of the base circle that flexcam adds."""
+    theta, weight = FINE[::10], 10.0**power
+    fit = _Fit(theta, LOBE(theta) + noise(360, 2e-6), count, 200)
+    used = np.trace(np.linalg.solve(fit.square + weight * fit.rough, fit.measured))
+    assert fit.score(weight) == pytest.approx((fit.rms_change(weight) / (1.0 - 1.4 * used / count)) ** 2, rel=1e-6)
 
 
 @pytest.mark.slow

@@ -37,7 +37,7 @@ def reached(part):
     return math.acos(1 - 2 * part) / math.pi
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(ANGLE, ANGLE, st.floats(0.0, 1.0), st.floats(-10.0, 10.0), st.floats(0.02, 0.98))
 def test_simple_harmonic_motion_in_closed_form(rise, fall, dwell, phase, part):
     found = valve_event(simple_harmonic(rise, fall, dwell, phase), part * LIFT)
@@ -67,7 +67,7 @@ def test_the_centre_of_a_symmetric_event_is_its_nose():
     assert beyond.centre == pytest.approx(2 * (5.9 + 1.0) - CYCLE, abs=1e-9)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(ANGLE, ANGLE, st.sampled_from([0.0, 0.01, 0.7]), st.floats(-10.0, 10.0), st.sampled_from(["shm", "4-5-6-7"]))
 def test_centreline(rise, fall, dwell, phase, law):
     event = LiftEvent(LAWS[law], LIFT, rise, fall, dwell=dwell, phase=phase, ramp=Ramp(0.2e-3, 0.26))
@@ -143,7 +143,7 @@ def counted(one, other, n=20_000):
     return float(np.mean(inside[0] & inside[1]) * CYCLE)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(OPEN, SPAN, OPEN, SPAN)
 def test_overlap_by_counting(one, first, other, second):
     a, b = ValveEvent(1e-3, one, one + first), ValveEvent(1e-3, other, other + second)

@@ -14,9 +14,9 @@ from tests.thinning import mostly_slow
 
 ROOT = Path(__file__).parents[2]
 CASES = [
-    *mostly_slow(sorted(path for path in (ROOT / "cases").rglob("*.toml") if path.parent.name != "cams")),
+    *mostly_slow(sorted(path for path in (ROOT / "cases").rglob("*.toml") if path.parent.name != "cams"), 5),
     *(ROOT / "tests/data" / f"{name}.toml" for name in ("every-key", "every-contact", "every-engine")),
-    *mostly_slow(sorted((ROOT / "flexcam/templates").glob("*.toml")), 2),
+    *mostly_slow(sorted((ROOT / "flexcam/templates").glob("*.toml")), 4),
 ]
 
 

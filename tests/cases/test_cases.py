@@ -25,7 +25,7 @@ def test_the_nine_published_cases_are_there():
     ] == PUBLISHED
 
 
-@pytest.mark.parametrize("name", PUBLISHED)
+@pytest.mark.parametrize("name", mostly_slow(PUBLISHED, 2))
 def test_published_column(name):
     """To the three decimals of the table: half a unit of the last digit."""
     case = read_case(ROOT / name)

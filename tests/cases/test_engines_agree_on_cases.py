@@ -13,6 +13,7 @@ from flexcam import prepare, read_case
 from flexcam.core.errors import InputError
 from flexcam.dynamics import SaveAt, State, integrated_size, solve
 from tests.rounding import stronger
+from tests.thinning import mostly_slow
 
 ROOT = Path(__file__).parents[2]
 CASES = [
@@ -92,7 +93,7 @@ def named(path):
 
 
 @pytest.mark.parametrize("path", ["modal", "kernel"])
-@pytest.mark.parametrize("case", [named(path) for path in CASES])
+@pytest.mark.parametrize("case", mostly_slow([named(path) for path in CASES], 2))
 def test_every_case(case, path):
     problem, scheme = shorter(case)
     if why := unfit(problem, path):

@@ -9,6 +9,7 @@ import pytest
 
 from flexcam import read_case, run
 from flexcam.analysis.cam_analysis import cam_facts, load_cams
+from tests.thinning import mostly_slow
 
 ROOT = Path(__file__).parents[2]
 EVERY = ROOT / "tests/data/every-key.toml"
@@ -27,7 +28,7 @@ WAYS = {
 }
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("way", mostly_slow(WAYS, 2))
 def test_runs(way):
     path, overrides = WAYS[way]
     assert run(read_case(path, overrides)).status.ok

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from matplotlib.figure import Figure
 
+from tests.thinning import mostly_slow
+
 FOLDER = Path(__file__).parents[2] / "examples"
 EXAMPLES = sorted(FOLDER.glob("*.py"))
 
@@ -16,7 +18,8 @@ SLOW = ("speed_against_accuracy", "sweep_over_speed")
 
 
 @pytest.mark.parametrize(
-    "path", [pytest.param(one, marks=[pytest.mark.slow] * (one.stem in SLOW), id=one.stem) for one in EXAMPLES]
+    "path",
+    mostly_slow([pytest.param(one, marks=[pytest.mark.slow] * (one.stem in SLOW), id=one.stem) for one in EXAMPLES], 2),
 )
 def test_example(path, monkeypatch):
     monkeypatch.chdir(FOLDER)

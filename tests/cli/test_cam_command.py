@@ -19,6 +19,7 @@ from flexcam.analysis.run_checks import check_input
 from flexcam.cams import CompoundCycloid, LiftEvent, Ramp, RollerFollower, cam_profile
 from flexcam.case.starters import new_case
 from tests.command import facts
+from tests.thinning import mostly_slow
 
 ROOT, DEG = Path(__file__).parents[2], math.pi / 180
 FILES = {path.stem: path for part in ("cases/cams", "cases/tayeb") for path in sorted((ROOT / part).glob("*.toml"))}
@@ -420,7 +421,7 @@ REFUSED = {  # words, where, what is given, a part of the message
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("words", REFUSED)
+@pytest.mark.parametrize("words", mostly_slow(REFUSED, 2))
 def test_refused(words, told):
     where, given, said = REFUSED[words]
     done = told("li-fb2", words, "--json")

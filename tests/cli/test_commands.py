@@ -10,6 +10,7 @@ import re
 import pytest
 
 from flexcam import read_mesh, read_result
+from tests.thinning import mostly_slow
 
 KEYS = {
     "check": {"status", "elements", "dof"},
@@ -62,7 +63,9 @@ def test_the_case_is_named_first(verb, flexcam, case):
         assert flexcam(verb, "case.toml", "--json").json["title"] == "Nodes in the file"
 
 
-@pytest.mark.parametrize("words", ["compare", "campbell --count 2 --response", "campbell --count 2", "modes"])
+@pytest.mark.parametrize(
+    "words", mostly_slow(["compare", "campbell --count 2 --response", "campbell --count 2", "modes"], 2)
+)
 def test_no_number_is_cut_in_a_narrow_terminal(words, flexcam, case, monkeypatch):
     verb, *few = words.split()
     wide = flexcam(verb, case, *few, "--set", "run.steps_per_revolution=360").out

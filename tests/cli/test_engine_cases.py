@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from flexcam import read_result
+from tests.thinning import mostly_slow
 
 ROOT = Path(__file__).parents[2]
 ENGINE = ROOT / "tests/data/every-engine.toml"
@@ -93,7 +94,9 @@ def test_a_restart_is_the_uninterrupted_run(way, engine, flexcam, tmp_path):
             np.testing.assert_allclose(other, one[36:], rtol=0.0, atol=most, err_msg=name)
 
 
-@pytest.mark.parametrize("way", ["lever without play", "free running"])  # the other parts are in every-engine.toml
+@pytest.mark.parametrize(
+    "way", mostly_slow(["lever without play", "free running"], 2)
+)  # the other parts are in every-engine.toml
 def test_check_modes_and_compare(way, engine, flexcam):
     case = engine("case", *WAYS[way])
     about = (*OPENING, "--json")

@@ -6,9 +6,12 @@ Exit code 0 is an answer, 2 a refusal that says why (a chain of a train with one
 from __future__ import annotations
 
 import json
+from itertools import product
 from pathlib import Path
 
 import pytest
+
+from tests.thinning import mostly_slow
 
 ROOT = Path(__file__).resolve().parents[2]
 CASES = sorted(path for path in (ROOT / "cases").glob("*/*.toml") if path.parent.name != "cams")
@@ -30,7 +33,7 @@ def marked(case):
     return pytest.param(case, marks=() if case in FEW else pytest.mark.slow)
 
 
-@pytest.mark.parametrize("asked", MODELS[1:])
+@pytest.mark.parametrize("asked", mostly_slow(MODELS[1:], 2))
 @pytest.mark.parametrize("case", [marked(case) for case in CASES if case not in ALIKE], ids=lambda path: path.stem)
 def test_run(flexcam, tmp_path, case, asked):
     done = flexcam("run", case, *QUICK, "--set", f"fidelity.{asked}", "-o", str(tmp_path), "--json")
@@ -41,8 +44,10 @@ def test_run(flexcam, tmp_path, case, asked):
         assert asked in ("model=sdof", "model=chain"), found
 
 
-@pytest.mark.parametrize("command", ["check", "modes", "stability"])
-@pytest.mark.parametrize("asked", ["model=beams", "model=rigid", "model=sdof"])
+@pytest.mark.parametrize(
+    ("command", "asked"),
+    mostly_slow(product(["check", "modes", "stability"], ["model=rigid", "model=sdof", "model=beams"]), 2),
+)
 @pytest.mark.parametrize("case", FEW, ids=lambda path: path.stem)
 def test_commands(flexcam, case, command, asked):
     done = flexcam(command, case, *QUICK, "--set", f"fidelity.{asked}", "--json")

@@ -17,6 +17,7 @@ from flexcam.core.errors import refuse
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.report.fidelity_tables import trade_table
 from flexcam.report.terminal import result_console
+from tests.thinning import mostly_slow
 
 ROOT = Path(__file__).parents[2]
 FEW = ("run.revolutions=1", "run.steps_per_revolution=360")
@@ -207,7 +208,7 @@ def test_trade_refuses(flexcam, tayeb, tmp_path, words, said):
         assert (tmp_path / words[1]).read_text(encoding="utf-8") != "mine"
 
 
-@pytest.mark.parametrize(("asked", "tolerance"), [("20 %", 0.2), ("1 %", 0.01)])
+@pytest.mark.parametrize(("asked", "tolerance"), mostly_slow([("20 %", 0.2), ("1 %", 0.01)], 2))
 def test_the_cheapest_within_a_tolerance(ran, ladder, fine, asked, tolerance):
     done = ran(f'tolerance="{asked}"')
     assert done.code == 0
@@ -351,7 +352,7 @@ def test_wrong_lines_are_named(flexcam, case):
     assert f"{line + 1}" in said
 
 
-@pytest.mark.parametrize("model", ["rigid", "sdof", "chain", "modes", "beams"])
+@pytest.mark.parametrize("model", mostly_slow(["rigid", "sdof", "chain", "modes", "beams"], 2))
 def test_every_model_has_a_readable_result(ran, tayeb, model):
     keys = ("modes=3",) if model == "modes" else (f'model="{model}"', "masses=2")
     done = ran(*keys)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from asammdf import MDF, Signal
 
 from flexcam import read_case
 from flexcam.core.units import conversion_factor
@@ -110,6 +109,8 @@ def test_refused_measurements(flexcam, tmp_path, content, options, message):
 
 def write_mdf(path, *groups):
     """Write an MDF4 file with asammdf: a group per list of (name, unit, times, values)."""
+    from asammdf import MDF, Signal  # takes half a second, which only one worker needs
+
     with MDF(version="4.10") as file:
         for group in groups:
             file.append([Signal(np.array(y), np.array(t), unit=unit, name=name) for name, unit, t, y in group])

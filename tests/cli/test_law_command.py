@@ -119,7 +119,7 @@ def test_a_kind_with_its_parameters(kind, told):
     assert got == pytest.approx(wanted, rel=1e-9)
 
 
-@pytest.mark.parametrize(("kind", "name"), [(kind, name) for kind in GOOD for name in GOOD[kind][0]])
+@pytest.mark.parametrize(("kind", "name"), mostly_slow([(kind, name) for kind in GOOD for name in GOOD[kind][0]], 2))
 def test_bad_parameters(kind, name, told):
     """Missing where it is required, of another type, and misspelt."""
     good = GOOD[kind][0]

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.thinning import mostly_slow
+
 ROOT = Path(__file__).parents[2]
 INLINE = ROOT / "tests/data/inline.toml"
 ENGINE = ROOT / "cases/pushrod-engine/intake.toml"
@@ -64,7 +66,7 @@ REFUSED = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("what", REFUSED)
+@pytest.mark.parametrize("what", mostly_slow(REFUSED, 2))
 def test_refused_before_anything_is_computed(flexcam, what):
     words, said = REFUSED[what]
     done = flexcam(*words)

@@ -16,6 +16,7 @@ from flexcam.analysis.run import member_strength, open_result_file, reload_resul
 from flexcam.case.reader import case_from_result
 from flexcam.io import write_text
 from flexcam.valvetrain import StrengthSink, build_structure
+from tests.thinning import mostly_slow
 
 ROOT = Path(__file__).parents[2]
 ENGINE = ROOT / "cases/pushrod-engine/intake.toml"
@@ -173,26 +174,29 @@ def test_orders_over_speed(what, said, flexcam, case, tmp_path):
 
 @pytest.mark.parametrize(
     ("words", "said"),
-    [
-        (["nosuch.vtkhdf"], "no such file"),
-        (["text.vtkhdf"], "a result file of flexcam"),
-        (["out/case.vtkhdf", "--probe", "valv"], "Did you mean 'valve'"),
-        (["out/case.vtkhdf", "--probe", "cam"], "cam.uy"),
-        (["out/case.vtkhdf", "--channel", "contacts.intake.forc"], "Did you mean 'contacts.intake.force'"),
-        (["out/case.vtkhdf", "-o", "a.jpg"], "one of .svg, .png, .pdf"),
-        (["out/case.vtkhdf", "-o", "case.toml/a.svg"], "a folder with write permission"),
-        (["out/case.vtkhdf", "-o", "taken.svg"], "--overwrite"),
-        (["out/case.vtkhdf", "--set", "run.speed=1000rpm"], "A result cannot be changed"),
-        (
-            ["out/case.vtkhdf", "--what", "energy", "--probe", "valve", "--rigid"],
-            "--what motion or waterfall or work-precision",
-        ),
-        (["case.toml", "--what", "profile"], "base_radius and follower"),
-        (["case.toml", "--what", "svaj", "--cam", "intak"], "Did you mean 'intake'"),
-        (["case.toml", "--what", "modes", "--count", "0"], "a whole number, at least 1"),
-        (["case.toml", "out/case.vtkhdf", "--what", "modes"], "one file"),
-        (["out/case.vtkhdf", "--what", "nosuch"], "motion"),
-    ],
+    mostly_slow(
+        [
+            (["nosuch.vtkhdf"], "no such file"),
+            (["text.vtkhdf"], "a result file of flexcam"),
+            (["out/case.vtkhdf", "--probe", "valv"], "Did you mean 'valve'"),
+            (["out/case.vtkhdf", "--probe", "cam"], "cam.uy"),
+            (["out/case.vtkhdf", "--channel", "contacts.intake.forc"], "Did you mean 'contacts.intake.force'"),
+            (["out/case.vtkhdf", "-o", "a.jpg"], "one of .svg, .png, .pdf"),
+            (["out/case.vtkhdf", "-o", "case.toml/a.svg"], "a folder with write permission"),
+            (["out/case.vtkhdf", "-o", "taken.svg"], "--overwrite"),
+            (["out/case.vtkhdf", "--set", "run.speed=1000rpm"], "A result cannot be changed"),
+            (
+                ["out/case.vtkhdf", "--what", "energy", "--probe", "valve", "--rigid"],
+                "--what motion or waterfall or work-precision",
+            ),
+            (["case.toml", "--what", "profile"], "base_radius and follower"),
+            (["case.toml", "--what", "svaj", "--cam", "intak"], "Did you mean 'intake'"),
+            (["case.toml", "--what", "modes", "--count", "0"], "a whole number, at least 1"),
+            (["case.toml", "out/case.vtkhdf", "--what", "modes"], "one file"),
+            (["out/case.vtkhdf", "--what", "nosuch"], "motion"),
+        ],
+        2,
+    ),
 )
 def test_refusals(words, said, flexcam, result, tmp_path):
     write_text(tmp_path / "taken.svg", "mine")

@@ -6,6 +6,8 @@ from __future__ import annotations
 
 import pytest
 
+from tests.thinning import mostly_slow
+
 FIVE = {"where", "given", "allowed", "why", "remedy"}
 COMMANDS = {
     "no case": ["check", "nosuch.toml"],
@@ -48,7 +50,7 @@ def files(flexcam, case, tmp_path):
     return tmp_path
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", mostly_slow(COMMANDS))
 def test_refused_in_json(name, flexcam, files):
     (files / "out/case.vtkhdf").write_text("mine")
     before = sorted(files.rglob("*"))

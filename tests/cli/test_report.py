@@ -12,6 +12,7 @@ import pytest
 
 from flexcam.io import write_digest, write_text
 from flexcam.io.hdf5 import write_texts
+from tests.thinning import mostly_slow
 
 ROOT = Path(__file__).parents[2]
 ROOM = 6_000_000
@@ -88,7 +89,9 @@ def test_what_cannot_be_had_is_said(flexcam, case, tmp_path):
     assert [one["name"] for one in data["scenes"][0]["shapes"]] == ["the run"]
 
 
-@pytest.mark.parametrize(("name", "text"), [("overrides", "[3]"), ("files", "no JSON"), ("files", '{"a.csv": null}')])
+@pytest.mark.parametrize(
+    ("name", "text"), mostly_slow([("overrides", "[3]"), ("files", "no JSON"), ("files", '{"a.csv": null}')])
+)
 def test_texts_about_the_case_that_are_damaged(flexcam, case, name, text, tmp_path):
     assert flexcam("run", case, "--set", "run.revolutions=0.02").code == 0
     path = tmp_path / "results/case.vtkhdf"

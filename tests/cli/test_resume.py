@@ -18,6 +18,7 @@ from flexcam.analysis.run import open_partial_result, open_result_file
 from flexcam.dynamics import Cause, Status, solve
 from tests.command import OFTEN, start
 from tests.sinks import Cut
+from tests.thinning import mostly_slow
 
 DATA = Path(__file__).parents[1] / "data"
 WALKED = ("--set", "run.engine=direct", "--set", "run.revolutions=12")
@@ -102,7 +103,7 @@ def whole(tmp_path_factory):
     return file.path
 
 
-@pytest.mark.parametrize("cause", [Cause.INTERRUPTED, Cause.TIME_LIMIT, Cause.NOT_SAVED])
+@pytest.mark.parametrize("cause", mostly_slow([Cause.INTERRUPTED, Cause.TIME_LIMIT, Cause.NOT_SAVED], 2))
 def test_causes_that_go_on(cause, broken, flexcam):
     broken(cause)
     assert flexcam("run", "case.toml", "-o", "out", *SAME).code == 0

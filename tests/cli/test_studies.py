@@ -23,6 +23,7 @@ from flexcam.case.variants import get_number
 from flexcam.dynamics import Status
 from flexcam.studies.plan import Row
 from flexcam.studies.quantities import create_evaluator, quantity_row
+from tests.thinning import mostly_slow
 
 ROOT = Path(__file__).resolve().parents[2]
 PUBLISHED = ROOT / "cases/tayeb/model-3-shm.toml"
@@ -492,7 +493,7 @@ STUDIES = {
 
 
 @pytest.mark.parametrize("kind", STUDIES)
-@pytest.mark.parametrize("last", [0, 3, 7])
+@pytest.mark.parametrize("last", mostly_slow([0, 3, 7]))
 def test_what_a_stopped_study_has_evaluated_is_kept(kind, last, flexcam, oscillator, tmp_path, stop_after):
     """Of derivatives the case as it stands, of shares whole base points, two at least, of scatter every set."""
     stop_after(last)
@@ -652,9 +653,10 @@ def test_the_best_is_no_worse_than_the_case_as_it_stands(flexcam):
     assert found["best"]["overrides"] == ["masses.valve.mass=0.1kg"]
 
 
-@pytest.mark.parametrize("told", REFUSED.values(), ids=REFUSED)
-def test_refusals(flexcam, told):
-    done = flexcam(told[0], PUBLISHED, *QUICK, *told[1:])
+@pytest.mark.parametrize("what", mostly_slow(REFUSED, 2))
+def test_refusals(flexcam, what):
+    command, *told = REFUSED[what]
+    done = flexcam(command, PUBLISHED, *QUICK, *told)
     assert done.code == 2, done.out + done.err
     assert "expected" in done.err or "Leave it out" in done.err
 

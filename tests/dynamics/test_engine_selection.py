@@ -39,6 +39,7 @@ from flexcam.dynamics import (
 )
 from flexcam.dynamics.engine_selection import select_engine
 from flexcam.dynamics.jit import is_available
+from tests.thinning import mostly_slow
 
 FORCED = ["modal", "kernel"]
 EVERY = SaveAt()
@@ -212,7 +213,7 @@ def test_two_processes_have_the_same_bits():
 
 
 @pytest.mark.parametrize("prune", [False, True])
-@pytest.mark.parametrize("method", [newmark(), hht(), generalized_alpha(rho_inf=0.5)])
+@pytest.mark.parametrize("method", mostly_slow([newmark(), hht(), generalized_alpha(rho_inf=0.5)]))
 @pytest.mark.parametrize("path", ["direct", "modal"])
 def test_restart_from_a_saved_field(path, method, prune):
     """Under several loads, and at every kind of place: within a block, at its end, beside it."""

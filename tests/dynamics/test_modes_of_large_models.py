@@ -21,6 +21,7 @@ from flexcam.fem.members import Member, beams
 from flexcam.fem.mesh import chain
 from flexcam.fem.rigid_bodies import PointMass, free_motions, mass_at
 from flexcam.fem.sections import Section
+from tests.thinning import mostly_slow
 
 ROUND = Section.circle(0.01)
 LENGTH = 2.0
@@ -83,7 +84,7 @@ def test_free_shaft(steel, path, parts):
     assert found.omegas[6:8] == pytest.approx([first, first], rel=1e-6)
 
 
-@pytest.mark.parametrize("count", [2, 6, None])
+@pytest.mark.parametrize("count", mostly_slow([2, 6, None], 2))
 def test_extreme_mass_ratio(steel, path, count):
     """A tip mass 1e12 times the shaft's: sqrt(3EI/L^3/m), rounding of K eps n^4 = 3e-8."""
     shaft = Shaft(steel, 102, FIXED)
@@ -127,7 +128,7 @@ def test_beyond_buckling_is_refused(steel, path, parts):
 
 
 @pytest.mark.parametrize("parts", [40, 102])
-@pytest.mark.parametrize("share", [0.5, 0.99])
+@pytest.mark.parametrize("share", mostly_slow([0.5, 0.99], 2))
 def test_below_buckling(steel, path, parts, share):
     """Omega sqrt(1 - P/P_cr); the elements' error (pi/40)^4/720 = 5e-8 of P_cr is 5e-6 of 1 - 0.99."""
     shaft = Shaft(steel, parts, HINGED)

@@ -87,20 +87,21 @@ def test_an_endurance_limit_beyond_the_strength():
         read_case(CASE, [strengths])
 
 
+LARGE = ("dohc-16-valve", "v8-bank")
+"""Starters that take long to prepare."""
+
+
 def _sound():
-    folders = [ROOT / "cases", ROOT / "flexcam/templates"]
-    return [path for folder in folders for path in sorted(folder.rglob("*.toml"))]
+    """Return the cases, of which every second one is slow, and all starters."""
+    cases, starters = (sorted((ROOT / folder).rglob("*.toml")) for folder in ("cases", "flexcam/templates"))
+    slow = [*cases[1::2], *(path for path in starters if path.stem in LARGE)]
+    return [
+        pytest.param(path, id=f"{path.parent.name}-{path.stem}", marks=[pytest.mark.slow] * (path in slow))
+        for path in (*cases, *starters)
+    ]
 
 
-@pytest.mark.parametrize(
-    "path",
-    [
-        pytest.param(
-            path, id=f"{path.parent.name}-{path.stem}", marks=[pytest.mark.slow] * (path.stem == "dohc-16-valve")
-        )
-        for path in _sound()
-    ],
-)
+@pytest.mark.parametrize("path", _sound())
 def test_a_sound_case_is_not_doubted(path):
     try:
         case = read_case(path)

@@ -12,6 +12,7 @@ import pytest
 
 from flexcam import InputError, prepare, read_case, run
 from tests.errors.reports import LIBRARY_WORDS, is_at
+from tests.thinning import mostly_slow
 
 ENGINE = Path(__file__).parents[1] / "data/every-engine.toml"
 
@@ -196,7 +197,7 @@ def refused(path):
     pytest.fail("accepted")
 
 
-@pytest.mark.parametrize("name", FAULTS)
+@pytest.mark.parametrize("name", mostly_slow(FAULTS))
 def test_refused_with_place_and_remedy(name, written):
     changes, key, given, said = FAULTS[name]
     faults = refused(written(changes))
@@ -208,7 +209,7 @@ def test_refused_with_place_and_remedy(name, written):
     assert not [str(f) for f in faults if any(word in str(f) for word in LIBRARY_WORDS)]
 
 
-@pytest.mark.parametrize(("verb", "name"), [(verb, name) for verb in ("check", "run") for name in list(FAULTS)[::12]])
+@pytest.mark.parametrize(("verb", "name"), [(verb, name) for verb in ("check", "run") for name in list(FAULTS)[::60]])
 def test_exit_code_2_and_no_traceback(verb, name, written, flexcam, tmp_path):
     written(FAULTS[name][0])
     assert flexcam(verb, "case.toml").code == 2

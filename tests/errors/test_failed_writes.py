@@ -18,6 +18,7 @@ from flexcam.analysis.run import open_result_file
 from flexcam.cli.main import main
 from flexcam.dynamics import RunFailedError
 from flexcam.plotting.rendering import save_view
+from tests.thinning import mostly_slow
 
 ASKED = {
     "motion.svg": ("plot", "RESULT", "-o"),
@@ -62,7 +63,7 @@ def full_disk(size=500):
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-@pytest.mark.parametrize("name", ASKED)
+@pytest.mark.parametrize("name", mostly_slow(ASKED, 2))
 def test_a_disk_that_is_full(tmp_path, capsys, result, name):
     words = [{"RESULT": str(result), "CASE": str(result.with_suffix(".toml"))}.get(one, one) for one in ASKED[name]]
     target = tmp_path / name

@@ -20,6 +20,7 @@ from flexcam.dynamics import solve
 from flexcam.io import open_hdf5, verify_file, write_digest
 from flexcam.io.sweep_table import read_table
 from flexcam.report.content import load_subject
+from tests.thinning import mostly_slow
 
 ROOT = Path(__file__).parents[2]
 
@@ -102,7 +103,7 @@ HOSTILE = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("what", HOSTILE)
+@pytest.mark.parametrize("what", mostly_slow(HOSTILE, 2))
 def test_hdf5_that_leads_out_or_swells(what, sound, tmp_path, tried):
     make, said = HOSTILE[what]
     path = tmp_path / "hostile.vtkhdf"
@@ -135,7 +136,7 @@ NUMBERS = (
 
 @pytest.mark.parametrize(
     ("what", "name"),
-    [(what, name) for i, what in enumerate(CHANGED) for j, name in enumerate(NUMBERS) if (i + j) % 3 == 0],
+    [(what, name) for i, what in enumerate(CHANGED) for j, name in enumerate(NUMBERS) if (i + j) % 7 == 0],
 )
 def test_numbers_of_another_type_shape_or_size(what, name, sound, tmp_path):
     """With a valid checksum, as another program may write it."""

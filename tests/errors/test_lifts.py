@@ -17,6 +17,7 @@ from flexcam.cams import lift_table
 from flexcam.case.reader import read_cams
 from flexcam.io import read_lift
 from tests.errors.reports import LIBRARY_WORDS, is_at
+from tests.thinning import mostly_slow
 
 EVENT = 'law = "3-4-5"\nlift = "6 mm"\nrise = "100 deg"\nreturn = "100 deg"\n'
 CAM = EVENT + 'base_radius = "18 mm"\nfollower = { type = "roller", radius = "9 mm" }\n'
@@ -157,7 +158,7 @@ def faults_of(request, tmp_path, text, flexcam):
 
 @pytest.mark.parametrize(
     ("faults_of", "name"),
-    [(way, name) for way in WAYS for name in FAULTS if way != "command" or name in FEW],
+    mostly_slow([(way, name) for way in WAYS for name in FAULTS if way != "command" or name in FEW], 2),
     indirect=["faults_of"],
 )
 def test_refused_with_place_and_remedy(name, faults_of):
@@ -201,7 +202,7 @@ ODD = [
 ]
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(odd=st.lists(st.tuples(st.integers(0, 74), st.sampled_from(ODD)), min_size=1, max_size=4))
 def test_any_table_is_read_or_refused(odd, tmp_path_factory):
     lines = table().splitlines()

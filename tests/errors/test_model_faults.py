@@ -13,6 +13,7 @@ from flexcam import InputError
 from flexcam.case.reader import CaseFile
 from flexcam.case.starters import new_case
 from flexcam.io import format_toml
+from tests.thinning import mostly_slow
 
 # faults of the starter pushrod-engine, with the place of each
 DENSITY = (('density = "7800', 'densty = "7800'), ["materials.steel.density", "materials.steel.densty"])
@@ -88,7 +89,7 @@ def test_commands_report_all_faults_with_exit_code_2(command, starter, changed, 
     assert all(place in done.out + done.err for place in chain.from_iterable(places))
 
 
-@pytest.mark.parametrize("template", ["finger-follower", "valve-bridge", "desmodromic"])
+@pytest.mark.parametrize("template", mostly_slow(["finger-follower", "valve-bridge", "desmodromic"]))
 def test_a_fault_of_a_part_causes_no_fault_of_another(template, tmp_path):
     """Contacts, cams, rockers, supports, masses and springs with a wrong key: the rest has no fault without them."""
     file = CaseFile.open(new_case(template, tmp_path / "case.toml")[0])

@@ -9,6 +9,7 @@ import re
 import pytest
 
 from tests.errors.reports import LIBRARY_WORDS, is_at
+from tests.thinning import mostly_slow
 
 SPRING = '[springs.side]\nat = "cam"\ndirection = "{}"\nstiffness = "{}"\n[springs.valve]'
 
@@ -149,7 +150,7 @@ def apply(text, old, new):
     return text.replace(old, new, 1)
 
 
-@pytest.mark.parametrize("name", FAULTS)
+@pytest.mark.parametrize("name", mostly_slow(FAULTS, 2))
 def test_refused_with_line_place_and_remedy(name, text, faults_of):
     old, new, key, given, said = FAULTS[name]
     bad = apply(text, old, new)

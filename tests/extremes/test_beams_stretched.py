@@ -26,6 +26,7 @@ from flexcam.fem.mesh import chain
 from flexcam.fem.sections import Section
 from flexcam.valvetrain import buckling_load, build_structure, train_metrics
 from tests.pinned_rod import LENGTH, TUBE, pinned_rod, push
+from tests.thinning import mostly_slow
 
 SLENDER, ELEMENTS, AXIAL = "slenderness of a beam", "elements per span", "axial load"
 DIAMETER, FIRST = 0.02, 1.8751040687119611
@@ -122,7 +123,7 @@ output.probes = ["tip"]
 """
 
 
-@pytest.mark.parametrize("asked", ["check", "modes", "run"])
+@pytest.mark.parametrize("asked", mostly_slow(["check", "modes", "run"]))
 def test_commands_on_2000_elements_tell_the_digits_lost(expect, command, tmp_path, asked):
     (tmp_path / "fine.toml").write_text(FINE, encoding="utf-8")
     code, said = command(asked, "fine.toml")

@@ -14,6 +14,7 @@ from scipy.linalg import eigh
 
 from flexcam import prepare, read_case
 from flexcam.dynamics import SaveAt, solve
+from tests.thinning import mostly_slow
 
 FINE, FAST = "steps per revolution", "camshaft speed"
 LOADED = 2.0 * np.pi * 67.1144  # rad/s: the one mode that moves the valve by more than a thousandth of its lift
@@ -72,7 +73,7 @@ def test_a_million_steps_per_revolution(expect, tayeb):
 
 
 @pytest.mark.parametrize("steps", [1, 3, 10, 30])
-@pytest.mark.parametrize("asked", ["check", "run"])
+@pytest.mark.parametrize("asked", mostly_slow(["check", "run"]))
 def test_too_few_steps_are_told(expect, command, tayeb, asked, steps):
     code, said = command(asked, tayeb, "--set", f"run.steps_per_revolution={steps}")
     assert code == 0
@@ -96,7 +97,7 @@ def test_impossible_steps_are_refused(expect, command, tayeb, steps, allowed):
     expect.refuses(FINE, f"{steps} steps per revolution", said, "steps_per_revolution", allowed)
 
 
-@pytest.mark.parametrize("rpm", [1, 10, 100, 1000, 3000, 4000, 10_000, 50_000])
+@pytest.mark.parametrize("rpm", mostly_slow([1, 10, 100, 1000, 3000, 4000, 10_000, 50_000]))
 def test_every_speed_is_right(expect, tayeb, rpm):
     """3600 steps per revolution; where the loaded mode is not resolved (below 300 rpm) it is not excited either."""
     off, x, angle = deviation(tayeb, f"run.speed={rpm}rpm")

@@ -17,6 +17,7 @@ import pytest
 from flexcam import prepare, read_case, run
 from flexcam.analysis.run import open_result_file
 from flexcam.dynamics import SaveAt, State, solve
+from tests.thinning import mostly_slow
 
 RESTART = "restart"
 ROOT = Path(__file__).parents[2]
@@ -68,11 +69,11 @@ def apart(whole, rest, at):
     return max(float(np.abs(one - other[at:]).max()) / max(float(np.abs(other).max()), 1e-300) for one, other in pairs)
 
 
-@pytest.mark.parametrize(("name", "method"), [
+@pytest.mark.parametrize(("name", "method"), mostly_slow([
     ("published load, no contact", "Newmark"), ("contacts and seat", "Newmark"),
     pytest.param("hydraulic adjuster, its state", "Newmark", marks=pytest.mark.slow)] + [
     ("published load, no contact", method) for method in METHODS if method != "Newmark"] + [
-    pytest.param("contacts and seat", method, marks=pytest.mark.slow) for method in ("HHT", "Bathe")])  # fmt: skip
+    pytest.param("contacts and seat", method, marks=pytest.mark.slow) for method in ("HHT", "Bathe")], 2))  # fmt: skip
 def test_restarted_run(expect, legs, name, method):
     whole, rest = legs(name, method)
     off = max(apart(whole, rest(at), at) for at in STOPS)

@@ -113,7 +113,7 @@ SLOW = {
     "compiled, hydraulic adjuster", "scipy's Radau", "adaptive steps", "central difference", "chain",
     "Craig-Bampton", "every unknown, none left out", "periodic start", "speed that swings", "one mass", "rigid",
     "scipy's DOP853", "four modes", "compiled, linear", "Bathe, contacts",
-    "collocation, contacts and seat", "general, contacts and seat", "modal",
+    "collocation, contacts and seat", "general, contacts and seat", "modal", "compiled, contacts and seat",
 }  # fmt: skip
 """Ways that share what a checkpoint holds with another one."""
 

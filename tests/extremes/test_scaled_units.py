@@ -17,6 +17,7 @@ from flexcam.dynamics import ConstantSpeed, Problem, equilibrium, newmark, solve
 from flexcam.fem.mesh import Mesh
 from flexcam.fem.sections import Section
 from flexcam.valvetrain import build_structure, build_system, model_modes
+from tests.thinning import mostly_slow
 
 UNITS = "scale of the units"
 MASS, LENGTH, TIME = (1, 0, 0), (0, 1, 0), (0, 0, 1)
@@ -137,7 +138,7 @@ FACTORS = pytest.mark.parametrize("factor", [1e6, 1e-6], ids=["larger", "smaller
 
 @FACTORS
 @pytest.mark.parametrize("what", SCALES)
-@pytest.mark.parametrize("contact", CONTACTS)
+@pytest.mark.parametrize("contact", mostly_slow(CONTACTS))
 def test_the_same_motion(expect, train, contact, what, factor):
     units = Units(factor, SCALES[what])
     if contact not in PLAIN:

@@ -11,6 +11,7 @@ from flexcam import FlexcamError
 from flexcam.dynamics import RunFailedError
 from tests.fuzz import damage, targets
 from tests.fuzz.run import fuzz
+from tests.thinning import mostly_slow
 
 INPUTS = 60
 
@@ -82,7 +83,7 @@ def test_a_body_on_a_spring_without_stiffness_is_checked(tmp_path):
 
 
 @pytest.mark.parametrize("change", damage.STRUCTURE)
-@pytest.mark.parametrize("kind", ["result", "table"])
+@pytest.mark.parametrize("kind", mostly_slow(["result", "table"], 2))
 def test_every_change_of_structure(kind, change, tmp_path):
     """Each at two places: refused, or what is read is what was written."""
     target = targets.TARGETS[kind]

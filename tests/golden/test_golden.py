@@ -14,7 +14,7 @@ from tests.golden.make_golden import DATA, Job, compared, computed, jobs, kept
 QUICK_RUNS = {"beams/kernel", "beams/modal", "rigid/auto"}
 """Runs of every small model in the normal suite."""
 
-QUICK_MODELS = {"models-linear-train", "models-lever-rocker"}
+QUICK_MODELS = {"models-linear-train"}
 """Small models with other runs in the normal suite; `tests/invariants` compares the engines on every force law."""
 
 QUICK_RUNS_OF_MODELS = {"beams/direct", "chain/direct"}

@@ -38,8 +38,10 @@ from flexcam.valvetrain.contacts import lever_end
 from flexcam.valvetrain.strength import arch_laws
 from tests import integrators as tried
 from tests.rounding import stronger
+from tests.thinning import mostly_slow
 
 SCHEMES = {name: one for name, one in tried.SCHEMES.items() if name in (*tried.METHODS, "newmark damped")}
+SCHEMES_OF_ONE = ("newmark", "generalized-alpha")
 STEPS = 60
 SETTLED = 1e-12
 """Of the largest force, as `settle` and the compiled step leave it."""
@@ -187,8 +189,10 @@ def compare(problem, scheme):
     return general, found
 
 
-@pytest.mark.parametrize("scheme", ["newmark", "generalized-alpha"])
-@pytest.mark.parametrize("kind", sorted(KINDS))
+@pytest.mark.parametrize(
+    ("kind", "scheme"),
+    mostly_slow([(kind, s) for i, kind in enumerate(sorted(KINDS)) for s in SCHEMES_OF_ONE[:: 1 - 2 * (i % 2)]], 2),
+)
 def test_one_force_of_every_kind(kind, scheme):
     rng = np.random.default_rng(list(KINDS).index(kind))
     general, found = compare(some_problem(rng, [kind]), SCHEMES[scheme])
@@ -199,14 +203,18 @@ def test_one_force_of_every_kind(kind, scheme):
         np.testing.assert_allclose(found.channels[name], values, rtol=0.0, atol=1e-9 * np.abs(values).max())
 
 
-@pytest.mark.parametrize(("scheme", "restitution"), [("newmark", 0.0), ("newmark", 0.5), ("hht", 0.5)])
-@pytest.mark.parametrize("kind", sorted(TOUCHING))
+@pytest.mark.parametrize(
+    ("kind", "scheme", "restitution"),
+    mostly_slow(
+        [(kind, *way) for kind in sorted(TOUCHING) for way in (("newmark", 0.0), ("newmark", 0.5), ("hht", 0.5))], 2
+    ),
+)
 def test_steps_that_end_where_contacts_open_and_close(kind, scheme, restitution):
     rng = np.random.default_rng(10 + list(KINDS).index(kind))
     compare(some_problem(rng, [kind], restitution=restitution), SCHEMES[scheme])
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", mostly_slow([0, 2, 3, 1], 2))
 def test_several_forces_at_once(seed):
     """Among them massless unknowns, which a shallow arch would leave several balances, and a drive that swings."""
     rng = np.random.default_rng(100 + seed)

@@ -125,7 +125,7 @@ def test_groups_are_the_connected_components(more, pairs):
     assert (labels <= np.arange(size)).all()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     sizes=st.lists(st.integers(1, 5), min_size=2, max_size=5),

@@ -19,9 +19,10 @@ from flexcam.io import verify_file
 from flexcam.io.hdf5 import datasets
 from flexcam.io.sweep_table import read_table
 from tests.fuzz import damage
+from tests.thinning import mostly_slow
 
 ROOT = Path(__file__).parents[2]
-FLIPS = 30
+FLIPS = 15
 
 
 @pytest.fixture(scope="module")
@@ -120,7 +121,7 @@ TEXTS = {
 }
 
 
-@pytest.mark.parametrize("what", TEXTS)
+@pytest.mark.parametrize("what", mostly_slow(TEXTS, 2))
 def test_what_is_changed_by_hand(what, made, tmp_path, tried):
     """By HDF5 itself, which makes its own checksums anew."""
     path = tmp_path / "changed.vtkhdf"

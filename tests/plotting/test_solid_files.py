@@ -18,6 +18,7 @@ from flexcam.plotting.scene.motion import case_motion
 from flexcam.plotting.scene.solids import CIRCLE_POINTS, cylinder
 from flexcam.plotting.solid_files import Part, collect_parts, write_glb, write_stl, write_vtm
 from flexcam.valvetrain import build_structure
+from tests.thinning import mostly_slow
 
 pyvista = pytest.importorskip("pyvista")
 
@@ -42,7 +43,7 @@ def test_a_cylinder_has_its_volume(tmp_path):
     assert path.stat().st_size == 84 + 50 * len(solid.faces)
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", mostly_slow(CASES, 2))
 def test_every_part_is_watertight(name, tmp_path):
     _, parts = scene(name, 1)
     for path, part in zip(write_stl(tmp_path, parts), parts, strict=True):

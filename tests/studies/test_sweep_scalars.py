@@ -14,6 +14,7 @@ from flexcam.analysis.published_claims import deviation
 from flexcam.analysis.run_metrics import compute_metrics
 from flexcam.dynamics import SLOPES, Cause, peak
 from flexcam.studies.evaluation import are_probe_scalars, evaluate, scalar_names
+from tests.thinning import mostly_slow
 
 CASES = {
     "cases/tayeb/model-1-shm.toml": ["run.steps_per_revolution=720"],
@@ -87,7 +88,9 @@ def test_a_row_is_what_run_and_compare_say(path):
     assert all(math.isfinite(value) for value in row.scalars.values())
 
 
-@pytest.mark.parametrize(("path", "runs"), [*((path, 100) for path in CASES), ("cases/tayeb/model-1-shm.toml", 1)])
+@pytest.mark.parametrize(
+    ("path", "runs"), mostly_slow([*((path, 100) for path in CASES), ("cases/tayeb/model-1-shm.toml", 1)], 2)
+)
 def test_without_channels_a_row_has_the_motion_of_the_probes(path, runs):
     """Equal to rounding: 1e-9 is some hundred roundings of an acceleration of stiff parts."""
     case = read_case(path, CASES[path])

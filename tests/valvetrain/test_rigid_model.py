@@ -12,11 +12,14 @@ from flexcam.analysis.preparation import scalar_probe
 from flexcam.dynamics import ConstantSpeed, solve
 from flexcam.plotting.scene.motion import rigid_motion as rigid_motion_of
 from flexcam.valvetrain import build_structure, pulling_contacts, rigid_motion
+from tests.thinning import mostly_slow
 
 MODELS = Path(__file__).parents[1] / "golden" / "models"
 
 
-@pytest.mark.parametrize("name", ["lever-rocker", "adjuster", "hertz-train", "linear-train", "massless"])
+@pytest.mark.parametrize(
+    "name", mostly_slow(["lever-rocker", "adjuster", "hertz-train", "linear-train", "massless"], 2)
+)
 def test_the_cam_does_the_work_of_the_train(name):
     """Torque times speed is the rate of kinetic and elastic energy plus what the dampers take, by differences."""
     case = read_case(MODELS / f"{name}.toml", {"run.steps_per_revolution": 7200, "run.revolutions": 1})

@@ -17,6 +17,7 @@ import pytest
 
 from flexcam import InputError, build_model, prepare, read_case, run
 from flexcam.dynamics import ConstantSpeed, equilibrium
+from tests.thinning import mostly_slow
 
 SOURCE = "Point of contact of a cam"
 E, NU, SPAN, REACH = 207e9, 0.29, 0.12, 0.25
@@ -155,7 +156,7 @@ def tangent(found, offset, base=BASE, roller=ROLLER):
 
 
 @pytest.mark.parametrize("angle", ANGLES)
-@pytest.mark.parametrize("offset", [0.0, 0.004, -0.004])
+@pytest.mark.parametrize("offset", mostly_slow([0.0, 0.004, -0.004]))
 @pytest.mark.parametrize("contact", [LINEAR, HERTZ])
 def test_a_roller_pushes_the_shaft_sideways(record, case, angle, offset, contact):
     """To the right of the drawing, which is -z with the axis +x upright."""
@@ -353,7 +354,7 @@ probes = ["cam"]
 """
 
 
-@pytest.mark.parametrize("pad", ['radius = "8 mm"', 'face = "0 mm"', 'face = "3 mm"'])
+@pytest.mark.parametrize("pad", mostly_slow(['radius = "8 mm"', 'face = "0 mm"', 'face = "3 mm"'], 2))
 @pytest.mark.parametrize("turn", ["clockwise", "counterclockwise"])
 @pytest.mark.parametrize("side", ["clockwise", "counterclockwise"])
 def test_the_force_on_the_cam_of_a_finger(tmp_path, pad, turn, side):
@@ -616,7 +617,7 @@ WAYS = {1: "clockwise", -1: "counterclockwise"}
 TURNS = [(1, 1), (-1, 1), (1, -1), (-1, -1)]
 
 
-@pytest.mark.parametrize("friction", [0.0, FRICTION])
+@pytest.mark.parametrize("friction", mostly_slow([0.0, FRICTION]))
 @pytest.mark.parametrize("face", [0.0, 0.003])
 @pytest.mark.parametrize(("turn", "side"), TURNS)
 def test_a_finger_that_is_a_member_is_bent_at_the_point_of_contact(record, tmp_path, turn, side, face, friction):

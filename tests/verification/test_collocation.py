@@ -26,6 +26,7 @@ from flexcam.dynamics import (
     newmark,
     solve,
 )
+from tests.thinning import mostly_slow
 
 SOURCE = "Hochbruck and Ostermann (2010), exponential collocation"
 STIFFNESS, PUSH = 2e4, np.array([20.0, 0.0, 100.0])
@@ -106,7 +107,7 @@ def test_a_contact_of_a_point_without_mass_does_not_divide_steps(damper):
 
 
 @pytest.mark.parametrize(
-    ("steps", "change"), [(360, ()), (900, ()), (3600, ()), (3600, ("contacts.seat.restitution=0.3",))]
+    ("steps", "change"), mostly_slow([(360, ()), (900, ()), (3600, ("contacts.seat.restitution=0.3",)), (3600, ())], 2)
 )
 def test_force_of_a_hopping_tappet_at_coarse_and_default_steps(steps, change):
     """The pushrod engine over its lift; Newmark's method is wrong by 42 %, 39 % and 20 %.

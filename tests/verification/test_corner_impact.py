@@ -70,7 +70,7 @@ def orbit_start(rpm, disturbance=0.0):
 
 def last_impact(rpm):
     """Return cam angle of the last impact of a run near the orbit and the speed after it, by parabolas beside it."""
-    ready = prepared(rpm, "run.revolutions=80", f"run.steps_per_revolution={STEPS}")
+    ready = prepared(rpm, "run.revolutions=50", f"run.steps_per_revolution={STEPS}")
     response = solve(replace(ready.problem, start=orbit_start(rpm, 1e-5)), ready.scheme)
     follower, angle = response["follower.uy"], response.angle
     jump = len(angle) - STEPS + int(np.argmax(np.diff(follower.velocity[-STEPS:]))) + 1

@@ -69,7 +69,7 @@ def solved(made):
     return found
 
 
-@pytest.mark.parametrize("engine", ["direct", "kernel"])
+@pytest.mark.parametrize("engine", [pytest.param("direct", marks=pytest.mark.slow), "kernel"])
 def test_flight_between_the_flanks(record, case, engine):
     """At 2 rad/s from the middle: it passes there again after 2 g/w and half a period on a flank."""
     found = solved(case(*STILL, f"run.engine={engine}", "run.integrator.method=newmark",

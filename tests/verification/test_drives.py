@@ -381,7 +381,7 @@ class MovedDrive:
 MOVED = {
     "flat face with friction, elastic shaft": (TEMPLATES / "direct-acting.toml", "intake", ()),
     "direct engine": (TEMPLATES / "direct-acting.toml", "intake",
-                      ("run.engine=direct", "run.integrator.method=newmark", "run.steps_per_revolution=900")),
+                      ("run.engine=direct", "run.integrator.method=newmark", "run.steps_per_revolution=360")),
     "rigid": (TEMPLATES / "direct-acting.toml", "intake", ("fidelity.model=rigid",)),
     "roller": (TEMPLATES / "roller-tappet.toml", "intake", ()),
     "finger": (TEMPLATES / "finger-follower.toml", "intake", ()),

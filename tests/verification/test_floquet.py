@@ -35,6 +35,7 @@ from flexcam.dynamics import (
 )
 from flexcam.dynamics.engine_selection import select_engine
 from flexcam.dynamics.periodic import period_map
+from tests.thinning import mostly_slow
 
 SOURCE = "Mathieu's equation"
 IMPACTS = "Disturbances through impacts and contacts"
@@ -72,7 +73,9 @@ def exact(a, q, damping=0.0):
     return sorted(np.linalg.eigvals(np.array(ends).T), key=abs, reverse=True)
 
 
-@pytest.mark.parametrize(("a", "q", "damping"), [(1.0, 0.1, 0.0), (1.0, 0.1, 0.02), (4.0, 1.0, 0.0), (2.5, 0.3, 0.1)])
+@pytest.mark.parametrize(
+    ("a", "q", "damping"), mostly_slow([(1.0, 0.1, 0.02), (1.0, 0.1, 0.0), (2.5, 0.3, 0.1), (4.0, 1.0, 0.0)], 2)
+)
 def test_multipliers(record, a, q, damping):
     found, reference = multipliers(a, q, damping), exact(a, q, damping)
     record(source=SOURCE, case=f"a = {a:g}, q = {q:g}, damping {damping:g}", quantity="largest multiplier", unit="1",

@@ -147,7 +147,7 @@ def test_orbits_are_those_of_the_equation():
         assert np.abs(orbit.multipliers()).max() < 1.0, parameters
 
 
-@pytest.mark.parametrize("parameters", ORBITS)
+@pytest.mark.parametrize("parameters", [pytest.param(one, marks=[pytest.mark.slow] * (one[2] > 2)) for one in ORBITS])
 def test_forced_oscillator_at_a_wall(record, case_of, parameters):
     """A cam of simple harmonic motion drives the mass through a spring; a constant load shifts it below its wall."""
     orbit = ImpactOrbit(*parameters)

@@ -19,6 +19,7 @@ from flexcam import InputError, build_model, prepare, read_case, run, solve
 from flexcam.analysis.run import open_result_file
 from flexcam.dynamics import ConstantSpeed, equilibrium
 from flexcam.valvetrain import largest_lashes
+from tests.thinning import mostly_slow
 
 SOURCE = "Lash and hydraulic adjusters"
 CASE = """
@@ -386,7 +387,9 @@ def from_the_rockers_point(path, tmp_path):
 
 
 @pytest.mark.parametrize("model", ["beams", "rigid"])
-@pytest.mark.parametrize("path", [PUSHRODS, "cases/pushrod-engine/lever.toml"], ids=["lumped rocker", "lever"])
+@pytest.mark.parametrize(
+    "path", mostly_slow([PUSHRODS, "cases/pushrod-engine/lever.toml"], 2), ids=["lumped rocker", "lever"]
+)
 def test_a_lash_from_a_rockers_point_equals_one_at_the_rocker(record, tmp_path, path, model):
     words = "run.revolutions=0.5", "run.steps_per_revolution=3600", f"fidelity.model={model}"
     usual, other = (read_case(one, words) for one in (path, from_the_rockers_point(path, tmp_path)))

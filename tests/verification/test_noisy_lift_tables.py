@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from flexcam.cams import LAWS, LiftEvent, lift_table
+from tests.thinning import mostly_slow
 
 SOURCE = "Measured lift with known noise, 8 mm lobe of 130 deg"
 DEGREE = math.radians(1.0)
@@ -44,7 +45,7 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("spacing", "part", "uneven", "noise"), CASES)
+@pytest.mark.parametrize(("spacing", "part", "uneven", "noise"), mostly_slow(CASES))
 def test_acceleration_of_a_noisy_table(spacing, part, uneven, noise, record, request):
     theta = angles(spacing, part, uneven)
     wrong = noise * 1e-6 * np.random.default_rng(0).standard_normal(len(theta))
@@ -77,7 +78,7 @@ def test_bare_differences_are_as_wrong_as_noise_over_spacing_squared(spacing, re
            computed=1e3 * found, tolerance=0.2, reason="an estimate from 190 points or more varies by 7 %")  # fmt: skip
 
 
-@pytest.mark.parametrize("spacing", [0.25, 0.5, 1.0, 2.0])
+@pytest.mark.parametrize("spacing", mostly_slow([0.5, 0.25, 2.0, 1.0], 2))
 def test_a_smooth_table_is_left_as_it_is(spacing, record):
     """Without noise there is nothing to take away: the default finds that out by itself."""
     theta = angles(spacing)

@@ -137,7 +137,9 @@ def stopped(method, steps):
     return end(chain([2.0, 1.0], [30.0, 20.0], forces=(stop_at(2, 1, 0.01),), push=[0.0, 3.0]), method, steps)
 
 
-@pytest.mark.parametrize("check", [radau(tolerance=1e-10), dop853(tolerance=1e-10)])
+@pytest.mark.parametrize(
+    "check", [pytest.param(radau(tolerance=1e-10), marks=pytest.mark.slow), dop853(tolerance=1e-10)]
+)
 def test_scipy_agrees_through_a_stop(record, check):
     """Located events, two codes."""
     reference, found, contact = stopped(check, 50), stopped(newmark(), 20000), stopped(newmark(), 50)

@@ -25,6 +25,7 @@ from flexcam.cams import (
     Scca,
     residual_spectrum,
 )
+from tests.thinning import mostly_slow
 
 SOURCE = "Residual vibration after a rise, spectrum of a law"
 RATIOS = np.array([1e-3, 0.05, 0.5, 0.73, 1.0, 1.5, 2.0, 2.5, 3.0, 4.2, 7.0, 15.3])
@@ -108,7 +109,7 @@ WITHOUT = {
 """Two of them begin or end with a velocity, whose steps leave vibration behind as well."""
 
 
-@pytest.mark.parametrize("ratio", [0.62, 1.5, 3.1])
+@pytest.mark.parametrize("ratio", mostly_slow([0.62, 1.5, 3.1]))
 @pytest.mark.parametrize("law", WITHOUT)
 def test_oscillator(law, ratio, record):
     record(source=SOURCE, case=law, quantity=f"residual amplitude / lift, ratio {ratio:g}", unit="1",

@@ -16,6 +16,7 @@ import pytest
 from flexcam.cams import LAWS, LiftEvent
 from flexcam.dynamics import ConstantSpeed, Problem, installed_state, modes, newmark, solve
 from flexcam.valvetrain import build_structure, build_system
+from tests.thinning import mostly_slow
 
 SOURCE = "Residual vibration after a rise, closed form"
 FORMS = {
@@ -101,7 +102,7 @@ def test_relative_motion_with_analytic_acceleration(record, system_of, fitted_or
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("ratio", [1.0, 1.5, 2.0])
+@pytest.mark.parametrize("ratio", mostly_slow([1.0, 1.5, 2.0]))
 @pytest.mark.parametrize("law", THREE)
 def test_beam_model(record, published, law, ratio):
     """Model 3 of Tayeb and Sliman, slow enough to be one oscillator: rise 90 deg, then a dwell."""

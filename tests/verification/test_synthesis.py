@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from flexcam.cams import LAWS, HarmonicFamily, SplineFamily, criteria, minimax
+from tests.thinning import mostly_slow
 
 SOURCE = "Pavlovic and Lutovac, New class of camshaft transfer functions"
 JERK = 52.5
@@ -139,7 +140,7 @@ LIMITS = {"Cj": (32.0, 48, 2e-3), "Ca": (4.0, 192, 6e-3), "Cv": (1.0, 96, 2e-2)}
 """Bound over all laws at rest with zero acceleration at the ends, pieces, and how near they come to it."""
 
 
-@pytest.mark.parametrize("name", LIMITS)
+@pytest.mark.parametrize("name", mostly_slow(LIMITS, 2))
 def test_what_no_law_beats_is_approached(name, record):
     bound, pieces, near = LIMITS[name]
     found = [minimax(SplineFamily(degree=5, pieces=n), {name: 1.0}) for n in (pieces // 4, pieces)]

@@ -182,8 +182,9 @@ ONE_REVOLUTION = ("run.revolutions=1", "run.steps_per_revolution=1440", "run.int
     [
         (BUCKET, "run.crank_speed",
          ("contacts.seat.seating_velocity", "contacts.intake.pressure.largest", "deviation.peak"), ()),
-        (INTAKE, "springs.valve.stiffness",
-         ("contacts.intake.nose_force.least", "contacts.seat.seating_velocity"), ()),
+        pytest.param(INTAKE, "springs.valve.stiffness",
+                     ("contacts.intake.nose_force.least", "contacts.seat.seating_velocity"), (),
+                     marks=pytest.mark.slow),
         (FINGER, "contacts.adjuster.leak",
          ("contacts.adjuster.leak_down.largest", "contacts.intake.force.largest"), ()),
         (FINGER, "run.crank_speed", ("contacts.adjuster.force.largest", "contacts.seat.seating_velocity"),

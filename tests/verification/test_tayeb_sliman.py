@@ -8,6 +8,7 @@ scripts, not of the print. Errata of the print are shown to be errata.
 from __future__ import annotations
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from flexcam.dynamics import ConstantSpeed, Problem, installed_state, modes, new
 from flexcam.fem.elements import bending
 from flexcam.valvetrain import build_rigid, build_structure, build_system, follower_train
 from flexcam.valvetrain.loads import preload, series_stiffness
+from tests.thinning import mostly_slow
 
 SOURCE = "Tayeb and Sliman, Flexibility analysis of a cam mechanism"
 TWO_SCRIPTS = "half a unit of the last digit of two independent scripts, and their rounding (0.39453 given as 0.394)"
@@ -157,9 +159,9 @@ def test_first_loaded_mode(record, published, number):
     assert bound * (1 - 0.004) < found.frequencies[1] < bound
 
 
-@pytest.mark.parametrize("number", sorted(COUNTS))
-@pytest.mark.parametrize("law", sorted(PRELOADS))
-@pytest.mark.parametrize("rpm", sorted(TABLE))
+@pytest.mark.parametrize(
+    ("rpm", "law", "number"), mostly_slow(product(sorted(TABLE), sorted(PRELOADS), sorted(COUNTS)), 2)
+)
 def test_deviations(record, published, rpm, law, number):
     value = TABLE[rpm][law]
     digit = 1e-4 if rpm == 1000 else 1e-3
