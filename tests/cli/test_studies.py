@@ -217,7 +217,9 @@ def test_a_goal_over_a_band_of_speeds(flexcam):
     """The rms acceleration at the worst of several speeds, which a range names; workers give the same."""
     quiet = ("--least", "probes.valve.acceleration.rms", "--vary", "springs.valve.damping=1:40N s/m", *QUICK)
     band = ("--at", "run.speed=1000:3000:2000rpm", "--method", "gradient", "--evaluations", "4")
-    alone, shared = (flexcam("optimize", PUBLISHED, *quiet, *band, *more, "--json").json for more in ((), ("--workers", "2")))
+    alone, shared = (
+        flexcam("optimize", PUBLISHED, *quiet, *band, *more, "--json").json for more in ((), ("--workers", "2"))
+    )
     assert alone == shared
     best = alone["best"]
     each = []
