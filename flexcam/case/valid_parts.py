@@ -21,7 +21,8 @@ TRAIN = frozenset(
 _INNER = frozenset(("mesh", "members", "superelements", "springs", "rockers"))  # tables that name unknowns
 # Parts and keys whose checks search other tables, and those tables and keys.
 _SEARCHED: Mapping[str, set[str] | frozenset[str]] = {
-    "bearings": {"cams", "members"}, "rockers": {"contacts", "supports"}, "cams": {"members"}, "contacts": {"members"},
+    "bearings": {"cams", "members"}, "rockers": {"contacts", "supports", "members"}, "cams": {"members"},
+    "contacts": {"members"},
     "run.start": TRAIN, "run.start.displacement": _INNER, "run.start.velocity": _INNER, "run.step": {"run.speed"},
     "run.steps_per_revolution": {"run.speed"}, "run.adaptive.smallest": {"run", "run.step", "run.speed"},
 }  # fmt: skip
