@@ -400,7 +400,7 @@ def _read_case_text(path: Path) -> str:
         raise refuse("case file", str(path), "", f"{path} does not exist", near) from None
     except OSError as fault:
         if path.suffix == ".vtkhdf":
-            remedy = "flexcam info, plot, report, view, compare --against and export (all but msh) read results"
+            remedy = "flexcam info, plot, report, view, compare --against and export (except msh, inp) read results"
             raise refuse("case file", str(path), "a case file (.toml)", "it is a result", remedy) from None
         raise refuse("case file", str(path), "a readable UTF-8 text file", system_message(fault)) from None
 

@@ -236,7 +236,7 @@ def _value(found: Evaluations, at: int, name: str) -> str:
 def _constraint_table(design: OptimizationProblem, found: Evaluations, at: int) -> Table:
     rows = list[Sequence[str]]()
     for one, violation, distance, active in _constraints(design, found, at):
-        if one.bound(found.rows[at].units.get(one.name, "rpm")) == 0.0:  # nothing to which a margin is relative
+        if _is_zero(one, found, at):  # nothing to which a margin is relative
             margin = "violated" if violation > _ROUNDING else "active" if active else "met"
         elif violation > _ROUNDING:
             margin = f"violated by {format_decimals(100.0 * violation, 2)} %"
@@ -254,10 +254,15 @@ def _constraints(
     """Return constraints with their violation, the distance to a variant that violates them, and if they are active."""
     bounds = enumerate(zip(design.bounds, found.violations[at].tolist(), strict=False))
     rows = [
-        (one, violation, 0.0 if abs(violation) < _AT_BOUND else found.distance_to_violation(at, i))
+        (one, violation, 0.0 if abs(violation) < _AT_BOUND and not _is_zero(one, found, at)
+         else found.distance_to_violation(at, i))
         for i, (one, violation) in bounds
-    ]
+    ]  # fmt: skip
     return [(*row, is_active(row[1]) or row[2] <= _ACTIVE_DISTANCE) for row in rows]
+
+
+def _is_zero(one: Constraint, found: Evaluations, at: int) -> bool:
+    return one.bound(found.rows[at].units.get(one.name, "rpm")) == 0.0
 
 
 def _describe_failures(found: Evaluations) -> tuple[list[str], int]:

@@ -106,6 +106,8 @@ def export(
     ):  # fmt: skip
         if given and form not in forms:
             raise refuse(option, f"--format {form}", f"--format {' or '.join(forms)}", why)
+    skipped = {"--every": every} if every != 1 and instants is not None else {}
+    cli.refuse_with("--instants", "it sets the number of instants", skipped)
     target = (
         io.create_folder(source.parent if folder is None else io.check_folder_name(folder)) / f"{source.stem}.{form}"
     )
@@ -119,7 +121,6 @@ def export(
     elif form == "csv":
         response = io.read_result(source).response
         if instants is not None:
-            cli.refuse_with("--instants", "it writes every instant", {"--every": every if every != 1 else None})
             if len(response.time) < 2:
                 raise refuse("--instants", "a result with one instant", "two or more", "", "leave --instants out")
             cli.check_number("--instants", instants, 2, _MAX_INSTANTS)

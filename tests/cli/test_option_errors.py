@@ -40,6 +40,9 @@ REFUSED = {
     ),
     "forms without a folder": (("cam", CAM, "--format", "csv"), "--format: it applies only with -o"),
     "a kind without pictures": (("cam", CAM, "--plot-format", "png"), "--plot-format: it applies only with --plot"),
+    "two kinds of instants": (
+        ("export", INLINE, "--format", "csv", "--every", "2", "--instants", "5"), "combined with --instants",
+    ),
     "a mesh at instants": (("export", INLINE, "--format", "msh", "--every", "2"), "a mesh none"),
     "speeds of no comparison": (("compare", ENGINE, "--count", "5"), "applies only with --lowest, --highest or --plot"),
     "a probe over speed": (("compare", ENGINE, "--lowest", "1000rpm", "--probe", "valve"), "three models"),

@@ -54,6 +54,20 @@ def engine(tmp_path):
     return new_case("pushrod-engine", tmp_path / "engine.toml")[0]
 
 
+@pytest.mark.parametrize(("steps", "told"), [(400, True), (800, False)])
+def test_steps_too_coarse_for_the_usual_method_are_told(engine, flexcam, steps, told):
+    said = flexcam("run", engine, "--set", f"run.steps_per_revolution={steps}").out
+    assert ("it needs up to 800 steps per revolution" in said.replace("\n", " ")) is told
+    assert "Newmark" not in flexcam("run", engine, "--set", "run.integrator={method='newmark'}", "--name", "other").out
+
+
+@pytest.mark.parametrize(("rpm", "told"), [(20_000, True), (5000, False)])
+def test_a_valve_that_does_not_close_is_told(engine, flexcam, rpm, told):
+    said = flexcam("run", engine, "--set", f"run.crank_speed={rpm}rpm").out
+    assert ("the valve does not close at 'seat'" in said) is told
+    assert ("seating velocity  " in said) is not told
+
+
 def test_the_word_on_the_contact_tells_a_follower_that_left_its_cam(engine):
     case = read_case(engine)
     assert describe_contacts(case)[0].endswith("contact can be lost.")

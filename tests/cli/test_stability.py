@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 
 from flexcam import read_case
 from flexcam.analysis import stability
+from flexcam.cli.app import spaced_speeds
 from flexcam.dynamics import State
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -182,6 +183,21 @@ def test_map_over_speed(flexcam, tmp_path):
     assert (tmp_path / "map.svg").read_text(encoding="utf-8").count("parametric") >= 1
     table = flexcam("stability", MATHIEU, "--set", "run.steps_per_revolution=180", *about[:4], "--count", "2").out
     assert "growth" in table
+
+
+def test_the_same_speeds_have_the_same_verdict():
+    """Rounding decides whether a chattering motion is periodic; 4500 rpm is one speed, however it is given."""
+    case = read_case(ENGINE, ["run.crank_speed=5000rpm"])
+    speeds = spaced_speeds(None, None, 11, case)
+    assert speeds == spaced_speeds("2500rpm", "7500rpm", 11, case)
+    assert speeds[4] == read_case(ENGINE, ["run.crank_speed=4500rpm"]).speed
+
+
+def test_growth_that_is_not_assessed_is_no_verdict(flexcam):
+    table = flexcam(
+        "stability", MATHIEU, "--set", "springs.mean.pulsation.order=1.5", "--count", "2", "--plot", "g.svg"
+    )
+    assert re.findall(r"not assessed +not assessed +not assessed$", table.out.replace(" \n", "\n"), re.MULTILINE)
 
 
 @pytest.mark.parametrize("wrong", [("--count", "1"), ("--lowest", "2000rpm", "--highest", "1000rpm")])

@@ -312,6 +312,7 @@ def test_a_search_by_gradients_takes_few_runs(flexcam, oscillator, tmp_path):
             "--subject", "frequency.1 >= 110 Hz", "--method", "gradient")  # fmt: skip
     found = flexcam("optimize", oscillator, *told, "--starts", "2", "-o", tmp_path / "best.toml", "--json").json
     wanted = 0.1 * (2.0 * math.pi * 110.0) ** 2
+    assert found["best"]["bounds"][0]["outside"] == 0.0, "any softer spring violates it"
     assert found["best"]["values"]["springs.one.stiffness"] == pytest.approx(wanted, rel=1e-5)
     assert found["evaluations"] < 40
     assert flexcam("optimize", oscillator, *told, "--starts", "0").code == 2
