@@ -133,8 +133,10 @@ def _compare_over_speed(case: Case, speeds: list[float], tolerance: float, conta
     words, parting = list[str](), dict[str, float | None]()
     for first, second in _PAIRS:
         rpm = comparison.divergence_speed(found, first, second, tolerance)
-        begin = "already at the lowest speed," if rpm == found[0].rpm else "from"
-        when = "at none of these speeds" if rpm is None else f"{begin} {scale * rpm:.6g} {shaft} rpm"
+        when = "at none of these speeds"
+        if rpm is not None:
+            begin, end = ("already at the lowest speed,", "") if rpm == found[0].rpm else ("from", " upward")
+            when = f"{begin} {scale * rpm:.6g} {shaft} rpm{end}"
         words.append(f"The {first} and {second} forces differ by more than {tolerance:.0%} {when}.")
         parting[f"{first}_{second}_part_rpm"] = None if rpm is None else scale * rpm
     head = (f"{shaft} rpm", *(f"{name}, N" for name in MODELS))
