@@ -249,7 +249,7 @@ class _Fit:
         """
         inverse = np.linalg.inv(np.linalg.cholesky(self.square + self.rough))
         rough, turned = np.linalg.eigh(inverse @ self.rough @ inverse.T)
-        shapes = inverse.T @ turned
+        shapes = np.asarray(inverse.T @ turned, dtype=float)
         measured = np.einsum("ij,ij->j", shapes, self.measured @ shapes)
         return shapes, rough, measured, shapes.T @ (self.rows.T @ self.lift)
 

@@ -12,7 +12,6 @@ from flexcam import prepare, read_case
 from flexcam.dynamics import SaveAt, fingerprint, newmark, solve
 from flexcam.dynamics.blocks import flatten
 from flexcam.dynamics.step_state import StepState
-from tests.thinning import mostly_slow
 
 CASE = Path(__file__).parents[1] / "data/inline.toml"
 
@@ -64,7 +63,7 @@ class Kept:
         return iter(self._blocks)
 
 
-@pytest.mark.parametrize("path", mostly_slow(["direct", "modal", "kernel"]))
+@pytest.mark.parametrize("path", ["direct", "modal", "kernel"])
 @pytest.mark.parametrize("channels", [True, False])
 @pytest.mark.parametrize("every", [10, 5])
 def test_without_a_file(path, channels, every):
