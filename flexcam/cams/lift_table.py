@@ -232,26 +232,20 @@ class _Fit:
 
     def score(self, weight: float) -> float:
         """Return the generalized cross-validation score: mean square change over (1 - c trace/m)^2."""
-        shapes, rough, measured, heights = self._shapes
-        kept = 1.0 / (1.0 + (weight - 1.0) * rough)
-        used, m = float(kept @ measured), self.count
-        if _DOF_WEIGHT * used >= m:
-            return math.inf
-        changes = self.rows[:m] @ (shapes @ (kept * heights)) - self.lift[:m]
-        rms = float(np.sqrt(np.mean(changes**2))) if weight > _ILL else self.rms_change(weight)
-        return (rms / (1.0 - _DOF_WEIGHT * used / m)) ** 2
+        rough, measured = self._shapes
+        used, m = float(np.sum(measured / (1.0 + (weight - 1.0) * rough))), self.count
+        return math.inf if _DOF_WEIGHT * used >= m else (self.rms_change(weight) / (1.0 - _DOF_WEIGHT * used / m)) ** 2
 
     @cached_property
-    def _shapes(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Splines in columns that diagonalize the smoothing problem at every weight, as square and roughness add to 1.
+    def _shapes(self) -> tuple[FloatArray, FloatArray]:
+        """Roughness and square over the measured points of the splines that diagonalize the problem at every weight.
 
-        Then the roughness of each, its square over the measured points, and its product with the lifts.
+        In each the square over all points and the roughness add to 1.
         """
         inverse = np.linalg.inv(np.linalg.cholesky(self.square + self.rough))
         rough, turned = np.linalg.eigh(inverse @ self.rough @ inverse.T)
-        shapes = np.asarray(inverse.T @ turned, dtype=float)
-        measured = np.einsum("ij,ij->j", shapes, self.measured @ shapes)
-        return shapes, rough, measured, shapes.T @ (self.rows.T @ self.lift)
+        shapes = inverse.T @ turned
+        return rough, np.einsum("ij,ij->j", shapes, self.measured @ shapes)
 
 
 _ILL = 1e-7
