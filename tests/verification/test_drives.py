@@ -381,7 +381,7 @@ class MovedDrive:
 MOVED = {
     "flat face with friction, elastic shaft": (TEMPLATES / "direct-acting.toml", "intake", ()),
     "direct engine": (TEMPLATES / "direct-acting.toml", "intake",
-                      ("run.engine=direct", "run.integrator.method=newmark", "run.steps_per_revolution=360")),
+                      ("run.engine=direct", "run.integrator.method=newmark", "run.steps_per_revolution=900")),
     "rigid": (TEMPLATES / "direct-acting.toml", "intake", ("fidelity.model=rigid",)),
     "roller": (TEMPLATES / "roller-tappet.toml", "intake", ()),
     "finger": (TEMPLATES / "finger-follower.toml", "intake", ()),
@@ -390,7 +390,9 @@ MOVED = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", MOVED)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(one, marks=[pytest.mark.slow] * (one == "direct engine")) for one in MOVED]
+)
 def test_one_phaser_for_all_cams_is_a_drive_that_moves(record, kind):
     """Motion, contact force, torque and energy of all cams are those of a drive with the motion of the shaft."""
     case, name, options = MOVED[kind]
