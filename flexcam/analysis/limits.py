@@ -181,8 +181,8 @@ def _checked_model(case: Case) -> Model:
     """Return the model of a case; raise an error if no limit applies to it."""
     model = build_problem(case)[0]
     if not _conditions(model):
-        why, allowed = "only a follower that may leave its cam can lose contact", 'a contact with model = "unilateral"'
-        raise refuse("contacts", "no unilateral contact, seat, coil clash or member", allowed, why, "change the model")
+        given, allowed = "no unilateral contact, seat, clash_travel of a spring or member", "one of them"
+        raise refuse("contacts", given, allowed, "each of them has a limit")
     return model
 
 
@@ -202,13 +202,9 @@ def _bisect_limit(name: str, words: str, search: Search) -> Generator[float, Con
         low = high
     else:
         return Limit(None, width, f"not reached up to the highest speed of the search; criterion: {words}")
-    first, lasting = high, (yield from _lasting_speed(name, high, search))
-    if low == 0.0:
-        words = f"{words} ({', '.join(parts)}): already at the lowest speed of the search"
-        lasting = None if lasting is None else max(lasting, search.lowest / RPM)
-        return Limit(max(high, search.lowest) / RPM, math.inf, words, lasting)
-    failure = ""
-    while high - low > search.tolerance and low < search.highest:
+    first, lasting, failure = high, (yield from _lasting_speed(name, high, search)), ""
+    low = low or high
+    while high - low > search.tolerance and low < search.highest and high > search.lowest:
         middle = 0.5 * (low + high)
         answers = yield middle
         if isinstance(answers, str):
@@ -218,11 +214,14 @@ def _bisect_limit(name: str, words: str, search: Search) -> Generator[float, Con
             high, parts = middle, answers[name]
         else:
             low = middle
+    lasting = high / RPM if lasting == first / RPM else lasting
+    if low == high or high <= search.lowest:
+        words = f"{words} ({', '.join(parts)}): already at the lowest speed of the search"
+        return Limit(search.lowest / RPM, math.inf, words, lasting and max(lasting, search.lowest / RPM))
     if high > search.highest:
         if failure:
             return Limit(None, width, f"{words}: not known up to the highest speed of the search{failure}", known=False)
         return Limit(None, width, f"not reached up to the highest speed of the search; criterion: {words}")
-    lasting = high / RPM if lasting == first / RPM else lasting
     return Limit(high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)}){failure}", lasting)
 
 
@@ -268,7 +267,7 @@ def _conditions(model: Model, search: Search | None = None) -> dict[str, tuple[C
             lambda response, ready: _parts_above(response, ready, ".clash", 0.0),
             "coils of a spring touch",
         )
-    if found or model.members:
+    if model.members:
         found["buckling"] = (
             lambda response, ready: _parts_above(response, ready, ".buckling_use", 1.0),
             "the compression of a member exceeds its buckling load",
@@ -339,7 +338,7 @@ def _filtered_contacts(response: Response, ready: PreparedRun, cutoff: float) ->
     channels: dict[str, FloatArray] = dict(response.channels)
     if 2.0 * cutoff >= rate:
         given, allowed = f"{cutoff:g} Hz", f"a frequency below {0.5 * rate:g} Hz, half the steps per second"
-        raise refuse("low_pass", given, allowed, "", "more run.steps_per_revolution")
+        raise refuse("low_pass", given, allowed, "", "raise run.steps_per_revolution")
     low_pass = butter(_FILTER_ORDER, cutoff, fs=rate, output="sos")
     for name in ready.model.cam_contacts:
         key = f"contacts.{name}.force"

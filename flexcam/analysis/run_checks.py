@@ -134,8 +134,8 @@ def describe_method(ready: PreparedRun) -> list[str]:
         for n in (2, 4, 8):
             if isinstance(default_method(replace(ready.problem, step=ready.problem.step / n)), Collocation):
                 steps = n * round(2.0 * math.pi / (ready.case.speed * ready.problem.step))
-                coarse = "the steps are too coarse for the collocation, which is more accurate in contacts"
-                return [f"Integrator: Newmark's method, because {coarse}; it needs up to {steps} steps per revolution"]
+                finer = f"needs finer steps: {steps} per revolution suffice"
+                return [f"Integrator: Newmark's method; the collocation, which is more accurate in contacts, {finer}"]
     return []
 
 
@@ -305,7 +305,7 @@ def _check_seating(metrics: Sequence[Metric]) -> Iterator[str]:
     seated = dict(_metrics_with_suffix(metrics, ".seating_velocity"))
     for name, loft in _metrics_with_suffix(metrics, ".valve_loft"):
         if name not in seated and loft > BOUNCE_HEIGHT:
-            why = "no seating velocity and bounces are evaluated"
+            why = "seating velocity and bounces are not evaluated"
             yield f"Warning: the valve does not close at {name!r} at the end of its lift: {why}"
 
 
@@ -316,7 +316,7 @@ def check_events(metrics: Iterable[Metric]) -> list[str]:
     return [
         *(
             f"Warning: the follower of {name!r} loses contact with its cam for {math.degrees(angle):.3g} deg of the "
-            "lift: do not use the motion after that for design"
+            "lift: do not use the motion after the loss for design"
             for name, angle in _metrics_with_suffix(known, ".open_on_the_lift")
             if angle > OPEN
         ),

@@ -357,7 +357,7 @@ def find_table_faults(theta: FloatArray, s: FloatArray) -> list[Fault]:
     elif theta[-1] - theta[0] < _MIN_RANGE:
         given, allowed = f"{math.degrees(theta[-1] - theta[0]):g} deg of cam angle", "20 deg or more"
         remedy = "check the unit of the angles: cam_deg, cam_rad, crank_deg or crank_rad"
-        found.append(Fault("angle", given, allowed, "lobes are wider", remedy))
+        found.append(Fault("angle", given, allowed, "it is the range of all rows", remedy))
     top, length = float(s.max()), DIMENSIONS["length"]
     if not length.least <= np.abs(s).max() <= length.most or top <= 0.0:
         given, allowed = f"{top + 0.0:g} m as the largest lift", f"{length.least:g} to {length.most:g} m"

@@ -193,8 +193,8 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
                 allowed = f"{variants} with this key" if "=" in variants else "this key only in another table"
                 return Fault(where, f"key {path[-1]!r}", allowed, "", remedy)
             usual = _SYNONYMS.get(path[-1])
-            top = suggest_name(path[-1], root.model_fields).replace("?", " at the top of the file?")
-            hint = f"did you mean {usual!r}?" if usual in known else suggest_name(path[-1], known) or top or "remove it"
+            table = f"did you mean the table [{path[-1]}s]?" if f"{path[-1]}s" in root.model_fields else "remove it"
+            hint = f"did you mean {usual!r}?" if usual in known else suggest_name(path[-1], known) or table
             return Fault(where, f"key {path[-1]!r}", ", ".join(known), "there is no such key", hint)
         case "literal_error" | "union_tag_invalid":
             allowed = str(context.get("expected") or context.get("expected_tags"))

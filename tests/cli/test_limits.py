@@ -60,6 +60,14 @@ def test_a_limit_below_the_range_is_not_below_its_lowest_speed(flexcam, one_mass
     assert answer["float_rpm"] == answer["float_lasting_rpm"] == pytest.approx(4400.0)
 
 
+def test_a_limit_between_the_speeds_around_the_lowest_one_is_not_below_it(one_mass):
+    """Contact is lost at 385 rad/s; the speeds around 400 rad/s, 292 and 438 rad/s, show it at the second only."""
+    search = Search(400.0, 450.0, tolerance=10.0, spacing=0.5)
+    limit = find_limits(read_case(one_mass(), QUICK[1:2]), search, among=("float",)).limits["float"]
+    assert (limit.rpm, limit.tolerance_rpm) == (pytest.approx(400.0 / RPM), np.inf)
+    assert "already at the lowest speed" in limit.words
+
+
 @pytest.mark.parametrize(
     ("part", "begin", "end"), [("opening flank", 50, 60), ("nose", 90, 100), ("closing flank", 145, 155)]
 )

@@ -35,7 +35,7 @@ def test_every_mishap_is_told_with_number_and_place():
     assert check_events(FIGURES) == [
         (
             "Warning: the follower of 'intake' loses contact with its cam for 81.6 deg of the lift: "
-            "do not use the motion after that for design"
+            "do not use the motion after the loss for design"
         ),
         "Warning: the valve bounces 4 times at 'seat', up to 0.164 mm above its seat",
         "Warning: coils of 'valve' touch: 0.231 mm beyond coil bind",
@@ -57,7 +57,7 @@ def engine(tmp_path):
 @pytest.mark.parametrize(("steps", "told"), [(400, True), (800, False)])
 def test_steps_too_coarse_for_the_usual_method_are_told(engine, flexcam, steps, told):
     said = flexcam("run", engine, "--set", f"run.steps_per_revolution={steps}").out
-    assert ("it needs up to 800 steps per revolution" in said.replace("\n", " ")) is told
+    assert ("needs finer steps: 800 per revolution suffice" in said.replace("\n", " ")) is told
     assert "Newmark" not in flexcam("run", engine, "--set", "run.integrator={method='newmark'}", "--name", "other").out
 
 

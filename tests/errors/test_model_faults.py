@@ -161,4 +161,4 @@ def test_independent_faults_come_in_one_report(name, tmp_path, changed, faults_o
 
 def test_a_key_of_an_old_case_leads_to_its_table(starter, changed, faults_of):
     (fault,) = faults_of(changed(starter, ("[output]", "[run.phaser]\nshift = [[0, 0], [1, 0.1]]\n[output]")))
-    assert fault.remedy == "did you mean 'phasers' at the top of the file?"
+    assert fault.remedy == "did you mean the table [phasers]?"
