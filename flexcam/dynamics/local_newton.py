@@ -38,8 +38,8 @@ from flexcam.dynamics.force_laws import (
     evaluate_laws,
 )
 
-TOLERANCE = 1e-10
-"""Relative residual of the forces: far below the error of a step, and above rounding."""
+TOLERANCE = 1e-12
+"""Relative residual of the forces: three digits above rounding, so that the last quadratic step reaches it."""
 ROUNDING = 16.0 * 2.220446049250313e-16
 """Relative rounding of the terms that a stiff law multiplies."""
 MAX_ITERATIONS = 60
@@ -47,7 +47,7 @@ FULL_STEPS = 8
 """Iterations after which a Newton step must reduce the residual or is halved: contacts may open and close in turn."""
 SMALLEST_PART = 1.0 / 64.0
 """Smallest fraction of a Newton step in the line search."""
-WEAK = 1e-2
+WEAK = 5e-3
 """Relative change of a force by its own effect within a step below which it is weak."""
 EXTRAPOLATED = 12
 """Iterations from extrapolated forces, block by block, with weak forces by substitution.

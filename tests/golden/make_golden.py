@@ -35,7 +35,7 @@ TOLERANCES = {"linear": 1e-10, "smooth": 1e-8, "switching": 1e-6, "reduced": 1e-
 """Largest difference of a quantity, as a part of its peak, by the kind of the run.
 
 A linear run is a chain of products, which rounding moves by parts of 1e12. In a smooth one forces of contacts are found
-by iteration, to 1e-10 of the largest force at every step. Where contacts open and close, a touchdown multiplies
+by iteration, to 1e-12 of the largest force at every step. Where contacts open and close, a touchdown multiplies
 what is left of it. A reduced one rests on an eigensolver, whose shapes are as exact as their frequencies lie apart, or
 on the tolerance of an integrator of scipy. Commands ask runs, differences of runs and eigenvalues. All were measured by
 other machine code of the linear algebra (OPENBLAS_CORETYPE=Nehalem).

@@ -386,7 +386,7 @@ def test_a_friction_has_one_place(tmp_path, table):
 
 def test_an_unknown_spring_is_refused(tmp_path):
     nest(tmp_path)
-    with pytest.raises(InputError, match=r"'iner', expected a spring: inner, outer. Did you mean 'inner'"):
+    with pytest.raises(InputError, match=r"'iner', expected a spring of the case: inner, outer. Did you mean 'inner'"):
         read_case(tmp_path / "nest.toml", ['friction.nest.spring="iner"'])
 
 
