@@ -181,8 +181,8 @@ def _checked_model(case: Case) -> Model:
     """Return the model of a case; raise an error if no limit applies to it."""
     model = build_problem(case)[0]
     if not _conditions(model):
-        given, allowed = "no unilateral contact, seat, clash_travel of a spring or member", "one of them"
-        raise refuse("contacts", given, allowed, "each of them has a limit")
+        allowed = "a unilateral contact, a seat, a member, or a spring with clash_travel or coils"
+        raise refuse("contacts", "no part that has a limit", allowed)
     return model
 
 

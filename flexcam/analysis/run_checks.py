@@ -237,8 +237,11 @@ def check_run(ready: PreparedRun, monitor: RunMonitor, metrics: list[Metric], st
         *check_input(ready),
         *describe_model_limits(ready),
         *check_events(metrics),
-        *(_check_open_lashes(ready.model, metrics) if ready.case.record.run.revolutions >= 1.0 else ()),
-        *_check_seating(metrics),
+        *(
+            (*_check_open_lashes(ready.model, metrics), *_check_seating(metrics))
+            if ready.case.record.run.revolutions >= 1.0
+            else ()
+        ),
         *_check_accuracy(ready, monitor.extremes, stats),
         *(_check_deflections(ready, monitor.extremes) if _has_member_dofs(ready) else ()),
         *(_check_resolution(monitor.resolution) if _has_member_dofs(ready) else ()),
@@ -301,12 +304,12 @@ def _check_open_lashes(model: Model, metrics: Iterable[Metric]) -> Iterator[str]
 
 
 def _check_seating(metrics: Sequence[Metric]) -> Iterator[str]:
-    """Yield warnings about valves that a cam lifts and that do not return to their seat."""
+    """Yield warnings about valves with loft that have no seating in the last revolution."""
     seated = dict(_metrics_with_suffix(metrics, ".seating_velocity"))
     for name, loft in _metrics_with_suffix(metrics, ".valve_loft"):
         if name not in seated and loft > BOUNCE_HEIGHT:
             why = "seating velocity and bounces are not evaluated"
-            yield f"Warning: the valve does not close at {name!r} at the end of its lift: {why}"
+            yield f"Warning: the valve does not close at {name!r} in the last revolution: {why}"
 
 
 def check_events(metrics: Iterable[Metric]) -> list[str]:

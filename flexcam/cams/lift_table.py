@@ -232,19 +232,19 @@ class _Fit:
 
     def score(self, weight: float) -> float:
         """Return the generalized cross-validation score: mean square change over (1 - c trace/m)^2."""
-        rough, measured = self._shapes
+        rough, measured = self._demmler_reinsch
         used, m = float(np.sum(measured / (1.0 + (weight - 1.0) * rough))), self.count
         return math.inf if _DOF_WEIGHT * used >= m else (self.rms_change(weight) / (1.0 - _DOF_WEIGHT * used / m)) ** 2
 
     @cached_property
-    def _shapes(self) -> tuple[FloatArray, FloatArray]:
-        """Roughness and square over the measured points of the splines that diagonalize the problem at every weight.
+    def _demmler_reinsch(self) -> tuple[FloatArray, FloatArray]:
+        """Roughness, and square over the measured points, of the functions of the Demmler-Reinsch basis.
 
-        In each the square over all points and the roughness add to 1.
+        Of each function the square over all points and the roughness add to 1.
         """
         inverse = np.linalg.inv(np.linalg.cholesky(self.square + self.rough))
-        rough, turned = np.linalg.eigh(inverse @ self.rough @ inverse.T)
-        shapes = inverse.T @ turned
+        rough, vectors = np.linalg.eigh(inverse @ self.rough @ inverse.T)
+        shapes = inverse.T @ vectors
         return rough, np.einsum("ij,ij->j", shapes, self.measured @ shapes)
 
 

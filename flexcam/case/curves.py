@@ -229,7 +229,8 @@ class RowsOrFile:
         try:
             return self._read(value, _Files.of(info)).tolist()
         except InputError as refusal:
-            raise convert_error(refusal) from None
+            fault = refusal.faults[0]
+            raise value_error(fault.allowed, fault.why, fault.remedy, given=fault.given) from None
 
     def _read(self, name: str, files: _Files) -> FloatArray:
         found = files.read(name, "table", lambda path, text: read_columns(path, "table", text))

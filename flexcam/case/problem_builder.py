@@ -175,7 +175,7 @@ def set_initial_state(
 
 
 def check_run(case: Case, model: Model, system: System, chain: Chain | None, *, method: bool) -> None:
-    """Check steps, given or periodic initial state and, if required, the integrator, without solving an equation."""
+    """Check steps, given or periodic initial state and, if required, the integrator, without a run."""
     problem, start = make_problem(case, model, system), case.record.run.start
     if start == "periodic":
         steps_per_revolution(case, problem)

@@ -216,7 +216,7 @@ class CaseFile:
     def complete_refusal(self, refusal: InputError, overrides: Sequence[str] = ()) -> InputError:
         """Return an error with the faults of all other parts added: faulty ones are left out until none is found."""
         raw, places, _ = self.complete(overrides)
-        found = dict.fromkeys(refusal.faults)  # the copies of a part have the same fault
+        found = dict.fromkeys(refusal.faults)
         mesh, faults = self._mesh(raw, KeyLocations({}))
         valid = ValidParts(raw, mesh)
         valid.leave_out(faults)
@@ -251,12 +251,12 @@ class CaseFile:
         tables, places = deepcopy(dict(self.raw)), KeyLocations.of_text(self.text)
         first = [one for one in overrides if one.startswith("repeat.") or "{" in one.partition("=")[0]]
         places, found = _apply_overrides(tables, places, first)
-        given, faulty = tables.get("repeat", {}), dict[str, Any]()
+        given = tables.get("repeat", {})
         record, faults = _record(RepeatFileRecord, {"repeat": given}, places, self.path)
-        if record is None:
-            faulty, marks = {"repeat": given}, cast("Mapping[str, Any]", given) if isinstance(given, dict) else ()
-            record = RepeatFileRecord(repeat=dict.fromkeys(marks, RepeatRecord.model_validate({"names": ["1"]})))
-        copies = Repetition.of(tables, record.repeat)
+        marks = [mark.strip("{}") for mark in cast("dict[str, Any]", given)] if isinstance(given, dict) else []
+        repeats = record.repeat if record else dict.fromkeys(marks, RepeatRecord.model_validate({"names": ["1"]}))
+        faulty: dict[str, Any] = {} if record else {"repeat": given}
+        copies = Repetition.of(tables, repeats)
         places = replace(places, templates=copies.templates)
         later = [one for one in overrides if one not in first and not faulty]
         places, more = _apply_overrides(copies.tables, places, later)
@@ -288,13 +288,8 @@ class CaseFile:
 _MAX_FAULTS, _MAX_NODES = 100, 20_000  # other faults, and nodes of the mesh, up to which the model is checked as well
 
 
-_RIGID = (
-    "cams",
-    "contacts",
-    "rockers",
-    "springs",
-    "loads",
-)  # tables whose values decide whether a rigid train can move
+# tables whose values decide whether a rigid train can move
+_RIGID = ("cams", "contacts", "rockers", "springs", "loads")
 
 
 def _case_faults(case: Case, valid: ValidParts) -> Sequence[Fault]:

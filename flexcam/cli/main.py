@@ -121,7 +121,7 @@ def _command_line_fault(words: Sequence[str], fault: CycloptsError) -> Fault:
 
 def _name_options(faults: Sequence[Fault], words: Sequence[str]) -> list[Fault]:
     """Return faults at the options that were typed, instead of at parameters of Python."""
-    if not any(fault.where.isidentifier() for fault in faults):  # all are in files
+    if not any(fault.where.isidentifier() for fault in faults):  # none names a parameter
         return list(faults)
     typed = {word.partition("=")[0] for word in words if word.startswith("--")}
     arguments = app.parse_commands(words)[1][-1].assemble_argument_collection()

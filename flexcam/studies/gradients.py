@@ -146,7 +146,10 @@ def gradient_evaluator(
 
 def _gradient_row(case: Case, names: Sequence[str], keys: Sequence[str], sizes: Sequence[float]) -> Row:
     row = quantity_row(case, names)
-    found = compute_gradient(case, names, [get_number(case, key, "--vary") for key in keys], sizes)
+    try:
+        found = compute_gradient(case, names, [get_number(case, key, "--vary") for key in keys], sizes)
+    except (InputError, RunFailedError) as failure:  # the variant counts without them
+        return replace(row, status=Status(text=str(failure)))
     if found.warning:
         return replace(row, status=Status(text=found.warning))
     slopes = {name: tuple(found.derivatives.get((name, key), math.nan) for key in keys) for name in row.scalars}

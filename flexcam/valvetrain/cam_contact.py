@@ -292,7 +292,8 @@ def _swing_rows(structure: Structure, contact: CamContact, cam: Cam) -> list[tup
 def fixed_follower_error(structure: Structure, follower: str, where: str) -> InputError:
     """Return the error of a follower that cannot move along the lift."""
     mesh = structure.model.mesh
-    if structure.is_node(follower) and not (structure.dofs.numbers[mesh.node(follower)] >= 0).any():
+    held = follower in structure.model.supports
+    if structure.is_node(follower) and not held and not (structure.dofs.numbers[mesh.node(follower)] >= 0).any():
         given, why = f"{follower!r}, a node with nothing that moves", "members, masses and springs give a node unknowns"
         allowed = "a node of a member, or one with a mass or a spring along the lift"
         if mesh.node(follower) not in mesh.elements():

@@ -155,7 +155,7 @@ def test_limits_asked_for_and_those_of_a_bilateral_contact(flexcam, one_mass):
 
 def test_limits_that_no_case_has_or_no_option_can_ask_for(flexcam, one_mass):
     case = one_mass(('model = "unilateral"', 'model = "bilateral"'))
-    assert "no unilateral contact" in flexcam("limits", case, *QUICK, *ALONE).err
+    assert "no part that has a limit" in flexcam("limits", case, *QUICK, *ALONE).err
     assert "one of them" in flexcam("limits", CASE, "--low-pass", "2kHz", "--over", "a=1", "--and", "b=2").err
     assert flexcam("limits", CASE, "--low-pass", "5").code == 2
 

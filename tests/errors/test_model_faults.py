@@ -162,3 +162,12 @@ def test_independent_faults_come_in_one_report(name, tmp_path, changed, faults_o
 def test_a_key_of_an_old_case_leads_to_its_table(starter, changed, faults_of):
     (fault,) = faults_of(changed(starter, ("[output]", "[run.phaser]\nshift = [[0, 0], [1, 0.1]]\n[output]")))
     assert fault.remedy == "did you mean the table [phasers]?"
+
+
+def test_a_mark_in_braces_is_no_fault_of_the_parts(tmp_path):
+    """Parts have their mark in braces, tables of marks do not."""
+    path = new_case("dohc-16-valve", tmp_path / "case.toml")[0]
+    path.write_text(path.read_text().replace("[repeat.cylinder]", '[repeat."{cylinder}"]'))
+    with pytest.raises(InputError) as refusal:
+        CaseFile.open(path).read()
+    assert {fault.where.partition(" ")[0] for fault in refusal.value.faults} == {"repeat.{cylinder}"}
