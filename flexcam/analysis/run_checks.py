@@ -133,7 +133,7 @@ def describe_method(ready: PreparedRun) -> list[str]:
     if ready.case.record.run.integrator is None and not isinstance(ready.scheme, Collocation):
         for n in (2, 4, 8):
             if isinstance(default_method(replace(ready.problem, step=ready.problem.step / n)), Collocation):
-                steps = n * round(2.0 * math.pi / (ready.case.speed * ready.problem.step))
+                steps = n * round(ready.revolution / ready.problem.step)
                 finer = f"needs finer steps: {steps} per revolution suffice"
                 return [f"Integrator: Newmark's method; the collocation, which is more accurate in contacts, {finer}"]
     return []

@@ -300,7 +300,7 @@ def _case_faults(case: Case, valid: ValidParts) -> Sequence[Fault]:
         model = build_model(case)
         if len(model.mesh.nodes) > _MAX_NODES:
             return ()
-        if not valid.connected:
+        if not valid.connected:  # published loads and Rayleigh damping need a whole train
             loads = {name: one for name, one in model.contacts.items() if isinstance(one, PublishedLoad)}
             contacts = {
                 name: CamContact(one.cam, one.follower, one.direction, one.shaft_axis, 1e6, unilateral=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from collections.abc import Set as AbstractSet
 from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Any, cast
@@ -20,7 +21,7 @@ TRAIN = frozenset(
 )  # fmt: skip
 _INNER = frozenset(("mesh", "members", "superelements", "springs", "rockers"))  # tables that name unknowns
 # Parts and keys whose checks search other tables, and those tables and keys.
-_SEARCHED: Mapping[str, set[str] | frozenset[str]] = {
+_SEARCHED: Mapping[str, AbstractSet[str]] = {
     "bearings": {"cams", "members"}, "rockers": {"contacts", "supports", "members"}, "cams": {"members"},
     "contacts": {"members"},
     "run.start": TRAIN, "run.start.displacement": _INNER, "run.start.velocity": _INNER, "run.step": {"run.speed"},
@@ -125,7 +126,8 @@ class ValidParts:
         part, stand_in = kind if alone else f"{kind}.{name}", _STAND_INS.get(kind)
         self.changed.add(part)
         if stand_in is None or part in self.replaced:
-            self.changed |= set() if name in self._lines else {kind}
+            if name not in self._lines:
+                self.changed.add(kind)
             return holder.pop(key, None) is not None
         kept = self._table(*part.split("."))
         found = {at: kept.get(at) if one is None else one for at, one in stand_in.items()}

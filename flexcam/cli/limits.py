@@ -313,7 +313,7 @@ def stability(
     """
     read = cli.load_beams(case, overrides)
     scale = read.turns
-    contacts = {one.model for one in read.record.contacts.values() if hasattr(one, "cam")} - {"published-load"}
+    contacts = {one.model for one in read.record.contacts.values()} & {"unilateral", "bilateral"}
     if lowest is None and highest is None and plot is None:
         if count is not None:
             why, remedy = "otherwise only the speed of the case is assessed", "add one, or leave --count out"

@@ -116,7 +116,7 @@ def export(
         io.write_mesh(model.mesh, target, overwrite=overwrite)
         parts = [f"{key}.{name}" for key in ("rigid_links", "superelements") for name in getattr(model, key)]
         if parts:
-            print_message(f"Note: the mesh is without {', '.join(parts)}: connect their nodes in the other program")
+            print_message(f"Note: the mesh lacks {', '.join(parts)}: connect their nodes in the other program")
         files = [target]
     elif form == "csv":
         response = io.read_result(source).response

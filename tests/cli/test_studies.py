@@ -20,7 +20,8 @@ from flexcam.analysis.limits import Limits
 from flexcam.analysis.natural_modes import modes
 from flexcam.case.reader import CaseFile, read_case
 from flexcam.case.variants import get_number
-from flexcam.dynamics import Status
+from flexcam.dynamics import Cause, RunFailedError, Status
+from flexcam.studies import gradients
 from flexcam.studies.plan import Row
 from flexcam.studies.quantities import create_evaluator, quantity_row
 from tests.thinning import mostly_slow
@@ -360,6 +361,20 @@ def test_a_result_over_several_conditions_is_the_worst(flexcam, oscillator, meth
         refused = flexcam("optimize", oscillator, *told[:-1], wrong, "--method", method)
         assert refused.code == 2
         assert said in refused.err
+
+
+def test_a_variant_without_derivatives_keeps_its_values(monkeypatch):
+    """A search refuses a start without derivatives with this reason, and may end at such a variant."""
+
+    def broken(*_given):
+        raise RunFailedError(Status(Cause.NO_CONVERGENCE, "the forces do not converge"))
+
+    monkeypatch.setattr(gradients, "compute_gradient", broken)
+    case = read_case(PUBLISHED, QUICK[1::2])
+    row = gradients._gradient_row(case, ["frequency.1"], ["masses.valve.mass"], [0.1])
+    assert row.status.ok
+    assert "the forces do not converge" in row.status.text
+    assert (set(row.scalars), row.derivatives) == ({"frequency.1"}, {})
 
 
 @pytest.mark.slow

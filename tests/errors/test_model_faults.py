@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from flexcam import InputError
+from flexcam import InputError, prepare
 from flexcam.case.reader import CaseFile
 from flexcam.case.starters import new_case
 from flexcam.io import format_toml
@@ -171,3 +171,11 @@ def test_a_mark_in_braces_is_no_fault_of_the_parts(tmp_path):
     with pytest.raises(InputError) as refusal:
         CaseFile.open(path).read()
     assert {fault.where.partition(" ")[0] for fault in refusal.value.faults} == {"repeat.{cylinder}"}
+
+
+def test_a_follower_with_a_mass_that_is_held_along_the_lift(tmp_path):
+    """It has no unknown either, but its support is the reason."""
+    path = new_case("roller-tappet", tmp_path / "case.toml")[0]
+    held = 'supports.tappet=["ux", "uy", "uz", "rx", "ry", "rz"]'
+    with pytest.raises(InputError, match=r"'tappet', held along the lift.*[Ff]ree it in \[supports\]"):
+        prepare(CaseFile.open(path).read([held]))

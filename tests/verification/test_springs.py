@@ -236,6 +236,7 @@ def test_a_table_in_a_file(case, tmp_path):
     [
         ("travel [mm], load [N]\n0, 0\n1, 40\n2, 90\n", "columns travel and force. It has travel, load"),
         ("travel [mm], force [mm]\n0, 0\n1, 40\n2, 90\n", "expected a unit of force"),
+        ("travel [mm], force [N]\n0, 0\n1, x\n2, 90\n", "got spring.csv, line 3: '1, x'"),
         ("travel [mm], force [N]\n0, 0\n1, 400\n2, 390\n", "expected rows of increasing travel and force"),
         (None, "spring.csv"),
     ],
