@@ -172,7 +172,7 @@ def test_a_mesh_for_another_program_is_without_links(flexcam):
     flexcam("new", "valve-bridge")
     told = flexcam("export", "valve-bridge.toml", "--format", "inp")
     assert told.code == 0
-    assert "without rigid_links.rocker, rigid_links.cup, rigid_links.bridge: connect" in " ".join(told.err.split())
+    assert "lacks rigid_links.rocker, rigid_links.cup, rigid_links.bridge: connect" in " ".join(told.err.split())
 
 
 @pytest.mark.parametrize("words", [["--help"], ["run", "--help"], ["--version"]])
