@@ -19,6 +19,7 @@ from flexcam.fem.elements.beam import Beams
 from flexcam.fem.members import beams, sections_at_nodes
 from flexcam.fem.mesh import Mesh, refine
 from flexcam.fem.recovery import fibres, section_forces
+from flexcam.valvetrain.camshaft import shaft_axes
 from flexcam.valvetrain.coupling import Coupling, opposed_force
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.structure import Structure, element_loads
@@ -257,9 +258,10 @@ class MemberStrength:
 class StrengthSink:
     """Sink that tracks the stresses of every member at the saved instants.
 
-    It stores minimum and maximum normal stress per outline point and torsional stress per section. Mean and amplitude
-    are combined as ``sqrt(sigma^2 + 3 tau^2)``, and safety is Goodman's line, with no credit for compressive means
-    (torsion has no sign): J. E. Shigley, Mechanical Engineering Design, 9th ed., eqs. 6-46, 6-55 and 6-56.
+    It stores minimum and maximum normal stress per outline point and torsional stress per section. The outline points
+    of a camshaft rotate with it: a constant load bends them back and forth in every revolution. Mean and amplitude are
+    combined as ``sqrt(sigma^2 + 3 tau^2)``, and safety is Goodman's line, with no credit for compressive means (torsion
+    has no sign): J. E. Shigley, Mechanical Engineering Design, 9th ed., eqs. 6-46, 6-55 and 6-56.
     """
 
     def __init__(self, structure: Structure) -> None:
@@ -270,6 +272,11 @@ class StrengthSink:
         self._normal: tuple[FloatArray, FloatArray] | None = None
         self._shear: tuple[FloatArray, FloatArray] | None = None
         self._von_mises = np.zeros((len(structure.beams), 2))
+        axes = np.zeros_like(structure.model.mesh.nodes)
+        for node, axis in shaft_axes(structure.model).items():
+            axes[node] = axis
+        #: rotation of each element about its axis per cam angle: 1 or -1 of a camshaft, otherwise 0
+        self._turns = np.round((structure.beams.triads[:, 0] * axes[structure.beams.nodes[:, 0]]).sum(axis=1))
 
     def write(self, block: Block) -> None:
         """Update with a block."""
@@ -285,7 +292,8 @@ class StrengthSink:
             damping=self._structure.model.damping,
             spread=self._spread,
         )
-        self._normal = _extend_range(self._normal, self._fibres.normal(forces))
+        rotated = _rotate_moments(forces, block.field_angle[:, None, None] * self._turns[:, None])
+        self._normal = _extend_range(self._normal, self._fibres.normal(rotated))
         self._shear = _extend_range(self._shear, self._fibres.shear(forces))
         self._von_mises = np.maximum(self._von_mises, self._fibres.von_mises(forces).max(axis=0))
 
@@ -323,6 +331,14 @@ class StrengthSink:
             place=model.mesh.node_name(int(model.mesh.lines[name][element + end])),
             rated=rated,
         )
+
+
+def _rotate_moments(forces: FloatArray, angle: FloatArray) -> FloatArray:
+    """Return section forces whose bending moments are about axes rotated by an angle, rad."""
+    found, (y, z) = forces.copy(), (forces[..., 4], forces[..., 5])
+    found[..., 4] = y * np.cos(angle) + z * np.sin(angle)
+    found[..., 5] = z * np.cos(angle) - y * np.sin(angle)
+    return found
 
 
 def _extend_range(bounds: tuple[FloatArray, FloatArray] | None, values: FloatArray) -> tuple[FloatArray, FloatArray]:

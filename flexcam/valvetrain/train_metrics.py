@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import permutations
 
 import numpy as np
@@ -13,14 +14,15 @@ from numpy.typing import NDArray
 from flexcam.cams import event_extremes
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError
-from flexcam.dynamics import ConstantSpeed, Response
+from flexcam.dynamics import ConstantSpeed, Response, RunFailedError, equilibrium
 from flexcam.valvetrain.cam_functions import sliding_ratio
 from flexcam.valvetrain.camshaft import driven_cam
 from flexcam.valvetrain.model import Model
-from flexcam.valvetrain.parts import Cam, CamContact, Lash, Seat
+from flexcam.valvetrain.parts import Adjuster, Cam, CamContact, Lash, Seat
 from flexcam.valvetrain.rigid_kinematics import largest_lashes
 from flexcam.valvetrain.rigid_model import rigid_motion
 from flexcam.valvetrain.structure import build_structure
+from flexcam.valvetrain.system_builder import build_system
 from flexcam.valvetrain.train_topology import driving_contact, moved_nodes
 
 Bools = NDArray[np.bool_]
@@ -221,20 +223,40 @@ _DRIVE = ("torque.mean", "power.mean")
 
 
 def valve_loft(model: Model, response: Response, name: str, seat: Seat, instants: Bools) -> float | None:
-    """Return the largest lift of a valve over the nose of its cam above that of the rigid train, m, if there is one."""
+    """Return the largest lift of a valve over the nose of its cam above that of the rigid train, m, if there is one.
+
+    The rigid train includes the thermal expansion.
+    """
     contact, angle = driving_contact(model, seat.at), response.angle[instants]
     if contact is None or contact in opposed_contacts(model):  # an opposed cam stops the valve over the nose
         return None
     try:
-        motion = rigid_motion(model)
-    except InputError:  # no rigid train exists
+        motion, expansion = rigid_motion(model), _thermal_lift(model, model.cam_contacts[contact].cam, seat)
+    except (InputError, RunFailedError):  # no rigid train or no equilibrium exists
         return None
     over = _flanks(model.cams[model.cam_contacts[contact].cam], angle)["nose"]
     if not over.any():
         return None
     moved = motion.along(build_structure(model).row(seat.at, seat.direction), ConstantSpeed(1.0).at(angle))
     above = response.channels[f"contacts.{name}.gap"][instants] - moved
-    return float(above[over].max())
+    return float(above[over].max()) - expansion
+
+
+@lru_cache(maxsize=8)
+def _thermal_lift(model: Model, cam: str, seat: Seat) -> float:
+    """Return the change of a valve's static lift at the nose of its cam by the temperatures of the members, m."""
+    part = model.cams[cam]
+    if not any(one.temperature for one in model.members.values()):
+        return 0.0
+    if any(isinstance(one, Adjuster) for one in model.contacts.values()):  # it takes up the expansion
+        return 0.0
+    cold = replace(model, members={name: replace(one, temperature=0.0) for name, one in model.members.items()})
+    nose = ConstantSpeed(1.0, start=part.drive_angle(event_extremes(part.event)[1].at))
+    hot, own = (
+        build_structure(one).row(seat.at, seat.direction) @ equilibrium(build_system(one, 1.0), nose).displacement
+        for one in (model, cold)
+    )
+    return float(hot - own)
 
 
 def opposed_contacts(model: Model) -> dict[str, str]:

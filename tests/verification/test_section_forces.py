@@ -290,6 +290,25 @@ def test_steady_compression_never_tires(tmp_path):
     assert "unlimited" in [*strength_table({"rod": found}, 2).columns[4].cells]
 
 
+def test_a_constant_load_bends_a_rotating_shaft_back_and_forth(record):
+    """Rotating bending: at a point of the surface the stress of a constant moment alternates about zero."""
+    model = prepare(read_case("cases/tayeb/model-1-shm.toml")).model
+    structure, push = build_structure(model), np.array([0.0, 500.0, 300.0, 0.0, 0.0, 0.0])
+    moved = np.linalg.solve(structure.stiffness.dense(), structure.row(model.cams["intake"].at, push))
+    angle = np.linspace(0.0, 2.0 * math.pi, 73)
+    fields, none = np.tile(moved, (len(angle), 1)), np.zeros((len(angle), 0))
+    sink = StrengthSink(structure)
+    series = Series(fields, np.zeros_like(fields), np.zeros_like(fields))
+    sink.write(Block(angle, angle, Series(none, none, none), none, angle, angle, series))
+    found = sink.members()["camshaft"]
+    assert abs(found.mean) < 1e-9 * found.alternating
+    record(
+        source="Shigley, sec. 6-1", case="rotating shaft under a constant load", quantity="stress amplitude",
+        unit="Pa", reference=found.von_mises, computed=found.alternating, tolerance=4e-3,
+        reason="36 points on the outline, seen every 5 degrees",
+    )  # fmt: skip
+
+
 def test_no_factor_without_strengths():
     assert strength_under(replace(STEEL, endurance_limit=None), np.linspace(0.0, 1e8, 40)).safety is None
 

@@ -124,6 +124,18 @@ seat = { at = "head", direction = "uy", model = "seat", stiffness = "1 GN/m" }
 """
 
 
+def test_expansion_is_no_loft(tmp_path):
+    """The valve of a warm train rises higher by what the parts grow, but not above the lift of the warm rigid train."""
+    path = tmp_path / "train.toml"
+    path.write_text(TRAIN, encoding="utf-8")
+    whole = ["run.revolutions=1", "run.speed=100rpm"]
+    warm, cold = (
+        run(read_case(path, [*whole, *more])).metrics["contacts.seat.valve_loft"]
+        for more in ((), ("members.pushrod.temperature=0", "members.stem.temperature=0"))
+    )
+    assert abs(warm - cold) < 1e-5  # the valve spring presses a little more; the expansion itself is 0.7 mm
+
+
 def test_lash_of_a_warm_train(record, tmp_path):
     """The cam carries the pushrod and the seat the valve; both grow into the lash."""
     path = tmp_path / "train.toml"
