@@ -17,22 +17,7 @@ from flexcam.analysis.histories import response_block
 from flexcam.analysis.preparation import PreparedRun
 from flexcam.analysis.run_metrics import RevolutionChange
 from flexcam.cams import FlatFollower, Follower, profile_at, undercut
-from flexcam.case.input_checks import (
-    check_coil_bind,
-    check_connectivity,
-    check_drives,
-    check_lash,
-    check_loads,
-    check_loose_masses,
-    check_oblique_springs,
-    check_open_contacts,
-    check_overshoot,
-    check_pulling_contacts,
-    check_shared_seat_load,
-    check_start_impact,
-    check_values,
-    check_valve_angles,
-)
+from flexcam.case.input_checks import check_model, check_values
 from flexcam.core import rounding_fraction
 from flexcam.core.errors import InputError
 from flexcam.dynamics import Collocation, Response, Sink, Stats, default_method, outline
@@ -93,22 +78,10 @@ def check_modes(modes: ModelModes) -> list[str]:
 
 def check_input(ready: PreparedRun) -> list[str]:
     """Return warnings about a case: implausible numbers, impossible lobes, parts without effect, open contacts."""
-    case, model, problem = ready.case, ready.model, ready.problem
-    rigid = () if not problem.system.is_kinematic else (check_shared_seat_load, check_coil_bind, check_pulling_contacts)
     return [
-        *check_values(case),
-        *check_lobes(model),
-        *check_connectivity(model),
-        *check_loose_masses(model),
-        *check_oblique_springs(model),
-        *check_loads(model, problem),
-        *check_open_contacts(model, problem),
-        *check_start_impact(case, model, problem),
-        *check_overshoot(problem, ready.scheme),
-        *check_drives(model),
-        *check_lash(model),
-        *check_valve_angles(model),
-        *(sentence for check in rigid for sentence in check(model, case.speed)),
+        *check_values(ready.case),
+        *check_lobes(ready.model),
+        *check_model(ready.case, ready.model, ready.problem, ready.scheme),
         *_check_cam_steps(ready),
         *_check_geometric_stiffness(ready),
     ]

@@ -284,10 +284,7 @@ class _Geometry:
     def friction(self, record: parts.FrictionRecord) -> valvetrain.Friction:
         """Return a friction at a point or between the coils of two springs."""
         names = None if record.spring is None else self._nest(record.spring, str(record.inside))
-        if names is not None and record.force is None:
-            force = self._nest_friction(record, names)
-        else:
-            force = record.force or 0.0
+        force = self._nest_friction(record, names) if names and record.force is None else record.force or 0.0
         breakaway = force if record.breakaway_force is None else record.breakaway_force
         size = force, breakaway, record.stribeck_speed, record.friction_speed, record.damping
         if record.at is not None and record.direction is not None:
