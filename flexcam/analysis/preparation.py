@@ -23,7 +23,7 @@ from flexcam.case.problem_builder import (
     steps_per_revolution,
 )
 from flexcam.case.reader import CaseFile
-from flexcam.case.schema.run import CollocationRecord, NewmarkRecord
+from flexcam.case.schema.run import CollocationRecord
 from flexcam.core.errors import InputError, refuse
 from flexcam.dynamics import (
     Collocation,
@@ -68,10 +68,9 @@ class PreparedRun:
         """The case with its integrator, even if this is the default."""
         if self.case.record.run.integrator is not None:
             return self.case
-        collocated = isinstance(self.scheme, Collocation)
-        return self.case.with_run(
-            {"integrator": CollocationRecord(method="collocation") if collocated else NewmarkRecord()}
-        )
+        if not isinstance(self.scheme, Collocation):
+            return self.case.with_newmark()
+        return self.case.with_run({"integrator": CollocationRecord(method="collocation")})
 
 
 def scalar_probe(ready: PreparedRun) -> str:
@@ -135,9 +134,8 @@ def _follower_component(ready: PreparedRun, probe: Probe) -> str:
     contact = next(iter(model.cam_contacts.values()), None)
     along = "" if contact is None else COMPONENTS[int(np.argmax(np.abs(contact.direction)))]
     nodes = model.mesh.points.get(probe.name, ())
-    held = {
-        one for point, ones in model.supports.items() if np.isin(nodes, model.mesh.points[point]).any() for one in ones
-    }
+    supports = (ones for point, ones in model.supports.items() if np.isin(nodes, model.mesh.points[point]).any())
+    held = {one for ones in supports for one in ones}
     free = [one for one in probe.components if one not in held] or list(probe.components)
     return _component_name(probe, probe.components.index(along if along in free else free[0]))
 

@@ -141,11 +141,8 @@ def _check_lobe(model: Model, name: str, cam: Cam, follower: Follower) -> Iterat
             sizes = f"it needs {1e3 * needed:.4g} mm, and face_diameter is {1e3 * follower.face_diameter:.4g} mm"
             yield f"Warning: cams.{name}: the contact line crosses the edge of the follower's face: {sizes}"
     node = model.mesh.points.get(cam.at, np.empty(0, dtype=int))
-    sections = [
-        one.section.at(0.5)
-        for one_name, one in model.members.items()
-        if np.isin(node, model.mesh.lines[one_name]).any()
-    ]
+    members = [one for part, one in model.members.items() if np.isin(node, model.mesh.lines[part]).any()]
+    sections = (one.section.at(0.5) for one in members)
     shaft = max((one.radius for one in sections if one.round), default=0.0)
     if shaft > _SHAFT_RADIUS_RATIO * follower.base_radius:
         sizes = f"its base circle has a radius of {1e3 * follower.base_radius:.4g} mm, its shaft one of"
@@ -206,15 +203,13 @@ class RunMonitor:
 
 def check_run(ready: PreparedRun, monitor: RunMonitor, metrics: list[Metric], stats: Stats) -> list[str]:
     """Return warnings about a run."""
+    revolved = ready.case.record.run.revolutions >= 1.0
     return [
         *check_input(ready),
         *describe_model_limits(ready),
         *check_events(metrics),
-        *(
-            (*_check_open_lashes(ready.model, metrics), *_check_seating(metrics))
-            if ready.case.record.run.revolutions >= 1.0
-            else ()
-        ),
+        *(_check_open_lashes(ready.model, metrics) if revolved else ()),
+        *(_check_seating(metrics) if revolved else ()),
         *_check_accuracy(ready, monitor.extremes, stats),
         *(_check_deflections(ready, monitor.extremes) if _has_member_dofs(ready) else ()),
         *(_check_resolution(monitor.resolution) if _has_member_dofs(ready) else ()),

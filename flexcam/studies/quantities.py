@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Generator, Iterable, Mapping, Sequence
 from concurrent.futures import Future
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -169,10 +169,8 @@ def _multipliers(case: Case, names: Sequence[str]) -> dict[str, Metric]:
     ready = prepare(case.with_newmark().with_run({"start": "periodic"}))
     start, steps = ready.problem.start, steps_per_revolution(case, ready.problem)
     if start is not None and (missed := start.periodicity or 0.0) > _PERIODIC:
-        change = (
-            f"the state after one revolution differs from that at its start by {100.0 * missed:.2g} % of the amplitude"
-        )
-        text = f"no periodic motion was found: {change}"
+        change = f"differs from that at its start by {100.0 * missed:.2g} % of the amplitude"
+        text = f"no periodic motion was found: the state after one revolution {change}"
         raise RunFailedError(Status(Cause.NO_CONVERGENCE, text, "add damping, or use a speed at which contact holds"))
     found = np.abs(floquet(replace(ready.problem, steps=steps), ready.scheme).multipliers)
     return _select(asked, found, "1", "the model has no more")
@@ -230,15 +228,13 @@ def _number(case: Case, name: str) -> Number | None:
         return None
 
 
-@contextmanager
 def create_evaluator(
     file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: Search | None = None,
     *, plan: Plan | None = None, workers: int = 1, runs: int = 1, advance: ProgressCallback | None = None,
-) -> Generator[Runs]:  # fmt: skip
-    """Yield a function that evaluates variants of the file as it is now, with workers that end with the context."""
+) -> AbstractContextManager[Runs]:  # fmt: skip
+    """Return a context with a function that evaluates variants of the file as it is now."""
     row = partial(quantity_row, names=tuple(names), search=search, runs=runs)
-    with open_evaluator(make_bundle(file, plan, fixed), row, fixed, workers=workers, advance=advance) as run:
-        yield run
+    return open_evaluator(make_bundle(file, plan, fixed), row, fixed, workers=workers, advance=advance)
 
 
 @dataclass(frozen=True, eq=False)
