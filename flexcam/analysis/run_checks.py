@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -128,9 +129,10 @@ def check_lobes(model: Model) -> list[str]:
 
 
 def _check_lobe(model: Model, name: str, cam: Cam, follower: Follower) -> Iterator[str]:
-    if _is_undercut(cam, follower):
-        why = "its profile crosses itself (undercut), so no real cam can produce this lift"
-        yield f"Warning: cams.{name}: {why}; flexcam cam prints the minimum base-circle radius"
+    with suppress(InputError):  # no profile exists: code that needs it raises the error
+        if undercut(profile_at(cam.event, follower, _ANGLES, cam.turn).radius, follower).any():
+            why = "its profile crosses itself (undercut), so no real cam can produce this lift"
+            yield f"Warning: cams.{name}: {why}; flexcam cam prints the minimum base-circle radius"
     if isinstance(follower, FlatFollower) and not abs(beside := follower.lobe_contact) <= 0.5 * (cam.width or math.inf):
         place = "at the edge of the lobe" if math.isinf(beside) else f"{1e3 * abs(beside):.3g} mm from its middle"
         remedy = "give the follower a crown_radius, or change the taper" if math.isinf(beside) else "change the taper"
@@ -147,14 +149,6 @@ def _check_lobe(model: Model, name: str, cam: Cam, follower: Follower) -> Iterat
     if shaft > _SHAFT_RADIUS_RATIO * follower.base_radius:
         sizes = f"its base circle has a radius of {1e3 * follower.base_radius:.4g} mm, its shaft one of"
         yield f"Warning: cams.{name}: {sizes} {1e3 * shaft:.4g} mm: the follower would run on the shaft"
-
-
-def _is_undercut(cam: Cam, follower: Follower) -> bool:
-    try:
-        radius = profile_at(cam.event, follower, _ANGLES, cam.turn).radius
-    except InputError:  # no profile exists: code that needs it raises the error
-        return False
-    return bool(undercut(radius, follower).any())
 
 
 def _check_shared_lobes(model: Model) -> Iterator[str]:
@@ -332,8 +326,8 @@ Mechanics, 1985, section 6.1), and three quarters of the tensile strength of the
 
 def describe_contact_loss(metrics: Iterable[Metric]) -> str:
     """Describe which followers lost contact with their cams, and for how long; empty if none did."""
-    lost = [(name, angle) for name, angle in _metrics_with_suffix(metrics, ".open_on_the_lift") if angle > OPEN]
-    return ", ".join(f"{name!r} lost contact for {math.degrees(angle):.3g} deg" for name, angle in lost)
+    lost = _metrics_with_suffix(metrics, ".open_on_the_lift")
+    return ", ".join(f"{name!r} lost contact for {math.degrees(angle):.3g} deg" for name, angle in lost if angle > OPEN)
 
 
 def _metrics_with_suffix(metrics: Iterable[Metric], suffix: str) -> Iterator[tuple[str, float]]:

@@ -296,22 +296,16 @@ def sobol_indices(
     sequence; the estimators are those of A. Saltelli et al., Comput. Phys. Commun. 181 (2010) 259, with bootstrap
     intervals by `scipy.stats.bootstrap`.
     """
+    from scipy.stats import qmc
+
     check_power_of_two("--sobol", count, 2)
     check_seed(seed)
-    a, b, mixed = _saltelli_points(dimensions, count, seed)
+    both = qmc.Sobol(2 * dimensions, seed=np.random.default_rng(seed)).random(count)
+    a, b = both[:, :dimensions], both[:, dimensions:]
+    mixed = [np.where(own, b, a) for own in np.eye(dimensions, dtype=bool)]  # A with one column of B
     each = np.stack([a, b, *mixed], axis=1)  # ordered by base point: an interrupted study has complete base points
     parts = function(each.reshape(-1, dimensions)).reshape(count, dimensions + 2, -1)
     return [_compute_indices(parts[:, :, i].T, count, seed) for i in range(parts.shape[2])]
-
-
-def _saltelli_points(dimensions: int, count: int, seed: int) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
-    """Return the points A and B, and for every variable A with the column of B."""
-    from scipy.stats import qmc
-
-    both = qmc.Sobol(2 * dimensions, seed=np.random.default_rng(seed)).random(count)
-    a, b = both[:, :dimensions], both[:, dimensions:]
-    own = np.eye(dimensions, dtype=bool)
-    return a, b, [np.where(own[i], b, a) for i in range(dimensions)]
 
 
 def _compute_indices(values: FloatArray, asked: int, seed: int) -> SobolIndices:

@@ -354,12 +354,10 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
         if sizes != 1 or (self.member is not None) != spread or (self.at is None) != spread:
             allowed = "either at with force or table, or member with force_per_length"
             raise value_error(allowed, "a load acts at a point or along a member")
-        if self.table is None:
-            for key in ("area", "phase", "repeat"):
-                if getattr(self, key) is not None:
-                    raise value_error(
-                        "table together with this key", "the key describes a table", "add table", inside=key
-                    )
+        for key in ("area", "phase", "repeat") if self.table is None else ():
+            if getattr(self, key) is not None:
+                allowed, why = "table together with this key", "the key describes a table"
+                raise value_error(allowed, why, "add table", inside=key)
 
     def build(self) -> valvetrain.GivenLoad:
         """Build the load."""

@@ -194,9 +194,8 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
         if wire.active_coils is None and wire.shear_modulus is not None:
             raise value_error("no shear_modulus without active_coils or coils", "the stiffness follows from both")
         if wire.density is not None:
-            raise value_error(
-                "a density of the wire only with coils", "the mass follows from their length", "give the mass"
-            )
+            allowed, why = "a density of the wire only with coils", "the mass follows from their length"
+            raise value_error(allowed, why, "give the mass")
 
     def _check_coils(self, entries: list[CoilsRecord]) -> None:
         wire = self.wire
