@@ -100,7 +100,8 @@ def build_model(case: Case, similar: tuple[Case, valvetrain.Model] | None = None
             try:
                 found[name] = make(part)
             except InputError as refusal:
-                faults.extend(_prefix_fault(case.place((kind, name)), fault) for fault in refusal.faults)
+                where = case.place((kind, name))
+                faults.extend(replace(one, where=f"{where}: {one.where}") for one in refusal.faults)
         return found
 
     elastic, films = dict[str, valvetrain.Spring](), dict[str, valvetrain.FilmBearing]()
@@ -145,10 +146,6 @@ def _cam(case: Case, name: str, phaser: Phaser | None, similar: tuple[Case, valv
     return replace(case.record.cams[name].part, phaser=phaser)
 
 
-def _prefix_fault(where: str, fault: Fault) -> Fault:
-    return replace(fault, where=f"{where}: {fault.where}")
-
-
 def _mesh(case: Case) -> Mesh:
     record, mesh = case.record, case.mesh
     points = mesh.points if mesh is not None else {name: np.array([i]) for i, name in enumerate(record.nodes)}
@@ -168,8 +165,10 @@ def _mesh(case: Case) -> Mesh:
         return refine(mesh, {name: member.elements for name, member in record.members.items()})
     except InputError as refusal:
         where = case.place(("nodes",) if case.mesh is None else ("mesh",))
-        faults = [f if f.where.startswith("members") else _prefix_fault(where, f) for f in refusal.faults]
-        raise InputError(faults) from None
+        raise InputError(
+            fault if fault.where.startswith("members") else replace(fault, where=f"{where}: {fault.where}")
+            for fault in refusal.faults
+        ) from None
 
 
 @dataclass(frozen=True)
