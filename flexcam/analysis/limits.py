@@ -240,7 +240,6 @@ _RELATIVE_BOUNCE_HEIGHT = 0.02  # bounce height relative to the lift, which is t
 
 
 def _conditions(model: Model, search: Search | None = None) -> dict[str, tuple[Condition, str]]:
-    """Return the conditions that apply to a model, with their descriptions."""
     asked = search or Search(1.0, 2.0)
     found: dict[str, tuple[Condition, str]] = {}
     lifts = [format_quantity("m", main_lift(model, name), digits=3) for name in model.cams]

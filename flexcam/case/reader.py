@@ -347,7 +347,6 @@ def complete_case_tables(case: Case) -> dict[str, Any]:
 def _add_defaults(
     given: Mapping[str, Any], defaults: Mapping[str, Any], path: tuple[str, ...], record: CaseRecord
 ) -> dict[str, Any]:
-    """Return a table with the defaults of the keys that are not given."""
     found = dict(given)
     for key, value in defaults.items():
         own: object = found.get(key, {})
