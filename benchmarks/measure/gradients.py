@@ -41,7 +41,7 @@ def _rows(name: str) -> list[dict[str, object]]:
 
     def differences(count: int) -> None:
         for number in numbers[:count]:
-            for one in make_neighbours(case, number, 1e-3 * number.value):
+            for one in make_neighbours(case, number, (-1e-3 * number.value, 1e-3 * number.value)):
                 evaluate(file.read((*FIXED, *one)), names=SCALARS)
 
     works = [partial(differences, count) for count in COUNTS]

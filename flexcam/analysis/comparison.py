@@ -153,14 +153,8 @@ def _compute_deviation(quantity: str, moved: History, still: History, flexible: 
     flexing, turning = (getattr(one, slope)[: len(time)] if slope else None for one in (moved, still))
     difference = flexed - rigid
     largest, at = peak(time, difference, None if flexing is None or turning is None else flexing - turning)
-    return Deviation(
-        quantity,
-        peak=largest,
-        rms=float(np.sqrt(np.mean(difference**2))),
-        rigid_peak=peak(time, rigid, turning)[0],
-        flexible_peak=peak(time, flexed, flexing)[0],
-        angle_deg=float(np.degrees(np.interp(at, time, flexible.angle))),
-    )
+    rms, angle = float(np.sqrt(np.mean(difference**2))), float(np.degrees(np.interp(at, time, flexible.angle)))
+    return Deviation(quantity, largest, rms, peak(time, rigid, turning)[0], peak(time, flexed, flexing)[0], angle)
 
 
 MODELS = ("rigid", "bilateral", "unilateral")
@@ -190,10 +184,8 @@ def compare_models_over_speed(
     model = prepare(case).model
     known = [name for name, one in model.contacts.items() if isinstance(one, CamContact) and one.unilateral]
     if not known or (contact is not None and contact not in known):
-        given = "none" if contact is None else repr(contact)
-        raise refuse(
-            "contacts", given, f"one of {', '.join(known)}" if known else 'a cam contact with model = "unilateral"'
-        )
+        allowed = f"one of {', '.join(known)}" if known else 'a cam contact with model = "unilateral"'
+        raise refuse("contacts", "none" if contact is None else repr(contact), allowed)
     chosen, found = contact or known[0], list[SpeedResult]()
     for speed in track_progress(speeds, advance):
         one = case.at_speed(speed)

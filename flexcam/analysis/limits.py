@@ -130,9 +130,8 @@ def find_limits(
     `start` begins runs at several speeds at a time, up to `ahead`; by default they follow each other.
     """
     model = _checked_model(case)
-    described = {
-        name: words for name, (_, words) in _conditions(model, search).items() if among is None or name in among
-    }
+    conditions = _conditions(model, search).items()
+    described = {name: words for name, (_, words) in conditions if among is None or name in among}
     serial = partial(evaluate_speed, case, search, described, runs=runs, model=model)
     pending: dict[float, Callable[[], ConditionResults]] = {}
     seen: dict[float, ConditionResults] = {}
@@ -241,7 +240,6 @@ _RELATIVE_BOUNCE_HEIGHT = 0.02  # bounce height relative to the lift, which is t
 
 
 def _conditions(model: Model, search: Search | None = None) -> dict[str, tuple[Condition, str]]:
-    """Return the conditions that apply to a model, with their descriptions."""
     asked = search or Search(1.0, 2.0)
     found: dict[str, tuple[Condition, str]] = {}
     lifts = [format_quantity("m", main_lift(model, name), digits=3) for name in model.cams]
@@ -263,15 +261,10 @@ def _conditions(model: Model, search: Search | None = None) -> dict[str, tuple[C
             words = f"over the nose the valve lifts more than {format_quantity('m', most)} above the rigid train"
             found["lift_deviation"] = (lambda response, ready: _lofted_valves(response, ready, most), words)
     if any(spring.clash_travel is not None for spring in model.springs.values()):
-        found["coil_clash"] = (
-            lambda response, ready: _parts_above(response, ready, ".clash", 0.0),
-            "coils of a spring touch",
-        )
+        found["coil_clash"] = (partial(_parts_above, ".clash", 0.0), "coils of a spring touch")
     if model.members:
-        found["buckling"] = (
-            lambda response, ready: _parts_above(response, ready, ".buckling_use", 1.0),
-            "the compression of a member exceeds its buckling load",
-        )
+        words = "the compression of a member exceeds its buckling load"
+        found["buckling"] = (partial(_parts_above, ".buckling_use", 1.0), words)
     return found
 
 
@@ -348,7 +341,7 @@ def _filtered_contacts(response: Response, ready: PreparedRun, cutoff: float) ->
     return _open_contacts(replace(response, channels=channels), ready)
 
 
-def _parts_above(response: Response, ready: PreparedRun, end: str, least: float) -> list[str]:
+def _parts_above(end: str, least: float, response: Response, ready: PreparedRun) -> list[str]:
     """Return the parts with a channel of a given name above a threshold after the first revolution."""
     later = response.time > ready.revolution
     own = {name: values[later] for name, values in response.channels.items() if name.endswith(end)}

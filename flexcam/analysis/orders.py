@@ -78,18 +78,12 @@ def last_revolution_orders(response: Response, values: FloatArray, count: int) -
     steps, highest = len(response.angle) - begin - 1, highest_order(response)
     if count > highest:
         given, allowed = f"{count} of a last revolution of {steps} steps", f"up to {highest}" if highest else "none"
-        raise refuse(
-            "orders", given, allowed, _MIN_STEPS_REASON, f"use {_required_steps(count)} steps per revolution or more"
-        )
+        remedy = f"use {2 * count + 1} steps per revolution or more"
+        raise refuse("orders", given, allowed, _MIN_STEPS_REASON, remedy)
     return order_spectrum(response.angle[begin:], values[begin:], count)
 
 
-_MIN_STEPS_REASON = "each order needs two steps"
-
-
-def _required_steps(count: int) -> int:
-    """Return the steps per revolution required for a number of orders, including the mean."""
-    return 2 * count + 1
+_MIN_STEPS_REASON = "each order needs two steps"  # and the mean one more
 
 
 def has_revolution(response: Response) -> bool:
@@ -106,12 +100,8 @@ def highest_order(response: Response) -> int:
 def _revolution_start(response: Response) -> int:
     if not has_revolution(response):
         turned = math.degrees(float(np.ptp(response.angle))) if len(response.angle) else 0.0
-        raise refuse(
-            "run.revolutions",
-            f"a run over {turned:.4g} deg",
-            "one revolution or more",
-            "orders are those of a whole revolution",
-        )
+        allowed, why = "one revolution or more", "orders are those of a whole revolution"
+        raise refuse("run.revolutions", f"a run over {turned:.4g} deg", allowed, why)
     begins = float(response.angle[-1]) - _REVOLUTION * (1.0 + _SAME_ANGLE)
     return int(np.searchsorted(response.angle, begins))
 
@@ -145,12 +135,12 @@ def waterfall(
 
 def _check_steps(case: Case, fastest: float, count: int) -> None:
     """Raise an error before the first run if fixed steps are too few for the orders; adaptive ones are checked then."""
-    run, wanted = case.record.run, _required_steps(count)
+    run, wanted = case.record.run, 2 * count + 1
     turn = _REVOLUTION / fastest
     steps = math.floor(turn / run.step) if run.step else run.steps_per_revolution or DEFAULT_STEPS_PER_REVOLUTION
     if run.adaptive is not None or steps >= wanted:
         return
-    fewer = f"or ask for {(steps - 1) // 2} orders at most (--orders)" if steps >= _required_steps(1) else ""
+    fewer = f"or ask for {(steps - 1) // 2} orders at most (--orders)" if steps >= 3 else ""
     if run.step:
         at = f"{fastest / RPM:.6g} camshaft rpm"
         most = f"{0.995 * turn / wanted:.3g} s or less for {count} orders"  # rounded down to three digits

@@ -19,11 +19,11 @@ from flexcam.case.problem_builder import (
     make_problem,
     reduced_basis,
     revolution_time,
-    set_initial_state,
+    set_given_state,
     steps_per_revolution,
 )
 from flexcam.case.reader import CaseFile
-from flexcam.case.schema.run import CollocationRecord, NewmarkRecord
+from flexcam.case.schema.run import CollocationRecord
 from flexcam.core.errors import InputError, refuse
 from flexcam.dynamics import (
     Collocation,
@@ -33,8 +33,12 @@ from flexcam.dynamics import (
     Problem,
     RunFailedError,
     SaveAt,
+    State,
     System,
+    installed_state,
     method_refusal,
+    moving_equilibrium,
+    solve_periodic,
 )
 from flexcam.fem.frames import COMPONENTS
 from flexcam.valvetrain import Chain, Model, driving_contact, rigid_motion
@@ -64,10 +68,9 @@ class PreparedRun:
         """The case with its integrator, even if this is the default."""
         if self.case.record.run.integrator is not None:
             return self.case
-        collocated = isinstance(self.scheme, Collocation)
-        return self.case.with_run(
-            {"integrator": CollocationRecord(method="collocation") if collocated else NewmarkRecord()}
-        )
+        if not isinstance(self.scheme, Collocation):
+            return self.case.with_newmark()
+        return self.case.with_run({"integrator": CollocationRecord(method="collocation")})
 
 
 def scalar_probe(ready: PreparedRun) -> str:
@@ -131,9 +134,8 @@ def _follower_component(ready: PreparedRun, probe: Probe) -> str:
     contact = next(iter(model.cam_contacts.values()), None)
     along = "" if contact is None else COMPONENTS[int(np.argmax(np.abs(contact.direction)))]
     nodes = model.mesh.points.get(probe.name, ())
-    held = {
-        one for point, ones in model.supports.items() if np.isin(nodes, model.mesh.points[point]).any() for one in ones
-    }
+    supports = (ones for point, ones in model.supports.items() if np.isin(nodes, model.mesh.points[point]).any())
+    held = {one for ones in supports for one in ones}
     free = [one for one in probe.components if one not in held] or list(probe.components)
     return _component_name(probe, probe.components.index(along if along in free else free[0]))
 
@@ -193,7 +195,7 @@ def prepare(
         if rigid:  # the rigid companion of a flexible run; the engine was requested for the flexible one
             plain = replace(plain, engine="auto")
         try:
-            problem = set_initial_state(case, model, plain, until=until, near=near and near.problem.start)
+            problem = set_initial_state(case, model, plain, until, near and near.problem.start)
         except RunFailedError as failure:  # an unusual value, such as 207 Pa, is the probable cause
             unusual = [warning.removeprefix("Warning: ") for warning in check_values(case)]
             raise RunFailedError(replace(failure.status, remedy="; ".join([*unusual, failure.status.remedy]))) from None
@@ -202,6 +204,25 @@ def prepare(
         if refusal := method_refusal(problem, scheme):
             raise refusal
     return PreparedRun(case, model, problem, scheme, save)
+
+
+def set_initial_state(
+    case: Case, model: Model, problem: Problem, until: float | None = None, near: State | None = None
+) -> Problem:
+    """Return a problem with the initial state requested by its case, found near a known one."""
+    kind, system = case.record.run.start, problem.system
+    if not isinstance(kind, str):
+        return set_given_state(case, model, problem)
+    if system.is_kinematic:
+        start = replace(State.rest(system.size), periodicity=0.0 if kind == "periodic" else None)
+    elif kind == "periodic":
+        begin, steps = moving_equilibrium(system, problem.drive), steps_per_revolution(case, problem)
+        one = replace(problem, start=begin, steps=steps)
+        start = solve_periodic(one, integration_method(case, one), until=until)
+    else:
+        known = near.displacement if near and len(near.displacement) == system.size else None
+        start = (installed_state if kind == "rest" else moving_equilibrium)(system, problem.drive, near=known)
+    return replace(problem, start=start)
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -17,22 +18,7 @@ from flexcam.analysis.histories import response_block
 from flexcam.analysis.preparation import PreparedRun
 from flexcam.analysis.run_metrics import RevolutionChange
 from flexcam.cams import FlatFollower, Follower, profile_at, undercut
-from flexcam.case.input_checks import (
-    check_coil_bind,
-    check_connectivity,
-    check_drives,
-    check_lash,
-    check_loads,
-    check_loose_masses,
-    check_oblique_springs,
-    check_open_contacts,
-    check_overshoot,
-    check_pulling_contacts,
-    check_shared_seat_load,
-    check_start_impact,
-    check_values,
-    check_valve_angles,
-)
+from flexcam.case.input_checks import check_model, check_values
 from flexcam.core import rounding_fraction
 from flexcam.core.errors import InputError
 from flexcam.dynamics import Collocation, Response, Sink, Stats, default_method, outline
@@ -93,22 +79,10 @@ def check_modes(modes: ModelModes) -> list[str]:
 
 def check_input(ready: PreparedRun) -> list[str]:
     """Return warnings about a case: implausible numbers, impossible lobes, parts without effect, open contacts."""
-    case, model, problem = ready.case, ready.model, ready.problem
-    rigid = () if not problem.system.is_kinematic else (check_shared_seat_load, check_coil_bind, check_pulling_contacts)
     return [
-        *check_values(case),
-        *check_lobes(model),
-        *check_connectivity(model),
-        *check_loose_masses(model),
-        *check_oblique_springs(model),
-        *check_loads(model, problem),
-        *check_open_contacts(model, problem),
-        *check_start_impact(case, model, problem),
-        *check_overshoot(problem, ready.scheme),
-        *check_drives(model),
-        *check_lash(model),
-        *check_valve_angles(model),
-        *(sentence for check in rigid for sentence in check(model, case.speed)),
+        *check_values(ready.case),
+        *check_lobes(ready.model),
+        *check_model(ready.case, ready.model, ready.problem, ready.scheme),
         *_check_cam_steps(ready),
         *_check_geometric_stiffness(ready),
     ]
@@ -155,9 +129,10 @@ def check_lobes(model: Model) -> list[str]:
 
 
 def _check_lobe(model: Model, name: str, cam: Cam, follower: Follower) -> Iterator[str]:
-    if _is_undercut(cam, follower):
-        why = "its profile crosses itself (undercut), so no real cam can produce this lift"
-        yield f"Warning: cams.{name}: {why}; flexcam cam prints the minimum base-circle radius"
+    with suppress(InputError):  # no profile exists: code that needs it raises the error
+        if undercut(profile_at(cam.event, follower, _ANGLES, cam.turn).radius, follower).any():
+            why = "its profile crosses itself (undercut), so no real cam can produce this lift"
+            yield f"Warning: cams.{name}: {why}; flexcam cam prints the minimum base-circle radius"
     if isinstance(follower, FlatFollower) and not abs(beside := follower.lobe_contact) <= 0.5 * (cam.width or math.inf):
         place = "at the edge of the lobe" if math.isinf(beside) else f"{1e3 * abs(beside):.3g} mm from its middle"
         remedy = "give the follower a crown_radius, or change the taper" if math.isinf(beside) else "change the taper"
@@ -168,23 +143,12 @@ def _check_lobe(model: Model, name: str, cam: Cam, follower: Follower) -> Iterat
             sizes = f"it needs {1e3 * needed:.4g} mm, and face_diameter is {1e3 * follower.face_diameter:.4g} mm"
             yield f"Warning: cams.{name}: the contact line crosses the edge of the follower's face: {sizes}"
     node = model.mesh.points.get(cam.at, np.empty(0, dtype=int))
-    sections = [
-        one.section.at(0.5)
-        for one_name, one in model.members.items()
-        if np.isin(node, model.mesh.lines[one_name]).any()
-    ]
+    members = [one for part, one in model.members.items() if np.isin(node, model.mesh.lines[part]).any()]
+    sections = (one.section.at(0.5) for one in members)
     shaft = max((one.radius for one in sections if one.round), default=0.0)
     if shaft > _SHAFT_RADIUS_RATIO * follower.base_radius:
         sizes = f"its base circle has a radius of {1e3 * follower.base_radius:.4g} mm, its shaft one of"
         yield f"Warning: cams.{name}: {sizes} {1e3 * shaft:.4g} mm: the follower would run on the shaft"
-
-
-def _is_undercut(cam: Cam, follower: Follower) -> bool:
-    try:
-        radius = profile_at(cam.event, follower, _ANGLES, cam.turn).radius
-    except InputError:  # no profile exists: code that needs it raises the error
-        return False
-    return bool(undercut(radius, follower).any())
 
 
 def _check_shared_lobes(model: Model) -> Iterator[str]:
@@ -233,15 +197,13 @@ class RunMonitor:
 
 def check_run(ready: PreparedRun, monitor: RunMonitor, metrics: list[Metric], stats: Stats) -> list[str]:
     """Return warnings about a run."""
+    revolved = ready.case.record.run.revolutions >= 1.0
     return [
         *check_input(ready),
         *describe_model_limits(ready),
         *check_events(metrics),
-        *(
-            (*_check_open_lashes(ready.model, metrics), *_check_seating(metrics))
-            if ready.case.record.run.revolutions >= 1.0
-            else ()
-        ),
+        *(_check_open_lashes(ready.model, metrics) if revolved else ()),
+        *(_check_seating(metrics) if revolved else ()),
         *_check_accuracy(ready, monitor.extremes, stats),
         *(_check_deflections(ready, monitor.extremes) if _has_member_dofs(ready) else ()),
         *(_check_resolution(monitor.resolution) if _has_member_dofs(ready) else ()),
@@ -364,8 +326,8 @@ Mechanics, 1985, section 6.1), and three quarters of the tensile strength of the
 
 def describe_contact_loss(metrics: Iterable[Metric]) -> str:
     """Describe which followers lost contact with their cams, and for how long; empty if none did."""
-    lost = [(name, angle) for name, angle in _metrics_with_suffix(metrics, ".open_on_the_lift") if angle > OPEN]
-    return ", ".join(f"{name!r} lost contact for {math.degrees(angle):.3g} deg" for name, angle in lost)
+    lost = _metrics_with_suffix(metrics, ".open_on_the_lift")
+    return ", ".join(f"{name!r} lost contact for {math.degrees(angle):.3g} deg" for name, angle in lost if angle > OPEN)
 
 
 def _metrics_with_suffix(metrics: Iterable[Metric], suffix: str) -> Iterator[tuple[str, float]]:

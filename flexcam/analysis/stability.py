@@ -231,9 +231,8 @@ class Stability:
     @property
     def higher_resonances(self) -> tuple[Resonance, ...]:
         """Resonances above that speed, in ascending order."""
-        return tuple(
-            sorted((one for one in self.resonances if one.rpm > self.highest_listed_rpm), key=lambda one: one.rpm)
-        )
+        above = (one for one in self.resonances if one.rpm > self.highest_listed_rpm)
+        return tuple(sorted(above, key=lambda one: one.rpm))
 
     @property
     def is_chattering(self) -> bool:

@@ -100,7 +100,8 @@ def build_model(case: Case, similar: tuple[Case, valvetrain.Model] | None = None
             try:
                 found[name] = make(part)
             except InputError as refusal:
-                faults.extend(_prefix_fault(case.place((kind, name)), fault) for fault in refusal.faults)
+                where = case.place((kind, name))
+                faults.extend(replace(one, where=f"{where}: {one.where}") for one in refusal.faults)
         return found
 
     elastic, films = dict[str, valvetrain.Spring](), dict[str, valvetrain.FilmBearing]()
@@ -145,10 +146,6 @@ def _cam(case: Case, name: str, phaser: Phaser | None, similar: tuple[Case, valv
     return replace(case.record.cams[name].part, phaser=phaser)
 
 
-def _prefix_fault(where: str, fault: Fault) -> Fault:
-    return replace(fault, where=f"{where}: {fault.where}")
-
-
 def _mesh(case: Case) -> Mesh:
     record, mesh = case.record, case.mesh
     points = mesh.points if mesh is not None else {name: np.array([i]) for i, name in enumerate(record.nodes)}
@@ -168,8 +165,10 @@ def _mesh(case: Case) -> Mesh:
         return refine(mesh, {name: member.elements for name, member in record.members.items()})
     except InputError as refusal:
         where = case.place(("nodes",) if case.mesh is None else ("mesh",))
-        faults = [f if f.where.startswith("members") else _prefix_fault(where, f) for f in refusal.faults]
-        raise InputError(faults) from None
+        raise InputError(
+            fault if fault.where.startswith("members") else replace(fault, where=f"{where}: {fault.where}")
+            for fault in refusal.faults
+        ) from None
 
 
 @dataclass(frozen=True)
@@ -180,7 +179,6 @@ class _Geometry:
     mesh: Mesh
 
     def member(self, record: parts.MemberRecord) -> Member:
-        """Return a member with its material and section."""
         return Member(
             self.case.materials[record.material].part, self.case.sections[record.section].part, record.orientation,
             record.shear, record.rotary_inertia, record.mass, record.geometric_stiffness, record.bow,
@@ -188,7 +186,6 @@ class _Geometry:
         )  # fmt: skip
 
     def superelement(self, record: parts.SuperelementRecord) -> Superelement:
-        """Return a superelement between its nodes."""
         nodes = tuple(record.nodes.values())
         positions = self.mesh.nodes[[self.mesh.node(name) for name in nodes]]
         return reduce_superelement(nodes, positions, record.matrices(), record.modes)
@@ -247,7 +244,6 @@ class _Geometry:
         return _six_components(-tangent if against else tangent)
 
     def contact(self, record: contacts.ContactRecord) -> valvetrain.Contact:
-        """Return a contact with its directions and default stiffness."""
         match record:
             case contacts.SeatRecord():
                 along = np.zeros(6) if record.direction is None else direction(record.direction)
@@ -284,10 +280,7 @@ class _Geometry:
     def friction(self, record: parts.FrictionRecord) -> valvetrain.Friction:
         """Return a friction at a point or between the coils of two springs."""
         names = None if record.spring is None else self._nest(record.spring, str(record.inside))
-        if names is not None and record.force is None:
-            force = self._nest_friction(record, names)
-        else:
-            force = record.force or 0.0
+        force = self._nest_friction(record, names) if names and record.force is None else record.force or 0.0
         breakaway = force if record.breakaway_force is None else record.breakaway_force
         size = force, breakaway, record.stribeck_speed, record.friction_speed, record.damping
         if record.at is not None and record.direction is not None:

@@ -10,7 +10,6 @@ from pathlib import Path
 from flexcam.case.fault_report import KeyLocations
 from flexcam.case.fault_report import Path as KeyPath
 from flexcam.case.records import CaseRecord
-from flexcam.case.schema.base import Record
 from flexcam.case.schema.run import NewmarkRecord
 from flexcam.core.html import html_table
 from flexcam.core.units import shaft_speed
@@ -162,7 +161,7 @@ class Case:
         Case
             Case with unchanged text and overrides.
         """
-        return self._with("run", self.record.run, changed)
+        return self._with({"run": self.record.run.model_copy(update=dict(changed))})
 
     def with_fidelity(self, changed: Mapping[str, object]) -> Case:
         """Return the same case with changed keys of ``[fidelity]``.
@@ -177,10 +176,10 @@ class Case:
         Case
             Case with unchanged text and overrides.
         """
-        return self._with("fidelity", self.record.fidelity, changed)
+        return self._with({"fidelity": self.record.fidelity.model_copy(update=dict(changed))})
 
-    def _with(self, name: str, table: Record, changed: Mapping[str, object]) -> Case:
-        return replace(self, record=self.record.model_copy(update={name: table.model_copy(update=dict(changed))}))
+    def _with(self, tables: Mapping[str, object]) -> Case:
+        return replace(self, record=self.record.model_copy(update=tables))
 
     def place(self, path: KeyPath) -> str:
         """Return a key path with its line or override.

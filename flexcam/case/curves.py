@@ -14,7 +14,6 @@ from typing import Annotated, Any, Literal, TypeVar, cast
 import numpy as np
 from pydantic import (
     BaseModel,
-    ConfigDict,
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
@@ -26,7 +25,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from flexcam.cams import LAWS, Event, HarmonicLift, Law, LawKind, LiftReport, kind_names, law_kind, lift_table
 from flexcam.case.fault_report import parse_toml
-from flexcam.case.schema.base import Unit, convert_error, describe_type_error, value_error
+from flexcam.case.schema.base import Record, Unit, convert_error, describe_type_error, value_error
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, format_value, positive, refuse, suggest_name, system_message
 from flexcam.core.units import conversion_factor, unit_of
@@ -80,7 +79,7 @@ class LoadDefinition:
             why, remedy = ("area makes it a pressure", "leave area out") if area else ("", "give area with a pressure")
             raise refuse(where, given, unit_of(wanted), why, remedy) from None
         repeats = not self.over_time if repeat is None else repeat
-        period = self._period(where, given=repeat is not None) if repeats else None
+        period = self._period(where, asked=repeat is not None) if repeats else None
         at, size = self.at + (phase or 0.0), self.values * factor * (area or 1.0)
         if period is not None and at[-1] - at[0] > period * (1.0 - _SAME_PLACE):
             if abs(size[-1] - size[0]) > _SAME_END * np.abs(size).max():
@@ -90,7 +89,7 @@ class LoadDefinition:
             at, size = at[:-1], size[:-1]
         return LoadTable(at, size, self.over_time, period)
 
-    def _period(self, where: str, *, given: bool) -> float:
+    def _period(self, where: str, *, asked: bool) -> float:
         """Return the period: a revolution of the camshaft, or the length in time.
 
         Unless the repetition is given, a table over an angle that ends early, such as one of an open valve, is refused.
@@ -100,12 +99,9 @@ class LoadDefinition:
             return length
         shown, period = f"{math.degrees(length):g}", 2.0 * math.pi
         if length > period * (1.0 + _SAME_PLACE):
-            why, remedy = (
-                "the table repeats with each revolution of the camshaft",
-                "give one revolution, or repeat = false",
-            )
-            raise refuse(where, f"{shown} deg of cam angle", "up to 360 deg", why, remedy)
-        if not given and period - length > max(_MAX_GAP * period, float(np.diff(self.at).max())):
+            why, given = "the table repeats with each revolution of the camshaft", f"{shown} deg of cam angle"
+            raise refuse(where, given, "up to 360 deg", why, "give one revolution, or repeat = false")
+        if not asked and period - length > max(_MAX_GAP * period, float(np.diff(self.at).max())):
             why, remedy = "a straight line would join the last row to the first", "add rows, or repeat = true"
             allowed = "a whole revolution of the camshaft"
             raise refuse(where, f"{shown} of 360 deg of cam angle", allowed, why, remedy)
@@ -152,11 +148,7 @@ Read = TypeVar("Read")
 FileRecord = TypeVar("FileRecord", bound=BaseModel)
 
 
-class _File(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class _LiftFile(_File):
+class _LiftFile(Record):
     """Lift table file with the units that its header lacks."""
 
     file: str = Field(description="table of angle and lift, or TOML with harmonics; relative to the case file")
@@ -168,14 +160,14 @@ class _LiftFile(_File):
     )
 
 
-class _LoadFile(_File):
+class _LoadFile(Record):
     """Load table file and the column of the load."""
 
     file: str = Field(description="CSV with an angle or a time, and the load; relative to the case file")
     column: str | None = Field(None, description="name of the column of the load, if there are several")
 
 
-class _MatrixFile(_File):
+class _MatrixFile(Record):
     """Matrix file and the name of its matrix."""
 
     file: str = Field(description="matrix file; relative to the case file")
@@ -210,38 +202,21 @@ class _FromFile:
             raise convert_error(refusal, inside=fault.where not in ("law", "lift_table")) from None
 
 
-@dataclass(frozen=True)
-class RowsOrFile:
-    """Annotation of a list of rows, or of the name of a table with these columns in the folder of the case."""
-
-    columns: tuple[tuple[str, str], ...]  #: name and SI unit of each column
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
-        return core_schema.with_info_before_validator_function(self.validate, handler(source))
-
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return {"anyOf": [{"type": "string"}, handler(schema)]}
-
-    def validate(self, value: object, info: ValidationInfo) -> object:
-        """Return the rows of a file in SI; other values unchanged."""
-        if not isinstance(value, str):
-            return value
-        try:
-            return self._read(value, _Files.of(info)).tolist()
-        except InputError as refusal:
-            fault = refusal.faults[0]
-            raise value_error(fault.allowed, fault.why, fault.remedy, given=fault.given) from None
-
-    def _read(self, name: str, files: _Files) -> FloatArray:
-        found = files.read(name, "table", lambda path, text: read_columns(path, "table", text))
-        known, names = {one.lower(): column for one, column in found.items()}, [one for one, _ in self.columns]
-        if missing := [one for one in names if one not in known]:
-            given = f"{Path(name).name}, without {' and '.join(missing)}"
-            raise refuse(
-                "table", given, f"a table with the columns {' and '.join(names)}", f"it has {', '.join(found)}"
-            )
-        scaled = [known[one][1] * conversion_factor(known[one][0], si, f"column {one!r}") for one, si in self.columns]
-        return np.column_stack(scaled)
+def read_force_table(value: object, info: ValidationInfo) -> object:
+    """Return the rows of travel and force of a file in the folder of the case, SI; other values unchanged."""
+    if not isinstance(value, str):
+        return value
+    try:
+        found = _Files.of(info).read(value, "table", lambda path, text: read_columns(path, "table", text))
+        known, units = {name.lower(): column for name, column in found.items()}, {"travel": "m", "force": "N"}
+        if missing := [name for name in units if name not in known]:
+            given, allowed = f"{Path(value).name}, without {' and '.join(missing)}", "a table with the columns"
+            raise refuse("table", given, f"{allowed} travel and force", f"it has {', '.join(found)}")
+        scaled = [known[name][1] * conversion_factor(known[name][0], units[name], f"column {name!r}") for name in units]
+    except InputError as refusal:
+        fault = refusal.faults[0]
+        raise value_error(fault.allowed, fault.why, fault.remedy, given=fault.given) from None
+    return np.column_stack(scaled).tolist()
 
 
 def _parse_law_value(value: object, files: _Files) -> LawDefinition:
@@ -339,7 +314,7 @@ def _parameter_record(kind: LawKind) -> type[BaseModel]:
     for name, parameter in inspect.signature(kind, eval_str=True).parameters.items():
         default = ... if parameter.default is inspect.Parameter.empty else parameter.default
         fields[name] = (parameter.annotation, default)
-    return create_model("Parameters", __config__=ConfigDict(extra="forbid"), **fields)
+    return create_model("Parameters", __base__=Record, **fields)
 
 
 def read_law(path: Path, text: str | None = None) -> LawDefinition:

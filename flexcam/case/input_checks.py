@@ -293,6 +293,24 @@ def _slenderness_warnings(case: Case) -> Iterator[str]:
             yield f"{place}: {sizes}: do lengths and sections have the same unit?"
 
 
+def check_model(case: Case, model: Model, problem: Problem, scheme: Method) -> Iterator[str]:
+    """Yield warnings about the connections of parts, and about contacts, loads and cams before a run."""
+    yield from _check_connectivity(model)
+    yield from _check_loose_masses(model)
+    yield from check_oblique_springs(model)
+    yield from _check_loads(model, problem)
+    yield from _check_open_contacts(model, problem)
+    yield from _check_start_impact(case, model, problem)
+    yield from check_overshoot(problem, scheme)
+    yield from _check_drives(model)
+    yield from _check_lash(model)
+    yield from _check_valve_angles(model)
+    if problem.system.is_kinematic:
+        yield from check_shared_seat_load(model)
+        yield from check_coil_bind(model, case.speed)
+        yield from _check_pulling_contacts(model)
+
+
 _MAX_DOFS = 3000  # maximum number of degrees of freedom for which the start of a run is computed to check its contacts
 
 _MIN_COSINE = 0.98  # cosine of the angle of a spring to the motion of a point, below which the spring is oblique
@@ -302,7 +320,7 @@ _OVERSHOOT_TOLERANCE = 0.01  # overshoot relative to the initial motion from whi
 _IMPACT_LIFT = 1e-3  # lift relative to its maximum from which a start causes an impact: measured lifts have noise
 
 
-def check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
+def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
     """Yield warnings about cam contacts and seats that are open on the base circle at the start."""
     contacts = {name: one for name, one in model.contacts.items() if isinstance(one, CamContact) and one.unilateral}
     seats = [name for name, one in model.contacts.items() if isinstance(one, Seat)]
@@ -331,27 +349,26 @@ def check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
             yield f"Warning: contacts.{name}: {why}; check the direction and the installed_force of its spring"
 
 
-def check_overshoot(problem: Problem, scheme: Method) -> list[str]:
-    """Return warnings about an initial velocity that decays within the first step and overshoots."""
+def check_overshoot(problem: Problem, scheme: Method) -> Iterator[str]:
+    """Yield a warning about an initial velocity that decays within the first step and overshoots."""
     start, system = problem.start, problem.system
     if not isinstance(scheme, Scheme) or start is None or system.is_kinematic or system.size > _MAX_DOFS:
-        return []
+        return
     if not scheme.overshoot or not start.velocity.any():
-        return []
+        return
     scale = max(float(np.abs(motion).max()) for motion in (start.displacement, problem.step * start.velocity))
     try:
         first = solve(replace(problem, steps=1, engine="direct", adaptive=None), scheme, save=SaveAt(field_every=1))
     except RunFailedError:
-        return []  # the run reports it
+        return  # the run reports it
     beyond = scheme.overshoot * problem.step**2 * np.abs(first.fields.acceleration[0])
-    if float(beyond.max()) <= _OVERSHOOT_TOLERANCE * scale:
-        return []
-    size, name = f"{100.0 * float(beyond.max()) / scale:.3g} %", system.names[int(np.argmax(beyond))]
-    what = f"the first step overshoots at {name} by {size} of the largest motion of the start"
-    return [f"Warning: {what}: the step does not resolve its damping; use newmark, bathe or smaller steps"]
+    if float(beyond.max()) > _OVERSHOOT_TOLERANCE * scale:
+        size, name = f"{100.0 * float(beyond.max()) / scale:.3g} %", system.names[int(np.argmax(beyond))]
+        what = f"the first step overshoots at {name} by {size} of the largest motion of the start"
+        yield f"Warning: {what}: the step does not resolve its damping; use newmark, bathe or smaller steps"
 
 
-def check_start_impact(case: Case, model: Model, problem: Problem) -> Iterator[str]:
+def _check_start_impact(case: Case, model: Model, problem: Problem) -> Iterator[str]:
     """Yield warnings about cams that already lift when a run starts from rest, which causes an impact."""
     if case.record.run.start != "rest" or problem.system.is_kinematic:
         return
@@ -366,15 +383,13 @@ def check_start_impact(case: Case, model: Model, problem: Problem) -> Iterator[s
             yield f"Warning: cams.{name}: {what}; {remedy}"
 
 
-def check_loads(model: Model, problem: Problem) -> list[str]:
-    """Return warnings about loads without a movable degree of freedom."""
+def _check_loads(model: Model, problem: Problem) -> Iterator[str]:
+    """Yield warnings about loads without a movable degree of freedom."""
     vectors = {load.name: load.vector for load in problem.system.loads} if not problem.system.is_kinematic else {}
-    why = "it has no effect: a support fixes the point it acts at, or no member and no mass is there"
-    return [
-        f"Warning: loads.{name}: {why}"
-        for name, load in model.loads.items()
-        if load.size and not vectors.get(f"loads.{name}", np.ones(1)).any()
-    ]
+    for name, load in model.loads.items():
+        if load.size and not vectors.get(f"loads.{name}", np.ones(1)).any():
+            why = "it has no effect: a support fixes the point it acts at, or no member and no mass is there"
+            yield f"Warning: loads.{name}: {why}"
 
 
 def check_oblique_springs(model: Model) -> Iterator[str]:
@@ -391,18 +406,15 @@ def check_oblique_springs(model: Model) -> Iterator[str]:
             yield f"Warning: springs.{name}: {what}; use direction = {line}"
 
 
-def check_connectivity(model: Model) -> list[str]:
-    """Return warnings about members not connected to any support, spring, rocker, cam or contact."""
+def _check_connectivity(model: Model) -> Iterator[str]:
+    """Yield warnings about members not connected to any support, spring, rocker, cam or contact."""
     mesh = model.mesh
     connected = {int(node) for name in _connection_points(model) for node in mesh.points.get(name, ())}
     connected |= {node for nodes in mesh.links.values() for node in nodes.tolist()}
-    parts, lines = [set(part.tolist()) for part in mesh.parts], {**mesh.lines, **mesh.bodies}
-    return [
-        f"Warning: members {', '.join(n for n, line in lines.items() if int(line[0]) in part)}: no support, "
-        "spring, rocker, cam or contact touches them"
-        for part in parts
-        if not part & connected
-    ]
+    for part in (set(part.tolist()) for part in mesh.parts):
+        if not part & connected:
+            names = ", ".join(n for n, line in {**mesh.lines, **mesh.bodies}.items() if int(line[0]) in part)
+            yield f"Warning: members {names}: no support, spring, rocker, cam or contact touches them"
 
 
 def _connection_points(model: Model) -> Iterator[str]:
@@ -410,12 +422,10 @@ def _connection_points(model: Model) -> Iterator[str]:
     yield from model.supports
     for spring in model.springs.values():
         yield from (spring.at, spring.to or "")
-    for bearing in model.bearings.values():
-        yield bearing.at
     for rocker in model.rockers.values():
         yield from (rocker.start, rocker.point)
-    for cam in model.cams.values():
-        yield cam.at
+    for part in (*model.bearings.values(), *model.cams.values()):
+        yield part.at
     for contact in model.contacts.values():
         match contact:
             case Seat():
@@ -426,7 +436,7 @@ def _connection_points(model: Model) -> Iterator[str]:
                 yield contact.follower
 
 
-def check_shared_seat_load(model: Model, speed: float) -> list[str]:
+def check_shared_seat_load(model: Model) -> list[str]:
     """Return warnings about cams that share the spring force with a closed seat: rigid, this is indeterminate."""
     return [
         f"Warning: contacts.{name}: no lash separates the cam from a closed seat, and both share the {force:.4g} N of "
@@ -435,13 +445,11 @@ def check_shared_seat_load(model: Model, speed: float) -> list[str]:
     ]
 
 
-def check_pulling_contacts(model: Model, speed: float) -> list[str]:
-    """Return warnings about contacts that would have to pull in the rigid model."""
-    why = "the rigid model moves parts between springs that are not linear by their stiffness as installed"
-    return [
-        f"Warning: contacts.{name} pulls with up to {force:.4g} N: {why}; use fidelity.model = beams"
-        for name, force in pulling_contacts(model).items()
-    ]
+def _check_pulling_contacts(model: Model) -> Iterator[str]:
+    """Yield warnings about contacts that would have to pull in the rigid model."""
+    for name, force in pulling_contacts(model).items():
+        why = "the rigid model moves parts between springs that are not linear by their stiffness as installed"
+        yield f"Warning: contacts.{name} pulls with up to {force:.4g} N: {why}; use fidelity.model = beams"
 
 
 def check_coil_bind(model: Model, speed: float) -> list[str]:
@@ -457,7 +465,7 @@ def check_coil_bind(model: Model, speed: float) -> list[str]:
 _MAX_OPENING = math.radians(400.0)
 
 
-def check_valve_angles(model: Model) -> Iterator[str]:
+def _check_valve_angles(model: Model) -> Iterator[str]:
     """Yield warnings about cams that hold a valve open for so long that their angles may be crank angles."""
     driven = [driving_contact(model, seat.at) for seat in model.contacts.values() if isinstance(seat, Seat)]
     opposed = opposed_contacts(model)
@@ -470,7 +478,7 @@ def check_valve_angles(model: Model) -> Iterator[str]:
             yield f"Warning: cams.{name}: it holds its valve open for {span}: {why}"
 
 
-def check_loose_masses(model: Model) -> Iterator[str]:
+def _check_loose_masses(model: Model) -> Iterator[str]:
     """Yield warnings about masses between lashes that no spring or other part holds."""
     others = {name: part for name, part in model.contacts.items() if not isinstance(part, Lash)}
     held = set(_connection_points(replace(model, supports={}, contacts=others)))
@@ -482,7 +490,7 @@ def check_loose_masses(model: Model) -> Iterator[str]:
             yield f"Warning: masses.{name}: {what}; hold it with a soft spring"
 
 
-def check_lash(model: Model) -> Iterator[str]:
+def _check_lash(model: Model) -> Iterator[str]:
     """Yield warnings about a lash that the ramp of its cam does not take up, or not even its lift."""
     opposed = {model.cam_contacts[contact].cam for contact in opposed_contacts(model)}  # their lash is the lift
     for name, lash in largest_lashes(model).items():
@@ -496,7 +504,7 @@ def check_lash(model: Model) -> Iterator[str]:
             yield f"{begin} ramp height of {1e3 * ramp.height:.3g} mm: it is taken up only after the ramp"
 
 
-def check_drives(model: Model) -> Iterator[str]:
+def _check_drives(model: Model) -> Iterator[str]:
     """Yield warnings about camshafts whose rotation is free: no support, spring or lash ties it to the drive."""
     for cams, along in undriven_shafts(build_structure(model)):
         remedy = f"add {along} to the support of its drive end, or a spring about its axis"

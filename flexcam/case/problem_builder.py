@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -24,10 +23,7 @@ from flexcam.dynamics import (
     State,
     System,
     default_method,
-    installed_state,
     method_refusal,
-    moving_equilibrium,
-    solve_periodic,
 )
 from flexcam.io import read_result, resolve_file
 from flexcam.io.result_reader import unknown_fields
@@ -144,43 +140,27 @@ def camshaft_drive(case: Case, model: Model, start: float = 0.0, time: float = 0
     return ConstantSpeed(case.speed, start)
 
 
-def set_initial_state(
-    case: Case, model: Model, problem: Problem, *, until: float | None = None, near: State | None = None
-) -> Problem:
-    """Return a problem with the initial state requested by its case, found near a known one."""
-    system = problem.system
-    known = near.displacement if near and len(near.displacement) == system.size else None
-    match case.record.run.start:
-        case "rest" | "equilibrium" | "periodic" as kind if system.is_kinematic:
-            periodicity = 0.0 if kind == "periodic" else None
-            return replace(problem, start=replace(State.rest(system.size), periodicity=periodicity))
-        case "rest":
-            return replace(problem, start=installed_state(system, problem.drive, near=known))
-        case "equilibrium":
-            return replace(problem, start=moving_equilibrium(system, problem.drive, near=known))
-        case "periodic":
-            start, steps = moving_equilibrium(system, problem.drive), steps_per_revolution(case, problem)
-            one = replace(problem, start=start, steps=steps)
-            return replace(problem, start=solve_periodic(one, integration_method(case, one), until=until))
-        case ResultStartRecord(result=name):
-            state, angle = _last_state(case, model, system, name)
-            drive, free = problem.drive, case.record.run.free_running is not None
-            missing = angle - float(drive.at(np.array([state.time])).angle[0])
-            if abs(missing) > _SAME_ANGLE:
-                drive = camshaft_drive(case, model, angle if free else missing, state.time)
-            return replace(problem, drive=drive, start=state)
-        case GivenStartRecord(displacement=displacement, velocity=velocity):
-            given = {"displacement": displacement, "velocity": velocity}
-            return replace(problem, start=_given_state(case, system, given))
+def set_given_state(case: Case, model: Model, problem: Problem) -> Problem:
+    """Return a problem with the initial state of its case, if values or the last state of a result define it."""
+    start = case.record.run.start
+    if isinstance(start, GivenStartRecord):
+        return replace(problem, start=_given_state(case, problem.system, start))
+    if not isinstance(start, ResultStartRecord):
+        return problem
+    state, angle = _last_state(case, model, problem.system, start.result)
+    drive, free = problem.drive, case.record.run.free_running is not None
+    missing = angle - float(drive.at(np.array([state.time])).angle[0])
+    if abs(missing) > _SAME_ANGLE:
+        drive = camshaft_drive(case, model, angle if free else missing, state.time)
+    return replace(problem, drive=drive, start=state)
 
 
 def check_run(case: Case, model: Model, system: System, chain: Chain | None, *, method: bool) -> None:
     """Check steps, given or periodic initial state and, if required, the integrator, without a run."""
-    problem, start = make_problem(case, model, system), case.record.run.start
-    if start == "periodic":
+    problem = make_problem(case, model, system)
+    if case.record.run.start == "periodic":
         steps_per_revolution(case, problem)
-    elif not isinstance(start, str):
-        set_initial_state(case, model, problem)
+    set_given_state(case, model, problem)
     problem = replace(problem, basis=reduced_basis(case, problem, chain))
     if method and (refusal := method_refusal(problem, integration_method(case, problem))):
         raise refusal
@@ -214,10 +194,10 @@ def excitation_without_period(case: Case) -> dict[str, str]:
     return found
 
 
-def _given_state(case: Case, system: System, given: Mapping[str, Mapping[str, float]]) -> State:
+def _given_state(case: Case, system: System, start: GivenStartRecord) -> State:
     """Return the state of given displacements and velocities; the rigid mechanism has none."""
     rows, faults, allowed = np.zeros((2, system.size)), list[Fault](), "a free component such as 'cam.uy'"
-    for row, (kind, values) in zip(rows, given.items() if not system.is_kinematic else (), strict=False):
+    for row, (kind, values) in zip(rows, start if not system.is_kinematic else (), strict=False):
         for name, value in values.items():
             if name in system.names:
                 row[system.names.index(name)] = value

@@ -172,7 +172,18 @@ class CaseFile:
     def open(cls, path: str | Path) -> CaseFile:
         """Open a case file."""
         source = Path(path)
-        return cls(source, _read_case_text(source))
+        try:
+            return cls(source, read_text(source))
+        except FileNotFoundError:
+            below = next(source.parent.glob(f"*/{source.stem}.toml"), None)
+            near = suggest_name(source.name, [other.name for other in source.parent.glob("*.toml")])
+            near = near or (f"did you mean {str(below)!r}?" if below else "")
+            raise refuse("case file", str(source), "", f"{source} does not exist", near) from None
+        except OSError as fault:
+            if source.suffix == ".vtkhdf":
+                remedy = "flexcam info, plot, report, view, compare --against and export (except msh, inp) read results"
+                raise refuse("case file", str(source), "a case file (.toml)", "it is a result", remedy) from None
+            raise refuse("case file", str(source), "a readable UTF-8 text file", system_message(fault)) from None
 
     def __post_init__(self) -> None:
         _ = self.raw  # raises an error of its syntax
@@ -336,7 +347,6 @@ def complete_case_tables(case: Case) -> dict[str, Any]:
 def _add_defaults(
     given: Mapping[str, Any], defaults: Mapping[str, Any], path: tuple[str, ...], record: CaseRecord
 ) -> dict[str, Any]:
-    """Return a table with the defaults of the keys that are not given."""
     found = dict(given)
     for key, value in defaults.items():
         own: object = found.get(key, {})
@@ -383,21 +393,6 @@ def read_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamsRecord:
     if found or record is None:
         raise InputError(found)
     return record
-
-
-def _read_case_text(path: Path) -> str:
-    try:
-        return read_text(path)
-    except FileNotFoundError:
-        below = next(path.parent.glob(f"*/{path.stem}.toml"), None)
-        near = suggest_name(path.name, [other.name for other in path.parent.glob("*.toml")])
-        near = near or (f"did you mean {str(below)!r}?" if below else "")
-        raise refuse("case file", str(path), "", f"{path} does not exist", near) from None
-    except OSError as fault:
-        if path.suffix == ".vtkhdf":
-            remedy = "flexcam info, plot, report, view, compare --against and export (except msh, inp) read results"
-            raise refuse("case file", str(path), "a case file (.toml)", "it is a result", remedy) from None
-        raise refuse("case file", str(path), "a readable UTF-8 text file", system_message(fault)) from None
 
 
 _EXCLUSIVE_KEYS = (("speed", "crank_speed"), ("steps_per_revolution", "step"), ("phase", "centreline", "timing"))

@@ -123,10 +123,8 @@ def _units_at(path: tuple[str, ...]) -> list[list[Unit]]:
 
 def resolve_record(record: CaseRecord) -> dict[str, Any]:
     """Return a case with all defaults as tables that can be read again."""
-    tables = record.model_dump(mode="json", by_alias=True, exclude_none=True)
-    if record.mesh is not None:
-        del tables["nodes"]
-    return tables
+    exclude = {"nodes"} if record.mesh is not None else None
+    return record.model_dump(mode="json", by_alias=True, exclude_none=True, exclude=exclude)
 
 
 def find_unit(record: CaseRecord, path: Sequence[str]) -> str | None:

@@ -186,8 +186,8 @@ def plot(
     sources = {} if what == "sweep" else name_sources(open_sources(files, overrides, cams=what in _OF_CAMS))
     asked = FigureOptions(files, sources, probe, channels, over, rigid, cam, angle, count, x, y, as_map)
     plotting.figures.save_figure(_FIGURES[what](asked), target, overwrite=overwrite)
-    trains = [(one.ready.model, one.case.speed) for one in sources.values()] if rigid else []
-    warnings = list(dict.fromkeys(chain.from_iterable(check_shared_seat_load(*train) for train in trains)))
+    trains = [one.ready.model for one in sources.values()] if rigid else []
+    warnings = list(dict.fromkeys(chain.from_iterable(map(check_shared_seat_load, trains))))
     own = [one.response.status for one in sources.values() if one.result is None and "response" in vars(one)]
     failed = next((status for status in own if not status.ok), Status())
     return cli.CommandOutput(warnings, {"status": "ok", "warnings": warnings}, files=[target], status=failed)

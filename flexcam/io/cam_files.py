@@ -114,10 +114,8 @@ def _read_lobe(path: Path, rows: Sequence[Row], wanted: str | None) -> LiftColum
         allowed = ", ".join(lobes) or "samples .add_sample(10 * units.deg, 410 * units.thou) of a lobe"
         remedy = suggest_name(chosen, lobes) if chosen else 'name one: lift_table = { file = ..., column = "..." }'
         raise refuse(f"{path.name}, lobe", chosen or f"{len(lobes)} lobes", allowed, "", remedy)
-    samples = sorted((at, lift, number) for at, (lift, number) in lobes[chosen].items())
-    return LiftColumns(
-        np.array([at for at, *_ in samples]), np.array([lift for _, lift, _ in samples]), tuple(n for *_, n in samples)
-    )
+    at, lift, lines = zip(*sorted((at, lift, number) for at, (lift, number) in lobes[chosen].items()), strict=True)
+    return LiftColumns(np.array(at), np.array(lift), lines)
 
 
 def write_lift_table(path: Path, angle: FloatArray, lift: FloatArray, *, overwrite: bool = False) -> Path:
@@ -156,10 +154,8 @@ def _angle_factor(column: str, given: AngleKind | None, head: str, path: Path) -
     kind = given or (named[0] if len(named) == 1 else None)
     if kind is None:
         remedy = 'add angle = "cam" or angle = "crank", or a header line such as cam_deg, lift_mm'
-        why = "the crankshaft turns twice as fast as the camshaft"
-        raise refuse(
-            f"{path.name}, angle", repr(head) if head else "no header line", "cam or crank angles", why, remedy
-        )
+        found, why = repr(head) if head else "no header line", "the crankshaft turns twice as fast as the camshaft"
+        raise refuse(f"{path.name}, angle", found, "cam or crank angles", why, remedy)
     unit = _HEADER_UNIT.search(column)
     other = unit and set(words).isdisjoint(_ANGLES) and _header_words(unit[0])[-1:] not in _NO_UNITS
     if other or any(word in ("grad", "gon", "rev", "revs", "turn", "turns", "min") for word in words):

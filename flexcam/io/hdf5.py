@@ -13,6 +13,7 @@ import math
 import re
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -250,16 +251,13 @@ def open_hdf5(path: Path, where: str, allowed: str, remedy: str = "") -> Generat
                 raise InputError(faults)
             yield file
     except InputError as refusal:
-        raise InputError(
-            Fault(f"{path}, {fault.where}", fault.given, fault.allowed, fault.why, fault.remedy)
-            if fault.where.startswith("/") else fault for fault in refusal.faults
-        ) from None  # fmt: skip
+        faults = (replace(one, where=f"{path}, {one.where}") if one.where[:1] == "/" else one for one in refusal.faults)
+        raise InputError(faults) from None
     except FileNotFoundError:
         raise refuse(where, str(path), allowed, "there is no such file", remedy) from None
     except MemoryError:
-        raise refuse(
-            where, str(path), "a file that fits into the free memory", "the file is larger", "free memory"
-        ) from None
+        allowed, why = "a file that fits into the free memory", "the file is larger"
+        raise refuse(where, str(path), allowed, why, "free memory") from None
     except READ_ERRORS as fault:
         why = "it is damaged or not from flexcam"
         if isinstance(fault, OSError) and "signature" in str(fault):  # message of HDF5 for another kind of file

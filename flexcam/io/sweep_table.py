@@ -107,9 +107,8 @@ def unknown_scalar_fault(name: str, known: Iterable[str]) -> Fault:
     group = ".".join(name.split(".")[:2])
     if head and group in groups:
         head, allowed = f"a result under {group}: ", ", ".join([one for one in names if one.startswith(f"{group}.")])
-    return Fault(
-        "scalars", repr(name), head + allowed, "there is no such result", suggest_name(name, [*begins, *names])
-    )
+    near = suggest_name(name, [*begins, *names])
+    return Fault("scalars", repr(name), head + allowed, "there is no such result", near)
 
 
 def table_frame(table: SweepTable) -> pd.DataFrame:

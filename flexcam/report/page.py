@@ -148,7 +148,7 @@ def _warnings(known: RestoredCase, figures: list[Metric], *, drawn_rigid: bool) 
     """Return the warnings without the prefix, for a list with the title of warnings."""
     watched = RunMonitor.from_response(known.ready, known.response)
     found = check_run(known.ready, watched, figures, known.response.stats)
-    found += check_shared_seat_load(known.ready.model, known.case.speed) if drawn_rigid else []
+    found += check_shared_seat_load(known.ready.model) if drawn_rigid else []
     sentences = [one.removeprefix("Warning: ") for one in found]
     return [f"{one[:1].upper()}{one[1:]}." for one in sentences]
 

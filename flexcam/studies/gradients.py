@@ -15,7 +15,7 @@ Applics 16 (1975) 321.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -117,7 +117,7 @@ def _neighbour_cases(
     """Return the cases with each number below and above its value, and the differences of the numbers."""
     file, pairs, widths = CaseFile.of(case), list[tuple[Case, ...]](), list[float]()
     for number, step in zip(numbers, steps, strict=True):
-        below, above = ((*case.overrides, *one) for one in make_neighbours(case, number, step))
+        below, above = ((*case.overrides, *one) for one in make_neighbours(case, number, (-step, step)))
         sides = [_read(file, below), _read(file, above)]
         if sides == [None, None]:
             file.read(above)  # raises the reason
@@ -156,9 +156,9 @@ def _gradient_row(case: Case, names: Sequence[str], keys: Sequence[str], sizes: 
     return replace(row, derivatives=slopes)
 
 
-def make_neighbours(case: Case, number: Number, step: float) -> list[tuple[str, ...]]:
-    """Return the overrides of two cases with a number a step below and above its value."""
-    return [make_overrides(case, {number.key: repr(number.value + sign * step)}) for sign in (-1.0, 1.0)]
+def make_neighbours(case: Case, number: Number, steps: Iterable[float]) -> list[tuple[str, ...]]:
+    """Return the overrides of cases with a number at some steps from its value."""
+    return [make_overrides(case, {number.key: repr(number.value + step)}) for step in steps]
 
 
 def _run_scalars(
@@ -173,9 +173,8 @@ def _run_scalars(
     beside = [
         tuple(_with_channels(prepare_without_periodic_search(one, ready), kinds) for one in pair) for pair in pairs
     ]
-    variations = [
-        Variation(low.problem, high.problem, width) for (low, high), width in zip(beside, widths, strict=True)
-    ]
+    sides = zip(beside, widths, strict=True)
+    variations = [Variation(low.problem, high.problem, width) for (low, high), width in sides]
     periodic = case.record.run.start == "periodic"
     period = steps_per_revolution(case, ready.problem) if periodic else None
     accelerations = not kinds <= _WITHOUT_ACCELERATION

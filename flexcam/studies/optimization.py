@@ -135,15 +135,6 @@ class OptimizationProblem:
     goals: tuple[Goal, ...]  #: one goal, or two for a Pareto front
     bounds: tuple[Constraint, ...] = ()  #: constraints
 
-    def points_at(self, parts: FloatArray) -> FloatArray:
-        """Return points in the units of their variables from fractions of the intervals, shape (m, k)."""
-        return self.points.at(np.clip(parts, 0.0, 1.0))
-
-    def parts(self, points: FloatArray) -> FloatArray:
-        """Return points as fractions of the intervals, shape (m, k)."""
-        low, high = self.points.ends
-        return (points - low) / (high - low)
-
     @property
     def start(self) -> FloatArray | None:
         """Point of the case as fractions of the intervals, shape (k,); None if it is outside of an interval."""
@@ -210,7 +201,7 @@ class ProblemEvaluator:
 
     def rows(self, parts: FloatArray) -> list[Row]:
         """Return the rows at fractions of the intervals, shape (m, k)."""
-        points = [tuple(point) for point in self._design.points_at(np.asarray(parts, dtype=float)).tolist()]
+        points = [tuple(point) for point in self._design.points.at(np.clip(parts, 0.0, 1.0)).tolist()]
         new = [point for point in dict.fromkeys(points) if point not in self._rows]
         if new:
             for point, row in zip(new, self._design.points.iterate_rows(np.array(new)), strict=True):
@@ -231,8 +222,8 @@ class ProblemEvaluator:
 
     def evaluations(self) -> Evaluations:
         """Return all evaluations so far."""
-        points, rows = np.array(list(self._rows)), tuple(self._rows.values())
-        return Evaluations(points, self._design.parts(points), rows, *self.judge(rows))
+        points, rows, (low, high) = np.array(list(self._rows)), tuple(self._rows.values()), self._design.points.ends
+        return Evaluations(points, (points - low) / (high - low), rows, *self.judge(rows))
 
     def run_search(self, search: Callable[[], None]) -> Evaluations:
         """Run a search and return all evaluations, even after Ctrl-C."""

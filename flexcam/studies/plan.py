@@ -305,13 +305,9 @@ def make_plan(axes: Sequence[Axis], sampled: Sample | None = None, *, limit: int
     """Return a plan after checking the number of variants."""
     plan = Plan(tuple(axes), sampled)
     if sampled is None and (open_ones := [one for one in axes if one.interval]):
-        why, remedy = (
-            "a grid needs points",
-            "write start:stop:step; flexcam sweep can also sample it: --sample sobol:512",
-        )
-        raise InputError(
-            Fault(one.where, "an interval", "a range with a step, or a list", why, remedy) for one in open_ones
-        )
+        given, allowed, why = "an interval", "a range with a step, or a list", "a grid needs points"
+        remedy = "write start:stop:step; flexcam sweep can also sample it: --sample sobol:512"
+        raise InputError(Fault(one.where, given, allowed, why, remedy) for one in open_ones)
     if not plan.varied_axes:
         given = " ".join(one.where for one in axes) or "no --set"
         raise refuse("sweep", given, "at least one key with several values", "nothing varies",
@@ -374,9 +370,6 @@ def evaluate_each(
     return rows
 
 
-_MAX_NAME_LENGTH = 255  # maximum length of a file name, characters
-
-
 @dataclass(frozen=True)
 class Bundle:
     """Case file and all files it refers to."""
@@ -404,11 +397,7 @@ def make_bundle(file: CaseFile, plan: Plan | None = None, overrides: Sequence[st
     given = [text.strip(" \"'") for text in texts]
     files = {file.path.name: file.text.encode()}
     for text in dict.fromkeys([*iterate_texts(file.raw), *given]):
-        if (
-            len(text) <= _MAX_NAME_LENGTH
-            and not os.path.isabs(text)
-            and (found := find_referenced_file(file.path, text))
-        ):
+        if not os.path.isabs(text) and (found := find_referenced_file(file.path, text)):
             files[PurePosixPath(Path(os.path.normpath(text))).as_posix()] = found.read_bytes()
     digest = hashlib.sha256()
     for path, content in sorted(files.items()):

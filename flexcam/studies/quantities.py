@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Generator, Iterable, Mapping, Sequence
 from concurrent.futures import Future
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -43,7 +43,8 @@ from flexcam.valvetrain import Metric, build_structure, model_modes
 _FREQUENCY = re.compile(r"frequency\.([1-9]\d{0,2})$")
 _CAM = re.compile(r"cams\.(.+)\.(area|velocity|acceleration|deceleration|jerk)$")
 _MULTIPLIER = re.compile(r"multiplier\.([1-9]\d{0,2})$")
-_LIMIT, _STATIC = "limits.", "static."
+_LIMIT, _STATIC = re.compile(r"limits\.(.*)"), re.compile(r"static\.(.*)")
+_Matches = Mapping[str, re.Match[str]]  # names of one kind of quantity
 _CAM_PROPERTIES = {  # unit, and order of the derivative by the cam angle
     "area": ("m rad", 0), "velocity": ("m/rad", 1), "acceleration": ("m/rad^2", 2), "deceleration": ("m/rad^2", 2),
     "jerk": ("m/rad^3", 3),
@@ -68,11 +69,16 @@ def compute_quantities(
     case: Case, names: Sequence[str], search: Search | None = None, runs: int = 1
 ) -> dict[str, Metric]:
     """Return the requested quantities of a case; raise an error if a run fails."""
-    found = _frequencies(case, names) | _limits(case, names, search, runs)
-    found |= _cams(case, names) | _statics(case, names) | _multipliers(case, names)
+    found = dict[str, Metric]()
+    for pattern, compute in (
+        (_FREQUENCY, _frequencies), (_LIMIT, partial(_limits, search=search, runs=runs)), (_CAM, _cams),
+        (_STATIC, _statics), (_MULTIPLIER, _multipliers),
+    ):  # fmt: skip
+        if asked := {name: match for name in names if (match := pattern.match(name))}:
+            found |= compute(case, asked)
     numbers = [(name, _number(case, name)) for name in names]
     found |= {name: Metric(name, number.value, number.unit) for name, number in numbers if number}
-    of_a_run = [name for name in names if name not in found and not name.startswith(_LIMIT)]
+    of_a_run = [name for name in names if name not in found and not _LIMIT.match(name)]
     if not of_a_run:
         return found
     row = require_complete(evaluate(case, runs=runs, channels=not are_probe_scalars(of_a_run), names=of_a_run))
@@ -84,14 +90,14 @@ def compute_quantities(
 def check_names(case: Case, names: Sequence[str], where: str = "scalar") -> None:
     """Raise an error for names that a case cannot have, before a run."""
     others = [name for name in names if not _is_known_name(case, name)]
-    limits = [name for name in others if name.startswith(_LIMIT)]
-    runs = [name for name in others if not name.startswith(_LIMIT)]
+    limits = {name: match[1] for name in others if (match := _LIMIT.match(name))}
+    runs = [name for name in others if name not in limits]
     known = scalar_names(case, runs) if runs else []
     faults = [_unknown_name_fault(name, known, case.record.cams) for name in runs if name not in known]
-    met = [_LIMIT + one for one in applicable_limits(case)] if limits else []
-    for name in limits:
+    met = [f"limits.{one}" for one in applicable_limits(case)] if limits else []
+    for name, limit in limits.items():
         if name not in met:
-            why = "the case lacks the part" if name.removeprefix(_LIMIT) in LIMITS else "there is no such limit"
+            why = "the case lacks the part" if limit in LIMITS else "there is no such limit"
             faults.append(Fault("scalar", repr(name), ", ".join(met), why, suggest_name(name, met)))
     if faults:
         raise InputError(replace(fault, where=where) for fault in faults)
@@ -99,8 +105,8 @@ def check_names(case: Case, names: Sequence[str], where: str = "scalar") -> None
 
 def _is_known_name(case: Case, name: str) -> bool:
     """Return whether a name is that of a frequency, multiplier, cam property, static result or number of the case."""
-    if name.startswith(_STATIC):
-        return name.removeprefix(_STATIC) in history_units(outline(build_problem(case)[1]))
+    if static := _STATIC.match(name):
+        return static[1] in history_units(outline(build_problem(case)[1]))
     cam = _CAM.match(name)
     of_a_cam = cam and cam[1] in case.record.cams
     return bool(frequency_number(name) or _MULTIPLIER.match(name) or of_a_cam or _number(case, name))
@@ -108,12 +114,12 @@ def _is_known_name(case: Case, name: str) -> bool:
 
 def is_run_scalar(case: Case, name: str) -> bool:
     """Return whether a quantity is a scalar of a run, and no speed limit."""
-    return not (name.startswith(_LIMIT) or _is_known_name(case, name))
+    return not (_LIMIT.match(name) or _is_known_name(case, name))
 
 
 def _unknown_name_fault(name: str, known: Iterable[str], cams: Iterable[str]) -> Fault:
     of_cams = [f"cams.{cam}.{kind}" for cam in cams for kind in _CAM_PROPERTIES]
-    near = suggest_name(name, [*known, "frequency.1", *(_LIMIT + one for one in LIMITS), *of_cams])
+    near = suggest_name(name, [*known, "frequency.1", *(f"limits.{one}" for one in LIMITS), *of_cams])
     others = "frequency.N and multiplier.N with N from 1, limits.NAME, cams.NAME.area, static.CHANNEL, CHANNEL.rms"
     keys = "a numeric key of the case, such as springs.valve.stiffness"
     allowed = unknown_scalar_fault(name, known).allowed
@@ -130,84 +136,64 @@ def require_complete(row: Row) -> Row:
     return row
 
 
-def _frequencies(case: Case, names: Sequence[str]) -> dict[str, Metric]:
-    asked = {name: number for name in names if (number := frequency_number(name))}
-    if not asked:
-        return {}
+def _frequencies(case: Case, asked: _Matches) -> dict[str, Metric]:
     found = model_modes(build_structure(build_model(case))).modes
     return _select(asked, found.frequencies[found.rigid :], "Hz", "the model has no more modes")
 
 
-def _select(asked: Mapping[str, int], values: FloatArray, unit: str, why: str) -> dict[str, Metric]:
+def _select(asked: _Matches, values: FloatArray, unit: str, why: str) -> dict[str, Metric]:
     """Return the values of names such as ``frequency.2``, which count from 1."""
-    for name, number in asked.items():
-        if number > len(values):
+    for name, match in asked.items():
+        if int(match[1]) > len(values):
             kind = name.partition(".")[0]
             raise refuse("scalar", name, f"{kind}.1 to {kind}.{len(values)}", why)
-    return {name: Metric(name, float(values[number - 1]), unit) for name, number in asked.items()}
+    return {name: Metric(name, float(values[int(match[1]) - 1]), unit) for name, match in asked.items()}
 
 
-def _statics(case: Case, names: Sequence[str]) -> dict[str, Metric]:
+def _statics(case: Case, asked: _Matches) -> dict[str, Metric]:
     """Return channels and motions of probes in the equilibrium at the cam angle of the start."""
-    asked = [name for name in names if name.startswith(_STATIC)]
-    if not asked:
-        return {}
     ready = prepare(case.with_run({"start": "equilibrium"}))
     response = solve(replace(ready.problem, steps=1), ready.scheme, save=ready.save)
     if not response.status.ok:
         raise RunFailedError(response.status)
     units = history_units(response.outline)
-    histories = {name: name.removeprefix(_STATIC) for name in asked}
-    return {name: Metric(name, float(get_history(response, h)[0]), units[h]) for name, h in histories.items()}
+    return {n: Metric(n, float(get_history(response, found[1])[0]), units[found[1]]) for n, found in asked.items()}
 
 
-def _multipliers(case: Case, names: Sequence[str]) -> dict[str, Metric]:
+def _multipliers(case: Case, asked: _Matches) -> dict[str, Metric]:
     """Return magnitudes of Floquet multipliers of the periodic motion."""
-    asked = {name: int(found[1]) for name in names if (found := _MULTIPLIER.match(name))}
-    if not asked:
-        return {}
     ready = prepare(case.with_newmark().with_run({"start": "periodic"}))
     start, steps = ready.problem.start, steps_per_revolution(case, ready.problem)
     if start is not None and (missed := start.periodicity or 0.0) > _PERIODIC:
-        change = (
-            f"the state after one revolution differs from that at its start by {100.0 * missed:.2g} % of the amplitude"
-        )
-        text = f"no periodic motion was found: {change}"
+        change = f"differs from that at its start by {100.0 * missed:.2g} % of the amplitude"
+        text = f"no periodic motion was found: the state after one revolution {change}"
         raise RunFailedError(Status(Cause.NO_CONVERGENCE, text, "add damping, or use a speed at which contact holds"))
     found = np.abs(floquet(replace(ready.problem, steps=steps), ready.scheme).multipliers)
     return _select(asked, found, "1", "the model has no more")
 
 
-def _limits(case: Case, names: Sequence[str], search: Search | None, runs: int) -> dict[str, Metric]:
-    asked = [name.removeprefix(_LIMIT) for name in names if name.startswith(_LIMIT)]
-    if not asked:
-        return {}
-    if unknown := [one for one in asked if one not in LIMITS]:
-        allowed = ", ".join(_LIMIT + one for one in LIMITS)
-        raise refuse("scalar", f"{_LIMIT}{unknown[0]}", allowed, "", suggest_name(unknown[0], LIMITS))
+def _limits(case: Case, asked: _Matches, search: Search | None, runs: int) -> dict[str, Metric]:
+    names = [match[1] for match in asked.values()]
+    if unknown := [one for one in names if one not in LIMITS]:
+        allowed = ", ".join(f"limits.{one}" for one in LIMITS)
+        raise refuse("scalar", f"limits.{unknown[0]}", allowed, "", suggest_name(unknown[0], LIMITS))
     scale, unit = case.turns, f"{shaft_name(case.turns)} rpm"
     where = search or Search(0.5 * case.speed, 2.0 * case.speed, 10.0 * RPM / scale)
-    found = find_limits(case, where, asked, runs=runs).limits
-    if lacking := [one for one in asked if one not in found]:
-        allowed = ", ".join(_LIMIT + one for one in found)
-        raise refuse("scalar", f"{_LIMIT}{lacking[0]}", allowed, "the case lacks the part")
+    found = find_limits(case, where, names, runs=runs).limits
+    if lacking := [one for one in names if one not in found]:
+        allowed = ", ".join(f"limits.{one}" for one in found)
+        raise refuse("scalar", f"limits.{lacking[0]}", allowed, "the case lacks the part")
     if broken := [one for one in found.values() if not one.known]:
         raise RunFailedError(Status(Cause.NO_CONVERGENCE, broken[0].words))
-    met = {_LIMIT + name: scale * one.rpm for name, one in found.items() if one.rpm is not None}
+    met = {f"limits.{name}": scale * one.rpm for name, one in found.items() if one.rpm is not None}
     return {name: Metric(name, rpm, unit) for name, rpm in met.items()}
 
 
-def _cams(case: Case, names: Sequence[str]) -> dict[str, Metric]:
-    asked = {
-        name: (found[1], found[2]) for name in names if (found := _CAM.match(name)) and found[1] in case.record.cams
-    }
-    if not asked:
-        return {}
-    cams = build_model(case).cams
-    return {
-        name: Metric(name, _lift_property(cams[cam].event, kind), _CAM_PROPERTIES[kind][0])
-        for name, (cam, kind) in asked.items()
-    }
+def _cams(case: Case, asked: _Matches) -> dict[str, Metric]:
+    cams, found = build_model(case).cams, dict[str, Metric]()
+    for name, (cam, kind) in ((name, match.groups()) for name, match in asked.items() if match[1] in cams):
+        found[name] = Metric(name, _lift_property(cams[cam].event, kind), _CAM_PROPERTIES[kind][0])
+    return found
 
 
 def _lift_property(event: Event, kind: str) -> float:
@@ -230,15 +216,13 @@ def _number(case: Case, name: str) -> Number | None:
         return None
 
 
-@contextmanager
 def create_evaluator(
     file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: Search | None = None,
     *, plan: Plan | None = None, workers: int = 1, runs: int = 1, advance: ProgressCallback | None = None,
-) -> Generator[Runs]:  # fmt: skip
-    """Yield a function that evaluates variants of the file as it is now, with workers that end with the context."""
+) -> AbstractContextManager[Runs]:  # fmt: skip
+    """Return a context with a function that evaluates variants of the file as it is now."""
     row = partial(quantity_row, names=tuple(names), search=search, runs=runs)
-    with open_evaluator(make_bundle(file, plan, fixed), row, fixed, workers=workers, advance=advance) as run:
-        yield run
+    return open_evaluator(make_bundle(file, plan, fixed), row, fixed, workers=workers, advance=advance)
 
 
 @dataclass(frozen=True, eq=False)

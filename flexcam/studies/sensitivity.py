@@ -17,11 +17,11 @@ import numpy as np
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.reader import CaseFile
-from flexcam.case.variants import Number, get_number, make_overrides
+from flexcam.case.variants import Number, get_number
 from flexcam.core import FloatArray, IntArray, Triplets
 from flexcam.core.errors import InputError, parse_all, refuse
 from flexcam.dynamics import modes
-from flexcam.studies.gradients import COUNTED, compute_gradient, exact_refusal
+from flexcam.studies.gradients import COUNTED, compute_gradient, exact_refusal, make_neighbours
 from flexcam.studies.plan import Row, check_power_of_two, check_seed
 from flexcam.studies.quantities import frequency_number, is_run_scalar, require_complete
 from flexcam.studies.variables import Runs, column
@@ -208,7 +208,7 @@ def _frequency_sensitivities(
     count = max(frequency_number(name) or 0 for name in names)
     structure = build_structure(build_model(case))
     beside = list[MatrixPair]()
-    for variant in _variants(case, number, step):
+    for variant in make_neighbours(case, number, (part * step for part in STEP_OFFSETS)):
         other = build_structure(build_model(file.read((*fixed, *variant))))
         if other.mass.size != structure.mass.size:
             allowed, why = "a number that does not change the unknowns", "their matrices are compared"
@@ -244,15 +244,12 @@ def _exact_sensitivities(
     return found
 
 
-def _variants(case: Case, number: Number, step: float) -> list[tuple[str, ...]]:
-    return [make_overrides(case, {number.key: repr(number.value + part * step)}) for part in STEP_OFFSETS]
-
-
 def _response_sensitivities(
     case: Case, names: Sequence[str], numbers: Sequence[Number], runs: Runs, relative_step: float
 ) -> dict[tuple[str, str], Sensitivity]:
-    steps = [abs(number.value) * relative_step for number in numbers]
-    variants = [one for number, step in zip(numbers, steps, strict=True) for one in _variants(case, number, step)]
+    steps, variants = [abs(number.value) * relative_step for number in numbers], list[tuple[str, ...]]()
+    for number, step in zip(numbers, steps, strict=True):
+        variants += make_neighbours(case, number, (part * step for part in STEP_OFFSETS))
     middle, *rows = runs([(), *variants])
     require_complete(middle)
     found, count = dict[tuple[str, str], Sensitivity](), len(STEP_OFFSETS)
@@ -299,22 +296,16 @@ def sobol_indices(
     sequence; the estimators are those of A. Saltelli et al., Comput. Phys. Commun. 181 (2010) 259, with bootstrap
     intervals by `scipy.stats.bootstrap`.
     """
+    from scipy.stats import qmc
+
     check_power_of_two("--sobol", count, 2)
     check_seed(seed)
-    a, b, mixed = _saltelli_points(dimensions, count, seed)
+    both = qmc.Sobol(2 * dimensions, seed=np.random.default_rng(seed)).random(count)
+    a, b = both[:, :dimensions], both[:, dimensions:]
+    mixed = [np.where(own, b, a) for own in np.eye(dimensions, dtype=bool)]  # A with one column of B
     each = np.stack([a, b, *mixed], axis=1)  # ordered by base point: an interrupted study has complete base points
     parts = function(each.reshape(-1, dimensions)).reshape(count, dimensions + 2, -1)
     return [_compute_indices(parts[:, :, i].T, count, seed) for i in range(parts.shape[2])]
-
-
-def _saltelli_points(dimensions: int, count: int, seed: int) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
-    """Return the points A and B, and for every variable A with the column of B."""
-    from scipy.stats import qmc
-
-    both = qmc.Sobol(2 * dimensions, seed=np.random.default_rng(seed)).random(count)
-    a, b = both[:, :dimensions], both[:, dimensions:]
-    own = np.eye(dimensions, dtype=bool)
-    return a, b, [np.where(own[i], b, a) for i in range(dimensions)]
 
 
 def _compute_indices(values: FloatArray, asked: int, seed: int) -> SobolIndices:

@@ -189,15 +189,13 @@ class WorstCase:
             if not row.status.ok:
                 return row
         known = [name for name in rows[0].scalars if all(name in row.scalars for row in rows)]
-        at = {name: rows[self._worst(name, [row.scalars[name] for row in rows])] for name in known}
+        at = dict[str, Row]()
+        for name in known:
+            worst = max if self.largest.get(name, True) else min
+            at[name] = worst(rows, key=lambda row, name=name: row.scalars[name])
         status = next((row.status for row in rows if row.status.text), rows[0].status)
         derived = known if all(row.derivatives for row in rows) else ()
         return replace(
             rows[0], status=status, scalars={name: at[name].scalars[name] for name in known},
             derivatives={name: at[name].derivatives[name] for name in derived},
         )  # fmt: skip
-
-    def _worst(self, name: str, values: Sequence[float]) -> int:
-        """Return the position of the worst of the values of a quantity."""
-        array = np.array(values)
-        return int(np.argmax(array) if self.largest.get(name, True) else np.argmin(array))

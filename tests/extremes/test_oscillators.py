@@ -101,7 +101,7 @@ def test_overdamped_and_struck_with_a_dissipative_scheme(expect, released, struc
 
 @pytest.mark.parametrize("name", WITH_CONTACTS)
 def test_nothing_overshoots_that_the_steps_resolve(struck, name):
-    assert not check_overshoot(struck(10.0, 1.0), WITH_CONTACTS[name])
+    assert not [*check_overshoot(struck(10.0, 1.0), WITH_CONTACTS[name])]
 
 
 RISE, HELD = 1.0, 1.0

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, build_model, prepare, read_case, run, solve
-from flexcam.case.problem_builder import set_initial_state
+from flexcam.analysis.preparation import set_initial_state
 from flexcam.dynamics import modes
 from flexcam.valvetrain import build_chain, build_structure, follower_train
 

@@ -259,12 +259,12 @@ SEATED = "contacts.seat={ at = 'tappet', direction = 'uy', model = 'seat', stiff
 
 def test_what_cam_and_seat_share_is_told(train):
     made = train(30.0, SEATED)[0]
-    (told,) = check_shared_seat_load(build_model(made), 30.0)
+    (told,) = check_shared_seat_load(build_model(made))
     assert f"share the {INSTALLED:g} N of the springs" in told
     ready = prepare(train(30.0, SEATED, "fidelity.model=rigid")[0])
     assert check_input(ready).count(told) == 1
     assert told not in check_input(prepare(made))  # the flexible train knows it
-    assert not check_shared_seat_load(build_model(train(30.0)[0]), 30.0)
+    assert not check_shared_seat_load(build_model(train(30.0)[0]))
 
 
 GAP, OIL = "lash', gap = {}, stiffness = '1 GN/m'", "lash-adjuster', stiffness = 1e9, leak = 1e6, refill = 500"
@@ -283,7 +283,7 @@ def test_behind_a_play_the_share_is_known(train, play, known):
         f"contacts.lash={{ at = 'rocker', model = '{play} }}",
         "contacts.seat={ at = 'valve', model = 'seat', stiffness = '1 GN/m' }",
     ]
-    assert bool(check_shared_seat_load(build_model(train(30.0, *more)[0]), 30.0)) != known
+    assert bool(check_shared_seat_load(build_model(train(30.0, *more)[0]))) != known
 
 
 def test_limits_names_the_rigid_speed(record, train):

@@ -165,12 +165,13 @@ def differences(file, fixed, number, names):
     """Return the derivatives of scalars by differences of runs over two step sizes, extrapolated."""
     slopes = list[np.ndarray]()
     for relative in (1e-4, 5e-5):
+        step = relative * abs(number.value)
         low, high = (
             np.array([scalars[name] for name in names])
-            for one in make_neighbours(file.read(fixed), number, relative * abs(number.value))
+            for one in make_neighbours(file.read(fixed), number, (-step, step))
             for scalars in (evaluate(file.read((*fixed, *one)), runs=100).scalars,)
         )
-        slopes.append((high - low) / (2.0 * relative * abs(number.value)))
+        slopes.append((high - low) / (2.0 * step))
     return (4.0 * slopes[1] - slopes[0]) / 3.0
 
 

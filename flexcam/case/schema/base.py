@@ -237,7 +237,6 @@ class PartRecord(Record, Generic[Part]):
         return copied
 
     def _check(self) -> None:
-        """Check that the part can be built."""
         _ = self.part
 
 

@@ -114,18 +114,16 @@ class UnilateralRecord(Record):
     lubrication: LubricationRecord | None = Field(None, description="oil and surfaces, for film and wear")
 
     def _check(self) -> None:
-        if "friction_speed" in self.model_fields_set and "friction" not in self.model_fields_set:
+        if "friction" in self.model_fields_set:
+            return
+        oil, allowed = self.lubrication, "friction together with this key"
+        if "friction_speed" in self.model_fields_set:
             given, why = f"{self.friction_speed:g} m/s", "it has no effect without friction"
-            raise value_error(
-                "friction together with this key", why, "add friction", inside="friction_speed", given=given
-            )
-        oil = self.lubrication
-        if oil is not None and oil.conductivity is not None and "friction" not in self.model_fields_set:
-            why, remedy = "the heat of a flash temperature is that of friction", "add friction, or leave it out"
-            given = f"{oil.conductivity:g} W/m/K"
-            raise value_error(
-                "friction together with this key", why, remedy, inside="lubrication.conductivity", given=given
-            )
+            raise value_error(allowed, why, "add friction", inside="friction_speed", given=given)
+        if oil is not None and oil.conductivity is not None:
+            given, why = f"{oil.conductivity:g} W/m/K", "the heat of a flash temperature is that of friction"
+            remedy = "add friction, or leave it out"
+            raise value_error(allowed, why, remedy, inside="lubrication.conductivity", given=given)
 
 
 CamContactRecord = PublishedLoadRecord | BilateralRecord | UnilateralRecord
@@ -231,9 +229,8 @@ class OilRecord(PartRecord[OilChamber]):
     def _check(self) -> None:
         super()._check()
         if self.supply_pressure is None and self.check_valve is not None:
-            raise value_error(
-                "supply_pressure together with this key", "the valve opens below this pressure", inside="check_valve"
-            )
+            allowed, why = "supply_pressure together with this key", "the valve opens below this pressure"
+            raise value_error(allowed, why, inside="check_valve")
         if self.supply_pressure is not None and self.pressure is not None:
             why = "the stiffness of the air is constant or follows it"
             raise value_error("either pressure or supply_pressure", why)

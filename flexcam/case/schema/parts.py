@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import tau
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import AfterValidator, Field
@@ -80,12 +80,10 @@ class _SectionRecord(PartRecord[Section | Taper]):
     kappa_y: PositiveNumber | None = Field(None, description="shear factor along local y")
     kappa_z: PositiveNumber | None = Field(None, description="shear factor along local z")
 
-    dimensions: ClassVar[tuple[str, ...]]
-    """Keys of the arguments of `kind`."""
-
     def build(self) -> Section | Taper:
         """Build the section, with the given torsion constant and shear factors."""
-        given: list[float | tuple[float, float]] = [getattr(self, key) for key in self.dimensions]
+        keys = (key for key in type(self).model_fields if key not in ("J", "kappa_y", "kappa_z", "shape"))
+        given: list[float | tuple[float, float]] = [getattr(self, key) for key in keys]
         start, end = (tuple(one[i] if isinstance(one, tuple) else one for one in given) for i in (0, 1))
         known = {key: value for key in ("J", "kappa_y", "kappa_z") if (value := getattr(self, key)) is not None}
         if start == end:
@@ -100,7 +98,7 @@ class CircleRecord(_SectionRecord):
 
     shape: Literal["circle"]
     diameter: _EndLengths
-    kind, dimensions = Section.circle, ("diameter",)
+    kind = Section.circle
 
 
 class TubeRecord(_SectionRecord):
@@ -111,7 +109,7 @@ class TubeRecord(_SectionRecord):
     inner_diameter: Annotated[
         _Thickness | tuple[_Thickness, _Thickness], Field(description="two values for a tapered member")
     ]
-    kind, dimensions = Section.tube, ("outer_diameter", "inner_diameter")
+    kind = Section.tube
 
 
 class RectangleRecord(_SectionRecord):
@@ -120,7 +118,7 @@ class RectangleRecord(_SectionRecord):
     shape: Literal["rectangle"]
     width_y: _EndLengths
     width_z: _EndLengths
-    kind, dimensions = Section.rectangle, ("width_y", "width_z")
+    kind = Section.rectangle
 
 
 class CustomRecord(_SectionRecord):
@@ -354,12 +352,10 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
         if sizes != 1 or (self.member is not None) != spread or (self.at is None) != spread:
             allowed = "either at with force or table, or member with force_per_length"
             raise value_error(allowed, "a load acts at a point or along a member")
-        if self.table is None:
-            for key in ("area", "phase", "repeat"):
-                if getattr(self, key) is not None:
-                    raise value_error(
-                        "table together with this key", "the key describes a table", "add table", inside=key
-                    )
+        for key in ("area", "phase", "repeat") if self.table is None else ():
+            if getattr(self, key) is not None:
+                allowed, why = "table together with this key", "the key describes a table"
+                raise value_error(allowed, why, "add table", inside=key)
 
     def build(self) -> valvetrain.GivenLoad:
         """Build the load."""

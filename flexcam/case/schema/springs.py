@@ -6,10 +6,10 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from flexcam import valvetrain
-from flexcam.case.curves import RowsOrFile
+from flexcam.case.curves import read_force_table
 from flexcam.case.schema.base import (
     DIRECTION,
     AxisDamping,
@@ -88,11 +88,8 @@ class CoilsRecord(PartRecord[Coils]):
         return Coils(self.turns, ends, self.pitch)
 
 
-_ForceTable = Annotated[
-    list[tuple[Annotated[float, Unit("length")], Force]],
-    Field(min_length=2),
-    RowsOrFile((("travel", "m"), ("force", "N"))),
-]
+_Rows = Annotated[list[tuple[Annotated[float, Unit("length")], Force]], Field(min_length=2)]
+_ForceTable = Annotated[_Rows, BeforeValidator(read_force_table, json_schema_input_type=str | _Rows)]
 
 
 class PulsationRecord(PartRecord[valvetrain.Pulsation]):
@@ -197,9 +194,8 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
         if wire.active_coils is None and wire.shear_modulus is not None:
             raise value_error("no shear_modulus without active_coils or coils", "the stiffness follows from both")
         if wire.density is not None:
-            raise value_error(
-                "a density of the wire only with coils", "the mass follows from their length", "give the mass"
-            )
+            allowed, why = "a density of the wire only with coils", "the mass follows from their length"
+            raise value_error(allowed, why, "give the mass")
 
     def _check_coils(self, entries: list[CoilsRecord]) -> None:
         wire = self.wire
