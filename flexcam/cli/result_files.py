@@ -243,7 +243,7 @@ def view(
 
     The window has a slider over the cam angle. A picture of a result shows full lift by default.
     """
-    from flexcam.plotting.rendering import FRAMES, check_output_path, save_view, select_renderer
+    from flexcam.plotting.rendering import FRAMES, MechanismView, check_output_path, save_view, select_renderer
 
     if not abs(scale) <= _MAX_SCALE:
         allowed = f"a finite number, at most {_MAX_SCALE:g} in size"
@@ -266,8 +266,6 @@ def view(
         write_page(picture, parts, drawn.view, labels, frames.index(still), motion.label)
     else:
         select_renderer(off_screen=picture is not None)
-        from flexcam.plotting.solid_view import MechanismView
-
         stage = MechanismView(drawn, motion, off_screen=picture is not None, scale=scale, size=pixels, title=title)
         if picture is None:
             stage.open_window(still, swings=mode is not None)
