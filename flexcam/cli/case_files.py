@@ -42,10 +42,7 @@ def new(
     if every and template is not None:
         raise refuse("--list", template, "--list alone", "it lists every starter case", "leave one out")
     if template is None:
-        table = plain_table("Starter cases", ("flexcam new",), ())
-        table.add_column("content", justify="left")
-        for name, words in templates().items():
-            table.add_row(name, words)
+        table = plain_table("Starter cases", ("flexcam new", "content"), templates().items())
         return cli.CommandOutput([table], {"templates": templates()})
     files = new_case(template, target, overwrite=overwrite)
     following = f"Next: flexcam check {files[0]}, flexcam run {files[0]}, flexcam view {files[0]}"

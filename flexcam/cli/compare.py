@@ -23,7 +23,7 @@ from flexcam.core.units import RPM, parse, shaft_name
 from flexcam.dynamics import Response, reraise_interrupt
 from flexcam.report.fidelity_tables import TRADE_LEGEND, trade_csv, trade_json, trade_table, trade_warnings
 from flexcam.report.tables import comparison_json, comparison_table, describe_comparison, describe_contacts
-from flexcam.report.terminal import create_table, format_decimals, plain_table, show_count
+from flexcam.report.terminal import format_decimals, plain_table, show_count
 
 _SPEEDS = Group("Contact forces over speed", sort_key=1)
 _PAIRS = (("rigid", "bilateral"), ("bilateral", "unilateral"))
@@ -42,10 +42,8 @@ def compare(
         help=f"Point or component; {cli.DEFAULT_PROBE}.")] = None,
     against: Annotated[str | None, Parameter(
         help="Model of the case (as in flexcam trade), other case or result; the rigid model by default.")] = None,
-    lowest: Annotated[str | None, Parameter(
-        group=_SPEEDS, help="Lowest speed; half the speed of the case by default.")] = None,
-    highest: Annotated[str | None, Parameter(
-        group=_SPEEDS, help="Highest speed; 1.5 times the speed of the case by default.")] = None,
+    lowest: Annotated[cli.Lowest, Parameter(group=_SPEEDS)] = None,
+    highest: Annotated[cli.Highest, Parameter(group=_SPEEDS)] = None,
     count: Annotated[int | None, Parameter(
         group=_SPEEDS, help="Number of speeds, evenly spaced; 8 by default.")] = None,
     tolerance: Annotated[str | None, Parameter(
@@ -85,12 +83,8 @@ def compare(
     json = {**comparison_json(found), "loaded_mode_hz": mode_hz, "claims": claims}
     parts = [comparison_table(found, read.turns), *describe_comparison(found, mode_hz), *describe_contacts(read)]
     if claims:
-        table = create_table("Claims of the paper and this computation")
-        for head in ("claim", "reproduced", "computed"):
-            table.add_column(head, justify="left")
-        for claim in claims:
-            table.add_row(claim.statement, "yes" if claim.reproduced else "no", claim.finding)
-        parts.append(table)
+        rows = [(claim.statement, "yes" if claim.reproduced else "no", claim.finding) for claim in claims]
+        parts.append(plain_table("Claims of the paper and this computation", ("claim", "reproduced", "computed"), rows))
     return cli.CommandOutput(parts, json, status=found.status)
 
 

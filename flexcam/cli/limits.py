@@ -47,11 +47,7 @@ flexcam limits case.toml --over springs.valve.stiffness=40:70:5kN/m --and masses
 """)
 def limits(
     case: cli.CaseFile, *,
-    lowest: Annotated[str | None, Parameter(
-        help="Lowest speed of the range; half the speed of the case by default.")] = None,
-    highest: Annotated[str | None, Parameter(
-        help="Highest speed of the range; twice the speed of the case by default.")] = None,
-    accuracy: cli.Accuracy = "10 rpm",
+    lowest: cli.Lowest = None, highest: cli.HighestOfSearch = None, accuracy: cli.Accuracy = "10 rpm",
     bounce_height: Annotated[str | None, Parameter(
         help="Minimum height of a bounce; by default the smaller of 0.1 mm and 2 % of the lift.")] = None,
     lift_deviation: Annotated[str | None, Parameter(
@@ -300,7 +296,7 @@ def stability(
     case: cli.CaseFile, *,
     lowest: Annotated[str | None, Parameter(
         help="Lowest speed of a range; without a range or --plot, only the speed of the case is assessed.")] = None,
-    highest: Annotated[str | None, Parameter(help="Highest speed; 1.5 times the speed of the case by default.")] = None,
+    highest: cli.Highest = None,
     count: Annotated[int | None, Parameter(help="Number of speeds, evenly spaced; 11 by default.")] = None,
     plot: Annotated[Path | None, Parameter(
         help="Also draw the growth rate over speed to this file (.svg, .png or .pdf).")] = None,

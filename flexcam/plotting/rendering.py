@@ -150,11 +150,6 @@ def _write_frames(stage: MechanismView, frames: Sequence[int]) -> None:
 
 _SHARP_ANGLE = 35.0  # angle between triangles, deg, above which an edge is drawn sharp
 _BELOW_WORDS, _BESIDE_BAR = 1.08, 0.8  # fractions of height and width left by the title and the colour bar
-_BAR = {
-    "color": "black", "n_labels": 5, "fmt": "%.3g", "vertical": True,
-    "position_x": 0.84, "position_y": 0.2, "height": 0.55,
-}  # fmt: skip
-
 _FRAME_TIME = 40  # time between two instants of a mode in the window, ms
 
 
@@ -186,8 +181,11 @@ class MechanismView:
             values = self._motion.values
             top = _range(values) if values is not None else (0.0, 1.0)
             small = max(min(self._size[0] / 1024.0, 1.0), 0.75)
-            fonts = {"title_font_size": round(16 * small), "label_font_size": round(14 * small)}
-            bar = {**_BAR, **fonts, "title": f"{self._motion.label}\n"}
+            bar = {
+                "color": "black", "n_labels": 5, "fmt": "%.3g", "vertical": True, "title": f"{self._motion.label}\n",
+                "position_x": 0.84, "position_y": 0.2, "height": 0.55,
+                "title_font_size": round(16 * small), "label_font_size": round(14 * small),
+            }  # fmt: skip
             even = {"ambient": 0.35, "diffuse": 0.7, "specular": 0.1}  # colours are data here
             return {**common, **even, "scalars": "value", "clim": top, "cmap": "viridis", "scalar_bar_args": bar}
         return {**common, "color": NEUTRAL_COLOUR if self._motion.values is not None else COLOURS[kind]}

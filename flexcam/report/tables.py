@@ -234,12 +234,14 @@ def mode_table(modes: ModelModes, title: str = "Modes, contacts open", turns: fl
     factor, unit = to_display_unit("kg")
     effective = factor * modes.effective[:, :3]
     places = count_decimals(float(np.abs(effective).max(initial=0.0)), 4)
-    made = plain_table(title, ("no.", "Hz", f"{shaft_name(turns)} rpm", *(f"u{axis} {unit}" for axis in "xyz")), ())
-    made.add_column("what moves (share of the kinetic energy)", justify="left")
-    for i, frequency in enumerate(modes.modes.frequencies):
-        masses = [format_decimals(mass, places) for mass in effective[i]]
-        made.add_row(str(i + 1), f"{frequency:.2f}", f"{60.0 * turns * frequency:.0f}", *masses, modes.words(i))
-    return made
+    rows = [
+        (str(i + 1), f"{frequency:.2f}", f"{60.0 * turns * frequency:.0f}",
+         *(format_decimals(mass, places) for mass in effective[i]), modes.words(i))
+        for i, frequency in enumerate(modes.modes.frequencies)
+    ]  # fmt: skip
+    axes = (f"u{axis} {unit}" for axis in "xyz")
+    head = ("no.", "Hz", f"{shaft_name(turns)} rpm", *axes, "what moves (share of the kinetic energy)")
+    return plain_table(title, head, rows)
 
 
 def describe_modes(modes: ModelModes) -> str:
