@@ -34,8 +34,6 @@ from flexcam.report.terminal import NOISE, facts_table, format_csv, format_degre
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from flexcam.dynamics import Phaser
-
 _CASE, _PROFILE = Group("Cams of a case file", sort_key=1), Group("Cam from a measured profile", sort_key=2)
 _MIN_POINTS, _MAX_POINTS = 12, 100_000
 _STEPS = {"lift": "m", "velocity": "m/rad", "acceleration": "m/rad^2", "jerk": "m/rad^3"}
@@ -51,7 +49,7 @@ _UNITS = {
 
 
 def _cam_json(found: CamFacts, report: LiftReport | None) -> dict[str, object]:
-    after_tdc: dict[str, object] | None = None
+    after_tdc, phaser = None, found.cam.phaser
     if found.tdc is not None:
         crank = {
             name: event and {"opens": found.after_tdc(event.opens), "closes": found.after_tdc(event.closes)}
@@ -67,14 +65,10 @@ def _cam_json(found: CamFacts, report: LiftReport | None) -> dict[str, object]:
         "profile": _profile_json(found),
         "findings": found.findings, "smoothing": report,
         "centreline": found.centreline, "tdc": found.tdc, "ratio": found.ratio, "lash": found.lash,
-        "valve_lift": _valve_lift(found), "after_tdc": after_tdc, "phaser": _phaser_json(found.cam.phaser),
+        "valve_lift": _valve_lift(found), "after_tdc": after_tdc,
+        "phaser": phaser
+        and [{"drive_angle": at, "shift": shift} for at, shift in zip(phaser.angles, phaser.shifts, strict=True)],
     }  # fmt: skip
-
-
-def _phaser_json(phaser: Phaser | None) -> list[dict[str, float]] | None:
-    if phaser is None:
-        return None
-    return [{"drive_angle": at, "shift": shift} for at, shift in zip(phaser.angles, phaser.shifts, strict=True)]
 
 
 def _valve_lift(found: CamFacts) -> float:
@@ -117,7 +111,8 @@ def _cam_table(name: str, found: CamFacts, cams: CamSet) -> Table:
     part = "valve open" if cams.turns == 2.0 else "output"  # of a machine
     if name in cams.clearances:  # it closes the valve
         part, found = "follower", replace(found, ratio=1.0, lash=0.0, events=found.follower_events)
-    speed, ratio, lash = cams.speed, found.ratio, found.lash
+    speed, ratio, lash, phaser = cams.speed, found.ratio, found.lash, found.cam.phaser
+    shifts = [f"{math.degrees(end):.4g}" for end in sorted({min(phaser.shifts), max(phaser.shifts)})] if phaser else []
     infinite = "infinite: the acceleration is discontinuous"
     events = [(part, found.events, ratio, lash)]
     if ratio != 1.0 or lash:
@@ -125,7 +120,8 @@ def _cam_table(name: str, found: CamFacts, cams: CamSet) -> Table:
     rows = [
         ("lift", _lift(found)),
         ("lobe centreline", _centreline(found, cams.turns)),
-        *([("phaser", _phaser(found.cam.phaser))] if found.cam.phaser else []),
+        *([("phaser", f"turns the cam by {' to '.join(shifts)} deg; the angles in this table are without it")]
+          if phaser else []),
         ("max velocity", _at_speed(found.velocity, "m/rad", "m/s", 1, speed)),
         ("max acceleration", _at_speed(found.acceleration, "m/rad^2", "m/s^2", 2, speed)),
         ("max jerk", infinite if found.jerk is None else format_quantity("m/rad^3", found.jerk, digits=5)),
@@ -155,11 +151,6 @@ def _centreline(found: CamFacts, turns: float) -> str:
     if found.centreline_after_tdc is None:
         return cam + (" (set tdc of the cam to get angles from the dead centres)" if turns == 2.0 else "")
     return f"{cam}, crank {_from_dead_centre(found.centreline_after_tdc)}"
-
-
-def _phaser(phaser: Phaser) -> str:
-    ahead = " to ".join(f"{math.degrees(end):.4g}" for end in sorted({min(phaser.shifts), max(phaser.shifts)}))
-    return f"turns the cam by {ahead} deg; the angles in this table are without it"
 
 
 def _from_dead_centre(crank_angle: float | None, centre: float = 0.0) -> str:

@@ -37,20 +37,19 @@ from flexcam.report.terminal import NOISE, format_csv, format_number, plain_tabl
 from flexcam.valvetrain import ModelModes
 
 
-def _elastic(found: ModelModes, count: int) -> list[int]:
-    return list(range(len(found.modes.frequencies)))[found.modes.rigid :][:count]
+def _elastic(found: ModelModes, count: int) -> slice:
+    return slice(found.modes.rigid, found.modes.rigid + count)
 
 
 def _closed_mode_table(found: ClosedModes, count: int, turns: float) -> Table:
     made = plain_table(f"Modes with closed contacts, cam of contact {found.contact}", ("no.",), ())
-    columns = {"base circle": found.base_circle, "full lift": found.full_lift}
     cells: list[list[tuple[str, ...]]] = []
-    for place, modes in columns.items():
+    for place, modes in (("base circle", found.base_circle), ("full lift", found.full_lift)):
         made.add_column(f"{place}\nHz", justify="right")
         made.add_column(f"{shaft_name(turns)}\nrpm", justify="right")
         made.add_column("what moves", justify="left", overflow="fold")
-        found_hz = ((float(modes.modes.frequencies[i]), modes.words(i)) for i in _elastic(modes, count))
-        cells.append([(f"{hertz:.2f}", f"{60.0 * turns * hertz:.0f}", words) for hertz, words in found_hz])
+        elastic = list(enumerate(modes.modes.frequencies.tolist()))[_elastic(modes, count)]
+        cells.append([(f"{hertz:.2f}", f"{60.0 * turns * hertz:.0f}", modes.words(i)) for i, hertz in elastic])
     for number, row in enumerate(zip_longest(*cells, fillvalue=("", "", "")), start=1):
         made.add_row(str(number), *chain.from_iterable(row))
     return made
@@ -109,8 +108,8 @@ def modes(
         parts.append(f"{files[0]}: choose a mode in Warp By Vector and press play; {files[1]} has the static shapes")
     closed_hz = {
         one.contact: {
-            key: modes.modes.frequencies[_elastic(modes, count)]
-            for key, modes in (("base_circle_hz", one.base_circle), ("full_lift_hz", one.full_lift))
+            "base_circle_hz": one.base_circle.modes.frequencies[_elastic(one.base_circle, count)],
+            "full_lift_hz": one.full_lift.modes.frequencies[_elastic(one.full_lift, count)],
         }
         for one in closed
     }
@@ -158,19 +157,6 @@ def _crossing_table(found: Campbell, scale: float) -> Table | str:
     return plain_table(title, head, rows) if rows else f"{title}: none between these speeds"
 
 
-def _campbell_json(found: Campbell, scale: float) -> dict[str, object]:
-    modes = [
-        {"frequencies_hz": column, "reached": reached, "moves": words}
-        for column, reached, words in zip(found.frequencies.T, found.reached, found.words, strict=True)
-    ]
-    return {
-        "shaft": shaft_name(scale), "contact": found.contact, "rpm": scale * found.rpm, "modes": modes,
-        "lift_amplitudes_m": found.lifts, "force_amplitudes_n": dict(zip(found.lifts, found.loads.T, strict=True)),
-        "crossings": [replace(one, rpm=scale * one.rpm, mode=one.mode + 1) for one in found.crossings],
-        "ended": [one.cause for one in found.statuses],
-    }  # fmt: skip
-
-
 def _describe_incomplete_runs(statuses: Sequence[Status], rpm: FloatArray, scale: float) -> list[str]:
     return [
         f"Warning: no result at {scale * speed:.6g} {shaft_name(scale)} rpm: {status}"
@@ -205,14 +191,6 @@ def _orders_csv(found: Sequence[Waterfall], scale: float) -> str:
         if not math.isnan(size)
     ]
     return format_csv(head, rows)
-
-
-def _orders_json(found: Sequence[Waterfall], scale: float) -> dict[str, object]:
-    histories = {
-        one.signal.name: {"unit": one.unit, "amplitudes": one.amplitudes, "open_by": one.gaps} for one in found
-    }
-    ended = [status.cause for status in found[0].statuses]
-    return {"shaft": shaft_name(scale), "rpm": scale * found[0].rpm, "histories": histories, "ended": ended}
 
 
 @cli.command("""\
@@ -273,8 +251,18 @@ def modes_over_speed(
     incomplete = _describe_incomplete_runs(found.statuses, found.rpm, scale)
     dash = [_DASH] if np.isnan(found.frequencies[[0, -1]]).any() else []
     parts = [_modes_table(found, scale), *dash, _crossing_table(found, scale), *incomplete]
+    modes = [
+        {"frequencies_hz": column, "reached": reached, "moves": words}
+        for column, reached, words in zip(found.frequencies.T, found.reached, found.words, strict=True)
+    ]
+    json = {
+        "shaft": shaft_name(scale), "contact": found.contact, "rpm": scale * found.rpm, "modes": modes,
+        "lift_amplitudes_m": found.lifts, "force_amplitudes_n": dict(zip(found.lifts, found.loads.T, strict=True)),
+        "crossings": [replace(one, rpm=scale * one.rpm, mode=one.mode + 1) for one in found.crossings],
+        "ended": [one.cause for one in found.statuses],
+    }  # fmt: skip
     return cli.CommandOutput(
-        parts, _campbell_json(found, scale), title=case.title, status=cli.joint_status(found.statuses, "speeds"),
+        parts, json, title=case.title, status=cli.joint_status(found.statuses, "speeds"),
         draw=lambda: plotting.spectra.campbell_figure(found, scale, shaft_name(scale)),
     )  # fmt: skip
 
@@ -284,12 +272,16 @@ def orders_of_response(case: Case, speeds: list[float], signals: list[Signal], h
     scale = case.turns
     with show_count(len(speeds), "speeds") as shown:
         found = waterfall(case, speeds, signals, highest_order, advance=shown)
-    incomplete = _describe_incomplete_runs(found[0].statuses, found[0].rpm, scale)
-    parts = [*(_orders_table(one, scale) for one in found), *incomplete]
+    rpm, statuses, shaft = found[0].rpm, found[0].statuses, shaft_name(scale)
+    parts = [*(_orders_table(one, scale) for one in found), *_describe_incomplete_runs(statuses, rpm, scale)]
+    histories = {
+        one.signal.name: {"unit": one.unit, "amplitudes": one.amplitudes, "open_by": one.gaps} for one in found
+    }
     return cli.CommandOutput(
-        parts, _orders_json(found, scale), _orders_csv(found, scale), title=case.title,
-        draw=lambda: plotting.spectra.waterfall_figure(found, scale, shaft_name(scale)),
-        status=cli.joint_status(found[0].statuses, "speeds"),
+        parts,
+        {"shaft": shaft, "rpm": scale * rpm, "histories": histories, "ended": [status.cause for status in statuses]},
+        _orders_csv(found, scale), title=case.title, status=cli.joint_status(statuses, "speeds"),
+        draw=lambda: plotting.spectra.waterfall_figure(found, scale, shaft),
     )  # fmt: skip
 
 

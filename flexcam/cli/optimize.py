@@ -102,17 +102,14 @@ def optimize(
         title = f"The best variant of {asked.file.path.name}:"
         written = study.write_variant(asked.file, best, target, title, overwrite=overwrite)
     output = _describe_search(asked, design, found, worst, by_gradient=by_gradient)
-    return replace(output, files=written, status=_search_status(found, evaluations))
-
-
-def _search_status(found: Evaluations, evaluations: int) -> Status:
+    status = Status()
     if found.stopped:
         done = f"stopped after {len(found.rows)} of about {evaluations} variants; the result is their best"
-        return Status(Cause.INTERRUPTED, done, "run the same command with the same --seed again for the whole search")
-    if found.best is None:
+        status = Status(Cause.INTERRUPTED, done, "run the same command with the same --seed again for the whole search")
+    elif found.best is None:
         remedy = "widen the intervals, or relax a constraint"
-        return Status(Cause.INFEASIBLE, "no variant meets all constraints", remedy)
-    return Status()
+        status = Status(Cause.INFEASIBLE, "no variant meets all constraints", remedy)
+    return replace(output, files=written, status=status)
 
 
 def _describe_search(
@@ -136,7 +133,7 @@ def _describe_search(
 
 
 def _parse_goals(least: Sequence[str], most: Sequence[str]) -> tuple[Goal, ...]:
-    goals = (*(Goal(name) for name in least), *(Goal(name, most=True) for name in most))
+    goals = (*map(Goal, least), *(Goal(name, most=True) for name in most))
     if len(goals) not in (1, 2):
         raise refuse("--least, --most", f"{len(goals) or 'no'} goals", "one goal, or two for a Pareto front")
     if len({goal.name for goal in goals}) < len(goals):
@@ -189,8 +186,7 @@ def _search_figure(design: OptimizationProblem, found: Evaluations) -> Figure:
             found.costs * signs, inside, optimization.pareto_indices(found), (labels[0], labels[1])
         )
     costs = found.costs[:, 0]
-    best = np.minimum.accumulate(np.where(inside & np.isfinite(costs), costs, np.inf))
-    best[np.isinf(best)] = np.nan
+    best = np.fmin.accumulate(np.where(inside & np.isfinite(costs), costs, np.nan))
     return plotting.histories.progress_figure(signs[0] * costs, inside, signs[0] * best, labels[0])
 
 

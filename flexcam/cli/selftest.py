@@ -32,7 +32,7 @@ def selftest(*, as_json: cli.Json = False) -> cli.CommandOutput:
          f"{one.tolerance:.1e}", "passed" if one.passed else "FAILED", one.source)
         for one in found
     ]  # fmt: skip
-    heads = ("quantity", "reference", "computed", "error", "tolerance", "verdict", "source of the reference")
+    heads = ("quantity", "reference", "computed", "error", "allowed", "result", "source of the reference")
     parts = [plain_table("Checks", heads, rows), facts_table("Installed packages", installation_info().items())]
     parts += [f"All {len(found)} checks passed"] if status.ok else []
     json = {

@@ -17,7 +17,7 @@ from flexcam.analysis import cam_analysis
 from flexcam.cams import Family, HarmonicFamily, SingleMass, SplineFamily, Synthesis, event_extremes, minimax, pareto
 from flexcam.case.reader import has_mechanism
 from flexcam.cli import app as cli
-from flexcam.cli.law import CRITERIA_LEGEND
+from flexcam.cli.law import CRITERIA_LEGEND, format_criteria
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, format_quantity, parse
 from flexcam.io import check_writable, create_folder, write_law, write_lift
@@ -51,7 +51,7 @@ def synthesis_table(found: Synthesis) -> Table:
         *(("not converged", said) for said in found.open),
         ("lower bound of the family", bound),
         ("lower bound of all laws, without conditions", every),
-        ("C_v, C_a, C_j, C_m", ", ".join("infinite" if x is None else f"{x:.6g}" for x in (c.Cv, c.Ca, c.Cj, c.Cm))),
+        ("C_v, C_a, C_j, C_m", ", ".join(format_criteria(c))),
         *(("as a rise between dwells", said) for said in c.violations),
     ]
     return facts_table(f"Best of {found.family}", rows)
@@ -59,13 +59,12 @@ def synthesis_table(found: Synthesis) -> Table:
 
 def _pareto_table(front: Sequence[Synthesis]) -> Table:
     rows = [
-        (str(i), *(f"{x:.5g}" if x is not None else "infinite" for x in (c.Cv, c.Ca, c.Cj, c.Cm)),
-         "-" if one.gap is None else f"{one.gap:.0e}", "yes" if one.converged else "no")
-        for i, one in enumerate(front, start=1) for c in [one.criteria]
+        (str(i), *format_criteria(one.criteria, 5), "-" if one.gap is None else f"{one.gap:.0e}",
+         "yes" if one.converged else "no")
+        for i, one in enumerate(front, start=1)
     ]  # fmt: skip
-    return plain_table(
-        f"Pareto front of {front[0].family}", ("no.", "C_v", "C_a", "C_j", "C_m", "gap", "converged"), rows
-    )
+    head = ("no.", "C_v", "C_a", "C_j", "C_m", "gap", "converged")
+    return plain_table(f"Pareto front of {front[0].family}", head, rows)
 
 
 def _polydyne_table(found: cam_analysis.PolydyneCam) -> Table:
