@@ -18,7 +18,6 @@ _ROUNDING = 1e-10
 _REFERENCE_ERROR_TOLERANCE = 0.05
 _DIGITS = 12  # maximum number of decimals
 _KINDS = ("lift", "velocity", "acceleration")
-_HEADS = {"acceleration": "accel."}  # a longer word would be broken in a terminal of usual width
 TRADE_LEGEND = (
     "* Pareto-optimal: no other model has both less work and a lower maximum error over all columns; work is the "
     "number of unknowns times the number of steps"
@@ -35,7 +34,7 @@ def trade_table(against: Reference, found: Sequence[ModelEvaluation]) -> Table:
     ]  # fmt: skip
     own = _reference_errors(against)
     rows.append(("", "reference", str(against.steps), "", "", "", *(_percent(own[k]) for k in kinds), "its own error"))
-    errors = (_HEADS.get(kind, kind) for kind in kinds)
+    errors = (kind.replace("acceleration", "accel.") for kind in kinds)  # a longer word would be broken in a terminal
     heads = ("", "model", "steps per rev", "unknowns", "work", "cpu s", *errors, "")
     norm = {"max": "max", "rms": "rms", None: "rms of motions, max of forces"}[against.norm]
     return plain_table(f"Cost and error of models ({norm}, % of the maximum)", heads, rows)
@@ -74,8 +73,7 @@ def trade_warnings(against: Reference, found: Sequence[ModelEvaluation]) -> list
 def trade_json(against: Reference, found: Sequence[ModelEvaluation]) -> dict[str, object]:
     """Return the model ladder for ``--json``."""
     own = {"steps_per_revolution": against.steps, "errors": _reference_errors(against), "sizes": against.size}
-    rungs = [evaluation_json(one) for one in found]
-    return {"reference": own, "rungs": rungs, "warnings": trade_warnings(against, found)}
+    return {"reference": own, "rungs": list(map(evaluation_json, found)), "warnings": trade_warnings(against, found)}
 
 
 def evaluation_json(one: ModelEvaluation) -> dict[str, object]:
@@ -146,6 +144,6 @@ def _errors(one: ModelEvaluation) -> str:
 
 def choice_json(choice: Choice) -> dict[str, object]:
     """Return a model choice for ``--json``."""
-    cheaper = None if choice.cheaper is None else evaluation_json(choice.cheaper)
-    known = {"met": choice.met, "tried": choice.tried, "why": choice.why}
-    return {**known, "model": evaluation_json(choice.found), "cheaper": cheaper}
+    cheaper = choice.cheaper and evaluation_json(choice.cheaper)
+    found = evaluation_json(choice.found)
+    return {"met": choice.met, "tried": choice.tried, "why": choice.why, "model": found, "cheaper": cheaper}

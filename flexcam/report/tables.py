@@ -88,6 +88,9 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
         for name, s in model.springs.items()
     }
     free = [modes.words(i).removeprefix("free motion: ") for i in range(modes.modes.rigid)]
+    factor, unit = to_display_unit("m/s^2")
+    weightless = [name for name, part in model.masses.items() if part.at in model.rocker_points]
+    omitted = f"; without masses at points of rockers: {', '.join(weightless)}" if weightless else ""
     rows = [
         ("members", ", ".join(members) or "none"),
         ("elements", str(len(model.mesh.elements()))),
@@ -109,7 +112,7 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
            + (f"at {one.at}" if one.springs is None else f"of {' in '.join(one.springs)}"))
           for n, one in model.friction.items()),
         *((f"load {n}", _load(load)) for n, load in model.loads.items()),
-        *_weight(ready),
+        *([("gravity", f"{_vector(factor * np.array(model.gravity))} {unit}{omitted}")] if any(model.gravity) else []),
         ("speed", ready.case.speed_text),
         ("steps", f"{problem.steps} of {problem.step:.4g} s ({per_revolution:.6g} per revolution)"),
         ("free motions", "; ".join(free) + ", contacts open" if free else "none"),
@@ -140,10 +143,11 @@ def spring_curve_table(name: str, spring: Spring) -> Table:
     shown: list[int] = np.unique(np.linspace(0, len(rows) - 1, _CURVE_ROWS).round().astype(int)).tolist()
     (length, mm), (load, newton), (rate, per_mm) = map(to_display_unit, ("m", "N", "N/m"))
     head = (f"{mm} beyond installed", f"force {newton}", f"stiffness {per_mm}", "surge Hz, ends fixed")
-    cells = list[list[str]]()
-    for travel, force, stiffness, frequencies in (rows[i] for i in shown):
-        surge = f"{frequencies[0]:.4g}" if frequencies else "no mass"
-        cells.append([f"{length * travel:.4g}", f"{load * force:.1f}", f"{rate * stiffness:.2f}", surge])
+    cells = [
+        (f"{length * travel:.4g}", f"{load * force:.1f}", f"{rate * stiffness:.2f}",
+         f"{frequencies[0]:.4g}" if frequencies else "no mass")
+        for travel, force, stiffness, frequencies in (rows[i] for i in shown)
+    ]  # fmt: skip
     return plain_table(f"Spring {name}", head, cells)
 
 
@@ -190,16 +194,6 @@ def _contact(model: Model, contact: valvetrain.Contact) -> str:
             return f"hydraulic adjuster {place}, oil {stiffness}, leak {format_quantity('N s/m', contact.leak)}"
         case _:
             return f"{contact.cam} lifts {contact.follower} along {_vector(contact.direction)}"
-
-
-def _weight(ready: PreparedRun) -> list[tuple[str, str]]:
-    model = ready.model
-    if not any(model.gravity):
-        return []
-    factor, unit = to_display_unit("m/s^2")
-    left_out = [name for name, part in model.masses.items() if part.at in model.rocker_points]
-    omitted = f"; without masses at points of rockers: {', '.join(left_out)}" if left_out else ""
-    return [("gravity", f"{_vector(factor * np.array(model.gravity))} {unit}{omitted}")]
 
 
 def _link(model: Model, name: str) -> str:
@@ -258,7 +252,9 @@ def comparison_table(comparison: Comparison, turns: float = 1.0) -> Table:
     for one in comparison.deviations:
         unit, scale = units[one.quantity]
         figures = [f"{scale * v:.4g}" for v in (one.rigid_peak, one.flexible_peak, one.peak, one.rms)]
-        rows.append((f"{one.quantity}, {unit}", *figures, _format_fraction(one.relative_peak), f"{one.angle_deg:.1f}"))
+        part = one.relative_peak
+        share = format_decimals(part, 3) if part >= _MIN_FRACTION else f"{remove_noise(part, 1.0):.2g}"
+        rows.append((f"{one.quantity}, {unit}", *figures, share, f"{one.angle_deg:.1f}"))
     one, other = comparison.names
     head = ("", f"{other} peak", f"{one} peak", "peak deviation", "rms deviation", f"deviation / {other}", "at cam deg")
     speed = shaft_speed(comparison.speed_rpm * RPM, turns)
@@ -274,11 +270,6 @@ def comparison_json(comparison: Comparison) -> dict[str, object]:
         "peak_acceleration_ratio": comparison.peak_acceleration_ratio,
         "deviations": [{**asdict(one), "of_rigid": one.relative_peak} for one in comparison.deviations],
     }  # fmt: skip
-
-
-def _format_fraction(value: float) -> str:
-    """Format a fraction with enough decimals for values of about a thousandth."""
-    return format_decimals(value, 3) if value >= _MIN_FRACTION else f"{remove_noise(value, 1.0):.2g}"
 
 
 def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[str]:
@@ -313,12 +304,8 @@ def run_table(case: Case, extremes: ExtremesSink) -> Table:
             own = float(np.abs(shown).max())
             places = 4 if own >= _FOUR_DECIMAL_AMPLITUDE else count_decimals(own, 4)
             rows.append((name, *(f"{format_decimals(float(one), places)} {unit}" for one in shown)))
-    title = f"{case.title}, {case.speed_text}"
-    return plain_table(
-        title,
-        ("probe", "min", "max"),
-        rows or [("no steps were completed" if not extremes.steps else "no probe moves", "", "")],
-    )
+    nothing = "no probe moves" if extremes.steps else "no steps were completed"
+    return plain_table(f"{case.title}, {case.speed_text}", ("probe", "min", "max"), rows or [(nothing, "", "")])
 
 
 def metrics_table(model: Model | None, figures: Sequence[Metric]) -> Table:
@@ -394,12 +381,12 @@ def _range_text(parts: list[tuple[float, str, str]]) -> str:
 
 def strength_table(members: Mapping[str, valvetrain.MemberStrength], instants: int) -> Table:
     """Return the table of the maximum stresses of every member at the saved instants."""
-    rows: list[tuple[str, ...]] = []
     factor, unit = to_display_unit("Pa")
-    for name, one in members.items():
-        stresses = (f"{factor * value:.4g}" for value in (one.von_mises, one.mean, one.alternating))
-        safety = f"{one.safety:.3g}" if one.safety else "unlimited" if one.rated else "no strength given"
-        rows.append((name, *stresses, safety, one.place))
+    rows = [
+        (name, *(f"{factor * value:.4g}" for value in (one.von_mises, one.mean, one.alternating)),
+         f"{one.safety:.3g}" if one.safety else "unlimited" if one.rated else "no strength given", one.place)
+        for name, one in members.items()
+    ]  # fmt: skip
     head = (f"stress, {unit}", "von Mises", "mean", "alternating", "fatigue safety", "at")
     return plain_table(f"Stresses at {instants} saved instant{'s' * (instants != 1)}", head, rows)
 
@@ -444,23 +431,6 @@ def info_table(result: Result) -> Table:
         ("overrides", ", ".join(json.loads(result.about["overrides"])) or "none"),
     ]
     return facts_table("Result", rows)
-
-
-def limits_json(found: Limits, margins: Margins, scale: float) -> dict[str, object]:
-    """Return the speed limits of a train for ``--json``."""
-    from flexcam.analysis.limits import LIMITS
-
-    width = max(one.tolerance_rpm for one in found.limits.values())
-    rpm = {name: one.rpm for name, one in found.limits.items()}
-    met = {f"{name}_rpm": None if (at := rpm.get(name)) is None else scale * at for name in (*LIMITS, *rpm)}
-    lasting = {f"{name}_lasting_rpm": one.lasting_rpm and scale * one.lasting_rpm for name, one in found.limits.items()}
-    return {
-        **met, **lasting, "first": found.first, "shaft": shaft_name(scale),
-        "tolerance_rpm": None if math.isinf(width) else scale * width,
-        "rigid_loss_of_contact_rpm": None if margins.rigid_rpm is None else scale * margins.rigid_rpm,
-        "spring_margin": margins.spring_margin, "buckling_margins": dict(margins.buckling_margins),
-        "lowest_rpm": scale * found.lowest_rpm, "highest_rpm": scale * found.highest_rpm,
-    }  # fmt: skip
 
 
 def _limit_speed(one: Limit, rpm: float | None, scale: float, high: float) -> str:
