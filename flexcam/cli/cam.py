@@ -29,7 +29,7 @@ from flexcam.case.builder import parse_follower
 from flexcam.cli import app as cli
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.core.units import RPM, format_quantity, to_display_unit
-from flexcam.report.terminal import NOISE, facts_table, format_csv, format_degrees, json_value, plain_table
+from flexcam.report.terminal import NOISE, facts_table, format_csv, json_value, plain_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -201,7 +201,8 @@ def _profile(found: CamFacts, speed: float | None) -> list[tuple[str, str]]:
         ("base circle radius", f"{format_quantity('m', profile.follower.base_radius)}; {least}"),
         ("min convex radius", f"{convex} {_at(seen.convex.at)}"),
         ("min concave radius", hollow),
-        ("max pressure angle", f"{format_degrees(abs(seen.pressure_angle.value))} deg {_at(seen.pressure_angle.at)}"),
+        ("max pressure angle",
+         f"{format_quantity('rad', abs(seen.pressure_angle.value), digits=4)} {_at(seen.pressure_angle.at)}"),
         ("lever arm of contact force", format_quantity("m", *(end.value for end in seen.offset), digits=5)),
     ]  # fmt: skip
     if found.min_face_diameter is not None:
@@ -228,11 +229,9 @@ def _at(angle: float) -> str:
 
 
 def _finding(one: ProfileFault) -> str:
-    if one.kind == "angle":
-        value, allowed = f"{format_degrees(one.value)} deg", f"at most {format_degrees(one.limit)} deg"
-    else:
-        allowed = f"at least {format_quantity('m', one.limit, digits=4)}" if one.limit else "above 0"
-        value = format_quantity("m", one.value, digits=4)
+    unit = "rad" if one.kind == "angle" else "m"
+    value, limit = (format_quantity(unit, number, digits=4) for number in (one.value, one.limit))
+    allowed = f"at most {limit}" if unit == "rad" else f"at least {limit}" if one.limit else "above 0"
     return f"{one.what} ({value} {_at(one.angle)}, must be {allowed}); {one.remedy}"
 
 

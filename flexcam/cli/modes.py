@@ -48,8 +48,9 @@ def _closed_mode_table(found: ClosedModes, count: int, turns: float) -> Table:
         made.add_column(f"{place}\nHz", justify="right")
         made.add_column(f"{shaft_name(turns)}\nrpm", justify="right")
         made.add_column("what moves", justify="left", overflow="fold")
-        elastic = list(enumerate(modes.modes.frequencies.tolist()))[_elastic(modes, count)]
-        cells.append([(f"{hertz:.2f}", f"{60.0 * turns * hertz:.0f}", modes.words(i)) for i, hertz in elastic])
+        hertz: list[float] = modes.modes.frequencies.tolist()
+        elastic = range(len(hertz))[_elastic(modes, count)]
+        cells.append([(f"{hertz[i]:.2f}", f"{60.0 * turns * hertz[i]:.0f}", modes.words(i)) for i in elastic])
     for number, row in enumerate(zip_longest(*cells, fillvalue=("", "", "")), start=1):
         made.add_row(str(number), *chain.from_iterable(row))
     return made

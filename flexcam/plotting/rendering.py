@@ -170,14 +170,14 @@ class MechanismView:
         self.plotter.set_background("white")
         self._actors: dict[str, Any] = {}
         for kind, mesh in self._meshes(0).items():
-            self._actors[kind] = self.plotter.add_mesh(mesh, **self._style(kind, mesh))
+            self._actors[kind] = self.plotter.add_mesh(mesh, **self._style(kind, by_value="value" in mesh.point_data))
         self.plotter.enable_anti_aliasing("ssaa")
         self._set_camera()
         self.show(0)
 
-    def _style(self, kind: str, mesh: Any) -> dict[str, Any]:
+    def _style(self, kind: str, *, by_value: bool) -> dict[str, Any]:
         common = {"smooth_shading": True, "specular": 0.35, "specular_power": 20.0, "opacity": OPACITIES.get(kind, 1.0)}
-        if "value" in mesh.point_data:
+        if by_value:
             values = self._motion.values
             top = _range(values) if values is not None else (0.0, 1.0)
             small = max(min(self._size[0] / 1024.0, 1.0), 0.75)

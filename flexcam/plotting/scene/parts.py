@@ -25,14 +25,18 @@ def in_space(point: complex, plane: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False)
-class CamFrame:
-    """Plane of a cam in space, in which cam and follower are drawn."""
+class CamPlacement:
+    """Cam and follower with their positions; they are drawn in a plane in space."""
 
     profile: CamProfile  # cam profile in its own coordinates
     centre: FloatArray  # centre of the cam at rest, m, shape (3,)
     lift: FloatArray  # unit vector along which the follower initially moves, shape (3,)
     axis: FloatArray  # unit vector of rotation, shape (3,)
     width: float
+    node: int  # index of its node
+    contact: CamPair  # contact with the follower
+    ahead: float  # distance along the lift from the cam centre to the follower node, m; zero for a finger follower
+    face: float  # radius of a flat face, m
 
     @property
     def plane(self) -> FloatArray:
@@ -69,20 +73,10 @@ class CamFrame:
         return points if area > 0.0 else points[::-1]
 
 
-def lobe_solid(frame: CamFrame, angle: float, moved: FloatArray) -> Solid:
+def lobe_solid(frame: CamPlacement, angle: float, moved: FloatArray) -> Solid:
     """Return the solid of a lobe."""
     plane = frame.plane @ rotation_matrices(moved[None, 3:])[0]
     return solids.prism("lobe", solids.plane_points(frame.contour(angle)), plane, frame.centre + moved[:3], frame.width)
-
-
-@dataclass(frozen=True, eq=False)
-class CamPlacement(CamFrame):
-    """Cam and follower with their positions."""
-
-    node: int  # index of its node
-    contact: CamPair  # contact with the follower
-    ahead: float  # distance along the lift from the cam centre to the follower node, m; zero for a finger follower
-    face: float  # radius of a flat face, m
 
 
 def follower_solids(place: CamPlacement, instant: SceneState) -> list[Solid]:
