@@ -29,10 +29,10 @@ from flexcam.case.reader import read_case
 from flexcam.cli import app as cli
 from flexcam.core import FloatArray
 from flexcam.core.errors import collect_errors, refuse
-from flexcam.core.units import shaft_name
+from flexcam.core.units import shaft_name, to_display_unit
 from flexcam.dynamics import Status
 from flexcam.io import check_folder_name, create_folder, write_modes
-from flexcam.report.tables import describe_mac, describe_modes, mac_table, mode_table
+from flexcam.report.tables import mode_table
 from flexcam.report.terminal import NOISE, format_csv, format_number, plain_table, show_count
 from flexcam.valvetrain import ModelModes
 
@@ -54,6 +54,17 @@ def _closed_mode_table(found: ClosedModes, count: int, turns: float) -> Table:
     for number, row in enumerate(zip_longest(*cells, fillvalue=("", "", "")), start=1):
         made.add_row(str(number), *chain.from_iterable(row))
     return made
+
+
+def _describe_mac(likeness: FloatArray, nodes: int) -> tuple[Table, str]:
+    cells = [["-" if math.isnan(value) else f"{value:.2f}" for value in row] for row in likeness.tolist()]
+    rows = [(str(i), *row) for i, row in enumerate(cells, start=1)]
+    head = ("here / there", *map(str, range(1, likeness.shape[1] + 1)))
+    few = nodes < max(likeness.shape)
+    doubt = "; that is fewer than modes: refine both meshes in the same places" if few else ""
+    unmoved = " -: a mode that moves none of them; points of rockers and springs are not compared."
+    words = f"Compared at {nodes} moving node{'s' * (nodes != 1)} that both models have{doubt}."
+    return plain_table("Modal assurance criterion", head, rows), words + unmoved * bool(np.isnan(likeness).any())
 
 
 @cli.command("""\
@@ -96,15 +107,18 @@ def modes(
         drawn = output_geometry(build_model(read))
         files = write_modes(path, drawn, found.modes.frequencies, found.modes.shapes, overwrite=overwrite)
     closed, missing = closed_modes(read)
+    first = found.modes.rigid + 1
+    columns = f"ux, uy, uz {to_display_unit('kg')[1]}: effective mass of the mode for base excitation along x, y, z."
+    counted = f" The scalar frequency.1 is that of no. {first}, the first mode above zero." if first > 1 else ""
     parts = [
         mode_table(found, f"{read.title}: modes, contacts open", read.turns),
-        describe_modes(found),
+        columns + counted,
         *(_closed_mode_table(one, count, read.turns) for one in closed),
         *check_modes(found),
         *filter(None, [missing]),
     ]
     if criterion is not None:
-        parts += [mac_table(criterion), describe_mac(criterion, compared)]
+        parts += _describe_mac(criterion, compared)
     if files:
         parts.append(f"{files[0]}: choose a mode in Warp By Vector and press play; {files[1]} has the static shapes")
     closed_hz = {

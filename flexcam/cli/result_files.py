@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -16,7 +17,7 @@ from flexcam.case.reader import read_case
 from flexcam.cli import app as cli
 from flexcam.cli.sources import displayed_mechanism, open_sources
 from flexcam.core.errors import refuse
-from flexcam.report.tables import info_table, stats_json
+from flexcam.report.tables import info_table
 from flexcam.report.terminal import print_json, print_message, result_console
 
 _FRAMES, _MAX_FRAMES = {".vtm": 36, ".glb": 72}, 720
@@ -43,11 +44,12 @@ def info(
             result_console().print(f"{result} is intact: {size}, as written{partial}")
         return
     read = io.read_result(result)
-    response = read.response
+    response, stats = read.response, read.response.stats
     if as_json:
+        size = {"size": stats.size} if stats.size else {}
         print_json({
             "status": "ok", "run": response.status.cause, "message": response.status.text,
-            "stats": stats_json(response.stats),
+            "stats": asdict(stats) if stats.is_complete else {"steps": stats.steps} | size,
             "saved_steps": len(response.time), "saved_fields": len(response.field_time),
             "probes": dict(response.outline.probes),
             "channels": dict(response.outline.channels), "fields": [*read.field_names, *read.recovered],

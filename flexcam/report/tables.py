@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from textwrap import fill
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.table import Table
@@ -23,7 +23,7 @@ from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
 from flexcam.core.units import RPM, format_quantity, shaft_name, shaft_speed, to_display_unit
-from flexcam.dynamics import Response, Stats, active_dofs_of
+from flexcam.dynamics import Response, active_dofs_of
 from flexcam.dynamics.memory import ExtremesSink
 from flexcam.fem.frames import COMPONENTS, ROTATIONS
 from flexcam.io import Result
@@ -123,18 +123,19 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
     return facts_table(ready.case.title, rows)
 
 
-def spring_curve_rows(spring: Spring) -> list[tuple[float, float, float, list[float]]]:
+def spring_curve_rows(spring: Spring) -> list[dict[str, Any]]:
     """Return the static curve of a spring from the installed length to coil bind, at its corners.
 
-    A row has travel, m, force, N, stiffness beyond, N/m, and natural frequencies with fixed ends, Hz.
+    The stiffness of a row is that beyond its travel, the natural frequencies are those with fixed ends.
     """
     curve, last = spring_curve(spring), math.inf if spring.clash_travel is None else spring.clash_travel
     corners = sorted({0.0, *(travel for travel in curve.travel[1:-1].tolist() if 0.0 < travel <= last)})
     forces: list[float] = np.interp(corners, curve.travel, curve.force).tolist()
     return [
-        (travel, force, curve.stiffness_at(travel), spring_frequencies(spring, travel).tolist())
+        {"travel_m": travel, "force_n": force, "stiffness_n_per_m": curve.stiffness_at(travel),
+         "frequencies_hz": spring_frequencies(spring, travel).tolist()}
         for travel, force in zip(corners, forces, strict=True)
-    ]
+    ]  # fmt: skip
 
 
 def spring_curve_table(name: str, spring: Spring) -> Table:
@@ -144,9 +145,9 @@ def spring_curve_table(name: str, spring: Spring) -> Table:
     (length, mm), (load, newton), (rate, per_mm) = map(to_display_unit, ("m", "N", "N/m"))
     head = (f"{mm} beyond installed", f"force {newton}", f"stiffness {per_mm}", "surge Hz, ends fixed")
     cells = [
-        (f"{length * travel:.4g}", f"{load * force:.1f}", f"{rate * stiffness:.2f}",
-         f"{frequencies[0]:.4g}" if frequencies else "no mass")
-        for travel, force, stiffness, frequencies in (rows[i] for i in shown)
+        (f"{length * row['travel_m']:.4g}", f"{load * row['force_n']:.1f}", f"{rate * row['stiffness_n_per_m']:.2f}",
+         f"{row['frequencies_hz'][0]:.4g}" if row["frequencies_hz"] else "no mass")
+        for row in (rows[i] for i in shown)
     ]  # fmt: skip
     return plain_table(f"Spring {name}", head, cells)
 
@@ -207,22 +208,6 @@ def _vector(direction: FloatArray) -> str:
     return "(" + ", ".join(f"{x:.3g}" for x in direction[:3] + 0.0) + ")"
 
 
-def mac_table(likeness: FloatArray) -> Table:
-    """Return a table of the modal assurance criterion."""
-    cells = [["-" if math.isnan(value) else f"{value:.2f}" for value in row] for row in likeness.tolist()]
-    rows = [(str(i), *row) for i, row in enumerate(cells, start=1)]
-    return plain_table("Modal assurance criterion", ("here / there", *map(str, range(1, likeness.shape[1] + 1))), rows)
-
-
-def describe_mac(likeness: FloatArray, nodes: int) -> str:
-    """Return a sentence with the number of nodes used to compare shapes."""
-    few = nodes < max(likeness.shape)
-    doubt = "; that is fewer than modes: refine both meshes in the same places" if few else ""
-    unmoved = " -: a mode that moves none of them; points of rockers and springs are not compared."
-    rest = unmoved if np.isnan(likeness).any() else ""
-    return f"Compared at {nodes} moving node{'s' * (nodes != 1)} that both models have{doubt}.{rest}"
-
-
 def mode_table(modes: ModelModes, title: str = "Modes, contacts open", turns: float = 1.0) -> Table:
     """Return the table of frequencies, effective masses and descriptions of modes."""
     factor, unit = to_display_unit("kg")
@@ -236,13 +221,6 @@ def mode_table(modes: ModelModes, title: str = "Modes, contacts open", turns: fl
     axes = (f"u{axis} {unit}" for axis in "xyz")
     head = ("no.", "Hz", f"{shaft_name(turns)} rpm", *axes, "what moves (share of the kinetic energy)")
     return plain_table(title, head, rows)
-
-
-def describe_modes(modes: ModelModes) -> str:
-    """Return sentences about the columns of the table of modes, and how scalars count modes."""
-    unit, first = to_display_unit("kg")[1], modes.modes.rigid + 1
-    words = f"ux, uy, uz {unit}: effective mass of the mode for base excitation along x, y, z."
-    return f"{words} The scalar frequency.1 is that of no. {first}, the first mode above zero." if first > 1 else words
 
 
 def comparison_table(comparison: Comparison, turns: float = 1.0) -> Table:
@@ -400,13 +378,6 @@ def describe_dofs(response: Response) -> str:
     count = f"{every} unknowns" + (rest if integrated != every else "")
     method = f", {response.stats.integrator}" if response.stats.integrator else ""
     return count + method + _ENGINES.get(response.stats.engine, "")
-
-
-def stats_json(stats: Stats) -> dict[str, object]:
-    """Return the known statistics of a run for JSON."""
-    if stats.is_complete:
-        return asdict(stats)
-    return {"steps": stats.steps, "size": stats.size} if stats.size else {"steps": stats.steps}
 
 
 def info_table(result: Result) -> Table:

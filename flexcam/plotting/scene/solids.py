@@ -118,11 +118,12 @@ def perpendicular_axes(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
     return first, np.cross(axis, first)
 
 
-def revolve(kind: str, centre: FloatArray, axis: FloatArray, profile: Sequence[tuple[float, float]]) -> Solid:
-    """Return a body of revolution."""
-    first, second = perpendicular_axes(axis)
-    ring = circle(1.0) @ np.array([first, second])
-    return loft(kind, np.array([centre + x * axis + radius * ring for x, radius in profile]))
+def revolve(
+    kind: str, centre: FloatArray, axis: FloatArray, profile: Sequence[tuple[float, float]], *, cyclic: bool = False
+) -> Solid:
+    """Return a body of revolution; a cyclic profile is closed."""
+    ring = circle(1.0) @ np.array(perpendicular_axes(axis))
+    return loft(kind, np.array([centre + x * axis + radius * ring for x, radius in profile]), cyclic=cyclic)
 
 
 def cylinder(kind: str, start: FloatArray, end: FloatArray, radius: float) -> Solid:
@@ -134,12 +135,9 @@ def cylinder(kind: str, start: FloatArray, end: FloatArray, radius: float) -> So
 
 def ring(kind: str, centre: FloatArray, axis: FloatArray, radii: tuple[float, float], width: float) -> Solid:
     """Return a ring of rectangular cross-section."""
-    first, second = perpendicular_axes(axis)
-    spokes = circle(1.0) @ np.array([first, second])
-    inner, outer = radii
-    corners = [(inner, -0.5), (inner, 0.5), (outer, 0.5), (outer, -0.5)]
-    return loft(kind, np.array([[centre + r * spoke + x * width * axis for r, x in corners] for spoke in spokes]),
-                cyclic=True)  # fmt: skip
+    (inner, outer), half = radii, 0.5 * width
+    corners = [(-half, outer), (half, outer), (half, inner), (-half, inner)]
+    return revolve(kind, centre, axis, corners, cyclic=True)
 
 
 def ball(kind: str, centre: FloatArray, radius: float) -> Solid:
