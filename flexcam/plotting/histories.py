@@ -1,8 +1,5 @@
 """Figures over time, cam angle or a study: motion of a probe, forces, energies, results of studies."""
 
-# pyright: reportUnknownMemberType=false
-# matplotlib does not type its keyword arguments.
-
 from __future__ import annotations
 
 import math

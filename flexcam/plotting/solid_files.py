@@ -59,23 +59,20 @@ def collect_parts(mechanism: Mechanism, motion: Motion, scale: float = 1.0) -> l
         for solid in mechanism.solids(motion.instant(i, scale)):
             label = solid.kind if solid.name in ("", solid.kind) else f"{solid.kind}-{solid.name}"
             states[label][i].append(solid)
-    names: dict[str, str] = {}
-    for label in states:
+    parts: list[Part] = []
+    for label, instants in states.items():
         name = re.sub(r"[^\w.-]", "_", label)
-        taken = {one.lower() for one in names.values()}
-        names[label] = name if name.lower() not in taken else f"{name}-{len(names)}"
-    return [_join_solids(names[label], instants) for label, instants in states.items()]
-
-
-def _join_solids(name: str, instants: list[list[Solid]]) -> Part:
-    first = instants[0]
-    starts = np.cumsum([0, *(len(solid.points) for solid in first)])[:-1]
-    faces = np.concatenate([solid.faces + start for solid, start in zip(first, starts, strict=True)])
-    points = np.array([np.concatenate([solid.points for solid in solids]) for solids in instants])
-    if first[0].values is None:
-        return Part(name, first[0].kind, faces, points, None)
-    values = np.array([np.concatenate([np.asarray(solid.values) for solid in solids]) for solids in instants])
-    return Part(name, first[0].kind, faces, points, values)
+        if name.lower() in {part.name.lower() for part in parts}:
+            name += f"-{len(parts)}"
+        first = instants[0]
+        starts = np.cumsum([0, *(len(solid.points) for solid in first)])[:-1]
+        faces = np.concatenate([solid.faces + start for solid, start in zip(first, starts, strict=True)])
+        points = np.array([np.concatenate([solid.points for solid in solids]) for solids in instants])
+        values = None
+        if first[0].values is not None:
+            values = np.array([np.concatenate([np.asarray(solid.values) for solid in solids]) for solids in instants])
+        parts.append(Part(name, first[0].kind, faces, points, values))
+    return parts
 
 
 def write_stl(folder: Path, parts: Sequence[Part], *, overwrite: bool = False) -> list[Path]:
