@@ -326,7 +326,7 @@ class CommandOutput:
 
 
 def command(
-    examples: str, *, name: str | None = None, group: App = app
+    examples: str, *, group: App = app
 ) -> Callable[[Callable[..., CommandOutput | None]], Callable[..., Status | None]]:
     """Register a function as a command, whose output is written as its --csv, --plot, --overwrite and --json ask."""
 
@@ -356,7 +356,7 @@ def command(
                 result_console().print(output.text, soft_wrap=True)
             return output.status
 
-        group.command(execute, name=name, help_prologue=examples)
+        group.command(execute, help_prologue=examples)
         return execute
 
     return register
