@@ -10,7 +10,7 @@ from rich.table import Table
 from flexcam.analysis.model_choice import Choice, Error, ModelEvaluation, Reference
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Cause
-from flexcam.report.terminal import format_csv, plain_table
+from flexcam.report.terminal import plain_table
 
 # Error relative to its number below which it is rounding: the stiffness of many elements leaves about 1e-11
 _ROUNDING = 1e-10
@@ -26,13 +26,13 @@ TRADE_LEGEND = (
 
 def trade_table(against: Reference, found: Sequence[ModelEvaluation]) -> Table:
     """Return the table of a case's model ladder."""
-    kinds = _quantities(against)
+    kinds = error_kinds(against)
     rows = [
         ("*" if one.best else "", one.rung, str(one.steps), str(one.unknowns), f"{one.work:.3g}", f"{one.seconds:.3g}",
          *(_percent(one.errors.get(kind)) for kind in kinds), "" if one.status.ok else str(one.status.cause))
         for one in found
     ]  # fmt: skip
-    own = _reference_errors(against)
+    own = reference_errors(against)
     rows.append(("", "reference", str(against.steps), "", "", "", *(_percent(own[k]) for k in kinds), "its own error"))
     errors = (kind.replace("acceleration", "accel.") for kind in kinds)  # a longer word would be broken in a terminal
     heads = ("", "model", "steps per rev", "unknowns", "work", "cpu s", *errors, "")
@@ -40,11 +40,12 @@ def trade_table(against: Reference, found: Sequence[ModelEvaluation]) -> Table:
     return plain_table(f"Cost and error of models ({norm}, % of the maximum)", heads, rows)
 
 
-def _quantities(against: Reference) -> list[str]:
+def error_kinds(against: Reference) -> list[str]:
+    """Return the quantities whose errors are known: motions, then forces."""
     return [*(kind for kind in _KINDS if kind in against.errors), *(k for k in against.errors if k not in _KINDS)]
 
 
-def _reference_errors(against: Reference) -> dict[str, float]:
+def reference_errors(against: Reference) -> dict[str, float]:
     """Return the errors of the reference relative to the sizes of the quantities."""
     return {name: error / against.size[name] if against.size[name] else 0.0 for name, error in against.errors.items()}
 
@@ -56,7 +57,7 @@ def _percent(share: float | None) -> str:
 def trade_warnings(against: Reference, found: Sequence[ModelEvaluation]) -> list[str]:
     """Return warnings about a rough reference, and about models that were not run, with the first reason."""
     said: list[str] = []
-    shares = _reference_errors(against).items()
+    shares = reference_errors(against).items()
     rough = [f"{name} ({_percent(share)} %)" for name, share in shares if share > _REFERENCE_ERROR_TOLERANCE]
     if rough:
         unsure = f"Warning: the reference itself has a large error in {', '.join(rough)}"
@@ -70,12 +71,6 @@ def trade_warnings(against: Reference, found: Sequence[ModelEvaluation]) -> list
     return said
 
 
-def trade_json(against: Reference, found: Sequence[ModelEvaluation]) -> dict[str, object]:
-    """Return the model ladder for ``--json``."""
-    own = {"steps_per_revolution": against.steps, "errors": _reference_errors(against), "sizes": against.size}
-    return {"reference": own, "rungs": list(map(evaluation_json, found)), "warnings": trade_warnings(against, found)}
-
-
 def evaluation_json(one: ModelEvaluation) -> dict[str, object]:
     """Return one model of the ladder for ``--json``."""
     return {
@@ -83,17 +78,6 @@ def evaluation_json(one: ModelEvaluation) -> dict[str, object]:
         "work": one.work, "cpu_seconds": one.seconds, "errors": one.errors, "best": one.best,
         "status": one.status.cause,
     }  # fmt: skip
-
-
-def trade_csv(against: Reference, found: Sequence[ModelEvaluation]) -> str:
-    """Return the model ladder as comma-separated values."""
-    kinds = _quantities(against)
-    head = ("model", "steps_per_revolution", "unknowns", "work", "cpu_s", *kinds, "best", "status")
-    return format_csv(head, [
-        (one.rung, one.steps, one.unknowns, one.work, one.seconds, *(one.errors.get(kind, "") for kind in kinds),
-         one.best, one.status.cause)
-        for one in found
-    ])  # fmt: skip
 
 
 def error_table(errors: Sequence[Error]) -> Table:

@@ -6,7 +6,6 @@ import json
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
@@ -238,16 +237,6 @@ def comparison_table(comparison: Comparison, turns: float = 1.0) -> Table:
     speed = shaft_speed(comparison.speed_rpm * RPM, turns)
     title = "Flexible" if one == "flexible" else one
     return plain_table(f"{title} against {other} at {comparison.probe}, {speed}", head, rows)
-
-
-def comparison_json(comparison: Comparison) -> dict[str, object]:
-    """Return a comparison for ``--json``."""
-    return {
-        "status": comparison.status.cause, "probe": comparison.probe, "speed_rpm": comparison.speed_rpm,
-        "peak_deviation": comparison.peak_deviation, "rms_deviation": comparison.rms_deviation,
-        "peak_acceleration_ratio": comparison.peak_acceleration_ratio,
-        "deviations": [{**asdict(one), "of_rigid": one.relative_peak} for one in comparison.deviations],
-    }  # fmt: skip
 
 
 def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[str]:
