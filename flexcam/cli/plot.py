@@ -53,9 +53,8 @@ _APPLIES = {
     "channel": ("motion", "force", "torque", "profile", "spring", "waterfall", "map"),
     "rigid": ("motion", "force", "torque"), "over": ("motion", "force", "torque", "energy"), "cam": _OF_CAMS,
     "angle": ("profile",), "count": ("modes", "campbell", "waterfall", "map"), "x": ("sweep",), "y": ("sweep",),
-    "map": ("sweep",),
+    "map": ("sweep",), "set": tuple(kind for kind in get_args(FigureKind) if kind != "sweep"),
     "units": tuple(kind for kind in get_args(FigureKind) if kind not in ("orbits", "campbell", "work-precision")),
-    "set": tuple(kind for kind in get_args(FigureKind) if kind != "sweep"),
 }  # fmt: skip
 
 _ORDERS = 24  # highest drawn order of the camshaft
@@ -156,16 +155,13 @@ def plot(
     """
     files = asked.files
     what = asked.what or ("sweep" if files and files[0].suffix in _TABLES else "motion")
-    given = {
-        "probe": asked.probe, "channel": asked.channels, "rigid": asked.rigid or None, "over": asked.over,
-        "cam": asked.cam, "angle": asked.angle, "count": asked.count, "x": asked.x, "y": asked.y,
-        "map": asked.as_map or None, "set": overrides, "units": units,
-    }  # fmt: skip
+    given = vars(asked) | {"channel": asked.channels, "map": asked.as_map, "set": overrides, "units": units}
     faults = [
-        Fault(f"--{name}", str(value), "", f"--what {what} has no --{name}", f"use it with --what {' or '.join(kinds)}")
-        for (name, value), kinds in ((item, _APPLIES[item[0]]) for item in given.items())
-        if value is not None and what not in kinds
-    ]
+        Fault(f"--{name}", str(given[name]), "", f"--what {what} has no --{name}",
+              f"use it with --what {' or '.join(kinds)}")
+        for name, kinds in _APPLIES.items()
+        if what not in kinds and given[name] is not None and given[name] is not False
+    ]  # fmt: skip
     if faults:
         raise InputError(faults)
     if units and any(path.suffix == ".csv" for path in files):
