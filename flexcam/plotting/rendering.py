@@ -94,13 +94,8 @@ def _test_renderer(window: str, *, off_screen: bool) -> str:
     return next((line for line in reversed(lines) if line), f"the renderer ended with {done.returncode}")
 
 
-# Requirements by file type: the extra of flexcam and its modules
-REQUIREMENTS = {
-    ".png": ("", ()),
-    ".gif": ("movie", ("imageio",)),
-    ".mp4": ("movie", ("imageio", "imageio_ffmpeg")),
-    ".html": ("", ()),
-}
+# Modules of the extra "movie" that a file type needs
+REQUIREMENTS = {".png": (), ".gif": ("imageio",), ".mp4": ("imageio", "imageio_ffmpeg"), ".html": ()}
 
 FRAMES = 72  # frames per revolution
 _PER_SECOND = 24
@@ -110,8 +105,7 @@ def check_output_path(path: Path, size: tuple[int, int], *, overwrite: bool = Fa
     """Raise an error if an output file cannot be written, before rendering."""
     if path.suffix not in REQUIREMENTS:
         raise refuse("--save", str(path), f"a name that ends in one of {', '.join(REQUIREMENTS)}")
-    extra, modules = REQUIREMENTS[path.suffix]
-    require_packages("--save", str(path), extra, *modules)
+    require_packages("--save", str(path), "movie", *REQUIREMENTS[path.suffix])
     if path.suffix == ".mp4" and (size[0] % 2 or size[1] % 2):
         raise refuse("--size", f"{size[0]}x{size[1]}", "even numbers", "colours are stored for 2 x 2 pixels")
     check_writable("picture", path, overwrite=overwrite)
