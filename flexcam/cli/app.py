@@ -341,7 +341,7 @@ def command(
             files, overwrite = list[Path](), options.get("overwrite", False)
             if csv := options.get("csv"):
                 files.append(write_text(csv, output.csv, overwrite=overwrite))
-            if output.draw and (picture := options.get("plot")):  # `cam` saves its own
+            if output.draw and (picture := options.get("plot")):  # `cam` and `synthesize` save their own
                 files.append(plotting.figures.save_figure(output.figure(), picture, overwrite=overwrite))
             files += output.files
             if options.get("as_json"):

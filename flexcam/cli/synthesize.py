@@ -145,24 +145,21 @@ def law(
     cli.check_targets(None, plot, overwrite=overwrite)
     where = _family(family, degree, pieces, orders, rest, symmetric=not asymmetric)
     weights, limits = _numbers("--minimize", minimize, 1.0), _numbers("--bound", bound or [], None)
-    fixed, first = [_condition(one) for one in condition or []], next(iter(weights))
+    fixed = [_condition(one) for one in condition or []]
     if against is not None:
         if len(weights) != 1 or limits:
             allowed = "one criterion of --minimize, and no --bound"
             raise refuse("--pareto", "with --bound or several --minimize", allowed)
-        number = 9 if count is None else count
+        number, first = 9 if count is None else count, next(iter(weights))
         front = pareto(where, first, against, count=number, conditions=fixed, monotone=not turning_back)
     else:
         front = [minimax(where, weights, bounds=limits, conditions=fixed, monotone=not turning_back)]
-    files = _write_law_files(front, output, overwrite=overwrite)
+    goals = None if against is None else (next(iter(weights)), against)
+    files = _write_law_files(front, goals, output, plot, overwrite=overwrite)
     parts = [_pareto_table(front) if against else synthesis_table(front[0]), _LEGEND]
-    names = {path: f'{path}  (in a case: law = "{path.name}")' for path in files}
-    return cli.CommandOutput(
-        parts, {"laws": [_synthesis_json(one) for one in front]}, files=files,
-        describe_file=lambda path: names.get(path, str(path)),
-        draw=lambda: plotting.curves.law_front_figure(front, first, against) if against
-        else plotting.curves.law_figure({front[0].family: front[0].law}),
-    )  # fmt: skip
+    names = {path: f'{path}  (in a case: law = "{path.name}")' for path in files if path.suffix == ".toml"}
+    json = {"laws": [_synthesis_json(one) for one in front]}
+    return cli.CommandOutput(parts, json, files=files, describe_file=lambda path: names.get(path, str(path)))
 
 
 def _family(
@@ -202,7 +199,10 @@ def _condition(text: str) -> tuple[float, int, float]:
         raise refuse("--condition", repr(text), allowed) from None
 
 
-def _write_law_files(front: list[Synthesis], output: Path | None, *, overwrite: bool) -> list[Path]:
+def _write_law_files(
+    front: list[Synthesis], goals: tuple[str, str] | None, output: Path | None, plot: Path | None, *, overwrite: bool
+) -> list[Path]:
+    files: list[Path] = []
     paths = [] if output is None else [output]
     if output is not None and len(front) > 1:  # numbered
         paths = [output.with_name(f"{output.stem}-{i}{output.suffix}") for i in range(1, len(front) + 1)]
@@ -210,8 +210,12 @@ def _write_law_files(front: list[Synthesis], output: Path | None, *, overwrite: 
         check_writable("output", path, overwrite=overwrite)
     for found, path in zip(front, paths, strict=False):
         about = {"flexcam": __version__, **{k: v for k, v in _synthesis_json(found).items() if v is not None}}
-        write_law(found.law, create_folder(path.parent) / path.name, about=about, overwrite=overwrite)
-    return paths
+        files.append(write_law(found.law, create_folder(path.parent) / path.name, about=about, overwrite=overwrite))
+    if plot is not None:
+        curves = plotting.curves
+        figure = curves.law_front_figure(front, *goals) if goals else curves.law_figure({front[0].family: front[0].law})
+        files.append(plotting.figures.save_figure(figure, plot, overwrite=overwrite))
+    return files
 
 
 @_command("""\
