@@ -40,7 +40,7 @@ INTERNAL = frozenset(
     {
         "case.cross_checks", "case.fault_report", "case.records",
         "plotting.rendering", "plotting.scene.mechanism", "plotting.scene.motion",
-        "plotting.scene.parts", "plotting.scene.solids", "plotting.solid_files", "plotting.solid_view", "report.content",
+        "plotting.scene.parts", "plotting.scene.solids", "plotting.solid_files", "report.content",
         "report.fidelity_tables", "report.figures", "report.tables", "report.terminal",
     }
 )  # fmt: skip

@@ -81,10 +81,6 @@ class RunState:
     signals: list[int] = field(default_factory=list[int])
     solving: bool = False
 
-    def should_stop(self) -> bool:
-        """Return whether a signal requested the end of the run."""
-        return bool(self.signals)
-
 
 run_state = RunState()
 
@@ -102,23 +98,22 @@ Folder = Annotated[Path, Parameter(["-o", "--output"], help="Folder of the resul
 Overwrite = Annotated[bool, Parameter("--overwrite", help="Replace existing files.")]
 AllowLarge = Annotated[bool, Parameter("--allow-large", help="Run even if memory or disk space seem too small.")]
 CamName = Annotated[str | None, Parameter("--cam", help="Name of the cam; not needed if there is only one.")]
-
-
 Lowest = Annotated[
     str | None, Parameter("--lowest", help="Lowest speed, such as 1000rpm; half the speed of the case by default.")
 ]
 Highest = Annotated[
     str | None, Parameter("--highest", help="Highest speed; 1.5 times the speed of the case by default.")
 ]
+HighestOfSearch = Annotated[
+    str | None, Parameter("--highest", help="Highest speed; twice the speed of the case by default.")
+]
 Accuracy = Annotated[str, Parameter("--accuracy", help="Accuracy of the computed speeds.")]
 Count = Annotated[int, Parameter("--count", help="Number of speeds, evenly spaced.")]
 
 
 def _versions() -> str:
-    runs_on = ("numpy", "scipy", "h5py", "meshio", "pydantic", "cyclopts")
-    return f"flexcam {__version__}\npython {platform.python_version()}\n" + "\n".join(
-        f"{n} {version(n)}" for n in runs_on
-    )
+    packages = (f"{name} {version(name)}" for name in ("numpy", "scipy", "h5py", "meshio", "pydantic", "cyclopts"))
+    return "\n".join([f"flexcam {__version__}", f"python {platform.python_version()}", *packages])
 
 
 app = App(
@@ -198,9 +193,8 @@ def _has_value(case: Case, table: str, key: str) -> bool:
 def load_beams(path: Path, overrides: Sequence[str] | None) -> Case:
     """Read a case for a command that requires its beams; raise an error if it requests a coarser model."""
     case = load_case(path, overrides)
-    asked = case.record.fidelity
-    for key, given, allowed in (("model", asked.model, "beams"), ("modes", asked.modes, None)):
-        if given != allowed:
+    for key, allowed in (("model", "beams"), ("modes", None)):
+        if (given := getattr(case.record.fidelity, key)) != allowed:
             why, remedy = "this command needs all degrees of freedom of the members", f"leave fidelity.{key} out"
             raise refuse(case.place(("fidelity", key)), str(given), "beams with all degrees of freedom", why, remedy)
     return case
@@ -332,7 +326,7 @@ class CommandOutput:
 
 
 def command(
-    examples: str, *, name: str | None = None, group: App = app
+    examples: str, *, group: App = app
 ) -> Callable[[Callable[..., CommandOutput | None]], Callable[..., Status | None]]:
     """Register a function as a command, whose output is written as its --csv, --plot, --overwrite and --json ask."""
 
@@ -362,7 +356,7 @@ def command(
                 result_console().print(output.text, soft_wrap=True)
             return output.status
 
-        group.command(execute, name=name, help_prologue=examples)
+        group.command(execute, help_prologue=examples)
         return execute
 
     return register

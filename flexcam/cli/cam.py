@@ -29,12 +29,10 @@ from flexcam.case.builder import parse_follower
 from flexcam.cli import app as cli
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.core.units import RPM, format_quantity, to_display_unit
-from flexcam.report.terminal import NOISE, facts_table, format_csv, format_degrees, json_value, plain_table
+from flexcam.report.terminal import NOISE, facts_table, format_csv, json_value, plain_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from flexcam.dynamics import Phaser
 
 _CASE, _PROFILE = Group("Cams of a case file", sort_key=1), Group("Cam from a measured profile", sort_key=2)
 _MIN_POINTS, _MAX_POINTS = 12, 100_000
@@ -51,7 +49,7 @@ _UNITS = {
 
 
 def _cam_json(found: CamFacts, report: LiftReport | None) -> dict[str, object]:
-    after_tdc: dict[str, object] | None = None
+    after_tdc, phaser = None, found.cam.phaser
     if found.tdc is not None:
         crank = {
             name: event and {"opens": found.after_tdc(event.opens), "closes": found.after_tdc(event.closes)}
@@ -67,14 +65,10 @@ def _cam_json(found: CamFacts, report: LiftReport | None) -> dict[str, object]:
         "profile": _profile_json(found),
         "findings": found.findings, "smoothing": report,
         "centreline": found.centreline, "tdc": found.tdc, "ratio": found.ratio, "lash": found.lash,
-        "valve_lift": _valve_lift(found), "after_tdc": after_tdc, "phaser": _phaser_json(found.cam.phaser),
+        "valve_lift": _valve_lift(found), "after_tdc": after_tdc,
+        "phaser": phaser
+        and [{"drive_angle": at, "shift": shift} for at, shift in zip(phaser.angles, phaser.shifts, strict=True)],
     }  # fmt: skip
-
-
-def _phaser_json(phaser: Phaser | None) -> list[dict[str, float]] | None:
-    if phaser is None:
-        return None
-    return [{"drive_angle": at, "shift": shift} for at, shift in zip(phaser.angles, phaser.shifts, strict=True)]
 
 
 def _valve_lift(found: CamFacts) -> float:
@@ -117,7 +111,8 @@ def _cam_table(name: str, found: CamFacts, cams: CamSet) -> Table:
     part = "valve open" if cams.turns == 2.0 else "output"  # of a machine
     if name in cams.clearances:  # it closes the valve
         part, found = "follower", replace(found, ratio=1.0, lash=0.0, events=found.follower_events)
-    speed, ratio, lash = cams.speed, found.ratio, found.lash
+    speed, ratio, lash, phaser = cams.speed, found.ratio, found.lash, found.cam.phaser
+    shifts = [f"{math.degrees(end):.4g}" for end in sorted({min(phaser.shifts), max(phaser.shifts)})] if phaser else []
     infinite = "infinite: the acceleration is discontinuous"
     events = [(part, found.events, ratio, lash)]
     if ratio != 1.0 or lash:
@@ -125,7 +120,8 @@ def _cam_table(name: str, found: CamFacts, cams: CamSet) -> Table:
     rows = [
         ("lift", _lift(found)),
         ("lobe centreline", _centreline(found, cams.turns)),
-        *([("phaser", _phaser(found.cam.phaser))] if found.cam.phaser else []),
+        *([("phaser", f"turns the cam by {' to '.join(shifts)} deg; the angles in this table are without it")]
+          if phaser else []),
         ("max velocity", _at_speed(found.velocity, "m/rad", "m/s", 1, speed)),
         ("max acceleration", _at_speed(found.acceleration, "m/rad^2", "m/s^2", 2, speed)),
         ("max jerk", infinite if found.jerk is None else format_quantity("m/rad^3", found.jerk, digits=5)),
@@ -155,11 +151,6 @@ def _centreline(found: CamFacts, turns: float) -> str:
     if found.centreline_after_tdc is None:
         return cam + (" (set tdc of the cam to get angles from the dead centres)" if turns == 2.0 else "")
     return f"{cam}, crank {_from_dead_centre(found.centreline_after_tdc)}"
-
-
-def _phaser(phaser: Phaser) -> str:
-    ahead = " to ".join(f"{math.degrees(end):.4g}" for end in sorted({min(phaser.shifts), max(phaser.shifts)}))
-    return f"turns the cam by {ahead} deg; the angles in this table are without it"
 
 
 def _from_dead_centre(crank_angle: float | None, centre: float = 0.0) -> str:
@@ -210,7 +201,8 @@ def _profile(found: CamFacts, speed: float | None) -> list[tuple[str, str]]:
         ("base circle radius", f"{format_quantity('m', profile.follower.base_radius)}; {least}"),
         ("min convex radius", f"{convex} {_at(seen.convex.at)}"),
         ("min concave radius", hollow),
-        ("max pressure angle", f"{format_degrees(abs(seen.pressure_angle.value))} deg {_at(seen.pressure_angle.at)}"),
+        ("max pressure angle",
+         f"{format_quantity('rad', abs(seen.pressure_angle.value), digits=4)} {_at(seen.pressure_angle.at)}"),
         ("lever arm of contact force", format_quantity("m", *(end.value for end in seen.offset), digits=5)),
     ]  # fmt: skip
     if found.min_face_diameter is not None:
@@ -237,11 +229,9 @@ def _at(angle: float) -> str:
 
 
 def _finding(one: ProfileFault) -> str:
-    if one.kind == "angle":
-        value, allowed = f"{format_degrees(one.value)} deg", f"at most {format_degrees(one.limit)} deg"
-    else:
-        allowed = f"at least {format_quantity('m', one.limit, digits=4)}" if one.limit else "above 0"
-        value = format_quantity("m", one.value, digits=4)
+    unit = "rad" if one.kind == "angle" else "m"
+    value, limit = (format_quantity(unit, number, digits=4) for number in (one.value, one.limit))
+    allowed = f"at most {limit}" if unit == "rad" else f"at least {limit}" if one.limit else "above 0"
     return f"{one.what} ({value} {_at(one.angle)}, must be {allowed}); {one.remedy}"
 
 

@@ -42,10 +42,7 @@ def new(
     if every and template is not None:
         raise refuse("--list", template, "--list alone", "it lists every starter case", "leave one out")
     if template is None:
-        table = plain_table("Starter cases", ("flexcam new",), ())
-        table.add_column("content", justify="left")
-        for name, words in templates().items():
-            table.add_row(name, words)
+        table = plain_table("Starter cases", ("flexcam new", "content"), templates().items())
         return cli.CommandOutput([table], {"templates": templates()})
     files = new_case(template, target, overwrite=overwrite)
     following = f"Next: flexcam check {files[0]}, flexcam run {files[0]}, flexcam view {files[0]}"
@@ -76,11 +73,7 @@ def check(
         warnings += check_coil_bind(ready.model, read.speed)
     springs = {name: spring for name, spring in ready.model.springs.items() if spring.table or spring.coils}
     mesh, system = ready.model.mesh, ready.problem.system
-    keys = ("travel_m", "force_n", "stiffness_n_per_m", "frequencies_hz")
-    curves = {
-        name: [dict(zip(keys, row, strict=True)) for row in spring_curve_rows(spring)]
-        for name, spring in springs.items()
-    }
+    curves = {name: spring_curve_rows(spring) for name, spring in springs.items()}
     json = {
         "title": ready.case.record.title,
         "elements": len(mesh.elements()), "dof": system.size, "integrated": integrated_size(ready.problem),
@@ -99,11 +92,9 @@ def check(
         "case": ready.explicit_case.record.model_dump(mode="json", by_alias=True),
     }  # fmt: skip
     parts = [model_table(ready, found, resources), *(spring_curve_table(*item) for item in springs.items()), *warnings]
-    text = ""
-    if echo:
-        text = "\n# the case with all default values\n" + format_toml(complete_case_tables(ready.explicit_case))
-    else:
-        parts.append("--echo prints the case with all default values.")
+    if not echo:
+        return cli.CommandOutput([*parts, "--echo prints the case with all default values."], json)
+    text = "\n# the case with all default values\n" + format_toml(complete_case_tables(ready.explicit_case))
     return cli.CommandOutput(parts, json, text=text)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -21,9 +22,9 @@ from flexcam.cli.sources import Source
 from flexcam.core.errors import collect_errors, positive, refuse, suggest_name
 from flexcam.core.units import RPM, parse, shaft_name
 from flexcam.dynamics import Response, reraise_interrupt
-from flexcam.report.fidelity_tables import TRADE_LEGEND, trade_csv, trade_json, trade_table, trade_warnings
-from flexcam.report.tables import comparison_json, comparison_table, describe_comparison, describe_contacts
-from flexcam.report.terminal import create_table, format_decimals, plain_table, show_count
+from flexcam.report import fidelity_tables as fidelity
+from flexcam.report.tables import comparison_table, describe_comparison, describe_contacts
+from flexcam.report.terminal import format_csv, format_decimals, plain_table, show_count
 
 _SPEEDS = Group("Contact forces over speed", sort_key=1)
 _PAIRS = (("rigid", "bilateral"), ("bilateral", "unilateral"))
@@ -42,10 +43,8 @@ def compare(
         help=f"Point or component; {cli.DEFAULT_PROBE}.")] = None,
     against: Annotated[str | None, Parameter(
         help="Model of the case (as in flexcam trade), other case or result; the rigid model by default.")] = None,
-    lowest: Annotated[str | None, Parameter(
-        group=_SPEEDS, help="Lowest speed; half the speed of the case by default.")] = None,
-    highest: Annotated[str | None, Parameter(
-        group=_SPEEDS, help="Highest speed; 1.5 times the speed of the case by default.")] = None,
+    lowest: Annotated[cli.Lowest, Parameter(group=_SPEEDS)] = None,
+    highest: Annotated[cli.Highest, Parameter(group=_SPEEDS)] = None,
     count: Annotated[int | None, Parameter(
         group=_SPEEDS, help="Number of speeds, evenly spaced; 8 by default.")] = None,
     tolerance: Annotated[str | None, Parameter(
@@ -82,15 +81,11 @@ def compare(
     published = any(contact.model == "published-load" for contact in read.record.contacts.values())
     mode_hz = excited_mode(read)[0] if published else None
     claims = check_claims(read, at, found) if read.record.paper and found.status.ok else []
-    json = {**comparison_json(found), "loaded_mode_hz": mode_hz, "claims": claims}
+    json = {**_comparison_json(found), "loaded_mode_hz": mode_hz, "claims": claims}
     parts = [comparison_table(found, read.turns), *describe_comparison(found, mode_hz), *describe_contacts(read)]
     if claims:
-        table = create_table("Claims of the paper and this computation")
-        for head in ("claim", "reproduced", "computed"):
-            table.add_column(head, justify="left")
-        for claim in claims:
-            table.add_row(claim.statement, "yes" if claim.reproduced else "no", claim.finding)
-        parts.append(table)
+        rows = [(claim.statement, "yes" if claim.reproduced else "no", claim.finding) for claim in claims]
+        parts.append(plain_table("Claims of the paper and this computation", ("claim", "reproduced", "computed"), rows))
     return cli.CommandOutput(parts, json, status=found.status)
 
 
@@ -116,8 +111,17 @@ def _compare_pair(case: Path, against: str, probe: str | None, overrides: cli.Ov
     angle, duration = (float(series[-1] - series[0]) for series in (one.angle, one.time))
     rpm = angle / duration / RPM if duration > 0.0 else 0.0
     found = compare_responses(one, other, at, rpm, names)
-    json = {**comparison_json(found), "compared": list(found.names)}
+    json = {**_comparison_json(found), "compared": list(found.names)}
     return cli.CommandOutput([comparison_table(found), *describe_comparison(found, None)], json, status=found.status)
+
+
+def _comparison_json(found: comparison.Comparison) -> dict[str, object]:
+    return {
+        "status": found.status.cause, "probe": found.probe, "speed_rpm": found.speed_rpm,
+        "peak_deviation": found.peak_deviation, "rms_deviation": found.rms_deviation,
+        "peak_acceleration_ratio": found.peak_acceleration_ratio,
+        "deviations": [{**asdict(one), "of_rigid": one.relative_peak} for one in found.deviations],
+    }  # fmt: skip
 
 
 def _run(case: Case) -> Response:
@@ -180,9 +184,18 @@ def trade(
     at = probe or scalar_probe(prepare(read))
     with show_count(None, "models") as shown:
         against, found = evaluate_ladder(read, at, repeats=repeats, advance=shown)
-
-    parts = [trade_table(against, found), TRADE_LEGEND, *trade_warnings(against, found)]
+    warnings, kinds = fidelity.trade_warnings(against, found), fidelity.error_kinds(against)
+    errors = fidelity.reference_errors(against)
+    own = {"steps_per_revolution": against.steps, "errors": errors, "sizes": against.size}
+    head = ("model", "steps_per_revolution", "unknowns", "work", "cpu_s", *kinds, "best", "status")
+    rows = [
+        (one.rung, one.steps, one.unknowns, one.work, one.seconds, *(one.errors.get(kind, "") for kind in kinds),
+         one.best, one.status.cause)
+        for one in found
+    ]  # fmt: skip
     return cli.CommandOutput(
-        parts, trade_json(against, found), trade_csv(against, found), title=read.title,
+        [fidelity.trade_table(against, found), fidelity.TRADE_LEGEND, *warnings],
+        {"reference": own, "rungs": [fidelity.evaluation_json(one) for one in found], "warnings": warnings},
+        format_csv(head, rows), title=read.title,
         draw=lambda: plotting.histories.work_precision_figure(found),
     )  # fmt: skip

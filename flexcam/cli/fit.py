@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
@@ -83,12 +84,11 @@ def _fit_output(variables: Sequence[Variable], measured: Measurement, found: Fit
         f"{keys[i]} and {keys[j]} are correlated ({found.correlation[i, j]:+.3f}): the curves hardly distinguish them"
         for i, j in found.correlated_pairs()
     ]
-    ends = [
-        one.key
+    words += [
+        f"{one.key} is at an end of its interval; a wider interval may fit better"
         for one, x in zip(variables, found.values.tolist(), strict=True)
         if min(x - one.low, one.high - x) <= 1e-3 * (one.high - one.low)
     ]
-    words += [f"{key} is at an end of its interval; a wider interval may fit better" for key in ends]
     if found.misfit > 2.0:
         words.append(f"The residuals are {found.misfit:.2g} times the noise: the model does not describe the curves.")
     words += [
@@ -96,22 +96,20 @@ def _fit_output(variables: Sequence[Variable], measured: Measurement, found: Fit
         "and the true intervals be wider"
         for curve, r in zip(curves, found.serial, strict=True) if r > 3.0 / np.sqrt(len(measured.instants))
     ]  # fmt: skip
-    values = [
-        (one, *numbers)
-        for one, *numbers in zip(
-            variables, found.start.tolist(), found.values.tolist(), found.intervals.tolist(), strict=True
-        )
-    ]
+    numbers = np.array([found.start, found.values, found.intervals]).T.tolist()
     rms = np.array([*(found.rms(measured, x) for x in (found.before, found.after)), found.noise]).T.tolist()
     label, at = "time [s]", measured.instants
     if measured.over != "time":
         label, at = "cam angle [deg]", np.degrees(measured.instants)
     head = [label, *(f"{c.label} [{c.unit}], {kind}" for c in curves for kind in ("measured", "before", "after"))]
-    every = [x for c, old, new in zip(curves, found.before, found.after, strict=True) for x in (c.values, old, new)]
+    drawn = {
+        f"{c.label}, {c.unit}": (c.values, old, new)
+        for c, old, new in zip(curves, found.before, found.after, strict=True)
+    }
     json = {
         "values": [
             {"key": one.key, "unit": one.unit, "before": a, "value": b, "half_width": half}
-            for one, a, b, half in values
+            for one, (a, b, half) in zip(variables, numbers, strict=True)
         ],
         "curves": [
             {"curve": c.label, "unit": c.unit, "rms_before": a, "rms_after": b, "noise": size}
@@ -123,13 +121,11 @@ def _fit_output(variables: Sequence[Variable], measured: Measurement, found: Fit
     }  # fmt: skip
     tables = [
         plain_table("Fitted values", ("value", "before", "after", "95 % interval, ±"),
-                    [(with_unit(one.key, one.unit), *x) for one, *x in values]),
+                    [(with_unit(one.key, one.unit), *x) for one, x in zip(variables, numbers, strict=True)]),
         plain_table("Residuals, root mean square", ("curve", "before", "after", "noise"),
                     [(f"{c.label}, {c.unit}", *x) for c, x in zip(curves, rms, strict=True)]),
     ]  # fmt: skip
-    histories = zip(curves, found.before, found.after, strict=True)
-    drawn = {f"{c.label}, {c.unit}": (c.values, old, new) for c, old, new in histories}
     return cli.CommandOutput(
-        [*tables, *words], json, format_csv(head, np.column_stack([at, *every]).tolist()),
+        [*tables, *words], json, format_csv(head, np.column_stack([at, *chain(*drawn.values())]).tolist()),
         draw=lambda: plotting.histories.fit_figure(at, label, drawn),
     )  # fmt: skip

@@ -33,33 +33,35 @@ def _law_json(found: Criteria) -> dict[str, object]:
     }  # fmt: skip
 
 
+def format_criteria(found: Criteria, digits: int = 6) -> list[str]:
+    """Return C_v, C_a, C_j and C_m of a law as texts."""
+    values = (found.Cv, found.Ca, found.Cj, found.Cm)
+    return ["infinite" if value is None else f"{value:.{digits}g}" for value in values]
+
+
 def _law_facts(name: str, found: Criteria) -> Table:
-    criteria = (("C_v", found.Cv), ("C_a", found.Ca), ("C_j", found.Cj), ("C_m", found.Cm))
-    rows = [("criteria", ", ".join(f"{n} {'infinite' if x is None else f'{x:.6g}'}" for n, x in criteria))]
-    rows += [
-        (f"{symbol} ({curve})", f"min {_format_position(low)}; max {_format_position(high)}")
-        for curve, symbol in _CURVES.items()
-        for low, high in [getattr(found, curve)]
-    ]
-    curves = list(_CURVES)
-    steps = ", ".join(curves[order - 1] for order in found.jumps)
-    peaks = [1.0, *(max(abs(one.value) for one in getattr(found, curve)) for curve in curves[:3])]
+    curves = {symbol: getattr(found, curve) for curve, symbol in _CURVES.items()}
+    peaks = [1.0, *(max(abs(one.value) for one in curves[symbol]) for symbol in ("s'", "s''", "s'''"))]
     ends = [", ".join(f"{remove_noise(v, peak):.6g}" for v, peak in zip(end, peaks, strict=True)) for end in found.ends]
     largest = max(found.harmonics, default=0.0)
-    rows += [
-        ("discontinuities inside", steps or "none"),
+    rows = [
+        ("criteria", "C_v {}, C_a {}, C_j {}, C_m {}".format(*format_criteria(found))),
+        *((f"{symbol} ({curve})", "; ".join(map(_format_position, ("min", "max"), curves[symbol])))
+          for curve, symbol in _CURVES.items()),
+        ("discontinuities inside", ", ".join(list(_CURVES)[order - 1] for order in found.jumps) or "none"),
         ("s, s', s'', s''' at z = 0", ends[0]),
         ("s, s', s'', s''' at z = 1", ends[1]),
         ("symmetric", "yes" if found.symmetric else "no"),
         ("rms of s', s'', s'''", ", ".join(f"{value:.6g}" for value in found.rms)),
         ("harmonics of s''", ", ".join(f"{remove_noise(value, largest):.3g}" for value in found.harmonics)),
         *(("as a rise between dwells", said) for said in found.violations),
-    ]
+    ]  # fmt: skip
     return facts_table(f"Motion law {name}, z = angle / duration of the rise", rows)
 
 
-def _format_position(extreme: Extreme) -> str:
-    return f"{extreme.value:.6g} at z = {' and '.join(f'{round(z, 6):g}' for z in (extreme.at, *extreme.also))}"
+def _format_position(kind: str, extreme: Extreme) -> str:
+    places = " and ".join(f"{round(z, 6):g}" for z in (extreme.at, *extreme.also))
+    return f"{kind} {extreme.value:.6g} at z = {places}"
 
 
 CRITERIA_LEGEND = (
@@ -68,25 +70,10 @@ CRITERIA_LEGEND = (
 )
 
 
-def _laws_table(found: Mapping[str, Criteria]) -> Table:
-    rest = ("none", "s'", "s' s''", "s' s'' s'''")
-    rows = [
-        (name, *(f"{x:.4f}" for x in (c.Cv, c.Ca)), "infinite" if c.Cj is None else f"{c.Cj:.3f}", f"{c.Cm:.4f}",
-         rest[c.rest_at_ends])
-        for name, c in found.items()
-    ]  # fmt: skip
-    return plain_table(
-        "Motion laws, lift 1 over angle 1", ("law", "C_v", "C_a", "C_j", "C_m", "zero at both ends"), rows
-    )
-
-
 def _spectrum_table(spectra: Mapping[str, Sequence[float]], ratios: Sequence[float]) -> Table:
     rows = [(name, *(f"{value:.6f}" for value in values)) for name, values in spectra.items()]
-    return plain_table(
-        "Residual vibration divided by lift, for rise time divided by period =",
-        ("law", *(f"{r:g}" for r in ratios)),
-        rows,
-    )
+    title = "Residual vibration divided by lift, for rise time divided by period ="
+    return plain_table(title, ("law", *(f"{r:g}" for r in ratios)), rows)
 
 
 def find_law(name: str, parameters: list[str] | None = None) -> Law:
@@ -159,14 +146,21 @@ def law(
 def _compare_laws(ratios: Sequence[float]) -> cli.CommandOutput:
     found = {name: criteria(one) for name, one in LAWS.items()}
     spectra = {name: residual_spectrum(one, ratios).tolist() for name, one in LAWS.items()}
-    rows: dict[str, str] = {}  # first name of every law, with all its names
+    names: dict[str, str] = {}  # first name of every law, with all its names
     for name, one in LAWS.items():
-        first = next((other for other in rows if LAWS[other] == one), name)
-        rows[first] = f"{rows[first]}, {name}" if first in rows else name
+        first = next((other for other in names if LAWS[other] == one), name)
+        names[first] = f"{names[first]}, {name}" if first in names else name
+    rest = ("none", "s'", "s' s''", "s' s'' s'''")
+    rows = [
+        (names[name], *(f"{x:.4f}" for x in (c.Cv, c.Ca)), "infinite" if c.Cj is None else f"{c.Cj:.3f}",
+         f"{c.Cm:.4f}", rest[c.rest_at_ends])
+        for name, c in found.items() if name in names
+    ]  # fmt: skip
+    head = ("law", "C_v", "C_a", "C_j", "C_m", "zero at both ends")
     parts = [
-        _laws_table({names: found[first] for first, names in rows.items()}),
+        plain_table("Motion laws, lift 1 over angle 1", head, rows),
         CRITERIA_LEGEND,
-        _spectrum_table({names: spectra[first] for first, names in rows.items()}, ratios),
+        _spectrum_table({every: spectra[first] for first, every in names.items()}, ratios),
         f"Laws with parameters (flexcam law NAME --with KEY=VALUE): {', '.join(kind_names())}",
     ]
     laws = {name: {**_law_json(one), "residual": spectra[name]} for name, one in found.items()}

@@ -14,7 +14,7 @@ from cyclopts import Group, Parameter
 from rich.table import Table
 
 from flexcam import plotting
-from flexcam.analysis.limits import Search, find_limits
+from flexcam.analysis.limits import LIMITS, Search, find_limits
 from flexcam.analysis.run_checks import check_lobes, describe_change
 from flexcam.analysis.run_metrics import compute_margins
 from flexcam.analysis.stability import Resonance, Stability, assess_stability, stability_over_speeds
@@ -23,7 +23,7 @@ from flexcam.case.reader import CaseFile as OpenCase
 from flexcam.cli import app as cli
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, shaft_name, shaft_speed
-from flexcam.report.tables import limits_json, limits_table
+from flexcam.report.tables import limits_table
 from flexcam.report.terminal import facts_table, format_csv, format_number, plain_table, show_count, with_unit
 from flexcam.studies.executors import count_cores
 from flexcam.studies.plan import Axis, parse_axis
@@ -47,11 +47,7 @@ flexcam limits case.toml --over springs.valve.stiffness=40:70:5kN/m --and masses
 """)
 def limits(
     case: cli.CaseFile, *,
-    lowest: Annotated[str | None, Parameter(
-        help="Lowest speed of the range; half the speed of the case by default.")] = None,
-    highest: Annotated[str | None, Parameter(
-        help="Highest speed of the range; twice the speed of the case by default.")] = None,
-    accuracy: cli.Accuracy = "10 rpm",
+    lowest: cli.Lowest = None, highest: cli.HighestOfSearch = None, accuracy: cli.Accuracy = "10 rpm",
     bounce_height: Annotated[str | None, Parameter(
         help="Minimum height of a bounce; by default the smaller of 0.1 mm and 2 % of the lift.")] = None,
     lift_deviation: Annotated[str | None, Parameter(
@@ -109,7 +105,17 @@ def limits(
         parts.append(_LEGEND)
     if "loss_of_contact" not in found.limits:
         parts.append('Contact loss is not assessed: it needs a contact with model = "unilateral", which can separate.')
-    return cli.CommandOutput(parts, limits_json(found, margins, scale))
+    rpm = {**dict.fromkeys(LIMITS), **{name: one.rpm for name, one in found.limits.items()}}
+    json = {
+        **{f"{name}_rpm": speed and scale * speed for name, speed in rpm.items()},
+        **{f"{name}_lasting_rpm": one.lasting_rpm and scale * one.lasting_rpm for name, one in found.limits.items()},
+        "first": found.first, "shaft": shaft_name(scale),
+        "tolerance_rpm": scale * max(one.tolerance_rpm for one in found.limits.values()),  # null if infinite
+        "rigid_loss_of_contact_rpm": margins.rigid_rpm and scale * margins.rigid_rpm,
+        "spring_margin": margins.spring_margin, "buckling_margins": dict(margins.buckling_margins),
+        "lowest_rpm": scale * found.lowest_rpm, "highest_rpm": scale * found.highest_rpm,
+    }  # fmt: skip
+    return cli.CommandOutput(parts, json)
 
 
 def _map_limits(
@@ -144,12 +150,9 @@ def limit_map_output(found: LimitMap, shaft: str) -> cli.CommandOutput:
     first, second = found.axes
     down, across = (with_unit(one.key, one.unit) for one in found.axes)
     rows_at, columns_at = ([value.number or 0.0 for value in one.values] for one in found.axes)
+    head = (down, *map(format_number, columns_at))
     tables = [
-        plain_table(
-            f"{name.replace('_', ' ')}, {shaft} rpm; columns: {across}",
-            (down, *map(format_number, columns_at)),
-            [(at, *row) for at, row in zip(rows_at, rpm.tolist(), strict=True)],
-        )
+        plain_table(f"{name.replace('_', ' ')}, {shaft} rpm; columns: {across}", head, np.c_[rows_at, rpm].tolist())
         for name, rpm in found.rpm.items()
     ]
     words: list[str] = []
@@ -238,10 +241,9 @@ def _count_resonances(found: Stability, scale: float) -> str:
     words = f"{count or 'none'} at or below {scale * found.highest_listed_rpm:.5g} {rpm}"
     if count > _SHOWN:
         words += f", of which the nearest {_SHOWN} are listed"
-    if not found.higher_resonances:
-        return words
-    lowest = found.higher_resonances[0].rpm
-    return f"{words}; {len(found.higher_resonances)} above, the lowest at {scale * lowest:.6g} {rpm}"
+    if above := found.higher_resonances:
+        words += f"; {len(above)} above, the lowest at {scale * above[0].rpm:.6g} {rpm}"
+    return words
 
 
 def _describe_growth(found: Stability) -> str:
@@ -281,13 +283,14 @@ def _stability_json(found: Stability, scale: float) -> dict[str, object]:
 
 
 def _growth_table(found: Sequence[Stability], scale: float, contacts: set[str]) -> Table:
-    rows: list[tuple[str, ...]] = []
-    for one in found:
-        largest = "not assessed" if one.floquet is None else f"{abs(complex(one.floquet.multipliers[0])):.6g}"
-        growth = "" if one.floquet is None else f"{one.floquet.growth:.4g}"
-        opened = f"{math.degrees(one.open_on_the_lift):.3g}" if contacts else "not assessed"
-        words = ", ".join(_verdict(one)) or ("not assessed" if one.floquet is None else "none")
-        rows.append((f"{scale * one.rpm:.6g}", f"{one.discrete.radius:.9g}", largest, growth, opened, words))
+    rows = [
+        (f"{scale * one.rpm:.6g}", f"{one.discrete.radius:.9g}",
+         "not assessed" if one.floquet is None else f"{abs(complex(one.floquet.multipliers[0])):.6g}",
+         "" if one.floquet is None else f"{one.floquet.growth:.4g}",
+         f"{math.degrees(one.open_on_the_lift):.3g}" if contacts else "not assessed",
+         ", ".join(_verdict(one)) or ("not assessed" if one.floquet is None else "none"))
+        for one in found
+    ]  # fmt: skip
     heads = (f"{shaft_name(scale)} rpm", "spectral radius", "multiplier", "growth, 1/s", "contact loss, deg", "verdict")
     return plain_table("Stability over speed", heads, rows)
 
@@ -300,7 +303,7 @@ def stability(
     case: cli.CaseFile, *,
     lowest: Annotated[str | None, Parameter(
         help="Lowest speed of a range; without a range or --plot, only the speed of the case is assessed.")] = None,
-    highest: Annotated[str | None, Parameter(help="Highest speed; 1.5 times the speed of the case by default.")] = None,
+    highest: cli.Highest = None,
     count: Annotated[int | None, Parameter(help="Number of speeds, evenly spaced; 11 by default.")] = None,
     plot: Annotated[Path | None, Parameter(
         help="Also draw the growth rate over speed to this file (.svg, .png or .pdf).")] = None,

@@ -29,31 +29,42 @@ from flexcam.case.reader import read_case
 from flexcam.cli import app as cli
 from flexcam.core import FloatArray
 from flexcam.core.errors import collect_errors, refuse
-from flexcam.core.units import shaft_name
+from flexcam.core.units import shaft_name, to_display_unit
 from flexcam.dynamics import Status
 from flexcam.io import check_folder_name, create_folder, write_modes
-from flexcam.report.tables import describe_mac, describe_modes, mac_table, mode_table
+from flexcam.report.tables import mode_table
 from flexcam.report.terminal import NOISE, format_csv, format_number, plain_table, show_count
 from flexcam.valvetrain import ModelModes
 
 
-def _elastic(found: ModelModes, count: int) -> list[int]:
-    return list(range(len(found.modes.frequencies)))[found.modes.rigid :][:count]
+def _elastic(found: ModelModes, count: int) -> slice:
+    return slice(found.modes.rigid, found.modes.rigid + count)
 
 
 def _closed_mode_table(found: ClosedModes, count: int, turns: float) -> Table:
     made = plain_table(f"Modes with closed contacts, cam of contact {found.contact}", ("no.",), ())
-    columns = {"base circle": found.base_circle, "full lift": found.full_lift}
     cells: list[list[tuple[str, ...]]] = []
-    for place, modes in columns.items():
+    for place, modes in (("base circle", found.base_circle), ("full lift", found.full_lift)):
         made.add_column(f"{place}\nHz", justify="right")
         made.add_column(f"{shaft_name(turns)}\nrpm", justify="right")
         made.add_column("what moves", justify="left", overflow="fold")
-        found_hz = ((float(modes.modes.frequencies[i]), modes.words(i)) for i in _elastic(modes, count))
-        cells.append([(f"{hertz:.2f}", f"{60.0 * turns * hertz:.0f}", words) for hertz, words in found_hz])
+        hertz: list[float] = modes.modes.frequencies.tolist()
+        elastic = range(len(hertz))[_elastic(modes, count)]
+        cells.append([(f"{hertz[i]:.2f}", f"{60.0 * turns * hertz[i]:.0f}", modes.words(i)) for i in elastic])
     for number, row in enumerate(zip_longest(*cells, fillvalue=("", "", "")), start=1):
         made.add_row(str(number), *chain.from_iterable(row))
     return made
+
+
+def _describe_mac(likeness: FloatArray, nodes: int) -> tuple[Table, str]:
+    cells = [["-" if math.isnan(value) else f"{value:.2f}" for value in row] for row in likeness.tolist()]
+    rows = [(str(i), *row) for i, row in enumerate(cells, start=1)]
+    head = ("here / there", *map(str, range(1, likeness.shape[1] + 1)))
+    few = nodes < max(likeness.shape)
+    doubt = "; that is fewer than modes: refine both meshes in the same places" if few else ""
+    unmoved = " -: a mode that moves none of them; points of rockers and springs are not compared."
+    words = f"Compared at {nodes} moving node{'s' * (nodes != 1)} that both models have{doubt}."
+    return plain_table("Modal assurance criterion", head, rows), words + unmoved * bool(np.isnan(likeness).any())
 
 
 @cli.command("""\
@@ -96,21 +107,24 @@ def modes(
         drawn = output_geometry(build_model(read))
         files = write_modes(path, drawn, found.modes.frequencies, found.modes.shapes, overwrite=overwrite)
     closed, missing = closed_modes(read)
+    first = found.modes.rigid + 1
+    columns = f"ux, uy, uz {to_display_unit('kg')[1]}: effective mass of the mode for base excitation along x, y, z."
+    counted = f" The scalar frequency.1 is that of no. {first}, the first mode above zero." if first > 1 else ""
     parts = [
         mode_table(found, f"{read.title}: modes, contacts open", read.turns),
-        describe_modes(found),
+        columns + counted,
         *(_closed_mode_table(one, count, read.turns) for one in closed),
         *check_modes(found),
         *filter(None, [missing]),
     ]
     if criterion is not None:
-        parts += [mac_table(criterion), describe_mac(criterion, compared)]
+        parts += _describe_mac(criterion, compared)
     if files:
         parts.append(f"{files[0]}: choose a mode in Warp By Vector and press play; {files[1]} has the static shapes")
     closed_hz = {
         one.contact: {
-            key: modes.modes.frequencies[_elastic(modes, count)]
-            for key, modes in (("base_circle_hz", one.base_circle), ("full_lift_hz", one.full_lift))
+            "base_circle_hz": one.base_circle.modes.frequencies[_elastic(one.base_circle, count)],
+            "full_lift_hz": one.full_lift.modes.frequencies[_elastic(one.full_lift, count)],
         }
         for one in closed
     }
@@ -158,19 +172,6 @@ def _crossing_table(found: Campbell, scale: float) -> Table | str:
     return plain_table(title, head, rows) if rows else f"{title}: none between these speeds"
 
 
-def _campbell_json(found: Campbell, scale: float) -> dict[str, object]:
-    modes = [
-        {"frequencies_hz": column, "reached": reached, "moves": words}
-        for column, reached, words in zip(found.frequencies.T, found.reached, found.words, strict=True)
-    ]
-    return {
-        "shaft": shaft_name(scale), "contact": found.contact, "rpm": scale * found.rpm, "modes": modes,
-        "lift_amplitudes_m": found.lifts, "force_amplitudes_n": dict(zip(found.lifts, found.loads.T, strict=True)),
-        "crossings": [replace(one, rpm=scale * one.rpm, mode=one.mode + 1) for one in found.crossings],
-        "ended": [one.cause for one in found.statuses],
-    }  # fmt: skip
-
-
 def _describe_incomplete_runs(statuses: Sequence[Status], rpm: FloatArray, scale: float) -> list[str]:
     return [
         f"Warning: no result at {scale * speed:.6g} {shaft_name(scale)} rpm: {status}"
@@ -205,14 +206,6 @@ def _orders_csv(found: Sequence[Waterfall], scale: float) -> str:
         if not math.isnan(size)
     ]
     return format_csv(head, rows)
-
-
-def _orders_json(found: Sequence[Waterfall], scale: float) -> dict[str, object]:
-    histories = {
-        one.signal.name: {"unit": one.unit, "amplitudes": one.amplitudes, "open_by": one.gaps} for one in found
-    }
-    ended = [status.cause for status in found[0].statuses]
-    return {"shaft": shaft_name(scale), "rpm": scale * found[0].rpm, "histories": histories, "ended": ended}
 
 
 @cli.command("""\
@@ -273,8 +266,18 @@ def modes_over_speed(
     incomplete = _describe_incomplete_runs(found.statuses, found.rpm, scale)
     dash = [_DASH] if np.isnan(found.frequencies[[0, -1]]).any() else []
     parts = [_modes_table(found, scale), *dash, _crossing_table(found, scale), *incomplete]
+    modes = [
+        {"frequencies_hz": column, "reached": reached, "moves": words}
+        for column, reached, words in zip(found.frequencies.T, found.reached, found.words, strict=True)
+    ]
+    json = {
+        "shaft": shaft_name(scale), "contact": found.contact, "rpm": scale * found.rpm, "modes": modes,
+        "lift_amplitudes_m": found.lifts, "force_amplitudes_n": dict(zip(found.lifts, found.loads.T, strict=True)),
+        "crossings": [replace(one, rpm=scale * one.rpm, mode=one.mode + 1) for one in found.crossings],
+        "ended": [one.cause for one in found.statuses],
+    }  # fmt: skip
     return cli.CommandOutput(
-        parts, _campbell_json(found, scale), title=case.title, status=cli.joint_status(found.statuses, "speeds"),
+        parts, json, title=case.title, status=cli.joint_status(found.statuses, "speeds"),
         draw=lambda: plotting.spectra.campbell_figure(found, scale, shaft_name(scale)),
     )  # fmt: skip
 
@@ -284,12 +287,16 @@ def orders_of_response(case: Case, speeds: list[float], signals: list[Signal], h
     scale = case.turns
     with show_count(len(speeds), "speeds") as shown:
         found = waterfall(case, speeds, signals, highest_order, advance=shown)
-    incomplete = _describe_incomplete_runs(found[0].statuses, found[0].rpm, scale)
-    parts = [*(_orders_table(one, scale) for one in found), *incomplete]
+    rpm, statuses, shaft = found[0].rpm, found[0].statuses, shaft_name(scale)
+    parts = [*(_orders_table(one, scale) for one in found), *_describe_incomplete_runs(statuses, rpm, scale)]
+    histories = {
+        one.signal.name: {"unit": one.unit, "amplitudes": one.amplitudes, "open_by": one.gaps} for one in found
+    }
     return cli.CommandOutput(
-        parts, _orders_json(found, scale), _orders_csv(found, scale), title=case.title,
-        draw=lambda: plotting.spectra.waterfall_figure(found, scale, shaft_name(scale)),
-        status=cli.joint_status(found[0].statuses, "speeds"),
+        parts,
+        {"shaft": shaft, "rpm": scale * rpm, "histories": histories, "ended": [status.cause for status in statuses]},
+        _orders_csv(found, scale), title=case.title, status=cli.joint_status(statuses, "speeds"),
+        draw=lambda: plotting.spectra.waterfall_figure(found, scale, shaft),
     )  # fmt: skip
 
 

@@ -102,23 +102,24 @@ def optimize(
         title = f"The best variant of {asked.file.path.name}:"
         written = study.write_variant(asked.file, best, target, title, overwrite=overwrite)
     output = _describe_search(asked, design, found, worst, by_gradient=by_gradient)
-    return replace(output, files=written, status=_search_status(found, evaluations))
-
-
-def _search_status(found: Evaluations, evaluations: int) -> Status:
+    status = Status()
     if found.stopped:
         done = f"stopped after {len(found.rows)} of about {evaluations} variants; the result is their best"
-        return Status(Cause.INTERRUPTED, done, "run the same command with the same --seed again for the whole search")
-    if found.best is None:
+        status = Status(Cause.INTERRUPTED, done, "run the same command with the same --seed again for the whole search")
+    elif found.best is None:
         remedy = "widen the intervals, or relax a constraint"
-        return Status(Cause.INFEASIBLE, "no variant meets all constraints", remedy)
-    return Status()
+        status = Status(Cause.INFEASIBLE, "no variant meets all constraints", remedy)
+    return replace(output, files=written, status=status)
 
 
 def _describe_search(
     asked: StudyOptions, design: OptimizationProblem, found: Evaluations, worst: WorstCase | None, *, by_gradient: bool
 ) -> cli.CommandOutput:
     parts, json = _optimum(design, found) if len(design.goals) == 1 else _front(design, found)
+    failed = [row.status for row in found.rows if not row.status.ok]
+    json |= {"evaluations": len(found.rows), "failed": len(failed)}
+    if failed:
+        parts.append(f"{len(failed)} variants failed and count as violating every constraint; the first: {failed[0]}")
     if by_gradient and design.start is None:
         parts.append("The case is outside the intervals: the search started from their centre.")
     if found.is_flat:
@@ -136,7 +137,7 @@ def _describe_search(
 
 
 def _parse_goals(least: Sequence[str], most: Sequence[str]) -> tuple[Goal, ...]:
-    goals = (*(Goal(name) for name in least), *(Goal(name, most=True) for name in most))
+    goals = (*map(Goal, least), *(Goal(name, most=True) for name in most))
     if len(goals) not in (1, 2):
         raise refuse("--least, --most", f"{len(goals) or 'no'} goals", "one goal, or two for a Pareto front")
     if len({goal.name for goal in goals}) < len(goals):
@@ -189,8 +190,7 @@ def _search_figure(design: OptimizationProblem, found: Evaluations) -> Figure:
             found.costs * signs, inside, optimization.pareto_indices(found), (labels[0], labels[1])
         )
     costs = found.costs[:, 0]
-    best = np.minimum.accumulate(np.where(inside & np.isfinite(costs), costs, np.inf))
-    best[np.isinf(best)] = np.nan
+    best = np.fmin.accumulate(np.where(inside & np.isfinite(costs), costs, np.nan))
     return plotting.histories.progress_figure(signs[0] * costs, inside, signs[0] * best, labels[0])
 
 
@@ -208,10 +208,8 @@ def _optimum(design: OptimizationProblem, found: Evaluations) -> tuple[list[Tabl
         parts.append(_constraint_table(design, found, at))
     if ends := [one.key for one, x in point if min(x - one.low, one.high - x) <= 0.01 * (one.high - one.low)]:
         parts.append(f"At an end of its interval: {', '.join(ends)}; a wider interval may have a better variant.")
-    words, count = _describe_failures(found)
-    json = {"best": None if found.best is None else _variant_json(design, found, found.best),
-            "nearest": _variant_json(design, found, at), "evaluations": len(found.rows), "failed": count}  # fmt: skip
-    return [*parts, *words], json
+    best = None if found.best is None else _variant_json(design, found, found.best)
+    return parts, {"best": best, "nearest": _variant_json(design, found, at)}
 
 
 def _front(design: OptimizationProblem, found: Evaluations) -> tuple[list[Table | str], dict[str, Any]]:
@@ -221,9 +219,7 @@ def _front(design: OptimizationProblem, found: Evaluations) -> tuple[list[Table 
             *(with_unit(one.key, one.unit) for one in design.points.variables))  # fmt: skip
     rows = [(*(row_value(found.rows[i], goal.name) for goal in design.goals), *found.points[i].tolist()) for i in best]
     title = f"Pareto front of {len(found.rows)} variants" if rows else "No variant meets all constraints"
-    words, count = _describe_failures(found)
-    json = {"front": [_variant_json(design, found, i) for i in best], "evaluations": len(found.rows), "failed": count}
-    return [plain_table(title, head, rows), *words], json
+    return [plain_table(title, head, rows)], {"front": [_variant_json(design, found, i) for i in best]}
 
 
 def _value(found: Evaluations, at: int, name: str) -> str:
@@ -263,13 +259,6 @@ def _constraints(
 
 def _is_zero(one: Constraint, found: Evaluations, at: int) -> bool:
     return one.bound(found.rows[at].units.get(one.name, "rpm")) == 0.0
-
-
-def _describe_failures(found: Evaluations) -> tuple[list[str], int]:
-    """Return a sentence about failed variants, if any, and their number."""
-    failed = [row.status for row in found.rows if not row.status.ok]
-    words = f"{len(failed)} variants failed and count as violating every constraint"
-    return [f"{words}; the first: {failed[0]}"] if failed else [], len(failed)
 
 
 def _variant_json(design: OptimizationProblem, found: Evaluations, i: int) -> dict[str, object]:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import KW_ONLY, dataclass, field, replace
 from itertools import chain, combinations, cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, get_args
@@ -41,8 +40,6 @@ from flexcam.valvetrain.springs import has_channels, spring_curve
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from flexcam.plotting.histories import Abscissa
-
 _TABLES = (".h5", ".csv")
 
 FigureKind = Literal[
@@ -56,9 +53,8 @@ _APPLIES = {
     "channel": ("motion", "force", "torque", "profile", "spring", "waterfall", "map"),
     "rigid": ("motion", "force", "torque"), "over": ("motion", "force", "torque", "energy"), "cam": _OF_CAMS,
     "angle": ("profile",), "count": ("modes", "campbell", "waterfall", "map"), "x": ("sweep",), "y": ("sweep",),
-    "map": ("sweep",),
+    "map": ("sweep",), "set": tuple(kind for kind in get_args(FigureKind) if kind != "sweep"),
     "units": tuple(kind for kind in get_args(FigureKind) if kind not in ("orbits", "campbell", "work-precision")),
-    "set": tuple(kind for kind in get_args(FigureKind) if kind != "sweep"),
 }  # fmt: skip
 
 _ORDERS = 24  # highest drawn order of the camshaft
@@ -70,20 +66,35 @@ _THIN = 1e-4  # length, m, up to which lengths are drawn in micrometres
 
 @dataclass(frozen=True)
 class FigureOptions:
-    """Sources and options of a figure."""
+    """Options of a figure, and its sources."""
 
-    files: Sequence[Path]
-    sources: Mapping[str, Source]
-    probe: str | None
-    channels: list[str] | None
-    over: Abscissa | None
-    rigid: bool
-    cam: str | None
-    angle: str | None
-    count: int | None
-    x: str | None
-    y: list[str] | None
-    as_map: bool
+    # fmt: off
+    files: Annotated[list[Path], Parameter(help="Result files (.vtkhdf), case files (.toml), which flexcam runs, or "
+        "the table of a sweep (.h5 or .csv).")]
+    _: KW_ONLY
+    what: Annotated[FigureKind | None, Parameter(
+        help="Kind of figure; motion by default, sweep for a table. svaj: lift and its derivatives; orbits: journals "
+        "in their oil films; waterfall: orders over speed; map: a channel over cam angle and speed; work-precision: "
+        "error of simpler models against computing cost (unknowns times steps).")] = None
+    probe: Annotated[str | None, Parameter(
+        help=f"motion, waterfall, work-precision: point or component; {cli.DEFAULT_PROBE}.")] = None
+    channels: Annotated[list[str] | None, Parameter(
+        "--channel", help="motion, force, torque, waterfall: force or other channel, repeatable; profile, map: channel "
+        "shown by colours; spring: force of the spring.")] = None
+    over: Annotated[Literal["angle", "time", "crank"] | None, Parameter(
+        help="motion, force, torque, energy: abscissa; cam angle by default; crank: crank angle of the last "
+        "revolution from top dead centre (key tdc of the cam), or from the start of the revolution.")] = None
+    rigid: Annotated[bool, Parameter(
+        help="motion, force, torque: also draw the rigid model, and for motion the difference from it.")] = False
+    cam: Annotated[str | None, Parameter(help="svaj, profile: draw only this cam.")] = None
+    angle: Annotated[str | None, Parameter(help="profile: cam angle at which it is drawn, such as '90 deg'.")] = None
+    count: Annotated[int | None, Parameter(
+        help="modes: number of modes, 6 by default; campbell, waterfall, map: number of speeds, 9 by default.")] = None
+    x: Annotated[str | None, Parameter("--x", help="sweep: abscissa; the first varied key by default.")] = None
+    y: Annotated[list[str] | None, Parameter("--y", help="sweep: scalar or other column, repeatable.")] = None
+    as_map: Annotated[bool, Parameter("--map", help="sweep: contours over both varied keys.")] = False
+    sources: Annotated[Mapping[str, Source], Parameter(parse=False)] = field(default_factory=dict[str, Source])
+    # fmt: on
 
     @property
     def first(self) -> Source:
@@ -132,30 +143,7 @@ flexcam plot case.toml --what profile --angle 90deg
 flexcam plot results/case.vtkhdf --what profile --channel contacts.intake.pressure
 """)
 def plot(
-    files: Annotated[list[Path], Parameter(help="Result files (.vtkhdf), case files (.toml), which flexcam runs, or "
-        "the table of a sweep (.h5 or .csv).")], *,
-    what: Annotated[FigureKind | None, Parameter(
-        help="Kind of figure; motion by default, sweep for a table. svaj: lift and its derivatives; orbits: journals "
-        "in their oil films; waterfall: orders over speed; map: a channel over cam angle and speed; work-precision: "
-        "error of simpler models against computing cost (unknowns times steps)."
-        )] = None,
-    probe: Annotated[str | None, Parameter(
-        help=f"motion, waterfall, work-precision: point or component; {cli.DEFAULT_PROBE}.")] = None,
-    channels: Annotated[list[str] | None, Parameter(
-        "--channel", help="motion, force, torque, waterfall: force or other channel, repeatable; profile, map: channel "
-        "shown by colours; spring: force of the spring.")] = None,
-    over: Annotated[Literal["angle", "time", "crank"] | None, Parameter(
-        help="motion, force, torque, energy: abscissa; cam angle by default; crank: crank angle of the last "
-        "revolution from top dead centre (key tdc of the cam), or from the start of the revolution.")] = None,
-    rigid: Annotated[bool, Parameter(
-        help="motion, force, torque: also draw the rigid model, and for motion the difference from it.")] = False,
-    cam: Annotated[str | None, Parameter(help="svaj, profile: draw only this cam.")] = None,
-    angle: Annotated[str | None, Parameter(help="profile: cam angle at which it is drawn, such as '90 deg'.")] = None,
-    count: Annotated[int | None, Parameter(
-        help="modes: number of modes, 6 by default; campbell, waterfall, map: number of speeds, 9 by default.")] = None,
-    x: Annotated[str | None, Parameter("--x", help="sweep: abscissa; the first varied key by default.")] = None,
-    y: Annotated[list[str] | None, Parameter("--y", help="sweep: scalar or other column, repeatable.")] = None,
-    as_map: Annotated[bool, Parameter("--map", help="sweep: contours over both varied keys.")] = False,
+    asked: Annotated[FigureOptions, Parameter("*")], *,
     output: Annotated[Path | None, Parameter(
         ["-o", "--output"], help="File of the figure (.svg, .png or .pdf); SOURCE-WHAT.svg by default.")] = None,
     overrides: cli.Overrides = None, units: cli.Units = None, overwrite: cli.Overwrite = False,
@@ -165,16 +153,15 @@ def plot(
 
     By default it draws motion and contact force over the cam angle. Of an incomplete run it draws the completed part.
     """
-    what = what or ("sweep" if files and files[0].suffix in _TABLES else "motion")
-    given = {
-        "probe": probe, "channel": channels, "rigid": rigid or None, "over": over, "cam": cam, "angle": angle,
-        "count": count, "x": x, "y": y, "map": as_map or None, "set": overrides, "units": units,
-    }  # fmt: skip
+    files = asked.files
+    what = asked.what or ("sweep" if files and files[0].suffix in _TABLES else "motion")
+    given = vars(asked) | {"channel": asked.channels, "map": asked.as_map, "set": overrides, "units": units}
     faults = [
-        Fault(f"--{name}", str(value), "", f"--what {what} has no --{name}", f"use it with --what {' or '.join(kinds)}")
-        for (name, value), kinds in ((item, _APPLIES[item[0]]) for item in given.items())
-        if value is not None and what not in kinds
-    ]
+        Fault(f"--{name}", str(given[name]), "", f"--what {what} has no --{name}",
+              f"use it with --what {' or '.join(kinds)}")
+        for name, kinds in _APPLIES.items()
+        if what not in kinds and given[name] is not None and given[name] is not False
+    ]  # fmt: skip
     if faults:
         raise InputError(faults)
     if units and any(path.suffix == ".csv" for path in files):
@@ -184,9 +171,9 @@ def plot(
     target = output or Path(f"{files[0].name.partition('.')[0] if files else 'flexcam'}-{what}.svg")
     plotting.figures.check_figure_path(target, overwrite=overwrite)
     sources = {} if what == "sweep" else name_sources(open_sources(files, overrides, cams=what in _OF_CAMS))
-    asked = FigureOptions(files, sources, probe, channels, over, rigid, cam, angle, count, x, y, as_map)
-    plotting.figures.save_figure(_FIGURES[what](asked), target, overwrite=overwrite)
-    trains = [one.ready.model for one in sources.values()] if rigid else []
+    figure = _FIGURES[what](replace(asked, what=what, sources=sources))
+    plotting.figures.save_figure(figure, target, overwrite=overwrite)
+    trains = [one.ready.model for one in sources.values()] if asked.rigid else []
     warnings = list(dict.fromkeys(chain.from_iterable(map(check_shared_seat_load, trains))))
     own = [one.response.status for one in sources.values() if one.result is None and "response" in vars(one)]
     failed = next((status for status in own if not status.ok), Status())
@@ -245,17 +232,17 @@ def _valve_overlap(asked: FigureOptions, tdc: float, crank: FloatArray) -> NDArr
     return both
 
 
-def _force(asked: FigureOptions, kind: str = "force") -> Figure:
+def _force(asked: FigureOptions) -> Figure:
     responses, first = asked.responses(), asked.first.response
     torques = [name for name in first.channels if name.endswith(".torque")]
-    channels = asked.channels or (torques if kind == "torque" else plotting.histories.contact_forces(first))
+    channels = asked.channels or (torques if asked.what == "torque" else plotting.histories.contact_forces(first))
     if not channels:
-        allowed = "a run with contacts" if kind == "force" else "a run with cams"
-        raise refuse("--what", kind, allowed, "this run has none", "name channels with --channel")
+        allowed = "a run with contacts" if asked.what == "force" else "a run with cams"
+        raise refuse("--what", str(asked.what), allowed, "this run has none", "name channels with --channel")
     means = {
         name: {one.name.removesuffix(".mean"): one.value for one in compute_metrics(source.ready, source.response)}
         for name, source in asked.sources.items()
-        if kind == "torque"
+        if asked.what == "torque"
     }
     figure = plotting.histories.channel_figure(
         responses, channels, rigid=asked.rigid_responses(), over=asked.over or "angle", title=asked.title, means=means
@@ -291,7 +278,7 @@ def _svaj(asked: FigureOptions) -> Figure:
 
 
 def _profile(asked: FigureOptions) -> Figure:
-    source = _single_source(asked, "profile")
+    source = _single_source(asked)
     cam = asked.cam if asked.channels is None else _cam_of_channel(source, asked, asked.channels)
     one = next((one for one in _cams(source, cam).values() if one.follower is not None), None)
     if one is None or one.follower is None:
@@ -329,7 +316,7 @@ def _profile_values(source: Source, cam: Cam, profile: CamProfile, channel: str)
 
 
 def _spring(asked: FigureOptions) -> Figure:
-    source = _single_source(asked, "spring")
+    source = _single_source(asked)
     known = {
         f"springs.{name}.force": spring
         for name, spring in source.ready.model.springs.items()
@@ -348,7 +335,7 @@ def _spring(asked: FigureOptions) -> Figure:
 
 
 def _goodman(asked: FigureOptions) -> Figure:
-    source = _single_source(asked, "goodman")
+    source = _single_source(asked)
     found = member_strength(*source.reloaded)
     if not found:
         raise refuse("--what", "goodman", "a run of flexible members with saved fields", "this run has none")
@@ -396,18 +383,18 @@ def _sweep(asked: FigureOptions) -> Figure:
 def _modes(asked: FigureOptions) -> Figure:
     count = 6 if asked.count is None else asked.count
     cli.check_number("--count", count)
-    case = _single_source(asked, "modes").case
+    case = _single_source(asked).case
     structure = build_structure(build_model(case))
     return plotting.spectra.mode_figure(structure, modes(case, count), title=case.title)
 
 
 def _campbell(asked: FigureOptions) -> Figure:
-    case = _single_source(asked, "campbell").case
+    case = _single_source(asked).case
     return modes_over_speed(case, _speeds(asked, case), range(1, _ORDERS + 1)).figure()
 
 
 def _waterfall(asked: FigureOptions) -> Figure:
-    case = _single_source(asked, "waterfall").case
+    case = _single_source(asked).case
     seen = select_signals(case, asked.channels, None if asked.probe is None else [asked.probe])
     return orders_of_response(case, _speeds(asked, case), seen, _ORDERS).figure()
 
@@ -417,22 +404,22 @@ def _speeds(asked: FigureOptions, case: Case) -> list[float]:
 
 
 def _work_precision(asked: FigureOptions) -> Figure:
-    source = _single_source(asked, "work-precision")
+    source = _single_source(asked)
     probe = asked.probe or scalar_probe(source.ready)
     figure = plotting.histories.work_precision_figure(evaluate_ladder(source.case, probe, repeats=1)[1])
     return plotting.figures.add_title(figure, source.title)
 
 
 _FIGURES: Mapping[str, Callable[[FigureOptions], Figure]] = {
-    "motion": _motion, "force": _force, "torque": partial(_force, kind="torque"), "energy": _energy, "orbits": _orbits,
+    "motion": _motion, "force": _force, "torque": _force, "energy": _energy, "orbits": _orbits,
     "svaj": _svaj, "profile": _profile, "spring": _spring, "goodman": _goodman, "modes": _modes, "campbell": _campbell,
     "waterfall": _waterfall, "map": _map, "sweep": _sweep, "work-precision": _work_precision,
 }  # fmt: skip
 
 
-def _single_source(asked: FigureOptions, what: str) -> Source:
+def _single_source(asked: FigureOptions) -> Source:
     if len(asked.sources) > 1:
-        raise refuse("--what", what, "one file", f"{len(asked.sources)} were given")
+        raise refuse("--what", str(asked.what), "one file", f"{len(asked.sources)} were given")
     return asked.first
 
 

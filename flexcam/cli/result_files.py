@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -16,8 +17,8 @@ from flexcam.case.reader import read_case
 from flexcam.cli import app as cli
 from flexcam.cli.sources import displayed_mechanism, open_sources
 from flexcam.core.errors import refuse
-from flexcam.report.tables import info_table, stats_json
-from flexcam.report.terminal import print_json, print_message, result_console
+from flexcam.report.tables import info_table
+from flexcam.report.terminal import print_message
 
 _FRAMES, _MAX_FRAMES = {".vtm": 36, ".glb": 72}, 720
 _MAX_INSTANTS = 10_000_000
@@ -31,31 +32,26 @@ def info(
     result: cli.ResultPath, *,
     verify: Annotated[bool, Parameter(help="Read the whole file and compare its checksums.")] = False,
     as_json: cli.Json = False,
-) -> None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Show the contents of a result file: how its run ended, versions, solver statistics, saved data."""
     if verify:
         found = io.verify_file(result)
-        if as_json:
-            print_json({"status": "ok", "file": result, **found})
-        else:
-            partial = "" if found["complete"] else "; its run ended early"
-            size = f"{found['datasets']} datasets, {found['bytes']} bytes"
-            result_console().print(f"{result} is intact: {size}, as written{partial}")
-        return
+        partial = "" if found["complete"] else "; its run ended early"
+        size = f"{found['datasets']} datasets, {found['bytes']} bytes"
+        return cli.CommandOutput([f"{result} is intact: {size}, as written{partial}"], {"file": result, **found})
     read = io.read_result(result)
-    response = read.response
-    if as_json:
-        print_json({
-            "status": "ok", "run": response.status.cause, "message": response.status.text,
-            "stats": stats_json(response.stats),
-            "saved_steps": len(response.time), "saved_fields": len(response.field_time),
-            "probes": dict(response.outline.probes),
-            "channels": dict(response.outline.channels), "fields": [*read.field_names, *read.recovered],
-            "about": {name: text for name, text in read.about.items() if name not in ("case", "files", "resolved")},
-            "case": json.loads(read.about["resolved"]),
-        })  # fmt: skip
-    else:
-        result_console().print(info_table(read))
+    response, stats = read.response, read.response.stats
+    known = {"size": stats.size} if stats.size else {}
+    content = {
+        "run": response.status.cause, "message": response.status.text,
+        "stats": asdict(stats) if stats.is_complete else {"steps": stats.steps, **known},
+        "saved_steps": len(response.time), "saved_fields": len(response.field_time),
+        "probes": dict(response.outline.probes),
+        "channels": dict(response.outline.channels), "fields": [*read.field_names, *read.recovered],
+        "about": {name: text for name, text in read.about.items() if name not in ("case", "files", "resolved")},
+        "case": json.loads(read.about["resolved"]),
+    }  # fmt: skip
+    return cli.CommandOutput([info_table(read)], content)
 
 
 @cli.command("""\
@@ -192,7 +188,7 @@ def report(
     limits: Annotated[bool, Parameter(help="Also find the speed limits; this takes many runs.")] = False,
     trade: Annotated[bool, Parameter(help="Also compare simpler models; this runs each of them.")] = False,
     overwrite: cli.Overwrite = False, as_json: cli.Json = False,
-) -> None:  # fmt: skip
+) -> cli.CommandOutput:  # fmt: skip
     """Write an HTML report on results: model, warnings, curves, modes, tables and the case.
 
     The page is a single file and needs no network.
@@ -207,11 +203,8 @@ def report(
     subjects = [load_subject(one) for one in results]
     found = build_report(subjects, probe=probe, asked=ReportOptions(errors, limits, trade))
     io.write_text(target, render_page(found), overwrite=overwrite)
-    if as_json:
-        warnings = {str(path): chapter.warnings for path, chapter in zip(results, found.chapters, strict=True)}
-        print_json({"status": "ok", "file": target, "title": found.title, "warnings": warnings})
-    else:
-        result_console().print(str(target))
+    warnings = {str(path): chapter.warnings for path, chapter in zip(results, found.chapters, strict=True)}
+    return cli.CommandOutput([], {"file": target, "title": found.title, "warnings": warnings}, files=[target])
 
 
 _MIN_SIZE, _MAX_SIZE = 64, 8192  # of a picture, pixels
@@ -243,7 +236,7 @@ def view(
 
     The window has a slider over the cam angle. A picture of a result shows full lift by default.
     """
-    from flexcam.plotting.rendering import FRAMES, check_output_path, save_view, select_renderer
+    from flexcam.plotting.rendering import FRAMES, MechanismView, check_output_path, save_view, select_renderer
 
     if not abs(scale) <= _MAX_SCALE:
         allowed = f"a finite number, at most {_MAX_SCALE:g} in size"
@@ -266,8 +259,6 @@ def view(
         write_page(picture, parts, drawn.view, labels, frames.index(still), motion.label)
     else:
         select_renderer(off_screen=picture is not None)
-        from flexcam.plotting.solid_view import MechanismView
-
         stage = MechanismView(drawn, motion, off_screen=picture is not None, scale=scale, size=pixels, title=title)
         if picture is None:
             stage.open_window(still, swings=mode is not None)

@@ -96,7 +96,7 @@ def run(
     with show_progress(ready.problem.steps) as bar:
         response = solve(
             ready.problem, ready.scheme, save=ready.save, sinks=[strength, *watched.sinks, sink, *bar],
-            stop=cli.run_state.should_stop, until=until, memory=kept, resume=earlier,
+            stop=lambda: bool(cli.run_state.signals), until=until, memory=kept, resume=earlier,
         )  # fmt: skip
     cli.run_state.solving = False
     errors, notes = _estimate_errors(read, probe, until) if probe and response.status.ok else ((), ())

@@ -4,17 +4,10 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-from rich.console import JustifyMethod
-
 from flexcam.analysis.selftest import all_checks, installation_info
 from flexcam.cli import app as cli
 from flexcam.dynamics import Cause, Status
-from flexcam.report.terminal import create_table, facts_table
-
-_HEADS: tuple[tuple[str, JustifyMethod], ...] = (
-    ("quantity", "left"), ("reference", "right"), ("computed", "right"), ("error", "right"), ("tolerance", "right"),
-    ("verdict", "left"), ("source of the reference", "left"),
-)  # fmt: skip
+from flexcam.report.terminal import facts_table, plain_table
 
 
 @cli.command("""\
@@ -34,13 +27,13 @@ def selftest(*, as_json: cli.Json = False) -> cli.CommandOutput:
         text = f"{len(failed)} of {len(found)} checks exceed their tolerance: {'; '.join(failed)}"
         remedy = "install flexcam again in a new environment; if that does not help, please report it"
         status = Status(Cause.FAULT, text, remedy)
-    table = create_table("Checks")
-    for head, side in _HEADS:
-        table.add_column(head, justify=side)
-    for one in found:
-        numbers = (f"{one.reference:.8g} {one.unit}".removesuffix(" 1"), f"{one.computed:.8g}", f"{one.error:.1e}")
-        table.add_row(one.quantity, *numbers, f"{one.tolerance:.1e}", "passed" if one.passed else "FAILED", one.source)
-    parts = [table, facts_table("Installed packages", installation_info().items())]
+    rows = [
+        (one.quantity, f"{one.reference:.8g} {one.unit}".removesuffix(" 1"), f"{one.computed:.8g}", f"{one.error:.1e}",
+         f"{one.tolerance:.1e}", "passed" if one.passed else "FAILED", one.source)
+        for one in found
+    ]  # fmt: skip
+    heads = ("quantity", "reference", "computed", "error", "allowed", "result", "source of the reference")
+    parts = [plain_table("Checks", heads, rows), facts_table("Installed packages", installation_info().items())]
     parts += [f"All {len(found)} checks passed"] if status.ok else []
     json = {
         "status": status.cause, "message": status.text, "remedy": status.remedy,

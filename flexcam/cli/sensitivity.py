@@ -150,20 +150,13 @@ def _derivative_table(name: str, found: Sequence[Sensitivity]) -> Table:
             f"{format_number(one.derivative)} {unit}{f' per {one.by.unit}' if one.by.unit else ''}".strip(),
             "none (exact)" if _is_analytic(one) else format_number(math.nan if one.error is None else one.error, 2),
             "-" if math.isnan(one.logarithmic) else f"{one.logarithmic:+.4f}",
-            _describe_doubt(one),
+            "" if one.smooth else "unknown" if math.isnan(one.derivative)
+            else "equal frequencies" if one.error is None else "not smooth",
         )
         for one in ordered
-    ]
+    ]  # fmt: skip
     title = f"{name} = {format_number(found[0].value)} {unit}".rstrip()
     return plain_table(title, ("key", "value", "derivative", "error", "% per %", ""), rows)
-
-
-def _describe_doubt(one: Sensitivity) -> str:
-    if one.smooth:
-        return ""
-    if math.isnan(one.derivative):
-        return "unknown"
-    return "equal frequencies" if one.error is None else "not smooth"
 
 
 def _sobol_indices(asked: StudyOptions, keys: list[str], count: int, seed: int) -> cli.CommandOutput:
@@ -182,26 +175,26 @@ def _sobol_indices(asked: StudyOptions, keys: list[str], count: int, seed: int) 
             return np.column_stack([column(rows, name) for name in asked.names])
 
         found = dict(zip(asked.names, studies.sobol_indices(values, len(variables), count, seed=seed), strict=True))
-    keys = [one.key for one in variables]
-    tables: list[Table] = []
-    for name, one in found.items():
-        title = f"Sobol indices of {name} (standard deviation {format_number(math.sqrt(one.variance))})"
-        cells = [
-            (by.key, f"{by.low:g} to {by.high:g} {by.unit}", f"{one.first[i]:.3f}",
-             _interval(one.first_interval[:, i]), f"{one.total[i]:.3f}", _interval(one.total_interval[:, i]))
-            for i, by in enumerate(variables)
-        ]  # fmt: skip
-        tables.append(plain_table(title, ("key", "interval", "first order", "95 %", "total", "95 %"), cells))
     words = [
         f"{name}: {one.used} of {one.asked} base points are used; others failed, or exceed a power of 2"
         for name, one in found.items()
         if one.used < one.asked
     ]
+    intervals = {by.key: f"{by.low:g} to {by.high:g} {by.unit}" for by in variables}
     rows = [
         (name, key, float(one.first[i]), *one.first_interval[:, i].tolist(), float(one.total[i]),
          *one.total_interval[:, i].tolist())
         for name, one in found.items()
-        for i, key in enumerate(keys)
+        for i, key in enumerate(intervals)
+    ]  # fmt: skip
+    tables = [
+        plain_table(
+            f"Sobol indices of {name} (standard deviation {format_number(math.sqrt(one.variance))})",
+            ("key", "interval", "first order", "95 %", "total", "95 %"),
+            [(key, intervals[key], f"{a:.3f}", f"{b:.3f} to {c:.3f}", f"{d:.3f}", f"{e:.3f} to {f:.3f}")
+             for scalar, key, a, b, c, d, e, f in rows if scalar == name],
+        )
+        for name, one in found.items()
     ]  # fmt: skip
     head = ("scalar", "key", "first", "first_low", "first_high", "total", "total_low", "total_high")
     json = {
@@ -211,16 +204,12 @@ def _sobol_indices(asked: StudyOptions, keys: list[str], count: int, seed: int) 
         }
         for name, one in found.items()
     }  # fmt: skip
-    groups = {name: dict(zip(keys, one.total.tolist(), strict=True)) for name, one in found.items()}
-    intervals = {name: one.total_interval for name, one in found.items()}
+    groups = {name: dict(zip(intervals, one.total.tolist(), strict=True)) for name, one in found.items()}
+    ends = {name: one.total_interval for name, one in found.items()}
     return cli.CommandOutput(
         [*tables, *words], {"sobol": json}, format_csv(head, rows), status=kept.status,
-        draw=lambda: plotting.histories.bars_figure(groups, "share of the variance, total", intervals),
+        draw=lambda: plotting.histories.bars_figure(groups, "share of the variance, total", ends),
     )  # fmt: skip
-
-
-def _interval(ends: FloatArray) -> str:
-    return f"{ends[0]:.3f} to {ends[1]:.3f}"
 
 
 def _tolerance_analysis(asked: StudyOptions, tolerances: list[str], count: int, seed: int) -> cli.CommandOutput:

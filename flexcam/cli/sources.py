@@ -95,11 +95,6 @@ class Source:
         return self.path.name.partition(".")[0]
 
     @property
-    def speed(self) -> str:
-        """Speed of the shaft for which the case gives it."""
-        return f"{shaft_name(self.case.turns)} {round(self.case.turns * self.case.speed / RPM, 9):g} rpm"
-
-    @property
     def title(self) -> str:
         """Title of the case with its speed."""
         return f"{self.case.record.title or self.stem}, {self.case.speed_text}"
@@ -131,7 +126,11 @@ def name_sources(sources: Sequence[Source]) -> dict[str, Source]:
     """Return sources by a distinguishing name: empty for a single one, else file name with speed, or number."""
     if len(sources) == 1:
         return {"": sources[0]}
-    named = [one.stem if one.cams_only else f"{one.stem}, {one.speed}" for one in sources]
+    named = [one.stem for one in sources]
+    for i, one in enumerate(sources):
+        if not one.cams_only:
+            turns = one.case.turns
+            named[i] += f", {shaft_name(turns)} {round(turns * one.case.speed / RPM, 9):g} rpm"
     return dict(zip(make_unique(named, [""] * len(named)), sources, strict=True))
 
 

@@ -25,12 +25,8 @@ from flexcam.valvetrain import Metric
 _LIMITS = Group("Speed range for results named limits.NAME", sort_key=2)
 
 WorkerCount = Annotated[int, Parameter("--workers", help="Number of processes that evaluate variants.")]
-Lowest = Annotated[
-    str | None, Parameter("--lowest", group=_LIMITS, help="Lowest speed; half the speed of the case by default.")
-]
-Highest = Annotated[
-    str | None, Parameter("--highest", group=_LIMITS, help="Highest speed; twice the speed of the case by default.")
-]
+Lowest = Annotated[cli.Lowest, Parameter(group=_LIMITS)]
+Highest = Annotated[cli.HighestOfSearch, Parameter(group=_LIMITS)]
 LimitAccuracy = Annotated[cli.Accuracy, Parameter(group=_LIMITS)]
 
 

@@ -17,7 +17,7 @@ from flexcam.analysis import cam_analysis
 from flexcam.cams import Family, HarmonicFamily, SingleMass, SplineFamily, Synthesis, event_extremes, minimax, pareto
 from flexcam.case.reader import has_mechanism
 from flexcam.cli import app as cli
-from flexcam.cli.law import CRITERIA_LEGEND
+from flexcam.cli.law import CRITERIA_LEGEND, format_criteria
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, format_quantity, parse
 from flexcam.io import check_writable, create_folder, write_law, write_lift
@@ -51,7 +51,7 @@ def synthesis_table(found: Synthesis) -> Table:
         *(("not converged", said) for said in found.open),
         ("lower bound of the family", bound),
         ("lower bound of all laws, without conditions", every),
-        ("C_v, C_a, C_j, C_m", ", ".join("infinite" if x is None else f"{x:.6g}" for x in (c.Cv, c.Ca, c.Cj, c.Cm))),
+        ("C_v, C_a, C_j, C_m", ", ".join(format_criteria(c))),
         *(("as a rise between dwells", said) for said in c.violations),
     ]
     return facts_table(f"Best of {found.family}", rows)
@@ -59,13 +59,12 @@ def synthesis_table(found: Synthesis) -> Table:
 
 def _pareto_table(front: Sequence[Synthesis]) -> Table:
     rows = [
-        (str(i), *(f"{x:.5g}" if x is not None else "infinite" for x in (c.Cv, c.Ca, c.Cj, c.Cm)),
-         "-" if one.gap is None else f"{one.gap:.0e}", "yes" if one.converged else "no")
-        for i, one in enumerate(front, start=1) for c in [one.criteria]
+        (str(i), *format_criteria(one.criteria, 5), "-" if one.gap is None else f"{one.gap:.0e}",
+         "yes" if one.converged else "no")
+        for i, one in enumerate(front, start=1)
     ]  # fmt: skip
-    return plain_table(
-        f"Pareto front of {front[0].family}", ("no.", "C_v", "C_a", "C_j", "C_m", "gap", "converged"), rows
-    )
+    head = ("no.", "C_v", "C_a", "C_j", "C_m", "gap", "converged")
+    return plain_table(f"Pareto front of {front[0].family}", head, rows)
 
 
 def _polydyne_table(found: cam_analysis.PolydyneCam) -> Table:
@@ -103,25 +102,18 @@ flexcam synthesize polydyne case.toml --speed 3000rpm -o lift.toml
     help_format="plaintext",
 )
 cli.app.command(synthesize)
+_command = partial(cli.command, group=synthesize)
 
-LawOutput = Annotated[Path | None, Parameter(
-    ["-o", "--output"], help="Also write the law to this file (.toml), for the key law of a cam; with --pareto every "
-    "law to a numbered file.")]  # fmt: skip
 LiftOutput = Annotated[Path | None, Parameter(
     ["-o", "--output"], help="Also write the lift to this file (.toml), for the key lift_table of a cam.")]  # fmt: skip
-CamsPath = Annotated[Path, Parameter(help="Case file; with --frequency also a file that has only [cams.NAME].")]
 
 
-@cli.command(
-    """\
+@_command("""\
 flexcam synthesize law --minimize Ca --bound Cj=52.5 -o best.toml
 flexcam synthesize law --family polynomial --degree 11 --minimize Ca --pareto Cj
 flexcam synthesize law --family harmonic --orders 1 --orders 3 --orders 5 --minimize Cm
-""",
-    name="law",
-    group=synthesize,
-)
-def synthesize_law(
+""")
+def law(
     *,
     minimize: Annotated[list[str], Parameter(
         "--minimize", help="Cv, Ca, Cj: peak of velocity, acceleration, jerk; Cm: of velocity times acceleration; rms: "
@@ -143,7 +135,10 @@ def synthesize_law(
     rest: Annotated[int | None, Parameter(
         group=_FAMILY, help="Number of derivatives that are zero at both ends; 2 by default.")] = None,
     asymmetric: Annotated[bool, Parameter(group=_FAMILY, help="Allow asymmetric laws.")] = False,
-    output: LawOutput = None, plot: cli.Picture = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
+    output: Annotated[Path | None, Parameter(
+        ["-o", "--output"], help="Also write the law to this file (.toml), for the key law of a cam; with --pareto "
+        "every law to a numbered file.")] = None,
+    plot: cli.Picture = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> cli.CommandOutput:  # fmt: skip
     """Find the motion law with minimum peak values in a family of laws, and a proven lower bound."""
     cli.refuse_without("--pareto", {"--count": count}, present=against is not None)
@@ -223,15 +218,11 @@ def _write_law_files(
     return files
 
 
-@cli.command(
-    """\
+@_command("""\
 flexcam synthesize harmonic case.toml --tolerance "20 um" -o intake-harmonic.toml
 flexcam synthesize harmonic case.toml --cam intake --count 12 --bound "0.2 mm"
-""",
-    name="harmonic",
-    group=synthesize,
-)
-def synthesize_harmonic(
+""")
+def harmonic(
     case: cli.CaseFile, *,
     name: cli.CamName = None,
     tolerance: Annotated[str, Parameter(help="Maximum deviation from the cam's lift in its dwells.")] = "20 um",
@@ -269,16 +260,12 @@ def synthesize_harmonic(
     return cli.CommandOutput([facts_table("Lift of harmonics", rows)], json, files=files, describe_file=describe_file)
 
 
-@cli.command(
-    """\
+@_command("""\
 flexcam synthesize polydyne case.toml --speed 3000rpm -o intake-polydyne.toml
 flexcam synthesize polydyne cams.toml --frequency "400 Hz" --damping 0.02 --speed 3000rpm
-""",
-    name="polydyne",
-    group=synthesize,
-)
-def synthesize_polydyne(
-    case: CamsPath, *,
+""")
+def polydyne(
+    case: Annotated[Path, Parameter(help="Case file; with --frequency also a file that has only [cams.NAME].")], *,
     name: cli.CamName = None,
     speed: Annotated[str | None, Parameter(help="Design speed of the camshaft; by default that of the case.")] = None,
     frequency: Annotated[str | None, Parameter(

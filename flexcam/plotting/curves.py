@@ -1,8 +1,5 @@
 """Figures of laws, lifts, cams, springs and the fatigue strength of members."""
 
-# pyright: reportUnknownMemberType=false
-# matplotlib does not type its keyword arguments.
-
 from __future__ import annotations
 
 import math
@@ -140,8 +137,16 @@ def profile_figure(
     """
     figure, (axes,) = create_axes((6.0, 6.0))
     if coloured is not None:
-        line = _colour_cam(axes, coloured[0], coloured[1], angle)
-        figure.colorbar(line, ax=axes, orientation="horizontal", shrink=0.8, label=coloured[2])
+        touched, values, label = coloured
+        order = np.argsort(np.mod(touched.angle, 2.0 * math.pi))
+        outline = to_display_unit("m")[0] * touched.points[order] @ np.array([1.0, 1j])
+        turned = outline * np.exp(1j * touched.turn * angle)
+        points = np.column_stack([turned.real, turned.imag])
+        segments = list(np.stack([points[:-1], points[1:]], axis=1))
+        line = LineCollection(segments, cmap="viridis", linewidths=7.0, capstyle="round", zorder=1.5)
+        line.set_array(0.5 * (values[order][1:] + values[order][:-1]))
+        axes.add_collection(line)
+        figure.colorbar(line, ax=axes, orientation="horizontal", shrink=0.8, label=label)
     draw_profile(axes, profile, angle, thin=coloured is not None)
     unit = to_display_unit("m")[1]
     axes.set(xlabel=f"x, {unit}", ylabel=f"y, {unit}")
@@ -182,19 +187,6 @@ def draw_profile(axes: Axes, profile: cams.CamProfile, angle: float, *, thin: bo
         f"cam angle {math.degrees(profile.angle[at]):.4g} deg, lift {format_quantity('m', profile.lift[at], digits=4)}"
     )
     axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize="small")
-
-
-def _colour_cam(axes: Axes, profile: cams.CamProfile, values: FloatArray, angle: float) -> LineCollection:
-    """Colour a drawn cam by values at the cam angles of a profile, each where the cam is in contact at that angle."""
-    order = np.argsort(np.mod(profile.angle, 2.0 * math.pi))
-    x, y = profile.points[order].T
-    turned = to_display_unit("m")[0] * (x + 1j * y) * np.exp(1j * profile.turn * angle)
-    points = np.column_stack([turned.real, turned.imag])
-    segments = list(np.stack([points[:-1], points[1:]], axis=1))
-    line = LineCollection(segments, cmap="viridis", linewidths=7.0, capstyle="round", zorder=1.5)
-    line.set_array(0.5 * (values[order][1:] + values[order][:-1]))
-    axes.add_collection(line)
-    return line
 
 
 def pressure_figure(profile: cams.CamProfile) -> Figure:

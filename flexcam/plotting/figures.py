@@ -4,9 +4,6 @@ The colours are those of M. Okabe and K. Ito for colour-blind readers; lines als
 without colour.
 """
 
-# pyright: reportUnknownMemberType=false
-# matplotlib does not type its keyword arguments.
-
 from __future__ import annotations
 
 import io

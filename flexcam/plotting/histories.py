@@ -1,8 +1,5 @@
 """Figures over time, cam angle or a study: motion of a probe, forces, energies, results of studies."""
 
-# pyright: reportUnknownMemberType=false
-# matplotlib does not type its keyword arguments.
-
 from __future__ import annotations
 
 import math
@@ -144,11 +141,10 @@ def channel_figure(
     """Return a figure with channels of several runs, and their `means` by run and channel, SI."""
     figure, axes = create_stacked_axes(_channel_labels(responses, channels), _BELOW[over])
     _draw_channels(axes, _style_responses(responses, rigid or {}), channels, over)
+    _finish_axes(figure, axes, over, title)
     for one, channel in zip(axes, channels, strict=True):
         if channel.endswith(".force"):
             one.axhline(0.0, color="0.4", linewidth=0.8)
-    _finish_axes(figure, axes, over, title)
-    for one, channel in zip(axes, channels, strict=True):
         factor, symbol = to_display_unit(_unit_in_any(responses, channel))
         lines: list[Line2D] = []
         for (name, values), (colour, _) in zip((means or {}).items(), line_styles(), strict=False):

@@ -6,6 +6,7 @@ import json
 import re
 import struct
 from base64 import b64encode
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -53,34 +54,25 @@ class Part:
 
 def collect_parts(mechanism: Mechanism, motion: Motion, scale: float = 1.0) -> list[Part]:
     """Return the parts of a mechanism at all instants of a motion, with its elastic part times a scale."""
-    states: dict[str, list[list[Solid]]] = {}
+    states: dict[str, list[list[Solid]]] = defaultdict(lambda: [[] for _ in range(len(motion))])
     for i in range(len(motion)):
-        instant: dict[str, list[Solid]] = {}
         for solid in mechanism.solids(motion.instant(i, scale)):
             label = solid.kind if solid.name in ("", solid.kind) else f"{solid.kind}-{solid.name}"
-            instant.setdefault(label, []).append(solid)
-        for label, solids in instant.items():
-            states.setdefault(label, []).append(solids)
-    names: dict[str, str] = {}
-    for label in states:
+            states[label][i].append(solid)
+    parts: list[Part] = []
+    for label, instants in states.items():
         name = re.sub(r"[^\w.-]", "_", label)
-        taken = {one.lower() for one in names.values()}
-        names[label] = name if name.lower() not in taken else f"{name}-{len(names)}"
-    return [_join_solids(names[label], instants) for label, instants in states.items()]
-
-
-def _join_solids(name: str, instants: list[list[Solid]]) -> Part:
-    first = instants[0]
-    starts = np.cumsum([0, *(len(solid.points) for solid in first)])[:-1]
-    faces = np.concatenate([solid.faces + start for solid, start in zip(first, starts, strict=True)])
-    points = np.array([np.concatenate([solid.points for solid in solids]) for solids in instants])
-    coloured = any(solid.values is not None for solid in first)
-    values = np.array([np.concatenate([_values(solid) for solid in solids]) for solids in instants])
-    return Part(name, first[0].kind, faces, points, values if coloured else None)
-
-
-def _values(solid: Solid) -> FloatArray:
-    return np.full(len(solid.points), np.nan) if solid.values is None else solid.values
+        if name.lower() in {part.name.lower() for part in parts}:
+            name += f"-{len(parts)}"
+        first = instants[0]
+        starts = np.cumsum([0, *(len(solid.points) for solid in first)])[:-1]
+        faces = np.concatenate([solid.faces + start for solid, start in zip(first, starts, strict=True)])
+        points = np.array([np.concatenate([solid.points for solid in solids]) for solids in instants])
+        values = None
+        if first[0].values is not None:
+            values = np.array([np.concatenate([np.asarray(solid.values) for solid in solids]) for solids in instants])
+        parts.append(Part(name, first[0].kind, faces, points, values))
+    return parts
 
 
 def write_stl(folder: Path, parts: Sequence[Part], *, overwrite: bool = False) -> list[Path]:
@@ -139,8 +131,7 @@ class _Buffer:
     def add(self, arrays: FloatArray | IntArray, form: str, component: str, *, bounds: bool = True) -> list[int]:
         """Add arrays of equal shape, one after the other, as one view; return an accessor for each."""
         packed = np.ascontiguousarray(arrays, dtype=component)
-        view = {"buffer": 0, "byteOffset": len(self.content), "byteLength": packed.nbytes}
-        self.views.append(view)
+        self.views.append({"buffer": 0, "byteOffset": len(self.content), "byteLength": packed.nbytes})
         self.content += packed.tobytes()
         first = len(self.accessors)
         for i, array in enumerate(packed):
@@ -221,9 +212,8 @@ def write_page(
     The rows of `view` point to the right, up and to the observer. The page begins at instant `still`. `labels` has a
     text per instant, with the title in its first line; `scale` is the name of the colour values.
     """
-    ends = [part.points.reshape(-1, 3) for part in parts]
-    low, high = (np.array([call(one, axis=0) for one in ends]) for call in (np.min, np.max))
-    low, high = low.min(axis=0), high.max(axis=0)
+    low = np.min([part.points.min(axis=(0, 1)) for part in parts], axis=0)
+    high = np.max([part.points.max(axis=(0, 1)) for part in parts], axis=0)
     size = 0.5 * float(np.linalg.norm(high - low))
     known = [part.values for part in parts if part.values is not None]
     limits = min([0.0, *map(np.nanmin, known)]), max([0.0, *map(np.nanmax, known)])
@@ -249,17 +239,15 @@ def _page_part(
     count = len(part.points) if part.moves else 1
     places = (65535.0 * (part.points[:count] - low) / np.maximum(high - low, np.finfo(float).tiny)).round()
     *colour, opacity = part.colour(by_value=by_value)
+    pad = [(0, 0), (0, 0), (0, 1)]
     made: dict[str, object] = {
-        "count": part.points.shape[1],
-        "colour": colour,
-        "opacity": opacity,
-        "faces": _encode(part.faces, "<u4"),
-    }
+        "count": part.points.shape[1], "colour": colour, "opacity": opacity, "faces": _encode(part.faces, "<u4"),
+        "points": _encode(np.pad(places, pad), "<u2"),
+    }  # fmt: skip
     if part.values is not None:
-        span = (limits[1] - limits[0]) or 1.0
-        tints = _viridis(np.nan_to_num((part.values[:count] - limits[0]) / span))
-        made["tints"] = _encode(np.pad(tints, [(0, 0), (0, 0), (0, 1)]), "u1")
-    return made | {"points": _encode(np.pad(places, [(0, 0), (0, 0), (0, 1)]), "<u2")}
+        tints = _viridis((part.values[:count] - limits[0]) / ((limits[1] - limits[0]) or 1.0))
+        made["tints"] = _encode(np.pad(tints, pad), "u1")
+    return made
 
 
 def _viridis(values: FloatArray) -> IntArray:

@@ -1,8 +1,5 @@
 """Figures of spectra: Campbell diagrams, orders, growth rates, contact forces and modes over speed."""
 
-# pyright: reportUnknownMemberType=false
-# matplotlib does not type its keyword arguments.
-
 from __future__ import annotations
 
 import math
@@ -37,7 +34,17 @@ def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
     highest = max(found.lifts, default=1) * float(found.rpm[-1]) / 60.0  # modes far above all order lines are cut off
     below = found.frequencies[found.frequencies <= 1.3 * highest]
     top = 1.1 * float(below.max() if len(below) else highest)
-    _rays(axes, found, rpm, top)
+    for n in found.lifts:
+        hz = n * found.rpm / 60.0
+        axes.plot(rpm, hz, color="0.75", linewidth=0.7, zorder=0.5)
+        inside = hz[-1] <= top
+        at = rpm[-1] if inside else float(np.interp(top, hz, rpm))
+        if at >= rpm[0] and (inside or hz[0] < top):
+            shift, side = ((3, 0), "left") if inside else ((0, 3), "center")
+            axes.annotate(
+                str(n), (at, min(hz[-1], top)), shift, textcoords="offset points", ha=side,
+                va="center" if inside else "bottom", fontsize="x-small", color="0.35", annotation_clip=False,
+            )  # fmt: skip
     styles, labelled = line_styles(), False
     for i, (column, reached) in enumerate(zip(found.frequencies.T, found.reached, strict=True)):
         drawn = bool((column <= top).any())
@@ -65,20 +72,6 @@ def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
     if axes.get_legend_handles_labels()[0]:
         figure.legend(loc="outside lower center", fontsize="small", ncols=2)
     return figure
-
-
-def _rays(axes: Axes, found: Campbell, rpm: np.ndarray, top: float) -> None:
-    for n in found.lifts:
-        hz = n * found.rpm / 60.0
-        axes.plot(rpm, hz, color="0.75", linewidth=0.7, zorder=0.5)
-        inside = hz[-1] <= top
-        at = rpm[-1] if inside else float(np.interp(top, hz, rpm))
-        if at >= rpm[0] and (inside or hz[0] < top):
-            shift, side = ((3, 0), "left") if inside else ((0, 3), "center")
-            axes.annotate(
-                str(n), (at, min(hz[-1], top)), shift, textcoords="offset points", ha=side,
-                va="center" if inside else "bottom", fontsize="x-small", color="0.35", annotation_clip=False,
-            )  # fmt: skip
 
 
 _DECADES = 3.0  # decades below the largest amplitude covered by the colour scale
@@ -176,9 +169,8 @@ _TITLE_WIDTH = 58  # characters per line of a title of one column
 
 def draw_mode(axes: Axes, structure: Structure, member: str, nodal: FloatArray, size: float) -> None:
     """Draw the motion of a member in a mode over its length."""
-    part = structure.model.mesh.element_ranges()[member]
-    begin = np.cumsum(structure.beams.length[part]) - structure.beams.length[part]
-    along = begin[:, None] + structure.beams.length[part, None] * np.linspace(0.0, 1.0, _PARTS + 1)
+    length = structure.beams.length[structure.model.mesh.element_ranges()[member], None]
+    along = np.cumsum(length, axis=0) - length + length * np.linspace(0.0, 1.0, _PARTS + 1)
     place = to_display_unit("m")[0] * along.ravel()
     moved = _member_motion(structure, member, nodal) / size
     for values, name, (colour, dashes) in zip(moved.T, _MOTIONS, line_styles(), strict=False):

@@ -10,7 +10,7 @@ from rich.table import Table
 from flexcam.analysis.model_choice import Choice, Error, ModelEvaluation, Reference
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Cause
-from flexcam.report.terminal import format_csv, plain_table
+from flexcam.report.terminal import plain_table
 
 # Error relative to its number below which it is rounding: the stiffness of many elements leaves about 1e-11
 _ROUNDING = 1e-10
@@ -18,7 +18,6 @@ _ROUNDING = 1e-10
 _REFERENCE_ERROR_TOLERANCE = 0.05
 _DIGITS = 12  # maximum number of decimals
 _KINDS = ("lift", "velocity", "acceleration")
-_HEADS = {"acceleration": "accel."}  # a longer word would be broken in a terminal of usual width
 TRADE_LEGEND = (
     "* Pareto-optimal: no other model has both less work and a lower maximum error over all columns; work is the "
     "number of unknowns times the number of steps"
@@ -27,25 +26,26 @@ TRADE_LEGEND = (
 
 def trade_table(against: Reference, found: Sequence[ModelEvaluation]) -> Table:
     """Return the table of a case's model ladder."""
-    kinds = _quantities(against)
+    kinds = error_kinds(against)
     rows = [
         ("*" if one.best else "", one.rung, str(one.steps), str(one.unknowns), f"{one.work:.3g}", f"{one.seconds:.3g}",
          *(_percent(one.errors.get(kind)) for kind in kinds), "" if one.status.ok else str(one.status.cause))
         for one in found
     ]  # fmt: skip
-    own = _reference_errors(against)
+    own = reference_errors(against)
     rows.append(("", "reference", str(against.steps), "", "", "", *(_percent(own[k]) for k in kinds), "its own error"))
-    errors = (_HEADS.get(kind, kind) for kind in kinds)
+    errors = (kind.replace("acceleration", "accel.") for kind in kinds)  # a longer word would be broken in a terminal
     heads = ("", "model", "steps per rev", "unknowns", "work", "cpu s", *errors, "")
     norm = {"max": "max", "rms": "rms", None: "rms of motions, max of forces"}[against.norm]
     return plain_table(f"Cost and error of models ({norm}, % of the maximum)", heads, rows)
 
 
-def _quantities(against: Reference) -> list[str]:
+def error_kinds(against: Reference) -> list[str]:
+    """Return the quantities whose errors are known: motions, then forces."""
     return [*(kind for kind in _KINDS if kind in against.errors), *(k for k in against.errors if k not in _KINDS)]
 
 
-def _reference_errors(against: Reference) -> dict[str, float]:
+def reference_errors(against: Reference) -> dict[str, float]:
     """Return the errors of the reference relative to the sizes of the quantities."""
     return {name: error / against.size[name] if against.size[name] else 0.0 for name, error in against.errors.items()}
 
@@ -57,7 +57,7 @@ def _percent(share: float | None) -> str:
 def trade_warnings(against: Reference, found: Sequence[ModelEvaluation]) -> list[str]:
     """Return warnings about a rough reference, and about models that were not run, with the first reason."""
     said: list[str] = []
-    shares = _reference_errors(against).items()
+    shares = reference_errors(against).items()
     rough = [f"{name} ({_percent(share)} %)" for name, share in shares if share > _REFERENCE_ERROR_TOLERANCE]
     if rough:
         unsure = f"Warning: the reference itself has a large error in {', '.join(rough)}"
@@ -71,13 +71,6 @@ def trade_warnings(against: Reference, found: Sequence[ModelEvaluation]) -> list
     return said
 
 
-def trade_json(against: Reference, found: Sequence[ModelEvaluation]) -> dict[str, object]:
-    """Return the model ladder for ``--json``."""
-    own = {"steps_per_revolution": against.steps, "errors": _reference_errors(against), "sizes": against.size}
-    rungs = [evaluation_json(one) for one in found]
-    return {"reference": own, "rungs": rungs, "warnings": trade_warnings(against, found)}
-
-
 def evaluation_json(one: ModelEvaluation) -> dict[str, object]:
     """Return one model of the ladder for ``--json``."""
     return {
@@ -85,17 +78,6 @@ def evaluation_json(one: ModelEvaluation) -> dict[str, object]:
         "work": one.work, "cpu_seconds": one.seconds, "errors": one.errors, "best": one.best,
         "status": one.status.cause,
     }  # fmt: skip
-
-
-def trade_csv(against: Reference, found: Sequence[ModelEvaluation]) -> str:
-    """Return the model ladder as comma-separated values."""
-    kinds = _quantities(against)
-    head = ("model", "steps_per_revolution", "unknowns", "work", "cpu_s", *kinds, "best", "status")
-    return format_csv(head, [
-        (one.rung, one.steps, one.unknowns, one.work, one.seconds, *(one.errors.get(kind, "") for kind in kinds),
-         one.best, one.status.cause)
-        for one in found
-    ])  # fmt: skip
 
 
 def error_table(errors: Sequence[Error]) -> Table:
@@ -146,6 +128,6 @@ def _errors(one: ModelEvaluation) -> str:
 
 def choice_json(choice: Choice) -> dict[str, object]:
     """Return a model choice for ``--json``."""
-    cheaper = None if choice.cheaper is None else evaluation_json(choice.cheaper)
-    known = {"met": choice.met, "tried": choice.tried, "why": choice.why}
-    return {**known, "model": evaluation_json(choice.found), "cheaper": cheaper}
+    cheaper = choice.cheaper and evaluation_json(choice.cheaper)
+    found = evaluation_json(choice.found)
+    return {"met": choice.met, "tried": choice.tried, "why": choice.why, "model": found, "cheaper": cheaper}

@@ -71,8 +71,7 @@ def _point_tolerances(x: FloatArray, y: FloatArray, within: float) -> FloatArray
         at = np.flatnonzero(found)
         off = np.abs(y - np.interp(x, x[at], y[at]))
         off[at] = 0.0
-        stretch = np.repeat(np.arange(len(at) - 1), np.diff(at))
-        stretch = np.append(stretch, len(at) - 2)
+        stretch = np.append(np.repeat(np.arange(len(at) - 1), np.diff(at)), len(at) - 2)
         farthest = np.maximum.reduceat(off, at[:-1])[stretch]
         more = (off == farthest) & (off > within)
         if not more.any():
@@ -227,18 +226,15 @@ def _lines(mesh: Mesh, room: int) -> _LinePoints:
     elements = len(mesh.elements())
     parts = min(max(room // elements, 1), _PARTS)
     every = -(-elements * parts // room)
-    element, place = list[IntArray](), list[IntArray]()
-    ranges: dict[str, tuple[int, int]] = {}
-    count = 0
+    found, ranges, count = list[IntArray](), dict[str, tuple[int, int]](), 0
     for name, part in mesh.element_ranges().items():
         last = (part.stop - part.start) * parts
-        along = np.array(sorted({*range(0, last, every), last // 2, last}))
+        along = np.unique([*range(0, last, every), last // 2, last])
         own = np.minimum(along // parts, part.stop - part.start - 1)
-        element.append(part.start + own)
-        place.append(along - parts * own)
-        ranges[name] = (count, count + len(along))
-        count += len(along)
-    return _LinePoints(np.concatenate(element), np.concatenate(place), parts, ranges)
+        found.append(np.array([part.start + own, along - parts * own]))
+        ranges[name] = (count, count := count + len(along))
+    element, place = np.concatenate(found, axis=1)
+    return _LinePoints(element, place, parts, ranges)
 
 
 def _names(mesh: Mesh, points: FloatArray) -> dict[str, int]:
@@ -268,12 +264,12 @@ def _modes(about: ReportSubject, lines: _LinePoints) -> list[Shape]:
 def _undrawn_parts(structure: Structure) -> set[str]:
     """Return the parts of modes without lines: rockers, springs, and masses outside of members."""
     model = structure.model
-    lines = set(model.mesh.elements().ravel().tolist())
-    found = {f"rocker {name}" for name in model.rockers} | {f"spring {name}" for name in model.springs}
-    for name, part in model.masses.items():
-        if part.at in model.rocker_points or model.mesh.node(part.at) not in lines:
-            found.add(f"mass {name}")
-    return found
+    masses = (
+        name for name, part in model.masses.items()
+        if part.at in model.rocker_points or model.mesh.node(part.at) not in model.mesh.elements()
+    )  # fmt: skip
+    kinds = {"rocker": model.rockers, "spring": model.springs, "mass": masses}
+    return {f"{kind} {name}" for kind, names in kinds.items() for name in names}
 
 
 def _run_motion(about: ReportSubject, lines: _LinePoints) -> list[Shape]:
@@ -284,9 +280,10 @@ def _run_motion(about: ReportSubject, lines: _LinePoints) -> list[Shape]:
     last = response.field_angle > response.field_angle[-1] - 2.0 * np.pi * (1.0 + 1e-9)
     at = np.flatnonzero(last)[:: -(-int(last.sum()) // _FRAMES)]
     nodal = response.fields.displacement[at].reshape(len(at), -1, 6)
-    beams = None if about.known is None else about.known.structure.beams
-    ends = about.result.mesh.elements()
-    moved = lines.of_nodes(ends, nodal[..., :3]) if beams is None else lines.of_beams(beams, nodal)
+    if about.known is None:
+        moved = lines.of_nodes(about.result.mesh.elements(), nodal[..., :3])
+    else:
+        moved = lines.of_beams(about.known.structure.beams, nodal)
     degrees = np.degrees(response.field_angle[at[[0, -1]]])
     words = f"The computed motion from {degrees[0]:.4g} to {degrees[1]:.4g} deg of cam angle"
     return [Shape("the run", words, moved)]

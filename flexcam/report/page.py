@@ -56,9 +56,12 @@ def render_page(report: Report) -> str:
     jinja = Environment(loader=FileSystemLoader(_PAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
                         lstrip_blocks=True)  # fmt: skip
     data = {"albums": report.albums, "scenes": [chapter.scene for chapter in report.chapters]}
+    hashes = (base64.b64encode(hashlib.sha256(one.encode()).digest()).decode() for one in scripts)
+    ours_only = " ".join(f"'sha256-{one}'" for one in hashes)
+    policy = f"default-src 'none'; script-src {ours_only}; style-src 'unsafe-inline'; img-src data: blob:"
     return jinja.get_template("page.html").render(
         report=report, version=__version__, style=ours(style), scripts=[ours(one) for one in scripts],
-        policy=_content_security_policy(scripts), data=ours(embed_json(data)), image=data_url,
+        policy=policy, data=ours(embed_json(data)), image=data_url,
     )  # fmt: skip
 
 
@@ -70,13 +73,6 @@ def embed_json(value: object) -> str:
 def _to_json(value: object) -> object:
     """Return an array packed, and a dataclass as a mapping of its fields."""
     return _numbers(np.asarray(value, dtype=float)) if isinstance(value, np.ndarray) else vars(value)
-
-
-def _content_security_policy(scripts: list[str]) -> str:
-    """Return the content security policy of the page: its own scripts, styles and images, nothing external."""
-    hashes = (base64.b64encode(hashlib.sha256(one.encode()).digest()).decode() for one in scripts)
-    allowed = " ".join(f"'sha256-{one}'" for one in hashes)
-    return f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; img-src data: blob:"
 
 
 def _numbers(values: NDArray[np.float64]) -> Mapping[str, str]:
@@ -94,9 +90,10 @@ def build_report(
     speeds = [one.known.case.speed_text if one.known else "" for one in subjects]
     names = make_unique([one.stem for one in subjects], speeds) if len(subjects) > 1 else [""]
     mains = [_main_probe(one, probe) for one in subjects]
-    asked, count = asked or ReportOptions(), len(subjects)
-    whole = zip(subjects, names, mains, strict=True)
-    chapters = tuple(_chapter(one, name, main, asked, count) for one, name, main in whole)
+    chapters = tuple(
+        _chapter(one, name, main, asked or ReportOptions(), len(subjects))
+        for one, name, main in zip(subjects, names, mains, strict=True)
+    )
     runs = {name: (one.result.response, one.rigid) for name, one in zip(names, subjects, strict=True)}
     main = next(filter(None, mains), "")
     title = chapters[0].title if len(chapters) == 1 else ", ".join(names)
@@ -157,22 +154,21 @@ def _compare_rigid(about: ReportSubject, known: RestoredCase, main: str) -> tupl
     """Return the comparison of a result with its rigid train, or the reason why there is none."""
     if about.rigid is None or not main:
         return None, []
-    if not np.ptp(about.rigid[main].displacement):
-        remedy = "name a point that the cam moves under output.probes"
-        return None, [f"Not in this report: the comparison with a rigid train; nothing moves {main} in it: {remedy}."]
-    try:
-        speed = known.case.speed / RPM
-        return compare_responses(about.result.response, about.rigid, main, speed, ("flexible", "rigid")), []
-    except InputError as refusal:
-        return None, [f"Not in this report: the comparison with a rigid train; {refusal}"]
+    why = f"nothing moves {main} in it: name a point that the cam moves under output.probes."
+    if np.ptp(about.rigid[main].displacement):
+        try:
+            names = ("flexible", "rigid")
+            return compare_responses(about.result.response, about.rigid, main, known.case.speed / RPM, names), []
+        except InputError as refusal:
+            why = str(refusal)
+    return None, [f"Not in this report: the comparison with a rigid train; {why}"]
 
 
 def _motion_image(runs: Runs, main: str) -> Picture | None:
-    moved = {name: pair for name, pair in runs.items() if len(pair[0].time) and main in scalar_probes(pair[0].outline)}
-    if not moved:
+    own = {name: one for name, (one, _) in runs.items() if len(one.time) and main in scalar_probes(one.outline)}
+    if not own:
         return None
-    own = {name: one for name, (one, _) in moved.items()}
-    rigid = {name: one for name, (_, one) in moved.items() if one is not None}
+    rigid = {name: one for name, (_, one) in runs.items() if name in own and one is not None}
     forces = plotting.histories.contact_forces(next(iter(own.values())))
     common = [name for name in forces if all(name in one.channels for one in own.values())]
     figure = plotting.histories.motion_figure(own, main, common[:1], rigid=rigid)

@@ -6,9 +6,8 @@ import json
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from textwrap import fill
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.table import Table
@@ -23,7 +22,7 @@ from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
 from flexcam.core.units import RPM, format_quantity, shaft_name, shaft_speed, to_display_unit
-from flexcam.dynamics import Response, Stats, active_dofs_of
+from flexcam.dynamics import Response, active_dofs_of
 from flexcam.dynamics.memory import ExtremesSink
 from flexcam.fem.frames import COMPONENTS, ROTATIONS
 from flexcam.io import Result
@@ -88,6 +87,9 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
         for name, s in model.springs.items()
     }
     free = [modes.words(i).removeprefix("free motion: ") for i in range(modes.modes.rigid)]
+    factor, unit = to_display_unit("m/s^2")
+    weightless = [name for name, part in model.masses.items() if part.at in model.rocker_points]
+    omitted = f"; without masses at points of rockers: {', '.join(weightless)}" if weightless else ""
     rows = [
         ("members", ", ".join(members) or "none"),
         ("elements", str(len(model.mesh.elements()))),
@@ -109,7 +111,7 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
            + (f"at {one.at}" if one.springs is None else f"of {' in '.join(one.springs)}"))
           for n, one in model.friction.items()),
         *((f"load {n}", _load(load)) for n, load in model.loads.items()),
-        *_weight(ready),
+        *([("gravity", f"{_vector(factor * np.array(model.gravity))} {unit}{omitted}")] if any(model.gravity) else []),
         ("speed", ready.case.speed_text),
         ("steps", f"{problem.steps} of {problem.step:.4g} s ({per_revolution:.6g} per revolution)"),
         ("free motions", "; ".join(free) + ", contacts open" if free else "none"),
@@ -120,18 +122,19 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
     return facts_table(ready.case.title, rows)
 
 
-def spring_curve_rows(spring: Spring) -> list[tuple[float, float, float, list[float]]]:
+def spring_curve_rows(spring: Spring) -> list[dict[str, Any]]:
     """Return the static curve of a spring from the installed length to coil bind, at its corners.
 
-    A row has travel, m, force, N, stiffness beyond, N/m, and natural frequencies with fixed ends, Hz.
+    The stiffness of a row is that beyond its travel, the natural frequencies are those with fixed ends.
     """
     curve, last = spring_curve(spring), math.inf if spring.clash_travel is None else spring.clash_travel
     corners = sorted({0.0, *(travel for travel in curve.travel[1:-1].tolist() if 0.0 < travel <= last)})
     forces: list[float] = np.interp(corners, curve.travel, curve.force).tolist()
     return [
-        (travel, force, curve.stiffness_at(travel), spring_frequencies(spring, travel).tolist())
+        {"travel_m": travel, "force_n": force, "stiffness_n_per_m": curve.stiffness_at(travel),
+         "frequencies_hz": spring_frequencies(spring, travel).tolist()}
         for travel, force in zip(corners, forces, strict=True)
-    ]
+    ]  # fmt: skip
 
 
 def spring_curve_table(name: str, spring: Spring) -> Table:
@@ -140,10 +143,11 @@ def spring_curve_table(name: str, spring: Spring) -> Table:
     shown: list[int] = np.unique(np.linspace(0, len(rows) - 1, _CURVE_ROWS).round().astype(int)).tolist()
     (length, mm), (load, newton), (rate, per_mm) = map(to_display_unit, ("m", "N", "N/m"))
     head = (f"{mm} beyond installed", f"force {newton}", f"stiffness {per_mm}", "surge Hz, ends fixed")
-    cells = list[list[str]]()
-    for travel, force, stiffness, frequencies in (rows[i] for i in shown):
-        surge = f"{frequencies[0]:.4g}" if frequencies else "no mass"
-        cells.append([f"{length * travel:.4g}", f"{load * force:.1f}", f"{rate * stiffness:.2f}", surge])
+    cells = [
+        (f"{length * row['travel_m']:.4g}", f"{load * row['force_n']:.1f}", f"{rate * row['stiffness_n_per_m']:.2f}",
+         f"{row['frequencies_hz'][0]:.4g}" if row["frequencies_hz"] else "no mass")
+        for row in (rows[i] for i in shown)
+    ]  # fmt: skip
     return plain_table(f"Spring {name}", head, cells)
 
 
@@ -192,16 +196,6 @@ def _contact(model: Model, contact: valvetrain.Contact) -> str:
             return f"{contact.cam} lifts {contact.follower} along {_vector(contact.direction)}"
 
 
-def _weight(ready: PreparedRun) -> list[tuple[str, str]]:
-    model = ready.model
-    if not any(model.gravity):
-        return []
-    factor, unit = to_display_unit("m/s^2")
-    left_out = [name for name, part in model.masses.items() if part.at in model.rocker_points]
-    omitted = f"; without masses at points of rockers: {', '.join(left_out)}" if left_out else ""
-    return [("gravity", f"{_vector(factor * np.array(model.gravity))} {unit}{omitted}")]
-
-
 def _link(model: Model, name: str) -> str:
     first, *others = (model.mesh.node_name(node) for node in model.mesh.links[name].tolist())
     components = model.rigid_links[name]
@@ -213,40 +207,19 @@ def _vector(direction: FloatArray) -> str:
     return "(" + ", ".join(f"{x:.3g}" for x in direction[:3] + 0.0) + ")"
 
 
-def mac_table(likeness: FloatArray) -> Table:
-    """Return a table of the modal assurance criterion."""
-    cells = [["-" if math.isnan(value) else f"{value:.2f}" for value in row] for row in likeness.tolist()]
-    rows = [(str(i), *row) for i, row in enumerate(cells, start=1)]
-    return plain_table("Modal assurance criterion", ("here / there", *map(str, range(1, likeness.shape[1] + 1))), rows)
-
-
-def describe_mac(likeness: FloatArray, nodes: int) -> str:
-    """Return a sentence with the number of nodes used to compare shapes."""
-    few = nodes < max(likeness.shape)
-    doubt = "; that is fewer than modes: refine both meshes in the same places" if few else ""
-    unmoved = " -: a mode that moves none of them; points of rockers and springs are not compared."
-    rest = unmoved if np.isnan(likeness).any() else ""
-    return f"Compared at {nodes} moving node{'s' * (nodes != 1)} that both models have{doubt}.{rest}"
-
-
 def mode_table(modes: ModelModes, title: str = "Modes, contacts open", turns: float = 1.0) -> Table:
     """Return the table of frequencies, effective masses and descriptions of modes."""
     factor, unit = to_display_unit("kg")
     effective = factor * modes.effective[:, :3]
     places = count_decimals(float(np.abs(effective).max(initial=0.0)), 4)
-    made = plain_table(title, ("no.", "Hz", f"{shaft_name(turns)} rpm", *(f"u{axis} {unit}" for axis in "xyz")), ())
-    made.add_column("what moves (share of the kinetic energy)", justify="left")
-    for i, frequency in enumerate(modes.modes.frequencies):
-        masses = [format_decimals(mass, places) for mass in effective[i]]
-        made.add_row(str(i + 1), f"{frequency:.2f}", f"{60.0 * turns * frequency:.0f}", *masses, modes.words(i))
-    return made
-
-
-def describe_modes(modes: ModelModes) -> str:
-    """Return sentences about the columns of the table of modes, and how scalars count modes."""
-    unit, first = to_display_unit("kg")[1], modes.modes.rigid + 1
-    words = f"ux, uy, uz {unit}: effective mass of the mode for base excitation along x, y, z."
-    return f"{words} The scalar frequency.1 is that of no. {first}, the first mode above zero." if first > 1 else words
+    rows = [
+        (str(i + 1), f"{frequency:.2f}", f"{60.0 * turns * frequency:.0f}",
+         *(format_decimals(mass, places) for mass in effective[i]), modes.words(i))
+        for i, frequency in enumerate(modes.modes.frequencies)
+    ]  # fmt: skip
+    axes = (f"u{axis} {unit}" for axis in "xyz")
+    head = ("no.", "Hz", f"{shaft_name(turns)} rpm", *axes, "what moves (share of the kinetic energy)")
+    return plain_table(title, head, rows)
 
 
 def comparison_table(comparison: Comparison, turns: float = 1.0) -> Table:
@@ -256,27 +229,14 @@ def comparison_table(comparison: Comparison, turns: float = 1.0) -> Table:
     for one in comparison.deviations:
         unit, scale = units[one.quantity]
         figures = [f"{scale * v:.4g}" for v in (one.rigid_peak, one.flexible_peak, one.peak, one.rms)]
-        rows.append((f"{one.quantity}, {unit}", *figures, _format_fraction(one.relative_peak), f"{one.angle_deg:.1f}"))
+        part = one.relative_peak
+        share = format_decimals(part, 3) if part >= _MIN_FRACTION else f"{remove_noise(part, 1.0):.2g}"
+        rows.append((f"{one.quantity}, {unit}", *figures, share, f"{one.angle_deg:.1f}"))
     one, other = comparison.names
     head = ("", f"{other} peak", f"{one} peak", "peak deviation", "rms deviation", f"deviation / {other}", "at cam deg")
     speed = shaft_speed(comparison.speed_rpm * RPM, turns)
     title = "Flexible" if one == "flexible" else one
     return plain_table(f"{title} against {other} at {comparison.probe}, {speed}", head, rows)
-
-
-def comparison_json(comparison: Comparison) -> dict[str, object]:
-    """Return a comparison for ``--json``."""
-    return {
-        "status": comparison.status.cause, "probe": comparison.probe, "speed_rpm": comparison.speed_rpm,
-        "peak_deviation": comparison.peak_deviation, "rms_deviation": comparison.rms_deviation,
-        "peak_acceleration_ratio": comparison.peak_acceleration_ratio,
-        "deviations": [{**asdict(one), "of_rigid": one.relative_peak} for one in comparison.deviations],
-    }  # fmt: skip
-
-
-def _format_fraction(value: float) -> str:
-    """Format a fraction with enough decimals for values of about a thousandth."""
-    return format_decimals(value, 3) if value >= _MIN_FRACTION else f"{remove_noise(value, 1.0):.2g}"
 
 
 def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[str]:
@@ -311,12 +271,8 @@ def run_table(case: Case, extremes: ExtremesSink) -> Table:
             own = float(np.abs(shown).max())
             places = 4 if own >= _FOUR_DECIMAL_AMPLITUDE else count_decimals(own, 4)
             rows.append((name, *(f"{format_decimals(float(one), places)} {unit}" for one in shown)))
-    title = f"{case.title}, {case.speed_text}"
-    return plain_table(
-        title,
-        ("probe", "min", "max"),
-        rows or [("no steps were completed" if not extremes.steps else "no probe moves", "", "")],
-    )
+    nothing = "no probe moves" if extremes.steps else "no steps were completed"
+    return plain_table(f"{case.title}, {case.speed_text}", ("probe", "min", "max"), rows or [(nothing, "", "")])
 
 
 def metrics_table(model: Model | None, figures: Sequence[Metric]) -> Table:
@@ -392,12 +348,12 @@ def _range_text(parts: list[tuple[float, str, str]]) -> str:
 
 def strength_table(members: Mapping[str, valvetrain.MemberStrength], instants: int) -> Table:
     """Return the table of the maximum stresses of every member at the saved instants."""
-    rows: list[tuple[str, ...]] = []
     factor, unit = to_display_unit("Pa")
-    for name, one in members.items():
-        stresses = (f"{factor * value:.4g}" for value in (one.von_mises, one.mean, one.alternating))
-        safety = f"{one.safety:.3g}" if one.safety else "unlimited" if one.rated else "no strength given"
-        rows.append((name, *stresses, safety, one.place))
+    rows = [
+        (name, *(f"{factor * value:.4g}" for value in (one.von_mises, one.mean, one.alternating)),
+         f"{one.safety:.3g}" if one.safety else "unlimited" if one.rated else "no strength given", one.place)
+        for name, one in members.items()
+    ]  # fmt: skip
     head = (f"stress, {unit}", "von Mises", "mean", "alternating", "fatigue safety", "at")
     return plain_table(f"Stresses at {instants} saved instant{'s' * (instants != 1)}", head, rows)
 
@@ -411,13 +367,6 @@ def describe_dofs(response: Response) -> str:
     count = f"{every} unknowns" + (rest if integrated != every else "")
     method = f", {response.stats.integrator}" if response.stats.integrator else ""
     return count + method + _ENGINES.get(response.stats.engine, "")
-
-
-def stats_json(stats: Stats) -> dict[str, object]:
-    """Return the known statistics of a run for JSON."""
-    if stats.is_complete:
-        return asdict(stats)
-    return {"steps": stats.steps, "size": stats.size} if stats.size else {"steps": stats.steps}
 
 
 def info_table(result: Result) -> Table:
@@ -442,23 +391,6 @@ def info_table(result: Result) -> Table:
         ("overrides", ", ".join(json.loads(result.about["overrides"])) or "none"),
     ]
     return facts_table("Result", rows)
-
-
-def limits_json(found: Limits, margins: Margins, scale: float) -> dict[str, object]:
-    """Return the speed limits of a train for ``--json``."""
-    from flexcam.analysis.limits import LIMITS
-
-    width = max(one.tolerance_rpm for one in found.limits.values())
-    rpm = {name: one.rpm for name, one in found.limits.items()}
-    met = {f"{name}_rpm": None if (at := rpm.get(name)) is None else scale * at for name in (*LIMITS, *rpm)}
-    lasting = {f"{name}_lasting_rpm": one.lasting_rpm and scale * one.lasting_rpm for name, one in found.limits.items()}
-    return {
-        **met, **lasting, "first": found.first, "shaft": shaft_name(scale),
-        "tolerance_rpm": None if math.isinf(width) else scale * width,
-        "rigid_loss_of_contact_rpm": None if margins.rigid_rpm is None else scale * margins.rigid_rpm,
-        "spring_margin": margins.spring_margin, "buckling_margins": dict(margins.buckling_margins),
-        "lowest_rpm": scale * found.lowest_rpm, "highest_rpm": scale * found.highest_rpm,
-    }  # fmt: skip
 
 
 def _limit_speed(one: Limit, rpm: float | None, scale: float, high: float) -> str:

@@ -46,11 +46,6 @@ def count_decimals(largest: float, usual: int) -> int:
     return usual if largest < ROUNDING else max(usual, 3 - math.floor(math.log10(largest)))
 
 
-def format_degrees(angle: float) -> str:
-    """Return an angle in degrees; rounding noise gives zero."""
-    return f"{0.0 if abs(angle) < ROUNDING else math.degrees(angle):.4g}"
-
-
 def make_unique(names: Sequence[str], beside: Sequence[str]) -> list[str]:
     """Make names unique: unchanged, with an additional text, or with a number."""
     if len(set(names)) == len(names):
@@ -159,7 +154,7 @@ def show_count(total: int | None, what: str) -> Generator[Callable[[int], None]]
         yield advance
 
 
-def create_table(title: str) -> Table:
+def _create_table(title: str) -> Table:
     """Return a table without lines, at least as wide as its title."""
     gap = (0, _GAP, 0, 0)
     made = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=gap)
@@ -169,7 +164,7 @@ def create_table(title: str) -> Table:
 
 def plain_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str | float]]) -> Table:
     """Return a plain table of texts and numbers with the first column aligned left and numbers aligned right."""
-    made = create_table(title)
+    made = _create_table(title)
     cells = [[cell if isinstance(cell, str) else format_number(cell) for cell in row] for row in rows]
     longest = [max((len(row[i]) for row in cells), default=0) for i in range(len(columns))]
     heads, most = list(columns), result_console().width
@@ -206,10 +201,8 @@ def _widths(heads: Sequence[str], longest: Sequence[int], most: int) -> tuple[li
 
 def facts_table(title: str, rows: Iterable[tuple[str, str]]) -> Table:
     """Return a table of names and values."""
-    made = create_table(title)
+    made = _create_table(title)
     made.show_header = False
-    made.add_column()
-    made.add_column()
-    for name, text in rows:
-        made.add_row(name, text)
+    for row in rows:
+        made.add_row(*row)
     return made

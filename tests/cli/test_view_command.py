@@ -113,7 +113,7 @@ def test_the_angle_is_counted_within_its_revolution(first, told):
 @pytest.mark.usefixtures("drawing")
 def test_colours_of_a_still_span_its_own_values():
     """A movie keeps the range of the whole motion; the scale of an image ends at the maximum of its instant."""
-    from flexcam.plotting.solid_view import MechanismView
+    from flexcam.plotting.rendering import MechanismView
 
     structure = build_structure(build_model(read_case(INTAKE)))
     motion = case_motion(structure, 100.0, "displacement", count=36)
@@ -313,7 +313,7 @@ from flexcam.plotting.scene.mechanism import build_mechanism
 from flexcam.valvetrain import build_structure
 from flexcam.plotting.rendering import select_renderer
 select_renderer(off_screen=False)
-from flexcam.plotting.solid_view import MechanismView
+from flexcam.plotting.rendering import MechanismView
 structure = build_structure(build_model(read_case(sys.argv[1])))
 motion = case_motion(structure, 100.0)
 stage = MechanismView(build_mechanism(structure), motion, off_screen=False, size=(400, 300), title=sys.argv[3])

@@ -23,7 +23,7 @@ from flexcam.plotting.scene.motion import (
     rotation_matrices,
     sweep_outline,
 )
-from flexcam.plotting.scene.parts import CamFrame, CoilSizes, coil_solid, lobe_solid
+from flexcam.plotting.scene.parts import CamPlacement, CoilSizes, coil_solid, lobe_solid
 from flexcam.plotting.scene.solids import (
     CIRCLE_POINTS,
     Solid,
@@ -42,6 +42,9 @@ ROOT = Path(__file__).parents[2]
 STEEL = Material(E=207e9, nu=0.29, density=7800.0)
 FACETS = CIRCLE_POINTS / math.pi * math.sin(math.pi / CIRCLE_POINTS) * math.cos(math.pi / CIRCLE_POINTS)
 """Area of the polygon of a circle by that of the circle: what facets take of a volume, exactly."""
+
+NO_TRAIN = (0, None, 0.0, 0.0)
+"""Node, contact and sizes of a cam that is drawn alone."""
 
 
 def volume(solid):
@@ -154,7 +157,7 @@ def test_a_lobe_is_the_profile(follower, cam_turn):
     """Points of the solid are those of the profile at the same angles, and none lies inside the follower."""
     lift, axis = np.array([0.0, 0.6, 0.8]), np.array([-1.0, 0.0, 0.0])
     profile = cam_profile(EVENT, follower, count=360, turn=cam_turn)
-    frame = CamFrame(profile, np.zeros(3), lift, axis, 0.012)
+    frame = CamPlacement(profile, np.zeros(3), lift, axis, 0.012, *NO_TRAIN)
     for angle in (0.0, 1.0, 2.3, 4.0):
         solid = lobe_solid(frame, angle, np.zeros(6))
         assert is_closed(solid)
@@ -176,7 +179,7 @@ def test_a_lobe_is_the_profile(follower, cam_turn):
 @pytest.mark.parametrize("follower", FOLLOWERS)
 def test_a_cam_turns_in_the_sense_of_its_axis(follower):
     axis = np.array([0.0, 0.0, 1.0])
-    frame = CamFrame(cam_profile(EVENT, follower), np.zeros(3), np.array([0.0, 1.0, 0.0]), axis, 0.01)
+    frame = CamPlacement(cam_profile(EVENT, follower), np.zeros(3), np.array([0.0, 1.0, 0.0]), axis, 0.01, *NO_TRAIN)
     contours = (frame.contour(angle) for angle in (0.2, 0.2 + 1e-6))
     before, after = (np.column_stack([one.real, one.imag]) @ frame.plane for one in contours)
     turned = np.cross(before, after) @ axis
@@ -186,7 +189,7 @@ def test_a_cam_turns_in_the_sense_of_its_axis(follower):
 def test_a_follower_begins_to_move_along_the_lift():
     for follower in FOLLOWERS:
         lift, axis = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])
-        frame = CamFrame(cam_profile(EVENT, follower), np.zeros(3), lift, axis, 0.01)
+        frame = CamPlacement(cam_profile(EVENT, follower), np.zeros(3), lift, axis, 0.01, *NO_TRAIN)
         step = (frame.contact_end(1e-7) - frame.contact_end(0.0)) / 1e-7
         assert abs(step - 1j) < 1e-5
 

@@ -202,14 +202,10 @@ class Mechanism:
         return lift * (np.sign(lift[np.argmax(np.abs(lift))]) or 1.0)
 
     @property
-    def axis(self) -> FloatArray:
-        """Unit vector of the camshaft, or one perpendicular to `upwards` without a camshaft, shape (3,)."""
-        return self.cams[0].axis if self.cams else perpendicular_axes(self.upwards)[1]
-
-    @property
     def view(self) -> FloatArray:
         """Directions to the right, up and to the observer of a picture of lobes and train, shape (3, 3)."""
-        axis, up = self.axis, self.upwards
+        up = self.upwards
+        axis = self.cams[0].axis if self.cams else perpendicular_axes(up)[1]
         ahead = unit_vector(0.85 * axis + 0.55 * np.cross(up, axis) + 0.3 * up)
         right = unit_vector(np.cross(up, ahead))
         return np.array([right, np.cross(ahead, right), ahead])

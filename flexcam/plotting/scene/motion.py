@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from flexcam.case.case import Case
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import InputError, refuse, suggest_name
+from flexcam.core.units import to_display_unit
 from flexcam.dynamics import SERIES, CamMotion, Response
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.frames import ROTATIONS
@@ -67,18 +68,15 @@ def centre_line(
     beams: Beams, elements: slice, nodes: FloatArray, nodal: FloatArray, parts: int = SEGMENTS_PER_ELEMENT
 ) -> CentreLine:
     """Return the deformed centre line of a chain of elements."""
-    ends, triads = beams.nodes[elements], beams.triads[elements]
+    ends = beams.nodes[elements]
     bent = deflection(beams, nodal, parts, elements)
     moved, rotated = np.hsplit(np.concatenate([bent[:, :-1].reshape(-1, 6), bent[-1, -1:]]), 2)
-    x = np.arange(parts) / parts
-    own = np.append(np.repeat(np.arange(len(ends)), parts), len(ends) - 1)
-    part = np.append((np.arange(len(ends))[:, None] + x).ravel(), len(ends))
-    along = (part - own)[:, None]
-    start, end = nodes[ends[own, 0]], nodes[ends[own, 1]]
-    straight = (1.0 - along) * start + along * end
-    back = triads[own]
-    points = straight + np.einsum("ni,nij->nj", moved, back)
-    axes = back @ rotation_matrices(np.einsum("ni,nij->nj", rotated, back))
+    part = np.arange(len(ends) * parts + 1) / parts
+    own = np.minimum(part.astype(np.intp), len(ends) - 1)
+    along, triads = (part - own)[:, None], beams.triads[elements][own]
+    straight = (1.0 - along) * nodes[ends[own, 0]] + along * nodes[ends[own, 1]]
+    points = straight + np.einsum("ni,nij->nj", moved, triads)
+    axes = triads @ rotation_matrices(np.einsum("ni,nij->nj", rotated, triads))
     return CentreLine(points, axes, part)
 
 
@@ -132,12 +130,12 @@ class Motion:
 
     def words(self, i: int, title: str, scale: float) -> str:
         """Return the title, the cam angle of an instant within its revolution, and the scale of the elastic part."""
-        lines = [title] if title else []
+        angle = ""
         if np.ptp(self.angle) > 0.0:
             turns = math.floor(float(self.angle[0]) / math.tau + 1e-9)
-            text = f"cam angle {math.degrees(float(self.angle[i])) - 360.0 * turns:.1f} deg"
-            lines.append(f"{text} of the last revolution" if turns else text)
-        return "\n".join([*lines, *([f"elastic part x {scale:g}"] if scale != 1.0 else [])])
+            angle = f"cam angle {math.degrees(float(self.angle[i])) - 360.0 * turns:.1f} deg"
+            angle += " of the last revolution" if turns else ""
+        return "\n".join(filter(None, [title, angle, f"elastic part x {scale:g}" if scale != 1.0 else ""]))
 
     def nearest(self, angle: float) -> int:
         """Return the index of the instant nearest to a cam angle (rad, modulo a revolution), the last of equal ones."""
@@ -240,12 +238,8 @@ def _member_translations(structure: Structure, unknowns: FloatArray) -> FloatArr
     return structure.dofs.nodal(unknowns)[:, points, :3]
 
 
-_DISPLAY_UNITS = {"Pa": ("MPa", 1e-6), "m": ("mm", 1e3)}  # display units, and their number per SI unit
-
-
 def _coloured(motion: Motion, values: FloatArray, colour: str) -> Motion:
     """Return the motion with the values of a field, or the lengths of its vectors, in display units."""
-    si = FIELDS[colour][0]
-    unit, factor = _DISPLAY_UNITS.get(si, (si, 1.0))
+    factor, unit = to_display_unit(FIELDS[colour][0])
     sizes = values if values.ndim == 2 else np.linalg.norm(values, axis=-1)
     return replace(motion, values=factor * sizes, label=f"{colour.replace('_', ' ')}\n{unit}")

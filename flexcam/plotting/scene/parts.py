@@ -25,14 +25,18 @@ def in_space(point: complex, plane: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False)
-class CamFrame:
-    """Plane of a cam in space, in which cam and follower are drawn."""
+class CamPlacement:
+    """Cam and follower with their positions; they are drawn in a plane in space."""
 
     profile: CamProfile  # cam profile in its own coordinates
     centre: FloatArray  # centre of the cam at rest, m, shape (3,)
     lift: FloatArray  # unit vector along which the follower initially moves, shape (3,)
     axis: FloatArray  # unit vector of rotation, shape (3,)
     width: float
+    node: int  # index of its node
+    contact: CamPair  # contact with the follower
+    ahead: float  # distance along the lift from the cam centre to the follower node, m; zero for a finger follower
+    face: float  # radius of a flat face, m
 
     @property
     def plane(self) -> FloatArray:
@@ -69,23 +73,10 @@ class CamFrame:
         return points if area > 0.0 else points[::-1]
 
 
-def lobe_solid(frame: CamFrame, angle: float, moved: FloatArray) -> Solid:
+def lobe_solid(frame: CamPlacement, angle: float, moved: FloatArray) -> Solid:
     """Return the solid of a lobe."""
-    outline = frame.contour(angle)
     plane = frame.plane @ rotation_matrices(moved[None, 3:])[0]
-    return solids.prism(
-        "lobe", np.column_stack([outline.real, outline.imag]), plane, frame.centre + moved[:3], frame.width
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class CamPlacement(CamFrame):
-    """Cam and follower with their positions."""
-
-    node: int  # index of its node
-    contact: CamPair  # contact with the follower
-    ahead: float  # distance along the lift from the cam centre to the follower node, m; zero for a finger follower
-    face: float  # radius of a flat face, m
+    return solids.prism("lobe", solids.plane_points(frame.contour(angle)), plane, frame.centre + moved[:3], frame.width)
 
 
 def follower_solids(place: CamPlacement, instant: SceneState) -> list[Solid]:
@@ -94,7 +85,7 @@ def follower_solids(place: CamPlacement, instant: SceneState) -> list[Solid]:
     A flat face is a disc on the cam, with a neck to the node if that is farther away.
     """
     moved = instant.at(place.contact.follower, place.lift)
-    if not np.isinf(place.follower.roller_radius):
+    if math.isfinite(place.follower.roller_radius):
         return _roller(place, moved, instant)
     base, radius = place.follower.base_radius, place.face
     face = place.centre + base * place.lift + moved
@@ -285,7 +276,8 @@ def is_bearing(model: Model, spring: Spring) -> bool:
     return any(node in model.mesh.lines[name] for name in shaft_names(model))
 
 
-_TEETH = 20
+# Outline of a drive wheel of 20 teeth and of radius 1, in the complex plane
+_WHEEL = np.tile([1.0, 1.0, 0.9, 0.9], 20) * np.exp(2j * math.pi * np.arange(80) / 80)
 
 
 def support_solids(model: Model, cams: Sequence[CamPlacement], instant: SceneState) -> Iterator[Solid]:
@@ -301,12 +293,12 @@ def support_solids(model: Model, cams: Sequence[CamPlacement], instant: SceneSta
         for place, node in enumerate(line.tolist()):
             before, after = max(place - 1, 0), min(place + 1, len(line) - 1)
             axis = solids.unit_vector(model.mesh.nodes[line[after]] - model.mesh.nodes[line[before]])
-            where, kept = model.mesh.nodes[node], held[node]
+            where, kept, plane = model.mesh.nodes[node], held[node], np.array(solids.perpendicular_axes(axis))
             driven = name in turning and float(np.abs(kept[3:] * axis).max()) > 0.5
             if driven:
                 sense = float(np.sign(cams[0].axis @ axis)) if cams else 1.0
-                yield replace(_wheel(where, axis, 2.4 * radius, sense * instant.angle), name=name)
-            plane = np.array(solids.perpendicular_axes(axis))
+                teeth = solids.plane_points(_WHEEL * np.exp(1j * sense * instant.angle))
+                yield replace(solids.prism("drive", 2.4 * radius * teeth, plane, where, 0.84 * radius), name=name)
             across = np.abs(plane)[:, ~kept[:3]]  # free translations perpendicular to the axis
             if kept.all():
                 corners = 2.0 * radius * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
@@ -315,12 +307,3 @@ def support_solids(model: Model, cams: Sequence[CamPlacement], instant: SceneSta
                 yield replace(
                     solids.ring("bearing", where, axis, (1.02 * radius, 1.6 * radius), 1.1 * radius), name=name
                 )
-
-
-def _wheel(where: FloatArray, axis: FloatArray, radius: float, angle: float) -> Solid:
-    first, second = solids.perpendicular_axes(axis)
-    teeth = np.where(np.arange(4 * _TEETH) % 4 < 2, 1.0, 0.9)[:, None] * solids.circle(radius, 4 * _TEETH)
-    c, s = np.cos(angle), np.sin(angle)
-    return solids.prism(
-        "drive", teeth, np.array([c * first + s * second, c * second - s * first]), where, 0.35 * radius
-    )

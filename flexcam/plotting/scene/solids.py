@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from flexcam.core import FloatArray, IntArray
+from flexcam.core import ComplexArray, FloatArray, IntArray
 from flexcam.fem.frames import default_orientation
 from flexcam.fem.sections import Section, Taper
 
@@ -67,8 +67,12 @@ CIRCLE_POINTS = 32  # points of a circle: a round bar then has 99.4 % of its vol
 
 def circle(radius: float, count: int = CIRCLE_POINTS) -> FloatArray:
     """Return points of a circle about the origin, counterclockwise."""
-    turn = 2.0 * math.pi * np.arange(count) / count
-    return radius * np.column_stack([np.cos(turn), np.sin(turn)])
+    return radius * plane_points(np.exp(2j * math.pi * np.arange(count) / count))
+
+
+def plane_points(outline: ComplexArray) -> FloatArray:
+    """Return points of the complex plane as pairs of numbers."""
+    return np.column_stack([outline.real, outline.imag])
 
 
 def section_outlines(section: Section) -> list[FloatArray]:
@@ -98,8 +102,7 @@ def capsule(start: complex, end: complex, radii: tuple[float, float]) -> FloatAr
     about = span / abs(span)
     near = start + radii[0] * about * np.exp(1j * np.linspace(open_by, 2.0 * math.pi - open_by, half))
     far = end + radii[1] * about * np.exp(1j * np.linspace(-open_by, open_by, half))
-    outline = np.concatenate([near, far])
-    return np.column_stack([outline.real, outline.imag])
+    return plane_points(np.concatenate([near, far]))
 
 
 def unit_vector(vector: FloatArray) -> FloatArray:
@@ -115,11 +118,12 @@ def perpendicular_axes(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
     return first, np.cross(axis, first)
 
 
-def revolve(kind: str, centre: FloatArray, axis: FloatArray, profile: Sequence[tuple[float, float]]) -> Solid:
-    """Return a body of revolution."""
-    first, second = perpendicular_axes(axis)
-    ring = circle(1.0) @ np.array([first, second])
-    return loft(kind, np.array([centre + x * axis + radius * ring for x, radius in profile]))
+def revolve(
+    kind: str, centre: FloatArray, axis: FloatArray, profile: Sequence[tuple[float, float]], *, cyclic: bool = False
+) -> Solid:
+    """Return a body of revolution; a cyclic profile is closed."""
+    ring = circle(1.0) @ np.array(perpendicular_axes(axis))
+    return loft(kind, np.array([centre + x * axis + radius * ring for x, radius in profile]), cyclic=cyclic)
 
 
 def cylinder(kind: str, start: FloatArray, end: FloatArray, radius: float) -> Solid:
@@ -131,22 +135,18 @@ def cylinder(kind: str, start: FloatArray, end: FloatArray, radius: float) -> So
 
 def ring(kind: str, centre: FloatArray, axis: FloatArray, radii: tuple[float, float], width: float) -> Solid:
     """Return a ring of rectangular cross-section."""
-    first, second = perpendicular_axes(axis)
-    spokes = circle(1.0) @ np.array([first, second])
-    inner, outer = radii
-    corners = [(inner, -0.5), (inner, 0.5), (outer, 0.5), (outer, -0.5)]
-    return loft(kind, np.array([[centre + r * spoke + x * width * axis for r, x in corners] for spoke in spokes]),
-                cyclic=True)  # fmt: skip
+    (inner, outer), half = radii, 0.5 * width
+    corners = [(-half, outer), (half, outer), (half, inner), (-half, inner)]
+    return revolve(kind, centre, axis, corners, cyclic=True)
 
 
 def ball(kind: str, centre: FloatArray, radius: float) -> Solid:
     """Return a sphere."""
-    tilt = np.linspace(0.05, math.pi - 0.05, 17)
-    pairs = zip((-radius * np.cos(tilt)).tolist(), (radius * np.sin(tilt)).tolist(), strict=True)
-    return revolve(kind, centre, np.array([0.0, 1.0, 0.0]), list(pairs))
+    profile = [(-radius * math.cos(tilt), radius * math.sin(tilt)) for tilt in np.linspace(0.05, math.pi - 0.05, 17)]
+    return revolve(kind, centre, np.array([0.0, 1.0, 0.0]), profile)
 
 
 def prism(kind: str, outline: FloatArray, plane: FloatArray, centre: FloatArray, width: float) -> Solid:
     """Return an extruded outline."""
-    flat, normal = centre + outline @ plane, np.cross(plane[0], plane[1])
-    return loft(kind, np.array([flat - 0.5 * width * normal, flat + 0.5 * width * normal]))
+    flat, reach = centre + outline @ plane, 0.5 * width * np.cross(plane[0], plane[1])
+    return loft(kind, np.array([flat - reach, flat + reach]))
