@@ -82,7 +82,7 @@ def _check_instability(case: Case, probe: str) -> Claim:
     With ``r = W/w`` it deviates from the lift by ``r^2/(1 - r^2) (cos w t - cos W t)/2``: the difference of two
     cosines of nearly equal frequency is a beat, bounded if r is not 1.
     """
-    rpm, (_, mode) = 4000.0, excited_mode(case.at_speed(4000.0 * RPM))
+    rpm, mode = 4000.0, 60.0 * excited_mode(case.at_speed(4000.0 * RPM))
     early, late = (deviation(case.at_speed(rpm * RPM, revolutions=n), probe).peak_deviation for n in (2.0, 4.0))
     multipliers = floquet(prepare(case.at_speed(rpm * RPM, revolutions=1.0)).problem)
     ratio = (rpm / mode) ** 2
@@ -96,13 +96,12 @@ def _check_instability(case: Case, probe: str) -> Claim:
                  f"returns to zero")  # fmt: skip
 
 
-def excited_mode(case: Case) -> tuple[float, float]:
-    """Return the mode nearest to the cam speed among those excited by the contact force."""
+def excited_mode(case: Case) -> float:
+    """Return the frequency, Hz, of the mode nearest to the cam speed among those excited by the contact force."""
     structure = build_structure(build_model(case))
     found = model_modes(structure).modes
     contact = next(iter(structure.model.cam_contacts.values()))
     push = structure.row(contact.follower, contact.direction)
     driven = abs(push @ found.shapes)
     loaded = [f for f, part in zip(found.frequencies, driven, strict=True) if f > 0.0 and part > 1e-3 * driven.max()]
-    nearest = min(loaded, key=lambda f: abs(math.log(f * 2.0 * math.pi / case.speed)))
-    return float(nearest), float(nearest) * 60.0
+    return float(min(loaded, key=lambda f: abs(math.log(f * 2.0 * math.pi / case.speed))))

@@ -79,7 +79,7 @@ def compare(
     at = probe or scalar_probe(prepare(read))
     found = deviation(read, at)
     published = any(contact.model == "published-load" for contact in read.record.contacts.values())
-    mode_hz = excited_mode(read)[0] if published else None
+    mode_hz = excited_mode(read) if published else None
     claims = check_claims(read, at, found) if read.record.paper and found.status.ok else []
     json = {**_comparison_json(found), "loaded_mode_hz": mode_hz, "claims": claims}
     parts = [comparison_table(found, read.turns), *describe_comparison(found, mode_hz), *describe_contacts(read)]

@@ -18,10 +18,11 @@ from flexcam.case.case import Case
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse, suggest_name
 from flexcam.core.units import conversion_factor
-from flexcam.dynamics import SERIES, RunFailedError, SaveAt, Status, component_unit, outline, solve
+from flexcam.dynamics import SERIES, RunFailedError, SaveAt, Status, outline, solve
 from flexcam.io.exports import scalar_probes
 from flexcam.io.files import ABSCISSAS, find_abscissa, read_mdf
 from flexcam.io.number_tables import read_columns
+from flexcam.studies.evaluation import get_history, history_units
 from flexcam.studies.plan import Row
 from flexcam.studies.variables import PointEvaluator
 
@@ -31,8 +32,7 @@ class Curve:
     """Measured history of a channel or of a component of a probe."""
 
     label: str  #: name as in the heading of a file
-    name: str  #: name of the channel or the component
-    series: str  #: ``displacement``, ``velocity`` or ``acceleration``; empty for a channel
+    name: str  #: name of the channel, or of the motion of a probe, such as ``probes.valve.velocity``
     unit: str  #: SI unit
     values: FloatArray  #: measured values, SI, shape (m,); NaN where missing
     noise: float | None = None  #: standard deviation of the noise, SI; estimated from the residuals if None
@@ -49,7 +49,8 @@ class Measurement:
     def simulate(self, case: Case) -> FloatArray:
         """Return the curves of a run at the measured instants, shape (curves, m); angles are of the last revolution."""
         ready = prepare(select_case(case)[0])
-        save = SaveAt(field_every=ready.problem.steps + 1, channels=any(not curve.series for curve in self.curves))
+        channels = any(not curve.name.startswith("probes.") for curve in self.curves)
+        save = SaveAt(field_every=ready.problem.steps + 1, channels=channels)
         response = solve(ready.problem, ready.scheme, save=save)
         if not response.status.ok:
             raise RunFailedError(response.status)
@@ -67,8 +68,7 @@ class Measurement:
             raise refuse("--to", given, f"times of the run, up to {response.time[-1]:g} s", "", "run more revolutions")
         order = np.argsort(times)
         seen = response.at(times[order])
-        found = [getattr(seen[one.name], one.series) if one.series else seen.channels[one.name] for one in self.curves]
-        return np.array(found)[:, np.argsort(order)]
+        return np.array([get_history(seen, curve.name) for curve in self.curves])[:, np.argsort(order)]
 
 
 def read_measurement(path: Path, case: Case, only: Sequence[str] = (), noises: Sequence[str] = ()) -> Measurement:
@@ -106,17 +106,17 @@ _LISTED = 20  # number of results that a message lists
 def _find_curve(case: Case, name: str, where: str) -> Curve:
     """Return a curve without values by its name: a channel, or a component of a probe with its series."""
     named = outline(build_problem(case)[1])
-    units = dict(named.channels)
-    if name in units:
-        return Curve(name, name, "", units[name], np.zeros(0))
-    probes = scalar_probes(named)
+    channels, probes, units = dict(named.channels), scalar_probes(named), history_units(named)
+    if name in channels:
+        return Curve(name, name, units[name], np.zeros(0))
     probe, _, series = name.rpartition(" ") if name.rpartition(" ")[2] in SERIES else (name, "", "displacement")
     if probe not in probes:
-        known = [*(f"{one} {series}" for one in probes), *units]
+        known = [*(f"{one} {series}" for one in probes), *channels]
         near = suggest_name(name, [*probes, *known])
         allowed = ", ".join(known[:_LISTED]) + (f" and {len(known) - _LISTED} more" if len(known) > _LISTED else "")
         raise refuse(where, "a name that is no result of the case", f"one of {allowed}", "", near)
-    return Curve(f"{probe} {series}", probe, series, component_unit(probes[probe], SERIES[series]), np.zeros(0))
+    history = f"probes.{probe}.{series}"
+    return Curve(f"{probe} {series}", history, units[history], np.zeros(0))
 
 
 def curve_row(case: Case, measured: Measurement) -> Row:

@@ -32,7 +32,7 @@ class Known:
 
 
 def measured(values):
-    return Measurement("time", INSTANTS, (Curve("y", "y", "", "N", values),))
+    return Measurement("time", INSTANTS, (Curve("y", "y", "N", values),))
 
 
 def growth(x):

@@ -57,7 +57,7 @@ def fitted(file, measured, *settings, fixed=()):
 
 def noisy(file, overrides, instants, size, random, *, known=False):
     """Return a measurement of the mass's position: that of a run with noise of this size."""
-    curve = Curve("mass.uy displacement", "mass.uy", "displacement", "m", np.zeros(0))
+    curve = Curve("mass.uy displacement", "probes.mass.uy.displacement", "m", np.zeros(0))
     exact = Measurement("time", instants, (curve,)).simulate(file.read(overrides))[0]
     values = exact + size * random.standard_normal(len(exact))
     return Measurement("time", instants, (replace(curve, values=values, noise=size if known else None),))
