@@ -49,6 +49,9 @@ SPACING = 0.05
 
 _LASTING_SPEEDS = 3  # number of speeds above a limit at which its condition is examined again
 
+_NEARBY = -0.007, -0.003, 0.003, 0.007
+"""Relative distances from a limit of further speeds: hopping contacts are chaotic, and a limit then is a range."""
+
 
 @dataclass(frozen=True)
 class Search:
@@ -65,6 +68,7 @@ class Search:
     #: cut-off frequency, Hz, of the contact force for a second verdict on contact loss; None for no such limit
     low_pass: float | None = None
     spacing: float = SPACING  #: relative distance of the speeds evaluated before the bracket is bisected
+    nearby: bool = False  #: whether further speeds near a limit show its uncertainty
 
     def __post_init__(self) -> None:
         positive("lowest", self.lowest, "rad/s")
@@ -94,6 +98,9 @@ class Limit:
     #: met at the last of them
     lasting_rpm: float | None = None
     known: bool = True  #: false if a run failed before the condition was met within the range
+    #: lowest examined speed near the limit that meets the condition and highest one that does not, rpm; None if the
+    #: condition does not come and go
+    scatter_rpm: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -221,7 +228,18 @@ def _bisect_limit(name: str, words: str, search: Search) -> Generator[float, Con
         if failure:
             return Limit(None, width, f"{words}: not known up to the highest speed of the search{failure}", known=False)
         return Limit(None, width, f"not reached up to the highest speed of the search; criterion: {words}")
-    return Limit(high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)}){failure}", lasting)
+    found = Limit(high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)}){failure}", lasting)
+    return replace(found, scatter_rpm=(yield from _scatter(name, low, high))) if search.nearby else found
+
+
+def _scatter(name: str, low: float, high: float) -> Generator[float, ConditionResults, tuple[float, float] | None]:
+    """Return the speeds, rpm, between which a condition comes and goes near a limit; None if it only begins there."""
+    met, unmet = [high], [low]
+    for part in _NEARBY:
+        answers = yield (speed := (1.0 + part) * high)
+        if not isinstance(answers, str):
+            (met if answers[name] else unmet).append(speed)
+    return (min(met) / RPM, max(unmet) / RPM) if min(met) < max(unmet) else None
 
 
 def _lasting_speed(name: str, first: float, search: Search) -> Generator[float, ConditionResults, float | None]:

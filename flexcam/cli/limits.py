@@ -32,9 +32,10 @@ from flexcam.studies.sweep import validate_plan
 from flexcam.studies.variables import InterruptibleRuns, require_units
 
 _LEGEND = (
-    "bracket: the event begins at most this much below the printed speed. persists from: the event also occurs at "
-    "every higher speed examined (up to 15 % above the limit). not persistent: it does not occur at the highest speed "
-    "examined"
+    "A run has six revolutions; an event in any of the last five counts. uncertainty: a range where runs within "
+    "0.7 % of the limit show the event at some speeds and not at others, otherwise the last step of the search. "
+    "persists from: the event also occurs at every higher speed examined (up to 15 % above the limit). not persistent: "
+    "it does not occur at the highest speed examined"
 )
 
 _MAP = Group("Map over two values", sort_key=1)
@@ -68,11 +69,12 @@ def limits(
 ) -> cli.CommandOutput:  # fmt: skip
     """Find the speed limits of a valve train: contact loss, valve float, valve bounce, coil clash, buckling.
 
-    It runs the case at speeds 5 % apart from --lowest to --highest. For each limit it bisects between the first speed
-    at which the event occurs and the speed before. It then checks whether the event also occurs at the next three
-    higher speeds. With --over and --and it maps the limits over two values of the case. Valve float is contact loss
-    over the nose; valve loft is valve lift above that of the rigid train. Speeds are those of the crankshaft if the
-    case gives crank_speed, otherwise those of the camshaft.
+    It runs six revolutions of the case at speeds 5 % apart from --lowest to --highest. For each limit it bisects
+    between the first speed at which the event occurs and the speed before. It then checks whether the event also
+    occurs at the next three of these speeds, and at four speeds within 0.7 % of the limit. With --over and --and it
+    maps the limits over two values of the case. Valve float is contact loss over the nose; valve loft is valve lift
+    above that of the rigid train. Speeds are those of the crankshaft if the case gives crank_speed, otherwise those of
+    the camshaft.
     """
     read = cli.load_beams(case, overrides)
     scale = read.turns
@@ -98,7 +100,7 @@ def limits(
         return _map_limits(case, overrides, (over, beside), names, search, 1 if workers is None else workers)
     count = count_cores() if workers is None else workers
     with show_count(None, "runs") as shown, open_speed_runs(read, search, count) as runs:
-        found = find_limits(read, search, start=runs, ahead=count, advance=shown)
+        found = find_limits(read, replace(search, nearby=True), start=runs, ahead=count, advance=shown)
     margins = compute_margins(read)
     parts: list[Table | str] = [limits_table(found, margins, scale), *check_lobes(build_model(read))]
     if any(one.rpm is not None for one in found.limits.values()):
@@ -109,6 +111,8 @@ def limits(
     json = {
         **{f"{name}_rpm": speed and scale * speed for name, speed in rpm.items()},
         **{f"{name}_lasting_rpm": one.lasting_rpm and scale * one.lasting_rpm for name, one in found.limits.items()},
+        **{f"{name}_scatter_rpm": one.scatter_rpm and [scale * rpm for rpm in one.scatter_rpm]
+           for name, one in found.limits.items()},
         "first": found.first, "shaft": shaft_name(scale),
         "tolerance_rpm": scale * max(one.tolerance_rpm for one in found.limits.values()),  # null if infinite
         "rigid_loss_of_contact_rpm": margins.rigid_rpm and scale * margins.rigid_rpm,

@@ -315,7 +315,9 @@ def additional_content(
 def _add_limits(sentences: list[str], sheets: list[ReportTable], case: Case) -> None:
     scale = case.turns
     try:
-        limits = find_limits(case, Search(0.5 * case.speed, 2.0 * case.speed, _LIMIT_TOLERANCE * case.speed))
+        limits = find_limits(
+            case, Search(0.5 * case.speed, 2.0 * case.speed, _LIMIT_TOLERANCE * case.speed, nearby=True)
+        )
     except InputError as refusal:  # the rest of the page is still valid
         sentences.extend(f"No speed limits: {fault.why or fault.given}." for fault in refusal.faults)
         return

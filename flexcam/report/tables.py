@@ -395,9 +395,17 @@ def info_table(result: Result) -> Table:
 
 def _limit_speed(one: Limit, rpm: float | None, scale: float, high: float) -> str:
     if rpm is not None:
-        below = " or below" if math.isinf(one.tolerance_rpm) and rpm == one.rpm else ""
-        return f"{scale * rpm:.6g}{below}"
+        if math.isinf(one.tolerance_rpm):
+            return f"{scale * rpm:.6g}{' or below' if rpm == one.rpm else ''}"
+        return f"{scale * rpm:.{max(0, -math.floor(math.log10(scale * one.tolerance_rpm)))}f}"
     return f"above {high:.6g}" if one.known else "not known"
+
+
+def _limit_range(limit: Limit, scale: float) -> str:
+    """Return how uncertain a limit is: the range within which the event comes and goes, or the width of the bracket."""
+    if limit.scatter_rpm:
+        return " to ".join(f"{10.0 * round(0.1 * scale * rpm):g}" for rpm in limit.scatter_rpm)
+    return "" if limit.rpm is None or math.isinf(limit.tolerance_rpm) else f"-{scale * limit.tolerance_rpm:.2g}"
 
 
 def limits_table(found: Limits, margins: Margins, scale: float) -> Table:
@@ -406,7 +414,7 @@ def limits_table(found: Limits, margins: Margins, scale: float) -> Table:
     ordered = sorted(found.limits.items(), key=lambda item: item[1].rpm or float("inf"))
     rows = [
         (name.replace("_", " "), _limit_speed(one, one.rpm, scale, high),
-         "" if one.rpm is None or math.isinf(one.tolerance_rpm) else f"{scale * one.tolerance_rpm:.3g}",
+         _limit_range(one, scale),
          _limit_speed(one, one.lasting_rpm, scale, high) if one.lasting_rpm else "not persistent" if one.rpm else "",
          one.words)
         for name, one in ordered
@@ -421,4 +429,4 @@ def limits_table(found: Limits, margins: Margins, scale: float) -> Table:
         words = "static buckling load divided by the compression at full lift"
         rows.append((f"{name}, margin", f"{margin:.3g} (ratio)", "", "", words))
     shaft = shaft_name(scale)
-    return plain_table("Speed limits", ("limit", f"{shaft} rpm", "bracket, rpm", "persists from", "event"), rows)
+    return plain_table("Speed limits", ("limit", f"{shaft} rpm", "uncertainty", "persists from", "event"), rows)

@@ -276,7 +276,8 @@ class StrengthSink:
         for node, axis in shaft_axes(structure.model).items():
             axes[node] = axis
         #: rotation of each element about its axis per cam angle: 1 or -1 of a camshaft, otherwise 0
-        self._turns: FloatArray = np.round((structure.beams.triads[:, 0] * axes[structure.beams.nodes[:, 0]]).sum(axis=1))
+        along = structure.beams.triads[:, 0] * axes[structure.beams.nodes[:, 0]]
+        self._turns: FloatArray = np.round(along.sum(axis=1))
 
     def write(self, block: Block) -> None:
         """Update with a block."""

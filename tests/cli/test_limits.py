@@ -98,6 +98,22 @@ def test_a_low_pass_leaves_chatter_out(one_mass):
         _filtered_contacts(response, ready, 2e5)
 
 
+@pytest.mark.parametrize(
+    ("is_met", "scatter"),
+    [(lambda rpm: rpm > 4000.0, None), (lambda rpm: rpm > 3990.0 and not 4003.0 < rpm < 4020.0, 1)],
+)
+def test_a_condition_that_comes_and_goes_near_a_limit_is_told(one_mass, is_met, scatter):
+    """The examined speeds lie 0.3 and 0.7 % below and above the limit."""
+
+    def begin(speeds):
+        return [lambda speed=speed: {"float": ["k"] * is_met(speed / RPM)} for speed in speeds]
+
+    search = Search(3500.0 * RPM, 4500.0 * RPM, tolerance=0.5 * RPM, nearby=True)
+    limit = find_limits(read_case(one_mass()), search, among=("float",), start=begin).limits["float"]
+    assert limit.scatter_rpm == (scatter and pytest.approx((limit.rpm, 1.007 * limit.rpm), rel=4e-3))
+    assert limit.rpm == pytest.approx(3990.0 if scatter else 4000.0, abs=0.5)
+
+
 @pytest.mark.parametrize("ahead", [1, 3])
 def test_limits_share_their_runs(one_mass, ahead):
     """Two limits run the speeds of both, and none above those that they need but the ones begun ahead."""
