@@ -41,14 +41,16 @@ LawResponse = tuple[float, float, float, float]
 ) = range(13)  # fmt: skip
 """Numbers of the laws."""
 
-TRIAL, PENETRATION, RATE, ANSWER, FREE_PENETRATION, FREE_RATE, OWN, ENERGY, BASE, CHANGE, SENSED, STALE, DEPTH = range(
-    13
-)
+(
+    TRIAL, PENETRATION, RATE, ANSWER, FREE_PENETRATION, FREE_RATE, OWN, ENERGY, BASE, CHANGE, SENSED, STALE, DEPTH,
+    MOVED, MOVING,
+) = range(15)  # fmt: skip
 """Rows of the local scalars: trial force, sensed penetration and rate under it, force of the law, sensed values without
-the forces, square root of the scalar's own compliance, the stored energy, four rows of the iteration, and the
-penetration of the law with the lift of `CamLift`, of its first scalar.
+the forces, square root of the scalar's own compliance, the stored energy, four rows of the iteration, the
+penetration of the law with the lift of `CamLift`, of its first scalar, and changes of penetration and rate that are not
+yet added, in the columns of the compliance.
 """
-LOCAL_ROWS = 13
+LOCAL_ROWS = 15
 
 STATE, BEGIN, NEW_STATE, STATE_RATE, FLOW, ENERGY_BY_STATE, BY_TRAVEL, BY_BEGIN, SPAN = range(9)
 """Rows of the internal states: at the beginning of a step, the penetration there, at its end; the rate at the end, the

@@ -29,9 +29,6 @@ from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.step_state import StepInputs, StepState
 from flexcam.dynamics.system import System
 
-_NO_LISTS = np.zeros(0, dtype=np.intp)
-"""In place of the scalars that forces reach: the compliance is complete."""
-
 
 class NoConvergenceError(ArithmeticError):
     """The iteration for the named local forces did not converge."""
@@ -102,7 +99,7 @@ class ImplicitStage:
         work.states[STATE], work.states[BEGIN] = now.inner, now.penetration[table.owners]
         work.states[SPAN] = self._step
         iterations = forces.functions["solve_local"](
-            table.laws, np.array([0, len(table.laws)]), table.constants, forces.places, _NO_LISTS, self._give,
+            table.laws, np.array([0, len(table.laws)]), table.constants, forces.places, forces.no_reach, self._give,
             schedule.rows, i, 1, 0, self._slope, local, work.tangent, work.states, work.active, work.compliance,
             work.matrix,
         )  # fmt: skip

@@ -7,7 +7,8 @@ Arrays, a row per quantity: `state` holds q, v, a, the forces on the modes and w
 stiffness and the coefficients of a step. `answers` the response to each acting vector; `vectors` the sensing vectors
 and then the acting ones; `given` a row per step of loads and prescribed inputs. `runs`, `answer_runs` and `mode_runs`
 list the runs of nonzero entries of vectors, answers and rows of coupled modes. Their entries b and b + 1 are the places
-in the array itself where the pairs of row b (first entry and end of a run) begin and end.
+in the array itself where the pairs of row b (first entry and end of a run) begin and end. They are unsigned: an index
+that cannot be negative needs no check, so that the compiler vectorizes the loops over runs.
 """
 # Elements of arrays are numbers to the compiler and arrays to the type checker.
 # pyright: reportArgumentType=false, reportAssignmentType=false, reportReturnType=false
@@ -35,7 +36,7 @@ from flexcam.dynamics.force_laws import (
     TRIAL,
 )
 from flexcam.dynamics.generalized_alpha import predict
-from flexcam.dynamics.local_newton import FUNCTIONS_OF_NEWTON, solve_local
+from flexcam.dynamics.local_newton import FUNCTIONS_OF_NEWTON, SCALAR, fill_compliance, solve_local
 from flexcam.dynamics.massless import massless_rates
 
 DONE, SWITCHED, UNSETTLED, TOO_LONG = 0, 1, 2, 3
@@ -108,7 +109,7 @@ def predict_modes(
         for i in range(n):
             state[PUSH, i] -= dot(coupled[i], state[ACCELERATION], mode_runs, i)
         for i in range(n):
-            state[ACCELERATION, i] = dot(inverse[i], state[PUSH], mode_runs, i)
+            state[ACCELERATION, i] = dot(inverse[0, 0, i], state[PUSH], mode_runs, i)
     to_d, to_v = scheme[BETA] * h * h, scheme[GAMMA] * h
     for i in range(n):
         state[Q_TRIAL, i] = state[Q_FREE, i] + to_d * state[ACCELERATION, i]
@@ -134,12 +135,14 @@ def find_forces(
             rate += given[k, sense_at + b] * on_v + given[k, sense_at + senses + b] * on_d
         local[FREE_PENETRATION, i], local[FREE_RATE, i] = penetration, rate
         local[TRIAL, i], local[BASE, i] = forces[LAST_FORCE, i] + forces[TREND, i], forces[LAST_FORCE, i]
-    for at in range(len(varying)):
-        i = varying[at]
-        local[OWN, i] = -1.0
-        for entry in range(reach[i], reach[i + 1]):
-            j = reach[entry]
-            W[0, i, j], W[0, j, i] = math.nan, math.nan
+    for v in range(len(varying)):
+        i = varying[v]
+        local[OWN, i], W[0, i, 0] = -1.0, math.nan
+        for at in range(reach[i], reach[i + 1], 2):
+            for column in range(reach[at], reach[at + 1]):
+                j = places[SCALAR, column]
+                if W[0, j, 0] == W[0, j, 0]:
+                    fill_compliance(i, j, places, give, given, k, sense_at, W)
     return solve_local(
         laws, blocks, constants, places, reach, give, given, k, stages, sense_at, slope, local, tangent, states, active,
         W, matrix,
@@ -258,10 +261,16 @@ def predict_stages(
             state[BEGIN_FORCE, i] -= dot(coupled[i], state[V], mode_runs, i)
     move_stages(operator, state)
     if len(coupled) > 0:
-        for i in range(2 * n):
-            slowed = dot(inverse[i, :n], state[V_TRIAL], mode_runs, i % n)
-            slowed += dot(inverse[i, n:], state[V_TRIAL + 2], mode_runs, i % n)
-            state[MIDDLE_FORCE + i // n, i % n] -= slowed
+        for i in range(n):
+            middle, end = 0.0, 0.0
+            for at in range(mode_runs[i], mode_runs[i + 1], 2):
+                begin = mode_runs[at]
+                for m in range(mode_runs[at + 1] - begin):
+                    at_middle, at_end = state[V_TRIAL, begin + m], state[V_TRIAL + 2, begin + m]
+                    middle += inverse[0, 0, i, begin + m] * at_middle + inverse[0, 1, i, begin + m] * at_end
+                    end += inverse[1, 0, i, begin + m] * at_middle + inverse[1, 1, i, begin + m] * at_end
+            state[MIDDLE_FORCE, i] -= middle
+            state[END_FORCE, i] -= end
         move_stages(operator, state)
 
 

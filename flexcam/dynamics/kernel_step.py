@@ -39,6 +39,8 @@ _CLOSED = 1e-6
 """Penetration of a contact that has just closed, m or rad."""
 _ANGLES = 73
 """Number of cam angles at which the weights of vectors are compared."""
+Places = NDArray[np.uint32]
+"""Lists of places in arrays, unsigned: see `flexcam.dynamics.kernel`."""
 _NO_SIDES, _NO_SCALARS = np.zeros((2, 0), dtype=np.intp), np.zeros(0, dtype=np.intp)
 
 
@@ -61,7 +63,8 @@ class StepOperator:
     #: Square of the step times the acceleration along the sensing vectors by the acting ones, as far as modes with mass
     #: answer within the step, shape (acts, senses) of one stage; empty where it does not limit the step.
     hold: FloatArray
-    inverse: FloatArray  #: treatment of the damping that couples modes; empty without it
+    #: Treatment of the damping that couples modes, shape (lengths, stages, stages, n, n); empty without it.
+    inverse: FloatArray
 
     def followed_by(self, shorter: StepOperator) -> StepOperator:
         """Return the steps of both lengths."""
@@ -131,7 +134,7 @@ class ModalSystem:
         operator, give = np.array([*self.modes, single]), np.array([to_d * sensed, to_v * sensed])
         lengths, slopes = np.array([step]), np.array([to_v / to_d])
         each = operator[None], answering[None, None], give[None]
-        return StepOperator(lengths, slopes, weights, *each, _NONE, inverse[None])
+        return StepOperator(lengths, slopes, weights, *each, _NONE, inverse[None, None, None])
 
     def _two_stages(self, step: float) -> StepOperator:
         """Return the collocation over two stages of one length; a force acts on its stage alone."""
@@ -155,6 +158,7 @@ class ModalSystem:
         heavy = np.where(mass > 0.0, 0.75 * on_d[1, 0], 0.0)
         hold = (self.acting * heavy) @ self.sensing.T
         lengths, each = np.array([step]), (operator[None], pushes[None], give[None])
+        inverse = inverse.reshape(2, len(inverse) // 2, 2, len(inverse) // 2).swapaxes(1, 2).copy()
         return StepOperator(lengths, 1.0 / lengths, np.zeros(5), *each, hold, inverse[None])
 
 
@@ -178,7 +182,6 @@ class Kernel:
         self.stages = stages = 1 if isinstance(scheme, Scheme) else 2
         self._system = system = ModalSystem.of(problem.system, forces)
         self.columns = 3 * problem.system.size + forces.count + len(forces.start_state)
-        self._places = _repeat_places(forces.places, stages)
         self._vectors = np.concatenate([system.sensing] * stages + [system.acting] * stages)
         self._runs = list_runs(self._vectors)
         groups = system.coupled_groups
@@ -188,7 +191,9 @@ class Kernel:
         self.whole = self._usual_steps(problem.step)  #: steps of the usual length, and parts of them
         self._answer_runs = list_runs(np.abs(self.whole.answers).sum(axis=(0, 1)))
         can_move, coupling = find_coupling(forces, self.whole)
-        self._reach = list_members(np.tile(can_move, (stages, stages)))
+        can_move = np.tile(can_move != 0.0, (stages, stages))
+        columns = np.lexsort([np.arange(len(can_move)), *can_move])  # equal rows stand together
+        self._reach, self._places = list_runs(can_move[:, columns]), _repeat_places(forces.places, stages, columns)
         order, blocks = divide_laws(forces.table.laws, coupling)
         table, count = forces.table.repeat(stages, forces.count), len(order)
         rows = (order[:, None] + count * np.arange(stages)).ravel()  # the stages of a law stand together
@@ -254,7 +259,7 @@ class Kernel:
         """
         system, table, work, count = self._system, self._table, self._work, np.zeros(2, dtype=np.intp)
         if operator.lengths[0] != self._length:  # the compliance belongs to the length of a step
-            self._compliance[:], self._local[:, OWN], self._length = np.nan, -1.0, float(operator.lengths[0])
+            self._compliance[..., :1], self._local[:, OWN], self._length = np.nan, -1.0, float(operator.lengths[0])
         if before is not None:
             self._parts[BEFORE, : len(before)] = before
         stage_sides = np.hstack([np.add(sides, [[stage * self.forces.count], [0]]) for stage in range(self.stages)])
@@ -281,7 +286,7 @@ class Kernel:
         return unconverged_forces(self.forces.names * self.stages, self._local[0])
 
 
-def list_runs(rows: FloatArray) -> IntArray:
+def list_runs(rows: FloatArray | NDArray[np.bool_]) -> Places:
     """Return the runs of nonzero entries of each row, as `flexcam.dynamics.kernel` reads them.
 
     Examples
@@ -291,18 +296,8 @@ def list_runs(rows: FloatArray) -> IntArray:
     """
     padded = np.pad((rows != 0.0).astype(np.int8), ((0, 0), (1, 1)))
     owner, border = np.nonzero(np.diff(padded))  # begin and end in turn
-    return _list_entries(owner, border, len(rows))
-
-
-def list_members(pattern: FloatArray) -> IntArray:
-    """Return the columns of the entries of each row that differ from zero, in the same form."""
-    owner, entries = np.nonzero(pattern)
-    return _list_entries(owner, entries, len(pattern))
-
-
-def _list_entries(owner: IntArray, entries: IntArray, count: int) -> IntArray:
-    starts = count + 1 + np.searchsorted(owner, np.arange(count + 1))
-    return np.concatenate([starts, entries]).astype(np.intp)
+    starts = len(rows) + 1 + np.searchsorted(owner, np.arange(len(rows) + 1))
+    return np.concatenate([starts, border]).astype(np.uint32)
 
 
 def find_coupling(forces: LocalForces, operator: StepOperator) -> tuple[FloatArray, FloatArray]:
@@ -361,7 +356,8 @@ def divide_laws(laws: IntArray, coupling: FloatArray) -> tuple[IntArray, IntArra
     return order, np.cumsum([0, *(len(one) for one in members)])
 
 
-def _repeat_places(places: IntArray, stages: int) -> IntArray:
-    """Return the first vector of each scalar, followed by those of further stages."""
-    later = [places[:, 1:] + stage * places[:, -1:] for stage in range(stages)]
-    return np.ascontiguousarray(np.hstack([places[:, :1], *later]))
+def _repeat_places(places: IntArray, stages: int, order: IntArray) -> Places:
+    """Return the places of the scalars of all stages; `order` are the scalars of the columns of the compliance."""
+    later = [places[:2, 1:] + stage * places[:2, -1:] for stage in range(stages)]
+    columns = [np.append(one, len(order)) for one in (np.argsort(order), order)]
+    return np.vstack([np.hstack([places[:2, :1], *later]), *columns]).astype(np.uint32)

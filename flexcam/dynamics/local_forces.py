@@ -238,7 +238,7 @@ class Workspace:
         self.tangent = np.zeros((2, count, width))
         self.states = np.zeros((STATE_ROWS, len(table.owners)))
         self.active = np.zeros((2, count), dtype=np.intp)
-        self.compliance = np.full((2, count, count), np.nan)
+        self.compliance = np.zeros((2, count, count))
         self.matrix = np.zeros((count, count + 1))
 
 
@@ -255,8 +255,9 @@ class LocalForces:
         self.act = VectorStack.of([term for force in forces for term in force.act], system.size)
         self._offsets = _separate([offset for force in forces for offset in force.offset])
         self.count = len(self._offsets[0])
-        self.places = np.vstack([self.sense.places, self.act.places])
-        placed = (np.diff(self.places) > 0).any(axis=0) | (self._offsets[0] != 0.0)
+        self.places = np.vstack([self.sense.places, self.act.places, *[np.arange(self.count + 1)] * 2])
+        self.no_reach = np.zeros(self.count + 1, dtype=np.intp)  #: empty runs: the compliance in Python is complete
+        placed = (np.diff(self.places[:2]) > 0).any(axis=0) | (self._offsets[0] != 0.0)
         self.table = LawTable.of(forces, lambda i: bool(placed[i]))
         scalars, states = _slices([len(force.sense) for force in forces]), _slices([force.states for force in forces])
         self.parts = list(zip(forces, scalars, states, strict=True))

@@ -28,6 +28,8 @@ from flexcam.dynamics.force_laws import (
     FIRST,
     FREE_PENETRATION,
     FREE_RATE,
+    MOVED,
+    MOVING,
     OWN,
     PENETRATION,
     RATE,
@@ -54,6 +56,10 @@ EXTRAPOLATED = 12
 
 Then the iteration restarts from the forces of the last instant with one matrix for all laws, and no force is weak.
 """
+
+SENSES, ACTS, COLUMN, SCALAR = range(4)
+"""Rows of the places of scalars: where their sensing and acting vectors begin; their columns in the compliance, where
+scalars that the same forces move stand together; and the scalars of the columns."""
 
 
 def eliminate(matrix: FloatArray, n: int, end: int) -> bool:
@@ -90,21 +96,31 @@ def eliminate(matrix: FloatArray, n: int, end: int) -> bool:
 
 
 def fill_compliance(
-    i: int, j: int, places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int,
-    W: FloatArray,
+    i: int, j: int, places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int, W: FloatArray,
 ) -> None:  # fmt: skip
-    """Write the effect of a unit of force j on scalar i (0) and on its rate (1).
-
-    Callers compare an entry with itself before: the call takes longer than the product that needs it.
-    """
+    """Write the effect of a unit of force j on scalar i (0) and on its rate (1)."""
     rate_at, act_at = sense_at + give.shape[2], sense_at + 2 * give.shape[2]
     by_d, by_v = 0.0, 0.0
-    for b in range(places[1, j], places[1, j + 1]):
-        for s in range(places[0, i], places[0, i + 1]):
+    for b in range(places[ACTS, j], places[ACTS, j + 1]):
+        for s in range(places[SENSES, i], places[SENSES, i + 1]):
             moved, moving = give[0, b, s] * given[k, act_at + b], give[1, b, s] * given[k, act_at + b]
             by_d += given[k, sense_at + s] * moved
             by_v += given[k, sense_at + s] * moving + given[k, rate_at + s] * moved
-    W[0, j, i], W[1, j, i] = by_d, by_v
+    W[0, j, places[COLUMN, i]], W[1, j, places[COLUMN, i]] = by_d, by_v
+
+
+def fill_row(
+    j: int, places: IntArray, reach: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int,
+    W: FloatArray,
+) -> None:  # fmt: skip
+    """Write the effect of a unit of force j on all scalars that it can move.
+
+    Callers compare the first entry of the row, NaN until then, with itself: the call would take longer.
+    """
+    W[0, j, 0], W[1, j, 0] = 0.0, 0.0
+    for at in range(reach[j], reach[j + 1], 2):
+        for column in range(reach[at], reach[at + 1]):
+            fill_compliance(places[SCALAR, column], j, places, give, given, k, sense_at, W)
 
 
 def release(local: FloatArray) -> None:
@@ -118,20 +134,29 @@ def sense(
     laws: IntArray, places: IntArray, reach: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int,
     local: FloatArray, W: FloatArray,
 ) -> None:  # fmt: skip
-    """Add what trial forces of some laws changed since they were last sensed to the scalars that they reach."""
+    """Add what trial forces of some laws changed since they were last sensed to the scalars that they move.
+
+    The changes are summed column by column, which the compiler vectorizes.
+    """
     for law in range(len(laws)):
         first = laws[law, FIRST]
         for j in range(first, first + laws[law, SCALARS]):
             change = local[TRIAL, j] - local[SENSED, j]
             if change != 0.0:
                 local[SENSED, j] = local[TRIAL, j]
-                for at in range(reach[j], reach[j + 1]):
-                    i = reach[at]
-                    if W[0, j, i] != W[0, j, i]:
-                        fill_compliance(i, j, places, give, given, k, sense_at, W)
-                    local[PENETRATION, i] += W[0, j, i] * change
-                    local[RATE, i] += W[1, j, i] * change
-                    local[STALE, i] = 1.0
+                if W[0, j, 0] != W[0, j, 0]:
+                    fill_row(j, places, reach, give, given, k, sense_at, W)
+                for at in range(reach[j], reach[j + 1], 2):
+                    begin = reach[at]
+                    for m in range(reach[at + 1] - begin):
+                        local[MOVED, begin + m] += W[0, j, begin + m] * change
+                        local[MOVING, begin + m] += W[1, j, begin + m] * change
+    for column in range(local.shape[1]):
+        if local[MOVED, column] != 0.0 or local[MOVING, column] != 0.0:
+            i = places[SCALAR, column]
+            local[PENETRATION, i] += local[MOVED, column]
+            local[RATE, i] += local[MOVING, column]
+            local[STALE, i], local[MOVED, column], local[MOVING, column] = 1.0, 0.0, 0.0
 
 
 def residual(laws: IntArray, local: FloatArray, tangent: FloatArray, usual: float) -> float:
@@ -156,7 +181,7 @@ def residual(laws: IntArray, local: FloatArray, tangent: FloatArray, usual: floa
 
 
 def is_rounding(
-    laws: IntArray, places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int,
+    laws: IntArray, places: IntArray, reach: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int,
     local: FloatArray, tangent: FloatArray, W: FloatArray, off: float,
 ) -> bool:  # fmt: skip
     """Return whether the residual changes the scalars by rounding only, or is the rounding of their sums."""
@@ -167,9 +192,9 @@ def is_rounding(
             penetration, rate = abs(local[FREE_PENETRATION, i]), abs(local[FREE_RATE, i])
             by_penetration, by_rate = 0.0, 0.0
             for j in range(local.shape[1]):
-                if W[0, j, i] != W[0, j, i]:
-                    fill_compliance(i, j, places, give, given, k, sense_at, W)
-                on_penetration, on_rate = abs(W[0, j, i]), abs(W[1, j, i])
+                if W[0, j, 0] != W[0, j, 0]:
+                    fill_row(j, places, reach, give, given, k, sense_at, W)
+                on_penetration, on_rate = abs(W[0, j, places[COLUMN, i]]), abs(W[1, j, places[COLUMN, i]])
                 missing = abs(local[TRIAL, j] - local[ANSWER, j])
                 penetration += on_penetration * abs(local[TRIAL, j])
                 rate += on_rate * abs(local[TRIAL, j])
@@ -182,7 +207,8 @@ def is_rounding(
 
 
 def own_compliance(
-    i: int, places: IntArray, give: FloatArray, given: FloatArray, k: int, stages: int, sense_at: int, W: FloatArray,
+    i: int, places: IntArray, reach: IntArray, give: FloatArray, given: FloatArray, k: int, stages: int, sense_at: int,
+    W: FloatArray,
 ) -> float:  # fmt: skip
     """Return the largest effect of a unit of a force on its scalar, at any stage of the step.
 
@@ -192,15 +218,15 @@ def own_compliance(
     largest = 0.0
     for stage in range(stages):
         j = stage * count + i % count
-        if W[0, j, i] != W[0, j, i]:
-            fill_compliance(i, j, places, give, given, k, sense_at, W)
-        largest = max(largest, abs(W[0, j, i]))
+        if W[0, j, 0] != W[0, j, 0]:
+            fill_row(j, places, reach, give, given, k, sense_at, W)
+        largest = max(largest, abs(W[0, j, places[COLUMN, i]]))
     return largest
 
 
 def find_active(
-    laws: IntArray, places: IntArray, give: FloatArray, given: FloatArray, k: int, stages: int, sense_at: int,
-    slope: float, weak: float, local: FloatArray, tangent: FloatArray, active: IntArray, W: FloatArray,
+    laws: IntArray, places: IntArray, reach: IntArray, give: FloatArray, given: FloatArray, k: int, stages: int,
+    sense_at: int, slope: float, weak: float, local: FloatArray, tangent: FloatArray, active: IntArray, W: FloatArray,
 ) -> int:  # fmt: skip
     """Write the scalars of laws that react to their own effect (row 0, their law in row 1) and return their number.
 
@@ -208,18 +234,17 @@ def find_active(
     """
     n = sense_at - sense_at  # zero as a variable: a literal would be compiled separately
     for law in range(len(laws)):
-        first, size = laws[law, FIRST], laws[law, SCALARS]
-        reacts, strong = False, weak < 0.0
-        for i in range(first, first + size):
-            for r in range(size):
-                reacts = reacts or tangent[0, i, r] != 0.0 or tangent[1, i, r] != 0.0
-        if reacts and local[OWN, first] < 0.0:
-            for i in range(first, first + size):
-                local[OWN, i] = math.sqrt(own_compliance(i, places, give, given, k, stages, sense_at, W))
+        first, size, strong = laws[law, FIRST], laws[law, SCALARS], weak < 0.0
         for i in range(first, first + size):
             reaction = 0.0
-            for r in range(size if reacts else 0):
-                reaction += (abs(tangent[0, i, r]) + slope * abs(tangent[1, i, r])) * local[OWN, first + r]
+            for r in range(size):
+                stiffness = abs(tangent[0, i, r]) + slope * abs(tangent[1, i, r])
+                if stiffness != 0.0:
+                    for j in (i, first + r):
+                        if local[OWN, j] < 0.0:
+                            own = own_compliance(j, places, reach, give, given, k, stages, sense_at, W)
+                            local[OWN, j] = math.sqrt(own)
+                    reaction += stiffness * local[OWN, first + r]
             strong = strong or reaction * local[OWN, i] > weak
         for i in range(first, first + size):
             if strong:
@@ -231,12 +256,12 @@ def find_active(
 
 
 def correct(
-    laws: IntArray, places: IntArray, give: FloatArray, given: FloatArray, k: int, stages: int, sense_at: int,
-    slope: float, weak: float, local: FloatArray, tangent: FloatArray, active: IntArray, W: FloatArray,
+    laws: IntArray, places: IntArray, reach: IntArray, give: FloatArray, given: FloatArray, k: int, stages: int,
+    sense_at: int, slope: float, weak: float, local: FloatArray, tangent: FloatArray, active: IntArray, W: FloatArray,
     matrix: FloatArray,
 ) -> bool:  # fmt: skip
     """Correct the trial forces by a Newton step on the active scalars; return whether its matrix is regular."""
-    n = find_active(laws, places, give, given, k, stages, sense_at, slope, weak, local, tangent, active, W)
+    n = find_active(laws, places, reach, give, given, k, stages, sense_at, slope, weak, local, tangent, active, W)
     for row in range(n):
         i = active[0, row]
         first, size = laws[active[1, row], FIRST], laws[active[1, row], SCALARS]
@@ -246,11 +271,11 @@ def correct(
         for r in range(size):
             by_penetration, by_rate = tangent[0, i, r], tangent[1, i, r]
             if by_penetration != 0.0 or by_rate != 0.0:
-                sensed = active[0, begin + r]
+                sensed = places[COLUMN, active[0, begin + r]]
                 for column in range(n):
                     j = active[0, column]
-                    if W[0, j, sensed] != W[0, j, sensed]:
-                        fill_compliance(sensed, j, places, give, given, k, sense_at, W)
+                    if W[0, j, 0] != W[0, j, 0]:
+                        fill_row(j, places, reach, give, given, k, sense_at, W)
                     matrix[row, column] -= by_penetration * W[0, j, sensed] + by_rate * W[1, j, sensed]
         matrix[row, row] += 1.0
         matrix[row, n] = local[TRIAL, i] - local[ANSWER, i]
@@ -268,18 +293,18 @@ def solve_local(
 ) -> int:  # fmt: skip
     """Find the local forces that agree with the motion they cause; return the iterations, 0 without convergence.
 
-    `blocks` says where each block of laws begins and the last one ends. `places` (2, c + 1) says where the sensing (0)
-    and acting (1) vectors of each scalar begin; entries j and j + 1 of `reach` say where, in `reach` itself, the list
-    of the scalars that force j can move begins and ends. `give` (2, acting, sensing) is the displacement (0) and
-    velocity (1) along each sensing vector per unit of force along each acting vector.
+    `blocks` says where each block of laws begins and the last one ends. `places` (4, c + 1) has the rows `SENSES` to
+    `SCALAR`; entries j and j + 1 of `reach` say where, in `reach` itself, the runs of the columns of W begin and end
+    whose scalars force j can move: pairs of the first column and the end of a run. `give` (2, acting, sensing) is the
+    displacement (0) and velocity (1) along each sensing vector per unit of force along each acting vector.
 
     `given` has a row of prescribed inputs per instant, of which k is read: from column `sense_at` on the weights of the
     sensing vectors, their rates, the weights of the acting vectors, offsets, their rates and the functions of the laws.
 
     `stages` is the number of instants of the step; the scalars of the first come first. `slope`, 1/s, is the velocity
-    per displacement by a force within a step. `local` (12, c) holds the trial forces, the free scalars and, in `BASE`,
+    per displacement by a force within a step. `local` (15, c) holds the trial forces, the free scalars and, in `BASE`,
     the forces of the last instant; the solution is in `TRIAL`, `PENETRATION`, `RATE`. The others are work arrays; W
-    (2, force, scalar) contains NaN where it is not yet computed.
+    (2, force, column) has NaN in the first column of the rows that are not yet computed.
     """
     c, part, last, usual = local.shape[1], 1.0, math.inf, 0.0
     for i in range(c):
@@ -299,7 +324,8 @@ def solve_local(
             if residual(these, local, tangent, size) != 0.0:
                 agree = False
                 if not correct(
-                    these, places, give, given, k, stages, sense_at, slope, WEAK, local, tangent, active, W, matrix
+                    these, places, reach, give, given, k, stages, sense_at, slope, WEAK, local, tangent, active, W,
+                    matrix,
                 ):  # fmt: skip
                     local[STALE, these[0, FIRST]] = 1.0
                 sense(these, places, reach, give, given, k, sense_at, local, W)
@@ -313,7 +339,7 @@ def solve_local(
         sense(laws, places, reach, give, given, k, sense_at, local, W)
         evaluate_laws(laws, constants, given, k, functions, local, tangent, states)
         off = residual(laws, local, tangent, usual)
-        if off == 0.0 or is_rounding(laws, places, give, given, k, sense_at, local, tangent, W, off):
+        if off == 0.0 or is_rounding(laws, places, reach, give, given, k, sense_at, local, tangent, W, off):
             keep_not_finite(local)
             return iteration
         if iteration > EXTRAPOLATED + FULL_STEPS and off > last and part > SMALLEST_PART:
@@ -324,7 +350,9 @@ def solve_local(
         part, last = 1.0, off
         for i in range(c):
             local[BASE, i] = local[TRIAL, i]
-        if not correct(laws, places, give, given, k, stages, sense_at, slope, -1.0, local, tangent, active, W, matrix):
+        if not correct(
+            laws, places, reach, give, given, k, stages, sense_at, slope, -1.0, local, tangent, active, W, matrix
+        ):
             return 0
         for i in range(c):
             local[CHANGE, i] = local[BASE, i] - local[TRIAL, i]
@@ -350,7 +378,7 @@ def keep_not_finite(local: FloatArray) -> None:
 
 
 FUNCTIONS_OF_NEWTON = (
-    eliminate, fill_compliance, release, sense, residual, is_rounding, own_compliance, find_active, correct,
+    eliminate, fill_compliance, fill_row, release, sense, residual, is_rounding, own_compliance, find_active, correct,
     is_stale, keep_not_finite, solve_local,
 )  # fmt: skip
 """Functions for the compiler, in the order of their calls."""
