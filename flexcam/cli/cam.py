@@ -299,19 +299,6 @@ def cam(
     cams = cam_analysis.load_cams(case, overrides or ())
     cli.warn_ignored_keys(overrides)
     wheel = cli.parse_optional("--cutter", cutter, "length", "mm")
-    found = _evaluate_cams(cams, name, points, wheel, pressure_angle, checking_lifts or ())
-    for option, given in (("-o", output), ("--cutter", cutter)):
-        if given is not None and not any(one.profile for one in found.values()):
-            why, remedy = f"{', '.join(found)} has no profile", "give the cam base_radius and follower"
-            raise refuse(option, str(given), "nothing without a profile", why, remedy)
-    files = _write_cam_files(cams.name, found, plot, plot_format or "svg", output, forms, wheel, overwrite=overwrite)
-    return replace(_describe_cams(cams, found), files=files)
-
-
-def _evaluate_cams(
-    cams: CamSet, name: str | None, points: int, cutter: float | None, pressure_angle: str | None,
-    checking_lifts: Sequence[str],
-) -> dict[str, CamFacts]:  # fmt: skip
     if name is not None and name not in cams.cams:
         raise refuse("--cam", repr(name), ", ".join(cams.cams), "", suggest_name(name, cams.cams))
     limit = PRESSURE_ANGLE
@@ -320,15 +307,21 @@ def _evaluate_cams(
         if limit >= 0.5 * math.pi:
             why, remedy = "at 90 deg the cam jams", "30 deg is common"
             raise refuse("--pressure-angle", pressure_angle, "an angle below 90 deg", why, remedy)
-    lifts = {text: _positive_quantity("--checking-lift", text, "length", "mm") for text in checking_lifts}
-    return {
+    lifts = {text: _positive_quantity("--checking-lift", text, "length", "mm") for text in checking_lifts or ()}
+    found = {
         one: cam_analysis.cam_facts(
-            part, count=points, pressure_angle=limit, cutter=cutter, checking_lifts=THRESHOLDS | lifts,
+            part, count=points, pressure_angle=limit, cutter=wheel, checking_lifts=THRESHOLDS | lifts,
             ratio=cams.ratios[one], lash=cams.lashes[one], tdc=cams.tdcs[one],
         )
         for one, part in cams.cams.items()
         if name in (None, one)
     }  # fmt: skip
+    for option, given in (("-o", output), ("--cutter", cutter)):
+        if given is not None and not any(one.profile for one in found.values()):
+            why, remedy = f"{', '.join(found)} has no profile", "give the cam base_radius and follower"
+            raise refuse(option, str(given), "nothing without a profile", why, remedy)
+    files = _write_cam_files(cams.name, found, plot, plot_format or "svg", output, forms, wheel, overwrite=overwrite)
+    return replace(_describe_cams(cams, found), files=files)
 
 
 def _positive_quantity(option: str, text: str, dimension: str, unit: str) -> float:

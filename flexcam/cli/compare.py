@@ -27,7 +27,6 @@ from flexcam.report.tables import comparison_table, describe_comparison, describ
 from flexcam.report.terminal import format_csv, format_decimals, plain_table, show_count
 
 _SPEEDS = Group("Contact forces over speed", sort_key=1)
-_PAIRS = (("rigid", "bilateral"), ("bilateral", "unilateral"))
 
 
 @cli.command("""\
@@ -135,7 +134,7 @@ def _compare_over_speed(case: Case, speeds: list[float], tolerance: float, conta
     with show_count(len(speeds), "speeds") as shown:
         found = comparison.compare_models_over_speed(case, speeds, contact=contact, advance=shown)
     words, parting = list[str](), dict[str, float | None]()
-    for first, second in _PAIRS:
+    for first, second in (("rigid", "bilateral"), ("bilateral", "unilateral")):
         rpm = comparison.divergence_speed(found, first, second, tolerance)
         when = "at none of these speeds"
         if rpm is not None:

@@ -18,7 +18,6 @@ from flexcam.cli import app as cli
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.report.terminal import facts_table, plain_table, remove_noise
 
-_RATIOS = (1.0, 1.5, 2.0, 3.0, 5.0)
 _CURVES = {"velocity": "s'", "acceleration": "s''", "jerk": "s'''", "moment": "s' s''"}
 
 
@@ -124,7 +123,7 @@ def law(
 
     All values are normalized to lift 1 over angle 1.
     """
-    ratios = tuple(residual or _RATIOS)
+    ratios = tuple(residual or (1.0, 1.5, 2.0, 3.0, 5.0))
     if every:
         if name is not None or parameters is not None:
             given = name if name is not None else f"--with {', '.join(parameters or ())}"

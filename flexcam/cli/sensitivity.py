@@ -109,7 +109,10 @@ def _derivatives(
     words = [f"{one.scalar} with respect to {one.by.key}: {one.note}" for one in found if one.note]
     words += ["Frequencies are those with all contacts open."] if any(map(frequency_number, names)) else []
     if exact and asked.case.record.run.integrator is None:
-        words.append(_NEWMARK)
+        words.append(
+            "The exact derivatives and their values are those of a run with Newmark's method, because the case names "
+            "no run.integrator. flexcam run may use another method by default."
+        )
     rows = [
         {
             "scalar": one.scalar, "unit": one.unit, "value": one.value,
@@ -128,12 +131,6 @@ def _derivatives(
         [*tables, *words], {"derivatives": rows}, csv, status=kept.status,
         draw=lambda: plotting.histories.bars_figure(bars, "percent per percent"),
     )  # fmt: skip
-
-
-_NEWMARK = (
-    "The exact derivatives and their values are those of a run with Newmark's method, because the case names no "
-    "run.integrator. flexcam run may use another method by default."
-)
 
 
 def _is_analytic(one: Sensitivity) -> bool:

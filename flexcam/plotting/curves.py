@@ -100,16 +100,12 @@ def timing_figure(cylinder: Mapping[str, CamFacts]) -> Figure:
 
 def mark_dead_centres(axes: Sequence[Axes]) -> None:
     """Mark the dead centres in axes over the crank angle, one below the other."""
-    for angle, centre in _DEAD_CENTRES.items():
+    for angle, centre in zip(range(-360, 361, 180), ("firing TDC", "BDC", "TDC", "BDC", "firing TDC"), strict=True):
         for one in axes:
             one.axvline(angle, color="0.4", linewidth=0.8)
         axes[0].text(angle, 1.01, centre, transform=axes[0].get_xaxis_transform(), ha="center", fontsize="small")
     axes[-1].set(xlabel="crank angle from overlap TDC, deg", xlim=(-360.0, 360.0))
     axes[-1].set_xticks(range(-360, 361, 90))
-
-
-# Names of the dead centres by crank angle, deg
-_DEAD_CENTRES = {-360: "firing TDC", -180: "BDC", 0: "TDC", 180: "BDC", 360: "firing TDC"}
 
 
 def spectrum_figure(laws: Mapping[str, cams.Law]) -> Figure:
@@ -216,7 +212,6 @@ def _line(axes: Axes, curve: ComplexArray, label: str, *, color: str, linewidth:
 
 
 _WORDS = {"Cv": "C_v, max velocity", "Ca": "C_a, max acceleration", "Cj": "C_j, max jerk"}
-_COLUMNS = 10
 _DIGITS = 4  # digits to which coincident laws agree; they share a label
 _UNIT = "lift 1 over angle 1"
 
@@ -234,7 +229,7 @@ def law_front_figure(front: Sequence[cams.Synthesis], first: str, second: str) -
     below = add_stacked_axes(right, LAW_LABELS, LAW_POSITION)
     draw_laws(below, {str(i): one.law for i, one in enumerate(front, start=1)})
     below[0].set_title(f"Its laws, {_UNIT}", fontsize="medium")
-    add_legend(right, below[0], len(front), columns=_COLUMNS)
+    add_legend(right, below[0], len(front), columns=10)
     return figure
 
 

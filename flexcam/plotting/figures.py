@@ -117,13 +117,10 @@ def add_stacked_axes(figure: FigureBase, labels: Sequence[str], below: str) -> l
     return axes
 
 
-_LEGEND_WIDTH, _HANDLE_WIDTH = 110, 7  # characters per line of a legend, and of the line drawn before a name
-
-
 def add_legend(figure: FigureBase, axes: Axes, count: int, *, columns: int = 4) -> None:
     """Add a legend with the names of several curves above the axes, in as many columns as fit."""
     if count > 1:
         lines, names = axes.get_legend_handles_labels()
-        fitting = _LEGEND_WIDTH // (max(map(len, names), default=0) + _HANDLE_WIDTH)
+        fitting = 110 // (max(map(len, names), default=0) + 7)  # characters per line; the line before a name takes 7
         number = max(1, min(count, columns, fitting))
         figure.legend(lines, names, loc="outside upper center", fontsize="small", ncols=number)

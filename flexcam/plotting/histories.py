@@ -162,7 +162,7 @@ def orbit_figure(responses: Mapping[str, Response], bearings: Sequence[str]) -> 
 
     The first direction across the shaft points up, and the shaft rotates counterclockwise.
     """
-    columns = min(len(bearings), _MOST_COLUMNS)
+    columns = min(len(bearings), 4)
     rows = math.ceil(len(bearings) / columns)
     figure = Figure(figsize=(0.5 + 3.2 * columns, 0.5 + 3.4 * rows), layout="constrained")
     for i, bearing in enumerate(bearings, 1):
@@ -174,9 +174,6 @@ def orbit_figure(responses: Mapping[str, Response], bearings: Sequence[str]) -> 
         axes.grid(alpha=0.3)
     add_legend(figure, figure.axes[0], len(responses))
     return figure
-
-
-_MOST_COLUMNS = 4  # of orbits in a row
 
 
 def _channel_labels(responses: Mapping[str, Response], channels: Sequence[str]) -> list[str]:

@@ -139,12 +139,9 @@ class _Buffer:
             ends = {"min": flat.min(axis=0).tolist(), "max": flat.max(axis=0).tolist()} if bounds else {}
             self.accessors.append({
                 "bufferView": len(self.views) - 1, "byteOffset": i * array.nbytes,
-                "componentType": _COMPONENTS[component], "count": len(array), "type": form, **ends,
+                "componentType": {"<f4": 5126, "<u4": 5125}[component], "count": len(array), "type": form, **ends,
             })  # fmt: skip
         return list(range(first, len(self.accessors)))
-
-
-_COMPONENTS = {"<f4": 5126, "<u4": 5125}  # numbers of component types in glTF
 
 
 def write_glb(

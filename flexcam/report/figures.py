@@ -47,20 +47,15 @@ def reduce_points(x: FloatArray, y: FloatArray, most: int = _MAX_POINTS) -> tupl
     if len(x) <= 2:
         return x, y
     if len(x) > _LONG_HISTORY:
-        peaks = _peaks(y, _LONG_HISTORY // 4)
-        x, y = x[peaks], y[peaks]
+        ends = pairwise(np.linspace(0, len(y), _LONG_HISTORY // 4 + 1).astype(int).tolist())
+        peaks = [a + int(find(y[a:b])) for a, b in ends for find in (np.argmin, np.argmax)]
+        kept = np.unique([0, *peaks, len(y) - 1])
+        x, y = x[kept], y[kept]
     off = _CURVE_TOLERANCE * float(np.ptp(y))
     tolerances = _point_tolerances(x, y, off)
     while (kept := tolerances > off).sum() > most:
         off *= 2.0
     return x[kept], y[kept]
-
-
-def _peaks(y: FloatArray, stretches: int) -> IntArray:
-    """Return the indices of the minimum and maximum of every interval, and of both ends."""
-    begin = np.linspace(0, len(y), stretches + 1).astype(int)
-    each = [(a + int(one(y[a:b]))) for a, b in pairwise(begin.tolist()) for one in (np.argmin, np.argmax)]
-    return np.unique([0, *each, len(y) - 1])
 
 
 def _point_tolerances(x: FloatArray, y: FloatArray, within: float) -> FloatArray:

@@ -178,10 +178,6 @@ def _spring_between_nodes(
     return CoilPlacement(name, start, span / length, made, borders, sense, ground=False, retainer=False)
 
 
-_LINK = 0.015  # radius of the rod drawn for a rigid link relative to the model's size
-_STEEL = 7800.0  # density of the sphere drawn for a mass at a node, kg/m^3
-
-
 @dataclass(frozen=True, eq=False)
 class Mechanism:
     """Drawable model: positions and sizes of its parts."""
@@ -228,7 +224,7 @@ class Mechanism:
 
     def _links(self, instant: SceneState) -> Iterator[Solid]:
         """Yield a rod from the leading node of a rigid link to each node apart that follows it."""
-        mesh, thick = self.structure.model.mesh, _LINK * model_size(self.structure.model)
+        mesh, thick = self.structure.model.mesh, 0.015 * model_size(self.structure.model)
         for name, nodes in mesh.links.items():
             first, *others = mesh.nodes[nodes] + instant.nodal[nodes, :3]
             for there in others:
@@ -272,10 +268,9 @@ class Mechanism:
                 continue
             node = model.mesh.node(part.at)
             if not model.mesh.on_members()[node] and all(node != nodes[0] for nodes in model.mesh.links.values()):
-                radius = (0.75 * part.body.mass / (np.pi * _STEEL)) ** (1.0 / 3.0)
-                largest = 0.1 * model_size(model)
+                radius = (0.75 * part.body.mass / (math.pi * 7800.0)) ** (1.0 / 3.0)  # of a steel ball
                 centre = model.mesh.nodes[node] + instant.nodal[node, :3]
-                yield replace(ball("mass", centre, min(float(radius), largest)), name=part.at)
+                yield replace(ball("mass", centre, min(radius, 0.1 * model_size(model))), name=part.at)
 
 
 def build_mechanism(structure: Structure) -> Mechanism:

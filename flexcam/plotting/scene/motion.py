@@ -51,9 +51,6 @@ class SceneState:
         return float(self.structure.row(point, np.zeros(6)) @ self.unknowns) * away
 
 
-SEGMENTS_PER_ELEMENT = 8  # drawn segments per element
-
-
 @dataclass(frozen=True, eq=False)
 class CentreLine:
     """Stations along a member."""
@@ -64,10 +61,8 @@ class CentreLine:
     part: FloatArray
 
 
-def centre_line(
-    beams: Beams, elements: slice, nodes: FloatArray, nodal: FloatArray, parts: int = SEGMENTS_PER_ELEMENT
-) -> CentreLine:
-    """Return the deformed centre line of a chain of elements."""
+def centre_line(beams: Beams, elements: slice, nodes: FloatArray, nodal: FloatArray, parts: int = 8) -> CentreLine:
+    """Return the deformed centre line of a chain of elements, with `parts` segments per element."""
     ends = beams.nodes[elements]
     bent = deflection(beams, nodal, parts, elements)
     moved, rotated = np.hsplit(np.concatenate([bent[:, :-1].reshape(-1, 6), bent[-1, -1:]]), 2)
@@ -88,9 +83,6 @@ def rotation_matrices(vectors: FloatArray) -> FloatArray:
 def sweep_outline(outline: FloatArray, line: CentreLine) -> FloatArray:
     """Return the rings of an outline swept along a centre line."""
     return line.points[:, None] + outline @ line.triads[:, 1:]
-
-
-MODE_AMPLITUDE = 0.05  # maximum translation of a drawn mode relative to the model size
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,12 +186,12 @@ def case_motion(structure: Structure, speed: float, colour: str | None = None, c
 
 
 def mode_motion(structure: Structure, shape: FloatArray, *, coloured: bool = False, count: int = 24) -> Motion:
-    """Return one period of a mode about the installed mechanism."""
+    """Return one period of a mode about the installed mechanism; it moves by up to 5 % of the model size."""
     moved = np.linalg.norm(structure.dofs.nodal(shape)[:, :3], axis=1).max(initial=0.0)
     others = np.abs(shape[int((structure.dofs.numbers >= 0).sum()) :]).max(initial=0.0)
     largest = float(max(moved, others)) or 1.0
     swing = np.cos(math.tau * np.arange(count) / count)[:, None]
-    elastic = MODE_AMPLITUDE * model_size(structure.model) / largest * swing * shape
+    elastic = 0.05 * model_size(structure.model) / largest * swing * shape
     motion = Motion(structure, np.zeros(count), np.zeros_like(elastic), elastic)
     if not coloured:
         return motion
