@@ -64,6 +64,7 @@ class Comparison:
     #: names of the compared systems: the first replaces the flexible, the second the rigid one
     names: tuple[str, str] = ("flexible", "rigid")
     peak_acceleration_deg: float = math.nan  #: cam angle of the maximum acceleration of the flexible system, deg
+    peak_lift: float = math.nan  #: motion of the rigid system there, relative to `lift`
 
     @property
     def peak_deviation(self) -> float:
@@ -124,7 +125,8 @@ def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -
     at = peak(flexible.time, moved.acceleration[:count])[1]
     angle = float(np.degrees(np.interp(at, flexible.time, flexible.angle)))
     deviations = found[0], found[1], found[2]
-    return Comparison(probe, speed_rpm, lift, deviations, flexible.status, peak_acceleration_deg=angle)
+    there = abs(float(np.interp(at, rigid.time, still.displacement))) / lift
+    return Comparison(probe, speed_rpm, lift, deviations, flexible.status, peak_acceleration_deg=angle, peak_lift=there)
 
 
 def compare_responses(

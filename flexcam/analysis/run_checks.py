@@ -108,8 +108,9 @@ def describe_method(ready: PreparedRun) -> list[str]:
         for n in (2, 4, 8):
             if isinstance(default_method(replace(ready.problem, step=ready.problem.step / n)), Collocation):
                 steps = n * round(ready.revolution / ready.problem.step)
-                finer = f"needs finer steps: {steps} per revolution suffice"
-                return [f"Integrator: Newmark's method; the collocation, which is more accurate in contacts, {finer}"]
+                why = "the steps are too long for the stiffness of the contacts, whose forces are inaccurate"
+                finer = f"with {steps} per revolution flexcam uses collocation, which is more accurate"
+                return [f"Integrator: Newmark's method, because {why}; {finer}"]
     return []
 
 
@@ -382,8 +383,8 @@ def _check_accuracy(ready: PreparedRun, extremes: ExtremesSink, stats: Stats) ->
         yield f"Warning: forces are out of balance by up to {100.0 * stats.imbalance:.2g} % of the largest: {why}"
     if not stats.periodicity <= MAX_PERIODICITY_ERROR:
         error = f"{100.0 * stats.periodicity:.2g} % of the amplitude"
-        why = f"the state after one revolution still differs from that at its start by {error}. Contacts may chatter"
-        yield f"Warning: no periodic start was found: {why}. Run more revolutions"
+        why = f"after a revolution the state still differs from the start by {error}, perhaps because contacts chatter"
+        yield f'Warning: no periodic start was found: {why}; use start = "equilibrium" and several revolutions'
     if extremes.most_bent.any() and not ready.problem.system.is_kinematic:
         share = rounding_fraction(ready.problem.system.stiffness, extremes.most_bent)
         if not share <= _MIN_DEFLECTION_ERROR:

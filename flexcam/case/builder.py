@@ -417,7 +417,7 @@ def _direction_to_follower(span: FloatArray, axis: FloatArray) -> FloatArray:
     length = float(np.linalg.norm(across))
     if length < 1e-9 * max(float(np.linalg.norm(span)), np.finfo(float).tiny):
         given, allowed = "a follower on the axis of its cam", "a follower at a distance, or a direction of the lift"
-        raise refuse("direction", given, allowed, "", 'correct at of the cam, or add direction = "uy"')
+        raise refuse("direction", given, allowed, "", 'correct the key "at" of the cam, or add direction = "uy"')
     return across / length
 
 

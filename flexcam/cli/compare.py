@@ -39,7 +39,7 @@ flexcam compare case.toml --lowest 2000rpm --highest 7000rpm --count 6 --plot fo
 def compare(
     case: Annotated[Path, Parameter(help="Case file (.toml), or result file (.vtkhdf) with --against.")], *,
     probe: Annotated[str | None, Parameter(
-        help=f"Point or component; {cli.DEFAULT_PROBE}.")] = None,
+        help=f"Component such as tappet.uy, or point of a rocker; {cli.DEFAULT_PROBE}.")] = None,
     against: Annotated[str | None, Parameter(
         help="Model of the case (as in flexcam trade), other case or result; the rigid model by default.")] = None,
     lowest: Annotated[cli.Lowest, Parameter(group=_SPEEDS)] = None,

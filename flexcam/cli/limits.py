@@ -227,7 +227,9 @@ def _describe_amplification(found: Stability) -> str:
     if not worst.is_available:
         return "not assessed"
     stable = "unstable" if "numerical" in found.causes else "stable"
-    words = f"{stable}: spectral radius {worst.radius:.9g}, at {worst.frequency:.5g} Hz ({', '.join(worst.moving)})"
+    words = (
+        f"{stable}: spectral radius {worst.radius:.9g} at {worst.frequency:.5g} Hz, motion of {', '.join(worst.moving)}"
+    )
     return words + (f"; max stable step {worst.critical_step:.4g} s" if math.isfinite(worst.critical_step) else "")
 
 
@@ -259,7 +261,7 @@ def _describe_growth(found: Stability) -> str:
         words = f"chatters: rounding errors grow by a factor of {largest:.3g} over {events} impacts ({moving})"
         change = "" if found.change is None else describe_change(found.change)
         return f"{words}; difference between two revolutions: {change}" if change else words
-    return f"max multiplier {largest:.6g}, growth {found.floquet.growth:.4g} 1/s ({moving})"
+    return f"max multiplier {largest:.6g} (above 1 grows), growth {found.floquet.growth:.4g} 1/s, motion of {moving}"
 
 
 def _stability_json(found: Stability, scale: float) -> dict[str, object]:

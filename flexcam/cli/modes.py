@@ -61,9 +61,9 @@ def _describe_mac(likeness: FloatArray, nodes: int) -> tuple[Table, str]:
     rows = [(str(i), *row) for i, row in enumerate(cells, start=1)]
     head = ("here / there", *map(str, range(1, likeness.shape[1] + 1)))
     few = nodes < max(likeness.shape)
-    doubt = "; that is fewer than modes: refine both meshes in the same places" if few else ""
-    unmoved = " -: a mode that moves none of them; points of rockers and springs are not compared."
-    words = f"Compared at {nodes} moving node{'s' * (nodes != 1)} that both models have{doubt}."
+    doubt = ", fewer than the modes: the table means little; give both models nodes at the same places" if few else ""
+    unmoved = " -: the mode moves no such node; points of rockers and springs are not compared."
+    words = f"The models have {nodes} moving node{'s' * (nodes != 1)} in common{doubt}."
     return plain_table("Modal assurance criterion", head, rows), words + unmoved * bool(np.isnan(likeness).any())
 
 
@@ -109,7 +109,9 @@ def modes(
     closed, missing = closed_modes(read)
     first = found.modes.rigid + 1
     columns = f"ux, uy, uz {to_display_unit('kg')[1]}: effective mass of the mode for base excitation along x, y, z."
-    counted = f" The scalar frequency.1 is that of no. {first}, the first mode above zero." if first > 1 else ""
+    counted = (
+        f" For sensitivity and optimize, frequency.1 is no. {first}, the first mode above zero." if first > 1 else ""
+    )
     parts = [
         mode_table(found, f"{read.title}: modes, contacts open", read.turns),
         columns + counted,
@@ -144,8 +146,8 @@ _MODES, _RESPONSE = Group("Natural modes", sort_key=1), Group("Orders of the res
 _MAX_ORDER = 1000  # the harmonics of a lift are below a thousandth of the maximum long before
 _MAX_TABLE_ORDERS = 8  # in the table: those with the largest amplitudes
 _DASH = (
-    "-: at this speed other contacts close, so this mode does not exist, or the run failed. A mode that exists only at "
-    "some speeds has a separate row."
+    "-: at this speed a different set of contacts is closed at full lift, so this mode does not exist, or the "
+    "equilibrium failed. A mode that exists only at some speeds has a separate row."
 )
 
 

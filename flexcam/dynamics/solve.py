@@ -414,7 +414,9 @@ def prescribed_probes(system: System, motion: CamMotion) -> Series:
 
 
 _TIME_UP = Status(
-    Cause.TIME_LIMIT, "the run reached its time limit", "the finished part is saved, and --resume continues it"
+    Cause.TIME_LIMIT,
+    "the run reached its time limit",
+    "the finished part is saved; --resume continues it, with --overwrite if there is an older result",
 )
 
 _NOTHING_TO_RESUME = (

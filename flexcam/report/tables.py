@@ -144,7 +144,8 @@ def spring_curve_table(name: str, spring: Spring) -> Table:
     (length, mm), (load, newton), (rate, per_mm) = map(to_display_unit, ("m", "N", "N/m"))
     head = (f"{mm} beyond installed", f"force {newton}", f"stiffness {per_mm}", "surge Hz, ends fixed")
     cells = [
-        (f"{length * row['travel_m']:.4g}", f"{load * row['force_n']:.1f}", f"{rate * row['stiffness_n_per_m']:.2f}",
+        (f"{length * row['travel_m']:.4g}" + " (coil bind)" * (row["travel_m"] == spring.clash_travel),
+         f"{load * row['force_n']:.1f}", f"{rate * row['stiffness_n_per_m']:.2f}",
          f"{row['frequencies_hz'][0]:.4g}" if row["frequencies_hz"] else "no mass")
         for row in (rows[i] for i in shown)
     ]  # fmt: skip
@@ -246,12 +247,17 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
     other = comparison.names[1]
     deviation = f"{comparison.probe} deviates by up to {peak} of the range of the {other} motion (rms {rms})"
     angle = f"{comparison.peak_acceleration_deg:.1f} deg of the cam"
+    if comparison.peak_lift < _SMALL_LIFT:
+        angle += f" and {100.0 * comparison.peak_lift:.2g} % of the lift (an impact, such as seating)"
     said = [f"{deviation}; its peak acceleration, at {angle}, is {ratio} times the {other} one."]
     if mode_hz is not None:
         nearest = "The nearest mode that the cam force excites is at"
         found, share = f"{mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} camshaft rpm", comparison.speed_rpm / (60.0 * mode_hz)
         said.append(f"{nearest} {found}; the cam turns at {share:.2f} of this speed.")
     return said
+
+
+_SMALL_LIFT = 0.05  # fraction of the lift below which an acceleration comes from seating or closing lash
 
 
 def run_table(case: Case, extremes: ExtremesSink) -> Table:
@@ -284,14 +290,15 @@ def metrics_table(model: Model | None, figures: Sequence[Metric]) -> Table:
         kind, part, *quantity = figure.name.split(".")
         quantity = [one.replace("force", "torque") if unit == "N m" else one for one in quantity]
         row = rows.setdefault((_part_kind(model, figure.name), kind, *quantity), [])
-        row.append((value, f"{value:.4g} {unit}".rstrip(), part))
+        at = "" if figure.angle is None else f" at {math.degrees(figure.angle):.4g} deg"
+        row.append((value, f"{value:.4g} {unit}".rstrip() + at, part))
     cells: list[tuple[str, str]] = []
     for (parts_kind, kind, *quantity), parts in rows.items():
         if len(parts) > _MOST_PARTS:
             cells.append((_metric_label(parts_kind, quantity), _range_text(parts)))
         else:
             cells += [(_metric_label(f"{kind.removesuffix('s')} {part}", quantity), text) for _, text, part in parts]
-    return facts_table("Metrics of the last revolution", cells)
+    return facts_table("Metrics of the last revolution (deg: cam angle of the extreme)", cells)
 
 
 def _metric_label(place: str, quantity: Sequence[str]) -> str:
@@ -307,7 +314,8 @@ def _metric_label(place: str, quantity: Sequence[str]) -> str:
 _METRIC_KINDS = {"largest": "max", "least": "min", "mean": "mean"}
 _METRIC_WORDS = {
     "open_on_the_lift": "loss of contact on the lift", "leak_down": "leak-down", "nose_force": "force over the nose",
-    ".nose": ".at the nose", "wear.largest": "wear in 1e6 revolutions.largest",
+    ".nose": ".at the nose", "stress.largest": "shear stress of the wire.largest",
+    "wear.largest": "wear in 1e6 revolutions.largest",
 }  # fmt: skip
 
 
@@ -354,7 +362,7 @@ def strength_table(members: Mapping[str, valvetrain.MemberStrength], instants: i
          f"{one.safety:.3g}" if one.safety else "unlimited" if one.rated else "no strength given", one.place)
         for name, one in members.items()
     ]  # fmt: skip
-    head = (f"stress, {unit}", "von Mises", "mean", "alternating", "fatigue safety", "at")
+    head = (f"stress, {unit}", "max von Mises", "equivalent mean", "amplitude", "fatigue safety", "at")
     return plain_table(f"Stresses at {instants} saved instant{'s' * (instants != 1)}", head, rows)
 
 
@@ -363,9 +371,9 @@ def describe_dofs(response: Response) -> str:
     every, integrated = response.stats.size or len(response.outline.unknowns), response.stats.unknowns
     if not response.stats.is_complete:
         return f"{response.stats.size} unknowns" if response.stats.size else "unknowns not counted"
-    rest = f", of which {integrated} are integrated (the others either cannot move or are determined by these)"
+    rest = f", of which {integrated} are integrated (the others cannot move or follow from these)"
     count = f"{every} unknowns" + (rest if integrated != every else "")
-    method = f", {response.stats.integrator}" if response.stats.integrator else ""
+    method = f"; {response.stats.integrator}" if response.stats.integrator else ""
     return count + method + _ENGINES.get(response.stats.engine, "")
 
 

@@ -116,6 +116,7 @@ class Metric:
     name: str  #: such as ``contacts.seat.seating_velocity``
     value: float  #: SI
     unit: str  #: SI unit
+    angle: float | None = None  #: cam angle of an extreme of a channel, rad; None of other metrics
 
 
 def train_metrics(model: Model, response: Response, period: float, names: Sequence[str] | None = None) -> list[Metric]:
@@ -140,18 +141,21 @@ def train_metrics(model: Model, response: Response, period: float, names: Sequen
             gap = float(response.channels[f"contacts.{name}.gap"][last].max())
             figures.append(Metric(f"contacts.{name}.{_GAP}", gap, "rad" if contact.turns else "m"))
     figures += _drive(model, response, last)
+    angle = np.mod(response.angle[last], 2.0 * math.pi)
     for channel, unit in response.outline.channels:
         name, values = _metric_name(channel), response.channels[channel][last]
         if name.endswith("margin"):
             figures += [Metric(name, 1.0 / float(values.max()), "1")] if float(values.max()) > 0.0 else []
         elif name.endswith("least"):
-            figures.append(Metric(name, float(values.min()), unit))
+            at = int(values.argmin())
+            figures.append(Metric(name, float(values[at]), unit, float(angle[at])))
         elif name.endswith("nose"):
             nose = _nose(model, channel.split(".")[1], response.angle[last])
             figures += [] if nose is None else [Metric(name, float(values[nose]), unit)]
         elif name:
             size = values if channel.endswith(_SIGNED) else np.abs(values)
-            figures.append(Metric(name, float(size.max()), unit))
+            at = int(size.argmax())
+            figures.append(Metric(name, float(size[at]), unit, float(angle[at]) if np.ptp(size) else None))
     return figures
 
 

@@ -162,7 +162,7 @@ def test_force_of_a_cam_under_gas(record, tmp_path):
         ("cam angle [deg],force [N]\n0,0\n720,0\n", {}, "up to 360 deg"),
         ("time [s],force [N]\n0,0\n1,1\n", {"loads.push.phase": '"90 deg"'}, "no phase"),
         ("time [s],force [N]\n0,0\n1,1\n", {"loads.push.direction": '"rx"', "loads.push.area": 1.0}, "no area"),
-        ("time [s],force [N]\n0,0\n1,1\n", {"loads.push.force": 1.0}, "either at with force or table"),
+        ("time [s],force [N]\n0,0\n1,1\n", {"loads.push.force": 1.0}, "either 'at' with one of 'force' and 'table'"),
         ("time [s],force [N]\n0,0\n1,1\n", {"loads.push.table": '"none.csv"'}, "none.csv"),
         ("time [s],gas [bar]\n0,0\n1,1\n", {}, r"gas \[bar\].*Give area with a pressure"),
         ("time [s],force\n0,0\n1,1\n", {}, "force, without a unit"),

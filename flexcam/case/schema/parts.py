@@ -350,7 +350,7 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
         spread = self.force_per_length is not None
         sizes = sum(one is not None for one in (self.force, self.table, self.force_per_length))
         if sizes != 1 or (self.member is not None) != spread or (self.at is None) != spread:
-            allowed = "either at with force or table, or member with force_per_length"
+            allowed = "either 'at' with one of 'force' and 'table', or 'member' with 'force_per_length'"
             raise value_error(allowed, "a load acts at a point or along a member")
         for key in ("area", "phase", "repeat") if self.table is None else ():
             if getattr(self, key) is not None:
