@@ -38,9 +38,6 @@ from flexcam.valvetrain import (
 _REVOLUTIONS = 6.0
 _ROUNDING = 1e-6  # relative tolerance of a time at the end of a revolution
 
-# ends of the names of the channels that the conditions read
-_CHANNELS = (".force", ".gap", ".velocity", ".clash", ".buckling_use")
-
 LIMITS = ("loss_of_contact", "float", "bounce", "coil_clash", "buckling")
 """Names of the limits."""
 
@@ -168,7 +165,11 @@ def evaluate_speed(
     """Run a case at a camshaft speed, rad/s, and return which parts meet the conditions of some limits."""
     ready = prepare(case.at_speed(speed, _REVOLUTIONS), model=model)
     system = ready.problem.system
-    seen = tuple(channel for channel in system.channels if channel.name.endswith(_CHANNELS))
+    read = {f"contacts.{name}.force" for name in ready.model.cam_contacts} | {
+        f"contacts.{name}.{one}" for name, part in ready.model.contacts.items() if isinstance(part, Seat)
+        for one in ("gap", "velocity")
+    }  # fmt: skip
+    seen = tuple(one for one in system.channels if one.name in read or one.name.endswith((".clash", ".buckling_use")))
     problem = replace(ready.problem, system=replace(system, channels=seen, probes=()), runs=runs * len(search.speeds()))
     response = solve(problem, ready.scheme, save=SaveAt(field_every=problem.steps, energies=False))
     reraise_interrupt(response.status)

@@ -35,19 +35,22 @@ class KinematicEngine(Engine):
             local = d
         else:
             d, v, a = system.prescribed_motion.at(motion)
-            local = reactions(system, system.prescribed_motion, forces, motion)
+            local = reactions(system, system.prescribed_motion, forces, motion, (d, v, a))
         state, impulse = np.tile(forces.start_state, (len(steps), 1)), np.zeros_like(local)
         sides = np.zeros((len(steps), len(forces.switching)), dtype=bool)
         return Trajectory(at, d, v, a, local, state, impulse, sides, each, motion.cam), Status()
 
 
-def reactions(system: System, prescribed: PrescribedMotion, forces: LocalForces, motion: CamMotion) -> FloatArray:
-    """Return the local forces of a system in prescribed motion, N, shape (m, c).
+def reactions(
+    system: System, prescribed: PrescribedMotion, forces: LocalForces, motion: CamMotion,
+    moved: tuple[FloatArray, FloatArray, FloatArray],
+) -> FloatArray:  # fmt: skip
+    """Return the local forces of a system in prescribed motion `moved`, N, shape (m, c).
 
     The laws give the forces of springs and friction. The forces of the constraints balance the rest of the equation of
     motion: inverse dynamics.
     """
-    d, v, a = prescribed.at(motion)
+    d, v, a = moved
     inputs = forces.prescribed_inputs(motion)
     penetration, rate, _ = forces.sense_motion(d, v, inputs)
     state = np.tile(forces.start_state, (len(d), 1))
@@ -58,4 +61,4 @@ def reactions(system: System, prescribed: PrescribedMotion, forces: LocalForces,
         system.mass.multiply(a.T) + system.damping.multiply(v.T) + system.stiffness.multiply(d.T)
     ).T - system.load_vector(motion)
     residual -= ((local @ inputs.acts) * inputs.acting_weights) @ forces.act.vectors
-    return prescribed.complete_forces(motion, residual, forces.direction(inputs), rate, local)
+    return prescribed.complete_forces(motion, residual, forces.virtual_work(inputs), rate, local)

@@ -48,7 +48,7 @@ from flexcam.dynamics.force_laws import (
 from flexcam.dynamics.jit import Functions, bind
 from flexcam.dynamics.law_data import CamLift, ForceLaw
 from flexcam.dynamics.local_newton import FUNCTIONS_OF_NEWTON, NUMPY
-from flexcam.dynamics.system import CustomLaw, LocalForce, Reaction, System
+from flexcam.dynamics.system import CustomLaw, LocalForce, Reaction, System, VirtualWork
 
 
 class StoredEnergy:
@@ -372,14 +372,15 @@ class LocalForces:
         rate += prescribed_rates
         return penetration, rate, prescribed_rates
 
-    def direction(self, inputs: PrescribedInputs) -> Callable[[int], FloatArray]:
-        """Return a function of a scalar: the vectors with which its force acts at m instants, shape (m, n)."""
+    def virtual_work(self, inputs: PrescribedInputs) -> VirtualWork:
+        """Return the virtual work of the forces at m instants, see `flexcam.dynamics.system.VirtualWork`."""
 
-        def vectors(scalar: int) -> FloatArray:
+        def work(scalar: int, dofs: IntArray, motions: FloatArray) -> FloatArray:
             own = np.flatnonzero(inputs.acts[scalar])
-            return (inputs.acts[scalar, own] * inputs.acting_weights[:, own]) @ self.act.vectors[own]
+            weights = inputs.acts[scalar, own] * inputs.acting_weights[:, own]
+            return weights @ (self.act.vectors[np.ix_(own, dofs)] @ motions.T)
 
-        return vectors
+        return work
 
     def respond(
         self, penetration: FloatArray, rate: FloatArray, state: FloatArray, schedule: PrescribedInputs, i: int = 0

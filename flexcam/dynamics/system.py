@@ -250,6 +250,11 @@ class Probe:
     offset: tuple[AngleFunction | None, ...]
 
 
+VirtualWork = Callable[[int, IntArray, FloatArray], FloatArray]
+"""Function of a scalar, some unknowns and k motions of them, shape (k, unknowns): the virtual work of the scalar's
+force in these motions, per unit of force, at m instants, shape (m, k)."""
+
+
 class PrescribedMotion(Protocol):
     """Motion of all unknowns that the cam prescribes, with the forces of the constraints that enforce it."""
 
@@ -263,14 +268,14 @@ class PrescribedMotion(Protocol):
         ...
 
     def complete_forces(
-        self, motion: CamMotion, residual: FloatArray, direction: Callable[[int], FloatArray], rate: FloatArray,
+        self, motion: CamMotion, residual: FloatArray, work: VirtualWork, rate: FloatArray,
         local: FloatArray,
     ) -> FloatArray:  # fmt: skip
         """Return the local forces with those of the constraints, N, shape (m, c).
 
         The constraints balance the `residual`: inertia, damping and elastic forces minus all other forces, shape
-        (m, n). `direction` returns the vectors with which a scalar's force acts, shape (m, n). Rates of the sensed
-        scalars and the other `local` forces, zero for the constraints, have the shape (m, c).
+        (m, n). Rates of the sensed scalars and the other `local` forces, zero for the constraints, have the shape
+        (m, c).
         """
         ...
 

@@ -6,7 +6,7 @@ and adjusters balance inertia, damping, springs, friction and loads in virtual m
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -29,6 +29,7 @@ from flexcam.dynamics import (
 )
 from flexcam.dynamics.kinematic_engine import reactions
 from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.system import VirtualWork
 from flexcam.fem.assembly import modal_damping, rayleigh_damping
 from flexcam.fem.rigid_bodies import scalar_matrix
 from flexcam.valvetrain.cam_contact import couple_cam
@@ -92,14 +93,13 @@ class RigidTrains:
         return sum(moved, np.zeros(len(motion.angle)))
 
     def complete_forces(
-        self, motion: CamMotion, residual: FloatArray, direction: Callable[[int], FloatArray], rate: FloatArray,
-        local: FloatArray,
-    ) -> FloatArray:  # fmt: skip
+        self, motion: CamMotion, residual: FloatArray, work: VirtualWork, rate: FloatArray, local: FloatArray
+    ) -> FloatArray:
         """Return the local forces with those of the constraints, see `flexcam.dynamics.PrescribedMotion`."""
         found = local.copy()
         for train in self.trains:
             contacts = [one.name for one in (*train.drives, *train.stops)]
-            acting = {name: self._acting(train, name, direction, rate) for name in contacts}
+            acting = {name: self._acting(train, name, work, rate) for name in contacts}
             moved = train.solve(motion.cam)
             for branch, rows in moved.branches:
                 left = residual[rows][:, train.dofs] @ train.motions.T
@@ -118,22 +118,21 @@ class RigidTrains:
                         found[rows, contact.sliding] = contact.friction_ratio(rate[rows]) * force
         return found
 
-    def _acting(
-        self, train: RigidTrain, name: str, direction: Callable[[int], FloatArray], rate: FloatArray
-    ) -> FloatArray:
+    def _acting(self, train: RigidTrain, name: str, work: VirtualWork, rate: FloatArray) -> FloatArray:
         """Return the forces on the scalars of a train per contact force, with its friction, shape (m, d)."""
         contact = self.contacts[name]
-        found = direction(contact.scalar)
+        found = work(contact.scalar, train.dofs, train.motions)
         if contact.sliding is not None:
-            found = found + contact.friction_ratio(rate)[:, None] * direction(contact.sliding)
-        return found[:, train.dofs] @ train.motions.T
+            sliding = work(contact.sliding, train.dofs, train.motions)
+            found = found + contact.friction_ratio(rate)[:, None] * sliding
+        return found
 
-    def jams(self, name: str, motion: CamMotion, direction: Callable[[int], FloatArray], rate: FloatArray) -> bool:
+    def jams(self, name: str, motion: CamMotion, work: VirtualWork, rate: FloatArray) -> bool:
         """Return whether friction carries all of the force of a cam contact at some instant."""
         for train in self.trains:
             for i, drive in enumerate(train.drives):
                 if drive.name == name:
-                    acting, moved = self._acting(train, name, direction, rate), train.solve(motion.cam)
+                    acting, moved = self._acting(train, name, work, rate), train.solve(motion.cam)
                     return any(branch.drive_effect(i, moved.z[0, rows], acting[rows]).min(initial=1.0) <= 0.0
                                for branch, rows in moved.branches)  # fmt: skip
         return False
@@ -254,7 +253,7 @@ def _check_friction(model: Model, system: System, motion: RigidTrains) -> None:
         if (
             isinstance(contact, CamContact)
             and contact.friction
-            and motion.jams(name, cam, forces.direction(inputs), rate)
+            and motion.jams(name, cam, forces.virtual_work(inputs), rate)
         ):
             allowed, why = (
                 "a friction at which the face slides",
@@ -276,7 +275,7 @@ def pulling_contacts(model: Model) -> dict[str, float]:
     """
     system, trains = _build(model, _REST)
     motion, forces = ConstantSpeed(_REST).at(_ANGLES / _REST), LocalForces(system)
-    local = reactions(system, trains, forces, motion)
+    local = reactions(system, trains, forces, motion, trains.at(motion))
     least = -PULL * float(np.abs(local).max(initial=0.0))
     stops = [stop.name for train in trains.trains for stop in train.stops]
     pulls = {name: float(local[:, trains.contacts[name].scalar].min()) for name in stops}
