@@ -46,7 +46,7 @@ LawResponse = tuple[float, float, float, float]
     MOVED, MOVING,
 ) = range(15)  # fmt: skip
 """Rows of the local scalars: trial force, sensed penetration and rate under it, force of the law, sensed values without
-the forces, square root of the scalar's own compliance, the stored energy, four rows of the iteration, the
+the forces, square root of the scalar's own compliance, stored energy, four rows of the iteration. Then follow the
 penetration of the law with the lift of `CamLift`, of its first scalar, and changes of penetration and rate that are not
 yet added, in the columns of the compliance.
 """
