@@ -45,10 +45,10 @@ LawResponse = tuple[float, float, float, float]
     TRIAL, PENETRATION, RATE, ANSWER, FREE_PENETRATION, FREE_RATE, OWN, ENERGY, BASE, CHANGE, SENSED, STALE, DEPTH,
     MOVED, MOVING,
 ) = range(15)  # fmt: skip
-"""Rows of the local scalars: trial force, sensed penetration and rate under it, force of the law, sensed values without
-the forces, square root of the scalar's own compliance, stored energy, four rows of the iteration. Then follow the
-penetration of the law with the lift of `CamLift`, of its first scalar, and changes of penetration and rate that are not
-yet added, in the columns of the compliance.
+"""Rows of the local scalars: trial force, sensed penetration and rate under it, force of the law, sensed values
+without the forces, square root of the scalar's own compliance, stored energy, four rows of the iteration. Then follow
+the penetration of the law with the lift of `CamLift`, of its first scalar, and changes of penetration and rate that
+are not yet added, in the columns of the compliance.
 """
 LOCAL_ROWS = 15
 

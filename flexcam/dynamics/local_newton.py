@@ -58,8 +58,8 @@ Then the iteration restarts from the forces of the last instant with one matrix 
 """
 
 SENSES, ACTS, COLUMN, SCALAR = range(4)
-"""Rows of the places of scalars: where their sensing and acting vectors begin; their columns in the compliance, in which
-scalars that the same forces move are neighbours; and the scalars of the columns."""
+"""Rows of the places of scalars: where their sensing and acting vectors begin; their columns in the compliance, in
+which scalars that the same forces move are neighbours; and the scalars of the columns."""
 
 
 def eliminate(matrix: FloatArray, n: int, end: int) -> bool:
