@@ -410,7 +410,7 @@ def _limit_speed(one: Limit, rpm: float | None, scale: float, high: float) -> st
 
 
 def _limit_range(limit: Limit, scale: float) -> str:
-    """Return the uncertainty of a limit: the range within which the event comes and goes, or the width of the bracket."""
+    """Return the uncertainty of a limit: the range in which the event comes and goes, or the width of the bracket."""
     if limit.scatter_rpm:
         return " to ".join(f"{10.0 * round(0.1 * scale * rpm):g}" for rpm in limit.scatter_rpm)
     return "" if limit.rpm is None or math.isinf(limit.tolerance_rpm) else f"-{scale * limit.tolerance_rpm:.2g}"
