@@ -23,20 +23,13 @@ from flexcam.case.reader import CaseFile as OpenCase
 from flexcam.cli import app as cli
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, shaft_name, shaft_speed
-from flexcam.report.tables import limits_table
+from flexcam.report.tables import LIMITS_LEGEND, limits_table
 from flexcam.report.terminal import facts_table, format_csv, format_number, plain_table, show_count, with_unit
 from flexcam.studies.executors import count_cores
 from flexcam.studies.plan import Axis, parse_axis
 from flexcam.studies.quantities import LimitMap, create_evaluator, grid_plan, limit_map, open_speed_runs
 from flexcam.studies.sweep import validate_plan
 from flexcam.studies.variables import InterruptibleRuns, require_units
-
-_LEGEND = (
-    "A run has six revolutions; an event in any of the last five counts. uncertainty: a range where runs within "
-    "0.7 % of the limit show the event at some speeds and not at others, otherwise the last step of the search. "
-    "persists from: the event also occurs at every higher speed examined (up to 15 % above the limit). not persistent: "
-    "it does not occur at the highest speed examined"
-)
 
 _MAP = Group("Map over two values", sort_key=1)
 
@@ -104,7 +97,7 @@ def limits(
     margins = compute_margins(read)
     parts: list[Table | str] = [limits_table(found, margins, scale), *check_lobes(build_model(read))]
     if any(one.rpm is not None for one in found.limits.values()):
-        parts.append(_LEGEND)
+        parts.append(LIMITS_LEGEND)
     if "loss_of_contact" not in found.limits:
         parts.append('Contact loss is not assessed: it needs a contact with model = "unilateral", which can separate.')
     rpm = {**dict.fromkeys(LIMITS), **{name: one.rpm for name, one in found.limits.items()}}

@@ -192,7 +192,7 @@ class Kernel:
         self._answer_runs = list_runs(np.abs(self.whole.answers).sum(axis=(0, 1)))
         can_move, coupling = find_coupling(forces, self.whole)
         can_move = np.tile(can_move != 0.0, (stages, stages))
-        columns = np.lexsort([np.arange(len(can_move)), *can_move])  # equal rows stand together
+        columns = np.lexsort([np.arange(len(can_move)), *can_move])  # equal columns are neighbours
         self._reach, self._places = list_runs(can_move[:, columns]), _repeat_places(forces.places, stages, columns)
         order, blocks = divide_laws(forces.table.laws, coupling)
         table, count = forces.table.repeat(stages, forces.count), len(order)

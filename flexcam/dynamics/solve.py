@@ -23,7 +23,7 @@ from flexcam.dynamics.basis import Basis
 from flexcam.dynamics.blocks import Arrays, Block, Checkpoint, CheckpointSink, CompletedPart, SaveAt, Series, Sink
 from flexcam.dynamics.cam_motion import CamMotion
 from flexcam.dynamics.energy import PARTS, EnergyBalance, EquilibriumResidual
-from flexcam.dynamics.engine import STOPPED, Engine
+from flexcam.dynamics.engine import CONTINUE, STOPPED, Engine
 from flexcam.dynamics.engine_selection import MAX_MODES, SelectedEngine, create_engine, forces_of, select_engine
 from flexcam.dynamics.generalized_alpha import newmark
 from flexcam.dynamics.integrator import Method
@@ -413,11 +413,7 @@ def prescribed_probes(system: System, motion: CamMotion) -> Series:
     return _probe_series(system.probes, Series(*moved), motion)
 
 
-_TIME_UP = Status(
-    Cause.TIME_LIMIT,
-    "the run reached its time limit",
-    "the finished part is saved; --resume continues it, with --overwrite if there is an older result",
-)
+_TIME_UP = Status(Cause.TIME_LIMIT, "the run reached its time limit", CONTINUE)
 
 _NOTHING_TO_RESUME = (
     "the run ended before its first checkpoint, so --resume cannot continue it; run it again with --overwrite"

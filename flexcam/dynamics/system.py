@@ -274,8 +274,8 @@ class PrescribedMotion(Protocol):
         """Return the local forces with those of the constraints, N, shape (m, c).
 
         The constraints balance the `residual`: inertia, damping and elastic forces minus all other forces, shape
-        (m, n). Rates of the sensed scalars and the other `local` forces, zero for the constraints, have the shape
-        (m, c).
+        (m, n). `work` is that of the forces, see `VirtualWork`. Rates of the sensed scalars and the other `local`
+        forces, zero for the constraints, have the shape (m, c).
         """
         ...
 

@@ -246,18 +246,15 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
     ratio = format_decimals(comparison.peak_acceleration_ratio, 2)
     other = comparison.names[1]
     deviation = f"{comparison.probe} deviates by up to {peak} of the range of the {other} motion (rms {rms})"
-    angle = f"{comparison.peak_acceleration_deg:.1f} deg of the cam"
-    if comparison.peak_lift < _SMALL_LIFT:
-        angle += f" and {100.0 * comparison.peak_lift:.2g} % of the lift (an impact, such as seating)"
+    angle = (
+        f"{comparison.peak_acceleration_deg:.1f} deg of the cam and {100.0 * comparison.peak_lift:.2g} % of the lift"
+    )
     said = [f"{deviation}; its peak acceleration, at {angle}, is {ratio} times the {other} one."]
     if mode_hz is not None:
         nearest = "The nearest mode that the cam force excites is at"
         found, share = f"{mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} camshaft rpm", comparison.speed_rpm / (60.0 * mode_hz)
         said.append(f"{nearest} {found}; the cam turns at {share:.2f} of this speed.")
     return said
-
-
-_SMALL_LIFT = 0.05  # fraction of the lift below which an acceleration comes from seating or closing lash
 
 
 def run_table(case: Case, extremes: ExtremesSink) -> Table:
@@ -284,21 +281,25 @@ def run_table(case: Case, extremes: ExtremesSink) -> Table:
 def metrics_table(model: Model | None, figures: Sequence[Metric]) -> Table:
     """Return the table of the metrics of the last revolution; metrics of many parts of one kind share a row."""
     rows: dict[tuple[str, ...], list[tuple[float, str, str]]] = {}
+    places: dict[tuple[tuple[str, ...], str], str] = {}
     for figure in figures:
         factor, unit = to_display_unit(figure.unit, thin=".film." in figure.name or ".wear." in figure.name)
         value = factor * figure.value + 0.0  # the sum removes the sign of a negative zero
         kind, part, *quantity = figure.name.split(".")
         quantity = [one.replace("force", "torque") if unit == "N m" else one for one in quantity]
-        row = rows.setdefault((_part_kind(model, figure.name), kind, *quantity), [])
-        at = "" if figure.angle is None else f" at {math.degrees(figure.angle):.4g} deg"
-        row.append((value, f"{value:.4g} {unit}".rstrip() + at, part))
+        key = _part_kind(model, figure.name), kind, *quantity
+        rows.setdefault(key, []).append((value, f"{value:.4g} {unit}".rstrip(), part))
+        places[key, part] = "" if figure.angle is None else f" at cam {math.degrees(figure.angle):.1f} deg"
     cells: list[tuple[str, str]] = []
     for (parts_kind, kind, *quantity), parts in rows.items():
         if len(parts) > _MOST_PARTS:
             cells.append((_metric_label(parts_kind, quantity), _range_text(parts)))
         else:
-            cells += [(_metric_label(f"{kind.removesuffix('s')} {part}", quantity), text) for _, text, part in parts]
-    return facts_table("Metrics of the last revolution (deg: cam angle of the extreme)", cells)
+            cells += [
+                (_metric_label(f"{kind.removesuffix('s')} {part}", quantity),
+                 text + places[(parts_kind, kind, *quantity), part]) for _, text, part in parts
+            ]  # fmt: skip
+    return facts_table("Metrics of the last revolution", cells)
 
 
 def _metric_label(place: str, quantity: Sequence[str]) -> str:
@@ -405,15 +406,28 @@ def _limit_speed(one: Limit, rpm: float | None, scale: float, high: float) -> st
     if rpm is not None:
         if math.isinf(one.tolerance_rpm):
             return f"{scale * rpm:.6g}{' or below' if rpm == one.rpm else ''}"
-        return f"{scale * rpm:.{max(0, -math.floor(math.log10(scale * one.tolerance_rpm)))}f}"
+        return f"{scale * rpm:.{_limit_decimals(one, scale)}f}"
     return f"above {high:.6g}" if one.known else "not known"
 
 
+def _limit_decimals(limit: Limit, scale: float) -> int:
+    return max(0, -math.floor(math.log10(scale * limit.tolerance_rpm)))
+
+
 def _limit_range(limit: Limit, scale: float) -> str:
-    """Return the uncertainty of a limit: the range in which the event comes and goes, or the width of the bracket."""
-    if limit.scatter_rpm:
-        return " to ".join(f"{10.0 * round(0.1 * scale * rpm):g}" for rpm in limit.scatter_rpm)
-    return "" if limit.rpm is None or math.isinf(limit.tolerance_rpm) else f"-{scale * limit.tolerance_rpm:.2g}"
+    """Return the range in which the event comes and goes, otherwise in which it begins."""
+    if limit.rpm is None or math.isinf(limit.tolerance_rpm):
+        return ""
+    ends, places = limit.scatter_rpm or (limit.rpm - limit.tolerance_rpm, limit.rpm), _limit_decimals(limit, scale)
+    return " to ".join(f"{scale * rpm:.{places}f}" for rpm in ends)
+
+
+LIMITS_LEGEND = (
+    "A run has six revolutions; an event in any of the last five counts. uncertainty: the speeds between which the "
+    "event comes and goes in runs within 0.7 % of the limit, otherwise the last step of the search. persists from: the "
+    "event also occurs at every higher speed examined (up to 15 % above the limit). not persistent: it does not occur "
+    "at the highest speed examined"
+)
 
 
 def limits_table(found: Limits, margins: Margins, scale: float) -> Table:

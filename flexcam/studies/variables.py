@@ -191,8 +191,8 @@ class WorstCase:
         known = [name for name in rows[0].scalars if all(name in row.scalars for row in rows)]
         at = dict[str, Row]()
         for name in known:
-            worst = max if self.largest.get(name, True) else min
-            at[name] = worst(rows, key=lambda row, name=name: row.scalars[name])
+            worst = np.argmax if self.largest.get(name, True) else np.argmin  # NaN is the worst
+            at[name] = rows[int(worst([row.scalars[name] for row in rows]))]
         status = next((row.status for row in rows if row.status.text), rows[0].status)
         derived = known if all(row.derivatives for row in rows) else ()
         return replace(

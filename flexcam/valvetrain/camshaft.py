@@ -58,7 +58,7 @@ def _drive_torque(structure: Structure, name: str) -> Iterator[Channel]:
     if not spring.turns or spring.to is not None or spring.at not in mesh.points:
         return
     axis = shaft_axes(structure.model).get(mesh.node(spring.at))
-    if axis is None or abs(float(axis @ spring.direction[3:])) < _ALONG:
+    if axis is None or abs(float(axis @ spring.direction[3:])) < PARALLEL:
         return
     row = structure.row(spring.at, np.concatenate([np.zeros(3), axis]))[None]
     installed = math.copysign(spring.installed_force or 0.0, float(axis @ spring.direction[3:]))
@@ -89,7 +89,8 @@ def _inertia(structure: Structure, nodes: IntArray, turning: FloatArray, phaser:
     return Load(f"shaft of {mesh.node_name(int(nodes[0]))}", -vector, rate)
 
 
-_ALONG = 0.9  # cosine above which a constrained rotation is about the shaft
+PARALLEL = 0.9
+"""Cosine above which an axis is that of the shaft."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +119,7 @@ def rotation_supports(model: Model) -> tuple[tuple[str, int, FloatArray], ...]:
         for node in nodes:
             along = driven.get(node, np.zeros(3))
             axis = int(np.argmax(np.abs(along)))
-            if abs(float(along[axis])) > _ALONG and ROTATIONS[axis] in held:
+            if abs(float(along[axis])) > PARALLEL and ROTATIONS[axis] in held:
                 name = point if len(nodes) == 1 else model.mesh.node_name(node)
                 found.append((name, node, along))
     return tuple(found)

@@ -19,7 +19,7 @@ from flexcam.fem.elements.beam import Beams
 from flexcam.fem.members import beams, sections_at_nodes
 from flexcam.fem.mesh import Mesh, refine
 from flexcam.fem.recovery import fibres, section_forces
-from flexcam.valvetrain.camshaft import shaft_axes
+from flexcam.valvetrain.camshaft import PARALLEL, shaft_axes
 from flexcam.valvetrain.coupling import Coupling, opposed_force
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.structure import Structure, element_loads
@@ -259,9 +259,10 @@ class StrengthSink:
     """Sink that tracks the stresses of every member at the saved instants.
 
     It stores minimum and maximum normal stress per outline point and torsional stress per section. The outline points
-    of a camshaft rotate with it: a constant load bends them back and forth in every revolution. Mean and amplitude are
-    combined as ``sqrt(sigma^2 + 3 tau^2)``, and safety is Goodman's line, with no credit for compressive means (torsion
-    has no sign): J. E. Shigley, Mechanical Engineering Design, 9th ed., eqs. 6-46, 6-55 and 6-56.
+    of a camshaft, which is round, rotate with it: in a whole revolution a constant load bends them back and forth. Mean
+    and amplitude are combined as ``sqrt(sigma^2 + 3 tau^2)``, and safety is Goodman's line, with no credit for
+    compressive means (torsion has no sign): J. E. Shigley, Mechanical Engineering Design, 9th ed., eqs. 6-46, 6-55 and
+    6-56.
     """
 
     def __init__(self, structure: Structure) -> None:
@@ -276,8 +277,8 @@ class StrengthSink:
         for node, axis in shaft_axes(structure.model).items():
             axes[node] = axis
         #: rotation of each element about its axis per cam angle: 1 or -1 of a camshaft, otherwise 0
-        along = structure.beams.triads[:, 0] * axes[structure.beams.nodes[:, 0]]
-        self._turns: FloatArray = np.round(along.sum(axis=1))
+        along = (structure.beams.triads[:, 0] * axes[structure.beams.nodes[:, 0]]).sum(axis=1)
+        self._turns: FloatArray = np.where(np.abs(along) > PARALLEL, np.sign(along), 0.0)
 
     def write(self, block: Block) -> None:
         """Update with a block."""

@@ -23,7 +23,7 @@ from flexcam.valvetrain.rigid_kinematics import largest_lashes
 from flexcam.valvetrain.rigid_model import rigid_motion
 from flexcam.valvetrain.structure import build_structure
 from flexcam.valvetrain.system_builder import build_system
-from flexcam.valvetrain.train_topology import driving_contact, moved_nodes
+from flexcam.valvetrain.train_topology import driving_contact, is_in_train, moved_nodes
 
 Bools = NDArray[np.bool_]
 
@@ -148,7 +148,7 @@ def train_metrics(model: Model, response: Response, period: float, names: Sequen
             figures += [Metric(name, 1.0 / float(values.max()), "1")] if float(values.max()) > 0.0 else []
         elif name.endswith("least"):
             at = int(values.argmin())
-            figures.append(Metric(name, float(values[at]), unit, float(angle[at])))
+            figures.append(Metric(name, float(values[at]), unit, float(angle[at]) if np.ptp(values) else None))
         elif name.endswith("nose"):
             nose = _nose(model, channel.split(".")[1], response.angle[last])
             figures += [] if nose is None else [Metric(name, float(values[nose]), unit)]
@@ -235,7 +235,7 @@ def valve_loft(model: Model, response: Response, name: str, seat: Seat, instants
     if contact is None or contact in opposed_contacts(model):  # an opposed cam stops the valve over the nose
         return None
     try:
-        motion, expansion = rigid_motion(model), _thermal_lift(model, model.cam_contacts[contact].cam, seat)
+        motion, expansion = rigid_motion(model), _thermal_lift(model, contact, seat)
     except (InputError, RunFailedError):  # no rigid train or no equilibrium exists
         return None
     over = _flanks(model.cams[model.cam_contacts[contact].cam], angle)["nose"]
@@ -243,24 +243,34 @@ def valve_loft(model: Model, response: Response, name: str, seat: Seat, instants
         return None
     moved = motion.along(build_structure(model).row(seat.at, seat.direction), ConstantSpeed(1.0).at(angle))
     above = response.channels[f"contacts.{name}.gap"][instants] - moved
+    if float(np.abs(above[over]).max()) < _RIGID:  # the rigid model, in which nothing expands
+        return float(above[over].max())
     return float(above[over].max()) - expansion
 
 
-@lru_cache(maxsize=8)
-def _thermal_lift(model: Model, cam: str, seat: Seat) -> float:
+_RIGID = 1e-9  # largest difference to the rigid train, m, that is rounding
+
+
+def _thermal_lift(model: Model, name: str, seat: Seat) -> float:
     """Return the change of a valve's static lift at the nose of its cam by the temperatures of the members, m."""
-    part = model.cams[cam]
-    if not any(one.temperature for one in model.members.values()):
-        return 0.0
-    if any(isinstance(one, Adjuster) for one in model.contacts.values()):  # it takes up the expansion
-        return 0.0
+    contact = model.cam_contacts[name]
+    heated = any(one.temperature for one in model.members.values())
+    if not heated or any(
+        isinstance(one, Adjuster) and is_in_train(model, contact, one) for one in model.contacts.values()
+    ):
+        return 0.0  # an adjuster takes up the expansion
+    cam = model.cams[contact.cam]
+    row = build_structure(model).row(seat.at, seat.direction)
+    return float(row @ _expansion(model, cam.drive_angle(event_extremes(cam.event)[1].at)))
+
+
+@lru_cache(maxsize=32)
+def _expansion(model: Model, angle: float) -> FloatArray:
+    """Return the change of the static displacement at an angle of the drive by the temperatures, shape (n,)."""
     cold = replace(model, members={name: replace(one, temperature=0.0) for name, one in model.members.items()})
-    nose = ConstantSpeed(1.0, start=part.drive_angle(event_extremes(part.event)[1].at))
-    hot, own = (
-        build_structure(one).row(seat.at, seat.direction) @ equilibrium(build_system(one, 1.0), nose).displacement
-        for one in (model, cold)
-    )
-    return float(hot - own)
+    drive = ConstantSpeed(1.0, start=angle)
+    hot, own = (equilibrium(build_system(one, 1.0), drive).displacement for one in (model, cold))
+    return hot - own
 
 
 def opposed_contacts(model: Model) -> dict[str, str]:

@@ -7,7 +7,7 @@ from functools import lru_cache
 from itertools import pairwise
 
 from flexcam.valvetrain.model import Model
-from flexcam.valvetrain.parts import CamPair, Lash, NodeLash, Rocker
+from flexcam.valvetrain.parts import Adjuster, CamPair, Lash, NodeLash, Rocker
 
 
 @lru_cache(maxsize=64)
@@ -85,8 +85,9 @@ def driving_contact(model: Model, point: str) -> str | None:
     return None
 
 
-def is_in_train(model: Model, contact: CamPair, play: Lash) -> bool:
-    """Return whether a lash is in the train of a contact."""
+def is_in_train(model: Model, contact: CamPair, play: Lash | Adjuster) -> bool:
+    """Return whether a lash or an adjuster is in the train of a contact, or carries the pivot of its finger."""
     if play.ends is not None:
-        return _is_driven(model, contact, play.ends[0], moved_nodes(model, contact))
+        moved = moved_nodes(model, contact)
+        return any(_is_driven(model, contact, end, moved) for end in play.ends[: 1 + isinstance(play, Adjuster)])
     return play.rocker is not None and model.rockers[play.rocker] is rocker_of(model, contact)

@@ -102,7 +102,7 @@ def test_a_low_pass_leaves_chatter_out(one_mass):
     ("is_met", "scatter"),
     [(lambda rpm: rpm > 4000.0, None), (lambda rpm: rpm > 3990.0 and not 4003.0 < rpm < 4020.0, 1)],
 )
-def test_a_condition_that_comes_and_goes_near_a_limit_is_told(one_mass, is_met, scatter):
+def test_range_of_a_condition_that_comes_and_goes(one_mass, is_met, scatter):
     """The examined speeds lie 0.3 and 0.7 % below and above the limit."""
 
     def begin(speeds):

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import html.parser
 import json
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from flexcam import read_case
+from flexcam.analysis.limits import Limit, Limits
+from flexcam.analysis.run_metrics import Margins
 from flexcam.dynamics import Outline, Response, Series
 from flexcam.fem.members import Member, beams
 from flexcam.fem.mesh import Mesh
@@ -33,7 +36,7 @@ from flexcam.report.content import (
 )
 from flexcam.report.figures import build_albums, reduce_points
 from flexcam.report.page import embed_json, render_page
-from flexcam.report.tables import metrics_table
+from flexcam.report.tables import limits_table, metrics_table
 from flexcam.report.terminal import facts_table, plain_table
 from flexcam.valvetrain import Metric
 
@@ -282,3 +285,29 @@ def test_a_ladder_on_a_rough_reference_says_so():
 def test_an_oil_film_is_shown_in_micrometres():
     made = metrics_table(None, [Metric("contacts.exhaust.film.nose", 1.476e-7, "m")])
     assert [str(cell) for column in made.columns for cell in column.cells][-1] == "0.1476 µm"
+
+
+def cells_of(table, column):
+    return [*table.columns[column].cells]
+
+
+def test_cam_angle_of_extremes():
+    """A row of one part has the cam angle; a row of many equal parts has the value alone."""
+    alone = metrics_table(None, [Metric("contacts.a.force.largest", 1038.0, "N", 1.5)])
+    assert cells_of(alone, 1) == ["1038 N at cam 85.9 deg"]
+    many = metrics_table(None, [Metric(f"contacts.c{i}.force.largest", 1038.0, "N", 0.1 * i) for i in range(8)])
+    assert cells_of(many, 1) == ["1038 N (all 8)"]
+
+
+@pytest.mark.parametrize(
+    ("limit", "shown"),
+    [
+        (Limit(5602.19, 8.57, "event"), ["5602", "5594 to 5602"]),
+        (Limit(300.0, 0.5, "event", scatter_rpm=(299.1, 301.9)), ["300.0", "299.1 to 301.9"]),
+        (Limit(45.0, math.inf, "event"), ["45 or below", ""]),
+        (Limit(None, 1.0, "event"), ["above 9000", ""]),
+    ],
+)
+def test_digits_of_limits(limit, shown):
+    table = limits_table(Limits({"float": limit}, 1000.0, 9000.0), Margins(None, None, {}), 1.0)
+    assert [cells_of(table, 1)[0], cells_of(table, 2)[0]] == shown

@@ -124,11 +124,27 @@ seat = { at = "head", direction = "uy", model = "seat", stiffness = "1 GN/m" }
 """
 
 
-def test_expansion_is_no_loft(tmp_path):
+ELSEWHERE = (
+    'nodes.left=["50 mm", 0, 0]',
+    'nodes.right=["60 mm", 0, 0]',
+    'masses.left={ at = "left", mass = "0.1 kg" }',
+    'masses.right={ at = "right", mass = "0.1 kg" }',
+    'springs.left={ at = "left", direction = "ux", stiffness = "10 kN/m" }',
+    'springs.right={ at = "right", direction = "ux", stiffness = "10 kN/m", installed_force = "20 N" }',
+    'contacts.oil={from="left", to="right", direction="ux",model="lash-adjuster", stiffness=2e7, leak=1e3, refill=1}',
+    "contacts.oil.plunger_force=10",
+)
+"""An adjuster that is no part of the train."""
+
+
+@pytest.mark.parametrize(
+    ("model", "further"), [("beams", ()), ("rigid", ()), ("sdof", ()), ("chain", ()), ("beams", ELSEWHERE)]
+)
+def test_expansion_is_no_loft(tmp_path, model, further):
     """The valve of a warm train rises higher by what the parts grow, but not above the lift of the warm rigid train."""
     path = tmp_path / "train.toml"
     path.write_text(TRAIN, encoding="utf-8")
-    whole = ["run.revolutions=1", "run.speed=100rpm"]
+    whole = ["run.revolutions=1", "run.speed=100rpm", f"fidelity.model={model!r}", *further]
     warm, cold = (
         run(read_case(path, [*whole, *more])).metrics["contacts.seat.valve_loft"]
         for more in ((), ("members.pushrod.temperature=0", "members.stem.temperature=0"))
