@@ -91,7 +91,7 @@ class Limit:
     rpm: float | None
     tolerance_rpm: float  #: width of the bracket, rpm
     words: str  #: description of the event, and in brackets the contact, seat, spring or member
-    #: camshaft speed from which the condition is met at all examined speeds up to 15 % above `rpm`; None if it is not
+    #: camshaft speed from which the condition is met at all examined speeds up to 20 % above `rpm`; None if it is not
     #: met at the last of them
     lasting_rpm: float | None = None
     known: bool = True  #: false if a run failed before the condition was met within the range

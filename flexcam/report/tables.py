@@ -372,7 +372,7 @@ def describe_dofs(response: Response) -> str:
     every, integrated = response.stats.size or len(response.outline.unknowns), response.stats.unknowns
     if not response.stats.is_complete:
         return f"{response.stats.size} unknowns" if response.stats.size else "unknowns not counted"
-    rest = f", of which {integrated} are integrated (the others cannot move or follow from these)"
+    rest = f", of which {integrated} are integrated (the rest are fixed, or computed from these)"
     count = f"{every} unknowns" + (rest if integrated != every else "")
     method = f"; {response.stats.integrator}" if response.stats.integrator else ""
     return count + method + _ENGINES.get(response.stats.engine, "")
@@ -423,10 +423,9 @@ def _limit_range(limit: Limit, scale: float) -> str:
 
 
 LIMITS_LEGEND = (
-    "A run has six revolutions; an event in any of the last five counts. uncertainty: the speeds between which the "
-    "event comes and goes in runs within 0.7 % of the limit, otherwise the last step of the search. persists from: the "
-    "event also occurs at every higher speed examined (up to 15 % above the limit). not persistent: it does not occur "
-    "at the highest speed examined"
+    "A run has six revolutions; an event in any of the last five counts. uncertainty: the limit lies between these "
+    "speeds; runs within 0.7 % of the limit widen the range if the event comes and goes among them. persists from: the "
+    "event also occurs at the next three speeds, 5 % apart. not persistent: it does not occur at the last of these"
 )
 
 
