@@ -179,6 +179,7 @@ class _Geometry:
     mesh: Mesh
 
     def member(self, record: parts.MemberRecord) -> Member:
+        """Return a member with its material and section."""
         return Member(
             self.case.materials[record.material].part, self.case.sections[record.section].part, record.orientation,
             record.shear, record.rotary_inertia, record.mass, record.geometric_stiffness, record.bow,
@@ -186,6 +187,7 @@ class _Geometry:
         )  # fmt: skip
 
     def superelement(self, record: parts.SuperelementRecord) -> Superelement:
+        """Return a superelement between its nodes."""
         nodes = tuple(record.nodes.values())
         positions = self.mesh.nodes[[self.mesh.node(name) for name in nodes]]
         return reduce_superelement(nodes, positions, record.matrices(), record.modes)
@@ -244,6 +246,7 @@ class _Geometry:
         return _six_components(-tangent if against else tangent)
 
     def contact(self, record: contacts.ContactRecord) -> valvetrain.Contact:
+        """Return a contact with its directions and default stiffness."""
         match record:
             case contacts.SeatRecord():
                 along = np.zeros(6) if record.direction is None else direction(record.direction)

@@ -72,6 +72,15 @@ def test_rigid_train_in_closed_form(merit, rpm):
     assert found[SPRING_MARGIN] == pytest.approx(margin, rel=1e-6)
 
 
+def test_cam_angle_of_an_extreme(tmp_path):
+    """At low speed the rigid train presses hardest at full lift, half a revolution after the base circle."""
+    (tmp_path / "one.toml").write_text(CASE, encoding="utf-8")
+    ready = prepare(read_case(tmp_path / "one.toml", ["run.speed=60rpm", 'fidelity.model="rigid"']))
+    found = {one.name: one for one in compute_metrics(ready, solve(ready.problem, ready.scheme, save=ready.save))}
+    assert found["contacts.one.force.largest"].angle == pytest.approx(math.pi, abs=0.01)
+    assert found["contacts.one.torque.mean"].angle is None
+
+
 def test_a_stiff_train_does_not_float(merit):
     """The valve stays below the rigid lift by the compression of the contact, which is least where its force is."""
     found = merit(60.0)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexcam import read_case, run
+from flexcam import compare, read_case, run
 
 CASE = Path(__file__).resolve().parents[2] / "cases/pushrod-engine/intake.toml"
 QUICK = ("--set", "run.steps_per_revolution=360", "--set", "run.revolutions=1")
@@ -64,3 +64,10 @@ def test_a_case_and_its_result_have_names_of_their_own(flexcam, tmp_path):
     assert names == ["my.toml", "my.vtkhdf"]
     names = flexcam("compare", "a/my.vtkhdf", "--against", "b/my.vtkhdf", "--json").json["compared"]
     assert names == ["a/my.vtkhdf", "b/my.vtkhdf"]
+
+
+def test_lift_at_the_peak_acceleration():
+    """A cycloidal rise accelerates most at a quarter and three quarters of its angle: 1/4 - 1/(2 pi) of the lift."""
+    response = run(read_case("cases/tayeb/model-1-cycloidal.toml"), rigid=True)
+    lift = compare(response, response, "valve", 2500.0).peak_lift
+    assert min(lift, 1.0 - lift) == pytest.approx(0.25 - 0.5 / math.pi, abs=2e-3)  # of a step
