@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search, scalar_probe
+from flexcam.analysis.preparation import PreparedRun, build_problem, prepare, scalar_probe
 from flexcam.cams import event_extremes
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
@@ -18,7 +18,7 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import FlexcamError
 from flexcam.core.units import RPM
 from flexcam.dynamics import ConstantSpeed, Method, Problem, Response, SaveAt, equilibrium, newmark, solve
-from flexcam.valvetrain import Metric, main_lift, opposed_contacts, train_metrics
+from flexcam.valvetrain import Metric, PublishedLoad, cam_forces, main_lift, opposed_contacts, train_metrics
 
 
 @dataclass(frozen=True)
@@ -161,29 +161,29 @@ def _rigid_limit_speed(case: Case) -> float | None:
     """Return the camshaft speed at which the inertia of the rigid train first equals its springs and loads, rpm.
 
     Friction and damping do not count. None if the inertia never pulls, if a load is given over time, or if opposed cams
-    and not springs hold the followers.
+    or a published preload hold the followers.
     """
     if any(load.table is not None and load.table.over_time for load in case.record.loads.values()):
         return None
     bare = replace(case, record=case.record.model_copy(update={"friction": {}}))
-    speeds = [factor * case.speed for factor in (0.5, 1.0, 2.0)]
-    trains = [prepare(bare.at_speed(speed), rigid=True) for speed in speeds]
-    channels: list[Mapping[str, FloatArray]] = []
-    for speed, ready in zip(speeds, trains, strict=True):
-        problem = replace(ready.problem, step=(_ANGLES[1] - _ANGLES[0]) / speed, steps=len(_ANGLES) - 1)
-        channels.append(_solve_channels(problem, ready.scheme, ".force"))
-    model, worst = trains[0].model, list[float]()
+    ready = prepare(bare, rigid=True)
+    motion, model = ready.problem.drive.at(_ANGLES / case.speed), ready.model
+    factors = 0.5, 1.0, 2.0
+    motions = [
+        replace(motion, speed=one * motion.speed, rate=one**2 * motion.rate, known=motion.cam) for one in factors
+    ]
+    channels, worst = cam_forces(model, case.speed, motions), list[float]()
     opposed = opposed_contacts(model)
     for name, contact in model.cam_contacts.items():
-        if name in opposed:
+        if name in opposed or isinstance(contact, PublishedLoad):
             continue
         lifted = model.cams[contact.cam].lift(_ANGLES, 0) > main_lift(model, contact.cam)
-        forces = [one[f"contacts.{name}.force"][lifted] for one in channels]
-        still, _, inertia = np.linalg.solve(np.vander(speeds, increasing=True), forces)
+        forces = [one[name][lifted] for one in channels]
+        still, _, inertia = np.linalg.solve(np.vander(factors, increasing=True), forces)
         pulls = inertia < 0.0
         if pulls.any():
             worst.append(float(np.sqrt((np.maximum(still[pulls], 0.0) / -inertia[pulls]).min())))
-    return min(worst) / RPM if worst else None
+    return min(worst) * case.speed / RPM if worst else None
 
 
 def _solve_channels(problem: Problem, scheme: Method, ending: str) -> Mapping[str, FloatArray]:
@@ -195,10 +195,9 @@ def _solve_channels(problem: Problem, scheme: Method, ending: str) -> Mapping[st
 
 def _buckling_margins(case: Case) -> dict[str, float]:
     """Return the ratio of buckling load to compression of every member with its cam at full lift at rest."""
-    ready = prepare_without_periodic_search(case)
-    system = ready.problem.system
+    model, system = build_problem(case)
     least: dict[str, float] = {}
-    angles = (cam.drive_angle(event_extremes(cam.event)[1].at) for cam in ready.model.cams.values())
+    angles = (cam.drive_angle(event_extremes(cam.event)[1].at) for cam in model.cams.values())
     for angle in dict.fromkeys(angles):  # valves of a cylinder share one
         drive = ConstantSpeed(case.speed, angle)
         still = Problem(system, drive, 1e-6 / case.speed, 1, equilibrium(system, drive))

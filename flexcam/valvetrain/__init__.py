@@ -45,7 +45,14 @@ from flexcam.valvetrain.parts import (
 )
 from flexcam.valvetrain.resolution import Resolution, ResolutionSink
 from flexcam.valvetrain.rigid_kinematics import follower_train, largest_lashes, valve_ratio
-from flexcam.valvetrain.rigid_model import build_rigid, pulling_contacts, rigid_motion, shared_forces, touching_coils
+from flexcam.valvetrain.rigid_model import (
+    build_rigid,
+    cam_forces,
+    pulling_contacts,
+    rigid_motion,
+    shared_forces,
+    touching_coils,
+)
 from flexcam.valvetrain.springs import nest_interference, radial_stiffness, share_ends
 from flexcam.valvetrain.strength import (
     MemberStrength,
@@ -115,6 +122,7 @@ __all__ = [
     "build_rigid",
     "build_structure",
     "build_system",
+    "cam_forces",
     "compressed_members",
     "connected_nodes",
     "contact_loss",

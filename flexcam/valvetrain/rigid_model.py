@@ -6,7 +6,7 @@ and adjusters balance inertia, damping, springs, friction and loads in virtual m
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -280,6 +280,14 @@ def pulling_contacts(model: Model) -> dict[str, float]:
     stops = [stop.name for train in trains.trains for stop in train.stops]
     pulls = {name: float(local[:, trains.contacts[name].scalar].min()) for name in stops}
     return {name: -force for name, force in pulls.items() if force < least}
+
+
+def cam_forces(model: Model, speed: float, motions: Iterable[CamMotion]) -> list[dict[str, FloatArray]]:
+    """Return the forces of the cams on the rigid trains of a speed in some motions, N, by the name of the contact."""
+    system, trains = _build(model, speed)
+    forces, names = LocalForces(system), [drive.name for train in trains.trains for drive in train.drives]
+    local = [reactions(system, trains, forces, motion, trains.at(motion)) for motion in motions]
+    return [{name: one[:, trains.contacts[name].scalar] for name in names} for one in local]
 
 
 def touching_coils(model: Model, speed: float) -> dict[str, float]:
