@@ -1,7 +1,7 @@
 """Speed limits of a train (loss of contact, valve bounce, coil clash, buckling).
 
 A limit is a condition on a run at one speed. The lowest speed of a series that meets it is bisected; the next ones show
-whether it lasts. The series is the same for every range.
+in which bands it is met. The series is the same for every range.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ LIMITS = ("loss_of_contact", "float", "bounce", "coil_clash", "buckling")
 SPACING = 0.05
 """Relative distance of the examined speeds; narrower ranges of speed that meet a condition may be missed."""
 
-_LASTING_SPEEDS = 3  # number of speeds above a limit at which its condition is examined again
+_SPEEDS_ABOVE = 3  # number of speeds above a limit at which its condition is examined again
 
 _NEARBY = -0.007, -0.003, 0.003, 0.007
 """Relative distances from a limit of further speeds: hopping contacts are chaotic, and a limit then is a range."""
@@ -91,9 +91,9 @@ class Limit:
     rpm: float | None
     tolerance_rpm: float  #: width of the bracket, rpm
     words: str  #: description of the event, and in brackets the contact, seat, spring or member
-    #: camshaft speed from which the condition is met at all examined speeds up to 20 % above `rpm`; None if it is not
-    #: met at the last of them
-    lasting_rpm: float | None = None
+    #: lowest and highest speed, rpm, of each band of examined speeds that meet the condition, from `rpm` to 20 % above
+    #: it; None for the highest speed of a band that includes the last examined one
+    bands_rpm: tuple[tuple[float, float | None], ...] = ()
     known: bool = True  #: false if a run failed before the condition was met within the range
     #: lowest examined speed near the limit that meets the condition and highest one that does not, rpm; None if the
     #: condition does not come and go
@@ -209,7 +209,7 @@ def _bisect_limit(name: str, words: str, search: Search) -> Generator[float, Con
         low = high
     else:
         return Limit(None, width, f"not reached up to the highest speed of the search; criterion: {words}")
-    first, lasting, failure = high, (yield from _lasting_speed(name, high, search)), ""
+    above, failure = (yield from _bands(name, high, search)), ""
     low = low or high
     while high - low > search.tolerance and low < search.highest and high > search.lowest:
         middle = 0.5 * (low + high)
@@ -221,15 +221,17 @@ def _bisect_limit(name: str, words: str, search: Search) -> Generator[float, Con
             high, parts = middle, answers[name]
         else:
             low = middle
-    lasting = high / RPM if lasting == first / RPM else lasting
+    lowest = max(high, search.lowest) / RPM
+    (_, end), *others = above
+    bands = ((lowest, end if end is None else max(lowest, end)), *others)
     if low == high or high <= search.lowest:
         words = f"{words} ({', '.join(parts)}): already at the lowest speed of the search"
-        return Limit(search.lowest / RPM, math.inf, words, lasting and max(lasting, search.lowest / RPM))
+        return Limit(search.lowest / RPM, math.inf, words, bands)
     if high > search.highest:
         if failure:
             return Limit(None, width, f"{words}: not known up to the highest speed of the search{failure}", known=False)
         return Limit(None, width, f"not reached up to the highest speed of the search; criterion: {words}")
-    found = Limit(high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)}){failure}", lasting)
+    found = Limit(high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)}){failure}", bands)
     return replace(found, scatter_rpm=(yield from _scatter(name, low, high))) if search.nearby else found
 
 
@@ -243,16 +245,23 @@ def _scatter(name: str, low: float, high: float) -> Generator[float, ConditionRe
     return (min(met) / RPM, max(unmet) / RPM) if min(met) < max(unmet) else None
 
 
-def _lasting_speed(name: str, first: float, search: Search) -> Generator[float, ConditionResults, float | None]:
-    """Return the speed, rpm, from which a condition is met at the next examined speeds too; None if at no last one."""
-    lasting: float | None = first / RPM
-    number = round(math.log(first) / math.log1p(search.spacing))
-    for k in range(number + 1, number + 1 + _LASTING_SPEEDS):
+def _bands(
+    name: str, first: float, search: Search
+) -> Generator[float, ConditionResults, list[tuple[float, float | None]]]:
+    """Return the bands, rpm, in which a condition is met, from the first speed that meets it to some speeds above."""
+    bands: list[tuple[float, float | None]] = [(first / RPM, None)]
+    before, number = first / RPM, round(math.log(first) / math.log1p(search.spacing))
+    for k in range(number + 1, number + 1 + _SPEEDS_ABOVE):
         answers = yield (speed := (1.0 + search.spacing) ** k)
         if isinstance(answers, str):
             break
-        lasting = (lasting or speed / RPM) if answers[name] else None
-    return lasting
+        begin, end = bands[-1]
+        if answers[name] and end is not None:
+            bands.append((speed / RPM, None))
+        elif not answers[name] and end is None:
+            bands[-1] = begin, before
+        before = speed / RPM
+    return bands
 
 
 _RELATIVE_BOUNCE_HEIGHT = 0.02  # bounce height relative to the lift, which is the smaller limit for lifts up to 5 mm

@@ -64,10 +64,10 @@ def limits(
 
     It runs six revolutions of the case at speeds 5 % apart from --lowest to --highest. For each limit it bisects
     between the first speed at which the event occurs and the speed before. It then checks whether the event also
-    occurs at the next three of these speeds, and at four speeds within 0.7 % of the limit. With --over and --and it
-    maps the limits over two values of the case. Valve float is contact loss over the nose; valve loft is valve lift
-    above that of the rigid train. Speeds are those of the crankshaft if the case gives crank_speed, otherwise those of
-    the camshaft.
+    occurs at the next three speeds, even above --highest, and at four speeds within 0.7 % of the limit. With --over
+    and --and it maps the limits over two values of the case. Valve float is contact loss over the nose; valve loft is
+    valve lift above that of the rigid train. Speeds are those of the crankshaft if the case gives crank_speed,
+    otherwise those of the camshaft.
     """
     read = cli.load_beams(case, overrides)
     scale = read.turns
@@ -103,7 +103,8 @@ def limits(
     rpm = {**dict.fromkeys(LIMITS), **{name: one.rpm for name, one in found.limits.items()}}
     json = {
         **{f"{name}_rpm": speed and scale * speed for name, speed in rpm.items()},
-        **{f"{name}_lasting_rpm": one.lasting_rpm and scale * one.lasting_rpm for name, one in found.limits.items()},
+        **{f"{name}_bands_rpm": [[end and scale * end for end in band] for band in one.bands_rpm]
+           for name, one in found.limits.items()},
         **{f"{name}_scatter_rpm": one.scatter_rpm and [scale * rpm for rpm in one.scatter_rpm]
            for name, one in found.limits.items()},
         "first": found.first, "shaft": shaft_name(scale),

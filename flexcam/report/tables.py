@@ -402,30 +402,43 @@ def info_table(result: Result) -> Table:
     return facts_table("Result", rows)
 
 
-def _limit_speed(one: Limit, rpm: float | None, scale: float, high: float) -> str:
-    if rpm is not None:
-        if math.isinf(one.tolerance_rpm):
-            return f"{scale * rpm:.6g}{' or below' if rpm == one.rpm else ''}"
-        return f"{scale * rpm:.{_limit_decimals(one, scale)}f}"
-    return f"above {high:.6g}" if one.known else "not known"
+def _limit_speed(one: Limit, scale: float, high: float) -> str:
+    if one.rpm is None:
+        return f"above {high:.6g}" if one.known else "not known"
+    shown = _limit_rpm(one, scale, one.rpm)
+    return f"{shown} or below" if math.isinf(one.tolerance_rpm) else shown
 
 
-def _limit_decimals(limit: Limit, scale: float) -> int:
-    return max(0, -math.floor(math.log10(scale * limit.tolerance_rpm)))
+def _limit_rpm(limit: Limit, scale: float, rpm: float) -> str:
+    if math.isinf(limit.tolerance_rpm):
+        return f"{scale * rpm:.6g}"
+    return f"{scale * rpm:.{max(0, -math.floor(math.log10(scale * limit.tolerance_rpm)))}f}"
+
+
+def _limit_bands(limit: Limit, scale: float) -> str:
+    """Return the speeds at which the event occurs, such as "6430 to 7313"."""
+
+    def words(begin: float, end: float | None) -> str:
+        low = _limit_rpm(limit, scale, begin)
+        if end is None:
+            return f"{low} and above"
+        return f"{low} to {_limit_rpm(limit, scale, end)}" if end > begin else f"{low} only"
+
+    return ", ".join(words(*band) for band in limit.bands_rpm)
 
 
 def _limit_range(limit: Limit, scale: float) -> str:
     """Return the range in which the event comes and goes, otherwise in which it begins."""
     if limit.rpm is None or math.isinf(limit.tolerance_rpm):
         return ""
-    ends, places = limit.scatter_rpm or (limit.rpm - limit.tolerance_rpm, limit.rpm), _limit_decimals(limit, scale)
-    return " to ".join(f"{scale * rpm:.{places}f}" for rpm in ends)
+    ends = limit.scatter_rpm or (limit.rpm - limit.tolerance_rpm, limit.rpm)
+    return " to ".join(_limit_rpm(limit, scale, rpm) for rpm in ends)
 
 
 LIMITS_LEGEND = (
     "A run has six revolutions; an event in any of the last five counts. uncertainty: the limit lies between these "
-    "speeds; runs within 0.7 % of the limit widen the range if the event comes and goes among them. persists from: the "
-    "event also occurs at the next three speeds, 5 % apart. not persistent: it does not occur at the last of these"
+    "speeds; runs within 0.7 % of the limit widen the range if the event comes and goes among them. occurs at: "
+    "speeds with the event, among the limit and the next three speeds, 5 % apart"
 )
 
 
@@ -434,10 +447,8 @@ def limits_table(found: Limits, margins: Margins, scale: float) -> Table:
     high = scale * found.highest_rpm
     ordered = sorted(found.limits.items(), key=lambda item: item[1].rpm or float("inf"))
     rows = [
-        (name.replace("_", " "), _limit_speed(one, one.rpm, scale, high),
-         _limit_range(one, scale),
-         _limit_speed(one, one.lasting_rpm, scale, high) if one.lasting_rpm else "not persistent" if one.rpm else "",
-         one.words)
+        (name.replace("_", " "), _limit_speed(one, scale, high), _limit_range(one, scale),
+         _limit_bands(one, scale), one.words)
         for name, one in ordered
     ]  # fmt: skip
     if margins.rigid_rpm is not None:
@@ -450,4 +461,4 @@ def limits_table(found: Limits, margins: Margins, scale: float) -> Table:
         words = "static buckling load divided by the compression at full lift"
         rows.append((f"{name}, margin", f"{margin:.3g} (ratio)", "", "", words))
     shaft = shaft_name(scale)
-    return plain_table("Speed limits", ("limit", f"{shaft} rpm", "uncertainty", "persists from", "event"), rows)
+    return plain_table("Speed limits", ("limit", f"{shaft} rpm", "uncertainty", "occurs at", "event"), rows)

@@ -45,7 +45,8 @@ def test_limits_do_not_depend_on_the_range(flexcam, one_mass):
         for low, high in (("3000rpm", "5000rpm"), ("3170rpm", "4400rpm"))
     )
     for name in ("loss_of_contact", "float"):
-        assert one[f"{name}_rpm"] == other[f"{name}_rpm"] == one[f"{name}_lasting_rpm"]
+        assert one[f"{name}_rpm"] == other[f"{name}_rpm"]
+        assert one[f"{name}_bands_rpm"] == [[one[f"{name}_rpm"], None]]
     assert one["loss_of_contact_rpm"] == one["float_rpm"]
     said = " ".join(flexcam("limits", case, "--lowest", "3170rpm", "--highest", "4400rpm", *ALONE).out.split())
     assert "the follower leaves its cam for over 0.5 deg above 0.3 mm of lift (k, nose)" in said
@@ -55,9 +56,10 @@ def test_limits_do_not_depend_on_the_range(flexcam, one_mass):
 def test_a_limit_below_the_range_is_not_below_its_lowest_speed(flexcam, one_mass):
     range_ = ("--lowest", "4400rpm", "--highest", "4500rpm", *QUICK, *ALONE)
     row = next(one for one in flexcam("limits", one_mass(), *range_).out.splitlines() if one.startswith("float"))
-    assert row.count("4400 or below") == 2
+    assert "4400 or below" in row
+    assert "4400 and above" in row
     answer = flexcam("limits", one_mass(), *range_, "--json").json
-    assert answer["float_rpm"] == answer["float_lasting_rpm"] == pytest.approx(4400.0)
+    assert answer["float_rpm"] == answer["float_bands_rpm"][0][0] == pytest.approx(4400.0)
 
 
 def test_a_limit_between_the_speeds_around_the_lowest_one_is_not_below_it(one_mass):
@@ -112,6 +114,26 @@ def test_range_of_a_condition_that_comes_and_goes(one_mass, is_met, scatter):
     limit = find_limits(read_case(one_mass()), search, among=("float",), start=begin).limits["float"]
     assert limit.scatter_rpm == (scatter and pytest.approx((limit.rpm, 1.007 * limit.rpm), rel=4e-3))
     assert limit.rpm == pytest.approx(3990.0 if scatter else 4000.0, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("is_met", "bands"),
+    [
+        (lambda rpm: rpm > 4000.0, [(4000.0, None)]),
+        (lambda rpm: 4000.0 < rpm < 4300.0, [(4000.0, 4252.4)]),
+        (lambda rpm: 4000.0 < rpm < 4300.0 or rpm > 4600.0, [(4000.0, 4252.4), (4688.3, None)]),
+    ],
+)
+def test_bands_in_which_an_event_occurs(one_mass, is_met, bands):
+    """The speeds of the search above 4000 rpm are 4050, 4252, 4465 and 4688 rpm, the powers of 1.05 in rad/s."""
+
+    def begin(speeds):
+        return [lambda speed=speed: {"float": ["k"] * is_met(speed / RPM)} for speed in speeds]
+
+    search = Search(3500.0 * RPM, 4500.0 * RPM)
+    found = find_limits(read_case(one_mass()), search, among=("float",), start=begin).limits["float"].bands_rpm
+    assert [end for _, end in found] == [end and pytest.approx(end, abs=0.1) for _, end in bands]
+    assert [begin for begin, _ in found] == pytest.approx([begin for begin, _ in bands], abs=1.0)
 
 
 @pytest.mark.parametrize("ahead", [1, 3])

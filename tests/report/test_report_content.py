@@ -299,6 +299,12 @@ def test_cam_angle_of_extremes():
     assert cells_of(many, 1) == ["1038 N (all 8)"]
 
 
+def test_bands_of_a_limit():
+    limit = Limit(4000.0, 5.0, "event", ((4000.0, 4252.4), (4688.3, None)))
+    table = limits_table(Limits({"float": limit}, 1000.0, 9000.0), Margins(None, None, {}), 1.0)
+    assert cells_of(table, 3) == ["4000 to 4252, 4688 and above"]
+
+
 @pytest.mark.parametrize(
     ("limit", "shown"),
     [
