@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import pickle
 import re
 from collections.abc import Generator, Iterable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -38,7 +39,7 @@ from flexcam.studies.evaluation import are_probe_scalars, evaluate, get_history,
 from flexcam.studies.executors import KILLED_STATUS, BrokenProcessPool, open_evaluator, open_processes
 from flexcam.studies.plan import Axis, Plan, Row, Value, make_bundle, make_plan
 from flexcam.studies.variables import Runs, column
-from flexcam.valvetrain import Metric, build_structure, model_modes
+from flexcam.valvetrain import Metric, Model, build_structure, model_modes
 
 _FREQUENCY = re.compile(r"frequency\.([1-9]\d{0,2})$")
 _CAM = re.compile(r"cams\.(.+)\.(area|velocity|acceleration|deceleration|jerk)$")
@@ -76,7 +77,7 @@ def compute_quantities(
     ):  # fmt: skip
         if asked := {name: match for name in names if (match := pattern.match(name))}:
             found |= compute(case, asked)
-    numbers = [(name, _number(case, name)) for name in names]
+    numbers = [(name, _number(case, name)) for name in names if name not in found]
     found |= {name: Metric(name, number.value, number.unit) for name, number in numbers if number}
     of_a_run = [name for name in names if name not in found and not _LIMIT.match(name)]
     if not of_a_run:
@@ -279,4 +280,17 @@ def open_speed_runs(case: Case, search: Search, workers: int) -> Generator[Speed
             except BrokenProcessPool:
                 raise RunFailedError(KILLED_STATUS) from None
 
-        yield lambda speeds: [partial(wait, submit(evaluate_speed, case, search, None, speed)) for speed in speeds]
+        packed = pickle.dumps((case, search))
+        yield lambda speeds: [partial(wait, submit(_evaluate_packed_speed, packed, speed)) for speed in speeds]
+
+
+def _evaluate_packed_speed(packed: bytes, speed: float) -> ConditionResults:
+    case, search, model = _unpack_search(packed)
+    return evaluate_speed(case, search, None, speed, model=model)
+
+
+@lru_cache(maxsize=1)
+def _unpack_search(packed: bytes) -> tuple[Case, Search, Model]:
+    """Return a case, a search for its limits, and its model, built once per worker."""
+    case, search = pickle.loads(packed)  # noqa: S301 - from the process that started this worker
+    return case, search, build_model(case)
