@@ -34,7 +34,7 @@ from flexcam.dynamics import Status
 from flexcam.io import check_folder_name, create_folder, write_modes
 from flexcam.report.tables import mode_table
 from flexcam.report.terminal import NOISE, format_csv, format_number, plain_table, show_count
-from flexcam.valvetrain import ModelModes
+from flexcam.valvetrain import ModelModes, explain_planes
 
 
 def _elastic(found: ModelModes, count: int) -> slice:
@@ -107,6 +107,7 @@ def modes(
         drawn = output_geometry(build_model(read))
         files = write_modes(path, drawn, found.modes.frequencies, found.modes.shapes, overwrite=overwrite)
     closed, missing = closed_modes(read)
+    moves = [found.words(i) for i in range(len(found.shares))]
     first = found.modes.rigid + 1
     columns = f"ux, uy, uz {to_display_unit('kg')[1]}: effective mass of the mode for base excitation along x, y, z."
     counted = (
@@ -116,6 +117,7 @@ def modes(
         mode_table(found, f"{read.title}: modes, contacts open", read.turns),
         columns + counted,
         *(_closed_mode_table(one, count, read.turns) for one in closed),
+        *explain_planes(moves),
         *check_modes(found),
         *filter(None, [missing]),
     ]
@@ -135,7 +137,7 @@ def modes(
         "frequencies_hz": found.modes.frequencies, "free_motions": found.modes.rigid,
         "effective_masses": found.effective, "lost": found.modes.lost,
         "rounding": found.modes.rounding, "warnings": check_modes(found),
-        "moves": [found.words(i) for i in range(len(found.shares))],
+        "moves": moves,
         "mac": criterion, "mac_nodes": compared,
         "closed": closed_hz, "files": files,
     }  # fmt: skip
@@ -267,7 +269,9 @@ def modes_over_speed(
         found = find_crossings(case, speeds, orders=orders, modes=count, contact=contact, advance=shown)
     incomplete = _describe_incomplete_runs(found.statuses, found.rpm, scale)
     dash = [_DASH] if np.isnan(found.frequencies[[0, -1]]).any() else []
-    parts = [_modes_table(found, scale), *dash, _crossing_table(found, scale), *incomplete]
+    parts = [
+        _modes_table(found, scale), *dash, _crossing_table(found, scale), *explain_planes(found.words), *incomplete,
+    ]  # fmt: skip
     modes = [
         {"frequencies_hz": column, "reached": reached, "moves": words}
         for column, reached, words in zip(found.frequencies.T, found.reached, found.words, strict=True)
