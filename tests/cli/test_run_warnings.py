@@ -254,3 +254,13 @@ def test_warning_of_a_check(override, warning, flexcam):
     done = flexcam("check", "engine.toml", "--set", override)
     assert warning in re.sub(r"\s+", " ", done.out + done.err)
     assert (done.out + done.err).count("did you mean 4000 rpm") == (override == "run.crank_speed=4000")
+
+
+@pytest.mark.parametrize(("every", "low"), [(200, True), (1, False)])
+def test_stresses_at_instants_that_miss_the_maximum_are_called_too_low(flexcam, tayeb, every, low):
+    """The saved instants are steps 0, 200 and 360: none is near the nose, where the compression is largest."""
+    few = ["run.steps_per_revolution=360", "run.revolutions=1", f"output.field_every={every}"]
+    done = flexcam("run", tayeb(3), *(word for one in few for word in ("--set", one)))
+    said = re.sub(r"\s+", " ", done.out)
+    assert ("perhaps too low: there the " in said) == low
+    assert "Stresses at 3 saved" in said or not low
