@@ -46,7 +46,14 @@ from flexcam.valvetrain.parts import (
 )
 from flexcam.valvetrain.resolution import Resolution, ResolutionSink
 from flexcam.valvetrain.rigid_kinematics import follower_train, largest_lashes, valve_ratio
-from flexcam.valvetrain.rigid_model import build_rigid, pulling_contacts, rigid_motion, shared_forces, touching_coils
+from flexcam.valvetrain.rigid_model import (
+    build_rigid,
+    omit_coil_stops,
+    pulling_contacts,
+    rigid_motion,
+    shared_forces,
+    touching_coils,
+)
 from flexcam.valvetrain.springs import nest_interference, radial_stiffness, share_ends
 from flexcam.valvetrain.strength import (
     MemberStrength,
@@ -137,6 +144,7 @@ __all__ = [
     "model_modes",
     "modes_on_the_lift",
     "nest_interference",
+    "omit_coil_stops",
     "opposed_contacts",
     "pulling_contacts",
     "radial_stiffness",
