@@ -332,12 +332,14 @@ def merit_table(model: Model, figures: Sequence[FigureOfMerit]) -> Table:
     """Return the table of the figures of merit: a row per figure with its parts, or the range of many of one kind."""
     rows: dict[str, list[tuple[float, str, str]]] = {}
     count = Counter(one.name for one in figures)
+    rubs = any(one.metric.endswith(".friction_power.mean") for one in figures)
     for one in figures:
         factor, unit = to_display_unit(one.unit)
         value = f"{one.value:.1%}" if one.name == SPRING_MARGIN else f"{factor * one.value + 0.0:.4g} {unit}".rstrip()
         kinds = {_part_kind(model, other.metric) for other in figures if other.name == one.name}
         many = count[one.name] > _MOST_PARTS and len(kinds) > 1
         name = f"{one.name}, {_part_kind(model, one.metric)}" if many else one.name
+        name += ", no friction in the case" if one.name.startswith("mean drive ") and not rubs else ""
         rows.setdefault(name, []).append((one.value, value, one.part))
     cells: list[tuple[str, str]] = []
     for name, parts in rows.items():

@@ -206,6 +206,15 @@ def test_an_impact_on_a_contact_that_stays_closed_has_twice_its_rise():
     assert contact_duration(closed[2:], 1) == 0
 
 
+@pytest.mark.parametrize(
+    ("friction", "name"), [("0", "mean drive power, no friction in the case"), ("0.1", "mean drive power")]
+)
+def test_a_drive_power_without_friction_says_so(flexcam, engine, friction, name):
+    few = ["run.steps_per_revolution=360", "run.revolutions=1", f"contacts.intake.friction={friction}"]
+    out = flexcam("run", engine, *(word for one in few for word in ("--set", one))).out
+    assert f"\n{name}    " in out
+
+
 @pytest.mark.slow
 def test_figures_of_merit_are_printed_once(flexcam, engine, tmp_path):
     """They are metrics of the run in words of the trade; the table of metrics has the others."""
@@ -224,7 +233,12 @@ def test_figures_of_merit_are_printed_once(flexcam, engine, tmp_path):
         assert read_result(found["result"]).response.metrics
     out = flexcam("run", engine, *options).out
     table, others = out.split("Figures of merit")[1].split("Metrics of the last revolution")
-    for words in ("seating velocity", "mean drive power", "coil-bind clearance", "spring margin of the rigid train"):
+    for words in (
+        "seating velocity",
+        "mean drive power, no friction in the case",
+        "coil-bind clearance",
+        "spring margin of the rigid train",
+    ):
         assert f"\n{words}   " in table
     assert max(map(len, table.splitlines())) <= 100
     assert not [name for name in merit if name.replace(".", " ").replace("_", " ") in others]
