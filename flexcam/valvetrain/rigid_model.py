@@ -183,7 +183,7 @@ def _build(model: Model, speed: float) -> tuple[System, RigidTrains]:
 
 
 def omit_coil_stops(model: Model) -> Model:
-    """Return a rigid train's model in which springs go on beyond coil bind as if their coils did not touch."""
+    """Return a rigid train's model in which the coils of springs do not touch."""
     springs = _condense_coils(model).springs
     return replace(model, springs={name: replace(one, clash_stiffness=0.0) for name, one in springs.items()})
 
