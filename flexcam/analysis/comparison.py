@@ -133,7 +133,7 @@ def compare_responses(
     one: Response, other: Response, probe: str, speed_rpm: float, names: tuple[str, str]
 ) -> Comparison:
     """Compare two responses over their common time, at the instants of the first."""
-    first, last = max(one.time[0], other.time[0]), min(one.time[-1], other.time[-1])
+    first, last = _common_time(one, other)
     times = one.time[(one.time >= first) & (one.time <= last)]
     if len(times) < 2:
         raise refuse("responses", "no time in common", "runs that overlap", "results are compared instant by instant")
@@ -142,6 +142,20 @@ def compare_responses(
         given = f"camshaft speeds of {_mean_rpm(one):.6g} and {_mean_rpm(other):.6g} rpm"
         raise refuse("--against", given, "runs at the same speed", "results are compared at equal times")
     return replace(compare(*both, probe, speed_rpm), names=names)
+
+
+def _common_time(one: Response, other: Response) -> tuple[float, float]:
+    return max(one.time[0], other.time[0]), min(one.time[-1], other.time[-1])
+
+
+def describe_common_part(one: Response, other: Response, names: tuple[str, str]) -> list[str]:
+    """Return a sentence about the part of two responses that `compare_responses` compares, if one is longer."""
+    first, last = (np.interp(_common_time(one, other), one.time, one.angle) / (2.0 * math.pi)).tolist()
+    ends = [float(response.angle[-1]) / (2.0 * math.pi) for response in (one, other)]
+    longer, end = max(zip(names, ends, strict=True), key=lambda pair: pair[1])
+    if end - last < _SAME_ANGLE:
+        return []
+    return [f"Compared: revolutions {first:.4g} to {last:.4g}, which both runs have; {longer} continues to {end:.4g}"]
 
 
 def _mean_rpm(response: Response) -> float:

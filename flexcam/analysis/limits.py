@@ -95,8 +95,8 @@ class Limit:
     #: it; None for the highest speed of a band that includes the last examined one
     bands_rpm: tuple[tuple[float, float | None], ...] = ()
     known: bool = True  #: false if a run failed before the condition was met within the range
-    #: lowest examined speed near the limit that meets the condition and highest one that does not, rpm; None if the
-    #: condition does not come and go
+    #: lowest examined speed near the limit that meets the condition, and the highest one that does not, at least `rpm`;
+    #: rpm, None if the condition does not come and go
     scatter_rpm: tuple[float, float] | None = None
 
 
@@ -242,7 +242,7 @@ def _scatter(name: str, low: float, high: float) -> Generator[float, ConditionRe
         answers = yield (speed := (1.0 + part) * high)
         if not isinstance(answers, str):
             (met if answers[name] else unmet).append(speed)
-    return (min(met) / RPM, max(unmet) / RPM) if min(met) < max(unmet) else None
+    return (min(met) / RPM, max(*unmet, high) / RPM) if min(met) < max(unmet) else None
 
 
 def _bands(

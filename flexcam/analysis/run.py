@@ -30,7 +30,7 @@ from flexcam.dynamics.memory import RecentSink
 from flexcam.fem.members import sections_at_nodes
 from flexcam.io import Geometry, PartialResult, Result, ResultFile, create_folder, partial_path
 from flexcam.io.result_reader import unknown_fields
-from flexcam.valvetrain import MemberStrength, Model, StrengthSink, build_structure, element_loads
+from flexcam.valvetrain import Model, StrengthSink, build_structure, element_loads
 
 
 def output_geometry(model: Model) -> Geometry:
@@ -213,13 +213,17 @@ def reload_result(case: Case, result: Result) -> tuple[PreparedRun, Response]:
     return ready, replace(response, outline=names, fields=fields, evaluator=partial(_metrics_by_name, case))
 
 
-def member_strength(ready: PreparedRun, response: Response) -> dict[str, MemberStrength]:
+def strength_sink(ready: PreparedRun) -> StrengthSink:
+    """Return a sink for the stresses of the members of a run."""
+    return StrengthSink(build_structure(ready.model), [name for name, _ in outline(ready.problem.system).channels])
+
+
+def member_strength(ready: PreparedRun, response: Response) -> StrengthSink:
     """Return the stresses of the members over a run, from its saved fields."""
-    if ready.case.record.fidelity.model != "beams":
-        return {}
-    sink = StrengthSink(build_structure(ready.model))
-    sink.write(response_block(response))
-    return sink.members()
+    sink = strength_sink(ready)
+    if ready.case.record.fidelity.model == "beams":
+        sink.write(response_block(response))
+    return sink
 
 
 _MAX_CHARACTERS = 60  # maximum length of a reported value, characters

@@ -18,6 +18,7 @@ from flexcam.analysis.histories import response_block
 from flexcam.analysis.preparation import PreparedRun
 from flexcam.analysis.run_metrics import RevolutionChange
 from flexcam.cams import FlatFollower, Follower, profile_at, undercut
+from flexcam.case.case import Case
 from flexcam.case.input_checks import check_model, check_values
 from flexcam.core import rounding_fraction
 from flexcam.core.errors import InputError
@@ -108,9 +109,9 @@ def describe_method(ready: PreparedRun) -> list[str]:
         for n in (2, 4, 8):
             if isinstance(default_method(replace(ready.problem, step=ready.problem.step / n)), Collocation):
                 steps = n * round(ready.revolution / ready.problem.step)
-                why = "the steps are too long for the stiffness of the contacts, whose forces are inaccurate"
-                finer = f"with {steps} per revolution flexcam uses collocation, which is more accurate"
-                return [f"Integrator: Newmark's method, because {why}; {finer}"]
+                why = f"{steps // n} steps per revolution are too few for the stiffness of the contacts"
+                finer = f"From {steps} steps flexcam uses collocation, whose contact forces are more accurate"
+                return [f"Integrator: Newmark's method, because {why}. {finer}."]
     return []
 
 
@@ -207,7 +208,7 @@ def check_run(ready: PreparedRun, monitor: RunMonitor, metrics: list[Metric], st
         *(_check_seating(metrics) if revolved else ()),
         *_check_accuracy(ready, monitor.extremes, stats),
         *(_check_deflections(ready, monitor.extremes) if _has_member_dofs(ready) else ()),
-        *(_check_resolution(monitor.resolution) if _has_member_dofs(ready) else ()),
+        *(_check_resolution(ready.case, monitor.resolution) if _has_member_dofs(ready) else ()),
     ]
 
 
@@ -247,8 +248,8 @@ def describe_model_limits(ready: PreparedRun) -> list[str]:
         return ["Warning: the rigid model computes no member forces: it gives no stresses and section forces"]
     channels = {channel.name for channel in ready.problem.system.channels}
     missing = [name for name in compressed_members(ready.model) if f"members.{name}.compression" not in channels]
-    why = "it has no bending, no spring surge and no twist along the camshaft"
-    warnings = [f"Warning: the lumped model gives no twist, torque and stresses of members: {why}"]
+    why = "it has no vibration of members and no spring surge, and the camshaft deforms as under static contact forces"
+    warnings = [f"Warning: the lumped model gives no stresses and section forces: {why}"]
     if missing:
         why = "the model has no mass behind them, and so no inertia force that compresses them"
         remedy = 'use fidelity.model = "chain" with two masses or more'
@@ -402,9 +403,9 @@ def _check_deflections(ready: PreparedRun, extremes: ExtremesSink) -> Iterator[s
             yield f"Warning: member {name} leaves the range of small displacements: {why}; its results are not valid"
 
 
-def _check_resolution(sink: ResolutionSink) -> Iterator[str]:
+def _check_resolution(case: Case, sink: ResolutionSink) -> Iterator[str]:
     found = sink.found()
-    at = f"at the typical frequency of the motion ({found.frequency:.4g} Hz, rms acceleration over rms velocity)"
+    at = f"at the typical frequency of the motion, {found.frequency:.4g} Hz"
     if found.steps < _MIN_STEPS:
         ratio = _MIN_STEPS / found.steps
         more = math.ceil(10.0 * ratio) / 10.0 if ratio < 10.0 else math.ceil(ratio)
@@ -414,14 +415,13 @@ def _check_resolution(sink: ResolutionSink) -> Iterator[str]:
         )
     for name, count in found.elements.items():
         if count < _MIN_ELEMENTS:
-            yield (
-                f"Warning: {at}, one bending wavelength of member {name} spans only {count:.2g} elements; "
-                f"use {math.ceil(_MIN_ELEMENTS / count)} times as many in this member"
-            )
+            enough = math.ceil(_MIN_ELEMENTS / count) * case.record.members[name].elements
+            wave = f"a bending wave in member {name} is only {count:.2g} elements long"
+            yield f"Warning: {at}, {wave}; set elements = {enough} in [members.{name}]"
     for name, count in found.impacts.items():
         if count < _MIN_IMPACT_STEPS:
             steps = f"{count} time step{'s' if count > 1 else ''}"
             yield (
                 f"Warning: the largest force of contact {name} comes from an impact that lasts only {steps}: "
-                f"use more steps per revolution, or a softer contact"
+                "use more steps per revolution"
             )

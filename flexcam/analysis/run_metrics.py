@@ -18,7 +18,15 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import FlexcamError
 from flexcam.core.units import RPM
 from flexcam.dynamics import ConstantSpeed, Method, Problem, Response, SaveAt, equilibrium, newmark, solve
-from flexcam.valvetrain import Metric, PublishedLoad, cam_forces, main_lift, opposed_contacts, train_metrics
+from flexcam.valvetrain import (
+    Metric,
+    PublishedLoad,
+    cam_forces,
+    main_lift,
+    omit_coil_stops,
+    opposed_contacts,
+    train_metrics,
+)
 
 
 @dataclass(frozen=True)
@@ -160,13 +168,13 @@ def _rigid_margin(case: Case) -> tuple[float | None, float | None]:
 def _rigid_limit_speed(case: Case) -> float | None:
     """Return the camshaft speed at which the inertia of the rigid train first equals its springs and loads, rpm.
 
-    Friction and damping do not count. None if the inertia never pulls, if a load is given over time, or if opposed cams
-    or a published preload hold the followers.
+    Friction, damping and the force of touching coils do not count. None if the inertia never pulls, if a load is given
+    over time, or if opposed cams or a published preload hold the followers.
     """
     if any(load.table is not None and load.table.over_time for load in case.record.loads.values()):
         return None
     bare = replace(case, record=case.record.model_copy(update={"friction": {}}))
-    ready = prepare(bare, rigid=True)
+    ready = prepare(bare, rigid=True, model=omit_coil_stops(build_model(bare)))
     motion, model = ready.problem.drive.at(_ANGLES / case.speed), ready.model
     factors = 0.5, 1.0, 2.0
     motions = [

@@ -11,7 +11,7 @@ from cyclopts import Group, Parameter
 
 from flexcam import plotting
 from flexcam.analysis import comparison
-from flexcam.analysis.comparison import MODELS, compare_responses
+from flexcam.analysis.comparison import MODELS, compare_responses, describe_common_part
 from flexcam.analysis.model_choice import evaluate_ladder, model_ladder
 from flexcam.analysis.preparation import prepare, scalar_probe
 from flexcam.analysis.published_claims import check_claims, deviation, excited_mode
@@ -111,7 +111,8 @@ def _compare_pair(case: Path, against: str, probe: str | None, overrides: cli.Ov
     rpm = angle / duration / RPM if duration > 0.0 else 0.0
     found = compare_responses(one, other, at, rpm, names)
     json = {**_comparison_json(found), "compared": list(found.names)}
-    return cli.CommandOutput([comparison_table(found), *describe_comparison(found, None)], json, status=found.status)
+    parts = [comparison_table(found), *describe_comparison(found, None), *describe_common_part(one, other, names)]
+    return cli.CommandOutput(parts, json, status=found.status)
 
 
 def _comparison_json(found: comparison.Comparison) -> dict[str, object]:

@@ -252,7 +252,8 @@ def _describe_growth(found: Stability) -> str:
     largest, moving = abs(complex(found.floquet.multipliers[0])), ", ".join(found.floquet.moving())
     if found.is_chattering:
         events = found.floquet.events
-        words = f"chatters: rounding errors grow by a factor of {largest:.3g} over {events} impacts ({moving})"
+        grows = f"the {events} impacts of a revolution amplify a tiny disturbance {largest:.3g} times ({moving})"
+        words = f"chatters: {grows}, so that they do not repeat exactly"
         change = "" if found.change is None else describe_change(found.change)
         return f"{words}; difference between two revolutions: {change}" if change else words
     return f"max multiplier {largest:.6g} (above 1 grows), growth {found.floquet.growth:.4g} 1/s, motion of {moving}"

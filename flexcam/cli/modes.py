@@ -34,7 +34,7 @@ from flexcam.dynamics import Status
 from flexcam.io import check_folder_name, create_folder, write_modes
 from flexcam.report.tables import mode_table
 from flexcam.report.terminal import NOISE, format_csv, format_number, plain_table, show_count
-from flexcam.valvetrain import ModelModes
+from flexcam.valvetrain import ModelModes, explain_planes
 
 
 def _elastic(found: ModelModes, count: int) -> slice:
@@ -107,6 +107,7 @@ def modes(
         drawn = output_geometry(build_model(read))
         files = write_modes(path, drawn, found.modes.frequencies, found.modes.shapes, overwrite=overwrite)
     closed, missing = closed_modes(read)
+    moves = [found.words(i) for i in range(len(found.shares))]
     first = found.modes.rigid + 1
     columns = f"ux, uy, uz {to_display_unit('kg')[1]}: effective mass of the mode for base excitation along x, y, z."
     counted = (
@@ -116,6 +117,7 @@ def modes(
         mode_table(found, f"{read.title}: modes, contacts open", read.turns),
         columns + counted,
         *(_closed_mode_table(one, count, read.turns) for one in closed),
+        *explain_planes(moves),
         *check_modes(found),
         *filter(None, [missing]),
     ]
@@ -135,7 +137,7 @@ def modes(
         "frequencies_hz": found.modes.frequencies, "free_motions": found.modes.rigid,
         "effective_masses": found.effective, "lost": found.modes.lost,
         "rounding": found.modes.rounding, "warnings": check_modes(found),
-        "moves": [found.words(i) for i in range(len(found.shares))],
+        "moves": moves,
         "mac": criterion, "mac_nodes": compared,
         "closed": closed_hz, "files": files,
     }  # fmt: skip
@@ -146,15 +148,19 @@ _MODES, _RESPONSE = Group("Natural modes", sort_key=1), Group("Orders of the res
 _MAX_ORDER = 1000  # the harmonics of a lift are below a thousandth of the maximum long before
 _MAX_TABLE_ORDERS = 8  # in the table: those with the largest amplitudes
 _DASH = (
-    "-: at this speed a different set of contacts is closed at full lift, so this mode does not exist, or the "
-    "equilibrium failed. A mode that exists only at some speeds has a separate row."
+    "-: at this speed a different set of contacts is closed at full lift, so this mode does not exist. A mode that "
+    "exists only at some speeds has a separate row."
 )
 
 
 def _modes_table(found: Campbell, scale: float) -> Table:
     low, high = (f"Hz at {scale * found.rpm[i]:.6g}" for i in (0, -1))
+
+    def cell(column: FloatArray, i: int) -> str:
+        return format_number(column[i], 5) if found.statuses[i].ok else "failed"
+
     rows = [
-        (str(i), format_number(column[0], 5), format_number(column[-1], 5), "yes" if reached else "no", words)
+        (str(i), cell(column, 0), cell(column, -1), "yes" if reached else "no", words)
         for i, (column, reached, words) in enumerate(
             zip(found.frequencies.T, found.reached, found.words, strict=True), start=1
         )
@@ -266,8 +272,10 @@ def modes_over_speed(
     with show_count(len(speeds), "speeds") as shown:
         found = find_crossings(case, speeds, orders=orders, modes=count, contact=contact, advance=shown)
     incomplete = _describe_incomplete_runs(found.statuses, found.rpm, scale)
-    dash = [_DASH] if np.isnan(found.frequencies[[0, -1]]).any() else []
-    parts = [_modes_table(found, scale), *dash, _crossing_table(found, scale), *incomplete]
+    dash = [_DASH] if any(np.isnan(found.frequencies[i]).any() for i in (0, -1) if found.statuses[i].ok) else []
+    parts = [
+        _modes_table(found, scale), *dash, _crossing_table(found, scale), *explain_planes(found.words), *incomplete,
+    ]  # fmt: skip
     modes = [
         {"frequencies_hz": column, "reached": reached, "moves": words}
         for column, reached, words in zip(found.frequencies.T, found.reached, found.words, strict=True)

@@ -336,7 +336,7 @@ def _spring(asked: FigureOptions) -> Figure:
 
 def _goodman(asked: FigureOptions) -> Figure:
     source = _single_source(asked)
-    found = member_strength(*source.reloaded)
+    found = member_strength(*source.reloaded).members()
     if not found:
         raise refuse("--what", "goodman", "a run of flexible members with saved fields", "this run has none")
     members = source.ready.model.members

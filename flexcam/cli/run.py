@@ -17,7 +17,13 @@ from flexcam.analysis import run_checks
 from flexcam.analysis.model_choice import Choice, Error, estimate_errors, select_case
 from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search, scalar_probe
 from flexcam.analysis.resources import check_resources
-from flexcam.analysis.run import estimate_case_resources, open_partial_result, open_result_file, summary_sink
+from flexcam.analysis.run import (
+    estimate_case_resources,
+    open_partial_result,
+    open_result_file,
+    strength_sink,
+    summary_sink,
+)
 from flexcam.analysis.run_metrics import compute_metrics, figures_of_merit, revolution_change, usual_name
 from flexcam.case.case import Case
 from flexcam.case.problem_builder import excitation_without_period
@@ -29,7 +35,7 @@ from flexcam.io import check_folder, check_folder_name, check_writable
 from flexcam.report import tables
 from flexcam.report.fidelity_tables import choice_json, describe_choice, error_table
 from flexcam.report.terminal import show_progress
-from flexcam.valvetrain import Metric, StrengthSink, build_structure
+from flexcam.valvetrain import Metric, StrengthSink
 
 _CHATTER = 0.1  # change of a contact force from one revolution to the next, rms, that is chatter
 
@@ -77,7 +83,7 @@ def run(
     if not allow_large:
         check_resources(estimate_case_resources(ready, "revolution"), folder)
     earlier = open_partial_result(ready, folder) if resume else None
-    strength, kept = StrengthSink(build_structure(ready.model)), summary_sink(ready, 2.0)
+    strength, kept = strength_sink(ready), summary_sink(ready, 2.0)
     watched = run_checks.RunMonitor.of(ready)
 
     @cache
@@ -120,7 +126,7 @@ def _describe_run(
     others = [figure for figure in figures if not usual_name(figure)]
     parts: list[Table | str] = [
         tables.run_table(case, extremes),
-        *([tables.strength_table(stressed, strength.instants)] if stressed else []),
+        *([tables.strength_table(strength)] if stressed else []),
         *([tables.merit_table(ready.model, merit)] if merit else []),
         *([tables.metrics_table(ready.model, others)] if others else []),
         *([error_table(errors)] if errors else []),

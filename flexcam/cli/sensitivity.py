@@ -12,6 +12,8 @@ from cyclopts import Group, Parameter
 from rich.table import Table
 
 from flexcam import plotting
+from flexcam.analysis.natural_modes import modes
+from flexcam.case.case import Case
 from flexcam.cli import app as cli
 from flexcam.cli.study_options import Highest, LimitAccuracy, Lowest, StudyOptions, WorkerCount
 from flexcam.core import FloatArray
@@ -25,6 +27,7 @@ from flexcam.studies.sensitivity import STEP_OFFSETS, Method, Sensitivity
 from flexcam.studies.tolerance_analysis import QUANTILES, parse_scatters, sample_parts, scalar_distribution
 from flexcam.studies.variables import InterruptibleRuns, PointEvaluator, Variable, column, variables_of
 
+_NO_EFFECT = 1e-9  # relative change of a result per relative change of a value that is rounding
 _MIN_BASE_POINTS = 2  # for shares of a variance
 _DERIVATIVES = Group("Derivatives or Sobol indices", sort_key=1)
 _TOLERANCES = Group("Tolerances of parts", sort_key=1)
@@ -107,7 +110,12 @@ def _derivatives(
     names = list(dict.fromkeys(one.scalar for one in found))
     tables = [_derivative_table(name, [one for one in found if one.scalar == name]) for name in names]
     words = [f"{one.scalar} with respect to {one.by.key}: {one.note}" for one in found if one.note]
-    words += ["Frequencies are those with all contacts open."] if any(map(frequency_number, names)) else []
+    still = [(one.scalar, one.by.key) for one in found if _is_analytic(one) and abs(one.logarithmic) < _NO_EFFECT]
+    words += [
+        f"{name} does not depend on {', '.join(key for other, key in still if other == name)}"
+        for name in dict.fromkeys(name for name, _ in still)
+    ]
+    words += _name_modes(asked.case, names)
     if exact and asked.case.record.run.integrator is None:
         words.append(
             "The exact derivatives and their values are those of a run with Newmark's method, because the case names "
@@ -131,6 +139,16 @@ def _derivatives(
         [*tables, *words], {"derivatives": rows}, csv, status=kept.status,
         draw=lambda: plotting.histories.bars_figure(bars, "percent per percent"),
     )  # fmt: skip
+
+
+def _name_modes(case: Case, names: Sequence[str]) -> list[str]:
+    """Return sentences that name the modes of frequencies, such as ``frequency.1``."""
+    if not any(map(frequency_number, names)):
+        return []
+    found = modes(case)
+    numbers = {name: found.modes.rigid + number - 1 for name in names if (number := frequency_number(name))}
+    moves = "; ".join(f"{name}: {found.words(number)}" for name, number in numbers.items())
+    return [f"Frequencies are those with all contacts open. {moves}"]
 
 
 def _is_analytic(one: Sensitivity) -> bool:
@@ -177,6 +195,8 @@ def _sobol_indices(asked: StudyOptions, keys: list[str], count: int, seed: int) 
         for name, one in found.items()
         if one.used < one.asked
     ]
+    words += [f"{name} depends on none of these values" for name, one in found.items() if not one.variance]
+    words += _name_modes(asked.case, asked.names)
     intervals = {by.key: f"{by.low:g} to {by.high:g} {by.unit}" for by in variables}
     rows = [
         (name, key, float(one.first[i]), *one.first_interval[:, i].tolist(), float(one.total[i]),
@@ -243,6 +263,7 @@ def _tolerance_analysis(asked: StudyOptions, tolerances: list[str], count: int, 
         for name, one in found.items()
         if one.missing
     ]
+    words += _name_modes(asked.case, names)
     keys = [one.key for one in scatters]
     table = np.column_stack([parts, values]).tolist()
     body = [(*numbers, row.status.cause) for numbers, row in zip(table, rows, strict=True)]

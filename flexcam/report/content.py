@@ -263,7 +263,7 @@ def result_tables(about: ReportSubject, compared: Comparison | None, figures: li
     found += [report_table(tables.metrics_table(known.ready.model if known else None, figures))] if figures else []
     if known is not None:
         stressed = member_strength(known.ready, known.response)
-        found += [report_table(tables.strength_table(stressed, len(response.field_time)))] if stressed else []
+        found += [report_table(tables.strength_table(stressed))] if stressed.members() else []
         probes = report_table(tables.run_table(known.case, ExtremesSink.of(response)))
         found.append(replace(probes, title="Range of the probes"))
     if len(response.time):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
@@ -332,12 +332,14 @@ def merit_table(model: Model, figures: Sequence[FigureOfMerit]) -> Table:
     """Return the table of the figures of merit: a row per figure with its parts, or the range of many of one kind."""
     rows: dict[str, list[tuple[float, str, str]]] = {}
     count = Counter(one.name for one in figures)
+    rubs = any(one.metric.endswith(".friction_power.mean") for one in figures)
     for one in figures:
         factor, unit = to_display_unit(one.unit)
         value = f"{one.value:.1%}" if one.name == SPRING_MARGIN else f"{factor * one.value + 0.0:.4g} {unit}".rstrip()
         kinds = {_part_kind(model, other.metric) for other in figures if other.name == one.name}
         many = count[one.name] > _MOST_PARTS and len(kinds) > 1
         name = f"{one.name}, {_part_kind(model, one.metric)}" if many else one.name
+        name += ", no friction in the case" if one.name.startswith("mean drive ") and not rubs else ""
         rows.setdefault(name, []).append((one.value, value, one.part))
     cells: list[tuple[str, str]] = []
     for name, parts in rows.items():
@@ -355,16 +357,26 @@ def _range_text(parts: list[tuple[float, str, str]]) -> str:
     return fill(text, _CELL)
 
 
-def strength_table(members: Mapping[str, valvetrain.MemberStrength], instants: int) -> Table:
+_MISSED_SHARE = 0.99  # share of a maximum that the saved instants reach, below which the table of stresses says so
+
+
+def strength_table(strength: valvetrain.StrengthSink) -> Table:
     """Return the table of the maximum stresses of every member at the saved instants."""
+    instants, shares = strength.instants, strength.shares()
+    title = f"Stresses at {instants} saved instant{'s' * (instants != 1)}"
+    name = min(shares, key=shares.__getitem__, default="")
+    if name and shares[name] < _MISSED_SHARE:
+        many, part, kind = name.split(".")
+        reached = f"the {kind} of {many[:-1]} {part} reaches {100.0 * shares[name]:.3g} % of its maximum"
+        title += f", perhaps too low: there {reached} (output.field_every = 1 saves all instants)"
     factor, unit = to_display_unit("Pa")
     rows = [
         (name, *(f"{factor * value:.4g}" for value in (one.von_mises, one.mean, one.alternating)),
          f"{one.safety:.3g}" if one.safety else "unlimited" if one.rated else "no strength given", one.place)
-        for name, one in members.items()
+        for name, one in strength.members().items()
     ]  # fmt: skip
     head = (f"stress, {unit}", "max von Mises", "equivalent mean", "amplitude", "fatigue safety", "at")
-    return plain_table(f"Stresses at {instants} saved instant{'s' * (instants != 1)}", head, rows)
+    return plain_table(title, head, rows)
 
 
 def describe_dofs(response: Response) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,7 +51,8 @@ from flexcam.valvetrain.parts import Adjuster, Lash, PublishedLoad
 from flexcam.valvetrain.structure import Structure, build_structure, spring_parts, stop_row, superelement_dofs
 from flexcam.valvetrain.system_builder import build_system
 
-_KINDS = {"axial": beam.AXIAL, "torsion": beam.TORSION, "bending x-y": beam.PLANE_XY, "bending x-z": beam.PLANE_XZ}
+_LOCAL = "bending in local x-"  # plane of bending of a member that is not along a global axis
+_ALONG = 1e-6  # tolerance of a direction along a global axis
 _ENERGY_FRACTION = 0.05  # fraction of a mode's kinetic energy above which a part is named
 
 
@@ -148,12 +149,40 @@ def _member_shares(structure: Structure, nodal: FloatArray, mass: FloatArray) ->
     ends = nodal[beams.nodes].reshape(-1, 4, 3)
     local = np.einsum("eij,ekj->eki", beams.triads, ends).reshape(-1, 2 * len(COMPONENTS))
     shares: dict[str, float] = {}
-    for kind, places in _KINDS.items():
-        part = local[:, places]
-        energy = np.einsum("ei,eij,ej->e", part, mass[:, places[:, None], places], part)
-        for member, elements in structure.model.mesh.element_ranges().items():
+    energies = [
+        np.einsum("ei,eij,ej->e", local[:, places], mass[:, places[:, None], places], local[:, places])
+        for places in (beam.AXIAL, beam.TORSION, beam.PLANE_XY, beam.PLANE_XZ)
+    ]
+    for member, elements in structure.model.mesh.element_ranges().items():
+        along, y, z = (_global_axis(beams.triads[elements, k]) for k in range(3))
+        kinds = "axial", "torsion", _bending(along, y, "y"), _bending(along, z, "z")
+        for kind, energy in zip(kinds, energies, strict=True):
             shares[f"{member} {kind}"] = float(energy[elements].sum())
     return shares
+
+
+def _global_axis(directions: FloatArray) -> int | None:
+    """Return the number of the global axis to which all unit vectors are parallel, shape (e, 3)."""
+    sizes = np.abs(directions)
+    axis = int(sizes[0].argmax())
+    return axis if (np.abs(sizes[:, axis] - 1.0) <= _ALONG).all() else None
+
+
+def _bending(along: int | None, across: int | None, local: str = "") -> str:
+    """Return a plane of bending by the global axes of the member and of the deflection, otherwise by the local axes."""
+    if along is None or across is None:
+        return f"{_LOCAL}{local}"
+    first, second = sorted((along, across))
+    return f"bending in {'xyz'[first]}-{'xyz'[second]}"
+
+
+def explain_planes(words: Iterable[str]) -> list[str]:
+    """Explain the local axes in descriptions of modes, if any has them."""
+    note = (
+        "local: axes of a member that is not along a global axis: x along it, y towards its `orientation`, by default "
+        "global y (global -x if the member is within one degree of y)."
+    )
+    return [note] if any(_LOCAL in one for one in words) else []
 
 
 def modal_basis(problem: Problem, count: int, *, by_parts: bool = False) -> ModeBasis:
@@ -251,9 +280,6 @@ def modes_on_the_lift(model: Model, contact: str, speed: float, *, base_circle: 
     )
 
 
-_ALONG = 1e-6  # tolerance of the direction of a component along or across a member
-
-
 def describe_inactive(structure: Structure, found: ActiveDofs) -> list[str]:
     """Describe the inactive degrees of freedom of a structure."""
     said: list[str] = []
@@ -281,10 +307,8 @@ def _place(structure: Structure, unknowns: IntArray) -> str:
 
 def _motion(axes: FloatArray, components: list[int]) -> str:
     """Return the kind of components for members along axes, shape (e, 3): axial, torsion or bending."""
-    along = np.abs(axes).argmax(axis=1)
-    if (along != along[0]).any() or np.abs(np.abs(axes[:, along[0]]) - 1.0).max() > _ALONG:
-        return "motion"
-    return " and ".join(dict.fromkeys(_kind(int(along[0]), c) for c in components))
+    along = _global_axis(axes)
+    return "motion" if along is None else " and ".join(dict.fromkeys(_kind(along, c) for c in components))
 
 
 def _kind(axis: int, component: int) -> str:
@@ -292,8 +316,7 @@ def _kind(axis: int, component: int) -> str:
     turns, direction = divmod(component, 3)
     if direction == axis:
         return "torsion" if turns else "axial motion"
-    across = 3 - axis - direction if turns else direction
-    return f"bending in {'xyz'[axis]}-{'xyz'[across]}"
+    return _bending(axis, 3 - axis - direction if turns else direction)
 
 
 _MAX_RESPONSE_UNKNOWNS = 3000  # number of unknowns up to which a dense solution per harmonic is reasonable

@@ -182,6 +182,12 @@ def _build(model: Model, speed: float) -> tuple[System, RigidTrains]:
     return replace(system, prescribed_motion=motion), motion
 
 
+def omit_coil_stops(model: Model) -> Model:
+    """Return a rigid train's model in which the coils of springs do not touch."""
+    springs = _condense_coils(model).springs
+    return replace(model, springs={name: replace(one, clash_stiffness=0.0) for name, one in springs.items()})
+
+
 def _condense_coils(model: Model) -> Model:
     """Return a model in which springs with unequal coils have one part: their coils close statically."""
     springs = {name: condense_spring(one) if one.coils else one for name, one in model.springs.items()}

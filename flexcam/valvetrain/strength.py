@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -263,10 +264,15 @@ class StrengthSink:
     and amplitude are combined as ``sqrt(sigma^2 + 3 tau^2)``, and safety is Goodman's line, with no credit for
     compressive means (torsion has no sign): J. E. Shigley, Mechanical Engineering Design, 9th ed., eqs. 6-46, 6-55 and
     6-56.
+
+    Stresses follow compressions of members and deflections of cams, which are known at every step: `shares` compares
+    their maxima at the saved instants with those at all steps.
     """
 
-    def __init__(self, structure: Structure) -> None:
+    def __init__(self, structure: Structure, channels: Sequence[str] = ()) -> None:
         self._structure, self.instants = structure, 0
+        self._loads = {name: i for i, name in enumerate(channels) if name.endswith((".compression", ".deflection"))}
+        self._peaks = np.zeros((2, len(self._loads)))  # at all steps, and at the saved instants
         mesh, members = structure.model.mesh, structure.model.members
         self._fibres = fibres(list(sections_at_nodes(mesh, members).values()))
         self._spread = element_loads(structure)
@@ -282,6 +288,10 @@ class StrengthSink:
 
     def write(self, block: Block) -> None:
         """Update with a block."""
+        if self._loads and len(block.channels):
+            loads = np.abs(block.channels[:, [*self._loads.values()]])
+            saved = loads[np.isin(block.time, block.field_time)]
+            self._peaks = np.maximum(self._peaks, [loads.max(axis=0), saved.max(axis=0, initial=0.0)])
         if not len(block.field_time):
             return
         self.instants += len(block.field_time)
@@ -301,6 +311,11 @@ class StrengthSink:
 
     def close(self, status: Status, stats: Stats) -> None:
         """Do nothing."""
+
+    def shares(self) -> dict[str, float]:
+        """Return the maxima of compressions and deflections at the saved instants over those at all steps."""
+        peaks = zip(self._loads, *self._peaks.tolist(), strict=True)
+        return {name: saved / largest for name, largest, saved in peaks if largest > 0.0}
 
     def members(self) -> dict[str, MemberStrength]:
         """Return the strength results of every member; empty without saved fields."""

@@ -141,6 +141,14 @@ def test_friction_does_not_count_in_the_spring_margin(merit):
     assert merit(2000.0, guide)[SPRING_MARGIN] == pytest.approx(merit(2000.0)[SPRING_MARGIN], rel=1e-9)
 
 
+@pytest.mark.parametrize("travel", ["0.01", "0.005"])
+def test_touching_coils_do_not_count_in_the_spring_margin(merit, travel):
+    """A spring that becomes solid under the lift of 8 mm holds the follower no better."""
+    margin = (INSTALLED + SPRING * LIFT) / (0.5 * MASS * LIFT * (2000.0 * RPM) ** 2) - 1.0
+    solid = CASE.replace("clash_travel = 0.01", f"clash_travel = {travel}")
+    assert merit(2000.0, text=solid)[SPRING_MARGIN] == pytest.approx(margin, rel=1e-6)
+
+
 def test_no_margin_under_a_load_over_time(merit, tmp_path):
     (tmp_path / "push.csv").write_text("time [s],force [N]\n0,0\n1,100\n")
     assert SPRING_MARGIN not in merit(2000.0, 'loads.push={ at = "valve", direction = "-uy", table = "push.csv" }')

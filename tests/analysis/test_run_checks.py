@@ -99,14 +99,15 @@ class Found:
 
 def test_what_is_coarse_is_told():
     ready, seen, response = watched(CASE)
-    coarse = Resolution(400.0, 10.0, {"shaft": 30.0, "pushrod": 1.9}, {"seat": 4, "tip": 5, "play": 1})
+    coarse = Resolution(400.0, 10.0, {"shaft": 30.0, "camshaft": 1.9}, {"seat": 4, "tip": 5, "play": 1})
     told = check_run(ready, replace(seen, resolution=Found(coarse)), [], response.stats)
-    longer = "use more steps per revolution, or a softer contact"
-    at = "at the typical frequency of the motion (400 Hz, rms acceleration over rms velocity)"
-    bend = "one bending wavelength of member pushrod spans only 1.9 elements"
+    longer = "use more steps per revolution"
+    at = "at the typical frequency of the motion, 400 Hz"
+    bend = "a bending wave in member camshaft is only 1.9 elements long"
+    elements = 3 * ready.case.record.members["camshaft"].elements
     assert told == [
         f"Warning: {at}, a period has only 10 time steps; use at least 2 times as many steps per revolution",
-        f"Warning: {at}, {bend}; use 3 times as many in this member",
+        f"Warning: {at}, {bend}; set elements = {elements} in [members.camshaft]",
         f"Warning: the largest force of contact seat comes from an impact that lasts only 4 time steps: {longer}",
         f"Warning: the largest force of contact play comes from an impact that lasts only 1 time step: {longer}",
     ]

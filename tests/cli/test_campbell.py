@@ -11,6 +11,7 @@ import pytest
 
 from flexcam import read_case
 from flexcam.analysis.campbell import campbell
+from flexcam.cli.modes import modes_over_speed
 from flexcam.dynamics import NOT_POSITIVE, RunFailedError
 from flexcam.plotting.spectra import campbell_figure
 
@@ -103,6 +104,12 @@ def test_a_speed_at_which_no_run_can_start_leaves_the_others(monkeypatch):
     found = campbell(read_case(PUBLISHED, ["run.steps_per_revolution=360"]), [200.0, 300.0], orders=[1])
     assert [one.ok for one in found.statuses] == [False, True]
     assert np.isnan(found.frequencies).tolist() == [[True] * 8, [False] * 8]
+    calls.clear()
+    case = read_case(PUBLISHED, ["run.steps_per_revolution=360"])
+    table, _, warning = modes_over_speed(case, [200.0, 300.0], [1]).parts
+    assert {*table.columns[1].cells} == {"failed"}, "not a dash, the sign of modes that do not exist there"
+    assert {*table.columns[2].cells}.isdisjoint({"failed", "-"})
+    assert warning.startswith("Warning: no result at 1909.86 camshaft rpm")
 
 
 @pytest.mark.parametrize("command", [("campbell",), ("campbell", "--response")])

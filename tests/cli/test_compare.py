@@ -66,6 +66,18 @@ def test_a_case_and_its_result_have_names_of_their_own(flexcam, tmp_path):
     assert names == ["a/my.vtkhdf", "b/my.vtkhdf"]
 
 
+def test_the_compared_part_of_runs_of_different_lengths_is_told(flexcam, tmp_path):
+    shutil.copy(Path(__file__).parents[1] / "data/inline.toml", tmp_path / "my.toml")
+    for name, turns in (("short", 0.1), ("long", 0.2)):
+        few = ("--set", f"run.revolutions={turns}", "--set", "run.steps_per_revolution=360")
+        assert flexcam("run", "my.toml", *few, "-o", "out", "--name", name).code == 0
+    short, long = "out/short.vtkhdf", "out/long.vtkhdf"
+    for pair in ((short, long), (long, short)):
+        said = " ".join(flexcam("compare", pair[0], "--against", pair[1]).out.split())
+        assert "Compared: revolutions 0 to 0.1, which both runs have; long continues to 0.2" in said
+    assert "Compared:" not in flexcam("compare", long, "--against", long).out
+
+
 def test_lift_at_the_peak_acceleration():
     """A cycloidal rise accelerates most at a quarter and three quarters of its angle: 1/4 - 1/(2 pi) of the lift."""
     response = run(read_case("cases/tayeb/model-1-cycloidal.toml"), rigid=True)

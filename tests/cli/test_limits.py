@@ -101,19 +101,23 @@ def test_a_low_pass_leaves_chatter_out(one_mass):
 
 
 @pytest.mark.parametrize(
-    ("is_met", "scatter"),
-    [(lambda rpm: rpm > 4000.0, None), (lambda rpm: rpm > 3990.0 and not 4003.0 < rpm < 4020.0, 1)],
+    ("is_met", "limit", "scatter"),
+    [
+        (lambda rpm: rpm > 4000.0, 4000.0, None),
+        (lambda rpm: rpm > 3990.0 and not 4003.0 < rpm < 4020.0, 3990.0, (1.0, 1.007)),
+        (lambda rpm: rpm > 4000.0 or 3970.0 < rpm < 3974.0, 4000.0, (0.993, 1.0)),
+    ],
 )
-def test_range_of_a_condition_that_comes_and_goes(one_mass, is_met, scatter):
+def test_range_of_a_condition_that_comes_and_goes(one_mass, is_met, limit, scatter):
     """The examined speeds lie 0.3 and 0.7 % below and above the limit."""
 
     def begin(speeds):
         return [lambda speed=speed: {"float": ["k"] * is_met(speed / RPM)} for speed in speeds]
 
     search = Search(3500.0 * RPM, 4500.0 * RPM, tolerance=0.5 * RPM, nearby=True)
-    limit = find_limits(read_case(one_mass()), search, among=("float",), start=begin).limits["float"]
-    assert limit.scatter_rpm == (scatter and pytest.approx((limit.rpm, 1.007 * limit.rpm), rel=4e-3))
-    assert limit.rpm == pytest.approx(3990.0 if scatter else 4000.0, abs=0.5)
+    found = find_limits(read_case(one_mass()), search, among=("float",), start=begin).limits["float"]
+    assert found.rpm == pytest.approx(limit, abs=0.5)
+    assert found.scatter_rpm == (scatter and pytest.approx((scatter[0] * found.rpm, scatter[1] * found.rpm), rel=1e-3))
 
 
 @pytest.mark.parametrize(

@@ -146,3 +146,21 @@ def test_mac_says_at_how_many_nodes_it_compares(flexcam, column, tmp_path):
     (tmp_path / "finer.toml").write_text(finer, encoding="utf-8")
     assert "fewer than the modes" in flexcam("modes", name, "--count", "4", "--mac", "finer.toml").out
     assert "fewer than the modes" not in flexcam("modes", name, "--count", "4", "--mac", name).out
+
+
+def test_bending_planes_of_modes_are_named_by_global_axes_as_in_check(flexcam):
+    """The pushrod lies along y; its second bending moves along z, where its effective mass is."""
+    case = flexcam("new", "pushrod-engine", "--json").json["files"][0]
+    found = flexcam("modes", case, "--count", "4", "--json").json
+    assert found["moves"][2:] == ["pushrod bending in x-y 100 %", "pushrod bending in y-z 100 %"]
+    assert np.argmax(found["effective_masses"][3]) == 2
+    assert "pushrod: bending in y-z (uz, rx)" in re.sub(r"\s+", " ", flexcam("check", case).out)
+    assert "local:" not in flexcam("modes", case, "--count", "4").out
+
+
+def test_bending_planes_of_an_oblique_member_are_local_and_explained(flexcam):
+    case = flexcam("new", "pushrod-engine", "--json").json["files"][0]
+    inclined = 'nodes.pushrod-top=["150 mm", "274 mm", "0 mm"]'
+    said = re.sub(r"\s+", " ", flexcam("modes", case, "--count", "4", "--set", inclined).out)
+    assert "pushrod bending in local x-z" in said
+    assert "local: axes of a member that is not along a global axis: x along it, y towards its `orientation`" in said

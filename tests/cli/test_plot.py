@@ -12,10 +12,9 @@ import pytest
 from PIL import Image
 
 from flexcam import prepare, read_case, read_result, solve
-from flexcam.analysis.run import member_strength, open_result_file, reload_result
+from flexcam.analysis.run import member_strength, open_result_file, reload_result, strength_sink
 from flexcam.case.reader import case_from_result
 from flexcam.io import write_text
-from flexcam.valvetrain import StrengthSink, build_structure
 from tests.thinning import mostly_slow
 
 ROOT = Path(__file__).parents[2]
@@ -260,11 +259,12 @@ def test_the_recalled_case_is_the_case(path, overrides, tmp_path):
 def test_a_reopened_result_is_the_run(tmp_path):
     """Its fields are the unknowns of the run, those that no node has among them, and so are its stresses."""
     ready = prepare(read_case(ENGINE, ["run.steps_per_revolution=360", "run.revolutions=0.2"]))
-    sink, stressed = open_result_file(ready, tmp_path), StrengthSink(build_structure(ready.model))
+    sink, stressed = open_result_file(ready, tmp_path), strength_sink(ready)
     response = solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink, stressed])
     result = read_result(sink.path)
     again, found = reload_result(case_from_result(result), result)
     assert found.outline == response.outline
     for name, values in response.fields._asdict().items():
         np.testing.assert_allclose(getattr(found.fields, name), values, rtol=0.0, atol=0.0)
-    assert member_strength(again, found) == stressed.members()
+    assert member_strength(again, found).members() == stressed.members()
+    assert member_strength(again, found).shares() == stressed.shares()

@@ -181,7 +181,7 @@ def test_goodman_diagram(drawn):
     figure = drawn(ENGINE, "--what", "goodman", overrides=strong)
     (axes,) = figure.axes
     case = read_case(ENGINE, strong)
-    found = member_strength(prepare(case), run(case))
+    found = member_strength(prepare(case), run(case)).members()
     line, *points = axes.lines
     assert line.get_xydata()[1:].tolist() == [[0.0, 350.0], [900.0, 0.0]]
     for point, (name, member) in zip(points, found.items(), strict=False):

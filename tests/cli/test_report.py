@@ -148,7 +148,7 @@ def test_coarser_models(model, flexcam, case, tmp_path):
     assert flexcam("run", "case.toml", "-o", "out", "--set", f"fidelity.model={model}").code == 0
     told = flexcam("report", "out/case.vtkhdf", "--json")
     assert told.code == 0
-    assert {"rigid": "no stresses", "sdof": "no twist, torque and stresses"}[model] in str(told.json["warnings"])
+    assert {"rigid": "no stresses", "sdof": "no stresses and section forces"}[model] in str(told.json["warnings"])
     text = text_of((tmp_path / "out/case.html").read_text(encoding="utf-8"))
     assert ("The flexible result" in text) == (model != "rigid")
     assert "saved instants" not in text

@@ -57,7 +57,7 @@ def engine(tmp_path):
 @pytest.mark.parametrize(("steps", "told"), [(400, True), (800, False)])
 def test_steps_too_coarse_for_the_usual_method_are_told(engine, flexcam, steps, told):
     said = flexcam("run", engine, "--set", f"run.steps_per_revolution={steps}").out
-    assert ("with 800 per revolution flexcam uses collocation" in " ".join(said.split())) is told
+    assert ("From 800 steps flexcam uses collocation" in " ".join(said.split())) is told
     assert "Newmark" not in flexcam("run", engine, "--set", "run.integrator={method='newmark'}", "--name", "other").out
 
 
@@ -206,6 +206,15 @@ def test_an_impact_on_a_contact_that_stays_closed_has_twice_its_rise():
     assert contact_duration(closed[2:], 1) == 0
 
 
+@pytest.mark.parametrize(
+    ("friction", "name"), [("0", "mean drive power, no friction in the case"), ("0.1", "mean drive power")]
+)
+def test_a_drive_power_without_friction_says_so(flexcam, engine, friction, name):
+    few = ["run.steps_per_revolution=360", "run.revolutions=1", f"contacts.intake.friction={friction}"]
+    out = flexcam("run", engine, *(word for one in few for word in ("--set", one))).out
+    assert f"\n{name}    " in out
+
+
 @pytest.mark.slow
 def test_figures_of_merit_are_printed_once(flexcam, engine, tmp_path):
     """They are metrics of the run in words of the trade; the table of metrics has the others."""
@@ -224,7 +233,12 @@ def test_figures_of_merit_are_printed_once(flexcam, engine, tmp_path):
         assert read_result(found["result"]).response.metrics
     out = flexcam("run", engine, *options).out
     table, others = out.split("Figures of merit")[1].split("Metrics of the last revolution")
-    for words in ("seating velocity", "mean drive power", "coil-bind clearance", "spring margin of the rigid train"):
+    for words in (
+        "seating velocity",
+        "mean drive power, no friction in the case",
+        "coil-bind clearance",
+        "spring margin of the rigid train",
+    ):
         assert f"\n{words}   " in table
     assert max(map(len, table.splitlines())) <= 100
     assert not [name for name in merit if name.replace(".", " ").replace("_", " ") in others]
@@ -254,3 +268,13 @@ def test_warning_of_a_check(override, warning, flexcam):
     done = flexcam("check", "engine.toml", "--set", override)
     assert warning in re.sub(r"\s+", " ", done.out + done.err)
     assert (done.out + done.err).count("did you mean 4000 rpm") == (override == "run.crank_speed=4000")
+
+
+@pytest.mark.parametrize(("every", "low"), [(200, True), (1, False)])
+def test_stresses_at_instants_that_miss_the_maximum_are_called_too_low(flexcam, tayeb, every, low):
+    """The saved instants are steps 0, 200 and 360: none is near the nose, where the compression is largest."""
+    few = ["run.steps_per_revolution=360", "run.revolutions=1", f"output.field_every={every}"]
+    done = flexcam("run", tayeb(3), *(word for one in few for word in ("--set", one)))
+    said = re.sub(r"\s+", " ", done.out)
+    assert ("perhaps too low: there the " in said) == low
+    assert "Stresses at 3 saved" in said or not low

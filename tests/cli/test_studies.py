@@ -90,6 +90,15 @@ def test_frequency_of_a_mass_on_a_spring(flexcam, oscillator):
     assert by_k["analytic"]
 
 
+def test_the_mode_of_a_frequency_is_named_and_values_without_effect(flexcam, oscillator):
+    told = ("--of", "frequency.1", "--to", "springs.one.stiffness", "--to", "run.speed")
+    said = " ".join(flexcam("sensitivity", oscillator, *told).out.split())
+    assert "frequency.1 does not depend on run.speed Frequencies are" in said
+    assert "with all contacts open. frequency.1: mass one 100 %" in said
+    still = ("--of", "frequency.1", "--to", "run.speed=1000:2000rpm", "--sobol", "4")
+    assert "frequency.1 depends on none of these values" in flexcam("sensitivity", oscillator, *still).out
+
+
 @pytest.mark.parametrize(
     ("path", "key", "unit"),
     [
