@@ -111,7 +111,9 @@ TYPICAL_RANGES = (
     TypicalRange("run.speed", 1e-3, _MAX_SPEED, {"rpm": RPM}),
     TypicalRange("run.crank_speed", 1e-3, 2.0 * _MAX_SPEED, {"rpm": RPM}),
     TypicalRange("run.damping.modal", 0.0, 0.5, {"%": 0.01}),
-    TypicalRange("run.damping.beta", 0.0, 0.1, {"ms": 1e-3, "us": 1e-6}),
+    # 1e-4 s damps the lowest bending frequencies of valve trains, 300 to 500 Hz, with ratios of 9 to 16 %. Bolted steel
+    # structures have up to 7 % (US NRC, Regulatory Guide 1.61, 2007).
+    TypicalRange("run.damping.beta", 0.0, 1e-4, {"us": 1e-6, "ns": 1e-9}),
     TypicalRange("run.gravity", 0.0, 100.0, {"mm/s^2": 1e-3}),
 )  # fmt: skip
 """Typical ranges by key."""
