@@ -343,10 +343,11 @@ _IMPACT_LIFT = 1e-3  # lift relative to its maximum from which a start causes an
 
 
 def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
-    """Yield warnings about cam contacts and seats that are open on the base circle at the start."""
+    """Yield warnings about contacts on the base circle at the start: open cam contacts and seats, closed lashes."""
     contacts = {name: one for name, one in model.contacts.items() if isinstance(one, CamContact) and one.unilateral}
     seats = [name for name, one in model.contacts.items() if isinstance(one, Seat)]
-    if not (contacts or seats) or problem.system.is_kinematic or problem.system.size > _MAX_DOFS:
+    lashes = [] if seats else _cam_lashes(model)
+    if not (contacts or seats or lashes) or problem.system.is_kinematic or problem.system.size > _MAX_DOFS:
         return
     try:
         if problem.start is not None and problem.start.periodicity is not None:  # a follower may fly there
@@ -369,6 +370,18 @@ def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
         if float(first.channels[f"contacts.{name}.force"][0]) <= 0.0:
             why = "no spring holds the valve on its seat with the cams on their base circles"
             yield f"Warning: contacts.{name}: {why}; check the direction and the installed_force of its spring"
+    for name in lashes if closed and all(closed.values()) else ():
+        if float(first.channels[f"contacts.{name}.force"][0]) > 0.0:
+            why = "it never opens, because only the cam holds the spring force; the train has no seat"
+            yield f"Warning: contacts.{name}: {why}; add the seat of the valve, such as [contacts.seat]"
+
+
+def _cam_lashes(model: Model) -> list[str]:
+    """Return the lashes that lifts take up."""
+    opposed = {model.cam_contacts[contact].cam for contact in opposed_contacts(model)}  # their lash is the lift
+    if not any(lash for name, lash in largest_lashes(model).items() if name not in opposed):
+        return []
+    return [name for name, one in model.contacts.items() if isinstance(one, Lash) and not one.turns]
 
 
 def check_overshoot(problem: Problem, scheme: Method) -> Iterator[str]:

@@ -239,9 +239,35 @@ def test_a_case_without_equilibrium_names_its_unusual_values():
     ("sections.shaft.diameter=50mm", "its base circle has a radius of 24 mm, its shaft one of 25 mm"),
 ])  # fmt: skip
 def test_a_lobe_that_cannot_be_made(override, said):
-    (told,) = check_lobes(build_model(read_case(PUSHROD, [override])))
-    assert "cams.intake" in told
+    (told,) = [one for one in check_lobes(build_model(read_case(PUSHROD, [override]))) if "cams.intake:" in one]
     assert said in told
+
+
+ROLL = 'cams.intake.follower={type="roller", radius="9 mm"'
+
+
+@pytest.mark.parametrize(("overrides", "said"), [
+    (["nodes.tappet.1=34 mm"], "is 34 mm from the centre of its cam along the lift, the base circle gives 24 mm"),
+    ([ROLL + "}"], "is 24 mm from the centre of its cam along the lift, the base circle and the roller give 33 mm"),
+    ([ROLL + ', offset="3.4 mm"}', "nodes.tappet.1=33 mm"], ""),
+    (["cams.intake.base_radius=26mm"], ""),
+])  # fmt: skip
+def test_a_follower_off_its_base_circle(overrides, said):
+    """A variation of the base radius by a tenth may keep its nodes, and an offset of 3.4 mm lowers a roller by 0.2 mm."""
+    told = [
+        one for one in check_lobes(build_model(read_case(PUSHROD, overrides))) if "contacts.intake: its foll" in one
+    ]
+    assert len(told) == bool(said)
+    assert all(said in one for one in told)
+
+
+def test_a_lash_without_a_seat(tmp_path):
+    """Nothing but the cam holds the valve spring, so the lash never opens."""
+    text = PUSHROD.read_text(encoding="utf-8")
+    begin = text.index("[contacts.seat]")
+    (tmp_path / "case.toml").write_text(text[:begin] + text[text.index("[contacts.lash]") :], encoding="utf-8")
+    (told,) = check_input(prepare(read_case(tmp_path / "case.toml")))
+    assert "contacts.lash: it never opens, because only the cam holds the spring force" in told
 
 
 @pytest.mark.parametrize(("factor", "warns"), [(1, False), (2, True)])
