@@ -253,7 +253,7 @@ ROLL = 'cams.intake.follower={type="roller", radius="9 mm"'
     (["cams.intake.base_radius=26mm"], ""),
 ])  # fmt: skip
 def test_a_follower_off_its_base_circle(overrides, said):
-    """A variation of the base radius by a tenth may keep its nodes, and an offset of 3.4 mm lowers a roller by 0.2 mm."""
+    """A base radius changed by a tenth may keep its nodes; an offset of 3.4 mm lowers a roller by 0.2 mm."""
     told = [
         one for one in check_lobes(build_model(read_case(PUSHROD, overrides))) if "contacts.intake: its foll" in one
     ]
