@@ -443,5 +443,5 @@ def _check_resolution(sink: ResolutionSink) -> Iterator[str]:
             steps = f"{count} time step{'s' if count > 1 else ''}"
             yield (
                 f"Warning: the largest force of contact {name} comes from an impact that lasts only {steps}: "
-                f"use more steps per revolution, or a softer contact"
+                "use more steps per revolution"
             )

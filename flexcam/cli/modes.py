@@ -146,15 +146,21 @@ _MODES, _RESPONSE = Group("Natural modes", sort_key=1), Group("Orders of the res
 _MAX_ORDER = 1000  # the harmonics of a lift are below a thousandth of the maximum long before
 _MAX_TABLE_ORDERS = 8  # in the table: those with the largest amplitudes
 _DASH = (
-    "-: at this speed a different set of contacts is closed at full lift, so this mode does not exist, or the "
-    "equilibrium failed. A mode that exists only at some speeds has a separate row."
+    "-: at this speed a different set of contacts is closed at full lift, so this mode does not exist. A mode that "
+    "exists only at some speeds has a separate row."
 )
 
 
 def _modes_table(found: Campbell, scale: float) -> Table:
     low, high = (f"Hz at {scale * found.rpm[i]:.6g}" for i in (0, -1))
+    ends = {end: found.statuses[end].ok for end in (0, -1)}
     rows = [
-        (str(i), format_number(column[0], 5), format_number(column[-1], 5), "yes" if reached else "no", words)
+        (
+            str(i),
+            *(format_number(column[end], 5) if ok else "failed" for end, ok in ends.items()),
+            "yes" if reached else "no",
+            words,
+        )
         for i, (column, reached, words) in enumerate(
             zip(found.frequencies.T, found.reached, found.words, strict=True), start=1
         )
@@ -266,7 +272,8 @@ def modes_over_speed(
     with show_count(len(speeds), "speeds") as shown:
         found = find_crossings(case, speeds, orders=orders, modes=count, contact=contact, advance=shown)
     incomplete = _describe_incomplete_runs(found.statuses, found.rpm, scale)
-    dash = [_DASH] if np.isnan(found.frequencies[[0, -1]]).any() else []
+    ends = [end for end in (0, -1) if found.statuses[end].ok]
+    dash = [_DASH] if np.isnan(found.frequencies[ends]).any() else []
     parts = [_modes_table(found, scale), *dash, _crossing_table(found, scale), *incomplete]
     modes = [
         {"frequencies_hz": column, "reached": reached, "moves": words}

@@ -240,7 +240,7 @@ def _constraint_table(design: OptimizationProblem, found: Evaluations, at: int) 
             margin = f"{-violation:.2%} (active)" if active else f"{-violation:.1%}"
         away = "none found" if math.isinf(distance) else f"{distance:.2%}"
         rows.append((one.words, _value(found, at, one.name), margin, away))
-    head = ("subject to", "value", "margin", "smallest change of a varied value that violates it, % of its interval")
+    head = ("subject to", "value", "margin", "distance to violation, % of the intervals")
     return plain_table("Constraints", head, rows)
 
 

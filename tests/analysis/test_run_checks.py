@@ -101,7 +101,7 @@ def test_what_is_coarse_is_told():
     ready, seen, response = watched(CASE)
     coarse = Resolution(400.0, 10.0, {"shaft": 30.0, "pushrod": 1.9}, {"seat": 4, "tip": 5, "play": 1})
     told = check_run(ready, replace(seen, resolution=Found(coarse)), [], response.stats)
-    longer = "use more steps per revolution, or a softer contact"
+    longer = "use more steps per revolution"
     at = "at the typical frequency of the motion (400 Hz, rms acceleration over rms velocity)"
     bend = "one bending wavelength of member pushrod spans only 1.9 elements"
     assert told == [

@@ -179,3 +179,11 @@ def test_a_follower_with_a_mass_that_is_held_along_the_lift(tmp_path):
     held = 'supports.tappet=["ux", "uy", "uz", "rx", "ry", "rz"]'
     with pytest.raises(InputError, match=r"'tappet', held along the lift.*[Ff]ree it in \[supports\]"):
         prepare(CaseFile.open(path).read([held]))
+
+
+CAM_AT_TAPPET = ('[cams.intake]\nat = "cam"', '[cams.intake]\nat = "tappet"')
+
+
+def test_a_follower_on_the_axis_of_its_cam(starter, changed, faults_of):
+    (fault,) = faults_of(changed(starter, ('at = "cam"', 'at = "tappet"')))
+    assert "the follower is on the axis of its cam, so that the lift has no direction. Correct the key" in str(fault)
