@@ -62,8 +62,8 @@ def check(
     """Check a case file and summarize its model: size, masses, natural frequencies, warnings.
 
     It reports all errors at once. Parts that refer to a wrong part, such as a member with an unknown node, are checked
-    completely only after you correct that part. If the TOML syntax is wrong, it reports only this. It estimates the memory and disk space of a run, but does not run
-    the case.
+    completely only after you correct that part. If the TOML syntax is wrong, it reports only this. It estimates the
+    memory and disk space of a run, but does not run the case.
     """
     read = cli.load_case(case, overrides)
     ready = prepare_without_periodic_search(read)
