@@ -177,7 +177,8 @@ def _check_follower_nodes(model: Model) -> Iterator[str]:
             continue
         centre, node = (model.mesh.nodes[points[point][0]] for point in (cam.at, one.follower))
         height = float((node - centre) @ one.direction[:3])
-        expected = float(follower.contact(*np.zeros((3, 1)), cam.turn).trace.imag[0])
+        still = np.zeros(1)
+        expected = float(follower.contact(still, still, still, cam.turn).trace.imag[0])
         if abs(height - expected) > _MAX_FOLLOWER_OFFSET * expected:
             place = f"its follower {one.follower!r} is {1e3 * height:.4g} mm from the centre of its cam along the lift"
             parts = "base circle gives" if isinstance(follower, FlatFollower) else "base circle and the roller give"

@@ -340,12 +340,12 @@ def case_tables(case: Case) -> dict[str, Any]:
 def template_tables(case: Case) -> dict[str, Any]:
     """Return the table ``[repeat]`` of a case and the parts with marks in their names, with the overrides of both."""
     tables = CaseFile.of(case).templates(case.overrides)[1]
-    parts = {kind: table for kind, table in tables.items() if isinstance(table, dict) and kind != "repeat"}
     marked = {
         kind: {name: part for name, part in cast("dict[str, Any]", table).items() if "{" in name}
-        for kind, table in parts.items()
+        for kind, table in tables.items()
+        if isinstance(table, dict)
     }
-    return {**marked, "repeat": tables.get("repeat", {})}
+    return marked | {"repeat": tables.get("repeat", {})}
 
 
 def complete_case_tables(case: Case) -> dict[str, Any]:

@@ -50,7 +50,7 @@ def synthesis_table(found: Synthesis) -> Table:
         ("objective", f"{found.objective:.9g}"),
         *(("not converged", said) for said in found.open),
         ("lower bound of the family", bound),
-        ("lower bound for any law, whatever its end conditions", every),
+        ("lower bound of all laws, with any end conditions", every),
         ("C_v, C_a, C_j, C_m", ", ".join(format_criteria(c))),
         *(("as a rise between dwells", said) for said in c.violations),
     ]
