@@ -17,7 +17,7 @@ import numpy as np
 from flexcam.analysis.histories import response_block
 from flexcam.analysis.preparation import PreparedRun
 from flexcam.analysis.run_metrics import RevolutionChange
-from flexcam.cams import FlatFollower, Follower, profile_at, undercut
+from flexcam.cams import FlatFollower, Follower, RollerFollower, profile_at, undercut
 from flexcam.case.case import Case
 from flexcam.case.input_checks import check_model, check_values
 from flexcam.core import rounding_fraction
@@ -49,6 +49,9 @@ _LIFT_TOLERANCE = 1e-3
 3000 rpm.
 """
 
+# deviation of a follower's node from the base circle, relative to its distance, from which it is reported: smaller ones
+# are variations of the radius with the same nodes
+_MAX_FOLLOWER_OFFSET = 0.1
 _SAME_LOBE_ANGLE = 1.0  # angle between two lifts, deg, up to which they may be the same lobe
 # ratio of shaft radius to base radius from which the shaft is thicker; equal radii are valid
 _SHAFT_RADIUS_RATIO = 1.0 + 1e-9
@@ -124,10 +127,10 @@ def _check_geometric_stiffness(ready: PreparedRun) -> Iterator[str]:
 
 
 def check_lobes(model: Model) -> list[str]:
-    """Return warnings about impossible lobes."""
+    """Return warnings about impossible lobes, and about followers that are not at the base circle."""
     known = [(name, cam, cam.follower) for name, cam in model.cams.items() if cam.follower is not None]
     lobes = [one for name, cam, follower in known for one in _check_lobe(model, name, cam, follower)]
-    return [*lobes, *_check_shared_lobes(model)]
+    return [*lobes, *_check_shared_lobes(model), *_check_follower_nodes(model)]
 
 
 def _check_lobe(model: Model, name: str, cam: Cam, follower: Follower) -> Iterator[str]:
@@ -164,6 +167,24 @@ def _check_shared_lobes(model: Model) -> Iterator[str]:
             why = f"it lifts {other.follower} and {one.follower} at the same cam angle, but its lobe reaches the second"
             remedy = f"give {one.follower} its own cam with a phase greater by that"
             yield f"Warning: cams.{one.cam}: {why} {later:.4g} deg later; {remedy}"
+
+
+def _check_follower_nodes(model: Model) -> Iterator[str]:
+    """Yield the nodes of translating followers that are not where the base circle of their cam puts them."""
+    for name, one in model.cam_contacts.items():
+        cam, points = model.cams[one.cam], model.mesh.points
+        follower = cam.follower
+        if not isinstance(follower, FlatFollower | RollerFollower) or not {cam.at, one.follower} <= points.keys():
+            continue
+        centre, node = (model.mesh.nodes[points[point][0]] for point in (cam.at, one.follower))
+        height = float((node - centre) @ one.direction[:3])
+        still = np.zeros(1)
+        expected = float(follower.contact(still, still, still, cam.turn).trace.imag[0])
+        if abs(height - expected) > _MAX_FOLLOWER_OFFSET * expected:
+            place = f"its follower {one.follower!r} is {1e3 * height:.4g} mm from the centre of its cam along the lift"
+            parts = "base circle gives" if isinstance(follower, FlatFollower) else "base circle and the roller give"
+            remedy = "correct the node, base_radius or the follower"
+            yield f"Warning: contacts.{name}: {place}, the {parts} {1e3 * expected:.4g} mm; {remedy}"
 
 
 # During and after a run

@@ -419,8 +419,8 @@ def _direction_to_follower(span: FloatArray, axis: FloatArray) -> FloatArray:
     across = span - (span @ axis) * axis
     length = float(np.linalg.norm(across))
     if length < 1e-9 * max(float(np.linalg.norm(span)), np.finfo(float).tiny):
-        given, allowed = "a follower on the axis of its cam", "a follower at a distance, or a direction of the lift"
-        raise refuse("direction", given, allowed, "", 'correct the key "at" of the cam, or add direction = "uy"')
+        why = "the follower is on the axis of its cam, so that the lift has no direction"
+        raise refuse("direction", "nothing", "", why, 'correct the key "at" of the cam, or add direction = "uy"')
     return across / length
 
 

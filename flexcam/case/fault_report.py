@@ -120,15 +120,27 @@ def value_at(table: object, path: Sequence[str]) -> object:
     return value
 
 
+def meant_key(fault: Fault) -> str:
+    """Return the key that the remedy of an unknown key suggests; empty if none."""
+    found = re.fullmatch(r"did you mean '(.*)'\?", fault.remedy)
+    return found[1] if found else ""
+
+
 def convert_errors(
     errors: Iterable[ErrorDetails], raw: Mapping[str, Any], places: KeyLocations, root: type[BaseModel]
 ) -> list[Fault]:
-    """Return pydantic's errors on some tables as faults, one per key path."""
+    """Return pydantic's errors on some tables as faults, one per key path; a misspelt key is not also missing."""
     found: dict[tuple[str, str], Fault] = {}
     located = [(_path(error, raw), error) for error in errors]
     missing = Counter(path for path, error in located if error["type"] == "missing")
     tables = {path[:depth] for path, _ in located for depth in range(len(path))}
+    unknown = [
+        (path, _fault(error, path, places, root)) for path, error in located if error["type"] == "extra_forbidden"
+    ]
+    misspelt = {(*path[:-1], meant_key(fault)) for path, fault in unknown}
     for path, error in located:
+        if error["type"] == "missing" and path in misspelt:
+            continue
         if error["type"] == "missing" and path[-1].isdigit():
             following = (*path[:-1], str(int(path[-1]) + 1))
             if missing[path] == missing[following]:

@@ -254,14 +254,18 @@ class CaseFile:
         case = Case(self.path, self.text, tuple(overrides), record, mesh, places, self.files, replace_values)
         return case, faults, others
 
+    def templates(self, overrides: Sequence[str]) -> tuple[list[str], dict[str, Any], KeyLocations, list[Fault]]:
+        """Return the overrides of templates, the tables with them but without copies, the sources and the faults."""
+        tables, places = deepcopy(dict(self.raw)), KeyLocations.of_text(self.text)
+        first = [one for one in overrides if one.startswith("repeat.") or "{" in one.partition("=")[0]]
+        return first, tables, *_apply_overrides(tables, places, first)
+
     def complete(self, overrides: Sequence[str]) -> tuple[dict[str, Any], KeyLocations, list[Fault]]:
         """Return the tables with overrides and copies, the sources of all keys and the faults.
 
         If `repeat` is faulty, it remains in the tables, with one copy of each part for the checks of its values.
         """
-        tables, places = deepcopy(dict(self.raw)), KeyLocations.of_text(self.text)
-        first = [one for one in overrides if one.startswith("repeat.") or "{" in one.partition("=")[0]]
-        places, found = _apply_overrides(tables, places, first)
+        first, tables, places, found = self.templates(overrides)
         given = tables.get("repeat", {})
         record, faults = _record(RepeatFileRecord, {"repeat": given}, places, self.path)
         marks = [mark.strip("{}") for mark in cast("dict[str, Any]", given)] if isinstance(given, dict) else []
@@ -331,6 +335,17 @@ def _case_faults(case: Case, valid: ValidParts) -> Sequence[Fault]:
 def case_tables(case: Case) -> dict[str, Any]:
     """Return the tables of a case as written, with its overrides."""
     return CaseFile.of(case).complete(case.overrides)[0]
+
+
+def template_tables(case: Case) -> dict[str, Any]:
+    """Return the table ``[repeat]`` of a case and the parts with marks in their names, with the overrides of both."""
+    tables = CaseFile.of(case).templates(case.overrides)[1]
+    marked = {
+        kind: {name: part for name, part in cast("dict[str, Any]", table).items() if "{" in name}
+        for kind, table in tables.items()
+        if isinstance(table, dict)
+    }
+    return marked | {"repeat": tables.get("repeat", {})}
 
 
 def complete_case_tables(case: Case) -> dict[str, Any]:

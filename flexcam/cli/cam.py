@@ -194,7 +194,8 @@ def _profile(found: CamFacts, speed: float | None) -> list[tuple[str, str]]:
     if found.least_base_radius is None:
         least = "no radius meets the limits with this lift"
     elif found.least_base_radius:
-        least = f"min without undercut and excessive pressure angle {format_quantity('m', found.least_base_radius)}"
+        limits = f"undercut, or pressure angle above {math.degrees(PRESSURE_ANGLE):g} deg"
+        least = f"below {format_quantity('m', found.least_base_radius)}: {limits}"
     hollow = "none" if seen.hollow is None else f"{format_quantity('m', seen.hollow.value)} {_at(seen.hollow.at)}"
     convex = format_quantity("m", seen.convex.value) if seen.convex.value > 0.0 else "none: the profile is undercut"
     rows = [

@@ -61,10 +61,9 @@ def check(
 ) -> cli.CommandOutput:  # fmt: skip
     """Check a case file and summarize its model: size, masses, natural frequencies, warnings.
 
-    It reports all errors at once. Parts that refer to a faulty one, such as a member with an unknown node, are checked
-    completely only after the correction.
-    If the TOML syntax is wrong, it reports only this. It estimates the memory and disk space of a run, but does not run
-    the case.
+    It reports all errors at once. Parts that refer to a wrong part, such as a member with an unknown node, are checked
+    completely only after you correct that part. If the TOML syntax is wrong, it reports only this. It estimates the
+    memory and disk space of a run, but does not run the case.
     """
     read = cli.load_case(case, overrides)
     ready = prepare_without_periodic_search(read)

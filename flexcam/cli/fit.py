@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -47,7 +48,7 @@ def fit(
     """Fit values of a case to measured curves, print 95 % confidence intervals and warn about correlated values.
 
     Curves over an angle are compared with the last revolution, curves over time with the whole run. Without
-    --noise, the residuals of a column set its weight.
+    --noise, each column is weighted by the scatter of its residuals.
     """
     cli.check_targets(csv, plot, case, to, overwrite=overwrite, target=target)
     cli.check_number("--steps", steps)
@@ -79,6 +80,13 @@ def _fit_output(variables: Sequence[Variable], measured: Measurement, found: Fit
         f"The curves do not determine {' and '.join(keys[i] for i in group)}: "
         + ("fix some of them" if len(group) > 1 else "it does not change them; leave it out")
         for group in found.undetermined
+    ]
+    words += [
+        f"The curves hardly determine {one.key}: its 95 % interval is wider than its range, "
+        f"{one.low:g} to {one.high:g} {one.unit}".rstrip()
+        + "; fix it, or fit more curves"
+        for one, half in zip(variables, found.intervals.tolist(), strict=True)
+        if one.high - one.low < 2.0 * half < math.inf
     ]
     words += [
         f"{keys[i]} and {keys[j]} are correlated ({found.correlation[i, j]:+.3f}): the curves hardly distinguish them"

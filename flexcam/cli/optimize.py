@@ -19,7 +19,7 @@ from flexcam.cli import app as cli
 from flexcam.cli import study_options as study
 from flexcam.cli.study_options import StudyOptions
 from flexcam.core.errors import refuse
-from flexcam.core.units import to_display_unit
+from flexcam.core.units import conversion_factor, to_display_unit
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.report.terminal import facts_table, format_csv, format_decimals, format_number, plain_table, with_unit
 from flexcam.studies import optimization
@@ -184,7 +184,9 @@ def _worst_case(
 def _search_figure(design: OptimizationProblem, found: Evaluations) -> Figure:
     inside = optimization.is_feasible(found.violations)
     signs = np.array([-1.0 if goal.most else 1.0 for goal in design.goals])
-    labels = [with_unit(goal.name, design.unit(goal.name, found.rows)) for goal in design.goals]
+    units = [_unit(design, found, goal.name) for goal in design.goals]
+    labels = [with_unit(goal.name, unit) for goal, (_, unit) in zip(design.goals, units, strict=True)]
+    signs *= [factor for factor, _ in units]
     if len(design.goals) > 1:
         return plotting.histories.front_figure(
             found.costs * signs, inside, optimization.pareto_indices(found), (labels[0], labels[1])
@@ -200,7 +202,7 @@ def _optimum(design: OptimizationProblem, found: Evaluations) -> tuple[list[Tabl
     title = f"Best of {len(found.rows)} variants" if found.best is not None else "Smallest violation of constraints"
     point = list(zip(design.points.variables, found.points[at].tolist(), strict=True))
     rows = [
-        (design.goals[0].words, _value(found, at, design.goals[0].name)),
+        (design.goals[0].words, _value(design, found, at, design.goals[0].name)),
         *((f"--set {one.key}", f"{format_number(x)}{one.unit}") for one, x in point),
     ]
     parts: list[Table | str] = [facts_table(title, rows)]
@@ -215,17 +217,30 @@ def _optimum(design: OptimizationProblem, found: Evaluations) -> tuple[list[Tabl
 def _front(design: OptimizationProblem, found: Evaluations) -> tuple[list[Table | str], dict[str, Any]]:
     """Return the printed output and the JSON of a search for a Pareto front."""
     best = optimization.pareto_indices(found)
-    head = (*(with_unit(goal.words, design.unit(goal.name, found.rows)) for goal in design.goals),
+    units = [(goal, *_unit(design, found, goal.name)) for goal in design.goals]
+    head = (*(with_unit(goal.words, unit) for goal, _, unit in units),
             *(with_unit(one.key, one.unit) for one in design.points.variables))  # fmt: skip
-    rows = [(*(row_value(found.rows[i], goal.name) for goal in design.goals), *found.points[i].tolist()) for i in best]
+    rows = [
+        (*(factor * row_value(found.rows[i], goal.name) for goal, factor, _ in units), *found.points[i].tolist())
+        for i in best
+    ]
     title = f"Pareto front of {len(found.rows)} variants" if rows else "No variant meets all constraints"
     return [plain_table(title, head, rows)], {"front": [_variant_json(design, found, i) for i in best]}
 
 
-def _value(found: Evaluations, at: int, name: str) -> str:
-    """Return a value of a variant in the unit engineers use, such as deg and mm."""
-    row = found.rows[at]
-    factor, unit = to_display_unit(row.units.get(name, ""))
+def _unit(design: OptimizationProblem, found: Evaluations, name: str) -> tuple[float, str]:
+    """Return the factor from SI to the unit in which a value is varied, and this unit; of a result the SI unit."""
+    si = design.unit(name, found.rows)
+    unit = next((one.unit for one in design.points.variables if one.key == name), si)
+    return 1.0 if unit == si else 1.0 / conversion_factor(unit, si, "--vary"), unit
+
+
+def _value(design: OptimizationProblem, found: Evaluations, at: int, name: str) -> str:
+    """Return a value of a variant in the unit in which it is varied, of a result in that of engineers, such as deg."""
+    row, si = found.rows[at], design.unit(name, found.rows)
+    factor, unit = _unit(design, found, name)
+    if unit == si:
+        factor, unit = to_display_unit(si)
     return f"{format_number(factor * row_value(row, name))} {unit}".strip()
 
 
@@ -239,8 +254,8 @@ def _constraint_table(design: OptimizationProblem, found: Evaluations, at: int) 
         else:
             margin = f"{-violation:.2%} (active)" if active else f"{-violation:.1%}"
         away = "none found" if math.isinf(distance) else f"{distance:.2%}"
-        rows.append((one.words, _value(found, at, one.name), margin, away))
-    head = ("subject to", "value", "margin", "smallest change of a varied value that violates it, % of its interval")
+        rows.append((one.words, _value(design, found, at, one.name), margin, away))
+    head = ("subject to", "value", "margin", "distance to violation, % of the intervals")
     return plain_table("Constraints", head, rows)
 
 

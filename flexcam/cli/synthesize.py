@@ -45,12 +45,12 @@ def synthesis_table(found: Synthesis) -> Table:
     every = "unknown"
     if found.bound_all:
         above = 100.0 * (found.objective / found.bound_all - 1.0)
-        every = f"{found.bound_all:.6g}; this law is {above:.2f} % above"
+        every = f"{found.bound_all:.6g} (this law: {above:+.2f} %)"
     rows = [
         ("objective", f"{found.objective:.9g}"),
         *(("not converged", said) for said in found.open),
         ("lower bound of the family", bound),
-        ("no law can be below, of any end conditions", every),
+        ("lower bound of all laws, with any end conditions", every),
         ("C_v, C_a, C_j, C_m", ", ".join(format_criteria(c))),
         *(("as a rise between dwells", said) for said in c.violations),
     ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import operator
 import re
 from dataclasses import asdict, dataclass
 from datetime import date, time
@@ -196,9 +197,21 @@ def finite_array(where: str, values: ArrayLike, shape: tuple[int | None, ...]) -
     return array
 
 
+_SIMILARITY = 0.7  # least ratio of common letters of a typing error; words of different meaning have up to 0.67
+
+
 def suggest_name(name: str, known: Iterable[str]) -> str:
-    """Return a suggestion of the closest known name, or an empty text."""
-    names = [other for other in known if other != name]
-    swapped = [other for other in names if sorted(other.lower()) == sorted(name.lower())]
-    near = swapped or difflib.get_close_matches(name, names, n=1, cutoff=0.6)
-    return f"did you mean {near[0]!r}?" if near else ""
+    """Return a suggestion of the closest known name, or an empty text.
+
+    A file suffix that all names share does not make them similar.
+    """
+    others, suffix = [other for other in known if other != name], PurePath(name).suffix
+    if not all(other.endswith(suffix) for other in others):
+        suffix = ""
+    stem, stems = name.removesuffix(suffix), [other.removesuffix(suffix) for other in others]
+    near = [other for other in stems if sorted(other.lower()) == sorted(stem.lower())]
+    near = near or difflib.get_close_matches(stem, stems, n=1, cutoff=_SIMILARITY)
+    near = near or [
+        other for other in stems if len(stem) == len(other) == 3 and sum(map(operator.ne, stem, other)) == 1
+    ]
+    return f"did you mean {near[0] + suffix!r}?" if near else ""

@@ -26,7 +26,8 @@ _FACTOR = re.compile(r"([*/]?)\s*(1(?=\s*/)|[A-Za-z%µ°]+)\s*(?:(?:\^|\*\*)\s*(
 _FOREIGN = {
     "degC": "write K; a temperature is a rise", "C": "write K; a temperature is a rise", "ppm": "write um/m for 1 ppm",
     "lbm": "write 'lb', a mass", "inch": "write 'in'", "inches": "write 'in'", "gram": "write 'g'",
-    "grams": "write 'g'", "sec": "write 's'", "lbs": "write 'lb' for a mass, 'lbf' for a force",
+    "grams": "write 'g'", "degree": "did you mean 'deg'?", "degrees": "did you mean 'deg'?", "sec": "write 's'",
+    "lbs": "write 'lb' for a mass, 'lbf' for a force",
 }  # fmt: skip
 """Other names of units, and the remedies."""
 

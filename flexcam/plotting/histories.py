@@ -39,7 +39,7 @@ Abscissa = Literal["angle", "time", "crank"]
 
 _TICKS = (5, 10, 15, 30, 45, 90, 180, 360, 720)
 _MOST_TICKS = 9
-_BELOW = {"angle": "cam angle, deg", "time": "time, s", "crank": "crank angle, deg"}
+_BELOW = {"angle": "cam angle, deg", "time": "time, s", "crank": "crank angle from cam angle 0, deg"}
 _SHORT_NAME = 10  # length of a name, characters, that shares a line of an axis label with a quantity
 
 

@@ -112,6 +112,23 @@ def test_a_speed_at_which_no_run_can_start_leaves_the_others(monkeypatch):
     assert warning.startswith("Warning: no result at 1909.86 camshaft rpm")
 
 
+def test_a_dash_is_a_missing_mode_and_a_failed_speed_says_so(monkeypatch, flexcam):
+    module = sys.modules["flexcam.analysis.campbell"]
+    real, calls = module.contact_modes, []
+
+    def fails_first(*given):
+        calls.append(given)
+        if len(calls) == 1:
+            raise RunFailedError(NOT_POSITIVE)
+        return real(*given)
+
+    monkeypatch.setattr(module, "contact_modes", fails_first)
+    done = flexcam("campbell", PUBLISHED, *RANGE, *QUICK)
+    (first, *_), table = [line.split() for line in done.out.splitlines() if " failed " in line], done.out
+    assert first[:2] == ["1", "failed"]
+    assert "-: at this speed" not in table
+
+
 @pytest.mark.parametrize("command", [("campbell",), ("campbell", "--response")])
 def test_speeds_of_which_none_is_known_are_a_failure(command, flexcam):
     """An explicit beta with steps far beyond its bound: every run leaves the range of numbers."""

@@ -70,6 +70,16 @@ def test_warnings_of_a_fit(flexcam, files):
     assert "Successive residuals of mass.uy displacement are correlated" in shown
 
 
+def test_an_interval_wider_than_the_range(flexcam, tmp_path):
+    """Four points with a scatter of their size allow any damping between the ends."""
+    (tmp_path / "case.toml").write_text(CASE, encoding="utf-8")
+    (tmp_path / "m.csv").write_text("time [s],mass.uy [mm]\n0,3\n0.005,-9\n0.01,4\n0.02,-3\n", encoding="utf-8")
+    varied = ("--vary", "springs.one.damping=3:20 N s/m")
+    shown = " ".join(flexcam("fit", "case.toml", "--to", "m.csv", *varied).out.split())
+    said = "springs.one.damping: its 95 % interval is wider than its range, 3 to 20 N s/m; fix it, or fit more curves"
+    assert f"The curves hardly determine {said}" in shown
+
+
 def test_angles_times_and_units(flexcam, files, tmp_path):
     """The same curve over crank angle in mm of the last revolution, and over time in m, gives the same values."""
     case, export = files

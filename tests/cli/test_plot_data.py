@@ -110,6 +110,12 @@ def test_several_runs_are_drawn_over_their_last_revolution(drawn, flexcam, tmp_p
     assert figure.axes[-1].get_xlim() == pytest.approx((0.0, 360.0), abs=1e-6)
 
 
+def test_the_crank_angle_without_a_dead_centre_counts_from_cam_angle_zero(drawn, engine):
+    figure = drawn("intake.vtkhdf", "--over", "crank")
+    assert figure.axes[-1].get_xlabel() == "crank angle from cam angle 0, deg"
+    assert figure.axes[0].lines[0].get_xdata()[[0, 360]] == pytest.approx([0.0, 360.0], abs=1e-6)
+
+
 @pytest.mark.slow
 def test_crank_angle_with_dead_centres_and_overlap(drawn, flexcam):
     """Of two trains with one dead centre each lift has its place; both are open within the shaded angles."""

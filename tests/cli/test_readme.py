@@ -97,9 +97,9 @@ def test_what_is_said_of_contact_is_what_was_measured():
     own = took["flexcam, `collocation`"]
     words = " ".join(README.split())
     assert (
-        "only diffrax reaches an error of 0.1 % of the cam force faster than flexcam; CVODES needs 1.0 to 1.4" in words
+        "only diffrax is faster than flexcam for an error of 0.1 % of the cam force. CVODES takes 1.0 to 1.4" in words
     )
-    assert "times the time of flexcam, and Exudyn, MuJoCo and scipy need more." in words
+    assert "times as long as flexcam; Exudyn, MuJoCo and scipy take longer." in words
     for method, time in took.items():
         if method.startswith("diffrax"):
             assert time < own

@@ -396,6 +396,15 @@ def test_a_search_by_gradients_ends_at_the_end_of_the_permitted_values(flexcam):
     assert done.json["evaluations"] > 1
 
 
+def test_a_varied_speed_is_shown_in_rpm(flexcam, oscillator):
+    asked = ("--vary", "run.speed=900:1100rpm", "--most", "run.speed", "--subject", "run.speed <= 1050 rpm")
+    shown = flexcam("optimize", oscillator, *asked, "--set", "run.steps_per_revolution=90", "--evaluations", "24").out
+    assert "rad/s" not in shown
+    (best,) = [line.split()[2:] for line in shown.splitlines() if line.startswith("max run.speed")]
+    assert float(best[0]) == pytest.approx(1050.0, rel=0.05)
+    assert best[1] == "rpm"
+
+
 @pytest.mark.slow
 def test_a_search_by_gradients_through_contact(flexcam):
     """Most speed at which the contact on the nose keeps a force: every variant is better or corrects the last one."""

@@ -44,8 +44,13 @@ DOUBTFUL = {
     "camshaft speed in rpm": (CASE, "run.speed=2000", "2000 rad/s is unusual", "did you mean 2000 rpm?"),
     "a usual engine speed in rpm": (PUSHROD, "run.crank_speed=2000", "19098.6 rpm", "did you mean 2000 rpm?"),
     "a usual camshaft speed in rpm": (CASE, "run.speed=600", "600 without a unit", "did you mean 600 rpm?"),
+    "a phase in deg": (PUSHROD, "cams.intake.phase=105", "105 without a unit is in rad, 6016.06", "mean 105 deg?"),
+    "a negative phase in deg": (PUSHROD, "cams.intake.phase=-60", "-60 without a unit is", "did you mean -60 deg?"),
+    "a timing in deg": (CASE, 'cams.intake.timing={lift="1 mm", opening=-20}', "timing.opening", "mean -20 deg?"),
+    "an angular lash in deg": (GEAR, "contacts.driving.gap=10", "10 rad is unusual", "did you mean 10 deg?"),
     "damping in per cent": (CASE, "run.damping={modal=2}", "2 is unusual", "did you mean 2 %?"),
-    "damping in us": (CASE, "run.damping={beta=20}", "20 s is unusual", "did you mean 20 ms?"),
+    "damping in us": (CASE, "run.damping={beta=20}", "20 s is unusual", "did you mean 20 us?"),
+    "damping of 1 ms": (PUSHROD, "run.damping.beta=1ms", "1ms (0.001 s) is unusual", "did you mean 1 us?"),
     "a bow in mm": (PUSHROD, "members.pushrod.bow=0.3", "0.3 m is unusual", "did you mean 0.3 mm?"),
     "a torsion constant beyond the section": (CASE, "sections.shaft.J=1", "J = 1 m^4 is above Iy + Iz", "no shape"),
     "a section thinner than a circle": (CASE, OWN, "Iy + Iz = 2e-15 m^4 is below", "circle of its area"),
@@ -74,6 +79,28 @@ def test_what_is_hardly_meant_is_told(what, tried):
     assert said[1] in found[0]
     assert f"(--set {override})" in found[0] or "line" in found[0], "with its place"
     tried("planted", f"number: {what}", 1, "warning with the likely unit or value")
+
+
+PHASES = 'repeat.cylinder={names=["1", "2"], spacing=["0.1 m", 0, 0], phases=[0, 180]}'
+
+
+def test_phases_of_copies_in_deg(tmp_path):
+    """The copies have phases between 0 and 2 pi: the warning names the table that the user wrote."""
+    cam = "spare-{cylinder}"
+    text = CASE.read_text(encoding="utf-8")
+    part = f'[cams."{cam}"]\nat = "cam"\nlaw = "shm"\nlift = "5 mm"\nrise = "90 deg"\nreturn = "90 deg"\nphase = 105\n'
+    (tmp_path / "case.toml").write_text(f"{text}\n{part}", encoding="utf-8")
+    told = [one for one in check_values(read_case(tmp_path / "case.toml", [PHASES])) if "without a unit" in one]
+    assert [one.split(" (")[0] for one in told] == [
+        f"Warning: cams.{cam}.phase", "Warning: repeat.cylinder.phases.1",
+    ]  # fmt: skip
+
+
+def test_an_angle_with_its_unit_replaces_a_bare_one(tmp_path):
+    text = PUSHROD.read_text(encoding="utf-8")
+    (tmp_path / "case.toml").write_text(text.replace('phase = "', 'phase = 9  # "', 1), encoding="utf-8")
+    case = read_case(tmp_path / "case.toml", ["cams.intake.phase=515 deg"])
+    assert not [one for one in check_values(case) if "phase" in one]
 
 
 @pytest.mark.parametrize("override", ["run.speed=314.159", "run.speed=300 rad/s", "run.speed=100"])
@@ -212,9 +239,35 @@ def test_a_case_without_equilibrium_names_its_unusual_values():
     ("sections.shaft.diameter=50mm", "its base circle has a radius of 24 mm, its shaft one of 25 mm"),
 ])  # fmt: skip
 def test_a_lobe_that_cannot_be_made(override, said):
-    (told,) = check_lobes(build_model(read_case(PUSHROD, [override])))
-    assert "cams.intake" in told
+    (told,) = [one for one in check_lobes(build_model(read_case(PUSHROD, [override]))) if "cams.intake:" in one]
     assert said in told
+
+
+ROLL = 'cams.intake.follower={type="roller", radius="9 mm"'
+
+
+@pytest.mark.parametrize(("overrides", "said"), [
+    (["nodes.tappet.1=34 mm"], "is 34 mm from the centre of its cam along the lift, the base circle gives 24 mm"),
+    ([ROLL + "}"], "is 24 mm from the centre of its cam along the lift, the base circle and the roller give 33 mm"),
+    ([ROLL + ', offset="3.4 mm"}', "nodes.tappet.1=33 mm"], ""),
+    (["cams.intake.base_radius=26mm"], ""),
+])  # fmt: skip
+def test_a_follower_off_its_base_circle(overrides, said):
+    """A base radius changed by a tenth may keep its nodes; an offset of 3.4 mm lowers a roller by 0.2 mm."""
+    told = [
+        one for one in check_lobes(build_model(read_case(PUSHROD, overrides))) if "contacts.intake: its foll" in one
+    ]
+    assert len(told) == bool(said)
+    assert all(said in one for one in told)
+
+
+def test_a_lash_without_a_seat(tmp_path):
+    """Nothing but the cam holds the valve spring, so the lash never opens."""
+    text = PUSHROD.read_text(encoding="utf-8")
+    begin = text.index("[contacts.seat]")
+    (tmp_path / "case.toml").write_text(text[:begin] + text[text.index("[contacts.lash]") :], encoding="utf-8")
+    (told,) = check_input(prepare(read_case(tmp_path / "case.toml")))
+    assert "contacts.lash: it never opens, because only the cam holds the spring force" in told
 
 
 @pytest.mark.parametrize(("factor", "warns"), [(1, False), (2, True)])

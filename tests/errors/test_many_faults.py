@@ -21,7 +21,7 @@ from flexcam.studies.plan import parse_axis
 MANY = {
     "keys, units, names": (
         [("density =", "densty ="), ('"207 GPa"', '"207 Gpa"'), ('law = "shm"', 'law = "cosine"'), ("revolutions =", "revolution =")],
-        ["materials.steel.densty", "materials.steel.density", "materials.steel.E", "cams.intake.law", "run.revolution"],
+        ["materials.steel.densty", "materials.steel.E", "cams.intake.law", "run.revolution"],
     ),
     "every table": (
         [("nu = 0.29", "nu = true"), ('diameter = "25 mm"', "diameter = -1"), ('section = "tube"', 'section = "tub"'),
@@ -104,7 +104,7 @@ MANY = {
          ('rear = ["180 mm"', 'rear = ["181 mm"')], ["contacts.intake.follower"],
     ),
     "a range beside a missing key": (
-        [("density =", "densty ="), ("nu = 0.29", "nu = 0.6")], ["materials.steel.density", "materials.steel.nu"],
+        [("density =", "densty ="), ("nu = 0.29", "nu = 0.6")], ["materials.steel.densty", "materials.steel.nu"],
     ),
     "a spring between a point and itself beside a unit": (
         [("[springs.valve]", '[springs.own]\nat = "cam"\nto = "cam"\ndirection = "rx"\nstiffness = "1 kN"\n[springs.valve]')],

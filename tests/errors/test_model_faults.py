@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from flexcam import InputError, prepare
+from flexcam import InputError, prepare, read_case
 from flexcam.case.reader import CaseFile
 from flexcam.case.starters import new_case
 from flexcam.io import format_toml
@@ -19,7 +19,7 @@ from tests.thinning import mostly_slow
 ROOT = Path(__file__).parents[2]
 
 # faults of the starter pushrod-engine, with the place of each
-DENSITY = (('density = "7800', 'densty = "7800'), ["materials.steel.density", "materials.steel.densty"])
+DENSITY = (('density = "7800', 'densty = "7800'), ["materials.steel.densty"])
 STIFFNESS = (('stiffness = "50 kN/m"', 'stiffness = "50 kN"'), ["springs.valve.stiffness"])
 MASS = (('mass = "0.06 kg"', 'mass = "0.06 m"'), ["masses.follower.mass"])
 ARMS = (('arms = ["25 mm", "40 mm"]', 'arms = ["25 mm"]'), ["rockers.rocker.arms"])
@@ -179,3 +179,19 @@ def test_a_follower_with_a_mass_that_is_held_along_the_lift(tmp_path):
     held = 'supports.tappet=["ux", "uy", "uz", "rx", "ry", "rz"]'
     with pytest.raises(InputError, match=r"'tappet', held along the lift.*[Ff]ree it in \[supports\]"):
         prepare(CaseFile.open(path).read([held]))
+
+
+def test_a_follower_on_the_axis_of_its_cam(tmp_path):
+    said = "direction: the follower is on the axis of its cam, so that the lift has no direction. Correct the key"
+    with pytest.raises(InputError, match=said):
+        prepare(read_case(new_case("pushrod-engine", tmp_path / "case.toml")[0], ["cams.intake.at=tappet"]))
+
+
+@pytest.mark.parametrize(("template", "edit", "key"), [
+    ("pushrod-engine", ('stiffness = "60 MN/m" ', 'stifness = "60 MN/m" '), "contacts.seat.stifness"),
+    ("gear-drive", ('stiffness = "30 kN m/rad"', 'stifness = "30 kN m/rad"'), "contacts.driving.stifness"),
+    ("gear-drive", ('film = { diameter', 'films = { diameter'), "bearings.front.films"),
+])  # fmt: skip
+def test_a_misspelt_key_is_one_fault(template, edit, key, tmp_path, changed, faults_of):
+    text = new_case(template, tmp_path / "case.toml")[0].read_text(encoding="utf-8")
+    assert [fault.where.split(" (")[0] for fault in faults_of(changed(text, edit))] == [key]

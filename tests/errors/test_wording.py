@@ -23,6 +23,22 @@ def test_another_version_of_the_format(tmp_path):
     assert "a newer flexcam" in fault.remedy
 
 
+@pytest.mark.parametrize(("name", "known"), [
+    ("missing.toml", "direct-acting.toml"), ("missing.toml", "ns.toml"), ("none.vtkhdf", "nn.vtkhdf"),
+    ("nothing", "motion"), ("rear", "roller"),
+])  # fmt: skip
+def test_no_hint_at_distant_names(name, known):
+    assert suggest_name(name, [known]) == ""
+
+
+@pytest.mark.parametrize(("name", "known"), [
+    ("splitt.toml", "split.toml"), ("shn", "shm"), ("rize", "rise"), ("SDOF", "sdof"), ("run.sped", "run.speed"),
+    ("bwo.toml", "bow.toml"),
+])  # fmt: skip
+def test_hints_at_typing_errors(name, known):
+    assert suggest_name(name, [known]) == f"did you mean {known!r}?"
+
+
 def test_no_hint_at_what_was_written():
     assert suggest_name("exponents", ["exponents", "conditions"]) == ""
     with pytest.raises(InputError) as refusal:
