@@ -69,7 +69,7 @@ def test_a_circle_within_its_base_circle(told, tmp_path):
     ("1, 2\n", ("--follower", '{ type = "flat" }'), ["base_radius"]),
     ("1, 2\n", ("--follower", '{ type = "flat" }', "--base-radius", "18"), ["write '18 mm'"]),
     ("1, 2\n", ("--follower", '{ type = "rolle" }', "--base-radius", "18 mm"), ["did you mean 'roller'"]),
-    ("1, 2\n", ("--follower", '{ type = "roller", radios = 3 }'), ["follower.radios", "follower.radius"]),
+    ("1, 2\n", ("--follower", '{ type = "roller", radios = 3 }'), ["follower.radios", "did you mean 'radius'"]),
     ("1, 2\n", (*FLAT, "--points", "3"), ["--points"]),
 ])  # fmt: skip
 def test_refused(text, words, said, told, tmp_path):
