@@ -117,7 +117,7 @@ def test_range_of_a_condition_that_comes_and_goes(one_mass, is_met, limit, scatt
     search = Search(3500.0 * RPM, 4500.0 * RPM, tolerance=0.5 * RPM, nearby=True)
     found = find_limits(read_case(one_mass()), search, among=("float",), start=begin).limits["float"]
     assert found.rpm == pytest.approx(limit, abs=0.5)
-    assert found.scatter_rpm == (scatter and pytest.approx((scatter[0] * found.rpm, scatter[1] * found.rpm), rel=1e-3))
+    assert found.scatter_rpm == (scatter and pytest.approx((scatter[0] * found.rpm, scatter[1] * found.rpm), rel=1e-6))
 
 
 @pytest.mark.parametrize(
