@@ -22,6 +22,7 @@ from flexcam.case.case import Case
 from flexcam.case.input_checks import check_model, check_values
 from flexcam.core import rounding_fraction
 from flexcam.core.errors import InputError
+from flexcam.core.units import to_display_unit
 from flexcam.dynamics import Collocation, Response, Sink, Stats, default_method, outline
 from flexcam.dynamics.force_laws import THINNEST
 from flexcam.dynamics.memory import ExtremesSink
@@ -250,10 +251,17 @@ def check_transient(ready: PreparedRun, change: RevolutionChange | None) -> list
 
 def describe_change(change: RevolutionChange) -> str:
     """Describe the difference of the last revolution from the one before."""
-    motion = f"motion {100.0 * change.motion:.2g} %"
-    if not change.contact:
-        return motion
-    return f"{motion}, force of contact {change.contact} {100.0 * change.force:.2g} % (rms)"
+    found = [f"motion {100.0 * change.motion:.2g} %"]
+    if change.contact:
+        found.append(f"force of contact {change.contact} {100.0 * change.force:.2g} % (rms)")
+    if change.stress_change > _SAME_STRESS:
+        factor, unit = to_display_unit("Pa")
+        before, last = (f"{factor * one:.3g}" for one in change.stress)
+        found.append(f"max von Mises of {change.member} {before}, then {last} {unit}")
+    return ", ".join(found)
+
+
+_SAME_STRESS = 0.02  # relative change of a stress that is not mentioned
 
 
 def _has_member_dofs(ready: PreparedRun) -> bool:

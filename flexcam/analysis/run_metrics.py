@@ -21,6 +21,7 @@ from flexcam.dynamics import ConstantSpeed, Method, Problem, Response, SaveAt, e
 from flexcam.valvetrain import (
     Metric,
     PublishedLoad,
+    StrengthSink,
     cam_forces,
     main_lift,
     omit_coil_stops,
@@ -37,9 +38,19 @@ class RevolutionChange:
     #: root mean square of the difference of a contact force on the main lift of its cam, relative to the force's
     force: float
     contact: str = ""  #: contact of this force; empty without a cam
+    member: str = ""  #: member whose maximum von Mises stress changes most; empty without members
+    #: its stress in the last but one and in the last revolution at the saved instants, Pa
+    stress: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def stress_change(self) -> float:
+        """Relative change of the stress."""
+        return abs(self.stress[1] - self.stress[0]) / (max(self.stress) or 1.0)
 
 
-def revolution_change(ready: PreparedRun, response: Response) -> RevolutionChange | None:
+def revolution_change(
+    ready: PreparedRun, response: Response, strength: StrengthSink | None = None
+) -> RevolutionChange | None:
     """Return the deviation of the last revolution of a run from periodic; None without two revolutions."""
     time, period = response.time, ready.revolution
     if not len(time) or time[-1] - time[0] < (2.0 - _ROUNDING) * period - ready.problem.step:
@@ -58,7 +69,8 @@ def revolution_change(ready: PreparedRun, response: Response) -> RevolutionChang
             changes[name] = _relative(np.linalg.norm(difference(force)[lifted]), np.linalg.norm(force[last][lifted]))
     contact = max(changes, key=lambda name: changes[name], default="")
     motion = _relative(np.abs(difference(moved)).max(), np.ptp(moved[last]))
-    return RevolutionChange(motion, changes.get(contact, 0.0), contact)
+    member, before, now = strength.change() if strength else ("", 0.0, 0.0)
+    return RevolutionChange(motion, changes.get(contact, 0.0), contact, member, (before, now))
 
 
 def _relative(part: float | np.floating, whole: float | np.floating) -> float:

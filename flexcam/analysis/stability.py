@@ -10,6 +10,7 @@ import numpy as np
 
 from flexcam.analysis.orders import highest_order, last_revolution_orders
 from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search
+from flexcam.analysis.run import member_strength
 from flexcam.analysis.run_metrics import RevolutionChange, revolution_change
 from flexcam.cams import Event, harmonics
 from flexcam.case.case import Case
@@ -186,7 +187,7 @@ def lift_harmonics(event: Event, count: int) -> dict[int, float]:
 _RESONANCE_WIDTH = 0.03  # relative distance of a harmonic from a mode that counts as resonance
 # amplitude relative to the maximum contact force from which a resonant harmonic counts; weaker ones are listed
 _MIN_FORCE_RATIO = 0.05
-_MIN_CHANGE = 0.01, 0.1  # differences of two revolutions, of the motion and the force, from which chatter counts
+_MIN_CHANGE = 0.01, 0.1, 0.05  # differences of two revolutions, of motion, force and stress, from which chatter counts
 _LISTED_SPEED_RATIO = 2.0  # multiple of the case's speed up to which resonances are listed individually
 _PERIODICITY_TOLERANCE = 1e-3  # allowed difference between start and end of a periodic motion, relative to the motion
 _GROWTH_THRESHOLD = 1.0 + 1e-6
@@ -241,10 +242,11 @@ class Stability:
 
     @property
     def is_scattering(self) -> bool:
-        """Return whether chatter changes the motion or the force of a cam from revolution to revolution."""
-        motion, force = _MIN_CHANGE
-        change = self.change
-        return self.is_chattering and (change is None or change.motion > motion or change.force > force)
+        """Return whether chatter changes the motion, the force of a cam or a stress from revolution to revolution."""
+        if not self.is_chattering or self.change is None:
+            return self.is_chattering
+        changes = self.change.motion, self.change.force, self.change.stress_change
+        return any(one > most for one, most in zip(changes, _MIN_CHANGE, strict=True))
 
     @property
     def causes(self) -> tuple[str, ...]:
@@ -293,7 +295,7 @@ def assess_stability(case: Case) -> Stability:
         why_not=why_not,
         resonances=met,
         open_on_the_lift=opened,
-        change=revolution_change(ready, response),
+        change=revolution_change(ready, response, member_strength(ready, response)),
         status=response.status,
         why_no_modes=why_no_modes,
     )

@@ -184,7 +184,7 @@ _WORDS = {
     "parametric": "a disturbance of the periodic motion grows by the multiplier in each revolution",
     "resonance": "a harmonic of the cam excites a mode, with more than 5 % of the maximum cam force",
     "contact loss": "the follower leaves its cam during the lift",
-    "chatter": "impacts change the motion or the force from revolution to revolution",
+    "chatter": "impacts change the motion, the force or a stress from revolution to revolution",
     _HARMLESS: "rounding errors grow at impacts, but the motion hardly changes between revolutions",
 }
 

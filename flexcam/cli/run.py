@@ -37,6 +37,7 @@ from flexcam.report.fidelity_tables import choice_json, describe_choice, error_t
 from flexcam.report.terminal import show_progress
 from flexcam.valvetrain import Metric, StrengthSink
 
+_GROWTH = 0.05  # change of a stress from one revolution to the next from which the run is too short
 _CHATTER = 0.1  # change of a contact force from one revolution to the next, rms, that is chatter
 
 
@@ -121,7 +122,7 @@ def _describe_run(
 ) -> cli.CommandOutput:  # fmt: skip
     case, stats, status = ready.case, response.stats, response.status
     stressed = strength.members() if case.record.fidelity.model == "beams" else {}
-    change = revolution_change(ready, response)
+    change = revolution_change(ready, response, strength if stressed else None)
     merit = figures_of_merit(case, figures) if figures else ()
     others = [figure for figure in figures if not usual_name(figure)]
     parts: list[Table | str] = [
@@ -140,7 +141,10 @@ def _describe_run(
     if change:
         impacts = "; this contact chatters: its impacts differ between revolutions"
         chatter = impacts if change.force > _CHATTER and not excitation_without_period(case) else ""
-        parts.append(f"Difference between the last two revolutions: {run_checks.describe_change(change)}{chatter}")
+        more = "; run more revolutions until the stress repeats" if change.stress_change > _GROWTH else ""
+        parts.append(
+            f"Difference between the last two revolutions: {run_checks.describe_change(change)}{chatter}{more}"
+        )
     elif len(response.time) and ready.model.cam_contacts and stats.unknowns and stats.periodicity < 0.0:
         parts.append("Fewer than two revolutions: the start may affect the results; set run.revolutions = 2 to see how")
     parts += run_checks.describe_method(ready)

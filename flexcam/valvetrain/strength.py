@@ -279,6 +279,10 @@ class StrengthSink:
         self._normal: tuple[FloatArray, FloatArray] | None = None
         self._shear: tuple[FloatArray, FloatArray] | None = None
         self._von_mises = np.zeros((len(structure.beams), 2))
+        self._begin, self._by_turn = (
+            math.inf,
+            dict[int, FloatArray](),
+        )  # first cam angle; maxima of the last two revolutions
         axes = np.zeros_like(structure.model.mesh.nodes)
         for node, axis in shaft_axes(structure.model).items():
             axes[node] = axis
@@ -307,7 +311,14 @@ class StrengthSink:
         rotated = _rotate_moments(forces, block.field_angle[:, None, None] * self._turns[:, None])
         self._normal = _extend_range(self._normal, self._fibres.normal(rotated))
         self._shear = _extend_range(self._shear, self._fibres.shear(forces))
-        self._von_mises = np.maximum(self._von_mises, self._fibres.von_mises(forces).max(axis=0))
+        stress = self._fibres.von_mises(forces)
+        self._von_mises = np.maximum(self._von_mises, stress.max(axis=0))
+        self._begin = min(self._begin, float(block.field_angle[0]))
+        turns = np.maximum(np.ceil((block.field_angle - self._begin) / (2.0 * np.pi) - _SAME_TURN), 1.0)
+        for turn in np.unique(turns).astype(int).tolist():
+            largest: FloatArray = stress[turns == turn].max(axis=0)
+            self._by_turn[turn] = np.maximum(largest, self._by_turn.get(turn, largest))
+        self._by_turn = {turn: most for turn, most in self._by_turn.items() if turn > turns[-1] - 2}
 
     def close(self, status: Status, stats: Stats) -> None:
         """Do nothing."""
@@ -316,6 +327,22 @@ class StrengthSink:
         """Return the maxima of compressions and deflections at the saved instants over those at all steps."""
         peaks = zip(self._loads, *self._peaks.tolist(), strict=True)
         return {name: saved / largest for name, largest, saved in peaks if largest > 0.0}
+
+    def change(self) -> tuple[str, float, float]:
+        """Return the member whose maximum von Mises stress changes most from the last but one to the last revolution.
+
+        The two stresses follow, Pa. Members with less than a tenth of the largest stress are left out; the name is
+        empty for less than two revolutions.
+        """
+        if len(self._by_turn) < 2:
+            return "", 0.0, 0.0
+        before, last = (most for _, most in sorted(self._by_turn.items()))
+        ranges = self._structure.model.mesh.element_ranges()
+        pairs = {name: (float(before[part].max()), float(last[part].max())) for name, part in ranges.items()}
+        least = 0.1 * max((max(pair) for pair in pairs.values()), default=0.0)
+        changes = {name: abs(b - a) / max(a, b) for name, (a, b) in pairs.items() if max(a, b) > least}
+        name = max(changes, key=lambda one: changes[one], default="")
+        return (name, *pairs[name]) if name else ("", 0.0, 0.0)
 
     def members(self) -> dict[str, MemberStrength]:
         """Return the strength results of every member; empty without saved fields."""
@@ -348,6 +375,9 @@ class StrengthSink:
             place=model.mesh.node_name(int(model.mesh.lines[name][element + end])),
             rated=rated,
         )
+
+
+_SAME_TURN = 1e-6  # tolerance of the end of a revolution, revolutions
 
 
 def _rotate_moments(forces: FloatArray, angle: FloatArray) -> FloatArray:

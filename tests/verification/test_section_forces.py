@@ -239,21 +239,33 @@ def test_torsion_of_a_rectangle(record, ratio, k2, upright):
     )  # fmt: skip
 
 
-def strength_under(material, tension, torsion=0.0):
-    """Return what a sink says of a bar whose stress follows a history under a steady torsional stress, Pa."""
+def sink_under(material, tension, torsion=0.0, angle=None):
+    """Return a sink that has seen a bar whose stress follows a history under a steady torsional stress, Pa."""
     bar = Cantilever(np.array([1.0, 0, 0]), 1, Member(material, Section.circle(0.01)))
     structure = build_structure(bar.model())
     fields = np.outer(tension, bar.dofs.vector(1, np.eye(6)[0])) * LENGTH / material.E
     fields += bar.dofs.vector(1, np.eye(6)[3]) * torsion * LENGTH / (material.G * 0.005)
-    still, nothing = np.zeros_like(fields), np.zeros(len(tension))
+    still, at = np.zeros_like(fields), np.zeros(len(tension)) if angle is None else angle
     series, empty = Series(fields, still, still), Series(*3 * [np.zeros((len(tension), 0))])
     sink = StrengthSink(structure)
     for part in (slice(0, 20), slice(20, None)):  # two blocks: extremes are kept over all of them
         sink.write(
-            Block(nothing[part], nothing[part], empty, np.zeros((len(tension), 0))[part], nothing[part], nothing[part],
-                  series.at(part))
-        )  # fmt: skip
-    return sink.members()["bar"]
+            Block(at[part], at[part], empty, np.zeros((len(tension), 0))[part], at[part], at[part], series.at(part))
+        )
+    return sink
+
+
+def strength_under(material, tension, torsion=0.0):
+    """Return the strength of the bar of `sink_under`."""
+    return sink_under(material, tension, torsion).members()["bar"]
+
+
+@pytest.mark.parametrize(("turns", "stresses"), [(1, ("", 0.0, 0.0)), (2, ("bar", 1e8, 2e8)), (3, ("bar", 2e8, 3e8))])
+def test_change_of_the_stress_between_the_last_revolutions(turns, stresses):
+    """The stress of each revolution is 100 MPa above that of the one before; its first instant ends the one before."""
+    angle = np.linspace(0.0, 2.0 * math.pi * turns, 24 * turns + 1)
+    tension = 1e8 * np.maximum(np.ceil(angle / (2.0 * math.pi) - 1e-9), 1.0)
+    assert sink_under(STEEL, tension, angle=angle).change() == (stresses[0], *map(pytest.approx, stresses[1:]))
 
 
 @pytest.mark.parametrize(("mean", "amplitude"), [(1e8, 8e7), (0.0, 1e8), (-1e8, 5e7)])
