@@ -246,10 +246,9 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
     ratio = format_decimals(comparison.peak_acceleration_ratio, 2)
     other = comparison.names[1]
     deviation = f"{comparison.probe} deviates by up to {peak} of the range of the {other} motion (rms {rms})"
-    angle = (
-        f"{comparison.peak_acceleration_deg:.1f} deg of the cam and {100.0 * comparison.peak_lift:.2g} % of the lift"
-    )
-    said = [f"{deviation}; its peak acceleration, at {angle}, is {ratio} times the {other} one."]
+    at = f"{comparison.peak_acceleration_deg:.1f} deg of the cam"
+    there = f"where the {other} motion is at {100.0 * comparison.peak_lift:.3g} % of its range"
+    said = [f"{deviation}; its peak acceleration, at {at}, {there}, is {ratio} times the {other} one."]
     if mode_hz is not None:
         nearest = "The nearest mode that the cam force excites is at"
         found, share = f"{mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} camshaft rpm", comparison.speed_rpm / (60.0 * mode_hz)
@@ -348,7 +347,7 @@ def merit_table(model: Model, figures: Sequence[FigureOfMerit]) -> Table:
             shown = [(f"{value} ({part})" if part else value).replace(" ", _NO_BREAK) for _, value, part in parts]
             text = fill(", ".join(shown), _CELL).replace(_NO_BREAK, " ")
         cells.append((name, text))
-    return facts_table("Figures of merit", cells)
+    return facts_table("Figures of merit, last revolution", cells)
 
 
 def _range_text(parts: list[tuple[float, str, str]]) -> str:
