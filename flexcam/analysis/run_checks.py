@@ -393,7 +393,7 @@ def describe_balance(extremes: ExtremesSink, stats: Stats) -> str:
     forces = balance if stats.imbalance >= 0.0 else "forces not checked"
     residual, numerical = energy_residual(extremes), numerical_dissipation(extremes)
     verb = "added" if numerical < 0.0 else "removed"
-    energies = f"residual {residual:.1e}, energy {verb} by the integrator {abs(numerical):.2g} of the external work"
+    energies = f"residual {residual:.1e}, energy {verb} by the integrator {abs(numerical):.2g} (of the largest energy)"
     return f"{energies}; {forces}"
 
 

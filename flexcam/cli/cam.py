@@ -19,6 +19,7 @@ from flexcam.analysis.cam_analysis import CamFacts, CamSet
 from flexcam.cams import (
     PRESSURE_ANGLE,
     THRESHOLDS,
+    FlatFollower,
     LiftReport,
     ProfileFault,
     ValveEvent,
@@ -149,7 +150,7 @@ def _lift(found: CamFacts) -> str:
 def _centreline(found: CamFacts, turns: float) -> str:
     cam = f"cam {math.degrees(found.centreline):.2f} deg"
     if found.centreline_after_tdc is None:
-        return cam + (" (set tdc of the cam to get angles from the dead centres)" if turns == 2.0 else "")
+        return cam + (" (give the cam the key tdc for angles from the dead centres)" if turns == 2.0 else "")
     return f"{cam}, crank {_from_dead_centre(found.centreline_after_tdc)}"
 
 
@@ -194,7 +195,8 @@ def _profile(found: CamFacts, speed: float | None) -> list[tuple[str, str]]:
     if found.least_base_radius is None:
         least = "no radius meets the limits with this lift"
     elif found.least_base_radius:
-        limits = f"undercut, or pressure angle above {math.degrees(PRESSURE_ANGLE):g} deg"
+        flat, angle = isinstance(profile.follower, FlatFollower), f"{math.degrees(PRESSURE_ANGLE):g} deg"
+        limits = "undercut" if flat else f"undercut, or pressure angle above {angle}"
         least = f"below {format_quantity('m', found.least_base_radius)}: {limits}"
     hollow = "none" if seen.hollow is None else f"{format_quantity('m', seen.hollow.value)} {_at(seen.hollow.at)}"
     convex = format_quantity("m", seen.convex.value) if seen.convex.value > 0.0 else "none: the profile is undercut"

@@ -61,8 +61,8 @@ def check(
 ) -> cli.CommandOutput:  # fmt: skip
     """Check a case file and summarize its model: size, masses, natural frequencies, warnings.
 
-    It reports all errors at once. Parts that refer to a wrong part, such as a member with an unknown node, are checked
-    completely only after you correct that part. If the TOML syntax is wrong, it reports only this. It estimates the
+    It reports all errors at once. A part that refers to an unknown or faulty part may show further errors after you
+    correct that one. If the TOML syntax is wrong, it reports only this. It estimates the
     memory and disk space of a run, but does not run the case.
     """
     read = cli.load_case(case, overrides)

@@ -71,7 +71,7 @@ CRITERIA_LEGEND = (
 
 def _spectrum_table(spectra: Mapping[str, Sequence[float]], ratios: Sequence[float]) -> Table:
     rows = [(name, *(f"{value:.6f}" for value in values)) for name, values in spectra.items()]
-    title = "Residual vibration divided by lift, for rise time divided by period ="
+    title = "Residual vibration divided by lift; columns: rise time divided by the natural period"
     return plain_table(title, ("law", *(f"{r:g}" for r in ratios)), rows)
 
 
@@ -112,7 +112,7 @@ def law(
     parameters: Annotated[list[str] | None, Parameter(
         "--with", help="Parameter of the law: KEY=VALUE. Repeatable.")] = None,
     residual: Annotated[list[float] | None, Parameter(
-        "--residual", help="Rise time divided by the period of an oscillator, for the residual vibration. "
+        "--residual", help="Ratio of rise time to natural period at which the residual vibration is computed. "
         "Repeatable.")] = None,
     plot: cli.Picture = None,
     spectrum: Annotated[Path | None, Parameter(

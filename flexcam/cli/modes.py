@@ -77,8 +77,9 @@ def modes(
     case: cli.CaseFile, *,
     count: Annotated[int, Parameter(help="Number of modes, from the lowest.")] = 12,
     prestress: Annotated[Literal["rest", "equilibrium"] | None, Parameter(
-        help="Include axial forces in the modes with contacts open: as installed (rest), or under all loads "
-        "(equilibrium). Modes with contacts closed always include them, for members with geometric_stiffness.")] = None,
+        help="Include the axial forces of all members in the modes with contacts open: as installed (rest), or under "
+        "all loads (equilibrium). Modes with contacts closed always include those of members with "
+        "geometric_stiffness.")] = None,
     mac: Annotated[Path | None, Parameter(
         help="Second case file, whose modes are compared by the modal assurance criterion.")] = None,
     folder: Annotated[Path | None, Parameter(

@@ -199,7 +199,7 @@ def _search_figure(design: OptimizationProblem, found: Evaluations) -> Figure:
 def _optimum(design: OptimizationProblem, found: Evaluations) -> tuple[list[Table | str], dict[str, Any]]:
     """Return the printed output and the JSON of an optimization with one goal."""
     at = found.nearest if found.best is None else found.best
-    title = f"Best of {len(found.rows)} variants" if found.best is not None else "Smallest violation of constraints"
+    title = f"Best of {len(found.rows)} variants" if found.best is not None else "Variant with the smallest violation"
     point = list(zip(design.points.variables, found.points[at].tolist(), strict=True))
     rows = [
         (design.goals[0].words, _value(design, found, at, design.goals[0].name)),
@@ -255,7 +255,7 @@ def _constraint_table(design: OptimizationProblem, found: Evaluations, at: int) 
             margin = f"{-violation:.2%} (active)" if active else f"{-violation:.1%}"
         away = "none found" if math.isinf(distance) else f"{distance:.2%}"
         rows.append((one.words, _value(design, found, at, one.name), margin, away))
-    head = ("subject to", "value", "margin", "distance to violation, % of the intervals")
+    head = ("subject to", "value", "margin", "nearest variant that violates it, % of the intervals")
     return plain_table("Constraints", head, rows)
 
 

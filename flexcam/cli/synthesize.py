@@ -50,7 +50,7 @@ def synthesis_table(found: Synthesis) -> Table:
         ("objective", f"{found.objective:.9g}"),
         *(("not converged", said) for said in found.open),
         ("lower bound of the family", bound),
-        ("lower bound of all laws, with any end conditions", every),
+        ("lower bound, any end conditions", every),
         ("C_v, C_a, C_j, C_m", ", ".join(format_criteria(c))),
         *(("as a rise between dwells", said) for said in c.violations),
     ]
@@ -140,7 +140,7 @@ def law(
         "every law to a numbered file.")] = None,
     plot: cli.Picture = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> cli.CommandOutput:  # fmt: skip
-    """Find the motion law with minimum peak values in a family of laws, and a proven lower bound."""
+    """Find the motion law with minimum peak values in a family of laws, and a proven lower bound of these values."""
     cli.refuse_without("--pareto", {"--count": count}, present=against is not None)
     cli.check_targets(None, plot, overwrite=overwrite)
     where = _family(family, degree, pieces, orders, rest, symmetric=not asymmetric)

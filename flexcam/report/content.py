@@ -115,7 +115,7 @@ def describe_model(about: ReportSubject, known: RestoredCase, figures: Sequence[
         *tables.describe_contacts(case, figures),
     ]
     left = tables.describe_inactive(ready)
-    return [*said, f"Inactive, as nothing excites it: {'; '.join(left)}."] if left else said
+    return [*said, f"Inactive: {'; '.join(left)}."] if left else said
 
 
 def describe_verdict(compared: Comparison) -> list[str]:

@@ -114,8 +114,8 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
         *([("gravity", f"{_vector(factor * np.array(model.gravity))} {unit}{omitted}")] if any(model.gravity) else []),
         ("speed", ready.case.speed_text),
         ("steps", f"{problem.steps} of {problem.step:.4g} s ({per_revolution:.6g} per revolution)"),
-        ("free motions", "; ".join(free) + ", contacts open" if free else "none"),
-        ("lowest frequencies", ", ".join(lowest) + " Hz, contacts open" if lowest else "none"),
+        ("free motions", "; ".join(free) + " (contacts open)" if free else "none"),
+        ("lowest frequencies", ", ".join(lowest) + " Hz (contacts open)" if lowest else "none"),
     ]  # fmt: skip
     if takes:
         rows.append(("a run needs", f"{format_size(takes.memory)} of memory, {format_size(takes.file)} of disk space"))
@@ -338,7 +338,7 @@ def merit_table(model: Model, figures: Sequence[FigureOfMerit]) -> Table:
         kinds = {_part_kind(model, other.metric) for other in figures if other.name == one.name}
         many = count[one.name] > _MOST_PARTS and len(kinds) > 1
         name = f"{one.name}, {_part_kind(model, one.metric)}" if many else one.name
-        name += ", no friction in the case" if one.name.startswith("mean drive ") and not rubs else ""
+        name += " (model without friction)" if one.name.startswith("mean drive ") and not rubs else ""
         rows.setdefault(name, []).append((one.value, value, one.part))
     cells: list[tuple[str, str]] = []
     for name, parts in rows.items():
@@ -366,8 +366,8 @@ def strength_table(strength: valvetrain.StrengthSink) -> Table:
     name = min(shares, key=shares.__getitem__, default="")
     if name and shares[name] < _MISSED_SHARE:
         many, part, kind = name.split(".")
-        reached = f"the {kind} of {many[:-1]} {part} reaches {100.0 * shares[name]:.3g} % of its maximum"
-        title += f", perhaps too low: there {reached} (output.field_every = 1 saves all instants)"
+        reached = f"the {kind} of {many[:-1]} {part} reaches only {100.0 * shares[name]:.3g} % of its maximum"
+        title += f". They may miss the peak: at these instants {reached}; output.field_every = 1 saves all instants"
     factor, unit = to_display_unit("Pa")
     rows = [
         (name, *(f"{factor * value:.4g}" for value in (one.von_mises, one.mean, one.alternating)),
@@ -447,8 +447,8 @@ def _limit_range(limit: Limit, scale: float) -> str:
 
 
 LIMITS_LEGEND = (
-    "A run has six revolutions; an event in any of the last five counts. uncertainty: the limit lies between these "
-    "speeds; runs within 0.7 % of the limit widen the range if the event comes and goes among them. occurs at: "
+    "A run has six revolutions; an event in any of the last five counts. uncertainty: width of the bisection; wider if "
+    "runs just above the limit do not show the event, or runs just below it do. occurs at: "
     "speeds with the event, among the limit and the next three speeds, 5 % apart"
 )
 

@@ -45,7 +45,7 @@ def test_a_report(flexcam, result, case):
         "Nodes in the file, camshaft 3000 rpm", "The flexible result differs significantly", "deviates by up to",
         "Modelled with flexible beams: 2 members, 3 masses, 1 spring, 1 rocker, 1 cam, 1 contact",
         "Run at camshaft 3000 rpm for 1 revolution of the camshaft, in 720 steps (720 per revolution)",
-        "Inactive, as nothing excites it",
+        "Inactive: ",
         "published load", "buckling load of pushrod is", "Stresses at 37 saved instants", "Energy over the run",
         "what moves", "numpy", "members]", "[contacts.intake]",
     ]  # fmt: skip

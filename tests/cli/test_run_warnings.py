@@ -207,7 +207,7 @@ def test_an_impact_on_a_contact_that_stays_closed_has_twice_its_rise():
 
 
 @pytest.mark.parametrize(
-    ("friction", "name"), [("0", "mean drive power, no friction in the case"), ("0.1", "mean drive power")]
+    ("friction", "name"), [("0", "mean drive power (model without friction)"), ("0.1", "mean drive power")]
 )
 def test_a_drive_power_without_friction_says_so(flexcam, engine, friction, name):
     few = ["run.steps_per_revolution=360", "run.revolutions=1", f"contacts.intake.friction={friction}"]
@@ -235,7 +235,7 @@ def test_figures_of_merit_are_printed_once(flexcam, engine, tmp_path):
     table, others = out.split("Figures of merit")[1].split("Metrics of the last revolution")
     for words in (
         "seating velocity",
-        "mean drive power, no friction in the case",
+        "mean drive power (model without friction)",
         "coil-bind clearance",
         "spring margin of the rigid train",
     ):
@@ -276,5 +276,5 @@ def test_stresses_at_instants_that_miss_the_maximum_are_called_too_low(flexcam, 
     few = ["run.steps_per_revolution=360", "run.revolutions=1", f"output.field_every={every}"]
     done = flexcam("run", tayeb(3), *(word for one in few for word in ("--set", one)))
     said = re.sub(r"\s+", " ", done.out)
-    assert ("perhaps too low: there the " in said) == low
+    assert ("They may miss the peak: at these instants the " in said) == low
     assert "Stresses at 3 saved" in said or not low
