@@ -5,6 +5,7 @@ Checks of raw tables join the report of invalid values; checks of mesh and model
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast
@@ -16,7 +17,7 @@ from flexcam.case.records import CaseRecord
 from flexcam.case.schema.cams import LAW_KEYS, LIFT_TABLE_CONFLICTS
 from flexcam.case.schema.contacts import AdjusterRecord, LashRecord, PublishedLoadRecord
 from flexcam.case.schema.parts import LeverRecord
-from flexcam.core.errors import Fault, InputError, suggest_name
+from flexcam.core.errors import NAME, Fault, InputError, suggest_name
 from flexcam.core.units import parse
 from flexcam.fem.frames import component, default_orientation, triads
 from flexcam.fem.mesh import Mesh
@@ -213,7 +214,8 @@ class RawTables:
         for name in self._table("supports"):
             yield from self._check_name(("supports", name), name, list(counts), "a point")
         for probe in _as_list(self._table("output").get("probes")):
-            yield from self._check_point(("output", "probes"), probe, with_rockers)
+            if not isinstance(probe, str) or re.match(NAME, probe):  # the schema reports other texts
+                yield from self._check_point(("output", "probes"), probe, with_rockers)
 
 
 def _exclusive_keys(table: Table, pair: tuple[str, str], minimum: int, where: str, why: str) -> Iterator[Fault]:

@@ -169,6 +169,9 @@ def _path(error: ErrorDetails, raw: Mapping[str, Any]) -> Path:
     return tuple(path)
 
 
+_TAGS = "model", "type", "shape", "method"
+"""Keys that select a variant of a table."""
+
 _SYNONYMS = {"rate": "stiffness", "preload": "installed_force", "clearance": "gap", "lash": "gap"}
 """Other words of engineers for keys."""
 
@@ -189,7 +192,12 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
             least, most = context.get("min_length"), context.get("max_length")
             return Fault(where, given, f"{most} values" if most else f"{least} or more values", "", "")
         case "model_type" | "model_attributes_type" | "dict_type":
-            return Fault(where, given, "a table", "", "write it as { key = value } or under a [header]")
+            own = len(path) > 1 and records_at(path, root) != records_at(path[:-1], root)  # no table of named parts
+            known = dict(fields_at(path, root)) if own else {}
+            allowed = f"a table with keys among {', '.join(known)}" if known else "a table"
+            tag = next((key for key in _TAGS if key in known and _variants_with((*path, key), root, str(value))), "")
+            entry = f"{tag} = {given}" if tag else "key = value"
+            return Fault(where, given, allowed, "", f"write it as {{ {entry} }} or under a [header]")
         case "missing":
             kind = "a value" if records_at(path, root) == records_at(path[:-1], root) else f"a table [{'.'.join(path)}]"
             return _missing_key_fault(path, _describe_field(path, root, error["loc"]) or kind, places)
@@ -206,6 +214,8 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
                 return Fault(where, f"key {path[-1]!r}", allowed, "", remedy)
             usual = _SYNONYMS.get(path[-1])
             table = f"did you mean the table [{path[-1]}s]?" if f"{path[-1]}s" in root.model_fields else "remove it"
+            if path[-1] == "radius" and "diameter" in known:
+                table = "give the diameter, twice the radius"
             hint = f"did you mean {usual!r}?" if usual in known else suggest_name(path[-1], known) or table
             return Fault(where, f"key {path[-1]!r}", ", ".join(known), "there is no such key", hint)
         case "literal_error" | "union_tag_invalid":
@@ -223,6 +233,9 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
             why, remedy = "it is the version of the case format", "a newer flexcam may have written it"
             return Fault(where, given, "1", why, remedy)
         case "string_pattern_mismatch":
+            if path[:2] == ("output", "probes") and "." in str(value):
+                why, point = "flexcam saves every component of a point", str(value).partition(".")[0]
+                return Fault(where, given, "a point of the case", why, f"write {point!r}")
             mark = re.search(r"\{([^{}]*)\}", path[-1] if path else "")
             return Fault(where, given, NAMES, f"there is no [repeat.{mark[1]}]" if mark else "", "")
         case _:
@@ -248,8 +261,8 @@ def _locate_fault(
 def _variants_with(path: Path, root: type[BaseModel], value: str = "") -> str:
     """Return the variants of a table that have a key, or a word as its value, such as ``model = 'unilateral'``."""
     records = records_at(path[:-1], root)
-    tags, names = ("model", "type", "shape", "method"), list[str]()
-    tag = next((key for key in tags if all(key in one.model_fields for one in records)), "")
+    names = list[str]()
+    tag = next((key for key in _TAGS if all(key in one.model_fields for one in records)), "")
     for record in records if tag else ():
         for key, info in record.model_fields.items():
             words = [word for part in get_args(info.annotation) for word in get_args(part)]

@@ -57,6 +57,7 @@ class TypicalRange:
 
 
 _LENGTH = {"mm": 1e-3, "um": 1e-6, "in": 0.0254, "m": 1.0}
+_MIN_NUMBER = 0.01  # number from which flexcam suggests another unit
 _STRESS = {"GPa": 1e9, "MPa": 1e6}
 _STIFFNESS = {"kN/m": 1e3, "N/mm": 1e3, "MN/m": 1e6, "N/m": 1.0}
 _MAX_SPEED = 1250.0  # usual maximum of the camshaft, rad/s
@@ -83,7 +84,7 @@ TYPICAL_RANGES = (
     TypicalRange("rockers.*.arms cams.*.follower.arm cams.*.follower.distance", 1e-4, 5.0, _LENGTH),
     TypicalRange("cams.*.lift", 1e-6, 0.5, _LENGTH, "m"),
     TypicalRange("cams.*.ramps.height", 0.0, 0.05, _LENGTH),
-    TypicalRange("members.*.bow", 0.0, 5e-3, _LENGTH),
+    TypicalRange("members.*.bow", 0.0, 5e-3, {"mm": 1e-3}),
     TypicalRange("contacts.*.gap", 0.0, 0.05, _LENGTH, "m", turns=False),  # that of a desmodromic pair is its lift
     TypicalRange("contacts.*.gap", 0.0, 2.0 * math.pi, {"deg": math.radians(1.0)}, "rad", turns=True),
     TypicalRange("sections.*.A", 1e-10, 10.0, {"mm^2": 1e-6, "cm^2": 1e-4}),
@@ -150,7 +151,8 @@ def _range_warnings(case: Case, tables: Mapping[str, Any], usual: TypicalRange) 
             if isinstance(text, str) and (number := re.match(r"[-+]?([\d.]+([eE][-+]?\d+)?)", text)):
                 x = float(number[1])
                 given = text if text.lstrip("+-") == given else f"{text} ({given})"
-            near = [f"{x:g} {name}" for name, size in usual.meant.items() if usual.least <= x * size <= usual.most]
+            units = usual.meant.items() if x >= _MIN_NUMBER else ()
+            near = [f"{x:g} {name}" for name, size in units if usual.least <= x * size <= usual.most]
             hint = f": did you mean {near[0]}?" if near else ""
             yield f"{case.place(path)}: {given} is unusual (usually {bounds}){hint}"
 
@@ -372,7 +374,7 @@ def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
             yield f"Warning: contacts.{name}: {why}; check the direction and the installed_force of its spring"
     for name in lashes if closed and all(closed.values()) else ():
         if float(first.channels[f"contacts.{name}.force"][0]) > 0.0:
-            why = "it never opens, because only the cam holds the spring force; the train has no seat"
+            why = "the lash stays closed: without a seat the spring force always goes through the cam"
             yield f"Warning: contacts.{name}: {why}; add the seat of the valve, such as [contacts.seat]"
 
 

@@ -331,8 +331,13 @@ def stability(
     rpm = np.array([scale * one.rpm for one in every])
     growth = np.array([math.nan if one.floquet is None else one.floquet.growth for one in every])
     causes = {cause: np.array([cause in _verdict(one) for one in every]) for cause in _WORDS if cause != _HARMLESS}
+    missing = [(scale * one.rpm, one.why_not.rstrip(".")) for one in every if one.floquet is None]
+    words = [
+        f"Not assessed at {', '.join(f'{speed:.6g}' for speed, other in missing if other == why)} rpm: {why}."
+        for why in dict.fromkeys(why for _, why in missing)
+    ]
     return cli.CommandOutput(
-        [_growth_table(every, scale, contacts)],
+        [_growth_table(every, scale, contacts), *words],
         {"speeds": [_stability_json(one, scale) for one in every]}, title=read.title,
         draw=lambda: plotting.spectra.growth_figure(rpm, growth, causes, shaft_name(scale)),
     )  # fmt: skip

@@ -27,7 +27,7 @@ from cyclopts import CycloptsError, Group
 
 from flexcam import __version__
 from flexcam.cli.app import COMMAND_FILES, COMMANDS, app, run_state
-from flexcam.core.errors import Fault, InputError, system_message
+from flexcam.core.errors import Fault, InputError, suggest_name, system_message
 from flexcam.core.units import set_unit_system
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.report.terminal import print_json, print_message
@@ -103,17 +103,21 @@ def _report_crash(words: Sequence[str], as_json: bool) -> int:
 
 def _command_line_fault(words: Sequence[str], fault: CycloptsError) -> Fault:
     command = [word for word in words[:1] if word in COMMAND_FILES]
+    choices: Sequence[str] = list(COMMAND_FILES)
     if command == ["synthesize"]:
-        command += [word for word in words[1:2] if word in ("law", "harmonic", "polydyne")]
+        choices = "harmonic", "law", "polydyne"
+        command += [word for word in words[1:2] if word in choices]
     why, remedy = str(fault), f"see {' '.join(['flexcam', *command])} --help"
     if why.startswith("Unknown command"):
         why = why.partition(" Available commands: ")[0]
-        remedy = f"choose one of {', '.join(COMMAND_FILES)}, or {remedy}"
+        remedy = f"choose one of {', '.join(choices)}, or {remedy}"
     elif found := re.match(r'Command "[^"]+" parameter -+(\S+) requires an argument', why):
         option = f"--{found[1]}"
         why = f"{found[1].upper()} ({option}) is missing"
         if option in words:
             why, remedy = f"{option} needs a value", f"write a value that begins with - as {option}=VALUE, or {remedy}"
+    elif found := re.match(r"(Unknown option: -+(\S+)\.) Did you mean -+(\S+)\?$", why):
+        why = why if suggest_name(found[2], [found[3]]) else found[1]
     elif found := re.match(r"Unused Tokens: \[(.*)\]", why):
         why = f"no argument or option accepts {found[1]}"
     return Fault("command line", " ".join(words), "", why, remedy)

@@ -200,8 +200,10 @@ def _unit_product(text: str, where: str, wanted: Exponents, allowed: str = _UNIT
         if match is None or found is None:
             symbol = match[2] if match else text[position:]
             hint = _FOREIGN.get(symbol) or _suggest_unit(text.strip(), symbol, wanted)
+            like = (kind.example.partition(" ")[2] for kind in DIMENSIONS.values() if kind.exponents == wanted)
+            example = next(filter(None, like), "mm")
             given, why = f"unit {symbol!r} in {text!r}", f"the unit {symbol!r} is unknown"
-            raise refuse(where, given, allowed, why, hint or "write its symbol, such as mm")
+            raise refuse(where, given, allowed, why, hint or f"write its symbol, such as {example}")
         # As in print, a '/' applies to all factors up to the next '*' or '/': N s/m, kg/(m s) is kg/m/s.
         divide = match[1] == "/" or (match[1] == "" and divide)
         power = int(match[3] or 1) * (-1 if divide else 1)

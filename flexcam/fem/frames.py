@@ -32,7 +32,10 @@ def direction(value: str | FloatArray | Sequence[float], where: str = "direction
     """Return a direction as a row of the six components of a node."""
     if isinstance(value, str):
         unit, name = np.zeros(6), value[1:] if value[:1] in ("+", "-") else value
-        unit[component(name, where)] = -1.0 if value.startswith("-") else 1.0
+        if name not in COMPONENTS:
+            allowed = f"{', '.join(COMPONENTS)}, each also with a minus sign, or three or six numbers"
+            raise refuse(where, repr(value), allowed, remedy=suggest_name(name, COMPONENTS))
+        unit[COMPONENTS.index(name)] = -1.0 if value.startswith("-") else 1.0
         return unit
     entries = value if isinstance(value, np.ndarray | list | tuple) else [None]
     if any(isinstance(one, bool) or not isinstance(one, int | float) for one in entries):

@@ -83,7 +83,9 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
     members = [f"{n} {format_quantity('kg', m, digits=4)}" for n, m in valvetrain.member_masses(model).items()]
     masses = [f"{name} {format_quantity('kg', part.body.mass)}" for name, part in model.masses.items()]
     stiffness = {  # a bearing has one spring per direction across the shaft, both of its stiffness
-        name.partition(", ")[0]: format_quantity("N m/rad" if s.turns else "N/m", s.stiffness)
+        name.partition(", ")[0]: format_quantity(
+            "N m/rad" if s.turns else "N/m", spring_curve(s).stiffness_at(0.0) if s.coils else s.stiffness
+        )
         for name, s in model.springs.items()
     }
     free = [modes.words(i).removeprefix("free motion: ") for i in range(modes.modes.rigid)]
@@ -194,7 +196,8 @@ def _contact(model: Model, contact: valvetrain.Contact) -> str:
                 return f"{what} of {format_quantity('m', contact.gap)} {place}, {stiffness}"
             return f"hydraulic adjuster {place}, oil {stiffness}, leak {format_quantity('N s/m', contact.leak)}"
         case _:
-            return f"{contact.cam} lifts {contact.follower} along {_vector(contact.direction)}"
+            what = "published load of " if isinstance(contact, valvetrain.PublishedLoad) else ""
+            return f"{what}{contact.cam} lifts {contact.follower} along {_vector(contact.direction)}"
 
 
 def _link(model: Model, name: str) -> str:

@@ -339,7 +339,7 @@ def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Calla
         force = series_stiffness(structure, part, where) * push
     else:
         if part.stiffness is None:
-            allowed, why = "a number such as '50 MN/m'", "the response to a lift must be linear"
+            allowed, why = "a constant such as '50 MN/m'", "a polydyne cam needs a linear train"
             raise refuse(f"contacts.{contact}.stiffness", "hertz", allowed, why)
         force = part.stiffness * push
         stiffness, free = stiffness + scalar_matrix(push, part.stiffness), None

@@ -262,12 +262,12 @@ def test_a_follower_off_its_base_circle(overrides, said):
 
 
 def test_a_lash_without_a_seat(tmp_path):
-    """Nothing but the cam holds the valve spring, so the lash never opens."""
+    """Without a seat the cam holds the valve spring, so that the lash stays closed."""
     text = PUSHROD.read_text(encoding="utf-8")
     begin = text.index("[contacts.seat]")
     (tmp_path / "case.toml").write_text(text[:begin] + text[text.index("[contacts.lash]") :], encoding="utf-8")
     (told,) = check_input(prepare(read_case(tmp_path / "case.toml")))
-    assert "contacts.lash: it never opens, because only the cam holds the spring force" in told
+    assert "contacts.lash: the lash stays closed: without a seat the spring force always goes through the cam" in told
 
 
 @pytest.mark.parametrize(("factor", "warns"), [(1, False), (2, True)])

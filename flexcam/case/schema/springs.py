@@ -183,8 +183,8 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
             why = "it joins two points as a part of the train does"
             raise value_error("a link with an end `to` and no preload", why)
         if self.clash_travel is not None and not self.part.stiffness:
-            given, allowed = "clash_travel of a spring without stiffness", "a stiffness above zero, or no clash_travel"
-            raise value_error(allowed, "such a spring has no coils", given=given)
+            allowed, why = "a stiffness above zero", "clash_travel needs the stiffness of the spring"
+            raise value_error(allowed, why, inside="stiffness", given="nothing")
 
     @staticmethod
     def _check_wire(wire: WireRecord) -> None:
