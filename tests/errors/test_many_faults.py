@@ -246,4 +246,4 @@ def test_limits_have_the_unit_that_is_given(text, changed, faults_of):
 
 def test_a_missing_quantity_is_named(text, changed, faults_of):
     (fault,) = faults_of(changed(text, (', diameter = "25 mm"', "")))
-    assert fault.allowed.startswith("a length (such as '25 mm'): two values")
+    assert fault.allowed.startswith("a length (such as '25 mm'): one value, or two")
