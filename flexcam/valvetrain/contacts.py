@@ -35,7 +35,7 @@ def couple_seat(structure: Structure, name: str, seat: Seat) -> Coupling:
     row = stop_row(structure, name, seat)
     if not row.any():
         if not seat.direction.any():
-            why = "flexcam knows the direction only at the point of a rocker"
+            why = "flexcam finds the direction only at the point of a rocker"
             remedy = 'add the direction away from the seat, such as direction = "uy"'
             raise refuse(f"contacts.{name}.direction", "nothing", "a direction", why, remedy)
         given = f"a seat at {seat.at!r} along {seat.direction.tolist()}"
