@@ -169,9 +169,6 @@ def _path(error: ErrorDetails, raw: Mapping[str, Any]) -> Path:
     return tuple(path)
 
 
-_TAGS = "model", "type", "shape", "method"
-"""Keys that select a variant of a table."""
-
 _SYNONYMS = {"rate": "stiffness", "preload": "installed_force", "clearance": "gap", "lash": "gap"}
 """Other words of engineers for keys."""
 
@@ -195,9 +192,7 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
             own = len(path) > 1 and records_at(path, root) != records_at(path[:-1], root)  # no table of named parts
             known = dict(fields_at(path, root)) if own else {}
             allowed = f"a table with keys among {', '.join(known)}" if known else "a table"
-            tag = next((key for key in _TAGS if key in known and _variants_with((*path, key), root, str(value))), "")
-            entry = f"{tag} = {given}" if tag else "key = value"
-            return Fault(where, given, allowed, "", f"write it as {{ {entry} }} or under a [header]")
+            return Fault(where, given, allowed, "", "write it as { key = value } or under a [header]")
         case "missing":
             kind = "a value" if records_at(path, root) == records_at(path[:-1], root) else f"a table [{'.'.join(path)}]"
             return _missing_key_fault(path, _describe_field(path, root, error["loc"]) or kind, places)
@@ -261,8 +256,8 @@ def _locate_fault(
 def _variants_with(path: Path, root: type[BaseModel], value: str = "") -> str:
     """Return the variants of a table that have a key, or a word as its value, such as ``model = 'unilateral'``."""
     records = records_at(path[:-1], root)
-    names = list[str]()
-    tag = next((key for key in _TAGS if all(key in one.model_fields for one in records)), "")
+    tags, names = ("model", "type", "shape", "method"), list[str]()
+    tag = next((key for key in tags if all(key in one.model_fields for one in records)), "")
     for record in records if tag else ():
         for key, info in record.model_fields.items():
             words = [word for part in get_args(info.annotation) for word in get_args(part)]
