@@ -406,7 +406,7 @@ def _check_accuracy(ready: PreparedRun, extremes: ExtremesSink, stats: Stats) ->
     if not abs(share := numerical_dissipation(extremes)) <= _MAX_ENERGY_RESIDUAL:
         verb = "dissipates" if share > 0.0 else "adds"
         other = "" if ready.scheme == default_method(ready.problem) else ", or leave run.integrator out"
-        why = f"{100.0 * abs(share):.3g} % of the external work: the steps are too long"
+        why = f"{100.0 * abs(share):.3g} % of the largest energy: the steps are too long"
         yield f"Warning: the time integration {verb} {why}; use more steps per revolution{other}"
     if not stats.imbalance <= _MAX_RESIDUAL:
         why = "the steps are too long for the motion; use more steps per revolution"

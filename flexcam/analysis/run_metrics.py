@@ -29,6 +29,12 @@ from flexcam.valvetrain import (
     train_metrics,
 )
 
+CHATTER = 0.1
+"""Difference of a contact force between two revolutions, rms, from which the contact chatters."""
+
+GROWTH = 0.05
+"""Relative difference of a stress between two revolutions from which the motion is not steady."""
+
 
 @dataclass(frozen=True)
 class RevolutionChange:

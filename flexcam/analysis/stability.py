@@ -11,7 +11,7 @@ import numpy as np
 from flexcam.analysis.orders import highest_order, last_revolution_orders
 from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search
 from flexcam.analysis.run import member_strength
-from flexcam.analysis.run_metrics import RevolutionChange, revolution_change
+from flexcam.analysis.run_metrics import CHATTER, GROWTH, RevolutionChange, revolution_change
 from flexcam.cams import Event, harmonics
 from flexcam.case.case import Case
 from flexcam.case.problem_builder import excitation_without_period
@@ -187,7 +187,7 @@ def lift_harmonics(event: Event, count: int) -> dict[int, float]:
 _RESONANCE_WIDTH = 0.03  # relative distance of a harmonic from a mode that counts as resonance
 # amplitude relative to the maximum contact force from which a resonant harmonic counts; weaker ones are listed
 _MIN_FORCE_RATIO = 0.05
-_MIN_CHANGE = 0.01, 0.1, 0.05  # differences of two revolutions, of motion, force and stress, from which chatter counts
+_MIN_CHANGE = 0.01, CHATTER, GROWTH  # differences of two revolutions, of motion, force and stress: chatter counts
 _LISTED_SPEED_RATIO = 2.0  # multiple of the case's speed up to which resonances are listed individually
 _PERIODICITY_TOLERANCE = 1e-3  # allowed difference between start and end of a periodic motion, relative to the motion
 _GROWTH_THRESHOLD = 1.0 + 1e-6

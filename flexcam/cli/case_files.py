@@ -62,8 +62,8 @@ def check(
     """Check a case file and summarize its model: size, masses, natural frequencies, warnings.
 
     It reports all errors at once. A part that refers to an unknown or faulty part may show further errors after you
-    correct that one. If the TOML syntax is wrong, it reports only this. It estimates the
-    memory and disk space of a run, but does not run the case.
+    correct that one. If the TOML syntax is wrong, it reports only this. It estimates the memory and disk space of a
+    run, but does not run the case.
     """
     read = cli.load_case(case, overrides)
     ready = prepare_without_periodic_search(read)

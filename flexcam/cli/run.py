@@ -24,7 +24,14 @@ from flexcam.analysis.run import (
     strength_sink,
     summary_sink,
 )
-from flexcam.analysis.run_metrics import compute_metrics, figures_of_merit, revolution_change, usual_name
+from flexcam.analysis.run_metrics import (
+    CHATTER,
+    GROWTH,
+    compute_metrics,
+    figures_of_merit,
+    revolution_change,
+    usual_name,
+)
 from flexcam.case.case import Case
 from flexcam.case.problem_builder import excitation_without_period
 from flexcam.cli import app as cli
@@ -36,9 +43,6 @@ from flexcam.report import tables
 from flexcam.report.fidelity_tables import choice_json, describe_choice, error_table
 from flexcam.report.terminal import show_progress
 from flexcam.valvetrain import Metric, StrengthSink
-
-_GROWTH = 0.05  # change of a stress from one revolution to the next from which the run is too short
-_CHATTER = 0.1  # change of a contact force from one revolution to the next, rms, that is chatter
 
 
 @cli.command("""\
@@ -140,8 +144,8 @@ def _describe_run(
         parts.append(f"Periodic start: the state after one revolution differs from that at its start by {error}")
     if change:
         impacts = "; this contact chatters: its impacts differ between revolutions"
-        chatter = impacts if change.force > _CHATTER and not excitation_without_period(case) else ""
-        more = "; run more revolutions until the stress repeats" if change.stress_change > _GROWTH else ""
+        chatter = impacts if change.force > CHATTER and not excitation_without_period(case) else ""
+        more = "; run more revolutions until the stress repeats" if change.stress_change > GROWTH else ""
         parts.append(
             f"Difference between the last two revolutions: {run_checks.describe_change(change)}{chatter}{more}"
         )

@@ -279,10 +279,8 @@ class StrengthSink:
         self._normal: tuple[FloatArray, FloatArray] | None = None
         self._shear: tuple[FloatArray, FloatArray] | None = None
         self._von_mises = np.zeros((len(structure.beams), 2))
-        self._begin, self._by_turn = (
-            math.inf,
-            dict[int, FloatArray](),
-        )  # first cam angle; maxima of the last two revolutions
+        self._begin, self._passed = math.inf, 0.0  # first cam angle, rad; revolutions since then
+        self._by_turn = dict[int, FloatArray]()  # maxima of the last two revolutions
         axes = np.zeros_like(structure.model.mesh.nodes)
         for node, axis in shaft_axes(structure.model).items():
             axes[node] = axis
@@ -314,7 +312,8 @@ class StrengthSink:
         stress = self._fibres.von_mises(forces)
         self._von_mises = np.maximum(self._von_mises, stress.max(axis=0))
         self._begin = min(self._begin, float(block.field_angle[0]))
-        turns = np.maximum(np.ceil((block.field_angle - self._begin) / (2.0 * np.pi) - _SAME_TURN), 1.0)
+        passed = (block.field_angle - self._begin) / (2.0 * np.pi)
+        turns, self._passed = np.maximum(np.ceil(passed - _SAME_TURN), 1.0), float(passed[-1])
         for turn in np.unique(turns).astype(int).tolist():
             largest: FloatArray = stress[turns == turn].max(axis=0)
             self._by_turn[turn] = np.maximum(largest, self._by_turn.get(turn, largest))
@@ -332,9 +331,9 @@ class StrengthSink:
         """Return the member whose maximum von Mises stress changes most from the last but one to the last revolution.
 
         The two stresses follow, Pa. Members with less than a tenth of the largest stress are left out; the name is
-        empty for less than two revolutions.
+        empty for less than two revolutions, or if the last one is not complete.
         """
-        if len(self._by_turn) < 2:
+        if len(self._by_turn) < 2 or abs(self._passed - round(self._passed)) > _SAME_TURN:
             return "", 0.0, 0.0
         before, last = (most for _, most in sorted(self._by_turn.items()))
         ranges = self._structure.model.mesh.element_ranges()

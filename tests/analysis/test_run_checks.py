@@ -182,7 +182,7 @@ def test_what_the_time_integration_dissipates_is_told(tmp_path):
     removed = f"energy removed by the integrator {share:.2g} (of the largest energy)"
     assert removed in describe_balance(seen.extremes, response.stats)
     (words,) = (one for one in check_run(ready, seen, [], response.stats) if "dissipates" in one)
-    assert words.startswith(f"Warning: the time integration dissipates {100.0 * share:.3g} % of the external work")
+    assert words.startswith(f"Warning: the time integration dissipates {100.0 * share:.3g} % of the largest energy")
     assert words.endswith("use more steps per revolution, or leave run.integrator out")
 
 

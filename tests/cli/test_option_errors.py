@@ -144,3 +144,24 @@ def test_a_wrong_name_is_reported_at_its_option(flexcam, words):
     refused = flexcam("campbell", ROOT / "cases/tayeb/model-3-shm.toml", *words)
     assert refused.code == 2
     assert refused.err.startswith(f"{words[-2] if words[-1] == 'nope' else words[0].partition('=')[0]}: got 'nope'")
+
+
+@pytest.mark.parametrize(
+    ("words", "remedy"),
+    [
+        (("synthesize", "polydyn"), "choose one of harmonic, law, polydyne,"),
+        (("polydyn",), "choose one of new, check, "),
+    ],
+)
+def test_an_unknown_command_is_refused_with_the_choices(flexcam, words, remedy):
+    refused = flexcam(*words)
+    assert refused.code == 2
+    assert remedy in " ".join(refused.err.split()).replace("Choose", "choose")
+
+
+@pytest.mark.parametrize(("option", "is_meant"), [("--sped", False), ("--overrwrite", True)])
+def test_only_a_similar_option_is_suggested(flexcam, option, is_meant):
+    refused = flexcam("run", INLINE, option)
+    assert refused.code == 2
+    assert ("Did you mean --overwrite" in refused.err) == is_meant
+    assert f"Unknown option: {option}" in refused.err.replace('"', "")

@@ -1,4 +1,4 @@
-"""Commands on result and case files: info, schema, check --echo, export; versions and progress."""
+"""Commands on result and case files: info, check, schema, check --echo, export; versions and progress."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexcam import read_result
+from flexcam import prepare, read_case, read_result
+from flexcam.valvetrain.springs import spring_curve
 
 
 def test_info(flexcam, result):
@@ -154,3 +155,17 @@ def test_name_of_a_result(flexcam, tmp_path):
     assert flexcam(*told, "--name", "fast 2").code == 2
     for name in ("../away", "", "a.partial"):
         assert "--name" in flexcam(*told, "--name", name).err
+
+
+def test_check_names_a_published_load(flexcam, tayeb):
+    assert re.search(r"published load of intake\s+lifts tappet", flexcam("check", tayeb(3)).out)
+
+
+def test_check_prints_the_rate_of_a_coil_spring_as_installed(flexcam, tmp_path):
+    """It is the slope of its static force at the installed length, which the table of the spring begins with."""
+    case = tmp_path / "train.toml"
+    assert flexcam("new", "finger-follower", "-o", case).code == 0
+    curve = spring_curve(prepare(read_case(case)).model.springs["valve"])
+    rate = (np.interp(1e-6, curve.travel, curve.force) - np.interp(0.0, curve.travel, curve.force)) / 1e-6
+    printed = float(re.search(r"springs +(?:.*, )?valve ([\d.]+) N/mm", flexcam("check", case).out)[1])
+    assert printed == pytest.approx(1e-3 * rate, rel=1e-4)  # five digits are printed

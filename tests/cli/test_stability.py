@@ -199,6 +199,7 @@ def test_growth_that_is_not_assessed_is_no_verdict(flexcam):
         "stability", MATHIEU, "--set", "springs.mean.pulsation.order=1.5", "--count", "2", "--plot", "g.svg"
     )
     assert re.findall(r"not assessed +not assessed +not assessed$", table.out.replace(" \n", "\n"), re.MULTILINE)
+    assert "rpm: the excitation does not repeat with the camshaft" in " ".join(table.out.split())
 
 
 @pytest.mark.parametrize("wrong", [("--count", "1"), ("--lowest", "2000rpm", "--highest", "1000rpm")])
