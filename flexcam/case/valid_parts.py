@@ -66,7 +66,7 @@ class ValidParts:
     def tables(self) -> dict[str, Any]:
         """Return the tables; if parts are missing, with masses that let every point move."""
         found, nodes = deepcopy(self.given) | {"format": 1}, self._table("nodes")
-        if "mesh" not in found and not nodes:
+        if self.mesh is None and not nodes:
             found["nodes"] = nodes = {"stand-in": [0.0, 0.0, 0.0]}
         own: dict[str, dict[str, Any]] = {kind: {"stand-in": _STAND_INS[kind]} for kind in ("materials", "sections")}
         own["members"] = {name: {"material": "stand-in", "section": "stand-in"} for name in self._lines}

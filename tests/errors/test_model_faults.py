@@ -195,3 +195,11 @@ def test_a_follower_on_the_axis_of_its_cam(tmp_path):
 def test_a_misspelt_key_is_one_fault(template, edit, key, tmp_path, changed, faults_of):
     text = new_case(template, tmp_path / "case.toml")[0].read_text(encoding="utf-8")
     assert [fault.where.split(" (")[0] for fault in faults_of(changed(text, edit))] == [key]
+
+
+def test_a_misspelt_mesh_beside_other_faults(tmp_path, changed, faults_of):
+    text = Path("cases/tayeb/model-1-cycloidal.toml").read_text(encoding="utf-8")
+    found = faults_of(changed(text, ('mesh = "../../meshes/tayeb-1.msh"', 'meshh = "tayeb-1.msh"'), DENSITY[0]))
+    places = [re.sub(r" \(line \d+\)", "", fault.where) for fault in found]
+    assert {"meshh", "materials.steel.densty"} <= {*places}
+    assert not any(place.startswith("nodes") for place in places)
