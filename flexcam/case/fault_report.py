@@ -7,6 +7,7 @@ import re
 import tomllib
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from typing import Any, cast, get_args
 
@@ -14,7 +15,7 @@ from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
 from flexcam.case.schema.base import describe_type_error, fields_at, records_at, units_in
-from flexcam.core.errors import NAMES, Fault, format_value, suggest_name
+from flexcam.core.errors import NAMES, Fault, format_value, similar_name, suggest_name
 
 _TABLE = re.compile(r"\s*\[{1,2}([^\]]+)\]{1,2}\s*(?:#.*)?$")
 _KEY = re.compile(r"""\s*((?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*'))*)\s*=""")
@@ -45,7 +46,10 @@ class KeyLocations:
         return cls(notes)
 
     def place(self, path: Path) -> str:
-        """Return a key path with the source of its nearest listed ancestor; a copy has the source of its template."""
+        """Return a key path with the source of its nearest listed ancestor; a copy has the source of its template.
+
+        A table without a line of its own has that of its first key.
+        """
         for end in range(len(path), 0, -1):
             if path[:end] in self.notes:
                 return f"{'.'.join(path)} ({self.notes[path[:end]]})"
@@ -54,7 +58,8 @@ class KeyLocations:
         new = (note for key, note in self.notes.items() if key[:2] == path[:2] and note.startswith("--set"))
         if len(path) > 2 and (note := next(new, "")):
             return f"{'.'.join(path)} (new table of {note})"
-        return ".".join(path) or "case file"
+        below = next((note for key, note in self.notes.items() if path and key[: len(path)] == path), "")
+        return f"{'.'.join(path)} ({below})" if below else ".".join(path) or "case file"
 
     def locate(self, fault: Fault) -> Fault:
         """Return a fault at a key path with the source of the key added."""
@@ -120,27 +125,31 @@ def value_at(table: object, path: Sequence[str]) -> object:
     return value
 
 
-def meant_key(fault: Fault) -> str:
-    """Return the key that the remedy of an unknown key suggests; empty if none."""
-    found = re.fullmatch(r"did you mean '(.*)'\?", fault.remedy)
-    return found[1] if found else ""
+def correct_keys(
+    errors: Iterable[ErrorDetails], raw: Mapping[str, Any], root: type[BaseModel]
+) -> tuple[dict[str, Any], list[ErrorDetails]]:
+    """Return tables with misspelt keys replaced by those that are meant, and pydantic's errors on these keys."""
+    tables, misspelt = deepcopy(dict(raw)), list[ErrorDetails]()
+    for error in errors:
+        path = _path(error, raw)
+        holder = value_at(tables, path[:-1])
+        if error["type"] == "extra_forbidden" and isinstance(holder, dict):
+            table, meant = cast("dict[str, Any]", holder), _meant_key(path, root)
+            if meant and meant not in table:
+                table[meant] = table.pop(path[-1])
+                misspelt.append(error)
+    return tables, misspelt
 
 
 def convert_errors(
     errors: Iterable[ErrorDetails], raw: Mapping[str, Any], places: KeyLocations, root: type[BaseModel]
 ) -> list[Fault]:
-    """Return pydantic's errors on some tables as faults, one per key path; a misspelt key is not also missing."""
+    """Return pydantic's errors on some tables as faults, one per key path."""
     found: dict[tuple[str, str], Fault] = {}
     located = [(_path(error, raw), error) for error in errors]
     missing = Counter(path for path, error in located if error["type"] == "missing")
     tables = {path[:depth] for path, _ in located for depth in range(len(path))}
-    unknown = [
-        (path, _fault(error, path, places, root)) for path, error in located if error["type"] == "extra_forbidden"
-    ]
-    misspelt = {(*path[:-1], meant_key(fault)) for path, fault in unknown}
     for path, error in located:
-        if error["type"] == "missing" and path in misspelt:
-            continue
         if error["type"] == "missing" and path[-1].isdigit():
             following = (*path[:-1], str(int(path[-1]) + 1))
             if missing[path] == missing[following]:
@@ -171,6 +180,15 @@ def _path(error: ErrorDetails, raw: Mapping[str, Any]) -> Path:
 
 _SYNONYMS = {"rate": "stiffness", "preload": "installed_force", "clearance": "gap", "lash": "gap"}
 """Other words of engineers for keys."""
+
+
+def _meant_key(path: Path, root: type[BaseModel]) -> str:
+    """Return the key of a table that an unknown key means; empty if none is similar."""
+    known = [name for name, _ in fields_at(path[:-1], root)]
+    if path[-1] in known:  # of another variant of the table
+        return ""
+    usual = _SYNONYMS.get(path[-1], "")
+    return usual if usual in known else similar_name(path[-1], known)
 
 
 def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[BaseModel]) -> Fault:
@@ -207,11 +225,11 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
                 remedy = f"remove it, or change {variants.partition(' ')[0]}"
                 allowed = f"{variants} with this key" if "=" in variants else "this key only in another table"
                 return Fault(where, f"key {path[-1]!r}", allowed, "", remedy)
-            usual = _SYNONYMS.get(path[-1])
             table = f"did you mean the table [{path[-1]}s]?" if f"{path[-1]}s" in root.model_fields else "remove it"
             if path[-1] == "radius" and "diameter" in known:
                 table = "give the diameter, twice the radius"
-            hint = f"did you mean {usual!r}?" if usual in known else suggest_name(path[-1], known) or table
+            meant = _meant_key(path, root)
+            hint = f"did you mean {meant!r}?" if meant else table
             return Fault(where, f"key {path[-1]!r}", ", ".join(known), "there is no such key", hint)
         case "literal_error" | "union_tag_invalid":
             allowed = str(context.get("expected") or context.get("expected_tags"))

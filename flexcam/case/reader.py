@@ -15,11 +15,12 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.cross_checks import RawTables
-from flexcam.case.fault_report import KeyLocations, convert_errors, parse_toml, sort_faults, value_at
+from flexcam.case.fault_report import KeyLocations, convert_errors, correct_keys, parse_toml, sort_faults, value_at
 from flexcam.case.fault_report import Path as KeyPath
 from flexcam.case.problem_builder import build_equations, check_run, locate_run_faults
 from flexcam.case.records import (
@@ -219,18 +220,19 @@ class CaseFile:
             mesh, mesh_faults = self._mesh(raw, places)
             found += mesh_faults
         case, faults, others = self._check(raw, mesh, places, overrides)
-        found += [*faults, *others]
-        if found or case is None:
-            raise self.complete_refusal(InputError(found), overrides)
+        if case is None or found or faults or others:
+            raise self.complete_refusal(InputError(()), overrides)
         return _with_spring_parts(case)
 
     def complete_refusal(self, refusal: InputError, overrides: Sequence[str] = ()) -> InputError:
         """Return an error with the faults of all other parts added: faulty ones are left out until none is found."""
-        raw, places, _ = self.complete(overrides)
-        found = dict.fromkeys(refusal.faults)
-        mesh, faults = self._mesh(raw, KeyLocations({}))
-        valid = ValidParts(raw, mesh)
-        valid.leave_out(faults)
+        raw, places, first = self.complete(overrides)
+        tables = self._corrected(raw)
+        mesh, mesh_faults = self._mesh(tables, places)
+        _, faults, others = self._check(raw, mesh, places)
+        found = dict.fromkeys([*refusal.faults, *first, *mesh_faults, *faults, *others])
+        valid = ValidParts(tables, mesh)
+        valid.leave_out(self._mesh(tables, KeyLocations({}))[1])
         while len(found) <= _MAX_FAULTS and "repeat" not in raw:
             case, faults, others = self._check(valid.tables(), mesh, KeyLocations({}))
             if case is not None and not others:
@@ -240,12 +242,17 @@ class CaseFile:
                 break
         return InputError(sort_faults(found))
 
+    def _corrected(self, raw: Mapping[str, Any]) -> dict[str, Any]:
+        """Return tables in which keys that are meant replace misspelt ones."""
+        tables, misspelt = correct_keys(_validate(CaseRecord, raw, self.path)[1], raw, CaseRecord)
+        return self._corrected(tables) if misspelt else tables
+
     def _check(
         self, raw: Mapping[str, Any], mesh: Mesh | None, places: KeyLocations, overrides: Sequence[str] = ()
     ) -> tuple[Case | None, list[Fault], list[Fault]]:
         """Return the case of some tables, the faults of their values, and those of their references."""
         record, faults = _record(CaseRecord, raw, places, self.path, self.files)
-        tables = RawTables(raw, mesh, places)
+        tables = RawTables(raw if record else self._corrected(raw), mesh, places)
         others = [*tables.exclusive_key_faults()]
         if "repeat" not in raw:  # otherwise names and places of the copies are unknown
             others += [*tables.reference_faults(), *tables.coincident_node_faults()]
@@ -384,14 +391,25 @@ def _with_unit(value: object, unit: str | None) -> object:
 AnyRecord = TypeVar("AnyRecord", bound=Record)
 
 
-def _record(
-    kind: type[AnyRecord], raw: Mapping[str, Any], places: KeyLocations, case: Path, files: dict[str, str] | None = None
-) -> tuple[AnyRecord | None, list[Fault]]:
+def _validate(
+    kind: type[AnyRecord], raw: Mapping[str, Any], case: Path, files: dict[str, str] | None = None
+) -> tuple[AnyRecord | None, list[ErrorDetails]]:
     """Return the checked record; relative file names refer to the folder of the case, whose texts join `files`."""
     try:
         return kind.model_validate(raw, context={"case": case, "texts": {} if files is None else files}), []
     except ValidationError as refusal:
-        return None, convert_errors(refusal.errors(include_url=False), raw, places, kind)
+        return None, refusal.errors(include_url=False)
+
+
+def _record(
+    kind: type[AnyRecord], raw: Mapping[str, Any], places: KeyLocations, case: Path, files: dict[str, str] | None = None
+) -> tuple[AnyRecord | None, list[Fault]]:
+    """Return the checked record, or the faults; a misspelt key counts as the one that is meant."""
+    record, errors = _validate(kind, raw, case, files)
+    tables, misspelt = correct_keys(errors, raw, kind)
+    if not misspelt:
+        return record, convert_errors(errors, raw, places, kind)
+    return None, [*convert_errors(misspelt, raw, places, kind), *_record(kind, tables, places, case, files)[1]]
 
 
 def has_mechanism(path: Path) -> bool:

@@ -9,7 +9,7 @@ from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Any, cast
 
-from flexcam.case.fault_report import Path, meant_key, value_at
+from flexcam.case.fault_report import Path, value_at
 from flexcam.case.records import example_value
 from flexcam.core.errors import Fault
 from flexcam.fem.mesh import Mesh
@@ -104,17 +104,11 @@ class ValidParts:
         return cast("dict[str, Any]", table) if isinstance(table, dict) else {}
 
     def _cure(self, fault: Fault) -> bool:
-        """Correct or remove an unknown key, remove an optional one, or replace a quantity by an example.
-
-        Return whether this changed the part.
-        """
+        """Remove an unknown or optional key, or replace a quantity by an example; return whether this was possible."""
         path = _path(fault)
         holder, key, part = self._table(*path[:-1]), path[-1], ".".join(path[:2])
         if fault.given == f"key {key!r}":
-            value, meant = holder.pop(key, None), meant_key(fault)
-            if meant and value is not None:
-                holder.setdefault(meant, value)
-            return value is not None
+            return holder.pop(key, None) is not None
         if path[0] in _OPTIONAL and len(path) > 1:
             self.changed.add(part)
             return self._table(path[0]).pop(path[1], None) is not None

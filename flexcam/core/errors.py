@@ -200,11 +200,8 @@ def finite_array(where: str, values: ArrayLike, shape: tuple[int | None, ...]) -
 _SIMILARITY = 0.7  # least ratio of common letters of a typing error; words of different meaning have up to 0.67
 
 
-def suggest_name(name: str, known: Iterable[str]) -> str:
-    """Return a suggestion of the closest known name, or an empty text.
-
-    A file suffix that all names share does not make them similar.
-    """
+def similar_name(name: str, known: Iterable[str]) -> str:
+    """Return the closest known name, or an empty text; a file suffix that all names share does not make them similar."""
     others, suffix = [other for other in known if other != name], PurePath(name).suffix
     if not all(other.endswith(suffix) for other in others):
         suffix = ""
@@ -214,4 +211,10 @@ def suggest_name(name: str, known: Iterable[str]) -> str:
     near = near or [
         other for other in stems if len(stem) == len(other) == 3 and sum(map(operator.ne, stem, other)) == 1
     ]
-    return f"did you mean {near[0] + suffix!r}?" if near else ""
+    return near[0] + suffix if near else ""
+
+
+def suggest_name(name: str, known: Iterable[str]) -> str:
+    """Return a suggestion of the closest known name, or an empty text."""
+    near = similar_name(name, known)
+    return f"did you mean {near!r}?" if near else ""

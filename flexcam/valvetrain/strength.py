@@ -279,8 +279,9 @@ class StrengthSink:
         self._normal: tuple[FloatArray, FloatArray] | None = None
         self._shear: tuple[FloatArray, FloatArray] | None = None
         self._von_mises = np.zeros((len(structure.beams), 2))
-        self._begin, self._passed = math.inf, 0.0  # first cam angle, rad; revolutions since then
+        self._begin = math.inf  # first cam angle, rad
         self._by_turn = dict[int, FloatArray]()  # maxima of the last two revolutions
+        self._phases = dict[int, FloatArray]()  # saved instants of these, as parts of the revolution
         axes = np.zeros_like(structure.model.mesh.nodes)
         for node, axis in shaft_axes(structure.model).items():
             axes[node] = axis
@@ -313,11 +314,14 @@ class StrengthSink:
         self._von_mises = np.maximum(self._von_mises, stress.max(axis=0))
         self._begin = min(self._begin, float(block.field_angle[0]))
         passed = (block.field_angle - self._begin) / (2.0 * np.pi)
-        turns, self._passed = np.maximum(np.ceil(passed - _SAME_TURN), 1.0), float(passed[-1])
+        turns = np.maximum(np.ceil(passed - _SAME_TURN), 1.0)
         for turn in np.unique(turns).astype(int).tolist():
-            largest: FloatArray = stress[turns == turn].max(axis=0)
+            own = turns == turn
+            largest: FloatArray = stress[own].max(axis=0)
             self._by_turn[turn] = np.maximum(largest, self._by_turn.get(turn, largest))
-        self._by_turn = {turn: most for turn, most in self._by_turn.items() if turn > turns[-1] - 2}
+            self._phases[turn] = np.append(self._phases.get(turn, []), passed[own] - turn)
+        for turn in [one for one in self._by_turn if one <= turns[-1] - 2]:
+            del self._by_turn[turn], self._phases[turn]
 
     def close(self, status: Status, stats: Stats) -> None:
         """Do nothing."""
@@ -331,11 +335,11 @@ class StrengthSink:
         """Return the member whose maximum von Mises stress changes most from the last but one to the last revolution.
 
         The two stresses follow, Pa. Members with less than a tenth of the largest stress are left out; the name is
-        empty for less than two revolutions, or if the last one is not complete.
+        empty for less than two revolutions, or if their saved instants are not at the same cam angles.
         """
-        if len(self._by_turn) < 2 or abs(self._passed - round(self._passed)) > _SAME_TURN:
+        if len(self._by_turn) < 2 or not _are_equal(*self._phases.values()):
             return "", 0.0, 0.0
-        before, last = (most for _, most in sorted(self._by_turn.items()))
+        before, last = self._by_turn.values()
         ranges = self._structure.model.mesh.element_ranges()
         pairs = {name: (float(before[part].max()), float(last[part].max())) for name, part in ranges.items()}
         least = 0.1 * max((max(pair) for pair in pairs.values()), default=0.0)
@@ -376,7 +380,13 @@ class StrengthSink:
         )
 
 
-_SAME_TURN = 1e-6  # tolerance of the end of a revolution, revolutions
+_SAME_TURN = 1e-6  # tolerance of an instant of a revolution, revolutions
+
+
+def _are_equal(before: FloatArray, last: FloatArray) -> bool:
+    """Return whether two revolutions have the same saved instants; the first instant of a run belongs to none."""
+    before = before[before > _SAME_TURN - 1.0]
+    return len(before) == len(last) and bool((np.abs(before - last) <= _SAME_TURN).all())
 
 
 def _rotate_moments(forces: FloatArray, angle: FloatArray) -> FloatArray:

@@ -203,3 +203,16 @@ def test_a_misspelt_mesh_beside_other_faults(tmp_path, changed, faults_of):
     places = [re.sub(r" \(line \d+\)", "", fault.where) for fault in found]
     assert {"meshh", "materials.steel.densty"} <= {*places}
     assert not any(place.startswith("nodes") for place in places)
+
+
+@pytest.mark.parametrize(
+    ("edit", "place"),
+    [
+        (("crank_speed", "crank_sped"), "run.crank_sped (line 110)"), (("[nodes]", "[node]"), "node (line 10)"),
+        (("\nlift = ", "\nlfit = "), "cams.intake.lfit (line 80)"),
+        (("[cams.intake]", "[cam.intake]"), "cam (line 77)"),
+    ],
+)  # fmt: skip
+def test_keys_that_other_parts_need_may_be_misspelt(edit, place, starter, changed, faults_of):
+    """The checks across tables use the key that is meant."""
+    assert [fault.where for fault in faults_of(changed(starter, edit))] == [place]
