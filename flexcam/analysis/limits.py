@@ -91,9 +91,10 @@ class Limit:
     rpm: float | None
     tolerance_rpm: float  #: width of the bracket, rpm
     words: str  #: description of the event, and in brackets the contact, seat, spring or member
-    #: lowest and highest speed, rpm, of each band of examined speeds that meet the condition, from `rpm` to 20 % above
-    #: it; None for the highest speed of a band that includes the last examined one
+    #: lowest and highest speed, rpm, of each band of examined speeds that meet the condition, from `rpm` on; None for
+    #: the highest speed of a band that includes the last examined one
     bands_rpm: tuple[tuple[float, float | None], ...] = ()
+    examined_rpm: float | None = None  #: last of these speeds, rpm, about 20 % above the limit
     known: bool = True  #: false if a run failed before the condition was met within the range
     #: lowest examined speed near the limit that meets the condition, and the highest one that does not, at least `rpm`;
     #: rpm, None if the condition does not come and go
@@ -209,7 +210,7 @@ def _bisect_limit(name: str, words: str, search: Search) -> Generator[float, Con
         low = high
     else:
         return Limit(None, width, f"not reached up to the highest speed of the search; criterion: {words}")
-    above, failure = (yield from _bands(name, high, search)), ""
+    above, examined, failure = yield from _bands(name, high, search)
     low = low or high
     while high - low > search.tolerance and low < search.highest and high > search.lowest:
         middle = 0.5 * (low + high)
@@ -226,12 +227,12 @@ def _bisect_limit(name: str, words: str, search: Search) -> Generator[float, Con
     bands = ((lowest, end if end is None else max(lowest, end)), *others)
     if low == high or high <= search.lowest:
         words = f"{words} ({', '.join(parts)}): already at the lowest speed of the search"
-        return Limit(search.lowest / RPM, math.inf, words, bands)
+        return Limit(search.lowest / RPM, math.inf, f"{words}{failure}", bands, examined)
     if high > search.highest:
         if failure:
             return Limit(None, width, f"{words}: not known up to the highest speed of the search{failure}", known=False)
         return Limit(None, width, f"not reached up to the highest speed of the search; criterion: {words}")
-    found = Limit(high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)}){failure}", bands)
+    found = Limit(high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)}){failure}", bands, examined)
     return replace(found, scatter_rpm=(yield from _scatter(name, low, high))) if search.nearby else found
 
 
@@ -247,21 +248,24 @@ def _scatter(name: str, low: float, high: float) -> Generator[float, ConditionRe
 
 def _bands(
     name: str, first: float, search: Search
-) -> Generator[float, ConditionResults, list[tuple[float, float | None]]]:
-    """Return the bands, rpm, in which a condition is met, from the first speed that meets it to some speeds above."""
+) -> Generator[float, ConditionResults, tuple[list[tuple[float, float | None]], float, str]]:
+    """Examine some speeds above the first one that meets a condition.
+
+    Return the bands in which it is met and the last examined speed, rpm, and the reason if a run failed.
+    """
     bands: list[tuple[float, float | None]] = [(first / RPM, None)]
     before, number = first / RPM, round(math.log(first) / math.log1p(search.spacing))
     for k in range(number + 1, number + 1 + _SPEEDS_ABOVE):
         answers = yield (speed := (1.0 + search.spacing) ** k)
         if isinstance(answers, str):
-            break
+            return bands, before, f"; {answers}"
         begin, end = bands[-1]
         if answers[name] and end is not None:
             bands.append((speed / RPM, None))
         elif not answers[name] and end is None:
             bands[-1] = begin, before
         before = speed / RPM
-    return bands
+    return bands, before, ""
 
 
 _RELATIVE_BOUNCE_HEIGHT = 0.02  # bounce height relative to the lift, which is the smaller limit for lifts up to 5 mm
@@ -318,7 +322,7 @@ def _separations(response: Response, ready: PreparedRun) -> Iterator[tuple[str, 
 
 def _revolutions(response: Response, ready: PreparedRun) -> Iterator[NDArray[np.bool_]]:
     """Yield the instants of every revolution but the first."""
-    passed = np.ceil(response.time / ready.revolution - _ROUNDING)
+    passed = np.ceil((response.time - response.time[0]) / ready.revolution - _ROUNDING)
     return (passed == k for k in range(2, int(passed[-1]) + 1))
 
 
@@ -371,6 +375,6 @@ def _filtered_contacts(response: Response, ready: PreparedRun, cutoff: float) ->
 
 def _parts_above(end: str, least: float, response: Response, ready: PreparedRun) -> list[str]:
     """Return the parts with a channel of a given name above a threshold after the first revolution."""
-    later = response.time > ready.revolution
+    later = response.time - response.time[0] > ready.revolution
     own = {name: values[later] for name, values in response.channels.items() if name.endswith(end)}
     return [name.split(".")[1] for name, values in own.items() if float(values.max()) > least]

@@ -17,7 +17,7 @@ from flexcam.case.problem_builder import MASS_CHAINS
 from flexcam.core import FloatArray
 from flexcam.core.errors import FlexcamError
 from flexcam.core.units import RPM
-from flexcam.dynamics import ConstantSpeed, Method, Problem, Response, SaveAt, equilibrium, newmark, solve
+from flexcam.dynamics import ConstantSpeed, Problem, Response, RunFailedError, SaveAt, equilibrium, newmark, solve
 from flexcam.valvetrain import (
     Metric,
     PublishedLoad,
@@ -75,7 +75,7 @@ def revolution_change(
             changes[name] = _relative(np.linalg.norm(difference(force)[lifted]), np.linalg.norm(force[last][lifted]))
     contact = max(changes, key=lambda name: changes[name], default="")
     motion = _relative(np.abs(difference(moved)).max(), np.ptp(moved[last]))
-    member, before, now = strength.change() if strength else ("", 0.0, 0.0)
+    member, before, now = (strength and strength.change()) or ("", 0.0, 0.0)
     return RevolutionChange(motion, changes.get(contact, 0.0), contact, member, (before, now))
 
 
@@ -166,11 +166,16 @@ class Margins:
     #: inertia; None if the inertia never pulls
     spring_margin: float | None
     buckling_margins: Mapping[str, float]  #: ratio of buckling load to compression at full lift at rest, by member
+    unknown: str = ""  #: why buckling margins are missing: no equilibrium was found
 
 
 def compute_margins(case: Case) -> Margins:
     """Return the margins of spring force and buckling load."""
-    return Margins(*_rigid_margin(case), _buckling_margins(case))
+    rigid = _rigid_margin(case)
+    try:
+        return Margins(*rigid, _buckling_margins(case))
+    except RunFailedError as failure:
+        return Margins(*rigid, {}, failure.status.text)
 
 
 # cam angles, rad, at which the contact force of the rigid train is evaluated
@@ -203,7 +208,7 @@ def _rigid_limit_speed(case: Case) -> float | None:
     for name, contact in model.cam_contacts.items():
         if name in opposed or isinstance(contact, PublishedLoad):
             continue
-        lifted = model.cams[contact.cam].lift(_ANGLES, 0) > main_lift(model, contact.cam)
+        lifted = model.cams[contact.cam].lift(motion.angle, 0) > main_lift(model, contact.cam)
         forces = [one[name][lifted] for one in channels]
         still, _, inertia = np.linalg.solve(np.vander(factors, increasing=True), forces)
         pulls = inertia < 0.0
@@ -212,23 +217,18 @@ def _rigid_limit_speed(case: Case) -> float | None:
     return min(worst) * case.speed / RPM if worst else None
 
 
-def _solve_channels(problem: Problem, scheme: Method, ending: str) -> Mapping[str, FloatArray]:
-    """Return the channels of a run whose names have an ending, without other results."""
-    seen = tuple(channel for channel in problem.system.channels if channel.name.endswith(ending))
-    bare = replace(problem, system=replace(problem.system, channels=seen, probes=()))
-    return solve(bare, scheme, save=SaveAt(field_every=problem.steps, energies=False)).channels
-
-
 def _buckling_margins(case: Case) -> dict[str, float]:
     """Return the ratio of buckling load to compression of every member with its cam at full lift at rest."""
     model, system = build_problem(case)
+    uses = tuple(channel for channel in system.channels if channel.name.endswith(".buckling_use"))
+    system = replace(system, channels=uses, probes=())
     least: dict[str, float] = {}
     angles = (cam.drive_angle(event_extremes(cam.event)[1].at) for cam in model.cams.values())
     for angle in dict.fromkeys(angles):  # valves of a cylinder share one
         drive = ConstantSpeed(case.speed, angle)
         still = Problem(system, drive, 1e-6 / case.speed, 1, equilibrium(system, drive))
-        for name, use in _solve_channels(still, newmark(), ".buckling_use").items():
-            if float(use[0]) > 0.0:
+        for name, use in solve(still, newmark(), save=SaveAt(energies=False)).channels.items():
+            if float(use[0]) > _ROUNDING:
                 member = name.split(".")[1]
                 least[member] = min(1.0 / float(use[0]), least.get(member, math.inf))
     return least

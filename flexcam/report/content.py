@@ -139,6 +139,8 @@ def describe_margins(margins: Margins, turns: float) -> list[str]:
         said.append(f"{lost}; at the speed of the run its spring force is {ratio}.")
     for name, margin in margins.buckling_margins.items():
         said.append(f"The buckling load of {name} is {margin:.3g} times its static compression at full lift.")
+    if margins.unknown:
+        said.append(f"The buckling margins are not known: {margins.unknown}.")
     return said
 
 

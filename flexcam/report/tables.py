@@ -430,15 +430,18 @@ def _limit_rpm(limit: Limit, scale: float, rpm: float) -> str:
 
 
 def _limit_bands(limit: Limit, scale: float) -> str:
-    """Return the speeds at which the event occurs, such as "6430 to 7313"."""
+    """Return the examined speeds at which the event occurs, such as "6430 to 7313, not at 7679"."""
 
     def words(begin: float, end: float | None) -> str:
-        low = _limit_rpm(limit, scale, begin)
-        if end is None:
-            return f"{low} and above"
-        return f"{low} to {_limit_rpm(limit, scale, end)}" if end > begin else f"{low} only"
+        low, last = (_limit_rpm(limit, scale, rpm) for rpm in (begin, end or limit.examined_rpm or begin))
+        if low == last:
+            return f"{low} only"
+        return f"{low} to {last}" if end else f"{low} to at least {last}"
 
-    return ", ".join(words(*band) for band in limit.bands_rpm)
+    found = [words(*band) for band in limit.bands_rpm]
+    if found and limit.bands_rpm[-1][1] and limit.examined_rpm:
+        found.append(f"not at {_limit_rpm(limit, scale, limit.examined_rpm)}")
+    return ", ".join(found)
 
 
 def _limit_range(limit: Limit, scale: float) -> str:
@@ -452,7 +455,7 @@ def _limit_range(limit: Limit, scale: float) -> str:
 LIMITS_LEGEND = (
     "A run has six revolutions; an event in any of the last five counts. uncertainty: width of the bisection; wider if "
     "runs just above the limit do not show the event, or runs just below it do. occurs at: "
-    "speeds with the event, among the limit and the next three speeds, 5 % apart"
+    "speeds with the event, among the limit and the next three speeds, 5 % apart; higher speeds are not examined"
 )
 
 
@@ -474,5 +477,7 @@ def limits_table(found: Limits, margins: Margins, scale: float) -> Table:
     for name, margin in margins.buckling_margins.items():
         words = "static buckling load divided by the compression at full lift"
         rows.append((f"{name}, margin", f"{margin:.3g} (ratio)", "", "", words))
+    if margins.unknown:
+        rows.append(("buckling margins", "not known", "", "", margins.unknown))
     shaft = shaft_name(scale)
     return plain_table("Speed limits", ("limit", f"{shaft} rpm", "uncertainty", "occurs at", "event"), rows)

@@ -279,9 +279,8 @@ class StrengthSink:
         self._normal: tuple[FloatArray, FloatArray] | None = None
         self._shear: tuple[FloatArray, FloatArray] | None = None
         self._von_mises = np.zeros((len(structure.beams), 2))
-        self._begin = math.inf  # first cam angle, rad
-        self._by_turn = dict[int, FloatArray]()  # maxima of the last two revolutions
-        self._phases = dict[int, FloatArray]()  # saved instants of these, as parts of the revolution
+        # cam angles of the last two revolutions, rad, and the maximum von Mises stresses of the members there, Pa
+        self._recent = np.zeros(0), np.zeros((0, len(mesh.lines)))
         axes = np.zeros_like(structure.model.mesh.nodes)
         for node, axis in shaft_axes(structure.model).items():
             axes[node] = axis
@@ -312,16 +311,12 @@ class StrengthSink:
         self._shear = _extend_range(self._shear, self._fibres.shear(forces))
         stress = self._fibres.von_mises(forces)
         self._von_mises = np.maximum(self._von_mises, stress.max(axis=0))
-        self._begin = min(self._begin, float(block.field_angle[0]))
-        passed = (block.field_angle - self._begin) / (2.0 * np.pi)
-        turns = np.maximum(np.ceil(passed - _SAME_TURN), 1.0)
-        for turn in np.unique(turns).astype(int).tolist():
-            own = turns == turn
-            largest: FloatArray = stress[own].max(axis=0)
-            self._by_turn[turn] = np.maximum(largest, self._by_turn.get(turn, largest))
-            self._phases[turn] = np.append(self._phases.get(turn, []), passed[own] - turn)
-        for turn in [one for one in self._by_turn if one <= turns[-1] - 2]:
-            del self._by_turn[turn], self._phases[turn]
+        ranges = self._structure.model.mesh.element_ranges().values()
+        largest = np.column_stack([stress[:, :0, 0], *(stress[:, part].max(axis=(1, 2)) for part in ranges)])
+        recent = zip(self._recent, (block.field_angle, largest), strict=True)
+        angle, values = (np.concatenate(pair) for pair in recent)
+        kept = angle >= angle[-1] - 4.0 * np.pi - _SAME_ANGLE
+        self._recent = angle[kept], values[kept]
 
     def close(self, status: Status, stats: Stats) -> None:
         """Do nothing."""
@@ -331,21 +326,25 @@ class StrengthSink:
         peaks = zip(self._loads, *self._peaks.tolist(), strict=True)
         return {name: saved / largest for name, largest, saved in peaks if largest > 0.0}
 
-    def change(self) -> tuple[str, float, float]:
+    def change(self) -> tuple[str, float, float] | None:
         """Return the member whose maximum von Mises stress changes most from the last but one to the last revolution.
 
-        The two stresses follow, Pa. Members with less than a tenth of the largest stress are left out; the name is
-        empty for less than two revolutions, or if their saved instants are not at the same cam angles.
+        The two stresses follow, Pa. Members with less than a tenth of the largest stress are left out. None if the
+        saved instants of two revolutions are not at the same cam angles.
         """
-        if len(self._by_turn) < 2 or not _are_equal(*self._phases.values()):
-            return "", 0.0, 0.0
-        before, last = self._by_turn.values()
-        ranges = self._structure.model.mesh.element_ranges()
-        pairs = {name: (float(before[part].max()), float(last[part].max())) for name, part in ranges.items()}
-        least = 0.1 * max((max(pair) for pair in pairs.values()), default=0.0)
-        changes = {name: abs(b - a) / max(a, b) for name, (a, b) in pairs.items() if max(a, b) > least}
-        name = max(changes, key=lambda one: changes[one], default="")
-        return (name, *pairs[name]) if name else ("", 0.0, 0.0)
+        angle, stress = self._recent
+        passed = angle - angle[-1:] + 2.0 * np.pi
+        last = passed > _SAME_ANGLE
+        before = (passed > _SAME_ANGLE - 2.0 * np.pi) & ~last
+        if last.sum() != before.sum() or (np.abs(passed[last] - passed[before] - 2.0 * np.pi) > _SAME_ANGLE).any():
+            return None
+        pairs = np.array([stress[before].max(axis=0, initial=0.0), stress[last].max(axis=0, initial=0.0)])
+        larger = pairs.max(axis=0)
+        counts = larger > 0.1 * larger.max(initial=0.0)
+        if not counts.any():
+            return None
+        i = int(np.argmax(np.where(counts, np.abs(pairs[1] - pairs[0]) / np.where(counts, larger, 1.0), -1.0)))
+        return [*self._structure.model.mesh.element_ranges()][i], float(pairs[0, i]), float(pairs[1, i])
 
     def members(self) -> dict[str, MemberStrength]:
         """Return the strength results of every member; empty without saved fields."""
@@ -380,13 +379,7 @@ class StrengthSink:
         )
 
 
-_SAME_TURN = 1e-6  # tolerance of an instant of a revolution, revolutions
-
-
-def _are_equal(before: FloatArray, last: FloatArray) -> bool:
-    """Return whether two revolutions have the same saved instants; the first instant of a run belongs to none."""
-    before = before[before > _SAME_TURN - 1.0]
-    return len(before) == len(last) and bool((np.abs(before - last) <= _SAME_TURN).all())
+_SAME_ANGLE = 1e-5  # difference of cam angles that is rounding, rad
 
 
 def _rotate_moments(forces: FloatArray, angle: FloatArray) -> FloatArray:

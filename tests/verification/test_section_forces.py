@@ -263,18 +263,19 @@ def strength_under(material, tension, torsion=0.0):
 @pytest.mark.parametrize(
     ("turns", "count", "stresses"),
     [
-        (1, 24, ("", 0.0, 0.0)), (2, 48, ("bar", 1e8, 2e8)), (3, 72, ("bar", 2e8, 3e8)),
-        (2.5, 60, ("", 0.0, 0.0)), (2, 37, ("", 0.0, 0.0)),
+        (1, 24, None), (2, 48, ("bar", 1e8, 2e8)), (3, 72, ("bar", 2e8, 3e8)),
+        (2.5, 60, ("bar", 2e8, 3e8)), (2, 37, None),
     ],
 )  # fmt: skip
 def test_change_of_the_stress_between_the_last_revolutions(turns, count, stresses):
     """The stress of each revolution is 100 MPa above that of the one before; its first instant ends the one before.
 
-    A last revolution that is not complete, or has other instants than the one before, is not compared.
+    The last two revolutions end with the run; they are compared only at the same cam angles.
     """
     angle = np.linspace(0.0, 2.0 * math.pi * turns, count + 1)
     tension = 1e8 * np.maximum(np.ceil(angle / (2.0 * math.pi) - 1e-9), 1.0)
-    assert sink_under(STEEL, tension, angle=angle).change() == (stresses[0], *map(pytest.approx, stresses[1:]))
+    found = sink_under(STEEL, tension, angle=angle).change()
+    assert found == (stresses and (stresses[0], *map(pytest.approx, stresses[1:])))
 
 
 @pytest.mark.parametrize(("mean", "amplitude"), [(1e8, 8e7), (0.0, 1e8), (-1e8, 5e7)])
