@@ -27,11 +27,11 @@ from flexcam.valvetrain import (
     Model,
     Seat,
     main_lift,
-    seating,
     separation_by_flank,
     spring_held_contacts,
     valve_loft,
     valve_ratio,
+    valve_seating,
 )
 
 # revolutions of a run: the first is a transient, and just above a limit contact is lost in some of them only
@@ -331,9 +331,8 @@ def _bouncing_seats(response: Response, ready: PreparedRun, height: float) -> li
     found: list[str] = []
     for revolution, (name, contact) in product(_revolutions(response, ready), ready.model.contacts.items()):
         if isinstance(contact, Seat) and name not in found:
-            gap, velocity = (response.channels[f"contacts.{name}.{one}"][revolution] for one in ("gap", "velocity"))
-            came = seating(gap, velocity, response.angle[revolution])
-            if came.height > height if came else float(gap.max()) > height:  # or the valve never closes
+            came, gap = valve_seating(ready.model, response, name, revolution), response.channels[f"contacts.{name}.gap"]
+            if came.height > height if came else float(gap[revolution].max()) > height:  # or the valve never closes
                 found.append(name)
     return found
 

@@ -80,6 +80,7 @@ from flexcam.valvetrain.train_metrics import (
     train_metric_names,
     train_metrics,
     valve_loft,
+    valve_seating,
 )
 from flexcam.valvetrain.train_topology import connected_nodes, driving_contact
 
@@ -165,5 +166,6 @@ __all__ = [
     "undriven_shafts",
     "valve_loft",
     "valve_ratio",
+    "valve_seating",
     "without_compression",
 ]  # fmt: skip

@@ -54,15 +54,32 @@ class Seating:
     angle: float  #: cam angle of the first touch, rad
 
 
-def seating(gap: FloatArray, velocity: FloatArray, angle: FloatArray) -> Seating | None:
-    """Return the seating of a valve within one revolution."""
-    top = int(np.argmax(gap))
-    height, speed, at = (np.roll(one, -top) for one in (gap, velocity, angle))
-    shut = np.flatnonzero(_touches(height, speed))
-    if not len(shut) or gap[top] <= _REOPENING_LIFT or _has_open_end(gap, angle):
+def valve_seating(model: Model, response: Response, name: str, instants: Bools) -> Seating | None:
+    """Return the seating of a valve at the instants of a revolution; contacts during its opening are no bounces."""
+    seat, angle = model.contacts[name], response.angle[instants]
+    gap, velocity = (response.channels[f"contacts.{name}.{one}"][instants] for one in ("gap", "velocity"))
+    contact = driving_contact(model, seat.at) if isinstance(seat, Seat) else None
+    if contact is None:
+        return seating(gap, velocity, angle)
+    cam = model.cams[model.cam_contacts[contact].cam]
+    return seating(gap, velocity, angle, _flanks(cam, angle)["opening flank"] & (cam.lift(angle, 0) > 0.0))
+
+
+def seating(gap: FloatArray, velocity: FloatArray, angle: FloatArray, opening: Bools | None = None) -> Seating | None:
+    """Return the seating of a valve within one revolution; instants at which the cam opens it have no bounces."""
+    top, is_open = int(np.argmax(gap)), gap[-1] > _REOPENING_LIFT
+    if is_open and _is_short(angle):
         return None
-    first, last = int(shut[0]), int(shut[-1])
-    between = height[first : last + 1]
+    order, is_cut = np.roll(np.arange(len(gap)), -top), is_open and not _continues(gap)
+    if is_cut:  # nothing is known after the end
+        order = order[: len(gap) - top]
+    height, speed, at = gap[order], velocity[order], angle[order]
+    shut = np.flatnonzero(_touches(height, speed))
+    if not len(shut) or gap[top] <= _REOPENING_LIFT:
+        return None
+    first, last = int(shut[0]), len(order) - 1 if is_cut else int(shut[-1])
+    rises = np.zeros(len(gap), dtype=bool) if opening is None else opening
+    between = np.where(rises[order], 0.0, height)[first : last + 1]
     touch = min(_REOPENING_LIFT, _TOUCH_PART * float(gap[top]))
     rising = np.diff(np.concatenate([[0], (between > touch).astype(int)])) > 0
     largest = float(between.max()) if between.max() > _GAP_ROUNDING * gap[top] else 0.0
@@ -100,13 +117,16 @@ def _touch_velocity(gap: FloatArray, velocity: FloatArray) -> float:
     return min(max(found, 0.5 * speed), 1.5 * speed)  # beyond that the last instants are no guide
 
 
-def _has_open_end(gap: FloatArray, angle: FloatArray) -> bool:
-    """Return whether a record ends during a lift that is not continued at its beginning."""
-    if gap[-1] <= _REOPENING_LIFT:
-        return False
+def _is_short(angle: FloatArray) -> bool:
+    """Return whether a record is shorter than a revolution."""
     around = float(angle[-1] - angle[0]) * len(angle) / max(len(angle) - 1, 1)
+    return around < _REVOLUTION_TOLERANCE
+
+
+def _continues(gap: FloatArray) -> bool:
+    """Return whether the beginning of a record continues its end."""
     step = np.abs(np.diff(gap)).max(initial=0.0) + _MAIN_LIFT_FRACTION * gap.max()
-    return around < _REVOLUTION_TOLERANCE or bool(abs(gap[0] - gap[-1]) > step)
+    return bool(abs(gap[0] - gap[-1]) <= step)
 
 
 @dataclass(frozen=True)
@@ -133,7 +153,7 @@ def train_metrics(model: Model, response: Response, period: float, names: Sequen
             figures += _nose_force(model, response, name, last)
     for name, contact in model.contacts.items():
         if isinstance(contact, Seat) and f"contacts.{name}.gap" in response.channels:  # the rigid model has no seat
-            figures += _seat(response, f"contacts.{name}", last)
+            figures += _seat(model, response, name, last)
             if names is None or f"contacts.{name}.{_LOFT}" in names:
                 above = valve_loft(model, response, name, contact, last)
                 figures += [] if above is None else [Metric(f"contacts.{name}.{_LOFT}", above, "m")]
@@ -212,13 +232,12 @@ _LARGEST = (
 _SIGNED = (".compression", ".leak_down")
 
 
-def _seat(response: Response, where: str, last: Bools) -> list[Metric]:
-    gap, velocity = (response.channels[f"{where}.{one}"][last] for one in ("gap", "velocity"))
-    came = seating(gap, velocity, response.angle[last])
+def _seat(model: Model, response: Response, name: str, last: Bools) -> list[Metric]:
+    came = valve_seating(model, response, name, last)
     if came is None:
         return []
     told = (came.velocity, "m/s"), (float(came.bounces), "1"), (came.height, "m")
-    return [Metric(f"{where}.{name}", *one) for name, one in zip(_SEATING, told, strict=True)]
+    return [Metric(f"contacts.{name}.{suffix}", *one) for suffix, one in zip(_SEATING, told, strict=True)]
 
 
 _LOFT, _NOSE_FORCE, _FRICTION_POWER = "valve_loft", "nose_force.least", "friction_power.mean"

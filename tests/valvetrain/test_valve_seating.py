@@ -1,5 +1,7 @@
 """How a valve comes down does not depend on where the revolution is cut."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -109,3 +111,19 @@ def test_several_rebounds_within_a_step():
     found = seating(gap, velocity, angle)
     assert found is not None
     assert found.velocity == pytest.approx(1e-3 / 0.3, rel=1e-6)
+
+
+def test_a_touch_while_the_cam_opens_the_valve_is_no_bounce():
+    gap, velocity = revolution()
+    gap[96:99] = 1e-5  # it leaves the seat, and touches it again before the lift
+    assert seating(gap, velocity, ANGLE).bounces == 2
+    assert seating(gap, velocity, ANGLE, (ANGLE > math.radians(90.0)) & (ANGLE < math.radians(175.0))).bounces == 1
+
+
+def test_a_revolution_that_ends_in_a_bounce_has_its_seating():
+    """The valve came down, and is thrown up until the end."""
+    gap, velocity = revolution()
+    gap[300:] = 3e-3 * np.sin(np.linspace(0.0, 2.0, 60))
+    found = seating(gap, velocity, ANGLE)
+    assert (found.bounces, found.height) == (2, pytest.approx(3e-3, rel=1e-3))
+    assert found.angle == seating(*revolution(), ANGLE).angle
