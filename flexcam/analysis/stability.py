@@ -139,7 +139,7 @@ def force_harmonics(response: Response, contact: str, count: int) -> FloatArray:
 
 
 _HARMONICS = 24
-_SMALL = 1e-3  # amplitude relative to the largest harmonic of the lift below which a harmonic is ignored
+_SMALL = 0.02  # acceleration relative to that of the largest harmonic below which a harmonic is ignored
 
 
 @dataclass(frozen=True)
@@ -179,9 +179,11 @@ def resonances(ready: PreparedRun, response: Response) -> tuple[Resonance, ...]:
 
 
 def lift_harmonics(event: Event, count: int) -> dict[int, float]:
-    """Return the significant harmonics of a lift."""
+    """Return the harmonics of a lift that are significant in its acceleration, which excites the modes."""
     sizes = np.abs(harmonics(event, count))[1:]
-    return {n: float(size) for n, size in enumerate(sizes, start=1) if size >= _SMALL * sizes.max()}
+    accelerations = np.arange(1, count + 1) ** 2 * sizes
+    kept = np.flatnonzero(accelerations >= _SMALL * accelerations.max())
+    return {n + 1: float(sizes[n]) for n in kept.tolist()}
 
 
 _RESONANCE_WIDTH = 0.03  # relative distance of a harmonic from a mode that counts as resonance
