@@ -331,7 +331,10 @@ def _bouncing_seats(response: Response, ready: PreparedRun, height: float) -> li
     found: list[str] = []
     for revolution, (name, contact) in product(_revolutions(response, ready), ready.model.contacts.items()):
         if isinstance(contact, Seat) and name not in found:
-            came, gap = valve_seating(ready.model, response, name, revolution), response.channels[f"contacts.{name}.gap"]
+            came, gap = (
+                valve_seating(ready.model, response, name, revolution),
+                response.channels[f"contacts.{name}.gap"],
+            )
             if came.height > height if came else float(gap[revolution].max()) > height:  # or the valve never closes
                 found.append(name)
     return found

@@ -18,11 +18,10 @@ from flexcam.analysis.histories import response_block
 from flexcam.analysis.preparation import PreparedRun
 from flexcam.analysis.run_metrics import RevolutionChange
 from flexcam.cams import FlatFollower, Follower, RollerFollower, profile_at, undercut
-from flexcam.case.case import Case
 from flexcam.case.input_checks import check_model, check_values
 from flexcam.core import rounding_fraction
 from flexcam.core.errors import InputError
-from flexcam.core.units import to_display_unit
+from flexcam.core.units import format_quantity, to_display_unit
 from flexcam.dynamics import Collocation, Response, Sink, Stats, default_method, outline
 from flexcam.dynamics.force_laws import THINNEST
 from flexcam.dynamics.memory import ExtremesSink
@@ -171,13 +170,20 @@ def _check_shared_lobes(model: Model) -> Iterator[str]:
 
 
 def _check_follower_nodes(model: Model) -> Iterator[str]:
-    """Yield the nodes of translating followers that are not where the base circle of their cam puts them."""
+    """Yield the followers beside their cam, and the translating ones that are not at its base circle."""
     for name, one in model.cam_contacts.items():
         cam, points = model.cams[one.cam], model.mesh.points
         follower = cam.follower
-        if not isinstance(follower, FlatFollower | RollerFollower) or not {cam.at, one.follower} <= points.keys():
+        if not {cam.at, one.follower} <= points.keys():
             continue
         centre, node = (model.mesh.nodes[points[point][0]] for point in (cam.at, one.follower))
+        beside = abs(float((node - centre) @ one.shaft_axis))
+        if cam.width is not None and beside > cam.width:
+            apart, width = (format_quantity("m", size) for size in (beside, cam.width))
+            place = f"node {one.follower} is {apart} beside the cam along the shaft, and the cam is {width} wide"
+            yield f"Warning: contacts.{name}: {place}; check both nodes"
+        if not isinstance(follower, FlatFollower | RollerFollower):
+            continue
         height = float((node - centre) @ one.direction[:3])
         still = np.zeros(1)
         expected = float(follower.contact(still, still, still, cam.turn).trace.imag[0])
@@ -230,7 +236,7 @@ def check_run(ready: PreparedRun, monitor: RunMonitor, metrics: list[Metric], st
         *(_check_seating(metrics) if revolved else ()),
         *_check_accuracy(ready, monitor.extremes, stats),
         *(_check_deflections(ready, monitor.extremes) if _has_member_dofs(ready) else ()),
-        *(_check_resolution(ready.case, monitor.resolution) if _has_member_dofs(ready) else ()),
+        *(_check_resolution(ready, monitor.resolution) if _has_member_dofs(ready) else ()),
     ]
 
 
@@ -432,21 +438,20 @@ def _check_deflections(ready: PreparedRun, extremes: ExtremesSink) -> Iterator[s
             yield f"Warning: member {name} leaves the range of small displacements: {why}; its results are not valid"
 
 
-def _check_resolution(case: Case, sink: ResolutionSink) -> Iterator[str]:
-    found = sink.found()
-    at = f"at the typical frequency of the motion, {found.frequency:.4g} Hz"
-    if found.steps < _MIN_STEPS:
-        ratio = _MIN_STEPS / found.steps
-        more = math.ceil(10.0 * ratio) / 10.0 if ratio < 10.0 else math.ceil(ratio)
-        yield (
-            f"Warning: {at}, a period has only {found.steps:.3g} time steps; "
-            f"use at least {more:g} times as many steps per revolution"
+def _check_resolution(ready: PreparedRun, sink: ResolutionSink) -> Iterator[str]:
+    found, case = sink.found(), ready.case
+    if is_coarse := found.steps < _MIN_STEPS:
+        own = ready.revolution / ready.problem.step
+        enough = math.ceil(0.1 * own * _MIN_STEPS / found.steps) * 10
+        period = (
+            f"a period of the fastest motion, of about {found.frequency:.4g} Hz, has only {found.steps:.3g} time steps"
         )
+        yield f"Warning: {period}; use at least {enough} steps per revolution"
     for name, count in found.elements.items():
-        if count < _MIN_ELEMENTS:
+        if count < _MIN_ELEMENTS and not is_coarse:  # otherwise the steps determine the frequency
             enough = math.ceil(_MIN_ELEMENTS / count) * case.record.members[name].elements
-            wave = f"a bending wave in member {name} is only {count:.2g} elements long"
-            yield f"Warning: {at}, {wave}; set elements = {enough} in [members.{name}]"
+            wave = f"at {found.frequency:.4g} Hz a bending wave in member {name} is only {count:.2g} elements long"
+            yield f"Warning: {wave}; set elements = {enough} in {case.place(('members', name))}"
     for name, count in found.impacts.items():
         if count < _MIN_IMPACT_STEPS:
             steps = f"{count} time step{'s' if count > 1 else ''}"

@@ -19,7 +19,7 @@ from flexcam.case.case import Case
 from flexcam.case.fault_report import value_at
 from flexcam.case.reader import case_tables, template_tables
 from flexcam.case.records import resolve_record, si_unit
-from flexcam.core.units import RPM
+from flexcam.core.units import RPM, format_quantity
 from flexcam.dynamics import Method, Problem, RunFailedError, SaveAt, Scheme, equilibrium, newmark, solve
 from flexcam.fem.frames import direction
 from flexcam.valvetrain import (
@@ -338,6 +338,7 @@ def check_model(case: Case, model: Model, problem: Problem, scheme: Method) -> I
 _MAX_DOFS = 3000  # maximum number of degrees of freedom for which the start of a run is computed to check its contacts
 
 _MIN_COSINE = 0.98  # cosine of the angle of a spring to the motion of a point, below which the spring is oblique
+_SEAT_DEPTH = 0.02  # compression of a closed seat relative to the lift of a cam, from which it is reported
 _LIFT_TOLERANCE = 1e-9  # lift relative to its maximum from which a cam counts as off its base circle
 _OVERSHOOT_TOLERANCE = 0.01  # overshoot relative to the initial motion from which it is reported: flexcam's choice
 
@@ -372,6 +373,13 @@ def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
         if float(first.channels[f"contacts.{name}.force"][0]) <= 0.0:
             why = "no spring holds the valve on its seat with the cams on their base circles"
             yield f"Warning: contacts.{name}: {why}; check the direction and the installed_force of its spring"
+        lift, depth = (
+            max(cam.event.height for cam in model.cams.values()),
+            -float(first.channels[f"contacts.{name}.gap"][0]),
+        )
+        if depth > _SEAT_DEPTH * lift:
+            why = f"the closed valve sinks {format_quantity('m', depth, digits=3)} into its seat"
+            yield f"Warning: contacts.{name}: {why}; check its stiffness and the unit"
     for name in lashes if closed and all(closed.values()) else ():
         if float(first.channels[f"contacts.{name}.force"][0]) > 0.0:
             why = "the lash stays closed: without a seat the spring force always goes through the cam"

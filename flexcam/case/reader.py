@@ -476,8 +476,9 @@ def _apply_override(raw: dict[str, Any], path: KeyPath, override: str) -> Fault 
             cast("dict[str, Any]", target).setdefault(step, {})
         target = cast("Any", target)[key]
         if not isinstance(target, dict | list):
-            why, remedy = "it has a single value", f"override {step!r} as a whole"
-            return Fault(where, f"a key of {step!r}", "a key of a table", why, remedy)
+            whole = ".".join(path[: depth + 1])
+            given, allowed = f"key {path[depth + 1]!r}", f"no key inside {step!r}"
+            return Fault(where, given, allowed, "it holds one value, no table", f"write --set {whole}=...")
     return None
 
 

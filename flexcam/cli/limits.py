@@ -30,6 +30,7 @@ from flexcam.studies.plan import Axis, parse_axis
 from flexcam.studies.quantities import LimitMap, create_evaluator, grid_plan, limit_map, open_speed_runs
 from flexcam.studies.sweep import validate_plan
 from flexcam.studies.variables import InterruptibleRuns, require_units
+from flexcam.valvetrain import opposed_contacts
 
 _MAP = Group("Map over two values", sort_key=1)
 
@@ -94,12 +95,15 @@ def limits(
     count = count_cores() if workers is None else workers
     with show_count(None, "runs") as shown, open_speed_runs(read, search, count) as runs:
         found = find_limits(read, replace(search, nearby=True), start=runs, ahead=count, advance=shown)
-    margins = compute_margins(read)
-    parts: list[Table | str] = [limits_table(found, margins, scale), *check_lobes(build_model(read))]
+    margins, model = compute_margins(read), build_model(read)
+    parts: list[Table | str] = [limits_table(found, margins, scale), *check_lobes(model)]
     if any(one.rpm is not None for one in found.limits.values()):
         parts.append(LIMITS_LEGEND)
     if "loss_of_contact" not in found.limits:
-        parts.append('Contact loss is not assessed: it needs a contact with model = "unilateral", which can separate.')
+        why = 'it needs a contact with model = "unilateral", which can separate'
+        if opposed_contacts(model):
+            why = "opposed cams hold the follower between them, and one of the two contacts is always open"
+        parts.append(f"Contact loss is not assessed: {why}.")
     rpm = {**dict.fromkeys(LIMITS), **{name: one.rpm for name, one in found.limits.items()}}
     json = {
         **{f"{name}_rpm": speed and scale * speed for name, speed in rpm.items()},
@@ -252,10 +256,9 @@ def _describe_growth(found: Stability) -> str:
     largest, moving = abs(complex(found.floquet.multipliers[0])), ", ".join(found.floquet.moving())
     if found.is_chattering:
         events = found.floquet.events
-        grows = f"the {events} impacts of a revolution amplify a tiny disturbance {largest:.3g} times ({moving})"
-        words = f"chatters: {grows}, so that they do not repeat exactly"
+        grows = f"a revolution has {events} impacts, which amplify small disturbances {largest:.3g} times ({moving})"
         change = "" if found.change is None else describe_change(found.change)
-        return f"{words}; difference between two revolutions: {change}" if change else words
+        return f"chatters: {grows}" + (f". Difference between the last two revolutions: {change}" if change else "")
     return f"max multiplier {largest:.6g} (above 1 grows), growth {found.floquet.growth:.4g} 1/s, motion of {moving}"
 
 

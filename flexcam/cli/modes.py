@@ -78,8 +78,8 @@ def modes(
     count: Annotated[int, Parameter(help="Number of modes, from the lowest.")] = 12,
     prestress: Annotated[Literal["rest", "equilibrium"] | None, Parameter(
         help="Include the axial forces of all members in the modes with contacts open: as installed (rest), or under "
-        "all loads (equilibrium). Modes with contacts closed always include those of members with "
-        "geometric_stiffness.")] = None,
+        "all loads (equilibrium). Modes with contacts closed always include the axial forces of members "
+        "with geometric_stiffness.")] = None,
     mac: Annotated[Path | None, Parameter(
         help="Second case file, whose modes are compared by the modal assurance criterion.")] = None,
     folder: Annotated[Path | None, Parameter(
@@ -166,7 +166,7 @@ def _modes_table(found: Campbell, scale: float) -> Table:
             zip(found.frequencies.T, found.reached, found.words, strict=True), start=1
         )
     ]
-    title = f"Modes above zero at full lift of {found.contact} over {shaft_name(scale)} rpm"
+    title = f"Natural frequencies at full lift of {found.contact} over {shaft_name(scale)} rpm, no rigid-body modes"
     return plain_table(title, ("mode", low, high, "excited", "what moves"), rows)
 
 
@@ -226,7 +226,8 @@ flexcam campbell case.toml --response --channel contacts.intake.force --probe va
 def campbell(
     case: cli.CaseFile, *,
     lowest: cli.Lowest = None, highest: cli.Highest = None, count: cli.Count = 9,
-    orders: Annotated[str, Parameter(help="Orders of the camshaft: 1:24, or 1,2,4; with --response 1:N.")] = "1:24",
+    orders: Annotated[str, Parameter(
+        help="Orders of the camshaft, such as 1:24 or 1,2,4; with --response from 1, such as 1:40.")] = "1:24",
     modes: Annotated[int | None, Parameter(
         group=_MODES, help="Number of modes, from the lowest; 8 by default.")] = None,
     contact: Annotated[str | None, Parameter(
@@ -273,9 +274,14 @@ def modes_over_speed(
     with show_count(len(speeds), "speeds") as shown:
         found = find_crossings(case, speeds, orders=orders, modes=count, contact=contact, advance=shown)
     incomplete = _describe_incomplete_runs(found.statuses, found.rpm, scale)
+    weak = ", ".join(str(n) for n in orders if n not in found.lifts)
+    left_out = (
+        [f"Left out: orders with less than 2 % of the largest order of the cam's acceleration ({weak})"] if weak else []
+    )
     dash = [_DASH] if any(np.isnan(found.frequencies[i]).any() for i in (0, -1) if found.statuses[i].ok) else []
     parts = [
-        _modes_table(found, scale), *dash, _crossing_table(found, scale), *explain_planes(found.words), *incomplete,
+        _modes_table(found, scale), *dash, _crossing_table(found, scale), *left_out, *explain_planes(found.words),
+        *incomplete,
     ]  # fmt: skip
     modes = [
         {"frequencies_hz": column, "reached": reached, "moves": words}

@@ -88,7 +88,7 @@ def export(
 ) -> cli.CommandOutput:  # fmt: skip
     """Convert a result to CSV, ParaView files or solids, or the mesh of a case to Gmsh, Abaqus or CalculiX format.
 
-    Solids are the parts that flexcam view shows: those of a result, or of a case as a rigid mechanism.
+    stl, vtm and glb contain the parts that flexcam view shows. From a case they show the motion of the rigid mechanism.
     """
     for option, forms, given, why in (
         ("--paraview", ("pvd",), macro, "the macro opens that collection"),

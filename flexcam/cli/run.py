@@ -143,12 +143,13 @@ def _describe_run(
         error = f"{100.0 * stats.periodicity:.2g} % of the amplitude"
         parts.append(f"Periodic start: the state after one revolution differs from that at its start by {error}")
     if change:
-        impacts = "; this contact chatters: its impacts differ between revolutions"
-        chatter = impacts if change.force > CHATTER and not excitation_without_period(case) else ""
-        more = "; run more revolutions until the stress repeats" if change.stress_change > GROWTH else ""
-        parts.append(
-            f"Difference between the last two revolutions: {run_checks.describe_change(change)}{chatter}{more}"
-        )
+        chatters, more = change.force > CHATTER and not excitation_without_period(case), ""
+        if chatters or change.stress_change > GROWTH:
+            what = "contact force" if chatters else "stress"
+            more = (
+                f"; run more revolutions: either the {what} settles, or take its largest value of several revolutions"
+            )
+        parts.append(f"Difference between the last two revolutions: {run_checks.describe_change(change)}{more}")
     elif len(response.time) and ready.model.cam_contacts and stats.unknowns and stats.periodicity < 0.0:
         parts.append("Fewer than two revolutions: the start may affect the results; set run.revolutions = 2 to see how")
     parts += run_checks.describe_method(ready)

@@ -163,7 +163,7 @@ def _derivative_table(name: str, found: Sequence[Sensitivity]) -> Table:
             one.by.key,
             f"{format_number(one.by.value)} {one.by.unit}".strip(),
             f"{format_number(one.derivative)} {unit}{f' per {one.by.unit}' if one.by.unit else ''}".strip(),
-            "none (exact)" if _is_analytic(one) else format_number(math.nan if one.error is None else one.error, 2),
+            "exact" if _is_analytic(one) else format_number(math.nan if one.error is None else one.error, 2),
             "-" if math.isnan(one.logarithmic) else f"{one.logarithmic:+.4f}",
             "" if one.smooth else "unknown" if math.isnan(one.derivative)
             else "equal frequencies" if one.error is None else "not smooth",
@@ -171,7 +171,7 @@ def _derivative_table(name: str, found: Sequence[Sensitivity]) -> Table:
         for one in ordered
     ]  # fmt: skip
     title = f"{name} = {format_number(found[0].value)} {unit}".rstrip()
-    return plain_table(title, ("key", "value", "derivative", "error", "% per %", ""), rows)
+    return plain_table(title, ("key", "value", "derivative", "error of derivative", "% per %", ""), rows)
 
 
 def _sobol_indices(asked: StudyOptions, keys: list[str], count: int, seed: int) -> cli.CommandOutput:

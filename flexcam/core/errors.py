@@ -201,7 +201,10 @@ _SIMILARITY = 0.7  # least ratio of common letters of a typing error; words of d
 
 
 def similar_name(name: str, known: Iterable[str]) -> str:
-    """Return the closest known name, or an empty text; a file suffix that all names share does not make them similar."""
+    """Return the closest known name, or an empty text.
+
+    A file suffix that all names share does not make them similar.
+    """
     others, suffix = [other for other in known if other != name], PurePath(name).suffix
     if not all(other.endswith(suffix) for other in others):
         suffix = ""

@@ -127,7 +127,8 @@ def reraise_interrupt(status: Status) -> None:
 
 NOT_POSITIVE = Status(
     Cause.SINGULAR, "the stiffness is not positive",
-    "lower the force that presses it (a member buckles, a lever folds over), or hold what moves",
+    "check whether the contacts that hold it are open there, or whether the force on it is too large "
+    "(a member buckles, a lever folds over)",
 )  # fmt: skip
 """Status of an indefinite stiffness without details."""
 

@@ -248,10 +248,11 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
     peak, rms = (f"{100.0 * one:.3g} %" for one in (comparison.peak_deviation, comparison.rms_deviation))
     ratio = format_decimals(comparison.peak_acceleration_ratio, 2)
     other = comparison.names[1]
-    deviation = f"{comparison.probe} deviates by up to {peak} of the range of the {other} motion (rms {rms})"
-    at = f"{comparison.peak_acceleration_deg:.1f} deg of the cam"
-    there = f"where the {other} motion is at {100.0 * comparison.peak_lift:.3g} % of its range"
-    said = [f"{deviation}; its peak acceleration, at {at}, {there}, is {ratio} times the {other} one."]
+    deviation = f"{comparison.probe} deviates by up to {peak} of the range of the {other} motion (rms {rms})."
+    there = (
+        f"at cam {comparison.peak_acceleration_deg % 360.0:.1f} deg, {100.0 * comparison.peak_lift:.3g} % of the range"
+    )
+    said = [f"{deviation} Its peak acceleration is {ratio} times the {other} one; it occurs {there}."]
     if mode_hz is not None:
         nearest = "The nearest mode that the cam force excites is at"
         found, share = f"{mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} camshaft rpm", comparison.speed_rpm / (60.0 * mode_hz)

@@ -57,7 +57,7 @@ def test_a_limit_below_the_range_is_not_below_its_lowest_speed(flexcam, one_mass
     range_ = ("--lowest", "4400rpm", "--highest", "4500rpm", *QUICK, *ALONE)
     row = next(one for one in flexcam("limits", one_mass(), *range_).out.splitlines() if one.startswith("float"))
     assert "4400 or below" in row
-    assert "4400 and above" in row
+    assert "4400 to at least" in row
     answer = flexcam("limits", one_mass(), *range_, "--json").json
     assert answer["float_rpm"] == answer["float_bands_rpm"][0][0] == pytest.approx(4400.0)
 

@@ -61,7 +61,7 @@ def test_steps_too_coarse_for_the_usual_method_are_told(engine, flexcam, steps, 
     assert "Newmark" not in flexcam("run", engine, "--set", "run.integrator={method='newmark'}", "--name", "other").out
 
 
-@pytest.mark.parametrize(("rpm", "told"), [(20_000, True), (5000, False)])
+@pytest.mark.parametrize(("rpm", "told"), [(60_000, True), (5000, False)])
 def test_a_valve_that_does_not_close_is_told(engine, flexcam, rpm, told):
     said = flexcam("run", engine, "--set", f"run.crank_speed={rpm}rpm").out
     assert ("the valve does not close at 'seat'" in said) is told
@@ -278,3 +278,17 @@ def test_stresses_at_instants_that_miss_the_maximum_are_called_too_low(flexcam, 
     said = re.sub(r"\s+", " ", done.out)
     assert ("They may miss the peak: at these instants the " in said) == low
     assert "Stresses at 3 saved" in said or not low
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "warning"),
+    [
+        ('"60 MN/m"', '"60 kN/m"', "contacts.seat: the closed valve sinks 0.261 mm into its seat"),
+        ('cam = ["120 mm"', 'cam = ["150 mm"', "node tappet is 30 mm beside the cam along the shaft"),
+    ],
+)
+def test_a_soft_seat_and_a_follower_beside_its_cam(engine, flexcam, old, new, warning):
+    text = engine.read_text(encoding="utf-8")
+    assert warning not in " ".join(flexcam("check", engine).out.split())
+    engine.write_text(text.replace(old, new), encoding="utf-8")
+    assert warning in " ".join(flexcam("check", engine).out.split())

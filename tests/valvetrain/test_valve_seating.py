@@ -117,7 +117,7 @@ def test_a_touch_while_the_cam_opens_the_valve_is_no_bounce():
     gap, velocity = revolution()
     gap[96:99] = 1e-5  # it leaves the seat, and touches it again before the lift
     assert seating(gap, velocity, ANGLE).bounces == 2
-    assert seating(gap, velocity, ANGLE, (ANGLE > math.radians(90.0)) & (ANGLE < math.radians(175.0))).bounces == 1
+    assert seating(gap, velocity, ANGLE, (math.radians(90.0) < ANGLE) & (math.radians(175.0) > ANGLE)).bounces == 1
 
 
 def test_a_revolution_that_ends_in_a_bounce_has_its_seating():
