@@ -84,7 +84,7 @@ def test_a_fine_run_is_not_doubted():
 
 def test_coarse_steps_are_told():
     words = told(CASE, "run.steps_per_revolution=12")
-    assert any("a period has only" in one for one in words)
+    assert any("time steps; use at least" in one for one in words)
 
 
 @dataclass(frozen=True)
