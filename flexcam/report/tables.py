@@ -293,6 +293,9 @@ def metrics_table(model: Model | None, figures: Sequence[Metric]) -> Table:
         key = _part_kind(model, figure.name), kind, *quantity
         rows.setdefault(key, []).append((value, f"{value:.4g} {unit}".rstrip(), part))
         places[key, part] = "" if figure.angle is None else f" at cam {math.degrees(figure.angle):.1f} deg"
+        if model is not None and quantity == ["open_on_the_lift"]:
+            lift = format_quantity("m", valvetrain.main_lift(model, model.cam_contacts[part].cam), digits=3)
+            places[key, part] = f" (above {lift} of lift)"
     cells: list[tuple[str, str]] = []
     for (parts_kind, kind, *quantity), parts in rows.items():
         if len(parts) > _MOST_PARTS:
