@@ -249,9 +249,8 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
     ratio = format_decimals(comparison.peak_acceleration_ratio, 2)
     other = comparison.names[1]
     deviation = f"{comparison.probe} deviates by up to {peak} of the range of the {other} motion (rms {rms})."
-    there = (
-        f"at cam {comparison.peak_acceleration_deg % 360.0:.1f} deg, {100.0 * comparison.peak_lift:.3g} % of the range"
-    )
+    angle, lift = comparison.peak_acceleration_deg % 360.0, 100.0 * comparison.peak_lift
+    there = f"at cam {angle:.1f} deg, with the {other} motion at {lift:.3g} % of its range"
     said = [f"{deviation} Its peak acceleration is {ratio} times the {other} one; it occurs {there}."]
     if mode_hz is not None:
         nearest = "The nearest mode that the cam force excites is at"
