@@ -443,10 +443,9 @@ def _check_resolution(ready: PreparedRun, sink: ResolutionSink) -> Iterator[str]
     if is_coarse := found.steps < _MIN_STEPS:
         own = ready.revolution / ready.problem.step
         enough = math.ceil(0.1 * own * _MIN_STEPS / found.steps) * 10
-        period = (
-            f"a period of the fastest motion, of about {found.frequency:.4g} Hz, has only {found.steps:.3g} time steps"
-        )
-        yield f"Warning: {period}; use at least {enough} steps per revolution"
+        motion = f"the typical frequency of the motion is {found.frequency:.4g} Hz"
+        period = f"a period of it has only {found.steps:.3g} time steps"
+        yield f"Warning: {motion}, and {period}; use at least {enough} steps per revolution"
     for name, count in found.elements.items():
         if count < _MIN_ELEMENTS and not is_coarse:  # otherwise the steps determine the frequency
             enough = math.ceil(_MIN_ELEMENTS / count) * case.record.members[name].elements

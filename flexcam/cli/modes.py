@@ -109,6 +109,8 @@ def modes(
         files = write_modes(path, drawn, found.modes.frequencies, found.modes.shapes, overwrite=overwrite)
     closed, missing = closed_modes(read)
     moves = [found.words(i) for i in range(len(found.shares))]
+    states = [state for one in closed for state in (one.base_circle, one.full_lift)]
+    closed_moves = [state.words(i) for state in states for i in range(len(state.shares))[_elastic(state, count)]]
     first = found.modes.rigid + 1
     columns = f"ux, uy, uz {to_display_unit('kg')[1]}: effective mass of the mode for base excitation along x, y, z."
     counted = (
@@ -118,7 +120,7 @@ def modes(
         mode_table(found, f"{read.title}: modes, contacts open", read.turns),
         columns + counted,
         *(_closed_mode_table(one, count, read.turns) for one in closed),
-        *explain_planes(moves),
+        *explain_planes([*moves, *closed_moves]),
         *check_modes(found),
         *filter(None, [missing]),
     ]

@@ -8,7 +8,11 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case, solve
+from flexcam.analysis.run import open_result_file
 from flexcam.analysis.run_metrics import SPRING_MARGIN, compute_margins, compute_metrics, figures_of_merit
+from flexcam.analysis.stability import lift_harmonics
+from flexcam.case.builder import build_model
+from flexcam.case.starters import new_case
 from flexcam.core.units import RPM
 
 MASS, SPRING, INSTALLED, DAMPING, LIFT, CONTACT = 0.25, 20e3, 300.0, 6.0, 8e-3, 2e9
@@ -158,3 +162,38 @@ def test_no_margin_of_a_follower_that_cannot_leave(merit):
     found = merit(600.0, text=CASE.replace("unilateral", "bilateral"))
     assert SPRING_MARGIN not in found
     assert "contacts.one.nose_force.least" in found
+
+
+def test_margins_of_a_case_that_starts_at_another_cam_angle(tmp_path):
+    """The margins of the rigid train do not depend on the initial state."""
+    (tmp_path / "one.toml").write_text(CASE, encoding="utf-8")
+    overrides = ["run.steps_per_revolution=360", "run.revolutions=1.25"]
+    ready = prepare(read_case(tmp_path / "one.toml", overrides))
+    solve(ready.problem, ready.scheme, save=ready.save, sinks=[open_result_file(ready, tmp_path)])
+    start = 'run.start={ result = "one.vtkhdf" }'
+    own, other = (read_case(tmp_path / "one.toml", [*more, "run.speed=700rpm"]) for more in ((), (start,)))
+    assert compute_margins(other).rigid_rpm == pytest.approx(compute_margins(own).rigid_rpm, rel=1e-9)
+
+
+def test_margins_of_a_shaft_within_its_backlash(tmp_path):
+    """No static equilibrium exists at full lift; the margins of the rigid train are known all the same."""
+    case = read_case(new_case("gear-drive", tmp_path / "gear.toml")[0])
+    found = compute_margins(case)
+    assert found.rigid_rpm is not None
+    assert (dict(found.buckling_margins), found.unknown[:29]) == ({}, "the stiffness is not positive")
+
+
+def test_harmonics_that_matter_in_the_acceleration(tmp_path):
+    """Order 24 has 2e-4 of the largest lift, and 5 % of the largest acceleration; order 16 has 0.9 %."""
+    model = build_model(read_case(new_case("pushrod-engine", tmp_path / "engine.toml")[0]))
+    kept = lift_harmonics(model.cams["intake"].event, 24)
+    assert 24 in kept
+    assert 16 not in kept
+
+
+def test_an_opening_valve_does_not_bounce(tmp_path):
+    """The lash closes with a hop of 4 um before the valve opens; it comes down without a bounce."""
+    ready = prepare(read_case(new_case("pushrod-engine", tmp_path / "engine.toml")[0]))
+    response = solve(ready.problem, ready.scheme, save=ready.save)
+    found = {one.name: one.value for one in compute_metrics(ready, response)}
+    assert found["contacts.seat.bounces"] == 0
