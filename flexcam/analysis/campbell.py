@@ -2,7 +2,7 @@
 
 The model has no gyroscopic effects, so that the speed changes the modes only through preloads: a Hertz contact is
 softer with less force at the cam nose, an open contact has no stiffness, and a compressed pushrod loses stiffness.
-The modes are computed at full lift of a run at every speed.
+The modes are computed at full lift of a run at every speed, with the spring coils that touch at rest.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from flexcam.case.schema.contacts import CamContactRecord
 from flexcam.core import FloatArray, Triplets
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.core.units import RPM
-from flexcam.dynamics import ProgressCallback, Response, RunFailedError, Status
+from flexcam.dynamics import ProgressCallback, Response, RunFailedError, Status, equilibrium
 from flexcam.valvetrain import ContactModes, build_structure, contact_modes, contact_stiffness
 
 _EXTRA_MODES = 8  # additional modes, among which a mode is found again after others have crossed it
@@ -103,7 +103,16 @@ def _stiffness_at_full_lift(ready: PreparedRun, response: Response, event: Event
         return []
     at = np.flatnonzero(late)[[int(np.argmax(event(response.field_angle[late], 0)))]]
     motion = ready.problem.drive.at(response.field_time[at])
-    return contact_stiffness(system, motion, response.fields.displacement[at], response.fields.velocity[at])
+    moving = contact_stiffness(system, motion, response.fields.displacement[at], response.fields.velocity[at])
+    if not any(name.endswith(_COILS) for name, _ in moving):
+        return moving
+    # which coils touch changes with every wave in a spring: the modes are those of the coils that touch at rest
+    still = equilibrium(system, ready.problem.drive, float(motion.time[0])).displacement[None]
+    at_rest = dict(contact_stiffness(system, motion, still, np.zeros_like(still)))
+    return [(name, at_rest[name] if name.endswith(_COILS) else part) for name, part in moving]
+
+
+_COILS = ".clash"  # end of the names of the forces of touching coils
 
 
 def _extend_lines(lines: list[_ModeLine], i: int, count: int, here: ContactModes, mass: Triplets, modes: int) -> None:

@@ -35,7 +35,7 @@ from flexcam.dynamics import (
     solve_periodic,
     track_progress,
 )
-from flexcam.valvetrain import OPEN, modes_on_the_lift, opposed_contacts, separation
+from flexcam.valvetrain import OPEN, modes_on_the_lift, opposed_contacts, separation, spring_held_contacts
 
 MAX_DOFS = 400
 """Maximum number of degrees of freedom for a linearization about the motion; larger systems use the highest mode
@@ -283,7 +283,7 @@ def assess_stability(case: Case) -> Stability:
         held = [name for name in ready.model.cam_contacts if name not in opposed_contacts(ready.model)]
         opened = max((separation(ready.model, response, name, last) for name in held), default=0.0)
     multipliers, why_not = None, "the follower leaves its cam, and the impacts that follow need not repeat"
-    if opened <= OPEN:
+    if opened <= OPEN or not spring_held_contacts(ready.model):
         multipliers, why_not = _floquet_multipliers(case)
     met, why_no_modes = (), ""
     try:

@@ -338,7 +338,7 @@ def check_model(case: Case, model: Model, problem: Problem, scheme: Method) -> I
 _MAX_DOFS = 3000  # maximum number of degrees of freedom for which the start of a run is computed to check its contacts
 
 _MIN_COSINE = 0.98  # cosine of the angle of a spring to the motion of a point, below which the spring is oblique
-_SEAT_DEPTH = 0.02  # compression of a closed seat relative to the lift of a cam, from which it is reported
+_CONTACT_DEPTH = 0.02  # compression of a seat or cam relative to the lift, from which it is reported
 _LIFT_TOLERANCE = 1e-9  # lift relative to its maximum from which a cam counts as off its base circle
 _OVERSHOOT_TOLERANCE = 0.01  # overshoot relative to the initial motion from which it is reported: flexcam's choice
 
@@ -369,6 +369,10 @@ def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
         if closed[contact.cam] and float(first.channels[f"contacts.{name}.force"][0]) <= 0.0:
             why, lost = "no spring pushes the follower against its cam on the base circle", True
             yield f"Warning: contacts.{name}: {why}; check the installed_force and the direction of the springs"
+        depth = -float(first.channels[f"contacts.{name}.gap"][0])
+        if closed[contact.cam] and depth > _CONTACT_DEPTH * model.cams[contact.cam].event.height:
+            why = f"on the base circle the follower sinks {format_quantity('m', depth, digits=3)} into its cam"
+            yield f"Warning: contacts.{name}: {why}; check its stiffness and the unit"
     for name in seats if closed and all(closed.values()) and not lost else ():
         if float(first.channels[f"contacts.{name}.force"][0]) <= 0.0:
             why = "no spring holds the valve on its seat with the cams on their base circles"
@@ -377,7 +381,7 @@ def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
             max(cam.event.height for cam in model.cams.values()),
             -float(first.channels[f"contacts.{name}.gap"][0]),
         )
-        if depth > _SEAT_DEPTH * lift:
+        if depth > _CONTACT_DEPTH * lift:
             why = f"the closed valve sinks {format_quantity('m', depth, digits=3)} into its seat"
             yield f"Warning: contacts.{name}: {why}; check its stiffness and the unit"
     for name in lashes if closed and all(closed.values()) else ():

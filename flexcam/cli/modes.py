@@ -77,9 +77,9 @@ def modes(
     case: cli.CaseFile, *,
     count: Annotated[int, Parameter(help="Number of modes, from the lowest.")] = 12,
     prestress: Annotated[Literal["rest", "equilibrium"] | None, Parameter(
-        help="Include the axial forces of all members in the modes with contacts open: as installed (rest), or under "
-        "all loads (equilibrium). Modes with contacts closed always include the axial forces of members "
-        "with geometric_stiffness.")] = None,
+        help="Stiffness from axial forces in the modes with contacts open: as installed (rest), or under all loads "
+        "(equilibrium); none by default. The modes with contacts closed have it for members with "
+        "geometric_stiffness.")] = None,
     mac: Annotated[Path | None, Parameter(
         help="Second case file, whose modes are compared by the modal assurance criterion.")] = None,
     folder: Annotated[Path | None, Parameter(
@@ -151,8 +151,8 @@ _MODES, _RESPONSE = Group("Natural modes", sort_key=1), Group("Orders of the res
 _MAX_ORDER = 1000  # the harmonics of a lift are below a thousandth of the maximum long before
 _MAX_TABLE_ORDERS = 8  # in the table: those with the largest amplitudes
 _DASH = (
-    "-: at this speed a different set of contacts is closed at full lift, so this mode does not exist. A mode that "
-    "exists only at some speeds has a separate row."
+    "-: the mode does not exist at this speed, because other contacts are closed at full lift; one with - at both ends "
+    "exists only in between."
 )
 
 
@@ -201,7 +201,8 @@ def _orders_table(found: Waterfall, scale: float) -> Table:
         cells = (format_number(0.0 if sizes[n] < rounding else sizes[n], 4) for n in (0, *shown))
         rows.append((f"{scale * rpm:.6g}", *cells, shares))
     what = f"acceleration of {found.signal.name}" if found.signal.probe else found.signal.name
-    title = f"Orders of {what}, {found.unit}, in the last revolution: largest of {found.amplitudes.shape[1] - 1}"
+    count = f"the largest {len(shown)} of {found.amplitudes.shape[1] - 1}"
+    title = f"Orders of {what}, {found.unit}, in the last revolution: {count}"
     head = (f"{shaft_name(scale)} rpm", "mean", *(f"order {n}" for n in shown), "change per revolution")
     return plain_table(title, head, rows)
 
@@ -277,9 +278,7 @@ def modes_over_speed(
         found = find_crossings(case, speeds, orders=orders, modes=count, contact=contact, advance=shown)
     incomplete = _describe_incomplete_runs(found.statuses, found.rpm, scale)
     weak = ", ".join(str(n) for n in orders if n not in found.lifts)
-    left_out = (
-        [f"Left out: orders with less than 2 % of the largest order of the cam's acceleration ({weak})"] if weak else []
-    )
+    left_out = [f"Orders below 2 % of the largest one in the cam's acceleration are left out: {weak}"] if weak else []
     dash = [_DASH] if any(np.isnan(found.frequencies[i]).any() for i in (0, -1) if found.statuses[i].ok) else []
     parts = [
         _modes_table(found, scale), *dash, _crossing_table(found, scale), *left_out, *explain_planes(found.words),

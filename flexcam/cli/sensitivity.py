@@ -118,8 +118,8 @@ def _derivatives(
     words += _name_modes(asked.case, names)
     if exact and asked.case.record.run.integrator is None:
         words.append(
-            "The exact derivatives and their values are those of a run with Newmark's method, the only one that has "
-            "them. flexcam run may use another method by default."
+            "Exact derivatives exist only with Newmark's method; the values above come from such a run, "
+            "and those of flexcam run may differ slightly."
         )
     rows = [
         {

@@ -127,8 +127,8 @@ def reraise_interrupt(status: Status) -> None:
 
 NOT_POSITIVE = Status(
     Cause.SINGULAR, "the stiffness is not positive",
-    "check whether the contacts that hold it are open there, or whether the force on it is too large "
-    "(a member buckles, a lever folds over)",
+    "check whether the contacts that hold them are open, or whether the force is too large (a member buckles, a lever "
+    "folds over)",
 )  # fmt: skip
 """Status of an indefinite stiffness without details."""
 
@@ -154,11 +154,12 @@ def instability_status(names: Sequence[str], motion: FloatArray, parts: Iterable
     """Return the status of an indefinite stiffness."""
     sizes = np.abs(motion) / max(float(np.abs(motion).max(initial=0.0)), np.finfo(float).tiny)
     order: list[int] = np.argsort(-np.round(sizes, _DIGITS), kind="stable").tolist()
-    along = f"along {', '.join(names[i] for i in order[:_MAX_NAMES])}"
+    moved = ", ".join(names[i] for i in order[:_MAX_NAMES])
     energies: dict[str, float] = defaultdict(float)  # all elements of a member have its name
     for name, part in parts:
         energies[name] += float(motion @ part.times(motion))
     worst = min(energies.values(), default=0.0)
     to_blame = [name for name, energy in energies.items() if energy < 0.0 and energy <= _ALSO * worst]
-    what = f"the unstable part is {' and '.join(to_blame)}, {along}" if to_blame else f"the instability is {along}"
+    force = f"the force in {' and '.join(to_blame)}" if to_blame else "a force"
+    what = f"{force} pushes {moved} aside, and nothing holds them"
     return replace(NOT_POSITIVE, text=f"{NOT_POSITIVE.text}: {what}")

@@ -235,7 +235,7 @@ def comparison_table(comparison: Comparison, turns: float = 1.0) -> Table:
         figures = [f"{scale * v:.4g}" for v in (one.rigid_peak, one.flexible_peak, one.peak, one.rms)]
         part = one.relative_peak
         share = format_decimals(part, 3) if part >= _MIN_FRACTION else f"{remove_noise(part, 1.0):.2g}"
-        rows.append((f"{one.quantity}, {unit}", *figures, share, f"{one.angle_deg:.1f}"))
+        rows.append((f"{one.quantity}, {unit}", *figures, share, f"{one.angle_deg % 360.0:.1f}"))
     one, other = comparison.names
     head = ("", f"{other} peak", f"{one} peak", "peak deviation", "rms deviation", f"deviation / {other}", "at cam deg")
     speed = shaft_speed(comparison.speed_rpm * RPM, turns)
@@ -250,7 +250,7 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
     other = comparison.names[1]
     deviation = f"{comparison.probe} deviates by up to {peak} of the range of the {other} motion (rms {rms})."
     angle, lift = comparison.peak_acceleration_deg % 360.0, 100.0 * comparison.peak_lift
-    there = f"at cam {angle:.1f} deg, with the {other} motion at {lift:.3g} % of its range"
+    there = f"at cam {angle:.1f} deg, where the {other} motion is {lift:.3g} % of its range above its minimum"
     said = [f"{deviation} Its peak acceleration is {ratio} times the {other} one; it occurs {there}."]
     if mode_hz is not None:
         nearest = "The nearest mode that the cam force excites is at"
@@ -458,7 +458,7 @@ def _limit_range(limit: Limit, scale: float) -> str:
 LIMITS_LEGEND = (
     "A run has six revolutions; an event in any of the last five counts. uncertainty: width of the bisection; wider if "
     "runs just above the limit do not show the event, or runs just below it do. occurs at: "
-    "speeds with the event, among the limit and the next three speeds, 5 % apart; higher speeds are not examined"
+    "the limit and the next three speeds, 5 % apart, as far as the event occurs there; higher speeds are not examined"
 )
 
 

@@ -48,7 +48,7 @@ from flexcam.fem.rigid_bodies import scalar_matrix
 from flexcam.valvetrain.loads import series_stiffness
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Adjuster, Lash, PublishedLoad
-from flexcam.valvetrain.structure import Structure, build_structure, spring_parts, stop_row, superelement_dofs
+from flexcam.valvetrain.structure import Structure, build_structure, scalar_inertias, stop_row, superelement_dofs
 from flexcam.valvetrain.system_builder import build_system
 
 _LOCAL = "bending in local x-"  # plane of bending of a member that is not along a global axis
@@ -105,10 +105,23 @@ def model_modes(
                 part = fem_geometric(structure.beams.part(its), force[its], structure.dofs)
                 parts.append((f"members.{name}", part))
         raise RunFailedError(instability_status(structure.dofs.names, failure.motion, parts)) from None
-    motions = np.array([structure.dofs.rigid_motion(structure.model.mesh, unit) for unit in np.eye(6)])
-    effective = dynamics.effective_masses(found, structure.mass, motions)
-    mass = beam.mass(structure.beams)
-    return ModelModes(found, effective, tuple(_shares(structure, shape, mass) for shape in found.shapes.T))
+    effective = (found.shapes.T @ _base_inertia(structure)) ** 2
+    return ModelModes(found, effective, _shares(structure, found.shapes))
+
+
+def _base_inertia(structure: Structure) -> FloatArray:
+    """Return the inertia forces M r on the unknowns per unit acceleration of the base along r, shape (n, 6).
+
+    The effective mass of a mass-orthonormal mode is ``(phi^T M r)^2``: R. W. Clough and J. Penzien, Dynamics of
+    Structures, 3rd ed. (2003), sec. 26-2. Over all modes it sums to the mass of the free components along r.
+    The frame and with it all pivots move. A rocker then does not rotate, and masses at its points translate.
+    """
+    motions = [structure.dofs.rigid_motion(structure.model.mesh, unit) for unit in np.eye(6)]
+    found = np.array([structure.mass.times(motion) for motion in motions]).T
+    for one in (one for parts in scalar_inertias(structure).values() for one in parts):
+        for axis, along in enumerate(one.direction.tolist()):
+            found[:, axis] += one.mass * one.row * (along - float(one.row @ motions[axis]))
+    return found
 
 
 def _unstressed_motions(free: FloatArray, geometric: Triplets, stiffness: Triplets) -> FloatArray:
@@ -120,44 +133,38 @@ def _unstressed_motions(free: FloatArray, geometric: Triplets, stiffness: Triple
     return free @ vectors[:, np.abs(values) <= 1e-12 * size]
 
 
-def _shares(structure: Structure, shape: FloatArray, mass: FloatArray) -> dict[str, float]:
-    """Return the kinetic energy of every part as a fraction (mass-orthonormal shapes have 1/2)."""
-    model, nodal = structure.model, structure.dofs.nodal(shape)
-    shares = _member_shares(structure, nodal, mass)
+def _shares(structure: Structure, shapes: FloatArray) -> tuple[dict[str, float], ...]:
+    """Return the kinetic energy of every part as a fraction, one dict per mode; shapes are mass-orthonormal."""
+    model, nodal = structure.model, structure.dofs.nodal(shapes.T)
+    shares = _member_shares(structure, nodal)
     for name, part in model.masses.items():
-        if part.at in model.rocker_points:
-            shares[f"mass {name}"] = part.body.mass * float(structure.row(part.at, np.zeros(6)) @ shape) ** 2
-        else:
-            motion = nodal[model.mesh.node(part.at)]
-            shares[f"mass {name}"] = float(motion @ part.body.matrix() @ motion)
+        if structure.is_node(part.at):
+            motion = nodal[:, model.mesh.node(part.at)]
+            shares[f"mass {name}"] = np.einsum("ki,ij,kj->k", motion, part.body.matrix(), motion)
     for name, body in model.superelements.items():
         numbers = superelement_dofs(structure, name)
-        motion = np.where(numbers >= 0, shape[numbers], 0.0)
-        shares[f"superelement {name}"] = float(motion @ body.mass @ motion)
-    for name, rocker in model.rockers.items():
-        shares[f"rocker {name}"] = rocker.inertia * (float(structure.path(rocker) @ shape) / rocker.arms[0]) ** 2
-    for name, spring in model.springs.items():
-        if spring.mass > 0.0:
-            ends = ((float(a @ shape), float(b @ shape)) for a, b in spring_parts(structure, name, spring))
-            parts = zip(spring.parts, ends, strict=True)
-            shares[f"spring {name}"] = sum(part.mass * (a * a + a * b + b * b) for part, (a, b) in parts) / 3.0
-    return shares
+        motion = np.where(numbers[:, None] >= 0, shapes[numbers], 0.0)
+        shares[f"superelement {name}"] = np.einsum("ik,ij,jk->k", motion, body.mass, motion)
+    for name, parts in scalar_inertias(structure).items():
+        shares[name] = np.sum([one.mass * (one.row @ shapes) ** 2 for one in parts], axis=0)
+    rows = np.array([*shares.values()]).reshape(len(shares), -1).T.tolist()
+    return tuple(dict(zip(shares, row, strict=True)) for row in rows)
 
 
-def _member_shares(structure: Structure, nodal: FloatArray, mass: FloatArray) -> dict[str, float]:
-    beams = structure.beams
-    ends = nodal[beams.nodes].reshape(-1, 4, 3)
-    local = np.einsum("eij,ekj->eki", beams.triads, ends).reshape(-1, 2 * len(COMPONENTS))
-    shares: dict[str, float] = {}
+def _member_shares(structure: Structure, nodal: FloatArray) -> dict[str, FloatArray]:
+    beams, mass = structure.beams, beam.mass(structure.beams)
+    ends = nodal[:, beams.nodes].reshape(len(nodal), -1, 4, 3)
+    local = np.einsum("eij,nekj->neki", beams.triads, ends).reshape(*ends.shape[:2], 2 * len(COMPONENTS))
+    shares: dict[str, FloatArray] = {}
     energies = [
-        np.einsum("ei,eij,ej->e", local[:, places], mass[:, places[:, None], places], local[:, places])
+        np.einsum("nei,eij,nej->ne", local[..., places], mass[:, places[:, None], places], local[..., places])
         for places in (beam.AXIAL, beam.TORSION, beam.PLANE_XY, beam.PLANE_XZ)
     ]
     for member, elements in structure.model.mesh.element_ranges().items():
         along, y, z = (_global_axis(beams.triads[elements, k]) for k in range(3))
         kinds = "axial", "torsion", _bending(along, y, "y"), _bending(along, z, "z")
         for kind, energy in zip(kinds, energies, strict=True):
-            shares[f"{member} {kind}"] = float(energy[elements].sum())
+            shares[f"{member} {kind}"] = energy[:, elements].sum(axis=1)
     return shares
 
 

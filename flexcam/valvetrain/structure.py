@@ -193,18 +193,43 @@ def _masses(bare: Structure) -> Iterator[Triplets]:
     for name, part in bare.model.masses.items():
         if bare.is_node(part.at):
             yield mass_at(find_node(bare.model, part.at, f"masses.{name}.at"), part.body, bare.dofs)
-            continue
-        if any((*part.body.inertia, *part.body.products, *part.body.offset)):
+        elif any((*part.body.inertia, *part.body.products, *part.body.offset)):
             given, why = "inertia or offset at a rocker's point", "a lumped rocker moves its point along one line"
             raise refuse(f"masses.{name}", given, "a mass alone", why, "leave them out")
-        yield scalar_matrix(bare.row(part.at, np.zeros(6)), part.body.mass)
-    for rocker in bare.model.rockers.values():
-        yield scalar_matrix(bare.path(rocker), rocker.inertia / rocker.arms[0] ** 2)
-    for name, spring in bare.model.springs.items():
+    yield from (scalar_matrix(one.row, one.mass) for parts in scalar_inertias(bare).values() for one in parts)
+
+
+@dataclass(frozen=True, eq=False)
+class ScalarInertia:
+    """Mass on one scalar motion: at a rocker's point, of a rocker, or of a part of a spring."""
+
+    row: FloatArray  #: shape (n,)
+    mass: float  #: kg
+    direction: FloatArray  #: translation in space per motion of the scalar, shape (3,); zeros if nothing translates
+
+
+def scalar_inertias(structure: Structure) -> dict[str, list[ScalarInertia]]:
+    """Return the masses on scalar motions by part, such as ``rocker intake``."""
+    model, still = structure.model, np.zeros(3)
+    found: dict[str, list[ScalarInertia]] = {}
+    for name, part in model.masses.items():
+        if not structure.is_node(part.at):
+            along = model.rocker_points[part.at].direction[:3]
+            found[f"mass {name}"] = [ScalarInertia(structure.row(part.at, np.zeros(6)), part.body.mass, along)]
+    for name, rocker in model.rockers.items():
+        found[f"rocker {name}"] = [ScalarInertia(structure.path(rocker), rocker.inertia / rocker.arms[0] ** 2, still)]
+    for name, spring in model.springs.items():
         if spring.mass > 0.0:
-            for part, (low, high) in zip(spring.parts, spring_parts(bare, name, spring), strict=True):
-                # consistent: m/6 [2 1; 1 2]
-                yield scalar_matrix(low + high, 0.25 * part.mass) + scalar_matrix(high - low, part.mass / 12.0)
+            parts = zip(spring.parts, spring_parts(structure, name, spring), strict=True)
+            found[f"spring {name}"] = [
+                one
+                for part, (low, high) in parts  # consistent: m/6 [2 1; 1 2]
+                for one in (
+                    ScalarInertia(0.5 * (low + high), part.mass, spring.direction[:3]),
+                    ScalarInertia(high - low, part.mass / 12.0, still),
+                )
+            ]
+    return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -217,3 +217,13 @@ def test_too_few_steps_for_the_orders_are_named(flexcam, steps, said):
 def test_as_many_steps_as_the_orders_need(flexcam, steps):
     told = ("--response", "--lowest", "500rpm", "--count", "2", "--set", f"run.steps_per_revolution={steps}")
     assert flexcam("campbell", PUBLISHED, *told).code == (0 if steps == 49 else 2)
+
+
+@pytest.mark.slow
+def test_waves_in_a_spring_do_not_change_its_modes(flexcam):
+    """The coils that touch at full lift are those at rest, at every speed."""
+    case = flexcam("new", "finger-follower", "--json").json["files"][0]
+    told = flexcam("campbell", case, "--lowest", "4000rpm", "--highest", "6000rpm", "--count", "3", "--json").json
+    surge = told["modes"][0]
+    assert surge["moves"].startswith("spring valve")
+    assert surge["frequencies_hz"] == pytest.approx(3 * [605.8], rel=1e-3)

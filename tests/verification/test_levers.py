@@ -279,9 +279,7 @@ def test_a_lever_that_folds_over_is_named(fingered, angle, folds):
     with pytest.raises(RunFailedError) as refusal:
         prepare(soft)
     told = refusal.value.status
-    assert told.text.startswith(
-        "the stiffness is not positive: the unstable part is rockers.rocker.to, along valve, pad"
-    )
+    assert told.text.startswith("the stiffness is not positive: the force in rockers.rocker.to pushes valve, pad")
 
 
 def test_modes_name_what_gives_way(fingered):
@@ -290,6 +288,6 @@ def test_modes_name_what_gives_way(fingered):
     structure = build_structure(build_model(case))
     turn = structure.row("pad", np.zeros(6))
     held = [(name, Triplets.outer(turn, turn, size)) for name, size in (("seat", 1e5), ("arm", -1e9), ("tip", -1e7))]
-    with pytest.raises(RunFailedError, match="the unstable part is arm, along"):
+    with pytest.raises(RunFailedError, match="the force in arm pushes"):
         model_modes(structure, held=held)
     assert model_modes(structure, held=held[:1]).modes.omegas[0] > 0.0
