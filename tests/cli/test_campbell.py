@@ -219,7 +219,6 @@ def test_as_many_steps_as_the_orders_need(flexcam, steps):
     assert flexcam("campbell", PUBLISHED, *told).code == (0 if steps == 49 else 2)
 
 
-@pytest.mark.slow
 def test_waves_in_a_spring_do_not_change_its_modes(flexcam):
     """The coils that touch at full lift are those at rest, at every speed."""
     case = flexcam("new", "finger-follower", "--json").json["files"][0]
