@@ -39,6 +39,7 @@ from flexcam.valvetrain import (
     ResolutionSink,
     build_structure,
     compressed_members,
+    model_modes,
     stiff_struts,
 )
 
@@ -268,6 +269,25 @@ def describe_change(change: RevolutionChange) -> str:
 
 
 _SAME_STRESS = 0.02  # relative change of a stress that is not mentioned
+
+
+def describe_decay(ready: PreparedRun, member: str) -> str:
+    """Return how slowly the lowest mode of a member decays; empty if within a revolution, or without such a mode."""
+    found = model_modes(build_structure(ready.model))
+    for i in range(found.modes.rigid, len(found.modes.omegas)):
+        own = sum(share for part, share in found.shares[i].items() if part.startswith(f"{member} "))
+        if own > _OWN_MODE:
+            shape = found.modes.shapes[:, i]
+            rate = 0.5 * float(shape @ ready.problem.system.damping.times(shape))
+            mode = f"its lowest mode, {found.words(i)} at {found.modes.frequencies[i]:.4g} Hz"
+            if rate <= 0.0:
+                return f"{mode}, is not damped"
+            turns = 1.0 / (rate * ready.revolution)
+            return f"{mode}, decays to 37 % in {turns:.3g} revolutions" if turns > 1.0 else ""
+    return ""
+
+
+_OWN_MODE = 0.5  # share of the kinetic energy from which a mode belongs to a member
 
 
 def _has_member_dofs(ready: PreparedRun) -> bool:

@@ -186,7 +186,7 @@ _WORDS = {
     "broken off": "the run at this speed ended early; its contacts are assessed up to there",
     "numerical": "the time integration is unstable: use a smaller step or an unconditionally stable integrator",
     "parametric": "a disturbance of the periodic motion grows by the multiplier in each revolution",
-    "resonance": "a harmonic of the cam excites a mode, with more than 5 % of the maximum cam force",
+    "resonance": "within 3 % of the speed a harmonic of the cam meets a mode with 5 % of the maximum cam force or more",
     "contact loss": "the follower leaves its cam during the lift",
     "chatter": "impacts change the motion, the force or a stress from revolution to revolution",
     _HARMLESS: "rounding errors grow at impacts, but the motion hardly changes between revolutions",
@@ -199,6 +199,9 @@ def _stability_table(found: Stability, scale: float, contacts: set[str]) -> Tabl
     skipped += ["resonances"] if found.why_no_modes else []
     stable = "none: no cause of instability found"
     stable += f"; {' and '.join(skipped)} could not be assessed" if skipped else ""
+    stable += (
+        "; no harmonic meets a mode within 3 % of the speed with 5 % of the maximum cam force" if found.within else ""
+    )
     several = len({one.contact for one in found.resonances}) > 1
     pulled = {"contact loss": "the contact would have to pull the follower"} if contacts == {"bilateral"} else {}
     words = {**_WORDS, **pulled}
@@ -339,6 +342,8 @@ def stability(
         f"Not assessed at {', '.join(f'{speed:.6g}' for speed, other in missing if other == why)} rpm: {why}."
         for why in dict.fromkeys(why for _, why in missing)
     ]
+    verdicts = dict.fromkeys(verdict for one in every for verdict in _verdict(one))
+    words += [f"{verdict}: {_WORDS[verdict]}." for verdict in verdicts]
     return cli.CommandOutput(
         [_growth_table(every, scale, contacts), *words],
         {"speeds": [_stability_json(one, scale) for one in every]}, title=read.title,

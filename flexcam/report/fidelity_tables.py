@@ -26,10 +26,11 @@ TRADE_LEGEND = (
 
 def trade_table(against: Reference, found: Sequence[ModelEvaluation]) -> Table:
     """Return the table of a case's model ladder."""
-    kinds = error_kinds(against)
+    kinds, ranks = error_kinds(against), not _rough_quantities(against)
     rows = [
-        ("*" if one.best else "", one.rung, str(one.steps), str(one.unknowns), f"{one.work:.3g}", f"{one.seconds:.3g}",
-         *(_percent(one.errors.get(kind)) for kind in kinds), "" if one.status.ok else str(one.status.cause))
+        ("*" if one.best and ranks else "", one.rung, str(one.steps), str(one.unknowns), f"{one.work:.3g}",
+         f"{one.seconds:.3g}", *(_percent(one.errors.get(kind)) for kind in kinds),
+         "" if one.status.ok else str(one.status.cause))
         for one in found
     ]  # fmt: skip
     own = reference_errors(against)
@@ -54,14 +55,19 @@ def _percent(share: float | None) -> str:
     return "" if share is None else f"{float(f'{100.0 * share:.2g}'):g}"  # 110 instead of 1.1e+02
 
 
+def _rough_quantities(against: Reference) -> list[str]:
+    """Return the quantities in which the reference has a large error, with this error."""
+    shares = reference_errors(against).items()
+    return [f"{name} ({_percent(share)} %)" for name, share in shares if share > _REFERENCE_ERROR_TOLERANCE]
+
+
 def trade_warnings(against: Reference, found: Sequence[ModelEvaluation]) -> list[str]:
     """Return warnings about a rough reference, and about models that were not run, with the first reason."""
     said: list[str] = []
-    shares = reference_errors(against).items()
-    rough = [f"{name} ({_percent(share)} %)" for name, share in shares if share > _REFERENCE_ERROR_TOLERANCE]
-    if rough:
+    if rough := _rough_quantities(against):
         unsure = f"Warning: the reference itself has a large error in {', '.join(rough)}"
-        said.append(f"{unsure}: bounces, or motions that its steps do not resolve; do not rank models by these errors")
+        why = "bounces, or motions that its steps do not resolve"
+        said.append(f"{unsure}: {why}; models are not ranked by these errors; compare their other columns")
     refused = [one for one in found if one.status.cause is Cause.REFUSED]
     if refused:
         models = {one.rung: [str(other.steps) for other in refused if other.rung == one.rung] for one in refused}

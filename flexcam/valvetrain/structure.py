@@ -48,7 +48,8 @@ class Structure:
             if abs(along) < _ACROSS:
                 given, own = _format_direction(direction), _format_direction(rocker.direction)
                 why = f"{point!r} moves only along {own}, because a rocker defines it"
-                raise refuse(where, f"a direction along {given}", f"a direction along {own}", why)
+                key = f"{where.rpartition('.')[0]}.direction" if "." in where else where
+                raise refuse(key, f"a direction along {given}", f"a direction along {own}", why)
             if point in self.model.loose_points:
                 return along * self.dofs.unit(point)
             return along * self.reach(rocker)

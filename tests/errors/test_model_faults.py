@@ -33,7 +33,7 @@ UNDERCUT = (('lift = "6 mm"', 'lift = "40 mm"'), ["cams.intake.base_radius"])
 INERTIA = (('mass = "0.09 kg"', 'mass = "0.09 kg", inertia = [1e-5, 1e-5, 1e-5]'), ["masses.valve"])
 ACROSS = (
     ("[springs.tappet]", '[springs.more]\nat = "valve"\ndirection = "ux"\nstiffness = "1 N/m"\n[springs.tappet]'),
-    ["springs.more.at"],
+    ["springs.more.direction"],
 )
 STOP = (
     (
