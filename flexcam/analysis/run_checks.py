@@ -171,17 +171,17 @@ def _check_shared_lobes(model: Model) -> Iterator[str]:
 
 
 def _check_follower_nodes(model: Model) -> Iterator[str]:
-    """Yield the followers beside their cam, and the translating ones that are not at its base circle."""
+    """Yield the followers that miss their cam along the shaft, and translating ones away from its base circle."""
     for name, one in model.cam_contacts.items():
         cam, points = model.cams[one.cam], model.mesh.points
         follower = cam.follower
         if not {cam.at, one.follower} <= points.keys():
             continue
         centre, node = (model.mesh.nodes[points[point][0]] for point in (cam.at, one.follower))
-        beside = abs(float((node - centre) @ one.shaft_axis))
-        if cam.width is not None and beside > cam.width:
-            apart, width = (format_quantity("m", size) for size in (beside, cam.width))
-            place = f"node {one.follower} is {apart} beside the cam along the shaft, and the cam is {width} wide"
+        apart = abs(float((node - centre) @ one.shaft_axis))
+        if cam.width is not None and apart > cam.width:
+            away, width = (format_quantity("m", size) for size in (apart, cam.width))
+            place = f"node {one.follower} is {away} from the cam along the shaft, and the cam is {width} wide"
             yield f"Warning: contacts.{name}: {place}; check both nodes"
         if not isinstance(follower, FlatFollower | RollerFollower):
             continue

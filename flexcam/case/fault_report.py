@@ -48,7 +48,7 @@ class KeyLocations:
     def place(self, path: Path) -> str:
         """Return a key path with the source of its nearest listed ancestor; a copy has the source of its template.
 
-        A table without a line of its own has that of its first key.
+        A table without a line has that of its first key.
         """
         for end in range(len(path), 0, -1):
             if path[:end] in self.notes:

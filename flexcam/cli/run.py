@@ -146,7 +146,7 @@ def _describe_run(
         chatters, more = change.force > CHATTER and not excitation_without_period(case), ""
         if chatters or change.stress_change > GROWTH:
             what = "contact force" if chatters else "stress"
-            more = f"; run more revolutions until the {what} settles, or take its largest value of several revolutions"
+            more = f"; run more revolutions until the {what} repeats, or take its largest value of several revolutions"
             slow = run_checks.describe_decay(ready, change.member) if change.stress_change > GROWTH else ""
             more += f". {change.member}: {slow}" if slow else ""
         parts.append(f"Difference between the last two revolutions: {run_checks.describe_change(change)}{more}")

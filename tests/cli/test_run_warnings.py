@@ -285,7 +285,7 @@ def test_stresses_at_instants_that_miss_the_maximum_are_called_too_low(flexcam, 
     [
         ('"60 MN/m"', '"60 kN/m"', "contacts.seat: the closed valve sinks 0.261 mm into its seat"),
         ('stiffness = "hertz"', 'stiffness = "20 kN/m"', "the follower sinks"),
-        ('cam = ["120 mm"', 'cam = ["150 mm"', "node tappet is 30 mm beside the cam along the shaft"),
+        ('cam = ["120 mm"', 'cam = ["150 mm"', "node tappet is 30 mm from the cam along the shaft"),
     ],
 )
 def test_a_soft_seat_and_a_follower_beside_its_cam(engine, flexcam, old, new, warning):
