@@ -272,7 +272,7 @@ _SAME_STRESS = 0.02  # relative change of a stress that is not mentioned
 
 
 def describe_decay(ready: PreparedRun, member: str) -> str:
-    """Return how slowly the lowest mode of a member decays; empty if within a revolution, or without such a mode."""
+    """Return the decay of the lowest mode of a member; empty if within a revolution, or without such a mode."""
     found = model_modes(build_structure(ready.model))
     for i in range(found.modes.rigid, len(found.modes.omegas)):
         own = sum(share for part, share in found.shares[i].items() if part.startswith(f"{member} "))
