@@ -227,7 +227,7 @@ class CaseFile:
     def complete_refusal(self, refusal: InputError, overrides: Sequence[str] = ()) -> InputError:
         """Return an error with the faults of all other parts added: faulty ones are left out until none is found."""
         raw, places, first = self.complete(overrides)
-        tables = self._corrected(raw)
+        tables = self._correct_keys(raw)
         mesh, mesh_faults = self._mesh(tables, places)
         _, faults, others = self._check(raw, mesh, places)
         found = dict.fromkeys([*refusal.faults, *first, *mesh_faults, *faults, *others])
@@ -242,17 +242,17 @@ class CaseFile:
                 break
         return InputError(sort_faults(found))
 
-    def _corrected(self, raw: Mapping[str, Any]) -> dict[str, Any]:
+    def _correct_keys(self, raw: Mapping[str, Any]) -> dict[str, Any]:
         """Return tables in which keys that are meant replace misspelt ones."""
         tables, misspelt = correct_keys(_validate(CaseRecord, raw, self.path)[1], raw, CaseRecord)
-        return self._corrected(tables) if misspelt else tables
+        return self._correct_keys(tables) if misspelt else tables
 
     def _check(
         self, raw: Mapping[str, Any], mesh: Mesh | None, places: KeyLocations, overrides: Sequence[str] = ()
     ) -> tuple[Case | None, list[Fault], list[Fault]]:
         """Return the case of some tables, the faults of their values, and those of their references."""
         record, faults = _record(CaseRecord, raw, places, self.path, self.files)
-        tables = RawTables(raw if record else self._corrected(raw), mesh, places)
+        tables = RawTables(raw if record else self._correct_keys(raw), mesh, places)
         others = [*tables.exclusive_key_faults()]
         if "repeat" not in raw:  # otherwise names and places of the copies are unknown
             others += [*tables.reference_faults(), *tables.coincident_node_faults()]
