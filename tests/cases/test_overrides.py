@@ -35,7 +35,7 @@ def test_a_number_in_a_table_of_a_list_is_laid_over_by_its_position():
 
 
 @pytest.mark.parametrize(
-    ("key", "given"), [("coils.2.turns", "'2'"), ("coils.0.turns.1", "a key of 'turns'"), ("coils.0", "3")]
+    ("key", "given"), [("coils.2.turns", "'2'"), ("coils.0.turns.1", "key '1'"), ("coils.0", "3")]
 )
 def test_no_place_in_a_list_of_tables(key, given):
     with pytest.raises(InputError) as refusal:
