@@ -34,9 +34,7 @@ def test_a_number_in_a_table_of_a_list_is_laid_over_by_its_position():
     assert table == [(0.0, 0.0), (0.02, 700.0)]
 
 
-@pytest.mark.parametrize(
-    ("key", "given"), [("coils.2.turns", "'2'"), ("coils.0.turns.1", "key '1'"), ("coils.0", "3")]
-)
+@pytest.mark.parametrize(("key", "given"), [("coils.2.turns", "'2'"), ("coils.0.turns.1", "key '1'"), ("coils.0", "3")])
 def test_no_place_in_a_list_of_tables(key, given):
     with pytest.raises(InputError) as refusal:
         read_case(PUBLISHED, [COILS, f"springs.valve.{key}=3"])
