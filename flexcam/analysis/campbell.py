@@ -107,7 +107,10 @@ def _stiffness_at_full_lift(ready: PreparedRun, response: Response, event: Event
     if not any(name.endswith(_COILS) for name, _ in moving):
         return moving
     # which coils touch changes with every wave in a spring: the modes are those of the coils that touch at rest
-    still = equilibrium(system, ready.problem.drive, float(motion.time[0])).displacement[None]
+    try:
+        still = equilibrium(system, ready.problem.drive, float(motion.time[0])).displacement[None]
+    except RunFailedError:  # such as a shaft within the backlash of its gear
+        return moving
     at_rest = dict(contact_stiffness(system, motion, still, np.zeros_like(still)))
     return [(name, at_rest[name] if name.endswith(_COILS) else part) for name, part in moving]
 

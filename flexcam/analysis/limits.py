@@ -210,8 +210,8 @@ def _bisect_limit(name: str, words: str, search: Search) -> Generator[float, Con
         low = high
     else:
         return Limit(None, width, f"not reached up to the highest speed of the search; criterion: {words}")
-    above, examined, failure = yield from _bands(name, high, search)
-    low = low or high
+    above, examined, failed_above = yield from _bands(name, high, search)
+    low, failure = low or high, ""
     while high - low > search.tolerance and low < search.highest and high > search.lowest:
         middle = 0.5 * (low + high)
         answers = yield middle
@@ -227,12 +227,14 @@ def _bisect_limit(name: str, words: str, search: Search) -> Generator[float, Con
     bands = ((lowest, end if end is None else max(lowest, end)), *others)
     if low == high or high <= search.lowest:
         words = f"{words} ({', '.join(parts)}): already at the lowest speed of the search"
-        return Limit(search.lowest / RPM, math.inf, f"{words}{failure}", bands, examined)
+        return Limit(search.lowest / RPM, math.inf, f"{words}{failed_above}", bands, examined)
     if high > search.highest:
         if failure:
             return Limit(None, width, f"{words}: not known up to the highest speed of the search{failure}", known=False)
         return Limit(None, width, f"not reached up to the highest speed of the search; criterion: {words}")
-    found = Limit(high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)}){failure}", bands, examined)
+    found = Limit(
+        high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)}){failure or failed_above}", bands, examined
+    )
     return replace(found, scatter_rpm=(yield from _scatter(name, low, high))) if search.nearby else found
 
 
@@ -331,11 +333,9 @@ def _bouncing_seats(response: Response, ready: PreparedRun, height: float) -> li
     found: list[str] = []
     for revolution, (name, contact) in product(_revolutions(response, ready), ready.model.contacts.items()):
         if isinstance(contact, Seat) and name not in found:
-            came, gap = (
-                valve_seating(ready.model, response, name, revolution),
-                response.channels[f"contacts.{name}.gap"],
-            )
-            if came.height > height if came else float(gap[revolution].max()) > height:  # or the valve never closes
+            came = valve_seating(ready.model, response, name, revolution)
+            opened = float(response.channels[f"contacts.{name}.gap"][revolution].max())
+            if came.height > height if came else opened > height:  # or the valve never closes
                 found.append(name)
     return found
 

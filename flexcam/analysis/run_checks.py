@@ -273,7 +273,7 @@ _SAME_STRESS = 0.02  # relative change of a stress that is not mentioned
 
 def describe_decay(ready: PreparedRun, member: str) -> str:
     """Return the decay of the lowest mode of a member; empty if within a revolution, or without such a mode."""
-    found = model_modes(build_structure(ready.model))
+    found = model_modes(build_structure(ready.model), _DECAY_MODES)
     for i in range(found.modes.rigid, len(found.modes.omegas)):
         own = sum(share for part, share in found.shares[i].items() if part.startswith(f"{member} "))
         if own > _OWN_MODE:
@@ -287,6 +287,7 @@ def describe_decay(ready: PreparedRun, member: str) -> str:
     return ""
 
 
+_DECAY_MODES = 60  # number of the lowest modes among which that of a member is searched for
 _OWN_MODE = 0.5  # share of the kinetic energy from which a mode belongs to a member
 
 

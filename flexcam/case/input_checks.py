@@ -377,10 +377,8 @@ def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
         if float(first.channels[f"contacts.{name}.force"][0]) <= 0.0:
             why = "no spring holds the valve on its seat with the cams on their base circles"
             yield f"Warning: contacts.{name}: {why}; check the direction and the installed_force of its spring"
-        lift, depth = (
-            max(cam.event.height for cam in model.cams.values()),
-            -float(first.channels[f"contacts.{name}.gap"][0]),
-        )
+        lift = max(cam.event.height for cam in model.cams.values())
+        depth = -float(first.channels[f"contacts.{name}.gap"][0])
         if depth > _CONTACT_DEPTH * lift:
             why = f"the closed valve sinks {format_quantity('m', depth, digits=3)} into its seat"
             yield f"Warning: contacts.{name}: {why}; check its stiffness and the unit"

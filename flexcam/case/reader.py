@@ -406,9 +406,11 @@ def _record(
 ) -> tuple[AnyRecord | None, list[Fault]]:
     """Return the checked record, or the faults; a misspelt key counts as the one that is meant."""
     record, errors = _validate(kind, raw, case, files)
+    if record is not None:
+        return record, []
     tables, misspelt = correct_keys(errors, raw, kind)
     if not misspelt:
-        return record, convert_errors(errors, raw, places, kind)
+        return None, convert_errors(errors, raw, places, kind)
     return None, [*convert_errors(misspelt, raw, places, kind), *_record(kind, tables, places, case, files)[1]]
 
 

@@ -226,3 +226,11 @@ def test_waves_in_a_spring_do_not_change_its_modes(flexcam):
     surge = told["modes"][0]
     assert surge["moves"].startswith("spring valve")
     assert surge["frequencies_hz"] == pytest.approx(3 * [605.8], rel=1e-3)
+
+
+def test_modes_of_a_shaft_within_its_backlash(flexcam):
+    """No coils at rest are known without an equilibrium: those of the run count."""
+    case = flexcam("new", "gear-drive", "--json").json["files"][0]
+    told = flexcam("campbell", case, "--lowest", "2000rpm", "--highest", "3000rpm", "--count", "2", "--json").json
+    assert told["modes"]
+    assert told["ended"] == ["done", "done"]

@@ -238,3 +238,20 @@ def test_a_small_valve_bounces_from_less(lift, told, one_mass):
     search = Search(100.0, 101.0, tolerance=10.0, spacing=1.0)
     found = find_limits(read_case(case, QUICK[1:2]), search, among=("bounce",)).limits
     assert found["bounce"].words.endswith(f"criterion: the valve leaves its seat again by more than {told}")
+
+
+@pytest.mark.parametrize(("highest", "rpm"), [(4500.0, 4030.0), (4000.0, None)])
+def test_a_run_that_fails_above_a_limit(one_mass, highest, rpm):
+    """The limit lies at 4030 rpm, and runs above 4300 rpm fail: the limit is known, and a lower range has none."""
+
+    def begin(speeds):
+        return [
+            lambda speed=speed: "ended" if speed > 4300.0 * RPM else {"float": ["k"] * (speed > 4030.0 * RPM)}
+            for speed in speeds
+        ]
+
+    search = Search(3500.0 * RPM, highest * RPM, tolerance=0.5 * RPM)
+    found = find_limits(read_case(one_mass()), search, among=("float",), start=begin).limits["float"]
+    assert found.known
+    assert found.rpm == (rpm and pytest.approx(rpm, abs=0.5))
+    assert ("ended" in found.words) is (rpm is not None)
