@@ -330,7 +330,7 @@ def _with_errors(values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return eigenvalues bounded by rounding, and their relative errors."""
     eps, largest = np.finfo(float).eps, float(values.max(initial=0.0))
     positive = np.maximum(values, max(eps**2 * largest, np.finfo(float).tiny))
-    return positive, len(values) * eps * largest / positive
+    return positive, np.where(values > 0.0, len(values) * eps * largest / positive, np.inf)
 
 
 _EQUAL = 1e-6

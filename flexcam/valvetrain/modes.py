@@ -147,13 +147,13 @@ def _shares(structure: Structure, shapes: FloatArray) -> tuple[dict[str, float],
         shares[f"superelement {name}"] = np.einsum("ik,ij,jk->k", motion, body.mass, motion)
     for name, parts in scalar_inertias(structure).items():
         shares[name] = np.sum([one.mass * (one.row @ shapes) ** 2 for one in parts], axis=0)
-    rows = np.array([*shares.values()]).reshape(len(shares), -1).T.tolist()
+    rows = np.array([*shares.values()]).reshape(len(shares), len(nodal)).T.tolist()
     return tuple(dict(zip(shares, row, strict=True)) for row in rows)
 
 
 def _member_shares(structure: Structure, nodal: FloatArray) -> dict[str, FloatArray]:
     beams, mass = structure.beams, beam.mass(structure.beams)
-    ends = nodal[:, beams.nodes].reshape(len(nodal), -1, 4, 3)
+    ends = nodal[:, beams.nodes].reshape(len(nodal), len(beams.nodes), 4, 3)
     local = np.einsum("eij,nekj->neki", beams.triads, ends).reshape(*ends.shape[:2], 2 * len(COMPONENTS))
     shares: dict[str, FloatArray] = {}
     energies = [

@@ -73,3 +73,11 @@ def test_motion_under_a_sudden_load(beam, elements):
     static = 10.0 * 0.3**3 / (3.0 * 207e9 * math.pi * 0.01**4 / 64.0)
     assert np.isfinite(response["tip"].displacement).all()
     assert np.abs(response["tip"].displacement[:, 1]).max() == pytest.approx(2.0 * static, rel=0.05)
+
+
+def test_model_without_mass_has_no_modes(tmp_path):
+    path = tmp_path / "massless.toml"
+    path.write_text(BEAM.format(elements=2).replace("0.5 kg", "0 kg"), encoding="utf-8")
+    found = modes(read_case(path))
+    assert found.modes.shapes.shape[1] == 0
+    assert found.shares == ()
