@@ -132,7 +132,8 @@ def find_limits(
 ) -> Limits:  # fmt: skip
     """Find the speeds of loss of contact, float, valve bounce, coil clash and pushrod buckling, or some of them.
 
-    `start` begins runs at several speeds at a time, up to `ahead`; by default they follow each other.
+    `start` begins runs at several speeds at a time, up to `ahead`; by default they follow each other. Runs begin
+    at the first speed that each limit needs; free processes run the later speeds of the limit with the most.
     """
     model = _checked_model(case)
     conditions = _conditions(model, search).items()
@@ -144,15 +145,18 @@ def find_limits(
     searches = {name: _bisect_limit(name, words, search) for name, words in described.items()}
     wanted = {name: next(one) for name, one in searches.items()}
     while wanted:
-        missing = [speed for speed in dict.fromkeys(wanted.values()) if speed not in seen]
-        later = [speed for speed in search.speeds() if speed > max(wanted.values())] if missing else []
-        begun = [speed for speed in (*missing, *later[: max(ahead - len(missing), 0)]) if speed not in pending]
+        needed = [speed for speed in dict.fromkeys(speeds[0] for speeds in wanted.values()) if speed not in seen]
+        begun = [speed for speed in needed if speed not in pending]
+        later = [speed for speed in max(wanted.values(), key=len)[1:] if speed not in pending and speed not in begun]
+        begun += later[: max(ahead - len(begun) - len(pending.keys() - seen.keys()), 0)]
         pending.update(zip(begun, start(begun) if start else [partial(serial, speed) for speed in begun], strict=True))
-        for speed in track_progress(missing, advance):
+        for speed in track_progress([speed for speed in pending if speed in needed][:1], advance):
             seen[speed] = pending[speed]()
-        for name, speed in list(wanted.items()):
+        for name, speeds in list(wanted.items()):
+            if speeds[0] not in seen:
+                continue
             try:
-                wanted[name] = searches[name].send(seen[speed])
+                wanted[name] = searches[name].send(seen[speeds[0]])
             except StopIteration as end:
                 found[name] = end.value
                 del wanted[name]
@@ -194,15 +198,20 @@ def _checked_model(case: Case) -> Model:
     return model
 
 
-def _bisect_limit(name: str, words: str, search: Search) -> Generator[float, ConditionResults, Limit]:
+Speeds = Sequence[float]
+"""Speed at which a search needs a run, followed by those at which it probably needs one later, rad/s."""
+
+
+def _bisect_limit(name: str, words: str, search: Search) -> Generator[Speeds, ConditionResults, Limit]:
     """Return the lowest speed of the search that meets a condition, bisected toward the speed below it.
 
-    The generator yields the speeds of the runs that it needs and receives their results.
+    The generator receives the result of the run at the first of the speeds that it yields.
     """
     width = search.tolerance / RPM
     low, parts = 0.0, list[str]()
-    for high in search.speeds():
-        answers = yield high
+    speeds = search.speeds()
+    for number, high in enumerate(speeds):
+        answers = yield speeds[number:]
         if isinstance(answers, str):
             return Limit(None, width, f"{words}: not known above this speed; {answers}", known=False)
         if parts := answers[name]:
@@ -214,7 +223,7 @@ def _bisect_limit(name: str, words: str, search: Search) -> Generator[float, Con
     low, failure = low or high, ""
     while high - low > search.tolerance and low < search.highest and high > search.lowest:
         middle = 0.5 * (low + high)
-        answers = yield middle
+        answers = yield middle, 0.5 * (low + middle), 0.5 * (middle + high)
         if isinstance(answers, str):
             failure = f"; {answers}"
             break
@@ -238,11 +247,12 @@ def _bisect_limit(name: str, words: str, search: Search) -> Generator[float, Con
     return replace(found, scatter_rpm=(yield from _scatter(name, low, high))) if search.nearby else found
 
 
-def _scatter(name: str, low: float, high: float) -> Generator[float, ConditionResults, tuple[float, float] | None]:
+def _scatter(name: str, low: float, high: float) -> Generator[Speeds, ConditionResults, tuple[float, float] | None]:
     """Return the speeds, rpm, between which a condition comes and goes near a limit; None if it only begins there."""
     met, unmet = [high], [low]
-    for part in _NEARBY:
-        answers = yield (speed := (1.0 + part) * high)
+    speeds = [(1.0 + part) * high for part in _NEARBY]
+    for number, speed in enumerate(speeds):
+        answers = yield speeds[number:]
         if not isinstance(answers, str):
             (met if answers[name] else unmet).append(speed)
     return (min(met) / RPM, max(*unmet, high) / RPM) if min(met) < max(unmet) else None
@@ -250,15 +260,16 @@ def _scatter(name: str, low: float, high: float) -> Generator[float, ConditionRe
 
 def _bands(
     name: str, first: float, search: Search
-) -> Generator[float, ConditionResults, tuple[list[tuple[float, float | None]], float, str]]:
+) -> Generator[Speeds, ConditionResults, tuple[list[tuple[float, float | None]], float, str]]:
     """Examine some speeds above the first one that meets a condition.
 
     Return the bands in which it is met and the last examined speed, rpm, and the reason if a run failed.
     """
     bands: list[tuple[float, float | None]] = [(first / RPM, None)]
     before, number = first / RPM, round(math.log(first) / math.log1p(search.spacing))
-    for k in range(number + 1, number + 1 + _SPEEDS_ABOVE):
-        answers = yield (speed := (1.0 + search.spacing) ** k)
+    speeds = [(1.0 + search.spacing) ** k for k in range(number + 1, number + 1 + _SPEEDS_ABOVE)]
+    for k, speed in enumerate(speeds):
+        answers = yield speeds[k:]
         if isinstance(answers, str):
             return bands, before, f"; {answers}"
         begin, end = bands[-1]

@@ -178,8 +178,9 @@ def compute_margins(case: Case) -> Margins:
         return Margins(*rigid, {}, failure.status.text)
 
 
-# cam angles, rad, at which the contact force of the rigid train is evaluated
-_ANGLES = np.linspace(0.0, 2.0 * math.pi, 7201)
+# cam angles, rad, at which the contact force of the rigid train is evaluated, and then those near its minima
+_ANGLES = np.linspace(0.0, 2.0 * math.pi, 721)
+_NEAR = np.linspace(-1.0, 1.0, 21) * _ANGLES[1]
 
 
 def _rigid_margin(case: Case) -> tuple[float | None, float | None]:
@@ -198,13 +199,22 @@ def _rigid_limit_speed(case: Case) -> float | None:
         return None
     bare = replace(case, record=case.record.model_copy(update={"friction": {}}))
     ready = prepare(bare, rigid=True, model=omit_coil_stops(build_model(bare)))
-    motion, model = ready.problem.drive.at(_ANGLES / case.speed), ready.model
+    limits = _rigid_limits(ready, case.speed, _ANGLES)
+    if not limits:
+        return None
+    near = np.unique(np.concatenate([angle + _NEAR for _, angle in limits.values()]))
+    return min(speed for speed, _ in _rigid_limits(ready, case.speed, near).values()) / RPM
+
+
+def _rigid_limits(ready: PreparedRun, speed: float, angles: FloatArray) -> dict[str, tuple[float, float]]:
+    """Return the camshaft speed, rad/s, and the angle, rad, at which inertia equals spring force first, by contact."""
+    motion, model = ready.problem.drive.at(angles / speed), ready.model
     factors = 0.5, 1.0, 2.0
     motions = [
         replace(motion, speed=one * motion.speed, rate=one**2 * motion.rate, known=motion.cam) for one in factors
     ]
-    channels, worst = cam_forces(model, case.speed, motions), list[float]()
-    opposed = opposed_contacts(model)
+    channels, opposed = cam_forces(model, speed, motions), opposed_contacts(model)
+    found: dict[str, tuple[float, float]] = {}
     for name, contact in model.cam_contacts.items():
         if name in opposed or isinstance(contact, PublishedLoad):
             continue
@@ -213,8 +223,10 @@ def _rigid_limit_speed(case: Case) -> float | None:
         still, _, inertia = np.linalg.solve(np.vander(factors, increasing=True), forces)
         pulls = inertia < 0.0
         if pulls.any():
-            worst.append(float(np.sqrt((np.maximum(still[pulls], 0.0) / -inertia[pulls]).min())))
-    return min(worst) * case.speed / RPM if worst else None
+            limits = np.sqrt(np.maximum(still[pulls], 0.0) / -inertia[pulls])
+            first = int(limits.argmin())
+            found[name] = float(limits[first]) * speed, float(angles[lifted][pulls][first])
+    return found
 
 
 def _buckling_margins(case: Case) -> dict[str, float]:

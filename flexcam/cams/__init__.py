@@ -40,6 +40,7 @@ from flexcam.cams.lift_event import (
     event_extremes,
     joints,
     overlap,
+    unique_event,
     valve_event,
 )
 from flexcam.cams.lift_table import LiftReport, PeriodicSpline, lift_table
@@ -73,5 +74,5 @@ __all__ = [
     "harmonic_acceleration", "harmonic_fit", "harmonics", "harmonics_below", "joints", "kind_names", "law_kind",
     "lift_from_profile", "lift_table", "minimax", "minimum_base_radius", "off_design_deviation", "order_spectrum",
     "overlap", "pareto", "polydyne", "profile_at", "quinquinomial", "residual_spectrum", "through_points",
-    "undercut", "valve_event",
+    "undercut", "unique_event", "valve_event",
 ]  # fmt: skip

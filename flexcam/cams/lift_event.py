@@ -40,6 +40,12 @@ class Event(ABC):
         """Return the derivative of the given order (0 to 4) by the cam angle (rad), m/rad^order, shape as `angle`."""
 
 
+@lru_cache(maxsize=256)
+def unique_event(event: Event) -> Event:
+    """Return one object for equal events: values at cam angles are cached by object."""
+    return event
+
+
 @dataclass(frozen=True, eq=False)
 class Segment:
     """Segment of cam angle with one law, forwards or backwards, or a dwell (None).

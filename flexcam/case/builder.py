@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from flexcam import valvetrain
-from flexcam.cams import Follower, Turn
+from flexcam.cams import Follower, Turn, unique_event
 from flexcam.case.case import Case
 from flexcam.case.cross_checks import mesh_faults, model_faults
 from flexcam.case.fault_report import KeyLocations, convert_errors, parse_toml
@@ -143,7 +143,8 @@ def _cam(case: Case, name: str, phaser: Phaser | None, similar: tuple[Case, valv
         other, model = similar[0].record, similar[1]
         if other.cams.get(name) == case.record.cams[name] and other.phasers == case.record.phasers:
             return model.cams[name]
-    return replace(case.record.cams[name].part, phaser=phaser)
+    own = case.record.cams[name].part
+    return replace(own, event=unique_event(own.event), phaser=phaser)
 
 
 def _mesh(case: Case) -> Mesh:

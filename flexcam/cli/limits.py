@@ -34,6 +34,8 @@ from flexcam.valvetrain import opposed_contacts
 
 _MAP = Group("Map over two values", sort_key=1)
 
+_AHEAD = 2  # runs begun per process: none waits for the next one
+
 
 @cli.command("""\
 flexcam limits cases/pushrod-engine/intake.toml
@@ -94,7 +96,7 @@ def limits(
         return _map_limits(case, overrides, (over, beside), names, search, 1 if workers is None else workers)
     count = count_cores() if workers is None else workers
     with show_count(None, "runs") as shown, open_speed_runs(read, search, count) as runs:
-        found = find_limits(read, replace(search, nearby=True), start=runs, ahead=count, advance=shown)
+        found = find_limits(read, replace(search, nearby=True), start=runs, ahead=_AHEAD * count, advance=shown)
     margins, model = compute_margins(read), build_model(read)
     parts: list[Table | str] = [limits_table(found, margins, scale), *check_lobes(model)]
     if any(one.rpm is not None for one in found.limits.values()):

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, wraps
+from typing import TypeVar
 
 import numpy as np
 
-from flexcam.cams import CamProfile, Event, Follower, SwingFlatFollower, profile_at
+from flexcam.cams import CamProfile, Event, Follower, SwingFlatFollower, Turn, profile_at
 from flexcam.cams.profile import Motion
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
@@ -26,7 +27,27 @@ def _profile(cam: Cam, angle: FloatArray, motion: Motion | None = None) -> CamPr
     return profile_at(cam.event, cam.follower, angle, cam.turn, motion)
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=64)
+def _shape(event: Event, follower: Follower | None, turn: Turn) -> Cam:
+    """Return one cam for all with equal profiles and angles."""
+    return Cam("", event, follower, turn)
+
+
+T = TypeVar("T")
+
+
+def _by_shape(make: Callable[[Cam], T]) -> Callable[[Cam], T]:
+    """Cache a function of a cam, computed once for all cams with equal profiles and angles."""
+    cached = lru_cache(maxsize=64)(make)
+
+    @wraps(make)
+    def function(cam: Cam) -> T:
+        return cached(_shape(cam.event, cam.follower, cam.turn))
+
+    return function
+
+
+@_by_shape
 def profile_table(cam: Cam) -> CamProfile:
     """Return the profile at `ANGLES`, for several tables."""
     return _profile(cam, ANGLES)
@@ -52,13 +73,14 @@ class _OfProfile(DerivedCamFunction):
 
 
 def cached_profile(cam: Cam, at: CamFunctionCache) -> CamProfile:
-    """Return the profile at cam angles, computed once and cached."""
+    """Return the profile at cam angles, computed once for all cams of one shape and cached."""
+    shape = _shape(cam.event, cam.follower, cam.turn)
 
     def made() -> CamProfile:
         event = cam.event
-        return _profile(cam, at.angle, (at(event, 0), at(event, 1), at(event, 2)))
+        return _profile(shape, at.angle, (at(event, 0), at(event, 1), at(event, 2)))
 
-    return at.lookup((cached_profile, id(cam)), made)
+    return at.lookup((cached_profile, id(shape)), made)
 
 
 Values = Callable[[CamProfile], FloatArray]
@@ -67,7 +89,7 @@ Values = Callable[[CamProfile], FloatArray]
 def _profile_function(value: Values, slope: Values) -> Callable[[Cam], AngleFunction]:
     """Return the function of a cam that gives a value of its profile and its derivative over the cam angle."""
 
-    @lru_cache(maxsize=8)
+    @_by_shape
     def function(cam: Cam) -> AngleFunction:
         return _OfProfile(cam, value, slope)
 
@@ -135,7 +157,7 @@ def relative_radius(cam: Cam, most: float) -> AngleFunction:
     return _OfProfile(cam, radius, lambda made: np.zeros_like(made.radius))
 
 
-@lru_cache(maxsize=8)
+@_by_shape
 def sliding_distance(cam: Cam) -> AngleFunction:
     """Return the sliding path since cam angle zero, divided by the reach, m."""
     return _SlidingDistance(_sliding_by_reach(cam), cam, face_sliding(cam.follower))
