@@ -46,8 +46,8 @@ def _closed_mode_table(found: ClosedModes, count: int, turns: float) -> Table:
     made = plain_table(f"Modes with closed contacts, cam of contact {found.contact}", ("no.",), ())
     cells: list[list[tuple[str, ...]]] = []
     for place, modes in (("base circle", found.base_circle), ("full lift", found.full_lift)):
-        made.add_column(f"{place}\nHz", justify="right")
-        made.add_column(f"{shaft_name(turns)}\nrpm", justify="right")
+        made.add_column(f"{place}\nHz", justify="right", no_wrap=True)
+        made.add_column(f"{shaft_name(turns)}\nrpm", justify="right", no_wrap=True)
         made.add_column("what moves", justify="left", overflow="fold")
         hertz: list[float] = modes.modes.frequencies.tolist()
         elastic = range(len(hertz))[_elastic(modes, count)]
