@@ -7,14 +7,13 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from textwrap import fill
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.table import Table
 
 from flexcam import valvetrain
 from flexcam.analysis.comparison import Comparison
-from flexcam.analysis.limits import SPACING, Limit, Limits
 from flexcam.analysis.preparation import PreparedRun
 from flexcam.analysis.resources import ResourceEstimate, format_size
 from flexcam.analysis.run_checks import describe_balance, describe_contact_loss
@@ -30,6 +29,9 @@ from flexcam.io import Result
 from flexcam.report.terminal import count_decimals, facts_table, format_decimals, plain_table, remove_noise
 from flexcam.valvetrain import Friction, GivenLoad, Metric, Model, ModelModes, Spring, opposed_contacts
 from flexcam.valvetrain.springs import spring_curve, spring_frequencies
+
+if TYPE_CHECKING:
+    from flexcam.analysis.limits import Limit, Limits
 
 CONTACT_DESCRIPTIONS = {
     "published-load": (
@@ -455,6 +457,8 @@ def _limit_range(limit: Limit, scale: float) -> str:
 
 def limits_legend(found: Limits) -> str:
     """Return the explanation of the columns of the speed limits."""
+    from flexcam.analysis.limits import SPACING
+
     said = "A run has six revolutions; an event in any of the last five counts. "
     if any(_limit_range(one, 1.0) for one in found.limits.values()):
         said += "uncertainty: width of the bisection; wider if runs just above the limit do not show the event, "
