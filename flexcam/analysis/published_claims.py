@@ -56,8 +56,9 @@ def check_claims(case: Case, probe: str, here: Comparison) -> list[Claim]:
     others = {name: deviation(one, probe).peak_deviation for name, one in (cases or {"this model": case}).items()}
     models = ", ".join(f"{name} {value:.4f}" for name, value in others.items())
     spread = max(others.values()) - min(others.values())
-    angle = here.deviations[0].angle_deg
+    angle = here.deviations[0].angle_deg % 360.0
     off = (angle + 90.0) % 180.0 - 90.0
+    where = f"it is largest at cam {angle:.1f} deg"
     return [
         _check_instability(case, probe),
         Claim(
@@ -71,7 +72,7 @@ def check_claims(case: Case, probe: str, here: Comparison) -> list[Claim]:
             spread > 0.01 * max(others.values()),
             f"largest deviation / lift: {models}; the pushrod is far stiffer than the spring",
         ),
-        Claim("the deviation is largest at multiples of 180 deg", abs(off) < 1.0, f"it is largest at {angle:.1f} deg"),
+        Claim("the deviation is largest at multiples of 180 deg", abs(off) < 1.0, where),
     ]
 
 

@@ -146,8 +146,8 @@ def _check_lobe(model: Model, name: str, cam: Cam, follower: Follower) -> Iterat
     if isinstance(follower, FlatFollower) and follower.face_diameter is not None:
         needed = 2.0 * follower.face_radius(float(np.abs(cam.event(_LIFT_ANGLES, 1)).max()), cam.width)
         if needed > follower.face_diameter:
-            sizes = f"it needs {1e3 * needed:.4g} mm, and face_diameter is {1e3 * follower.face_diameter:.4g} mm"
-            yield f"Warning: cams.{name}: the contact line crosses the edge of the follower's face: {sizes}"
+            sizes = f"a diameter of {1e3 * needed:.4g} mm, but face_diameter is {1e3 * follower.face_diameter:.4g} mm"
+            yield f"Warning: cams.{name}: the contact line crosses the edge of the follower's face, which needs {sizes}"
     node = model.mesh.points.get(cam.at, np.empty(0, dtype=int))
     members = [one for part, one in model.members.items() if np.isin(node, model.mesh.lines[part]).any()]
     sections = (one.section.at(0.5) for one in members)
@@ -275,15 +275,16 @@ def describe_decay(ready: PreparedRun, member: str) -> str:
     """Return the decay of the lowest mode of a member; empty if within a revolution, or without such a mode."""
     found = model_modes(build_structure(ready.model), _DECAY_MODES)
     for i in range(found.modes.rigid, len(found.modes.omegas)):
-        own = sum(share for part, share in found.shares[i].items() if part.startswith(f"{member} "))
-        if own > _OWN_MODE:
+        shares = {part: share for part, share in found.shares[i].items() if part.startswith(f"{member} ")}
+        if sum(shares.values()) > _OWN_MODE:
             shape = found.modes.shapes[:, i]
             rate = 0.5 * float(shape @ ready.problem.system.damping.times(shape))
-            mode = f"its lowest mode, {found.words(i)} at {found.modes.frequencies[i]:.4g} Hz"
+            motion = max(shares, key=lambda part: shares[part]).removeprefix(f"{member} ")
+            mode = f"The lowest mode of member {member} ({motion}, {found.modes.frequencies[i]:.4g} Hz)"
             if rate <= 0.0:
-                return f"{mode}, is not damped"
+                return f"{mode} is not damped"
             turns = 1.0 / (rate * ready.revolution)
-            return f"{mode}, decays to 37 % in {turns:.3g} revolutions" if turns > 1.0 else ""
+            return f"{mode} decays to 37 % of its amplitude in {turns:.3g} revolutions" if turns > 1.0 else ""
     return ""
 
 

@@ -139,7 +139,9 @@ def force_harmonics(response: Response, contact: str, count: int) -> FloatArray:
 
 
 _HARMONICS = 24
-_SMALL = 0.02  # acceleration relative to that of the largest harmonic below which a harmonic is ignored
+
+MIN_HARMONIC_RATIO = 0.02
+"""Acceleration relative to that of the largest harmonic below which a harmonic is ignored."""
 
 
 @dataclass(frozen=True)
@@ -182,13 +184,16 @@ def lift_harmonics(event: Event, count: int) -> dict[int, float]:
     """Return the harmonics of a lift that are significant in its acceleration, which excites the modes."""
     sizes = np.abs(harmonics(event, count))[1:]
     accelerations = np.arange(1, count + 1) ** 2 * sizes
-    kept = np.flatnonzero(accelerations >= _SMALL * accelerations.max())
+    kept = np.flatnonzero(accelerations >= MIN_HARMONIC_RATIO * accelerations.max())
     return {n + 1: float(sizes[n]) for n in kept.tolist()}
 
 
-_RESONANCE_WIDTH = 0.03  # relative distance of a harmonic from a mode that counts as resonance
-# amplitude relative to the maximum contact force from which a resonant harmonic counts; weaker ones are listed
-_MIN_FORCE_RATIO = 0.05
+RESONANCE_WIDTH = 0.03
+"""Relative distance of a harmonic from a mode that counts as resonance."""
+
+MIN_FORCE_RATIO = 0.05
+"""Amplitude relative to the maximum contact force from which a resonant harmonic counts; weaker ones are listed."""
+
 _MIN_CHANGE = 0.01, CHATTER, GROWTH  # differences of two revolutions, of motion, force and stress: chatter counts
 _LISTED_SPEED_RATIO = 2.0  # multiple of the case's speed up to which resonances are listed individually
 _PERIODICITY_TOLERANCE = 1e-3  # allowed difference between start and end of a periodic motion, relative to the motion
@@ -216,8 +221,8 @@ class Stability:
     @property
     def active_resonances(self) -> tuple[Resonance, ...]:
         """Resonances at the case's speed that change the contact force, the largest change first."""
-        near = (one for one in self.resonances if abs(one.rpm / self.rpm - 1.0) <= _RESONANCE_WIDTH)
-        return tuple(sorted((one for one in near if one.share >= _MIN_FORCE_RATIO), key=lambda one: -one.share))
+        near = (one for one in self.resonances if abs(one.rpm / self.rpm - 1.0) <= RESONANCE_WIDTH)
+        return tuple(sorted((one for one in near if one.share >= MIN_FORCE_RATIO), key=lambda one: -one.share))
 
     @property
     def highest_listed_rpm(self) -> float:

@@ -89,10 +89,10 @@ class Criteria:
         said = [f"s({z}) = {end[0]:.6g}, not {z}" for z, end in enumerate(self.ends) if abs(end[0] - z) > _ZERO]
         for order, name in _STEPS:
             steps = ((0, self.ends[0][order]), (1, -self.ends[1][order]))  # right limit minus left limit
-            at = [f"by {step:.6g} at z = {z}" for z, step in steps if abs(step) > _ZERO]
-            said += [f"the {name} steps next to a dwell: {' and '.join(at)}"] if at else []
+            at = [f"by {step:+.6g} at z = {z}" for z, step in steps if abs(step) > _ZERO]
+            said += [f"next to a dwell the {name} jumps, {' and '.join(at)}"] if at else []
         inside = [name for order, name in _STEPS if order in self.jumps]
-        said += [f"steps inside the rise: {', '.join(inside)}"] if inside else []
+        said += [f"jumps inside the rise: {', '.join(inside)}"] if inside else []
         return (*said, *([] if self.symmetric else [f"not symmetric: s(1/2) = {self.middle:.6g}"]))
 
 

@@ -205,8 +205,8 @@ def find_profile_faults(
         farthest = max(seen.offset, key=lambda end: abs(end.value))
         left = 0.5 * follower.face_diameter - follower.face_radius(farthest.value, width)
         if left < 0.0:
-            what, remedy = "the contact line crosses the edge of the face", "use a larger face or a narrower cam"
-            found.append(ProfileFault(what, remedy, farthest.at, left, 0.0))
+            what = "the distance from the contact line to the edge of the face is negative"
+            found.append(ProfileFault(what, "use a larger face or a narrower cam", farthest.at, left, 0.0))
     return found
 
 

@@ -218,13 +218,15 @@ def _profile(found: CamFacts, speed: float | None) -> list[tuple[str, str]]:
 def _face(found: CamFacts, smallest: float) -> str:
     """Return the face diameter that contains the contact line, the given one, and the offset that rotates the face."""
     width, given, arm = found.cam.width, found.face_diameter, found.rotation_arm
-    said = "without the width of the cam" if width is None else f"with the cam's width of {format_quantity('m', width)}"
+    said = "width of the cam not given" if width is None else f"cam width {format_quantity('m', width)}"
     if arm:
-        said += f", contact {format_quantity('m', arm)} from the follower's axis, which spins it"
+        said += f"; the tappet spins, as the contact is {format_quantity('m', arm)} from its axis"
     elif given is not None:
-        said += ", no axial_offset, or crown with taper, that spins the tappet"
-    has = "" if given is None else f" of {format_quantity('m', given)}"
-    return f"{format_quantity('m', smallest)}{has} ({said})"
+        said += "; the tappet does not spin, as there is no axial_offset and no crown with taper"
+    has = f"{format_quantity('m', smallest, digits=4)}"
+    if given is not None:
+        has += f"{', but' if given < smallest else ';'} face_diameter is {format_quantity('m', given)}"
+    return f"{has} ({said})"
 
 
 def _at(angle: float) -> str:

@@ -47,8 +47,8 @@ def compare(
     count: Annotated[int | None, Parameter(
         group=_SPEEDS, help="Number of speeds, evenly spaced; 8 by default.")] = None,
     tolerance: Annotated[str | None, Parameter(
-        group=_SPEEDS, help="Difference of the minimum and of the maximum force, relative to the larger maximum, "
-        "up to which two models agree; 5 % by default.")] = None,
+        group=_SPEEDS, help="Two models agree if their minimum forces, and their maximum forces, differ by at most "
+        "this fraction of the larger maximum force; 5 % by default.")] = None,
     contact: Annotated[str | None, Parameter(group=_SPEEDS, help="Cam contact, if a case has several.")] = None,
     plot: Annotated[Path | None, Parameter(
         group=_SPEEDS, help="Also draw the forces over speed (.svg, .png or .pdf).")] = None,

@@ -17,13 +17,20 @@ from flexcam import plotting
 from flexcam.analysis.limits import LIMITS, Search, find_limits
 from flexcam.analysis.run_checks import check_lobes, describe_change
 from flexcam.analysis.run_metrics import compute_margins
-from flexcam.analysis.stability import Resonance, Stability, assess_stability, stability_over_speeds
+from flexcam.analysis.stability import (
+    MIN_FORCE_RATIO,
+    RESONANCE_WIDTH,
+    Resonance,
+    Stability,
+    assess_stability,
+    stability_over_speeds,
+)
 from flexcam.case.builder import build_model
 from flexcam.case.reader import CaseFile as OpenCase
 from flexcam.cli import app as cli
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, shaft_name, shaft_speed
-from flexcam.report.tables import LIMITS_LEGEND, limits_table
+from flexcam.report.tables import limits_legend, limits_table
 from flexcam.report.terminal import facts_table, format_csv, format_number, plain_table, show_count, with_unit
 from flexcam.studies.executors import count_cores
 from flexcam.studies.plan import Axis, parse_axis
@@ -100,7 +107,7 @@ def limits(
     margins, model = compute_margins(read), build_model(read)
     parts: list[Table | str] = [limits_table(found, margins, scale), *check_lobes(model)]
     if any(one.rpm is not None for one in found.limits.values()):
-        parts.append(LIMITS_LEGEND)
+        parts.append(limits_legend(found))
     if "loss_of_contact" not in found.limits:
         why = 'it needs a contact with model = "unilateral", which can separate'
         if opposed_contacts(model):
@@ -184,11 +191,13 @@ def limit_map_output(found: LimitMap, shaft: str) -> cli.CommandOutput:
 
 _SHOWN = 5
 _HARMLESS = "chatter (harmless)"
+_NEAR = f"within {100.0 * RESONANCE_WIDTH:g} % of this speed"
+_STRONG_HARMONIC = f"cam harmonic with at least {100.0 * MIN_FORCE_RATIO:g} % of the maximum cam force"
 _WORDS = {
     "broken off": "the run at this speed ended early; its contacts are assessed up to there",
     "numerical": "the time integration is unstable: use a smaller step or an unconditionally stable integrator",
     "parametric": "a disturbance of the periodic motion grows by the multiplier in each revolution",
-    "resonance": "within 3 % of the speed a harmonic of the cam meets a mode with 5 % of the maximum cam force or more",
+    "resonance": f"{_NEAR}, a {_STRONG_HARMONIC} coincides with a natural frequency",
     "contact loss": "the follower leaves its cam during the lift",
     "chatter": "impacts change the motion, the force or a stress from revolution to revolution",
     _HARMLESS: "rounding errors grow at impacts, but the motion hardly changes between revolutions",
@@ -201,9 +210,7 @@ def _stability_table(found: Stability, scale: float, contacts: set[str]) -> Tabl
     skipped += ["resonances"] if found.why_no_modes else []
     stable = "none: no cause of instability found"
     stable += f"; {' and '.join(skipped)} could not be assessed" if skipped else ""
-    stable += (
-        "; no harmonic meets a mode within 3 % of the speed with 5 % of the maximum cam force" if found.within else ""
-    )
+    stable += f"; {_NEAR}, no {_STRONG_HARMONIC} coincides with a natural frequency" if found.within else ""
     several = len({one.contact for one in found.resonances}) > 1
     pulled = {"contact loss": "the contact would have to pull the follower"} if contacts == {"bilateral"} else {}
     words = {**_WORDS, **pulled}

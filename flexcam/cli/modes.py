@@ -23,6 +23,7 @@ from flexcam.analysis.orders import Signal, Waterfall, largest_orders, waterfall
 from flexcam.analysis.preparation import prepare, scalar_probe
 from flexcam.analysis.run import output_geometry
 from flexcam.analysis.run_checks import check_modes
+from flexcam.analysis.stability import MIN_HARMONIC_RATIO
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.reader import read_case
@@ -45,8 +46,8 @@ def _closed_mode_table(found: ClosedModes, count: int, turns: float) -> Table:
     made = plain_table(f"Modes with closed contacts, cam of contact {found.contact}", ("no.",), ())
     cells: list[list[tuple[str, ...]]] = []
     for place, modes in (("base circle", found.base_circle), ("full lift", found.full_lift)):
-        made.add_column(f"{place}\nHz", justify="right")
-        made.add_column(f"{shaft_name(turns)}\nrpm", justify="right")
+        made.add_column(f"{place}\nHz", justify="right", no_wrap=True)
+        made.add_column(f"{shaft_name(turns)}\nrpm", justify="right", no_wrap=True)
         made.add_column("what moves", justify="left", overflow="fold")
         hertz: list[float] = modes.modes.frequencies.tolist()
         elastic = range(len(hertz))[_elastic(modes, count)]
@@ -77,9 +78,9 @@ def modes(
     case: cli.CaseFile, *,
     count: Annotated[int, Parameter(help="Number of modes, from the lowest.")] = 12,
     prestress: Annotated[Literal["rest", "equilibrium"] | None, Parameter(
-        help="Stiffness from axial forces in the modes with contacts open: as installed (rest), or under all loads "
-        "(equilibrium); none by default. The modes with contacts closed have it for members with "
-        "geometric_stiffness.")] = None,
+        help="Axial forces that the modes with contacts open include: as installed (rest), or under all loads "
+        "(equilibrium); none by default. The modes with contacts closed always include those of members with "
+        "geometric_stiffness, and no others.")] = None,
     mac: Annotated[Path | None, Parameter(
         help="Second case file, whose modes are compared by the modal assurance criterion.")] = None,
     folder: Annotated[Path | None, Parameter(
@@ -230,7 +231,8 @@ def campbell(
     case: cli.CaseFile, *,
     lowest: cli.Lowest = None, highest: cli.Highest = None, count: cli.Count = 9,
     orders: Annotated[str, Parameter(
-        help="Orders of the camshaft, such as 1:24 or 1,2,4; with --response from 1, such as 1:40.")] = "1:24",
+        help="Orders of the camshaft, such as 1:24 or 1,2,4; with --response they must start at 1, "
+        "without gaps, such as 1:40.")] = "1:24",
     modes: Annotated[int | None, Parameter(
         group=_MODES, help="Number of modes, from the lowest; 8 by default.")] = None,
     contact: Annotated[str | None, Parameter(
@@ -278,7 +280,8 @@ def modes_over_speed(
         found = find_crossings(case, speeds, orders=orders, modes=count, contact=contact, advance=shown)
     incomplete = _describe_incomplete_runs(found.statuses, found.rpm, scale)
     weak = ", ".join(str(n) for n in orders if n not in found.lifts)
-    left_out = [f"Orders below 2 % of the largest one in the cam's acceleration are left out: {weak}"] if weak else []
+    below = f"Orders below {100.0 * MIN_HARMONIC_RATIO:g} % of the largest one in the cam's acceleration"
+    left_out = [f"{below} are left out: {weak}"] if weak else []
     dash = [_DASH] if any(np.isnan(found.frequencies[i]).any() for i in (0, -1) if found.statuses[i].ok) else []
     parts = [
         _modes_table(found, scale), *dash, _crossing_table(found, scale), *left_out, *explain_planes(found.words),

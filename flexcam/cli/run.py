@@ -148,7 +148,7 @@ def _describe_run(
             what = "contact force" if chatters else "stress"
             more = f"; run more revolutions until the {what} repeats, or take its largest value of several revolutions"
             slow = run_checks.describe_decay(ready, change.member) if change.stress_change > GROWTH else ""
-            more += f". {change.member}: {slow}" if slow else ""
+            more += f". {slow}" if slow else ""
         parts.append(f"Difference between the last two revolutions: {run_checks.describe_change(change)}{more}")
     elif len(response.time) and ready.model.cam_contacts and stats.unknowns and stats.periodicity < 0.0:
         parts.append("Fewer than two revolutions: the start may affect the results; set run.revolutions = 2 to see how")

@@ -116,8 +116,8 @@ flexcam synthesize law --family harmonic --orders 1 --orders 3 --orders 5 --mini
 def law(
     *,
     minimize: Annotated[list[str], Parameter(
-        "--minimize", help="Cv, Ca, Cj: peak of velocity, acceleration, jerk; Cm: of velocity times acceleration; rms: "
-        "of the acceleration; CRITERION=WEIGHT for a sum. Repeatable.")],
+        "--minimize", help="Cv, Ca, Cj: peak of velocity, acceleration, jerk; Cm: peak of velocity times acceleration; "
+        "rms: rms acceleration. For a weighted sum give CRITERION=WEIGHT several times.")],
     bound: Annotated[list[str] | None, Parameter("--bound", help="Upper bound: CRITERION=VALUE. Repeatable.")] = None,
     against: Annotated[str | None, Parameter(
         "--pareto", help="Second criterion: find a Pareto front instead of one law.")] = None,

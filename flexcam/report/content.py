@@ -328,7 +328,7 @@ def _add_limits(sentences: list[str], sheets: list[ReportTable], case: Case) -> 
         one = limits.limits[limits.first]
         speed = f"{scale * (one.rpm or 0.0):.4g} rpm of the {shaft_name(scale)}"
         first = f"The first speed limit is {limits.first.replace('_', ' ')}, from {speed}: {one.words}."
-        first += f" {tables.LIMITS_LEGEND}."
+        first += f" {tables.limits_legend(limits)}."
     sentences.append(first)
     if unknown := [name.replace("_", " ") for name, one in limits.limits.items() if not one.known]:
         sentences.append(f"Not known, because runs failed: {', '.join(unknown)}.")

@@ -19,8 +19,8 @@ _REFERENCE_ERROR_TOLERANCE = 0.05
 _DIGITS = 12  # maximum number of decimals
 _KINDS = ("lift", "velocity", "acceleration")
 TRADE_LEGEND = (
-    "* Pareto-optimal: no model with less work is more accurate in its worst column; work is the number of unknowns "
-    "times the number of steps"
+    "* Pareto-optimal: no model with less work has a smaller maximum error over the columns; work is the number of "
+    "unknowns times the number of steps"
 )
 
 
@@ -37,8 +37,9 @@ def trade_table(against: Reference, found: Sequence[ModelEvaluation]) -> Table:
     rows.append(("", "reference", str(against.steps), "", "", "", *(_percent(own[k]) for k in kinds), "its own error"))
     errors = (kind.replace("acceleration", "accel.") for kind in kinds)  # a longer word would be broken in a terminal
     heads = ("", "model", "steps per rev", "unknowns", "work", "cpu s", *errors, "")
-    norm = {"max": "max", "rms": "rms", None: "rms of motions, max of forces"}[against.norm]
-    return plain_table(f"Cost and error of models ({norm}, % of the maximum)", heads, rows)
+    mixed = "rms error of motions and maximum error of forces"
+    norm = {"max": "maximum error", "rms": "rms error", None: mixed}[against.norm]
+    return plain_table(f"Cost and error of models ({norm}, in % of the maximum)", heads, rows)
 
 
 def error_kinds(against: Reference) -> list[str]:

@@ -250,7 +250,7 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
     other = comparison.names[1]
     deviation = f"{comparison.probe} deviates by up to {peak} of the range of the {other} motion (rms {rms})."
     angle, lift = comparison.peak_acceleration_deg % 360.0, 100.0 * comparison.peak_lift
-    there = f"at cam {angle:.1f} deg, where the {other} motion is {lift:.3g} % of its range above its minimum"
+    there = f"at cam {angle:.1f} deg, where the {other} displacement is {lift:.3g} % of this range"
     said = [f"{deviation} Its peak acceleration is {ratio} times the {other} one; it occurs {there}."]
     if mode_hz is not None:
         nearest = "The nearest mode that the cam force excites is at"
@@ -455,11 +455,16 @@ def _limit_range(limit: Limit, scale: float) -> str:
     return " to ".join(_limit_rpm(limit, scale, rpm) for rpm in ends)
 
 
-LIMITS_LEGEND = (
-    "A run has six revolutions; an event in any of the last five counts. uncertainty: width of the bisection; wider if "
-    "runs just above the limit do not show the event, or runs just below it do. occurs at: "
-    "the limit and the next three speeds, 5 % apart, as far as the event occurs there; higher speeds are not examined"
-)
+def limits_legend(found: Limits) -> str:
+    """Return the explanation of the columns of the speed limits."""
+    from flexcam.analysis.limits import SPACING
+
+    said = "A run has six revolutions; an event in any of the last five counts. "
+    if any(_limit_range(one, 1.0) for one in found.limits.values()):
+        said += "uncertainty: width of the bisection; wider if runs just above the limit do not show the event, "
+        said += "or runs just below it do. "
+    said += f"occurs at: the limit and the next three speeds, {100.0 * SPACING:g} % apart, as far as the event occurs "
+    return said + "there; higher speeds are not examined"
 
 
 def limits_table(found: Limits, margins: Margins, scale: float) -> Table:
@@ -482,5 +487,6 @@ def limits_table(found: Limits, margins: Margins, scale: float) -> Table:
         rows.append((f"{name}, margin", f"{margin:.3g} (ratio)", "", "", words))
     if margins.unknown:
         rows.append(("buckling margins", "not known", "", "", margins.unknown))
-    shaft = shaft_name(scale)
-    return plain_table("Speed limits", ("limit", f"{shaft} rpm", "uncertainty", "occurs at", "event"), rows)
+    heads = ("limit", f"{shaft_name(scale)} rpm", "uncertainty", "occurs at", "event")
+    shown = [i for i in range(len(heads)) if any(row[i] for row in rows)]  # without empty columns
+    return plain_table("Speed limits", [heads[i] for i in shown], [[row[i] for i in shown] for row in rows])

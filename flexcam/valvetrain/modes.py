@@ -292,7 +292,7 @@ def describe_inactive(structure: Structure, found: ActiveDofs) -> list[str]:
     said: list[str] = []
     for still in found.still:
         reason = "nothing holds or loads it" if still.free else "nothing loads it"
-        reason = "what loads it is constant and in balance" if still.loaded else reason
+        reason = "its loads are constant and in static equilibrium, so it does not move" if still.loaded else reason
         said.append(f"{_place(structure, still.unknowns)}: {reason}")
     return [f"{one} ({said.count(one)} times)" if said.count(one) > 1 else one for one in dict.fromkeys(said)]
 

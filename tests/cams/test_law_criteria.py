@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -101,10 +102,10 @@ SAID = {
 def test_what_is_broken_is_said(name):
     found = criteria(LAWS[name])
     words = {
-        "velocity": "the velocity steps next to a dwell", "acceleration": "the acceleration steps next to a dwell",
-        "jerk": "the jerk steps next to a dwell", "inside": "steps inside the rise", "symmetric": "not symmetric",
+        "velocity": "next to a dwell the velocity jumps", "acceleration": "next to a dwell the acceleration jumps",
+        "jerk": "next to a dwell the jerk jumps", "inside": "jumps inside the rise", "symmetric": "not symmetric",
     }  # fmt: skip
-    assert [said.split(":")[0] for said in found.violations] == [words[key] for key in SAID[name]]
+    assert [re.split("[:,]", said)[0] for said in found.violations] == [words[key] for key in SAID[name]]
 
 
 class Short:
@@ -124,7 +125,7 @@ def test_a_law_that_does_not_reach_its_lift_is_said():
 
 def test_quinquinomial_steps_on_one_side_only():
     (first, _) = criteria(LAWS["quinquinomial"]).violations
-    assert first.endswith("by 6.33745 at z = 0")
+    assert first.endswith("by +6.33745 at z = 0")
 
 
 def test_jumps_by_order():

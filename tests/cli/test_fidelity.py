@@ -65,7 +65,7 @@ def test_table_and_files(trade):
     done = trade(*QUICKER, "--csv", "trade.csv", "--plot", "trade.svg")
     assert done.code == 0
     assert "its own error" in done.out
-    said = "* Pareto-optimal: no model with less work is more accurate in its worst column"
+    said = "* Pareto-optimal: no model with less work has a smaller maximum error over the columns"
     assert said in " ".join(done.out.split())
     with open("trade.csv", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))

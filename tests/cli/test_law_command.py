@@ -100,9 +100,9 @@ def test_all_laws_side_by_side(told, tmp_path):
 
 
 @pytest.mark.parametrize(("name", "said"), [
-    ("parabolic", ["C_j infinite", "the acceleration steps next to a dwell: by 4 at z = 0 and by 4 at z = 1"]),
-    ("pavlovic-trigonometric", ["the velocity steps next to a dwell: by 0.0208333 at z = 0"]),
-    ("pavlovic-new", ["not symmetric: s(1/2) = 0.498047", "by 9.8696 at z = 0", "1.39843 at z = 0.766805"]),
+    ("parabolic", ["C_j infinite", "next to a dwell the acceleration jumps, by +4 at z = 0 and by +4 at z = 1"]),
+    ("pavlovic-trigonometric", ["next to a dwell the velocity jumps, by +0.0208333 at z = 0"]),
+    ("pavlovic-new", ["not symmetric: s(1/2) = 0.498047", "by +9.8696 at z = 0", "1.39843 at z = 0.766805"]),
 ])  # fmt: skip
 def test_words(name, said, told):
     """Check the errata of docs/verification/pavlovic-lutovac.md: s' = 1/48, s(1/2) = 0.498047, a step of pi^2."""
