@@ -7,12 +7,12 @@ import io
 import json
 import math
 import os
-import re
 import sys
 from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, is_dataclass
 from pathlib import Path
+from textwrap import fill
 from typing import Any, cast
 
 import numpy as np
@@ -27,7 +27,6 @@ from flexcam.dynamics import Block, Sink, Stats, Status
 _HUGE = 1e7  # value above which decimals are omitted
 _NUMBER = 14  # maximum length of a cell that counts as a number, with its unit, characters; longer ones may wrap
 _WORDS = 40  # width that a column of words needs at least, characters
-_FEW_LETTERS = 6  # width of a column of words in a very narrow terminal, characters
 _GAP = 3  # between columns
 NOISE = 1e-9  # negative lift relative to the maximum lift below which it is not reported
 
@@ -168,77 +167,48 @@ def plain_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str 
     made = _create_table(title)
     cells = [[cell if isinstance(cell, str) else format_number(cell) for cell in row] for row in rows]
     longest = [max((len(row[i]) for row in cells), default=0) for i in range(len(columns))]
-    most = result_console().width
+    heads, most = list(columns), result_console().width
     whole = sum(size + 1 for size in longest if size <= _NUMBER) <= most  # otherwise their digits are wrapped
-    needed = [max(len(head), _cell_width(size, 1, _WORDS)) for head, size in zip(columns, longest, strict=True)]
-    heads, widths = list(columns), list[int | None]([None] * len(columns))
-    if sum(needed) + _GAP * (len(needed) - 1) > most:
-        narrow, gap = _column_widths([[head, *(row[i] for row in cells)] for i, head in enumerate(columns)], most)
-        heads = [_wrap_head(head, width) for head, width in zip(columns, narrow, strict=True)]
+    width = sum(max(len(head), _needed_width(size, _WORDS)) + _GAP for head, size in zip(heads, longest, strict=True))
+    widths: list[int | None] = [None] * len(heads)
+    if width - _GAP > most:  # numbers are never wrapped: use headers of several lines and small gaps
+        narrow, gap = _column_widths(columns, longest, most)
+        heads = [fill(head, width) for head, width in zip(columns, narrow, strict=True)]
         widths, made.padding = [*narrow], (0, gap, 0, 0)
     for i, (head, size, width) in enumerate(zip(heads, longest, widths, strict=True)):
-        words = i == 0 or (i == len(columns) - 1 and size > _NUMBER)
-        wrapped = not whole or size > _NUMBER
-        made.add_column(head, justify="left" if words else "right", width=width, no_wrap=not wrapped, overflow="fold")
+        justify = "left" if i == 0 or (i == len(columns) - 1 and size > _NUMBER) else "right"
+        made.add_column(head, justify=justify, width=width, no_wrap=whole and size <= _NUMBER, overflow="fold")
     for row in cells:
         made.add_row(*row)
     return made
 
 
-def _cell_width(size: int, longest_word: int, words: int) -> int:
-    """Return the width of cells that have at most a number of characters; numbers are not wrapped, words may be."""
-    return size if size <= _NUMBER else min(size, max(longest_word, words))
+def _needed_width(size: int, words: int) -> int:
+    """Return the width of cells of at most a number of characters; numbers are not wrapped, words may be."""
+    return size if size <= _NUMBER else min(size, words)
 
 
-def _column_widths(columns: Sequence[Sequence[str]], most: int) -> tuple[list[int], int]:
-    """Return the widths of columns, with their heads first, that are too wide with heads of one line, and their gap.
+def _column_widths(heads: Sequence[str], longest: Sequence[int], most: int) -> tuple[list[int], int]:
+    """Return column widths and their gap with wrapped headers; words are wrapped so that numbers need not be.
 
-    Heads are wrapped between words. If this is not sufficient, first columns of words become narrow, then heads are
-    also broken after punctuation; only in a terminal that is too narrow for its numbers they are broken inside a word.
+    First columns of words become narrow. Only in a terminal that is too narrow for the rest do headers break in words.
     """
-    heads, longest = [column[0] for column in columns], [max(map(len, column[1:]), default=0) for column in columns]
     words = [max(map(len, head.split()), default=1) for head in heads]
-    parts = [max(map(len, _PARTS.findall(head)), default=1) for head in heads]
-    uncut = [max((len(word) for cell in column[1:] for word in cell.split()), default=1) for column in columns]
-    cut = [1] * len(columns)
-    attempts = [
-        *((2, width, uncut, words) for width in range(_WORDS, _NUMBER, -1)),
-        (1, _NUMBER, uncut, words), (1, _NUMBER, uncut, parts),
-        *((1, width, cut, parts) for width in range(_NUMBER, _FEW_LETTERS, -1)),
-        *((1, _FEW_LETTERS, cut, [min(part, n) for part in parts]) for n in range(max(parts, default=1), 0, -1)),
-    ]  # fmt: skip
-    for gap, width, tokens, least in attempts:
-        sizes = zip(longest, tokens, strict=True)
-        widths = [max(one, _cell_width(*size, width)) for one, size in zip(least, sizes, strict=True)]
-        spare = most - sum(widths) - gap * (len(widths) - 1)
-        if spare >= 0:
+    for wide in range(_WORDS, _NUMBER, -1):
+        least = [max(_needed_width(size, wide), word) for size, word in zip(longest, words, strict=True)]
+        if sum(least) + 2 * len(least) - 2 <= most:
             break
     else:
-        return [max(_cell_width(size, 1, _FEW_LETTERS), 1) for size in longest], 1
-    for i in sorted(range(len(heads)), key=lambda i: len(heads[i]) - widths[i]):  # first the heads that need least
-        more = min(max(len(heads[i]) - widths[i], 0), spare)
-        widths[i], spare = widths[i] + more, spare - more
-    while spare and (narrow := [i for i, size in enumerate(longest) if size > max(_NUMBER, widths[i])]):
-        widths[min(narrow, key=lambda i: widths[i])] += 1
-        spare -= 1
-    return widths, gap
-
-
-_PARTS = re.compile(r"[^\s./_,-]*[./_,-]+|[^\s./_,-]+")
-"""Pieces of a head after which a line may end if its words are too long: up to a punctuation mark."""
-
-
-def _wrap_head(head: str, width: int) -> str:
-    """Return a head in lines of a width."""
-    lines = [""]
-    for word in head.split():
-        for i, part in enumerate([word] if len(word) <= width else _PARTS.findall(word)):
-            joined = f"{lines[-1]}{' ' * (i == 0 and lines[-1] != '')}{part}"
-            if len(joined) <= width:
-                lines[-1] = joined
-            else:
-                lines += [part[k : k + width] for k in range(0, len(part), width)]
-    return "\n".join(filter(None, lines))
+        for letters in range(max(words, default=1), 0, -1):
+            least = [max(_needed_width(size, _NUMBER), min(letters, word), 1)
+                     for size, word in zip(longest, words, strict=True)]  # fmt: skip
+            if sum(least) + len(least) <= most:
+                return least, 1
+        return [max(_needed_width(size, _NUMBER), 1) for size in longest], 1
+    widths = [max(len(head), size) for head, size in zip(heads, longest, strict=True)]
+    for i in sorted(range(len(heads)), key=lambda i: least[i] - widths[i]):  # the longest first
+        widths[i] -= min(widths[i] - least[i], max(sum(widths) + 2 * len(widths) - 2 - most, 0))
+    return widths, 2
 
 
 def facts_table(title: str, rows: Iterable[tuple[str, str]]) -> Table:

@@ -6,7 +6,6 @@ import html.parser
 import itertools
 import json
 import math
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -141,26 +140,17 @@ def test_tables_of_the_terminal():
     assert report_table(facts_table("Facts", [("a", "1")])) == ReportTable("Facts", (), (("a", "1"),), (0, 1))
 
 
-LIMITS = (
-    ("limit", "crank rpm", "uncertainty", "occurs at", "event"),
-    ("contact", "5800 or below", "", "5800 to at least 6663.73", 5 * "the follower leaves its cam "),
-)
-KEYS = ("parameter", *2 * ("contacts.in.force", "masses.valve.mass")), ("law", *4 * ("0.1234",))
-
-
-@pytest.mark.parametrize("columns", [100, 80, 60])
-@pytest.mark.parametrize(("head", "row"), [LIMITS, KEYS])
-def test_no_head_of_a_table_is_broken_inside_a_word(monkeypatch, capsys, head, row, columns):
-    """A column without content, columns of words that take the place of others, and keys, which may end after a dot."""
+@pytest.mark.parametrize("columns", [100, 80])
+def test_no_head_of_a_table_is_broken_inside_a_word(monkeypatch, capsys, columns):
+    """Columns of words become narrow first."""
     monkeypatch.setenv("COLUMNS", str(columns))
-    result_console().print(plain_table("Title", head, [row]))
+    heads = ("limit", "crank rpm", "uncertainty", "occurs at", "event")
+    row = ("contact", "5800 or below", "", "5800 to at least 6663.73", 5 * "the follower leaves its cam ")
+    result_console().print(plain_table("Title", heads, [row]))
     lines = capsys.readouterr().out.splitlines()[1:]
     assert all(len(line) <= columns for line in lines)
-    shown = " ".join(itertools.takewhile(lambda line: not line.startswith(row[0]), lines)).split()
-    parts = [re.findall(r"[^.]+\.?", word) for one in head for word in one.split()]
-    allowed = {"".join(word[i:k]) for word in parts for i in range(len(word)) for k in range(i + 1, len(word) + 1)}
-    assert set(shown) <= allowed
-    assert sum(map(len, shown)) == sum(len(one.replace(" ", "")) for one in head)
+    shown = " ".join(itertools.takewhile(lambda line: not line.startswith("contact"), lines)).split()
+    assert sorted(shown) == sorted(" ".join(heads).split())
 
 
 def cantilever(steel, angles=(0.0, 0.0)):
