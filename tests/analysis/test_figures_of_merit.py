@@ -76,6 +76,13 @@ def test_rigid_train_in_closed_form(merit, rpm):
     assert found[SPRING_MARGIN] == pytest.approx(margin, rel=1e-6)
 
 
+def test_spring_margin_of_a_nose_between_coarse_angles(merit):
+    """Angles near the least margin are 0.05 deg apart: 0.025 deg from it the force differs by 1e-7."""
+    found = merit(3000.0, 'fidelity.model="rigid"', 'cams.one.phase="1.23 deg"')
+    margin = (INSTALLED + SPRING * LIFT) / (0.5 * MASS * LIFT * (3000.0 * RPM) ** 2) - 1.0
+    assert found[SPRING_MARGIN] == pytest.approx(margin, rel=1e-6)
+
+
 def test_cam_angle_of_an_extreme(tmp_path):
     """At low speed the rigid train presses hardest at full lift, half a revolution after the base circle."""
     (tmp_path / "one.toml").write_text(CASE, encoding="utf-8")
