@@ -46,7 +46,7 @@ def open_result_file(
 ) -> ResultFile:  # fmt: skip
     """Open the result file of a run, to be passed to `solve` as a sink."""
     if ready.case.name.endswith(_PARTIAL):
-        why = f"the partial result of {ready.case.name.removesuffix(_PARTIAL)}.toml has the name of this one's result"
+        why = f"the result would have the name of the partial result of {ready.case.name.removesuffix(_PARTIAL)}.toml"
         raise refuse("case file", ready.case.path.name, f"a name that does not end in {_PARTIAL}", why, "rename it")
     path = create_folder(Path(folder)) / f"{ready.case.name}.vtkhdf"
     about = _metadata(ready) if resume is None else resume.about

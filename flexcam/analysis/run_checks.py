@@ -166,7 +166,7 @@ def _check_shared_lobes(model: Model) -> Iterator[str]:
         later = math.degrees(math.atan2(float(np.cross(a, b) @ one.shaft_axis), float(a @ b))) % 360.0
         if min(later, 360.0 - later) > _SAME_LOBE_ANGLE:
             why = f"it lifts {other.follower} and {one.follower} at the same cam angle, but its lobe reaches the second"
-            remedy = f"give {one.follower} its own cam with a phase greater by that"
+            remedy = f"give {one.follower} its own cam with a phase greater by this angle"
             yield f"Warning: cams.{one.cam}: {why} {later:.4g} deg later; {remedy}"
 
 

@@ -150,9 +150,9 @@ def solve(
     keepers = [sink for sink in sinks if isinstance(sink, CheckpointSink)]
     problem_told = fingerprint(problem, scheme, keep) if keepers or resume else ""
     if resume and resume.checkpoint.problem != problem_told:
-        why = "a run continues only with the problem that began it"
-        allowed = "what a run of this problem left"
-        raise refuse("resume", "what another problem left", allowed, why, "run it from its start")
+        why = "a run can be continued only with the problem that began it"
+        allowed = "the completed part of a run of this problem"
+        raise refuse("resume", "the completed part of a run of another problem", allowed, why, "run it from its start")
     started = time.perf_counter()
     returns = problem.start.periodicity if problem.start else None
     way = select_engine(problem, scheme, keep)

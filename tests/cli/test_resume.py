@@ -242,5 +242,5 @@ def test_another_problem_from_python(broken, case):
     partial = broken()
     earlier = open_partial_result(prepare(read_case(case, ("run.revolutions=3",))), partial.parent)
     other = read_case(case, ("run.revolutions=3", "run.steps_per_revolution=3599"))
-    with pytest.raises(InputError, match="what another problem left"):
+    with pytest.raises(InputError, match="run of another problem"):
         flexcam_run(other, resume=earlier)
