@@ -260,15 +260,16 @@ def _locate_fault(
 ) -> tuple[str, str]:
     """Return path and value of a fault inside a table; the path includes the key if the fault concerns one."""
     inside, given = str(context["inside"]), str(context["given"])
+    allowed = re.findall(r"\w+", str(context["allowed"]))
     if not inside:
-        return places.place(path), given or _shorten(value)
+        return places.place(path), given or _shorten(value, allowed)
     steps = inside.split(".")
     known = {name for name, _ in fields_at(path, root)}
     first = next((i for i, step in enumerate(steps) if step in known), None)
     if first is None:
         return f"{places.place(path)}: {inside}", given
     found = value_at(value, steps[first:])
-    return places.place((*path, *steps[first:])), given if found is None else _shorten(found)
+    return places.place((*path, *steps[first:])), given if found is None else _shorten(found, allowed)
 
 
 def _variants_with(path: Path, root: type[BaseModel], value: str = "") -> str:
@@ -290,7 +291,15 @@ def _missing_key_fault(path: Path, allowed: str, places: KeyLocations) -> Fault:
     return Fault(places.place(path), "nothing", allowed, "the key is required", f"add {path[-1]!r}")
 
 
-def _shorten(value: object) -> str:
+def _shorten(value: object, words: Sequence[str] = ()) -> str:
+    """Return a value as text; of a table, the keys among the words of a message if there are any."""
+    if isinstance(value, dict):
+        table = {str(key): format_value(one) for key, one in cast("dict[str, object]", value).items()}
+        named = {key: table[key] for key in words if key in table}
+        if named:
+            return ", ".join(f"{key} = {text}" if len(text) <= 40 else key for key, text in named.items())
+        if len(format_value(value)) > 60:
+            return f"the keys {', '.join(table)}"
     text = format_value(value)
     return text if len(text) <= 60 else text[:57] + "..."
 
