@@ -28,7 +28,9 @@ Path = tuple[str, ...]
 class KeyLocations:
     r"""Source of every key of a case: a line of the file or an override."""
 
-    notes: Mapping[Path, str]  #: source by key path, such as ``line 12`` or ``--set run.speed=4000rpm``
+    notes: Mapping[
+        Path, str
+    ]  #: source by key path, such as ``line 12``, ``--set run.speed=4000rpm`` or ``new table of --set ...``
     #: template by path of a copy, such as ``springs.valve-{cylinder}`` of ``springs.valve-1``
     templates: Mapping[Path, Path] = field(default_factory=dict[Path, Path])
 
@@ -55,9 +57,6 @@ class KeyLocations:
                 return f"{'.'.join(path)} ({self.notes[path[:end]]})"
             if path[:end] in self.templates:
                 return self.place(self.templates[path[:end]] + path[end:])
-        new = (note for key, note in self.notes.items() if key[:2] == path[:2] and note.startswith("--set"))
-        if len(path) > 2 and (note := next(new, "")):
-            return f"{'.'.join(path)} (new table of {note})"
         below = next((note for key, note in self.notes.items() if path and key[: len(path)] == path), "")
         return f"{'.'.join(path)} ({below})" if below else ".".join(path) or "case file"
 
