@@ -290,10 +290,14 @@ def _remarks(
         if tolerance is not None:
             why = f"reduce the tolerance of {1e6 * tolerance:.3g} um, or correct outliers"
         said.append(f"{moved}, by up to {worst}: {why}")
-    least, lowest = float(spline(GRID).min()), min(float(s.min()), 0.0)
-    if least < -max(_BELOW * top, -1.5 * lowest):
-        given = f"the points by up to {abs(1e6 * lowest):.3g} um" if lowest < 0.0 else "but no point of the table is"
-        said.append(f"the smoothed lift is up to {-1e6 * least:.3g} um below the base circle, {given}")
+    smooth, lowest = spline(GRID), min(float(s.min()), 0.0)
+    i = int(np.argmin(smooth))
+    if smooth[i] < -max(_BELOW * top, -1.5 * lowest):
+        dip = f"smoothing makes the lift dip {-1e6 * smooth[i]:.3g} um below the base circle"
+        beside = "below it" if lowest == 0.0 else f"more than {-1e6 * lowest:.3g} um below it"
+        remedy = f"reduce the tolerance of {1e6 * tolerance:.3g} um" if tolerance else "check the points there"
+        place = f"at {math.degrees(GRID[i]):.4g} deg of cam angle"
+        said.append(f"{dip} {place}, although no point of the table is {beside}: {remedy}")
     return said
 
 

@@ -28,9 +28,8 @@ Path = tuple[str, ...]
 class KeyLocations:
     r"""Source of every key of a case: a line of the file or an override."""
 
-    notes: Mapping[
-        Path, str
-    ]  #: source by key path, such as ``line 12``, ``--set run.speed=4000rpm`` or ``new table of --set ...``
+    #: source by key path, such as ``line 12``, ``--set run.speed=4000rpm`` or ``new table of --set run.adaptive...``
+    notes: Mapping[Path, str]
     #: template by path of a copy, such as ``springs.valve-{cylinder}`` of ``springs.valve-1``
     templates: Mapping[Path, Path] = field(default_factory=dict[Path, Path])
 

@@ -253,10 +253,8 @@ def parse(
     if not _equal_dimension(exponents, kind.exponents):
         why, remedy = no_unit
         if kind.si:
-            why, remedy = (
-                f"{text!r} is not a unit of {kind.name}",
-                f"use a unit such as {kind.example.partition(' ')[2]}",
-            )
+            why = f"{text!r} is not a unit of {kind.name}"
+            remedy = f"use a unit such as {kind.example.partition(' ')[2]}"
         force = _POUND.sub("lbf", text)
         if force != text and _equal_dimension(_unit_product(force, where, kind.exponents)[1], kind.exponents):
             remedy = f"use {force!r}, because 'lb' is a mass"

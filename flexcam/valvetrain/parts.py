@@ -471,12 +471,8 @@ class Lever(Rocker):
         beyond = [f"{math.degrees(angle):g} deg" for angle in self.angles if abs(angle) > _MOST]
         if beyond:
             allowed = f"at most {math.degrees(_MOST):g} deg from the perpendicular to the motion"
-            raise refuse(
-                "angles",
-                " and ".join(beyond),
-                allowed,
-                "an arm nearly parallel to the motion of its end cannot move it",
-            )
+            why = "an arm nearly parallel to the motion of its end cannot move it"
+            raise refuse("angles", " and ".join(beyond), allowed, why)
 
     @property
     def ratio(self) -> float:
