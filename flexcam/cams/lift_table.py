@@ -24,6 +24,7 @@ _KNOTS = (360, 720, 1440)  # initial number of knots, one per degree of cam angl
 _FAR, _SMALL = 8.0, 5e-4  # an outlier moves by more than eight times the scatter and 1/2000 of the lift
 _INTERPOLATION_TOLERANCE = 1e-5  # rms deviation, relative to the lift, up to which a spline interpolates the points
 _BELOW = 1e-4  # fraction of the largest lift by which a spline may fall below the base circle without a warning
+MAX_LIFT = 0.5  # lift, m, above which a number was probably meant in mm
 _DOF_WEIGHT = 1.4  # of the degrees of freedom in cross-validation; 1 sometimes follows the noise (Kim and Gu 2004)
 _DEGREE = 5  # of the spline
 
@@ -270,14 +271,16 @@ def _minimize_cross_validation(fit: _Fit, near: float | None = None) -> float:
 def _remarks(
     theta: FloatArray, s: FloatArray, spline: DelayedEvent, noise: float, tolerance: float | None
 ) -> list[str]:  # fmt: skip
-    """Return warnings: outliers, large changes by smoothing, and ripple below the base circle."""
+    """Return warnings: the unit, outliers, large changes by smoothing, and ripple below the base circle."""
+    if (top := float(s.max())) > MAX_LIFT:
+        return [f"a maximum lift of {top:.4g} m is unusual: did you mean {top:.4g} mm? Check the unit of the lift"]
     if (rows := _find_outliers(theta, s, noise)).size:
         i = int(rows[0])
         given = f"a lift of {1e3 * s[i]:.4g} mm between {1e3 * s[i - 1]:.4g} and {1e3 * s[i + 1]:.4g} mm"
         others = f", as are {rows.size - 1} further rows" if rows.size > 1 else ""
         place = f"row {i + 1}, at {math.degrees(theta[i]):.4g} deg of cam angle"
         return [f"{place}: {given} is an outlier{others}: correct or remove it"]
-    change, top = np.abs(spline(theta) - s), float(s.max())
+    change = np.abs(spline(theta) - s)
     far = np.flatnonzero(change > _FAR * noise + _SMALL * top)
     said: list[str] = []
     if far.size:

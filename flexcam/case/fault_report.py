@@ -176,7 +176,13 @@ def _path(error: ErrorDetails, raw: Mapping[str, Any]) -> Path:
     return tuple(path)
 
 
-_SYNONYMS = {"rate": "stiffness", "preload": "installed_force", "clearance": "gap", "lash": "gap"}
+_SYNONYMS = {
+    "rate": "stiffness",
+    "preload": "installed_force",
+    "clearance": "gap",
+    "lash": "gap",
+    "damping": "dissipation",
+}
 """Other words of engineers for keys."""
 
 
@@ -219,8 +225,10 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
         case "extra_forbidden":
             known = list(dict.fromkeys(name for name, _ in fields_at(path[:-1], root)))
             if path[-1] in known:
-                variants = _variants_with(path, root)
+                variants, usual = _variants_with(path, root), _SYNONYMS.get(path[-1], "")
                 remedy = f"remove it, or change {variants.partition(' ')[0]}"
+                if any(usual in record.model_fields for record in _own_records(path, root, error["loc"])):
+                    remedy = f"did you mean {usual!r}?"
                 allowed = f"{variants} with this key" if "=" in variants else "this key only in another table"
                 return Fault(where, f"key {path[-1]!r}", allowed, "", remedy)
             table = f"did you mean the table [{path[-1]}s]?" if f"{path[-1]}s" in root.model_fields else "remove it"
@@ -304,11 +312,15 @@ def _shorten(value: object, words: Sequence[str] = ()) -> str:
 
 def _describe_field(path: Path, root: type[BaseModel], steps: tuple[int | str, ...] = ()) -> str:
     """Return the quantity or the description of a key, in the variant of its table that the steps name."""
-    found = records_at(path[:-1], root)
-    own = [r for r in found if any(x in steps for key in r.model_fields.values() for x in get_args(key.annotation))]
-    for record in own or found:
+    for record in _own_records(path, root, steps) or records_at(path[:-1], root):
         for name, key in record.model_fields.items():
             if (key.alias or name) == path[-1]:
                 units = [unit for part in (*key.metadata, key.annotation) for unit in units_in(part) if not unit.axis]
                 return ": ".join(filter(None, (*(unit.description for unit in units[:1]), key.description)))
     return ""
+
+
+def _own_records(path: Path, root: type[BaseModel], steps: tuple[int | str, ...]) -> list[type[BaseModel]]:
+    """Return the variants of the table of a key that the steps name."""
+    found = records_at(path[:-1], root)
+    return [r for r in found if any(x in steps for key in r.model_fields.values() for x in get_args(key.annotation))]

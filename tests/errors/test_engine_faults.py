@@ -81,6 +81,7 @@ FAULTS = {
     "friction in a unit": ([("friction = 0.08", 'friction = "0.1 N"')], "contacts.intake.friction", "0.1 N", "number"),
     "friction of a bilateral contact": ([('model = "unilateral"\nstiffness = "40 MN/m"\ndissipation = "0.3 s/m"', 'model = "bilateral"\nstiffness = "40 MN/m"\nfriction = 0.1')], "contacts.direct.friction", "friction", "Remove it"),
     "breakaway force below the friction": ([("[output]", '[friction.guide]\nat = "stem"\ndirection = "uy"\nforce = "50 N"\nbreakaway_force = "8 N"\n[output]')], "friction.guide.breakaway_force", "8 N", "at least `force`, 50 N."),
+    "damping of a cam contact": ([("friction = 0.08", 'damping = "9 N s/m"')], "contacts.intake.damping", "damping", "Did you mean 'dissipation'?"),
     "friction speed zero": ([('friction_speed = "20 mm/s"', "friction_speed = 0")], "contacts.intake.friction_speed", "0", "above zero"),
     "friction speed in a wrong unit": ([('friction_speed = "20 mm/s"', 'friction_speed = "20 mm"')], "contacts.intake.friction_speed", "20 mm", "velocity"),
     "friction speed without friction": ([("friction = 0.08\n", "")], "contacts.intake", "", "friction"),
