@@ -177,12 +177,8 @@ def _path(error: ErrorDetails, raw: Mapping[str, Any]) -> Path:
 
 
 _SYNONYMS = {
-    "rate": "stiffness",
-    "preload": "installed_force",
-    "clearance": "gap",
-    "lash": "gap",
-    "damping": "dissipation",
-}
+    "rate": "stiffness", "preload": "installed_force", "clearance": "gap", "lash": "gap", "damping": "dissipation",
+}  # fmt: skip
 """Other words of engineers for keys."""
 
 
