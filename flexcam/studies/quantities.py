@@ -47,10 +47,10 @@ _MULTIPLIER = re.compile(r"multiplier\.([1-9]\d{0,2})$")
 _LIMIT, _STATIC = re.compile(r"limits\.(.*)"), re.compile(r"static\.(.*)")
 _Matches = Mapping[str, re.Match[str]]  # names of one kind of quantity
 _KINDS = (
-    "there is no such result. Natural frequencies are frequency.N, and Floquet multipliers multiplier.N, with N from 1. "
-    "Speed limits are limits.NAME. Properties of a cam are such as cams.NAME.area. The static value of a channel is "
-    "static.CHANNEL, its rms value CHANNEL.rms, and its smooth maximum CHANNEL.pnorm_8. A numeric key of the case is a "
-    "result too, such as springs.valve.stiffness"
+    "there is no such result. Natural frequencies are frequency.N, Floquet multipliers multiplier.N, with N from 1. "
+    "Speed limits are limits.NAME. The area under a lift is cams.NAME.area. The static value of a channel is "
+    "static.CHANNEL, its rms value CHANNEL.rms, its smooth maximum CHANNEL.pnorm_8. A numeric key of the case, such as "
+    "springs.valve.stiffness, is a result too"
 )
 """Kinds of results beside the scalars of a run, for messages."""
 _CAM_PROPERTIES = {  # unit, and order of the derivative by the cam angle
