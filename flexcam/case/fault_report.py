@@ -295,14 +295,14 @@ def _missing_key_fault(path: Path, allowed: str, places: KeyLocations) -> Fault:
 
 def _shorten(value: object, words: Sequence[str] = ()) -> str:
     """Return a value as text; of a table, the keys among the words of a message if there are any."""
+    text = format_value(value)
     if isinstance(value, dict):
-        table = {str(key): format_value(one) for key, one in cast("dict[str, object]", value).items()}
+        table = {key: format_value(one) for key, one in cast("dict[str, object]", value).items()}
         named = {key: table[key] for key in words if key in table}
         if named:
-            return ", ".join(f"{key} = {text}" if len(text) <= 40 else key for key, text in named.items())
-        if len(format_value(value)) > 60:
+            return ", ".join(f"{key} = {one}" if len(one) <= 40 else key for key, one in named.items())
+        if len(text) > 60:
             return f"the keys {', '.join(table)}"
-    text = format_value(value)
     return text if len(text) <= 60 else text[:57] + "..."
 
 
