@@ -457,9 +457,10 @@ def _apply_overrides(
     keys = [tuple(step.strip() for step in override.partition("=")[0].split(".")) for override in overrides]
     notes, faults = dict[KeyPath, str](), list[Fault | None]()
     for key, override in zip(keys, overrides, strict=True):
-        if len(key) > 2 and value_at(raw, key[:2]) is None:
-            notes[key[:2]] = f"new table of --set {override}"
+        new = len(key) > 2 and value_at(raw, key[:2]) is None
         faults.append(_apply_override(raw, key, override))
+        if new and faults[-1] is None:
+            notes[key[:2]] = f"new table of --set {override}"
     for *parents, key in (key for key, fault in zip(keys, faults, strict=True) if fault is None):
         table = value_at(raw, parents) if parents[:1] in (["run"], ["cams"]) else None
         for other in _REPLACED_KEYS.get(key, ()):
