@@ -24,6 +24,7 @@ _KNOTS = (360, 720, 1440)  # initial number of knots, one per degree of cam angl
 _FAR, _SMALL = 8.0, 5e-4  # an outlier moves by more than eight times the scatter and 1/2000 of the lift
 _INTERPOLATION_TOLERANCE = 1e-5  # rms deviation, relative to the lift, up to which a spline interpolates the points
 _BELOW = 1e-4  # fraction of the largest lift by which a spline may fall below the base circle without a warning
+MAX_LIFT = 0.5  # lift, m, above which a number was probably meant in mm
 _DOF_WEIGHT = 1.4  # of the degrees of freedom in cross-validation; 1 sometimes follows the noise (Kim and Gu 2004)
 _DEGREE = 5  # of the spline
 
@@ -270,14 +271,16 @@ def _minimize_cross_validation(fit: _Fit, near: float | None = None) -> float:
 def _remarks(
     theta: FloatArray, s: FloatArray, spline: DelayedEvent, noise: float, tolerance: float | None
 ) -> list[str]:  # fmt: skip
-    """Return warnings: outliers, large changes by smoothing, and ripple below the base circle."""
+    """Return warnings: the unit, outliers, large changes by smoothing, and ripple below the base circle."""
+    if (top := float(s.max())) > MAX_LIFT:
+        return [f"a maximum lift of {top:.4g} m is unusual: did you mean {top:.4g} mm? Check the unit of the lift"]
     if (rows := _find_outliers(theta, s, noise)).size:
         i = int(rows[0])
         given = f"a lift of {1e3 * s[i]:.4g} mm between {1e3 * s[i - 1]:.4g} and {1e3 * s[i + 1]:.4g} mm"
         others = f", as are {rows.size - 1} further rows" if rows.size > 1 else ""
         place = f"row {i + 1}, at {math.degrees(theta[i]):.4g} deg of cam angle"
         return [f"{place}: {given} is an outlier{others}: correct or remove it"]
-    change, top = np.abs(spline(theta) - s), float(s.max())
+    change = np.abs(spline(theta) - s)
     far = np.flatnonzero(change > _FAR * noise + _SMALL * top)
     said: list[str] = []
     if far.size:
@@ -290,10 +293,14 @@ def _remarks(
         if tolerance is not None:
             why = f"reduce the tolerance of {1e6 * tolerance:.3g} um, or correct outliers"
         said.append(f"{moved}, by up to {worst}: {why}")
-    least, lowest = float(spline(GRID).min()), min(float(s.min()), 0.0)
-    if least < -max(_BELOW * top, -1.5 * lowest):
-        given = f"the points by up to {abs(1e6 * lowest):.3g} um" if lowest < 0.0 else "but no point of the table is"
-        said.append(f"the smoothed lift is up to {-1e6 * least:.3g} um below the base circle, {given}")
+    smooth, lowest = spline(GRID), min(float(s.min()), 0.0)
+    i = int(np.argmin(smooth))
+    if smooth[i] < -max(_BELOW * top, -1.5 * lowest):
+        dip = f"smoothing makes the lift dip {-1e6 * smooth[i]:.3g} um below the base circle"
+        beside = "below it" if lowest == 0.0 else f"more than {-1e6 * lowest:.3g} um below it"
+        remedy = f"reduce the tolerance of {1e6 * tolerance:.3g} um" if tolerance else "check the points there"
+        place = f"at {math.degrees(GRID[i]):.4g} deg of cam angle"
+        said.append(f"{dip} {place}, although no point of the table is {beside}: {remedy}")
     return said
 
 

@@ -28,7 +28,8 @@ Path = tuple[str, ...]
 class KeyLocations:
     r"""Source of every key of a case: a line of the file or an override."""
 
-    notes: Mapping[Path, str]  #: source by key path, such as ``line 12`` or ``--set run.speed=4000rpm``
+    #: source by key path, such as ``line 12``, ``--set run.speed=4000rpm`` or ``new table of --set run.adaptive...``
+    notes: Mapping[Path, str]
     #: template by path of a copy, such as ``springs.valve-{cylinder}`` of ``springs.valve-1``
     templates: Mapping[Path, Path] = field(default_factory=dict[Path, Path])
 
@@ -55,9 +56,6 @@ class KeyLocations:
                 return f"{'.'.join(path)} ({self.notes[path[:end]]})"
             if path[:end] in self.templates:
                 return self.place(self.templates[path[:end]] + path[end:])
-        new = (note for key, note in self.notes.items() if key[:2] == path[:2] and note.startswith("--set"))
-        if len(path) > 2 and (note := next(new, "")):
-            return f"{'.'.join(path)} (new table of {note})"
         below = next((note for key, note in self.notes.items() if path and key[: len(path)] == path), "")
         return f"{'.'.join(path)} ({below})" if below else ".".join(path) or "case file"
 
@@ -178,7 +176,9 @@ def _path(error: ErrorDetails, raw: Mapping[str, Any]) -> Path:
     return tuple(path)
 
 
-_SYNONYMS = {"rate": "stiffness", "preload": "installed_force", "clearance": "gap", "lash": "gap"}
+_SYNONYMS = {
+    "rate": "stiffness", "preload": "installed_force", "clearance": "gap", "lash": "gap", "damping": "dissipation",
+}  # fmt: skip
 """Other words of engineers for keys."""
 
 
@@ -221,8 +221,10 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
         case "extra_forbidden":
             known = list(dict.fromkeys(name for name, _ in fields_at(path[:-1], root)))
             if path[-1] in known:
-                variants = _variants_with(path, root)
+                variants, usual = _variants_with(path, root), _SYNONYMS.get(path[-1], "")
                 remedy = f"remove it, or change {variants.partition(' ')[0]}"
+                if any(usual in record.model_fields for record in _own_records(path, root, error["loc"])):
+                    remedy = f"did you mean {usual!r}?"
                 allowed = f"{variants} with this key" if "=" in variants else "this key only in another table"
                 return Fault(where, f"key {path[-1]!r}", allowed, "", remedy)
             table = f"did you mean the table [{path[-1]}s]?" if f"{path[-1]}s" in root.model_fields else "remove it"
@@ -260,15 +262,16 @@ def _locate_fault(
 ) -> tuple[str, str]:
     """Return path and value of a fault inside a table; the path includes the key if the fault concerns one."""
     inside, given = str(context["inside"]), str(context["given"])
+    allowed = re.findall(r"\w+", str(context["allowed"]))
     if not inside:
-        return places.place(path), given or _shorten(value)
+        return places.place(path), given or _shorten(value, allowed)
     steps = inside.split(".")
     known = {name for name, _ in fields_at(path, root)}
     first = next((i for i, step in enumerate(steps) if step in known), None)
     if first is None:
         return f"{places.place(path)}: {inside}", given
     found = value_at(value, steps[first:])
-    return places.place((*path, *steps[first:])), given if found is None else _shorten(found)
+    return places.place((*path, *steps[first:])), given if found is None else _shorten(found, allowed)
 
 
 def _variants_with(path: Path, root: type[BaseModel], value: str = "") -> str:
@@ -290,18 +293,30 @@ def _missing_key_fault(path: Path, allowed: str, places: KeyLocations) -> Fault:
     return Fault(places.place(path), "nothing", allowed, "the key is required", f"add {path[-1]!r}")
 
 
-def _shorten(value: object) -> str:
+def _shorten(value: object, words: Sequence[str] = ()) -> str:
+    """Return a value as text; of a table, the keys among the words of a message if there are any."""
     text = format_value(value)
+    if isinstance(value, dict):
+        table = {key: format_value(one) for key, one in cast("dict[str, object]", value).items()}
+        named = {key: table[key] for key in words if key in table}
+        if named:
+            return ", ".join(f"{key} = {one}" if len(one) <= 40 else key for key, one in named.items())
+        if len(text) > 60:
+            return f"the keys {', '.join(table)}"
     return text if len(text) <= 60 else text[:57] + "..."
 
 
 def _describe_field(path: Path, root: type[BaseModel], steps: tuple[int | str, ...] = ()) -> str:
     """Return the quantity or the description of a key, in the variant of its table that the steps name."""
-    found = records_at(path[:-1], root)
-    own = [r for r in found if any(x in steps for key in r.model_fields.values() for x in get_args(key.annotation))]
-    for record in own or found:
+    for record in _own_records(path, root, steps) or records_at(path[:-1], root):
         for name, key in record.model_fields.items():
             if (key.alias or name) == path[-1]:
                 units = [unit for part in (*key.metadata, key.annotation) for unit in units_in(part) if not unit.axis]
                 return ": ".join(filter(None, (*(unit.description for unit in units[:1]), key.description)))
     return ""
+
+
+def _own_records(path: Path, root: type[BaseModel], steps: tuple[int | str, ...]) -> list[type[BaseModel]]:
+    """Return the variants of the table of a key that the steps name."""
+    found = records_at(path[:-1], root)
+    return [r for r in found if any(x in steps for key in r.model_fields.values() for x in get_args(key.annotation))]

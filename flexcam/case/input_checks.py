@@ -368,15 +368,20 @@ def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
     for name, contact in contacts.items():
         if closed[contact.cam] and float(first.channels[f"contacts.{name}.force"][0]) <= 0.0:
             why, lost = "no spring pushes the follower against its cam on the base circle", True
-            yield f"Warning: contacts.{name}: {why}; check the installed_force and the direction of the springs"
+            remedy = "check the direction of the contact, and the installed_force and direction of the springs"
+            yield f"Warning: contacts.{name}: {why}; {remedy}"
         depth = -float(first.channels[f"contacts.{name}.gap"][0])
         if closed[contact.cam] and depth > _CONTACT_DEPTH * model.cams[contact.cam].event.height:
             why = f"on the base circle the follower sinks {format_quantity('m', depth, digits=3)} into its cam"
             yield f"Warning: contacts.{name}: {why}; check its stiffness and the unit"
     for name in seats if closed and all(closed.values()) and not lost else ():
         if float(first.channels[f"contacts.{name}.force"][0]) <= 0.0:
-            why = "no spring holds the valve on its seat with the cams on their base circles"
-            yield f"Warning: contacts.{name}: {why}; check the direction and the installed_force of its spring"
+            why = "nothing holds the valve on its seat with the cams on their base circles"
+            causes = ["the direction and the installed_force of its spring"]
+            if any(member.temperature for member in model.members.values()):
+                causes.append("the temperature of the members, which may expand by more than the lash")
+            causes += ["the direction of the loads"] if model.loads else []
+            yield f"Warning: contacts.{name}: {why}; check {', or '.join(causes)}"
         lift = max(cam.event.height for cam in model.cams.values())
         depth = -float(first.channels[f"contacts.{name}.gap"][0])
         if depth > _CONTACT_DEPTH * lift:
@@ -501,11 +506,11 @@ def _check_pulling_contacts(model: Model) -> Iterator[str]:
 
 def check_coil_bind(model: Model, speed: float) -> list[str]:
     """Return warnings about springs that the rigid train compresses to solid length."""
-    why = "reaches coil bind before full lift: full lift needs"
-    return [
-        f"Warning: spring {name!r} {why} {1e3 * beyond:.3g} mm more clash_travel"
-        for name, beyond in touching_coils(model, speed).items()
-    ]
+    said, why = list[str](), "reaches coil bind before full lift: full lift needs"
+    for name, beyond in touching_coils(model, speed).items():
+        key = "travel; give its coils more turns or pitch" if model.springs[name].coils else "clash_travel"
+        said.append(f"Warning: spring {name!r} {why} {1e3 * beyond:.3g} mm more {key}")
+    return said
 
 
 # Crank angle of lift above a tenth of its maximum from which cam angles of a valve may be crank angles, rad.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
@@ -34,7 +34,7 @@ from flexcam.case.records import (
     si_unit,
 )
 from flexcam.case.repetition import Repetition
-from flexcam.case.schema.base import Record
+from flexcam.case.schema.base import Record, records_at
 from flexcam.case.schema.cams import LIFT_TABLE_CONFLICTS
 from flexcam.case.schema.parts import RepeatRecord
 from flexcam.case.valid_parts import TRAIN, ValidParts
@@ -240,7 +240,7 @@ class CaseFile:
             found |= dict.fromkeys(places.locate(fault) for fault in faults if not valid.follows(fault))
             if not valid.leave_out([*faults, *others]):
                 break
-        return InputError(sort_faults(found))
+        return InputError(sort_faults(dict.fromkeys(_name_unknown_part(fault, found, raw, places) for fault in found)))
 
     def _correct_keys(self, raw: Mapping[str, Any]) -> dict[str, Any]:
         """Return tables in which keys that are meant replace misspelt ones."""
@@ -308,6 +308,20 @@ class CaseFile:
 
 
 _MAX_FAULTS, _MAX_NODES = 100, 20_000  # other faults, and nodes of the mesh, up to which the model is checked as well
+
+
+def _name_unknown_part(fault: Fault, faults: Iterable[Fault], raw: Mapping[str, Any], places: KeyLocations) -> Fault:
+    """Return a fault of a part that only overrides name in place of that of a key missing in it."""
+    part = tuple(fault.where.partition(" (")[0].split(".")[:2])
+    new = fault.given == "nothing" and places.notes.get(part, "").startswith("new table")
+    if not new or records_at(part, CaseRecord) != records_at(part[:1], CaseRecord):  # an optional table is no part
+        return fault
+    others = ", ".join(name for name in raw[part[0]] if name != part[1])
+    name = ".".join(part)
+    missing = [one.where.partition(" (")[0] for one in faults if one.given == "nothing"]
+    missing = [key for key in dict.fromkeys(missing) if key.startswith(f"{name}.")]
+    remedy = f"to create it, set {', '.join(missing)} as well"
+    return Fault(places.place(part), repr(part[1]), others, f"the case has no {name}", remedy)
 
 
 # tables whose values decide whether a rigid train can move
@@ -441,13 +455,18 @@ def _apply_overrides(
 ) -> tuple[KeyLocations, list[Fault]]:
     """Apply overrides ``a.b.c=value`` to raw tables; return the sources of all keys and the faults."""
     keys = [tuple(step.strip() for step in override.partition("=")[0].split(".")) for override in overrides]
-    faults = [_apply_override(raw, key, override) for key, override in zip(keys, overrides, strict=True)]
+    notes, faults = dict[KeyPath, str](), list[Fault | None]()
+    for key, override in zip(keys, overrides, strict=True):
+        new = len(key) > 2 and value_at(raw, key[:2]) is None
+        faults.append(_apply_override(raw, key, override))
+        if new and faults[-1] is None:
+            notes[key[:2]] = f"new table of --set {override}"
     for *parents, key in (key for key, fault in zip(keys, faults, strict=True) if fault is None):
         table = value_at(raw, parents) if parents[:1] in (["run"], ["cams"]) else None
         for other in _REPLACED_KEYS.get(key, ()):
             if isinstance(table, dict) and (*parents, other) not in keys:  # overrides that exclude each other remain
                 cast("dict[str, object]", table).pop(other, None)
-    notes = {key: f"--set {override}" for key, override in zip(keys, overrides, strict=True)}
+    notes |= {key: f"--set {override}" for key, override in zip(keys, overrides, strict=True)}
     return replace(places, notes={**places.notes, **notes}), [fault for fault in faults if fault is not None]
 
 

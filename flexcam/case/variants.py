@@ -98,7 +98,9 @@ def number_after_override(case: Case, key: str, text: str, where: str) -> float:
     try:
         there = CaseFile.of(case).read((*case.overrides, *make_overrides(case, {key: text})))
     except InputError as refusal:
-        raise InputError(replace(fault, where=where) for fault in refusal.faults) from None
+        plain = ", or a number in [^,]+"  # which the options refuse
+        found = [replace(one, where=where, allowed=re.sub(plain, "", one.allowed)) for one in refusal.faults]
+        raise InputError(found) from None
     return get_number(there, key, where).value
 
 

@@ -139,7 +139,7 @@ def parse_quantity(where: str, text: str, dimension: str, unit: str) -> float:
     if _BARE.match(text) and float(text) != 0.0:
         allowed = f"a number with its unit, such as '{text.strip()} {unit}'"
         raise refuse(where, text, allowed, "the unit is missing", f"write '{text.strip()} {unit}'")
-    return parse(text, dimension, where)
+    return parse(text, dimension, where, plain=False)
 
 
 def parse_optional(where: str, text: str | None, dimension: str, unit: str) -> float | None:

@@ -430,6 +430,7 @@ def _lift_of_profile(
         place = format_quantity("m", *bridge.point, digits=4, separator=", ")
         gap = format_quantity("m", bridge.depth, digits=3)
         said = f"the follower bridges a hollow of the profile, with a gap of {gap} at {place}"
-        rows.append(("warning", f"{said}; a smaller roller follows the profile"))
+        other = "a smaller roller" if math.isfinite(made.roller_radius) else "only a roller smaller than the hollow"
+        rows.append(("warning", f"{said}; {other} follows the profile"))
     tables = [facts_table(f"Lift of {profile.name}", rows)]
     return cli.CommandOutput(tables, json, files=files, describe_file=cli.describe_lift_file)

@@ -107,8 +107,12 @@ def optimize(
         done = f"stopped after {len(found.rows)} of about {evaluations} variants; the result is their best"
         status = Status(Cause.INTERRUPTED, done, "run the same command with the same --seed again for the whole search")
     elif found.best is None:
-        remedy = "widen the intervals, or relax a constraint"
-        status = Status(Cause.INFEASIBLE, "no variant meets all constraints", remedy)
+        text, remedy = "no variant meets all constraints", "widen the intervals, or relax a constraint"
+        if by_gradient:
+            text = "the gradient search found no variant that meets all constraints from this start"
+            other = "another point (--set, --starts), such as a speed without contact loss"
+            remedy = f"start at {other}, or use --method evolution"
+        status = Status(Cause.INFEASIBLE, text, remedy)
     return replace(output, files=written, status=status)
 
 

@@ -253,7 +253,7 @@ def _force(asked: FigureOptions) -> Figure:
 def _energy(asked: FigureOptions) -> Figure:
     responses = asked.responses()
     if not any(name.startswith("energy.") for one in responses.values() for name in one.channels):
-        raise refuse("--what", "energy", "a run of flexible members", "a rigid model has no energy balance")
+        raise refuse("--what", "energy", "a run of the flexible model", "a rigid model has no energy balance")
     figure = plotting.histories.energy_figure(responses, over=asked.over or "angle", title=asked.title)
     return _mark_areas(asked, figure)
 
@@ -263,7 +263,8 @@ def _orbits(asked: FigureOptions) -> Figure:
     known = (name for name in asked.first.response.channels if name.endswith(".eccentricity"))
     bearings = [name.removesuffix(".eccentricity") for name in known]
     if not bearings:
-        raise refuse("--what", "orbits", "a run of flexible members with bearings.NAME.film", "this run has none")
+        allowed = "a run of the flexible model with an oil film in a bearing (bearings.NAME.film)"
+        raise refuse("--what", "orbits", allowed)
     return plotting.histories.orbit_figure(responses, bearings)
 
 
@@ -338,7 +339,7 @@ def _goodman(asked: FigureOptions) -> Figure:
     source = _single_source(asked)
     found = member_strength(*source.reloaded).members()
     if not found:
-        raise refuse("--what", "goodman", "a run of flexible members with saved fields", "this run has none")
+        raise refuse("--what", "goodman", "a run of the flexible model with saved fields")
     members = source.ready.model.members
     figure = plotting.curves.goodman_figure({name: (one, members[name].material) for name, one in found.items()})
     return plotting.figures.add_title(figure, source.title)

@@ -197,6 +197,7 @@ def finite_array(where: str, values: ArrayLike, shape: tuple[int | None, ...]) -
     return array
 
 
+_MAX_ALIKE = 5  # maximum number of names in a suggestion
 _SIMILARITY = 0.7  # least ratio of common letters of a typing error; words of different meaning have up to 0.67
 
 
@@ -218,6 +219,17 @@ def similar_name(name: str, known: Iterable[str]) -> str:
 
 
 def suggest_name(name: str, known: Iterable[str]) -> str:
-    """Return a suggestion of the closest known name, or an empty text."""
-    near = similar_name(name, known)
+    """Return a suggestion of the closest known name, or an empty text.
+
+    For ``contacts.exhaust.force`` only other contacts with a force are close: one with a similar name, or else all.
+    """
+    names, (kind, _, rest) = list(known), name.partition(".")
+    part, dot, ending = rest.partition(".")
+    alike = [one for one in names if dot and one.startswith(f"{kind}.") and one.split(".", 2)[2:] == [ending]]
+    near = similar_name(name, names)
+    if alike:
+        near = similar_name(part, [one.split(".")[1] for one in alike])
+        near = f"{kind}.{near}.{ending}" if near else ""
+        if not near and len(alike) <= _MAX_ALIKE:
+            return f"did you mean {' or '.join(map(repr, alike))}?"
     return f"did you mean {near!r}?" if near else ""

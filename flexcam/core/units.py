@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from decimal import Context, Decimal
 from typing import Literal
 
-from flexcam.core.errors import refuse, suggest_name
+from flexcam.core.errors import InputError, refuse, suggest_name
 
 RPM = math.pi / 30.0
 """One revolution per minute, rad/s."""
@@ -23,8 +23,9 @@ Exponents = tuple[int, int, int, int, int]
 NUMBER = re.compile(r"\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)$")
 _FACTOR = re.compile(r"([*/]?)\s*(1(?=\s*/)|[A-Za-z%µ°]+)\s*(?:(?:\^|\*\*)\s*([+-]?\d+))?\s*")
 
+_KELVIN = "write K: `temperature` is the rise above the assembly temperature"
 _FOREIGN = {
-    "degC": "write K; a temperature is a rise", "C": "write K; a temperature is a rise", "ppm": "write um/m for 1 ppm",
+    "degC": _KELVIN, "C": _KELVIN, "ppm": "write um/m for 1 ppm",
     "lbm": "write 'lb', a mass", "inch": "write 'in'", "inches": "write 'in'", "gram": "write 'g'",
     "grams": "write 'g'", "degree": "did you mean 'deg'?", "degrees": "did you mean 'deg'?", "sec": "write 's'",
     "lbs": "write 'lb' for a mass, 'lbf' for a force",
@@ -192,7 +193,7 @@ def _letters(unit: str) -> str:
     return re.sub(r"[\s*^]", "", unit).lower()
 
 
-def _unit_product(text: str, where: str, wanted: Exponents, allowed: str = _UNITS) -> tuple[Decimal, Exponents]:
+def _unit_product(text: str, where: str, wanted: Exponents) -> tuple[Decimal, Exponents]:
     factor, exponents, position, divide = Decimal(1), _NONE, 0, False
     while position < len(text):
         match = _FACTOR.match(text, position)
@@ -203,7 +204,7 @@ def _unit_product(text: str, where: str, wanted: Exponents, allowed: str = _UNIT
             like = (kind.example.partition(" ")[2] for kind in DIMENSIONS.values() if kind.exponents == wanted)
             example = next(filter(None, like), "mm")
             given, why = f"unit {symbol!r} in {text!r}", f"the unit {symbol!r} is unknown"
-            raise refuse(where, given, allowed, why, hint or f"write its symbol, such as {example}")
+            raise refuse(where, given, _UNITS, why, hint or f"write its symbol, such as {example}")
         # As in print, a '/' applies to all factors up to the next '*' or '/': N s/m, kg/(m s) is kg/m/s.
         divide = match[1] == "/" or (match[1] == "" and divide)
         power = int(match[3] or 1) * (-1 if divide else 1)
@@ -219,11 +220,15 @@ def _equal_dimension(found: Exponents, wanted: Exponents) -> bool:
     return found[:4] == wanted[:4] if of_moments else found == wanted
 
 
-def parse(value: float | str, dimension: str, where: str = "value", *, noise: bool = False) -> float:
-    """Parse a quantity and return its SI value."""
+def parse(
+    value: float | str, dimension: str, where: str = "value", *, noise: bool = False, plain: bool = True
+) -> float:
+    """Parse a quantity and return its SI value; messages offer a number in SI if a plain number is allowed."""
     kind = DIMENSIONS[dimension]
     article = "an" if kind.name[0] in "aeiou" else "a"
-    allowed = f"{article} {kind.name} such as {kind.example!r}" + (f", or a number in {kind.si}" if kind.si else "")
+    allowed = f"{article} {kind.name} such as {kind.example!r}"
+    allowed += f", or a number in {kind.si}" if kind.si and plain else ""
+    no_unit = "the value is dimensionless", "leave the unit out, or write a percentage such as '5 %'"
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):  # pyright: ignore[reportUnnecessaryIsInstance] - file content
         raise refuse(where, value, allowed)
     if not isinstance(value, str):
@@ -239,11 +244,17 @@ def parse(value: float | str, dimension: str, where: str = "value", *, noise: bo
             )
     else:
         raise refuse(where, repr(value), allowed, "it does not begin with a number")
-    factor, exponents = _unit_product(text, where, kind.exponents, allowed) if text else (Decimal(1), kind.exponents)
+    try:
+        factor, exponents = _unit_product(text, where, kind.exponents) if text else (Decimal(1), kind.exponents)
+    except InputError as refusal:
+        fault = refusal.faults[0]
+        why, remedy = (fault.why, fault.remedy) if kind.si else no_unit
+        raise refuse(where, repr(value), allowed, why, remedy) from None
     if not _equal_dimension(exponents, kind.exponents):
-        why = f"{text!r} is not a unit of {kind.name}" if kind.si else "the value is dimensionless"
-        remedy = "leave the unit out, or write a percentage such as '5 %'"
-        remedy = f"use a unit such as {kind.example.partition(' ')[2]}" if kind.si else remedy
+        why, remedy = no_unit
+        if kind.si:
+            why = f"{text!r} is not a unit of {kind.name}"
+            remedy = f"use a unit such as {kind.example.partition(' ')[2]}"
         force = _POUND.sub("lbf", text)
         if force != text and _equal_dimension(_unit_product(force, where, kind.exponents)[1], kind.exponents):
             remedy = f"use {force!r}, because 'lb' is a mass"

@@ -127,7 +127,8 @@ def read_columns(path: Path, where: str, text: str | None = None) -> dict[str, t
         given = f"the header line {table.head!r}" if table.width else "without rows"
         raise refuse(where, f"{path.name}, {given}", allowed)
     for number, line in table.faulty():
-        raise refuse(where, f"{path.name}, line {number}: {line[:40]!r}", f"{allowed}; here {table.width} finite ones")
+        allowed = f"a finite number for each column: {', '.join(table.names)}"
+        raise refuse(where, f"{path.name}, line {number}: {line[:40]!r}", allowed)
     columns = [_name_and_unit(name.strip('"')) for name in table.names]
     if len(dict(columns)) < len(columns):
         raise refuse(where, ", ".join(table.names), allowed, "a name is given twice")

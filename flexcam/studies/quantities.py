@@ -46,6 +46,13 @@ _CAM = re.compile(r"cams\.(.+)\.(area|velocity|acceleration|deceleration|jerk)$"
 _MULTIPLIER = re.compile(r"multiplier\.([1-9]\d{0,2})$")
 _LIMIT, _STATIC = re.compile(r"limits\.(.*)"), re.compile(r"static\.(.*)")
 _Matches = Mapping[str, re.Match[str]]  # names of one kind of quantity
+_KINDS = (
+    "there is no such result. Natural frequencies are frequency.N, Floquet multipliers multiplier.N, with N from 1. "
+    "Speed limits are limits.NAME. The area under a lift is cams.NAME.area. The static value of a channel is "
+    "static.CHANNEL, its rms value CHANNEL.rms, its smooth maximum CHANNEL.pnorm_8. A numeric key of the case, such as "
+    "springs.valve.stiffness, is a result too"
+)
+"""Kinds of results beside the scalars of a run, for messages."""
 _CAM_PROPERTIES = {  # unit, and order of the derivative by the cam angle
     "area": ("m rad", 0), "velocity": ("m/rad", 1), "acceleration": ("m/rad^2", 2), "deceleration": ("m/rad^2", 2),
     "jerk": ("m/rad^3", 3),
@@ -121,11 +128,8 @@ def is_run_scalar(case: Case, name: str) -> bool:
 def _unknown_name_fault(name: str, known: Iterable[str], cams: Iterable[str]) -> Fault:
     of_cams = [f"cams.{cam}.{kind}" for cam in cams for kind in _CAM_PROPERTIES]
     near = suggest_name(name, [*known, "frequency.1", *(f"limits.{one}" for one in LIMITS), *of_cams])
-    others = "frequency.N and multiplier.N with N from 1, limits.NAME, cams.NAME.area, static.CHANNEL, CHANNEL.rms"
-    keys = "a numeric key of the case, such as springs.valve.stiffness"
-    allowed = unknown_scalar_fault(name, known).allowed
-    allowed += "" if allowed.startswith("a result under") else f"; {others}, CHANNEL.pnorm_8, or {keys}"
-    return Fault("scalar", repr(name), allowed, "there is no such result", near)
+    allowed, why = unknown_scalar_fault(name, known).allowed, "there is no such result"
+    return Fault("scalar", repr(name), allowed, why if allowed.startswith("a result under") else _KINDS, near)
 
 
 def require_complete(row: Row) -> Row:

@@ -264,8 +264,9 @@ def _response(name: str, middle: Row, beside: Sequence[Row], number: Number, ste
     values = column(beside, name)
     if math.isnan(value) or np.isnan(values).any():
         failed = next((row.status for row in (middle, *beside) if not row.status.ok), None)
-        outside = "the limit lies outside the search range, at the value itself or after a step"
-        note = f"no derivative: {failed or f'{outside}; widen --lowest and --highest'}"
+        place = "at the nominal value" if math.isnan(value) else f"after a finite-difference step of {number.key}"
+        outside = f"{place} the limit lies outside the search range; lower --lowest or raise --highest"
+        note = f"no derivative: {failed or outside}"
         return Sensitivity(name, unit, value, number, math.nan, None, False, note)
     found = central_derivative(value, values, step)
     doubt = "not smooth here: contacts open or close, or the values have noise; the derivative is unreliable"

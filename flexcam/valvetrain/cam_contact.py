@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from flexcam.cams import CamProfile, FlatFollower, SwingFlatFollower, SwingRollerFollower, undercut
+from flexcam.cams.lift_table import MAX_LIFT
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse
 from flexcam.dynamics import (
@@ -106,7 +107,6 @@ class HertzLine:
         return np.sqrt(p * 0.5 * self.plane_strain / (math.pi * radius))
 
 
-_MAX_LIFT = 0.5  # lift, m, above which a number without a unit was probably meant in mm
 _SAME = 1e-6  # tolerance of lengths for rounding of input digits
 _NEAR = 1e-2  # tolerance between an arm and its member
 
@@ -340,7 +340,7 @@ def hertz_line(
         radius = f"{1e3 * follower.base_radius:g} mm"
         allowed = f"a larger base circle for a lift of {1e3 * cam.event.height:.4g} mm"
         remedy = "flexcam cam prints the minimum base-circle radius; a longer event also helps"
-        if cam.event.height > _MAX_LIFT:
+        if cam.event.height > MAX_LIFT:
             remedy = f"did you mean a lift of {cam.event.height:.3g} mm?"
         raise refuse(f"cams.{contact.cam}.base_radius", radius, allowed, why, remedy)
     rolls = bool(np.isfinite(roller))

@@ -470,9 +470,9 @@ class Lever(Rocker):
     def __post_init__(self) -> None:
         beyond = [f"{math.degrees(angle):g} deg" for angle in self.angles if abs(angle) > _MOST]
         if beyond:
+            allowed = f"at most {math.degrees(_MOST):g} deg from the perpendicular to the motion"
             why = "an arm nearly parallel to the motion of its end cannot move it"
-            remedy = "measure the angle from the perpendicular"
-            raise refuse("angles", " and ".join(beyond), f"within {math.degrees(_MOST):g} deg of square", why, remedy)
+            raise refuse("angles", " and ".join(beyond), allowed, why)
 
     @property
     def ratio(self) -> float:

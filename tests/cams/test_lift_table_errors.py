@@ -91,6 +91,12 @@ def test_every_fault_is_told_at_once():
     assert [fault.where for fault in refusal.value.faults] == ["angle, row 51", "lift, row 31"]
 
 
+def test_a_lift_in_metres_that_was_meant_in_millimetres():
+    theta, lift = table()
+    (said,) = lift_table(theta, 1e3 * lift)[1].remarks
+    assert "8 m is unusual: did you mean 8 mm?" in said
+
+
 @pytest.mark.parametrize("tolerance", [-1e-6, math.nan, math.inf])
 def test_tolerances_refused(tolerance):
     with pytest.raises(InputError, match=r"^tolerance:"):

@@ -78,6 +78,16 @@ def test_an_override_adds_a_part():
     assert (heavy.mass.diagonal() - plain.mass.diagonal())[at] == pytest.approx(1.0, rel=1e-9)
 
 
+@pytest.mark.parametrize("given", [["springs.exhaust.stiffness=40kN/m"], ["springs.exhaust.at=cam"]])
+def test_an_override_of_an_unknown_part_names_the_parts_of_the_case(given):
+    with pytest.raises(InputError) as refusal:
+        read_case(INLINE, given)
+    (fault,) = refusal.value.faults
+    assert (fault.given, fault.why) == ("'exhaust'", "the case has no springs.exhaust")
+    assert fault.allowed == ", ".join(read_case(INLINE).record.springs)
+    assert "springs.exhaust.direction as well" in fault.remedy
+
+
 @pytest.mark.parametrize(("override", "meant"), [
     ("mases.new.mass=1kg", "masses"), ("runn.speed=3000rpm", "run"), ("masses.new.mas=1kg", "mass"),
     ("outptu.field_every=3", "output"),

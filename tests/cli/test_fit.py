@@ -101,7 +101,7 @@ def test_angles_times_and_units(flexcam, files, tmp_path):
     ("angle,mass.uy [m]\n0,1\n", (), "'crank angle', and at least one measured column"),
     ("time [s],mass.uyy [m]\n0,1\n", (), "a name that is no result of the case"),
     ("time [s],mass.uy [N]\n0,1\n", (), "a unit of length such as mm"),
-    ("time [s],mass.uy [m]\n0,1\n0,x\n", (), "rows of as many numbers"),
+    ("time [s],mass.uy [m]\n0,1\n0,x\n", (), "for each column: time [s], mass.uy"),
     ("time [s],mass.uy [m]\n0,1\n", (), "more than the 2 values to be fitted"),
     ("time [s],mass.uy [m]\n0,1\n1,1\n2,1\n", (), "times of the run"),
     ("time [s],mass.uy [m]\n0,1\n", ("--column", "mass.uz"), "--column: got 'mass.uz'"),

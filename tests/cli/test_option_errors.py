@@ -34,6 +34,19 @@ REFUSED = {
     "an interval without its option": (
         ("optimize", INLINE, "--vary", STIFF, "--least", "frequency.1"), f"no interval, expected {STIFF}=LOW:HIGH",
     ),
+    "a unit that an interval cannot have": (
+        ("optimize", INLINE, "--vary", f"{STIFF}=30:60foo", "--most", "frequency.1"),
+        "expected a stiffness such as '40 kN/m'. The unit 'foo'",
+    ),
+    "a unit that a speed cannot have": (
+        ("limits", ENGINE, "--accuracy", "5foo"), "got '5foo', expected a speed such as '3000 rpm'. The unit",
+    ),
+    "an unknown result": (
+        ("sensitivity", INLINE, "--of", "nonsense", "--to", STIFF), "multiplier.N, with N from 1. Speed limits are",
+    ),
+    "orbits without oil films": (
+        ("plot", INLINE, "--what", "orbits"), "got orbits, expected a run of the flexible model with an oil film",
+    ),
     "one goal twice": (
         ("optimize", INLINE, "--vary", f"{STIFF}=30:60kN/m", "--least", "frequency.1", "--most", "frequency.1"),
         "two different quantities",

@@ -155,7 +155,20 @@ def test_a_spring_that_opens_the_valve_is_told(flexcam, direct):
     at = text.index('direction = "-uy"', text.index("[springs.valve]"))
     direct.write_text(text[:at] + text[at:].replace('"-uy"', '"uy"', 1), encoding="utf-8")
     (warning,) = (one for one in flexcam("check", direct, "--json").json["warnings"] if "contacts.seat" in one)
-    assert "no spring holds the valve on its seat" in warning
+    assert "nothing holds the valve on its seat" in warning
+    assert "the temperature" not in warning
+
+
+@pytest.mark.parametrize(("overrides", "cause"), [
+    (['materials.steel.expansion="12e-6 1/K"', "members.pushrod.temperature=80K"], "the temperature of the members"),
+    (['loads.gas={ at = "valve", direction = "uy", force = "900 N" }'], "the direction of the loads"),
+])  # fmt: skip
+def test_what_else_opens_the_seat_is_named(overrides, cause, flexcam, tmp_path):
+    """By 1.6 * 250 mm * 12e-6/K * 80 K = 0.38 mm, of which the lash takes 0.2 mm; 900 N against 400 N."""
+    (case,) = new_case("pushrod-engine", tmp_path / "engine.toml")
+    words = [word for one in overrides for word in ("--set", one)]
+    (warning,) = (one for one in flexcam("check", case, *words, "--json").json["warnings"] if "contacts.seat" in one)
+    assert cause in warning
 
 
 @pytest.mark.parametrize(("override", "told"), [
@@ -245,6 +258,11 @@ def test_figures_of_merit_are_printed_once(flexcam, engine, tmp_path):
     assert "contact intake: max force" in others
 
 
+SPRING_OF_COILS = 'springs.valve={ at = "valve", direction = "uy", installed_force = 400, '
+SPRING_OF_COILS += "wire = { diameter = 4.6e-3, shear_modulus = 79e9 }, "
+SPRING_OF_COILS += "coils = [{ turns = 6, diameter = 28e-3, pitch = 8e-3 }] }"
+
+
 @pytest.mark.parametrize(
     ("override", "warning"),
     [
@@ -252,6 +270,7 @@ def test_figures_of_merit_are_printed_once(flexcam, engine, tmp_path):
             "springs.valve.clash_travel=9mm",
             "spring 'valve' reaches coil bind before full lift: full lift needs 0.88 mm more clash_travel",
         ),
+        (SPRING_OF_COILS, "mm more travel; give its coils more turns or pitch"),
         ("contacts.lash.gap=0.6mm", "the lash of 0.375 mm at the follower exceeds the ramp height of 0.3 mm"),
         ("contacts.lash.gap=0.2m", "the lash of 125 mm at the follower exceeds the lift of 6.3 mm"),
         (

@@ -372,6 +372,17 @@ def test_a_result_over_several_conditions_is_the_worst(flexcam, oscillator, meth
         assert said in refused.err
 
 
+@pytest.mark.parametrize(("method", "said"), [
+    ("evolution", "infeasible: no variant meets all constraints; widen"), ("gradient", "from this start; start at"),
+])  # fmt: skip
+def test_a_search_without_a_valid_variant_says_what_it_knows(flexcam, oscillator, method, said):
+    """A gradient search follows one path: its end does not show that no variant exists."""
+    asked = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness", "--evaluations", "24")
+    done = flexcam("optimize", oscillator, *asked, "--subject", "frequency.1 >= 1000 Hz", "--method", method)
+    assert done.code == 3
+    assert said in " ".join(done.err.split())
+
+
 def test_a_variant_without_derivatives_keeps_its_values(monkeypatch):
     """A search refuses a start without derivatives with this reason, and may end at such a variant."""
 

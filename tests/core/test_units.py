@@ -180,9 +180,22 @@ def test_unknown_unit_with_what_was_meant(text, kind, near):
     with pytest.raises(InputError) as refusal:
         parse(text, kind)
     fault = refusal.value.faults[0]
-    assert "unit" in fault.given
+    assert fault.given == repr(text), "the whole value, not its unit alone"
     assert "did you mean" in fault.remedy, "the hint is what to do, not why"
     assert near in fault.remedy
+
+
+def test_a_number_has_no_unit_to_write():
+    with pytest.raises(InputError) as refusal:
+        parse("5x", "number")
+    assert refusal.value.faults[0].remedy.startswith("leave the unit out")
+
+
+@pytest.mark.parametrize(("plain", "offered"), [(True, True), (False, False)])
+def test_a_number_in_si_is_offered_where_it_is_allowed(plain, offered):
+    with pytest.raises(InputError) as refusal:
+        parse("5 xyz", "speed", plain=plain)
+    assert ("or a number in rad/s" in refusal.value.faults[0].allowed) is offered
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, "1e400 mm", "nan", "inf mm", "nan mm"])

@@ -182,6 +182,7 @@ def test_a_contact_that_no_spring_closes(start, tmp_path, tried):
     (tmp_path / "case.toml").write_text("\n".join(lines), encoding="utf-8")
     (told,) = check_input(prepare(read_case(tmp_path / "case.toml", [f"run.start={start}"])))
     assert "contacts.intake: no spring pushes the follower against its cam" in told
+    assert "check the direction of the contact, and the installed_force" in told
     tried("planted", f"springs that cannot hold contact, start {start}", 1, "warning with the remedy")
 
 

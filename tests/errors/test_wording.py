@@ -41,6 +41,15 @@ def test_hints_at_typing_errors(name, known):
 
 def test_no_hint_at_what_was_written():
     assert suggest_name("exponents", ["exponents", "conditions"]) == ""
+
+
+@pytest.mark.parametrize(("name", "meant"), [
+    ("contacts.exhaust.force", "'contacts.intake.force' or 'contacts.seat.force'"),  # 'seat' has most letters of it
+    ("contacts.intaek.force", "'contacts.intake.force'"),
+])  # fmt: skip
+def test_a_part_is_meant_by_its_name(name, meant):
+    known = ["contacts.intake.force", "contacts.intake.torque", "contacts.seat.force", "springs.exhaust.force"]
+    assert suggest_name(name, known) == f"did you mean {meant}?"
     with pytest.raises(InputError) as refusal:
         parse_law({"id": "polynomial", "exponents": ["x"]})
     assert "did you mean" not in str(refusal.value)

@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from flexcam.case.reader import CaseFile
 from flexcam.case.variants import Number
 from flexcam.core import Triplets
-from flexcam.studies.sensitivity import STEP_OFFSETS, Sensitivity, central_derivative, frequency_derivatives
+from flexcam.dynamics import Status
+from flexcam.studies.plan import Row
+from flexcam.studies.sensitivity import (
+    STEP_OFFSETS,
+    Sensitivity,
+    central_derivative,
+    frequency_derivatives,
+    sensitivities,
+)
 
 
 def beside(function, point, step):
@@ -103,3 +113,19 @@ def test_free_motions_are_left_out():
     )  # fmt: skip
     assert 2.0 * math.pi * found.frequencies[0] == pytest.approx(math.sqrt(6.0), rel=1e-12)
     assert 2.0 * math.pi * found.values[0] == pytest.approx(math.sqrt(6.0) / (2.0 * 3.0), rel=1e-10)
+
+
+@pytest.mark.parametrize(("missing", "place"), [
+    (0, "at the nominal value"), (2, "after a finite-difference step of masses.lobe.mass"),
+])  # fmt: skip
+def test_a_limit_outside_the_range_says_where(missing, place):
+    """Without a limit there, of the value itself (0) or of a neighbour."""
+    file = CaseFile.open(Path(__file__).parents[2] / "flexcam/templates/pushrod-engine.toml")
+    name, key = "limits.loss_of_contact", "masses.lobe.mass"
+
+    def runs(variants):
+        return [Row(Status(), {} if i == missing else {name: 6000.0}, {name: "rpm"}) for i in range(len(variants))]
+
+    (found,) = sensitivities(file, (), [name], [key], runs)
+    outside = "the limit lies outside the search range; lower --lowest or raise --highest"
+    assert found.note == f"no derivative: {place} {outside}"

@@ -107,7 +107,7 @@ def test_a_viscous_seal(tmp_path):
 
 
 def test_a_breakaway_force_below_the_friction_is_refused(tmp_path):
-    with pytest.raises(InputError, match="20 or more"):
+    with pytest.raises(InputError, match="at least `force`, 20 N"):
         solved(tmp_path, FOLLOWER, 'friction.guide.breakaway_force="10 N"')
 
 

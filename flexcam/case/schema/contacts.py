@@ -277,8 +277,8 @@ class AdjusterRecord(_GapRecord):
             raise value_error("from, to and direction", why, "give the plunger a node and a mass", inside="travel")
         if not self.column[1] > self.refill:
             given = f"leak {self.column[1]:g} N s/m, refill {self.refill:g} N s/m"
-            why = "the check valve is wider than the gap around the plunger"
-            raise value_error("leak above refill", why, given=given)
+            why = "oil flows more easily through the check valve than past the plunger"
+            raise value_error("a resistance `leak` above the resistance `refill`", why, given=given)
 
     @property
     def column(self) -> tuple[float, float]:

@@ -318,8 +318,10 @@ class FrictionRecord(Record):
             why = "with a coefficient, sliding begins at the same force"
             raise value_error("no breakaway_force with coefficient", why, inside="breakaway_force")
         if self.force is not None and self.breakaway_force is not None and self.breakaway_force < self.force:
-            given = f"{self.breakaway_force:g}"
-            raise value_error(f"{self.force:g} or more", "it is the maximum", inside="breakaway_force", given=given)
+            about = self.direction is not None and not direction(self.direction)[:3].any()
+            allowed = f"at least `force`, {self.force:g} {'N m' if about else 'N'}"
+            why = "the breakaway force cannot be below the sliding friction"
+            raise value_error(allowed, why, inside="breakaway_force")
 
 
 class LoadRecord(PartRecord[valvetrain.GivenLoad]):

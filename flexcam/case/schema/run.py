@@ -224,7 +224,7 @@ class FluctuationRecord(Record):
 
     def _check(self) -> None:
         if len(self.amplitudes) != len(self.orders) or len(self.phases) not in (0, len(self.orders)):
-            raise value_error("an amplitude (and a phase, or none) for every order", "they belong together")
+            raise value_error("as many amplitudes as orders, and as many phases or none", "they belong together")
         if sum(self.amplitudes) >= 1.0:
             raise value_error("amplitudes with a sum below 1", "the shaft must keep turning")
 

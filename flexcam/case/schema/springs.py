@@ -172,7 +172,7 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
             raise value_error("an installed position before all coils touch", "a solid spring has no travel left")
         if self.wire is not None and not direction(self.direction)[:3].any():
             why = "its stress and stiffness are those of a coil in compression"
-            raise value_error("a wire on a spring along a line", why)
+            raise value_error("a direction along a line with wire", why)
         if self.wire is not None and self.wire.active_coils is not None and self.stiffness:
             allowed = "either stiffness, or active_coils and shear_modulus of the wire"
             raise value_error(allowed, "both define the stiffness")
@@ -192,7 +192,8 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
             why, remedy = "the key is required without coils", "add 'coil_diameter'"
             raise value_error("a length", why, remedy, inside="wire.coil_diameter", given="nothing")
         if wire.active_coils is None and wire.shear_modulus is not None:
-            raise value_error("no shear_modulus without active_coils or coils", "the stiffness follows from both")
+            why = "the stiffness follows from both"
+            raise value_error("no shear_modulus without active_coils or coils", why, inside="wire")
         if wire.density is not None:
             allowed, why = "a density of the wire only with coils", "the mass follows from their length"
             raise value_error(allowed, why, "give the mass")
@@ -202,7 +203,8 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
         if wire is None or wire.shear_modulus is None:
             raise value_error("a wire with diameter and shear_modulus with coils", "the stiffness follows from both")
         if wire.coil_diameter is not None or self.clash_travel is not None:
-            raise value_error("coils without clash_travel and coil_diameter", "each table of coils has its own")
+            why = "the diameter and pitch of each entry of coils define both"
+            raise value_error("coils without clash_travel and wire.coil_diameter", why)
         if wire.density is not None and self.mass:
             raise value_error("either a mass or a density of the wire", "both define the mass")
         for i, coils in enumerate(entry.part for entry in entries):
@@ -221,15 +223,18 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
         start, force = self.installed_compression or 0.0, self.installed_force
         (least, weakest), (most, strongest) = rows[0], rows[-1]
         if not (least <= start <= most if force is None else weakest <= force <= strongest):
-            place = f"the installed position, {1e3 * start:g} mm" if force is None else f"{force:g} N"
-            raise value_error(f"rows around {place}", "they give the force in this position", inside="force_table")
+            place, why = f"the installed_force, {force:g} N", f"its forces reach from {weakest:g} to {strongest:g} N"
+            if force is None:
+                place = f"the installed position, {1e3 * start:g} mm"
+                why = f"its travels reach from {1e3 * least:g} to {1e3 * most:g} mm"
+            raise value_error(f"a table that covers {place}", why, inside="force_table")
 
     def _check_force(self, key: str) -> None:
         """Check the keys that a force table or coils exclude."""
         if self.force_table is not None and self.coils is not None:
             raise value_error("either force_table or coils", "both define the force")
         if not direction(self.direction)[:3].any():
-            raise value_error(f"{key} on a spring along a line", "it has travels and forces")
+            raise value_error(f"a direction along a line with {key}", "it has travels and forces")
         if self.stiffness or (self.wire is not None and self.wire.active_coils is not None):
             raise value_error(f"either {key} or a stiffness", f"the stiffness follows from {key}")
         if self.pulsation is not None or self.link:
