@@ -273,15 +273,15 @@ def open_hdf5(path: Path, where: str, allowed: str, remedy: str = "") -> Generat
 def _faults(file: Any, size: int) -> Iterator[Fault]:  # noqa: ANN401
     """Yield unsupported or unsafe content; a file with any is not read further."""
     declared, limit = 0, max(_ALLOWED_BYTES, _ALLOWED_RATIO * size)
-    allowed, why = "numbers and texts of fixed length", "other content can refer to other files, load code or crash HDF5"
+    allowed, why = "numbers and texts of fixed length", "other content can lead to other files, load code or crash HDF5"
     for path, one, new in (("/", file.id, True), *_walk(file)):
         for given in _unsafe_contents(one, new):
             yield Fault(path, given, allowed, why, "if an earlier flexcam wrote it, compute it again")
         if new and _is_dataset(one):
             declared += math.prod(one.shape or (0,)) * one.dtype.itemsize
     if declared > limit:
-        given, why = f"{declared:.3g} bytes declared in a file of {size}", "reading a small file that declares much data can exhaust the memory"
-        yield Fault("/", given, f"up to {limit:.3g} bytes", why, "flexcam writes no such file: use one from a trusted source")
+        given, why = f"{declared:.3g} bytes declared in a file of {size}", "reading them would exhaust the memory"
+        yield Fault("/", given, f"up to {limit:.3g} bytes", why, "flexcam writes no such file; use another one")
 
 
 def _unsafe_contents(one: Any, new: bool) -> Iterator[str]:  # noqa: ANN401

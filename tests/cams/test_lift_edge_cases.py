@@ -187,4 +187,4 @@ def test_scca_shows_the_right_side_at_its_last_joint():
 def test_signs_of_steps_agree():
     """joints: right minus left, +4.93 where the rise ends; criteria.broken: 'by -4.9348 at z = 1'."""
     step = joints(LiftEvent(LAWS["shm"], 1.0, 1.0, 1.0, 1.0))[1].steps[2]
-    assert f"by {step:.6g} at z = 1" in criteria(LAWS["shm"]).violations[0]
+    assert f"by {step:+.6g} at z = 1" in criteria(LAWS["shm"]).violations[0]

@@ -85,7 +85,7 @@ class TestNewLaw:
         assert not found.symmetric
         assert found.rest_at_ends == 1
         steps, middle = found.violations
-        assert re.match(r"the acceleration steps .* 9.8696 at z = 0 and by -?9.8696 at z = 1$", steps)
+        assert re.search(r"the acceleration jumps, by .9.8696 at z = 0 and by .9.8696 at z = 1$", steps)
         assert middle == "not symmetric: s(1/2) = 0.498047"
 
     def test_the_printed_products_and_the_plain_sum_are_one(self):
@@ -114,7 +114,7 @@ def test_the_printed_trigonometric_law_does_not_come_to_rest(record, end):
     record(source=SOURCE, case="trigonometric as computed in print", quantity=f"f'({end})", unit="1", reference=1 / 48,
            computed=found.ends[end][1], tolerance=1e-12, reason="exact")  # fmt: skip
     assert found.rest_at_ends == 0
-    assert re.match(r"the velocity steps .* 0.0208333 at z = 0 and by -?0.0208333 at z = 1$", found.violations[0])
+    assert re.search(r"the velocity jumps, by .0.0208333 at z = 0 and by .0.0208333 at z = 1$", found.violations[0])
 
 
 @pytest.mark.parametrize(
