@@ -52,7 +52,7 @@ _KINDS = (
     "static.CHANNEL, its rms value CHANNEL.rms, its smooth maximum CHANNEL.pnorm_8. A numeric key of the case, such as "
     "springs.valve.stiffness, is a result too"
 )
-"""Kinds of results beside the scalars of a run, for messages."""
+"""Kinds of results in addition to the scalars of a run, for messages."""
 _CAM_PROPERTIES = {  # unit, and order of the derivative by the cam angle
     "area": ("m rad", 0), "velocity": ("m/rad", 1), "acceleration": ("m/rad^2", 2), "deceleration": ("m/rad^2", 2),
     "jerk": ("m/rad^3", 3),
