@@ -191,7 +191,7 @@ def _needed_width(size: int, words: int) -> int:
 def _column_widths(heads: Sequence[str], longest: Sequence[int], most: int) -> tuple[list[int], int]:
     """Return column widths and their gap with wrapped headers; words are wrapped so that numbers need not be.
 
-    First columns of words become narrow. Only in a terminal that is too narrow for the rest are headers broken inside a word.
+    First columns of words become narrow. In a terminal that is too narrow for the rest, headers break inside a word.
     """
     words = [max(map(len, head.split()), default=1) for head in heads]
     for wide in range(_WORDS, _NUMBER, -1):
