@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -142,13 +143,18 @@ def test_bands_in_which_an_event_occurs(one_mass, is_met, bands):
 
 @pytest.mark.parametrize("ahead", [1, 3])
 def test_limits_share_their_runs(one_mass, ahead):
-    """Two limits run the speeds of both, and none above those that they need but the ones begun ahead."""
-    asked = []
+    """Two limits run the speeds of both, each once; as many runs as asked are begun while one of them is awaited."""
+    asked, running, begun = [], set(), []
 
     def begin(speeds):
         asked.extend(speeds)
-        return [lambda speed=speed: {"loss_of_contact": ["k"] * (speed > 200.0), "float": ["k"] * (speed > 260.0)}
-                for speed in speeds]  # fmt: skip
+        running.update(speeds)
+        return [partial(result, speed) for speed in speeds]
+
+    def result(speed):
+        begun.append(len(running))
+        running.remove(speed)
+        return {"loss_of_contact": ["k"] * (speed > 200.0), "float": ["k"] * (speed > 260.0)}
 
     case, search, names = read_case(one_mass(), QUICK[1:2]), Search(50.0, 1000.0), ["loss_of_contact", "float"]
     found = find_limits(case, search, names, start=begin, ahead=ahead).limits
@@ -156,6 +162,7 @@ def test_limits_share_their_runs(one_mass, ahead):
     assert found["float"].rpm == pytest.approx(260.0 / RPM, abs=1.0)
     assert len(asked) == len(set(asked))
     assert max(asked) < 260.0 * 1.05 ** (4 + ahead)
+    assert set(begun) == ({1, 2} if ahead == 1 else {3})  # two limits need two runs at a time
 
 
 def test_lift_deviation_over_the_nose():
