@@ -312,7 +312,10 @@ def _describe_field(path: Path, root: type[BaseModel], steps: tuple[int | str, .
         for name, key in record.model_fields.items():
             if (key.alias or name) == path[-1]:
                 units = [unit for part in (*key.metadata, key.annotation) for unit in units_in(part) if not unit.axis]
-                return ": ".join(filter(None, (*(unit.description for unit in units[:1]), key.description)))
+                said = key.description or ""
+                if re.match("(of|from|above|about|before|at) ", said):  # what follows the name of the key in the manual
+                    said = f"{path[-1].replace('_', ' ')} {said}"
+                return ": ".join(filter(None, (*(unit.description for unit in units[:1]), said)))
     return ""
 
 
