@@ -235,6 +235,9 @@ def parse(
         number, text = Decimal(value) if abs(value) < _LARGEST else Decimal("inf"), ""
     elif match := NUMBER.match(value.rstrip()):
         number, text = _EXACT.create_decimal(match[1]), match[2]
+        if re.match(r"\s*[:#]\s*[-+.\d]", text):
+            why, remedy = "it is a range of values", "give one value; flexcam sweep runs a range"
+            raise refuse(where, repr(value), allowed, why, remedy)
         if re.match(r",\d", text):
             given = value.strip()
             meant = [f"{given.replace(',', '')!r} if it separates thousands"] if re.match(r",\d{3}(?!\d)", text) else []

@@ -50,6 +50,7 @@ FAULTS = {
     "revolutions per minute without an angle": ('"3000 rpm"', '"3000 1/min"', "run.speed", "3000 1/min", "rpm"),
     "no number": ('lift = "6 mm"', 'lift = "six mm"', "cams.intake.lift", "six mm", "number"),
     "decimal comma": ('lift = "6 mm"', 'lift = "6,5 mm"', "cams.intake.lift", "6,5 mm", "'6.5 mm'"),
+    "range": ('lift = "6 mm"', 'lift = "6:7 mm"', "cams.intake.lift", "6:7 mm", "flexcam sweep runs a range"),
     "empty text": ('lift = "6 mm"', 'lift = ""', "cams.intake.lift", "''", "number"),
     "angle without unit": ('rise = "180 deg"', "rise = 180", "cams.intake", "deg", "'180 deg'"),
     "rotational stiffness along uy": ("[springs.valve]", SPRING.format("uy", "40 kN m/rad"), "springs.side.stiffness", "40 kN m/rad", "stiffness"),
