@@ -114,7 +114,9 @@ def describe_method(ready: PreparedRun) -> list[str]:
             if isinstance(default_method(replace(ready.problem, step=ready.problem.step / n)), Collocation):
                 steps = n * round(ready.revolution / ready.problem.step)
                 why = f"{steps // n} steps per revolution are too few for the stiffness of the contacts"
-                finer = f"From {steps} steps flexcam uses collocation, whose contact forces are more accurate"
+                finer = (
+                    f"With {steps} steps, for example, flexcam uses collocation, whose contact forces are more accurate"
+                )
                 return [f"Integrator: Newmark's method, because {why}. {finer}."]
     return []
 

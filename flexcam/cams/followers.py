@@ -203,9 +203,11 @@ class SwingRollerFollower(Follower):
         positive("follower.distance", self.distance, "m")
         pitch = self.base_radius + self.roller_radius
         if not abs(self.arm - self.distance) < pitch < self.arm + self.distance:
-            given = f"base circle and roller of {pitch:g} m together"
-            allowed = f"between {abs(self.arm - self.distance):g} and {self.arm + self.distance:g} m"
-            raise refuse("follower", given, allowed, "arm, distance and pitch circle must close a triangle")
+            given = f"base_radius and radius of {1e3 * pitch:g} mm together"
+            ends = 1e3 * abs(self.arm - self.distance), 1e3 * (self.arm + self.distance)
+            allowed = f"{ends[0]:g} to {ends[1]:g} mm together for this arm and distance"
+            why, remedy = "arm, distance and pitch circle must close a triangle", "change arm, distance or base_radius"
+            raise refuse("follower", given, allowed, why, remedy)
 
     @classmethod
     def from_angle(

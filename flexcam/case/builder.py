@@ -45,9 +45,10 @@ def parse_follower(follower: str, base_radius: str | None = None, *, clockwise: 
     """Return the follower of a TOML table and the direction of rotation of its cam."""
     try:
         table = parse_toml(f"follower = {follower}")["follower"]
-    except ValueError as fault:
+    except ValueError:
         allowed = 'a table such as { type = "roller", radius = "9 mm" }'
-        raise refuse("follower", follower, allowed, str(fault), "strings need quotes") from None
+        remedy = "give a table in braces with quotes around each string"
+        raise refuse("follower", follower, allowed, "", remedy) from None
     raw = {"follower": table, "base_radius": base_radius}
     try:
         record = _FollowerRecord.model_validate(raw)

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
-from typing import Any, cast, get_args
+from typing import Any, cast, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
@@ -253,6 +253,9 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
                 return Fault(where, given, "a point of the case", why, f"write {point!r}")
             mark = re.search(r"\{([^{}]*)\}", path[-1] if path else "")
             return Fault(where, given, NAMES, f"there is no [repeat.{mark[1]}]" if mark else "", "")
+        case "list_type" | "tuple_type" if said := _describe_field(path, root, error["loc"]):
+            allowed = said if "in brackets" in said else f"{describe_type_error(error)}: {said}"
+            return Fault(where, given, allowed, "", "")
         case _:
             return Fault(where, given, describe_type_error(error), "", "")
 
@@ -271,7 +274,10 @@ def _locate_fault(
     if first is None:
         return f"{places.place(path)}: {inside}", given
     found = value_at(value, steps[first:])
-    return places.place((*path, *steps[first:])), given if found is None else _shorten(found, allowed)
+    place = places.place((*path, *steps[first:]))
+    if found is None or (given and hasattr(found, "keys")):  # the fault concerns several keys of the table
+        return place, given
+    return place, _shorten(found, allowed)
 
 
 def _variants_with(path: Path, root: type[BaseModel], value: str = "") -> str:
@@ -312,10 +318,13 @@ def _describe_field(path: Path, root: type[BaseModel], steps: tuple[int | str, .
         for name, key in record.model_fields.items():
             if (key.alias or name) == path[-1]:
                 units = [unit for part in (*key.metadata, key.annotation) for unit in units_in(part) if not unit.axis]
+                kinds, parts = [unit.description for unit in units[:1]], get_args(key.annotation)
+                if kinds and get_origin(key.annotation) is tuple and Ellipsis not in parts:
+                    kinds = [f"{len(parts)} values in brackets, each {kinds[0]}"]
                 said = key.description or ""
                 if re.match("(of|from|above|about|before|at) ", said):  # what follows the name of the key in the manual
                     said = f"{path[-1].replace('_', ' ')} {said}"
-                return ": ".join(filter(None, (*(unit.description for unit in units[:1]), said)))
+                return ": ".join(filter(None, (*kinds, said)))
     return ""
 
 

@@ -307,7 +307,14 @@ def _growth_table(found: Sequence[Stability], scale: float, contacts: set[str]) 
          ", ".join(_verdict(one)) or ("not assessed" if one.floquet is None else "none"))
         for one in found
     ]  # fmt: skip
-    heads = (f"{shaft_name(scale)} rpm", "spectral radius", "multiplier", "growth, 1/s", "contact loss, deg", "verdict")
+    heads = (
+        f"{shaft_name(scale)} rpm",
+        "integrator: spectral radius",
+        "motion: max multiplier",
+        "growth, 1/s",
+        "contact loss, deg",
+        "verdict",
+    )
     return plain_table("Stability over speed", heads, rows)
 
 

@@ -79,8 +79,8 @@ def modes(
     count: Annotated[int, Parameter(help="Number of modes, from the lowest.")] = 12,
     prestress: Annotated[Literal["rest", "equilibrium"] | None, Parameter(
         help="Axial forces that the modes with contacts open include: as installed (rest), or under all loads "
-        "(equilibrium); none by default. The modes with contacts closed always include those of members with "
-        "geometric_stiffness, and no others.")] = None,
+        "(equilibrium); none by default. With contacts closed, the modes always include the axial forces of members "
+        "with geometric_stiffness, and no others.")] = None,
     mac: Annotated[Path | None, Parameter(
         help="Second case file, whose modes are compared by the modal assurance criterion.")] = None,
     folder: Annotated[Path | None, Parameter(
@@ -152,8 +152,8 @@ _MODES, _RESPONSE = Group("Natural modes", sort_key=1), Group("Orders of the res
 _MAX_ORDER = 1000  # the harmonics of a lift are below a thousandth of the maximum long before
 _MAX_TABLE_ORDERS = 8  # in the table: those with the largest amplitudes
 _DASH = (
-    "-: the mode does not exist at this speed, because other contacts are closed at full lift; one with - at both ends "
-    "exists only in between."
+    "-: the mode does not exist at this speed, because a different set of contacts is closed at full lift. A mode with "
+    "- at both ends exists only at speeds in between."
 )
 
 

@@ -438,7 +438,7 @@ def _limit_bands(limit: Limit, scale: float) -> str:
     def words(begin: float, end: float | None) -> str:
         low, last = (_limit_rpm(limit, scale, rpm) for rpm in (begin, end or limit.examined_rpm or begin))
         if low == last:
-            return f"{low} only"
+            return f"at {low}"
         return f"{low} to {last}" if end else f"{low} to at least {last}"
 
     found = [words(*band) for band in limit.bands_rpm]
@@ -463,8 +463,9 @@ def limits_legend(found: Limits) -> str:
     if any(_limit_range(one, 1.0) for one in found.limits.values()):
         said += "uncertainty: width of the bisection; wider if runs just above the limit do not show the event, "
         said += "or runs just below it do. "
-    said += f"occurs at: the limit and the next three speeds, {100.0 * SPACING:g} % apart, as far as the event occurs "
-    return said + "there; higher speeds are not examined"
+    said += "occurs at: the limit, the first examined speed above it and the next three, "
+    said += f"{100.0 * SPACING:g} % apart, as far as the event occurs there; higher speeds are not examined"
+    return said
 
 
 def limits_table(found: Limits, margins: Margins, scale: float) -> Table:
@@ -483,8 +484,8 @@ def limits_table(found: Limits, margins: Margins, scale: float) -> Table:
         words = "of the rigid train at the speed of the case"
         rows.append(("spring margin", f"{margins.spring_margin:.1%}", "", "", words))
     for name, margin in margins.buckling_margins.items():
-        words = "static buckling load divided by the compression at full lift"
-        rows.append((f"{name}, margin", f"{margin:.3g} (ratio)", "", "", words))
+        words = "buckling load divided by the static compression at full lift"
+        rows.append((f"{name}, static buckling margin", f"{margin:.3g} (ratio)", "", "", words))
     if margins.unknown:
         rows.append(("buckling margins", "not known", "", "", margins.unknown))
     heads = ("limit", f"{shaft_name(scale)} rpm", "uncertainty", "occurs at", "event")

@@ -315,7 +315,7 @@ def test_cam_angle_of_extremes():
 
 def test_bands_of_a_limit():
     """Speeds above the last examined one are not known."""
-    ends = {4922.8: "4000 to 4252, 4688 to at least 4923", 4688.3: "4000 to 4252, 4688 only"}
+    ends = {4922.8: "4000 to 4252, 4688 to at least 4923", 4688.3: "4000 to 4252, at 4688"}
     for examined, shown in ends.items():
         limit = Limit(4000.0, 5.0, "event", ((4000.0, 4252.4), (4688.3, None)), examined)
         table = limits_table(Limits({"float": limit}, 1000.0, 9000.0), Margins(None, None, {}), 1.0)

@@ -371,7 +371,7 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
 
 
 _DefinedPoint = Annotated[Name, Field(description="the name of the point that it defines")]
-_Arms = Annotated[tuple[Length, Length], Field(description="of the parts at `from` and at `to`")]
+_Arms = Annotated[tuple[Length, Length], Field(description="lengths of the arms at `from` and at `to`")]
 _DrivenDirection = Annotated[LineValue | None, Field(description="motion at `from`; along the member there by default")]
 
 
