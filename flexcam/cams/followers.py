@@ -206,7 +206,10 @@ class SwingRollerFollower(Follower):
             given = f"base_radius and radius of {1e3 * pitch:g} mm together"
             ends = 1e3 * abs(self.arm - self.distance), 1e3 * (self.arm + self.distance)
             allowed = f"{ends[0]:g} to {ends[1]:g} mm together for this arm and distance"
-            why, remedy = "arm, distance and pitch circle must close a triangle", "change arm, distance or base_radius"
+            why, remedy = (
+                "arm, distance and prime circle (base_radius + radius) must form a triangle",
+                "change distance or base_radius",
+            )
             raise refuse("follower", given, allowed, why, remedy)
 
     @classmethod

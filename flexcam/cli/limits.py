@@ -246,7 +246,7 @@ def _describe_amplification(found: Stability) -> str:
 def _format_resonance(one: Resonance, scale: float) -> str:
     sizes = f"lift {1e3 * one.amplitude:.3g} mm, cam force {one.load:.3g} N, {one.share:.1%} of its maximum"
     mode = f"mode {one.frequency:.5g} Hz ({one.words})"
-    return f"{mode} at {scale * one.rpm:.5g} {shaft_name(scale)} rpm; amplitudes: {sizes}"
+    return f"{mode} at {scale * one.rpm:.5g} {shaft_name(scale)} rpm; amplitudes at the assessed speed: {sizes}"
 
 
 def _count_resonances(found: Stability, scale: float) -> str:
@@ -309,8 +309,8 @@ def _growth_table(found: Sequence[Stability], scale: float, contacts: set[str]) 
     ]  # fmt: skip
     heads = (
         f"{shaft_name(scale)} rpm",
-        "integrator: spectral radius",
-        "motion: max multiplier",
+        "spectral radius of integrator",
+        "max Floquet multiplier",
         "growth, 1/s",
         "contact loss, deg",
         "verdict",

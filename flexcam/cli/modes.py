@@ -169,7 +169,7 @@ def _modes_table(found: Campbell, scale: float) -> Table:
             zip(found.frequencies.T, found.reached, found.words, strict=True), start=1
         )
     ]
-    title = f"Natural frequencies at full lift of {found.contact} over {shaft_name(scale)} rpm, no rigid-body modes"
+    title = f"Natural frequencies over {shaft_name(scale)} rpm, {found.contact} at full lift (rigid-body modes omitted)"
     return plain_table(title, ("mode", low, high, "excited", "what moves"), rows)
 
 
@@ -180,7 +180,15 @@ def _crossing_table(found: Campbell, scale: float) -> Table | str:
         for one in found.crossings
     ]  # fmt: skip
     title = "Resonances: orders of the camshaft that excite modes at the contact"
-    head = (f"{shaft_name(scale)} rpm", "order", "mode", "Hz", "lift, mm", "force, N", "what moves")
+    head = (
+        f"{shaft_name(scale)} rpm",
+        "order",
+        "mode",
+        "Hz",
+        "lift amplitude, mm",
+        "cam force amplitude, N",
+        "what moves",
+    )
     return plain_table(title, head, rows) if rows else f"{title}: none between these speeds"
 
 
@@ -280,8 +288,10 @@ def modes_over_speed(
         found = find_crossings(case, speeds, orders=orders, modes=count, contact=contact, advance=shown)
     incomplete = _describe_incomplete_runs(found.statuses, found.rpm, scale)
     weak = ", ".join(str(n) for n in orders if n not in found.lifts)
-    below = f"Orders below {100.0 * MIN_HARMONIC_RATIO:g} % of the largest one in the cam's acceleration"
-    left_out = [f"{below} are left out: {weak}"] if weak else []
+    below = f"{100.0 * MIN_HARMONIC_RATIO:g} % of the largest"
+    left_out = (
+        [f"Left out, because their amplitude in the lift acceleration is below {below}: orders {weak}"] if weak else []
+    )
     dash = [_DASH] if any(np.isnan(found.frequencies[i]).any() for i in (0, -1) if found.statuses[i].ok) else []
     parts = [
         _modes_table(found, scale), *dash, _crossing_table(found, scale), *left_out, *explain_planes(found.words),

@@ -172,7 +172,13 @@ def _multipliers(case: Case, asked: _Matches) -> dict[str, Metric]:
     if start is not None and (missed := start.periodicity or 0.0) > _PERIODIC:
         change = f"differs from that at its start by {100.0 * missed:.2g} % of the amplitude"
         text = f"no periodic motion was found: the state after one revolution {change}"
-        raise RunFailedError(Status(Cause.NO_CONVERGENCE, text, "add damping, or use a speed at which contact holds"))
+        raise RunFailedError(
+            Status(
+                Cause.NO_CONVERGENCE,
+                text,
+                "add damping, or use another speed: contacts that open, also on the base circle, may prevent it",
+            )
+        )
     found = np.abs(floquet(replace(ready.problem, steps=steps), ready.scheme).multipliers)
     return _select(asked, found, "1", "the model has no more")
 
