@@ -181,6 +181,7 @@ def compute_margins(case: Case) -> Margins:
 # cam angles, rad, at which the contact force of the rigid train is evaluated, and then those near its minima
 _ANGLES = np.linspace(0.0, 2.0 * math.pi, 721)
 _NEAR = np.linspace(-1.0, 1.0, 21) * _ANGLES[1]
+_NEARLY = 1.01  # ratio to the lowest speed up to which other minima are refined
 
 
 def _rigid_margin(case: Case) -> tuple[float | None, float | None]:
@@ -202,19 +203,22 @@ def _rigid_limit_speed(case: Case) -> float | None:
     limits = _rigid_limits(ready, case.speed, _ANGLES)
     if not limits:
         return None
-    near = np.unique(np.concatenate([angle + _NEAR for _, angle in limits.values()]))
+    near = np.unique(np.concatenate([(angles[:, None] + _NEAR).ravel() for _, angles in limits.values()]))
     return min(speed for speed, _ in _rigid_limits(ready, case.speed, near).values()) / RPM
 
 
-def _rigid_limits(ready: PreparedRun, speed: float, angles: FloatArray) -> dict[str, tuple[float, float]]:
-    """Return the camshaft speed, rad/s, and the angle, rad, at which inertia equals spring force first, by contact."""
+def _rigid_limits(ready: PreparedRun, speed: float, angles: FloatArray) -> dict[str, tuple[float, FloatArray]]:
+    """Return the camshaft speed, rad/s, at which inertia first equals spring force, by contact.
+
+    The angles, rad, are those of the minimum and of local minima that are nearly as low.
+    """
     motion, model = ready.problem.drive.at(angles / speed), ready.model
     factors = 0.5, 1.0, 2.0
     motions = [
         replace(motion, speed=one * motion.speed, rate=one**2 * motion.rate, known=motion.cam) for one in factors
     ]
     channels, opposed = cam_forces(model, speed, motions), opposed_contacts(model)
-    found: dict[str, tuple[float, float]] = {}
+    found: dict[str, tuple[float, FloatArray]] = {}
     for name, contact in model.cam_contacts.items():
         if name in opposed or isinstance(contact, PublishedLoad):
             continue
@@ -224,8 +228,9 @@ def _rigid_limits(ready: PreparedRun, speed: float, angles: FloatArray) -> dict[
         pulls = inertia < 0.0
         if pulls.any():
             limits = np.sqrt(np.maximum(still[pulls], 0.0) / -inertia[pulls])
-            first = int(limits.argmin())
-            found[name] = float(limits[first]) * speed, float(angles[lifted][pulls][first])
+            around = np.pad(limits, 1, constant_values=np.inf)
+            low = (limits <= around[:-2]) & (limits <= around[2:]) & (limits <= _NEARLY * limits.min())
+            found[name] = float(limits.min()) * speed, angles[lifted][pulls][low]
     return found
 
 

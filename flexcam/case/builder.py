@@ -45,8 +45,10 @@ def parse_follower(follower: str, base_radius: str | None = None, *, clockwise: 
     """Return the follower of a TOML table and the direction of rotation of its cam."""
     try:
         table = parse_toml(f"follower = {follower}")["follower"]
-    except ValueError:
+    except ValueError as fault:
         allowed = 'a table such as { type = "roller", radius = "9 mm" }'
+        if follower.lstrip().startswith("{"):
+            raise refuse("follower", follower, allowed, str(fault)) from None
         remedy = "give a table in braces with quotes around each string"
         raise refuse("follower", follower, allowed, "", remedy) from None
     raw = {"follower": table, "base_radius": base_radius}

@@ -320,7 +320,7 @@ def _name_unknown_part(fault: Fault, faults: Iterable[Fault], raw: Mapping[str, 
     name = ".".join(part)
     missing = [one.where.partition(" (")[0] for one in faults if one.given == "nothing"]
     missing = [key for key in dict.fromkeys(missing) if key.startswith(f"{name}.")]
-    remedy = f"to create it, set {', '.join(missing)} as well"
+    remedy = f"to create it, set at least {', '.join(missing)} as well"
     return Fault(places.place(part), repr(part[1]), others, f"the case has no {name}", remedy)
 
 
@@ -461,6 +461,8 @@ def _apply_overrides(
         faults.append(_apply_override(raw, key, override))
         if new and faults[-1] is None:
             notes[key[:2]] = f"new table of --set {override}"
+        elif new and isinstance(table := value_at(raw, key[:1]), dict):
+            cast("dict[str, object]", table).pop([*key][1], None)  # otherwise its missing keys would be faults, too
     for *parents, key in (key for key, fault in zip(keys, faults, strict=True) if fault is None):
         table = value_at(raw, parents) if parents[:1] in (["run"], ["cams"]) else None
         for other in _REPLACED_KEYS.get(key, ()):

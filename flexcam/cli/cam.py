@@ -223,7 +223,7 @@ def _face(found: CamFacts, smallest: float) -> str:
         said += f"; the tappet spins, as the contact is {format_quantity('m', arm)} from its axis"
     elif given is not None:
         said += "; the tappet does not spin, as there is no axial_offset and no crown with taper"
-    has = f"{format_quantity('m', smallest, digits=4)}"
+    has = format_quantity("m", smallest, digits=4)
     if given is not None:
         has += f"{', but' if given < smallest else ';'} face_diameter is {format_quantity('m', given)}"
     return f"{has} ({said})"

@@ -225,6 +225,8 @@ def suggest_name(name: str, known: Iterable[str]) -> str:
     """
     names, (kind, _, rest) = list(known), name.partition(".")
     part, dot, ending = rest.partition(".")
+    if name in names:
+        return ""
     alike = [one for one in names if dot and one.startswith(f"{kind}.") and one.split(".", 2)[2:] == [ending]]
     near = similar_name(name, names)
     if alike:

@@ -23,7 +23,7 @@ Exponents = tuple[int, int, int, int, int]
 NUMBER = re.compile(r"\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)$")
 _FACTOR = re.compile(r"([*/]?)\s*(1(?=\s*/)|[A-Za-z%µ°]+)\s*(?:(?:\^|\*\*)\s*([+-]?\d+))?\s*")
 
-_KELVIN = "write K: `temperature` is the rise above the assembly temperature"
+_KELVIN = "write K; temperatures are rises above that of assembly"
 _FOREIGN = {
     "degC": _KELVIN, "C": _KELVIN, "ppm": "write um/m for 1 ppm",
     "lbm": "write 'lb', a mass", "inch": "write 'in'", "inches": "write 'in'", "gram": "write 'g'",

@@ -177,7 +177,13 @@ def plain_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str 
         widths, made.padding = [*narrow], (0, gap, 0, 0)
     for i, (head, size, width) in enumerate(zip(heads, longest, widths, strict=True)):
         justify = "left" if i == 0 or (i == len(columns) - 1 and size > _NUMBER) else "right"
-        made.add_column(head, justify=justify, width=width, no_wrap=whole and size <= _NUMBER, overflow="fold")
+        made.add_column(
+            head,
+            justify=justify,
+            width=width if size <= _NUMBER else None,
+            no_wrap=whole and size <= _NUMBER,
+            overflow="fold",
+        )
     for row in cells:
         made.add_row(*row)
     return made
@@ -191,7 +197,7 @@ def _needed_width(size: int, words: int) -> int:
 def _column_widths(heads: Sequence[str], longest: Sequence[int], most: int) -> tuple[list[int], int]:
     """Return column widths and their gap with wrapped headers; words are wrapped so that numbers need not be.
 
-    First columns of words become narrow. In a terminal that is too narrow for the rest, headers break inside a word.
+    Columns of words become narrow first. In a terminal that is too narrow for the rest, headers break inside a word.
     """
     words = [max(map(len, head.split()), default=1) for head in heads]
     for wide in range(_WORDS, _NUMBER, -1):

@@ -47,10 +47,8 @@ _MULTIPLIER = re.compile(r"multiplier\.([1-9]\d{0,2})$")
 _LIMIT, _STATIC = re.compile(r"limits\.(.*)"), re.compile(r"static\.(.*)")
 _Matches = Mapping[str, re.Match[str]]  # names of one kind of quantity
 _KINDS = (
-    "there is no such result. Natural frequencies are frequency.N, Floquet multipliers multiplier.N, with N from 1. "
-    "Speed limits are limits.NAME. The area under a lift is cams.NAME.area. The static value of a channel is "
-    "static.CHANNEL, its rms value CHANNEL.rms, its smooth maximum CHANNEL.pnorm_8. A numeric key of the case, such as "
-    "springs.valve.stiffness, is a result too"
+    "frequency.N or multiplier.N (Floquet) with N from 1; limits.NAME; cams.NAME.area; static.CHANNEL; CHANNEL.rms; "
+    "CHANNEL.pnorm_8 (smooth maximum); or a numeric key of the case"
 )
 """Kinds of results in addition to the scalars of a run, for messages."""
 _CAM_PROPERTIES = {  # unit, and order of the derivative by the cam angle
@@ -128,8 +126,9 @@ def is_run_scalar(case: Case, name: str) -> bool:
 def _unknown_name_fault(name: str, known: Iterable[str], cams: Iterable[str]) -> Fault:
     of_cams = [f"cams.{cam}.{kind}" for cam in cams for kind in _CAM_PROPERTIES]
     near = suggest_name(name, [*known, "frequency.1", *(f"limits.{one}" for one in LIMITS), *of_cams])
-    allowed, why = unknown_scalar_fault(name, known).allowed, "there is no such result"
-    return Fault("scalar", repr(name), allowed, why if allowed.startswith("a result under") else _KINDS, near)
+    allowed = unknown_scalar_fault(name, known).allowed
+    allowed += "" if allowed.startswith("a result under") else f"; {_KINDS}"
+    return Fault("scalar", repr(name), allowed, "there is no such result", near)
 
 
 def require_complete(row: Row) -> Row:

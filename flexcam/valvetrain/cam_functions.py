@@ -33,6 +33,10 @@ def _shape(event: Event, follower: Follower | None, turn: Turn) -> Cam:
     return Cam("", event, follower, turn)
 
 
+def _shape_of(cam: Cam) -> Cam:
+    return _shape(cam.event, cam.follower, cam.turn)
+
+
 T = TypeVar("T")
 
 
@@ -42,7 +46,7 @@ def _by_shape(make: Callable[[Cam], T]) -> Callable[[Cam], T]:
 
     @wraps(make)
     def function(cam: Cam) -> T:
-        return cached(_shape(cam.event, cam.follower, cam.turn))
+        return cached(_shape_of(cam))
 
     return function
 
@@ -74,13 +78,13 @@ class _OfProfile(DerivedCamFunction):
 
 def cached_profile(cam: Cam, at: CamFunctionCache) -> CamProfile:
     """Return the profile at cam angles, computed once for all cams of one shape and cached."""
-    shape = _shape(cam.event, cam.follower, cam.turn)
+    shape = _shape_of(cam)
 
     def made() -> CamProfile:
         event = cam.event
         return _profile(shape, at.angle, (at(event, 0), at(event, 1), at(event, 2)))
 
-    return at.lookup((cached_profile, id(shape)), made)
+    return at.lookup((cached_profile, shape), made)
 
 
 Values = Callable[[CamProfile], FloatArray]
@@ -147,7 +151,7 @@ _sliding_by_reach = _profile_function(
 )
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=64)
 def relative_radius(cam: Cam, most: float) -> AngleFunction:
     """Return the relative radius of curvature of cam and follower, m, up to a limit, without derivative."""
     roller = cam.follower.roller_radius if cam.follower else np.inf

@@ -339,3 +339,15 @@ def test_digits_of_limits(limit, shown):
     table = limits_table(Limits({"float": limit}, 1000.0, 9000.0), Margins(None, None, {}), 1.0)
     heads = [str(column.header).split(" ")[-1] for column in table.columns]
     assert [cells_of(table, heads.index(head))[0] for head in ("rpm", "uncertainty") if head in heads] == shown
+
+
+@pytest.mark.parametrize(("columns", "count"), [(80, 7), (60, 5), (40, 3)])
+def test_no_digit_is_lost_in_a_narrow_terminal(monkeypatch, capsys, columns, count):
+    """Columns of words give way to the digits, which fit."""
+    monkeypatch.setenv("COLUMNS", str(columns))
+    heads, row = (
+        ("no.", *count * ("acceleration",), "status"),
+        ("1", *count * ("-12345.67",), "contact lost at the nose"),
+    )
+    result_console().print(plain_table("Title", heads, [row]))
+    assert capsys.readouterr().out.count("-12345.67") == count

@@ -169,7 +169,9 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
             self._check_wire(self.wire)
         super()._check()
         if self.coils is not None and (self.part.clash_travel or 0.0) <= 0.0:
-            raise value_error("an installed position before all coils touch", "a solid spring has no travel left")
+            key = "installed_force" if self.installed_compression is None else "installed_compression"
+            why = "a solid spring has no travel left"
+            raise value_error("an installed position before all coils touch", why, inside=key)
         if self.wire is not None and not direction(self.direction)[:3].any():
             why = "its stress and stiffness are those of a coil in compression"
             raise value_error("a direction along a line with wire", why)
