@@ -203,9 +203,9 @@ class SwingRollerFollower(Follower):
         positive("follower.distance", self.distance, "m")
         pitch = self.base_radius + self.roller_radius
         if not abs(self.arm - self.distance) < pitch < self.arm + self.distance:
-            given = f"base_radius and radius of {1e3 * pitch:g} mm together"
+            given = f"base_radius + radius = {1e3 * pitch:g} mm"
             ends = 1e3 * abs(self.arm - self.distance), 1e3 * (self.arm + self.distance)
-            allowed = f"{ends[0]:g} to {ends[1]:g} mm together for this arm and distance"
+            allowed = f"{ends[0]:g} to {ends[1]:g} mm for this arm and distance"
             why, remedy = (
                 "arm, distance and prime circle (base_radius + radius) must form a triangle",
                 "change distance or base_radius",

@@ -46,7 +46,7 @@ def parse_follower(follower: str, base_radius: str | None = None, *, clockwise: 
     try:
         table = parse_toml(f"follower = {follower}")["follower"]
     except ValueError as fault:
-        allowed = 'a table such as { type = "roller", radius = "9 mm" }'
+        allowed = 'a table in TOML notation, such as { type = "roller", radius = "9 mm" }'
         if follower.lstrip().startswith("{"):
             raise refuse("follower", follower, allowed, str(fault)) from None
         remedy = "give a table in braces with quotes around each string"

@@ -41,7 +41,8 @@ def compare(
     probe: Annotated[str | None, Parameter(
         help=f"Component such as tappet.uy, or point of a rocker; {cli.DEFAULT_PROBE}.")] = None,
     against: Annotated[str | None, Parameter(
-        help="Model of the case (as in flexcam trade), other case or result; the rigid model by default.")] = None,
+        help="Model of the same case, such as sdof (flexcam trade lists the models), or another case or result; the "
+        "rigid model by default.")] = None,
     lowest: Annotated[cli.Lowest, Parameter(group=_SPEEDS)] = None,
     highest: Annotated[cli.Highest, Parameter(group=_SPEEDS)] = None,
     count: Annotated[int | None, Parameter(

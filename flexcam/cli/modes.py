@@ -78,7 +78,7 @@ def modes(
     case: cli.CaseFile, *,
     count: Annotated[int, Parameter(help="Number of modes, from the lowest.")] = 12,
     prestress: Annotated[Literal["rest", "equilibrium"] | None, Parameter(
-        help="Axial forces that the modes with contacts open include: as installed (rest), or under all loads "
+        help="Axial forces included in the modes with open contacts: as installed (rest), or under all loads "
         "(equilibrium); none by default. With contacts closed, the modes always include the axial forces of members "
         "with geometric_stiffness, and no others.")] = None,
     mac: Annotated[Path | None, Parameter(
@@ -170,7 +170,7 @@ def _modes_table(found: Campbell, scale: float) -> Table:
         )
     ]
     title = f"Natural frequencies over {shaft_name(scale)} rpm, {found.contact} at full lift (rigid-body modes omitted)"
-    return plain_table(title, ("mode", low, high, "excited", "what moves"), rows)
+    return plain_table(title, ("mode", low, high, "excitable", "what moves"), rows)
 
 
 def _crossing_table(found: Campbell, scale: float) -> Table | str:
@@ -179,7 +179,7 @@ def _crossing_table(found: Campbell, scale: float) -> Table | str:
          format_number(1e3 * one.amplitude, 3), format_number(one.load, 3), one.words)
         for one in found.crossings
     ]  # fmt: skip
-    title = "Resonances: orders of the camshaft that excite modes at the contact"
+    title = "Resonances: speeds at which an order of the cam force has the frequency of a mode"
     head = (
         f"{shaft_name(scale)} rpm",
         "order",

@@ -121,7 +121,7 @@ FAULTS = {  # the cam, the key it must be reported at, a part of `given`, a part
     "follower as a word": (cam(ROLLER, '"flat"'), "follower", "'flat'", "table"),
     "roller without a radius": (cam(', radius = "9 mm"', ""), "follower", "nothing", "add 'radius'"),
     "key of a follower": (cam('"9 mm" }', '"9 mm", ofset = 1 }'), "follower", "ofset", "did you mean 'offset'"),
-    "triangle that does not close": (cam(ROLLER, SWING.format('radius = "1 um"'), "18 mm", "1 mm"), "follower", "mm together", "form a triangle"),
+    "triangle that does not close": (cam(ROLLER, SWING.format('radius = "1 um"'), "18 mm", "1 mm"), "follower", "base_radius + radius", "form a triangle"),
     "angle beside base_radius": (cam(ROLLER, SWING.format('radius = "9 mm", angle = "40 deg"')), "follower.angle", "40 deg", "base_radius"),
     "face out of reach": (cam(ROLLER, SWING.format('face = "-40 mm"')), "follower.face", "", "touch the base circle"),
     "offset too large": (cam('"9 mm" }', '"9 mm", offset = "30 mm" }'), "follower.offset", "30 mm", "27 mm"),
