@@ -132,8 +132,8 @@ def find_limits(
 ) -> Limits:  # fmt: skip
     """Find the speeds of loss of contact, float, valve bounce, coil clash and pushrod buckling, or some of them.
 
-    `start` begins runs at several speeds at a time, up to `ahead`; by default they follow each other. Runs begin
-    at the first speed that each limit needs; free processes run the later speeds of the limit with the most.
+    `start` begins runs at several speeds at a time, up to `ahead`; by default they follow each other. Runs
+    that a limit needs begin first; free processes run the later speeds of the limit that names the most.
     """
     model = _checked_model(case)
     conditions = _conditions(model, search).items()

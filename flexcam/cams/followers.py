@@ -206,11 +206,8 @@ class SwingRollerFollower(Follower):
             given = f"base_radius + radius = {1e3 * pitch:g} mm"
             ends = 1e3 * abs(self.arm - self.distance), 1e3 * (self.arm + self.distance)
             allowed = f"{ends[0]:g} to {ends[1]:g} mm for this arm and distance"
-            why, remedy = (
-                "arm, distance and prime circle (base_radius + radius) must form a triangle",
-                "change distance or base_radius",
-            )
-            raise refuse("follower", given, allowed, why, remedy)
+            why = "arm, distance and prime circle (base_radius + radius) must form a triangle"
+            raise refuse("follower", given, allowed, why, "change distance or base_radius")
 
     @classmethod
     def from_angle(

@@ -25,6 +25,7 @@ from flexcam.case.repetition import map_texts, name_pattern
 from flexcam.case.schema.run import GivenStartRecord
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse, suggest_name
+from flexcam.core.units import PLAIN_NUMBER
 from flexcam.fem.recovery import deflection
 from flexcam.io import find_referenced_file, format_toml
 from flexcam.valvetrain import Structure, build_structure
@@ -98,7 +99,7 @@ def number_after_override(case: Case, key: str, text: str, where: str) -> float:
     try:
         there = CaseFile.of(case).read((*case.overrides, *make_overrides(case, {key: text})))
     except InputError as refusal:
-        plain = ", or a number in [^,]+"  # which the options refuse
+        plain = f"{PLAIN_NUMBER}[^,]+"  # which the options refuse
         found = [replace(one, where=where, allowed=re.sub(plain, "", one.allowed)) for one in refusal.faults]
         raise InputError(found) from None
     return get_number(there, key, where).value

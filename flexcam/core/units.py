@@ -32,6 +32,9 @@ _FOREIGN = {
 }  # fmt: skip
 """Other names of units, and the remedies."""
 
+PLAIN_NUMBER = ", or a number in "
+"""Offer of a number in SI in a message, followed by the unit; options of commands need a unit."""
+
 _UNITS = "a unit such as mm, kg, kN/m, GPa, rpm, deg"
 """Allowed units where the quantity is not given, for messages."""
 
@@ -227,7 +230,7 @@ def parse(
     kind = DIMENSIONS[dimension]
     article = "an" if kind.name[0] in "aeiou" else "a"
     allowed = f"{article} {kind.name} such as {kind.example!r}"
-    allowed += f", or a number in {kind.si}" if kind.si and plain else ""
+    allowed += f"{PLAIN_NUMBER}{kind.si}" if kind.si and plain else ""
     no_unit = "the value is dimensionless", "leave the unit out, or write a percentage such as '5 %'"
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):  # pyright: ignore[reportUnnecessaryIsInstance] - file content
         raise refuse(where, value, allowed)

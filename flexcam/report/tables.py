@@ -51,7 +51,7 @@ _CONTACT_KINDS = {
     "Adjuster": "adjusters",
 }  # fmt: skip
 _CURVE_ROWS = 12  # maximum number of printed rows of a spring's curve
-_ENGINES = {"modal": ", modal solver", "kernel": ", compiled solver"}
+_ENGINES = {"modal": ", modal solver", "kernel": ", compiled solver (kernel)"}
 _MIN_FRACTION = 5e-4  # fraction from which three decimals are sufficient
 _MOST_PARTS = 4  # number of parts, such as valves, up to which a table shows the value of each
 # No-break space, and the width of a cell of the figures of merit, characters: with its name it stays within 100
@@ -463,13 +463,9 @@ def limits_legend(found: Limits) -> str:
     if any(_limit_range(one, 1.0) for one in found.limits.values()):
         said += "uncertainty: width of the bisection; wider if runs just above the limit do not show the event, "
         said += "or runs just below it do. "
-    said += (
-        "occurs at: range of examined speeds, from the limit upwards, at which the event occurs. Only the next four "
-    )
-    said += (
-        f"speeds above the limit, {100.0 * SPACING:g} % apart, are examined. at least: the event still occurs at the "
-    )
-    return said + "last of them; not at: the first of them without the event"
+    said += "occurs at: range of examined speeds, from the limit upwards, at which the event occurs. "
+    said += f"Only the next four speeds above the limit, {100.0 * SPACING:g} % apart, are examined. "
+    return said + "at least: the event still occurs at the last of them; not at: the first of them without the event"
 
 
 def limits_table(found: Limits, margins: Margins, scale: float) -> Table:

@@ -171,13 +171,8 @@ def _multipliers(case: Case, asked: _Matches) -> dict[str, Metric]:
     if start is not None and (missed := start.periodicity or 0.0) > _PERIODIC:
         change = f"differs from that at its start by {100.0 * missed:.2g} % of the amplitude"
         text = f"no periodic motion was found: the state after one revolution {change}"
-        raise RunFailedError(
-            Status(
-                Cause.NO_CONVERGENCE,
-                text,
-                "add damping, or use another speed: contacts that open, also on the base circle, may prevent it",
-            )
-        )
+        remedy = "add damping, or use another speed: contacts that open, also on the base circle, may prevent it"
+        raise RunFailedError(Status(Cause.NO_CONVERGENCE, text, remedy))
     found = np.abs(floquet(replace(ready.problem, steps=steps), ready.scheme).multipliers)
     return _select(asked, found, "1", "the model has no more")
 
