@@ -208,7 +208,7 @@ def _stability_table(found: Stability, scale: float, contacts: set[str]) -> Tabl
     skipped = [] if found.discrete.is_available else ["the integrator"]
     skipped += ["the growth of disturbances"] if found.floquet is None else []
     skipped += ["resonances"] if found.why_no_modes else []
-    stable = "none: no cause of instability found"
+    stable = "no cause of instability found"
     stable += f"; {' and '.join(skipped)} could not be assessed" if skipped else ""
     stable += f"; {_NEAR}, no {_STRONG_HARMONIC} coincides with a natural frequency" if found.within else ""
     several = len({one.contact for one in found.resonances}) > 1
@@ -304,7 +304,7 @@ def _growth_table(found: Sequence[Stability], scale: float, contacts: set[str]) 
          "not assessed" if one.floquet is None else f"{abs(complex(one.floquet.multipliers[0])):.6g}",
          "" if one.floquet is None else f"{one.floquet.growth:.4g}",
          f"{math.degrees(one.open_on_the_lift):.3g}" if contacts else "not assessed",
-         ", ".join(_verdict(one)) or ("not assessed" if one.floquet is None else "none"))
+         ", ".join(_verdict(one)) or ("not assessed" if one.floquet is None else "no cause found"))
         for one in found
     ]  # fmt: skip
     heads = (
