@@ -87,8 +87,8 @@ def optimize(
     with suppress(RunFailedError):  # a case that fails may have better variants
         asked.initial_quantities(evaluations)
     worst = _worst_case(asked, at, goals, bounds, [one.key for one in variables]) if at else None
-    with asked.evaluators(evaluations, variables=variables if by_gradient else ()) as runs:
-        points = PointEvaluator(asked.case, variables, worst.over(runs) if worst else runs)
+    with asked.evaluators(evaluations, variables=variables if by_gradient else (), worst=worst) as runs:
+        points = PointEvaluator(asked.case, variables, runs)
         design = OptimizationProblem(points, goals, bounds)
         if by_gradient:
             begins = 1 if starts is None else starts

@@ -19,7 +19,7 @@ from flexcam.io import write_text
 from flexcam.report.terminal import show_count
 from flexcam.studies.gradients import gradient_evaluator
 from flexcam.studies.quantities import check_names, compute_quantities, create_evaluator, frequency_number
-from flexcam.studies.variables import Runs, Variable
+from flexcam.studies.variables import Runs, Variable, WorstCase
 from flexcam.valvetrain import Metric
 
 _LIMITS = Group("Speed range for results named limits.NAME", sort_key=2)
@@ -59,21 +59,22 @@ class StudyOptions:
 
     @contextmanager
     def evaluators(
-        self, count: int, names: Sequence[str] | None = None, variables: Sequence[Variable] = ()
-    ) -> Generator[Runs]:
+        self, count: int, names: Sequence[str] | None = None, variables: Sequence[Variable] = (),
+        worst: WorstCase | None = None,
+    ) -> Generator[Runs]:  # fmt: skip
         """Yield the function that evaluates variants, with derivatives by some variables, and show the progress."""
         asked = self.names if names is None else names
         with show_count(count if asked else 0, "variants") as shown:
             if variables:
                 context = gradient_evaluator(
-                    self.file, self.fixed, asked, variables, workers=self.workers, advance=shown
+                    self.file, self.fixed, asked, variables, worst=worst, workers=self.workers, advance=shown
                 )
             else:
                 context = create_evaluator(
                     self.file, self.fixed, asked, self.search, workers=self.workers, runs=count, advance=shown
                 )
             with context as runs:
-                yield runs
+                yield worst.over(runs) if worst and not variables else runs
 
 
 Vary = Annotated[

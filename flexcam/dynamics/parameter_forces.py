@@ -1,7 +1,7 @@
 """Derivatives of the equations of motion by parameters, along a motion.
 
-Central differences of the equations, evaluated at the same motion, give what a parameter changes: loads, matrices,
-force laws, sensed scalars, internal states and impacts. No run is needed for them. The sensed scalars of a parameter
+Differences of the equations, evaluated at the same motion, give what a parameter changes: loads, matrices, force laws,
+sensed scalars, internal states and impacts. No run is needed for them. The sensed scalars of a parameter
 act through the tangents of the laws, so that a contact that is about to switch stays on its side.
 """
 
@@ -25,14 +25,20 @@ from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.step_state import SensedTrajectory, StepInputs, StepState, Trajectory
 
+_SAME_ANGLE = 1e-13
+"""Difference of cam angles, rad, that is rounding: its effect on a contact would be divided by a small change."""
+
 
 @dataclass(frozen=True, eq=False)
 class Variation:
-    """A problem with a parameter below and above its value, with as many unknowns, local forces and steps as itself."""
+    """A problem with another value of a parameter, with as many unknowns, local forces and steps as the original one.
 
-    below: Problem  #: with the parameter reduced by half the width
-    above: Problem  #: with the parameter increased by half the width
-    width: float  #: difference of the parameter, in its unit
+    Derivatives are those along the change, with an error proportional to it; two variations with opposite changes
+    give central differences.
+    """
+
+    problem: Problem
+    width: float  #: change of the parameter, in its unit
 
 
 class VariedProblem:
@@ -75,8 +81,8 @@ class VariedProblem:
         """
         if self._known is None or self._known[0] is not track:
             motion = self.problem.drive.at(self.times(track.time))
-            if track.cam is not None and np.array_equal(motion.angle, track.cam.angle):
-                motion = replace(motion, known=track.cam)
+            if track.cam is not None and np.abs(motion.angle - track.cam.angle).max() <= _SAME_ANGLE:
+                motion = replace(motion, angle=track.cam.angle, known=track.cam)
             self._known = track, (motion, self.forces.prescribed_inputs(motion))
         return self._known[1]
 
@@ -112,30 +118,60 @@ class VariedProblem:
         return InitialAcceleration(self.problem.system, self.forces)
 
 
-class _VariedPair:
-    """A problem with a parameter below and above its value; what the parameter does not change is not evaluated."""
+class _Evaluation:
+    """Terms of the equations of a problem with another value of a parameter, along a motion of the original one."""
 
-    def __init__(self, low: VariedProblem, high: VariedProblem, width: float) -> None:
-        self._sides, self._width = (low, high), width
+    def __init__(self, side: VariedProblem, every: SensedTrajectory, lengths: FloatArray) -> None:
+        self._side, self._every, self._lengths = side, every, lengths
+        motion, self.schedule = side.inputs(every.track)
+        self.load = side.problem.system.load_vector(motion)
+
+    @cached_property
+    def push(self) -> FloatArray:
+        """Effect of the local forces on the unknowns, N, shape (m, n)."""
+        return self._side.push(self._every.track.local, self.schedule.acting_weights)
+
+    @cached_property
+    def sensed(self) -> tuple[FloatArray, FloatArray]:
+        """Sensed scalars and their rates, shape (m, c)."""
+        track = self._every.track
+        return self._side.forces.sense_motion(track.d, track.v, self.schedule)[:2]
+
+    @cached_property
+    def states_after(self) -> FloatArray:
+        """Internal states after the steps, shape (m - 1, s)."""
+        return self._side.states_after(self._every, self._lengths, self.sensed[0])
+
+    @cached_property
+    def answers(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Answers of the laws, and the lifts beyond the original with their rates, shape (m, c)."""
+        return self._side.answers(self._every, self.schedule)
+
+
+class _ParameterChange:
+    """Changes of the equations by a parameter; what the parameter does not change is not evaluated."""
+
+    def __init__(self, original: VariedProblem, side: VariedProblem, width: float) -> None:
+        self._side, self._width = side, width
         #: Derivatives of stiffness, damping and mass.
-        self._matrices = [(up - down) / width for down, up in zip(low.matrices, high.matrices, strict=True)]
+        self._matrices = [(up - down) / width for down, up in zip(original.matrices, side.matrices, strict=True)]
 
         def is_same(part: Callable[[LocalForces], NDArray[Any]]) -> bool:
-            return np.array_equal(part(low.forces), part(high.forces))
+            return np.array_equal(part(original.forces), part(side.forces))
 
         self._same_act, self._same_sense = is_same(lambda one: one.act.vectors), is_same(lambda one: one.sense.vectors)
         same_laws = is_same(lambda one: one.table.laws) and is_same(lambda one: one.table.constants)
-        self._same_laws = same_laws and not low.forces.lifts and not low.forces.table.custom
+        self._same_laws = same_laws and not side.forces.lifts and not side.forces.table.custom
 
-    def explicit_terms(self, every: SensedTrajectory, lengths: FloatArray) -> list[FloatArray]:
-        """Return the derivatives of `ExplicitDerivatives` at m instants, with the lengths of the steps between, s."""
-        low, high, track = *self._sides, every.track
-        (before, below), (after, above) = (side.inputs(track) for side in (low, high))
-        force = high.problem.system.load_vector(after) - low.problem.system.load_vector(before)
+    def explicit_terms(self, low: _Evaluation, every: SensedTrajectory, lengths: FloatArray) -> list[FloatArray]:
+        """Return the derivatives of `ExplicitDerivatives` from the evaluation of the original problem."""
+        high, track = _Evaluation(self._side, every, lengths), every.track
+        above, below = high.schedule, low.schedule
+        force = high.load - low.load
         if self._same_act:
-            force += low.push(track.local, above.acting_weights - below.acting_weights)
+            force += self._side.push(track.local, above.acting_weights - below.acting_weights)
         else:
-            force += high.push(track.local, above.acting_weights) - low.push(track.local, below.acting_weights)
+            force += high.push - low.push
         force /= self._width
         for matrix, moved in zip(self._matrices, (track.d, track.v, track.a), strict=True):
             if matrix.any():
@@ -143,17 +179,14 @@ class _VariedPair:
         sensed, rate, states = above.offset - below.offset, above.offset_rate - below.offset_rate, track.state[1:]
         weights = slice(0, above.sensing_weights.shape[1] + above.sensing_rates.shape[1])
         if states.size or not (self._same_sense and np.array_equal(above.rows[:, weights], below.rows[:, weights])):
-            down, up = (
-                side.forces.sense_motion(track.d, track.v, one)[:2] for side, one in ((low, below), (high, above))
-            )
-            sensed, rate = up[0] - down[0], up[1] - down[1]
-            states = high.states_after(every, lengths, up[0]) - low.states_after(every, lengths, down[0])
+            sensed, rate = high.sensed[0] - low.sensed[0], high.sensed[1] - low.sensed[1]
+            states = high.states_after - low.states_after
         else:
             states = np.zeros_like(states)
         answer = np.zeros_like(rate)
         functions = slice(above.functions, None)
         if not (self._same_laws and np.array_equal(above.rows[:, functions], below.rows[:, functions])):
-            down, up = low.answers(every, below), high.answers(every, above)
+            down, up = low.answers, high.answers
             answer, sensed, rate = up[0] - down[0], sensed + up[1] - down[1], rate + up[2] - down[2]
         return [force, *(one / self._width for one in (sensed, rate, answer, states))]
 
@@ -179,12 +212,12 @@ class ParameterForces:
     """Derivatives of the equations of a problem by several parameters, all in the unknowns of its engine."""
 
     def __init__(self, problem: Problem, variations: Sequence[Variation], compiled: Functions | None = None) -> None:
-        self.sides = [
-            (VariedProblem(one.below, problem, compiled), VariedProblem(one.above, problem, compiled))
-            for one in variations
-        ]
+        self.original = VariedProblem(problem, problem, compiled)
+        self.sides = [VariedProblem(one.problem, problem, compiled) for one in variations]
         self.widths: FloatArray = np.array([one.width for one in variations])
-        self._pairs = [_VariedPair(*pair, width) for pair, width in zip(self.sides, self.widths.tolist(), strict=True)]
+        self._changes = [
+            _ParameterChange(self.original, *one) for one in zip(self.sides, self.widths.tolist(), strict=True)
+        ]
         #: Relative change of the step, shape (p,).
         self.stretch = self._difference(lambda side: np.array(side.stretch))
 
@@ -207,7 +240,8 @@ class ParameterForces:
 
     def along(self, every: SensedTrajectory, lengths: FloatArray) -> ExplicitDerivatives:
         """Return the derivatives at all instants of a motion, with the lengths of the steps between them, s."""
-        parts = [pair.explicit_terms(every, lengths) for pair in self._pairs]
+        low = _Evaluation(self.original, every, lengths)
+        parts = [change.explicit_terms(low, every, lengths) for change in self._changes]
         return ExplicitDerivatives(*(np.stack(terms, axis=-1) for terms in zip(*parts, strict=True)))
 
     def impact_change(self, old: StepState, contacts: IntArray) -> FloatArray:
@@ -216,4 +250,5 @@ class ParameterForces:
 
     def _difference(self, function: Callable[[VariedProblem], FloatArray]) -> FloatArray:
         """Return the derivatives of a function of the problem by all parameters, as last axis."""
-        return np.stack([function(up) - function(low) for low, up in self.sides], axis=-1) / self.widths
+        original = function(self.original)
+        return np.stack([function(side) - original for side in self.sides], axis=-1) / self.widths

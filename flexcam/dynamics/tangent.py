@@ -1,9 +1,9 @@
 """Exact derivatives of a run by parameters: one run, and the evolution of the disturbances by all parameters.
 
-A run with a parameter a little below or above its value is, to first order, the motion plus the disturbances by this
-parameter. All results of such neighbouring runs are evaluated from these motions as from any other, so that a central
-difference of two of them is the derivative of a result. Differences of two integrated runs would contain the noise of
-contact events; these do not.
+A run with a parameter near its value is, to first order, the motion plus the disturbances by this parameter.
+All results of such neighbouring runs are evaluated from these motions as from any other, so that their differences are
+derivatives. Differences of two integrated runs would contain the noise of contact events; these do
+not.
 """
 
 from __future__ import annotations
@@ -41,7 +41,8 @@ class TangentRun:
     """A run and its neighbours by parameters."""
 
     response: Response  #: results at the values of the parameters: probes and channels, without energies
-    #: Results with each parameter below and above its value, to first order.
+    #: Results half the change of each parameter before and after the run, to first order. The former have the equations
+    #: of the run, the latter those of the variation: contacts about to open or close are treated alike on both sides.
     neighbours: tuple[tuple[Response, Response], ...]
     #: Factor by which a small disturbance of the initial state grows over the run, in the energy norm. Above some
     #: thousands the motion is chaotic: the derivatives hold for very small changes only.
@@ -61,7 +62,7 @@ def tangent_run(
     method
         The average acceleration (`newmark`).
     variations
-        The problem with each parameter below and above its value. Step and drive may differ as well.
+        The problem with a changed value of each parameter. Step and drive may differ as well.
     period
         Steps of a revolution if the run begins with a periodic state, which then depends on the parameters; None if
         the variations give the initial state.
@@ -94,38 +95,36 @@ def tangent_run(
     ...     probe = Probe("x", ("x",), np.eye(1), (None,))
     ...     system = System(one, Triplets.zeros(1), one.scale(k), ("x",), (push,), probes=(probe,))
     ...     return Problem(system, ConstantSpeed(1.0), step=1e-3, steps=1000)
-    >>> found = tangent_run(oscillator(4.0), newmark(), [Variation(oscillator(3.999), oscillator(4.001), 0.002)])
+    >>> found = tangent_run(oscillator(4.0), newmark(), [Variation(oscillator(4.001), 0.001)])
     >>> low, high = (one["x"].displacement[-1] for one in found.neighbours[0])
     >>> exact = (np.sin(2.0) / 4.0 - (1.0 - np.cos(2.0)) / 4.0) / 4.0
-    >>> bool(abs((high - low) / 0.002 - exact) < 1e-6)
+    >>> bool(abs((high - low) / 0.001 - exact) < 1e-6)
     True
     """
     if not isinstance(method, Scheme) or not method.average:
         raise refuse("run.integrator", "another method", "newmark with beta 1/4 and gamma 1/2", "its steps are derived")
     if problem.adaptive is not None or problem.basis is not None:
         raise refuse("case", "adaptive steps or a reduced basis", "constant steps in all unknowns", "")
-    problem, variations = _without_acceleration(problem), [
-        replace(one, below=_without_acceleration(one.below), above=_without_acceleration(one.above))
-        for one in variations
-    ]  # fmt: skip
+    problem = _without_acceleration(problem)
+    variations = [replace(one, problem=_without_acceleration(one.problem)) for one in variations]
     selected = select_engine(replace(problem, prune=_same_active_dofs(problem, variations)), method, SaveAt())
-    inside = [_project(one, selected) for one in variations]
+    inside = [replace(one, problem=_project(one.problem, selected)) for one in variations]
     compiled = compiled_functions() if selected.engine == "kernel" else None
-    parameters = ParameterForces(selected.problem, inside, compiled)
+    parameters = ParameterForces(_project(problem, selected), inside, compiled)
     _check_structure(selected.problem, parameters)
     forces = forces_of(selected, method)
     initial = _initial_disturbances(selected.problem, forces, parameters)
     if period is not None:
         initial = _periodic_disturbances(selected, method, forces, parameters, initial, period)
 
-    def neighbour(side: VariedProblem, parameter: int, part: float) -> _Neighbour:
+    def neighbour(side: VariedProblem, parameter: int, width: float) -> _Neighbour:
         recorder = Recorder(side.problem, side.forces, method, selected.bases)
-        return _Neighbour(side, parameter, part, recorder, accelerations=accelerations)
+        return _Neighbour(side, parameter, width, recorder, accelerations=accelerations)
 
-    itself = neighbour(VariedProblem(selected.problem, selected.problem, compiled), 0, 0.0)
+    itself = neighbour(parameters.original, 0, 0.0)
     pairs = [
-        (neighbour(low, i, -0.5 * width), neighbour(high, i, 0.5 * width))
-        for i, ((low, high), width) in enumerate(zip(parameters.sides, parameters.widths.tolist(), strict=True))
+        (neighbour(parameters.original, i, -0.5 * width), neighbour(side, i, 0.5 * width))
+        for i, (side, width) in enumerate(zip(parameters.sides, parameters.widths.tolist(), strict=True))
     ]
     done, sizes = 0, list[FloatArray]()
     for track, moved in _integrate(selected, method, forces, initial, parameters):
@@ -150,22 +149,21 @@ def _same_active_dofs(problem: Problem, variations: Sequence[Variation]) -> bool
     found = basis_of(problem)
     if not isinstance(found, DofSubset):
         return False
-    others = [basis_of(side) for one in variations for side in (one.below, one.above)]
+    others = [basis_of(one.problem) for one in variations]
     return all(
         isinstance(one, DofSubset) and np.array_equal(one.kept, found.kept) and np.array_equal(one.held, found.held)
         for one in others
     )
 
 
-def _project(variation: Variation, selected: SelectedEngine) -> Variation:
-    """Return a variation in the unknowns of the engine."""
-    below, above = variation.below, variation.above
+def _project(problem: Problem, selected: SelectedEngine) -> Problem:
+    """Return a problem in the unknowns of the engine; differences of such problems have no rounding of the modes."""
     for basis in reversed(selected.bases):
-        if below.system.size != basis.held.size or above.system.size != basis.held.size:
+        if problem.system.size != basis.held.size:
             remedy = "use differences of runs"
             raise refuse("parameter", "a number that changes the unknowns", "another one", "", remedy)
-        below, above = reduce_problem(below, basis), reduce_problem(above, basis)
-    return Variation(below, above, variation.width)
+        problem = reduce_problem(problem, basis)
+    return problem
 
 
 def _check_structure(problem: Problem, parameters: ParameterForces) -> None:
@@ -174,7 +172,7 @@ def _check_structure(problem: Problem, parameters: ParameterForces) -> None:
     def size(one: Problem) -> tuple[int, ...]:
         return (one.system.size, one.steps, *(len(force.sense) for force in one.system.local_forces))
 
-    if any(size(side.problem) != size(problem) for pair in parameters.sides for side in pair):
+    if any(size(side.problem) != size(problem) for side in parameters.sides):
         why, remedy = "the equations must keep their structure", "use differences of runs"
         raise refuse("parameter", "a number that changes the unknowns, contacts or steps", "another one", why, remedy)
 
@@ -228,9 +226,9 @@ class _Neighbour:
     """Results of a run with a parameter near its value, to first order."""
 
     def __init__(
-        self, side: VariedProblem, parameter: int, part: float, recorder: Recorder, *, accelerations: bool
+        self, side: VariedProblem, parameter: int, width: float, recorder: Recorder, *, accelerations: bool
     ) -> None:
-        self._side, self._parameter, self._part = side, parameter, part
+        self._side, self._parameter, self._width = side, parameter, width
         self._recorder, self._accelerations = recorder, accelerations
         self.response = recorder.response
 
@@ -239,12 +237,12 @@ class _Neighbour:
         side, n, forces = self._side, self._side.problem.system.size, self._side.forces
         motion, schedule = side.inputs(track)
         change = np.zeros((len(track.time), moved.shape[1]))
-        change[track.ends] = self._part * moved[:, :, self._parameter]
+        change[track.ends] = self._width * moved[:, :, self._parameter]
         d, v, state = track.d + change[:, :n], track.v + change[:, n : 2 * n], track.state + change[:, 2 * n :]
         sensed, rate, _ = forces.sense_motion(d, v, schedule)
         local = forces.evaluate(sensed, state, schedule.rows[:, schedule.functions :], rate=rate)[1]
-        a = track.a if self._part == 0.0 else np.full_like(d, np.nan)
-        if self._part != 0.0 and self._accelerations:
+        a = track.a if self._width == 0.0 else np.full_like(d, np.nan)
+        if self._width != 0.0 and self._accelerations:
             a = side.accelerations.accelerations(side.forces_without_inertia(motion, schedule, d, v, local).T).T
         new = Trajectory(
             motion.time, d, v, a, local, state, np.zeros_like(local), track.pressed, track.ends, motion.cam

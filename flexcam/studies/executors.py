@@ -352,15 +352,40 @@ def open_evaluator(
     *, workers: int = 1, advance: ProgressCallback | None = None,
 ) -> Generator[Runs]:  # fmt: skip
     """Yield a function that distributes variants to workers, which end with the context and evaluate one by one."""
-    each = partial(evaluate_each, evaluate=evaluate, fixed=tuple(fixed))
+    with open_evaluators(source, (evaluate,), fixed, workers=workers, advance=advance) as (runs,):
+        yield runs
+
+
+@contextmanager
+def open_evaluators(
+    source: Bundle, functions: Sequence[Callable[[Case], Row]], fixed: Sequence[str] = (),
+    *, workers: int = 1, advance: ProgressCallback | None = None,
+) -> Generator[list[Runs]]:  # fmt: skip
+    """Yield a function for each evaluation of a variant, as `open_evaluator`, all with the same workers.
+
+    The progress counts the variants of the first function.
+    """
+    each = partial(_evaluate_numbered, functions=tuple(functions), fixed=tuple(fixed))
     with open_runner(SerialWorkers() if workers == 1 else ProcessWorkers(workers), source, each) as run_chunks:
 
-        def run(variants: Variants) -> Iterator[Row]:
-            finished, count = dict[int, Row](), 0
-            for chunk, rows in track_progress(run_chunks(divide_variants(variants, 1)), advance):
+        def run(variants: Variants, number: int) -> Iterator[Row]:
+            finished, count, shown = dict[int, Row](), 0, None if number else advance
+            chunks = divide_variants([(str(number), *variant) for variant in variants], 1)
+            for chunk, rows in track_progress(run_chunks(chunks), shown):
                 finished[chunk.index] = rows[0]
                 while count in finished:
                     yield finished.pop(count)
                     count += 1
 
-        yield run
+        yield [partial(run, number=number) for number in range(len(functions))]
+
+
+def _evaluate_numbered(
+    source: Bundle | Path, variants: Variants, functions: Sequence[Callable[[Case], Row]], fixed: tuple[str, ...]
+) -> list[Row]:
+    """Return the rows of variants, whose overrides follow the number of the function that evaluates them."""
+    return [
+        row
+        for number, *overrides in variants
+        for row in evaluate_each(source, [tuple(overrides)], functions[int(number)], fixed)
+    ]

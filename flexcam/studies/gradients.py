@@ -15,15 +15,19 @@ Applics 16 (1975) 321.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import chain
 
 import numpy as np
 
-from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search
+from flexcam.analysis.preparation import (
+    PreparedRun,
+    prepare,
+    prepare_without_periodic_search,
+    set_initial_state,
+)
 from flexcam.case.case import Case
 from flexcam.case.problem_builder import steps_per_revolution
 from flexcam.case.reader import CaseFile
@@ -33,15 +37,15 @@ from flexcam.core.errors import InputError, refuse
 from flexcam.dynamics import ProgressCallback, RunFailedError, Scheme, Status, System, Variation, tangent_run
 from flexcam.dynamics.massless import FORCE_TOLERANCE, MasslessMotions
 from flexcam.studies.evaluation import compute_scalars
-from flexcam.studies.executors import open_evaluator
+from flexcam.studies.executors import open_evaluators
 from flexcam.studies.optimization import ROUNDING, Evaluations, OptimizationProblem, ProblemEvaluator
 from flexcam.studies.plan import Row, check_seed, make_bundle
 from flexcam.studies.quantities import compute_quantities, is_run_scalar, quantity_row
-from flexcam.studies.variables import Runs, Variable, interval_widths
+from flexcam.studies.variables import Runs, Variable, WorstCase, interval_widths
 from flexcam.valvetrain import Metric
 
-# Half the difference of a number, relative to its size: a compromise of rounding, and of contacts that it switches;
-# more for results without contact events, as periodic states and eigenvalues have rounding errors of 1e-10.
+# Change of a number relative to its size: a compromise of rounding, and of contacts that it switches; more for the
+# central differences of other results, as periodic states and eigenvalues have rounding errors of 1e-10.
 RELATIVE_WIDTH, _WIDTH_WITHOUT_RUN = 1e-6, 1e-4
 CHAOTIC_GROWTH = 1e3  # growth of a disturbance over a run above which derivatives say nothing about practical changes
 _PERIODIC = 1e-6  # relative residual of a periodic start above which its derivative does not exist
@@ -93,66 +97,70 @@ def compute_gradient(
     others = [name for name in names if name not in of_runs]
     values, derivatives = dict[str, Metric](), dict[tuple[str, str], float]()
 
-    def add(rows: Sequence[Mapping[str, Metric]], widths: Sequence[float]) -> None:
-        values.update(rows[0])
-        for number, width, below, above in zip(numbers, widths, rows[1::2], rows[2::2], strict=True):
-            for name in rows[0]:
-                known = name in below and name in above and not name.endswith(COUNTED)
-                derivatives[name, number.key] = (above[name].value - below[name].value) / width if known else math.nan
+    def add(number: Number, width: float, below: Mapping[str, Metric], above: Mapping[str, Metric]) -> None:
+        for name in below:
+            known = name in above and not name.endswith(COUNTED)
+            derivatives[name, number.key] = (above[name].value - below[name].value) / width if known else math.nan
 
-    growth, warning = 1.0, ""
+    growth, warning, file = 1.0, "", CaseFile.of(case)
     if of_runs:
-        pairs, widths = _neighbour_cases(case, numbers, [RELATIVE_WIDTH * size for size in sizes])
-        found, growth, warning = _run_scalars(case, pairs, widths, of_runs)
-        add([{one.name: one for one in metrics if one.name in of_runs} for metrics in found], widths)
+        sides = [
+            next(_neighbour_cases(file, case, number, RELATIVE_WIDTH * size))
+            for number, size in zip(numbers, sizes, strict=True)
+        ]
+        found, growth, warning = _run_scalars(case, sides, of_runs)
+        middle, *rows = [{one.name: one for one in metrics if one.name in of_runs} for metrics in found]
+        values |= middle
+        for number, (_, width), below, above in zip(numbers, sides, rows[::2], rows[1::2], strict=True):
+            add(number, width, below, above)
     if others:
-        pairs, widths = _neighbour_cases(case, numbers, [_WIDTH_WITHOUT_RUN * size for size in sizes])
-        add([compute_quantities(one, others) for one in (case, *chain.from_iterable(pairs))], widths)
+        values |= compute_quantities(case, others)
+        for number, size in zip(numbers, sizes, strict=True):
+            cases = *_neighbour_cases(file, case, number, _WIDTH_WITHOUT_RUN * size), (case, 0.0)
+            (above, more), (below, less) = cases[:2]  # one side alone at the end of the permitted values
+            add(number, more - less, compute_quantities(below, others), compute_quantities(above, others))
     return Gradient(values, derivatives, growth, warning)
 
 
-def _neighbour_cases(
-    case: Case, numbers: Sequence[Number], steps: Sequence[float]
-) -> tuple[list[tuple[Case, ...]], list[float]]:
-    """Return the cases with each number below and above its value, and the differences of the numbers."""
-    file, pairs, widths = CaseFile.of(case), list[tuple[Case, ...]](), list[float]()
-    for number, step in zip(numbers, steps, strict=True):
-        below, above = ((*case.overrides, *one) for one in make_neighbours(case, number, (-step, step)))
-        sides = [_read(file, below), _read(file, above)]
-        if sides == [None, None]:
-            file.read(above)  # raises the reason
-        pairs.append(tuple(case if side is None else side for side in sides))
-        widths.append(step * (2 - sides.count(None)))  # one side alone at the end of the permitted values
-    return pairs, widths
+def _neighbour_cases(file: CaseFile, case: Case, number: Number, step: float) -> Iterator[tuple[Case, float]]:
+    """Yield the cases with a number above and below its value, if permitted, and its change; at least one."""
+    refusals = list[InputError]()
+    for change in (step, -step):
+        [variant] = make_neighbours(case, number, [change])
+        try:
+            side = file.read((*case.overrides, *variant))
+        except InputError as refusal:
+            refusals.append(refusal)
+        else:
+            yield side, change
+    if len(refusals) > 1:
+        raise refusals[0]
 
 
-def _read(file: CaseFile, overrides: Sequence[str]) -> Case | None:
-    """Return a case, or None if its values are not permitted."""
-    try:
-        return file.read(overrides)
-    except InputError:
-        return None
-
-
+@contextmanager
 def gradient_evaluator(
     file: CaseFile, fixed: Sequence[str], names: Sequence[str], variables: Sequence[Variable],
-    *, workers: int = 1, advance: ProgressCallback | None = None,
-) -> AbstractContextManager[Runs]:  # fmt: skip
-    """Return a context with a function that evaluates variants of a file, with derivatives by some variables."""
+    *, worst: WorstCase | None = None, workers: int = 1, advance: ProgressCallback | None = None,
+) -> Generator[Runs]:  # fmt: skip
+    """Yield a function that evaluates variants of a file, with derivatives by some variables in the worst case."""
     sizes = interval_widths(file.read(fixed), variables).tolist()
-    row = partial(_gradient_row, names=tuple(names), keys=tuple(one.key for one in variables), sizes=sizes)
-    return open_evaluator(make_bundle(file, None, fixed), row, fixed, workers=workers, advance=advance)
+    row = partial(quantity_row, names=tuple(names))
+    derive = partial(_derivative_row, names=tuple(names), keys=tuple(one.key for one in variables), sizes=sizes)
+    source, conditions = make_bundle(file, None, fixed), worst or WorstCase(((),), {})
+    with open_evaluators(source, (row, derive), fixed, workers=workers, advance=advance) as evaluators:
+        yield conditions.over(*evaluators)
 
 
-def _gradient_row(case: Case, names: Sequence[str], keys: Sequence[str], sizes: Sequence[float]) -> Row:
-    row = quantity_row(case, names)
+def _derivative_row(case: Case, names: Sequence[str], keys: Sequence[str], sizes: Sequence[float]) -> Row:
+    """Return the derivatives of a variant, or a complete row whose status says why there are none."""
+    row = Row(Status())
     try:
         found = compute_gradient(case, names, [get_number(case, key, "--vary") for key in keys], sizes)
     except (InputError, RunFailedError) as failure:  # the variant counts without them
         return replace(row, status=Status(text=str(failure)))
     if found.warning:
         return replace(row, status=Status(text=found.warning))
-    slopes = {name: tuple(found.derivatives.get((name, key), math.nan) for key in keys) for name in row.scalars}
+    slopes = {name: tuple(found.derivatives.get((name, key), math.nan) for key in keys) for name in names}
     return replace(row, derivatives=slopes)
 
 
@@ -162,20 +170,22 @@ def make_neighbours(case: Case, number: Number, steps: Iterable[float]) -> list[
 
 
 def _run_scalars(
-    case: Case, pairs: Sequence[tuple[Case, ...]], widths: Sequence[float], names: Sequence[str]
+    case: Case, sides: Sequence[tuple[Case, float]], names: Sequence[str]
 ) -> tuple[list[list[Metric]], float, str]:
-    """Return the scalars of a run, those of its neighbours in pairs, the growth of disturbances, and a warning."""
+    """Return the scalars of a run and of its neighbours, the growth of disturbances, and a warning.
+
+    `sides` are cases with one changed number each, and the changes.
+    """
     if why := exact_refusal(case):
         raise refuse("--method", "exact", "differences", why)
     kinds = {name.partition(".")[0] for name in names}
-    case, pairs = case.with_newmark(), [tuple(side.with_newmark() for side in pair) for pair in pairs]
+    case = case.with_newmark()
     ready = _with_channels(prepare(case, runs=_SIMILAR_RUNS), kinds)
-    beside = [
-        tuple(_with_channels(prepare_without_periodic_search(one, ready), kinds) for one in pair) for pair in pairs
-    ]
-    sides = zip(beside, widths, strict=True)
-    variations = [Variation(low.problem, high.problem, width) for (low, high), width in sides]
-    periodic = case.record.run.start == "periodic"
+    others = [_with_channels(prepare_without_periodic_search(one.with_newmark(), ready), kinds) for one, _ in sides]
+    periodic, near = case.record.run.start == "periodic", ready.problem.start
+    if not periodic:  # found in the same way as those of the others, so that rounding errors cancel
+        ready = replace(ready, problem=set_initial_state(case, ready.model, ready.problem, near=near))
+    variations = [Variation(one.problem, width) for one, (_, width) in zip(others, sides, strict=True)]
     period = steps_per_revolution(case, ready.problem) if periodic else None
     accelerations = not kinds <= _WITHOUT_ACCELERATION
     revolution = math.ceil(ready.revolution / ready.problem.step) + _SPARE
@@ -186,8 +196,8 @@ def _run_scalars(
     if not found.response.status.ok:
         raise RunFailedError(found.response.status)
     rows = [compute_scalars(ready, found.response, names)]
-    for pair, responses in zip(beside, found.neighbours, strict=True):
-        rows += [compute_scalars(one, response, names) for one, response in zip(pair, responses, strict=True)]
+    for other, (below, above) in zip(others, found.neighbours, strict=True):
+        rows += [compute_scalars(ready, below, names), compute_scalars(other, above, names)]
     light = _massless_probes(ready.problem.system)
     rows[1:] = [
         [one for one in row if not (one.name.rpartition(".")[0].endswith(_RATES) and one.name.startswith(light))]

@@ -173,13 +173,22 @@ class WorstCase:
     conditions: tuple[tuple[str, ...], ...]  #: overrides of each condition
     largest: Mapping[str, bool]  #: whether the largest value of a quantity is the worst, otherwise the smallest
 
-    def over(self, runs: Runs) -> Runs:
-        """Return a function that evaluates variants under all conditions and yields a row for each variant."""
+    def over(self, runs: Runs, derive: Runs | None = None) -> Runs:
+        """Return a function that evaluates variants under all conditions and yields a row for each variant.
+
+        `derive` evaluates the derivatives of variants; only the worst conditions need them.
+        """
 
         def worst(variants: Sequence[tuple[str, ...]]) -> Iterator[Row]:
             rows = iter(runs([(*variant, *one) for variant in variants for one in self.conditions]))
-            for _ in variants:
-                yield self.combine([next(rows) for _ in self.conditions])
+            for variant in variants:
+                found = [next(rows) for _ in self.conditions]
+                if derive is not None and all(row.status.ok for row in found):
+                    at = sorted(set(self._worst_indices(found).values()))
+                    derived = derive([(*variant, *self.conditions[i]) for i in at])
+                    for i, row in zip(at, derived, strict=True):
+                        found[i] = replace(found[i], status=row.status, derivatives=row.derivatives)
+                yield self.combine(found)
 
         return worst
 
@@ -188,14 +197,21 @@ class WorstCase:
         for row in rows:
             if not row.status.ok:
                 return row
-        known = [name for name in rows[0].scalars if all(name in row.scalars for row in rows)]
-        at = dict[str, Row]()
-        for name in known:
-            worst = np.argmax if self.largest.get(name, True) else np.argmin  # NaN is the worst
-            at[name] = rows[int(worst([row.scalars[name] for row in rows]))]
+        at = {name: rows[i] for name, i in self._worst_indices(rows).items()}
         status = next((row.status for row in rows if row.status.text), rows[0].status)
-        derived = known if all(row.derivatives for row in rows) else ()
+        derived = at if all(row.derivatives for row in at.values()) else ()
         return replace(
-            rows[0], status=status, scalars={name: at[name].scalars[name] for name in known},
+            rows[0], status=status, scalars={name: row.scalars[name] for name, row in at.items()},
             derivatives={name: at[name].derivatives[name] for name in derived},
         )  # fmt: skip
+
+    def _worst_indices(self, rows: Sequence[Row]) -> dict[str, int]:
+        """Return the index of the worst row for each quantity; of several, one that another quantity has."""
+        candidates = dict[str, list[int]]()
+        for name in rows[0].scalars:
+            values = column(rows, name) * (1.0 if self.largest.get(name, True) else -1.0)
+            if all(name in row.scalars for row in rows):
+                worst = np.isnan(values) if np.isnan(values).any() else values == values.max()
+                candidates[name] = np.flatnonzero(worst).tolist()
+        chosen = {at[0] for at in candidates.values() if len(at) == 1}
+        return {name: next((i for i in at if i in chosen), at[0]) for name, at in candidates.items()}

@@ -24,6 +24,7 @@ from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.studies import gradients
 from flexcam.studies.plan import Row
 from flexcam.studies.quantities import create_evaluator, quantity_row
+from flexcam.studies.variables import Variable
 from tests.thinning import mostly_slow
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -390,8 +391,9 @@ def test_a_variant_without_derivatives_keeps_its_values(monkeypatch):
         raise RunFailedError(Status(Cause.NO_CONVERGENCE, "the forces do not converge"))
 
     monkeypatch.setattr(gradients, "compute_gradient", broken)
-    case = read_case(PUBLISHED, QUICK[1::2])
-    row = gradients._gradient_row(case, ["frequency.1"], ["masses.valve.mass"], [0.1])
+    file, mass = CaseFile.open(Path(PUBLISHED)), Variable("masses.valve.mass", 0.05, 0.15, "kg")
+    with gradients.gradient_evaluator(file, QUICK[1::2], ["frequency.1"], [mass]) as runs:
+        (row,) = runs([()])
     assert row.status.ok
     assert "the forces do not converge" in row.status.text
     assert (set(row.scalars), row.derivatives) == ({"frequency.1"}, {})

@@ -20,7 +20,7 @@ from flexcam.studies.optimization import (
     parse_constraints,
 )
 from flexcam.studies.plan import Row
-from flexcam.studies.variables import PointEvaluator, Variable
+from flexcam.studies.variables import PointEvaluator, Variable, WorstCase
 
 
 @dataclass
@@ -113,3 +113,26 @@ def test_constraints_with_units():
 def test_refused_constraints(text):
     with pytest.raises(InputError):
         parse_constraint(text)
+
+
+def test_only_the_worst_conditions_are_derived():
+    """Of three conditions the largest force is at the second, the smallest gap at the third, the cost equal at all."""
+    values = {"1": (5.0, 3.0), "2": (9.0, 2.0), "3": (7.0, 1.0)}
+    derived = list[tuple[str, ...]]()
+
+    def runs(variants):
+        return (
+            Row(Status(), dict(zip(("force", "gap", "cost"), (*values[at], 4.0), strict=True))) for _, at in variants
+        )
+
+    def derive(variants):
+        derived.extend(variants)
+        return (
+            Row(Status(), derivatives={name: (float(at),) for name in ("force", "gap", "cost")}) for _, at in variants
+        )
+
+    worst = WorstCase((("1",), ("2",), ("3",)), {"force": True, "gap": False, "cost": True})
+    (row,) = worst.over(runs, derive)([("x",)])
+    assert row.scalars == {"force": 9.0, "gap": 1.0, "cost": 4.0}
+    assert (row.derivatives["force"], row.derivatives["gap"]) == ((2.0,), (3.0,))
+    assert derived == [("x", "2"), ("x", "3")]
