@@ -3,10 +3,11 @@
 Results of a run are derived along its motion (`flexcam.dynamics.tangent`), all others, such as natural frequencies,
 static results, Floquet multipliers and properties of a cam, by central differences: contact events add no noise.
 
-Maxima and minima over a revolution have kinks where another instant becomes the extreme one. A step of the search
-therefore takes all planes that are known near the best variant, tangents of the goal and of the constraints. It solves
-a linear program within a box about the best variant; the box moves with it and shrinks when no better one is found.
-This is the cutting-plane method with a trust region: J. E. Kelley, J. SIAM 8 (1960) 703; K. Madsen, J. Inst. Maths
+Maxima and minima over a revolution have kinks where another instant becomes the extreme one. The search therefore
+knows the derivatives of all local extremes of a history. A step takes these planes, at the best variant and at points
+near it, and solves a linear program within a box about the best variant. The box grows with steps that gain what the
+planes promise, and shrinks with others. A violation of a constraint has a price, so that the search may follow a curved
+constraint from outside: R. Fletcher and E. Sainz de la Maza, Math. Program. 43 (1989) 235; K. Madsen, J. Inst. Maths
 Applics 16 (1975) 321.
 """
 
@@ -34,15 +35,24 @@ from flexcam.case.reader import CaseFile
 from flexcam.case.variants import Number, get_number, make_overrides
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse
-from flexcam.dynamics import ProgressCallback, RunFailedError, Scheme, Status, System, Variation, tangent_run
+from flexcam.dynamics import (
+    ProgressCallback,
+    RunFailedError,
+    Scheme,
+    Status,
+    System,
+    TangentRun,
+    Variation,
+    tangent_run,
+)
 from flexcam.dynamics.massless import FORCE_TOLERANCE, MasslessMotions
 from flexcam.studies.evaluation import compute_scalars
 from flexcam.studies.executors import open_evaluators
-from flexcam.studies.optimization import ROUNDING, Evaluations, OptimizationProblem, ProblemEvaluator
+from flexcam.studies.optimization import Evaluations, OptimizationProblem, ProblemEvaluator
 from flexcam.studies.plan import Row, check_seed, make_bundle
 from flexcam.studies.quantities import compute_quantities, is_run_scalar, quantity_row
 from flexcam.studies.variables import Runs, Variable, WorstCase, interval_widths
-from flexcam.valvetrain import Metric
+from flexcam.valvetrain import Metric, extreme_history
 
 # Change of a number relative to its size: a compromise of rounding, and of contacts that it switches; more for the
 # central differences of other results, as periodic states and eigenvalues have rounding errors of 1e-10.
@@ -53,6 +63,7 @@ _SIMILAR_RUNS = 10  # number of runs whose time the derivatives of a run take, f
 COUNTED = (".bounces", ".open_on_the_lift")  # ends of the names of results that count, and have no derivative
 _RATES = (".velocity", ".acceleration")  # ends of the names of histories that a point without mass does not have
 _PROBE_KINDS = {"probes", "deviation"}  # first parts of the names of scalars that need no channels
+_EXTREMES = 8  # number of local extremes of a history whose derivatives a search knows
 _SPARE = 2  # steps before the last revolution, to which all results but deviations refer
 _WITHOUT_ACCELERATION = {"contacts", "springs"}  # first parts of those that need neither accelerations nor probes
 
@@ -68,6 +79,8 @@ class Gradient:
     values: Mapping[str, Metric]  #: results by name
     #: by name of the result and key of the number, SI; NaN for a result that a neighbouring case lacks
     derivatives: Mapping[tuple[str, str], float]
+    #: other local extremes of the history whose extreme a result is: difference from it, and derivatives by all numbers
+    extremes: Mapping[str, tuple[tuple[float, ...], ...]]
     growth: float
     warning: str = ""
 
@@ -102,13 +115,13 @@ def compute_gradient(
             known = name in above and not name.endswith(COUNTED)
             derivatives[name, number.key] = (above[name].value - below[name].value) / width if known else math.nan
 
-    growth, warning, file = 1.0, "", CaseFile.of(case)
+    growth, warning, file, extremes = 1.0, "", CaseFile.of(case), dict[str, tuple[tuple[float, ...], ...]]()
     if of_runs:
         sides = [
             next(_neighbour_cases(file, case, number, RELATIVE_WIDTH * size))
             for number, size in zip(numbers, sizes, strict=True)
         ]
-        found, growth, warning = _run_scalars(case, sides, of_runs)
+        found, extremes, growth, warning = _run_scalars(case, sides, of_runs)
         middle, *rows = [{one.name: one for one in metrics if one.name in of_runs} for metrics in found]
         values |= middle
         for number, (_, width), below, above in zip(numbers, sides, rows[::2], rows[1::2], strict=True):
@@ -119,7 +132,7 @@ def compute_gradient(
             cases = *_neighbour_cases(file, case, number, _WIDTH_WITHOUT_RUN * size), (case, 0.0)
             (above, more), (below, less) = cases[:2]  # one side alone at the end of the permitted values
             add(number, more - less, compute_quantities(below, others), compute_quantities(above, others))
-    return Gradient(values, derivatives, growth, warning)
+    return Gradient(values, derivatives, extremes, growth, warning)
 
 
 def _neighbour_cases(file: CaseFile, case: Case, number: Number, step: float) -> Iterator[tuple[Case, float]]:
@@ -161,7 +174,7 @@ def _derivative_row(case: Case, names: Sequence[str], keys: Sequence[str], sizes
     if found.warning:
         return replace(row, status=Status(text=found.warning))
     slopes = {name: tuple(found.derivatives.get((name, key), math.nan) for key in keys) for name in names}
-    return replace(row, derivatives=slopes)
+    return replace(row, derivatives=slopes, extremes=found.extremes)
 
 
 def make_neighbours(case: Case, number: Number, steps: Iterable[float]) -> list[tuple[str, ...]]:
@@ -171,8 +184,8 @@ def make_neighbours(case: Case, number: Number, steps: Iterable[float]) -> list[
 
 def _run_scalars(
     case: Case, sides: Sequence[tuple[Case, float]], names: Sequence[str]
-) -> tuple[list[list[Metric]], float, str]:
-    """Return the scalars of a run and of its neighbours, the growth of disturbances, and a warning.
+) -> tuple[list[list[Metric]], dict[str, tuple[tuple[float, ...], ...]], float, str]:
+    """Return the scalars of a run and of its neighbours, other extremes, the growth of disturbances, and a warning.
 
     `sides` are cases with one changed number each, and the changes.
     """
@@ -203,10 +216,33 @@ def _run_scalars(
         [one for one in row if not (one.name.rpartition(".")[0].endswith(_RATES) and one.name.startswith(light))]
         for row in rows[1:]
     ]
-    if found.growth > CHAOTIC_GROWTH:
-        return rows, found.growth, f"the motion is chaotic: a small disturbance grows {found.growth:.1g} times"
+    widths = [width for _, width in sides]
+    extremes = {name: _local_extremes(ready, others, found, name, widths) for name in names}
     residual = (ready.problem.start.periodicity or 0.0) if periodic and ready.problem.start else 0.0
-    return rows, found.growth, f"the periodic start repeats only to {residual:.1g}" if residual > _PERIODIC else ""
+    warning = f"the periodic start repeats only to {residual:.1g}" if residual > _PERIODIC else ""
+    if found.growth > CHAOTIC_GROWTH:
+        warning = f"the motion is chaotic: a small disturbance grows {found.growth:.1g} times"
+    return rows, extremes, found.growth, warning
+
+
+def _local_extremes(
+    ready: PreparedRun, others: Sequence[PreparedRun], found: TangentRun, name: str, widths: Sequence[float]
+) -> tuple[tuple[float, ...], ...]:
+    """Return the largest local extremes of the history of a scalar, see `Gradient.extremes`."""
+    history = extreme_history(ready.model, found.response, name)
+    if history is None:
+        return ()
+    last = np.flatnonzero(found.response.latest(ready.revolution))
+    inside = history[last]
+    peaks = np.flatnonzero((inside[1:-1] >= inside[:-2]) & (inside[1:-1] > inside[2:])) + 1
+    at, top = last[peaks[np.argsort(-inside[peaks])][: _EXTREMES + 1]], inside.max()
+    slopes = list[FloatArray]()
+    for other, (below, above), width in zip(others, found.neighbours, widths, strict=True):
+        low, high = extreme_history(ready.model, below, name), extreme_history(other.model, above, name)
+        slopes.append(np.zeros(0) if low is None or high is None else (high[at] - low[at]) / width)
+    rows = np.column_stack([history[at] - top, *slopes])
+    rows = (-1.0 if name.endswith("least") else 1.0) * rows[(rows[:, 0] < 0.0) & np.isfinite(rows).all(axis=1)]
+    return tuple(map(tuple, rows.tolist()))
 
 
 def _massless_probes(system: System) -> tuple[str, ...]:
@@ -229,12 +265,16 @@ def _with_channels(ready: PreparedRun, kinds: set[str]) -> PreparedRun:
     return replace(ready, problem=replace(ready.problem, system=replace(system, channels=channels, probes=probes)))
 
 
-_BOX, _SMALLEST_BOX = 0.1, 1e-3  # first and smallest half width of the box, relative to the intervals
-_SHRINK, _GROW = 0.6, 1.5  # factors of the box after a step without and with success at its border
-_CORRECTIONS = 1  # steps without success before the box shrinks
-_NEAR, _PLANES = 3.0, 16  # distance of the planes that count, in half widths of the box, and their number
+_BOX, _SMALLEST_BOX, _LARGEST_BOX = 0.1, 1e-3, 0.5  # half widths of the box, relative to the intervals
+_SHRINK, _GROW = 0.5, 2.0  # factors of the box after a bad and after a good step
+_BAD, _GOOD = 0.25, 0.75  # gains of such steps relative to those expected
+_NO_GAIN = 1e-12  # gain relative to the goal that is rounding
+_AT_BORDER = 0.8  # length of a step relative to the box above which a good one makes it larger
+_NEAR, _PLANES = 3.0, 16  # distance of the points whose planes count, in half widths of the box, and their number
 _PENALTY = 100.0  # weight of the largest relative violation of a constraint, relative to that of the goal
-_INSIDE = 1e-6  # distance from a bound, relative to it, that a step keeps, so that its result satisfies the bound
+_LEAST_PRICE, _PRICE_MARGIN = 1.0, 2.0  # price of a violation relative to the goal, and to that of the linear program
+# Distance from a bound, relative to it, that a step keeps: at least, and after a violation, relative to the box.
+_LEAST_INSIDE, _INSIDE = 1e-6, 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,13 +285,17 @@ class Plane:
     cost: float  #: quantity to be minimized
     cost_slope: FloatArray  #: shape (k,)
     violations: FloatArray  #: relative violations of the constraints, shape (b,)
-    violation_slopes: FloatArray  #: shape (b, k)
+    #: tangents of the constraints, one or more each: index, relative violation and slope, shape (k,)
+    cuts: Sequence[tuple[int, float, FloatArray]]
 
     @property
-    def merit(self) -> tuple[float, float]:
-        """Violation of the constraints, then the cost: the smaller pair is the better variant."""
-        passed = float(np.maximum(self.violations, 0.0).sum())
-        return (passed if passed > ROUNDING else 0.0, self.cost)
+    def violation(self) -> float:
+        """Largest relative violation of a constraint."""
+        return float(self.violations.max(initial=0.0))
+
+    def merit(self, price: float) -> float:
+        """Return the cost with the price of the violation: the smaller, the better the variant."""
+        return self.cost + price * self.violation
 
 
 def optimize_by_gradient(
@@ -303,16 +347,21 @@ class _Tangents:
         def slope(name: str) -> FloatArray:
             return self._widths * np.array(row.derivatives[name])
 
-        rows = [
-            slope(one.name) * (1.0 if one.relation == "<=" else -1.0) / (abs(one.bound(row.units[one.name])) or 1.0)
-            for one in bounds
-        ]
+        cuts = list[tuple[int, float, FloatArray]]()
+        for i, one in enumerate(bounds):
+            sign = (1.0 if one.relation == "<=" else -1.0) / (abs(one.bound(row.units[one.name])) or 1.0)
+            value = float(violations[0, i])
+            cuts.append((i, value, sign * slope(one.name)))
+            cuts += [
+                (i, value + sign * offset, sign * self._widths * np.array(slopes))
+                for offset, *slopes in row.extremes.get(one.name, ())
+                if sign * offset < 0.0
+            ]
         cost_slope = (-1.0 if goal.most else 1.0) * slope(goal.name)
         self.is_flat = self.is_flat or (self._judge.count == 1 and not cost_slope.any())
-        slopes = np.array(rows).reshape(len(bounds), len(self._widths))
-        if not (np.isfinite(cost_slope).all() and np.isfinite(slopes).all()):
+        if not all(np.isfinite(one).all() for one in (cost_slope, *(one for _, _, one in cuts))):
             return None
-        return Plane(x, float(costs[0, 0]), cost_slope, violations[0, :-1], slopes)
+        return Plane(x, float(costs[0, 0]), cost_slope, violations[0, :-1], cuts)
 
 
 def _descend(tangents: _Tangents, judge: ProblemEvaluator, start: FloatArray, end: int) -> None:
@@ -320,41 +369,57 @@ def _descend(tangents: _Tangents, judge: ProblemEvaluator, start: FloatArray, en
     best = tangents.plane(start)
     if best is None:
         return
-    planes, radius, failed = [best], _BOX, 0
+    planes, radius, inside, is_corrected = [best], _BOX, _LEAST_INSIDE, False
     while radius > _SMALLEST_BOX and judge.count < end:
         near = [one for one in planes if np.abs(one.at - best.at).max() <= _NEAR * radius][-_PLANES:]
-        x = _lowest(near if best in near else [best, *near], best, radius)
-        is_step = np.abs(x - best.at).max() > 0.01 * _SMALLEST_BOX or best.merit[0] > 0.0
-        new = tangents.plane(x) if is_step else None
+        step = _lowest(near if best in near else [best, *near], best, radius, inside)
+        new = tangents.plane(step.to) if step.gain > 0.0 or best.violation > 0.0 else None
+        gained = -math.inf if new is None else best.merit(step.price) - new.merit(step.price)
+        gain = gained / max(step.gain, _NO_GAIN * abs(best.cost))
+        # The planes of a point that is not much worse than the best one correct the next step in the same box.
+        is_corrected = -1.0 < gain <= 0.0 and not is_corrected
+        if gain < _BAD and not is_corrected:
+            radius *= _SHRINK
+        elif gain > _GOOD and np.abs(step.to - best.at).max() > _AT_BORDER * radius:
+            radius = min(_GROW * radius, _LARGEST_BOX)
         if new is not None:
+            inside = min(max(new.violation, _LEAST_INSIDE), _INSIDE * radius)
             planes.append(new)
-        if new is None or new.merit >= best.merit:
-            failed += 1  # the planes of a point that is no better correct the next step in the same box
-            radius *= _SHRINK if new is None or failed > _CORRECTIONS else 1.0
-            continue
-        failed = 0
-        if np.abs(new.at - best.at).max() > 0.8 * radius:
-            radius = min(_GROW * radius, 0.5)
-        best = new
+            best = new if gain > 0.0 else best
 
 
-def _lowest(planes: list[Plane], best: Plane, radius: float) -> FloatArray:
-    """Return the lowest point of all planes in the box about the best variant, shape (k,)."""
+@dataclass(frozen=True, eq=False)
+class _Step:
+    to: FloatArray  #: shape (k,)
+    price: float  #: of a relative violation, as in `Plane.merit`
+    gain: float  #: expected reduction of the merit
+
+
+def _lowest(planes: list[Plane], best: Plane, radius: float, inside: float) -> _Step:
+    """Return the step to the lowest point of all planes in the box about the best variant.
+
+    The price is above what a violation gains, so that a search that pays it ends without violation.
+    """
     from scipy.optimize import linprog
 
     size, rows, limits = abs(best.cost) or 1.0, list[list[float]](), list[float]()
 
     def add(value: float, known: float, slope: FloatArray, at: FloatArray, by_cost: float, by_violation: float) -> None:
-        here = min(value + float(slope @ (best.at - at)), known)  # a plane that is too high there is lowered
-        rows.append([*slope.tolist(), by_cost, by_violation])
-        limits.append(float(slope @ best.at) - here)
+        here = value + float(slope @ (best.at - at))
+        if here <= known:  # otherwise the plane is not below the quantity, which has another curvature
+            rows.append([*slope.tolist(), by_cost, by_violation])
+            limits.append(float(slope @ best.at) - here)
 
     for one in planes:
         add(one.cost / size, best.cost / size, one.cost_slope / size, one.at, -1.0, 0.0)
-        for i, slope in enumerate(one.violation_slopes):
-            known = float(best.violations[i]) + _INSIDE
-            add(float(one.violations[i]) + _INSIDE, known, slope, one.at, 0.0, -1.0)
+        for i, violation, slope in one.cuts:
+            add(violation + inside, float(best.violations[i]) + inside, slope, one.at, 0.0, -1.0)
     box = [(max(one - radius, 0.0), min(one + radius, 1.0)) for one in best.at.tolist()]
     goal, bounds = [*(0.0 * best.at), 1.0, _PENALTY], [*box, (None, None), (0.0, None)]
     found = linprog(goal, A_ub=rows, b_ub=limits, bounds=bounds, method="highs")
-    return best.at if found.x is None else np.clip(np.asarray(found.x[:-2], dtype=float), 0.0, 1.0)
+    if found.x is None:
+        return _Step(best.at, 0.0, 0.0)
+    *to, cost, violation = np.asarray(found.x, dtype=float).tolist()
+    marginals = -np.asarray(found.ineqlin.marginals)[[row[-1] < 0.0 for row in rows]]
+    price = size * min(max(_PRICE_MARGIN * float(marginals.sum()), _LEAST_PRICE), _PENALTY)
+    return _Step(np.clip(to, 0.0, 1.0), price, best.merit(price) - size * cost - price * max(violation - inside, 0.0))

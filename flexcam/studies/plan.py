@@ -328,6 +328,10 @@ class Row:
     history: tuple[str, bytes] | None = None  #: suffix and content of its result file, if result files are kept
     #: derivatives of a scalar by the numbers of a gradient search, SI; empty without them, and `status` says why
     derivatives: Mapping[str, tuple[float, ...]] = field(default_factory=dict[str, tuple[float, ...]])
+    #: other extremes of the histories whose extreme a scalar is: difference from the scalar, and its derivatives
+    extremes: Mapping[str, tuple[tuple[float, ...], ...]] = field(
+        default_factory=dict[str, tuple[tuple[float, ...], ...]]
+    )
 
 
 def catch_errors(compute: Callable[[], Row]) -> Row:

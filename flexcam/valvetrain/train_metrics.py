@@ -150,7 +150,7 @@ def train_metrics(model: Model, response: Response, period: float, names: Sequen
     ]  # fmt: skip
     for name, contact in model.cam_contacts.items():
         if isinstance(contact, CamContact):
-            figures += _nose_force(model, response, name, last)
+            figures += _extreme(model, response, f"contacts.{name}.{_NOSE_FORCE}", "N", last)
     for name, contact in model.contacts.items():
         if isinstance(contact, Seat) and f"contacts.{name}.gap" in response.channels:  # the rigid model has no seat
             figures += _seat(model, response, name, last)
@@ -161,22 +161,43 @@ def train_metrics(model: Model, response: Response, period: float, names: Sequen
             gap = float(response.channels[f"contacts.{name}.gap"][last].max())
             figures.append(Metric(f"contacts.{name}.{_GAP}", gap, "rad" if contact.turns else "m"))
     figures += _drive(model, response, last)
-    angle = np.mod(response.angle[last], 2.0 * math.pi)
     for channel, unit in response.outline.channels:
         name, values = _metric_name(channel), response.channels[channel][last]
         if name.endswith("margin"):
             figures += [Metric(name, 1.0 / float(values.max()), "1")] if float(values.max()) > 0.0 else []
-        elif name.endswith("least"):
-            at = int(values.argmin())
-            figures.append(Metric(name, float(values[at]), unit, float(angle[at]) if np.ptp(values) else None))
         elif name.endswith("nose"):
             nose = _nose(model, channel.split(".")[1], response.angle[last])
             figures += [] if nose is None else [Metric(name, float(values[nose]), unit)]
         elif name:
-            size = values if channel.endswith(_SIGNED) else np.abs(values)
-            at = int(size.argmax())
-            figures.append(Metric(name, float(size[at]), unit, float(angle[at]) if np.ptp(size) else None))
+            figures += _extreme(model, response, name, unit, last)
     return figures
+
+
+def extreme_history(model: Model, response: Response, name: str) -> FloatArray | None:
+    """Return the history whose largest value is a metric, shape (m,), or None for a metric that is no extreme.
+
+    That of a least value is the negative history; instants that do not count are minus infinity.
+    """
+    channel, _, kind = name.rpartition(".")
+    if name.endswith(f".{_NOSE_FORCE}"):
+        contact = channel.split(".")[1]
+        nose = _flanks(model.cams[model.cam_contacts[contact].cam], response.angle)["nose"]
+        return np.where(nose, -response.channels[f"contacts.{contact}.force"], -np.inf)
+    if kind not in ("least", "largest") or channel not in response.channels or _metric_name(channel) != name:
+        return None
+    values = response.channels[channel]
+    return -values if kind == "least" else values if channel.endswith(_SIGNED) else np.abs(values)
+
+
+def _extreme(model: Model, response: Response, name: str, unit: str, last: Bools) -> list[Metric]:
+    """Return the metric that is an extreme of a history in the last revolution, if any instant counts."""
+    history = extreme_history(model, response, name)
+    if history is None or not np.isfinite(history[last]).any():
+        return []
+    history, angle = history[last], response.angle[last]
+    at, sign = int(history.argmax()), -1.0 if name.endswith("least") else 1.0
+    turning = float(np.mod(angle[at], 2.0 * math.pi)) if np.ptp(history) and not name.endswith(_NOSE_FORCE) else None
+    return [Metric(name, sign * float(history[at]), unit, turning)]
 
 
 def train_metric_names(model: Model, channels: Iterable[str]) -> list[str]:
@@ -306,12 +327,6 @@ def spring_held_contacts(model: Model) -> list[str]:
     opposed = opposed_contacts(model)
     cams = ((name, one) for name, one in model.cam_contacts.items() if name not in opposed)
     return [name for name, one in cams if isinstance(one, CamContact) and one.unilateral]
-
-
-def _nose_force(model: Model, response: Response, name: str, last: Bools) -> list[Metric]:
-    over = _flanks(model.cams[model.cam_contacts[name].cam], response.angle[last])["nose"]
-    force = response.channels[f"contacts.{name}.force"][last][over]
-    return [Metric(f"contacts.{name}.{_NOSE_FORCE}", float(force.min()), "N")] if len(force) else []
 
 
 def _drive(model: Model, response: Response, last: Bools) -> list[Metric]:

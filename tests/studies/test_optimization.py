@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from flexcam.core.errors import InputError
 from flexcam.dynamics import Cause, Status
+from flexcam.studies import gradients
 from flexcam.studies.optimization import (
     Goal,
     OptimizationProblem,
@@ -30,6 +32,7 @@ class Known:
     functions: dict
     variables: tuple = (Variable("x", 0.0, 4.0), Variable("y", 0.0, 4.0))
     calls: list = field(default_factory=list)
+    case = None
     at, ends = PointEvaluator.at, PointEvaluator.ends
 
     def iterate_rows(self, points):
@@ -75,6 +78,28 @@ def test_no_variant_within_the_bounds():
     )
     assert found.best is None
     np.testing.assert_allclose(found.points[found.nearest], [4.0, 4.0], atol=0.1)
+
+
+class Polygon(Known):
+    """The sum of x and y within a polygon of 24 sides, whose largest excess is one of 24 extremes."""
+
+    normals = np.stack([np.cos(np.pi * np.arange(24) / 12.0), np.sin(np.pi * np.arange(24) / 12.0)], axis=1)
+
+    def _row(self, point):
+        excess = self.normals @ (np.array(point) - 2.0) - 1.5
+        worst = int(excess.argmax())
+        others = [(excess[i] - excess[worst], *self.normals[i]) for i in range(24) if i != worst]
+        scalars, units = {"sum": sum(point), "excess": 1.0 + excess[worst]}, {"sum": "1", "excess": "1"}
+        slopes = {"sum": (1.0, 1.0), "excess": tuple(self.normals[worst])}
+        return Row(Status(), scalars, units, derivatives=slopes, extremes={"excess": tuple(others)})
+
+
+def test_a_search_by_gradient_knows_all_extremes(monkeypatch):
+    """The side towards (1, 1) is reached in steps of 0.1, 0.2 and 0.4 intervals, without a violation on the way."""
+    monkeypatch.setattr(gradients, "interval_widths", lambda _case, _variables: np.array([4.0, 4.0]))
+    design = OptimizationProblem(Polygon({}), (Goal("sum", most=True),), parse_constraints(["excess <= 1"]))
+    found = gradients.optimize_by_gradient(design, evaluations=5)
+    assert found.costs[found.best, 0] == pytest.approx(-(4.0 + 1.5 * math.sqrt(2.0)), abs=1e-4)
 
 
 def test_front_of_two_parabolas():
