@@ -133,6 +133,7 @@ def order_spectrum(angle: ArrayLike, values: ArrayLike, count: int) -> OrderSpec
     return OrderSpectrum(_amplitudes(found), abs(float(history[-1] - history[0])))
 
 
+_PRECISE = 1e-10  # tolerance of linear programs
 _FEASIBLE = 1e-10  # residual of the dual problem below which the inequalities are contradictory
 
 
@@ -157,7 +158,7 @@ def constrained_least_squares(E: FloatArray, f: FloatArray, G: FloatArray, h: Fl
     right = np.append(np.zeros(len(R)), 1.0)
     u = nnls(A, right, maxiter=30 * A.shape[1])[0]
     r = np.asarray(A @ u - right, dtype=float)
-    if float(np.linalg.norm(r)) < _FEASIBLE:
+    if float(np.linalg.norm(r)) < _FEASIBLE or r[-1] >= 0.0:
         return None
     return best + np.asarray(np.linalg.solve(R, -r[:-1] / r[-1] * size), dtype=float)
 
@@ -201,14 +202,19 @@ def harmonic_fit(
         for start, end in strict:
             held |= np.mod(angle - start, math.tau) <= end - start
     rows = harmonic_rows(angle, count)
-    limit = np.where(held, tolerance, math.inf if bound is None else positive("bound", bound, "m"))
-    bounded = np.isfinite(limit)
-    G = np.vstack([rows[bounded], -rows[bounded]])
-    h = np.concatenate([(target - limit)[bounded], (-target - limit)[bounded]])
     # Only the equally spaced angles measure the deviation; section ends between them are constraints.
-    x = constrained_least_squares(harmonic_rows(even, count), wanted(even), G, h)
+    measured, lift = harmonic_rows(even, count), wanted(even)
+
+    def solve(tolerance: float, bound: float | None) -> FloatArray | None:
+        limit = np.where(held, tolerance, math.inf if bound is None else bound)
+        bounded = np.isfinite(limit)
+        G = np.vstack([rows[bounded], -rows[bounded]])
+        h = np.concatenate([(target - limit)[bounded], (-target - limit)[bounded]])
+        return constrained_least_squares(measured, lift, G, h)
+
+    x = solve(tolerance, None if bound is None else positive("bound", bound, "m"))
     if x is None:
-        raise _order_error(rows, target, held, tolerance, bound)
+        raise _fit_error(rows, target, held, tolerance, bound, lambda near, far: solve(near, far) is not None)
     event = HarmonicLift.of(_amplitudes(x))
     miss = np.abs(rows @ x - target)
     rms = 0.0 if held.all() else float(np.sqrt(np.mean(miss[~held] ** 2)))
@@ -220,36 +226,71 @@ def harmonics_below(frequency: float, speed: float) -> int:
     return max(0, math.ceil(positive("frequency", frequency, "rad/s") / positive("speed", speed, "rad/s")) - 1)
 
 
-def _order_error(
-    rows: FloatArray, target: FloatArray, held: NDArray[np.bool_], tolerance: float, bound: float | None
-) -> InputError:
-    """Return the error of a tolerance or bound that so few harmonics cannot meet, with the attainable value."""
-    count, why = (rows.shape[1] - 1) // 2, "no lift satisfies all constraints"
-    reach = _minimize_deviation(rows[held], target[held], np.zeros((0, rows.shape[1])), np.zeros(0), tolerance)
-    if reach is not None and reach > tolerance:
-        given = f"{count} harmonics within {1e6 * tolerance:.4g} um on the dwells"
-        remedy = f"allow {1e6 * reach:.4g} um there, or more harmonics"
-        return refuse("tolerance", given, "an attainable value", why, remedy)
-    wide = _minimize_deviation(rows[~held], target[~held], rows[held], target[held], tolerance)
-    given = f"{count} harmonics within {1e6 * (bound or 0.0):.4g} um outside the dwells"
-    room = "a wider one" if wide is None else f"{1e6 * wide:.4g} um there"
-    return refuse("bound", given, "an attainable value", why, f"allow {room}, a wider tolerance, or more harmonics")
+def _fit_error(
+    rows: FloatArray, target: FloatArray, held: NDArray[np.bool_], tolerance: float, bound: float | None,
+    attainable: Callable[[float, float | None], bool],
+) -> InputError:  # fmt: skip
+    """Return the error of a tolerance or bound that so few harmonics cannot meet, with values that they can meet."""
+    dwells, others, nothing = (rows[held], target[held]), (rows[~held], target[~held]), (rows[:0], target[:0])
+    most = float(np.ptp(target))  # a wider limit allows any lift
+
+    def find_tolerance(far: float | None) -> float | None:
+        kept, limit = (nothing, tolerance) if far is None else (others, far)
+        least = _minimize_deviation(*dwells, *kept, limit, most)
+        return _round_up(least, tolerance, lambda near: attainable(near, far))
+
+    def find_bound(near: float, given: float) -> float | None:
+        least = _minimize_deviation(*others, *dwells, near, most)
+        return _round_up(least, given, lambda far: attainable(near, far))
+
+    near, far, how, count = find_tolerance(bound), None, " or ", (rows.shape[1] - 1) // 2
+    given = f"{count} harmonic{'s' * (count != 1)} within {_micrometres(tolerance)} in the dwells"
+    if bound is not None:
+        far = find_bound(tolerance, bound)
+        if near is None and far is None:  # neither alone helps
+            near, how = find_tolerance(None), " and "
+            far = None if near is None else find_bound(near, bound)
+        given = f"{given} and {_micrometres(bound)} elsewhere"
+    wider = {"tolerance": near, "bound": far}
+    texts = [f"a {name} (--{name}) of at least {_micrometres(value)}" for name, value in wider.items() if value]
+    where = "bound" if far and how == " or " else "tolerance"
+    remedy = "more harmonics (--count) allow smaller values"
+    return refuse(where, given, how.join(texts) or "attainable values", "", remedy)
+
+
+_MOST_ROUNDED = 20  # number of tried values: just above the minimum the least squares may fail
+
+
+def _round_up(minimum: float | None, given: float, attainable: Callable[[float], bool]) -> float | None:
+    """Return an attainable value, m, above a minimum and the given value, rounded up to three digits in micrometres."""
+    if minimum is None:
+        return None
+    exponent = math.floor(math.log10(1e6 * max(minimum, given))) - 2
+    first = math.ceil(1e6 * max(minimum, given) / 10.0**exponent)
+    values = (float(f"{number}e{exponent - 6}") for number in range(first, first + _MOST_ROUNDED))
+    return next((value for value in values if value > given and attainable(value)), None)
+
+
+def _micrometres(value: float) -> str:
+    return f"{1e6 * value:.6g} um"
 
 
 def _minimize_deviation(
-    rows: FloatArray, target: FloatArray, kept: FloatArray, goal: FloatArray, tolerance: float
+    rows: FloatArray, target: FloatArray, kept: FloatArray, goal: FloatArray, tolerance: float, most: float
 ) -> float | None:
-    """Return the solution with the smallest maximum deviation, others within a tolerance: a linear program."""
+    """Return the smallest maximum deviation, up to the most, with others within a tolerance: a linear program."""
     from scipy.optimize import linprog
 
     one, none = np.ones((len(rows), 1)), np.zeros((len(kept), 1))
     A = np.block([[rows, -one], [-rows, -one], [kept, none], [-kept, none]])
-    b = np.concatenate([target, -target, goal + tolerance, tolerance - goal])
+    b = np.concatenate([target, -target, goal + tolerance, tolerance - goal]) / most
     if not len(A):
         return None
     cost = np.append(np.zeros(rows.shape[1]), 1.0)
-    found = linprog(cost, A, b, bounds=[*[(None, None)] * rows.shape[1], (0.0, None)], method="highs")
-    return None if found.x is None else float(np.asarray(found.x, dtype=float)[-1])
+    found = linprog(cost, A, b, bounds=[*[(None, None)] * rows.shape[1], (0.0, 1.0)], method="highs", options={
+        "primal_feasibility_tolerance": _PRECISE, "dual_feasibility_tolerance": _PRECISE,
+    })  # fmt: skip
+    return None if found.x is None else most * float(np.asarray(found.x, dtype=float)[-1])
 
 
 Transfer = Callable[[FloatArray], ComplexArray]

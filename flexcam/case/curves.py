@@ -255,14 +255,14 @@ def _make_law(name: str, parameters: Table) -> Law:
     missing = [key for key, field in record.model_fields.items() if field.is_required() and key not in parameters]
     if missing:
         unknown = [key for key in parameters if key not in record.model_fields]
-        text = f"there is no parameter {', '.join(unknown)}" if unknown else ""
+        why = f"the law {name} requires {', '.join(missing)}"
+        why += f" and has no parameter {', '.join(unknown)}" if unknown else ""
         known = [key for key in record.model_fields if key in missing or key in parameters]
         values = {key: format_value(parameters[key]) if key in parameters else "..." for key in known}
         table = f'{{ id = "{name}", {", ".join(f"{key} = {value}" for key, value in values.items())} }}'
         options = " ".join(f"--with {key}={value}" for key, value in values.items())
         remedy = f"write law = {table} in a case, or add {options} to flexcam law"
-        allowed = f"a value for {'the parameter' if len(missing) == 1 else 'each of'} {', '.join(missing)} of {name}"
-        raise refuse(missing[0], "nothing", allowed, text, remedy)
+        raise refuse(missing[0], "nothing", "a value", why, remedy)
     parameters = _validate(record, parameters, f"a parameter of {name}", "law")
     return kind(**parameters)
 

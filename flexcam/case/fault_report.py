@@ -254,8 +254,9 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
             mark = re.search(r"\{([^{}]*)\}", path[-1] if path else "")
             return Fault(where, given, NAMES, f"there is no [repeat.{mark[1]}]" if mark else "", "")
         case "list_type" | "tuple_type" if said := _describe_field(path, root, error["loc"]):
-            allowed = said if "in brackets" in said else f"{describe_type_error(error)}: {said}"
-            return Fault(where, given, allowed, "", "")
+            allowed, _, why = said.partition("; ")
+            allowed = allowed if "in brackets" in said else f"{describe_type_error(error)}: {allowed}"
+            return Fault(where, given, allowed, why, "")
         case _:
             return Fault(where, given, describe_type_error(error), "", "")
 

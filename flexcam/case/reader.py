@@ -494,8 +494,12 @@ def _apply_override(raw: dict[str, Any], path: KeyPath, override: str) -> Fault 
             known = list(CaseRecord.model_fields) if depth == 0 else [*names, *_OPTIONAL_TABLES]
             new = depth == 1 and path[0] != "run" and not suggest_name(step, names)
             if step not in names and not (step in known or new):
-                tables = ", ".join(name for name in names if isinstance(cast("Any", target)[name], dict | list))
-                return Fault(where, repr(step), f"a table: {tables}", "", suggest_name(step, known))
+                tables = [name for name in names if isinstance(cast("Any", target)[name], dict | list)]
+                allowed, why = "a table that the case has", f"{'.'.join(path[:depth])} contains no table"
+                if tables:
+                    allowed += f": {', '.join('.'.join((*path[:depth], name)) for name in tables)}"
+                    why = ""
+                return Fault(where, ".".join(path[: depth + 1]), allowed, why, suggest_name(step, known))
             cast("dict[str, Any]", target).setdefault(step, {})
         target = cast("Any", target)[key]
         if not isinstance(target, dict | list):

@@ -190,7 +190,7 @@ def _describe_steps(steps: Sequence[float]) -> str:
 def _profile(found: CamFacts, speed: float | None) -> list[tuple[str, str]]:
     profile = found.profile
     if profile is None:
-        return [("profile", "none: give the cam base_radius and follower")]
+        return [("profile", f"none: give the cam {' and '.join(found.cam.missing)}")]
     seen, least = profile.extremes, "smaller radii meet the limits too"
     if found.least_base_radius is None:
         least = "no radius meets the limits with this lift"

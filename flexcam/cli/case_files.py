@@ -61,9 +61,9 @@ def check(
 ) -> cli.CommandOutput:  # fmt: skip
     """Check a case file and summarize its model: size, masses, natural frequencies, warnings.
 
-    It reports all errors at once, except that errors in a table that refers to another table with errors may appear
-    only after you correct the latter. If the TOML syntax is wrong, it reports only this. It estimates the memory and
-    disk space of a run, but does not run the case.
+    It reports all errors at once, with one exception: if a table refers to another table that has errors, its own
+    errors may appear only after you correct the other table. If the TOML syntax is wrong, it reports only this. It
+    estimates the memory and disk space of a run, but does not run the case.
     """
     read = cli.load_case(case, overrides)
     ready = prepare_without_periodic_search(read)

@@ -259,8 +259,7 @@ def _constraint_table(design: OptimizationProblem, found: Evaluations, at: int) 
             margin = f"{-violation:.2%} (active)" if active else f"{-violation:.1%}"
         away = "none found" if math.isinf(distance) else f"{distance:.2%}"
         rows.append((one.words, _value(design, found, at, one.name), margin, away))
-    change = "smallest change of the varied values that violates it, % of their intervals"
-    head = ("subject to", "value", "margin", change)
+    head = ("subject to", "value", "margin", "distance to violation, in % of the intervals of --vary")
     return plain_table("Constraints", head, rows)
 
 

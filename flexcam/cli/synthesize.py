@@ -21,7 +21,7 @@ from flexcam.cli.law import CRITERIA_LEGEND, format_criteria
 from flexcam.core.errors import positive, refuse
 from flexcam.core.units import RPM, format_quantity, parse
 from flexcam.io import check_writable, create_folder, write_law, write_lift
-from flexcam.report.terminal import NOISE, facts_table, plain_table
+from flexcam.report.terminal import facts_table, plain_table, remove_noise
 
 _FAMILY = Group("Family of laws", sort_key=1)
 _LEGEND = f"{CRITERIA_LEGEND}; z: angle / duration of the rise"
@@ -41,7 +41,9 @@ def synthesis_table(found: Synthesis) -> Table:
     c = found.criteria
     bound = "none: this objective is not convex; the law is a local optimum"
     if found.bound is not None and found.gap is not None:
-        bound = f"{found.bound:.9g}; the law is at most {found.gap:.1e} above it (duality gap)"
+        gap = remove_noise(found.gap, abs(found.bound))
+        place = f"lies {abs(gap):.1e} {'above' if gap > 0.0 else 'below'} it (duality gap)" if gap else "attains it"
+        bound = f"{found.bound:.9g}; the law {place}"
     every = "unknown"
     if found.bound_all:
         above = 100.0 * (found.objective / found.bound_all - 1.0)
@@ -85,9 +87,10 @@ def _polydyne_properties_table(found: cam_analysis.PolydyneCam) -> Table:
         ("acceleration", format_quantity("m/rad^2", *(end.value for end in bend), digits=5)),
         ("truncation", f"max {1e6 * design.left_out:.3g} um at the cam, with {count} harmonics"),
     ]  # fmt: skip
-    if lift[0].value < -NOISE * lift[1].value:
-        below = f"the profile lies {format_quantity('m', -lift[0].value, digits=4)} inside its base circle"
-        rows.append(("warning", f"{below}; increase the base radius by as much, or use a smoother motion"))
+    if lift[0].value < -cam_analysis.NEGATIVE_LIFT_TOLERANCE * lift[1].value:
+        below = f"the profile lies up to {format_quantity('m', -lift[0].value, digits=4)} inside its base circle"
+        remedy = "A lower design speed (--speed) or more harmonics (--count) can reduce this depth"
+        rows.append(("warning", f"{below}. {remedy}"))
     return facts_table("Polydyne cam", rows)
 
 

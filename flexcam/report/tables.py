@@ -250,8 +250,8 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
     other = comparison.names[1]
     deviation = f"{comparison.probe} deviates by up to {peak} of the range of the {other} motion (rms {rms})."
     angle, lift = comparison.peak_acceleration_deg % 360.0, 100.0 * comparison.peak_lift
-    there = f"at cam {angle:.1f} deg, where the {other} displacement is {lift:.3g} % of this range"
-    said = [f"{deviation} Its peak acceleration is {ratio} times the {other} one; it occurs {there}."]
+    there = f"There the {other} displacement is {lift:.3g} % of its range."
+    said = [f"{deviation} Its peak acceleration is {ratio} times the {other} one, at cam {angle:.1f} deg. {there}"]
     if mode_hz is not None:
         nearest = "The nearest mode that the cam force excites is at"
         found, share = f"{mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} camshaft rpm", comparison.speed_rpm / (60.0 * mode_hz)
@@ -464,7 +464,7 @@ def limits_legend(found: Limits) -> str:
         said += "uncertainty: width of the bisection; wider if runs just above the limit do not show the event, "
         said += "or runs just below it do. "
     said += "occurs at: range of examined speeds, from the limit upwards, at which the event occurs. "
-    said += f"Only the next four speeds above the limit, {100.0 * SPACING:g} % apart, are examined. "
+    said += f"Only a few speeds above the limit are examined, {100.0 * SPACING:g} % apart. "
     return said + "at least: the event still occurs at the last of them; not at: the first of them without the event"
 
 

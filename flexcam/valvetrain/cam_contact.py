@@ -173,7 +173,7 @@ def sliding_path(structure: Structure, name: str, contact: CamContact, cam: Cam)
     """
     where = f"contacts.{name}.friction"
     if cam.follower is None:
-        remedy = "give base_radius and follower of the cam"
+        remedy = f"give the cam {' and '.join(cam.missing)}"
         raise refuse(where, contact.friction, "a cam with a profile", "the velocity of sliding follows from it", remedy)
     if np.isfinite(cam.follower.roller_radius):
         why = "a roller rolls without sliding"
@@ -320,8 +320,7 @@ def hertz_line(
     """Return the Hertz line contact of a cam with its follower; messages name the key of the contact that needs it."""
     where, given = f"contacts.{name}.{key}", "hertz" if key == "stiffness" else "a table"
     if cam.follower is None or cam.width is None:
-        missing = ["base_radius", "follower"] if cam.follower is None else []
-        missing += ["width"] if cam.width is None else []
+        missing = [*(cam.missing if cam.follower is None else ()), *(["width"] if cam.width is None else [])]
         other = "or give a stiffness" if key == "stiffness" else "or leave lubrication out"
         why, remedy = f"cams.{contact.cam} has no {' and no '.join(missing)}", f"add {' and '.join(missing)}, {other}"
         raise refuse(where, given, "a cam with base_radius, follower and width", why, remedy)

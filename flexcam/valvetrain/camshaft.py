@@ -232,7 +232,8 @@ def free_running(
     part = model.cams[cam]
     if part.follower is None:
         why = "the inertia of the cam follows from its base circle"
-        raise refuse(f"cams.{cam}", "no base circle", "base_radius and follower", why, "add both")
+        remedy = f"add {' and '.join(part.missing)}"
+        raise refuse(f"cams.{cam}", "no base circle", "base_radius and follower", why, remedy)
     omega = free_speed(part.event, part.follower.base_radius, speed, cam_mass, follower_mass)
     return SpeedByAngle(omega, start, time)
 

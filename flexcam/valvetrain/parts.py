@@ -205,6 +205,8 @@ class Cam:
     turn: Turn = 1  #: sense of rotation in the plane of the profile: 1 counterclockwise, -1 clockwise
     width: float | None = None  #: along the shaft, m
     phaser: Phaser | None = None  #: between its shaft and the drive; None without
+    #: without a follower: keys of a case that are missing for one
+    missing: tuple[str, ...] = ("base_radius", "follower")
 
     def angle(self, drive: FloatArray) -> FloatArray:
         """Return the angle of its shaft at angles of the drive, rad."""

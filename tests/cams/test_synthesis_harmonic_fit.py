@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
 
-from flexcam.cams import LAWS, HarmonicLift, LiftEvent, harmonic_fit, harmonics_below
+from flexcam.cams import LAWS, HarmonicLift, LiftEvent, Ramp, harmonic_fit, harmonics_below
 from flexcam.core.errors import InputError
+from flexcam.core.units import parse
 
 WANTED = LiftEvent(LAWS["3-4-5"], lift=0.006, rise=1.5, fall=1.3, dwell=1.0, phase=0.4)
 GRID = np.linspace(0.0, 2 * math.pi, 7201)[:-1]
@@ -120,16 +122,49 @@ def test_a_bound_on_all_the_rest():
 def test_too_few_harmonics_are_refused_with_what_they_can_hold():
     """What they can is told, as a tolerance that is then accepted, and a little less is not."""
     strict = [(0.5, 1.8)]
-    with pytest.raises(InputError, match="more harmonics") as refusal:
+    with pytest.raises(InputError, match="More harmonics") as refusal:
         harmonic_fit(WANTED, 2, strict=strict, tolerance=1e-6)
     fault = refusal.value.faults[0]
-    assert fault.given == "2 harmonics within 1 um on the dwells"
-    least = 1e-6 * float(fault.remedy.split()[1])
+    assert fault.given == "2 harmonics within 1 um in the dwells"
+    least = attainable(fault)["tolerance"]
     assert least > 1e-6
-    fit = harmonic_fit(WANTED, 2, strict=strict, tolerance=1.001 * least)
-    assert fit.strict_deviation == pytest.approx(least, rel=2e-3)
+    fit = harmonic_fit(WANTED, 2, strict=strict, tolerance=least)
+    assert fit.strict_deviation == pytest.approx(least, rel=1e-6)
     with pytest.raises(InputError):
-        harmonic_fit(WANTED, 2, strict=strict, tolerance=0.999 * least)
+        harmonic_fit(WANTED, 2, strict=strict, tolerance=0.98 * least)
+
+
+def attainable(fault):
+    """Return the limits of a message, m, by name."""
+    found = re.findall(r"a (\w+) \(--\w+\) of at least (\S+) um", fault.allowed)
+    return {name: parse(f"{value} um", "length") for name, value in found}
+
+
+RAMP, RISE = Ramp(0.3e-3, math.radians(25.0)), math.radians(75.0)
+RAMPED = LiftEvent(LAWS["4-5-6-7"], 0.006, RISE, RISE, 0.0, math.radians(105.0), None, RAMP, RAMP)
+
+
+@pytest.mark.parametrize(
+    ("event", "count", "tolerance", "bound", "names"),
+    [
+        (WANTED, 3, 1e-6, None, ["tolerance"]),
+        (WANTED, 8, 2e-5, 1e-5, ["tolerance", "bound"]),  # either
+        (WANTED, 6, 1e-7, 1e-3, ["tolerance"]),
+        (WANTED, 1, 1e-6, 1e-5, ["tolerance", "bound"]),  # both
+        (RAMPED, 6, 5e-6, 10e-6, ["bound"]),
+        (RAMPED, 3, 29.1e-6, None, ["tolerance"]),  # 29.147 um are the least
+    ],
+)
+def test_attainable_limits_of_a_message_are_accepted(event, count, tolerance, bound, names):
+    given = {"tolerance": tolerance, "bound": bound}
+    with pytest.raises(InputError) as refusal:
+        harmonic_fit(event, count, **given)
+    fault = refusal.value.faults[0]
+    found = attainable(fault)
+    assert list(found) == names
+    assert bound is not None or "bound" not in str(fault)
+    for limits in [found] if " and " in fault.allowed else [{name: found[name]} for name in found]:
+        harmonic_fit(event, count, **{**given, **limits})
 
 
 @pytest.mark.parametrize(

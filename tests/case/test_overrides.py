@@ -96,3 +96,16 @@ def test_a_misspelt_override_names_the_key_that_is_meant(override, meant):
     with pytest.raises(InputError) as refusal:
         read_case(INLINE, [*MASS, override])
     assert any(f"Did you mean {meant!r}" in str(fault) for fault in refusal.value.faults)
+
+
+@pytest.mark.parametrize(
+    ("path", "said"),
+    [
+        (FINGER, "a table that the case has: cams.intake.law, cams.intake.ramps, cams.intake.follower."),
+        (INLINE, "a table that the case has. cams.intake contains no table."),
+    ],
+)
+def test_an_override_in_a_table_that_the_case_lacks_names_the_tables_beside_it(path, said):
+    with pytest.raises(InputError) as refusal:
+        read_case(path, ["cams.intake.spiral.height=0.1 mm"])
+    assert str(refusal.value).endswith(f"got cams.intake.spiral, expected {said}")

@@ -66,7 +66,7 @@ FAULTS = {  # the cam, the key it must be reported at, a part of `given`, a part
     "ramps beside a lift table": (measured('"good.csv"\nramps = { height = "1 mm", duration = "9 deg" }'), "ramps", "ramps", "the lift table defines"),
     "unknown id": (cam(LAW, 'law = { id = "sccaa", b = 1 }'), "law", "sccaa", "did you mean 'scca'"),
     "no id": (cam(LAW, "law = { b = 1 }"), "law", "", "the kind of law is required"),
-    "parameter that is missing": (cam(LAW, 'law = { id = "scca", b = 0.2 }'), "law.c", "nothing", "each of c, d of scca"),
+    "parameter that is missing": (cam(LAW, 'law = { id = "scca", b = 0.2 }'), "law.c", "nothing", "the law scca requires c, d"),
     "parameter that does not exist": (cam(LAW, 'law = { id = "fb2", splitt = 0.2 }'), "law.splitt", "0.2", "did you mean 'split'"),
     "parameter of another type": (cam(LAW, 'law = { id = "fb2", split = "x" }'), "law.split", "'x'", "split"),
     "parameter out of range": (cam(LAW, 'law = { id = "fb2", split = 2 }'), "law.split", "2", "between 0 and 1"),

@@ -139,6 +139,8 @@ FAULTS = {
     "closed member": ('"cam", "rear"]', '"cam", "drive"]', "members.camshaft", "drive", "chain"),
     "node twice in a row": ('"cam", "rear"]', '"cam", "cam"]', "members.camshaft", "cam", ""),
     "member of one node": ('["tappet", "pushrod-top"]', '["tappet"]', "members.pushrod.nodes", "tappet", "2"),
+    "wire without coils and mean diameter": ('stiffness = "40 kN/m"', 'stiffness = "40 kN/m"\nwire = { diameter = "4.6 mm" }', "springs.valve.wire.coil_diameter", "nothing", "The key is required unless the spring has the key coils."),
+    "number as coils": ('stiffness = "40 kN/m"', "coils = 5", "springs.valve.coils", "5", "moving end. They replace stiffness and require wire."),
     "nothing resists the lift": ('stiffness = "40 kN/m"', "stiffness = 0", "contacts.intake.follower", "", "spring"),
 }  # fmt: skip
 
@@ -181,6 +183,24 @@ def line_of(text, key):
         for i, line in enumerate(text.splitlines(), 1)
         if any(re.match(rf"\s*(\[+[\w.-]*\b)?{w}\b", line) for w in words)
     ]
+
+
+PROFILE = {
+    "base_radius": 'base_radius = "24 mm"',
+    "follower": 'follower = { type = "flat" }',
+    "width": 'width = "12 mm"',
+}
+HERTZ = 'model = "unilateral"\nstiffness = "hertz"'
+
+
+@pytest.mark.parametrize("missing", [["base_radius"], ["follower"], ["width"], ["base_radius", "width"], [*PROFILE]])
+def test_a_hertz_contact_names_only_the_missing_keys_of_its_cam(missing, text, changed, faults_of):
+    given = "\n".join(line for key, line in PROFILE.items() if key not in missing)
+    (fault,) = faults_of(
+        changed(text, ('model = "published-load"', HERTZ), ("[cams.intake]", f"[cams.intake]\n{given}"))
+    )
+    assert fault.why == f"cams.intake has no {' and no '.join(missing)}"
+    assert fault.remedy == f"add {' and '.join(missing)}, or give a stiffness"
 
 
 WITHOUT_LINE = {"neither mesh nor nodes", "no format", "no run"}

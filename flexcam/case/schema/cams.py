@@ -254,8 +254,9 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
     def build(self) -> valvetrain.Cam:
         """Build the cam."""
         follower = self.follower.build(self.base_radius) if self.follower else None
-        turn = 1 if self.rotation == "counterclockwise" else -1
-        return valvetrain.Cam(self.at or "", self._event_at(self.start_angle), follower, turn, self.width)
+        turn, event = 1 if self.rotation == "counterclockwise" else -1, self._event_at(self.start_angle)
+        missing = tuple(key for key in ("base_radius", "follower") if getattr(self, key) is None)
+        return valvetrain.Cam(self.at or "", event, follower, turn, self.width, missing=missing)
 
     def _event_at(self, phase: float) -> Event:
         if self.lift_table is not None:

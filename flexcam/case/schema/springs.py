@@ -47,7 +47,9 @@ class WireRecord(Record):
     """Wire of a coil spring, for its stress and its default stiffness."""
 
     diameter: Length
-    coil_diameter: Length | None = Field(None, description="of the coil's mean circle; required without coils")
+    coil_diameter: Length | None = Field(
+        None, description="of the coil's mean circle; required unless the spring has `coils`"
+    )
     active_coils: PositiveNumber | None = Field(
         None, description="with shear_modulus, gives the stiffness of the spring"
     )
@@ -129,7 +131,7 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
     coils: list[CoilsRecord] | None = Field(
         None,
         min_length=1,
-        description="active coils from the fixed to the moving end, instead of stiffness; needs wire",
+        description="active coils, from the fixed to the moving end; they replace stiffness and require wire",
     )
     mass: MassValue = Field(0.0, description="distributed over its length")
     elements: int = Field(
@@ -191,7 +193,7 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
     @staticmethod
     def _check_wire(wire: WireRecord) -> None:
         if wire.coil_diameter is None:
-            why, remedy = "the key is required without coils", "add 'coil_diameter'"
+            why, remedy = "the key is required unless the spring has the key coils", "add 'coil_diameter'"
             raise value_error("a length", why, remedy, inside="wire.coil_diameter", given="nothing")
         if wire.active_coils is None and wire.shear_modulus is not None:
             why = "the stiffness follows from both"
