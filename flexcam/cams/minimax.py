@@ -17,7 +17,7 @@ import numpy as np
 from flexcam.cams.harmonic_lift import constrained_least_squares
 from flexcam.cams.law_criteria import Criteria, criteria, root_mean_square, stationary_points
 from flexcam.cams.motion_law import Law, quadrature
-from flexcam.cams.synthesis_family import Family, universal_bound
+from flexcam.cams.synthesis_family import Family, SplineFamily, universal_bound
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse
 
@@ -115,7 +115,7 @@ class Program:
         if found.x is None and found.status != _INFEASIBLE:  # the solver occasionally fails after its presolve
             found = run(presolve=False)
         if found.status == _INFEASIBLE:
-            raise self._impossible() if around is None else refuse("step", f"{around[1]:g}", "a longer step")
+            raise self._impossible()
         if found.x is None:
             raise refuse("family", self.family.name, "a family that converges", str(found.message), "use fewer terms")
         dual = float(b @ found.ineqlin.marginals + e @ found.eqlin.marginals)
@@ -144,28 +144,13 @@ class Program:
     def _impossible(self) -> InputError:
         bounds = ", ".join([f"{name} up to {limit:g}" for name, limit in self.limits.items()])
         given = bounds or " and ".join(f"{z:g},{order},{value:g}" for z, order, value in self.conditions)
-        where = "bounds" if bounds else "conditions"
-        changes = {text: replace(self, family=family) for text, family in self.family.extensions().items()}
-        changes["laws with negative velocity (--turning-back)"] = replace(self, monotone=False)
-        if self.limits:
-            changes["a wider bound"] = replace(self, limits={})
-        if self.conditions:
-            changes["other conditions"] = replace(self, conditions=())
-        remedies = [text for text, changed in reversed(changes.items()) if changed.is_solvable()]
-        remedy = f"use {', or '.join(remedies) or 'other bounds and other conditions'}"
-        return refuse(where, given, f"{where} that {self.family.name} can meet", "", remedy)
-
-    def is_solvable(self) -> bool:
-        """Return whether a law meets bounds and conditions at closely spaced positions."""
-        from scipy.optimize import linprog
-
-        free = replace(self, weights={})
-        A, b = free._inequalities(dict.fromkeys((1, 2, 3), _DENSE), (), None)
-        E, e = free._equalities()
-        found = linprog(np.zeros(self.family.size), A, b, E, e, bounds=(None, None), method="highs", options={
-            "primal_feasibility_tolerance": _PRECISE,
-        })  # fmt: skip
-        return found.x is not None
+        where, splines = "bounds" if bounds else "conditions", isinstance(self.family, SplineFamily)
+        remedy = "a wider bound" if bounds else "other conditions, a higher degree or more pieces"
+        if splines and bounds and self.family.rest > 1:
+            remedy += ", or fewer zero derivatives at the ends (--rest 1)"
+        if splines and self.conditions and self.family.symmetric:
+            remedy += ", or asymmetric laws (--asymmetric)"
+        return refuse(where, given, f"{where} that {self.family.name} can meet", "", f"use {remedy}")
 
     def _inequalities(
         self, places: Mapping[int, FloatArray], cuts: Sequence[TangentPlane], around: tuple[FloatArray, float] | None
@@ -230,7 +215,7 @@ def _criterion(law: Law, name: str) -> float:
     return float(np.abs(law(z, ORDERS[name])).max())
 
 
-_START, _DENSE = np.linspace(0.0, 1.0, 161), np.linspace(0.0, 1.0, 1001)
+_START = np.linspace(0.0, 1.0, 161)
 _ROUNDS = 200
 _GAP = 1e-8  # relative violation of the bound allowed before positions are added
 _OPTIMALITY_TOLERANCE = 100.0 * _GAP  # relative duality gap above which the law is not reported as optimal

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -61,7 +61,6 @@ def least_acceleration(jerk: float, *, free_ends: bool) -> float:
 
 
 _MOST_DEGREE, _MOST_PIECES = 40, 300
-_HIGH_DEGREE, _MANY_PIECES, _MANY_ORDERS = 30, 120, 30  # of extended families
 
 
 class Family(ABC):
@@ -88,10 +87,6 @@ class Family(ABC):
     @abstractmethod
     def law(self, x: FloatArray) -> Law:
         """Return the law of given coefficients."""
-
-    @abstractmethod
-    def extensions(self) -> dict[str, Family]:
-        """Return larger families, each with a description of the change."""
 
 
 @dataclass(frozen=True)
@@ -160,18 +155,6 @@ class SplineFamily(Family):
         matrix, offset = self._map
         return BSplineLaw(tuple((matrix @ x + offset).tolist()), self.degree)
 
-    def extensions(self) -> dict[str, Family]:
-        """Return larger families, each with a description of the change."""
-        text, larger = "a higher degree", replace(self, degree=max(self.degree, _HIGH_DEGREE))
-        if self.pieces > 1:
-            text, larger = f"{text} or more pieces", replace(self, pieces=max(self.pieces, _MANY_PIECES))
-        found: dict[str, Family] = {text: larger}
-        if self.rest > 1:
-            found["fewer zero derivatives at the ends (--rest 1)"] = replace(self, rest=1)
-        if self.symmetric:
-            found["asymmetric laws (--asymmetric)"] = replace(self, symmetric=False)
-        return found
-
 
 @dataclass(frozen=True)
 class HarmonicFamily(Family):
@@ -205,7 +188,3 @@ class HarmonicFamily(Family):
     def law(self, x: FloatArray) -> Law:
         """Return the law of given coefficients."""
         return Harmonic(tuple(zip(self.orders, x.tolist(), strict=True)))
-
-    def extensions(self) -> dict[str, Family]:
-        """Return a larger family with a description of the change."""
-        return {"more orders (--orders)": HarmonicFamily(tuple(range(1, max(*self.orders, _MANY_ORDERS) + 1)))}

@@ -4,7 +4,7 @@ Results of a run are derived along its motion (`flexcam.dynamics.tangent`), all 
 static results, Floquet multipliers and properties of a cam, by central differences: contact events add no noise.
 
 Maxima and minima over a revolution have kinks where another instant becomes the extreme one. The search therefore
-knows the derivatives of all local extremes of a history. A step takes these planes, at the best variant and at points
+uses the derivatives of all local extremes of a history. A step takes these planes, at the best variant and at points
 near it, and solves a linear program within a box about the best variant. The box grows with steps that gain what the
 planes promise, and shrinks with others. A violation of a constraint has a price, so that the search may follow a curved
 constraint from outside: R. Fletcher and E. Sainz de la Maza, Math. Program. 43 (1989) 235; K. Madsen, J. Inst. Maths

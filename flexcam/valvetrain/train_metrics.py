@@ -176,7 +176,7 @@ def train_metrics(model: Model, response: Response, period: float, names: Sequen
 def extreme_history(model: Model, response: Response, name: str) -> FloatArray | None:
     """Return the history whose largest value is a metric, shape (m,), or None for a metric that is no extreme.
 
-    That of a least value is the negative history; instants that do not count are minus infinity.
+    Of a minimum it is the negative history; instants that do not count are minus infinity.
     """
     channel, _, kind = name.rpartition(".")
     if name.endswith(f".{_NOSE_FORCE}"):
