@@ -33,6 +33,10 @@ class MemorySink:
         self._kept = [_Rows(room) for room in (instants, instants, instants, fields, fields)]
         self._end = (Status(), Stats())
 
+    def response_of(self, block: Block) -> Response:
+        """Return a block as a response."""
+        return _response(self.outline, block, self._end)
+
     def write(self, block: Block) -> None:
         """Store a block."""
         times, field_times = (block.time, block.angle), (block.field_time, block.field_angle)

@@ -311,9 +311,11 @@ class Recorder:
         self._memory = MemorySink(outline(problem.system, save), problem.steps + 1, 2)
         self._observer, self._bases, self._steps = _Observer(problem, forces, save, method.order), bases, problem.steps
 
-    def write(self, steps: IntArray, sensed: SensedTrajectory) -> None:
-        """Store the instants at the ends of some steps."""
-        self._memory.write(reduce(expand_block, self._bases, self._observer.block(steps, sensed.track, sensed)))
+    def write(self, steps: IntArray, sensed: SensedTrajectory) -> Response:
+        """Store the instants at the ends of some steps, and return them."""
+        block = reduce(expand_block, self._bases, self._observer.block(steps, sensed.track, sensed))
+        self._memory.write(block)
+        return self._memory.response_of(block)
 
     def response(self) -> Response:
         """Return the response."""

@@ -107,9 +107,10 @@ class Trajectory:
         """Return the instants of a range of output steps."""
         return self._select(slice(first, last), np.arange(last - first))
 
-    def at_ends(self) -> Trajectory:
-        """Return the instants at the ends of steps alone."""
-        return self._select(self.ends, np.arange(len(self.ends)))
+    def at_ends(self, steps: IntArray | slice = slice(None)) -> Trajectory:
+        """Return the instants at the ends of steps alone, by default of all."""
+        ends = self.ends[steps]
+        return self._select(ends, np.arange(len(ends)))
 
     def last(self) -> Trajectory:
         """Return the last instant alone."""

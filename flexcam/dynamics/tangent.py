@@ -8,11 +8,12 @@ not.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import refuse
@@ -44,6 +45,7 @@ class TangentRun:
     #: Results half the change of each parameter before and after the run, to first order. The former have the equations
     #: of the run, the latter those of the variation: contacts about to open or close are treated alike on both sides.
     neighbours: tuple[tuple[Response, Response], ...]
+    instants: IntArray  #: those of the response that the neighbours have
     #: Factor by which a small disturbance of the initial state grows over the run, in the energy norm. Above some
     #: thousands the motion is chaotic: the derivatives hold for very small changes only.
     growth: float
@@ -51,7 +53,7 @@ class TangentRun:
 
 def tangent_run(
     problem: Problem, method: Method, variations: Sequence[Variation], *, period: int | None = None,
-    accelerations: bool = True, first: int = 0,
+    accelerations: bool = True, first: int = 0, select: Callable[[Response], NDArray[np.bool_]] | None = None,
 ) -> TangentRun:  # fmt: skip
     """Integrate a problem together with the disturbances by parameters.
 
@@ -70,6 +72,8 @@ def tangent_run(
         Whether probes or channels of the neighbours need accelerations; otherwise these are NaN.
     first
         First step of the results; those of a few steps before it may be added.
+    select
+        Function that returns at which instants of some results of the run the neighbours are evaluated; all by default.
 
     Returns
     -------
@@ -126,17 +130,23 @@ def tangent_run(
         (neighbour(parameters.original, i, -0.5 * width), neighbour(side, i, 0.5 * width))
         for i, (side, width) in enumerate(zip(parameters.sides, parameters.widths.tolist(), strict=True))
     ]
-    done, sizes = 0, list[FloatArray]()
+    done, sizes, instants, count = 0, list[FloatArray](), list[IntArray](), 0
     for track, moved in _integrate(selected, method, forces, initial, parameters):
         steps, done = np.arange(done, done + len(moved)), done + len(moved)
         sizes.append(_energies(selected.problem.system, moved[:, :, -1]))
         if done > first:
-            for one in (itself, *chain.from_iterable(pairs)):
-                one.write(steps, track, moved)
+            found = itself.write(steps, track, moved)
+            chosen = np.arange(len(steps)) if select is None else np.flatnonzero(select(found))
+            instants, count = [*instants, count + chosen], count + len(steps)
+            part = track.at_ends(chosen)
+            part = replace(part, cam=parameters.original.inputs(part)[0].cam)
+            for one in chain.from_iterable(pairs):
+                one.write(steps[chosen], part, moved[chosen])
     energy = np.concatenate(sizes)
     growth = float(np.sqrt(energy.max() / energy[0])) if energy[0] > 0.0 else 1.0
     neighbours = tuple((low.response(), high.response()) for low, high in pairs)
-    return TangentRun(itself.response(), neighbours, growth)
+    every = np.concatenate(instants) if instants else np.zeros(0, dtype=np.intp)
+    return TangentRun(itself.response(), neighbours, every, growth)
 
 
 def _without_acceleration(problem: Problem) -> Problem:
@@ -232,8 +242,8 @@ class _Neighbour:
         self._recorder, self._accelerations = recorder, accelerations
         self.response = recorder.response
 
-    def write(self, steps: IntArray, track: Trajectory, moved: FloatArray) -> None:
-        """Add the instants of some steps with the disturbances at their ends; events between them stay undisturbed."""
+    def write(self, steps: IntArray, track: Trajectory, moved: FloatArray) -> Response:
+        """Add and return the instants of some steps with the disturbances at their ends; others stay undisturbed."""
         side, n, forces = self._side, self._side.problem.system.size, self._side.forces
         motion, schedule = side.inputs(track)
         change = np.zeros((len(track.time), moved.shape[1]))
@@ -247,4 +257,4 @@ class _Neighbour:
         new = Trajectory(
             motion.time, d, v, a, local, state, np.zeros_like(local), track.pressed, track.ends, motion.cam
         )
-        self._recorder.write(steps, SensedTrajectory(new, schedule, sensed, rate))
+        return self._recorder.write(steps, SensedTrajectory(new, schedule, sensed, rate))

@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexcam.analysis.preparation import (
     PreparedRun,
@@ -37,6 +38,7 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse
 from flexcam.dynamics import (
     ProgressCallback,
+    Response,
     RunFailedError,
     Scheme,
     Status,
@@ -68,6 +70,10 @@ _SPARE = 2  # steps before the last revolution, to which all results but deviati
 _WITHOUT_ACCELERATION = {"contacts", "springs"}  # first parts of those that need neither accelerations nor probes
 
 
+# Tangents at extremes of the history of a result: difference from the result, and derivatives by all numbers.
+Planes = tuple[tuple[float, ...], ...]
+
+
 @dataclass(frozen=True, eq=False)
 class Gradient:
     """Results of a case and their derivatives.
@@ -79,8 +85,7 @@ class Gradient:
     values: Mapping[str, Metric]  #: results by name
     #: by name of the result and key of the number, SI; NaN for a result that a neighbouring case lacks
     derivatives: Mapping[tuple[str, str], float]
-    #: other local extremes of the history whose extreme a result is: difference from it, and derivatives by all numbers
-    extremes: Mapping[str, tuple[tuple[float, ...], ...]]
+    extremes: Mapping[str, Planes]  #: other local extremes of the history whose extreme a result is
     growth: float
     warning: str = ""
 
@@ -109,30 +114,30 @@ def compute_gradient(
     of_runs = [name for name in names if is_run_scalar(case, name)]
     others = [name for name in names if name not in of_runs]
     values, derivatives = dict[str, Metric](), dict[tuple[str, str], float]()
-
-    def add(number: Number, width: float, below: Mapping[str, Metric], above: Mapping[str, Metric]) -> None:
-        for name in below:
-            known = name in above and not name.endswith(COUNTED)
-            derivatives[name, number.key] = (above[name].value - below[name].value) / width if known else math.nan
-
-    growth, warning, file, extremes = 1.0, "", CaseFile.of(case), dict[str, tuple[tuple[float, ...], ...]]()
+    growth, warning, file, extremes = 1.0, "", CaseFile.of(case), dict[str, Planes]()
     if of_runs:
         sides = [
             next(_neighbour_cases(file, case, number, RELATIVE_WIDTH * size))
             for number, size in zip(numbers, sizes, strict=True)
         ]
-        found, extremes, growth, warning = _run_scalars(case, sides, of_runs)
-        middle, *rows = [{one.name: one for one in metrics if one.name in of_runs} for metrics in found]
-        values |= middle
-        for number, (_, width), below, above in zip(numbers, sides, rows[::2], rows[1::2], strict=True):
-            add(number, width, below, above)
+        found, planes, growth, warning = _run_planes(case, sides, of_runs)
+        values |= found
+        for name, ((_, *slopes), *more) in planes.items():
+            extremes[name] = tuple(more)
+            derivatives |= {(name, number.key): slope for number, slope in zip(numbers, slopes, strict=True)}
     if others:
         values |= compute_quantities(case, others)
         for number, size in zip(numbers, sizes, strict=True):
             cases = *_neighbour_cases(file, case, number, _WIDTH_WITHOUT_RUN * size), (case, 0.0)
             (above, more), (below, less) = cases[:2]  # one side alone at the end of the permitted values
-            add(number, more - less, compute_quantities(below, others), compute_quantities(above, others))
+            low, high = compute_quantities(below, others), compute_quantities(above, others)
+            derivatives |= {(name, number.key): _difference(name, low, high, more - less) for name in others}
     return Gradient(values, derivatives, extremes, growth, warning)
+
+
+def _difference(name: str, below: Mapping[str, Metric], above: Mapping[str, Metric], width: float) -> float:
+    known = name in below and name in above and not name.endswith(COUNTED)
+    return (above[name].value - below[name].value) / width if known else math.nan
 
 
 def _neighbour_cases(file: CaseFile, case: Case, number: Number, step: float) -> Iterator[tuple[Case, float]]:
@@ -182,12 +187,12 @@ def make_neighbours(case: Case, number: Number, steps: Iterable[float]) -> list[
     return [make_overrides(case, {number.key: repr(number.value + step)}) for step in steps]
 
 
-def _run_scalars(
+def _run_planes(
     case: Case, sides: Sequence[tuple[Case, float]], names: Sequence[str]
-) -> tuple[list[list[Metric]], dict[str, tuple[tuple[float, ...], ...]], float, str]:
-    """Return the scalars of a run and of its neighbours, other extremes, the growth of disturbances, and a warning.
+) -> tuple[dict[str, Metric], dict[str, Planes], float, str]:
+    """Return the scalars of a run, their planes, the growth of disturbances, and a warning.
 
-    `sides` are cases with one changed number each, and the changes.
+    `sides` are cases with one changed number each, and the changes. The first plane is that of the scalar itself.
     """
     if why := exact_refusal(case):
         raise refuse("--method", "exact", "differences", why)
@@ -204,44 +209,67 @@ def _run_scalars(
     revolution = math.ceil(ready.revolution / ready.problem.step) + _SPARE
     first = 0 if "deviation" in kinds else max(ready.problem.steps - revolution, 0)
     found = tangent_run(
-        ready.problem, ready.scheme, variations, period=period, accelerations=accelerations, first=first
-    )
+        ready.problem, ready.scheme, variations, period=period, accelerations=accelerations, first=first,
+        select=partial(_select_extremes, ready, names),
+    )  # fmt: skip
     if not found.response.status.ok:
         raise RunFailedError(found.response.status)
-    rows = [compute_scalars(ready, found.response, names)]
-    for other, (below, above) in zip(others, found.neighbours, strict=True):
-        rows += [compute_scalars(ready, below, names), compute_scalars(other, above, names)]
-    light = _massless_probes(ready.problem.system)
-    rows[1:] = [
-        [one for one in row if not (one.name.rpartition(".")[0].endswith(_RATES) and one.name.startswith(light))]
-        for row in rows[1:]
-    ]
-    widths = [width for _, width in sides]
-    extremes = {name: _local_extremes(ready, others, found, name, widths) for name in names}
+    scalars = {one.name: one for one in compute_scalars(ready, found.response, names) if one.name in names}
+    runs = [(other, *pair, width) for other, pair, (_, width) in zip(others, found.neighbours, sides, strict=True)]
+    planes = {name: _extreme_planes(ready, found, runs, name) for name in scalars}
+    if rest := [name for name, known in planes.items() if not known]:
+        light, slopes = _massless_probes(ready.problem.system), list[list[float]]()
+        unknown = {name for name in rest if name.rpartition(".")[0].endswith(_RATES) and name.startswith(light)}
+        for other, below, above, width in runs:
+            low = {one.name: one for one in compute_scalars(ready, below, rest) if one.name not in unknown}
+            high = {one.name: one for one in compute_scalars(other, above, rest)}
+            slopes.append([_difference(name, low, high, width) for name in rest])
+        planes |= {name: ((0.0, *each),) for name, each in zip(rest, np.transpose(slopes).tolist(), strict=True)}
     residual = (ready.problem.start.periodicity or 0.0) if periodic and ready.problem.start else 0.0
     warning = f"the periodic start repeats only to {residual:.1g}" if residual > _PERIODIC else ""
     if found.growth > CHAOTIC_GROWTH:
         warning = f"the motion is chaotic: a small disturbance grows {found.growth:.1g} times"
-    return rows, extremes, found.growth, warning
+    return scalars, planes, found.growth, warning
 
 
-def _local_extremes(
-    ready: PreparedRun, others: Sequence[PreparedRun], found: TangentRun, name: str, widths: Sequence[float]
-) -> tuple[tuple[float, ...], ...]:
-    """Return the largest local extremes of the history of a scalar, see `Gradient.extremes`."""
+def _select_extremes(ready: PreparedRun, names: Sequence[str], part: Response) -> NDArray[np.bool_]:
+    """Return the local extremes of the histories of scalars in a part of a run; all instants for other scalars."""
+    histories = [extreme_history(ready.model, part, name) for name in names]
+    if any(history is None for history in histories):
+        return np.ones(len(part.time), dtype=bool)
+    chosen = np.zeros(len(part.time), dtype=bool)
+    problem = ready.problem
+    end = (problem.start.time if problem.start else 0.0) + problem.step * problem.steps
+    begin = np.searchsorted(part.time, end - ready.revolution)  # the first instants of the last revolution
+    chosen[[0, -1, *np.minimum([begin, begin + 1], len(chosen) - 1)]] = True
+    for history in histories:
+        chosen |= False if history is None else _local_maxima(history)
+    return chosen
+
+
+def _local_maxima(history: FloatArray) -> NDArray[np.bool_]:
+    found = np.zeros(len(history), dtype=bool)
+    found[1:-1] = (history[1:-1] >= history[:-2]) & (history[1:-1] > history[2:])
+    return found
+
+
+def _extreme_planes(
+    ready: PreparedRun, found: TangentRun, runs: Sequence[tuple[PreparedRun, Response, Response, float]], name: str
+) -> Planes:
+    """Return the largest local extremes of the history of a scalar, the scalar first; none for other scalars."""
     history = extreme_history(ready.model, found.response, name)
     if history is None:
         return ()
-    last = np.flatnonzero(found.response.latest(ready.revolution))
-    inside = history[last]
-    peaks = np.flatnonzero((inside[1:-1] >= inside[:-2]) & (inside[1:-1] > inside[2:])) + 1
-    at, top = last[peaks[np.argsort(-inside[peaks])][: _EXTREMES + 1]], inside.max()
+    last = found.response.latest(ready.revolution)[found.instants]
+    values = np.where(last, history[found.instants], -np.inf)
+    values[~_local_maxima(history)[found.instants] & (values < values.max())] = -np.inf
+    at = np.argsort(-values, kind="stable")[: _EXTREMES + 1]
     slopes = list[FloatArray]()
-    for other, (below, above), width in zip(others, found.neighbours, widths, strict=True):
+    for other, below, above, width in runs:
         low, high = extreme_history(ready.model, below, name), extreme_history(other.model, above, name)
         slopes.append(np.zeros(0) if low is None or high is None else (high[at] - low[at]) / width)
-    rows = np.column_stack([history[at] - top, *slopes])
-    rows = (-1.0 if name.endswith("least") else 1.0) * rows[(rows[:, 0] < 0.0) & np.isfinite(rows).all(axis=1)]
+    rows = np.column_stack([values[at] - values[at[0]], *slopes])
+    rows = (-1.0 if name.endswith("least") else 1.0) * rows[np.isfinite(rows).all(axis=1)]
     return tuple(map(tuple, rows.tolist()))
 
 
