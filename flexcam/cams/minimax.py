@@ -117,7 +117,8 @@ class Program:
         if found.status == _INFEASIBLE:
             raise self._impossible()
         if found.x is None:
-            raise refuse("family", self.family.name, "a family that converges", str(found.message), "use fewer terms")
+            why, remedy = "its linear program did not converge", "use wider bounds, a lower degree or fewer pieces"
+            raise refuse("family", self.family.name, "a family that converges", why, remedy)
         dual = float(b @ found.ineqlin.marginals + e @ found.eqlin.marginals)
         return np.asarray(found.x[: self.family.size], dtype=float), dual
 
@@ -145,11 +146,9 @@ class Program:
         bounds = ", ".join([f"{name} up to {limit:g}" for name, limit in self.limits.items()])
         given = bounds or " and ".join(f"{z:g},{order},{value:g}" for z, order, value in self.conditions)
         where, splines = "bounds" if bounds else "conditions", isinstance(self.family, SplineFamily)
-        remedy = "a wider bound" if bounds else "other conditions, a higher degree or more pieces"
-        if splines and bounds and self.family.rest > 1:
-            remedy += ", or fewer zero derivatives at the ends (--rest 1)"
+        remedy = "a wider bound" if bounds else "other conditions"
         if splines and self.conditions and self.family.symmetric:
-            remedy += ", or asymmetric laws (--asymmetric)"
+            remedy += ", perhaps with asymmetric laws (--asymmetric)"
         return refuse(where, given, f"{where} that {self.family.name} can meet", "", f"use {remedy}")
 
     def _inequalities(

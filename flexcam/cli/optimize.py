@@ -212,6 +212,8 @@ def _optimum(design: OptimizationProblem, found: Evaluations) -> tuple[list[Tabl
     parts: list[Table | str] = [facts_table(title, rows)]
     if design.bounds:
         parts.append(_constraint_table(design, found, at))
+        if any(active for *_, active in _constraints(design, found, at)):
+            parts.append("active: changing the value or the varied values by 1 % violates the constraint")
     if ends := [one.key for one, x in point if min(x - one.low, one.high - x) <= 0.01 * (one.high - one.low)]:
         parts.append(f"At an end of its interval: {', '.join(ends)}; a wider interval may have a better variant.")
     best = None if found.best is None else _variant_json(design, found, found.best)

@@ -131,7 +131,8 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
     coils: list[CoilsRecord] | None = Field(
         None,
         min_length=1,
-        description="active coils, from the fixed to the moving end; they replace stiffness and require wire",
+        description="tables { turns, diameter, pitch } of coils, from the fixed to the moving end; "
+        "they replace stiffness and require wire",
     )
     mass: MassValue = Field(0.0, description="distributed over its length")
     elements: int = Field(
