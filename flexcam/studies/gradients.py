@@ -262,15 +262,15 @@ def _extreme_planes(
         return ()
     last = found.response.latest(ready.revolution)[found.instants]
     values = np.where(last, history[found.instants], -np.inf)
-    values[~_local_maxima(history)[found.instants] & (values < values.max())] = -np.inf
-    at = np.argsort(-values, kind="stable")[: _EXTREMES + 1]
-    slopes = list[FloatArray]()
+    chosen = np.flatnonzero(_local_maxima(history)[found.instants] & last | (values == values.max()))
+    at = chosen[np.argsort(-values[chosen], kind="stable")][: _EXTREMES + 1]
+    planes = [values[at] - values[at[0]]]
     for other, below, above, width in runs:
-        low, high = extreme_history(ready.model, below, name), extreme_history(other.model, above, name)
-        slopes.append(np.zeros(0) if low is None or high is None else (high[at] - low[at]) / width)
-    rows = np.column_stack([values[at] - values[at[0]], *slopes])
-    rows = (-1.0 if name.endswith("least") else 1.0) * rows[np.isfinite(rows).all(axis=1)]
-    return tuple(map(tuple, rows.tolist()))
+        low = extreme_history(ready.model, below, name, counted=False)
+        high = extreme_history(other.model, above, name, counted=False)
+        planes.append(np.zeros(0) if low is None or high is None else (high[at] - low[at]) / width)
+    sign = -1.0 if name.endswith("least") else 1.0
+    return tuple(map(tuple, (sign * np.column_stack(planes)).tolist()))
 
 
 def _massless_probes(system: System) -> tuple[str, ...]:

@@ -81,7 +81,7 @@ def test_no_variant_within_the_bounds():
 
 
 class Polygon(Known):
-    """The sum of x and y within a polygon of 24 sides, whose largest excess is one of 24 extremes."""
+    """The sum x + 0.7 y within a polygon of 24 sides, whose largest excess is one of 24 extremes."""
 
     normals = np.stack([np.cos(np.pi * np.arange(24) / 12.0), np.sin(np.pi * np.arange(24) / 12.0)], axis=1)
 
@@ -89,17 +89,19 @@ class Polygon(Known):
         excess = self.normals @ (np.array(point) - 2.0) - 1.5
         worst = int(excess.argmax())
         others = [(excess[i] - excess[worst], *self.normals[i]) for i in range(24) if i != worst]
-        scalars, units = {"sum": sum(point), "excess": 1.0 + excess[worst]}, {"sum": "1", "excess": "1"}
-        slopes = {"sum": (1.0, 1.0), "excess": tuple(self.normals[worst])}
+        scalars, units = {"sum": point[0] + 0.7 * point[1], "excess": 1.0 + excess[worst]}, {"sum": "1", "excess": "1"}
+        slopes = {"sum": (1.0, 0.7), "excess": tuple(self.normals[worst])}
         return Row(Status(), scalars, units, derivatives=slopes, extremes={"excess": tuple(others)})
 
 
 def test_a_search_by_gradient_knows_all_extremes(monkeypatch):
-    """The side towards (1, 1) is reached in steps of 0.1, 0.2 and 0.4 intervals, without a violation on the way."""
+    """The corner at 37.5 deg is reached in steps of 0.1, 0.2 and 0.4 intervals, without a violation on the way."""
     monkeypatch.setattr(gradients, "interval_widths", lambda _case, _variables: np.array([4.0, 4.0]))
     design = OptimizationProblem(Polygon({}), (Goal("sum", most=True),), parse_constraints(["excess <= 1"]))
-    found = gradients.optimize_by_gradient(design, evaluations=5)
-    assert found.costs[found.best, 0] == pytest.approx(-(4.0 + 1.5 * math.sqrt(2.0)), abs=1e-4)
+    found, corner = gradients.optimize_by_gradient(design, evaluations=5), math.radians(37.5)
+    assert found.costs[found.best, 0] == pytest.approx(
+        -(3.4 + 1.5 * (math.cos(corner) + 0.7 * math.sin(corner)) / math.cos(math.pi / 24.0)), abs=1e-4
+    )
 
 
 def test_front_of_two_parabolas():

@@ -187,6 +187,7 @@ ONE_REVOLUTION = ("run.revolutions=1", "run.steps_per_revolution=1440", "run.int
     [
         (BUCKET, "run.crank_speed",
          ("contacts.seat.seating_velocity", "contacts.intake.pressure.largest", "deviation.peak"), ()),
+        (BUCKET, "masses.bucket.mass", ("contacts.intake.pressure.largest", "contacts.intake.nose_force.least"), ()),
         pytest.param(INTAKE, "springs.valve.stiffness",
                      ("contacts.intake.nose_force.least", "contacts.seat.seating_velocity"), (),
                      marks=pytest.mark.slow),
@@ -195,7 +196,7 @@ ONE_REVOLUTION = ("run.revolutions=1", "run.steps_per_revolution=1440", "run.int
         (FINGER, "run.crank_speed", ("contacts.adjuster.force.largest", "contacts.seat.seating_velocity"),
          ("run.start=periodic",)),
     ],
-    ids=["speed", "spring", "adjuster", "periodic"],
+    ids=["speed", "extremes", "spring", "adjuster", "periodic"],
 )  # fmt: skip
 def test_trains_in_contact_against_differences(record, path, key, names, fixed):
     file, fixed = CaseFile.open(Path(path)), (*ONE_REVOLUTION, "run.engine=kernel", *fixed)
