@@ -144,10 +144,13 @@ class Program:
 
     def _impossible(self) -> InputError:
         bounds = ", ".join([f"{name} up to {limit:g}" for name, limit in self.limits.items()])
-        given = bounds or " and ".join(f"{z:g},{order},{value:g}" for z, order, value in self.conditions)
-        where, splines = "bounds" if bounds else "conditions", isinstance(self.family, SplineFamily)
-        remedy = "a wider bound" if bounds else "other conditions"
-        if splines and self.conditions and self.family.symmetric:
+        conditions = " and ".join(f"{z:g},{order},{value:g}" for z, order, value in self.conditions)
+        given = " with ".join(filter(None, (bounds, conditions)))
+        where = " and ".join(["bounds"] * bool(bounds) + ["conditions"] * bool(conditions))
+        remedy = " or ".join(["a wider bound"] * bool(bounds) + ["other conditions"] * bool(conditions))
+        if self.monotone and any(order == 1 and value < 0.0 for _, order, value in self.conditions):
+            remedy += ", with laws that turn back (--turning-back)"
+        elif isinstance(self.family, SplineFamily) and self.conditions and self.family.symmetric:
             remedy += ", perhaps with asymmetric laws (--asymmetric)"
         return refuse(where, given, f"{where} that {self.family.name} can meet", "", f"use {remedy}")
 

@@ -154,7 +154,7 @@ class _ParameterChange:
     def __init__(self, original: VariedProblem, side: VariedProblem, width: float) -> None:
         self._side, self._width = side, width
         #: Derivatives of stiffness, damping and mass.
-        self._matrices = [(up - down) / width for down, up in zip(original.matrices, side.matrices, strict=True)]
+        self._matrices = [(new - old) / width for old, new in zip(original.matrices, side.matrices, strict=True)]
 
         def is_same(part: Callable[[LocalForces], NDArray[Any]]) -> bool:
             return np.array_equal(part(original.forces), part(side.forces))
@@ -163,31 +163,31 @@ class _ParameterChange:
         same_laws = is_same(lambda one: one.table.laws) and is_same(lambda one: one.table.constants)
         self._same_laws = same_laws and not side.forces.lifts and not side.forces.table.custom
 
-    def explicit_terms(self, low: _Evaluation, every: SensedTrajectory, lengths: FloatArray) -> list[FloatArray]:
+    def explicit_terms(self, original: _Evaluation, every: SensedTrajectory, lengths: FloatArray) -> list[FloatArray]:
         """Return the derivatives of `ExplicitDerivatives` from the evaluation of the original problem."""
-        high, track = _Evaluation(self._side, every, lengths), every.track
-        above, below = high.schedule, low.schedule
-        force = high.load - low.load
+        varied, track = _Evaluation(self._side, every, lengths), every.track
+        after, before = varied.schedule, original.schedule
+        force = varied.load - original.load
         if self._same_act:
-            force += self._side.push(track.local, above.acting_weights - below.acting_weights)
+            force += self._side.push(track.local, after.acting_weights - before.acting_weights)
         else:
-            force += high.push - low.push
+            force += varied.push - original.push
         force /= self._width
         for matrix, moved in zip(self._matrices, (track.d, track.v, track.a), strict=True):
             if matrix.any():
                 force -= moved @ matrix.T
-        sensed, rate, states = above.offset - below.offset, above.offset_rate - below.offset_rate, track.state[1:]
-        weights = slice(0, above.sensing_weights.shape[1] + above.sensing_rates.shape[1])
-        if states.size or not (self._same_sense and np.array_equal(above.rows[:, weights], below.rows[:, weights])):
-            sensed, rate = high.sensed[0] - low.sensed[0], high.sensed[1] - low.sensed[1]
-            states = high.states_after - low.states_after
+        sensed, rate, states = after.offset - before.offset, after.offset_rate - before.offset_rate, track.state[1:]
+        weights = slice(0, after.sensing_weights.shape[1] + after.sensing_rates.shape[1])
+        if states.size or not (self._same_sense and np.array_equal(after.rows[:, weights], before.rows[:, weights])):
+            sensed, rate = varied.sensed[0] - original.sensed[0], varied.sensed[1] - original.sensed[1]
+            states = varied.states_after - original.states_after
         else:
             states = np.zeros_like(states)
         answer = np.zeros_like(rate)
-        functions = slice(above.functions, None)
-        if not (self._same_laws and np.array_equal(above.rows[:, functions], below.rows[:, functions])):
-            down, up = low.answers, high.answers
-            answer, sensed, rate = up[0] - down[0], sensed + up[1] - down[1], rate + up[2] - down[2]
+        functions = slice(after.functions, None)
+        if not (self._same_laws and np.array_equal(after.rows[:, functions], before.rows[:, functions])):
+            old, new = original.answers, varied.answers
+            answer, sensed, rate = new[0] - old[0], sensed + new[1] - old[1], rate + new[2] - old[2]
         return [force, *(one / self._width for one in (sensed, rate, answer, states))]
 
 
@@ -240,8 +240,8 @@ class ParameterForces:
 
     def along(self, every: SensedTrajectory, lengths: FloatArray) -> ExplicitDerivatives:
         """Return the derivatives at all instants of a motion, with the lengths of the steps between them, s."""
-        low = _Evaluation(self.original, every, lengths)
-        parts = [change.explicit_terms(low, every, lengths) for change in self._changes]
+        original = _Evaluation(self.original, every, lengths)
+        parts = [change.explicit_terms(original, every, lengths) for change in self._changes]
         return ExplicitDerivatives(*(np.stack(terms, axis=-1) for terms in zip(*parts, strict=True)))
 
     def impact_change(self, old: StepState, contacts: IntArray) -> FloatArray:

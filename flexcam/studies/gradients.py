@@ -4,11 +4,11 @@ Results of a run are derived along its motion (`flexcam.dynamics.tangent`), all 
 static results, Floquet multipliers and properties of a cam, by central differences: contact events add no noise.
 
 Maxima and minima over a revolution have kinks where another instant becomes the extreme one. The search therefore
-uses the derivatives of all local extremes of a history. A step takes these planes, at the best variant and at points
-near it, and solves a linear program within a box about the best variant. The box grows with steps that gain what the
-planes promise, and shrinks with others. A violation of a constraint has a price, so that the search may follow a curved
-constraint from outside: R. Fletcher and E. Sainz de la Maza, Math. Program. 43 (1989) 235; K. Madsen, J. Inst. Maths
-Applics 16 (1975) 321.
+uses the derivatives of constraints at several local extremes of a history. A step takes these planes, at the best
+variant and at points near it, and solves a linear program within a box about the best variant. The box grows with steps
+that reduce the merit as predicted, and shrinks with others. A violation of a constraint has a price, so that the search
+may follow a curved constraint from outside: R. Fletcher and E. Sainz de la Maza, Math. Program. 43 (1989) 235; K.
+Madsen, J. Inst. Maths Applics 16 (1975) 321.
 """
 
 # pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false
@@ -65,7 +65,7 @@ _SIMILAR_RUNS = 10  # number of runs whose time the derivatives of a run take, f
 COUNTED = (".bounces", ".open_on_the_lift")  # ends of the names of results that count, and have no derivative
 _RATES = (".velocity", ".acceleration")  # ends of the names of histories that a point without mass does not have
 _PROBE_KINDS = {"probes", "deviation"}  # first parts of the names of scalars that need no channels
-_EXTREMES = 8  # number of local extremes of a history whose derivatives a search knows
+_EXTREMES = 8  # number of other local extremes of a history that a search uses
 _SPARE = 2  # steps before the last revolution, to which all results but deviations refer
 _WITHOUT_ACCELERATION = {"contacts", "springs"}  # first parts of those that need neither accelerations nor probes
 
@@ -268,7 +268,9 @@ def _extreme_planes(
     for other, below, above, width in runs:
         low = extreme_history(ready.model, below, name, counted=False)
         high = extreme_history(other.model, above, name, counted=False)
-        planes.append(np.zeros(0) if low is None or high is None else (high[at] - low[at]) / width)
+        if low is None or high is None:
+            return ()
+        planes.append((high[at] - low[at]) / width)
     sign = -1.0 if name.endswith("least") else 1.0
     return tuple(map(tuple, (sign * np.column_stack(planes)).tolist()))
 
@@ -301,8 +303,9 @@ _AT_BORDER = 0.8  # length of a step relative to the box above which a good one 
 _NEAR, _PLANES = 3.0, 16  # distance of the points whose planes count, in half widths of the box, and their number
 _PENALTY = 100.0  # weight of the largest relative violation of a constraint, relative to that of the goal
 _LEAST_PRICE, _PRICE_MARGIN = 1.0, 2.0  # price of a violation relative to the goal, and to that of the linear program
-# Distance from a bound, relative to it, that a step keeps: at least, and after a violation, relative to the box.
-_LEAST_INSIDE, _INSIDE = 1e-6, 0.01
+# Distance from a bound, relative to it, that a step keeps: the least; the most after a violation, relative to the box;
+# the most from a variant that violates it.
+_LEAST_INSIDE, _INSIDE, _MOST_INSIDE = 1e-6, 0.01, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -403,7 +406,7 @@ def _descend(tangents: _Tangents, judge: ProblemEvaluator, start: FloatArray, en
         step = _lowest(near if best in near else [best, *near], best, radius, inside)
         new = tangents.plane(step.to) if step.gain > 0.0 or best.violation > 0.0 else None
         gained = -math.inf if new is None else best.merit(step.price) - new.merit(step.price)
-        gain = gained / max(step.gain, _NO_GAIN * abs(best.cost))
+        gain = gained / max(step.gain, _NO_GAIN * (abs(best.cost) or 1.0))
         # The planes of a point that is not much worse than the best one correct the next step in the same box.
         is_corrected = -1.0 < gain <= 0.0 and not is_corrected
         if gain < _BAD and not is_corrected:
@@ -411,7 +414,8 @@ def _descend(tangents: _Tangents, judge: ProblemEvaluator, start: FloatArray, en
         elif gain > _GOOD and np.abs(step.to - best.at).max() > _AT_BORDER * radius:
             radius = min(_GROW * radius, _LARGEST_BOX)
         if new is not None:
-            inside = min(max(new.violation, _LEAST_INSIDE), _INSIDE * radius)
+            most = _INSIDE * radius if best.violation <= 0.0 else _MOST_INSIDE
+            inside = min(max(new.violation, _LEAST_INSIDE), most)
             planes.append(new)
             best = new if gain > 0.0 else best
 

@@ -186,10 +186,9 @@ class WorstCase:
                 if derive is not None and all(row.status.ok for row in found):
                     at = sorted(set(self._worst_indices(found).values()))
                     derived = derive([(*variant, *self.conditions[i]) for i in at])
-                    for i, row in zip(at, derived, strict=True):
-                        found[i] = replace(
-                            found[i], status=row.status, derivatives=row.derivatives, extremes=row.extremes
-                        )
+                    for i, row in zip(at, derived, strict=True):  # without derivatives the values still count
+                        status = Status(text=row.status.text)
+                        found[i] = replace(found[i], status=status, derivatives=row.derivatives, extremes=row.extremes)
                 yield self.combine(found)
 
         return worst
@@ -205,7 +204,7 @@ class WorstCase:
         return replace(
             rows[0], status=status, scalars={name: row.scalars[name] for name, row in at.items()},
             derivatives={name: at[name].derivatives[name] for name in derived},
-            extremes={name: tuple(_other_extremes(name, at[name], rows)) for name in derived},
+            extremes={name: tuple(self._other_extremes(name, at[name], rows)) for name in derived},
         )  # fmt: skip
 
     def _worst_indices(self, rows: Sequence[Row]) -> dict[str, int]:
@@ -219,12 +218,15 @@ class WorstCase:
         chosen = {at[0] for at in candidates.values() if len(at) == 1}
         return {name: next((i for i in at if i in chosen), at[0]) for name, at in candidates.items()}
 
+    def _other_extremes(self, name: str, worst: Row, rows: Sequence[Row]) -> Iterator[tuple[float, ...]]:
+        """Yield the other extremes of a quantity: those of the worst condition, and all of others with derivatives.
 
-def _other_extremes(name: str, worst: Row, rows: Sequence[Row]) -> Iterator[tuple[float, ...]]:
-    """Yield the other extremes of a scalar: those of the worst condition, and all of others with derivatives."""
-    for row in rows:
-        offset = row.scalars[name] - worst.scalars[name]
-        if row is not worst and row.derivatives:
-            yield (offset, *row.derivatives[name])
-        for one, *slopes in row.extremes.get(name, ()):
-            yield (offset + one, *slopes)
+        Only a maximum that must be small, or a minimum that must be large, is bounded by its other extremes.
+        """
+        for row in rows:
+            offset = row.scalars[name] - worst.scalars[name]
+            if row is not worst and row.derivatives:
+                yield (offset, *row.derivatives[name])
+            for one, *slopes in row.extremes.get(name, ()):
+                if (one < 0.0) == self.largest.get(name, True):
+                    yield (offset + one, *slopes)

@@ -103,6 +103,35 @@ def test_a_search_by_gradient_knows_all_extremes(monkeypatch):
     assert -found.costs[found.best, 0] == pytest.approx(best, abs=1e-5)
 
 
+def test_a_search_by_gradient_ends_where_its_goal_is_zero(monkeypatch):
+    """A goal of zero without a slope, as the force of a lost contact."""
+    monkeypatch.setattr(gradients, "interval_widths", lambda _case, _variables: np.array([4.0, 4.0]))
+
+    class Zero(Known):
+        def _row(self, _point):
+            return Row(Status(), {"force": 0.0}, {"force": "N"}, derivatives={"force": (0.0, 0.0)})
+
+    design = OptimizationProblem(Zero({}), (Goal("force", most=True),), parse_constraints(["force >= 1 N"]))
+    found = gradients.optimize_by_gradient(design, evaluations=5)
+    assert found.costs[found.nearest, 0] == 0.0
+    assert found.is_flat
+
+
+def test_a_search_by_gradient_ends_within_a_curved_constraint(monkeypatch):
+    """Least y within the circle (x - 2)^2 + (y - 2)^2 <= 1: y = 1."""
+    monkeypatch.setattr(gradients, "interval_widths", lambda _case, _variables: np.array([4.0, 4.0]))
+
+    class Circle(Known):
+        def _row(self, point):
+            x, y = np.array(point) - 2.0
+            slopes = {"y": (0.0, 1.0), "square": (2.0 * x, 2.0 * y)}
+            return Row(Status(), {"y": y + 2.0, "square": x * x + y * y}, {"y": "1", "square": "1"}, derivatives=slopes)
+
+    design = OptimizationProblem(Circle({}), (Goal("y"),), parse_constraints(["square <= 1"]))
+    found = gradients.optimize_by_gradient(design, evaluations=40)
+    assert found.costs[found.best, 0] == pytest.approx(1.0, abs=1e-3)
+
+
 def test_front_of_two_parabolas():
     """(x - 1)^2 + y^2 against (x - 3)^2 + y^2: the front is y = 0, 1 <= x <= 3, where sqrt f1 + sqrt f2 = 2."""
     pytest.importorskip("pymoo")
@@ -143,22 +172,22 @@ def test_refused_constraints(text):
 
 def test_only_the_worst_conditions_are_derived():
     """Of three conditions the largest force is at the second, the smallest gap at the third, the cost equal at all."""
-    values = {"1": (5.0, 3.0), "2": (9.0, 2.0), "3": (7.0, 1.0)}
+    names, values = ("force", "gap", "cost"), {"1": (5.0, 3.0, 4.0), "2": (9.0, 2.0, 4.0), "3": (7.0, 1.0, 4.0)}
+    more = {"2": {"gap": ((-1.0, 5.0),)}, "3": {"force": ((-0.5, 7.0),)}}  # a smaller gap would be the least one
     derived = list[tuple[str, ...]]()
 
     def runs(variants):
-        return (
-            Row(Status(), dict(zip(("force", "gap", "cost"), (*values[at], 4.0), strict=True))) for _, at in variants
-        )
+        return (Row(Status(), dict(zip(names, values[at], strict=True))) for _, at in variants)
 
     def derive(variants):
         derived.extend(variants)
-        return (
-            Row(Status(), derivatives={name: (float(at),) for name in ("force", "gap", "cost")}) for _, at in variants
-        )
+        slopes = ((at, dict.fromkeys(names, (float(at),))) for _, at in variants)
+        return (Row(Status(), derivatives=found, extremes=more[at]) for at, found in slopes)
 
     worst = WorstCase((("1",), ("2",), ("3",)), {"force": True, "gap": False, "cost": True})
     (row,) = worst.over(runs, derive)([("x",)])
     assert row.scalars == {"force": 9.0, "gap": 1.0, "cost": 4.0}
     assert (row.derivatives["force"], row.derivatives["gap"]) == ((2.0,), (3.0,))
     assert derived == [("x", "2"), ("x", "3")]
+    assert set(row.extremes["force"]) == {(-2.0, 3.0), (-2.5, 7.0)}  # at the third condition, and its local extreme
+    assert set(row.extremes["gap"]) == {(1.0, 2.0)}

@@ -210,6 +210,26 @@ def test_trains_in_contact_against_differences(record, path, key, names, fixed):
                reason="differences of contact runs over 1e-4 contain the noise of events")  # fmt: skip
 
 
+def test_other_local_extremes_against_differences(record):
+    """The second largest local maximum of the cam force: its value and its derivative at a constant instant."""
+    file, fixed = CaseFile.open(Path(BUCKET)), (*ONE_REVOLUTION, "run.engine=kernel")
+    name, case = "contacts.intake.force.largest", file.read(fixed)
+    (number,) = get_numbers(case, ["masses.bucket.mass"])
+    offset, slope = compute_gradient(case, [name], [number]).extremes[name][0]
+
+    def force(*overrides):
+        ready = prepare(file.read((*fixed, *overrides)))
+        return solve(ready.problem, ready.scheme).channels["contacts.intake.force"]
+
+    history, step = force(), 1e-4 * number.value
+    at = int(np.argmin(np.abs(history - history.max() - offset)))
+    assert history[at] - history.max() == pytest.approx(offset, rel=1e-6)
+    low, high = (force(*one)[at] for one in make_neighbours(case, number, (-step, step)))
+    record(source=DIFFERENCES, case="bucket, by masses.bucket.mass", quantity="d(second largest maximum of the force)",
+           unit="N/kg", reference=float(high - low) / (2.0 * step), computed=slope, tolerance=1e-4,
+           reason="differences over 1e-4")  # fmt: skip
+
+
 @pytest.mark.slow
 def test_a_chaotic_motion_is_known_by_its_growth():
     """Three revolutions of the pushrod train hop on the base circle: neighbouring motions part by powers of ten."""
