@@ -404,7 +404,9 @@ def _descend(tangents: _Tangents, judge: ProblemEvaluator, start: FloatArray, en
     while radius > _SMALLEST_BOX and judge.count < end:
         near = [one for one in planes if np.abs(one.at - best.at).max() <= _NEAR * radius][-_PLANES:]
         step = _lowest(near if best in near else [best, *near], best, radius, inside)
+        count = judge.count
         new = tangents.plane(step.to) if step.gain > 0.0 or best.violation > 0.0 else None
+        new = new if judge.count > count else None  # an evaluated point is no progress: two could alternate
         gained = -math.inf if new is None else best.merit(step.price) - new.merit(step.price)
         gain = gained / max(step.gain, _NO_GAIN * (abs(best.cost) or 1.0))
         # The planes of a point that is not much worse than the best one correct the next step in the same box.
