@@ -133,7 +133,7 @@ def order_spectrum(angle: ArrayLike, values: ArrayLike, count: int) -> OrderSpec
     return OrderSpectrum(_amplitudes(found), abs(float(history[-1] - history[0])))
 
 
-_PRECISE = 1e-10  # tolerance of linear programs
+PRECISE = 1e-10  # tolerance of linear programs
 _FEASIBLE = 1e-10  # residual of the dual problem below which the inequalities are contradictory
 
 
@@ -287,8 +287,9 @@ def _minimize_deviation(
     if not len(A):
         return None
     cost = np.append(np.zeros(rows.shape[1]), 1.0)
-    found = linprog(cost, A, b, bounds=[*[(None, None)] * rows.shape[1], (0.0, 1.0)], method="highs", options={
-        "primal_feasibility_tolerance": _PRECISE, "dual_feasibility_tolerance": _PRECISE,
+    box = [*[(None, None)] * rows.shape[1], (0.0, 1.0)]
+    found = linprog(cost, A, b, bounds=box, method="highs", options={
+        "primal_feasibility_tolerance": PRECISE, "dual_feasibility_tolerance": PRECISE,
     })  # fmt: skip
     return None if found.x is None else most * float(np.asarray(found.x, dtype=float)[-1])
 

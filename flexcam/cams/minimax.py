@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from flexcam.cams.harmonic_lift import constrained_least_squares
+from flexcam.cams.harmonic_lift import PRECISE, constrained_least_squares
 from flexcam.cams.law_criteria import Criteria, criteria, root_mean_square, stationary_points
 from flexcam.cams.motion_law import Law, quadrature
 from flexcam.cams.synthesis_family import Family, SplineFamily, universal_bound
@@ -31,7 +31,6 @@ CRITERIA = (*ORDERS, "rms", "Cm")
 
 _MOST_ORDER = 4
 _LIMIT_MARGIN = 1e-8  # relative margin to a limit, so that rounding does not violate it
-_PRECISE = 1e-10
 _INFEASIBLE = 2  # status of `scipy.optimize.linprog`
 
 Condition = tuple[float, int, float]
@@ -108,7 +107,7 @@ class Program:
 
         def run(*, presolve: bool) -> Any:  # noqa: ANN401 - scipy's result
             return linprog(cost, A, b, E, e, bounds=box, method="highs", options={
-                "primal_feasibility_tolerance": _PRECISE, "dual_feasibility_tolerance": _PRECISE, "presolve": presolve,
+                "primal_feasibility_tolerance": PRECISE, "dual_feasibility_tolerance": PRECISE, "presolve": presolve,
             })  # fmt: skip
 
         found = run(presolve=True)

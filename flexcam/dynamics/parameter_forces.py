@@ -25,9 +25,6 @@ from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.step_state import SensedTrajectory, StepInputs, StepState, Trajectory
 
-_SAME_ANGLE = 1e-13
-"""Difference of cam angles, rad, that is rounding: its effect on a contact would be divided by a small change."""
-
 
 @dataclass(frozen=True, eq=False)
 class Variation:
@@ -81,8 +78,8 @@ class VariedProblem:
         """
         if self._known is None or self._known[0] is not track:
             motion = self.problem.drive.at(self.times(track.time))
-            if track.cam is not None and np.abs(motion.angle - track.cam.angle).max() <= _SAME_ANGLE:
-                motion = replace(motion, angle=track.cam.angle, known=track.cam)
+            if track.cam is not None and np.array_equal(motion.angle, track.cam.angle):
+                motion = replace(motion, known=track.cam)
             self._known = track, (motion, self.forces.prescribed_inputs(motion))
         return self._known[1]
 

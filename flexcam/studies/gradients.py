@@ -51,7 +51,7 @@ from flexcam.dynamics.massless import FORCE_TOLERANCE, MasslessMotions
 from flexcam.studies.evaluation import compute_scalars
 from flexcam.studies.executors import open_evaluators
 from flexcam.studies.optimization import Evaluations, OptimizationProblem, ProblemEvaluator
-from flexcam.studies.plan import Row, check_seed, make_bundle
+from flexcam.studies.plan import Planes, Row, check_seed, make_bundle
 from flexcam.studies.quantities import compute_quantities, is_run_scalar, quantity_row
 from flexcam.studies.variables import Runs, Variable, WorstCase, interval_widths
 from flexcam.valvetrain import Metric, extreme_history
@@ -70,10 +70,6 @@ _SPARE = 2  # steps before the last revolution, to which all results but deviati
 _WITHOUT_ACCELERATION = {"contacts", "springs"}  # first parts of those that need neither accelerations nor probes
 
 
-# Tangents at extremes of the history of a result: difference from the result, and derivatives by all numbers.
-Planes = tuple[tuple[float, ...], ...]
-
-
 @dataclass(frozen=True, eq=False)
 class Gradient:
     """Results of a case and their derivatives.
@@ -88,6 +84,10 @@ class Gradient:
     extremes: Mapping[str, Planes]  #: other local extremes of the history whose extreme a result is
     growth: float
     warning: str = ""
+
+
+# A neighbouring case, results with half the change below and above the run, and the change.
+_NeighbourRun = tuple[PreparedRun, Response, Response, float]
 
 
 def exact_refusal(case: Case) -> str:
@@ -218,13 +218,7 @@ def _run_planes(
     runs = [(other, *pair, width) for other, pair, (_, width) in zip(others, found.neighbours, sides, strict=True)]
     planes = {name: _extreme_planes(ready, found, runs, name) for name in scalars}
     if rest := [name for name, known in planes.items() if not known]:
-        light, slopes = _massless_probes(ready.problem.system), list[list[float]]()
-        unknown = {name for name in rest if name.rpartition(".")[0].endswith(_RATES) and name.startswith(light)}
-        for other, below, above, width in runs:
-            low = {one.name: one for one in compute_scalars(ready, below, rest) if one.name not in unknown}
-            high = {one.name: one for one in compute_scalars(other, above, rest)}
-            slopes.append([_difference(name, low, high, width) for name in rest])
-        planes |= {name: ((0.0, *each),) for name, each in zip(rest, np.transpose(slopes).tolist(), strict=True)}
+        planes |= _other_planes(ready, runs, rest)
     residual = (ready.problem.start.periodicity or 0.0) if periodic and ready.problem.start else 0.0
     warning = f"the periodic start repeats only to {residual:.1g}" if residual > _PERIODIC else ""
     if found.growth > CHAOTIC_GROWTH:
@@ -234,16 +228,15 @@ def _run_planes(
 
 def _select_extremes(ready: PreparedRun, names: Sequence[str], part: Response) -> NDArray[np.bool_]:
     """Return the local extremes of the histories of scalars in a part of a run; all instants for other scalars."""
-    histories = [extreme_history(ready.model, part, name) for name in names]
-    if any(history is None for history in histories):
+    histories = [one for name in names if (one := extreme_history(ready.model, part, name)) is not None]
+    if len(histories) < len(names):
         return np.ones(len(part.time), dtype=bool)
-    chosen = np.zeros(len(part.time), dtype=bool)
-    problem = ready.problem
+    chosen, problem = np.zeros(len(part.time), dtype=bool), ready.problem
     end = (problem.start.time if problem.start else 0.0) + problem.step * problem.steps
     begin = np.searchsorted(part.time, end - ready.revolution)  # the first instants of the last revolution
     chosen[[0, -1, *np.minimum([begin, begin + 1], len(chosen) - 1)]] = True
     for history in histories:
-        chosen |= False if history is None else _local_maxima(history)
+        chosen |= _local_maxima(history)
     return chosen
 
 
@@ -253,9 +246,7 @@ def _local_maxima(history: FloatArray) -> NDArray[np.bool_]:
     return found
 
 
-def _extreme_planes(
-    ready: PreparedRun, found: TangentRun, runs: Sequence[tuple[PreparedRun, Response, Response, float]], name: str
-) -> Planes:
+def _extreme_planes(ready: PreparedRun, found: TangentRun, runs: Sequence[_NeighbourRun], name: str) -> Planes:
     """Return the largest local extremes of the history of a scalar, the scalar first; none for other scalars."""
     history = extreme_history(ready.model, found.response, name)
     if history is None:
@@ -266,13 +257,24 @@ def _extreme_planes(
     at = chosen[np.argsort(-values[chosen], kind="stable")][: _EXTREMES + 1]
     planes = [values[at] - values[at[0]]]
     for other, below, above, width in runs:
-        low = extreme_history(ready.model, below, name, counted=False)
-        high = extreme_history(other.model, above, name, counted=False)
+        low = extreme_history(ready.model, below, name, window=False)
+        high = extreme_history(other.model, above, name, window=False)
         if low is None or high is None:
             return ()
         planes.append((high[at] - low[at]) / width)
     sign = -1.0 if name.endswith("least") else 1.0
     return tuple(map(tuple, (sign * np.column_stack(planes)).tolist()))
+
+
+def _other_planes(ready: PreparedRun, runs: Sequence[_NeighbourRun], names: Sequence[str]) -> dict[str, Planes]:
+    """Return the planes of scalars that are no extremes of a history, from the scalars of both sides."""
+    light, slopes = _massless_probes(ready.problem.system), list[list[float]]()
+    unknown = {name for name in names if name.rpartition(".")[0].endswith(_RATES) and name.startswith(light)}
+    for other, below, above, width in runs:
+        low = {one.name: one for one in compute_scalars(ready, below, names) if one.name not in unknown}
+        high = {one.name: one for one in compute_scalars(other, above, names)}
+        slopes.append([_difference(name, low, high, width) for name in names])
+    return {name: ((0.0, *each),) for name, each in zip(names, np.transpose(slopes).tolist(), strict=True)}
 
 
 def _massless_probes(system: System) -> tuple[str, ...]:
@@ -407,13 +409,13 @@ def _descend(tangents: _Tangents, judge: ProblemEvaluator, start: FloatArray, en
         count = judge.count
         new = tangents.plane(step.to) if step.gain > 0.0 or best.violation > 0.0 else None
         new = new if judge.count > count else None  # an evaluated point is no progress: two could alternate
-        gained = -math.inf if new is None else best.merit(step.price) - new.merit(step.price)
-        gain = gained / max(step.gain, _NO_GAIN * (abs(best.cost) or 1.0))
+        gain = -math.inf if new is None else best.merit(step.price) - new.merit(step.price)
+        ratio = gain / max(step.gain, _NO_GAIN * (abs(best.cost) or 1.0))
         # The planes of a point that is not much worse than the best one correct the next step in the same box.
-        is_corrected = -1.0 < gain <= 0.0 and not is_corrected
-        if gain < _BAD and not is_corrected:
+        is_corrected = -1.0 < ratio <= 0.0 and not is_corrected
+        if ratio < _BAD and not is_corrected:
             radius *= _SHRINK
-        elif gain > _GOOD and np.abs(step.to - best.at).max() > _AT_BORDER * radius:
+        elif ratio > _GOOD and np.abs(step.to - best.at).max() > _AT_BORDER * radius:
             radius = min(_GROW * radius, _LARGEST_BOX)
         if new is not None:
             most = _INSIDE * radius if best.violation <= 0.0 else _MOST_INSIDE
@@ -424,6 +426,8 @@ def _descend(tangents: _Tangents, judge: ProblemEvaluator, start: FloatArray, en
 
 @dataclass(frozen=True, eq=False)
 class _Step:
+    """Step from the best variant."""
+
     to: FloatArray  #: shape (k,)
     price: float  #: of a relative violation, as in `Plane.merit`
     gain: float  #: expected reduction of the merit

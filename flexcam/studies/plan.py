@@ -316,6 +316,10 @@ def make_plan(axes: Sequence[Axis], sampled: Sample | None = None, *, limit: int
     return plan
 
 
+# Tangents at extremes of the history of a scalar, SI: difference from the scalar, and derivatives by all numbers.
+Planes = tuple[tuple[float, ...], ...]
+
+
 @dataclass(frozen=True)
 class Row:
     """Results of one variant."""
@@ -328,10 +332,8 @@ class Row:
     history: tuple[str, bytes] | None = None  #: suffix and content of its result file, if result files are kept
     #: derivatives of a scalar by the numbers of a gradient search, SI; empty without them, and `status` says why
     derivatives: Mapping[str, tuple[float, ...]] = field(default_factory=dict[str, tuple[float, ...]])
-    #: other extremes of the histories whose extreme a scalar is: difference from the scalar, and its derivatives
-    extremes: Mapping[str, tuple[tuple[float, ...], ...]] = field(
-        default_factory=dict[str, tuple[tuple[float, ...], ...]]
-    )
+    #: other local extremes of the history whose extreme a scalar is
+    extremes: Mapping[str, Planes] = field(default_factory=dict[str, Planes])
 
 
 def catch_errors(compute: Callable[[], Row]) -> Row:

@@ -173,18 +173,16 @@ def train_metrics(model: Model, response: Response, period: float, names: Sequen
     return figures
 
 
-def extreme_history(
-    model: Model, response: Response, name: str, *, counted: bool = True
-) -> FloatArray | None:  # fmt: skip
+def extreme_history(model: Model, response: Response, name: str, *, window: bool = True) -> FloatArray | None:
     """Return the history whose largest value is a metric, shape (m,), or None for a metric that is no extreme.
 
-    Of a minimum it is the negative history; instants that are not counted are minus infinity.
+    Of a minimum it is the negative history. It is minus infinity outside the window of the metric, such as the nose.
     """
     channel, _, kind = name.rpartition(".")
     if name.endswith(f".{_NOSE_FORCE}"):
         contact = channel.split(".")[1]
         nose = _flanks(model.cams[model.cam_contacts[contact].cam], response.angle)["nose"]
-        return np.where(nose | (not counted), -response.channels[f"contacts.{contact}.force"], -np.inf)
+        return np.where(nose | (not window), -response.channels[f"contacts.{contact}.force"], -np.inf)
     if kind not in ("least", "largest") or channel not in response.channels or _metric_name(channel) != name:
         return None
     values = response.channels[channel]

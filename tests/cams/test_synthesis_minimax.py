@@ -243,6 +243,11 @@ def test_infeasible(case):
         minimax(SplineFamily(degree=5, pieces=16), {"Ca": 1.0}, bounds=bounds, conditions=conditions)
 
 
+def test_conditions_that_need_a_negative_velocity_say_so():
+    with pytest.raises(InputError, match=r"Use a wider bound or other conditions, with laws that turn back"):
+        minimax(SplineFamily(degree=5, pieces=8), {"Ca": 1.0}, bounds={"Cj": 500.0}, conditions=[(0.2, 1, -0.1)])
+
+
 def test_conditions_that_symmetry_forbids_say_so():
     with pytest.raises(InputError, match=r"--asymmetric"):
         minimax(SplineFamily(degree=5, pieces=8), {"Ca": 1.0}, conditions=[(0.5, 0, 0.6)])

@@ -80,6 +80,13 @@ def test_no_variant_within_the_bounds():
     np.testing.assert_allclose(found.points[found.nearest], [4.0, 4.0], atol=0.1)
 
 
+@pytest.fixture
+def fractions(monkeypatch):
+    """Return a function that returns variables from 0 to 1 with their start."""
+    monkeypatch.setattr(gradients, "interval_widths", lambda _case, variables: np.ones(len(variables)))
+    return lambda **starts: tuple(Variable(name, 0.0, 1.0, "", start) for name, start in starts.items())
+
+
 class Polygon(Known):
     """The sum x + 0.7 y within a polygon of 24 sides, whose largest excess is one of 24 extremes."""
 
@@ -95,7 +102,10 @@ class Polygon(Known):
 
 
 def test_a_search_by_gradient_knows_all_extremes(monkeypatch):
-    """The corner at 37.5 deg is reached in steps of 0.1, 0.2 and 0.4 intervals, without a violation on the way."""
+    """The corner at 37.5 deg in four variants; a search that only has the largest extreme is 9e-5 away then.
+
+    A step keeps 1e-6 of a bound: tolerance 1e-5.
+    """
     monkeypatch.setattr(gradients, "interval_widths", lambda _case, _variables: np.array([4.0, 4.0]))
     design = OptimizationProblem(Polygon({}), (Goal("sum", most=True),), parse_constraints(["excess <= 1"]))
     found, corner = gradients.optimize_by_gradient(design, evaluations=4), math.radians(37.5)
@@ -103,33 +113,59 @@ def test_a_search_by_gradient_knows_all_extremes(monkeypatch):
     assert -found.costs[found.best, 0] == pytest.approx(best, abs=1e-5)
 
 
-def test_a_search_by_gradient_ends_where_its_goal_is_zero(monkeypatch):
+def test_a_search_by_gradient_ends_where_its_goal_is_zero(fractions):
     """A goal of zero without a slope, as the force of a lost contact."""
-    monkeypatch.setattr(gradients, "interval_widths", lambda _case, _variables: np.array([4.0, 4.0]))
 
     class Zero(Known):
         def _row(self, _point):
-            return Row(Status(), {"force": 0.0}, {"force": "N"}, derivatives={"force": (0.0, 0.0)})
+            return Row(Status(), {"force": 0.0}, {"force": "N"}, derivatives={"force": (0.0,)})
 
-    design = OptimizationProblem(Zero({}), (Goal("force", most=True),), parse_constraints(["force >= 1 N"]))
+    points = Zero({}, fractions(x=0.5))
+    design = OptimizationProblem(points, (Goal("force", most=True),), parse_constraints(["force >= 1 N"]))
     found = gradients.optimize_by_gradient(design, evaluations=5)
     assert found.costs[found.nearest, 0] == 0.0
     assert found.is_flat
 
 
-def test_a_search_by_gradient_ends_within_a_curved_constraint(monkeypatch):
-    """Least y within the circle (x - 2)^2 + (y - 2)^2 <= 1: y = 1."""
-    monkeypatch.setattr(gradients, "interval_widths", lambda _case, _variables: np.array([4.0, 4.0]))
+def test_a_search_by_gradient_ends_within_a_curved_constraint(fractions):
+    """Least 1 + x + y within an ellipse about (0.5, 0.5), with a half axis of 0.1 or less.
 
-    class Circle(Known):
+    The search ends with a box of a thousandth of the intervals: tolerance 1e-3.
+    """
+    H = np.array([[1.0 + 16.0 * 0.3**2, -16.0 * 0.3], [-16.0 * 0.3, 16.0]]) / 0.1**2
+
+    class Ellipse(Known):
         def _row(self, point):
-            x, y = np.array(point) - 2.0
-            slopes = {"y": (0.0, 1.0), "square": (2.0 * x, 2.0 * y)}
-            return Row(Status(), {"y": y + 2.0, "square": x * x + y * y}, {"y": "1", "square": "1"}, derivatives=slopes)
+            d = np.array(point) - 0.5
+            slopes = {"sum": (1.0, 1.0), "square": tuple(2.0 * H @ d)}
+            values = {"sum": 1.0 + sum(point), "square": d @ H @ d}
+            return Row(Status(), values, dict.fromkeys(slopes, "1"), derivatives=slopes)
 
-    design = OptimizationProblem(Circle({}), (Goal("y"),), parse_constraints(["square <= 1"]))
-    found = gradients.optimize_by_gradient(design, evaluations=40)
-    assert found.costs[found.best, 0] == pytest.approx(1.0, abs=1e-3)
+    points = Ellipse({}, fractions(x=0.55, y=0.5))
+    design = OptimizationProblem(points, (Goal("sum"),), parse_constraints(["square <= 1"]))
+    found = gradients.optimize_by_gradient(design, evaluations=80)
+    least = 2.0 - np.sqrt(np.ones(2) @ np.linalg.solve(H, np.ones(2)))
+    assert found.costs[found.best, 0] == pytest.approx(least, abs=1e-3)
+
+
+def test_a_search_by_gradient_ends_with_a_wrong_slope(fractions, monkeypatch):
+    """Two points whose order depends on the price of a violation do not alternate without end."""
+    lowest, steps = gradients._lowest, list[object]()
+
+    def counted(*given):
+        steps.append(None)
+        assert len(steps) < 200
+        return lowest(*given)
+
+    class Wrong(Known):
+        def _row(self, point):
+            slopes = {"cost": (1.0,), "lift": (0.1,)}
+            return Row(Status(), dict.fromkeys(slopes, point[0]), dict.fromkeys(slopes, "1"), derivatives=slopes)
+
+    monkeypatch.setattr(gradients, "_lowest", counted)
+    points = Wrong({}, fractions(x=0.2))
+    design = OptimizationProblem(points, (Goal("cost"),), parse_constraints(["lift >= 0.6"]))
+    assert gradients.optimize_by_gradient(design, evaluations=80).best is not None
 
 
 def test_front_of_two_parabolas():

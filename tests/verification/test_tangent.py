@@ -230,6 +230,18 @@ def test_other_local_extremes_against_differences(record):
            reason="differences over 1e-4")  # fmt: skip
 
 
+def test_a_derivative_does_not_depend_on_its_change():
+    """The equilibria of a case and of its neighbour are found alike: otherwise their tolerance shows, here 7e-6."""
+    case = CaseFile.open(Path(BUCKET)).read((*ONE_REVOLUTION, "run.engine=kernel"))
+    name = "contacts.intake.pressure.largest"
+    (number,) = get_numbers(case, ["masses.bucket.mass"])
+    small, large = (
+        compute_gradient(case, [name], [number], [size * number.value]).derivatives[name, number.key]
+        for size in (1.0, 10.0)
+    )
+    assert small == pytest.approx(large, rel=1e-6)
+
+
 @pytest.mark.slow
 def test_a_chaotic_motion_is_known_by_its_growth():
     """Three revolutions of the pushrod train hop on the base circle: neighbouring motions part by powers of ten."""
