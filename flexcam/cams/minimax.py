@@ -121,7 +121,7 @@ class Program:
         dual = float(b @ found.ineqlin.marginals + e @ found.eqlin.marginals)
         return np.asarray(found.x[: self.family.size], dtype=float), dual
 
-    def least_rms(self, places: Mapping[int, FloatArray]) -> tuple[FloatArray, float]:
+    def minimum_rms(self, places: Mapping[int, FloatArray]) -> tuple[FloatArray, float]:
         """Return the coefficients of minimum rms, by constrained least squares, and that rms."""
         rows, offset = self._weighted_acceleration()
         A, b = self._inequalities(places, (), None)
@@ -133,6 +133,8 @@ class Program:
             from scipy.linalg import null_space
 
             base = np.asarray(np.linalg.lstsq(E[:, free], e, rcond=None)[0], dtype=float)
+            if not np.allclose(E[:, free] @ base, e, rtol=0.0, atol=FEASIBILITY_TOLERANCE):
+                raise self._impossible()
             ways = np.asarray(null_space(E[:, free], rcond=1e-12), dtype=float)
         f = -(rows @ base + offset)
         y = constrained_least_squares(rows @ ways, f, -A[:, free] @ ways, A[:, free] @ base - b)
@@ -287,14 +289,14 @@ def _exchange(program: Program) -> tuple[FloatArray, float]:
     places: dict[int, FloatArray] = dict.fromkeys((1, 2, 3), _START)
     cuts = list[TangentPlane]()
     alone = set(program.weights) == {"rms"}
-    x, bound = program.least_rms(places) if alone else program.solve(places, cuts)
+    x, bound = program.minimum_rms(places) if alone else program.solve(places, cuts)
     for _ in range(_ROUNDS):
         law = program.family.law(x)
         if program.is_feasible(law, 0.0) and program.objective(law) - bound <= _GAP * abs(bound):
             break
         places = {order: _with(places[order], stationary_points(law, order)) for order in places}
         cuts += [program.tangent(x)] if "rms" in program.weights else []
-        x, bound = program.least_rms(places) if alone else program.solve(places, cuts)
+        x, bound = program.minimum_rms(places) if alone else program.solve(places, cuts)
     return x, bound
 
 

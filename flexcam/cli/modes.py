@@ -117,9 +117,10 @@ def modes(
     counted = (
         f" For sensitivity and optimize, frequency.1 is no. {first}, the first mode above zero." if first > 1 else ""
     )
+    title = f"{read.title}: modes, contacts open"
+    table = [mode_table(found, title, read.turns), columns + counted] if moves else [f"{title}: none. {_NO_MODES}"]
     parts = [
-        mode_table(found, f"{read.title}: modes, contacts open", read.turns),
-        columns + counted,
+        *table,
         *(_closed_mode_table(one, count, read.turns) for one in closed),
         *explain_planes([*moves, *closed_moves]),
         *check_modes(found),
@@ -147,6 +148,8 @@ def modes(
     }  # fmt: skip
     return cli.CommandOutput(parts, json)
 
+
+_NO_MODES = "A mode needs a mass, or a member with density, that can move."
 
 _MODES, _RESPONSE = Group("Natural modes", sort_key=1), Group("Orders of the response", sort_key=2)
 _MAX_ORDER = 1000  # the harmonics of a lift are below a thousandth of the maximum long before

@@ -211,13 +211,19 @@ def _optimum(design: OptimizationProblem, found: Evaluations) -> tuple[list[Tabl
     ]
     parts: list[Table | str] = [facts_table(title, rows)]
     if design.bounds:
-        parts.append(_constraint_table(design, found, at))
+        parts += [_constraint_table(design, found, at), _DISTANCE]
         if any(active for *_, active in _constraints(design, found, at)):
             parts.append("active: changing the value or the varied values by 1 % violates the constraint")
     if ends := [one.key for one, x in point if min(x - one.low, one.high - x) <= 0.01 * (one.high - one.low)]:
         parts.append(f"At an end of its interval: {', '.join(ends)}; a wider interval may have a better variant.")
     best = None if found.best is None else _variant_json(design, found, found.best)
     return parts, {"best": best, "nearest": _variant_json(design, found, at)}
+
+
+_DISTANCE = (
+    "distance to violation: change of the varied values, in % of their intervals, to the nearest evaluated variant that "
+    "violates the constraint"
+)
 
 
 def _front(design: OptimizationProblem, found: Evaluations) -> tuple[list[Table | str], dict[str, Any]]:
@@ -261,7 +267,7 @@ def _constraint_table(design: OptimizationProblem, found: Evaluations, at: int) 
             margin = f"{-violation:.2%} (active)" if active else f"{-violation:.1%}"
         away = "none found" if math.isinf(distance) else f"{distance:.2%}"
         rows.append((one.words, _value(design, found, at, one.name), margin, away))
-    head = ("subject to", "value", "margin", "distance to violation, in % of the intervals of --vary")
+    head = ("subject to", "value", "margin", "distance to violation")
     return plain_table("Constraints", head, rows)
 
 
