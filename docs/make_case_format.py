@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 
 from flexcam.cams import KINDS, LAWS
-from flexcam.case.records import CaseRecord
+from flexcam.case.case import CaseRecord
 from flexcam.core.units import DIMENSIONS
 
 ROOT = Path(__file__).resolve().parents[1]

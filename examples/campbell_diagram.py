@@ -10,7 +10,7 @@ share of the contact force.
 import numpy as np
 
 import flexcam
-from flexcam.analysis.campbell import campbell
+from flexcam.analysis.natural_modes import campbell
 from flexcam.plotting.spectra import campbell_figure
 
 case = flexcam.read_case("../cases/li/valve-train.toml")

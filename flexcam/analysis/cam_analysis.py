@@ -40,9 +40,8 @@ from flexcam.cams import (
     valve_event,
 )
 from flexcam.case.builder import build_model
-from flexcam.case.case import Case
+from flexcam.case.case import CamsRecord, Case, CaseRecord
 from flexcam.case.reader import has_mechanism, read_cams, read_case
-from flexcam.case.records import CamsRecord, CaseRecord
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse, suggest_name
 from flexcam.core.units import RPM

@@ -1,19 +1,40 @@
-"""Natural modes of cases and their similarity."""
+"""Natural modes of cases, their similarity, and the Campbell diagram: frequencies over speed and orders of a cam.
+
+The model has no gyroscopic effects, so that the speed changes the modes only through preloads: a Hertz contact is
+softer with less force at the cam nose, an open contact has no stiffness, and a compressed pushrod loses stiffness.
+The modes over speed are computed at full lift of a run at every speed, with the spring coils that touch at rest.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from flexcam.analysis.preparation import prepare
+from flexcam.analysis.orders import run_over_speeds
+from flexcam.analysis.preparation import PreparedRun, prepare
+from flexcam.analysis.stability import MAX_DOFS, Resonance, force_harmonics, lift_harmonics
+from flexcam.cams import Event
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
-from flexcam.core import FloatArray
-from flexcam.core.errors import InputError, refuse
-from flexcam.dynamics import RunFailedError, State, mac
-from flexcam.valvetrain import CamContact, ModelModes, build_structure, model_modes, modes_on_the_lift
+from flexcam.case.schema.contacts import CamContactRecord
+from flexcam.core import FloatArray, Triplets
+from flexcam.core.errors import InputError, refuse, suggest_name
+from flexcam.core.units import RPM
+from flexcam.dynamics import ProgressCallback, Response, RunFailedError, State, Status, equilibrium, mac
+from flexcam.valvetrain import (
+    CamContact,
+    ContactModes,
+    ModelModes,
+    build_structure,
+    contact_modes,
+    contact_stiffness,
+    model_modes,
+    modes_on_the_lift,
+)
 
 
 def modes(
@@ -100,3 +121,156 @@ def modal_assurance(case: Case, found: ModelModes, other: Case, others: ModelMod
     moving = sum(bool(shapes[0][place].any()) for place in common)
     columns = [np.concatenate([one[place] for place in common], axis=1).T for one in shapes]
     return mac(columns[0], columns[1]), moving
+
+
+_EXTRA_MODES = 8  # additional modes, among which a mode is found again after others have crossed it
+_MIN_MAC = 0.5  # minimum modal assurance criterion, weighted by mass, for modes at two speeds to count as the same
+# maximum relative change of a frequency between adjacent speeds; a larger one indicates a change of contact
+_MAX_FREQUENCY_CHANGE = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class Campbell:
+    """Natural frequencies over speed."""
+
+    contact: str  #: contact whose cam defines the orders
+    rpm: FloatArray  #: camshaft speeds, shape (m,)
+    #: natural frequencies, Hz, shape (m, k), a column per mode in ascending order; NaN if a run failed or its state is
+    #: unstable, or if the mode does not exist because a contact has opened or closed
+    frequencies: FloatArray
+    #: whether the contact excites each mode at some speed: the mode contributes to the compliance at the contact
+    reached: tuple[bool, ...]
+    words: tuple[str, ...]  #: description of each mode, at its lowest speed
+    lifts: Mapping[int, float]  #: amplitude in the lift by evaluated order, m
+    #: amplitudes of these orders in the contact force, N, shape (m, orders); NaN if a run failed, is shorter than a
+    #: revolution, or has too few steps for the order
+    loads: FloatArray
+    #: crossings of orders with modes excited at the contact, in ascending order of speed
+    crossings: tuple[Resonance, ...]
+    #: status at every speed: of the run, or of the mode computation, which fails in an unstable state
+    statuses: tuple[Status, ...]
+
+
+@dataclass(eq=False)
+class _ModeLine:
+    frequencies: FloatArray
+    shape: FloatArray
+    words: str
+    reached: bool = False
+
+
+def campbell(
+    case: Case, speeds: Sequence[float], *, orders: Sequence[int], modes: int = 8, contact: str | None = None,
+    advance: ProgressCallback | None = None,
+) -> Campbell:  # fmt: skip
+    """Return natural frequencies over speed and their crossings with the orders of a cam."""
+    name, cam = _check_contact(case, speeds, orders, modes, contact)
+    rpm = np.array(speeds) / RPM
+    sizes = lift_harmonics(build_model(case).cams[cam].event, max(orders))
+    lifts = {n: size for n, size in sizes.items() if n in orders}
+    wanted = np.array(list(lifts), dtype=int)
+    loads, statuses = np.full((len(rpm), len(lifts)), math.nan), list[Status]()
+    lines: list[_ModeLine] = []
+    for i, run in enumerate(run_over_speeds(case, speeds, advance)):
+        statuses.append(run if isinstance(run, Status) else run[1].status)
+        if isinstance(run, Status) or not run[1].status.ok:
+            continue
+        ready, response = run
+        loads[i] = force_harmonics(response, name, max(orders))[wanted - 1]
+        structure = build_structure(ready.model)
+        try:
+            event = ready.model.cams[cam].event
+            here = contact_modes(structure, name, _stiffness_at_full_lift(ready, response, event))
+        except RunFailedError as failure:
+            statuses[-1] = failure.status
+        else:
+            _extend_lines(lines, i, len(rpm), here, structure.mass, modes)
+    lines.sort(key=lambda line: float(np.nanmin(line.frequencies)))
+    met = _find_crossings(name, rpm, lines, lifts, loads)
+    frequencies = np.array([line.frequencies for line in lines]).reshape(len(lines), len(rpm)).T
+    reached, words = tuple(line.reached for line in lines), tuple(line.words for line in lines)
+    return Campbell(name, rpm, frequencies, reached, words, lifts, loads, met, tuple(statuses))
+
+
+def _stiffness_at_full_lift(ready: PreparedRun, response: Response, event: Event) -> list[tuple[str, Triplets]]:
+    """Return the stiffness of each local force at the saved instant of the largest lift."""
+    system = ready.problem.system
+    late = response.field_time > response.field_time[-1:] - ready.revolution
+    if not late.any() or not system.local_forces or system.is_kinematic or system.size > MAX_DOFS:
+        return []
+    at = np.flatnonzero(late)[[int(np.argmax(event(response.field_angle[late], 0)))]]
+    motion = ready.problem.drive.at(response.field_time[at])
+    moving = contact_stiffness(system, motion, response.fields.displacement[at], response.fields.velocity[at])
+    if not any(name.endswith(_COILS) for name, _ in moving):
+        return moving
+    # which coils touch changes with every wave in a spring: the modes are those of the coils that touch at rest
+    try:
+        still = equilibrium(system, ready.problem.drive, float(motion.time[0])).displacement[None]
+    except RunFailedError:  # such as a shaft within the backlash of its gear
+        return moving
+    at_rest = dict(contact_stiffness(system, motion, still, np.zeros_like(still)))
+    return [(name, at_rest[name] if name.endswith(_COILS) else part) for name, part in moving]
+
+
+_COILS = ".clash"  # end of the names of the forces of touching coils
+
+
+def _extend_lines(lines: list[_ModeLine], i: int, count: int, here: ContactModes, mass: Triplets, modes: int) -> None:
+    """Extend the lines by the modes at the next speed; a mode that matches no line starts a new one."""
+    from scipy.optimize import linear_sum_assignment
+
+    first = here.found.modes.rigid
+    last = min(first + modes + _EXTRA_MODES, len(here.found.modes.omegas))
+    shapes, hit = here.found.modes.shapes[:, first:last], set(here.relevant_modes)
+    before = np.array([line.shape for line in lines]).reshape(len(lines), mass.size)
+    likeness = (before @ mass.multiply(shapes)) ** 2
+    here_hz = here.found.modes.frequencies[first:last]
+    latest = np.array([line.frequencies[~np.isnan(line.frequencies)][-1] for line in lines])
+    leaps = np.abs(here_hz / latest[:, None] - 1.0) > _MAX_FREQUENCY_CHANGE
+    alike = np.where(leaps, 0.0, likeness)
+    best: list[list[int]] = np.column_stack(linear_sum_assignment(-alike)).tolist()
+    pairs = [(k, j) for k, j in best if alike[k, j] >= _MIN_MAC]
+    new = set(range(min(modes, last - first))) - {j for _, j in pairs}
+    for j in sorted(new):
+        lines.append(_ModeLine(np.full(count, math.nan), shapes[:, j], here.found.words(first + j)))
+        pairs.append((len(lines) - 1, j))
+    for k, j in pairs:
+        lines[k].frequencies[i] = here_hz[j]
+        lines[k].shape = shapes[:, j]
+        lines[k].reached |= first + j in hit
+
+
+def _find_crossings(
+    contact: str, rpm: FloatArray, lines: Sequence[_ModeLine], lifts: Mapping[int, float], loads: FloatArray
+) -> tuple[Resonance, ...]:
+    """Return the crossings of order lines with mode lines, linear between speeds."""
+    met: list[Resonance] = []
+    for mode, line in enumerate(lines):
+        for column, (n, size) in enumerate(lifts.items() if line.reached else ()):
+            above = line.frequencies - n * rpm / 60.0
+            for i in np.flatnonzero(above[:-1] * above[1:] <= 0.0).tolist():
+                if above[i + 1] == 0.0 and i + 2 < len(rpm):  # the next segment starts with the same crossing
+                    continue
+                part = above[i] / (above[i] - above[i + 1]) if above[i] != above[i + 1] else 0.0
+                speed, load = (float(one[i] + part * (one[i + 1] - one[i])) for one in (rpm, loads[:, column]))
+                met.append(Resonance(contact, speed, n, size, load, mode, n * speed / 60.0, line.words))
+    return tuple(sorted(met, key=lambda one: one.rpm))
+
+
+def _check_contact(
+    case: Case, speeds: Sequence[float], orders: Sequence[int], modes: int, contact: str | None
+) -> tuple[str, str]:
+    if len(speeds) < 2 or not (np.diff(speeds) > 0.0).all() or speeds[0] <= 0.0:
+        raise refuse("speeds", f"{len(speeds)} speeds", "two or more, rising, above zero")
+    if not orders or min(orders) < 1:
+        raise refuse("orders", str(list(orders)), "whole numbers, each at least 1")
+    if modes < 1:
+        raise refuse("modes", modes, "a whole number, at least 1")
+    driven = {name: one.cam for name, one in case.record.contacts.items() if isinstance(one, CamContactRecord)}
+    if not driven:
+        why = "the orders of the cam excite the modes"
+        raise refuse("contacts", "none with a cam", "a contact of a cam and its follower", why)
+    if contact is not None and contact not in driven:
+        raise refuse("contact", repr(contact), f"one of {', '.join(driven)}", "", suggest_name(contact, driven))
+    name = contact or next(iter(driven))
+    return name, driven[name]

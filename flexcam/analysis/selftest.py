@@ -11,8 +11,8 @@ from importlib.util import find_spec
 
 import numpy as np
 
+from flexcam.analysis.comparison import excited_mode
 from flexcam.analysis.preparation import prepare
-from flexcam.analysis.published_claims import excited_mode
 from flexcam.analysis.run import open_result_file
 from flexcam.cams import LAWS, criteria
 from flexcam.case.reader import read_case

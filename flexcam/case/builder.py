@@ -13,10 +13,9 @@ from pydantic import ValidationError
 
 from flexcam import valvetrain
 from flexcam.cams import Follower, Turn, unique_event
-from flexcam.case.case import Case
+from flexcam.case.case import Case, CaseRecord
 from flexcam.case.cross_checks import mesh_faults, model_faults
 from flexcam.case.fault_report import KeyLocations, convert_errors, parse_toml
-from flexcam.case.records import CaseRecord
 from flexcam.case.schema import contacts, parts
 from flexcam.case.schema.base import Length, Record
 from flexcam.case.schema.cams import FollowerRecord

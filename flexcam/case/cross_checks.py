@@ -12,8 +12,8 @@ from typing import Any, cast
 
 import numpy as np
 
+from flexcam.case.case import CaseRecord
 from flexcam.case.fault_report import KeyLocations, Path, value_at
-from flexcam.case.records import CaseRecord
 from flexcam.case.schema.cams import LAW_KEYS, LIFT_TABLE_CONFLICTS
 from flexcam.case.schema.contacts import AdjusterRecord, LashRecord, PublishedLoadRecord
 from flexcam.case.schema.parts import LeverRecord

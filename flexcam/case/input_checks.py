@@ -15,10 +15,9 @@ from typing import Any, cast
 import numpy as np
 
 from flexcam.cams import DelayedEvent, LiftEvent, valve_event
-from flexcam.case.case import Case
+from flexcam.case.case import Case, resolve_record, si_unit
 from flexcam.case.fault_report import value_at
 from flexcam.case.reader import case_tables, template_tables
-from flexcam.case.records import resolve_record, si_unit
 from flexcam.core.units import RPM, format_quantity
 from flexcam.dynamics import Method, Problem, RunFailedError, SaveAt, Scheme, equilibrium, newmark, solve
 from flexcam.fem.frames import direction

@@ -18,13 +18,9 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from flexcam.case.builder import build_model
-from flexcam.case.case import Case
-from flexcam.case.cross_checks import RawTables
-from flexcam.case.fault_report import KeyLocations, convert_errors, correct_keys, parse_toml, sort_faults, value_at
-from flexcam.case.fault_report import Path as KeyPath
-from flexcam.case.problem_builder import build_equations, check_run, locate_run_faults
-from flexcam.case.records import (
+from flexcam.case.case import (
     CamsRecord,
+    Case,
     CaseRecord,
     RepeatFileRecord,
     SweepFileRecord,
@@ -33,6 +29,10 @@ from flexcam.case.records import (
     resolve_record,
     si_unit,
 )
+from flexcam.case.cross_checks import RawTables
+from flexcam.case.fault_report import KeyLocations, convert_errors, correct_keys, parse_toml, sort_faults, value_at
+from flexcam.case.fault_report import Path as KeyPath
+from flexcam.case.problem_builder import build_equations, check_run, locate_run_faults
 from flexcam.case.repetition import Repetition
 from flexcam.case.schema.base import Record, records_at
 from flexcam.case.schema.cams import LIFT_TABLE_CONFLICTS

@@ -9,8 +9,8 @@ from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Any, cast
 
+from flexcam.case.case import example_value
 from flexcam.case.fault_report import Path, value_at
-from flexcam.case.records import example_value
 from flexcam.core.errors import Fault
 from flexcam.fem.mesh import Mesh
 

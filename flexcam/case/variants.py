@@ -17,10 +17,9 @@ from typing import Any, cast
 import numpy as np
 
 from flexcam.case.builder import build_model
-from flexcam.case.case import Case
+from flexcam.case.case import Case, find_unit
 from flexcam.case.fault_report import value_at
 from flexcam.case.reader import CaseFile, case_tables
-from flexcam.case.records import find_unit
 from flexcam.case.repetition import map_texts, name_pattern
 from flexcam.case.schema.run import GivenStartRecord
 from flexcam.core import FloatArray

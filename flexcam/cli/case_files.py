@@ -11,9 +11,9 @@ from flexcam.analysis.natural_modes import modes
 from flexcam.analysis.preparation import prepare_without_periodic_search
 from flexcam.analysis.run import estimate_case_resources
 from flexcam.analysis.run_checks import check_input, check_modes
+from flexcam.case.case import CaseRecord
 from flexcam.case.input_checks import check_coil_bind
 from flexcam.case.reader import complete_case_tables
-from flexcam.case.records import CaseRecord
 from flexcam.case.starters import new_case, templates
 from flexcam.cli import app as cli
 from flexcam.core.errors import refuse

@@ -11,10 +11,16 @@ from cyclopts import Group, Parameter
 
 from flexcam import plotting
 from flexcam.analysis import comparison
-from flexcam.analysis.comparison import MODELS, compare_responses, describe_common_part
+from flexcam.analysis.comparison import (
+    MODELS,
+    check_claims,
+    compare_responses,
+    describe_common_part,
+    deviation,
+    excited_mode,
+)
 from flexcam.analysis.model_choice import evaluate_ladder, model_ladder
 from flexcam.analysis.preparation import prepare, scalar_probe
-from flexcam.analysis.published_claims import check_claims, deviation, excited_mode
 from flexcam.analysis.run import run as run_case
 from flexcam.case.case import Case
 from flexcam.cli import app as cli

@@ -15,9 +15,8 @@ from cyclopts import Group, Parameter
 from rich.table import Table
 
 from flexcam import plotting
-from flexcam.analysis.campbell import Campbell
-from flexcam.analysis.campbell import campbell as find_crossings
-from flexcam.analysis.natural_modes import ClosedModes, closed_modes, modal_assurance
+from flexcam.analysis.natural_modes import Campbell, ClosedModes, closed_modes, modal_assurance
+from flexcam.analysis.natural_modes import campbell as find_crossings
 from flexcam.analysis.natural_modes import modes as case_modes
 from flexcam.analysis.orders import Signal, Waterfall, largest_orders, waterfall
 from flexcam.analysis.preparation import prepare, scalar_probe

@@ -221,8 +221,8 @@ def _optimum(design: OptimizationProblem, found: Evaluations) -> tuple[list[Tabl
 
 
 _DISTANCE = (
-    "distance to violation: change of the varied values, in % of their intervals, to the nearest evaluated variant that "
-    "violates the constraint"
+    "distance to violation: change of the varied values, in % of their intervals, to the nearest evaluated variant "
+    "that violates the constraint"
 )
 
 

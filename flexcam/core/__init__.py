@@ -5,7 +5,16 @@ function in `factorization`; input errors are raised through `errors`.
 """
 
 from flexcam.core.eigen import LongArray, solve_eigenproblem
-from flexcam.core.factorization import Factor, SingularMatrixError, diagonal_scale, factorize, select_storage
+from flexcam.core.factorization import (
+    Factor,
+    SingularMatrixError,
+    diagonal_scale,
+    factorize,
+    factorize_with_update,
+    null_space,
+    select_constraints,
+    select_storage,
+)
 from flexcam.core.matrices import (
     DENSE_LIMIT,
     ROUNDING_LIMIT,
@@ -18,7 +27,6 @@ from flexcam.core.matrices import (
     energy_rounding,
     rounding_fraction,
 )
-from flexcam.core.null_space import factorize_with_update, null_space, select_constraints
 
 __all__ = [
     "DENSE_LIMIT", "ROUNDING_LIMIT", "ComplexArray", "Factor", "FloatArray", "IntArray", "LongArray",

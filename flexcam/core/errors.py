@@ -5,8 +5,10 @@ from __future__ import annotations
 import difflib
 import operator
 import re
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from datetime import date, time
+from html import escape
 from importlib.util import find_spec
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, TypeVar, cast
@@ -235,3 +237,12 @@ def suggest_name(name: str, known: Iterable[str]) -> str:
         if not near and len(alike) <= _MAX_ALIKE:
             return f"did you mean {' or '.join(map(repr, alike))}?"
     return f"did you mean {near!r}?" if near else ""
+
+
+def html_table(title: str, rows: Mapping[str, str]) -> str:
+    """Return an HTML table of names and values without empty values."""
+    cells = "".join(
+        f"<tr><th style='text-align:left'>{escape(name)}</th><td style='text-align:left'>{escape(value)}</td></tr>"
+        for name, value in rows.items() if value
+    )  # fmt: skip
+    return f"<table><caption>{escape(title)}</caption>{cells}</table>"

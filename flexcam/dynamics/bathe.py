@@ -8,8 +8,7 @@ import numpy as np
 
 from flexcam.core import FloatArray
 from flexcam.dynamics.generalized_alpha import newmark
-from flexcam.dynamics.implicit_step import ImplicitStage
-from flexcam.dynamics.integrator import At, Method, Stepper
+from flexcam.dynamics.integrator import At, ImplicitStage, Method, Stepper
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.step_state import StepInputs, StepState
 from flexcam.dynamics.system import System

@@ -14,9 +14,8 @@ import numpy as np
 from flexcam.core import DENSE_LIMIT, FloatArray
 from flexcam.core.errors import InputError, refuse
 from flexcam.dynamics.generalized_alpha import family_matrix
-from flexcam.dynamics.implicit_step import ImplicitStage
 from flexcam.dynamics.initial_acceleration import massless_contact_error
-from flexcam.dynamics.integrator import At, Method, Stepper
+from flexcam.dynamics.integrator import At, ImplicitStage, Method, Stepper
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.massless import MasslessMotions
 from flexcam.dynamics.step_state import StepInputs, StepState

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.core import FloatArray
-from flexcam.dynamics.implicit_step import NoConvergenceError
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
-from flexcam.dynamics.integrator import At, Stepper
+from flexcam.dynamics.integrator import At, NoConvergenceError, Stepper
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.step_state import StepInputs, StepState
 

@@ -20,9 +20,8 @@ from flexcam.dynamics.blocks import Arrays, Series, flatten
 from flexcam.dynamics.cam_motion import PrescribedInputs
 from flexcam.dynamics.contact_events import EventStepper
 from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, instant, no_instants, stack_instant
-from flexcam.dynamics.implicit_step import NoConvergenceError
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
-from flexcam.dynamics.integrator import At, Method, Stepper
+from flexcam.dynamics.integrator import At, Method, NoConvergenceError, Stepper
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.problem import Adaptive, Problem, State
 from flexcam.dynamics.status import Cause, Stats, Status

@@ -16,13 +16,12 @@ from flexcam.dynamics.basis import Basis
 from flexcam.dynamics.blocks import SaveAt
 from flexcam.dynamics.collocation import Collocation, collocation
 from flexcam.dynamics.direct_engine import DirectEngine, Pilot
-from flexcam.dynamics.engine import Engine
+from flexcam.dynamics.engine import Engine, KinematicEngine
 from flexcam.dynamics.generalized_alpha import Scheme, newmark
 from flexcam.dynamics.integrator import Method
 from flexcam.dynamics.jit import is_available
 from flexcam.dynamics.kernel_engine import KernelEngine
 from flexcam.dynamics.kernel_step import compiled_functions, contact_stiffness_ratio
-from flexcam.dynamics.kinematic_engine import KinematicEngine
 from flexcam.dynamics.law_data import ForceLaw
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.modal_coordinates import ModalCoordinates, diagonal, find_modal_coordinates, modal_problem

@@ -19,8 +19,7 @@ import numpy as np
 
 from flexcam.core import FloatArray, LongArray, select_storage
 from flexcam.core.errors import refuse
-from flexcam.dynamics.implicit_step import ImplicitStage
-from flexcam.dynamics.integrator import At, Method, Stepper
+from flexcam.dynamics.integrator import At, ImplicitStage, Method, Stepper
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.massless import find_massless_rates
 from flexcam.dynamics.step_state import StepInputs, StepState

@@ -1,7 +1,9 @@
-"""Interface of an integrator and of its step, and stability and accuracy properties.
+"""Interface of an integrator and of its step, its stability and accuracy properties, and the common implicit stage.
 
 A new integrator is a module with one frozen dataclass of this kind. Its properties follow from the amplification matrix
-of a mode: T. J. R. Hughes, The Finite Element Method (1987), ch. 9.
+of a mode: T. J. R. Hughes, The Finite Element Method (1987), ch. 9. An implicit step consists of stages with one
+operator ``S = w_m M + w_f (c_v C + c_d K)`` each, factorized once for the whole run, because neither the step nor the
+tangent outside the local forces changes; the local forces follow from a small iteration (`local_newton`).
 """
 
 from __future__ import annotations
@@ -13,8 +15,22 @@ from typing import Protocol
 
 import numpy as np
 
-from flexcam.core import FloatArray
+from flexcam.core import Factor, FloatArray, Triplets, factorize, select_storage
 from flexcam.core.errors import InputError
+from flexcam.dynamics.force_laws import (
+    ANSWER,
+    BASE,
+    BEGIN,
+    FREE_PENETRATION,
+    FREE_RATE,
+    NEW_STATE,
+    OWN,
+    PENETRATION,
+    RATE,
+    SPAN,
+    STATE,
+    TRIAL,
+)
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.step_state import StepInputs, StepState
 from flexcam.dynamics.system import System
@@ -118,3 +134,87 @@ class Method(ABC):
         scale = np.array([1.0, 1.0 / (1.0 + omega_dt), 1.0 / (1.0 + omega_dt) ** 2])
         matrix = scale[:, None] * self.amplification(omega_dt, damping) / scale
         return np.asarray(np.linalg.eigvals(matrix), dtype=complex)
+
+
+class NoConvergenceError(ArithmeticError):
+    """The iteration for the named local forces did not converge."""
+
+    def __init__(self, forces: list[str]) -> None:
+        super().__init__(", ".join(forces))
+        self.forces = forces
+
+
+class ImplicitStage:
+    """An implicit stage: ``d = d^ + c_d a``, ``v = v^ + c_v a``, and the weighted equation of motion for a.
+
+    `to_d`, s^2, and `to_v`, s, are c_d and c_v; `step`, s, is that of the internal states; the weights are those of the
+    new instant in the inertia and in the other forces. `inverse` factorizes S and raises `SingularMatrixError` if some
+    motion has neither mass, damping nor stiffness.
+    """
+
+    def __init__(
+        self, system: System, forces: LocalForces, to_d: float, to_v: float, step: float,
+        weight_m: float = 1.0, weight_f: float = 1.0, inverse: Callable[[Triplets], Factor] = factorize,
+    ) -> None:  # fmt: skip
+        self._forces, self._to_d, self._to_v, self._step, self._new = forces, to_d, to_v, step, weight_f
+        self._slope = to_v / to_d if to_d else 0.0
+        self._C, self._K = select_storage(system.damping), select_storage(system.stiffness)
+        self._damped = bool(system.damping.values.any())
+        S = system.mass.scale(weight_m) + system.damping.scale(weight_f * to_v)
+        self._S = inverse(S + system.stiffness.scale(weight_f * to_d) if to_d else S)
+        # Response of all unknowns to each acting vector, and its sensed part: the low-rank update.
+        self._by_act = self._S.solve(forces.act.vectors.T) * weight_f
+        give = (forces.sense.vectors @ self._by_act).T
+        self._give = np.array([to_d * give, to_v * give])
+
+    def solve(
+        self, d: FloatArray, v: FloatArray, now: StepState, to: StepInputs, old: FloatArray | None = None
+    ) -> StepState:
+        """Return the new instant from d^, v^ and the weighted forces of the old instant, shape (n,) each."""
+        right = self._new * (to.load - self._K @ d)
+        if self._damped:
+            right = right - self._new * (self._C @ v)
+        if old is not None:
+            right = right + old
+        a = self._S.solve(right)
+        d, v = d + self._to_d * a, v + self._to_v * a
+        if self._forces.count == 0:
+            return StepState(to.time, d, v, a, to.load, now.local, now.penetration, now.rate, now.inner)
+        iterations = self._find_forces(d, v, now, to)
+        local, states = self._forces.workspace.local, self._forces.workspace.states
+        weights = local[TRIAL] @ to.schedule.acting_matrix(to.row)
+        more = self._by_act @ weights
+        applied = to.load + weights @ self._forces.act.vectors
+        return StepState(
+            to.time, d + self._to_d * more, v + self._to_v * more, a + more, applied, local[TRIAL].copy(),
+            local[PENETRATION].copy(), local[RATE].copy(), states[NEW_STATE].copy(), iterations=iterations,
+        )  # fmt: skip
+
+    def _find_forces(self, d: FloatArray, v: FloatArray, now: StepState, to: StepInputs) -> int:
+        """Find the local forces for the motion without them; return the iterations."""
+        forces, work, table = self._forces, self._forces.workspace, self._forces.table
+        schedule, i, local = to.schedule, to.row, self._forces.workspace.local
+        sensing, turning = schedule.sensing_matrix(i), schedule.sensing_rate_matrix(i)
+        on_d, on_v = forces.sense.vectors @ d, forces.sense.vectors @ v
+        local[FREE_PENETRATION] = sensing @ on_d + schedule.offset[i]
+        local[FREE_RATE] = sensing @ on_v + turning @ on_d + schedule.offset_rate[i]
+        local[TRIAL] = local[BASE] = now.local
+        local[OWN] = -1.0
+        by_d, by_v = (give.T @ schedule.acting_matrix(i).T for give in self._give)
+        work.compliance[0], work.compliance[1] = (sensing @ by_d).T, (sensing @ by_v + turning @ by_d).T
+        work.states[STATE], work.states[BEGIN] = now.inner, now.penetration[table.owners]
+        work.states[SPAN] = self._step
+        iterations = forces.functions["solve_local"](
+            table.laws, np.array([0, len(table.laws)]), table.constants, forces.places, forces.no_reach, self._give,
+            schedule.rows, i, 1, 0, self._slope, local, work.tangent, work.states, work.active, work.compliance,
+            work.matrix,
+        )  # fmt: skip
+        if iterations == 0:
+            raise NoConvergenceError(unconverged_forces(forces.names, local))
+        return int(iterations)
+
+
+def unconverged_forces(names: list[str], local: FloatArray) -> list[str]:
+    """Return the names of the local forces with the largest difference from their laws."""
+    missing = np.abs(local[TRIAL] - local[ANSWER])
+    return [name for name, one in zip(names, missing, strict=True) if one >= 0.1 * missing.max()]

@@ -20,9 +20,8 @@ from flexcam.dynamics.collocation import Collocation
 from flexcam.dynamics.contact_events import EventStepper
 from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, no_instants, stack_instant
 from flexcam.dynamics.generalized_alpha import Scheme
-from flexcam.dynamics.implicit_step import NoConvergenceError
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
-from flexcam.dynamics.integrator import At
+from flexcam.dynamics.integrator import At, NoConvergenceError
 from flexcam.dynamics.kernel import (
     TOO_LONG,
     UNSETTLED,

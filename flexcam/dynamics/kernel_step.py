@@ -13,7 +13,7 @@ from flexcam.dynamics.cam_motion import CamMotion, PrescribedInputs
 from flexcam.dynamics.collocation import Collocation, stage_coefficients
 from flexcam.dynamics.force_laws import DEPTH, FIRST, OWN, SCALARS, STATE, STATE_ROWS
 from flexcam.dynamics.generalized_alpha import Scheme
-from flexcam.dynamics.implicit_step import unconverged_forces
+from flexcam.dynamics.integrator import unconverged_forces
 from flexcam.dynamics.jit import Functions, compile_functions
 from flexcam.dynamics.kernel import (
     BEFORE,

@@ -15,9 +15,8 @@ import numpy as np
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, positive, refuse
 from flexcam.dynamics.collocation import collocation
-from flexcam.dynamics.implicit_step import NoConvergenceError
 from flexcam.dynamics.initial_acceleration import InitialAcceleration, massless_contact_error
-from flexcam.dynamics.integrator import At, Method, Stepper
+from flexcam.dynamics.integrator import At, Method, NoConvergenceError, Stepper
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.massless import MasslessMotions
 from flexcam.dynamics.step_state import StepInputs, StepState

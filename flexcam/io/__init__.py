@@ -31,11 +31,10 @@ from flexcam.io.files import (
 from flexcam.io.hdf5 import open_hdf5, write_digest
 from flexcam.io.matrix_file import NodalMatrix, read_matrix
 from flexcam.io.mesh_file import read_mesh, write_mesh
-from flexcam.io.polydata import write_polydata
 from flexcam.io.result_reader import PartialResult, Result, read_result, verify_file
 from flexcam.io.result_schema import RECOVERED_FIELDS, VECTORS
 from flexcam.io.result_writer import ResultFile, count_output_points, partial_path, result_bytes
-from flexcam.io.vtk_groups import Geometry
+from flexcam.io.vtk import Geometry, write_polydata
 
 __all__ = [
     "RECOVERED_FIELDS", "VECTORS", "Geometry", "NodalMatrix", "PartialResult", "ProfileTable", "Result",

@@ -23,7 +23,7 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.io.files import atomic_write_path, check_writable, format_toml, write_columns, write_text
 from flexcam.io.number_tables import NumberTable, Row, find_table, read_rows, refuse_rows
-from flexcam.io.polydata import write_polylines
+from flexcam.io.vtk import write_polylines
 
 _LENGTHS = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "μm": 1e-6, "inch": 0.0254, '"': 0.0254,
             "thou": 2.54e-5}  # fmt: skip

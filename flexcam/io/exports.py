@@ -16,10 +16,9 @@ from flexcam.dynamics import Outline, Response
 from flexcam.fem.mesh import Mesh
 from flexcam.io.files import atomic_write_path, check_writable, create_folder, write_columns, write_text
 from flexcam.io.hdf5 import write_digest, write_texts
-from flexcam.io.polydata import Data, write_polylines, write_vtk
 from flexcam.io.result_reader import Result
 from flexcam.io.result_schema import ABOUT, FIELDS, MODES_FREQUENCIES, MODES_KIND, NODE, RADIUS, VECTORS
-from flexcam.io.vtk_groups import Geometry, VtkGroup, constant_data
+from flexcam.io.vtk import Data, Geometry, VtkGroup, constant_data, write_polylines, write_vtk
 
 CAM_ANGLE = "cam_angle_deg"
 """Field data of every frame: the cam angle, deg."""

@@ -22,7 +22,7 @@ from flexcam.io import hdf5
 from flexcam.io import result_schema as schema
 from flexcam.io.result_schema import RESULT_SUFFIX, VECTORS
 from flexcam.io.result_writer import partial_path, read_checkpoint
-from flexcam.io.vtk_groups import Geometry
+from flexcam.io.vtk import Geometry
 
 _SUFFIXES = re.compile(r"((\.partial)?\.vtkhdf|\.writing|\.copying)$")
 

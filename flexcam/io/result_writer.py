@@ -25,7 +25,7 @@ from flexcam.io import hdf5
 from flexcam.io import result_schema as schema
 from flexcam.io.files import check_writable, open_with_lock
 from flexcam.io.result_schema import VECTORS
-from flexcam.io.vtk_groups import Geometry, VtkGroup, constant_data
+from flexcam.io.vtk import Geometry, VtkGroup, constant_data
 
 _module: Any = h5py
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.io import atomic_write_path, check_writable, create_folder, write_collection, write_polydata
-from flexcam.io.polydata import write_vtk
+from flexcam.io.vtk import write_vtk
 from flexcam.plotting.scene.mechanism import Mechanism
 from flexcam.plotting.scene.motion import Motion
 from flexcam.plotting.scene.solids import COLOURS, NEUTRAL_COLOUR, OPACITIES, Solid

@@ -13,7 +13,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from flexcam.analysis.campbell import Campbell
+from flexcam.analysis.natural_modes import Campbell
 from flexcam.analysis.orders import Waterfall
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse

@@ -25,10 +25,9 @@ from flexcam.analysis.limits import (
 from flexcam.analysis.preparation import build_problem, prepare
 from flexcam.cams import Event, event_extremes, harmonics, joints
 from flexcam.case.builder import build_model
-from flexcam.case.case import Case
+from flexcam.case.case import Case, find_unit
 from flexcam.case.problem_builder import steps_per_revolution
 from flexcam.case.reader import CaseFile
-from flexcam.case.records import find_unit
 from flexcam.case.variants import Number, get_number
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexcam.case.case import Case
-from flexcam.case.records import find_unit
+from flexcam.case.case import Case, find_unit
 from flexcam.case.variants import get_number, make_overrides, number_after_override
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, parse_all, refuse

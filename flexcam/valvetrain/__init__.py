@@ -45,7 +45,13 @@ from flexcam.valvetrain.parts import (
     Wire,
 )
 from flexcam.valvetrain.resolution import Resolution, ResolutionSink
-from flexcam.valvetrain.rigid_kinematics import follower_train, largest_lashes, valve_ratio
+from flexcam.valvetrain.rigid_kinematics import (
+    connected_nodes,
+    driving_contact,
+    follower_train,
+    largest_lashes,
+    valve_ratio,
+)
 from flexcam.valvetrain.rigid_model import (
     build_rigid,
     cam_forces,
@@ -83,7 +89,6 @@ from flexcam.valvetrain.train_metrics import (
     valve_loft,
     valve_seating,
 )
-from flexcam.valvetrain.train_topology import connected_nodes, driving_contact
 
 __all__ = [
     "BOUNCE_HEIGHT",

@@ -12,13 +12,12 @@ from flexcam.core.errors import refuse
 from flexcam.dynamics import ModeBasis, System, project_system
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, PublishedLoad
-from flexcam.valvetrain.rigid_kinematics import follower_train
+from flexcam.valvetrain.rigid_kinematics import follower_train, moved_nodes
 from flexcam.valvetrain.rigid_train import is_independent
 from flexcam.valvetrain.springs import condense_spring
 from flexcam.valvetrain.strength import Bars, compressed_members, elements_of
 from flexcam.valvetrain.structure import Structure, build_structure
 from flexcam.valvetrain.system_builder import build_system
-from flexcam.valvetrain.train_topology import moved_nodes
 
 _UNSEEN = 1e-9  # singular value below which a strain-free motion is independent of the kept motions
 _ELONGATION_TOLERANCE = 1e-6  # elongation of an element per unit motion below which it is rounding

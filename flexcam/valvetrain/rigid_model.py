@@ -27,7 +27,7 @@ from flexcam.dynamics import (
     modes,
     spring_damper,
 )
-from flexcam.dynamics.kinematic_engine import reactions
+from flexcam.dynamics.engine import reactions
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.system import VirtualWork
 from flexcam.fem.assembly import modal_damping, rayleigh_damping

@@ -19,11 +19,10 @@ from flexcam.valvetrain.cam_functions import sliding_ratio
 from flexcam.valvetrain.camshaft import driven_cam
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Adjuster, Cam, CamContact, Lash, Seat
-from flexcam.valvetrain.rigid_kinematics import largest_lashes
+from flexcam.valvetrain.rigid_kinematics import driving_contact, is_in_train, largest_lashes, moved_nodes
 from flexcam.valvetrain.rigid_model import rigid_motion
 from flexcam.valvetrain.structure import build_structure
 from flexcam.valvetrain.system_builder import build_system
-from flexcam.valvetrain.train_topology import driving_contact, is_in_train, moved_nodes
 
 Bools = NDArray[np.bool_]
 

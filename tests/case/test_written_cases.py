@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from flexcam import read_case
+from flexcam.case.case import resolve_record
 from flexcam.case.reader import case_tables, complete_case_tables
-from flexcam.case.records import resolve_record
 from flexcam.io import format_toml
 from tests.thinning import mostly_slow
 

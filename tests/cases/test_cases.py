@@ -9,7 +9,7 @@ import pytest
 
 from flexcam import prepare, read_case
 from flexcam.analysis.cam_analysis import cam_facts, load_cams
-from flexcam.analysis.published_claims import deviation
+from flexcam.analysis.comparison import deviation
 from tests.thinning import mostly_slow
 
 ROOT = Path(__file__).parents[2]

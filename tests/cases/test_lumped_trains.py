@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, build_model, modes, prepare, read_case, read_result, run, solve
-from flexcam.analysis.published_claims import deviation
+from flexcam.analysis.comparison import deviation
 from flexcam.analysis.run import open_result_file, output_geometry
 from flexcam.io import write_modes, write_pvd
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flexcam.analysis.natural_modes import campbell
 
 from flexcam import read_case
-from flexcam.analysis.campbell import campbell
 from flexcam.cli.modes import modes_over_speed
 from flexcam.dynamics import NOT_POSITIVE, RunFailedError
 from flexcam.plotting.spectra import campbell_figure
@@ -73,7 +73,7 @@ def test_campbell_of_an_engine(flexcam):
 
 def test_a_speed_at_which_the_train_stands_unstable_leaves_the_others(monkeypatch):
     """No modes are known where the state at full lift is unstable: that speed says so, the others stay."""
-    module = sys.modules["flexcam.analysis.campbell"]
+    module = sys.modules["flexcam.analysis.natural_modes"]
     real, calls = module.contact_modes, []
 
     def reached(*given):
@@ -113,7 +113,7 @@ def test_a_speed_at_which_no_run_can_start_leaves_the_others(monkeypatch):
 
 
 def test_a_dash_is_a_missing_mode_and_a_failed_speed_says_so(monkeypatch, flexcam):
-    module = sys.modules["flexcam.analysis.campbell"]
+    module = sys.modules["flexcam.analysis.natural_modes"]
     real, calls = module.contact_modes, []
 
     def fails_first(*given):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from flexcam.case.records import CaseRecord
+from flexcam.case.case import CaseRecord
 from flexcam.cli.app import COMMAND_FILES, IGNORED_KEYS
 
 DATA = Path(__file__).parents[1] / "data"

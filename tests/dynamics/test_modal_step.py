@@ -8,7 +8,7 @@ import pytest
 
 from flexcam.core import Triplets
 from flexcam.dynamics import System, newmark
-from flexcam.dynamics.modal_step import ModalStep, StepBlock, drop_vanished
+from flexcam.dynamics.modal_engine import ModalStep, StepBlock, drop_vanished
 from tests.integrators import SCHEMES
 
 OMEGA = np.array([0.0, 1e-5, 1e-3, 0.1, 1.0, 10.0, 1e3, 1e6])

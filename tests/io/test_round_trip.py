@@ -10,7 +10,7 @@ import pytest
 from flexcam import read_case, read_result
 from flexcam.analysis.preparation import prepare
 from flexcam.analysis.run import open_result_file
-from flexcam.case.records import CaseRecord
+from flexcam.case.case import CaseRecord
 from flexcam.dynamics import solve
 from flexcam.io import write_csv
 

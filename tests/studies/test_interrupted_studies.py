@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from flexcam.analysis.natural_modes import campbell
 
 from flexcam import read_case
-from flexcam.analysis.campbell import campbell
 from flexcam.analysis.comparison import compare_models_over_speed
 from flexcam.analysis.limits import Search, find_limits
 from flexcam.analysis.model_choice import evaluate_ladder

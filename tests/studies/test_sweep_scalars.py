@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from flexcam import prepare, read_case, read_result, run, solve
+from flexcam.analysis.comparison import deviation
 from flexcam.analysis.preparation import scalar_probe
-from flexcam.analysis.published_claims import deviation
 from flexcam.analysis.run_metrics import compute_metrics
 from flexcam.dynamics import SLOPES, Cause, peak
 from flexcam.studies.evaluation import are_probe_scalars, evaluate, scalar_names

@@ -20,7 +20,7 @@ from flexcam.valvetrain import (
     train_metric_names,
     valve_ratio,
 )
-from flexcam.valvetrain.train_topology import moved_nodes
+from flexcam.valvetrain.rigid_kinematics import moved_nodes
 
 ROOT = Path(__file__).parents[2]
 TWO = """

@@ -14,8 +14,8 @@ import pytest
 
 from flexcam import InputError, build_model, prepare, read_case, run, solve
 from flexcam.analysis.run_metrics import compute_metrics
+from flexcam.case.case import find_unit
 from flexcam.case.reader import complete_case_tables
-from flexcam.case.records import find_unit
 from flexcam.report.tables import model_table
 from flexcam.valvetrain import build_structure, largest_lashes, model_modes
 

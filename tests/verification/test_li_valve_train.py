@@ -19,7 +19,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from flexcam import build_model, prepare, read_case, run
-from flexcam.analysis.published_claims import deviation
+from flexcam.analysis.comparison import deviation
 from flexcam.cams import harmonics_below
 from flexcam.dynamics import frequency_response, normalized_response
 from tests.thinning import mostly_slow

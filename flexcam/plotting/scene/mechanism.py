@@ -15,8 +15,8 @@ from flexcam.plotting.scene.motion import SceneState, centre_line, model_size, s
 from flexcam.plotting.scene.parts import STEM, CamPlacement, CoilPlacement, CoilSizes, LeverFrame, ValvePlacement
 from flexcam.plotting.scene.solids import Solid, ball, cylinder, loft, member_outlines, perpendicular_axes, unit_vector
 from flexcam.valvetrain import Lash, Model, Rocker, Seat, Spring, Structure, valve_ratio
+from flexcam.valvetrain.rigid_kinematics import moved_nodes, rocker_of
 from flexcam.valvetrain.structure import spring_parts
-from flexcam.valvetrain.train_topology import moved_nodes, rocker_of
 
 SHEAR_MODULUS = 79.3e9  # shear modulus of spring steel, Pa, used to find the number of coils from rate and wire
 _COILS = 6.0  # number of coils of a spring without wire data
