@@ -5,11 +5,9 @@ from __future__ import annotations
 import pytest
 
 from benchmarks.measure.assembly import assembled
-from flexcam.fem.assembly import stiffness
-from flexcam.fem.dofs import dof_map
-from flexcam.fem.frames import COMPONENTS
-from flexcam.fem.members import Member
-from flexcam.fem.members import beams as fem_beams
+from flexcam.fem.assembly import Member, stiffness
+from flexcam.fem.assembly import beams as fem_beams
+from flexcam.fem.dofs import COMPONENTS, dof_map
 from flexcam.fem.mesh import chain
 from flexcam.fem.sections import Material, Section
 

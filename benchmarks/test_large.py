@@ -19,11 +19,9 @@ from benchmarks.timing import least
 from flexcam import dynamics, modes, read_case
 from flexcam.case.builder import build_model
 from flexcam.dynamics import ConstantSpeed, Problem
-from flexcam.fem.assembly import mass, stiffness
-from flexcam.fem.dofs import dof_map
-from flexcam.fem.frames import COMPONENTS
-from flexcam.fem.members import Member
-from flexcam.fem.members import beams as fem_beams
+from flexcam.fem.assembly import Member, mass, stiffness
+from flexcam.fem.assembly import beams as fem_beams
+from flexcam.fem.dofs import COMPONENTS, dof_map
 from flexcam.fem.mesh import chain
 from flexcam.fem.sections import Material, Section
 from flexcam.valvetrain import build_structure, build_system

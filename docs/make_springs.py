@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from flexcam.fem.frames import direction
+from flexcam.fem.dofs import direction
 from flexcam.plotting.figures import add_legend, create_stacked_axes, line_styles, save_figure
 from flexcam.valvetrain import Spring
 from flexcam.valvetrain.springs import Coils, coil_spring, install_spring, spring_curve, spring_frequencies

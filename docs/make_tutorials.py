@@ -19,10 +19,9 @@ from flexcam.case.reader import CaseFile
 from flexcam.case.starters import new_case
 from flexcam.core import FloatArray, Triplets
 from flexcam.dynamics import Load, Probe, Response, modes, static_displacement
+from flexcam.fem.assembly import beams as fem_beams
 from flexcam.fem.assembly import mass, stiffness
-from flexcam.fem.dofs import dof_map
-from flexcam.fem.frames import COMPONENTS, direction
-from flexcam.fem.members import beams as fem_beams
+from flexcam.fem.dofs import COMPONENTS, direction, dof_map
 from flexcam.fem.mesh import refine
 from flexcam.io import read_lift
 from flexcam.plotting.curves import draw_profile

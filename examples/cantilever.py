@@ -11,12 +11,11 @@ from matplotlib.figure import Figure
 
 from flexcam import Material, Member, Mesh, Section
 from flexcam.dynamics import modes, static_displacement
+from flexcam.fem.assembly import beams as fem_beams
 from flexcam.fem.assembly import mass as fem_mass
 from flexcam.fem.assembly import stiffness as fem_stiffness
-from flexcam.fem.dofs import DofMap, dof_map
+from flexcam.fem.dofs import COMPONENTS, DofMap, direction, dof_map
 from flexcam.fem.elements.beam import Beams
-from flexcam.fem.frames import COMPONENTS, direction
-from flexcam.fem.members import beams as fem_beams
 from flexcam.fem.mesh import refine
 
 steel = Material(E=207e9, nu=0.29, density=7800.0)

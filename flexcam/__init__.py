@@ -31,8 +31,7 @@ if TYPE_CHECKING:
         newmark,
         solve,
     )
-    from flexcam.fem.assembly import Damping
-    from flexcam.fem.members import Member
+    from flexcam.fem.assembly import Damping, Member
     from flexcam.fem.mesh import Mesh
     from flexcam.fem.rigid_bodies import PointMass
     from flexcam.fem.sections import Material, Section

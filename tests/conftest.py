@@ -28,8 +28,8 @@ from flexcam.cli.app import run_state
 from flexcam.cli.main import main
 from flexcam.core import Triplets
 from flexcam.dynamics import Load, LocalForce, Probe, System, engine_selection
-from flexcam.fem.frames import direction
-from flexcam.fem.members import Member
+from flexcam.fem.assembly import Member
+from flexcam.fem.dofs import direction
 from flexcam.fem.rigid_bodies import PointMass
 from flexcam.fem.sections import Material, Section
 from flexcam.io import read_mesh

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from benchmarks.timing import least
-from flexcam.fem.assembly import mass, stiffness
-from flexcam.fem.dofs import dof_map
-from flexcam.fem.frames import COMPONENTS
-from flexcam.fem.members import Member
-from flexcam.fem.members import beams as fem_beams
+from flexcam.fem.assembly import Member, mass, stiffness
+from flexcam.fem.assembly import beams as fem_beams
+from flexcam.fem.dofs import COMPONENTS, dof_map
 from flexcam.fem.mesh import chain
 from flexcam.fem.sections import Material, Section
 

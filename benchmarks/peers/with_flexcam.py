@@ -11,12 +11,10 @@ import numpy as np
 from benchmarks.paths import solved
 from benchmarks.peers.work import Result, Work
 from flexcam.dynamics import ConstantSpeed, Load, Probe, Problem, SaveAt, System
+from flexcam.fem.assembly import Member, stiffness
+from flexcam.fem.assembly import beams as fem_beams
 from flexcam.fem.assembly import mass as fem_mass
-from flexcam.fem.assembly import stiffness
-from flexcam.fem.dofs import dof_map
-from flexcam.fem.frames import direction
-from flexcam.fem.members import Member
-from flexcam.fem.members import beams as fem_beams
+from flexcam.fem.dofs import direction, dof_map
 from flexcam.fem.mesh import chain
 from flexcam.fem.rigid_bodies import PointMass, mass_at
 from flexcam.fem.sections import Material, Section

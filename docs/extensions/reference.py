@@ -38,7 +38,7 @@ OWN = frozenset({"cli"})
 
 INTERNAL = frozenset(
     {
-        "case.cross_checks", "case.fault_report", "case.records",
+        "case.cross_checks", "case.fault_report", "case.case",
         "plotting.rendering", "plotting.scene.mechanism", "plotting.scene.motion",
         "plotting.scene.parts", "plotting.scene.solids", "plotting.solid_files", "report.content",
         "report.fidelity_tables", "report.figures", "report.tables", "report.terminal",

@@ -40,7 +40,7 @@ from flexcam.dynamics import (
     moving_equilibrium,
     solve_periodic,
 )
-from flexcam.fem.frames import COMPONENTS
+from flexcam.fem.dofs import COMPONENTS
 from flexcam.valvetrain import Chain, Model, driving_contact, rigid_motion
 
 

@@ -27,7 +27,7 @@ from flexcam.core.errors import Fault, InputError, refuse
 from flexcam.dynamics import Response, RunFailedError, Series, Sink, Stats, fingerprint, outline, solve
 from flexcam.dynamics.blocks import CompletedPart
 from flexcam.dynamics.memory import RecentSink
-from flexcam.fem.members import sections_at_nodes
+from flexcam.fem.assembly import sections_at_nodes
 from flexcam.io import Geometry, PartialResult, Result, ResultFile, create_folder, partial_path
 from flexcam.io.result_reader import unknown_fields
 from flexcam.valvetrain import Model, StrengthSink, build_structure, element_loads

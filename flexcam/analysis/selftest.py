@@ -36,9 +36,8 @@ from flexcam.dynamics import (
     solve,
     static_displacement,
 )
-from flexcam.fem.assembly import geometric, mass, stiffness
+from flexcam.fem.assembly import Member, beams, geometric, mass, stiffness
 from flexcam.fem.dofs import dof_map
-from flexcam.fem.members import Member, beams
 from flexcam.fem.mesh import chain
 from flexcam.fem.sections import Material, Section
 from flexcam.io import read_result, temporary_folder

@@ -22,8 +22,8 @@ from flexcam.case.schema.cams import FollowerRecord
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name
 from flexcam.dynamics import Phaser
-from flexcam.fem.frames import ROTATIONS, default_orientation, direction
-from flexcam.fem.members import Member
+from flexcam.fem.assembly import Member
+from flexcam.fem.dofs import ROTATIONS, default_orientation, direction
 from flexcam.fem.mesh import Mesh, refine
 from flexcam.fem.superelements import Superelement, reduce_superelement
 

@@ -19,7 +19,7 @@ from flexcam.case.schema.contacts import AdjusterRecord, LashRecord, PublishedLo
 from flexcam.case.schema.parts import LeverRecord
 from flexcam.core.errors import NAME, Fault, InputError, suggest_name
 from flexcam.core.units import parse
-from flexcam.fem.frames import component, default_orientation, triads
+from flexcam.fem.dofs import component, default_orientation, triads
 from flexcam.fem.mesh import Mesh
 from flexcam.valvetrain import Model
 

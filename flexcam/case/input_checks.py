@@ -20,7 +20,7 @@ from flexcam.case.fault_report import value_at
 from flexcam.case.reader import case_tables, template_tables
 from flexcam.core.units import RPM, format_quantity
 from flexcam.dynamics import Method, Problem, RunFailedError, SaveAt, Scheme, equilibrium, newmark, solve
-from flexcam.fem.frames import direction
+from flexcam.fem.dofs import direction
 from flexcam.valvetrain import (
     Adjuster,
     CamContact,

@@ -46,7 +46,7 @@ COMMANDS: Mapping[str, Mapping[str, str]] = {
     "Studies": {
         "sweep": "sweep", "optimize": "optimize", "fit": "fit", "sensitivity": "sensitivity", "trade": "compare",
     },
-    "Reference": {"selftest": "selftest", "schema": "case_files"},
+    "Reference": {"selftest": "case_files", "schema": "case_files"},
 }  # fmt: skip
 
 COMMAND_FILES = {command: file for panel in COMMANDS.values() for command, file in panel.items()}

@@ -1,7 +1,8 @@
-"""Commands for case files: new, check, schema."""
+"""Commands for case files and for the installation: new, check, schema, selftest."""
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -11,16 +12,17 @@ from flexcam.analysis.natural_modes import modes
 from flexcam.analysis.preparation import prepare_without_periodic_search
 from flexcam.analysis.run import estimate_case_resources
 from flexcam.analysis.run_checks import check_input, check_modes
+from flexcam.analysis.selftest import all_checks, installation_info
 from flexcam.case.case import CaseRecord
 from flexcam.case.input_checks import check_coil_bind
 from flexcam.case.reader import complete_case_tables
 from flexcam.case.starters import new_case, templates
 from flexcam.cli import app as cli
 from flexcam.core.errors import refuse
-from flexcam.dynamics import integrated_size
+from flexcam.dynamics import Cause, Status, integrated_size
 from flexcam.io import format_toml
 from flexcam.report.tables import describe_inactive, model_table, spring_curve_rows, spring_curve_table
-from flexcam.report.terminal import plain_table, print_json
+from flexcam.report.terminal import facts_table, plain_table, print_json
 from flexcam.valvetrain import member_masses
 
 
@@ -108,3 +110,36 @@ def schema(*, as_json: cli.Json = False) -> None:
     print_json(
         {"$schema": "https://json-schema.org/draft/2020-12/schema", **CaseRecord.model_json_schema(by_alias=True)}
     )
+
+
+@cli.command("""\
+flexcam selftest
+flexcam selftest --json
+""")
+def selftest(*, as_json: cli.Json = False) -> cli.CommandOutput:
+    """Check this installation: closed-form solutions, published values, and a comparison of the solver engines.
+
+    It takes some seconds, or half a minute when code is compiled for the first time. The exit code is 3 if a check
+    fails.
+    """
+    found = list(all_checks())
+    failed = [one.quantity for one in found if not one.passed]
+    status = Status()
+    if failed:
+        text = f"{len(failed)} of {len(found)} checks exceed their tolerance: {'; '.join(failed)}"
+        remedy = "install flexcam again in a new environment; if that does not help, please report it"
+        status = Status(Cause.FAULT, text, remedy)
+    rows = [
+        (one.quantity, f"{one.reference:.8g} {one.unit}".removesuffix(" 1"), f"{one.computed:.8g}", f"{one.error:.1e}",
+         f"{one.tolerance:.1e}", "passed" if one.passed else "FAILED", one.source)
+        for one in found
+    ]  # fmt: skip
+    heads = ("quantity", "reference", "computed", "error", "allowed", "result", "source of the reference")
+    parts = [plain_table("Checks", heads, rows), facts_table("Installed packages", installation_info().items())]
+    parts += [f"All {len(found)} checks passed"] if status.ok else []
+    json = {
+        "status": status.cause, "message": status.text, "remedy": status.remedy,
+        "checks": [{**asdict(one), "error": one.error, "passed": one.passed} for one in found],
+        "installed": installation_info(),
+    }  # fmt: skip
+    return cli.CommandOutput(parts, json, status=status)

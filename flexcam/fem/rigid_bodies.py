@@ -9,8 +9,7 @@ import numpy as np
 
 from flexcam.core import FloatArray, IntArray, Triplets
 from flexcam.core.errors import finite_array, positive, refuse
-from flexcam.fem.dofs import DofMap
-from flexcam.fem.frames import rigid_motions
+from flexcam.fem.dofs import DofMap, rigid_motions
 from flexcam.fem.mesh import Mesh
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
-from flexcam.fem.frames import rigid_motions
+from flexcam.fem.dofs import rigid_motions
 
 INTERNAL_LIMIT = 200
 """Number of internal unknowns up to which all of them are kept as modes without being asked for."""

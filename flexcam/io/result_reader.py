@@ -16,7 +16,7 @@ from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import InputError, refuse, suggest_name
 from flexcam.dynamics import SERIES, Block, Cause, Outline, Response, SaveAt, Series, Stats, Status
 from flexcam.dynamics.blocks import Checkpoint
-from flexcam.fem.frames import COMPONENTS
+from flexcam.fem.dofs import COMPONENTS
 from flexcam.fem.mesh import Mesh
 from flexcam.io import hdf5
 from flexcam.io import result_schema as schema

@@ -19,7 +19,7 @@ import numpy as np
 from flexcam.core.errors import refuse, system_message
 from flexcam.dynamics import SERIES, Block, Outline, SaveAt, Stats, Status
 from flexcam.dynamics.blocks import Checkpoint
-from flexcam.fem.frames import ROTATIONS
+from flexcam.fem.dofs import ROTATIONS
 from flexcam.fem.mesh import Mesh
 from flexcam.io import hdf5
 from flexcam.io import result_schema as schema

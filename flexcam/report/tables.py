@@ -24,7 +24,7 @@ from flexcam.core import FloatArray
 from flexcam.core.units import RPM, format_quantity, shaft_name, shaft_speed, to_display_unit
 from flexcam.dynamics import Response, active_dofs_of
 from flexcam.dynamics.memory import ExtremesSink
-from flexcam.fem.frames import COMPONENTS, ROTATIONS
+from flexcam.fem.dofs import COMPONENTS, ROTATIONS
 from flexcam.io import Result
 from flexcam.report.terminal import count_decimals, facts_table, format_decimals, plain_table, remove_noise
 from flexcam.valvetrain import Friction, GivenLoad, Metric, Model, ModelModes, Spring, opposed_contacts

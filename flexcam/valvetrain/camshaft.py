@@ -26,8 +26,8 @@ from flexcam.dynamics import (
     row_of,
 )
 from flexcam.fem.assembly import rayleigh_damping, to_global
+from flexcam.fem.dofs import ROTATIONS
 from flexcam.fem.elements import beam
-from flexcam.fem.frames import ROTATIONS
 from flexcam.valvetrain.coupling import Coupling
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Cam, CamPair, Lash

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 
 from flexcam.core.errors import html_table
-from flexcam.fem.assembly import Damping
-from flexcam.fem.members import Member
+from flexcam.fem.assembly import Damping, Member
 from flexcam.fem.mesh import Mesh
 from flexcam.fem.superelements import Superelement
 from flexcam.valvetrain.parts import (

@@ -41,8 +41,8 @@ from flexcam.dynamics import (
 )
 from flexcam.fem.assembly import geometric as fem_geometric
 from flexcam.fem.assembly import thermal_load
+from flexcam.fem.dofs import COMPONENTS
 from flexcam.fem.elements import beam
-from flexcam.fem.frames import COMPONENTS
 from flexcam.fem.recovery import section_forces
 from flexcam.fem.rigid_bodies import scalar_matrix
 from flexcam.valvetrain.loads import series_stiffness

@@ -1,5 +1,6 @@
-"""Topology of a train and its rigid motion: members, links, levers and closed contacts are rigid, other springs deform statically.
+"""Topology of a train and its rigid motion.
 
+Members, links, levers and closed contacts are rigid; other springs deform statically.
 The motion is the limit of the flexible model for infinite stiffness of the train. All unknowns follow from the scalars
 that contacts and levers sense, with minimum energy of the springs.
 """

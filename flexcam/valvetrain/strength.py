@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 from flexcam.core import DENSE_LIMIT, FloatArray, IntArray, null_space, select_constraints
 from flexcam.dynamics import Block, Channel, ForceLaw, LocalForce, Observable, Observation, Stats, Status, constant
 from flexcam.dynamics.force_laws import ARCH
-from flexcam.fem.assembly import geometric, stiffness
+from flexcam.fem.assembly import beams, geometric, sections_at_nodes, stiffness
 from flexcam.fem.dofs import DofMap, dof_map
 from flexcam.fem.elements.arch import SCALARS, Arch, deformation_matrix
 from flexcam.fem.elements.beam import Beams
-from flexcam.fem.members import beams, sections_at_nodes
 from flexcam.fem.mesh import Mesh, refine
 from flexcam.fem.recovery import fibres, section_forces
 from flexcam.valvetrain.camshaft import PARALLEL, shaft_axes

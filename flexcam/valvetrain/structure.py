@@ -12,13 +12,12 @@ import numpy as np
 from flexcam.core import FloatArray, IntArray, Triplets, component_members, connected_components
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.dynamics import Probe
+from flexcam.fem.assembly import beams as fem_beams
 from flexcam.fem.assembly import distributed_load, element_weight, thermal_load
 from flexcam.fem.assembly import mass as fem_mass
 from flexcam.fem.assembly import stiffness as fem_stiffness
-from flexcam.fem.dofs import DofMap, dof_map, rigid_ties
+from flexcam.fem.dofs import COMPONENTS, DofMap, dof_map, rigid_ties
 from flexcam.fem.elements.beam import Beams
-from flexcam.fem.frames import COMPONENTS
-from flexcam.fem.members import beams as fem_beams
 from flexcam.fem.rigid_bodies import free_motions, mass_at, place_matrix, scalar_matrix
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import Adjuster, Lash, Lever, LoadTable, Rocker, Seat, Spring, path_name, tip_name

@@ -12,7 +12,7 @@ from flexcam.cli.main import load_commands
 from flexcam.fem.assembly import stiffness as fem_stiffness
 
 load_commands(["selftest"])
-COMMAND = "flexcam.cli.selftest.all_checks"
+COMMAND = "flexcam.cli.case_files.all_checks"
 
 
 def test_everything_passes_within_half_a_minute(flexcam, tmp_path):

@@ -15,9 +15,8 @@ from flexcam.core import (
     select_constraints,
     select_storage,
 )
-from flexcam.fem.assembly import mass, stiffness
+from flexcam.fem.assembly import Member, beams, mass, stiffness
 from flexcam.fem.dofs import dof_map
-from flexcam.fem.members import Member, beams
 from flexcam.fem.mesh import Mesh, refine
 from flexcam.fem.sections import Material, Section
 

@@ -12,9 +12,8 @@ from flexcam import prepare, read_case
 from flexcam.core import DENSE_LIMIT, Triplets, component_members, factorize, factorize_with_update
 from flexcam.core.factorization import BandFactor
 from flexcam.dynamics import solve
-from flexcam.fem.assembly import mass, stiffness
+from flexcam.fem.assembly import Member, beams, mass, stiffness
 from flexcam.fem.dofs import dof_map
-from flexcam.fem.members import Member, beams
 from flexcam.fem.mesh import Mesh, refine
 from flexcam.fem.sections import Material, Section
 

@@ -13,11 +13,9 @@ import numpy as np
 import pytest
 
 from flexcam.dynamics import NotPositiveError, modes
-from flexcam.fem.assembly import geometric, stiffness
+from flexcam.fem.assembly import Member, beams, geometric, stiffness
 from flexcam.fem.assembly import mass as mass_of
-from flexcam.fem.dofs import dof_map
-from flexcam.fem.frames import COMPONENTS
-from flexcam.fem.members import Member, beams
+from flexcam.fem.dofs import COMPONENTS, dof_map
 from flexcam.fem.mesh import chain
 from flexcam.fem.rigid_bodies import PointMass, free_motions, mass_at
 from flexcam.fem.sections import Section

@@ -7,10 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from flexcam.dynamics import Cause, RunFailedError, static_displacement
-from flexcam.fem.assembly import stiffness
-from flexcam.fem.dofs import dof_map
-from flexcam.fem.frames import COMPONENTS
-from flexcam.fem.members import Member, beams
+from flexcam.fem.assembly import Member, beams, stiffness
+from flexcam.fem.dofs import COMPONENTS, dof_map
 from flexcam.fem.mesh import Mesh, chain, refine
 from flexcam.fem.sections import Section
 

@@ -7,11 +7,9 @@ import pytest
 
 from flexcam.core import energy_rounding
 from flexcam.dynamics import ROUNDING_STATUS, Cause, RunFailedError, modes, static_displacement
-from flexcam.fem.assembly import mass, stiffness
-from flexcam.fem.dofs import dof_map
-from flexcam.fem.frames import COMPONENTS, direction
-from flexcam.fem.members import Member
-from flexcam.fem.members import beams as fem_beams
+from flexcam.fem.assembly import Member, mass, stiffness
+from flexcam.fem.assembly import beams as fem_beams
+from flexcam.fem.dofs import COMPONENTS, direction, dof_map
 from flexcam.fem.mesh import chain
 from flexcam.fem.sections import Section
 from flexcam.valvetrain import build_system

@@ -17,11 +17,9 @@ from scipy.optimize import brentq
 from flexcam import build_model, modes, prepare, read_case, run
 from flexcam.dynamics import Cause, ConstantSpeed, Problem, RunFailedError, State, newmark, solve, static_displacement
 from flexcam.dynamics import modes as modes_of
-from flexcam.fem.assembly import mass, stiffness
-from flexcam.fem.dofs import dof_map
-from flexcam.fem.frames import COMPONENTS, direction
-from flexcam.fem.members import Member
-from flexcam.fem.members import beams as fem_beams
+from flexcam.fem.assembly import Member, mass, stiffness
+from flexcam.fem.assembly import beams as fem_beams
+from flexcam.fem.dofs import COMPONENTS, direction, dof_map
 from flexcam.fem.mesh import chain
 from flexcam.fem.sections import Section
 from flexcam.valvetrain import buckling_load, build_structure, train_metrics

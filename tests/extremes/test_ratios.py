@@ -15,11 +15,9 @@ from scipy.linalg import eigh
 
 from flexcam.core import Triplets
 from flexcam.dynamics import Cause, RunFailedError, modes, static_displacement
-from flexcam.fem.assembly import mass, stiffness
-from flexcam.fem.dofs import dof_map
-from flexcam.fem.frames import COMPONENTS
-from flexcam.fem.members import Member
-from flexcam.fem.members import beams as fem_beams
+from flexcam.fem.assembly import Member, mass, stiffness
+from flexcam.fem.assembly import beams as fem_beams
+from flexcam.fem.dofs import COMPONENTS, dof_map
 from flexcam.fem.mesh import chain
 from flexcam.fem.rigid_bodies import PointMass, mass_at
 from flexcam.fem.sections import Section

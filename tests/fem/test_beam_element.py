@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from flexcam.fem.assembly import Member, beams
 from flexcam.fem.elements import beam
-from flexcam.fem.members import Member, beams
 from flexcam.fem.mesh import Mesh
 from flexcam.fem.sections import Material, Section
 

@@ -11,8 +11,7 @@ from flexcam import read_case
 from flexcam.analysis.natural_modes import modes
 from flexcam.case.builder import build_model
 from flexcam.core.errors import InputError
-from flexcam.fem.dofs import dof_map
-from flexcam.fem.frames import COMPONENTS
+from flexcam.fem.dofs import COMPONENTS, dof_map
 from flexcam.fem.mesh import Mesh, chain, refine
 from flexcam.valvetrain import build_structure
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexcam.core.errors import InputError
-from flexcam.fem.frames import default_orientation, triads
+from flexcam.fem.dofs import default_orientation, triads
 
 
 @pytest.fixture(scope="module")

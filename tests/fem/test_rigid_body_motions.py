@@ -10,10 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from flexcam.dynamics import Cause, RunFailedError, static_displacement
-from flexcam.fem.assembly import stiffness
-from flexcam.fem.dofs import dof_map
-from flexcam.fem.frames import COMPONENTS, direction
-from flexcam.fem.members import Member, beams
+from flexcam.fem.assembly import Member, beams, stiffness
+from flexcam.fem.dofs import COMPONENTS, direction, dof_map
 from flexcam.fem.mesh import Mesh, chain
 from flexcam.fem.rigid_bodies import free_motions, scalar_matrix
 from flexcam.fem.sections import Section

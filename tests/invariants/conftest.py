@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from flexcam.fem.assembly import Member, beams
 from flexcam.fem.dofs import DofMap, dof_map
 from flexcam.fem.elements.beam import Beams
-from flexcam.fem.members import Member, beams
 from flexcam.fem.mesh import Mesh, refine
 from flexcam.fem.sections import Section
 

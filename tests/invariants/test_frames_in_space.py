@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from flexcam.dynamics import modes, static_displacement
-from flexcam.fem.assembly import geometric, mass, stiffness
-from flexcam.fem.members import Member, beams
+from flexcam.fem.assembly import Member, beams, geometric, mass, stiffness
 from flexcam.fem.sections import Material, Section
 
 THEORIES = [

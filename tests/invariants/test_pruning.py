@@ -33,11 +33,11 @@ from flexcam.dynamics import (
     project_system,
     solve,
 )
+from flexcam.fem.assembly import Member
+from flexcam.fem.assembly import beams as fem_beams
 from flexcam.fem.assembly import mass as fem_mass
 from flexcam.fem.assembly import stiffness as fem_stiffness
 from flexcam.fem.dofs import dof_map
-from flexcam.fem.members import Member
-from flexcam.fem.members import beams as fem_beams
 from flexcam.fem.mesh import Mesh, refine
 from flexcam.fem.sections import Material, Section
 

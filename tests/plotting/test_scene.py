@@ -11,7 +11,7 @@ import pytest
 from flexcam import read_case
 from flexcam.cams import LAWS, FlatFollower, LiftEvent, RollerFollower, SwingRollerFollower, cam_profile
 from flexcam.case.builder import build_model
-from flexcam.fem.members import Member, beams
+from flexcam.fem.assembly import Member, beams
 from flexcam.fem.mesh import Mesh
 from flexcam.fem.sections import Material, Section
 from flexcam.plotting.scene.mechanism import build_mechanism

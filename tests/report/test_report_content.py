@@ -15,7 +15,7 @@ from flexcam import read_case
 from flexcam.analysis.limits import Limit, Limits
 from flexcam.analysis.run_metrics import Margins
 from flexcam.dynamics import Outline, Response, Series
-from flexcam.fem.members import Member, beams
+from flexcam.fem.assembly import Member, beams
 from flexcam.fem.mesh import Mesh
 from flexcam.fem.recovery import deflection
 from flexcam.fem.sections import Section

@@ -7,10 +7,9 @@ import pytest
 
 from flexcam import read_case
 from flexcam.dynamics import modes
+from flexcam.fem.assembly import beams, mass, stiffness
 from flexcam.fem.assembly import geometric as fem_geometric
-from flexcam.fem.assembly import mass, stiffness
 from flexcam.fem.dofs import dof_map
-from flexcam.fem.members import beams
 from flexcam.fem.mesh import chain
 
 PLANE = ("uz", "rx", "ry")

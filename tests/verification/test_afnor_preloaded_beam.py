@@ -11,7 +11,7 @@ import math
 
 import pytest
 
-from flexcam.fem.members import Member
+from flexcam.fem.assembly import Member
 from flexcam.fem.sections import Material, Section
 
 SOURCE = "AFNOR/SFM guide (1990), simply supported beam under axial force"

@@ -13,7 +13,7 @@ import pytest
 from scipy.optimize import brentq
 
 from flexcam.dynamics import modes
-from flexcam.fem.members import Member
+from flexcam.fem.assembly import Member
 from flexcam.fem.sections import Material, Section
 
 SOURCE = "Classical beams, characteristic equations"

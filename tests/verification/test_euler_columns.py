@@ -14,7 +14,7 @@ from scipy.linalg import eigh
 
 from flexcam import build_model, prepare, read_case
 from flexcam.analysis.run_checks import check_input
-from flexcam.fem.members import Member
+from flexcam.fem.assembly import Member
 from flexcam.fem.sections import Material, Section
 from flexcam.valvetrain import buckling_load, build_structure, stiff_struts
 

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from flexcam.dynamics import ConstantSpeed, Load, Probe, Problem, System, modes, newmark, solve, static_displacement
-from flexcam.fem.assembly import rayleigh_damping
-from flexcam.fem.members import Member
+from flexcam.fem.assembly import Member, rayleigh_damping
 from flexcam.fem.sections import Material, Section
 
 SOURCE = "NAFEMS 5T, deep beam, suddenly applied load"

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexcam.fem.members import Member
+from flexcam.fem.assembly import Member
 from flexcam.fem.sections import Material, Section
 
 SOURCE = "NAFEMS FV5, deep simply supported beam"

@@ -16,10 +16,8 @@ from scipy.spatial.transform import Rotation
 from flexcam import prepare, read_case
 from flexcam.analysis.run import output_geometry
 from flexcam.dynamics import Block, ConstantSpeed, Problem, SaveAt, Series, newmark, solve, static_displacement
-from flexcam.fem.assembly import Damping, assemble_loads, distributed_load, element_weight, stiffness
-from flexcam.fem.dofs import dof_map
-from flexcam.fem.frames import COMPONENTS
-from flexcam.fem.members import Member, beams
+from flexcam.fem.assembly import Damping, Member, assemble_loads, beams, distributed_load, element_weight, stiffness
+from flexcam.fem.dofs import COMPONENTS, dof_map
 from flexcam.fem.mesh import chain
 from flexcam.fem.recovery import fibres, section_forces
 from flexcam.fem.rigid_bodies import PointMass

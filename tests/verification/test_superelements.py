@@ -14,9 +14,8 @@ from scipy.io import mmwrite
 from flexcam import InputError, Mesh, build_model, prepare, read_case, read_result, run
 from flexcam.analysis.run import open_result_file
 from flexcam.case.reader import case_from_result
-from flexcam.fem.assembly import mass, stiffness
+from flexcam.fem.assembly import Member, beams, mass, stiffness
 from flexcam.fem.dofs import dof_map
-from flexcam.fem.members import Member, beams
 from flexcam.fem.sections import Material, Section
 from flexcam.io.matrix_file import read_matrix
 from flexcam.valvetrain import build_structure

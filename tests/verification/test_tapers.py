@@ -13,7 +13,7 @@ import pytest
 from flexcam import InputError, build_model, prepare, read_case, run
 from flexcam.analysis.run_checks import check_input
 from flexcam.case.input_checks import check_values
-from flexcam.fem.members import sections_at_nodes
+from flexcam.fem.assembly import sections_at_nodes
 from flexcam.fem.recovery import fibres
 from flexcam.fem.sections import Section, Taper
 from flexcam.valvetrain import build_structure

@@ -24,7 +24,7 @@ from pydantic_core import CoreSchema, ErrorDetails, PydanticCustomError, core_sc
 
 from flexcam.core.errors import NAME, InputError
 from flexcam.core.units import DIMENSIONS, parse
-from flexcam.fem.frames import COMPONENTS, component, direction
+from flexcam.fem.dofs import COMPONENTS, component, direction
 
 _BARE = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")  # number without a unit
 

@@ -41,7 +41,7 @@ from flexcam.case.schema.base import (
 )
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
-from flexcam.fem.frames import COMPONENTS, direction
+from flexcam.fem.dofs import COMPONENTS, direction
 from flexcam.fem.rigid_bodies import PointMass
 from flexcam.fem.sections import Material, Section, Taper
 

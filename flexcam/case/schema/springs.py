@@ -30,7 +30,7 @@ from flexcam.case.schema.base import (
     Unit,
     value_error,
 )
-from flexcam.fem.frames import direction
+from flexcam.fem.dofs import direction
 from flexcam.valvetrain.springs import Coils, coil_spring, install_spring
 
 # Default ratio of the stiffness of touching coils to that of the spring part between them: flexcam's choice.

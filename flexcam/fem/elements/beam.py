@@ -26,7 +26,7 @@ class Beams:
 
     Examples
     --------
-    `flexcam.fem.members.beams` makes them from a mesh and its members.
+    `flexcam.fem.assembly.beams` makes them from a mesh and its members.
     """
 
     nodes: IntArray  #: node numbers of both ends, shape (e, 2)

@@ -15,8 +15,8 @@ from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import InputError, refuse, suggest_name
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import SERIES, CamMotion, Response
+from flexcam.fem.dofs import ROTATIONS
 from flexcam.fem.elements.beam import Beams
-from flexcam.fem.frames import ROTATIONS
 from flexcam.fem.recovery import deflection
 from flexcam.io import Result
 from flexcam.io.result_schema import FIELDS

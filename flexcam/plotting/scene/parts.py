@@ -11,7 +11,7 @@ import numpy as np
 
 from flexcam.cams import CamProfile, Follower, SwingFlatFollower, SwingRollerFollower
 from flexcam.core import ComplexArray, FloatArray
-from flexcam.fem.frames import COMPONENTS
+from flexcam.fem.dofs import COMPONENTS
 from flexcam.plotting.scene import solids
 from flexcam.plotting.scene.motion import SceneState, rotation_matrices
 from flexcam.plotting.scene.solids import Solid

@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 
 from flexcam.core import ComplexArray, FloatArray, IntArray
-from flexcam.fem.frames import default_orientation
+from flexcam.fem.dofs import default_orientation
 from flexcam.fem.sections import Section, Taper
 
 # Colours by kind of part: those of Okabe and Ito for moving parts
