@@ -104,6 +104,7 @@ class CamFacts:
     findings: Sequence[ProfileFault]  #: problems of lift and profile
     #: minimum base radius within the limits, m; None without a profile or if there is none
     least_base_radius: float | None
+    allowed_pressure_angle: float  #: limit of the pressure angle, rad
     centreline: float  #: cam angle of the maximum lift, rad
     #: `ratio`, `lash`: valve lift per cam lift, and the lash at the follower, m, which delays the valve
     ratio: float
@@ -204,7 +205,7 @@ def cam_facts(
         tuple(np.abs(harmonics(event, _HARMONICS))[1:].tolist()), met,
         {name: valve_event(event, at, ratio=ratio, lash=ratio * lash) for name, at in checking_lifts.items()},
         {name: valve_event(event, at) for name, at in checking_lifts.items()}, profile, findings, least,
-        centreline(event), ratio, lash, tdc, checking_lifts,
+        pressure_angle, centreline(event), ratio, lash, tdc, checking_lifts,
     )  # fmt: skip
 
 

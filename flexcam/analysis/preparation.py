@@ -197,8 +197,8 @@ def prepare(
         try:
             problem = set_initial_state(case, model, plain, until, near and near.problem.start)
         except RunFailedError as failure:  # an unusual value, such as 207 Pa, is the probable cause
-            unusual = [warning.removeprefix("Warning: ") for warning in check_values(case)]
-            raise RunFailedError(replace(failure.status, remedy="; ".join([*unusual, failure.status.remedy]))) from None
+            unusual = [f"Possible cause: {warning.removeprefix('Warning: ')}" for warning in check_values(case)]
+            raise RunFailedError(replace(failure.status, remedy=". ".join([failure.status.remedy, *unusual]))) from None
         problem = replace(problem, basis=reduced_basis(case, problem, chain))
         scheme = integration_method(case, problem)
         if refusal := method_refusal(problem, scheme):

@@ -193,9 +193,10 @@ class RawTables:
             for name, table in self._each(kind):
                 of_lash = kind == "contacts" and key == "at" and table.get("model") != "seat"
                 own = next((rocker for rocker, to in outputs.items() if to == table.get(key)), None)
-                if (kind, key) == ("contacts", "to") and own is not None:
+                if kind == "contacts" and key in ("to", "follower") and own is not None:
                     remedy = f"write at = {own!r} for a lash or an adjuster there"
-                    why = f"it is the point of rocker {own!r}"
+                    remedy = "name the node that the cam moves" if key == "follower" else remedy
+                    why = f"it is the output point of rocker {own!r}"
                     yield self._fault((kind, name, key), repr(table.get(key)), "a node", why, remedy)
                 elif not of_lash and not (kind == "rockers" and _is_finger(table, counts)):
                     allowed = with_rockers if rocker_point_allowed else counts

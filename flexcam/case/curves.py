@@ -76,8 +76,11 @@ class LoadDefinition:
             factor = conversion_factor(self.unit, wanted, where)
         except InputError:
             given = f"{self.name} [{self.unit}]" if self.unit else f"{self.name}, without a unit"
-            why, remedy = ("area makes it a pressure", "leave area out") if area else ("", "give area with a pressure")
-            raise refuse(where, given, unit_of(wanted), why, remedy) from None
+            allowed, why, remedy = unit_of(wanted), "", "give the load an area if it is a pressure"
+            if area:
+                allowed, why = "a unit of pressure such as bar", "the load has an area"
+                remedy = "name the column of the pressure, or leave area out if it is a force"
+            raise refuse(where, given, allowed, why, remedy) from None
         repeats = not self.over_time if repeat is None else repeat
         period = self._period(where, asked=repeat is not None) if repeats else None
         at, size = self.at + (phase or 0.0), self.values * factor * (area or 1.0)

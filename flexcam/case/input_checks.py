@@ -372,7 +372,7 @@ def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
         depth = -float(first.channels[f"contacts.{name}.gap"][0])
         if closed[contact.cam] and depth > _CONTACT_DEPTH * model.cams[contact.cam].event.height:
             why = f"on the base circle the follower sinks {format_quantity('m', depth, digits=3)} into its cam"
-            yield f"Warning: contacts.{name}: {why}; check its stiffness and the unit"
+            yield f"Warning: contacts.{name}: {why}; check its stiffness, the loads and their units"
     for name in seats if closed and all(closed.values()) and not lost else ():
         if float(first.channels[f"contacts.{name}.force"][0]) <= 0.0:
             why = "nothing holds the valve on its seat with the cams on their base circles"
@@ -385,7 +385,7 @@ def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
         depth = -float(first.channels[f"contacts.{name}.gap"][0])
         if depth > _CONTACT_DEPTH * lift:
             why = f"the closed valve sinks {format_quantity('m', depth, digits=3)} into its seat"
-            yield f"Warning: contacts.{name}: {why}; check its stiffness and the unit"
+            yield f"Warning: contacts.{name}: {why}; check its stiffness, the loads and their units"
     for name in lashes if closed and all(closed.values()) else ():
         if float(first.channels[f"contacts.{name}.force"][0]) > 0.0:
             why = "the lash stays closed: without a seat the spring force always goes through the cam"

@@ -109,7 +109,7 @@ def replace_values(case: Case, values: Mapping[str, object]) -> Case:
     changes = dict(_changed_values(file.complete(case.overrides)[0], values, ""))
     before, after = (_read_with_values(file, case.overrides, one) for one in ({}, changes))
     given = set(changes)
-    given |= {f"run.{other}" for path in changes for other in _REPLACED_KEYS.get(path.removeprefix("run."), ())}
+    given |= {f"run.{other}" for path in changes for other in REPLACED_KEYS.get(path.removeprefix("run."), ())}
 
     def kept(name: str) -> dict[str, object]:
         read = getattr(before.record, name)
@@ -182,7 +182,10 @@ class CaseFile:
             raise refuse("case file", str(source), "", f"{source} does not exist", near) from None
         except OSError as fault:
             if source.suffix == ".vtkhdf":
-                remedy = "flexcam info, plot, report, view, compare --against and export (except msh, inp) read results"
+                remedy = (
+                    "give its case file; flexcam info, plot, report, view, export (not msh and inp) and compare RESULT "
+                    "--against OTHER read results"
+                )
                 raise refuse("case file", str(source), "a case file (.toml)", "it is a result", remedy) from None
             raise refuse("case file", str(source), "a readable UTF-8 text file", system_message(fault)) from None
 
@@ -444,9 +447,9 @@ def read_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamsRecord:
     return record
 
 
-_EXCLUSIVE_KEYS = (("speed", "crank_speed"), ("steps_per_revolution", "step"), ("phase", "centreline", "timing"))
+_EXCLUSIVE = (("speed", "crank_speed"), ("steps_per_revolution", "step"), ("phase", "centreline", "timing"))
 # Keys of `[run]` and of cams, and the keys they replace.
-_REPLACED_KEYS = {key: [one for one in keys if one != key] for keys in _EXCLUSIVE_KEYS for key in keys}
+REPLACED_KEYS = {key: [one for one in keys if one != key] for keys in _EXCLUSIVE for key in keys}
 _OPTIONAL_TABLES = {"adaptive", "damping", "fluctuation", "free_running", "integrator"}  # optional nested tables
 
 
@@ -465,7 +468,7 @@ def _apply_overrides(
             cast("dict[str, object]", table).pop([*key][1], None)  # otherwise its missing keys would be faults, too
     for *parents, key in (key for key, fault in zip(keys, faults, strict=True) if fault is None):
         table = value_at(raw, parents) if parents[:1] in (["run"], ["cams"]) else None
-        for other in _REPLACED_KEYS.get(key, ()):
+        for other in REPLACED_KEYS.get(key, ()):
             if isinstance(table, dict) and (*parents, other) not in keys:  # overrides that exclude each other remain
                 cast("dict[str, object]", table).pop(other, None)
     notes |= {key: f"--set {override}" for key, override in zip(keys, overrides, strict=True)}

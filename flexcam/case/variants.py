@@ -19,7 +19,7 @@ import numpy as np
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case, find_unit
 from flexcam.case.fault_report import value_at
-from flexcam.case.reader import CaseFile, case_tables
+from flexcam.case.reader import REPLACED_KEYS, CaseFile, case_tables
 from flexcam.case.repetition import map_texts, name_pattern
 from flexcam.case.schema.run import GivenStartRecord
 from flexcam.core import FloatArray
@@ -55,9 +55,13 @@ def get_number(case: Case, key: str, where: str) -> Number:
         given = f"{known[different[0]]!r} for {different[0]} and {value!r} for {copies[0]}"
         raise refuse(where, given, "a number that all copies share", "one value replaces all", "name one of the copies")
     if not isinstance(value, float):
-        given = f"{key} = {value!r}" if value is not None else f"{key}, which is not given"
+        given = f"{key} = {value!r}" if value is not None else f"{key}, which the case does not give"
         why = "" if value is None else "whole numbers and texts cannot be varied here"
-        remedy = "give it a number" if value is None else "compare its values with flexcam sweep"
+        remedy = "give it a number in the case" if value is None else "compare its values with flexcam sweep"
+        table, _, last = key.rpartition(".")
+        for other in REPLACED_KEYS.get(last, ()) if value is None else ():
+            if known.get(f"{table}.{other}") is not None:
+                remedy = f"the case gives {table}.{other}: use this key"
         raise refuse(where, given, "the key of a number with a continuous value", why, remedy)
     unit = find_unit(case.record, copies[0].split("."))
     return Number(key, value, "SI" if unit is None else unit)

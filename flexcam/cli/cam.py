@@ -195,7 +195,7 @@ def _profile(found: CamFacts, speed: float | None) -> list[tuple[str, str]]:
     if found.least_base_radius is None:
         least = "no radius meets the limits with this lift"
     elif found.least_base_radius:
-        flat, angle = isinstance(profile.follower, FlatFollower), f"{math.degrees(PRESSURE_ANGLE):g} deg"
+        flat, angle = isinstance(profile.follower, FlatFollower), f"{math.degrees(found.allowed_pressure_angle):g} deg"
         limits = "undercut" if flat else f"undercut, or pressure angle above {angle}"
         least = f"below {format_quantity('m', found.least_base_radius)}: {limits}"
     hollow = "none" if seen.hollow is None else f"{format_quantity('m', seen.hollow.value)} {_at(seen.hollow.at)}"

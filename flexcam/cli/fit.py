@@ -48,7 +48,7 @@ def fit(
     """Fit values of a case to measured curves, print 95 % confidence intervals and warn about correlated values.
 
     Curves over an angle are compared with the last revolution, curves over time with the whole run. Without
-    --noise, each column is weighted by the scatter of its residuals.
+    --noise, the residuals of each column are divided by their standard deviation, so that a noisy column counts less.
     """
     cli.check_targets(csv, plot, case, to, overwrite=overwrite, target=target)
     cli.check_number("--steps", steps)
@@ -78,13 +78,13 @@ def _fit_output(variables: Sequence[Variable], measured: Measurement, found: Fit
     keys, curves = [one.key for one in variables], measured.curves
     words = [
         f"The curves do not determine {' and '.join(keys[i] for i in group)}: "
-        + ("fix some of them" if len(group) > 1 else "it does not change them; leave it out")
+        + ("leave some of them out of --vary" if len(group) > 1 else "it does not change them; leave it out of --vary")
         for group in found.undetermined
     ]
     words += [
         f"The curves hardly determine {one.key}: its 95 % interval is wider than its range, "
         f"{one.low:g} to {one.high:g} {one.unit}".rstrip()
-        + "; fix it, or fit more curves"
+        + "; leave it out of --vary, or fit more curves"
         for one, half in zip(variables, found.intervals.tolist(), strict=True)
         if one.high - one.low < 2.0 * half < math.inf
     ]

@@ -42,8 +42,8 @@ flexcam sensitivity case.toml --of limits.loss_of_contact --tolerance springs.va
 def sensitivity(
     case: cli.CaseFile, *,
     names: Annotated[list[str], Parameter(
-        "--of", help="Result: a scalar of a run, a natural frequency above zero (frequency.1) or a speed limit "
-        "(limits.loss_of_contact). Repeatable.")],
+        "--of", help="Result: a scalar of a run, a natural frequency, counted from the lowest above zero "
+        "(frequency.1), or a speed limit (limits.loss_of_contact). Repeatable.")],
     keys: Annotated[list[str] | None, Parameter(
         "--to", group=_DERIVATIVES, help="Value of the case: KEY; with --sobol KEY=LOW:HIGHunit. Repeatable.")] = None,
     method: Annotated[Method | None, Parameter(

@@ -344,7 +344,7 @@ class PartialResult:
             given, why = f"{path}: {self.status.cause}", "it would end in the same way"
             raise refuse("--resume", given, "a run that was stopped or cut off", why, self.status.remedy)
         if found is None:
-            why = "it ended before its first steps were saved"
+            why = "it ended before its first checkpoint"
             raise refuse("--resume", str(path), "a result with a checkpoint", why, _RESUME_REMEDY)
         self.checkpoint: Checkpoint = found
 

@@ -288,7 +288,8 @@ class RunRecord(Record):
         "rest", description="at rest as installed, in static equilibrium, in the periodic state, or from a given state"
     )
     gravity: Gravity = Field(
-        (0.0, 0.0, 0.0), description="acceleration, global axes; masses and springs at a rocker's point are left out"
+        (0.0, 0.0, 0.0),
+        description="along the global axes x, y, z; it does not act on masses and springs at a rocker's point",
     )
     integrator: IntegratorRecord | None = Field(
         None,
