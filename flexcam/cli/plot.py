@@ -82,8 +82,8 @@ class FigureOptions:
         "--channel", help="motion, force, torque, waterfall: force or other channel, repeatable; profile, map: channel "
         "shown by colours; spring: force of the spring.")] = None
     over: Annotated[Literal["angle", "time", "crank"] | None, Parameter(
-        help="motion, force, torque, energy: abscissa; cam angle by default; crank: the last revolution over "
-        "the crank angle, counted from top dead centre (key tdc of the cam), or from cam angle 0 without a tdc.")] = None
+        help="motion, force, torque, energy: abscissa, by default cam angle; crank: last revolution over the "
+        "crank angle, counted from top dead centre (key tdc of the cam), or from cam angle 0 without a tdc.")] = None
     rigid: Annotated[bool, Parameter(
         help="motion, force, torque: also draw the rigid model, and for motion the difference from it.")] = False
     cam: Annotated[str | None, Parameter(help="svaj, profile: draw only this cam.")] = None
