@@ -395,14 +395,14 @@ def face_contact(face, side, turn, psi, rate, distance=0.04):
     away = np.array([-np.cos(psi), side * np.sin(psi)])  # `side` is 1 if the finger is above the line of centres
     normal = np.array([np.sin(psi), side * np.cos(psi)])
 
-    def beside(q):
+    def contact_at(q):
         reach = q * away + face * normal
         point = reach + np.array([[distance], [0.0]])
         relative_velocity = turn * np.array([-point[1], point[0]]) + side * rate * np.array([-reach[1], reach[0]])
         return point, reach, relative_velocity
 
-    ends = [np.sum(beside(q)[2] * normal, axis=0) for q in (0.0, 1.0)]
-    point, reach, relative_velocity = beside(ends[0] / (ends[0] - ends[1]))
+    ends = [np.sum(contact_at(q)[2] * normal, axis=0) for q in (0.0, 1.0)]
+    point, reach, relative_velocity = contact_at(ends[0] / (ends[0] - ends[1]))
     return point, reach, normal, relative_velocity
 
 

@@ -199,8 +199,8 @@ def test_tube_matches_published_force(record, tube, count, name):
     computed = tube.force(count)
     record(source=TUBE, case=name, quantity="rms force of the end stop", unit="N", reference=23.4, computed=computed,
            tolerance=0.05, reason="the tolerance of the published test")  # fmt: skip
-    kept = 23.98 if count else 24.53
-    record(source=TUBE, case=name, quantity="rms force of the end stop, code_aster 2025", unit="N", reference=kept,
+    published = 23.98 if count else 24.53
+    record(source=TUBE, case=name, quantity="rms force of the end stop, code_aster 2025", unit="N", reference=published,
            computed=computed, tolerance=0.015,
            reason="central differences at 5 us there; four static modes in place of all unknowns")  # fmt: skip
 
@@ -215,8 +215,8 @@ def test_tube_matches_dop853(record, tube):
 @pytest.mark.slow
 def test_modal_truncation_error_of_tube(record, tube):
     """Without static correction the contact lacks the compliance of the truncated modes."""
-    whole = tube.force(None)
+    full_force = tube.force(None)
     for count, tolerance in ((25, 0.03), (55, 0.005)):
         record(source=TUBE, case=f"{count} modes, no static correction", quantity="rms force, to that of all unknowns",
-               unit="1", reference=1.0, computed=tube.force(count) / whole, tolerance=tolerance,
+               unit="1", reference=1.0, computed=tube.force(count) / full_force, tolerance=tolerance,
                reason="truncation of modes in contact: what it costs")  # fmt: skip

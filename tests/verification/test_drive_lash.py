@@ -116,15 +116,15 @@ def test_lash_crossing_after_torque_reversal(record, case):
     start = f'run.start={{ displacement = {{ "shaft.rz" = {GAP + T / STIFFNESS} }} }}'
     found = solve_case(case(*BASE_CIRCLE, f'loads.brake={{ at = "shaft", direction = "rz", force = {-T} }}', start))
     left = math.sqrt(3.0) * T / STIFFNESS / RATE_TIME
-    struck = math.sqrt(left**2 + 4.0 * GAP * T / J)
+    arrival_speed = math.sqrt(left**2 + 4.0 * GAP * T / J)
     at = int(np.argmax(found["shaft"].displacement[:, 5] < -GAP))
     x, v = (getattr(found["shaft"], one)[at - 1, 5] for one in ("displacement", "velocity"))
     time = found.time[at - 1] - (x + GAP) / v
     record(source=SOURCE, case="torque that reverses", quantity="time until the other flank", unit="s",
-           reference=RATE_TIME * math.pi / 3.0 + (struck - left) * J / T, computed=time, tolerance=1e-4,
+           reference=RATE_TIME * math.pi / 3.0 + (arrival_speed - left) * J / T, computed=time, tolerance=1e-4,
            reason="steps of 5 us")  # fmt: skip
     record(source=SOURCE, case="torque that reverses", quantity="speed at the other flank", unit="rad/s",
-           reference=-struck, computed=v, tolerance=2e-3, reason="within a step of 5 us")  # fmt: skip
+           reference=-arrival_speed, computed=v, tolerance=2e-3, reason="within a step of 5 us")  # fmt: skip
 
 
 def test_lash_with_reversing_cam_torque(case):
@@ -139,9 +139,9 @@ def test_lash_with_reversing_cam_torque(case):
     assert min(channels[f"contacts.{flank}.force"].max() for flank in ("driving", "coasting")) > 4.0
     drive = channels["contacts.driving.force"] - channels["contacts.coasting.force"]
     np.testing.assert_allclose(channels["supports.gear.torque"], drive, atol=1e-12)
-    asked = J * found["shaft"].acceleration[:, 5] + channels["contacts.k.torque"]
-    asked += drag * found["shaft"].velocity[:, 5]
-    np.testing.assert_allclose(drive, asked, atol=1e-9 * np.abs(asked).max())
+    required = J * found["shaft"].acceleration[:, 5] + channels["contacts.k.torque"]
+    required += drag * found["shaft"].velocity[:, 5]
+    np.testing.assert_allclose(drive, required, atol=1e-9 * np.abs(required).max())
     free = np.abs(angle) < GAP
     assert 0.1 < free.mean() < 0.9
     assert not drive[free].any()
@@ -166,9 +166,9 @@ def test_gear_inertia_acts_at_variable_speed(case):
     found = solve_case(made := case(*CHAIN, *DAMPED, swing))
     rate = prepare(made).problem.drive.at(found.time).rate
     turned = [found[name].acceleration[:, 5] + rate for name in ("shaft", "gear")]
-    asked = J * turned[0] + 3.0 * J * turned[1] + found.channels["contacts.k.torque"]
+    required = J * turned[0] + 3.0 * J * turned[1] + found.channels["contacts.k.torque"]
     assert np.abs(rate).max() * J > 0.7
-    np.testing.assert_allclose(found.channels["springs.chain.torque"], asked, atol=1e-9 * np.abs(asked).max())
+    np.testing.assert_allclose(found.channels["springs.chain.torque"], required, atol=1e-9 * np.abs(required).max())
 
 
 @pytest.mark.parametrize("law", ["shm", "cycloidal", "4-5-6-7"])

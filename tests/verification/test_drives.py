@@ -216,9 +216,9 @@ def test_cam_torque_at_driven_end(felt):
     """The drive carries the cam torque, unless the published load does not twist the shaft."""
     end = ["cams.intake.at=drive", "nodes.tappet=[0, 0.018, 0]", "nodes.pushrod-top=[0, 0.268, 0]"]
     response = run(read_case(INLINE, [*end, f"contacts.intake.cam_torque={str(felt).lower()}"]))
-    asked, given = response.channels["contacts.intake.torque"], response.channels["supports.drive.torque"]
-    assert np.abs(asked).max() > 0.5
-    np.testing.assert_allclose(given, asked if felt else 0.0, atol=1e-9 * np.abs(asked).max())
+    required, given = response.channels["contacts.intake.torque"], response.channels["supports.drive.torque"]
+    assert np.abs(required).max() > 0.5
+    np.testing.assert_allclose(given, required if felt else 0.0, atol=1e-9 * np.abs(required).max())
 
 
 def test_contact_torque_at_driven_end(case):
@@ -226,9 +226,9 @@ def test_contact_torque_at_driven_end(case):
     made = case(FLUCTUATION_KEY)
     end = ["cams.intake.at=drive", "nodes.tappet=[0, 0.03, 0]", "nodes.top=[0, 0.08, 0]"]
     response = run(read_case(made.path, [*end, "contacts.intake.model=unilateral", "contacts.intake.friction=0.1"]))
-    asked, given = response.channels["contacts.intake.torque"], response.channels["supports.drive.torque"]
-    assert np.abs(asked).max() > 3.0
-    np.testing.assert_allclose(given, asked, atol=1e-4 * np.abs(asked).max())
+    required, given = response.channels["contacts.intake.torque"], response.channels["supports.drive.torque"]
+    assert np.abs(required).max() > 3.0
+    np.testing.assert_allclose(given, required, atol=1e-4 * np.abs(required).max())
 
 
 def test_drive_torque_balances_all_moments(case):
@@ -268,11 +268,11 @@ ground = { at = "cam", direction = "rx", stiffness = 900.0, damping = 0.05 }""",
         return total
 
     weight = sum(mass * (y * 3.0 + z * 9.81) for mass, y, z in ((0.3, 0.02, -0.03), (0.2, -0.04, 0.05)))
-    held = momentum(a, rate) + 40.0 * momentum(v, 0.0) + 900.0 * d[:, 3] + (0.05 + 1e-6 * 900.0) * v[:, 3]
-    held += response.channels["contacts.intake.torque"] - weight + (3.0 - 7.0)
+    balance = momentum(a, rate) + 40.0 * momentum(v, 0.0) + 900.0 * d[:, 3] + (0.05 + 1e-6 * 900.0) * v[:, 3]
+    balance += response.channels["contacts.intake.torque"] - weight + (3.0 - 7.0)
     given = response.channels["supports.drive.torque"]
     assert np.abs(given).max() > 10.0
-    np.testing.assert_allclose(given, held, atol=1e-8 * np.abs(given).max())
+    np.testing.assert_allclose(given, balance, atol=1e-8 * np.abs(given).max())
 
 
 def restart_angles(case, tmp_path, lines, *, speed):
@@ -331,9 +331,9 @@ def test_moving_phaser(record):
 def test_second_derivative_of_phaser_ignores_rounding():
     """The derivative jumps at a row; derivatives by the speed would otherwise compare values of both sides."""
     phaser, row = Phaser((5.0, 10.0, 12.0), (0.0, 0.35, 0.30)), 10.0
-    beside = phaser(np.array([np.nextafter(row, 0.0), row, np.nextafter(row, 20.0)]), 2)
-    assert beside == pytest.approx(beside[1], rel=1e-6)
-    assert abs(float(phaser(np.array([row - 1e-6]), 2)[0]) - beside[1]) > 0.005
+    neighbours = phaser(np.array([np.nextafter(row, 0.0), row, np.nextafter(row, 20.0)]), 2)
+    assert neighbours == pytest.approx(neighbours[1], rel=1e-6)
+    assert abs(float(phaser(np.array([row - 1e-6]), 2)[0]) - neighbours[1]) > 0.005
 
 
 def test_steep_phaser_is_inverted():

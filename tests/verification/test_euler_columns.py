@@ -157,10 +157,12 @@ def test_too_few_elements_for_geometric_stiffness_cause_warning(tmp_path, suppor
     asked = f'elements = {elements}, geometric_stiffness = true, bow = "0.1 mm"'
     path.write_text(text.replace("elements = 8", asked), encoding="utf-8")
     case = read_case(path)
-    told = stiff_struts(build_model(case))
-    assert {name: enough for name, (_, enough) in told.items()} == ({"rod": 4} if excess else {})
+    stiff_members = stiff_struts(build_model(case))
+    assert {name: enough for name, (_, enough) in stiff_members.items()} == ({"rod": 4} if excess else {})
     if excess:
-        assert told["rod"][0] == pytest.approx(excess, rel=2e-2)  # four elements are up to 2e-3 too stiff themselves
+        assert stiff_members["rod"][0] == pytest.approx(
+            excess, rel=2e-2
+        )  # four elements are up to 2e-3 too stiff themselves
         assert any("too few elements in member rod" in one for one in check_input(prepare(case)))
     plain = tmp_path / "plain.toml"
     plain.write_text(text.replace("elements = 8", f"elements = {elements}"), encoding="utf-8")

@@ -75,8 +75,8 @@ def test_shortening_and_axial_force_of_bowed_column(record, column, part):
     """The tip moves by P L/EA and by the growth of the bow; the channels contain P and its ratio to Euler's load."""
     bow = 1e-3
     response = run(column(bow, push(-part * EULER), elements=4))
-    whole = bow / (1.0 - part)
-    drawn = math.pi**2 / (4.0 * LENGTH) * (whole**2 - bow**2)
+    total = bow / (1.0 - part)
+    drawn = math.pi**2 / (4.0 * LENGTH) * (total**2 - bow**2)
     # The tube is inclined by up to pi d/L: lateral and axial forces are coupled by the square of it, which a shallow
     # arch neglects.
     record(source=SOURCE, case=f"bowed column, P/Pcr = {part}", quantity="shortening", unit="m",
@@ -295,11 +295,11 @@ def test_energy_conservation_of_undamped_train(record, tmp_path):
     torque = channels["contacts.intake.torque"]
     torque = torque + channels["contacts.intake.force"] * event(angle, 2) * channels["cams.intake.twist"]
     work = np.concatenate([[0.0], np.cumsum(0.5 * (torque[1:] + torque[:-1]) * np.diff(angle))])
-    held = sum(channels[f"energy.{part}"] for part in ("kinetic", "strain", "contact"))
+    stored = sum(channels[f"energy.{part}"] for part in ("kinetic", "strain", "contact"))
     springs = -900.0 * response["top.uy"].displacement  # the installed force is a load, not a strain
     springs -= springs[0]
     record(source=SOURCE, case="train with bow and Hertz contact, 2400 steps", quantity="integral of the cam's torque",
-           unit="J", reference=0.0, computed=np.abs(work + springs - (held - held[0])).max() / most, tolerance=1e-5,
+           unit="J", reference=0.0, computed=np.abs(work + springs - (stored - stored[0])).max() / most, tolerance=1e-5,
            absolute=True, reason="trapezoids of the torque, and the Hertz law changing with the curvature")  # fmt: skip
 
 

@@ -184,7 +184,7 @@ def test_energy_balance_of_growing_whirl():
     run = solve(Problem(system, drive, math.tau / omega / 1000, 6000, start), newmark())
     d, v = run["journal"].displacement, run["journal"].velocity
     still = np.array([film_force(x, np.zeros(2))[0] for x in d])
-    whole = np.array([film_force(*one)[0] for one in zip(d, v, strict=True)])
+    total_force = np.array([film_force(*one)[0] for one in zip(d, v, strict=True)])
 
     def work(force):
         power = (force * v).sum(axis=1)
@@ -196,7 +196,7 @@ def test_energy_balance_of_growing_whirl():
     # a thousand steps per period: the error of both quadratures is about 1e-5 of the work that changes sign
     size = np.abs(energy["work"]).max()
     np.testing.assert_allclose(energy["work"], weight - work(still), rtol=0, atol=1e-4 * size)
-    np.testing.assert_allclose(energy["dissipated"], work(whole - still), rtol=0, atol=1e-4 * size)
+    np.testing.assert_allclose(energy["dissipated"], work(total_force - still), rtol=0, atol=1e-4 * size)
     assert np.diff(energy["dissipated"]).min() >= 0.0
     assert np.abs(energy["residual"]).max() < 1e-6 * size
 

@@ -239,18 +239,18 @@ def test_refill_lag(record, case):
 
 def test_restart_continues_leak_down(case, tmp_path):
     """A run over most of the lift and its continuation from the result equal a single run, with the leak-down."""
-    whole = run(case(ADJUSTER, **(SEAT_CHANGES | {"revolutions": 0.5})))
+    single_run = run(case(ADJUSTER, **(SEAT_CHANGES | {"revolutions": 0.5})))
     first = prepare(case(ADJUSTER, **(SEAT_CHANGES | {"revolutions": 0.3})))
     solve(first.problem, first.scheme, save=first.save, sinks=[open_result_file(first, tmp_path)])
     path = case(ADJUSTER, **(SEAT_CHANGES | {"revolutions": 0.2})).path
     text = path.read_text(encoding="utf-8").replace('start = "equilibrium"', 'start = { result = "play.vtkhdf" }')
     path.write_text(text, encoding="utf-8")
     second = run(read_case(path))
-    at = len(whole.time) - len(second.time)
-    assert second.angle[0] == pytest.approx(whole.angle[at], abs=1e-9)
+    at = len(single_run.time) - len(second.time)
+    assert second.angle[0] == pytest.approx(single_run.angle[at], abs=1e-9)
     for name in ("contacts.play.leak_down", "contacts.play.force", "contacts.seat.force"):
-        most = np.abs(whole.channels[name]).max()
-        np.testing.assert_allclose(second.channels[name], whole.channels[name][at:], atol=1e-6 * most)
+        most = np.abs(single_run.channels[name]).max()
+        np.testing.assert_allclose(second.channels[name], single_run.channels[name][at:], atol=1e-6 * most)
     assert second.channels["contacts.play.leak_down"][0] > 1e-5
 
 

@@ -26,9 +26,9 @@ ERROR_BOUNDS = {0.5: 0.025, 2.0: 0.04, 5.0: 0.06}
 
 
 def table_angles(spacing, part="whole", uneven=0.0, seed=0):
-    whole = np.arange(round(360 / spacing)) * spacing * DEGREE
+    full_turn = np.arange(round(360 / spacing)) * spacing * DEGREE
     lobe = np.arange(LOBE.phase - 2 * DEGREE, LOBE.phase + 132 * DEGREE, spacing * DEGREE)
-    even = whole if part == "whole" else lobe
+    even = full_turn if part == "whole" else lobe
     return even + uneven * spacing * DEGREE * np.random.default_rng(seed + 1).uniform(-1, 1, len(even))
 
 

@@ -89,9 +89,9 @@ def test_published_model_matches_harmonic_solution(record):
 def test_long_transient_converges_to_periodic_state(record):
     """The reference is a run of twenty-five revolutions of a well damped train from rest."""
     damped = ("run.damping={ alpha = '200 1/s', beta = '40 us' }", "run.steps_per_revolution=600")
-    whole = run(read_case(LINEAR_CASE, [*damped, "run.revolutions=25", "run.start=rest"]))
+    transient = run(read_case(LINEAR_CASE, [*damped, "run.revolutions=25", "run.start=rest"]))
     steady = run(read_case(LINEAR_CASE, [*damped, "run.revolutions=1", "run.start=periodic"]))
-    last, first = whole["valve"].displacement[-601:], steady["valve"].displacement
+    last, first = transient["valve"].displacement[-601:], steady["valve"].displacement
     record(source=SOURCE, case="published model 1, heavily damped", quantity="distance from the 25th revolution",
            unit="m", reference=0.0, computed=np.abs(last - first).max(), tolerance=1e-8 * np.abs(first).max(),
            absolute=True, reason="what is left of the transient")  # fmt: skip
@@ -154,8 +154,8 @@ def test_periodic_state_with_contact(record, tmp_path, speed, flies):
            reference=0.0, computed=abs(lift[-1] - lift[0]), tolerance=1e-8, absolute=True,
            reason="what the search leaves: 1e-9 of the motion, a little more where contacts part")  # fmt: skip
     assert 0.0 <= steady.stats.periodicity < 1e-6
-    whole = run(read_case(path, [more, "run.start=equilibrium", "run.revolutions=6"]))
-    last = whole["tappet.uy"].displacement[-601:]
+    transient = run(read_case(path, [more, "run.start=equilibrium", "run.revolutions=6"]))
+    last = transient["tappet.uy"].displacement[-601:]
     record(source=SOURCE, case=f"contact, {speed} rpm", quantity="distance from the sixth revolution", unit="m",
            reference=0.0, computed=np.abs(last - lift).max(), tolerance=1e-7, absolute=True,
            reason="what is left of the transient, 1e-5 of the lift")  # fmt: skip

@@ -239,11 +239,11 @@ def test_modal_damping_on_both_sides_of_lash(make_train, rocker, play):
     s, slope = (event(free.angle, order) for order in (0, 1))
     turned = 1.0 / np.sqrt(1.0 - (s / 0.03) ** 2) if "lever" in rocker else np.ones_like(s)
     behind = np.where(ratio * s > (play or 0.0), ratio**2, 0.0)
-    moved, whole, stiffness, beyond = M + inertia * turned, M + inertia, SPRING, math.sqrt(back * valve) * behind
+    moved, total_mass, stiffness, beyond = M + inertia * turned, M + inertia, SPRING, math.sqrt(back * valve) * behind
     if play is None:
-        moved, whole, beyond = moved + behind * valve, whole + ratio**2 * valve, 0.0
+        moved, total_mass, beyond = moved + behind * valve, total_mass + ratio**2 * valve, 0.0
         stiffness += ratio**2 * back
-    expected = 0.4 * (math.sqrt(stiffness * whole) * (moved / whole) ** 2 + beyond) * slope * speed
+    expected = 0.4 * (math.sqrt(stiffness * total_mass) * (moved / total_mass) ** 2 + beyond) * slope * speed
     added = damped.channels["contacts.intake.force"] - free.channels["contacts.intake.force"]
     np.testing.assert_allclose(added, expected, atol=1e-9 * expected.max())
 
@@ -263,11 +263,11 @@ SEAT_CONTACT = "contacts.seat={ at = 'tappet', direction = 'uy', model = 'seat',
 
 def test_shared_seat_load_causes_warning(make_train):
     made = make_train(30.0, SEAT_CONTACT)[0]
-    (told,) = check_shared_seat_load(build_model(made))
-    assert f"share the {INSTALLED:g} N of the springs" in told
+    (warning,) = check_shared_seat_load(build_model(made))
+    assert f"share the {INSTALLED:g} N of the springs" in warning
     ready = prepare(make_train(30.0, SEAT_CONTACT, "fidelity.model=rigid")[0])
-    assert check_input(ready).count(told) == 1
-    assert told not in check_input(prepare(made))  # the flexible train resolves it
+    assert check_input(ready).count(warning) == 1
+    assert warning not in check_input(prepare(made))  # the flexible train resolves it
     assert not check_shared_seat_load(build_model(make_train(30.0)[0]))
 
 
@@ -352,8 +352,10 @@ def test_coil_clash_and_pulsation_of_spring(make_train, kind, parts, rigid):
 def test_coil_bind_of_rigid_train_causes_warning(make_train):
     """At 12 mm of lift, 2 mm beyond, check and run give the warning of a flexible run."""
     keys = ["cams.intake.lift=12 mm", "springs.valve.elements=4", "springs.valve.mass=0.01", "fidelity.model=rigid"]
-    told = [check_input(prepare(make_train(30.0, *keys, f"springs.valve.clash_travel={mm} mm")[0])) for mm in (10, 13)]
-    assert [[one for one in each if "coil bind" in one] for each in told] == [
+    warnings = [
+        check_input(prepare(make_train(30.0, *keys, f"springs.valve.clash_travel={mm} mm")[0])) for mm in (10, 13)
+    ]
+    assert [[one for one in each if "coil bind" in one] for each in warnings] == [
         ["Warning: spring 'valve' reaches coil bind before full lift: full lift needs 2 mm more clash_travel"], [],
     ]  # fmt: skip
 

@@ -43,9 +43,9 @@ def open_angles(lift, rpm, overrides):
 
 def separation_speeds(mass, overrides=()):
     """Return the speed above which each side is open, crank rpm, by bisection to 14 rpm."""
-    laid = (f"masses.valve.mass={mass}g", *overrides)
-    lift = build_model(read_case(CASE, laid)).cams["intake"].event
-    known = cache(lambda rpm: open_angles(lift, rpm, laid))
+    all_overrides = (f"masses.valve.mass={mass}g", *overrides)
+    lift = build_model(read_case(CASE, all_overrides)).cams["intake"].event
+    known = cache(lambda rpm: open_angles(lift, rpm, all_overrides))
     found = {}
     for side in CONTACT_FORCES:
         low, high = 6400.0, 10_000.0

@@ -282,13 +282,13 @@ def test_radial_stiffness_of_coils_matches_helix(record, turns):
     wire, diameter = 4e-3, 28e-3
     spring = valvetrain.Spring("retainer", np.eye(6)[1], valvetrain.Wire(wire, diameter).rate(206e9 / 2.6, turns))
     force, length = squeezed_helix(wire, diameter, turns, 50e-6)
-    whole = valvetrain.radial_stiffness(spring, turns) * 50e-6
+    total = valvetrain.radial_stiffness(spring, turns) * 50e-6
     middle = slice(len(force) // 3, 2 * len(force) // 3)
     line_load = force[middle].sum() / length[middle].sum()
     record(source=SOURCE, case=f"{turns} coils squeezed by a bore", quantity="line load", unit="N/m",
-           reference=line_load, computed=whole / (math.pi * diameter * turns), tolerance=0.01,
+           reference=line_load, computed=total / (math.pi * diameter * turns), tolerance=0.01,
            reason="72 straight elements per turn")  # fmt: skip
-    assert force.sum() / whole == pytest.approx(1.0 - 0.31 / (math.pi * turns), abs=0.01)
+    assert force.sum() / total == pytest.approx(1.0 - 0.31 / (math.pi * turns), abs=0.01)
 
 
 @pytest.mark.parametrize("given", [None, 80e-6])
@@ -347,12 +347,12 @@ def test_given_interference_of_touching_coils(tmp_path):
 
 
 def test_overlapping_coils_without_friction_cause_warning(tmp_path):
-    told = "coils overlap those of 'outer' by 0.05 mm"
+    message = "coils overlap those of 'outer' by 0.05 mm"
     assert not [one for one in check_values(interference_case(tmp_path)) if "overlap" in one]
     bare = INTERFERENCE_CASE.replace(INTERFERENCE_CASE.split("[friction]")[1].split("[loads]")[0], "\n")
     interference_case(tmp_path)
     (tmp_path / "bare.toml").write_text(bare, encoding="utf-8")
-    assert [one for one in check_values(read_case(tmp_path / "bare.toml")) if told in one]
+    assert [one for one in check_values(read_case(tmp_path / "bare.toml")) if message in one]
     wide = "springs.outer.wire.coil_diameter=29e-3"
     assert not [one for one in check_values(read_case(tmp_path / "bare.toml", (wide,))) if "overlap" in one]
     barrel = 'springs.inner.coils=[{ turns = 6, diameter = ["20 mm", "23 mm"], pitch = "8 mm" }]'  # wide at its top

@@ -326,8 +326,8 @@ def test_static_force_of_two_rate_spring(record, case, elements, force, degrees)
     travel = np.linspace(0.0, 30e-3, 300001)
     start = np.interp(force, two_rate_force(travel), travel)
     wanted = float(two_rate_force(start + lift))
-    told = f"two pitches in {elements} parts each, {force:g} N installed, lift of {1e3 * lift:.2f} mm"
-    record(source=SOURCE, case=told,
+    description = f"two pitches in {elements} parts each, {force:g} N installed, lift of {1e3 * lift:.2f} mm"
+    record(source=SOURCE, case=description,
            quantity="force that the cam gives", unit="N", reference=wanted, computed=channels["contacts.intake.force"],
            tolerance=1e-6, reason="rounding")  # fmt: skip
     assert channels["springs.valve.surge"] < 1e-9
@@ -376,9 +376,9 @@ def test_closed_coils_do_not_change_clearance(case):
     curve = spring_curve(build_model(made).springs["valve"])
     travel = 0.5 * (curve.travel[-3] + curve.travel[-2])
     rest = curve.compression(np.array([travel]))
-    struck = rest + np.where(rest == rest.min(), 20e-6, 0.0)
+    displaced = rest + np.where(rest == rest.min(), 20e-6, 0.0)
     assert curve.travel_of(rest)[0] == pytest.approx(travel, rel=1e-9)
-    assert curve.travel_of(struck)[0] == pytest.approx(travel, rel=1e-9)
+    assert curve.travel_of(displaced)[0] == pytest.approx(travel, rel=1e-9)
 
 
 @pytest.mark.parametrize("parts", [1, 2])

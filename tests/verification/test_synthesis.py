@@ -88,8 +88,10 @@ def minimum_acceleration(jerk, count, *, free):
     if not free:
         at_end, values = [*at_end, bend[-1]], [*values, 0.0]
     box = [(-jerk, jerk)] * count + [(None, None) if free else (0.0, 0.0), (0.0, None)]
-    over = np.vstack([bend - most, -bend - most])
-    return linprog(most, over, np.zeros(len(over)), np.array(at_end), values, bounds=box, method="highs").fun
+    constraints = np.vstack([bend - most, -bend - most])
+    return linprog(
+        most, constraints, np.zeros(len(constraints)), np.array(at_end), values, bounds=box, method="highs"
+    ).fun
 
 
 def trapezoid_acceleration(jerk):

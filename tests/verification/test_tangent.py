@@ -66,8 +66,8 @@ def chain_problem(p, engine="direct"):
     M, C, K, load = chain_matrices(p)
     push = Load("push", load, lambda motion: np.sin(3.0 * motion.angle))
     probe = Probe("end", ("x",), np.eye(3)[2:], (None,))
-    whole = (Triplets.from_dense(one) for one in (M, C, K))
-    system = System(*whole, ("a", "b", "c"), (push,), probes=(probe,))
+    system_matrices = (Triplets.from_dense(one) for one in (M, C, K))
+    system = System(*system_matrices, ("a", "b", "c"), (push,), probes=(probe,))
     return Problem(system, ConstantSpeed(2.0), step=5e-3, steps=1000, engine=engine)
 
 
@@ -213,7 +213,7 @@ def test_trains_in_contact_match_differences(record, path, key, names, fixed):
 
 
 def test_second_local_maximum_matches_differences(record):
-    """The second largest local maximum of the cam force has a value and a derivative at a constant instant."""
+    """The second highest local maximum of the cam force has a value and a derivative at a constant instant."""
     file, fixed = CaseFile.open(Path(BUCKET)), (*ONE_REVOLUTION, "run.engine=kernel")
     name, case = "contacts.intake.force.largest", file.read(fixed)
     (number,) = get_numbers(case, ["masses.bucket.mass"])

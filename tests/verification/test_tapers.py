@@ -104,8 +104,8 @@ def test_torsion_constant_of_taper_raises_error(tmp_path):
 def test_too_few_elements_for_taper_cause_warning(tmp_path, elements, wanted):
     """The second moment decreases to a sixteenth: 11 elements change it by less than 1.3 each, 1.3^11 = 17.9."""
     warnings = check_input(prepare(rod_case(tmp_path, 'shape = "circle", diameter = ["12 mm", "6 mm"]', elements)))
-    told = [one for one in warnings if "second moment changes" in one]
-    assert [one.rpartition("= ")[2] for one in told] == ([str(wanted)] if wanted else [])
+    messages = [one for one in warnings if "second moment changes" in one]
+    assert [one.rpartition("= ")[2] for one in messages] == ([str(wanted)] if wanted else [])
 
 
 def test_check_of_thousands_of_elements(tmp_path):

@@ -144,9 +144,9 @@ def test_expansion_does_not_count_as_valve_loft(tmp_path, model, further):
     """The valve of a warm train rises further by the expansion, but not above the lift of the warm rigid train."""
     path = tmp_path / "train.toml"
     path.write_text(TRAIN, encoding="utf-8")
-    whole = ["run.revolutions=1", "run.speed=100rpm", f"fidelity.model={model!r}", *further]
+    common = ["run.revolutions=1", "run.speed=100rpm", f"fidelity.model={model!r}", *further]
     warm, cold = (
-        run(read_case(path, [*whole, *more])).metrics["contacts.seat.valve_loft"]
+        run(read_case(path, [*common, *more])).metrics["contacts.seat.valve_loft"]
         for more in ((), ("members.pushrod.temperature=0", "members.stem.temperature=0"))
     )
     assert abs(warm - cold) < 1e-5  # the force of the valve spring increases slightly; the expansion itself is 0.7 mm
