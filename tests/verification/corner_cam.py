@@ -58,7 +58,7 @@ EVENT = LiftEvent(ArcLaw(), LIFT, RISE, RISE, dwell=2.0 * (math.pi / 2.0 - RISE)
 PATH = Path(__file__).with_name("corner-impact.toml")
 
 
-def prepare_run(rpm, *overrides):
+def prepared(rpm, *overrides):
     """Return the prepared run of the case with the cam of arcs, which the case format cannot describe."""
     case = read_case(PATH, [f"run.speed={rpm}rpm", *overrides])
     model = build_model(case)

@@ -31,7 +31,7 @@ from tests.verification.corner_cam import (
     RESTITUTION,
     START,
     STIFFNESS,
-    prepare_run,
+    prepared,
 )
 
 SOURCE = "Alzate, di Bernardo et al., corner impact of a cam follower"
@@ -70,7 +70,7 @@ def orbit_start(rpm, disturbance=0.0):
 
 def last_impact(rpm):
     """Return cam angle and speed of the last impact of a run near the orbit, by parabolas on both sides."""
-    ready = prepare_run(rpm, "run.revolutions=50", f"run.steps_per_revolution={STEPS}")
+    ready = prepared(rpm, "run.revolutions=50", f"run.steps_per_revolution={STEPS}")
     response = solve(replace(ready.problem, start=orbit_start(rpm, 1e-5)), ready.scheme)
     follower, angle = response["follower.uy"], response.angle
     jump = len(angle) - STEPS + int(np.argmax(np.diff(follower.velocity[-STEPS:]))) + 1
@@ -98,7 +98,7 @@ def test_contact_loss_speed_of_rigid_follower(record):
     reference = math.sqrt(-STIFFNESS * preloaded_lift(corner) / (MASS * preloaded_lift(corner, 2))) / RPM
     lowest = []
     for rpm in (reference - 0.5, reference + 0.5):
-        ready = prepare_run(rpm, "fidelity.model=rigid", "run.revolutions=1", "run.steps_per_revolution=36000")
+        ready = prepared(rpm, "fidelity.model=rigid", "run.revolutions=1", "run.steps_per_revolution=36000")
         lowest.append(float(solve(ready.problem, ready.scheme).channels["contacts.cam.force"].min()))
     squares = [(reference - 0.5) ** 2, (reference + 0.5) ** 2]
     found = math.sqrt(np.interp(0.0, lowest[::-1], squares[::-1]))
@@ -120,7 +120,7 @@ def test_periodic_orbit_with_one_impact(record):
                tolerance=1e-4, reason=reason)  # fmt: skip
     assert math.degrees(expected) == pytest.approx(155.3037, abs=5e-5)
     assert preloaded_lift(expected) * flight_tangent(700.0) == pytest.approx(81.854, abs=5e-4)
-    ready = prepare_run(700.0, "run.revolutions=1", f"run.steps_per_revolution={8 * STEPS}")
+    ready = prepared(700.0, "run.revolutions=1", f"run.steps_per_revolution={8 * STEPS}")
     found = floquet(replace(ready.problem, start=orbit_start(700.0))).multipliers
     for one, name in zip(found, ("first", "second"), strict=True):
         record(source=SOURCE, case=case, quantity=f"modulus of the {name} multiplier", unit="1", reference=RESTITUTION,
@@ -141,7 +141,7 @@ def test_corner_impact_bifurcation_speed(record):
 
 def run_two_starts(rpm, starts):
     """Return the positions at the cam angle 0 over 150 turns from two starts, and the distance between both runs."""
-    ready = prepare_run(rpm, "run.revolutions=150", f"run.steps_per_revolution={STEPS}")
+    ready = prepared(rpm, "run.revolutions=150", f"run.steps_per_revolution={STEPS}")
     runs = [solve(replace(ready.problem, start=start), ready.scheme)["follower.uy"] for start in starts]
     first, second = (run.displacement[::STEPS] for run in runs)
     return first, np.abs(second - first)
