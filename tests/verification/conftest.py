@@ -1,4 +1,4 @@
-"""Cases from their text, and a straight beam along x in one of its classical supports, as matrices and frequencies."""
+"""Fixtures: cases from text, and straight beams in classical supports."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flexcam.fem.dofs import dof_map
 from flexcam.fem.mesh import chain
 
 PLANE = ("uz", "rx", "ry")
-"""Held at every node where only bending in x-y is wanted."""
+"""Components fixed at every node for plane bending in x-y."""
 
 SUPPORTS = {
     "pinned-pinned": {"start": ("ux", "uy"), "end": ("uy",)},
@@ -24,7 +24,7 @@ SUPPORTS = {
 
 
 class StraightBeam:
-    """Elements, numbering and matrices of a straight beam."""
+    """Elements, degrees of freedom and matrices of a straight beam."""
 
     def __init__(self, member, length, elements, held):
         self.mesh = chain((0, 0, 0), (length, 0, 0), elements, "beam")
@@ -41,7 +41,7 @@ class StraightBeam:
 
 @pytest.fixture
 def case_of(tmp_path):
-    """Return a case from its text and overrides."""
+    """Return a function that reads a case from text and overrides."""
 
     def make(text, *overrides):
         path = tmp_path / "case.toml"
@@ -53,13 +53,13 @@ def case_of(tmp_path):
 
 @pytest.fixture(scope="session")
 def straight_beam():
-    """Return a beam from member, length, elements and a list of (point, components)."""
+    """Return the class of a beam, built from member, length, elements and a list of (point, components)."""
     return StraightBeam
 
 
 @pytest.fixture(scope="session")
 def plane_beam():
-    """Return a beam that bends in x-y only, from member, length, elements and the name of its supports."""
+    """Return a function that builds a beam in x-y bending from member, length, elements and supports by name."""
 
     def make(member, length, elements, supports):
         ends = [(point, PLANE + held) for point, held in SUPPORTS[supports].items()]

@@ -1,8 +1,8 @@
-"""Follower of a plate cam whose curvature jumps, after an experiment on impacts and chaos in cam-follower systems.
+"""Follower of a plate cam with a jump in curvature, after an experiment on impacts and chaos in cam-follower systems.
 
 R. Alzate, M. di Bernardo, U. Montanaro and S. Santini, Experimental and numerical verification of bifurcations and
-chaos in cam-follower impacting systems, Nonlinear Dynamics 50 (2007) 409. The numbers are those of the example
-CamFollower of Siconos: arcs about three centres under a knife edge, no gravity.
+chaos in cam-follower impacting systems, Nonlinear Dynamics 50 (2007) 409. The data are those of the example CamFollower
+of Siconos: arcs about three centres under a knife-edge follower, no gravity.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from flexcam.case.builder import build_model
 MASS, STIFFNESS, PRELOAD, RESTITUTION = 1.221, 1430.8, 143.08, 0.8
 BASE = 0.4
 FLANK, NOSE = (0.45, 0.85), (0.40393320723821, 0.15)
-"""Distance of an arc's centre from the axis, and its radius, m."""
+"""Distance of the arc centre from the cam axis, and radius of the arc, m."""
 
 CORNER, RISE = 1.050328174371336, 1.22173047639603
-"""End of the flank and of the nose's arc, rad from the begin of the rise."""
+"""Angles at the end of the flank and at the end of the nose arc, rad from the start of the rise."""
 
 START = math.pi / 2.0
 LIFT = sum(NOSE) - BASE
@@ -31,7 +31,7 @@ LIFT = sum(NOSE) - BASE
 
 @dataclass(frozen=True)
 class ArcLaw:
-    """Rise along two arcs: r = d cos(a) + sqrt(R^2 - d^2 sin^2 a), a from the line through both centres."""
+    """Lift law of two arcs: r = d cos(a) + sqrt(R^2 - d^2 sin^2 a), with a from the line through both centres."""
 
     @property
     def breaks(self):
@@ -45,7 +45,7 @@ class ArcLaw:
 
 
 def _arc(d, R, a, order):
-    """Return a derivative of the radius of an arc, by Leibniz' rule for the square of its root."""
+    """Return a derivative of the radius of an arc, by the Leibniz rule for the square of the root."""
     g = [R**2 - (d * np.sin(a)) ** 2, *(0.5 * d**2 * 2.0**n * np.cos(2.0 * a + 0.5 * n * math.pi) for n in range(1, 5))]
     w = [np.sqrt(g[0])]
     for n in range(1, order + 1):

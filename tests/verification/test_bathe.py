@@ -1,4 +1,4 @@
-"""Bathe's composite step: its amplification from its own two formulas, its order, its damping, a stiff bar.
+"""Bathe's composite step: amplification by its two formulas, order, damping, and a stiff oscillator.
 
 K. J. Bathe and M. M. I. Baig, Computers and Structures 83 (2005); K. J. Bathe, Computers and Structures 85 (2007). The
 reference is built here from the trapezoidal rule and the backward difference, not taken from the code.
@@ -16,8 +16,8 @@ from flexcam.dynamics import ConstantSpeed, Problem, State, bathe, newmark, solv
 SOURCE = "Bathe's composite step"
 
 
-def by_hand(w, step, steps, d, v, damping=0.0):
-    """Return displacement and velocity of a free oscillator after some steps of both formulas."""
+def integrate_by_formulas(w, step, steps, d, v, damping=0.0):
+    """Return displacement and velocity of a free oscillator after a number of steps of both formulas."""
     for _ in range(steps):
         h = 0.5 * step
         a = -(w**2) * d - 2 * damping * w * v
@@ -32,7 +32,7 @@ def by_hand(w, step, steps, d, v, damping=0.0):
 
 @pytest.mark.parametrize("damping", [0.0, 0.05])
 @pytest.mark.parametrize("turns", [0.05, 0.3, 2.0])
-def test_run_is_the_two_formulas(system_of, turns, damping):
+def test_solve_matches_composite_formulas(system_of, turns, damping):
     w, steps = 2 * math.pi, 25
     C = np.array([[2 * damping * w]])
     response = solve(
@@ -40,19 +40,19 @@ def test_run_is_the_two_formulas(system_of, turns, damping):
                 State(np.array([1.0]), np.array([2.0]))),
         bathe(),
     )  # fmt: skip
-    d, v = by_hand(w, turns, steps, 1.0, 2.0, damping)
+    d, v = integrate_by_formulas(w, turns, steps, 1.0, 2.0, damping)
     assert response["all"].displacement[-1] == pytest.approx(d, rel=1e-9, abs=1e-12)
     assert response["all"].velocity[-1] == pytest.approx(v, rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.1])
-def test_never_grows_and_forgets_high_frequencies(damping):
+def test_spectral_radius_is_stable_and_damps_high_frequencies(damping):
     radii = [bathe().spectral_radius(x, damping) for x in np.geomspace(1e-2, 1e4, 60)]
     assert max(radii) <= 1.0 + 1e-12
     assert radii[-1] < 1e-3
 
 
-def test_order_of_displacement_velocity_and_acceleration(system_of, fitted_order):
+def test_second_order_of_displacement_velocity_and_acceleration(system_of, fitted_order):
     w = 3.0
     counts = np.array([50, 100, 200, 400])
     errors = []
@@ -69,10 +69,10 @@ def test_order_of_displacement_velocity_and_acceleration(system_of, fitted_order
         assert fitted_order(1.0 / counts, column) == pytest.approx(2.0, abs=0.1)
 
 
-def test_period_at_a_tenth(record):
-    """T'/T from the angle of the eigenvalues of both formulas."""
+def test_period_error_at_a_tenth_of_the_period(record):
+    """The ratio T'/T follows from the angle of the eigenvalues of both formulas."""
     w, step = 2 * math.pi, 0.1
-    A = np.array([by_hand(w, step, 1, *start) for start in ((1.0, 0.0), (0.0, 1.0))]).T
+    A = np.array([integrate_by_formulas(w, step, 1, *start) for start in ((1.0, 0.0), (0.0, 1.0))]).T
     turned = abs(np.angle(np.linalg.eigvals(A)[0]))
     values = np.linalg.eigvals(bathe().amplification(w * step))
     own = abs(np.angle(values[np.argmax(np.abs(values))]))
@@ -80,8 +80,8 @@ def test_period_at_a_tenth(record):
            computed=w * step / own - 1.0, tolerance=1e-9, reason="the same numbers in two ways")  # fmt: skip
 
 
-def test_a_stiff_part_does_not_ring(system_of):
-    """A step on a soft and a stiff oscillator: the stiff one is gone at once, with Newmark it rings for ever."""
+def test_stiff_oscillator_is_damped(system_of):
+    """Bathe's step damps the stiff oscillator at once; with Newmark it oscillates undamped."""
     K = np.array([[1.0, 0.0], [0.0, 1e8]])
     start = State(np.zeros(2), np.array([0.0, 1.0]))
     ring = {}

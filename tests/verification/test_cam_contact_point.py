@@ -1,11 +1,11 @@
-"""Where a cam touches its follower, and what the force there does to shaft and follower: closed forms.
+"""Contact point of cam and follower, and the contact force on shaft and follower: closed forms.
 
-A shaft on two supports, its drive end held against turning, cam at mid-span; the force F at the follower is that of the
-spring behind it, F0 + k u. In the plane of the cam (lift upwards, the cam turning counterclockwise) a flat follower is
-touched s' to the right of its axis; a roller's normal passes through the instant centre, s' to the right of the cam's,
-so that the cam is pushed to the right by F (s' - e)/H, with the offset e and H the height of the roller's centre. F. Y.
-Chen, Mechanics and Design of Cam Mechanisms (1982), ch. 4 (pressure angle); K. L. Johnson, Contact Mechanics (1985),
-sec. 4.2 (line contact); S. P. Timoshenko, Strength of Materials I (1955) for shafts and beams.
+A shaft on two supports, its drive end fixed in rotation, carries a cam at mid-span; the force F at the follower is that
+of the spring, F0 + k u. In the plane of the cam (lift upwards, the cam turning counterclockwise) a flat follower
+touches the cam s' to the right of its axis; the normal of a roller passes through the instant centre, s' to the right
+of the cam axis, so that the cam is pushed to the right by F (s' - e)/H, with the offset e and the height H of the
+roller centre. F. Y. Chen, Mechanics and Design of Cam Mechanisms (1982), ch. 4 (pressure angle); K. L. Johnson, Contact
+Mechanics (1985), sec. 4.2 (line contact); S. P. Timoshenko, Strength of Materials I (1955) for shafts and beams.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ ROD_I = math.pi * (0.008**4 - 0.005**4) / 64.0
 G = E / (2.0 * (1.0 + NU))
 SPRING, INSTALLED, CONTACT, BASE, ROLLER, WIDTH = 100e3, 900.0, 2e8, 0.024, 0.010, 0.012
 SIDEWAYS = SPAN**3 / (48.0 * E * SHAFT_I)
-"""Deflection of the shaft at its cam per unit force."""
+"""Deflection of the shaft at the cam per unit force."""
 
 CASE = """
 format = 1
@@ -79,8 +79,8 @@ LINEAR, HERTZ = 'model = "bilateral", stiffness = "200 MN/m"', 'model = "unilate
 RISING, FALLING, TOP, BOTTOM = (math.radians(a) for a in (130.0, 230.0, 180.0, 20.0))
 
 
-class Standing:
-    """A train in balance at one cam angle."""
+class StaticTrain:
+    """Static equilibrium of the train at a cam angle."""
 
     def __init__(self, case, angle):
         problem = prepare(case).problem
@@ -96,7 +96,7 @@ class Standing:
 
 @pytest.fixture
 def case(tmp_path):
-    """Return the case by what differs."""
+    """Return a function that builds the case from its variable parts."""
 
     def make(follower=FLAT, contact=LINEAR, *, held=GUIDED, cam="", springs="", lines=""):
         text = CASE.format(follower=follower, contact=contact, held=held, cam=cam, springs=springs, run=lines)
@@ -114,15 +114,15 @@ ANGLES = [RISING, FALLING, TOP, BOTTOM]
 
 @pytest.mark.parametrize("angle", ANGLES)
 @pytest.mark.parametrize(("cam", "sense"), [("", 1.0), (REVERSED, -1.0), ('rotation = "clockwise"', 1.0)])
-def test_a_flat_follower_twists_the_shaft(record, case, angle, cam, sense):
-    """By F s' against the rotation: about -x where the axis is +x; how the cam is drawn changes nothing."""
-    found = Standing(case(cam=cam), angle)
+def test_flat_follower_twists_shaft(record, case, angle, cam, sense):
+    """The torque F s' acts against the rotation, about -x for an axis along +x, whichever way the cam is drawn."""
+    found = StaticTrain(case(cam=cam), angle)
     twist = -sense * found.force * found.slope * 0.5 * SPAN / (G * SHAFT_J)
     assert found.force > 0.9 * INSTALLED
     record(source=SOURCE, case=f"flat, {math.degrees(angle):.0f} deg, {cam or 'as given'}", quantity="twist at the cam",
            unit="rad", reference=twist, computed=found["cam.rx"], tolerance=1e-9 * abs(twist) + 1e-15, absolute=True,
            reason="rounding of the balance")  # fmt: skip
-    # The depth is what the stiffness of the contact needs: the twist lowers the follower on the rise.
+    # The penetration is what the contact stiffness requires: the twist lowers the follower on the rise.
     depth = found.s + found.slope * sense * found["cam.rx"] + found["cam.uy"] - found["tappet.uy"]
     assert depth == pytest.approx(found.force / CONTACT, rel=1e-6)
     assert found["cam.uy"] == pytest.approx(-found.force * SIDEWAYS, rel=1e-9)
@@ -131,9 +131,9 @@ def test_a_flat_follower_twists_the_shaft(record, case, angle, cam, sense):
 
 @pytest.mark.parametrize("angle", [RISING, FALLING])
 @pytest.mark.parametrize(("cam", "sense"), [("", 1.0), (REVERSED, -1.0)])
-def test_a_flat_follower_tilts(record, case, angle, cam, sense):
-    """The force s' beside its axis turns it by F s' L/(3 E I) about the axis of rotation; it sinks by s' of that."""
-    found = Standing(case(held=TILTING, cam=cam), angle)
+def test_flat_follower_tilts(record, case, angle, cam, sense):
+    """The force at the distance s' from the axis tilts the follower by F s' L/(3 E I) and lowers it by s' of that."""
+    found = StaticTrain(case(held=TILTING, cam=cam), angle)
     tilt = sense * found.force * found.slope * REACH / (3.0 * E * ROD_I)
     record(source=SOURCE, case=f"flat, tilting, {math.degrees(angle):.0f} deg, {cam or 'as given'}", quantity="tilt",
            unit="rad", reference=tilt, computed=found["tappet.rx"], tolerance=1e-8, reason="rounding")  # fmt: skip
@@ -142,26 +142,26 @@ def test_a_flat_follower_tilts(record, case, angle, cam, sense):
     assert depth == pytest.approx(found.force / CONTACT, rel=1e-6)
 
 
-def test_a_follower_without_a_shape_does_not_tilt(case):
-    """A foot that is free to turn: the force along the lift has no moment about its node."""
-    found = Standing(case(follower="", held=TILTING), RISING)
+def test_follower_without_shape_does_not_tilt(case):
+    """The force along the lift has no moment about the node of a foot that can rotate."""
+    found = StaticTrain(case(follower="", held=TILTING), RISING)
     assert found.force > 0.9 * INSTALLED
     assert found["tappet.rx"] == pytest.approx(0.0, abs=1e-15)
     assert found["cam.rx"] == pytest.approx(-found.force * found.slope * 0.5 * SPAN / (G * SHAFT_J), rel=1e-9)
 
 
-def tangent(found, offset, base=BASE, roller=ROLLER):
-    """Return s' - e over the height of the roller's centre: the tangent of the pressure angle."""
+def tangent_of_pressure_angle(found, offset, base=BASE, roller=ROLLER):
+    """Return the tangent of the pressure angle, s' - e over the height of the roller centre."""
     return (found.slope - offset) / (math.sqrt((base + roller) ** 2 - offset**2) + found.s)
 
 
 @pytest.mark.parametrize("angle", ANGLES)
 @pytest.mark.parametrize("offset", mostly_slow([0.0, 0.004, -0.004]))
 @pytest.mark.parametrize("contact", [LINEAR, HERTZ])
-def test_a_roller_pushes_the_shaft_sideways(record, case, angle, offset, contact):
-    """To the right of the drawing, which is -z with the axis +x upright."""
-    found = Standing(case(ROUND.format(offset), contact), angle)
-    aside = found.force * tangent(found, offset) * SIDEWAYS
+def test_roller_deflects_shaft_sideways(record, case, angle, offset, contact):
+    """The shaft moves to the right in the drawing, which is -z for an upright axis +x."""
+    found = StaticTrain(case(ROUND.format(offset), contact), angle)
+    aside = found.force * tangent_of_pressure_angle(found, offset) * SIDEWAYS
     record(source=SOURCE, case=f"roller, e = {offset:g} m, {math.degrees(angle):.0f} deg, {contact[9:17]}",
            quantity="sideways deflection", unit="m", reference=-aside, computed=found["cam.uz"],
            tolerance=1e-8 * abs(aside) + 1e-15, absolute=True, reason="rounding of the balance")  # fmt: skip
@@ -170,12 +170,12 @@ def test_a_roller_pushes_the_shaft_sideways(record, case, angle, offset, contact
 
 
 @pytest.mark.parametrize("angle", [RISING, FALLING])
-def test_the_mirror_image(case, angle):
-    """Axis reversed: the same with z and x-rotation reversed. Drawn clockwise, the offset is on the other side."""
-    one = Standing(case(ROUND.format(0.004)), angle)
-    mirrored = Standing(case(ROUND.format(0.004), cam=REVERSED), angle)
-    redrawn = Standing(case(ROUND.format(-0.004), cam=REVERSED + '\nrotation = "clockwise"'), angle)
-    other = Standing(case(ROUND.format(-0.004), cam='rotation = "clockwise"'), angle)
+def test_reversed_axis_mirrors_result(case, angle):
+    """A reversed axis reverses z and the rotation about x. A cam drawn clockwise has the offset on the other side."""
+    one = StaticTrain(case(ROUND.format(0.004)), angle)
+    mirrored = StaticTrain(case(ROUND.format(0.004), cam=REVERSED), angle)
+    redrawn = StaticTrain(case(ROUND.format(-0.004), cam=REVERSED + '\nrotation = "clockwise"'), angle)
+    other = StaticTrain(case(ROUND.format(-0.004), cam='rotation = "clockwise"'), angle)
     for name in ("cam.uy", "cam.uz", "cam.rx", "cam.ry", "cam.rz", "tappet.uy"):
         sign = -1.0 if name in ("cam.uz", "cam.rx", "cam.ry") else 1.0
         assert mirrored[name] == pytest.approx(sign * one[name], rel=1e-9, abs=1e-16)
@@ -187,8 +187,8 @@ AT_ANGLE = 'revolutions = 1e-4\nsteps_per_revolution = 36000\nstart = "equilibri
 
 
 @pytest.mark.parametrize("degrees", [40.0, 80.0, 135.0])
-def test_hertz_pressure_of_a_flat_face(record, case, degrees):
-    """Sqrt(p E*/(pi R)), with R = rb + s + s'' of the cam and E* = E/(2 (1 - nu^2))."""
+def test_hertz_pressure_of_flat_face(record, case, degrees):
+    """The pressure is sqrt(p E*/(pi R)), with R = rb + s + s'' of the cam and E* = E/(2 (1 - nu^2))."""
     made = case(FLAT, HERTZ, lines=AT_ANGLE)
     made = read_case(made.path, [f"cams.intake.phase={-degrees} deg"])
     response = run(made)
@@ -202,7 +202,7 @@ def test_hertz_pressure_of_a_flat_face(record, case, degrees):
     record(source=SOURCE, case=f"flat face, {degrees:g} deg into the rise", quantity="largest Hertz pressure",
            unit="Pa", reference=pressure, computed=float(response.channels["contacts.intake.pressure"][0]),
            tolerance=1e-6, reason="curvature tabled every 0.05 deg")  # fmt: skip
-    # The approach: eqs. 5.57 and 5.58 of Johnson, cam as a cylinder, face as a body as deep as the base circle.
+    # Approach: eqs. 5.57 and 5.58 of Johnson, cam as a cylinder, face as a body as deep as the base circle.
     half = math.sqrt(4.0 * force / WIDTH * radius / (math.pi * modulus))
     terms = 2.0 * math.log(4.0 * radius / half) - 1.0 + 2.0 * math.log(2.0 * BASE / half) - NU / (1.0 - NU)
     approach = force / WIDTH * (1.0 - NU**2) / (math.pi * E) * terms
@@ -210,8 +210,8 @@ def test_hertz_pressure_of_a_flat_face(record, case, degrees):
 
 
 @pytest.mark.parametrize("degrees", [40.0, 80.0, 135.0])
-def test_hertz_pressure_under_a_roller(record, case, degrees):
-    """The force along the normal is F/cos(alpha); 1/R = 1/rho + 1/rr, rho of the pitch curve less rr."""
+def test_hertz_pressure_of_roller(record, case, degrees):
+    """The force along the normal is F/cos(alpha); 1/R = 1/rho + 1/rr, with rho of the pitch curve less rr."""
     made = case(ROUND.format(0.0), HERTZ, lines=AT_ANGLE)
     made = read_case(made.path, [f"cams.intake.phase={-degrees} deg"])
     response = run(made)
@@ -229,36 +229,36 @@ def test_hertz_pressure_under_a_roller(record, case, degrees):
 
 
 FRICTION = 0.1
-RUBBING = HERTZ + ", friction = 0.1, dissipation = 0.5"
-SLOWLY = 'revolutions = 0.8\nsteps_per_revolution = 900\nstart = "equilibrium"\ndamping = { beta = "2e-5 s" }'
+HERTZ_FRICTION = HERTZ + ", friction = 0.1, dissipation = 0.5"
+SLOW_DAMPED_RUN = 'revolutions = 0.8\nsteps_per_revolution = 900\nstart = "equilibrium"\ndamping = { beta = "2e-5 s" }'
 
 
-KEPT = {}
+RUNS = {}
 
 
 @pytest.fixture
-def rubbed(case):
-    """Return the run of a flat follower with friction over rise and return, slow and damped."""
+def run_with_friction(case):
+    """Return a function that runs a flat follower with friction over rise and return, slow and damped."""
 
     def make(cam="", **given):
-        made = case(FLAT, RUBBING, cam=cam, lines=SLOWLY, **given)
+        made = case(FLAT, HERTZ_FRICTION, cam=cam, lines=SLOW_DAMPED_RUN, **given)
         key = made.text
-        if key not in KEPT:
-            KEPT[key] = run(read_case(made.path, ["run.speed=60 rpm"]))
-        return KEPT[key], build_model(made).cams["intake"].event
+        if key not in RUNS:
+            RUNS[key] = run(read_case(made.path, ["run.speed=60 rpm"]))
+        return RUNS[key], build_model(made).cams["intake"].event
 
     return make
 
 
-def settled(response):
-    return response.angle > math.radians(60.0)  # friction sets in with the first step and shakes the shaft a little
+def after_start(response):
+    return response.angle > math.radians(60.0)  # friction sets in with the first step and excites the shaft slightly
 
 
 @pytest.mark.parametrize(("cam", "sense"), [("", 1.0), (REVERSED, -1.0), ('rotation = "clockwise"', 1.0)])
-def test_friction_brakes_the_shaft(record, rubbed, cam, sense):
-    """Its torque is mu F (rb + s), against the rotation on rise, return and dwell alike."""
-    response, event = rubbed(cam)
-    on = settled(response)
+def test_friction_torque_on_shaft(record, run_with_friction, cam, sense):
+    """The torque of friction is mu F (rb + s), against the rotation on rise, return and dwell."""
+    response, event = run_with_friction(cam)
+    on = after_start(response)
     force, torque = (response.channels[f"contacts.intake.{one}"][on] for one in ("force", "torque"))
     s, slope = (event(response.angle[on], order) for order in (0, 1))
     expected = force * (slope + FRICTION * (BASE + s))
@@ -271,20 +271,20 @@ def test_friction_brakes_the_shaft(record, rubbed, cam, sense):
            unit="rad", reference=0.0, computed=np.abs(twist - exact).max(), tolerance=3e-3 * np.abs(exact).max(),
            absolute=True, reason="slow, but damping follows: beta times its rate")  # fmt: skip
     held = response.channels["supports.drive.torque"][on]
-    held, expected = 0.5 * (held[1:] + held[:-1]), 0.5 * (expected[1:] + expected[:-1])  # velocities ring step by step
-    assert np.abs(held - expected).max() <= 1e-2 * expected.max()  # what the drive must give
+    held, expected = 0.5 * (held[1:] + held[:-1]), 0.5 * (expected[1:] + expected[:-1])  # velocities oscillate
+    assert np.abs(held - expected).max() <= 1e-2 * expected.max()  # torque of the drive
 
 
 @pytest.mark.parametrize(("cam", "sense"), [("", 1.0), (REVERSED, -1.0)])
-def test_friction_drags_the_follower_along(record, rubbed, cam, sense):
-    """The upper side of a cam that turns about +x moves to +z; there the follower is dragged, the shaft pushed back."""
+def test_friction_deflects_follower_and_shaft(record, run_with_friction, cam, sense):
+    """The upper side of a cam that turns about +x moves to +z and drags the follower; the shaft is pushed back."""
     stiff = 1e6
     side = f'guide = {{ at = "tappet", direction = "uz", stiffness = {stiff}, damping = 500.0 }}'
-    response, _ = rubbed(cam, held='["ux", "ry", "rx"]', springs=side)
-    on = settled(response)
+    response, _ = run_with_friction(cam, held='["ux", "ry", "rx"]', springs=side)
+    on = after_start(response)
     force = response.channels["contacts.intake.force"][on]
     dragged = response["tappet.uz"].displacement[on] * sense
-    # The pushrod, clamped against turning at the tappet and hinged at its top, holds with 3 E I/L^3 as well.
+    # The pushrod, clamped against rotation at the tappet and hinged at the top, adds the stiffness 3 E I/L^3.
     expected = FRICTION * force / (stiff + 3.0 * E * ROD_I / REACH**3)
     record(source=SOURCE, case=f"flat with friction, {cam or 'as given'}", quantity="largest error of the drag",
            unit="m", reference=0.0, computed=np.abs(dragged - expected).max(), tolerance=5e-3 * expected.max(),
@@ -293,18 +293,18 @@ def test_friction_drags_the_follower_along(record, rubbed, cam, sense):
     assert np.abs(pushed + FRICTION * force * SIDEWAYS).max() <= 5e-3 * np.abs(pushed).max()
 
 
-def test_what_friction_dissipates(rubbed):
-    """The integral of mu F v, v = (rb + s) omega; dissipation of contact and structure add 1e-4 of it."""
-    response, event = rubbed()
+def test_energy_dissipated_by_friction(run_with_friction):
+    """The loss is the integral of mu F v, v = (rb + s) omega; contact and structural damping add 1e-4 of it."""
+    response, event = run_with_friction()
     channels = response.channels
     power = FRICTION * channels["contacts.intake.force"] * (BASE + event(response.angle, 0)) * 2.0 * math.pi
     lost = float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(response.time)))
     assert channels["energy.dissipated"][-1] == pytest.approx(lost, rel=5e-3)
 
 
-def test_sliding_and_friction_channels(rubbed):
-    response, event = rubbed()
-    on = settled(response)
+def test_sliding_and_friction_channels(run_with_friction):
+    response, event = run_with_friction()
+    on = after_start(response)
     channels = {name: values[on] for name, values in response.channels.items()}
     speed = (BASE + event(response.angle[on], 0)) * 2.0 * math.pi
     np.testing.assert_allclose(np.abs(channels["contacts.intake.sliding"]), speed, rtol=1e-9)
@@ -357,10 +357,11 @@ probes = ["cam"]
 @pytest.mark.parametrize("pad", mostly_slow(['radius = "8 mm"', 'face = "0 mm"', 'face = "3 mm"'], 2))
 @pytest.mark.parametrize("turn", ["clockwise", "counterclockwise"])
 @pytest.mark.parametrize("side", ["clockwise", "counterclockwise"])
-def test_the_force_on_the_cam_of_a_finger(tmp_path, pad, turn, side):
-    """Its moments: F times the arm about the pivot and F s' about the cam, a distance D apart along the real axis.
+def test_cam_force_of_finger_follower(tmp_path, pad, turn, side):
+    """The force across the line of centres is F (turn s' + side arm)/D, independent of the contact point.
 
-    So the force has F (turn s' + side arm)/D across the line of centres, wherever it acts.
+    The moments are F times the arm about the pivot and F s' about the cam; both points are a distance D apart on the
+    real axis.
     """
     path = tmp_path / "finger.toml"
     path.write_text(FINGER.format(turn=turn, side=side, pad=pad), encoding="utf-8")
@@ -371,9 +372,9 @@ def test_the_force_on_the_cam_of_a_finger(tmp_path, pad, turn, side):
     pitch = 0.032
     psi = math.acos((arm**2 + D**2 - pitch**2) / (2.0 * arm * D)) if "radius" in pad else None
     psi = math.asin((0.024 - float(pad[8]) * 1e-3) / D) if psi is None else psi
-    begin = 1j * rising * np.exp(-1j * rising * psi)  # where the lift begins, in the drawing; -uz in space
+    begin = 1j * rising * np.exp(-1j * rising * psi)  # start of the lift in the drawing; -uz in space
     across, upright = response["cam"].displacement[0, 1:3] * [20e6, 30e6]
-    # To the right of the lift: turn (-uz) x ux = -turn uy. The follower feels the cam's force turned about.
+    # To the right of the lift: turn (-uz) x ux = -turn uy. The force on the follower is the reversed force on the cam.
     felt = -(-upright * begin + -turned * across * -1j * begin)
     force = response.channels["contacts.intake.force"][0]
     slope = float(build_model(case).cams["intake"].event(np.zeros(1), 1)[0])
@@ -381,31 +382,31 @@ def test_the_force_on_the_cam_of_a_finger(tmp_path, pad, turn, side):
     assert felt.imag == pytest.approx(force * (turned * slope + rising * arm) / D, rel=2e-4)
 
 
-def crossed(one, other):
+def cross_product(one, other):
     return one[0] * other[1] - one[1] * other[0]
 
 
-def rubbed_face(face, side, turn, psi, rate, distance=0.04):
-    """Return point of contact from the cam and from the pivot, and the normal, in the followers' drawing, shape (2, m).
+def face_contact(face, side, turn, psi, rate, distance=0.04):
+    """Return contact point from cam and from pivot, normal and relative velocity in the drawing, shape (2, m).
 
-    The cam is at the origin, the pivot at D on the x-axis; cam and face move alike along the normal, which is linear
-    in the point's distance along the face.
+    The cam is at the origin, the pivot at D on the x-axis; cam and face have the same velocity along the normal, which
+    is linear in the distance of the point along the face.
     """
-    away = np.array([-np.cos(psi), side * np.sin(psi)])  # `side` 1 where the finger lies above the line of centres
+    away = np.array([-np.cos(psi), side * np.sin(psi)])  # `side` is 1 if the finger is above the line of centres
     normal = np.array([np.sin(psi), side * np.cos(psi)])
 
-    def beside(q):
+    def contact_at(q):
         reach = q * away + face * normal
         point = reach + np.array([[distance], [0.0]])
-        apart = turn * np.array([-point[1], point[0]]) + side * rate * np.array([-reach[1], reach[0]])
-        return point, reach, apart
+        relative_velocity = turn * np.array([-point[1], point[0]]) + side * rate * np.array([-reach[1], reach[0]])
+        return point, reach, relative_velocity
 
-    ends = [np.sum(beside(q)[2] * normal, axis=0) for q in (0.0, 1.0)]
-    point, reach, apart = beside(ends[0] / (ends[0] - ends[1]))
-    return point, reach, normal, apart
+    ends = [np.sum(contact_at(q)[2] * normal, axis=0) for q in (0.0, 1.0)]
+    point, reach, relative_velocity = contact_at(ends[0] / (ends[0] - ends[1]))
+    return point, reach, normal, relative_velocity
 
 
-RUBBED = {
+FRICTION_CHANGES = {
     "phase = -0.8": "phase = 0.2",
     '"50 kN m/rad"': '"50 MN m/rad"',  # friction acts at the cam angle without the twist
     '"1 GN/m"': '"1 GN/m", friction = 0.1, dissipation = "0.5 s/m"',
@@ -417,11 +418,11 @@ damping = { beta = "2e-5 s" }""",
 }
 
 
-class Rubbed:
-    """Moments of N and mu N at the point of contact of a finger's face, by plane vectors, where friction has set in."""
+class FrictionMoments:
+    """Moments of N and mu N at the contact point of a finger face, by plane vectors, after the start of friction."""
 
     def __init__(self, case, response, face, turn, side):
-        on = response.angle > 0.4  # friction sets in with the first step and shakes the shaft a little
+        on = response.angle > 0.4  # friction sets in with the first step and excites the shaft slightly
         self.force, self.torque, self.friction = (
             response.channels[f"contacts.intake.{one}"][on] for one in ("force", "torque", "friction")
         )
@@ -429,22 +430,22 @@ class Rubbed:
         s, slope = (event(response.angle[on], order) for order in (0, 1))
         ways = {"clockwise": 1, "counterclockwise": -1}
         psi = math.asin((0.024 - face) / 0.04) + s / arm
-        point, reach, normal, self.apart = rubbed_face(face, ways[side], -ways[turn], psi, slope / arm)
-        self.N = self.force * arm / np.abs(crossed(reach, normal))
-        along = np.sign(np.sum(self.apart * np.array([normal[1], -normal[0]]), axis=0))
+        point, reach, normal, self.relative_velocity = face_contact(face, ways[side], -ways[turn], psi, slope / arm)
+        self.N = self.force * arm / np.abs(cross_product(reach, normal))
+        along = np.sign(np.sum(self.relative_velocity * np.array([normal[1], -normal[0]]), axis=0))
         felt = self.N * normal + FRICTION * self.N * along * np.array([normal[1], -normal[0]])
-        self.about_pivot = -ways[side] * crossed(reach, felt)
-        self.about_cam = -ways[turn] * crossed(point, felt)
+        self.about_pivot = -ways[side] * cross_product(reach, felt)
+        self.about_cam = -ways[turn] * cross_product(point, felt)
         valve, pad = (response[one].displacement[on] for one in ("valve", "pad"))
-        self.borne = (300.0 + 30e3 * valve) * 0.036 * np.cos(pad / arm)
+        self.load_moment = (300.0 + 30e3 * valve) * 0.036 * np.cos(pad / arm)
         self.on = on
 
 
 @pytest.fixture
-def rubbing_finger(tmp_path):
+def finger_with_friction(tmp_path):
     def make(face, turn, side, *more):
         text = FINGER.format(turn=turn, side=side, pad=f"face = {face}")
-        for given, wanted in RUBBED.items():
+        for given, wanted in FRICTION_CHANGES.items():
             assert text.count(given) == 1
             text = text.replace(given, wanted)
         path = tmp_path / "finger.toml"
@@ -457,17 +458,18 @@ def rubbing_finger(tmp_path):
 @pytest.mark.parametrize("face", [0.003, -0.004])
 @pytest.mark.parametrize("turn", ["clockwise", "counterclockwise"])
 @pytest.mark.parametrize("side", ["clockwise", "counterclockwise"])
-def test_the_moment_of_friction_about_a_pivot(record, rubbing_finger, face, turn, side):
-    """N and mu N at the point of contact, by moments of plane vectors: the valve's about the pivot, the cam's torque.
+def test_friction_moment_about_finger_pivot(record, finger_with_friction, face, turn, side):
+    """N and mu N act at the contact point; the reference are moments of plane vectors: valve about pivot, cam torque.
 
-    Where the face lies beside its pivot, friction's moment is mu e/q of that of N: 1 to 2 % here.
+    For a face at a distance from the pivot, the moment of friction is mu e/q of that of N: 1 to 2 % here.
     """
-    case = rubbing_finger(face, turn, side)
+    case = finger_with_friction(face, turn, side)
     response = run(case)
-    found = Rubbed(case, response, face, turn, side)
+    found = FrictionMoments(case, response, face, turn, side)
     name = f"finger, face at {1e3 * face:g} mm, {turn} cam, {side} finger"
     record(source=SOURCE, case=name, quantity="largest error of the moment about the pivot", unit="N m", reference=0.0,
-           computed=float(np.abs(found.about_pivot - found.borne).max()), tolerance=2e-4 * float(found.borne.max()),
+           computed=float(np.abs(found.about_pivot - found.load_moment).max()),
+           tolerance=2e-4 * float(found.load_moment.max()),
            absolute=True, reason="slow, but valve and damping follow; the moment of friction is 1 to 2 %")  # fmt: skip
     record(source=SOURCE, case=name, quantity="largest error of the cam's torque", unit="N m", reference=0.0,
            computed=float(np.abs(found.torque - found.about_cam).max()),
@@ -475,7 +477,7 @@ def test_the_moment_of_friction_about_a_pivot(record, rubbing_finger, face, turn
            reason="rounding; sliding is ten times the speed over which friction turns over")  # fmt: skip
     np.testing.assert_allclose(np.abs(found.friction), FRICTION * found.N, rtol=1e-6)
     sliding = response.channels["contacts.intake.sliding"][found.on]
-    np.testing.assert_allclose(np.abs(sliding), np.hypot(*found.apart) * 2.0 * math.pi, rtol=1e-9)
+    np.testing.assert_allclose(np.abs(sliding), np.hypot(*found.relative_velocity) * 2.0 * math.pi, rtol=1e-9)
 
 
 WEIGHTLESS = ["masses.valve.mass=1e-9", "rockers.finger.inertia=1e-15", "run.damping={ beta = 0.0 }"]
@@ -484,32 +486,32 @@ WEIGHTLESS = ["masses.valve.mass=1e-9", "rockers.finger.inertia=1e-15", "run.dam
 @pytest.mark.parametrize("face", [0.003, -0.004])
 @pytest.mark.parametrize("turn", ["clockwise", "counterclockwise"])
 @pytest.mark.parametrize("side", ["clockwise", "counterclockwise"])
-def test_the_moment_of_friction_on_a_rigid_finger(rubbing_finger, face, turn, side):
-    """Rigid, it is the same balance without remainder: force and friction share what the valve needs."""
-    case = rubbing_finger(face, turn, side, *WEIGHTLESS)
-    found = Rubbed(case, run(case, rigid=True), face, turn, side)
-    np.testing.assert_allclose(found.about_pivot, found.borne, rtol=1e-6)  # a valve of 1 mg needs less than 1 uN
-    # Sliding is ten times the speed over which friction turns over: 1 - tanh(10) is 4e-9.
+def test_friction_moment_on_rigid_finger(finger_with_friction, face, turn, side):
+    """The balance is exact in the rigid model: contact force and friction share the load of the valve."""
+    case = finger_with_friction(face, turn, side, *WEIGHTLESS)
+    found = FrictionMoments(case, run(case, rigid=True), face, turn, side)
+    np.testing.assert_allclose(found.about_pivot, found.load_moment, rtol=1e-6)  # a valve of 1 mg needs less than 1 uN
+    # Sliding is ten times the speed over which friction changes sign: 1 - tanh(10) is 4e-9.
     np.testing.assert_allclose(found.torque, found.about_cam, atol=1e-7 * np.abs(found.torque).max())
     np.testing.assert_allclose(np.abs(found.friction), FRICTION * found.N, rtol=1e-7)
 
 
 @pytest.mark.parametrize("cam", ["", REVERSED, 'rotation = "clockwise"'])
-def test_friction_brakes_the_shaft_of_a_rigid_train(case, rubbed, cam):
-    """It takes nothing from the lift of a face that is guided along it; the torque has mu F (rb + s) more."""
-    flexible, event = rubbed(cam)
-    made = case(FLAT, RUBBING, cam=cam, lines=SLOWLY)
+def test_friction_torque_of_rigid_train(case, run_with_friction, cam):
+    """Friction does not change the force on a face guided along the lift; the torque increases by mu F (rb + s)."""
+    flexible, event = run_with_friction(cam)
+    made = case(FLAT, HERTZ_FRICTION, cam=cam, lines=SLOW_DAMPED_RUN)
     found = run(read_case(made.path, ["run.speed=60 rpm"]), rigid=True)
     force, torque, friction = (found.channels[f"contacts.intake.{one}"] for one in ("force", "torque", "friction"))
     s, slope = (event(found.angle, order) for order in (0, 1))
     expected = force * (slope + FRICTION * (BASE + s))
     np.testing.assert_allclose(torque, expected, atol=1e-9 * expected.max())  # v is 15 v0: 1 - tanh(15) is 2e-13
-    on = settled(flexible)
+    on = after_start(flexible)
     for name, own in (("force", force), ("torque", torque), ("friction", friction)):
         other = flexible.channels[f"contacts.intake.{name}"]
-        # A rod of 8 mm and a spring of 100 kN/m: 0.3 % is given way, and damping takes as much again.
+        # A rod of 8 mm and a spring of 100 kN/m: elasticity accounts for 0.3 %, and damping for as much again.
         np.testing.assert_allclose(own[on], other[on], atol=1e-2 * np.abs(other).max())
-    without = case(FLAT, HERTZ, cam=cam, lines=SLOWLY)
+    without = case(FLAT, HERTZ, cam=cam, lines=SLOW_DAMPED_RUN)
     smooth = run(read_case(without.path, ["run.speed=60 rpm"]), rigid=True)
     np.testing.assert_array_equal(force, smooth.channels["contacts.intake.force"])
 
@@ -559,26 +561,26 @@ probes = ["pad"]
 
 
 @pytest.mark.parametrize("pad", ['radius = "8 mm"', 'face = "0 mm"', 'face = "3 mm"'])
-def test_a_finger_that_is_a_member_follows_the_lift(tmp_path, pad):
-    """Its own turning, lift by arm, is no tilt beside that: at half lift s' would take a third of it away."""
+def test_finger_member_follows_lift(tmp_path, pad):
+    """The rotation lift/arm of the finger is no additional tilt: at half lift s' would take a third of it away."""
     path = tmp_path / "finger.toml"
     path.write_text(MEMBER.format(pad=pad), encoding="utf-8")
     response = run(read_case(path))
-    assert -response["pad"].displacement[0, 1] == pytest.approx(0.003, rel=1e-4)  # members and contact yield by 2e-5
+    assert -response["pad"].displacement[0, 1] == pytest.approx(0.003, rel=1e-4)  # members and contact deform by 2e-5
 
 
-BORNE = 1e8
+PIVOT_STIFFNESS = 1e8
 """Stiffness of the pivot, N/m."""
-SLOW = """revolutions = 0.35
+SLOW_RUN = """revolutions = 0.35
 steps_per_revolution = 900
 integrator = { method = "generalized-alpha", rho_inf = 0.0 }
 damping = { beta = "2e-5 s" }"""
 
 
-def finger(path, pad, height, right, turn, side, contact=""):
-    """Return lift and s' of a finger that is a member, the valve's force on it, and what its pivot bears: up, outwards.
+def run_finger(path, pad, height, right, turn, side, contact=""):
+    """Return lift and s' of a finger member, the valve force on it, and the pivot force upwards and outwards.
 
-    It is 60 mm long. `height` and `right` are those of the pivot, m, in a drawing in which lifts go up.
+    The finger is 60 mm long. `height` and `right` locate the pivot, m, in a drawing in which lifts go up.
     """
     sign = turn * side
     changes = {
@@ -589,14 +591,14 @@ def finger(path, pad, height, right, turn, side, contact=""):
         'pivot = ["ux", "uy", "uz", "ry", "rz"]': 'pivot = ["ux", "ry", "rz"]',
         'at = "pad", direction = "-uy", stiffness = "1 kN/m", installed_force = "10 N" }':
             'at = "tip", direction = "-uy", stiffness = "1 kN/m", installed_force = "300 N" }\n'
-            f'up = {{ at = "pivot", direction = "-uy", stiffness = {BORNE} }}\n'
-            f'aside = {{ at = "pivot", direction = "uz", stiffness = {BORNE} }}',
+            f'up = {{ at = "pivot", direction = "-uy", stiffness = {PIVOT_STIFFNESS} }}\n'
+            f'aside = {{ at = "pivot", direction = "uz", stiffness = {PIVOT_STIFFNESS} }}',
         "phase = -0.6": "phase = 0.2",
         '"1 GN/m"': f'"1 GN/m", dissipation = "0.5 s/m"{contact}',
-        'step = "1 us"\nrevolutions = 1e-6': SLOW,
+        'step = "1 us"\nrevolutions = 1e-6': SLOW_RUN,
         'probes = ["pad"]': 'probes = ["pivot", "tip"]',
-        'base_radius = "24 mm"': f'base_radius = "24 mm"\nrotation = "{WAYS[-turn]}"',
-        'distance = "46 mm"': f'distance = "46 mm", rotation = "{WAYS[side]}"',
+        'base_radius = "24 mm"': f'base_radius = "24 mm"\nrotation = "{ROTATIONS[-turn]}"',
+        'distance = "46 mm"': f'distance = "46 mm", rotation = "{ROTATIONS[side]}"',
     }  # fmt: skip
     text = MEMBER.format(pad=pad)
     for given, wanted in changes.items():
@@ -610,54 +612,54 @@ def finger(path, pad, height, right, turn, side, contact=""):
     event = build_model(case).cams["intake"].event
     s, slope = (event(response.angle[on], order) for order in (0, 1))
     pushed = 300.0 - 1e3 * tip[:, 1]
-    return s, slope, pushed, -BORNE * pivot[:, 1], sign * BORNE * pivot[:, 2]
+    return s, slope, pushed, -PIVOT_STIFFNESS * pivot[:, 1], sign * PIVOT_STIFFNESS * pivot[:, 2]
 
 
-WAYS = {1: "clockwise", -1: "counterclockwise"}
-TURNS = [(1, 1), (-1, 1), (1, -1), (-1, -1)]
+ROTATIONS = {1: "clockwise", -1: "counterclockwise"}
+SENSES = [(1, 1), (-1, 1), (1, -1), (-1, -1)]
 
 
 @pytest.mark.parametrize("friction", mostly_slow([0.0, FRICTION]))
 @pytest.mark.parametrize("face", [0.0, 0.003])
-@pytest.mark.parametrize(("turn", "side"), TURNS)
-def test_a_finger_that_is_a_member_is_bent_at_the_point_of_contact(record, tmp_path, turn, side, face, friction):
-    """Valve F at L, cam N and mu N at q and e: about the pivot N q + T e = F L, and the pivot bears N - F and T.
+@pytest.mark.parametrize(("turn", "side"), SENSES)
+def test_pivot_force_of_finger_member_with_face(record, tmp_path, turn, side, face, friction):
+    """Valve F at L, cam N and mu N at q and e: about the pivot N q + T e = F L, and the pivot force is N - F and T.
 
-    With the force at the arm's length it would bear F (L/arm - 1): up to a fifth off.
+    With the contact force at the arm's length the pivot force would be F (L/arm - 1): up to a fifth off.
     """
     height, contact = 0.024 - face, f", friction = {friction}" if friction else ""
     right = math.sqrt(0.046**2 - height**2)
     path = tmp_path / "finger.toml"
-    s, slope, F, up, aside = finger(path, f"face = {face}", height, right, turn, side, contact)
+    s, slope, F, up, aside = run_finger(path, f"face = {face}", height, right, turn, side, contact)
     psi = math.asin(height / 0.046) + s / 0.04
-    _, reach, normal, apart = rubbed_face(face, side, turn, psi, slope / 0.04, distance=0.046)
+    _, reach, normal, relative_velocity = face_contact(face, side, turn, psi, slope / 0.04, distance=0.046)
     along = np.array([normal[1], -normal[0]])
-    along *= np.sign(np.sum(apart * along, axis=0))
-    N = F * 0.06 / -(side * crossed(reach, normal + friction * along))
+    along *= np.sign(np.sum(relative_velocity * along, axis=0))
+    N = F * 0.06 / -(side * cross_product(reach, normal + friction * along))
     name = f"finger as a member, face at {1e3 * face:g} mm, friction {friction}, turn {turn}, side {side}"
     record(source=SOURCE, case=name, quantity="largest error of the force on the pivot", unit="N", reference=0.0,
            computed=float(np.abs(up - (N - F)).max()), tolerance=1e-3 * float(N.max()), absolute=True,
            reason="slow, but masses and damping follow")  # fmt: skip
-    # The arm's own direction towards the pivot.
+    # Direction of the arm towards the pivot.
     inward = -np.array([-np.cos(psi), side * np.sin(psi)])
     drawn = friction * N * np.sum(along * inward, axis=0)
     np.testing.assert_allclose(aside, drawn, atol=1e-3 * float(N.max()))
     assert np.abs(up - F * (0.06 / 0.04 - 1.0)).max() > 0.1 * N.max()
 
 
-@pytest.mark.parametrize(("turn", "side"), TURNS)
-def test_a_roller_pushes_a_finger_along_itself(record, tmp_path, turn, side):
-    """By the tangent of the pressure angle: along the normal cam and roller's centre move alike."""
+@pytest.mark.parametrize(("turn", "side"), SENSES)
+def test_axial_force_of_finger_member_with_roller(record, tmp_path, turn, side):
+    """The axial force follows from the pressure angle: cam and roller centre have equal velocities along the normal."""
     begin = math.acos((0.04**2 + 0.046**2 - 0.032**2) / (2.0 * 0.04 * 0.046))
     height, right = 0.046 * math.sin(begin), 0.046 * math.cos(begin)
     path = tmp_path / "finger.toml"
-    s, slope, F, up, aside = finger(path, 'radius = "8 mm"', height, right, turn, side)
+    s, slope, F, up, aside = run_finger(path, 'radius = "8 mm"', height, right, turn, side)
     psi, rate = begin + s / 0.04, slope / 0.04
     inward = np.array([np.cos(psi), -side * np.sin(psi)])
     centre = np.array([[0.046], [0.0]]) - 0.04 * inward
     onward = side * np.array([-inward[1], inward[0]])
-    apart = turn * np.array([-centre[1], centre[0]]) - 0.04 * rate * onward
-    normal = np.array([-apart[1], apart[0]])
+    relative_velocity = turn * np.array([-centre[1], centre[0]]) - 0.04 * rate * onward
+    normal = np.array([-relative_velocity[1], relative_velocity[0]])
     force = F * 0.06 / 0.04
     expected = force * np.sum(normal * inward, axis=0) / np.sum(normal * onward, axis=0)
     record(source=SOURCE, case=f"finger as a member under a roller, turn {turn}, side {side}",
@@ -676,8 +678,8 @@ def test_a_roller_pushes_a_finger_along_itself(record, tmp_path, turn, side):
     ],
 )
 @pytest.mark.parametrize("pad", ['radius = "8 mm"', 'face = "0 mm"'])
-def test_a_follower_that_is_not_that_of_its_member_is_refused(tmp_path, pad, given, wanted, where, said):
-    """Its arm is the member's length from the pivot to the node, and the pivot lies where the arm comes from."""
+def test_follower_inconsistent_with_member_raises_error(tmp_path, pad, given, wanted, where, said):
+    """The arm is the length of the member from the pivot to the node, and the pivot is at the origin of the arm."""
     path, text = tmp_path / "finger.toml", MEMBER.format(pad=pad)
     assert text.count(given) == 1
     path.write_text(text.replace(given, wanted), encoding="utf-8")
@@ -691,11 +693,11 @@ def test_a_follower_that_is_not_that_of_its_member_is_refused(tmp_path, pad, giv
     ("given", "wanted"),
     [
         ('arm = "40 mm"', 'arm = "40.3 mm"'),  # as drawn
-        ('pivot = ["ux", "uy", "uz", "ry", "rz"]', 'pivot = ["ux", "uy", "uz", "rx", "ry", "rz"]'),  # a leaf that bends
+        ('pivot = ["ux", "uy", "uz", "ry", "rz"]', 'pivot = ["ux", "uy", "uz", "rx", "ry", "rz"]'),  # a leaf spring
         ("pad = [0.06, -0.024, 0.0]", "pad = [0.06, -0.027, 0.0]"),  # 40.1 mm away, 40 mm along the face
     ],
 )
-def test_a_follower_near_enough_to_its_member_is_taken(tmp_path, given, wanted):
+def test_follower_within_tolerance_of_member_is_accepted(tmp_path, given, wanted):
     path, text = tmp_path / "finger.toml", MEMBER.format(pad='face = "0 mm"')
     assert text.count(given) == 1
     path.write_text(text.replace(given, wanted), encoding="utf-8")
@@ -703,8 +705,8 @@ def test_a_follower_near_enough_to_its_member_is_taken(tmp_path, given, wanted):
 
 
 @pytest.mark.parametrize("pad", ['radius = "8 mm"', 'face = "0 mm"'])
-def test_a_rigid_finger_that_is_a_member_turns_about_its_pivot(record, tmp_path, pad):
-    """Its end at 60 mm goes 1.5 times as far as its node at 40 mm: F L/arm, inertia rho (A L^3/3 + I L)/arm^2."""
+def test_rigid_finger_member_rotates_about_pivot(record, tmp_path, pad):
+    """The end at 60 mm moves 1.5 times as far as the node at 40 mm: F L/arm, inertia rho (A L^3/3 + I L)/arm^2."""
     changes = {
         "pad = [0.06, -0.024, 0.0]": "pad = [0.06, -0.024, 0.0]\ntip = [0.06, -0.024, -0.02]",
         '["pivot", "pad"]': '["pivot", "pad", "tip"]',

@@ -1,8 +1,8 @@
-"""Twist of a cam behind an elastic drive: the lift is that at the angle of the shaft, s(theta + phi).
+"""Twist of a cam behind an elastic drive: the lift depends on the angle of the shaft, s(theta + phi).
 
-A cam with inertia on a rotational spring lifts a mass on a spring. The reference integrates
-``J phi'' = -c phi' - k phi - f s'(theta + phi)`` and ``m y'' = f - k_s y - F`` by scipy, with f of Hunt and Crossley at
-the penetration ``s(theta + phi) - y``. A lift that is linear in the twist, ``s + s' phi``, serves as comparison.
+A cam with inertia on a rotational spring lifts a mass on a spring. The reference integrates ``J phi'' = -c phi' - k phi
+- f s'(theta + phi)`` and ``m y'' = f - k_s y - F`` by scipy, with f of Hunt and Crossley at the penetration ``s(theta +
+phi) - y``. A lift that is linear in the twist, ``s + s' phi``, serves for comparison.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from flexcam.cams import LAWS, LiftEvent
 from flexcam.dynamics import SaveAt, State, Variation, equilibrium, floquet, newmark, tangent_run
 from flexcam.dynamics.law_data import ForceLaw
 from flexcam.valvetrain.cam_functions import lift_polynomials
-from tests.verification.test_drive_lash import solved
+from tests.verification.test_drive_lash import solve_case
 
 SOURCE = "Twist of a cam"
 OMEGA, J, CHAIN, DAMPING = 20.0 * math.pi, 1e-3, 120.0, 0.06
@@ -56,7 +56,7 @@ probes = ["mass", "shaft"]
 """
 JUMPS = ("run.speed=3000rpm", "springs.one.stiffness=15 kN/m", "springs.one.installed_force=100 N",
          "springs.chain.stiffness=400", "run.steps_per_revolution=1440")  # fmt: skip
-"""The follower leaves its cam."""
+"""Overrides with which the follower loses contact with the cam."""
 
 
 @pytest.fixture
@@ -65,8 +65,8 @@ def case(case_of):
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_lift_polynomials(name):
-    """Lift and slope of every law at any angle, also where its acceleration jumps."""
+def test_lift_polynomials_match_laws(name):
+    """Lift and slope of every law agree at any angle, also where the acceleration jumps."""
     event = LiftEvent(LAWS[name], lift=0.008, rise=1.13, fall=1.26, dwell=0.09, phase=0.3)
     angle = np.random.default_rng(1).uniform(-7.0, 13.0, 4000)
     for order, tolerance in ((0, 1e-11), (1, 1e-8)):
@@ -99,9 +99,9 @@ def integrate(event, found, *, linear):
 
 
 @pytest.mark.parametrize("law", ["4-5-6-7", pytest.param("parabolic", marks=pytest.mark.slow)])
-def test_against_the_equations_of_motion(record, case, law):
+def test_response_matches_equations_of_motion(record, case, law):
     made = case(f"cams.c.law={law}")
-    found, event = solved(made), build_model(made).cams["c"].event
+    found, event = solve_case(made), build_model(made).cams["c"].event
     reference, linear = integrate(event, found, linear=False), integrate(event, found, linear=True)
     twist = found["shaft"].displacement[:, 5]
     assert np.abs(twist).max() > math.radians(2.5)
@@ -121,10 +121,10 @@ def test_against_the_equations_of_motion(record, case, law):
 
 
 @pytest.mark.parametrize("phase", [-20.0, -50.0, -90.0, -120.0])
-def test_statics(record, case, phase):
-    """The torque of the chain is that of the force at the angle of the shaft."""
+def test_static_twist(record, case, phase):
+    """The torque of the chain equals that of the contact force at the angle of the shaft."""
     made = case(f"cams.c.phase={phase}deg", 'run.start="equilibrium"', "run.revolutions=0.001")
-    found, event = solved(made), build_model(made).cams["c"].event
+    found, event = solve_case(made), build_model(made).cams["c"].event
 
     def force(phi):
         s = float(event(np.array([phi]))[0])
@@ -144,10 +144,10 @@ def test_statics(record, case, phase):
 
 
 @pytest.mark.parametrize("phase", [-20.0, -60.0, -80.0])
-def test_a_shaft_in_its_lash_leans_on_a_flank(case, phase):
-    """About the nose the torque of the follower grows with the twist: the cam tips to one side."""
+def test_shaft_with_lash_rests_on_flank(case, phase):
+    """Near the nose the torque of the follower grows with the twist, so the cam tips to one side."""
     lash = "model = 'lash', direction = 'rz', gap = '1 deg', stiffness = '20 kN m/rad'"
-    found = solved(case(
+    found = solve_case(case(
         f"cams.c.phase={phase}deg", "run.revolutions=0.001", "nodes.gear=[0, 0, 0.01]", "supports.gear=['rz']",
         "springs.chain.stiffness=0", f"contacts.driving={{ from = 'gear', to = 'shaft', {lash} }}",
         f"contacts.coasting={{ from = 'shaft', to = 'gear', {lash} }}",
@@ -155,10 +155,10 @@ def test_a_shaft_in_its_lash_leans_on_a_flank(case, phase):
     assert np.degrees(found["shaft"].displacement[0, 5]) == pytest.approx(math.copysign(1.0, -70.0 - phase), rel=0.02)
 
 
-def test_energy_of_a_revolution(record, case):
-    """In a periodic motion the work of the cam is the dissipation; both integrators balance it."""
+def test_energy_balance_over_revolution(record, case):
+    """In periodic motion the work of the cam equals the dissipation, with both integrators."""
     for method in ("newmark", "collocation"):
-        found = solved(case('run.start="periodic"', "run.revolutions=1", f"run.integrator.method={method}"))
+        found = solve_case(case('run.start="periodic"', "run.revolutions=1", f"run.integrator.method={method}"))
         work, lost = found.channels["energy.work"], found.channels["energy.dissipated"][-1]
         turned = np.trapezoid(found.channels["contacts.k.torque"], found.time) * OMEGA
         record(source=SOURCE, case=f"periodic motion, {method}", quantity="work over dissipation", unit="1",
@@ -169,7 +169,7 @@ def test_energy_of_a_revolution(record, case):
 
 
 def test_engines_agree(case):
-    one, other = (solved(case(*JUMPS, f"run.engine={name}"))
+    one, other = (solve_case(case(*JUMPS, f"run.engine={name}"))
                   for name in ("direct", "kernel"))  # fmt: skip
     assert one.channels["contacts.k.gap"].max() > 1e-4
     for node in ("shaft", "mass"):
@@ -177,7 +177,7 @@ def test_engines_agree(case):
 
 
 @pytest.mark.parametrize("restitution", [False, True])
-def test_only_a_shaft_that_no_support_holds_twists_by_degrees(case, restitution):
+def test_twist_dependent_lift_needs_free_shaft(case, restitution):
     def lifts(*overrides):
         forces = prepare(case(*overrides)).problem.system.local_forces
         return [isinstance(one.law, ForceLaw) and one.law.lift is not None for one in forces]
@@ -191,8 +191,8 @@ def test_only_a_shaft_that_no_support_holds_twists_by_degrees(case, restitution)
 
 
 @pytest.mark.parametrize("key", ["cams.c.lift", "springs.chain.stiffness", "run.speed"])
-def test_derivatives_against_differences(record, case, key):
-    """The twist, the lift and the speed move the times at which the follower leaves its cam."""
+def test_derivatives_match_finite_differences(record, case, key):
+    """Twist, lift and speed change the times at which the follower loses contact."""
     value = {"cams.c.lift": 0.006, "springs.chain.stiffness": 400.0, "run.speed": 100.0 * math.pi}[key]
 
     def problem(change):
@@ -211,8 +211,8 @@ def test_derivatives_against_differences(record, case, key):
                computed=0.5 * (slopes[1] - slopes[0]), tolerance=1e-4, reason="differences over 1e-5")  # fmt: skip
 
 
-def test_multipliers_against_differences(record, case):
-    """Derivative of the map of a part of a revolution in which the follower leaves its cam."""
+def test_floquet_multipliers_match_finite_differences(record, case):
+    """The reference is the derivative of the map over a part of a revolution with contact loss."""
     problem = prepare(case(*JUMPS, 'run.start="rest"', "run.steps_per_revolution=720")).problem
     problem = replace(problem, start=equilibrium(problem.system, problem.drive), engine="direct")
     found, n = floquet(problem), problem.system.size

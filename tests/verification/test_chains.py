@@ -1,7 +1,8 @@
-"""Trains condensed to few masses: what condensation keeps is exact, and more masses come closer to the beams.
+"""Condensed mass chains: static condensation is exact, and more masses converge to the beam model.
 
-Guyan's condensation is exact in statics for forces at what is kept (R. J. Guyan, AIAA J. 3 (2), 1965, p. 380), and its
-modes lie above those of the whole: the shapes are Rayleigh's (R. W. Clough and J. Penzien, Dynamics of Structures).
+Guyan's condensation is exact in statics for forces at retained points (R. J. Guyan, AIAA J. 3 (2), 1965, p. 380), and
+its frequencies are above those of the full model: the shapes are Rayleigh's (R. W. Clough and J. Penzien, Dynamics of
+Structures).
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ ENGINE = ROOT / "cases/pushrod-engine/intake.toml"
 FINE = ["members.pushrod.elements=4"]
 
 
-def frequencies(system):
+def elastic_frequencies(system):
     found = modes(system.mass, system.stiffness, free=system.free)
     return found.frequencies[found.rigid :]
 
@@ -35,7 +36,7 @@ def mass_chain(case, count, **options):
 
 
 def prepare_mass_chain(case, count):
-    """Return a run of the chain's own equations; a given start is projected by least squares."""
+    """Return a run of the equations of the chain; a given initial state is projected by least squares."""
     ready, found = prepare(case), mass_chain(case, count)
     problem = replace(ready.problem, system=found.system, start=None)
     if case.record.run.start in ("rest", "equilibrium", "periodic"):
@@ -47,15 +48,15 @@ def prepare_mass_chain(case, count):
 
 
 @pytest.fixture(scope="module")
-def whole():
+def beam_model():
     case = read_case(TAYEB, FINE)
     return case, prepare(case).problem.system
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])
-def test_static_stiffness_is_exact(record, whole, count):
-    """A force at the follower: its displacement, and that of the valve."""
-    case, system = whole
+def test_condensation_preserves_static_stiffness(record, beam_model, count):
+    """A unit force acts at the follower; the displacements of follower and valve are compared."""
+    case, system = beam_model
     found = mass_chain(case, count).system
     tappet = system.names.index("tappet.uy")
     push, own = np.eye(system.size)[tappet], np.eye(found.size)[0]
@@ -68,26 +69,26 @@ def test_static_stiffness_is_exact(record, whole, count):
     assert valve[1] @ masses == pytest.approx(valve[0] @ beams, rel=1e-9)
 
 
-LOADED = {1: 2e-3, 2: 2e-5, 3: 1e-5, 13: 1e-9}
-"""Error of the first mode by the number of masses, above: Rayleigh's quotient of the static shapes."""
+FIRST_MODE_ERROR = {1: 2e-3, 2: 2e-5, 3: 1e-5, 13: 1e-9}
+"""Relative error of the first mode, from above, by number of masses: Rayleigh's quotient of the static shapes."""
 
 
-@pytest.mark.parametrize("count", LOADED)
-def test_first_mode(record, whole, count):
-    case, system = whole
-    found = frequencies(mass_chain(case, count).system)[0]
-    assert found >= frequencies(system)[0] * (1.0 - 1e-10)
+@pytest.mark.parametrize("count", FIRST_MODE_ERROR)
+def test_first_mode_converges_from_above(record, beam_model, count):
+    case, system = beam_model
+    found = elastic_frequencies(mass_chain(case, count).system)[0]
+    assert found >= elastic_frequencies(system)[0] * (1.0 - 1e-10)
     record(source=SOURCE, case=f"Tayeb and Sliman, model 3, {count} masses", quantity="first mode of the follower",
-           unit="Hz", reference=frequencies(system)[0], computed=found, tolerance=LOADED[count],
+           unit="Hz", reference=elastic_frequencies(system)[0], computed=found, tolerance=FIRST_MODE_ERROR[count],
            reason="above it, by what the static shapes miss")  # fmt: skip
 
 
 @pytest.mark.parametrize("lumped", [False, True])
-def test_more_masses_come_closer(record, whole, fitted_order, lumped):
-    """Second mode: the pushrod between tappet and valve, with equal parts; second order, as for any bar."""
-    case, system = whole
-    exact, counts = frequencies(system)[1], (4, 7, 13)
-    errors = [abs(frequencies(mass_chain(case, k, lumped=lumped).system)[1] / exact - 1.0) for k in counts]
+def test_second_mode_converges_with_number_of_masses(record, beam_model, fitted_order, lumped):
+    """The second mode is that of the pushrod between tappet and valve; equal lumped parts have second order."""
+    case, system = beam_model
+    exact, counts = elastic_frequencies(system)[1], (4, 7, 13)
+    errors = [abs(elastic_frequencies(mass_chain(case, k, lumped=lumped).system)[1] / exact - 1.0) for k in counts]
     assert errors[2] < 0.3 * errors[1] < 0.3 * errors[0]
     if lumped:
         order = fitted_order([1.0 / (k - 1.0) for k in counts[:2]], errors[:2])
@@ -99,8 +100,8 @@ def test_more_masses_come_closer(record, whole, fitted_order, lumped):
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 7])
-def test_masses_are_those_of_the_rigid_train(record, whole, count):
-    case, _ = whole
+def test_total_mass_matches_rigid_train(record, beam_model, count):
+    case, _ = beam_model
     structure = build_structure(build_model(case))
     contact = next(iter(structure.model.cam_contacts.values()))
     found = mass_chain(case, count, lumped=True)
@@ -114,7 +115,7 @@ def test_masses_are_those_of_the_rigid_train(record, whole, count):
         assert 1.0 / np.sum(1.0 / found.stiffnesses) == pytest.approx(series, rel=1e-9)
 
 
-def test_a_lumped_train_is_its_own_chain():
+def test_chain_of_lumped_train_is_identical():
     case = read_case(LI)
     found, own = mass_chain(case, 3), prepare(case).problem.system
     assert found.points == ("tappet", "rocker", "valve")
@@ -125,10 +126,10 @@ def test_a_lumped_train_is_its_own_chain():
 
 
 @pytest.mark.parametrize(("count", "allowed"), [(1, 1e-2), (2, 1e-3)])
-def test_a_run_of_the_chain(record, count, allowed):
-    """The published load at 3000 rpm: displacement of the valve, and the channels of the beam model.
+def test_valve_displacement_of_chain_matches_beams(record, count, allowed):
+    """The published load acts at 3000 rpm; the channels are those of the beam model.
 
-    One mass stands before the pushrod, whose compression is then not told.
+    A chain of one mass does not include the pushrod, so its compression is not a channel.
     """
     case = read_case(TAYEB)
     ready, beams = prepare_mass_chain(case, count), run(case)
@@ -144,11 +145,11 @@ def test_a_run_of_the_chain(record, count, allowed):
 
 
 @pytest.mark.parametrize("rpm", [1000.0, 3000.0, 5200.0])
-def test_one_mass_is_the_oscillator_it_stands_for(rpm):
-    """Mass, stiffness and answer by hand: ``M x'' + K x = K h/2 (1 - cos W t)`` from rest, as the valve's motion.
+def test_single_mass_matches_analytical_oscillator(rpm):
+    """Mass, stiffness and response are analytical: ``M x'' + K x = K h/2 (1 - cos W t)`` from rest.
 
-    The rod follows its ends; above it valve and rocker follow by the share that spring and rod leave them. The preload,
-    which the installed spring balances, moves nothing and starts no ringing.
+    The rod follows its ends; above it valve and rocker move by the ratio of rod and spring stiffness. The preload,
+    which the installed spring balances, causes no displacement and excites no vibration.
     """
     case = read_case(ROOT / "cases/tayeb/model-1-shm.toml", [
         f"run.speed={rpm}rpm", "run.steps_per_revolution=3600", "run.revolutions=1", "fidelity.model=sdof",
@@ -161,14 +162,15 @@ def test_one_mass_is_the_oscillator_it_stands_for(rpm):
     found, r2 = run(case), (driven / own) ** 2
     moved = 0.003 * (1.0 - (np.cos(driven * found.time) - r2 * np.cos(own * found.time)) / (1.0 - r2))
     missed = found["valve"].displacement - ratio * share * moved
-    # Newmark's period errs by (w dt)^2/12: 1e-5 and less over the four periods of a revolution at 1000 rpm.
+    # The period error of Newmark's method is (w dt)^2/12: at most 1e-5 over the four periods of a revolution at 1000
+    # rpm.
     assert np.abs(missed).max() < 1e-4 * np.ptp(moved)
     assert abs(found["valve"].displacement[0]) < 1e-12
 
 
 @pytest.mark.parametrize("sensed", [0, 1])
-def test_compliance_at_the_contact_is_exact(record, sensed):
-    """What the cam's contact senses under its own force: camshaft and bearings are in it, and twist over tilt."""
+def test_condensation_preserves_contact_compliance(record, sensed):
+    """The contact compliance includes camshaft and bearings, and the twist over the tilt."""
     case = read_case(ENGINE)
     rows, given = [], []
     for system in (prepare(case).problem.system, mass_chain(case, 2).system):
@@ -182,8 +184,8 @@ def test_compliance_at_the_contact_is_exact(record, sensed):
            reason="static condensation keeps what contacts sense")  # fmt: skip
 
 
-def test_an_engine_in_contact(record):
-    """Camshaft, contact, play and seat stay: what contacts sense is kept beside the chain. Below surge and bowing."""
+def test_chain_of_engine_with_contact_matches_beams(record):
+    """Camshaft, contact, lash and seat remain next to the chain, below the speeds of surge and bending."""
     case = read_case(ENGINE, ["run.crank_speed=2000rpm", "run.steps_per_revolution=1800", "run.engine=kernel"])
     ready, beams = prepare_mass_chain(case, 3), run(case)
     found = solve(ready.problem, ready.scheme, save=ready.save)
@@ -198,8 +200,8 @@ def test_an_engine_in_contact(record):
     assert np.abs(energy).max() < 1e-2 * np.abs(found.channels["energy.work"]).max()
 
 
-def test_starts(whole):
-    """A given start of the beams is seen at what is kept; rest and balance are found anew."""
+def test_initial_state_of_chain(beam_model):
+    """A given initial state is projected on the chain; rest and equilibrium are computed anew."""
     case = read_case(LI, ['run.start={ displacement = { "valve.uy" = "1 mm" }, velocity = { "tappet.uy" = 2 } }'])
     start = prepare_mass_chain(case, 3).problem.start
     np.testing.assert_allclose(start.displacement, [0.0, 0.0, 1e-3], atol=1e-15)
@@ -209,6 +211,6 @@ def test_starts(whole):
 
 
 @pytest.mark.parametrize(("count", "contact", "words"), [(0, None, "1 to"), (99, None, "1 to"), (2, "no", "one of")])
-def test_refused(whole, count, contact, words):
+def test_invalid_arguments_raise_error(beam_model, count, contact, words):
     with pytest.raises(InputError, match=words):
-        mass_chain(whole[0], count, contact=contact)
+        mass_chain(beam_model[0], count, contact=contact)

@@ -1,7 +1,7 @@
-"""Slender beams in their classical supports: roots of the characteristic equations, found here, never typed.
+"""Slender beams in classical supports, against the roots of the characteristic equations.
 
-S. P. Timoshenko, Vibration Problems in Engineering, 3rd ed., sec. 53-58: sin x = 0, cos x cosh x = -1 or +1,
-tan x = tanh x. f = x^2/(2 pi L^2) sqrt(EI/(rho A)).
+S. P. Timoshenko, Vibration Problems in Engineering, 3rd ed., sec. 53-58: sin x = 0, cos x cosh x = -1 or +1, tan x =
+tanh x. f = x^2/(2 pi L^2) sqrt(EI/(rho A)). The roots are computed here.
 """
 
 from __future__ import annotations
@@ -33,20 +33,20 @@ def root(supports, n):
     return brentq(equation, near(n) - 0.6, near(n) + 0.6, xtol=1e-14)
 
 
-def exact(supports, n):
+def exact_frequency(supports, n):
     speed = math.sqrt(STEEL.E * SECTION.Iz / (STEEL.density * SECTION.A))
     return root(supports, n) ** 2 / (2 * math.pi * LENGTH**2) * speed
 
 
-def bending(plane_beam, supports, elements, count):
+def bending_frequencies(plane_beam, supports, elements, count):
     beam = plane_beam(SLENDER, LENGTH, elements, supports)
     bends = np.array([i for i, name in enumerate(beam.dofs.names) if not name.endswith("ux")])
     beam.mass, beam.stiffness = beam.mass.part(bends), beam.stiffness.part(bends)
     return modes(beam.mass, beam.stiffness, count).frequencies
 
 
-def test_the_roots_are_the_known_ones():
-    """Five known digits; 7.8548, which a misprint once made 7.885."""
+def test_roots_match_tabulated_values():
+    """The five digits include 7.8548, once misprinted as 7.885."""
     assert [round(root("fixed-free", n), 4) for n in (1, 2, 3)] == [1.8751, 4.6941, 7.8548]
     assert [round(root("fixed-fixed", n), 4) for n in (1, 2, 3)] == [4.7300, 7.8532, 10.9956]
 
@@ -60,8 +60,8 @@ def test_frequencies(record, plane_beam, supports, n):
         case=f"{supports}, 16 elements",
         quantity=f"bending {n}",
         unit="Hz",
-        reference=exact(supports, n),
-        computed=bending(plane_beam, supports, 16, n)[n - 1],
+        reference=exact_frequency(supports, n),
+        computed=bending_frequencies(plane_beam, supports, 16, n)[n - 1],
         tolerance=(x / 16) ** 4 / 1440,
         reason="cubic elements: (x/16)^4/1440 of the eigenvalue, half of it in frequency, doubled for clamped ends",
     )
@@ -69,10 +69,10 @@ def test_frequencies(record, plane_beam, supports, n):
 
 @pytest.mark.parametrize("n", [1, 2])
 @pytest.mark.parametrize("supports", sorted(EQUATIONS))
-def test_order(record, plane_beam, fitted_order, supports, n):
+def test_frequencies_converge_with_fourth_order(record, plane_beam, fitted_order, supports, n):
     counts = np.array([4, 6, 8, 12, 16])
-    errors = [bending(plane_beam, supports, k, n)[n - 1] / exact(supports, n) - 1 for k in counts]
-    assert min(errors) > 0.0  # consistent mass: frequencies come from above
+    errors = [bending_frequencies(plane_beam, supports, k, n)[n - 1] / exact_frequency(supports, n) - 1 for k in counts]
+    assert min(errors) > 0.0  # consistent mass: frequencies converge from above
     record(
         source=SOURCE, case=supports, quantity=f"order of convergence in h, bending {n}", unit="1", reference=4.0,
         computed=fitted_order(1 / counts, errors), tolerance=0.15, absolute=True,
@@ -81,7 +81,7 @@ def test_order(record, plane_beam, fitted_order, supports, n):
 
 
 def test_axial_and_torsional_rods(record, straight_beam):
-    """Fixed-free rods: (2n - 1) c/4L; G. for a round tube J = I_p, so that c = sqrt(G/rho)."""
+    """Frequencies of fixed-free rods are (2n - 1) c/4L; J = I_p for a round tube, so that c = sqrt(G/rho)."""
     held = [("start", ("ux", "uy", "uz", "rx", "ry", "rz"))]
     beam = straight_beam(SLENDER, LENGTH, 40, held)
     for component, modulus in (("ux", STEEL.E), ("rx", STEEL.G)):

@@ -1,4 +1,4 @@
-"""The exponential collocation: exact without contacts, of fourth order with them, against closed forms and DOP853."""
+"""Exponential collocation: exact without contacts, fourth order with them, against closed forms and DOP853."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ STIFFNESS, PUSH = 2e4, np.array([20.0, 0.0, 100.0])
 BUCKET = "cases/direct-acting/bucket.toml"
 
 
-def pressed_chain():
-    """Three masses in equilibrium, dampers that couple the modes, the last one on a contact that stays closed."""
+def preloaded_chain():
+    """Return three masses in equilibrium, with dampers that couple the modes and a contact that stays closed."""
     K, C = np.array([[5.0, -2, 0], [-2, 6, -4], [0, -4, 4]]) * 1e3, np.array([[3.0, -3, 0], [-3, 3, 0], [0, 0, 0.5]])
     one = (AngleVector(np.eye(3)[2:], ()),)
     law = hunt_crossley_contact(STIFFNESS, 0.4)
@@ -46,13 +46,13 @@ def pressed_chain():
     return System(*matrices, ("a", "b", "c"), (load,), (contact,), (probe,)), State(rest, np.zeros(3))
 
 
-def motion(system, method, steps, time=0.5, start=None):
+def displacement_history(system, method, steps, time=0.5, start=None):
     response = solve(Problem(system, ConstantSpeed(30.0), time / steps, steps, start), method)
     assert response.status.ok, str(response.status)
     return response["all"].displacement
 
 
-def test_a_parabolic_load_is_integrated_exactly(record):
+def test_parabolic_load_is_integrated_exactly(record):
     """Under p = 3 + 4 t + 5 t^2 the oscillator x'' + w^2 x = p has the particular solution p/w^2 - 10/w^4."""
     w, steps = 7.0, 6
     load = Load("push", np.ones(1), lambda motion: 3.0 + 4.0 * motion.angle + 5.0 * motion.angle**2)
@@ -70,7 +70,7 @@ def test_a_parabolic_load_is_integrated_exactly(record):
 
 
 def mass_on_a_contact(stiffness, *, mass=1.0, spring=0.0, damper=0.0):
-    """Return a mass, or a point without, pressed on a contact that stays closed, with a spring and damper to ground."""
+    """Return a mass, or a massless point, on a contact that stays closed, with a spring and damper to ground."""
     one = (AngleVector(np.eye(1), ()),)
     law, reaction = hunt_crossley_contact(stiffness, 0.0), (AngleVector(-np.eye(1), ()),)
     contact = LocalForce("contact", one, reaction, law, (constant(1.0),))
@@ -80,15 +80,15 @@ def mass_on_a_contact(stiffness, *, mass=1.0, spring=0.0, damper=0.0):
 
 
 @pytest.mark.parametrize("ratio", [0.9, 1.6, 5.0, 60.0])
-def test_steps_of_any_length_are_stable_on_a_closed_contact(ratio):
-    """A mass that only a contact holds oscillates; undivided steps above 1.55 = omega dt would let it grow."""
+def test_closed_contact_is_stable_for_any_step(ratio):
+    """A mass on a contact alone oscillates; undivided steps above omega dt = 1.55 would let the amplitude grow."""
     start = State(np.array([1e-3]), np.zeros(1))
-    moved = motion(mass_on_a_contact(1.0), collocation(), 200, time=200 * ratio, start=start)
+    moved = displacement_history(mass_on_a_contact(1.0), collocation(), 200, time=200 * ratio, start=start)
     assert np.abs(moved).max() < 1.02e-3
     assert np.abs(moved[-40:]).max() > 0.8e-3
 
 
-def test_a_contact_too_stiff_for_any_division_ends_the_run():
+def test_run_stops_if_contact_is_too_stiff():
     problem = Problem(mass_on_a_contact(1.0), ConstantSpeed(30.0), 100.0, 10, State(np.array([1e-3]), np.zeros(1)))
     response = solve(problem, collocation())
     assert response.status.cause.value == "no-convergence"
@@ -97,8 +97,8 @@ def test_a_contact_too_stiff_for_any_division_ends_the_run():
 
 
 @pytest.mark.parametrize("damper", [0.0, 1.0])
-def test_a_contact_of_a_point_without_mass_does_not_divide_steps(damper):
-    """Spring and damper of the point determine its motion: no frequency limits the step."""
+def test_contact_of_massless_point_does_not_divide_steps(damper):
+    """Spring and damper of the point determine its motion, so no frequency limits the step."""
     system = mass_on_a_contact(100.0, mass=0.0, spring=1.0, damper=damper)
     response = solve(Problem(system, ConstantSpeed(30.0), 1.0, 50), collocation())
     assert response.status.ok
@@ -109,8 +109,8 @@ def test_a_contact_of_a_point_without_mass_does_not_divide_steps(damper):
 @pytest.mark.parametrize(
     ("steps", "change"), mostly_slow([(360, ()), (900, ()), (3600, ("contacts.seat.restitution=0.3",)), (3600, ())], 2)
 )
-def test_force_of_a_hopping_tappet_at_coarse_and_default_steps(steps, change):
-    """The pushrod engine over its lift; Newmark's method is wrong by 42 %, 39 % and 20 %.
+def test_contact_force_of_bouncing_tappet(steps, change):
+    """The pushrod engine runs over its lift; the errors of Newmark's method are 42 %, 39 % and 20 %.
 
     Without the division of steps in which a contact opens or closes the error is 2.7 %, with it 0.2 %.
     """
@@ -125,10 +125,11 @@ def test_force_of_a_hopping_tappet_at_coarse_and_default_steps(steps, change):
     assert np.sqrt(np.mean((found - fine) ** 2) / np.mean(fine**2)) < 0.004
 
 
-def test_motions_without_mass(record):
-    """Under p = 3 + 4 t + 5 t^2, c x' + k x = p decays to its particular solution from rest, and k y = p has no delay.
+def test_massless_motion_is_exact(record):
+    """Massless motion has an exact solution under p = 3 + 4 t + 5 t^2: c x' + k x = p from rest, and k y = p.
 
-    The particular solution is A + B t + C t^2 with C = 5/k, B = (4 - 2 c C)/k and A = (3 - c B)/k.
+    x decays to the particular solution A + B t + C t^2 with C = 5/k, B = (4 - 2 c C)/k and A = (3 - c B)/k; y follows p
+    without delay.
     """
     c, k, stiff, steps = 2.0, 5.0, 3.0, 6
     load = Load("push", np.ones(2), lambda motion: 3.0 + 4.0 * motion.angle + 5.0 * motion.angle**2)
@@ -152,8 +153,8 @@ def test_motions_without_mass(record):
            reason="exact for parabolic loads; rounding")  # fmt: skip
 
 
-def test_oil_column_of_an_adjuster():
-    """Force and leak-down over a lift of the finger train, against 32 times as many steps of Newmark's method."""
+def test_oil_column_of_hydraulic_adjuster():
+    """Force and leak-down over a lift of the finger train match Newmark's method with 32 times as many steps."""
 
     def channels(method, steps):
         words = ("run.revolutions=0.75", f"run.integrator.method={method}", f"run.steps_per_revolution={steps}")
@@ -165,25 +166,25 @@ def test_oil_column_of_an_adjuster():
         assert np.abs(coarse[name] - exact).max() < 2e-4 * np.ptp(exact), name
 
 
-def test_closed_contacts_have_fourth_order(record):
-    """With Hunt and Crossley's contact and coupled modes, against DOP853; half the step leaves a sixteenth."""
-    system, start = pressed_chain()
-    exact = motion(system, dop853(tolerance=1e-12), 20, start=start)
+def test_fourth_order_with_closed_contact(record):
+    """Hunt-Crossley contact with coupled modes, against DOP853; half the step reduces the error to a sixteenth."""
+    system, start = preloaded_chain()
+    exact = displacement_history(system, dop853(tolerance=1e-12), 20, start=start)
     size = np.ptp(exact, axis=0).max()
     errors = [
-        np.abs(motion(system, collocation(), steps, start=start)[:: steps // 20] - exact).max() / size
+        np.abs(displacement_history(system, collocation(), steps, start=start)[:: steps // 20] - exact).max() / size
         for steps in (320, 640)
     ]
     assert errors[1] < 1e-6
     order = math.log2(errors[0] / errors[1])
     record(source=SOURCE, case="three masses on a closed contact, coupled damping", quantity="order of convergence",
            unit="1", reference=4.0, computed=order, tolerance=0.1, reason="the next term of the error")  # fmt: skip
-    second = np.abs(motion(system, newmark(), 640, start=start)[::32] - exact).max() / size
+    second = np.abs(displacement_history(system, newmark(), 640, start=start)[::32] - exact).max() / size
     assert second > 1000.0 * errors[1]
 
 
-def test_flexible_train_with_contacts_has_fourth_order():
-    """Hertz contact, lash and seat of the bucket train, before the first closing moves the error to a kink."""
+def test_fourth_order_of_flexible_train_with_contacts():
+    """The error of the bucket train with contacts has fourth order before the first closing of a contact."""
     words = ("run.revolutions=0.4", "run.integrator.method=collocation")
     force = {
         steps: run(read_case(BUCKET, [*words, f"run.steps_per_revolution={steps}"])).channels["contacts.intake.force"]
@@ -194,11 +195,11 @@ def test_flexible_train_with_contacts_has_fourth_order():
         np.sqrt(np.mean((force[steps] - fine[:: 23040 // steps]) ** 2)) / np.sqrt(np.mean(fine**2))
         for steps in (2880, 5760)
     )
-    assert coarse < 1e-4  # the average acceleration: 2e-3
+    assert coarse < 1e-4  # the average acceleration method: 2e-3
     assert coarse > 10.0 * middle
 
 
-def test_bounces_with_restitution(record):
+def test_bounce_height_with_restitution(record):
     """A ball under constant force bounces to e^2 of its height; flight is exact, and impacts are located."""
     one = Triplets.from_dense(np.eye(1))
     none = Triplets.zeros(1)
@@ -214,14 +215,14 @@ def test_bounces_with_restitution(record):
     system = System(one, none, none, ("x",), (load,), (ground,), (Probe("all", ("x",), np.eye(1), (None,)),))
     fall = math.sqrt(2.0 / 9.81)
     end = fall * (1.0 + 0.8 * 2.0 + 0.8**2)  # at the top of the second bounce
-    height = motion(system, collocation(), 101, end, State(np.ones(1), np.zeros(1)))
+    height = displacement_history(system, collocation(), 101, end, State(np.ones(1), np.zeros(1)))
     record(source="Contact and springs, closed-form solutions", case="ball, e = 0.8, collocation",
            quantity="height of the second bounce", unit="m",
            reference=0.8**4, computed=height[-1], tolerance=1e-9, reason="location of the impacts")  # fmt: skip
 
 
-def test_energy_balance_of_short_contacts():
-    """The hopping tappet loses energy in contacts of some steps; the mean force would misplace 1.7 % of the work."""
+def test_energy_balance_with_short_contacts():
+    """The bouncing tappet loses energy in contacts of a few steps; the mean force would misplace 1.7 % of the work."""
     words = ("run.revolutions=0.3", "run.steps_per_revolution=2880", "run.integrator.method=collocation")
     channels = run(read_case("cases/pushrod-engine/intake.toml", words)).channels
     work = channels["energy.work"][-1]
@@ -229,8 +230,8 @@ def test_energy_balance_of_short_contacts():
     assert np.abs(channels["energy.residual"]).max() < 2e-3 * work
 
 
-def test_results_do_not_depend_on_what_is_saved():
-    """Steps that are divided from a certain one on, and steps that are not."""
+def test_saved_output_does_not_change_result():
+    """The steps of one run are divided from a certain step on, those of the other are not."""
     words = ("run.revolutions=0.3", "run.integrator.method=collocation")
     found = [
         [
@@ -253,6 +254,6 @@ def test_results_do_not_depend_on_what_is_saved():
         ("run.adaptive={ tolerance = 1e-6 }", "adaptive"),
     ],
 )
-def test_what_it_cannot_be_combined_with_is_refused_with_the_case(override, remedy):
+def test_incompatible_options_raise_error(override, remedy):
     with pytest.raises(InputError, match=rf"method = collocation.*Remove {remedy}"):
         read_case(BUCKET, [override, "run.integrator.method=collocation"])

@@ -1,11 +1,11 @@
 """Contact and springs against closed forms.
 
-- A mass that falls on a spring it may leave: t = 2/w (pi - atan(v0 w/g)) in contact and 2 v0/g apart, for a fall from
-  v0^2/2g; without dissipation it comes back to its height. W. Goldsmith, Impact (1960), ch. 4 for the spring.
-- A bar that runs with v against a stiff stop: by d'Alembert the end feels the force v sqrt(E rho) A for 2 L/c and
-  leaves with v. K. F. Graff, Wave Motion in Elastic Solids (1975), ch. 2.
-- Surge of a spring held at both ends: f = 1/2 sqrt(k/m).
-- A rigid follower leaves its cam where its deceleration takes the whole force of its spring.
+- A mass that falls on a spring without adhesion: t = 2/w (pi - atan(v0 w/g)) in contact and 2 v0/g in flight, for a
+  fall from v0^2/2g; without dissipation it returns to its height. W. Goldsmith, Impact (1960), ch. 4 for the spring.
+- A bar that hits a stiff stop at the speed v: by d'Alembert the end has the contact force v sqrt(E rho) A for 2 L/c and
+  rebounds with v. K. F. Graff, Wave Motion in Elastic Solids (1975), ch. 2.
+- Surge of a spring fixed at both ends: f = 1/2 sqrt(k/m).
+- A rigid follower leaves its cam if its deceleration exceeds the spring force over the mass.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ from flexcam.valvetrain.cam_contact import HertzLine
 
 SOURCE = "Contact and springs, closed-form solutions"
 G, W, V0 = 9.81, 2000.0, 1.2
-"""Gravity, circular frequency of the mass on its stop, speed of the fall."""
+"""Gravity, circular frequency of the mass on the stop, speed of the fall."""
 
 
-def bouncing(law, steps, periods=1.0):
-    """Return a unit mass that starts at touchdown with V0 and the response over one bounce (contact and flight)."""
+def run_bouncing_mass(law, steps, periods=1.0):
+    """Return the response of a unit mass over a bounce (contact and flight) that starts at touchdown with V0."""
     contact = 2.0 / W * (math.pi - math.atan(V0 * W / G))
     cycle = contact + 2.0 * V0 / G
     one = Triplets.from_dense([[1.0]])
@@ -59,8 +59,8 @@ def bouncing(law, steps, periods=1.0):
     return response, contact, cycle
 
 
-def test_time_in_contact(record):
-    response, contact, cycle = bouncing(elastic_stop(W**2), 40_000)
+def test_contact_time_of_bouncing_mass(record):
+    response, contact, cycle = run_bouncing_mass(elastic_stop(W**2), 40_000)
     force = response.channels["force"]
     pressed = np.flatnonzero(force > 0.0)
     record(source=SOURCE, case="bouncing mass", quantity="time in contact", unit="s", reference=contact,
@@ -68,19 +68,19 @@ def test_time_in_contact(record):
            absolute=True, reason="a step at either end")  # fmt: skip
 
 
-def test_speed_after_the_bounce(record):
-    """Back at touchdown it has the speed it came with."""
-    response, *_ = bouncing(elastic_stop(W**2), 40_000)
+def test_speed_after_bounce(record):
+    """The mass returns to touchdown with its initial speed."""
+    response, *_ = run_bouncing_mass(elastic_stop(W**2), 40_000)
     record(source=SOURCE, case="bouncing mass", quantity="speed after a bounce", unit="m/s", reference=V0,
            computed=float(np.abs(response["y"].velocity).max()), tolerance=1e-5,
            reason="G and V0 step at the ends of contact: (w dt)^2 of it")  # fmt: skip
 
 
 @pytest.mark.parametrize("law", [elastic_stop(W**2), hunt_crossley_contact(W**2, 0.0)])
-def test_energy_of_the_bounce(record, law):
+def test_energy_balance_of_bounce(record, law):
     residuals = []
     for count in (2500, 20_000):
-        channels = bouncing(law, count)[0].channels
+        channels = run_bouncing_mass(law, count)[0].channels
         residuals.append(np.abs(channels["energy.residual"]).max() / channels["energy.kinetic"].max())
     record(source=SOURCE, case=f"bouncing mass, {type(law).__name__}", quantity="largest energy residual over kinetic",
            unit="1", reference=0.0, computed=max(residuals), tolerance=1e-8, absolute=True,
@@ -88,10 +88,10 @@ def test_energy_of_the_bounce(record, law):
 
 
 @pytest.mark.parametrize("dissipation", [0.2, 0.6])
-def test_hunt_crossley_loses_energy_as_it_should(record, dissipation):
-    """Small chi v: restitution 1 - 2/3 chi v for a linear spring (Hunt and Crossley 1975, to first order)."""
+def test_hunt_crossley_restitution(record, dissipation):
+    """For small chi v the restitution is 1 - 2/3 chi v for a linear spring (Hunt and Crossley 1975, first order)."""
     small = 0.05 * dissipation
-    response, *_ = bouncing(hunt_crossley_contact(W**2, small), 40_000)
+    response, *_ = run_bouncing_mass(hunt_crossley_contact(W**2, small), 40_000)
     after = float(response["y"].velocity.max())
     record(source=SOURCE, case=f"Hunt-Crossley, chi v = {small * V0:.3f}", quantity="restitution", unit="1",
            reference=1.0 - 2.0 / 3.0 * small * V0, computed=after / V0, absolute=True,
@@ -100,8 +100,8 @@ def test_hunt_crossley_loses_energy_as_it_should(record, dissipation):
     assert gone == pytest.approx(0.5 * (V0**2 - after**2), rel=0.02)
 
 
-def bar(elements, stiffness, speed, law=None):
-    """Return the run of a steel bar, 1 m long, 1 cm^2, against a stop, the force of theory, and the speed of sound."""
+def run_bar_impact(elements, stiffness, speed, law=None):
+    """Return the run of a steel bar, 1 m, 1 cm^2, against a stop, the theoretical force, and the speed of sound."""
     E, rho, A, L = 207e9, 7800.0, 1e-4, 1.0
     n, h = elements + 1, L / elements
     K, M = np.zeros((n, n)), np.zeros((n, n))
@@ -129,8 +129,8 @@ def bar(elements, stiffness, speed, law=None):
     )
 
 
-def test_impact_of_a_bar(record):
-    response, force, c = bar(200, 2e10, 1.0)
+def test_impact_force_of_bar(record):
+    response, force, c = run_bar_impact(200, 2e10, 1.0)
     found = response.channels["force"]
     inside = (response.time > 0.4 / c) & (response.time < 1.6 / c)
     record(source=SOURCE, case="bar against a stop", quantity="mean force", unit="N", reference=force,
@@ -142,8 +142,8 @@ def test_impact_of_a_bar(record):
 
 
 @pytest.mark.parametrize("parts", [8, 16])
-def test_surge(record, parts):
-    """The spring of a case, from its own matrices; a consistent mass comes from above, (pi/n)^2/24 too high."""
+def test_surge_frequency_of_spring(record, parts):
+    """The matrices are those of the spring of a case; a consistent mass converges from above, (pi/n)^2/24 too high."""
     from scipy.linalg import eigh
 
     from flexcam import read_case
@@ -161,60 +161,62 @@ def test_surge(record, parts):
            tolerance=0.02 * (math.pi / parts) ** 4, reason="next term of the series")  # fmt: skip
 
 
-def load_of(contact, approach, relative):
-    """Return load per length and its slope of a line contact of this relative radius of curvature."""
+def line_contact_load(contact, approach, relative):
+    """Return load per length and its slope for a line contact of a relative radius of curvature."""
     _, give, rest, depth, _, limit = contact.law().constants
     return line_load(approach, limit * relative, give, rest, depth)
 
 
-def test_hertz_line_load_is_the_inverse_of_the_approach():
+def test_hertz_line_load_inverts_approach():
     law = HertzLine(0.012, 207e9, 0.29, constant(0.02), 0.03)
     for approach in (1e-9, 1e-7, 1e-5, 1e-4):
-        load, slope = load_of(law, approach, 0.02)
+        load, slope = line_contact_load(law, approach, 0.02)
         one = (1.0 - 0.29**2) / (math.pi * 207e9)
         a = math.sqrt(8.0 * load * 0.02 * one)
         terms = 2 * math.log(4 * 0.02 / a) - 1 + 2 * math.log(2 * 0.03 / a) - 0.29 / 0.71
         assert one * load * terms == pytest.approx(approach, rel=1e-12)
         step = 1e-6 * approach
-        around = [load_of(law, approach + side * step, 0.02)[0] for side in (-1, 1)]
+        around = [line_contact_load(law, approach + side * step, 0.02)[0] for side in (-1, 1)]
         assert slope == pytest.approx((around[1] - around[0]) / (2 * step), rel=1e-6)
 
 
 @pytest.mark.parametrize(("one", "other", "load"), [(0.016, 0.0085, 1.2e5), (0.2, 0.06, 2e6), (1e-3, 4e-4, 800.0)])
-def test_two_cylinders_come_nearer_by_what_each_yields(record, one, other, load):
+def test_approach_of_two_cylinders_by_johnson(record, one, other, load):
     """K. L. Johnson, Contact Mechanics (1985), eq. 5.57 for either cylinder, with the half width of both."""
     compliance, relative = (1.0 - 0.3**2) / (math.pi * 207e9), one * other / (one + other)
     a = math.sqrt(8.0 * load * relative * compliance)
     approach = compliance * load * sum(2.0 * math.log(4.0 * R / a) - 1.0 for R in (one, other))
     law = HertzLine(0.01, 207e9, 0.3, constant(relative), 2.0 * (one + other), rolls=True)
-    found = load_of(law, approach, relative)[0]
+    found = line_contact_load(law, approach, relative)[0]
     record(source=SOURCE, case=f"cylinders of {1e3 * one:g} and {1e3 * other:g} mm", quantity="load of a line contact",
            unit="N/m", reference=load, computed=found, tolerance=1e-9, reason="Newton's iteration")  # fmt: skip
 
 
-def test_two_cylinders_after_young():
-    """W. C. Young, Roark's Formulas for Stress and Strain (1989), table 33, 2a: 2/3 where Johnson has 2 ln 2 - 1."""
+def test_approach_of_two_cylinders_by_young():
+    """W. C. Young, Roark's Formulas for Stress and Strain (1989), table 33, 2a: 2/3 for Johnson's 2 ln 2 - 1."""
     one, other, load = 0.016, 0.0085, 1.2e5
     compliance = (1.0 - 0.3**2) / (math.pi * 207e9)
     wide = 2.0 * math.sqrt(8.0 * load * one * other / (one + other) * compliance)
     approach = 2.0 * compliance * load * (2.0 / 3.0 + math.log(4.0 * one / wide) + math.log(4.0 * other / wide))
     law = HertzLine(0.01, 207e9, 0.3, constant(0.006), 2.0 * (one + other), rolls=True)
-    assert load_of(law, approach, 0.006)[0] == pytest.approx(load, rel=0.04)
+    assert line_contact_load(law, approach, 0.006)[0] == pytest.approx(load, rel=0.04)
 
 
-def test_a_roller_that_nests_in_its_cam_is_pressed_back():
-    """A flank hollow with nearly the roller's radius has a relative radius without end: the load still grows."""
+def test_conforming_roller_has_increasing_contact_load():
+    """A concave flank of nearly the roller radius has an unbounded relative radius; the load still increases."""
     from flexcam.valvetrain.cam_contact import STRAIGHT
 
     for rolls, depth in ((True, 0.05), (False, 0.018)):
         law = HertzLine(0.01, 207e9, 0.3, constant(STRAIGHT * depth), depth, rolls=rolls)
-        load, slope = np.transpose([load_of(law, x, STRAIGHT * depth) for x in np.geomspace(1e-8, 0.1 * depth, 50)])
+        load, slope = np.transpose(
+            [line_contact_load(law, x, STRAIGHT * depth) for x in np.geomspace(1e-8, 0.1 * depth, 50)]
+        )
         assert (slope > 0.0).all()
         assert (np.diff(load) > 0.0).all()
         assert load[0] < 1e5
 
 
-SEATED = """
+SEATED_VALVE = """
 format = 1
 nodes = { valve = [0.0, 0.0, 0.0] }
 supports = { valve = ["ux", "uz"] }
@@ -229,19 +231,20 @@ start = { displacement = { "valve.uy" = "-0.3 um" } }
 [output]
 probes = ["valve"]
 """
-"""A part of a watch: its spring presses it 0.2 um into its seat, and it swings by half of that."""
+"""Part of a watch: the spring presses it 0.2 um into the seat, and it oscillates by half of that."""
 
 
-def test_a_small_part_feels_its_seat(tmp_path):
-    """An oscillator, m u'' + c u' + k u = -F, with the damper whole at the depth given; by default it hardly acts."""
+def test_contact_damping_of_small_part(tmp_path):
+    """The oscillator is m u'' + c u' + k u = -F, with full damping at the given depth, and little by default."""
     path = tmp_path / "seated.toml"
-    path.write_text(SEATED, encoding="utf-8")
+    path.write_text(SEATED_VALVE, encoding="utf-8")
     response = run(read_case(path, ['contacts.seat.damping_depth="1 nm"']))
     decay, still = 0.3 / 2.0 / 20e-6, -16e-3 / 80e3
     swing = math.sqrt(80e3 / 20e-6 - decay**2)
     t = response.time
     around = np.cos(swing * t) + decay / swing * np.sin(swing * t)
     expected = still - 0.1e-6 * np.exp(-decay * t) * around
-    # Average acceleration: a phase of (w dt)^2/12 per radian, (63 246 x 0.28 us)^2/12 x 12.6 = 3e-4 of the swing.
+    # Average acceleration: a phase error of (w dt)^2/12 per radian, (63 246 x 0.28 us)^2/12 x 12.6 = 3e-4 of the
+    # amplitude.
     np.testing.assert_allclose(response["valve.uy"].displacement, expected, rtol=0, atol=5e-4 * 0.1e-6)
     assert np.ptp(expected[-400:]) < 0.15e-6 < np.ptp(run(read_case(path))["valve.uy"].displacement[-400:])

@@ -1,11 +1,11 @@
-"""Impacts of a follower on a cam whose curvature jumps: the orbit of one impact per turn, and chaos below its corner.
+"""Impacts of a follower on a cam with a jump in curvature: the periodic orbit, and chaos below the corner speed.
 
 The follower of mass m flies on its spring k, from c = lift + preload/k at the cam angle of the impact back to it:
 
     w c'(theta)/c(theta) = (1 - e)/(1 + e) w_n tan(pi w_n/w),    speed after the impact w_n c tan(pi w_n/w).
 
-The multipliers of this orbit have the product e^2; with c'' < 0 at the impact they are a complex pair of modulus e.
-R. Alzate et al. report a corner-impact bifurcation with an abrupt change to chaos below that speed.
+The multipliers of this orbit have the product e^2; with c'' < 0 at the impact they are a complex pair of modulus e. R.
+Alzate et al. report a corner-impact bifurcation with an abrupt change to chaos below that speed.
 """
 
 from __future__ import annotations
@@ -39,23 +39,23 @@ NATURAL = math.sqrt(STIFFNESS / MASS)
 STEPS = 720
 
 
-def height(angle, order=0):
-    """Return c or a derivative of it."""
+def preloaded_lift(angle, order=0):
+    """Return c or one of its derivatives."""
     return float(EVENT(np.array([angle]), order)[0]) + (PRELOAD / STIFFNESS if order == 0 else 0.0)
 
 
-def tangent(rpm):
+def flight_tangent(rpm):
     return NATURAL * math.tan(math.pi * NATURAL / (rpm * RPM))
 
 
-def mismatch(rpm, angle):
-    """Return the residual of the orbit's equation."""
+def orbit_residual(rpm, angle):
+    """Return the residual of the orbit equation."""
     loss = (1.0 - RESTITUTION) / (1.0 + RESTITUTION)
-    return rpm * RPM * height(angle, 1) - loss * tangent(rpm) * height(angle)
+    return rpm * RPM * preloaded_lift(angle, 1) - loss * flight_tangent(rpm) * preloaded_lift(angle)
 
 
 def impact_angle(rpm):
-    return brentq(lambda angle: mismatch(rpm, angle), START + CORNER + 1e-9, START + CORNER + 0.17, xtol=1e-14)
+    return brentq(lambda angle: orbit_residual(rpm, angle), START + CORNER + 1e-9, START + CORNER + 0.17, xtol=1e-14)
 
 
 def orbit_start(rpm, disturbance=0.0):
@@ -63,13 +63,13 @@ def orbit_start(rpm, disturbance=0.0):
     at = impact_angle(rpm)
     flight = (2.0 * math.pi - at) / (rpm * RPM) * NATURAL
     c, s = math.cos(flight), math.sin(flight)
-    A, B = height(at), height(at) * tangent(rpm) / NATURAL
+    A, B = preloaded_lift(at), preloaded_lift(at) * flight_tangent(rpm) / NATURAL
     displacement = A * c + B * s - PRELOAD / STIFFNESS + disturbance
     return State(np.array([displacement]), NATURAL * np.array([B * c - A * s]))
 
 
 def last_impact(rpm):
-    """Return cam angle of the last impact of a run near the orbit and the speed after it, by parabolas beside it."""
+    """Return cam angle and speed of the last impact of a run near the orbit, by parabolas on both sides."""
     ready = prepared(rpm, "run.revolutions=50", f"run.steps_per_revolution={STEPS}")
     response = solve(replace(ready.problem, start=orbit_start(rpm, 1e-5)), ready.scheme)
     follower, angle = response["follower.uy"], response.angle
@@ -81,21 +81,21 @@ def last_impact(rpm):
     return float((angle[jump] + at) % (2.0 * math.pi)), float(speed)
 
 
-def test_the_profile():
-    """Three arcs: tangent, without a step, of the printed lift and preload."""
+def test_profile_of_arcs_is_smooth():
+    """The three arcs have a continuous tangent, with the printed lift and preload."""
     assert pytest.approx(0.15393, abs=5e-6) == LIFT
     assert pytest.approx(PRELOAD) == STIFFNESS * (BASE - 0.3)
     for at in (START, START + CORNER):
-        assert height(at - 1e-9) == pytest.approx(height(at), abs=1e-9)
-        assert height(at - 1e-9, 1) == pytest.approx(height(at, 1), abs=1e-8)
+        assert preloaded_lift(at - 1e-9) == pytest.approx(preloaded_lift(at), abs=1e-9)
+        assert preloaded_lift(at - 1e-9, 1) == pytest.approx(preloaded_lift(at, 1), abs=1e-8)
     b, radius = 0.7, BASE + float(EVENT(np.array([START + 0.7]))[0])
     assert math.hypot(radius * math.cos(b) + FLANK[0], radius * math.sin(b)) == pytest.approx(FLANK[1], rel=1e-12)
 
 
-def test_speed_of_the_rigid_follower_at_its_first_loss_of_contact(record):
-    """The contact force m w^2 c'' + k c vanishes just behind the corner."""
+def test_contact_loss_speed_of_rigid_follower(record):
+    """The contact force m w^2 c'' + k c vanishes just after the corner."""
     corner = START + CORNER
-    reference = math.sqrt(-STIFFNESS * height(corner) / (MASS * height(corner, 2))) / RPM
+    reference = math.sqrt(-STIFFNESS * preloaded_lift(corner) / (MASS * preloaded_lift(corner, 2))) / RPM
     lowest = []
     for rpm in (reference - 0.5, reference + 0.5):
         ready = prepared(rpm, "fidelity.model=rigid", "run.revolutions=1", "run.steps_per_revolution=36000")
@@ -107,19 +107,19 @@ def test_speed_of_the_rigid_follower_at_its_first_loss_of_contact(record):
     assert reference == pytest.approx(114.979, abs=5e-4)
 
 
-def test_orbit_of_one_impact_per_turn(record):
+def test_periodic_orbit_with_one_impact(record):
     case = "700 rpm, one impact per turn"
     angle, speed = last_impact(700.0)
     expected = impact_angle(700.0)
     reason = "average acceleration at half a degree, and parabolas of three instants"
     for quantity, unit, reference, computed in (
         ("cam angle of the impact", "deg", math.degrees(expected), math.degrees(angle)),
-        ("speed after the impact", "m/s", height(expected) * tangent(700.0), speed),
+        ("speed after the impact", "m/s", preloaded_lift(expected) * flight_tangent(700.0), speed),
     ):
         record(source=SOURCE, case=case, quantity=quantity, unit=unit, reference=reference, computed=computed,
                tolerance=1e-4, reason=reason)  # fmt: skip
     assert math.degrees(expected) == pytest.approx(155.3037, abs=5e-5)
-    assert height(expected) * tangent(700.0) == pytest.approx(81.854, abs=5e-4)
+    assert preloaded_lift(expected) * flight_tangent(700.0) == pytest.approx(81.854, abs=5e-4)
     ready = prepared(700.0, "run.revolutions=1", f"run.steps_per_revolution={8 * STEPS}")
     found = floquet(replace(ready.problem, start=orbit_start(700.0))).multipliers
     for one, name in zip(found, ("first", "second"), strict=True):
@@ -127,10 +127,10 @@ def test_orbit_of_one_impact_per_turn(record):
                computed=float(abs(one)), tolerance=1e-5, reason="average acceleration at 5760 steps")  # fmt: skip
 
 
-def test_speed_at_which_the_impact_reaches_the_corner(record):
-    """From the impact angles of three speeds above it."""
+def test_corner_impact_bifurcation_speed(record):
+    """The speed is extrapolated from the impact angles at three higher speeds."""
     corner = START + CORNER
-    reference = brentq(lambda rpm: mismatch(rpm, corner), 660.0, 690.0)
+    reference = brentq(lambda rpm: orbit_residual(rpm, corner), 660.0, 690.0)
     speeds = np.array([674.0, 676.0, 678.0])
     angles = np.array([last_impact(rpm)[0] for rpm in speeds])
     found = float(np.polyval(np.polyfit(angles - corner, speeds, 2), 0.0))
@@ -139,8 +139,8 @@ def test_speed_at_which_the_impact_reaches_the_corner(record):
     assert reference == pytest.approx(673.2344, abs=5e-5)
 
 
-def parted(rpm, starts):
-    """Return the positions at the cam angle 0 over 150 turns from two starts, and how far they lie apart."""
+def run_two_starts(rpm, starts):
+    """Return the positions at the cam angle 0 over 150 turns from two starts, and the distance between both runs."""
     ready = prepared(rpm, "run.revolutions=150", f"run.steps_per_revolution={STEPS}")
     runs = [solve(replace(ready.problem, start=start), ready.scheme)["follower.uy"] for start in starts]
     first, second = (run.displacement[::STEPS] for run in runs)
@@ -148,16 +148,16 @@ def parted(rpm, starts):
 
 
 @pytest.mark.slow
-def test_chaos_below_the_corner():
+def test_chaos_below_bifurcation_speed():
     """A disturbance of 1e-9 m of the start at rest grows to centimetres, and turns do not repeat."""
-    positions, apart = parted(672.0, [State(np.array([x]), np.zeros(1)) for x in (0.0, 1e-9)])
+    positions, apart = run_two_starts(672.0, [State(np.array([x]), np.zeros(1)) for x in (0.0, 1e-9)])
     assert apart[100:].max() > 1e-2
     assert np.unique(positions[50:].round(4)).size > 90
 
 
 @pytest.mark.slow
-def test_stable_orbit_above_the_corner():
-    """A disturbance of 1e-5 m shrinks by e each turn: to rounding in 100 turns."""
-    positions, apart = parted(674.0, [orbit_start(674.0, x) for x in (0.0, 1e-5)])
+def test_stable_orbit_above_bifurcation_speed():
+    """A disturbance of 1e-5 m decreases by a factor e per turn: to rounding in 100 turns."""
+    positions, apart = run_two_starts(674.0, [orbit_start(674.0, x) for x in (0.0, 1e-5)])
     assert apart[100:].max() < 1e-10
     assert np.abs(positions - positions[0]).max() < 1e-3

@@ -1,7 +1,7 @@
 """Derivatives of frequencies, static results, norms of runs and Floquet multipliers against closed forms.
 
-The closed forms are in `benchmarks.measure.derivatives`, derived here by the complex step; Mathieu's multiplier follows
-from its equation in complex numbers, integrated with DOP853 at 1e-13.
+The closed forms are in `benchmarks.measure.derivatives`, derived there by the complex step; Mathieu's multiplier
+follows from the complex equation, integrated with DOP853 at 1e-13.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ REASONS = {
     "multiplier.1": "period error of 1800 steps",
 }
 
-FIXED = {"probes": ("run.engine=kernel",), "multiplier": ("run.steps_per_revolution=1800",)}
+FIXED_OVERRIDES = {"probes": ("run.engine=kernel",), "multiplier": ("run.steps_per_revolution=1800",)}
 
 
 @pytest.mark.parametrize("check", derivatives.CHECKS, ids=lambda check: check.scalar)
-def test_derivatives_against_closed_forms(record, monkeypatch, check):
+def test_derivatives_match_closed_forms(record, monkeypatch, check):
     monkeypatch.setattr(derivatives, "REPEATS", 1)
-    fixed = FIXED.get(check.scalar.partition(".")[0], ())
+    fixed = FIXED_OVERRIDES.get(check.scalar.partition(".")[0], ())
     found = derivatives.measure(check._replace(fixed=fixed))
     for method in ("exact", "differences"):
         record(source="Derivatives in closed form", case=check.what, quantity=f"relative error, --method {method}",

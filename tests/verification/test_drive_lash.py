@@ -1,7 +1,7 @@
-"""Lash about an axis between a gear and a shaft, against closed forms.
+"""Rotational lash between a gear and a shaft, against closed forms.
 
-Within the lash 2 g a shaft without torque turns uniformly; on a flank of the rotational stiffness k it turns back after
-half a period of sqrt(k/J). Under the torque T it comes to rest at g + T/k.
+Within the lash 2 g a shaft without torque turns uniformly; on a flank of rotational stiffness k it reverses after half
+a period of sqrt(k/J). Under the torque T its equilibrium is g + T/k.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from flexcam.valvetrain import build_structure, largest_lashes, model_modes
 
 SOURCE = "Lash of a camshaft drive"
 J, STIFFNESS, GAP, OMEGA = 1e-3, 20e3, math.radians(0.1), 20.0 * math.pi
-SWING = math.sqrt(J / STIFFNESS)  # s
+RATE_TIME = math.sqrt(J / STIFFNESS)  # s
 CASE = """
 format = 1
 [nodes]
@@ -51,8 +51,8 @@ start = "equilibrium"
 [output]
 probes = ["mass", "shaft", "gear"]
 """
-STILL = ("cams.c.phase=90deg", "run.revolutions=0.2")
-"""The cam is on its base circle and turns nothing."""
+BASE_CIRCLE = ("cams.c.phase=90deg", "run.revolutions=0.2")
+"""The cam is on its base circle and exerts no torque."""
 DAMPED = [f"contacts.{one}.{key}" for one in ("driving", "coasting") for key in ("damping=0.5", "damping_depth=2e-4")]
 
 
@@ -61,8 +61,7 @@ def case(case_of):
     return partial(case_of, CASE)
 
 
-def solved(made):
-    """Return the response of a case."""
+def solve_case(made):
     ready = prepare(made)
     found = solve(ready.problem, ready.scheme)
     assert found.status.ok
@@ -70,21 +69,21 @@ def solved(made):
 
 
 @pytest.mark.parametrize("engine", [pytest.param("direct", marks=pytest.mark.slow), "kernel"])
-def test_flight_between_the_flanks(record, case, engine):
-    """At 2 rad/s from the middle: it passes there again after 2 g/w and half a period on a flank."""
-    found = solved(case(*STILL, f"run.engine={engine}", "run.integrator.method=newmark",
+def test_free_flight_between_flanks(record, case, engine):
+    """From the middle at 2 rad/s, the shaft crosses the middle again after 2 g/w and half a period on a flank."""
+    found = solve_case(case(*BASE_CIRCLE, f"run.engine={engine}", "run.integrator.method=newmark",
                         'run.start={ velocity = { "shaft.rz" = 2.0 } }'))  # fmt: skip
     angle, rate = found["shaft"].displacement[:, 5], found["shaft"].velocity[:, 5]
     after = np.flatnonzero(angle[:-1] * angle[1:] < 0.0)
     times = found.time[after] - angle[after] / rate[after]
     assert len(times) == 8
     record(source=SOURCE, case=f"shaft that flies from flank to flank, {engine} engine", quantity="time of a crossing",
-           unit="s", reference=2.0 * GAP / 2.0 + math.pi * SWING, computed=np.diff(times).mean(), tolerance=1e-4,
+           unit="s", reference=2.0 * GAP / 2.0 + math.pi * RATE_TIME, computed=np.diff(times).mean(), tolerance=1e-4,
            reason="steps of 1/280 of the period on a flank")  # fmt: skip
     free = np.abs(angle) < GAP
-    np.testing.assert_allclose(np.abs(rate[free]), 2.0, rtol=2e-5)  # of 1/280 of a period, squared
+    np.testing.assert_allclose(np.abs(rate[free]), 2.0, rtol=2e-5)  # 1/280 of a period, squared
     record(source=SOURCE, case=f"shaft that flies from flank to flank, {engine} engine", quantity="largest angle",
-           unit="rad", reference=GAP + 2.0 * SWING, computed=np.abs(angle).max(), tolerance=1e-4,
+           unit="rad", reference=GAP + 2.0 * RATE_TIME, computed=np.abs(angle).max(), tolerance=1e-4,
            reason="steps of 1/280 of the period on a flank")  # fmt: skip
     pressed = found.channels["contacts.coasting.force"] - found.channels["contacts.driving.force"]
     outside = np.sign(angle) * np.maximum(np.abs(angle) - GAP, 0.0)
@@ -94,16 +93,16 @@ def test_flight_between_the_flanks(record, case, engine):
 
 def test_engines_agree(case):
     fewer = ("run.revolutions=0.3", "run.steps_per_revolution=5000", "run.integrator.method=newmark", *DAMPED)
-    one, other = (solved(case(*fewer, f"run.engine={name}")) for name in ("direct", "kernel"))
+    one, other = (solve_case(case(*fewer, f"run.engine={name}")) for name in ("direct", "kernel"))
     angle = [found["shaft"].displacement[:, 5] for found in (one, other)]
     assert np.ptp(angle[0]) > 2.0 * GAP
     np.testing.assert_allclose(angle[1], angle[0], atol=1e-9 * GAP)
 
 
 @pytest.mark.parametrize(("torque", "flank"), [(-3.0, "driving"), (3.0, "coasting")])
-def test_angle_under_a_torque(record, case, torque, flank):
+def test_static_angle_under_torque(record, case, torque, flank):
     brake = f'loads.brake={{ at = "shaft", direction = "rz", force = {torque} }}'
-    found = solved(case(*STILL, brake, "run.revolutions=0.001"))
+    found = solve_case(case(*BASE_CIRCLE, brake, "run.revolutions=0.001"))
     record(source=SOURCE, case=f"torque of {torque:g} N m", quantity="angle at rest", unit="rad",
            reference=math.copysign(GAP + 3.0 / STIFFNESS, torque), computed=found["shaft"].displacement[0, 5],
            tolerance=1e-9, reason="rounding")  # fmt: skip
@@ -111,26 +110,26 @@ def test_angle_under_a_torque(record, case, torque, flank):
     assert found.channels["supports.gear.torque"][0] == pytest.approx(-torque, rel=1e-7)
 
 
-def test_crossing_under_a_reversed_torque(record, case):
+def test_lash_crossing_after_torque_reversal(record, case):
     """From rest at g + T/k under -T: a sixth of a period on the flank, then uniform acceleration over 2 g."""
     T = 3.0
     start = f'run.start={{ displacement = {{ "shaft.rz" = {GAP + T / STIFFNESS} }} }}'
-    found = solved(case(*STILL, f'loads.brake={{ at = "shaft", direction = "rz", force = {-T} }}', start))
-    left = math.sqrt(3.0) * T / STIFFNESS / SWING
-    struck = math.sqrt(left**2 + 4.0 * GAP * T / J)
+    found = solve_case(case(*BASE_CIRCLE, f'loads.brake={{ at = "shaft", direction = "rz", force = {-T} }}', start))
+    left = math.sqrt(3.0) * T / STIFFNESS / RATE_TIME
+    arrival_speed = math.sqrt(left**2 + 4.0 * GAP * T / J)
     at = int(np.argmax(found["shaft"].displacement[:, 5] < -GAP))
     x, v = (getattr(found["shaft"], one)[at - 1, 5] for one in ("displacement", "velocity"))
     time = found.time[at - 1] - (x + GAP) / v
     record(source=SOURCE, case="torque that reverses", quantity="time until the other flank", unit="s",
-           reference=SWING * math.pi / 3.0 + (struck - left) * J / T, computed=time, tolerance=1e-4,
+           reference=RATE_TIME * math.pi / 3.0 + (arrival_speed - left) * J / T, computed=time, tolerance=1e-4,
            reason="steps of 5 us")  # fmt: skip
     record(source=SOURCE, case="torque that reverses", quantity="speed at the other flank", unit="rad/s",
-           reference=-struck, computed=v, tolerance=2e-3, reason="within a step of 5 us")  # fmt: skip
+           reference=-arrival_speed, computed=v, tolerance=2e-3, reason="within a step of 5 us")  # fmt: skip
 
 
-def test_a_cam_whose_torque_reverses(case):
-    """The cam drives the shaft off the driving flank as the follower returns; the flanks take what the cam supplies."""
-    drag = 0.5  # N m s/rad; without it the shaft tips chaotically from flank to flank under the nose
+def test_lash_with_reversing_cam_torque(case):
+    """The returning follower makes the cam drive the shaft off its flank; the flanks transmit the cam torque."""
+    drag = 0.5  # N m s/rad; without it the shaft tips chaotically from flank to flank near the nose
     ready = prepare(
         case('run.start="periodic"', "run.steps_per_revolution=5000", "run.integrator.method=newmark", *DAMPED,
              f"springs.drag={{ at = 'shaft', direction = 'rz', stiffness = 0, damping = {drag} }}")
@@ -140,9 +139,9 @@ def test_a_cam_whose_torque_reverses(case):
     assert min(channels[f"contacts.{flank}.force"].max() for flank in ("driving", "coasting")) > 4.0
     drive = channels["contacts.driving.force"] - channels["contacts.coasting.force"]
     np.testing.assert_allclose(channels["supports.gear.torque"], drive, atol=1e-12)
-    asked = J * found["shaft"].acceleration[:, 5] + channels["contacts.k.torque"]
-    asked += drag * found["shaft"].velocity[:, 5]
-    np.testing.assert_allclose(drive, asked, atol=1e-9 * np.abs(asked).max())
+    required = J * found["shaft"].acceleration[:, 5] + channels["contacts.k.torque"]
+    required += drag * found["shaft"].velocity[:, 5]
+    np.testing.assert_allclose(drive, required, atol=1e-9 * np.abs(required).max())
     free = np.abs(angle) < GAP
     assert 0.1 < free.mean() < 0.9
     assert not drive[free].any()
@@ -161,39 +160,39 @@ CHAIN = (
 )  # fmt: skip
 
 
-def test_a_gear_turns_with_its_shaft(case):
-    """At variable speed its inertia acts, too, and the chain has the torque of all that turns."""
+def test_gear_inertia_acts_at_variable_speed(case):
+    """At variable speed the gear inertia acts, too, and the chain transmits the torque of all rotating parts."""
     swing = "run.fluctuation={ orders = [2], amplitudes = [0.1], phases = [0.4] }"
-    found = solved(made := case(*CHAIN, *DAMPED, swing))
+    found = solve_case(made := case(*CHAIN, *DAMPED, swing))
     rate = prepare(made).problem.drive.at(found.time).rate
     turned = [found[name].acceleration[:, 5] + rate for name in ("shaft", "gear")]
-    asked = J * turned[0] + 3.0 * J * turned[1] + found.channels["contacts.k.torque"]
+    required = J * turned[0] + 3.0 * J * turned[1] + found.channels["contacts.k.torque"]
     assert np.abs(rate).max() * J > 0.7
-    np.testing.assert_allclose(found.channels["springs.chain.torque"], asked, atol=1e-9 * np.abs(asked).max())
+    np.testing.assert_allclose(found.channels["springs.chain.torque"], required, atol=1e-9 * np.abs(required).max())
 
 
 @pytest.mark.parametrize("law", ["shm", "cycloidal", "4-5-6-7"])
-def test_a_run_starts_within_the_lash(case, law):
-    """As the cam begins to lift, the equilibrium jumps to a flank: by g per thousandth of a radian, 55 rad/s."""
-    found = solved(case(f"cams.c.law={law}", "run.revolutions=0.001"))
+def test_initial_state_is_within_lash(case, law):
+    """At the start of lift the equilibrium jumps to a flank: by g per thousandth of a radian, 55 rad/s."""
+    found = solve_case(case(f"cams.c.law={law}", "run.revolutions=0.001"))
     assert abs(found["shaft"].displacement[0, 5]) <= GAP + 1e-6
-    assert abs(found["shaft"].velocity[0, 5]) < 0.02  # the flank yields by N s''/k at 62.8 rad/s
+    assert abs(found["shaft"].velocity[0, 5]) < 0.02  # the flank deforms by N s''/k at 62.8 rad/s
 
 
-def test_the_rigid_model_prescribes_the_rotation(case):
+def test_rigid_model_ignores_drive_lash(case):
     found = run(made := case("fidelity.model=rigid", "run.steps_per_revolution=360"))
     assert not any("driving" in name for name in found.channels)
     lines = [line for line in CASE.splitlines() if not line.startswith(("driving", "coasting"))]
     made.path.write_text("\n".join(lines).replace('"rx", "ry"]', '"rx", "ry", "rz"]'), encoding="utf-8")
     bare = run(read_case(made.path, ["fidelity.model=rigid", "run.steps_per_revolution=360"]))
     np.testing.assert_allclose(found.channels["contacts.k.force"], bare.channels["contacts.k.force"], rtol=1e-12)
-    assert largest_lashes(build_model(made))["c"] == 0.0  # it delays no valve
+    assert largest_lashes(build_model(made))["c"] == 0.0  # no delay of the valve
     assert model_modes(build_structure(build_model(made))).modes.rigid == 1
     table = model_table(prepare(made), model_modes(build_structure(build_model(made))))
     assert "lash of 0.1 deg from gear to shaft, 20000 N m/rad" in [cell for one in table.columns for cell in one.cells]
 
 
-REFUSED = {
+INVALID = {
     "no stiffness": ('contacts.driving={ from = "gear", to = "shaft", direction = "rz", model = "lash", gap = 0.01 }',
                      "No member defines the stiffness of a lash about an axis"),
     "a gap in mm": ('contacts.driving.gap="0.1 mm"', "an angle"),
@@ -202,20 +201,20 @@ REFUSED = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("change", REFUSED)
-def test_what_is_refused(case, change):
-    setting, why = REFUSED[change]
+@pytest.mark.parametrize("change", INVALID)
+def test_invalid_lash_raises_error(case, change):
+    setting, why = INVALID[change]
     with pytest.raises(InputError, match=why):
         prepare(case(setting))
 
 
-def test_a_shaft_that_its_support_holds_is_refused(case):
+def test_lash_at_fixed_shaft_raises_error(case):
     with pytest.raises(InputError, match="a lash between fixed points"):
         prepare(case("supports.shaft=['ux', 'uy', 'uz', 'rx', 'ry', 'rz']"))
 
 
-def test_units_of_a_lash_about_an_axis(case):
-    """Written cases and studies have those of a rotation, and of a line for other contacts."""
+def test_units_of_rotational_lash(case):
+    """Written cases and studies use the units of a rotation, and of a line for other contacts."""
     made = case()
     tables = complete_case_tables(made)
     lash = tables["contacts"]["driving"]

@@ -1,7 +1,7 @@
-"""How the camshaft turns: swinging speed, speed by angle, a cam that runs freely; and what it does to the forces.
+"""Drives of the camshaft: fluctuating speed, speed by angle, a free-running cam; and the resulting forces.
 
-For a shaft of reduced inertia J(theta) that nothing drives, J w^2 is constant and w' = -w^2 J'/(2 J). With w' the
-follower's acceleration is s'' w^2 + s' w': F. Y. Chen, Mechanics and Design of Cam Mechanisms (1982), ch. 2.
+For a shaft of reduced inertia J(theta) without drive torque, J w^2 is constant and w' = -w^2 J'/(2 J). With w' the
+acceleration of the follower is s'' w^2 + s' w': F. Y. Chen, Mechanics and Design of Cam Mechanisms (1982), ch. 2.
 """
 
 from __future__ import annotations
@@ -23,52 +23,53 @@ from flexcam.valvetrain import free_running
 SOURCE = "Drives of the camshaft"
 INLINE = Path(__file__).parents[1] / "data/inline.toml"
 TEMPLATES = Path(__file__).parents[2] / "flexcam/templates"
-SWING = FluctuatingSpeed(120.0, (1.0, 2.0, 0.5), (0.05, 0.1, 0.02), (0.3, -1.0, 2.0), start=0.7)
+FLUCTUATION = FluctuatingSpeed(120.0, (1.0, 2.0, 0.5), (0.05, 0.1, 0.02), (0.3, -1.0, 2.0), start=0.7)
 TIMES = np.linspace(0.0, 0.21, 41)
 
 
-def test_swinging_speed(record):
-    """The speed as it is stated; angle its integral by quadrature, rate its slope by differences."""
-    motion = SWING.at(TIMES)
+def test_fluctuating_speed(record):
+    """The angle is the integral of the speed by quadrature, the rate its slope by differences."""
+    motion = FLUCTUATION.at(TIMES)
     stated = sum(
         a * np.cos(k * 120.0 * TIMES + p)
-        for k, a, p in zip(SWING.orders, SWING.amplitudes, SWING.phases, strict=True)
+        for k, a, p in zip(FLUCTUATION.orders, FLUCTUATION.amplitudes, FLUCTUATION.phases, strict=True)
     )  # fmt: skip
     np.testing.assert_allclose(motion.speed, 120.0 * (1.0 + stated), rtol=1e-13)
     np.testing.assert_array_equal(motion.time, TIMES)
     angle = [
-        0.7 + quad(lambda t: float(SWING.at(np.array(t)).speed), 0.0, t, epsrel=1e-12, limit=200)[0] for t in TIMES
+        0.7 + quad(lambda t: float(FLUCTUATION.at(np.array(t)).speed), 0.0, t, epsrel=1e-12, limit=200)[0]
+        for t in TIMES
     ]
     record(source=SOURCE, case="swinging speed", quantity="largest error of the angle", unit="rad", reference=0.0,
            computed=np.abs(motion.angle - angle).max(), tolerance=1e-11, absolute=True,
            reason="quadrature")  # fmt: skip
     h = 1e-6
-    slope = (SWING.at(TIMES + h).speed - SWING.at(TIMES - h).speed) / (2.0 * h)
+    slope = (FLUCTUATION.at(TIMES + h).speed - FLUCTUATION.at(TIMES - h).speed) / (2.0 * h)
     np.testing.assert_allclose(motion.rate, slope, atol=1e-6 * np.abs(slope).max())
 
 
-def wavy(angle, order):
-    """100 (1 + 0.4 cos(2 a) + 0.1 sin(a)) and its first derivative."""
+def speed_of_angle(angle, order):
+    """Return 100 (1 + 0.4 cos(2 a) + 0.1 sin(a)) or its first derivative."""
     if order == 0:
         return 100.0 * (1.0 + 0.4 * np.cos(2.0 * angle) + 0.1 * np.sin(angle))
     return 100.0 * (-0.8 * np.sin(2.0 * angle) + 0.1 * np.cos(angle))
 
 
 @pytest.mark.parametrize("start", [0.0, 1.3, -0.4, 9.0])
-def test_speed_by_angle(record, start):
-    """Theta' = w(theta) by scipy to 1e-12; over several revolutions, from any angle."""
-    drive = SpeedByAngle(wavy, start)
+def test_speed_as_function_of_angle(record, start):
+    """The reference is theta' = w(theta) by scipy to 1e-12, over several revolutions and from any angle."""
+    drive = SpeedByAngle(speed_of_angle, start)
     times = np.linspace(0.0, 0.3, 61)
-    exact = solve_ivp(lambda t, a: wavy(a, 0), (0.0, 0.3), [start], t_eval=times, method="DOP853", rtol=1e-13,
+    exact = solve_ivp(lambda t, a: speed_of_angle(a, 0), (0.0, 0.3), [start], t_eval=times, method="DOP853", rtol=1e-13,
                       atol=1e-13).y[0]  # fmt: skip
     motion = drive.at(times)
     record(source=SOURCE, case=f"speed by angle, from {start:g} rad", quantity="largest error of the angle",
            unit="rad", reference=0.0, computed=np.abs(motion.angle - exact).max(), tolerance=1e-10, absolute=True,
            reason="the reference itself, 1e-13 per step over 30 rad")  # fmt: skip
-    np.testing.assert_allclose(motion.speed, wavy(exact, 0), rtol=1e-10)
+    np.testing.assert_allclose(motion.speed, speed_of_angle(exact, 0), rtol=1e-10)
     np.testing.assert_array_equal(motion.time, times)
-    np.testing.assert_allclose(motion.rate, wavy(exact, 1) * wavy(exact, 0), atol=1e-6)
-    period = quad(lambda a: 1.0 / wavy(a, 0), 0.0, 2.0 * math.pi, epsrel=1e-13)[0]
+    np.testing.assert_allclose(motion.rate, speed_of_angle(exact, 1) * speed_of_angle(exact, 0), atol=1e-6)
+    period = quad(lambda a: 1.0 / speed_of_angle(a, 0), 0.0, 2.0 * math.pi, epsrel=1e-13)[0]
     assert drive.period == pytest.approx(period, rel=1e-12)
     np.testing.assert_allclose(drive.at(times + period).angle - motion.angle, 2.0 * math.pi, rtol=1e-11)
 
@@ -119,8 +120,8 @@ start = "equilibrium"
 probes = ["tappet", "cam"]
 """
 OMEGA = 900.0 * math.pi / 30.0
-SWINGS = "fluctuation = { orders = [2, 4], amplitudes = [0.1, 0.05], phases = [0.5, 0.0] }"
-FREE = 'free_running = { cam = "intake", cam_mass = "0.8 kg", follower_mass = "0.5 kg" }'
+FLUCTUATION_KEY = "fluctuation = { orders = [2, 4], amplitudes = [0.1, 0.05], phases = [0.5, 0.0] }"
+FREE_RUNNING_KEY = 'free_running = { cam = "intake", cam_mass = "0.8 kg", follower_mass = "0.5 kg" }'
 
 
 @pytest.fixture
@@ -133,23 +134,25 @@ def case(tmp_path):
     return make
 
 
-def follower_force(case, motion):
-    """Return force and lift of the rigid follower at a motion of the cam."""
+def rigid_follower_force(case, motion):
+    """Return contact force of the rigid follower and slope of the lift for a motion of the cam."""
     event = build_model(case).cams["intake"].event
     s, slope, bend = (event(motion.angle, order) for order in range(3))
     mass = 0.5 + math.pi * 0.02**2 * 0.05
     return mass * (bend * motion.speed**2 + slope * motion.rate) + 20e3 * s + 300.0, slope
 
 
-@pytest.mark.parametrize("lines", [SWINGS, FREE])
-def test_force_under_swinging_speed(record, case, lines):
-    """The inertia s' w' belongs to the force, in the rigid model and in the flexible one."""
+@pytest.mark.parametrize("lines", [FLUCTUATION_KEY, FREE_RUNNING_KEY])
+def test_contact_force_at_variable_speed(record, case, lines):
+    """The inertia s' w' contributes to the force, in the rigid model and in the flexible one."""
     made = case(lines)
     ready = prepare(made)
     name = lines.split()[0]
     times = np.linspace(0.0, ready.problem.step * ready.problem.steps, ready.problem.steps + 1)
-    force, slope = follower_force(made, ready.problem.drive.at(times))
-    assert np.abs(ready.problem.drive.at(times).rate).max() > 0.05 * OMEGA**2 * (0.1 if lines is FREE else 1.0)
+    force, slope = rigid_follower_force(made, ready.problem.drive.at(times))
+    assert np.abs(ready.problem.drive.at(times).rate).max() > 0.05 * OMEGA**2 * (
+        0.1 if lines is FREE_RUNNING_KEY else 1.0
+    )
     rigid, flexible = run(made, rigid=True), run(made)
     np.testing.assert_allclose(rigid.channels["contacts.intake.force"], force, atol=1e-9 * force.max())
     np.testing.assert_allclose(rigid.channels["contacts.intake.torque"], force * slope, atol=1e-11 * force.max())
@@ -165,17 +168,17 @@ def test_force_under_swinging_speed(record, case, lines):
     np.testing.assert_allclose(acceleration, expected, atol=1e-9 * np.abs(expected).max())
 
 
-def test_energy_under_swinging_speed(record, case):
-    channels = run(case(SWINGS)).channels
+def test_energy_balance_at_fluctuating_speed(record, case):
+    channels = run(case(FLUCTUATION_KEY)).channels
     most = np.abs(channels["energy.work"]).max()
     record(source=SOURCE, case="stiff train, swinging speed", quantity="energy residual over work", unit="1",
            reference=0.0, computed=np.abs(channels["energy.residual"]).max() / most, tolerance=1e-9, absolute=True,
            reason="linear contact: rounding")  # fmt: skip
 
 
-def test_free_running_cam(record, case):
-    """Cam as a disc, follower as a mass: J w^2 stays what it is, with w' = -w^2 J'/(2 J)."""
-    made = case(FREE)
+def test_energy_of_free_running_cam(record, case):
+    """The cam is a disc, the follower a mass: J w^2 is constant, with w' = -w^2 J'/(2 J)."""
+    made = case(FREE_RUNNING_KEY)
     model = build_model(made)
     drive = free_running(model, OMEGA, "intake", 0.8, 0.5)
     event, r0 = model.cams["intake"].event, 0.03
@@ -194,11 +197,11 @@ def test_free_running_cam(record, case):
     assert np.ptp(motion.speed) > 0.02 * OMEGA
 
 
-def test_inertia_of_a_flywheel_under_swinging_speed(case):
-    """A disc on the cam's node lags by I w'/(G J/L) and asks I w' of the drive, far below its own frequency."""
+def test_flywheel_torque_at_fluctuating_speed(case):
+    """A disc at the cam node lags by I w'/(G J/L) and needs the torque I w', far below its natural frequency."""
     inertia = 2e-3
     masses = f"disc = {{ at = 'cam', mass = 0.1, inertia = [{inertia}, 1e-3, 1e-3] }}"
-    made = case(SWINGS + '\ndamping = { beta = "1e-5 s" }', masses=masses.replace("'", '"'), diameter=30.0)
+    made = case(FLUCTUATION_KEY + '\ndamping = { beta = "1e-5 s" }', masses=masses.replace("'", '"'), diameter=30.0)
     response = run(made)
     motion = prepare(made).problem.drive.at(response.time)
     behind = slice(200, None)
@@ -209,27 +212,27 @@ def test_inertia_of_a_flywheel_under_swinging_speed(case):
 
 
 @pytest.mark.parametrize("felt", [True, False])
-def test_a_cam_at_the_end_that_is_driven(felt):
-    """No element passes its torque on: the drive bears it, unless the published load is said not to twist the shaft."""
+def test_cam_torque_at_driven_end(felt):
+    """The drive carries the cam torque, unless the published load does not twist the shaft."""
     end = ["cams.intake.at=drive", "nodes.tappet=[0, 0.018, 0]", "nodes.pushrod-top=[0, 0.268, 0]"]
     response = run(read_case(INLINE, [*end, f"contacts.intake.cam_torque={str(felt).lower()}"]))
-    asked, given = response.channels["contacts.intake.torque"], response.channels["supports.drive.torque"]
-    assert np.abs(asked).max() > 0.5
-    np.testing.assert_allclose(given, asked if felt else 0.0, atol=1e-9 * np.abs(asked).max())
+    required, given = response.channels["contacts.intake.torque"], response.channels["supports.drive.torque"]
+    assert np.abs(required).max() > 0.5
+    np.testing.assert_allclose(given, required if felt else 0.0, atol=1e-9 * np.abs(required).max())
 
 
-def test_a_contact_at_the_end_that_is_driven(case):
-    """No element passes on its torque either; the inertia of the bare shaft is nothing beside it."""
-    made = case(SWINGS)
+def test_contact_torque_at_driven_end(case):
+    """The drive carries the torque of the contact; the inertia of the bare shaft is negligible."""
+    made = case(FLUCTUATION_KEY)
     end = ["cams.intake.at=drive", "nodes.tappet=[0, 0.03, 0]", "nodes.top=[0, 0.08, 0]"]
     response = run(read_case(made.path, [*end, "contacts.intake.model=unilateral", "contacts.intake.friction=0.1"]))
-    asked, given = response.channels["contacts.intake.torque"], response.channels["supports.drive.torque"]
-    assert np.abs(asked).max() > 3.0
-    np.testing.assert_allclose(given, asked, atol=1e-4 * np.abs(asked).max())
+    required, given = response.channels["contacts.intake.torque"], response.channels["supports.drive.torque"]
+    assert np.abs(required).max() > 3.0
+    np.testing.assert_allclose(given, required, atol=1e-4 * np.abs(required).max())
 
 
-def test_the_torque_of_a_drive_balances_everything(case):
-    """Moments about the shaft: springs, dampers, given moments, weight and inertia of bodies beside it, the cam."""
+def test_drive_torque_balances_all_moments(case):
+    """The moments about the shaft are those of springs, dampers, loads, eccentric bodies and the cam."""
     bodies = """
 disc = { at = "drive", mass = 0.3, inertia = [2e-3, 1e-3, 1e-3], offset = [0.0, 0.02, -0.03] }
 gear = { at = "cam", mass = 0.2, inertia = [1e-3, 1e-3, 1e-3], offset = [0.01, -0.04, 0.05] }
@@ -237,7 +240,9 @@ gear = { at = "cam", mass = 0.2, inertia = [1e-3, 1e-3, 1e-3], offset = [0.01, -
 brake = { at = "drive", direction = "rx", force = 7.0 }
 pump = { at = "cam", direction = "-rx", force = 3.0 }
 """
-    made = case(SWINGS + "\ndamping = { alpha = 40.0, beta = 1e-6 }\ngravity = [0.0, -9.81, 3.0]", masses=bodies)
+    made = case(
+        FLUCTUATION_KEY + "\ndamping = { alpha = 40.0, beta = 1e-6 }\ngravity = [0.0, -9.81, 3.0]", masses=bodies
+    )
     text = made.path.read_text(encoding="utf-8").replace(
         "[springs]",
         """[springs]
@@ -252,7 +257,7 @@ ground = { at = "cam", direction = "rx", stiffness = 900.0, damping = 0.05 }""",
     still = np.zeros_like(d)
 
     def momentum(unknown, turned):
-        """Return angular momentum about the shaft, or its rate: a disc's, a gear's, the shaft's own."""
+        """Return angular momentum about the shaft, or its rate, of disc, gear and shaft."""
         total = 1.0 * math.pi / 32.0 * 0.04**4 * 0.05 * 0.5 * (unknown[:, 3] + 2.0 * turned)
         disc, gear = (0.3, 2e-3, (0.0, 0.02, -0.03), still), (0.2, 1e-3, (0.01, -0.04, 0.05), unknown)
         for mass, own, (x, y, z), at in (disc, gear):
@@ -263,15 +268,15 @@ ground = { at = "cam", direction = "rx", stiffness = 900.0, damping = 0.05 }""",
         return total
 
     weight = sum(mass * (y * 3.0 + z * 9.81) for mass, y, z in ((0.3, 0.02, -0.03), (0.2, -0.04, 0.05)))
-    held = momentum(a, rate) + 40.0 * momentum(v, 0.0) + 900.0 * d[:, 3] + (0.05 + 1e-6 * 900.0) * v[:, 3]
-    held += response.channels["contacts.intake.torque"] - weight + (3.0 - 7.0)
+    balance = momentum(a, rate) + 40.0 * momentum(v, 0.0) + 900.0 * d[:, 3] + (0.05 + 1e-6 * 900.0) * v[:, 3]
+    balance += response.channels["contacts.intake.torque"] - weight + (3.0 - 7.0)
     given = response.channels["supports.drive.torque"]
     assert np.abs(given).max() > 10.0
-    np.testing.assert_allclose(given, held, atol=1e-8 * np.abs(given).max())
+    np.testing.assert_allclose(given, balance, atol=1e-8 * np.abs(given).max())
 
 
-def continued(case, tmp_path, lines, *, speed):
-    """Return where a run ended and where the next one, from its result and at another speed, begins."""
+def restart_angles(case, tmp_path, lines, *, speed):
+    """Return the end angle of a run and the start angle of a restart from its result at another speed."""
     made = read_case(case(lines).path, ["run.revolutions=0.3"])
     first = prepare(made)
     solve(first.problem, first.scheme, save=first.save, sinks=[open_result_file(first, tmp_path)])
@@ -282,30 +287,30 @@ def continued(case, tmp_path, lines, *, speed):
     return end, float(second.drive.at(np.array([second.start.time])).angle[0])
 
 
-@pytest.mark.parametrize("lines", [SWINGS, FREE])
-def test_a_restart_goes_on_at_its_angle(case, tmp_path, lines):
-    end, begins = continued(case, tmp_path, lines, speed=900)
+@pytest.mark.parametrize("lines", [FLUCTUATION_KEY, FREE_RUNNING_KEY])
+def test_restart_continues_at_same_angle(case, tmp_path, lines):
+    end, begins = restart_angles(case, tmp_path, lines, speed=900)
     assert begins == pytest.approx(end, abs=1e-9)
 
 
 @pytest.mark.parametrize(
     "lines",
     [
-        SWINGS,
-        FREE,
+        FLUCTUATION_KEY,
+        FREE_RUNNING_KEY,
     ],
 )
-def test_a_restart_at_another_speed_goes_on_at_its_angle(case, tmp_path, lines):
-    end, begins = continued(case, tmp_path, lines, speed=1100)
+def test_restart_at_another_speed_continues_at_same_angle(case, tmp_path, lines):
+    end, begins = restart_angles(case, tmp_path, lines, speed=1100)
     assert begins == pytest.approx(end, abs=1e-9)
 
 
-ROWS = (math.radians(60.0), math.radians(300.0)), (0.0, math.radians(12.0))
+SHIFT_TABLE = (math.radians(60.0), math.radians(300.0)), (0.0, math.radians(12.0))
 PHASER = 'phasers.{0}={{ cams = ["{0}"], shift = [["60 deg", "0 deg"], ["300 deg", "12 deg"]] }}'
 
 
-def test_a_phaser_that_moves(record):
-    """Speed and rate are the derivatives of the angle, which passes the rows and rests before and after them."""
+def test_moving_phaser(record):
+    """Speed and rate are the derivatives of the angle, which passes the rows and is constant before and after them."""
     phaser, drive = Phaser((5.0, 10.0, 12.0), (0.0, 0.35, 0.30)), ConstantSpeed(100.0, 0.4)
     shift = phaser(angle := 0.4 + 100.0 * TIMES) - angle
     assert shift[angle < 5.0] == pytest.approx(0.0, abs=1e-15)
@@ -323,22 +328,22 @@ def test_a_phaser_that_moves(record):
     assert phaser.drive_angle(8.1 + float(phaser(np.array([8.1]))[0]) - 8.1) == pytest.approx(8.1, rel=1e-12)
 
 
-def test_second_derivative_of_a_phaser_at_a_row_does_not_depend_on_rounding():
-    """It jumps there; derivatives by the speed would otherwise compare values of both sides."""
+def test_second_derivative_of_phaser_ignores_rounding():
+    """The derivative jumps at a row; derivatives by the speed would otherwise compare values of both sides."""
     phaser, row = Phaser((5.0, 10.0, 12.0), (0.0, 0.35, 0.30)), 10.0
-    beside = phaser(np.array([np.nextafter(row, 0.0), row, np.nextafter(row, 20.0)]), 2)
-    assert beside == pytest.approx(beside[1], rel=1e-6)
-    assert abs(float(phaser(np.array([row - 1e-6]), 2)[0]) - beside[1]) > 0.005
+    neighbours = phaser(np.array([np.nextafter(row, 0.0), row, np.nextafter(row, 20.0)]), 2)
+    assert neighbours == pytest.approx(neighbours[1], rel=1e-6)
+    assert abs(float(phaser(np.array([row - 1e-6]), 2)[0]) - neighbours[1]) > 0.005
 
 
-def test_a_steep_phaser_is_inverted():
+def test_steep_phaser_is_inverted():
     phaser = Phaser((0.0, 1.0, 1.5, 6.0), (0.0, -0.5, 0.9, 0.0))
     for angle in np.linspace(-1.0, 7.0, 33):
         assert float(phaser(np.array([phaser.drive_angle(angle)]))[0]) == pytest.approx(angle, abs=1e-12)
 
 
-def test_mean_power_behind_a_moving_phaser_is_the_work_of_the_cam():
-    """The cam turns by 60 deg more than its drive in a revolution: its work is the torque over its own angle."""
+def test_mean_power_with_moving_phaser():
+    """The cam turns 60 deg more than the drive in a revolution: its work is the torque over its own angle."""
     rows = '[["0 deg", "0 deg"], ["360 deg", "60 deg"]]'
     case = read_case(
         TEMPLATES / "direct-acting.toml",
@@ -360,25 +365,25 @@ def test_mean_power_behind_a_moving_phaser_is_the_work_of_the_cam():
     )
 
 
-def test_a_phaser_needs_a_drive():
+def test_phaser_with_free_running_cam_raises_error():
     change = "phasers.free={ cams = ['valve'], shift = [['0 deg', '0 deg'], ['90 deg', '5 deg']] }"
     with pytest.raises(InputError, match=r"no phaser with run\.free_running"):
         read_case("cases/petrescu/valve-spring.toml", [change])
 
 
 @dataclass(frozen=True)
-class MovedDrive:
-    """Camshaft whose whole drive has the motion of a shaft behind a phaser."""
+class DriveWithPhaserMotion:
+    """Drive with the motion of a shaft behind a phaser."""
 
     speed: float
 
     def at(self, time):
         theta = self.speed * np.asarray(time, dtype=float)
-        moved = [Phaser(*ROWS)(theta, order) for order in range(3)]
+        moved = [Phaser(*SHIFT_TABLE)(theta, order) for order in range(3)]
         return CamMotion(moved[0], self.speed * moved[1], self.speed**2 * moved[2], time)
 
 
-MOVED = {
+PHASER_CASES = {
     "flat face with friction, elastic shaft": (TEMPLATES / "direct-acting.toml", "intake", ()),
     "direct engine": (TEMPLATES / "direct-acting.toml", "intake",
                       ("run.engine=direct", "run.integrator.method=newmark", "run.steps_per_revolution=900")),
@@ -391,15 +396,15 @@ MOVED = {
 
 
 @pytest.mark.parametrize(
-    "kind", [pytest.param(one, marks=[pytest.mark.slow] * (one == "direct engine")) for one in MOVED]
+    "kind", [pytest.param(one, marks=[pytest.mark.slow] * (one == "direct engine")) for one in PHASER_CASES]
 )
-def test_one_phaser_for_all_cams_is_a_drive_that_moves(record, kind):
+def test_common_phaser_is_equivalent_to_moved_drive(record, kind):
     """Motion, contact force, torque and energy of all cams are those of a drive with the motion of the shaft."""
-    case, name, options = MOVED[kind]
+    case, name, options = PHASER_CASES[kind]
     options = (*options, "run.revolutions=1", "run.start=rest")
     ready = prepare(read_case(case, options))
     speed = float(ready.problem.drive.at(np.zeros(1)).speed[0])
-    drive = solve(replace(ready.problem, drive=MovedDrive(speed)), ready.scheme)
+    drive = solve(replace(ready.problem, drive=DriveWithPhaserMotion(speed)), ready.scheme)
     found = run(read_case(case, (*options, PHASER.format(name))))
     largest = 0.0
     for channel, other in drive.channels.items():
@@ -414,8 +419,8 @@ def test_one_phaser_for_all_cams_is_a_drive_that_moves(record, kind):
     assert np.abs(found.channels[force] - still[force]).max() > 1e-3 * np.abs(still[force]).max()
 
 
-def test_a_phaser_per_shaft():
-    """Each shaft of a head with two has its own schedule: the cams of the other do not move.
+def test_phaser_affects_only_its_shaft():
+    """Each shaft of a head with two has its own schedule: the cams of the other shaft do not change.
 
     Steps in which an intake contact opens or closes are divided for all contacts, which changes the error of the steps.
     """
@@ -429,8 +434,8 @@ def test_a_phaser_per_shaft():
     assert np.abs(moved.channels[other] - still.channels[other]).max() > 0.1 * scale
 
 
-def test_a_locked_phaser_is_a_cam_at_another_phase():
-    """Cams 25 deg ahead lift 25 deg earlier: the histories over time are those of a cam with that phase."""
+def test_locked_phaser_is_equivalent_to_cam_phase():
+    """Cams with an advance of 25 deg lift 25 deg earlier: the histories are those of a cam with that phase."""
     options = ("run.revolutions=1", 'run.start="rest"')
     case = read_case(INLINE, options)
     name = next(iter(case.record.cams))
@@ -461,12 +466,12 @@ def test_a_locked_phaser_is_a_cam_at_another_phase():
          "phasers.intake turns it"),
     ],
 )  # fmt: skip
-def test_refused_phasers(rows, options, said):
+def test_invalid_phasers_raise_error(rows, options, said):
     with pytest.raises(InputError, match=said):
         prepare(read_case(INLINE, (f'phasers.intake={{ cams = ["intake"], shift = {rows} }}', *options)))
 
 
-def test_cams_of_one_shaft_share_their_phaser():
+def test_different_phasers_on_one_shaft_raise_error():
     case, rows = TEMPLATES / "dohc-16-valve.toml", '[["0 deg", "0 deg"], ["90 deg", "5 deg"]]'
     with pytest.raises(InputError, match="one phaser for all cams of a shaft") as caught:
         build_model(read_case(case, (f'phasers.intake={{ cams = ["intake-1a"], shift = {rows} }}',)))

@@ -1,7 +1,7 @@
 """Buckling of columns, K + lambda K_g: S. P. Timoshenko, J. M. Gere, Theory of Elastic Stability, 2nd ed., ch. 2.
 
-P L^2/EI with n equal elements; the digits are those of an independent script. One
-element by hand, pinned-pinned: ends turning by -r and r, 2 EI/L r = P L/6 r, so 12.
+P L^2/EI with n equal elements; the digits are those of an independent script. A single pinned-pinned element has ends
+that turn by -r and r, so that 2 EI/L r = P L/6 r, which gives 12.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ EXACT = {"pinned-pinned": math.pi**2, "fixed-free": math.pi**2 / 4, "fixed-fixed
 LENGTH, SECTION, STEEL = 1.7, Section.circle(0.02), Material(2e11, 0.3, 7800.0)
 
 
-def critical(plane_beam, supports, elements):
+def critical_load(plane_beam, supports, elements):
     beam = plane_beam(Member(STEEL, SECTION), LENGTH, elements, supports)
     bends = [i for i, name in enumerate(beam.dofs.names) if not name.endswith("ux")]
     pick = np.ix_(bends, bends)
@@ -40,18 +40,18 @@ CASES = [(supports, n) for supports, table in DIGITS.items() for n in table]
 
 
 @pytest.mark.parametrize(("supports", "elements"), CASES)
-def test_load_factors(record, plane_beam, supports, elements):
+def test_critical_load_factors(record, plane_beam, supports, elements):
     record(
         source=SOURCE, case=supports, quantity=f"P L^2/EI, {elements} elements", unit="1",
-        reference=DIGITS[supports][elements], computed=critical(plane_beam, supports, elements), tolerance=5.1e-6,
+        reference=DIGITS[supports][elements], computed=critical_load(plane_beam, supports, elements), tolerance=5.1e-6,
         absolute=True, reason="half a unit of the last digit given",
     )  # fmt: skip
 
 
 @pytest.mark.parametrize("supports", sorted(EXACT))
-def test_convergence_to_euler(record, plane_beam, fitted_order, supports):
+def test_fourth_order_convergence_to_euler_load(record, plane_beam, fitted_order, supports):
     counts = np.array([4, 8, 16, 32])
-    errors = [critical(plane_beam, supports, n) / EXACT[supports] - 1 for n in counts]
+    errors = [critical_load(plane_beam, supports, n) / EXACT[supports] - 1 for n in counts]
     assert min(errors) > 0.0  # a displacement method is too stiff
     record(
         source=SOURCE, case=supports, quantity="order of convergence in h", unit="1", reference=4.0,
@@ -73,91 +73,96 @@ speed = "60 rpm"
 RIGIDITY = 207e9 * Section.tube(0.008, 0.005).Iz
 
 
-def load_of_rod(path):
+def rod_buckling_load(path):
     return buckling_load(build_structure(build_model(read_case(path))), "rod")
 
 
 @pytest.mark.parametrize("supports", ["{}", '{ root = ["ux", "uy", "uz"] }', '{ root = ["uy"], tip = ["uz"] }'])
 @pytest.mark.parametrize("tip", [(0.35, 0.0, 0.0), (0.25, 0.16, -0.12)])
-def test_ends_that_supports_leave_free_are_hinged(tmp_path, supports, tip):
-    """A rod that springs or other members hold: Euler's load whichever way it lies and whatever else is held."""
+def test_unsupported_ends_are_hinged(tmp_path, supports, tip):
+    """Springs or other members support the rod: Euler's load is independent of its direction and of other supports."""
     path = tmp_path / "rod.toml"
     path.write_text(ROD.format(tip=list(tip), supports=supports), encoding="utf-8")
     # Eight cubic elements are (pi/8)^4/720 = 3.3e-5 too stiff.
-    assert load_of_rod(path) == pytest.approx(math.pi**2 * RIGIDITY / 0.25**2, rel=4e-5)
+    assert rod_buckling_load(path) == pytest.approx(math.pi**2 * RIGIDITY / 0.25**2, rel=4e-5)
 
 
-HELD = 'root = ["ux", "uy", "uz"]', 'tip = ["uy", "uz", "rx", "ry", "rz"]'
-GUIDED = 4.493409457909064**2
-"""Of a column that is hinged at one end and clamped at the other: tan x = x."""
+HINGE_AND_GUIDE = 'root = ["ux", "uy", "uz"]', 'tip = ["uy", "uz", "rx", "ry", "rz"]'
+HINGED_CLAMPED_LOAD = 4.493409457909064**2
+"""Load factor of a column hinged at one end and clamped at the other: tan x = x."""
 
 
 @pytest.mark.parametrize("elements", [1, 2, 3, 4])
-def test_few_elements_are_divided(record, tmp_path, elements):
-    """A single element between hinge and guide would bear 30 E I/L^2."""
+def test_coarse_members_are_subdivided(record, tmp_path, elements):
+    """The critical load of a single element between hinge and guide would be 30 E I/L^2."""
     path = tmp_path / "rod.toml"
-    text = ROD.format(tip=[0.35, 0.0, 0.0], supports="{ " + ", ".join(HELD) + " }")
+    text = ROD.format(tip=[0.35, 0.0, 0.0], supports="{ " + ", ".join(HINGE_AND_GUIDE) + " }")
     path.write_text(text.replace("elements = 8", f"elements = {elements}"), encoding="utf-8")
     record(
         source=SOURCE, case="hinged and clamped, divided", quantity=f"P L^2/EI, {elements} elements", unit="1",
-        reference=GUIDED, computed=load_of_rod(path) * 0.25**2 / RIGIDITY,
+        reference=HINGED_CLAMPED_LOAD, computed=rod_buckling_load(path) * 0.25**2 / RIGIDITY,
         tolerance=3e-3, reason="four cubic elements at least: (4.5/4)^4/720 = 2e-3",
     )  # fmt: skip
 
 
 @pytest.mark.parametrize("elements", [1, 4, 5])
-def test_the_end_on_a_link_is_hinged(tmp_path, elements):
-    """Other members and links are neglected with any number of elements: Euler's load of a hinged column."""
+def test_end_on_rigid_link_is_hinged(tmp_path, elements):
+    """The buckling load neglects other members and links with any number of elements: Euler's load, hinged column."""
     path = tmp_path / "rod.toml"
-    text = ROD.format(tip=[0.35, 0.0, 0.0], supports="{ " + HELD[0] + " }").replace(
+    text = ROD.format(tip=[0.35, 0.0, 0.0], supports="{ " + HINGE_AND_GUIDE[0] + " }").replace(
         "elements = 8", f"elements = {elements}"
     )
     text = text.replace("nodes = { ", "nodes = { body = [0.36, 0.02, 0.0], ", 1)
     text = text.replace("[run]", 'rigid_links.head = { from = "body", to = ["tip"] }\n[run]')
     path.write_text(text, encoding="utf-8")
     # Four cubic elements are (pi/4)^4/720 = 5.3e-4 too stiff.
-    assert load_of_rod(path) == pytest.approx(math.pi**2 * RIGIDITY / 0.25**2, rel=6e-4)
+    assert rod_buckling_load(path) == pytest.approx(math.pi**2 * RIGIDITY / 0.25**2, rel=6e-4)
 
 
-def test_guides_part_a_member_into_spans(record, tmp_path):
-    """The span between two guides that hold its slope, 4 pi^2, beside one that is hinged at its end."""
+def test_guides_divide_member_into_spans(record, tmp_path):
+    """The span between two guides with fixed slope has 4 pi^2, next to one hinged at its end."""
     path = tmp_path / "rod.toml"
-    text = ROD.format(tip=[0.35, 0.0, 0.0], supports="{ " + ", ".join((*HELD, HELD[1].replace("tip", "guide"))) + " }")
+    text = ROD.format(
+        tip=[0.35, 0.0, 0.0],
+        supports="{ " + ", ".join((*HINGE_AND_GUIDE, HINGE_AND_GUIDE[1].replace("tip", "guide"))) + " }",
+    )
     text = text.replace('["root", "tip"], elements = 8', '["root", "guide", "tip"]')
     path.write_text(text.replace("nodes = { ", "nodes = { guide = [0.26, 0.0, 0.0], ", 1), encoding="utf-8")
     record(
         source=SOURCE, case="two guided spans of an element each", quantity="P L^2/EI of the longer one", unit="1",
-        reference=GUIDED, computed=load_of_rod(path) * 0.16**2 / RIGIDITY,
+        reference=HINGED_CLAMPED_LOAD, computed=rod_buckling_load(path) * 0.16**2 / RIGIDITY,
         tolerance=3e-3, reason="as above",
     )  # fmt: skip
 
 
-CLAMPED = 'root = ["ux", "uy", "uz", "rx", "ry", "rz"]', HELD[1]
-HINGED = HELD[0], 'tip = ["uy", "uz", "rx"]'
+CLAMPED = 'root = ["ux", "uy", "uz", "rx", "ry", "rz"]', HINGE_AND_GUIDE[1]
+HINGED = HINGE_AND_GUIDE[0], 'tip = ["uy", "uz", "rx"]'
 
 
 @pytest.mark.parametrize(
     ("supports", "elements", "excess"),
     [
         (HINGED, 1, 12.0 / math.pi**2 - 1.0),
-        (HELD, 1, 30.0 / GUIDED - 1.0),
+        (HINGE_AND_GUIDE, 1, 30.0 / HINGED_CLAMPED_LOAD - 1.0),
         (CLAMPED, 1, math.inf),
         (HINGED, 2, None),
-        (HELD, 2, None),
+        (HINGE_AND_GUIDE, 2, None),
         (CLAMPED, 2, None),
     ],
 )
-def test_too_few_elements_for_geometric_stiffness_are_told(tmp_path, supports, elements, excess):
-    """What a run makes of the elements it is given: the critical loads of a single one, 12 and 30 E I/L^2."""
+def test_too_few_elements_for_geometric_stiffness_cause_warning(tmp_path, supports, elements, excess):
+    """A run uses the given elements; a single element has the critical loads 12 and 30 E I/L^2."""
     path = tmp_path / "rod.toml"
     text = ROD.format(tip=[0.35, 0.0, 0.0], supports="{ " + ", ".join(supports) + " }")
     asked = f'elements = {elements}, geometric_stiffness = true, bow = "0.1 mm"'
     path.write_text(text.replace("elements = 8", asked), encoding="utf-8")
     case = read_case(path)
-    told = stiff_struts(build_model(case))
-    assert {name: enough for name, (_, enough) in told.items()} == ({"rod": 4} if excess else {})
+    stiff_members = stiff_struts(build_model(case))
+    assert {name: enough for name, (_, enough) in stiff_members.items()} == ({"rod": 4} if excess else {})
     if excess:
-        assert told["rod"][0] == pytest.approx(excess, rel=2e-2)  # four elements are up to 2e-3 too stiff themselves
+        assert stiff_members["rod"][0] == pytest.approx(
+            excess, rel=2e-2
+        )  # four elements are up to 2e-3 too stiff themselves
         assert any("too few elements in member rod" in one for one in check_input(prepare(case)))
     plain = tmp_path / "plain.toml"
     plain.write_text(text.replace("elements = 8", f"elements = {elements}"), encoding="utf-8")

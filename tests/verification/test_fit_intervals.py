@@ -1,8 +1,8 @@
 """Fits to synthetic measurements with known noise: estimates and their intervals.
 
 A model linear in its value has the least squares in closed form: a constant force F on a spring k, measured n times
-with the noise s, has the half width t s k/sqrt(n). For the damped oscillator, nonlinear in its values, the true ones
-must lie in 95 % intervals about that often.
+with the noise s, has the half width t s k/sqrt(n). For the damped oscillator, nonlinear in its values, the 95 %
+intervals must contain the true values about that often.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from flexcam.studies.plan import make_bundle
 from flexcam.studies.variables import PointEvaluator, variables_of
 
 SOURCE = "Fits to synthetic measurements"
-TRUE = {"springs.one.stiffness": 42e3, "springs.one.damping": 6.0, "loads.push.force": -160.0}
+TRUE_VALUES = {"springs.one.stiffness": 42e3, "springs.one.damping": 6.0, "loads.push.force": -160.0}
 
 CASE = """
 format = 1
@@ -48,26 +48,26 @@ def case_file(tmp_path_factory):
     return CaseFile.open(path)
 
 
-def fitted(file, measured, *settings, fixed=()):
+def fit_case(file, measured, *settings, fixed=()):
     case = file.read(fixed)
     variables = variables_of(case, settings, "--vary")
     with open_evaluator(make_bundle(file, None, fixed), partial(curve_row, measured=measured), fixed) as runs:
         return fit_curves(PointEvaluator(case, variables, runs), measured)
 
 
-def noisy(file, overrides, instants, size, random, *, known=False):
-    """Return a measurement of the mass's position: that of a run with noise of this size."""
+def simulate_measurement(file, overrides, instants, size, random, *, known=False):
+    """Return the simulated position of the mass with noise of a given size."""
     curve = Curve("mass.uy displacement", "probes.mass.uy.displacement", "m", np.zeros(0))
     exact = Measurement("time", instants, (curve,)).simulate(file.read(overrides))[0]
     values = exact + size * random.standard_normal(len(exact))
     return Measurement("time", instants, (replace(curve, values=values, noise=size if known else None),))
 
 
-def test_interval_of_a_constant_force(record, case_file):
+def test_interval_of_constant_force(record, case_file):
     instants, size = np.linspace(0.0, 0.04, 41), 2e-4
     fixed = ("run.start=equilibrium",)
-    measured = noisy(case_file, fixed, instants, size, np.random.default_rng(3))
-    found = fitted(case_file, measured, "loads.push.force=-300:-50N", fixed=fixed)
+    measured = simulate_measurement(case_file, fixed, instants, size, np.random.default_rng(3))
+    found = fit_case(case_file, measured, "loads.push.force=-300:-50N", fixed=fixed)
     values, stiffness = measured.curves[0].values, 40001.0
     spread = values.std(ddof=1)
     for quantity, reference, computed in (
@@ -77,35 +77,39 @@ def test_interval_of_a_constant_force(record, case_file):
     ):  # fmt: skip
         record(source=SOURCE, case="constant force on a spring", quantity=quantity, unit="N", reference=reference,
                computed=float(computed), tolerance=1e-6, reason="linear least squares in closed form")  # fmt: skip
-    known = noisy(case_file, fixed, instants, size, np.random.default_rng(3), known=True)
+    known = simulate_measurement(case_file, fixed, instants, size, np.random.default_rng(3), known=True)
     exact = stdtrit(40, 0.975) * size * stiffness / math.sqrt(41.0)
-    assert fitted(case_file, known, "loads.push.force=-300:-50N", fixed=fixed).intervals[0] == pytest.approx(
+    assert fit_case(case_file, known, "loads.push.force=-300:-50N", fixed=fixed).intervals[0] == pytest.approx(
         exact, rel=1e-6
     )
 
 
 @pytest.mark.slow
-def test_true_values_lie_within_their_intervals(record, case_file):
-    """Fifty draws of the noise of a position, whose size the fit estimates."""
-    overrides, random = [f"{key}={value}" for key, value in TRUE.items()], np.random.default_rng(11)
+def test_intervals_cover_true_values(record, case_file):
+    """The fit estimates the size of the noise of a position from fifty draws."""
+    overrides, random = [f"{key}={value}" for key, value in TRUE_VALUES.items()], np.random.default_rng(11)
     inside = np.zeros((50, 3))
     for draw in inside:
-        measured = noisy(case_file, overrides, np.linspace(0.0, 0.04, 60), 2e-4, random)
-        found = fitted(case_file, measured, "springs.one.stiffness=20:80kN/m", "springs.one.damping=0.5:20N s/m",
+        measured = simulate_measurement(case_file, overrides, np.linspace(0.0, 0.04, 60), 2e-4, random)
+        found = fit_case(case_file, measured, "springs.one.stiffness=20:80kN/m", "springs.one.damping=0.5:20N s/m",
                        "loads.push.force=-300:-50N")  # fmt: skip
         assert found.converged
-        draw[:] = np.abs(found.values * [1e3, 1.0, 1.0] - list(TRUE.values())) <= found.intervals * [1e3, 1.0, 1.0]
+        draw[:] = np.abs(found.values * [1e3, 1.0, 1.0] - list(TRUE_VALUES.values())) <= found.intervals * [
+            1e3,
+            1.0,
+            1.0,
+        ]
         assert not found.undetermined
-    for key, share in zip(TRUE, inside.mean(axis=0), strict=True):
+    for key, share in zip(TRUE_VALUES, inside.mean(axis=0), strict=True):
         record(source=SOURCE, case="damped oscillator, 50 draws of noise", quantity=f"{key}, within its 95 % interval",
                unit="1", reference=0.95, computed=float(share), tolerance=0.055, absolute=True,
                reason="fifty draws: 0.90 to 1 happens 19 times in 20")  # fmt: skip
 
 
-def test_values_that_act_only_together(case_file):
-    """Two springs at one mass: their sum is determined, neither alone."""
-    measured = noisy(case_file, (), np.linspace(0.0, 0.04, 60), 2e-4, np.random.default_rng(1))
-    found = fitted(case_file, measured, "springs.one.stiffness=20:80kN/m", "springs.other.stiffness=0:20kN/m",
+def test_linearly_dependent_values_are_undetermined(case_file):
+    """For two springs at one mass, the data determine the sum but neither stiffness."""
+    measured = simulate_measurement(case_file, (), np.linspace(0.0, 0.04, 60), 2e-4, np.random.default_rng(1))
+    found = fit_case(case_file, measured, "springs.one.stiffness=20:80kN/m", "springs.other.stiffness=0:20kN/m",
                    "springs.one.damping=0.5:20N s/m")  # fmt: skip
     assert found.undetermined == ((0, 1),)
     assert np.isinf(found.intervals[:2]).all()

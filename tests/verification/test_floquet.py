@@ -1,7 +1,7 @@
-"""Floquet multipliers against Mathieu's equation, a parametrically excited damped oscillator, and plain systems.
+"""Floquet multipliers against Mathieu's equation, a parametrically excited damped oscillator, and linear systems.
 
-x'' + (a - 2 q cos 2t) x = 0: M. Abramowitz and I. A. Stegun, Handbook of Mathematical Functions (1964), ch. 20: near
-a = 1 the unstable tongue lies between a = 1 - q - q^2/8 + q^3/64 and a = 1 + q - q^2/8 - q^3/64 (eq. 20.2.25). The
+x'' + (a - 2 q cos 2t) x = 0: M. Abramowitz and I. A. Stegun, Handbook of Mathematical Functions (1964), ch. 20: near a
+= 1 the unstable tongue is between a = 1 - q - q^2/8 + q^3/64 and a = 1 + q - q^2/8 - q^3/64 (eq. 20.2.25). The
 characteristic exponent is also computed here with solve_ivp at 1e-12.
 """
 
@@ -43,7 +43,7 @@ FINGER = "cases/direct-acting/finger.toml"
 
 
 @dataclass(frozen=True)
-class Pulsating:
+class PulsatingLaw:
     q: float
 
     def respond(self, gap, rate, angle):
@@ -51,21 +51,21 @@ class Pulsating:
         return Reaction(k * gap, np.array([[k]]), np.zeros((1, 1)))
 
 
-def mathieu(a, q, damping=0.0):
+def mathieu_system(a, q, damping=0.0):
     one = Triplets.from_dense([[1.0]])
     row = np.array([1.0])
     force = LocalForce(
-        "pulse", (AngleVector.constant(row),), (AngleVector.constant(-row),), Pulsating(q), (constant(0.0),)
+        "pulse", (AngleVector.constant(row),), (AngleVector.constant(-row),), PulsatingLaw(q), (constant(0.0),)
     )
     return System(one, one.scale(damping), one.scale(a), ("x",), (), (force,))
 
 
 def multipliers(a, q, damping=0.0, steps=2000):
-    """Over pi, the period of the coefficient."""
-    return floquet(Problem(mathieu(a, q, damping), ConstantSpeed(1.0), math.pi / steps, steps)).multipliers
+    """Return the multipliers over pi, the period of the coefficient."""
+    return floquet(Problem(mathieu_system(a, q, damping), ConstantSpeed(1.0), math.pi / steps, steps)).multipliers
 
 
-def exact(a, q, damping=0.0):
+def exact_multipliers(a, q, damping=0.0):
     def f(t, y):
         return [y[1], -(a - 2 * q * math.cos(2 * t)) * y[0] - damping * y[1]]
 
@@ -76,8 +76,8 @@ def exact(a, q, damping=0.0):
 @pytest.mark.parametrize(
     ("a", "q", "damping"), mostly_slow([(1.0, 0.1, 0.02), (1.0, 0.1, 0.0), (2.5, 0.3, 0.1), (4.0, 1.0, 0.0)], 2)
 )
-def test_multipliers(record, a, q, damping):
-    found, reference = multipliers(a, q, damping), exact(a, q, damping)
+def test_multipliers_of_mathieu_equation(record, a, q, damping):
+    found, reference = multipliers(a, q, damping), exact_multipliers(a, q, damping)
     record(source=SOURCE, case=f"a = {a:g}, q = {q:g}, damping {damping:g}", quantity="largest multiplier", unit="1",
            reference=abs(reference[0]), computed=float(abs(found[0])), tolerance=1e-5,
            reason="average acceleration at 2000 steps")  # fmt: skip
@@ -90,28 +90,28 @@ def test_unstable_tongue_at_one():
         assert bool(abs(multipliers(a, q)[0]) <= 1.0 + 1e-6) is stable
 
 
-def test_without_pulsation_all_lie_on_the_circle():
+def test_multipliers_without_pulsation_have_unit_modulus():
     np.testing.assert_allclose(np.abs(multipliers(1.3, 0.0)), 1.0, atol=1e-9)
 
 
-def test_the_product_is_what_damping_leaves():
-    """Liouville: the determinant is exp(-c T)."""
+def test_product_of_multipliers_follows_from_damping():
+    """By Liouville's formula the determinant is exp(-c T)."""
     found = multipliers(1.7, 0.4, damping=0.2)
     assert abs(np.prod(found)) == pytest.approx(math.exp(-0.2 * math.pi), rel=1e-6)
 
 
-class Spring:
-    """f = 3 gamma, whatever the angle."""
+class LinearLaw:
+    """Law f = 3 gamma, independent of the angle."""
 
     def respond(self, gap, rate, angle):
         return Reaction(3.0 * gap, np.array([[3.0]]), np.zeros((1, 1)))
 
 
-def test_a_local_spring_adds_its_stiffness(record):
-    """1 + 3: the disturbance turns by 2 rad per second. A tangent of the wrong sign would make it grow."""
+def test_local_spring_adds_stiffness(record):
+    """The stiffness is 1 + 3, so the disturbance turns by 2 rad/s; a tangent of the wrong sign would make it grow."""
     one, row = Triplets.from_dense([[1.0]]), np.array([1.0])
     force = LocalForce(
-        "spring", (AngleVector.constant(row),), (AngleVector.constant(-row),), Spring(), (constant(0.0),)
+        "spring", (AngleVector.constant(row),), (AngleVector.constant(-row),), LinearLaw(), (constant(0.0),)
     )
     system = System(one, Triplets.zeros(1), one, ("x",), (), (force,))
     found = floquet(Problem(system, ConstantSpeed(1.0), 0.001, 500)).multipliers
@@ -121,8 +121,8 @@ def test_a_local_spring_adds_its_stiffness(record):
     assert abs(found[0]) == pytest.approx(1.0, abs=1e-9)
 
 
-def bouncing(w, e, phase=0.0):
-    """Return a mass on a spring of 1 under cos(w t + phase), on a seat at its middle."""
+def impact_oscillator(w, e, phase=0.0):
+    """Return a mass on a spring of 1 under cos(w t + phase), on a seat at its middle position."""
     one, row = Triplets.from_dense([[1.0]]), np.array([1.0])
     push = Load("drive", np.ones(1), lambda motion: np.cos(motion.angle + phase))
     seat = LocalForce(
@@ -136,8 +136,8 @@ def bouncing(w, e, phase=0.0):
     return System(one, Triplets.zeros(1), one, ("x",), (push,), (seat,))
 
 
-def derivative(problem, step):
-    """Return the derivative of the map of a period by central differences, inner states behind the velocities."""
+def map_derivative(problem, step):
+    """Return the derivative of the map of a period by central differences, inner states after the velocities."""
     n, inner = problem.system.size, problem.start.inner
     state = np.concatenate([problem.start.displacement, problem.start.velocity, [] if inner is None else inner])
 
@@ -151,14 +151,14 @@ def derivative(problem, step):
     return np.array([(after(state + unit) - after(state - unit)) / (2.0 * unit.max()) for unit in units]).T
 
 
-def test_an_impact_oscillator_against_differences_of_its_map(record):
-    """The disturbance shifts the times of the impacts."""
+def test_impact_oscillator_matches_finite_differences(record):
+    """The disturbance changes the times of the impacts."""
     w, steps = 2.6, 1000
     start = State(np.array([0.197423]), np.array([-1.2]))
-    problem = Problem(bouncing(w, 0.8), ConstantSpeed(w), 2.0 * math.pi / w / steps, steps, start)
+    problem = Problem(impact_oscillator(w, 0.8), ConstantSpeed(w), 2.0 * math.pi / w / steps, steps, start)
     found = floquet(problem)
     assert found.events >= 1
-    exact_values = np.linalg.eigvals(derivative(problem, np.full(2, 1e-6)))
+    exact_values = np.linalg.eigvals(map_derivative(problem, np.full(2, 1e-6)))
     for name, pick in (("largest", np.max), ("smallest", np.min)):
         record(source=IMPACTS, case=f"impact oscillator, {found.events} impacts", quantity=f"{name} multiplier",
                unit="1", reference=float(pick(np.abs(exact_values))), computed=float(pick(np.abs(found.multipliers))),
@@ -166,24 +166,24 @@ def test_an_impact_oscillator_against_differences_of_its_map(record):
 
 
 @pytest.mark.parametrize("e", [0.3, 0.8, 1.0])
-def test_the_impact_oscillator_in_closed_form(record, e):
-    """One impact per period of the drive, of x'' + x = cos w t with x > 0.
+def test_impact_oscillator_matches_closed_form(record, e):
+    """The orbit has one impact per period of the drive: x'' + x = cos w t with x > 0.
 
-    The velocity before the impact is -V and e V behind it, at a phase by x = 0 on both ends. With the free motion's
-    matrix over T, F, and the saltation matrix S = [[-e, 0], [-(e a- + a+)/V, -e]], S = R_x + (f+ - R f-) g_x/g', the
-    multipliers are those of F S: S. W. Shaw and P. J. Holmes, J. Sound Vib. 90 (1983). det F S = e^2.
+    The velocity is -V before the impact and e V after it; x = 0 at both ends determines the phase. With the matrix F of
+    the free motion over T and the saltation matrix S = [[-e, 0], [-(e a- + a+)/V, -e]], S = R_x + (f+ - R f-) g_x/g',
+    the multipliers are those of F S: S. W. Shaw and P. J. Holmes, J. Sound Vib. 90 (1983). det F S = e^2.
     """
     w, steps = 2.6, 4000
     T = 2.0 * math.pi / w
     amount = 1.0 / (1.0 - w**2)
     c, s = math.cos(T), math.sin(T)
-    # Behind the impact at t = 0: x = A cos t + B sin t + amount cos(w t + p), x(0) = 0 = x(T), x'(T) = -x'(0)/e.
-    # Unknown A, B, amount cos p, amount sin p up to the scale: three equations, the scale by |amount|.
+    # After the impact at t = 0: x = A cos t + B sin t + amount cos(w t + p), x(0) = 0 = x(T), x'(T) = -x'(0)/e. Unknown
+    # are A, B, amount cos p, amount sin p up to the scale: three equations, the scale by |amount|.
     rows = np.array([
         [1.0, 0.0, 1.0, 0.0], [c, s, 1.0, 0.0], [-e * s, e * c + 1.0, 0.0, -w * (1.0 + e)],
     ])  # fmt: skip
     A, B, pc, ps = np.linalg.svd(rows)[2][-1]
-    sign = math.copysign(1.0, B - w * ps)  # the velocity behind the impact is up
+    sign = math.copysign(1.0, B - w * ps)  # the velocity after the impact is upwards
     A, B, pc, ps = (sign * abs(amount) / math.hypot(pc, ps) * one for one in (A, B, pc, ps))
     phase = math.atan2(ps / amount, pc / amount)
     after = B - w * ps
@@ -191,17 +191,17 @@ def test_the_impact_oscillator_in_closed_form(record, e):
     flight = A * np.cos(times) + B * np.sin(times) + amount * np.cos(w * times + phase)
     assert after > 0.0
     assert flight.min() > 0.0
-    force = math.cos(phase)  # at x = 0 the acceleration, before and behind
+    force = math.cos(phase)  # acceleration at x = 0, before and after the impact
     V = after / e
     free = np.array([[c, s], [-s, c]])
     jump = np.array([[-e, 0.0], [-(1.0 + e) * force / V, -e]])
     reference = np.linalg.eigvals(free @ jump)
-    # The period begins in mid-flight, so that the impact lies inside it.
+    # The period begins in mid-flight, so that the impact is inside it.
     half = 0.4 * T
     x = A * math.cos(half) + B * math.sin(half) + amount * math.cos(w * half + phase)
     v = -A * math.sin(half) + B * math.cos(half) - w * amount * math.sin(w * half + phase)
     start = State(np.array([x]), np.array([v]))
-    found = floquet(Problem(bouncing(w, e, phase + w * half), ConstantSpeed(w), T / steps, steps, start))
+    found = floquet(Problem(impact_oscillator(w, e, phase + w * half), ConstantSpeed(w), T / steps, steps, start))
     assert found.events == 1
     record(source=IMPACTS, case=f"impact oscillator, one impact per period, e = {e:g}", quantity="largest multiplier",
            unit="1", reference=float(np.abs(reference).max()), computed=float(abs(found.multipliers[0])),
@@ -209,10 +209,10 @@ def test_the_impact_oscillator_in_closed_form(record, e):
     assert abs(np.prod(found.multipliers)) == pytest.approx(e**2, rel=1e-6)
 
 
-def test_contacts_that_open_and_close_within_steps_are_counted():
-    """The collocation does not end its steps there; `flexcam stability` tells chatter from growth by the number."""
+def test_contact_events_within_steps_are_counted():
+    """The collocation does not end its steps at events; `flexcam stability` uses their number to detect chatter."""
     w, steps = 2.6, 400
-    system = bouncing(w, None)
+    system = impact_oscillator(w, None)
     seat = replace(system.local_forces[0], law=elastic_stop(1e3))
     start = State(np.array([0.197423]), np.array([-1.2]))
     problem = Problem(
@@ -227,20 +227,20 @@ def test_contacts_that_open_and_close_within_steps_are_counted():
 
 
 class Lift:
-    """The lift of a moving seat and its derivatives."""
+    """Lift of a moving seat and its derivatives."""
 
     def __call__(self, angle, order):
         return 0.05 * np.sin(angle + order * math.pi / 2.0)
 
 
-def test_a_seat_that_moves_against_differences():
-    """What the cam prescribes shifts the time of the impact and the rate at which the bodies meet."""
+def test_moving_seat_matches_finite_differences():
+    """The prescribed motion changes the time of the impact and the approach velocity."""
     w, steps = 2.6, 700
-    still = bouncing(w, 0.7)
+    still = impact_oscillator(w, 0.7)
     seat = replace(still.local_forces[0], offset=(Lift(),))
     start = State(np.array([0.3]), np.array([-0.4]))
     problem = Problem(replace(still, local_forces=(seat,)), ConstantSpeed(w), 2.0 * math.pi / w / steps, steps, start)
-    found, differences = floquet(problem), derivative(problem, np.full(2, 1e-6))
+    found, differences = floquet(problem), map_derivative(problem, np.full(2, 1e-6))
     assert found.events >= 1
     np.testing.assert_allclose(
         np.sort(np.abs(found.multipliers)), np.sort(np.abs(np.linalg.eigvals(differences))), rtol=1e-6
@@ -251,8 +251,8 @@ def test_a_seat_that_moves_against_differences():
 @pytest.mark.parametrize(("speed", "engine"), [
     ("6000rpm", "direct"), ("8500rpm", "direct"), ("8500rpm", "kernel"),
 ])  # fmt: skip
-def test_a_train_with_an_adjuster_against_differences(record, speed, engine):
-    """Internal state, a lever without mass, contacts that open and close: a direction at random."""
+def test_train_with_adjuster_matches_finite_differences(record, speed, engine):
+    """The train has an internal state, a massless lever and contacts that open and close; the direction is random."""
     case = read_case(FINGER, [f"run.crank_speed={speed}", "run.revolutions=1", "run.steps_per_revolution=720"])
     problem = prepare(case).problem
     selected = select_engine(replace(problem, engine=engine), newmark(), SaveAt(field_every=problem.steps + 1))
@@ -282,8 +282,8 @@ def test_a_train_with_an_adjuster_against_differences(record, speed, engine):
            absolute=True, reason="central differences of the map of the run")  # fmt: skip
 
 
-def test_motions_at_rest_may_be_unstable():
-    """No load moves the second mass, and a run leaves it out; its damping is negative."""
+def test_unloaded_mass_with_negative_damping_is_unstable():
+    """No load excites the second mass, so a run leaves it out; its damping is negative."""
     one, damping = (Triplets.from_dense(np.diag(row)) for row in ([1.0, 1.0], [0.1, -0.1]))
     push = Load("push", np.array([1.0, 0.0]), lambda motion: np.cos(motion.angle))
     system = System(one, damping, one, ("x", "y"), (push,))

@@ -1,7 +1,7 @@
 """Friction of guides, seals and pivots, against closed forms.
 
 A mass on a spring under Coulomb friction F loses the amplitude 2 F/k in each half period, and its period is that
-without friction: J. P. Den Hartog, Mechanical Vibrations, 4th ed., sec. 8.2. A guide takes 2 F h from a valve that
+without friction: J. P. Den Hartog, Mechanical Vibrations, 4th ed., sec. 8.2. A guide dissipates 2 F h for a valve that
 opens by h and closes once.
 """
 
@@ -40,8 +40,7 @@ guide = { at = "mass", direction = "uy", force = "20 N", breakaway_force = "30 N
 )
 
 
-def solved(folder, text, *overrides):
-    """Return the response of a case."""
+def solve_case(folder, text, *overrides):
     (folder / "one.toml").write_text(text)
     ready = prepare(read_case(folder / "one.toml", overrides))
     found = solve(ready.problem, ready.scheme)
@@ -50,9 +49,9 @@ def solved(folder, text, *overrides):
 
 
 @pytest.mark.parametrize("engine", ["direct", "kernel"])
-def test_amplitudes_under_coulomb_friction(engine, record, tmp_path):
-    """Six half periods of the closed form; at their ends the sliding velocity is zero."""
-    found = solved(tmp_path, OSCILLATOR, f"run.engine={engine}")
+def test_amplitudes_with_coulomb_friction(engine, record, tmp_path):
+    """The closed form covers six half periods; at their ends the sliding velocity is zero."""
+    found = solve_case(tmp_path, OSCILLATOR, f"run.engine={engine}")
     x = found["mass"].displacement[:, 0]
     ends = np.interp(np.arange(1, 7) * math.pi / 100.0, found.time, x)
     sides = np.array([-1, 1, -1, 1, -1, 1]) * (0.01 - 2.0 * 5.0 / 1e4 * np.arange(1, 7))
@@ -62,10 +61,10 @@ def test_amplitudes_under_coulomb_friction(engine, record, tmp_path):
     assert np.abs(found.channels["energy.residual"]).max() < 1e-9  # of 0.5 J
 
 
-def test_rigid_follower_in_a_guide(record, tmp_path):
-    """The force of the cam grows by the friction on the rise and falls by it on the return."""
+def test_cam_force_of_rigid_follower_with_guide_friction(record, tmp_path):
+    """The cam force increases by the friction on the rise and decreases by it on the return."""
     overrides = ("fidelity.model=rigid",)
-    found = solved(tmp_path, FOLLOWER, *overrides)
+    found = solve_case(tmp_path, FOLLOWER, *overrides)
     event = build_model(read_case(tmp_path / "one.toml")).cams["c"].event
     omega = 20.0 * math.pi
     v = event(found.angle, 1) * omega
@@ -76,9 +75,9 @@ def test_rigid_follower_in_a_guide(record, tmp_path):
            absolute=True, reason="rounding of 600 N")  # fmt: skip
 
 
-def test_work_of_a_guide(record, tmp_path):
-    """2 F h per revolution of 0.1 s, from the mean power."""
-    found = solved(tmp_path, FOLLOWER, "friction.guide.breakaway_force=20 N", "friction.guide.damping=0",
+def test_work_of_guide_friction(record, tmp_path):
+    """The work is 2 F h per revolution of 0.1 s, from the mean power."""
+    found = solve_case(tmp_path, FOLLOWER, "friction.guide.breakaway_force=20 N", "friction.guide.damping=0",
                    'friction.guide.friction_speed="1 mm/s"')  # fmt: skip
     metrics = {one.name: one for one in compute_metrics(prepare(read_case(tmp_path / "one.toml")), found)}
     work = metrics["friction.guide.friction_power.mean"].value * 0.1
@@ -87,30 +86,30 @@ def test_work_of_a_guide(record, tmp_path):
            reason="reversal over 1 mm/s at the ends of the lift")  # fmt: skip
 
 
-def test_friction_of_a_pivot(tmp_path):
-    """A moment about an axis; its units are those of a rotation."""
+def test_pivot_friction_moment(tmp_path):
+    """The friction is a moment about an axis, with the units of a rotation."""
     text = OSCILLATOR.replace('direction = "ux", force = "5 N", friction_speed = "0.1 mm/s"',
                               'direction = "rz", force = "2 N m", friction_speed = "1 rad/s"')  # fmt: skip
     text = text.replace('displacement = { "mass.ux" = "10 mm" }', 'velocity = { "mass.rz" = 20.0 }')
-    found = solved(tmp_path, text, "run.revolutions=0.5")
+    found = solve_case(tmp_path, text, "run.revolutions=0.5")
     spin = found["mass"].velocity[:, 5]
     np.testing.assert_allclose(spin, 20.0 - 2.0 * found.time, atol=1e-6)
 
 
-def test_a_viscous_seal(tmp_path):
-    """Without Coulomb friction it is a damper: the power is c v^2."""
-    found = solved(tmp_path, FOLLOWER, "friction.guide.force=0", "friction.guide.breakaway_force=0")
+def test_viscous_seal_power(tmp_path):
+    """Without Coulomb friction the seal is a damper with the power c v^2."""
+    found = solve_case(tmp_path, FOLLOWER, "friction.guide.force=0", "friction.guide.breakaway_force=0")
     v = found["mass"].velocity[:, 1]
     power = found.channels["friction.guide.power"]
     np.testing.assert_allclose(power, 5.0 * v**2, atol=1e-12 * power.max())
     assert np.abs(found.channels["energy.residual"]).max() < 1e-6 * found.channels["energy.dissipated"][-1]
 
 
-def test_a_breakaway_force_below_the_friction_is_refused(tmp_path):
+def test_breakaway_force_below_friction_raises_error(tmp_path):
     with pytest.raises(InputError, match="at least `force`, 20 N"):
-        solved(tmp_path, FOLLOWER, 'friction.guide.breakaway_force="10 N"')
+        solve_case(tmp_path, FOLLOWER, 'friction.guide.breakaway_force="10 N"')
 
 
-def test_a_slide_that_cannot_move_is_refused(tmp_path):
+def test_friction_in_fixed_direction_raises_error(tmp_path):
     with pytest.raises(InputError, match="It cannot move that way"):
-        solved(tmp_path, FOLLOWER, 'friction.guide.direction="ux"')
+        solve_case(tmp_path, FOLLOWER, 'friction.guide.direction="ux"')

@@ -1,12 +1,12 @@
 """Geometric stiffness within a run, against the theory of the beam column.
 
-- A pinned column with the half sine d0 as its bow: under P it goes on by d0 P/(Pcr - P), Pcr = pi^2 E I/L^2; its
+- A pinned column with a half-sine bow d0: under P it deflects further by d0 P/(Pcr - P), Pcr = pi^2 E I/L^2; its
   lateral frequency is f0 sqrt(1 - P/Pcr). S. P. Timoshenko and J. M. Gere, Theory of Elastic Stability, 2nd ed.
   (1961), secs. 1.4, 1.12; the frequency in W. Weaver, S. P. Timoshenko, D. H. Young, Vibration Problems in
   Engineering (1990), ch. 5.
-- A beam that bends by v draws its ends together by 1/2 int (v' + v0')^2 - v0'^2 dx. Under a force F at mid-span:
-  F^2 L^5/(960 (E I)^2) + F d0 L^2/(pi^2 E I).
-- P(t) = P1 cos(2 w t) on a straight column makes it Mathieu's equation: the motion grows as exp(P1/Pcr w t/4). V. V.
+- A deflection v of a beam shortens the distance of its ends by 1/2 int (v' + v0')^2 - v0'^2 dx. Under a force F at
+  mid-span: F^2 L^5/(960 (E I)^2) + F d0 L^2/(pi^2 E I).
+- P(t) = P1 cos(2 w t) on a straight column leads to Mathieu's equation: the motion grows as exp(P1/Pcr w t/4). V. V.
   Bolotin, The Dynamic Stability of Elastic Systems (1964), secs. 1-5.
 """
 
@@ -34,7 +34,7 @@ OMEGA = math.pi**2 / LENGTH**2 * math.sqrt(EI / (DENSITY * TUBE.A))
 
 @pytest.fixture
 def column(tmp_path):
-    """Return the case of a pinned tube, free to shorten."""
+    """Return a function that builds the case of a pinned tube, free to shorten."""
 
     def make(bow, loads="", elements=4):
         path = tmp_path / "column.toml"
@@ -44,8 +44,8 @@ def column(tmp_path):
     return make
 
 
-def pushed(case, force, step, steps, start=None):
-    """Return the run of a column whose tip is pulled by a force over time."""
+def run_with_tip_force(case, force, step, steps, start=None):
+    """Return the run of a column under a tip force over time."""
     system = prepare(case).problem.system
     pull = np.zeros(system.size)
     pull[system.names.index("tip.ux")] = 1.0
@@ -56,12 +56,12 @@ def pushed(case, force, step, steps, start=None):
 
 
 @pytest.mark.parametrize("part", [0.1, 0.4, 0.7, 0.9])
-def test_static_deflection(record, column, part):
-    """Shallow: the bow is small against the length, so that the axial force is P all along."""
+def test_static_deflection_of_bowed_column(record, column, part):
+    """The bow is small against the length, so that the axial force is P everywhere."""
     bow = 1e-5
     response = run(column(bow, push(-part * EULER)))
     more = response["mid.uy"].displacement[-1]
-    # Eight elements raise Euler's load by (pi/8)^4/720 = 3e-5; near it, P/(Pcr - P) counts that 1/(1 - part) times.
+    # Eight elements raise Euler's load by (pi/8)^4/720 = 3e-5; near it, P/(Pcr - P) amplifies that by 1/(1 - part).
     tolerance = 1e-4 / (1.0 - part)
     record(source=SOURCE, case=f"bowed column, P/Pcr = {part}", quantity="further deflection", unit="m",
            reference=bow * part / (1.0 - part), computed=more, tolerance=tolerance,
@@ -71,13 +71,14 @@ def test_static_deflection(record, column, part):
 
 
 @pytest.mark.parametrize("part", [0.4, 0.9])
-def test_shortening_and_axial_force_of_a_bowed_column(record, column, part):
-    """The tip moves by P L/EA and by the deepening of the bow; the channel tells P, and the part of Euler's load."""
+def test_shortening_and_axial_force_of_bowed_column(record, column, part):
+    """The tip moves by P L/EA and by the growth of the bow; the channels contain P and its ratio to Euler's load."""
     bow = 1e-3
     response = run(column(bow, push(-part * EULER), elements=4))
-    whole = bow / (1.0 - part)
-    drawn = math.pi**2 / (4.0 * LENGTH) * (whole**2 - bow**2)
-    # The tube is inclined by up to pi d/L: forces across and along mix by the square of it, which a shallow arch omits.
+    total = bow / (1.0 - part)
+    drawn = math.pi**2 / (4.0 * LENGTH) * (total**2 - bow**2)
+    # The tube is inclined by up to pi d/L: lateral and axial forces are coupled by the square of it, which a shallow
+    # arch neglects.
     record(source=SOURCE, case=f"bowed column, P/Pcr = {part}", quantity="shortening", unit="m",
            reference=part * EULER * LENGTH / EA + drawn, computed=-response["tip.ux"].displacement[-1],
            tolerance=1e-3 + 1e-4 / (1.0 - part),
@@ -86,8 +87,8 @@ def test_shortening_and_axial_force_of_a_bowed_column(record, column, part):
     assert response.channels["members.rod.buckling_use"][-1] == pytest.approx(part, rel=1e-4)
 
 
-def rising(end, first=1e-3, last=0.8):
-    """Return a compression that rises smoothly between two parts of Euler's load."""
+def smooth_compression(end, first=1e-3, last=0.8):
+    """Return a compression that increases smoothly between two parts of Euler's load."""
 
     def force(time):
         x = np.clip(time / end, 0.0, 1.0)
@@ -96,14 +97,14 @@ def rising(end, first=1e-3, last=0.8):
     return force
 
 
-def test_slowly_rising_force(record, column):
-    """Over twenty lateral periods the force rises smoothly to 0.8 Pcr: the column follows its static curve."""
+def test_slowly_increasing_force_follows_static_curve(record, column):
+    """Over twenty lateral periods the force increases smoothly to 0.8 Pcr: the column follows its static curve."""
     bow, end, steps = 1e-5, 20.0 * 2.0 * math.pi / OMEGA, 400
-    force = rising(end)
+    force = smooth_compression(end)
     start = equilibrium(
         prepare(column(bow, push(-1e-3 * EULER), elements=2)).problem.system, ConstantSpeed(1.0)
     )  # fmt: skip
-    response = pushed(column(bow, elements=2), force, end / steps, steps, start)
+    response = run_with_tip_force(column(bow, elements=2), force, end / steps, steps, start)
     part = -force(response.time) / EULER
     more = response["mid.uy"].displacement
     worst = np.abs(more - bow * part / (1.0 - part)).max()
@@ -112,34 +113,34 @@ def test_slowly_rising_force(record, column):
            reason="Pcr of four elements is 5e-4 high, five times that at the end; 0.5 % for its inertia")  # fmt: skip
 
 
-def test_force_that_rises_from_nothing(column):
+def test_force_increasing_from_zero(column):
     end, steps = 20.0 * 2.0 * math.pi / OMEGA, 600
-    response = pushed(column(1e-5, elements=2), rising(end, 0.0), end / steps, 20)
+    response = run_with_tip_force(column(1e-5, elements=2), smooth_compression(end, 0.0), end / steps, 20)
     assert response.status.ok
 
 
-def test_a_block_of_one_instant(column):
+def test_single_instant_block_succeeds(column):
     ready = prepare(column(1e-4, push(-100.0), elements=1))
     response = solve(ready.problem, ready.scheme, save=SaveAt(field_every=1, fields_per_block=1))
     assert response.status.ok
 
 
-def frequency(time, values):
-    """Return the angular frequency from the zeros of a motion, each found on a straight line."""
+def zero_crossing_frequency(time, values):
+    """Return the angular frequency from the zeros of a motion, by linear interpolation."""
     i = np.flatnonzero(values[1:] * values[:-1] < 0.0)
     zeros = time[i] - values[i] * (time[i + 1] - time[i]) / (values[i + 1] - values[i])
     return math.pi * (len(zeros) - 1) / (zeros[-1] - zeros[0])
 
 
 @pytest.mark.parametrize("part", [-1.0, 0.6])
-def test_lateral_frequency(record, column, part):
-    """Struck sideways by little under a steady force (tension where the part is negative)."""
+def test_lateral_frequency_under_axial_force(record, column, part):
+    """A small lateral velocity excites the column under a steady force (tension if the part is negative)."""
     case = column(0.0, push(-part * EULER), elements=2)
     system = prepare(case).problem.system
     still = equilibrium(system, ConstantSpeed(1.0))
     expected = OMEGA * math.sqrt(1.0 - part)
     shape = np.zeros(system.size)
-    nodes = node_places(case)
+    nodes = node_positions(case)
     for i, name in enumerate(system.names):
         node, component = name.rsplit(".", 1)
         if component in ("uy", "rz"):
@@ -149,13 +150,13 @@ def test_lateral_frequency(record, column, part):
     step = 2.0 * math.pi / expected * periods / steps
     response = solve(Problem(system, ConstantSpeed(1.0), step, steps, State(still.displacement, 1e-6 * shape)),
                      newmark())  # fmt: skip
-    found = frequency(response.time, response["mid.uy"].displacement)
+    found = zero_crossing_frequency(response.time, response["mid.uy"].displacement)
     record(source=SOURCE, case=f"column struck sideways, P/Pcr = {part}", quantity="angular frequency", unit="rad/s",
            reference=expected, computed=found, tolerance=5e-4 + 3e-4 / (1.0 - part),
            reason="(w dt)^2/24 = 2e-4 of the frequency, and Euler's load of four elements, 5e-4 high")  # fmt: skip
 
 
-def node_places(case):
+def node_positions(case):
     """Return x of every node by the name that its unknowns have."""
     mesh = build_model(case).mesh
     return {mesh.node_name(i): float(x) for i, x in enumerate(mesh.nodes[:, 0])}
@@ -163,8 +164,8 @@ def node_places(case):
 
 @pytest.mark.parametrize("force", [20.0, -5.0])
 @pytest.mark.parametrize("bow", [0.0, 1e-3])
-def test_a_bent_beam_draws_its_ends_together(record, column, force, bow):
-    """No axial force: the chord follows from bending alone; against its bow the beam grows longer."""
+def test_bending_shortens_beam(record, column, force, bow):
+    """Without axial force the chord follows from bending alone; a deflection against the bow lengthens the beam."""
     response = run(column(bow, across(force), elements=4))
     deep = force * LENGTH**3 / (48.0 * EI)
     assert response["mid.uy"].displacement[-1] == pytest.approx(deep, rel=1e-6)
@@ -175,8 +176,8 @@ def test_a_bent_beam_draws_its_ends_together(record, column, force, bow):
     assert abs(response.channels["members.rod.compression"]).max() < 1e-6 * abs(force)
 
 
-def test_a_released_bend_shortens_twice_as_often(record, column):
-    """Let go from a bend, the beam swings with w and its tip comes and goes with 2 w (both ways of bending shorten)."""
+def test_shortening_oscillates_at_twice_lateral_frequency(record, column):
+    """A beam released from a bend oscillates with w and its tip with 2 w, as bending to either side shortens it."""
     case = column(0.0, across(10.0), elements=2)
     system = prepare(case).problem.system
     bent = equilibrium(system, ConstantSpeed(1.0))
@@ -190,24 +191,25 @@ def test_a_released_bend_shortens_twice_as_often(record, column):
     record(source=SOURCE, case="bend let go", quantity="tip's swings per lateral swing", unit="1", reference=2.0,
            computed=float(np.argmax(spectrum[: 4 * periods])) / periods, tolerance=1e-9,
            reason="four whole periods are a line of the spectrum")  # fmt: skip
-    # The mean of sin^2: half of pi^2 d^2/(4 L); the bend of a point force is a half sine but for 2 %.
+    # Mean of sin^2: half of pi^2 d^2/(4 L); the deflection under a point force is a half sine within 2 %.
     assert tip.mean() == pytest.approx(-(math.pi**2) * deep**2 / (8.0 * LENGTH), rel=0.05)
 
 
 @pytest.mark.parametrize(("orders", "grows"), [(2.0, True), (1.5, False)])
-def test_pulsating_force(record, column, orders, grows):
-    """At twice the lateral frequency the column swings up, beside it not."""
+def test_parametric_growth_under_pulsating_force(record, column, orders, grows):
+    """At twice the lateral frequency the oscillation of the column grows, at 1.5 times it does not."""
     part, bow, periods, per_period = 0.2, 1e-6, 20, 40
     step = 2.0 * math.pi / OMEGA / per_period
     case = column(bow, elements=1)
     start = equilibrium(prepare(column(bow, push(part * EULER), elements=1)).problem.system, ConstantSpeed(1.0))
-    response = pushed(
+    response = run_with_tip_force(
         case, lambda time: part * EULER * np.cos(orders * OMEGA * time), step, periods * per_period, start
     )
     mid = np.abs(response["mid.uy"].displacement).reshape(-1)[1:]
     tops = mid.reshape(periods, per_period).max(axis=1)
     if not grows:
-        # The bow's forced motion, part/(1 - orders^2) of it, and free motion of that size; it beats and stays there.
+        # The forced motion of the bow is part/(1 - orders^2) of it, the free motion of equal size; both beat without
+        # growth.
         assert tops.max() < 3.0 * bow * part
         return
     rate = np.polyfit(np.arange(periods // 2) * 2.0 * math.pi, np.log(tops[periods // 2 :]), 1)[0]
@@ -272,36 +274,36 @@ probes = ["tappet", "top"]
 """
 
 
-def test_energy_of_a_train_that_loses_none(record, tmp_path):
-    """2400 steps per revolution; the contact holds, so that no event costs anything.
+def test_energy_conservation_of_undamped_train(record, tmp_path):
+    """The contact stays closed at 2400 steps per revolution, so that no event dissipates energy.
 
-    The balance is tried from outside too: the work of the cam is the integral of its torque.
+    The balance is also checked independently: the work of the cam is the integral of its torque.
     """
     path = tmp_path / "train.toml"
     path.write_text(TRAIN, encoding="utf-8")
     response = run(read_case(path))
     channels = response.channels
     assert channels["contacts.intake.force"].min() > 0.0
-    assert channels["members.pushrod.buckling_use"].max() > 0.1  # bow and axial force do act on each other
+    assert channels["members.pushrod.buckling_use"].max() > 0.1  # bow and axial force interact
     most = np.abs(channels["energy.work"]).max()
     for part in ("residual", "dissipated", "numerical"):
         record(source=SOURCE, case="train with bow and Hertz contact, 2400 steps", quantity=f"{part} energy over work",
                unit="1", reference=0.0, computed=np.abs(channels[f"energy.{part}"]).max() / most, tolerance=1e-6,
                absolute=True, reason="nothing in it loses energy; what curves within a step")  # fmt: skip
     angle, event = response.angle, build_model(read_case(path)).cams["intake"].event
-    # What the cam does at its own angle: the depth is s + s' twist, so that its work is F (s' + s'' twist) dtheta.
+    # Work of the cam at its own angle: the penetration is s + s' twist, so that the work is F (s' + s'' twist) dtheta.
     torque = channels["contacts.intake.torque"]
     torque = torque + channels["contacts.intake.force"] * event(angle, 2) * channels["cams.intake.twist"]
     work = np.concatenate([[0.0], np.cumsum(0.5 * (torque[1:] + torque[:-1]) * np.diff(angle))])
-    held = sum(channels[f"energy.{part}"] for part in ("kinetic", "strain", "contact"))
+    stored = sum(channels[f"energy.{part}"] for part in ("kinetic", "strain", "contact"))
     springs = -900.0 * response["top.uy"].displacement  # the installed force is a load, not a strain
     springs -= springs[0]
     record(source=SOURCE, case="train with bow and Hertz contact, 2400 steps", quantity="integral of the cam's torque",
-           unit="J", reference=0.0, computed=np.abs(work + springs - (held - held[0])).max() / most, tolerance=1e-5,
+           unit="J", reference=0.0, computed=np.abs(work + springs - (stored - stored[0])).max() / most, tolerance=1e-5,
            absolute=True, reason="trapezoids of the torque, and the Hertz law changing with the curvature")  # fmt: skip
 
 
-def test_an_unloaded_train_with_a_bow_can_start(tmp_path):
+def test_unloaded_train_with_bow_runs(tmp_path):
     path = tmp_path / "train.toml"
     text = TRAIN.replace(', installed_force = "900 N"', "").replace('start = "equilibrium"', 'start = "rest"')
     text = text.replace('model = "unilateral", stiffness = "hertz"', 'model = "bilateral", stiffness = "100 MN/m"')
@@ -309,7 +311,7 @@ def test_an_unloaded_train_with_a_bow_can_start(tmp_path):
     assert run(read_case(path)).status.ok
 
 
-def test_section_force_of_a_bowed_column_in_the_result_file(column, tmp_path):
+def test_result_file_contains_section_force_of_bowed_column(column, tmp_path):
     ready = prepare(column(1e-3, push(-0.5 * EULER)))
     sink = open_result_file(ready, tmp_path / "results")
     solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
@@ -318,8 +320,8 @@ def test_section_force_of_a_bowed_column_in_the_result_file(column, tmp_path):
     np.testing.assert_allclose(axial, -0.5 * EULER, rtol=1e-3)
 
 
-def test_modes_of_a_bowed_column_under_load(column):
-    """Across the plane of the bow, the lowest frequency is that of a straight column under P."""
+def test_modes_of_loaded_bowed_column(column):
+    """Out of the plane of the bow, the lowest frequency is that of a straight column under P."""
     found = modes(column(1e-3, push(-0.5 * EULER)), 3, prestress="equilibrium").modes.frequencies
     expected = OMEGA * math.sqrt(0.5) / (2.0 * math.pi)
     assert np.abs(np.asarray(found) - expected).min() < 2e-3 * expected

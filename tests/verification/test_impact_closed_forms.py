@@ -1,12 +1,12 @@
 """Impacts with closed forms, each as a case file: a mass on a spring, a bar, a forced oscillator, a falling ball.
 
 - A mass between a spring and a stop, after SDND101 of code_aster (VPCS, impact of a system of one degree of freedom):
-  half a period of the stiffness K + k in contact, half a period of k apart.
+  half a period of the stiffness K + k in contact, half a period of k in free flight.
 - A bar that strikes a rigid wall: v sqrt(E rho) A for 2 L/c. K. F. Graff, Wave Motion in Elastic Solids (1975), ch. 2.
 - Orbits of x'' + x = cos(w t + phi) below a wall at sigma with one impact every n periods: S. W. Shaw and P. J. Holmes,
   J. Sound Vib. 90 (1983) 129. With T = 2 pi n/w, gamma = 1/(1 - w^2) and the speed V before an impact,
   sin(phi) = -(1 - r) V/(2 w gamma) and sigma = gamma cos(phi) - (1 + r) V/(2 tan(T/2)).
-- A ball that falls on a floor: the derivative of its state by the height and speed of its start.
+- A ball that falls on a floor: the derivative of its state by initial height and speed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from flexcam.dynamics import SaveAt, State, floquet, generalized_alpha, newmark
 from flexcam.dynamics.engine_selection import select_engine
 from flexcam.dynamics.periodic import period_map
 
-BODY = """
+BODY_TEXT = """
 format = 1
 nodes = { ground = [0.0, -1.0, 0.0], body = [0.0, 0.0, 0.0] }
 supports = { body = ["ux", "uz"] }
@@ -40,9 +40,9 @@ def case_of(tmp_path):
     return write
 
 
-def test_mass_between_a_spring_and_a_stop(record, case_of):
+def test_mass_between_spring_and_stop(record, case_of):
     case = case_of(
-        BODY
+        BODY_TEXT
         + """
         masses.body = { at = "body", mass = "100 kg" }
         springs.spring = { at = "body", direction = "uy", stiffness = "10 kN/m" }
@@ -71,7 +71,7 @@ def test_mass_between_a_spring_and_a_stop(record, case_of):
                reason="a time is known to a step of 10 us; (w dt)^2/12 of a force")  # fmt: skip
 
 
-def test_bar_on_a_rigid_wall(record, case_of):
+def test_impact_of_bar_on_rigid_wall(record, case_of):
     E, rho, A, v, gap = 210e9, 7800.0, 3.14e-4, 0.1, 50e-6
     side = math.sqrt(A)
     ready = prepare(case_of(f"""
@@ -114,7 +114,7 @@ ORBITS = [(2.6, 0.8, 1, 1.0, -1), (2.6, 0.8, 2, 1.0, 1), (0.7, 0.5, 1, 0.3, 1), 
 
 
 class ImpactOrbit:
-    """Orbit of the forced oscillator below its wall; time counts from an impact."""
+    """Orbit of the forced oscillator below the wall; time is measured from an impact."""
 
     def __init__(self, w, r, n, V, side):
         self.w, self.r, self.V, self.T = w, r, V, 2.0 * math.pi * n / w
@@ -137,8 +137,8 @@ class ImpactOrbit:
         return np.linalg.eigvals(np.array([[c, s], [-s, c]]) @ jump)
 
 
-def test_orbits_are_those_of_the_equation():
-    """The closed form itself: it meets the wall with V, leaves with r V, and stays below between."""
+def test_closed_form_orbits_satisfy_equation():
+    """The closed form hits the wall with V, leaves it with r V, and stays below it in between."""
     for parameters in ORBITS:
         orbit = ImpactOrbit(*parameters)
         np.testing.assert_allclose(orbit(0.0), (0.0, -orbit.r * orbit.V), atol=1e-12)
@@ -148,14 +148,14 @@ def test_orbits_are_those_of_the_equation():
 
 
 @pytest.mark.parametrize("parameters", [pytest.param(one, marks=[pytest.mark.slow] * (one[2] > 2)) for one in ORBITS])
-def test_forced_oscillator_at_a_wall(record, case_of, parameters):
-    """A cam of simple harmonic motion drives the mass through a spring; a constant load shifts it below its wall."""
+def test_forced_oscillator_at_wall(record, case_of, parameters):
+    """A cam of simple harmonic motion drives the mass through a spring; a constant load shifts it below the wall."""
     orbit = ImpactOrbit(*parameters)
     half = 0.4 * orbit.T
     x, v = orbit(half)
     turn = math.pi - orbit.phi - orbit.w * half
     ready = prepare(case_of(
-        BODY
+        BODY_TEXT
         + f"""
         masses.body = {{ at = "body", mass = "1 kg" }}
         loads.shift = {{ at = "body", direction = "uy", force = {-1.0 - orbit.sigma} }}
@@ -192,8 +192,8 @@ def test_forced_oscillator_at_a_wall(record, case_of, parameters):
            tolerance=2e-4, reason="average acceleration at 2000 steps per period")  # fmt: skip
 
 
-def test_derivative_of_a_fall_by_its_height(record, case_of):
-    """State at T after one bounce, y = e u (T - t) - g (T - t)^2/2 with u = sqrt(2 g h), t = u/g."""
+def test_derivative_of_bounce_by_initial_height(record, case_of):
+    """The state at T after one bounce is y = e u (T - t) - g (T - t)^2/2 with u = sqrt(2 g h), t = u/g."""
     g, h, e, T = 9.81, 1.25, 0.7, 0.75
     u = math.sqrt(2.0 * g * h)
     after = T - u / g
@@ -202,7 +202,7 @@ def test_derivative_of_a_fall_by_its_height(record, case_of):
     impact = np.array([[-e, 0.0], [(1.0 + e) * -g / -u, -e]])
     assert (rise @ impact @ fall)[0, 0] == pytest.approx(by_height, rel=1e-12)
     ready = prepare(case_of(
-        BODY
+        BODY_TEXT
         + f"""
         masses.body = {{ at = "body", mass = "2 kg" }}
         contacts.floor = {{ at = "body", model = "seat", direction = "uy", stiffness = 1e9, restitution = {e} }}

@@ -1,8 +1,9 @@
-"""Plays between nodes and hydraulic lash adjusters, against closed forms and an integration of their own.
+"""Lash between nodes and hydraulic lash adjusters, against closed forms and an independent integration.
 
-Oil of stiffness k that leaks with c is a Maxwell element: under a constant force it sinks by F/c, after a step against
-a spring K the oil's force falls as exp(-t/T), T = c (1/k + 1/K). W. N. Findley, J. S. Lai, K. Onaran, Creep and
-Relaxation of Nonlinear Viscoelastic Materials (1976), sec. 5.2. Pulled, the check valve opens and it refills with c0/k.
+Oil of stiffness k that leaks with c is a Maxwell element: under a constant force it sinks at F/c; after a step against
+a spring K the oil force decays as exp(-t/T), T = c (1/k + 1/K). W. N. Findley, J. S. Lai, K. Onaran, Creep and
+Relaxation of Nonlinear Viscoelastic Materials (1976), sec. 5.2. Under tension the check valve opens and the adjuster
+refills with c0/k.
 """
 
 from __future__ import annotations
@@ -92,8 +93,8 @@ def case(tmp_path):
 
 
 @pytest.mark.parametrize("degrees", [5.0, 40.0, 70.0, 100.0, 140.0])
-def test_a_play_between_nodes_is_taken_up(record, case, degrees):
-    """The upper rod stays until the lower one has come by the gap; then both go with the stiffness between them."""
+def test_lash_between_nodes_delays_motion(record, case, degrees):
+    """The upper rod is at rest until the lower one closes the gap; then both move, with the lash stiffness between."""
     made = case(LASH)
     system = prepare(made).problem.system
     state = equilibrium(system, ConstantSpeed(1.0, math.radians(degrees)))
@@ -119,8 +120,8 @@ def test_lash_force_never_pulls(case):
 LOAD = '[loads.push]\nat = "end"\ndirection = "-uy"\nforce = {}'
 
 
-def test_leak_down_under_a_constant_force(record, case):
-    """The oil carries what the plunger's spring does not, and sinks by that over c; at once it gives by the oil's k."""
+def test_leak_down_under_constant_force(record, case):
+    """The oil carries the force less that of the plunger spring: it sinks by force/k at once and then at force/c."""
     force = 500.0
     made = case(ADJUSTER, spring=0.0, loads=LOAD.format(force), phase=170.0, revolutions=0.3)
     response = run(made)
@@ -143,8 +144,8 @@ CHAMBER = (
 
 
 @pytest.mark.parametrize(("air", "modulus"), [("", 1.5e9), (', air = "5 %", pressure = "2 MPa" }', 5.4064e7)])
-def test_leak_down_of_a_chamber(air, modulus, record, case):
-    """The test of adjusters: a weight on the plunger, whose velocity is that of the flow through the annular gap.
+def test_leak_down_of_oil_chamber(air, modulus, record, case):
+    """The standard test of adjusters loads the plunger; its velocity is that of the flow through the annular gap.
 
     Flow pi d c^3 p/(12 mu L) at p = F/A; air is a gas spring of 1.4 p in series.
     """
@@ -163,13 +164,13 @@ def test_leak_down_of_a_chamber(air, modulus, record, case):
            reason="the mass swings about the steady sinking")  # fmt: skip
 
 
-def test_a_chamber_beside_stiffness_and_leak_is_refused(case):
+def test_chamber_with_stiffness_and_leak_raises_error(case):
     with pytest.raises(InputError, match="either oil, or stiffness and leak"):
         case(f"{ADJUSTER}, oil = {CHAMBER} }}")
 
 
-def test_maxwell_response(record, case):
-    """In balance at once, with z = 0; then the spring beside takes the load over."""
+def test_maxwell_relaxation(record, case):
+    """The adjuster is in equilibrium at the start, with z = 0; then the parallel spring takes over the load."""
     force, spring = 500.0, 5e5
     made = case(ADJUSTER, mass=1e-3, spring=spring, damping=50.0, loads=LOAD.format(force), phase=170.0,
                 revolutions=0.4, speed=30.0)  # fmt: skip
@@ -182,8 +183,8 @@ def test_maxwell_response(record, case):
            reason="rods and contact are a part of the oil's compliance, damper and mass of the spring")  # fmt: skip
 
 
-def leaked(time, depth):
-    """Return the leak-down that a history of depth causes, by an integration of its own."""
+def integrate_leak_down(time, depth):
+    """Return the leak-down for a history of depth, by an independent integration."""
     at = CubicSpline(time, depth)
 
     def rate(t, z):
@@ -195,16 +196,16 @@ def leaked(time, depth):
 
 
 SEAT = 'seat = { at = "end", direction = "uy", model = "seat", stiffness = "40 MN/m", damping = 500 }'
-SEATED = {"installed": ", installed_force = 300", "speed": 300.0, "revolutions": 1.0, "contacts": SEAT}
+SEAT_CHANGES = {"installed": ", installed_force = 300", "speed": 300.0, "revolutions": 1.0, "contacts": SEAT}
 
 
-def test_a_revolution_on_its_seat(record, case):
-    """On the lift it leaks, on the seat it refills, within tens of microseconds: it takes its play up again."""
-    response = run(case(ADJUSTER, **SEATED))
+def test_leak_down_and_refill_over_revolution(record, case):
+    """The adjuster leaks during the lift and refills on the seat in tens of microseconds, which removes the lash."""
+    response = run(case(ADJUSTER, **SEAT_CHANGES))
     channels = response.channels
     depth = response["top.uy"].displacement - response["bottom.uy"].displacement
     z = channels["contacts.play.leak_down"]
-    exact = leaked(response.time, depth)
+    exact = integrate_leak_down(response.time, depth)
     assert exact.max() > 5e-5
     record(source=SOURCE, case="a revolution with a seat", quantity="largest error of the leak-down", unit="m",
            reference=0.0, computed=np.abs(z - exact).max(), tolerance=2e-3 * exact.max(), absolute=True,
@@ -212,7 +213,7 @@ def test_a_revolution_on_its_seat(record, case):
     force = PLUNGER + OIL * np.maximum(depth - z, 0.0)
     np.testing.assert_allclose(channels["contacts.play.force"], force, atol=1e-6 * force.max())
     assert channels["contacts.play.force"].min() >= PLUNGER * (1.0 - 1e-9)
-    # Refilled: at the end of the revolution the oil carries nothing, and the plunger touches: z is the depth.
+    # Refilled: at the end of the revolution the oil force is zero, and the plunger touches: z is the depth.
     assert depth[-1] - z[-1] == pytest.approx(0.0, abs=2e-7)
     most = np.abs(channels["energy.work"]).max()
     record(source=SOURCE, case="a revolution with a seat", quantity="energy residual over work", unit="1",
@@ -220,14 +221,14 @@ def test_a_revolution_on_its_seat(record, case):
            reason="the check valve opens within steps")  # fmt: skip
 
 
-def test_refill_is_fast(record, case):
-    """Drawn apart at a rate, the oil lags by c0/k of it: z is the depth plus c0/k of its rate."""
-    response = run(case(ADJUSTER, **SEATED))
+def test_refill_lag(record, case):
+    """In extension the oil lags by c0/k times the rate: z is the depth plus that lag."""
+    response = run(case(ADJUSTER, **SEAT_CHANGES))
     depth = response["top.uy"].displacement - response["bottom.uy"].displacement
     rate = response["top.uy"].velocity - response["bottom.uy"].velocity
     z = response.channels["contacts.play.leak_down"]
     drawn = (rate < -1e-4) & (depth < z) & (response.angle > math.radians(150.0))
-    drawn &= np.concatenate([np.zeros(12, bool), drawn[:-12]])  # twelve steps in a row: the start has died out
+    drawn &= np.concatenate([np.zeros(12, bool), drawn[:-12]])  # twelve steps in a row: the transient has decayed
     assert drawn.sum() > 20
     lag = depth[drawn] - z[drawn]
     worst = np.abs(lag - REFILL / OIL * rate[drawn]).max()
@@ -236,20 +237,20 @@ def test_refill_is_fast(record, case):
            reason="quasi-steady: the rate changes within c0/k = 25 us, the rods ring")  # fmt: skip
 
 
-def test_a_run_goes_on_from_a_result(case, tmp_path):
-    """Most of the lift, and the rest of it from that result: as in one go, with the leak-down."""
-    whole = run(case(ADJUSTER, **(SEATED | {"revolutions": 0.5})))
-    first = prepare(case(ADJUSTER, **(SEATED | {"revolutions": 0.3})))
+def test_restart_continues_leak_down(case, tmp_path):
+    """A run over most of the lift and its continuation from the result equal a single run, with the leak-down."""
+    single_run = run(case(ADJUSTER, **(SEAT_CHANGES | {"revolutions": 0.5})))
+    first = prepare(case(ADJUSTER, **(SEAT_CHANGES | {"revolutions": 0.3})))
     solve(first.problem, first.scheme, save=first.save, sinks=[open_result_file(first, tmp_path)])
-    path = case(ADJUSTER, **(SEATED | {"revolutions": 0.2})).path
+    path = case(ADJUSTER, **(SEAT_CHANGES | {"revolutions": 0.2})).path
     text = path.read_text(encoding="utf-8").replace('start = "equilibrium"', 'start = { result = "play.vtkhdf" }')
     path.write_text(text, encoding="utf-8")
     second = run(read_case(path))
-    at = len(whole.time) - len(second.time)
-    assert second.angle[0] == pytest.approx(whole.angle[at], abs=1e-9)
+    at = len(single_run.time) - len(second.time)
+    assert second.angle[0] == pytest.approx(single_run.angle[at], abs=1e-9)
     for name in ("contacts.play.leak_down", "contacts.play.force", "contacts.seat.force"):
-        most = np.abs(whole.channels[name]).max()
-        np.testing.assert_allclose(second.channels[name], whole.channels[name][at:], atol=1e-6 * most)
+        most = np.abs(single_run.channels[name]).max()
+        np.testing.assert_allclose(second.channels[name], single_run.channels[name][at:], atol=1e-6 * most)
     assert second.channels["contacts.play.leak_down"][0] > 1e-5
 
 
@@ -257,8 +258,8 @@ ENGINE = """contacts.lash={ at = "rocker", model = "lash-adjuster", stiffness = 
 refill = "500 N s/m", plunger_force = "20 N" }"""
 
 
-def test_at_a_rocker(record):
-    """The pushrod engine with an adjuster in the place of its play: the same law there, and it closes its valve."""
+def test_adjuster_at_rocker(record):
+    """The pushrod engine with an adjuster in place of the lash has the same law, and the adjuster closes the valve."""
     probes = "output.probes=['valve', 'pushrod-top']"
     run_ = (
         "run.crank_speed=2000 rpm",
@@ -270,7 +271,7 @@ def test_at_a_rocker(record):
     response = run(case)
     channels = response.channels
     depth = 1.6 * response["pushrod-top.uy"].displacement - response["valve"].displacement
-    exact = leaked(response.time, depth)
+    exact = integrate_leak_down(response.time, depth)
     z = channels["contacts.lash.leak_down"]
     record(source=SOURCE, case="pushrod engine with an adjuster", quantity="largest error of the leak-down", unit="m",
            reference=0.0, computed=np.abs(z - exact).max(), tolerance=1e-2 * np.abs(exact).max(), absolute=True,
@@ -281,7 +282,7 @@ def test_at_a_rocker(record):
 
 
 @pytest.mark.parametrize(("play", "gap"), [(LASH, 0.5e-3), (ADJUSTER, 0.0)])
-def test_rigid_model_behind_a_play_between_nodes(case, play, gap):
+def test_rigid_model_with_lash_between_nodes(case, play, gap):
     made = case(play, contacts=SEAT, installed=", installed_force = 100", revolutions=0.3, steps=720)
     response = run(made, rigid=True)
     lift = build_model(made).cams["intake"].event(response.angle, 0)
@@ -290,7 +291,7 @@ def test_rigid_model_behind_a_play_between_nodes(case, play, gap):
     np.testing.assert_allclose(behind, 100.0 + 30e3 * (lift[lift > 1.5e-3] - gap), rtol=0.02)
 
 
-def test_rigid_force_with_a_play_at_the_rocker():
+def test_rigid_force_with_lash_at_rocker():
     gap = "contacts.lash={ at = 'rocker', model = 'lash', gap = '1 mm', stiffness = '20 MN/m' }"
     case = read_case("cases/pushrod-engine/intake.toml", [gap, "run.crank_speed=20 rpm", "run.revolutions=0.5",
                                                           "run.steps_per_revolution=360"])  # fmt: skip
@@ -305,28 +306,28 @@ def test_rigid_force_with_a_play_at_the_rocker():
 SEAT = 'seat = { at = "end", direction = "uy", model = "seat", stiffness = "60 MN/m" }'
 NO_GAP = LASH.replace("0.5 mm", "0 mm")
 FINGER, PUSHRODS = "cases/direct-acting/finger.toml", "cases/pushrod-engine/intake.toml"
-SHUT = {
+CLOSED_VALVE = {
     "adjuster under a finger": (FINGER, [], 40.0 * 35.0 / 20.0 * math.cos(math.radians(7.5))),
     "adjuster at a rocker": (PUSHRODS, [ENGINE.replace("400 kN", "4 kN")], 10.0 + 1.6 * PLUNGER),
     "lash at a rocker": (PUSHRODS, [], 10.0),
 }
 
 
-def on_base(made, *, rigid):
-    """Return the force of a cam that does not turn out of its base circle, 12 ms after the start."""
+def base_circle_force(made, *, rigid):
+    """Return the cam force 12 ms after the start, with the cam on its base circle."""
     slow = "run.crank_speed=100 rpm", "run.revolutions=0.01", "run.steps_per_revolution=36000"
     response = run(read_case(made.path, [*made.overrides, *slow]), rigid=rigid)
     assert float(build_model(made).cams["intake"].event(response.angle, 0).max()) == 0.0
     return float(response.channels["contacts.intake.force"][-1])
 
 
-@pytest.mark.parametrize("name", SHUT)
-def test_a_seat_bears_the_spring_on_the_base_circle(record, name):
-    """The cam feels what stands before the play, and the adjuster's plunger: rigid and flexible alike."""
-    path, more, expected = SHUT[name]
+@pytest.mark.parametrize("name", CLOSED_VALVE)
+def test_cam_force_of_closed_valve_on_base_circle(record, name):
+    """The cam force is that of the parts in front of the lash and of the plunger, in the rigid and flexible models."""
+    path, more, expected = CLOSED_VALVE[name]
     made = read_case(path, more)
     for kind in ("rigid", "flexible"):
-        found = on_base(made, rigid=kind == "rigid")
+        found = base_circle_force(made, rigid=kind == "rigid")
         record(source=SOURCE, case=f"{name}, {kind}", quantity="force of the cam while the valve is shut", unit="N",
                reference=expected, computed=found, tolerance=1e-9 if kind == "rigid" else 5e-3,
                reason="balance; flexible: what levers and springs have given way")  # fmt: skip
@@ -334,8 +335,8 @@ def test_a_seat_bears_the_spring_on_the_base_circle(record, name):
 
 @pytest.mark.parametrize(("play", "push"), [(LASH, 0.0), (NO_GAP, 0.0), (ADJUSTER, PLUNGER)])
 @pytest.mark.parametrize("seat", [SEAT, ""], ids=["seat", "no seat"])
-def test_who_bears_the_spring_of_a_rigid_train(case, play, push, seat):
-    """Behind a play the seat; without one the cam: the spring closes the play."""
+def test_rigid_cam_force_with_and_without_seat(case, play, push, seat):
+    """With a seat, the seat carries the spring behind a lash; without one the cam does: the spring closes the lash."""
     made = case(play, contacts=seat, installed=", installed_force = 100", revolutions=0.3, steps=720)
     response = run(made, rigid=True)
     lift = build_model(made).cams["intake"].event(response.angle, 0)
@@ -347,31 +348,31 @@ def test_who_bears_the_spring_of_a_rigid_train(case, play, push, seat):
     np.testing.assert_allclose(force[on], 100.0 + 30e3 * (lift[on] - gap), rtol=0.02)
 
 
-def test_a_stop_that_blocks_the_lift_is_refused(case):
-    """Between a cam and a stop above the closed valve, nothing rigid gives way."""
+def test_stop_that_blocks_lift_raises_error(case):
+    """Between a cam and a stop above the closed valve, no rigid part can yield."""
     made = case(NO_GAP, contacts=SEAT.replace('"uy"', '"-uy"'), installed=", installed_force = 100", steps=720)
     with pytest.raises(InputError, match=r"contacts\.intake.*no position of the rigid train"):
         run(made, rigid=True)
 
 
 @pytest.mark.parametrize("rigid", [False, True], ids=["stiff", "rigid"])
-def test_an_adjuster_lifts_what_its_seat_hardly_holds(case, rigid):
-    """A plunger of 20 N that a spring of 15 N faces pumps up, by 5 N over 30 kN/m, and the valve stays open by that."""
+def test_adjuster_pump_up_opens_valve(case, rigid):
+    """A plunger of 20 N against a spring of 15 N pumps up by 5 N over 30 kN/m and keeps the valve open by that."""
     made = case(ADJUSTER, contacts=SEAT, installed=", installed_force = 15", speed=600.0, revolutions=0.3)
     response = run(made, rigid=rigid)
     lift = build_model(made).cams["intake"].event(response.angle, 0)
-    # A stiff train leaks by 60 N over 400 kN s/m in the 20 ms of its lift, 3 um, and gives 3 um in its oil.
+    # A stiff train leaks by 60 N over 400 kN s/m in the 20 ms of its lift, 3 um, and the oil deforms by 3 um.
     np.testing.assert_allclose(response["end.uy"].displacement, lift + 5.0 / 30e3, atol=1e-12 if rigid else 8e-6)
     force = response.channels["contacts.intake.force"]
     np.testing.assert_allclose(force[lift == 0.0], 20.0, rtol=1e-9 if rigid else 1e-3)
 
 
 NODE = 'valve = ["170 mm", "274 mm", "0 mm"]\n\n[materials.steel]'
-"""A node in place of the rocker's point, where no member ends: the same unknown."""
+"""A node in place of the rocker point, without a member: the same unknown."""
 
 
-def from_the_rockers_point(path, tmp_path):
-    """Return the text of a case whose lash leads from the rocker's point, `tip`, to a node, the valve."""
+def write_case_with_lash_at_tip(path, tmp_path):
+    """Write a case with the lash from the rocker point, `tip`, to a node, the valve, and return its path."""
     text = Path(path).read_text(encoding="utf-8")
     changes = {
         "\n[materials.steel]": NODE, 'to = "valve"': 'to = "tip"', "[supports]": '[supports]\nvalve = ["ux", "uz"]',
@@ -390,9 +391,9 @@ def from_the_rockers_point(path, tmp_path):
 @pytest.mark.parametrize(
     "path", mostly_slow([PUSHRODS, "cases/pushrod-engine/lever.toml"], 2), ids=["lumped rocker", "lever"]
 )
-def test_a_lash_from_a_rockers_point_equals_one_at_the_rocker(record, tmp_path, path, model):
+def test_lash_from_rocker_tip_matches_lash_at_rocker(record, tmp_path, path, model):
     words = "run.revolutions=0.5", "run.steps_per_revolution=3600", f"fidelity.model={model}"
-    usual, other = (read_case(one, words) for one in (path, from_the_rockers_point(path, tmp_path)))
+    usual, other = (read_case(one, words) for one in (path, write_case_with_lash_at_tip(path, tmp_path)))
     first, second = run(usual), run(other)
     lashes = [largest_lashes(build_model(one))["intake"] for one in (usual, other)]
     assert lashes[0] == pytest.approx(lashes[1], rel=1e-12)

@@ -1,9 +1,9 @@
 """Rockers as levers and finger followers, against the kinematics of two arms and virtual work.
 
-A lever turns by phi: its ends move by a1 (sin(b1 + phi) - sin b1) and a2 (sin(b2 + phi) - sin b2). With T the torque
-that valve, spring and the lever's own inertia take about its axis, the pushing end feels T/(a1 cos(b1 + phi)). The
-finger follower has the lift of its cam along the path a1 phi of the contact. R. L. Norton, Cam Design and Manufacturing
-Handbook, 2nd ed. (2009), ch. 8 and 17 (lever ratios, equivalent systems).
+A lever turns by phi: its ends move by a1 (sin(b1 + phi) - sin b1) and a2 (sin(b2 + phi) - sin b2). With T the torque of
+valve, spring and lever inertia about its axis, the force on the driven end is T/(a1 cos(b1 + phi)). The lift of a
+finger follower is along the path a1 phi of the contact. R. L. Norton, Cam Design and Manufacturing Handbook, 2nd ed.
+(2009), ch. 8 and 17 (lever ratios, equivalent systems).
 """
 
 from __future__ import annotations
@@ -78,8 +78,8 @@ SPRING, INSTALLED = 40e3, 400.0
 
 
 @pytest.fixture
-def pushed(tmp_path):
-    """Return the case of a train with a pushrod."""
+def pushrod_case(tmp_path):
+    """Return a function that builds the case of a train with a pushrod."""
 
     def make(rocker, *, cam="", lines="", speed=600.0, tappet=0.06):
         text = CASE.format(
@@ -94,8 +94,8 @@ def pushed(tmp_path):
 
 
 @pytest.fixture
-def fingered(tmp_path):
-    """Return the case of a finger follower."""
+def finger_case(tmp_path):
+    """Return a function that builds the case of a finger follower."""
 
     def make(angles=(0.0, 0.0), *, way="uy", cam="", lines="", speed=600.0):
         text = CASE.format(
@@ -110,8 +110,8 @@ def fingered(tmp_path):
     return make
 
 
-class Turning:
-    """A rigid lever by its own small model: angle, rates and torque over a lift, all from closed forms."""
+class RigidLever:
+    """Closed forms of a rigid lever over a lift: angle, rates, torque and force."""
 
     def __init__(self, case, angle, angles, *, finger):
         event = build_model(case).cams["intake"].event
@@ -136,8 +136,8 @@ class Turning:
             self.force = torque / (a1 * c) + (TAPPET + ROD_MASS) * a
 
 
-def compared(record, response, exact, case, force, motion, reason):
-    """Record the largest errors of valve lift and contact force."""
+def record_errors(record, response, exact, case, force, motion, reason):
+    """Record the maximum errors of valve lift and contact force."""
     lift, found = response["valve"].displacement, response.channels["contacts.intake.force"]
     record(source=SOURCE, case=case, quantity="largest error of the valve's lift", unit="m", reference=0.0,
            computed=np.abs(lift - exact.valve).max(), tolerance=motion, absolute=True, reason=reason)  # fmt: skip
@@ -151,31 +151,31 @@ ANGLES = [(0.0, 0.0), (-0.2, 0.15), (-0.13, -0.3)]
 
 @pytest.mark.parametrize("angles", ANGLES)
 @pytest.mark.parametrize("speed", [60.0, 1200.0])
-def test_rigid_lever(record, pushed, angles, speed):
-    case = pushed(LEVER.format(list(angles)), speed=speed)
+def test_rigid_lever_matches_closed_form(record, pushrod_case, angles, speed):
+    case = pushrod_case(LEVER.format(list(angles)), speed=speed)
     response = run(case, rigid=True)
-    exact = Turning(case, response.angle, angles, finger=False)
-    compared(record, response, exact, f"rigid lever {angles}, {speed:g} rpm", 1e-12, 1e-15, "rounding")
+    exact = RigidLever(case, response.angle, angles, finger=False)
+    record_errors(record, response, exact, f"rigid lever {angles}, {speed:g} rpm", 1e-12, 1e-15, "rounding")
     np.testing.assert_allclose(response["valve"].velocity, exact.velocity, atol=1e-11)
     most = np.abs(exact.acceleration).max()
     np.testing.assert_allclose(response["valve"].acceleration, exact.acceleration, atol=1e-10 * most)
 
 
 @pytest.mark.parametrize("angles", ANGLES)
-def test_stiff_lever(record, pushed, angles):
-    """The flexible train with stiff parts goes the same way."""
-    case = pushed(LEVER.format(list(angles)), lines='damping = { beta = "1e-7 s" }')
+def test_stiff_lever_matches_rigid_lever(record, pushrod_case, angles):
+    """The flexible train with stiff parts approximates the motion of the rigid lever."""
+    case = pushrod_case(LEVER.format(list(angles)), lines='damping = { beta = "1e-7 s" }')
     response = run(case)
-    exact = Turning(case, response.angle, angles, finger=False)
-    # Springs of 500 MN/m give 3 um under 1 kN, at three places and times the ratio.
-    compared(record, response, exact, f"stiff lever {angles}", 5e-3, 2e-5, "contact and arms give 2 to 4 um each")
+    exact = RigidLever(case, response.angle, angles, finger=False)
+    # Springs of 500 MN/m deform by 3 um under 1 kN, at three places and times the ratio.
+    record_errors(record, response, exact, f"stiff lever {angles}", 5e-3, 2e-5, "contact and arms give 2 to 4 um each")
 
 
-def test_lumped_and_lever_agree(record, pushed):
-    """Square arms turn by so little at a small lift that a lever is the lumped rocker; installed alike."""
+def test_lumped_and_lever_agree(record, pushrod_case):
+    """At a small lift the rotation of square arms is so small that a lever equals the lumped rocker."""
     responses = []
     for rocker in (LUMPED, LEVER.format([0.0, 0.0])):
-        case = pushed(rocker, lines='damping = { beta = "1e-7 s" }')
+        case = pushrod_case(rocker, lines='damping = { beta = "1e-7 s" }')
         responses.append(run(read_case(case.path, ["cams.intake.lift=0.4 mm", "run.speed=600 rpm"])))
     lumped, lever = responses
     record(source=SOURCE, case="lift of 0.4 mm", quantity="valve of the lever against that of the lumped rocker",
@@ -187,9 +187,9 @@ def test_lumped_and_lever_agree(record, pushed):
            reason="phi^2/2 = 9e-5 of it, and what the arms give")  # fmt: skip
 
 
-def test_the_same_arms_make_a_variable_ratio(pushed):
-    """Equal angles and arms square to nothing: sin(b + phi) - sin b in the same proportion at both ends."""
-    case = pushed(LEVER.format([-0.2, -0.2]))
+def test_equal_arm_angles_give_constant_ratio(pushrod_case):
+    """With equal angles sin(b + phi) - sin b has the same proportion at both ends."""
+    case = pushrod_case(LEVER.format([-0.2, -0.2]))
     response = run(case, rigid=True)
     lift = response["top.uy"].displacement
     np.testing.assert_allclose(response["valve"].displacement, 1.5 * lift, atol=1e-15)
@@ -200,35 +200,37 @@ FINGER_ANGLES = [(0.0, 0.0), (0.1, -0.15)]
 
 @pytest.mark.parametrize("angles", FINGER_ANGLES)
 @pytest.mark.parametrize("speed", [60.0, 1200.0])
-def test_rigid_finger(record, fingered, angles, speed):
-    """The lift is along the arc of the pad, whatever the angle of its arm."""
-    case = fingered(angles, speed=speed)
+def test_rigid_finger_matches_closed_form(record, finger_case, angles, speed):
+    """The lift is along the arc of the pad, independent of the angle of the arm."""
+    case = finger_case(angles, speed=speed)
     response = run(case, rigid=True)
-    exact = Turning(case, response.angle, angles, finger=True)
-    compared(record, response, exact, f"rigid finger {angles}, {speed:g} rpm", 1e-12, 1e-15, "rounding")
+    exact = RigidLever(case, response.angle, angles, finger=True)
+    record_errors(record, response, exact, f"rigid finger {angles}, {speed:g} rpm", 1e-12, 1e-15, "rounding")
     np.testing.assert_allclose(response["pad"].displacement, ARMS[0] * exact.turn, atol=1e-15)
 
 
 @pytest.mark.parametrize("angles", FINGER_ANGLES)
 @pytest.mark.parametrize("way", ["uy", "-uy"])
-def test_stiff_finger(record, fingered, angles, way):
-    case = fingered(angles, way=way, lines='damping = { beta = "1e-7 s" }')
+def test_stiff_finger_matches_rigid_finger(record, finger_case, angles, way):
+    case = finger_case(angles, way=way, lines='damping = { beta = "1e-7 s" }')
     response = run(case)
-    exact = Turning(case, response.angle, angles, finger=True)
-    compared(record, response, exact, f"stiff finger {angles}, {way}", 5e-3, 2e-5, "contact and arm give 2 to 4 um")
+    exact = RigidLever(case, response.angle, angles, finger=True)
+    record_errors(
+        record, response, exact, f"stiff finger {angles}, {way}", 5e-3, 2e-5, "contact and arm give 2 to 4 um"
+    )
 
 
-SWING = """base_radius = "20 mm"
+SWINGING_ROLLER = """base_radius = "20 mm"
 width = "12 mm"
 follower = { type = "swing", arm = "30 mm", distance = "45 mm", radius = "9 mm" }"""
 
 
-def test_swinging_roller_of_a_finger(record, fingered):
-    """A roller on the finger: the lift is that of its centre along the arc, the cam's torque F s' by virtual work."""
-    case = fingered((0.1, -0.15), cam=SWING, lines='damping = { beta = "1e-7 s" }')
+def test_finger_with_swinging_roller(record, finger_case):
+    """With a roller the lift is that of its centre along the arc, and the cam torque is F s' by virtual work."""
+    case = finger_case((0.1, -0.15), cam=SWINGING_ROLLER, lines='damping = { beta = "1e-7 s" }')
     response = run(case)
-    exact = Turning(case, response.angle, (0.1, -0.15), finger=True)
-    compared(record, response, exact, "swinging roller", 5e-3, 2e-5, "contact and arm give 2 to 4 um")
+    exact = RigidLever(case, response.angle, (0.1, -0.15), finger=True)
+    record_errors(record, response, exact, "swinging roller", 5e-3, 2e-5, "contact and arm give 2 to 4 um")
     slope = build_model(case).cams["intake"].event(response.angle, 1)
     np.testing.assert_allclose(
         response.channels["contacts.intake.torque"], response.channels["contacts.intake.force"] * slope, atol=1e-9
@@ -236,9 +238,9 @@ def test_swinging_roller_of_a_finger(record, fingered):
 
 
 @pytest.mark.parametrize("angles", ANGLES[1:])
-def test_energy_closes(record, pushed, fingered, angles):
-    """Without dissipation, 1800 steps per revolution."""
-    for case in (pushed(LEVER.format(list(angles))), fingered(angles)):
+def test_energy_conservation_without_damping(record, pushrod_case, finger_case, angles):
+    """The runs have no dissipation and 1800 steps per revolution."""
+    for case in (pushrod_case(LEVER.format(list(angles))), finger_case(angles)):
         channels = run(case).channels
         most = np.abs(channels["energy.work"]).max()
         for part in ("residual", "dissipated", "numerical"):
@@ -247,10 +249,10 @@ def test_energy_closes(record, pushed, fingered, angles):
                    absolute=True, reason="curvature of the force within a step")  # fmt: skip
 
 
-def test_damping_of_the_arms(record, pushed):
-    """What dampers in the arms take is counted: work less what is held."""
+def test_damping_of_arms_is_in_energy_balance(record, pushrod_case):
+    """The dissipated energy includes the dampers of the arms: work less stored energy."""
     rocker = LEVER.format([-0.2, 0.15]) + '\ndamping = "2 kN s/m"\ndrive_damping = "1 kN s/m"'
-    channels = run(pushed(rocker, speed=1200.0)).channels
+    channels = run(pushrod_case(rocker, speed=1200.0)).channels
     most = np.abs(channels["energy.work"]).max()
     assert channels["energy.dissipated"][-1] > 1e-9 * most
     assert (np.diff(channels["energy.dissipated"]) > -1e-9 * most).all()
@@ -259,15 +261,15 @@ def test_damping_of_the_arms(record, pushed):
            reason="curvature of the force within a step")  # fmt: skip
 
 
-def test_a_profile_for_another_arm_is_refused(fingered):
+def test_profile_for_another_arm_raises_error(finger_case):
     with pytest.raises(InputError, match="that of the rocker"):
-        run(fingered((0.1, -0.15), cam=SWING.replace('arm = "30 mm"', 'arm = "28 mm"')))
+        run(finger_case((0.1, -0.15), cam=SWINGING_ROLLER.replace('arm = "30 mm"', 'arm = "28 mm"')))
 
 
 @pytest.mark.parametrize(("angle", "folds"), [(1.2, True), (-1.2, False)])
-def test_a_lever_that_folds_over_is_named(fingered, angle, folds):
-    """A valve force F on an arm at angle b takes F a sin b from the stiffness of the turn, or adds it."""
-    case = fingered((0.0, angle))
+def test_error_names_unstable_lever(finger_case, angle, folds):
+    """A valve force F on an arm at angle b reduces the rotational stiffness by F a sin b, or increases it."""
+    case = finger_case((0.0, angle))
     force, spring, contact = 4e3, 40e3, 5e3
     turning = spring * (ARMS[1] * math.cos(angle)) ** 2 + contact * ARMS[0] ** 2 - force * ARMS[1] * math.sin(angle)
     assert (turning < 0.0) == folds
@@ -282,9 +284,9 @@ def test_a_lever_that_folds_over_is_named(fingered, angle, folds):
     assert told.text.startswith("the stiffness is not positive: the force in rockers.rocker.to pushes valve, pad")
 
 
-def test_modes_name_what_gives_way(fingered):
-    """Of all that is closed, what takes stiffness is named, and not what adds some."""
-    case = fingered()
+def test_error_of_modes_names_destabilizing_force(finger_case):
+    """The message names the closed force that reduces the stiffness, not one that increases it."""
+    case = finger_case()
     structure = build_structure(build_model(case))
     turn = structure.row("pad", np.zeros(6))
     held = [(name, Triplets.outer(turn, turn, size)) for name, size in (("seat", 1e5), ("arm", -1e9), ("tip", -1e7))]

@@ -4,10 +4,10 @@
   and on the follower. A roller rolls on the cam.
 - Film thickness: the formulas were fitted to solutions of Reynolds' equation with elastic surfaces (D. Dowson and G. R.
   Higginson, Elasto-Hydrodynamic Lubrication, 1966). `solve_film` solves the same equations by finite differences:
-  Newtonian oil with Barus' viscosity, without compressibility, pressures never negative.
+  Newtonian oil with Barus' viscosity, incompressible, without negative pressures.
 - Flash temperature: J. C. Jaeger's moving source of heat on a half space (J. Proc. R. Soc. N.S.W. 76, 1942, p. 203)
   with Hertz's distribution, integrated numerically.
-- Wear: Hertz's pressure times the sliding velocity, summed at a point of the cam while the contact passes it.
+- Wear: Hertz's pressure times the sliding velocity, integrated at a point of the cam during the passage of the contact.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from flexcam.valvetrain.lubrication import (
 
 SOURCE = "Film and wear of a cam contact"
 EVENT = HarmonicLift(0.003, (-0.0015, 0.0004, -0.0001), (0.0010, -0.0003, 0.0002))
-"""Lift without symmetry, so that a wrong sense of rotation shows."""
+"""Asymmetric lift, so that a wrong sense of rotation changes the result."""
 
 ANGLES = np.linspace(0.0, 2.0 * math.pi, 90, endpoint=False)
 STEP = 1e-4
@@ -55,7 +55,7 @@ FOLLOWERS = {
 
 
 def follower_velocity(follower, made, at, point):
-    """Return the velocity of the follower's material at its contact, m/rad, complex."""
+    """Return the velocity of the follower material at the contact, m/rad, complex."""
     lifted = (at(STEP).lift - at(-STEP).lift) / (2.0 * STEP)
     if isinstance(follower, FlatFollower):
         return 1j * lifted
@@ -64,7 +64,7 @@ def follower_velocity(follower, made, at, point):
 
 @pytest.mark.parametrize("turn", [1, -1])
 @pytest.mark.parametrize("name", FOLLOWERS)
-def test_velocities_of_both_surfaces(record, name, turn):
+def test_surface_velocities(record, name, turn):
     follower = FOLLOWERS[name]
 
     def at(step):
@@ -92,8 +92,8 @@ def test_velocities_of_both_surfaces(record, name, turn):
                tolerance=1e-6, absolute=True, reason="central differences of 1e-4 rad")  # fmt: skip
 
 
-def test_entrainment_of_a_flat_face_turns_around_on_both_sides_of_the_nose():
-    """The magnitude (r0 + s + 2 s'')/2, against the rotation on the base circle."""
+def test_entrainment_velocity_of_flat_face():
+    """The magnitude is (r0 + s + 2 s'')/2, against the rotation on the base circle."""
     made = profile_at(EVENT, FlatFollower(0.018), ANGLES, 1)
     expected = -0.5 * (0.018 + EVENT(ANGLES) + 2.0 * EVENT(ANGLES, 2))
     np.testing.assert_allclose(entrainment_velocity(made), expected, rtol=1e-12)
@@ -149,7 +149,7 @@ def solve_film(U, G, W, count=300, left=-4.0, right=1.5):
         (1e-11, 5000.0, 2e-5, 0.03),
     ],
 )  # fmt: skip
-def test_film_thickness(record, U, G, W, tolerance):
+def test_film_thickness_matches_reynolds_solution(record, U, G, W, tolerance):
     """The arguments of the formulas are those of a contact of 10 mm relative radius."""
     radius = np.array([0.010])
     film = Film(MODULUS, 0.01, G / MODULUS)
@@ -161,8 +161,8 @@ def test_film_thickness(record, U, G, W, tolerance):
                reason="the formulas are powers fitted to such solutions")  # fmt: skip
 
 
-def test_reduced_modulus_is_that_of_hertz(record):
-    """Half width and pressure of the film's E' give the load: p_max pi b/2 = p, with p_max of `HertzLine`."""
+def test_reduced_modulus_matches_hertz_contact(record):
+    """Half width and pressure with the E' of the film give the load: p_max pi b/2 = p, with p_max of `HertzLine`."""
     from flexcam.dynamics import constant
     from flexcam.valvetrain.cam_contact import HertzLine
 
@@ -172,8 +172,8 @@ def test_reduced_modulus_is_that_of_hertz(record):
            computed=float(found[0]), tolerance=1e-12, reason="closed form")  # fmt: skip
 
 
-def jaeger(peclet):
-    """Return the largest temperature under a moving source of Hertz's distribution, in units of Blok's formula."""
+def jaeger_temperature(peclet):
+    """Return the maximum temperature under a moving source of Hertz's distribution, in units of Blok's formula."""
 
     def temperature(x):
         def heat(t):
@@ -192,21 +192,21 @@ def jaeger(peclet):
 
 
 @pytest.mark.parametrize(("peclet", "tolerance"), [(1.0, 0.07), (10.0, 0.003), (100.0, 0.001)])
-def test_flash_temperature(record, peclet, tolerance):
-    """One surface moves, the other stands still: all heat goes into the first."""
+def test_flash_temperature_matches_jaeger(record, peclet, tolerance):
+    """One surface moves, the other is at rest: all heat flows into the first."""
     conductivity, density, heat, b = 46.0, 7800.0, 470.0, 1e-4
     velocity = 2.0 * peclet * conductivity / (density * heat) / b
     effusivity, power = math.sqrt(conductivity * density * heat), 5e4
     arguments = (np.array([one]) for one in (power, b))
     found = flash_temperature(*arguments, effusivity, np.array([velocity]), np.array([0.0]))
-    reference = jaeger(peclet) * power / (effusivity * math.sqrt(b * velocity))
+    reference = jaeger_temperature(peclet) * power / (effusivity * math.sqrt(b * velocity))
     record(source=SOURCE, case=f"Jaeger's moving source, Peclet number {peclet:g}", quantity="flash temperature",
            unit="K", reference=reference, computed=float(found[0]), tolerance=tolerance,
            reason="conduction along the motion, which the formula neglects")  # fmt: skip
 
 
-def test_wear_depth(record):
-    """A point of the cam under a flat face at 100 rad/s; load and radius hardly change during the passage."""
+def test_wear_depth_matches_archard(record):
+    """A point of the cam passes a flat face at 100 rad/s; load and radius are nearly constant during the passage."""
     speed, load, coefficient, at = 100.0, 5e4, 1e-18, 2.0
     angles = np.linspace(at - 0.03, at + 0.03, 20_001)
     made = profile_at(EVENT, FlatFollower(0.018), angles, 1)

@@ -1,10 +1,10 @@
-"""Spectral radius, period error and damping of the schemes: from their amplification matrices and from runs.
+"""Spectral radius, period error and damping of the schemes, from amplification matrices and from runs.
 
 N. M. Newmark (1959); H. M. Hilber, T. J. R. Hughes, R. L. Taylor (1977); J. Chung, G. M. Hulbert (1993); T. J. R.
-Hughes, The Finite Element Method (1987), ch. 9. The amplification matrix is built here from the balance
-(1-am) a1 + am a0 + w^2 ((1-af) d1 + af d0) = 0 and Newmark's two formulas, not taken from the code. Closed forms:
-average acceleration T'/T = (x/2)/atan(x/2), x = w dt; linear acceleration stable up to x = 2 sqrt 3; radius at
-infinity (1+alpha)/(1-alpha) of HHT and rho_inf of generalized-alpha.
+Hughes, The Finite Element Method (1987), ch. 9. The amplification matrix is built here from the balance (1-am) a1 + am
+a0 + w^2 ((1-af) d1 + af d0) = 0 and Newmark's two formulas, not taken from the code. Closed forms: average acceleration
+T'/T = (x/2)/atan(x/2), x = w dt; linear acceleration stable up to x = 2 sqrt 3; radius at infinity (1+alpha)/(1-alpha)
+of HHT and rho_inf of generalized-alpha.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import pytest
 from flexcam.dynamics import ConstantSpeed, Problem, State, generalized_alpha, hht, newmark, solve
 
 SOURCE = "Newmark family, amplification matrix"
-TENTH = 2 * math.pi / 10
+TENTH_OF_PERIOD = 2 * math.pi / 10
 SCHEMES = {
     "Newmark 1/4, 1/2": newmark(),
     "Newmark 0.3025, 0.6": newmark(beta=0.3025, gamma=0.6),
@@ -25,7 +25,7 @@ SCHEMES = {
     "generalized-alpha 0.8": generalized_alpha(rho_inf=0.8),
     "linear acceleration": newmark(beta=1 / 6),
 }
-PARAMETERS = {  # beta, gamma, alpha_m, alpha_f from the papers' formulas
+PARAMETERS = {  # beta, gamma, alpha_m, alpha_f from the formulas of the papers
     "Newmark 1/4, 1/2": (0.25, 0.5, 0.0, 0.0),
     "Newmark 0.3025, 0.6": (0.3025, 0.6, 0.0, 0.0),
     "HHT -0.1": (1.1**2 / 4, 0.6, 0.0, 0.1),
@@ -48,16 +48,16 @@ AT_INFINITY = {
 }
 
 
-def amplification(name, x):
-    """Of (d, dt v, dt^2 a), from two 3 x 3 systems."""
+def amplification_matrix(name, x):
+    """Return the amplification matrix of (d, dt v, dt^2 a), from two 3 x 3 systems."""
     beta, gamma, am, af = PARAMETERS[name]
     new = np.array([[1, 0, -beta], [0, 1, -gamma], [(1 - af) * x**2, 0, 1 - am]])
     old = np.array([[1, 1, 0.5 - beta], [0, 1, 1 - gamma], [-af * x**2, 0, -am]])
     return np.linalg.solve(new, old)
 
 
-def principal(matrix):
-    """Frequency times step and damping ratio of the oscillating pair: Hughes (1987), eqs. 9.1.29-9.1.30."""
+def frequency_and_damping(matrix):
+    """Return frequency times step and damping ratio of the oscillating pair: Hughes (1987), eqs. 9.1.29-9.1.30."""
     values = np.linalg.eigvals(matrix)
     pair = values[np.argmax(values.imag)]
     turn, decay = np.angle(pair), -np.log(np.abs(pair))
@@ -65,19 +65,19 @@ def principal(matrix):
 
 
 @pytest.mark.parametrize("name", sorted(SCHEMES))
-def test_parameters(name):
+def test_parameters_of_schemes(name):
     s = SCHEMES[name]
     np.testing.assert_allclose((s.beta, s.gamma, s.alpha_m, s.alpha_f), PARAMETERS[name], rtol=1e-14)
 
 
 @pytest.mark.parametrize("name", sorted(SCHEMES))
-@pytest.mark.parametrize("x", [0.01, TENTH, 3.0, 100.0])
-def test_amplification_of_the_scheme(name, x):
-    np.testing.assert_allclose(SCHEMES[name].amplification(x), amplification(name, x), rtol=1e-9, atol=1e-12)
+@pytest.mark.parametrize("x", [0.01, TENTH_OF_PERIOD, 3.0, 100.0])
+def test_amplification_matrix_matches_formulas(name, x):
+    np.testing.assert_allclose(SCHEMES[name].amplification(x), amplification_matrix(name, x), rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", sorted(AT_INFINITY))
-def test_radius_at_infinity(record, name):
+def test_spectral_radius_at_infinity(record, name):
     record(
         source=SOURCE, case=name, quantity="spectral radius at w dt = 1e4", unit="1", reference=AT_INFINITY[name],
         computed=SCHEMES[name].spectral_radius(1e4), tolerance=2.2e-3, absolute=True,
@@ -85,18 +85,18 @@ def test_radius_at_infinity(record, name):
     )  # fmt: skip
 
 
-SWEEP = {
+STABLE_SCHEMES = {
     **{f"generalized-alpha {r:g}": (generalized_alpha, {"rho_inf": r}) for r in (0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 1.0)},
     **{f"HHT {a:.2f}": (hht, {"alpha": a}) for a in (-1 / 3, -0.3, -0.1, -0.05, 0.0)},
     "Newmark 0.3025, 0.6": (newmark, {"beta": 0.3025, "gamma": 0.6}), "Newmark": (newmark, {}),
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", sorted(SWEEP))
+@pytest.mark.parametrize("name", sorted(STABLE_SCHEMES))
 @pytest.mark.parametrize("damping", [0.0, 0.05])
-def test_stable_at_every_step(record, name, damping):
-    """For w dt from 1e-2 to 1e4: a wrong beta of generalized-alpha reaches 11.7 here and still converges at order 2."""
-    make, given = SWEEP[name]
+def test_unconditional_stability(record, name, damping):
+    """The range is w dt from 1e-2 to 1e4; a wrong beta of generalized-alpha reaches 11.7 at unchanged order 2."""
+    make, given = STABLE_SCHEMES[name]
     scheme = make(**given)
     radii = [scheme.spectral_radius(x, damping) for x in np.geomspace(1e-2, 1e4, 241)]
     record(
@@ -112,8 +112,8 @@ def test_stable_at_every_step(record, name, damping):
     )
 
 
-def test_every_parameter_in_range_makes_a_scheme_of_order_two():
-    """Rounding of gamma + alpha_m - alpha_f = 1/2 refuses none of them."""
+def test_second_order_for_all_parameters():
+    """Rounding of gamma + alpha_m - alpha_f = 1/2 does not reject any parameter."""
     schemes = [generalized_alpha(rho_inf=r) for r in np.linspace(0, 1, 101)] + [
         hht(alpha=-a) for a in np.linspace(0, 1 / 3, 101)
     ]
@@ -121,15 +121,15 @@ def test_every_parameter_in_range_makes_a_scheme_of_order_two():
 
 
 @pytest.mark.parametrize("name", sorted(PERIODS))
-def test_period_and_damping(record, name):
-    turn, ratio = principal(SCHEMES[name].amplification(TENTH))
+def test_period_error_and_damping_ratio(record, name):
+    turn, ratio = frequency_and_damping(SCHEMES[name].amplification(TENTH_OF_PERIOD))
     record(
         source=SOURCE,
         case=f"{name}, dt/T = 0.1",
         quantity="period error",
         unit="1",
         reference=PERIODS[name],
-        computed=TENTH / turn - 1,
+        computed=TENTH_OF_PERIOD / turn - 1,
         tolerance=5.1e-7,
         absolute=True,
         reason="half a unit of the last digit",
@@ -147,15 +147,15 @@ def test_period_and_damping(record, name):
     )
 
 
-@pytest.mark.parametrize("x", [0.1, TENTH, 2.0, 10.0])
-def test_average_acceleration_is_exact_to_its_formula(record, x):
-    turn, ratio = principal(newmark().amplification(x))
+@pytest.mark.parametrize("x", [0.1, TENTH_OF_PERIOD, 2.0, 10.0])
+def test_average_acceleration_period_matches_formula(record, x):
+    turn, ratio = frequency_and_damping(newmark().amplification(x))
     record(source=SOURCE, case=f"Newmark 1/4, 1/2, w dt = {x:.4g}", quantity="T'/T", unit="1", computed=x / turn,
            reference=(x / 2) / math.atan(x / 2), tolerance=1e-12, reason="rounding")  # fmt: skip
     assert abs(ratio) < 1e-12
 
 
-def test_linear_acceleration_limit(record):
+def test_linear_acceleration_stability_limit(record):
     edge = 2 * math.sqrt(3)
     scheme = SCHEMES["linear acceleration"]
     low, high = 1.0, 10.0
@@ -166,19 +166,19 @@ def test_linear_acceleration_limit(record):
            computed=low, tolerance=1e-7, reason="bisection to 1e-9, radius leaves 1 as a square root")  # fmt: skip
 
 
-def free_run(system_of, scheme, x, steps):
-    """Free vibration of the unit oscillator, w = 1, from d = 1; every step."""
+def run_free_vibration(system_of, scheme, x, steps):
+    """Return the free vibration of the unit oscillator, w = 1, from d = 1, at every step."""
     system = system_of([[1.0]], [[0.0]], [[1.0]])
     start = State(np.ones(1), np.zeros(1))
     return solve(Problem(system, ConstantSpeed(1.0), x, steps, start), scheme)["all"]
 
 
 @pytest.mark.parametrize("name", sorted(SCHEMES))
-def test_runs_follow_the_amplification_matrix(record, system_of, name):
-    history = free_run(system_of, SCHEMES[name], TENTH, 60)
-    state = np.array([1.0, 0.0, -(TENTH**2)])
+def test_run_matches_amplification_matrix(record, system_of, name):
+    history = run_free_vibration(system_of, SCHEMES[name], TENTH_OF_PERIOD, 60)
+    state = np.array([1.0, 0.0, -(TENTH_OF_PERIOD**2)])
     for _ in range(60):
-        state = amplification(name, TENTH) @ state
+        state = amplification_matrix(name, TENTH_OF_PERIOD) @ state
     record(
         source=SOURCE,
         case=f"{name}, run of 60 steps, dt/T = 0.1",
@@ -190,13 +190,13 @@ def test_runs_follow_the_amplification_matrix(record, system_of, name):
         absolute=True,
         reason="rounding",
     )
-    assert history.acceleration[-1] * TENTH**2 == pytest.approx(state[2], abs=1e-12)
+    assert history.acceleration[-1] * TENTH_OF_PERIOD**2 == pytest.approx(state[2], abs=1e-12)
 
 
 @pytest.mark.parametrize("name", sorted(PERIODS))
-def test_period_of_a_run(record, system_of, name):
-    """Least squares of the recurrence d2 - p d1 + q d0 = 0 of the oscillating pair, after the spurious root died."""
-    d = free_run(system_of, SCHEMES[name], TENTH, 400).displacement[50:150]
+def test_period_error_of_run(record, system_of, name):
+    """The recurrence d2 - p d1 + q d0 = 0 of the oscillating pair is fitted after decay of the spurious root."""
+    d = run_free_vibration(system_of, SCHEMES[name], TENTH_OF_PERIOD, 400).displacement[50:150]
     (p, q), *_ = np.linalg.lstsq(np.column_stack([d[1:-1], -d[:-2]]), d[2:], rcond=None)
     turn = math.acos(p / (2 * math.sqrt(q)))
     record(
@@ -205,7 +205,7 @@ def test_period_of_a_run(record, system_of, name):
         quantity="period error",
         unit="1",
         reference=PERIODS[name],
-        computed=TENTH / turn - 1,
+        computed=TENTH_OF_PERIOD / turn - 1,
         tolerance=6e-7,
         absolute=True,
         reason="half a unit of the last digit",
@@ -214,13 +214,13 @@ def test_period_of_a_run(record, system_of, name):
 
 @pytest.mark.parametrize("name", ["generalized-alpha 0.8", "HHT -0.1", "Newmark 1/4, 1/2"])
 @pytest.mark.parametrize("x", [10.0, 1e3])
-def test_runs_at_large_steps_stay_bounded(system_of, name, x):
-    d = np.abs(free_run(system_of, SCHEMES[name], x, 500).displacement)
+def test_runs_with_large_steps_are_bounded(system_of, name, x):
+    d = np.abs(run_free_vibration(system_of, SCHEMES[name], x, 500).displacement)
     assert d[250:].max() <= 1.0 + 1e-9
 
 
-def test_average_acceleration_keeps_the_energy(record, system_of):
-    history = free_run(system_of, newmark(), TENTH, 1000)
+def test_average_acceleration_conserves_energy(record, system_of):
+    history = run_free_vibration(system_of, newmark(), TENTH_OF_PERIOD, 1000)
     energy = 0.5 * (history.velocity**2 + history.displacement**2)
     record(
         source=SOURCE,

@@ -1,7 +1,7 @@
-"""Oil chamber of a hydraulic adjuster: air that follows the pressure, check valve, stops, pivot of a finger.
+"""Oil chamber of a hydraulic adjuster: air under pressure, check valve, stops, pivot of a finger.
 
-The two standard tests of adjusters are cases (`cases/checks`): leak-down under a load and pump-up. Compression of
-oil with air: M. G. Rabie, Fluid Power Engineering (2009), p. 32, eqs. 2.50, 2.52 and 2.53, integrated from the supply
+The two standard tests of adjusters are cases (`cases/checks`): leak-down under a load and pump-up. Compression of oil
+with air: M. G. Rabie, Fluid Power Engineering (2009), p. 32, eqs. 2.50, 2.52 and 2.53, integrated from the supply
 pressure; flow through an orifice: p. 27, eq. 2.36; through the gap: H. E. Merritt, Hydraulic Control Systems (1967),
 sec. 2-3.
 """
@@ -29,17 +29,17 @@ LEAK = 12.0 * VISCOSITY * LAND * AREA**2 / (math.pi * DIAMETER * GAP**3)
 
 
 def tangent_modulus(pressure, supply, air):
-    """Return the modulus of the first volume, ``-dp/(dV/V0)``, Pa: of oil and of air by p V^1.4 = const."""
+    """Return the modulus, ``-dp/(dV/V0)`` with the initial volume, Pa, of oil and of air by p V^1.4 = const."""
     return 1.0 / ((1.0 - air) / BULK + air * (supply / pressure) ** (1.0 / 1.4) / (1.4 * pressure))
 
 
 def compression(force, supply, air):
-    """Return the compression of the chamber under a force of its oil, m, by quadrature of its modulus."""
+    """Return the compression of the chamber under the oil force, m, by quadrature of the modulus."""
     end = supply + force / AREA
     return HEIGHT * quad(lambda p: 1.0 / tangent_modulus(p, supply, air), supply, end, epsabs=1e-16)[0]
 
 
-def test_leak_down(record):
+def test_leak_down_case(record):
     response = run(read_case("cases/checks/leak-down.toml"))
     time, sunk = response.time, -response["plunger.uy"].displacement
     at_once, velocity = compression(192.6, 3e5, 0.06), 192.6 / LEAK
@@ -56,10 +56,10 @@ def test_leak_down(record):
     pressure = response.channels["contacts.adjuster.pressure"]
     np.testing.assert_allclose(pressure[part], 192.6 / AREA, rtol=5e-4)
     total = response.channels["contacts.adjuster.force"] + stop
-    np.testing.assert_allclose(total[-1], 222.6, rtol=1e-3)  # the bottom takes over what the oil loses
+    np.testing.assert_allclose(total[-1], 222.6, rtol=1e-3)  # the bottom stop takes over the force of the oil
 
 
-def test_pump_up(record):
+def test_pump_up_case(record):
     response = run(read_case("cases/checks/pump-up.toml"))
     time, out, velocity = response.time, response["plunger.uy"].displacement, response["plunger.uy"].velocity
     at_once = -compression(30.0 - 44.71, 3.6e5, 0.005)
@@ -77,12 +77,12 @@ def test_pump_up(record):
     assert ring[-1] == pytest.approx(14.71 + AREA * response.channels["contacts.adjuster.pressure"][-1], rel=1e-3)
     assert -0.02e6 < response.channels["contacts.adjuster.pressure"][-1] < 0.0  # the ball is back on its seat
     residual, work = (np.abs(response.channels[f"energy.{name}"]).max() for name in ("residual", "work"))
-    assert residual < 1e-4 * work  # the plunger meets its ring within a step
+    assert residual < 1e-4 * work  # the plunger reaches the ring within a step
 
 
 @pytest.mark.parametrize(("case", "sign"), [("leak-down", 1.0), ("pump-up", -1.0)])
-def test_metric_of_the_leak_down_has_its_sign(case, sign):
-    """The plunger sinks by leak-down; pumped up at every instant, its least extension is the maximum, below zero."""
+def test_sign_of_leak_down_metric(case, sign):
+    """The plunger sinks by leak-down; in pump-up the metric is the maximum, which is negative at all instants."""
     response = run(read_case(f"cases/checks/{case}.toml"))
     found = response.metrics["contacts.adjuster.leak_down.largest"]
     assert sign * found > 1e-5
@@ -90,35 +90,35 @@ def test_metric_of_the_leak_down_has_its_sign(case, sign):
 
 
 CHAMBER = (AREA, HEIGHT, BULK, 0.04, 3e5, LEAK / 50.0, 1.5, 60.0, 171.0, 40.0)
-"""A plunger with a wide gap, so that it leaks and is refilled within one lift."""
+"""Plunger with a wide gap, so that it leaks and refills within one lift."""
 
 
-def chamber_state(time, motion):
-    """Return the leak-down that a motion causes, m, by an integration of its own."""
+def integrate_leak_down(time, motion):
+    """Return the leak-down under a prescribed motion, m, by an independent integration."""
     area, _, _, air, supply, leak, cracking, refill, loss, _ = CHAMBER
 
     def rate(t, z):
         e = motion(t) - z[0]
-        force = brentq(lambda f: compression_closed(f, supply, air) - e, -0.9999 * area * supply, 1e5, xtol=1e-13)
+        force = brentq(lambda f: closed_form_compression(f, supply, air) - e, -0.9999 * area * supply, 1e5, xtol=1e-13)
         pull = -force - cracking
         return [force / leak - (np.roots([loss, refill, -pull]).max() if pull > 0.0 else 0.0)]
 
     return solve_ivp(rate, (0.0, time[-1]), [0.0], t_eval=time, method="LSODA", rtol=1e-9, atol=1e-13).y[0]
 
 
-def compression_closed(force, supply, air):
+def closed_form_compression(force, supply, air):
     ratio = 1.0 + force / (AREA * supply)
     return HEIGHT * ((1.0 - air) * (ratio - 1.0) * supply / BULK + air * (1.0 - ratio ** (-1.0 / 1.4)))
 
 
-def test_a_lift_of_the_plunger_converges_with_the_second_order(record):
-    """Pressed by 0.15 mm and drawn back within 20 ms, with refill behind: halved steps have a quarter of the error."""
+def test_second_order_convergence_of_plunger_lift(record):
+    """The plunger is pressed by 0.15 mm and retracted in 20 ms, with refill; half the step, a quarter of the error."""
 
     def motion(t):
         return 0.15e-3 * math.sin(math.pi * t / 0.02) ** 2 - 2e-3 * t
 
     errors = []
-    exact = chamber_state(np.linspace(0.0, 0.02, 101), motion)
+    exact = integrate_leak_down(np.linspace(0.0, 0.02, 101), motion)
     for steps in (400, 800, 1600):
         z, h, found = 0.0, 0.02 / steps, [0.0]
         for i in range(steps):
@@ -143,8 +143,8 @@ STAND = (
 )
 
 
-def test_an_adjuster_under_the_pivot_of_a_finger(record, tmp_path):
-    """It carries F (L/a - 1) with the force F of the valve; the valve follows the pivot by -(L/a - 1)."""
+def test_adjuster_under_finger_pivot(record, tmp_path):
+    """The adjuster carries F (L/a - 1) with the valve force F; the valve moves by -(L/a - 1) times the pivot."""
     path = tmp_path / "finger.toml"
     text = FINGER.format(held=GUIDED, springs="", contacts=STAND).replace("2e4 GPa", "200 GPa")
     path.write_text(text, encoding="utf-8")
@@ -152,11 +152,11 @@ def test_an_adjuster_under_the_pivot_of_a_finger(record, tmp_path):
     system, drive = prepare(case).problem.system, ConstantSpeed(case.speed, 1.8)
     still = equilibrium(system, drive)
     pivot, tip, pad = (float(still.displacement[system.names.index(f"{name}.uy")]) for name in ("pivot", "tip", "pad"))
-    force = 0.5 * (300.0 - 30e3 * tip)  # of the valve spring, over the lever ratio 60/40
+    force = 0.5 * (300.0 - 30e3 * tip)  # force of the valve spring, over the lever ratio 60/40
     record(source=SOURCE, case="adjuster under a pivot", quantity="sinking of the plunger", unit="m",
            reference=compression(force - 40.0, 3e5, 0.02), computed=-pivot, tolerance=1e-6,
            reason="air under 195 N; equilibrium to 1e-9 of the forces")  # fmt: skip
-    assert tip - 1.5 * pad == pytest.approx(-0.5 * pivot, abs=4e-6)  # the finger bends
+    assert tip - 1.5 * pad == pytest.approx(-0.5 * pivot, abs=4e-6)  # bending of the finger
     assert build_model(case).contacts["stand"].chamber is not None
 
 
@@ -179,7 +179,7 @@ TRAVEL = "travel = { compression = '1 mm', extension = '1 mm', stiffness = '50 M
         ('refill = "150 N s/m"', 'refill = "150 N s/m"\nstiffness = "20 MN/m"', "either oil.supply_pressure or stiff"),
     ],
 )  # fmt: skip
-def test_a_chamber_of_other_meaning_is_refused(tmp_path, old, new, words):
+def test_invalid_chamber_raises_error(tmp_path, old, new, words):
     text = Path("cases/checks/pump-up.toml").read_text(encoding="utf-8")
     inline = "\n[contacts.adjuster.oil]\n"
     assert old in text
@@ -190,7 +190,7 @@ def test_a_chamber_of_other_meaning_is_refused(tmp_path, old, new, words):
         build_model(read_case(path))
 
 
-def test_stops_at_a_rocker_are_refused():
+def test_stops_at_rocker_raise_error():
     override = (
         "contacts.lash={ at = 'rocker', model = 'lash-adjuster', stiffness = 2e7, leak = 4e5, refill = 500, "
         f"plunger_force = 20, {TRAVEL} }}"

@@ -1,4 +1,4 @@
-"""Central difference and scipy's integrators: closed forms, limits, and one against the other.
+"""Central difference and scipy's integrators against closed forms, stability limits and each other.
 
 T. J. R. Hughes, The Finite Element Method (1987), ch. 9: the central difference is stable up to w dt = 2 at any damping
 taken at the new instant, its period error at x = w dt is x / (2 asin(x/2)) - 1 without damping.
@@ -37,8 +37,8 @@ from tests.integrators import METHODS
 SOURCE = "Hughes (1987), explicit integration"
 
 
-def chain(masses, springs, dampers=(), forces=(), push=None):
-    """Masses in a row, the first spring to ground, with a load cos(theta) on the last."""
+def chain_system(masses, springs, dampers=(), forces=(), push=None):
+    """Return a chain of masses, the first spring to ground, with a load cos(theta) on the last mass."""
     n = len(masses)
     K, C = np.zeros((n, n)), np.zeros((n, n))
     for matrix, values in ((K, springs), (C, dampers)):
@@ -55,38 +55,38 @@ def chain(masses, springs, dampers=(), forces=(), push=None):
     return System(*(Triplets.from_dense(m) for m in (np.diag(masses), C, K)), names, (load,), forces, (probe,))
 
 
-def end(system, method, steps, start=None):
+def run_to_end(system, method, steps, start=None):
     response = solve(Problem(system, ConstantSpeed(3.0), 1.0 / steps, steps, start), method)
     assert response.status.ok, str(response.status)
     return response["all"]
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.1, 2.0])
-def test_limit_of_the_central_difference(record, damping):
+def test_stability_limit_of_central_difference(record, damping):
     record(source=SOURCE, case=f"central difference, damping ratio {damping:g}", quantity="stability limit w dt",
            unit="1", reference=2.0, computed=central_difference().stability_limit(damping), tolerance=1e-6,
            reason="growth counts from 1 + 1e-7; it begins as a square root without damping")  # fmt: skip
 
 
 @pytest.mark.parametrize("x", [0.1, 0.5, 1.0, 1.9])
-def test_period_of_the_central_difference(record, x):
+def test_period_error_of_central_difference(record, x):
     record(source=SOURCE, case=f"central difference, w dt = {x:g}", quantity="T'/T", unit="1",
            computed=1.0 + central_difference().period_error(x), reference=x / (2.0 * math.asin(x / 2.0)),
            tolerance=1e-12, reason="rounding")  # fmt: skip
 
 
-def test_linear_acceleration_limit_is_that_of_its_formula():
+def test_linear_acceleration_limit_matches_formula():
     assert newmark(beta=1 / 6).stability_limit() == pytest.approx(2.0 * math.sqrt(3.0), rel=1e-6)
 
 
 @pytest.mark.parametrize("name", sorted(set(METHODS) - {"central-difference"}))
-def test_no_limit(name):
+def test_implicit_methods_have_no_stability_limit(name):
     assert METHODS[name].stability_limit() == math.inf
 
 
-def test_a_run_at_the_limit():
-    """Bounded at 0.999 of the limit; refused, with the limit in seconds, at 1.001 of it."""
-    system = chain([2.0, 1.0], [30.0, 20.0], push=[0.0, 0.0])
+def test_step_above_stability_limit_raises_error():
+    """The run is bounded at 0.999 of the limit; at 1.001 of it the error names the limit in seconds."""
+    system = chain_system([2.0, 1.0], [30.0, 20.0], push=[0.0, 0.0])
     omega = math.sqrt(np.linalg.eigvals(np.diag([0.5, 1.0]) @ system.stiffness.dense()).real.max())
     start = State(np.array([1e-3, -2e-3]), np.zeros(2))
     below, above = (Problem(system, ConstantSpeed(3.0), f * 2.0 / omega, 2000, start) for f in (0.999, 1.001))
@@ -95,9 +95,9 @@ def test_a_run_at_the_limit():
         solve(above, central_difference())
 
 
-def test_a_conditionally_stable_scheme_diverges_on_a_damped_massless_joint():
-    """What a damper slows and has no mass: every step is beyond the limit, and the status names the joint."""
-    system = chain([2.0, 0.0, 1.0], [30.0, 20.0, 25.0], [0.0, 0.01], push=[0.5, 1.0, -0.3])
+def test_conditionally_stable_scheme_diverges_on_massless_joint():
+    """For a massless damped joint every step is beyond the limit, and the status names the joint."""
+    system = chain_system([2.0, 0.0, 1.0], [30.0, 20.0, 25.0], [0.0, 0.01], push=[0.5, 1.0, -0.3])
     response = solve(Problem(system, ConstantSpeed(3.0), 5e-4, 2000), newmark(beta=1 / 6))
     assert response.status.cause is Cause.NOT_FINITE
     assert "m1" in response.status.text
@@ -105,18 +105,19 @@ def test_a_conditionally_stable_scheme_diverges_on_a_damped_massless_joint():
 
 
 @functools.cache
-def joined(method, steps):
-    """Return mass - spring - joint without mass, pushed - spring - mass, run once by a method."""
-    system = chain([2.0, 0.0, 1.0], [30.0, 20.0, 25.0], push=[0.5, 1.0, -0.3])
-    return end(system, method, steps, State(np.array([0.01, 0.0, 0.02]), np.array([0.1, 0.0, -0.2])))
+def run_massless_joint(method, steps):
+    """Return the run of mass - spring - loaded massless joint - spring - mass by a method."""
+    system = chain_system([2.0, 0.0, 1.0], [30.0, 20.0, 25.0], push=[0.5, 1.0, -0.3])
+    return run_to_end(system, method, steps, State(np.array([0.01, 0.0, 0.02]), np.array([0.1, 0.0, -0.2])))
 
 
 @pytest.mark.parametrize("name", sorted(METHODS))
-def test_all_reach_the_same_with_a_massless_joint(record, name):
-    """Every method against DOP853 at 1e-12."""
-    reference, found = joined(dop853(tolerance=1e-12), 20), joined(METHODS[name], 2000)
+def test_methods_agree_with_massless_joint(record, name):
+    """The reference is DOP853 at 1e-12."""
+    reference, found = run_massless_joint(dop853(tolerance=1e-12), 20), run_massless_joint(METHODS[name], 2000)
     for quantity in ("displacement", "velocity"):
-        # Second order at 1/200 of the highest period over 2 pi. The joint's velocity is no unknown of scipy's.
+        # Second order at 1/200 of the highest period over 2 pi. The joint velocity is not an unknown of scipy's
+        # integrators.
         masses = [0, 2] if quantity == "velocity" else [0, 1, 2]
         one, other = (getattr(history, quantity)[-1, masses] for history in (found, reference))
         np.testing.assert_allclose(one, other, rtol=1e-4, atol=1e-6)
@@ -125,53 +126,59 @@ def test_all_reach_the_same_with_a_massless_joint(record, name):
            reason="error constant of second order at w dt = 0.005")  # fmt: skip
 
 
-def stop_at(n, where, behind):
-    """Return a one-sided spring to ground behind a gap; it pushes back."""
+def one_sided_stop(n, where, behind):
+    """Return a one-sided spring to ground behind a gap, which acts in compression only."""
     row, law = AngleVector.constant(np.eye(n)[where]), elastic_stop(400.0)
     return LocalForce("stop", (row,), (AngleVector.constant(-np.eye(n)[where]),), law, (constant(-behind),))
 
 
 @functools.cache
-def stopped(method, steps):
-    """Return two masses that strike a one-sided spring several times, run once by a method."""
-    return end(chain([2.0, 1.0], [30.0, 20.0], forces=(stop_at(2, 1, 0.01),), push=[0.0, 3.0]), method, steps)
+def run_against_stop(method, steps):
+    """Return the run by a method of two masses that strike a one-sided spring several times."""
+    return run_to_end(
+        chain_system([2.0, 1.0], [30.0, 20.0], forces=(one_sided_stop(2, 1, 0.01),), push=[0.0, 3.0]), method, steps
+    )
 
 
 @pytest.mark.parametrize(
     "check", [pytest.param(radau(tolerance=1e-10), marks=pytest.mark.slow), dop853(tolerance=1e-10)]
 )
-def test_scipy_agrees_through_a_stop(record, check):
-    """Located events, two codes."""
-    reference, found, contact = stopped(check, 50), stopped(newmark(), 20000), stopped(newmark(), 50)
-    assert contact.displacement.max() > 0.012  # the stop is reached
+def test_scipy_integrators_agree_with_stop_contact(record, check):
+    """Two independent codes locate the contact events."""
+    reference, found, contact = (
+        run_against_stop(check, 50),
+        run_against_stop(newmark(), 20000),
+        run_against_stop(newmark(), 50),
+    )
+    assert contact.displacement.max() > 0.012  # the stop is in contact
     record(source=SOURCE, case=f"two masses against a stop, {check.name}", quantity="largest displacement", unit="m",
            reference=np.abs(reference.displacement).max(), computed=np.abs(found.displacement[::400]).max(),
            tolerance=2e-6, reason="second order at w dt = 0.0015, events within both")  # fmt: skip
 
 
 @pytest.mark.parametrize("method", [central_difference(), radau()])
-def test_contacts_and_dampers_without_mass_are_refused_by_name(method):
+def test_massless_contacts_and_dampers_raise_error(method):
     springs = [30.0, 20.0, 25.0]
-    damped = chain([2.0, 0.0, 1.0], springs, [0.0, 0.3, 0.0])
+    damped = chain_system([2.0, 0.0, 1.0], springs, [0.0, 0.3, 0.0])
     with pytest.raises(InputError, match="m1"):
-        end(damped, method, 1000)
-    touched = chain([2.0, 0.0, 1.0], springs, forces=(stop_at(3, 1, 0.01),))
+        run_to_end(damped, method, 1000)
+    touched = chain_system([2.0, 0.0, 1.0], springs, forces=(one_sided_stop(3, 1, 0.01),))
     with pytest.raises(InputError, match="stop"):
-        end(touched, method, 1000)
+        run_to_end(touched, method, 1000)
 
 
 @pytest.mark.slow
-def test_explicit_run_through_a_stop(record):
-    implicit, explicit = stopped(newmark(), 20000), stopped(central_difference(), 20000)
+def test_central_difference_with_stop_contact(record):
+    implicit, explicit = run_against_stop(newmark(), 20000), run_against_stop(central_difference(), 20000)
     record(source=SOURCE, case="two masses against a stop, central difference", quantity="displacement after 1 s",
            unit="m", reference=implicit.displacement[-1, 1], computed=explicit.displacement[-1, 1], tolerance=1e-4,
            reason="both of second order, with opposite period errors")  # fmt: skip
 
 
-def test_highest_frequency_of_a_large_model_is_that_of_a_small_one():
-    """The sparse path (above 300 unknowns) against the closed form of a free-fixed chain of equal masses."""
+def test_stability_limit_of_large_model():
+    """The sparse algorithm (above 300 unknowns) is compared with the closed form of a free-fixed chain."""
     n = 400
-    system = chain([1.0] * n, [1.0] * n, push=np.zeros(n))
+    system = chain_system([1.0] * n, [1.0] * n, push=np.zeros(n))
     limit = 1.0 / math.sin(0.5 * math.pi * (2 * n - 1) / (2 * n + 1))  # 2 / (2 sin(...))
     start = State(1e-3 * np.ones(n), np.zeros(n))
     solve(Problem(system, ConstantSpeed(1.0), limit * (1 - 1e-4), 2, start), central_difference())

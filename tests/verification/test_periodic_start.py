@@ -1,8 +1,8 @@
-"""`start = "periodic"`: the state that returns after a revolution, against closed forms and long transients.
+"""Periodic initial state, `start = "periodic"`, against closed forms and long transients.
 
-A damped linear train under a periodic force of the cam: its steady motion is the sum of its answers to every harmonic,
-(K - w^2 n^2 M + i w n C)^-1 f_n. Newmark's own steady motion differs from it by (w n dt)^2/12 of each. J. P. Den
-Hartog, Mechanical Vibrations, 4th ed. (1956), secs. 2.8-2.9, 4.1.
+The steady motion of a damped linear train under a periodic cam force is the sum of its responses to the harmonics, (K -
+w^2 n^2 M + i w n C)^-1 f_n. Newmark's own steady motion differs from it by (w n dt)^2/12 of each. J. P. Den Hartog,
+Mechanical Vibrations, 4th ed. (1956), secs. 2.8-2.9, 4.1.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from flexcam.dynamics import ConstantSpeed, Load, Probe, Problem, State, System,
 from flexcam.dynamics.periodic import period_map
 
 SOURCE = "Periodic start"
-SEARCH = sys.modules["flexcam.dynamics.periodic"]  # the package shows the function of that name
-LINEAR = "cases/tayeb/model-1-cycloidal.toml"
+PERIODIC_MODULE = sys.modules["flexcam.dynamics.periodic"]  # the package exports the function of that name
+LINEAR_CASE = "cases/tayeb/model-1-cycloidal.toml"
 
 
-def harmonics(system, speed, count=4096, most=400):
+def harmonic_solution(system, speed, count=4096, most=400):
     """Return the exact steady displacement and velocity at angle zero, by the harmonics of the loads."""
     angles = 2.0 * math.pi * np.arange(count) / count
     motion = ConstantSpeed(speed).at(angles / speed)
@@ -38,8 +38,8 @@ def harmonics(system, speed, count=4096, most=400):
     return d, v
 
 
-def test_one_mass_under_one_harmonic(record):
-    """The closed form of the damped oscillator at 0.9 of resonance; its transient would last 200 revolutions."""
+def test_oscillator_under_harmonic_force(record):
+    """Damped oscillator at 0.9 of resonance, in closed form; a transient would last 200 revolutions."""
     M, C, K = (Triplets.from_dense([[one]]) for one in (1.0, 0.01, 1.0))
     push = Load("push", np.ones(1), lambda motion: np.cos(motion.angle))
     system = System(M, C, K, ("x",), (push,), (), (Probe("x", ("x",), np.eye(1), (None,)),))
@@ -60,15 +60,15 @@ def test_one_mass_under_one_harmonic(record):
     assert again["x"].displacement[-1] == pytest.approx(found.displacement[0], abs=1e-8 * size)
 
 
-DAMPED = ("run.damping={ alpha = '20 1/s', beta = '20 us' }", "run.steps_per_revolution=1800", "run.revolutions=1")
+DAMPED_RUN = ("run.damping={ alpha = '20 1/s', beta = '20 us' }", "run.steps_per_revolution=1800", "run.revolutions=1")
 
 
-def test_published_model(record):
-    """Model 1 with the damping of its bodies: the sum over harmonics, in the energy norm, and the valve's history."""
-    ready = prepare(read_case(LINEAR, [*DAMPED, "run.start=periodic"]))
+def test_published_model_matches_harmonic_solution(record):
+    """The state of the damped model 1 equals the sum over harmonics, in the energy norm; the valve motion repeats."""
+    ready = prepare(read_case(LINEAR_CASE, [*DAMPED_RUN, "run.start=periodic"]))
     system, start = ready.problem.system, ready.problem.start
     assert not system.local_forces
-    d, v = harmonics(system, ready.case.speed)
+    d, v = harmonic_solution(system, ready.case.speed)
     M, K = system.mass.dense(), system.stiffness.dense()
 
     def size(x, y):
@@ -86,18 +86,18 @@ def test_published_model(record):
         assert abs(series[-1] - series[0]) < 1e-7 * np.abs(series).max()
 
 
-def test_a_long_transient_ends_there(record):
-    """From rest, twenty-five revolutions of a well damped train."""
+def test_long_transient_converges_to_periodic_state(record):
+    """The reference is a run of twenty-five revolutions of a well damped train from rest."""
     damped = ("run.damping={ alpha = '200 1/s', beta = '40 us' }", "run.steps_per_revolution=600")
-    whole = run(read_case(LINEAR, [*damped, "run.revolutions=25", "run.start=rest"]))
-    steady = run(read_case(LINEAR, [*damped, "run.revolutions=1", "run.start=periodic"]))
-    last, first = whole["valve"].displacement[-601:], steady["valve"].displacement
+    transient = run(read_case(LINEAR_CASE, [*damped, "run.revolutions=25", "run.start=rest"]))
+    steady = run(read_case(LINEAR_CASE, [*damped, "run.revolutions=1", "run.start=periodic"]))
+    last, first = transient["valve"].displacement[-601:], steady["valve"].displacement
     record(source=SOURCE, case="published model 1, heavily damped", quantity="distance from the 25th revolution",
            unit="m", reference=0.0, computed=np.abs(last - first).max(), tolerance=1e-8 * np.abs(first).max(),
            absolute=True, reason="what is left of the transient")  # fmt: skip
 
 
-CONTACT = """
+CONTACT_CASE = """
 format = 1
 [nodes]
 drive = [0.0, 0.0, 0.0]
@@ -141,10 +141,10 @@ probes = ["tappet"]
 
 
 @pytest.mark.parametrize(("speed", "flies"), [(600, False), (1850, True)])
-def test_contact(record, tmp_path, speed, flies):
-    """Closed all the time, and with a flight behind the nose: as the sixth revolution of a transient."""
+def test_periodic_state_with_contact(record, tmp_path, speed, flies):
+    """The reference is the sixth revolution of a transient, for a closed contact and with a flight after the nose."""
     path = tmp_path / "contact.toml"
-    path.write_text(CONTACT, encoding="utf-8")
+    path.write_text(CONTACT_CASE, encoding="utf-8")
     more = f"run.speed={speed} rpm"
     steady = run(read_case(path, [more, "run.start=periodic"]))
     force = steady.channels["contacts.intake.force"]
@@ -154,67 +154,67 @@ def test_contact(record, tmp_path, speed, flies):
            reference=0.0, computed=abs(lift[-1] - lift[0]), tolerance=1e-8, absolute=True,
            reason="what the search leaves: 1e-9 of the motion, a little more where contacts part")  # fmt: skip
     assert 0.0 <= steady.stats.periodicity < 1e-6
-    whole = run(read_case(path, [more, "run.start=equilibrium", "run.revolutions=6"]))
-    last = whole["tappet.uy"].displacement[-601:]
+    transient = run(read_case(path, [more, "run.start=equilibrium", "run.revolutions=6"]))
+    last = transient["tappet.uy"].displacement[-601:]
     record(source=SOURCE, case=f"contact, {speed} rpm", quantity="distance from the sixth revolution", unit="m",
            reference=0.0, computed=np.abs(last - lift).max(), tolerance=1e-7, absolute=True,
            reason="what is left of the transient, 1e-5 of the lift")  # fmt: skip
 
 
-def test_under_swinging_speed(record):
-    """Whole orders: the state returns with the camshaft."""
+def test_periodic_state_at_fluctuating_speed(record):
+    """With integer orders the state repeats with the camshaft."""
     swing = "run.fluctuation={ orders = [2], amplitudes = [0.02] }"
-    response = run(read_case(LINEAR, [*DAMPED, swing, "run.start=periodic"]))
+    response = run(read_case(LINEAR_CASE, [*DAMPED_RUN, swing, "run.start=periodic"]))
     record(source=SOURCE, case="published model 1, swinging speed", quantity="periodicity", unit="1", reference=0.0,
            computed=response.stats.periodicity, tolerance=1e-9, absolute=True, reason="as asked for")  # fmt: skip
     valve = response["valve"].displacement
     assert abs(valve[-1] - valve[0]) < 1e-7 * np.abs(valve).max()
 
 
-def test_rigid_model():
-    """It is where its lift sends it: periodic from its start."""
-    response = run(read_case(LINEAR, [*DAMPED, "run.start=periodic"]), rigid=True)
+def test_rigid_model_is_periodic():
+    """The rigid model follows its lift and is periodic from the start."""
+    response = run(read_case(LINEAR_CASE, [*DAMPED_RUN, "run.start=periodic"]), rigid=True)
     assert response.status.ok
     valve = response["valve"].displacement
     np.testing.assert_allclose(valve[-1], valve[0], atol=1e-12)
 
 
-def test_rigid_model_says_so():
-    response = run(read_case(LINEAR, [*DAMPED, "run.start=periodic"]), rigid=True)
+def test_rigid_model_reports_periodicity():
+    response = run(read_case(LINEAR_CASE, [*DAMPED_RUN, "run.start=periodic"]), rigid=True)
     assert 0.0 <= response.stats.periodicity <= 1e-9
 
 
 @pytest.mark.parametrize(("case", "damped", "most"), [
-    (LINEAR, DAMPED, 2), (LINEAR, ("run.revolutions=1",), 2),
+    (LINEAR_CASE, DAMPED_RUN, 2), (LINEAR_CASE, ("run.revolutions=1",), 2),
     ("cases/direct-acting/finger.toml", ("run.steps_per_revolution=360", "run.revolutions=1"), 8),
     pytest.param("cases/direct-acting/bucket.toml", ("run.revolutions=1",), 20, marks=pytest.mark.slow),
 ])  # fmt: skip
-def test_revolutions_of_the_search(monkeypatch, case, damped, most):
-    """The second revolution of a linear train returns, damped or not; with contacts no revolution has a derivative."""
+def test_number_of_revolutions_of_search(monkeypatch, case, damped, most):
+    """A linear train is periodic after the second revolution; with contacts the search uses no derivative."""
     taken: list[bool] = []
 
     def counted(*arguments, derived):
         taken.append(derived)
         return period_map(*arguments, derived=derived)
 
-    monkeypatch.setattr(SEARCH, "period_map", counted)
+    monkeypatch.setattr(PERIODIC_MODULE, "period_map", counted)
     ready = prepare(read_case(case, [*damped, "run.start=periodic"]))
     assert len(taken) <= most
-    assert any(taken) == (case == LINEAR)
+    assert any(taken) == (case == LINEAR_CASE)
     assert ready.problem.start.periodicity <= 1e-9
 
 
-def test_large_systems_find_the_same_state(monkeypatch):
-    """Above the limit Anderson's method seeks it."""
-    found = [prepare(read_case(LINEAR, [*DAMPED, "run.start=periodic"])).problem.start]
-    monkeypatch.setattr(SEARCH, "MAX_UNKNOWNS", 0)
-    found.append(prepare(read_case(LINEAR, [*DAMPED, "run.start=periodic"])).problem.start)
+def test_anderson_and_newton_agree(monkeypatch):
+    """Systems above the size limit use Anderson's method."""
+    found = [prepare(read_case(LINEAR_CASE, [*DAMPED_RUN, "run.start=periodic"])).problem.start]
+    monkeypatch.setattr(PERIODIC_MODULE, "MAX_UNKNOWNS", 0)
+    found.append(prepare(read_case(LINEAR_CASE, [*DAMPED_RUN, "run.start=periodic"])).problem.start)
     newton, anderson = (one.displacement for one in found)
     np.testing.assert_allclose(newton, anderson, atol=1e-7 * np.abs(newton).max())
 
 
-def test_the_residual_is_the_same_on_every_engine():
-    """A tolerance of one ends the search after its first revolution."""
+def test_residual_is_equal_on_direct_and_kernel_engine():
+    """A tolerance of one ends the search after the first revolution."""
     words = ("run.steps_per_revolution=360", "run.revolutions=1")
     problem = prepare(read_case("cases/direct-acting/finger.toml", words)).problem
     direct, kernel = (
@@ -222,4 +222,4 @@ def test_the_residual_is_the_same_on_every_engine():
         for engine in ("direct", "kernel")
     )
     assert direct > 1e-3
-    assert kernel == pytest.approx(direct, rel=1e-6)  # what touchdowns leave of the Newton tolerance
+    assert kernel == pytest.approx(direct, rel=1e-6)  # touchdowns leave a part of the Newton tolerance

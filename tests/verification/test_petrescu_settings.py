@@ -1,8 +1,8 @@
 """Settings of the valve spring: F. I. T. Petrescu and R. V. V. Petrescu (2013), figures 2 to 7.
 
-The figures are not in digits in the print; the reference is its algorithm, the spreadsheet's rows 10 to 43, evaluated
-independently on 1001 angles over the rise (rounded as given here). The lost lift stands beside every acceleration: the
-print does not tell it.
+The print has no digits for the figures; the reference is its algorithm, rows 10 to 43 of the spreadsheet, evaluated
+independently on 1001 angles over the rise (rounded as given here). The lost lift, which the print omits, is recorded
+with every acceleration.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ CASE = ROOT / "cases/petrescu/valve-spring.toml"
 EXAMPLE = ROOT / "examples/valve_spring_settings.py"
 """The closed form, and its six settings."""
 
-FIGURES = {
+PUBLISHED_FIGURES = {
     "figure 2": (5000, 40e3, 0.09, 1757, -537, 1492, -527, 5.32),
     "figure 3": (10000, 40e3, 0.09, 7027, -2148, 6218, -2120, 5.32),
     "figure 4": (20000, 200e3, 0.2, 28110, -8591, 7824, -5761, 2.53),
@@ -44,9 +44,9 @@ def example():
         return runpy.run_path(str(EXAMPLE))
 
 
-@pytest.mark.parametrize("name", FIGURES)
-def test_figure(record, example, name):
-    rpm, k, x0, *numbers, opening = FIGURES[name]
+@pytest.mark.parametrize("name", PUBLISHED_FIGURES)
+def test_settings_match_published_figures(record, example, name):
+    rpm, k, x0, *numbers, opening = PUBLISHED_FIGURES[name]
     one, _ = example["models"][name]
     found = example["results"][name]
     assert (one.spring_stiffness, one.compression) == pytest.approx((k, x0), rel=1e-12)
@@ -62,14 +62,14 @@ def test_figure(record, example, name):
            reason="as x max")  # fmt: skip
 
 
-def test_speed_within_a_revolution(record, example):
+def test_cam_speed_variation(record, example):
     omega = example["models"]["figure 2"][1](example["angle"], 0)
     record(source=SOURCE, case="all figures", quantity="largest by least speed of the cam", unit="1",
            reference=1.809, computed=float(omega.max() / omega.min()), tolerance=5e-4, absolute=True,
            reason="to the digits given")  # fmt: skip
 
 
-def spreadsheet(angle, rpm, k, x0, u):
+def spreadsheet_accelerations(angle, rpm, k, x0, u):
     """Return spp and xpp by the rows of the spreadsheet as printed (rows 23 to 29, 37 and 40 to 43)."""
     h, r0, Mc, mT, K = 0.006, 0.013, 0.2, 0.1, 5e6
     z = math.pi * angle / u
@@ -89,16 +89,16 @@ def spreadsheet(angle, rpm, k, x0, u):
 
 
 @pytest.mark.parametrize("u", [90.0, 45.0])
-def test_every_angle_of_the_spreadsheet(record, example, u):
-    """Also u = 45 deg, of figure 9: both accelerations at 1001 angles of the rise, all six settings."""
+def test_accelerations_match_spreadsheet_at_all_angles(record, example, u):
+    """Both accelerations of all six settings at 1001 angles of the rise, also for u = 45 deg of figure 9."""
     u = math.radians(u)
     event = LiftEvent(LAWS["cos"], 0.006, u, u)
     angle = np.linspace(0.0, u * (1.0 - 1e-7), 1001)
     worst = 0.0
-    for rpm, k, x0, *_ in FIGURES.values():
+    for rpm, k, x0, *_ in PUBLISHED_FIGURES.values():
         omega = free_speed(event, 0.013, 0.5 * rpm * RPM, 0.2, 0.1)
         one = example["SingleMassModel"](event, 0.1, 5e6, k, x0)
-        printed = spreadsheet(angle, rpm, k, x0, u)
+        printed = spreadsheet_accelerations(angle, rpm, k, x0, u)
         for a, b in zip(printed, one.accelerations(angle, omega), strict=True):
             worst = max(worst, np.abs(a - b).max() / np.abs(a).max())
     record(source=SOURCE, case=f"six settings, u = {math.degrees(u):g} deg, 1001 angles",
@@ -107,8 +107,8 @@ def test_every_angle_of_the_spreadsheet(record, example, u):
 
 
 @pytest.mark.parametrize("law", ["cos", "4-5-6-7", "cycloidal"])
-def test_derivatives_are_exact(record, example, law):
-    """X' and x'' on other laws and with ramps' absence: by five-point differences of the order below, w held."""
+def test_derivatives_match_finite_differences(record, example, law):
+    """The derivatives x' and x'' for other laws without ramps match five-point differences, for constant w."""
     event = LiftEvent(LAWS[law], 0.006, 1.5, 1.5, dwell=0.2, phase=0.3)
     one = example["SingleMassModel"](event, 0.1, 5e6, 2e5, 0.2)
     angle = np.linspace(0.35, 1.75, 301)
@@ -123,8 +123,8 @@ def test_derivatives_are_exact(record, example, law):
            reference=0.0, computed=worst, tolerance=1e-8, absolute=True, reason="five-point differences")  # fmt: skip
 
 
-def in_time(case):
-    """Return the opening of the mass by m x'' = K (s - x) - k (x + x0), from its balance, by DOP853."""
+def integrate_opening(case):
+    """Return the opening of the mass by m x'' = K (s - x) - k (x + x0), from equilibrium, by DOP853."""
     ready, drive = build_model(case), case.record.run.free_running
     cam, k = ready.cams["valve"], case.record.springs["valve"]
     omega = free_speed(cam.event, 0.013, case.speed, drive.cam_mass, drive.follower_mass)
@@ -143,13 +143,13 @@ def in_time(case):
     return top - start
 
 
-def test_the_same_mass_in_time(record):
-    """What the closed form loses is the train's deflection under the preload, which is there before the cam turns."""
+def test_opening_of_single_mass_over_time(record):
+    """The lost lift of the closed form is the deflection of the train under the preload, before the cam turns."""
     case = read_case(CASE, ["run.steps_per_revolution=14400"])
     x = run(case)["valve.uy"].displacement
     opening = float(x[:7201].max() - x[0])
     record(source=SOURCE, case="figure 2, the same mass in time, held to its cam", quantity="opening of the valve",
-           unit="mm", reference=1e3 * in_time(case), computed=1e3 * opening, tolerance=2e-3,
+           unit="mm", reference=1e3 * integrate_opening(case), computed=1e3 * opening, tolerance=2e-3,
            reason="reference by DOP853; the closed form says 5.32")  # fmt: skip
 
 
@@ -157,13 +157,13 @@ SEAT = '\nseat = { at = "valve", direction = "uy", model = "seat", stiffness = "
 
 
 @pytest.mark.parametrize(("name", "opens"), [("figure 2", True), ("figure 4", False), ("figure 7", False)])
-def test_on_a_seat(record, example, tmp_path, name, opens):
-    """K h < k x0: the cam takes over a part of the seat's load, and no more."""
+def test_opening_of_valve_on_seat(record, example, tmp_path, name, opens):
+    """For K h < k x0 the cam takes over only a part of the seat load."""
     text = CASE.read_text(encoding="utf-8").replace('model = "bilateral", stiffness = "5 MN/m" }',
                                                     'model = "unilateral", stiffness = "5 MN/m" }' + SEAT)  # fmt: skip
     path = tmp_path / "seat.toml"
     path.write_text(text, encoding="utf-8")
-    rpm, k, x0, *_ = FIGURES[name]
+    rpm, k, x0, *_ = PUBLISHED_FIGURES[name]
     sets = [f"run.crank_speed={rpm} rpm", f"springs.valve.stiffness={k}", f"springs.valve.installed_compression={x0}"]
     response = run(read_case(path, [*sets, "run.revolutions=0.5"]))
     gap = float(response.channels["contacts.seat.gap"].max())

@@ -1,8 +1,8 @@
-"""Velocities and accelerations of what has no mass, at every instant, on every way through time and by every scheme.
+"""Velocities and accelerations of massless degrees of freedom, with every engine and scheme.
 
-Two masses on springs k to ground and to a joint between them that has no mass and is pushed by f: both masses move by q
-with ``q'' + k q = f/2``, and the joint by ``q + f/(2 k)``. By the average acceleration alone the joint's velocity would
-alternate by what the start leaves in it, and its acceleration by ever more.
+Two masses on springs k to ground and to a massless joint between them under the force f: both masses move by q with
+``q'' + k q = f/2``, and the joint by ``q + f/(2 k)``. With the average acceleration method alone the velocity of the
+joint would keep an alternating error of the start, and its acceleration an increasing one.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ METHODS = {
     "hht": hht(),
     "generalized-alpha": generalized_alpha(),
 }
-WAYS = ["direct", "modal", "kernel"]
+ENGINES = ["direct", "modal", "kernel"]
 
 
 def sine(angle):
     return np.sin(angle)
 
 
-def kinked(angle):
-    """Nothing, then a ramp from the middle of a step on."""
+def ramp_from_kink(angle):
+    """Return zero up to the middle of a step, then a ramp."""
     return np.maximum(angle - KINK, 0.0)
 
 
 KINK = 1000.5 * STEP * SPEED
 
 
-def system(history, *, damper=0.0, joints=1):
-    """Return the masses, the joint with a damper to ground, and another joint behind the second mass without one."""
+def joint_system(history, *, damper=0.0, joints=1):
+    """Return masses, a joint with a damper to ground, and optionally an undamped joint after the second mass."""
     n = 2 + joints
     K, C = np.zeros((n, n)), np.zeros((n, n))
     for row in ([1, 0, 0], [1, -1, 0], [0, 1, -1], [0, 0, 1]):
@@ -55,14 +55,14 @@ def system(history, *, damper=0.0, joints=1):
     return System(*(Triplets.from_dense(m) for m in (masses, C, K)), names, (load,), probes=(probe,))
 
 
-def run(made, method, way):
+def run_system(made, method, way):
     response = solve(Problem(made, ConstantSpeed(SPEED), STEP, STEPS, engine=way), METHODS[method])
     assert response.status.ok
     assert response.stats.engine == way
     return response.time, response["all"]
 
 
-def under_sine(t):
+def exact_under_sine(t):
     """Return displacement, velocity and acceleration of the joint, from rest."""
     s, w, size = np.sqrt(STIFF), SPEED, 0.5 * PUSH / (STIFF - SPEED**2)
     q = size * np.array([np.sin(w * t) - w / s * np.sin(s * t), w * (np.cos(w * t) - np.cos(s * t)),
@@ -70,24 +70,26 @@ def under_sine(t):
     return q + 0.5 * PUSH / STIFF * np.array([np.sin(w * t), w * np.cos(w * t), -(w**2) * np.sin(w * t)])
 
 
-def under_ramp(t):
+def exact_under_ramp(t):
     s, w = np.sqrt(STIFF), SPEED
     tau = np.maximum(t - KINK / w, 0.0)
     rate, on = 0.5 * PUSH * w / STIFF, tau > 0.0
     return rate * np.array([2.0 * tau - np.sin(s * tau) / s, on * (2.0 - np.cos(s * tau)), s * np.sin(s * tau)])
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("way", ENGINES)
 @pytest.mark.parametrize("method", mostly_slow(METHODS, 2))
 @pytest.mark.parametrize(
-    ("history", "exact", "broken"), [(sine, under_sine, 0), (kinked, under_ramp, 1000)], ids=["start", "kink"]
+    ("history", "exact", "broken"),
+    [(sine, exact_under_sine, 0), (ramp_from_kink, exact_under_ramp, 1000)],
+    ids=["start", "kink"],
 )
-def test_rates_of_a_joint_are_right_two_steps_behind_a_start_and_a_kink(history, exact, broken, method, way):
-    """The start is at rest though the load begins at once; the kink lies within a step."""
-    time, joint = run(system(history), method, way)
+def test_joint_rates_are_exact_after_start_and_kink(history, exact, broken, method, way):
+    """The run starts at rest though the load begins at once; the kink is within a step."""
+    time, joint = run_system(joint_system(history), method, way)
     wanted = exact(time)
     later = np.abs(np.arange(len(time)) - broken - 1.5) > 2.0
-    # Periods are (s h)^2/12 = 1e-5 long, over 40 rad; what alpha takes of the old forces lags by a part of a step.
+    # Periods are (s h)^2/12 = 1e-5 long, over 40 rad; the part alpha of the old forces delays by a part of a step.
     for found, right, allowed in zip(
         (joint.displacement, joint.velocity, joint.acceleration), wanted, (1e-3, 1e-3, 2e-2), strict=True
     ):
@@ -96,9 +98,9 @@ def test_rates_of_a_joint_are_right_two_steps_behind_a_start_and_a_kink(history,
 
 
 @functools.cache
-def slowed(damper):
-    """Return the motion of the damped joint by scipy: its velocity balances, its acceleration is the rate of that."""
-    K, push = system(sine).stiffness.dense(), PUSH * np.eye(3)[1]
+def exact_damped_joint(damper):
+    """Return the motion of the damped joint by scipy: velocity by equilibrium, acceleration as its rate."""
+    K, push = joint_system(sine).stiffness.dense(), PUSH * np.eye(3)[1]
 
     def rates(t, state):
         force = push * np.sin(SPEED * t) - K @ state[:3]
@@ -113,33 +115,36 @@ def slowed(damper):
 
 
 @pytest.mark.parametrize("way", [pytest.param("direct", marks=pytest.mark.slow), "kernel"])
-def test_a_damped_joint_does_not_ring_either(way):
-    """What its velocity has of the start dies out with the damper; its acceleration keeps nothing of it."""
+def test_damped_joint_does_not_oscillate(way):
+    """The damper reduces the velocity error of the start to zero; the acceleration has no such error."""
     damper = 2.0  # the joint follows in c/(2 k) = 1e-4 s, a step
-    _, joint = run(system(sine, damper=damper), "average acceleration", way)
+    _, joint = run_system(joint_system(sine, damper=damper), "average acceleration", way)
     for found, right, allowed in zip(
-        (joint.displacement, joint.velocity, joint.acceleration), slowed(damper), (1e-3, 1e-3, 2e-2), strict=True
+        (joint.displacement, joint.velocity, joint.acceleration),
+        exact_damped_joint(damper),
+        (1e-3, 1e-3, 2e-2),
+        strict=True,
     ):
         assert np.abs(found[20:, 1] - right[20:]).max() <= allowed * np.abs(right).max()
 
 
-def test_damping_by_stiffness_on_the_modal_way():
-    """Rayleigh's damping couples no natural motions, so that each is taken by itself, the joint's among them."""
-    made = system(sine)
+def test_stiffness_damping_on_modal_engine():
+    """Rayleigh damping does not couple the natural modes, so that they are integrated separately."""
+    made = joint_system(sine)
     made = System(made.mass, made.stiffness.scale(1e-5), made.stiffness, made.names, made.loads, probes=made.probes)
-    (_, one), (_, other) = (run(made, "average acceleration", way) for way in ("modal", "direct"))
+    (_, one), (_, other) = (run_system(made, "average acceleration", way) for way in ("modal", "direct"))
     size = np.abs(other.acceleration).max()
     np.testing.assert_allclose(one.acceleration, other.acceleration, rtol=0.0, atol=1e-8 * size)
     assert (
         np.abs(np.diff(one.acceleration[200:, 1], 2)).max() <= 1e-3 * size
-    )  # (s h)^2 = 1e-4 of it, ringing four times
+    )  # (s h)^2 = 1e-4 of it; an oscillating error would be four times as large
 
 
 @pytest.mark.parametrize("method", ["average acceleration", "hht", "generalized-alpha"])
-def test_ways_agree_where_one_joint_is_damped_and_another_is_not(method):
-    """Motions without mass are mixed so that the damper is on one of them."""
-    made = system(sine, damper=2.0, joints=2)
-    (_, one), (_, other) = (run(made, method, way) for way in ("direct", "kernel"))
+def test_engines_agree_for_damped_and_undamped_joints(method):
+    """The massless motions are combined so that the damper acts on one of them."""
+    made = joint_system(sine, damper=2.0, joints=2)
+    (_, one), (_, other) = (run_system(made, method, way) for way in ("direct", "kernel"))
     for found, right in zip(
         (one.displacement, one.velocity, one.acceleration), (other.displacement, other.velocity, other.acceleration),
         strict=True,

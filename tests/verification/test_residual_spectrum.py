@@ -1,9 +1,9 @@
-"""Residual vibration after a rise as a number of the law alone: closed forms, quadrature, and the oscillator itself.
+"""Residual vibration after a rise as a spectrum of the law: closed forms, quadrature, and the oscillator itself.
 
 y'' + w^2 y = w^2 s over the rise, ratio = rise time over period. The closed forms of single laws are in M. P. Koster,
-Vibrations of Cam Mechanisms (1974), ch. 3; that of a sum of harmonics follows from the Fourier integral of its s'.
-The other reference integrates the oscillator with s itself (order 8, error 1e-12 per step), where flexcam takes a
-Fourier integral of s''.
+Vibrations of Cam Mechanisms (1974), ch. 3; that of a sum of harmonics follows from the Fourier integral of its s'. The
+other reference integrates the oscillator with s itself (order 8, error 1e-12 per step), where flexcam uses a Fourier
+integral of s''.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from tests.thinning import mostly_slow
 
 SOURCE = "Residual vibration after a rise, spectrum of a law"
 RATIOS = np.array([1e-3, 0.05, 0.5, 0.73, 1.0, 1.5, 2.0, 2.5, 3.0, 4.2, 7.0, 15.3])
-"""Multiples of 1/2 among them: there the closed forms are limits."""
+"""Ratios that include multiples of 1/2, at which the closed forms are limits."""
 
 
-def of_harmonics(law):
-    """abs(sin pi l)/(pi l) times abs(1 + sum c_n l^2/(n^2 - l^2)), written so that it is finite at l = n."""
+def harmonic_spectrum(law):
+    """Return abs(sin pi l)/(pi l) times abs(1 + sum c_n l^2/(n^2 - l^2)) in a form that is finite at l = n."""
 
     def residual(ratio):
         terms = [c * (-1.0) ** (n + 1) * np.sinc(ratio - n) / (n + ratio) for n, c in law.harmonics]
@@ -42,17 +42,19 @@ def of_harmonics(law):
     return residual
 
 
-FOUR = Harmonic(((1, 0.9), (2, 0.2), (3, -0.3), (4, 0.2)))
-SINGLE = {
+FOUR_HARMONICS = Harmonic(((1, 0.9), (2, 0.2), (3, -0.3), (4, 0.2)))
+SINGLE_LAWS = {
     "shm": lambda ratio: np.abs(0.5 * math.pi * np.sinc(0.5 - ratio) / (2.0 * ratio + 1.0)),
     "parabolic": lambda ratio: np.sinc(0.5 * ratio) ** 2,
     "cycloidal": lambda ratio: np.abs(np.sinc(ratio - 1.0) / (ratio * (1.0 + ratio))),
 }
-SUMS = {name: law for name, law in {**LAWS, "four harmonics": FOUR}.items() if isinstance(law, Harmonic)}
-CLOSED = (
-    {name: (LAWS[name], form) for name, form in SINGLE.items()}
-    | {"cos": (LAWS["cos"], SINGLE["shm"])}
-    | {name: (law, of_harmonics(law)) for name, law in SUMS.items()}
+HARMONIC_LAWS = {
+    name: law for name, law in {**LAWS, "four harmonics": FOUR_HARMONICS}.items() if isinstance(law, Harmonic)
+}
+CLOSED_FORMS = (
+    {name: (LAWS[name], form) for name, form in SINGLE_LAWS.items()}
+    | {"cos": (LAWS["cos"], SINGLE_LAWS["shm"])}
+    | {name: (law, harmonic_spectrum(law)) for name, law in HARMONIC_LAWS.items()}
 )
 
 
@@ -64,23 +66,23 @@ CLOSED = (
         ("cycloidal", 1.0, 0.5), ("cycloidal", 1.5, 0.169765), ("cycloidal", 2.0, 0.0),
     ],
 )  # fmt: skip
-def test_known_values(law, ratio, digits, record):
+def test_spectrum_matches_known_values(law, ratio, digits, record):
     record(source=SOURCE, case=law, quantity=f"residual amplitude / lift, ratio {ratio:g}", unit="1", reference=digits,
            computed=round(float(residual_spectrum(LAWS[law], ratio)), 12), tolerance=5.1e-7, absolute=True,
            reason="six decimals given, or exact")  # fmt: skip
 
 
-@pytest.mark.parametrize("law", sorted(CLOSED))
-def test_quadrature_meets_the_closed_form(law, record):
-    """The integral of s'' over w loses digits as 1/w: at a ratio of 1e-3 the rounding of s'' counts 160 times."""
-    closed, integral = CLOSED[law][1](RATIOS), residual_spectrum(CLOSED[law][0], RATIOS)
+@pytest.mark.parametrize("law", sorted(CLOSED_FORMS))
+def test_quadrature_matches_closed_form(law, record):
+    """The integral of s'' over w loses digits as 1/w: at a ratio of 1e-3 the factor of the rounding of s'' is 160."""
+    closed, integral = CLOSED_FORMS[law][1](RATIOS), residual_spectrum(CLOSED_FORMS[law][0], RATIOS)
     record(source=SOURCE, case=law, quantity="quadrature minus closed form, largest of twelve ratios", unit="1",
            reference=0.0, computed=round(np.abs(integral - closed).max(), 13), tolerance=1e-12, absolute=True,
            reason="rounding")  # fmt: skip
 
 
-def oscillator(law, ratio):
-    """Amplitude that the undamped oscillator keeps after the rise, integrated piece by piece between joints."""
+def integrate_oscillator(law, ratio):
+    """Return the residual amplitude of the undamped oscillator, integrated piece by piece between joints."""
     w, state = 2 * math.pi * ratio, np.zeros(2)
 
     def rate(z, y):
@@ -91,7 +93,7 @@ def oscillator(law, ratio):
     return math.hypot(state[0] - 1.0, state[1] / w)
 
 
-WITHOUT = {
+OTHER_LAWS = {
     "modified-trapezoid": LAWS["modified-trapezoid"],
     "modified-sine": LAWS["modified-sine"],
     "2-3": LAWS["2-3"],
@@ -106,25 +108,27 @@ WITHOUT = {
     "steady start": Polynomial((1, 2, 3), ((1.0, 0, 1.0), (1.0, 1, 0.5), (0.0, 1, 0.8))),
     "B-spline": BSplineLaw((0.0, 0.0, 0.0, 0.2, 0.9, 1.0, 1.0, 1.0)),
 }
-"""Two of them begin or end with a velocity, whose steps leave vibration behind as well."""
+"""Other laws; two of them begin or end with a velocity jump, which excites vibration as well."""
 
 
 @pytest.mark.parametrize("ratio", mostly_slow([0.62, 1.5, 3.1]))
-@pytest.mark.parametrize("law", WITHOUT)
-def test_oscillator(law, ratio, record):
+@pytest.mark.parametrize("law", OTHER_LAWS)
+def test_spectrum_matches_oscillator(law, ratio, record):
     record(source=SOURCE, case=law, quantity=f"residual amplitude / lift, ratio {ratio:g}", unit="1",
-           reference=round(oscillator(WITHOUT[law], ratio), 9), computed=residual_spectrum(WITHOUT[law], ratio),
+           reference=round(integrate_oscillator(OTHER_LAWS[law], ratio), 9),
+           computed=residual_spectrum(OTHER_LAWS[law], ratio),
            tolerance=2e-9, absolute=True, reason="some hundred steps of the reference, 1e-11 each")  # fmt: skip
 
 
 @pytest.mark.parametrize("law", ["pavlovic-trigonometric", "freudenstein-1-3"])
-def test_closed_form_against_the_oscillator(law, record):
+def test_closed_form_matches_oscillator(law, record):
     record(source=SOURCE, case=law, quantity="residual amplitude / lift, ratio 1.7", unit="1",
-           reference=round(oscillator(LAWS[law], 1.7), 9), computed=residual_spectrum(LAWS[law], 1.7), absolute=True,
+           reference=round(integrate_oscillator(LAWS[law], 1.7), 9), computed=residual_spectrum(LAWS[law], 1.7),
+           absolute=True,
            tolerance=2e-9, reason="some hundred steps of the reference, 1e-11 each")  # fmt: skip
 
 
-def test_shape_and_any_order_of_ratios():
+def test_shape_and_order_of_ratios():
     law = LAWS["3-4-5"]
     found = residual_spectrum(law, [[3.1, 0.62], [1.5, 40.0]])
     assert found.shape == (2, 2)
@@ -133,8 +137,8 @@ def test_shape_and_any_order_of_ratios():
     assert residual_spectrum(law, []).shape == (0,)
 
 
-def test_many_periods_decay_as_the_first_derivative_that_steps(record, fitted_order):
-    """The acceleration of 3-4-5 begins at a slope of 60: the residual falls as ratio^-3."""
+def test_decay_rate_for_large_ratios(record, fitted_order):
+    """The acceleration of 3-4-5 begins at a slope of 60, so the residual decreases as ratio^-3."""
     ratios = np.array([40.25, 80.25, 160.25])
     amplitude = residual_spectrum(LAWS["3-4-5"], ratios)
     record(source=SOURCE, case="3-4-5", quantity="power of the ratio, 40 to 160", unit="1", reference=-3.0,
@@ -143,6 +147,6 @@ def test_many_periods_decay_as_the_first_derivative_that_steps(record, fitted_or
 
 
 @pytest.mark.parametrize("ratio", [0.0, -1.0, math.nan, math.inf])
-def test_refused(ratio):
+def test_invalid_ratios_raise_error(ratio):
     with pytest.raises(ValueError, match=r"above zero"):
         residual_spectrum(LAWS["3-4-5"], [1.0, ratio])

@@ -1,7 +1,7 @@
-"""A stiff train against the rigid equation F = M s'' w^2 + k s + F0, and where the follower leaves its cam.
+"""A stiff train against the rigid equation F = M s'' w^2 + k s + F0, and loss of contact between follower and cam.
 
-A rigid follower parts where F passes zero and flies with M u'' = -(F0 + k u); a bilateral contact pulls instead. R. L.
-Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 10 (force-closed cams); H. A. Rothbart, Cam Design
+A rigid follower separates where F passes zero and flies with M u'' = -(F0 + k u); a bilateral contact pulls instead. R.
+L. Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 10 (force-closed cams); H. A. Rothbart, Cam Design
 Handbook (2004), ch. 12 (jump).
 """
 
@@ -67,8 +67,8 @@ RODS = math.pi * 0.02**2 * 0.05
 
 
 @pytest.fixture(scope="module")
-def train(tmp_path_factory):
-    """Return case and lift at a speed, rad/s."""
+def make_train(tmp_path_factory):
+    """Return a function that builds case and lift for a speed in rad/s."""
     path = tmp_path_factory.mktemp("rigid") / "train.toml"
     path.write_text(CASE, encoding="utf-8")
 
@@ -83,7 +83,7 @@ BILATERAL = "contacts.intake={ cam = 'intake', follower = 'tappet', model = 'bil
 M = MASS + RODS
 
 
-def needed(event, angle, speed):
+def rigid_force(event, angle, speed):
     """Return the force of the rigid train."""
     s, bend = (event(np.atleast_1d(angle), order) for order in (0, 2))
     return M * bend * speed**2 + SPRING * s + INSTALLED
@@ -93,20 +93,20 @@ ANGLES = np.linspace(0.0, 2.0 * math.pi, 14401)
 
 
 def jump_speed(event):
-    """Return the lowest speed at which the rigid train loses contact."""
+    """Return the minimum speed at which the rigid train loses contact."""
     s, bend = event(ANGLES, 0), event(ANGLES, 2)
     down = bend < 0.0
     return math.sqrt(float(np.min((SPRING * s + INSTALLED)[down] / (-M * bend[down]))))
 
 
 @pytest.mark.parametrize("part", [0.5, 0.98])
-def test_force_while_in_contact(record, train, part):
-    """Up to the speed at which it would part: the stiff train has the rigid train's force."""
-    event = train(1.0)[1]
+def test_contact_force_below_jump_speed(record, make_train, part):
+    """Below the jump speed the contact force of the stiff train equals that of the rigid train."""
+    event = make_train(1.0)[1]
     speed = part * jump_speed(event)
-    response = run(train(speed)[0])
+    response = run(make_train(speed)[0])
     force = response.channels["contacts.intake.force"]
-    rigid = needed(event, response.angle, speed)
+    rigid = rigid_force(event, response.angle, speed)
     record(source=SOURCE, case=f"{part} of the speed of jump", quantity="largest error of the contact force", unit="N",
            reference=0.0, computed=np.abs(force - rigid).max(), tolerance=2e-3 * rigid.max(), absolute=True,
            reason="follower on its contact: omega^2 M/k of s'''' and the ring of the starts of s''', 1e-3")  # fmt: skip
@@ -114,24 +114,24 @@ def test_force_while_in_contact(record, train, part):
 
 
 @pytest.mark.parametrize("part", [0.99, 1.01])
-def test_the_speed_of_jump(train, part):
-    """Below it contact holds throughout the lift; above it there is a flight."""
-    event = train(1.0)[1]
+def test_contact_loss_at_jump_speed(make_train, part):
+    """Below the jump speed the contact stays closed throughout the lift; above it there is a flight."""
+    event = make_train(1.0)[1]
     speed = part * jump_speed(event)
-    force = run(train(speed, "run.revolutions=0.35")[0]).channels["contacts.intake.force"]
+    force = run(make_train(speed, "run.revolutions=0.35")[0]).channels["contacts.intake.force"]
     assert (force.min() > 0.0) == (part < 1.0)
 
 
 @pytest.mark.parametrize("part", [1.15, 1.5])
-def test_loss_of_contact(record, train, part):
-    """It parts where the rigid force passes zero, and lands where the flight of mass and spring meets the lift."""
-    event = train(1.0)[1]
+def test_separation_and_landing_angles(record, make_train, part):
+    """The follower separates where the rigid force passes zero, and lands where the free flight meets the lift."""
+    event = make_train(1.0)[1]
     speed = part * jump_speed(event)
-    response = run(train(speed)[0])
+    response = run(make_train(speed)[0])
     force, angle = response.channels["contacts.intake.force"], response.angle
-    rigid = needed(event, ANGLES, speed)
+    rigid = rigid_force(event, ANGLES, speed)
     first = int(np.argmax(rigid < 0.0))
-    parting = brentq(lambda a: float(needed(event, a, speed)[0]), ANGLES[first - 1], ANGLES[first])
+    parting = brentq(lambda a: float(rigid_force(event, a, speed)[0]), ANGLES[first - 1], ANGLES[first])
     open_ = np.flatnonzero((force == 0.0) & (angle > 0.1))
     record(source=SOURCE, case=f"{part} of the speed of jump", quantity="angle of parting", unit="deg",
            reference=math.degrees(parting), computed=math.degrees(angle[open_[0]]), tolerance=0.25, absolute=True,
@@ -161,12 +161,12 @@ def test_loss_of_contact(record, train, part):
 
 
 @pytest.mark.parametrize("part", [1.15, 1.5])
-def test_bilateral(record, train, part):
-    """The same equation beyond parting, with the negative force that a closed cam track gives."""
-    event = train(1.0)[1]
+def test_bilateral_contact_force(record, make_train, part):
+    """The equation holds beyond separation, with the negative force of a closed cam track."""
+    event = make_train(1.0)[1]
     speed = part * jump_speed(event)
-    response = run(train(speed, BILATERAL)[0])
-    rigid = needed(event, response.angle, speed)
+    response = run(make_train(speed, BILATERAL)[0])
+    rigid = rigid_force(event, response.angle, speed)
     force = response.channels["contacts.intake.force"]
     record(source=SOURCE, case=f"bilateral, {part} of the speed of jump", quantity="largest error of the force",
            unit="N", reference=0.0, computed=np.abs(force - rigid).max(), tolerance=5e-3 * np.abs(rigid).max(),
@@ -177,13 +177,13 @@ def test_bilateral(record, train, part):
 
 
 @pytest.mark.parametrize("model", ["unilateral", "bilateral"])
-def test_the_rigid_model_itself(train, model):
-    """It has no unknowns: the force is the equation to rounding, negative where the cam would have to pull."""
-    event = train(1.0)[1]
+def test_rigid_model_matches_equation(make_train, model):
+    """The rigid model has no unknowns: the force is exact to rounding, negative where the cam would have to pull."""
+    event = make_train(1.0)[1]
     speed = 1.5 * jump_speed(event)
-    case = train(speed, *([BILATERAL] if model == "bilateral" else []))[0]
+    case = make_train(speed, *([BILATERAL] if model == "bilateral" else []))[0]
     response = run(case, rigid=True)
-    rigid = needed(event, response.angle, speed)
+    rigid = rigid_force(event, response.angle, speed)
     force = response.channels["contacts.intake.force"]
     np.testing.assert_allclose(force, rigid, atol=1e-9 * rigid.max())
     np.testing.assert_allclose(
@@ -195,13 +195,13 @@ def test_the_rigid_model_itself(train, model):
 
 
 @pytest.mark.parametrize("rigid", [False, True], ids=["stiff", "rigid"])
-def test_modal_damping_of_a_train_on_its_spring(record, train, rigid):
-    """The mode that is left as members stiffen is the train on its spring: the cam works against 2 zeta sqrt(k m) v."""
+def test_modal_damping_of_train_on_spring(record, make_train, rigid):
+    """As members stiffen, one mode remains, the train on its spring, with the damper 2 zeta sqrt(k m)."""
     speed = 10.0 * math.pi
-    case, event = train(speed, "run.damping={ modal = 0.2 }")
+    case, event = make_train(speed, "run.damping={ modal = 0.2 }")
     response = run(case, rigid=rigid)
     damped = 0.4 * math.sqrt(SPRING * M) * event(response.angle, 1) * speed
-    expected = needed(event, response.angle, speed) + damped
+    expected = rigid_force(event, response.angle, speed) + damped
     record(source=SOURCE, case=f"modal damping of 20 %, {'rigid' if rigid else 'stiff'} train",
            quantity="largest error of the contact force", unit="N", reference=0.0,
            computed=np.abs(response.channels["contacts.intake.force"] - expected).max(),
@@ -214,10 +214,11 @@ ROCKERS = {"ratio": "lumped'", "lever": "lever', stiffness = '1 GN/m'"}
 
 @pytest.mark.parametrize("play", [None, 0.0, 2e-4])
 @pytest.mark.parametrize("rocker", ROCKERS.values(), ids=ROCKERS)
-def test_modal_damping_on_both_sides_of_a_play(train, rocker, play):
-    """Contacts are in no mode: a valve behind a play has its own. Without play train and valve share one.
+def test_modal_damping_on_both_sides_of_lash(make_train, rocker, play):
+    """Contacts are in no mode: a valve behind a lash has its own mode, without lash train and valve share one.
 
-    A lever of 30 and 45 mm moves the valve by 1.5 of the lift s, itself by asin(s/30 mm); the mode has it as installed.
+    A lever of 30 and 45 mm moves the valve by 1.5 of the lift s and turns by asin(s/30 mm); the mode uses the installed
+    position.
     """
     inertia, valve, back, ratio, speed = 0.1, 0.2, 30e3, 1.5, 10.0 * math.pi
     more = [
@@ -228,43 +229,46 @@ def test_modal_damping_on_both_sides_of_a_play(train, rocker, play):
     ]
     if play is not None:
         more.append(f"contacts.lash={{ at = 'rocker', model = 'lash', gap = {play}, stiffness = '1 GN/m' }}")
-    if play:  # without a seat the valve's spring would close it
+    if play:  # without a seat the valve spring would close it
         more.append("contacts.seat={ at = 'valve', model = 'seat', stiffness = '1 GN/m' }")
-    cases, event = [train(speed, *more, f"run.damping={{ modal = {one} }}")[0] for one in (0.0, 0.2)], train(1.0)[1]
+    cases, event = (
+        [make_train(speed, *more, f"run.damping={{ modal = {one} }}")[0] for one in (0.0, 0.2)],
+        make_train(1.0)[1],
+    )
     free, damped = (run(one, rigid=True) for one in cases)
     s, slope = (event(free.angle, order) for order in (0, 1))
     turned = 1.0 / np.sqrt(1.0 - (s / 0.03) ** 2) if "lever" in rocker else np.ones_like(s)
     behind = np.where(ratio * s > (play or 0.0), ratio**2, 0.0)
-    moved, whole, stiffness, beyond = M + inertia * turned, M + inertia, SPRING, math.sqrt(back * valve) * behind
+    moved, total_mass, stiffness, beyond = M + inertia * turned, M + inertia, SPRING, math.sqrt(back * valve) * behind
     if play is None:
-        moved, whole, beyond = moved + behind * valve, whole + ratio**2 * valve, 0.0
+        moved, total_mass, beyond = moved + behind * valve, total_mass + ratio**2 * valve, 0.0
         stiffness += ratio**2 * back
-    expected = 0.4 * (math.sqrt(stiffness * whole) * (moved / whole) ** 2 + beyond) * slope * speed
+    expected = 0.4 * (math.sqrt(stiffness * total_mass) * (moved / total_mass) ** 2 + beyond) * slope * speed
     added = damped.channels["contacts.intake.force"] - free.channels["contacts.intake.force"]
     np.testing.assert_allclose(added, expected, atol=1e-9 * expected.max())
 
 
-def test_without_a_play_the_seat_bears_the_closed_valve(train):
-    """Where cam and seat share what no play divides, only their stiffness would tell: at no lift it is the seat's."""
-    case, event = train(30.0, SEATED)
+def test_seat_carries_closed_valve_without_lash(make_train):
+    """Without lash only stiffness divides the load of cam and seat: at zero lift the rigid model has it on the seat."""
+    case, event = make_train(30.0, SEAT_CONTACT)
     response = run(case, rigid=True)
     lift, force = event(response.angle, 0), response.channels["contacts.intake.force"]
     lifted = lift > 1e-10
-    np.testing.assert_allclose(force[lifted], needed(event, response.angle, 30.0)[lifted], rtol=1e-9)
+    np.testing.assert_allclose(force[lifted], rigid_force(event, response.angle, 30.0)[lifted], rtol=1e-9)
     assert not force[lift == 0.0].any()
 
 
-SEATED = "contacts.seat={ at = 'tappet', direction = 'uy', model = 'seat', stiffness = '60 MN/m' }"
+SEAT_CONTACT = "contacts.seat={ at = 'tappet', direction = 'uy', model = 'seat', stiffness = '60 MN/m' }"
 
 
-def test_what_cam_and_seat_share_is_told(train):
-    made = train(30.0, SEATED)[0]
-    (told,) = check_shared_seat_load(build_model(made))
-    assert f"share the {INSTALLED:g} N of the springs" in told
-    ready = prepare(train(30.0, SEATED, "fidelity.model=rigid")[0])
-    assert check_input(ready).count(told) == 1
-    assert told not in check_input(prepare(made))  # the flexible train knows it
-    assert not check_shared_seat_load(build_model(train(30.0)[0]))
+def test_shared_seat_load_causes_warning(make_train):
+    made = make_train(30.0, SEAT_CONTACT)[0]
+    (warning,) = check_shared_seat_load(build_model(made))
+    assert f"share the {INSTALLED:g} N of the springs" in warning
+    ready = prepare(make_train(30.0, SEAT_CONTACT, "fidelity.model=rigid")[0])
+    assert check_input(ready).count(warning) == 1
+    assert warning not in check_input(prepare(made))  # the flexible train resolves it
+    assert not check_shared_seat_load(build_model(make_train(30.0)[0]))
 
 
 GAP, OIL = "lash', gap = {}, stiffness = '1 GN/m'", "lash-adjuster', stiffness = 1e9, leak = 1e6, refill = 500"
@@ -275,7 +279,7 @@ GAP, OIL = "lash', gap = {}, stiffness = '1 GN/m'", "lash-adjuster', stiffness =
     [(GAP.format(0.0), False), (GAP.format(1e-4), True), (f"{OIL}, plunger_force = 20", True)],
     ids=["no gap", "gap", "adjuster"],
 )
-def test_behind_a_play_the_share_is_known(train, play, known):
+def test_lash_determines_seat_load(make_train, play, known):
     more = [
         "rockers.rocker={ model = 'lumped', from = 'top', to = 'valve', arms = [0.03, 0.03] }",
         "masses.valve={ at = 'valve', mass = 0.2 }",
@@ -283,15 +287,15 @@ def test_behind_a_play_the_share_is_known(train, play, known):
         f"contacts.lash={{ at = 'rocker', model = '{play} }}",
         "contacts.seat={ at = 'valve', model = 'seat', stiffness = '1 GN/m' }",
     ]
-    assert bool(check_shared_seat_load(build_model(train(30.0, *more)[0]))) != known
+    assert bool(check_shared_seat_load(build_model(make_train(30.0, *more)[0]))) != known
 
 
-def test_limits_names_the_rigid_speed(record, train):
+def test_limits_include_jump_speed_of_rigid_train(record, make_train):
     """`flexcam limits` finds no loss of contact 2 % below the speed of the rigid train, and one 6 % above."""
-    event = train(1.0)[1]
+    event = make_train(1.0)[1]
     expected = jump_speed(event)
     soft = "contacts.intake={ cam = 'intake', follower = 'tappet', model = 'unilateral', stiffness = '100 MN/m', "
-    case = train(expected, "run.steps_per_revolution=720", soft + "dissipation = '5 s/m' }")[0]
+    case = make_train(expected, "run.steps_per_revolution=720", soft + "dissipation = '5 s/m' }")[0]
     found = find_limits(case, Search(0.98 * expected, 1.06 * expected, tolerance=0.01 * expected))
     rpm, rigid_rpm = expected * 30.0 / math.pi, compute_margins(case).rigid_rpm
     record(source=SOURCE, case="limits", quantity="speed of jump of the rigid train", unit="rpm", reference=rpm,
@@ -311,53 +315,57 @@ def test_limits_names_the_rigid_speed(record, train):
         ("run.damping={ alpha = 200.0, beta = 0.002 }", lambda v: (200.0 * M + 0.002 * SPRING) * v),
     ],
 )
-def test_all_forces_on_the_rigid_model(train, key, more):
-    """Weight, given forces and dampers act on the rigid train as they do on the flexible one."""
-    case, event = train(60.0, key)
+def test_rigid_model_includes_all_forces(make_train, key, more):
+    """Weight, loads and dampers act on the rigid train as on the flexible one."""
+    case, event = make_train(60.0, key)
     flexible, rigid = run(case), run(case, rigid=True)
-    expected = needed(event, rigid.angle, 60.0) + more(event(rigid.angle, 1) * 60.0)
+    expected = rigid_force(event, rigid.angle, 60.0) + more(event(rigid.angle, 1) * 60.0)
     force = flexible.channels["contacts.intake.force"]
-    np.testing.assert_allclose(force, expected, atol=5e-3 * expected.max())  # so does the flexible one
+    np.testing.assert_allclose(force, expected, atol=5e-3 * expected.max())  # also valid for the flexible train
     np.testing.assert_allclose(rigid.channels["contacts.intake.force"], expected, atol=1e-6 * expected.max())
 
 
 @pytest.mark.parametrize("rigid", [False, True], ids=["stiff", "rigid"])
 @pytest.mark.parametrize("parts", [1, 4])
 @pytest.mark.parametrize("kind", ["touching coils", "pulsation"])
-def test_springs_that_are_more_than_stiff(train, kind, parts, rigid):
-    """From 6 mm on n coils touch, each with its part of the way: kc/n. What pulsates does so at any lift."""
+def test_coil_clash_and_pulsation_of_spring(make_train, kind, parts, rigid):
+    """Beyond 6 mm n coils touch, each with its share of the travel: kc/n. Pulsation acts at any lift."""
     key = {
         "touching coils": "springs.valve.clash_travel=6 mm",
         "pulsation": "springs.valve.pulsation={ order = 3, amplitude = 0.2, phase = 0.5 }",
     }[kind]
     more = [f"springs.valve.elements={parts}", "springs.valve.clash_stiffness=2e6"][: 2 if "clash" in key else 1]
     more += ["springs.valve.mass=1e-6"] if parts > 1 else []
-    case, event = train(math.pi, key, *more)
+    case, event = make_train(math.pi, key, *more)
     response = run(read_case(case.path, [*case.overrides, "run.steps_per_revolution=360"]), rigid=rigid)
     s, angle = event(response.angle, 0), response.angle
     added = 0.2 * SPRING * np.cos(3.0 * angle + 0.5) * s
     if kind == "touching coils":
         added = 2e6 / parts * np.maximum(s - 6e-3, 0.0)
-    expected = needed(event, angle, math.pi) + added
+    expected = rigid_force(event, angle, math.pi) + added
     force = response.channels["contacts.intake.force"]
-    # A contact of 2 GN/m gives 4 um under 8 kN, on coils of 2 MN/m.
+    # A contact of 2 GN/m deforms by 4 um under 8 kN, on coils of 2 MN/m.
     np.testing.assert_allclose(force, expected, atol=1e-3 if rigid else 3e-3 * expected.max())
     assert np.abs(added).max() > 0.05 * expected.max()
 
 
-def test_touching_coils_of_a_rigid_train_are_told(train):
-    """At 12 mm of lift, 2 mm beyond: check and run say what a flexible run says of its clearance."""
+def test_coil_bind_of_rigid_train_causes_warning(make_train):
+    """At 12 mm of lift, 2 mm beyond, check and run give the warning of a flexible run."""
     keys = ["cams.intake.lift=12 mm", "springs.valve.elements=4", "springs.valve.mass=0.01", "fidelity.model=rigid"]
-    told = [check_input(prepare(train(30.0, *keys, f"springs.valve.clash_travel={mm} mm")[0])) for mm in (10, 13)]
-    assert [[one for one in each if "coil bind" in one] for each in told] == [
+    warnings = [
+        check_input(prepare(make_train(30.0, *keys, f"springs.valve.clash_travel={mm} mm")[0])) for mm in (10, 13)
+    ]
+    assert [[one for one in each if "coil bind" in one] for each in warnings] == [
         ["Warning: spring 'valve' reaches coil bind before full lift: full lift needs 2 mm more clash_travel"], [],
     ]  # fmt: skip
 
 
-def test_the_rigid_speed_counts_given_forces_and_no_damper(train):
-    """A steady push closes the contact; a damper is none of inertia and springs, at any speed of the case."""
-    event = train(1.0)[1]
-    case = train(60.0, "loads.push={ at = 'tappet', direction = '-uy', force = 100.0 }", "springs.valve.damping=100.0")
+def test_jump_speed_includes_loads_but_no_dampers(make_train):
+    """A steady push closes the contact; dampers are neither inertia nor spring, at any speed of the case."""
+    event = make_train(1.0)[1]
+    case = make_train(
+        60.0, "loads.push={ at = 'tappet', direction = '-uy', force = 100.0 }", "springs.valve.damping=100.0"
+    )
     s, bend = event(ANGLES, 0), event(ANGLES, 2)
     down = bend < 0.0
     expected = math.sqrt(float(np.min((SPRING * s + INSTALLED + 100.0)[down] / (-M * bend[down]))))

@@ -1,8 +1,9 @@
-"""A rigid finger whose pivot stands on a spring, a closed play or an adjuster, against the balance of a lever.
+"""A rigid finger whose pivot is on a spring, a closed lash or an adjuster, against the balance of a lever.
 
-Cam, pivot and valve lie a = 40 mm and L = 60 mm apart on one straight finger. For a lift s at the cam, a pivot that
-yields by p and a valve that goes t = s L/a - p (L/a - 1), the springs' energy is least at p = F (L/a - 1)/k with the
-force F of the valve; the cam bears F L/a (R. L. Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 17).
+Cam, pivot and valve are a = 40 mm and L = 60 mm apart on a straight finger. For a lift s at the cam, a pivot
+displacement p and a valve displacement t = s L/a - p (L/a - 1), the energy of the springs is minimum at p = F (L/a -
+1)/k with the valve force F; the cam force is F L/a (R. L. Norton, Cam Design and Manufacturing Handbook, 2nd ed.
+(2009), ch. 17).
 """
 
 from __future__ import annotations
@@ -58,8 +59,8 @@ steps_per_revolution = 360
 probes = ["pivot", "tip"]
 """
 FREE, GUIDED = '["ux", "ry", "rz"]', '["ux", "uz", "ry", "rz"]'
-UP = 'up = {{ at = "pivot", direction = "uy", stiffness = {} }}'
-ASIDE = 'aside = { at = "pivot", direction = "uz", stiffness = 1e6 }'
+VERTICAL_SPRING = 'up = {{ at = "pivot", direction = "uy", stiffness = {} }}'
+LATERAL_SPRING = 'aside = { at = "pivot", direction = "uz", stiffness = 1e6 }'
 ARM = 0.06 / 0.04
 
 
@@ -73,46 +74,46 @@ def finger(tmp_path):
     return make
 
 
-def balanced(s, k):
-    """Return the force of the cam, and what pivot and tip move from how they are installed, downwards."""
+def lever_equilibrium(s, k):
+    """Return the cam force, and the downward displacements of pivot and tip from the installed position."""
     yielding = 30e3 * (ARM - 1.0) ** 2 / k
     pivot = (ARM - 1.0) * 30e3 * ARM * s / (k * (1.0 + yielding))
     tip = ARM * s - (ARM - 1.0) * pivot
-    # What 300 N have made the pivot yield as installed takes its part of them away for good.
+    # The pivot displacement under the installed 300 N permanently reduces this force.
     return ARM * (300.0 / (1.0 + yielding) + 30e3 * tip), pivot, tip
 
 
 @pytest.mark.parametrize("aside", [True, False], ids=["springs both ways", "guided across"])
 @pytest.mark.parametrize("k", [1e8, 1e6, 1e5])
-def test_a_pivot_on_springs(finger, k, aside):
-    """Rigid and stiff alike; a pivot of 100 kN/m takes 7 % of the valve's force away."""
-    case = finger(FREE if aside else GUIDED, "\n".join([UP.format(k)] + [ASIDE] * aside))
+def test_pivot_on_springs(finger, k, aside):
+    """Rigid and stiff trains agree; a pivot of 100 kN/m reduces the valve force by 7 %."""
+    case = finger(FREE if aside else GUIDED, "\n".join([VERTICAL_SPRING.format(k)] + [LATERAL_SPRING] * aside))
     rigid = run(case, rigid=True)
     lift = build_model(case).cams["intake"].event(rigid.angle, 0)
-    force, pivot, tip = balanced(lift, k)
+    force, pivot, tip = lever_equilibrium(lift, k)
     found = [rigid.channels["contacts.intake.force"], *(-rigid[f"{n}.uy"].displacement for n in ("pivot", "tip"))]
     np.testing.assert_allclose(found, [force, pivot, tip], rtol=1e-6, atol=1e-12)
-    base, nose = stiff(case)
-    expected = balanced(4e-3, k)
-    assert base[0] == pytest.approx(balanced(0.0, k)[0], rel=1e-3)  # finger and contact yield by 3 um under 700 N
+    base, nose = flexible_equilibria(case)
+    expected = lever_equilibrium(4e-3, k)
+    assert base[0] == pytest.approx(lever_equilibrium(0.0, k)[0], rel=1e-3)  # deformation: 3 um under 700 N
     assert nose[0] == pytest.approx(expected[0], rel=1e-3)
     np.testing.assert_allclose(nose[1:] - base[1:], expected[1:], atol=3e-6)
 
 
-def test_a_pivot_that_is_held_up_and_stands_on_a_spring_aside(finger):
-    """It turns about the pivot: a spring across the lift bears nothing of it."""
-    case = finger('["ux", "uy", "ry", "rz"]', ASIDE)
+def test_lateral_spring_at_pivot_carries_no_force(finger):
+    """The finger rotates about the pivot: a spring perpendicular to the lift has no force."""
+    case = finger('["ux", "uy", "ry", "rz"]', LATERAL_SPRING)
     rigid = run(case, rigid=True)
-    force, pivot, tip = balanced(build_model(case).cams["intake"].event(rigid.angle, 0), np.inf)
+    force, pivot, tip = lever_equilibrium(build_model(case).cams["intake"].event(rigid.angle, 0), np.inf)
     found = [rigid.channels["contacts.intake.force"], *(-rigid[f"{n}.uy"].displacement for n in ("pivot", "tip"))]
     np.testing.assert_allclose(found, [force, pivot, tip], rtol=1e-6, atol=1e-12)
-    assert stiff(case)[1][0] == pytest.approx(balanced(4e-3, np.inf)[0], rel=1e-3)
+    assert flexible_equilibria(case)[1][0] == pytest.approx(lever_equilibrium(4e-3, np.inf)[0], rel=1e-3)
 
 
-def stiff(case):
-    """Return the force of the flexible train's cam, and what pivot and tip have moved, on its base circle and nose."""
+def flexible_equilibria(case):
+    """Return cam force, pivot and tip displacement of the flexible train on base circle and nose."""
     ready, found = prepare(case), []
-    for angle in (0.0, 1.8):  # the face slides by s' along the finger, which is none here
+    for angle in (0.0, 1.8):  # the face slides by s' along the finger, which is zero here
         drive = ConstantSpeed(case.speed, angle)
         still = solve(
             Problem(ready.problem.system, drive, 1e-6, 1, equilibrium(ready.problem.system, drive)), ready.scheme
@@ -122,20 +123,20 @@ def stiff(case):
     return np.array(found)
 
 
-STANDS = {
+PIVOT_CONTACTS = {
     "adjuster": 'model = "lash-adjuster", stiffness = 1e8, leak = 1e9, refill = 500, plunger_force = 40',
     "closed play": 'model = "lash", gap = 0, stiffness = 1e8',
 }
-WAYS = ['from = "ground", to = "pivot", direction = "uy"', 'from = "pivot", to = "ground", direction = "-uy"']
+END_ORDERS = ['from = "ground", to = "pivot", direction = "uy"', 'from = "pivot", to = "ground", direction = "-uy"']
 
 
-@pytest.mark.parametrize("way", WAYS, ids=["pushed", "pushing"])
-@pytest.mark.parametrize("stand", STANDS.values(), ids=STANDS)
-def test_a_pivot_on_an_adjuster(finger, stand, way):
-    """It stands still in the rigid model, and else on its oil as on a spring, whichever end is named first."""
+@pytest.mark.parametrize("way", END_ORDERS, ids=["pushed", "pushing"])
+@pytest.mark.parametrize("stand", PIVOT_CONTACTS.values(), ids=PIVOT_CONTACTS)
+def test_pivot_on_adjuster(finger, stand, way):
+    """The pivot is fixed in the rigid model, and otherwise on its oil as on a spring, for either order of the ends."""
     case = finger(GUIDED, contacts=f"stand = {{ {way}, {stand} }}")
     rigid = run(case, rigid=True)
     lift = build_model(case).cams["intake"].event(rigid.angle, 0)
-    np.testing.assert_allclose(rigid.channels["contacts.intake.force"], balanced(lift, 1e8)[0], rtol=2e-4)
-    np.testing.assert_allclose(-rigid["tip.uy"].displacement, balanced(lift, np.inf)[2], atol=1e-12)
-    assert stiff(case)[1][0] == pytest.approx(balanced(4e-3, 1e8)[0], rel=1e-3)
+    np.testing.assert_allclose(rigid.channels["contacts.intake.force"], lever_equilibrium(lift, 1e8)[0], rtol=2e-4)
+    np.testing.assert_allclose(-rigid["tip.uy"].displacement, lever_equilibrium(lift, np.inf)[2], atol=1e-12)
+    assert flexible_equilibria(case)[1][0] == pytest.approx(lever_equilibrium(4e-3, 1e8)[0], rel=1e-3)

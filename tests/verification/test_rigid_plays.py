@@ -1,9 +1,10 @@
-"""Plays before and behind a lever of a rigid train, against the kinematics of its arms, balance, and a stiff train.
+"""Lash before and behind a lever of a rigid train, against the kinematics of its arms, balance, and a stiff train.
 
-What is behind a play stands until what is before it has come by the gap: on its seat, on its springs, or on what is
-before it where springs have closed the play already. Then both go on. A lever turned by phi from its installed angles
-moves its ends by a1 (sin(b1 + phi) - sin b1) and a2 (sin(b2 + phi) - sin b2); the cam bears by virtual work what has
-been reached (R. L. Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 8 and 17).
+The part behind a lash is at rest until the part before it closes the gap: on its seat, on its springs, or on the part
+before it if springs have closed the lash already. Then both move together. A lever turned by phi from its installed
+angles moves its ends by a1 (sin(b1 + phi) - sin b1) and a2 (sin(b2 + phi) - sin b2); by virtual work the cam force
+includes the parts behind closed lashes (R. L. Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 8 and
+17).
 """
 
 from __future__ import annotations
@@ -74,17 +75,19 @@ steps_per_revolution = 720
 probes = ["tappet", "end", "valve"]
 """
 ROCKERS = {"ratio": 'model = "lumped"', "lever": 'model = "lever"\nstiffness = 5e8\nangles = [-0.15, 0.1]'}
-NEAR = 'near = {{ from = "top", to = "bottom", direction = "uy", model = "lash", gap = {}, stiffness = 5e8 }}'
-FAR = 'far = {{ at = "rocker", model = "lash", gap = {}, stiffness = 5e8 }}'
-PUMPING = """near = { from = "top", to = "bottom", direction = "uy", model = "lash-adjuster", stiffness = 5e8, \
+NEAR_LASH = 'near = {{ from = "top", to = "bottom", direction = "uy", model = "lash", gap = {}, stiffness = 5e8 }}'
+FAR_LASH = 'far = {{ at = "rocker", model = "lash", gap = {}, stiffness = 5e8 }}'
+ADJUSTER = """near = { from = "top", to = "bottom", direction = "uy", model = "lash-adjuster", stiffness = 5e8, \
 leak = 1e9, refill = 50, plunger_force = 20 }"""
-BESIDE = 'beside = { from = "top", to = "bottom", direction = "uy", model = "lash", gap = 1e-4, stiffness = 5e8 }'
+PARALLEL_LASH = (
+    'beside = { from = "top", to = "bottom", direction = "uy", model = "lash", gap = 1e-4, stiffness = 5e8 }'
+)
 ROD_SEAT = 'rod = { at = "end", direction = "uy", model = "seat", stiffness = 5e9 }'
 SEAT = 'seat = { at = "valve", model = "seat", stiffness = 5e9 }'
 
 
 @pytest.fixture
-def train(tmp_path):
+def make_train(tmp_path):
     def make(rocker, *contacts, rod=0.0, valve=300.0):
         path = tmp_path / "plays.toml"
         text = CASE.format(rocker=ROCKERS[rocker], contacts="\n".join(contacts), rod=rod, valve=valve)
@@ -94,8 +97,8 @@ def train(tmp_path):
     return make
 
 
-def turned(driven):
-    """Return the point of the lever and its slope over what drives it."""
+def lever_motion(driven):
+    """Return the displacement of the lever tip and its derivative by that of the driven end."""
     (a1, a2), (b1, b2) = (0.03, 0.045), (-0.15, 0.1)
     angle = np.arcsin(math.sin(b1) + driven / a1)
     return a2 * (np.sin(b2 + angle - b1) - math.sin(b2)), a2 * np.cos(b2 + angle - b1) / (a1 * np.cos(angle))
@@ -103,28 +106,28 @@ def turned(driven):
 
 @pytest.mark.parametrize("swapped", [False, True], ids=["near first", "far first"])
 @pytest.mark.parametrize(("near", "far"), [(3e-4, 0.0), (0.0, 4e-4), (3e-4, 4e-4)])
-def test_a_lever_between_plays(train, near, far, swapped):
-    """Its driven end stands until the play before it is taken up, its valve until the one behind it is as well."""
-    plays = [NEAR.format(near), FAR.format(far)]
-    case = train("lever", *plays[:: -1 if swapped else 1], SEAT, rod=0.0)
+def test_lever_between_two_lashes(make_train, near, far, swapped):
+    """The driven end is at rest until the lash before it closes, the valve until the lash behind it closes as well."""
+    plays = [NEAR_LASH.format(near), FAR_LASH.format(far)]
+    case = make_train("lever", *plays[:: -1 if swapped else 1], SEAT, rod=0.0)
     response = run(case, rigid=True)
     s = build_model(case).cams["intake"].event(response.angle, 0)
     driven = np.maximum(s - near, 0.0)
-    tip, slope = turned(driven)
+    tip, slope = lever_motion(driven)
     valve = np.maximum(tip - far, 0.0)
     force = 10.0 + 1e3 * s + 500.0 * driven + np.where(valve > 0.0, slope * (300.0 + 30e3 * valve), 0.0)
     found = response.channels["contacts.intake.force"]
     np.testing.assert_allclose(response["end.uy"].displacement, driven, atol=1e-15)
     np.testing.assert_allclose(response["valve"].displacement, valve, atol=1e-15)
-    # inertia at 1 rpm: 0.5 kg felt at the cam times 7.5 h (w/beta)^2 is below 1 mN
+    # inertia at 1 rpm: 0.5 kg at the cam times 7.5 h (w/beta)^2 is below 1 mN
     np.testing.assert_allclose(found, force, atol=1e-3)
 
 
 DEGREES = (5.0, 30.0, 40.0, 45.0, 60.0, 110.0, 170.0, 195.0)
 
 
-def stiff(case):
-    """Return forces, torques and motions of the flexible train in balance at some angles of its cam."""
+def flexible_equilibria(case):
+    """Return forces, torques and displacements of the flexible train in equilibrium at some cam angles."""
     ready, found = prepare(case), []
     for degrees in DEGREES:
         drive = ConstantSpeed(case.speed, math.radians(degrees))
@@ -135,59 +138,59 @@ def stiff(case):
     return np.array(found)
 
 
-ARRANGED = {
-    "play before it, seat": ([NEAR.format(3e-4), SEAT], 5.0, 300.0),
-    "play behind it, seat": ([NEAR.format(0.0), FAR.format(4e-4), SEAT], 5.0, 300.0),
-    "both, seat": ([FAR.format(4e-4), NEAR.format(3e-4), SEAT], 5.0, 300.0),
-    "both, springs close them": ([NEAR.format(3e-4), FAR.format(4e-4)], 5.0, 300.0),
-    "both, springs end before": ([NEAR.format(3e-4), FAR.format(4e-4)], 0.05, 6.0),
-    "a narrower one beside it": ([NEAR.format(3e-4), BESIDE, FAR.format(4e-4), SEAT], 5.0, 300.0),
-    "both, seat under the rod": ([NEAR.format(3e-4), FAR.format(4e-4), ROD_SEAT], 5.0, 300.0),
-    "adjuster closes the play behind": ([PUMPING, FAR.format(4e-4), SEAT], 5.0, 300.0),
+ARRANGEMENTS = {
+    "play before it, seat": ([NEAR_LASH.format(3e-4), SEAT], 5.0, 300.0),
+    "play behind it, seat": ([NEAR_LASH.format(0.0), FAR_LASH.format(4e-4), SEAT], 5.0, 300.0),
+    "both, seat": ([FAR_LASH.format(4e-4), NEAR_LASH.format(3e-4), SEAT], 5.0, 300.0),
+    "both, springs close them": ([NEAR_LASH.format(3e-4), FAR_LASH.format(4e-4)], 5.0, 300.0),
+    "both, springs end before": ([NEAR_LASH.format(3e-4), FAR_LASH.format(4e-4)], 0.05, 6.0),
+    "a narrower one beside it": ([NEAR_LASH.format(3e-4), PARALLEL_LASH, FAR_LASH.format(4e-4), SEAT], 5.0, 300.0),
+    "both, seat under the rod": ([NEAR_LASH.format(3e-4), FAR_LASH.format(4e-4), ROD_SEAT], 5.0, 300.0),
+    "adjuster closes the play behind": ([ADJUSTER, FAR_LASH.format(4e-4), SEAT], 5.0, 300.0),
 }
 
 
 @pytest.mark.parametrize("rocker", ROCKERS)
-@pytest.mark.parametrize("name", mostly_slow(ARRANGED, 2))
-def test_a_stiff_train_goes_the_same_way(train, name, rocker):
-    """Members of 20 TPa and contacts of 0.5 to 5 GN/m: what is left is what they give."""
-    contacts, rod, valve = ARRANGED[name]
-    case = train(rocker, *contacts, rod=rod, valve=valve)
+@pytest.mark.parametrize("name", mostly_slow(ARRANGEMENTS, 2))
+def test_stiff_train_matches_rigid_train(make_train, name, rocker):
+    """Members of 20 TPa and contacts of 0.5 to 5 GN/m leave differences of their deformation only."""
+    contacts, rod, valve = ARRANGEMENTS[name]
+    case = make_train(rocker, *contacts, rod=rod, valve=valve)
     rigid = run(read_case(case.path, ["run.steps_per_revolution=360", "run.revolutions=1"]), rigid=True)
-    # An adjuster that stands in balance anew at every angle keeps nothing of what it has pumped: it is asked at rest.
+    # An adjuster in equilibrium at every angle does not retain what it has pumped: it is compared at rest only.
     at = [int(one) for one in DEGREES][: 1 if "adjuster" in name else None]
-    expected = stiff(case)[: len(at)]
+    expected = flexible_equilibria(case)[: len(at)]
     probes = (rigid["tappet.uy"], rigid["end.uy"], rigid["valve"])
     found = [rigid.channels["contacts.intake.force"], rigid.channels["contacts.intake.torque"]]
     found = np.array([*found, *(one.displacement for one in probes)])[:, at].T
-    # 900 N on the cam's contact; on the play before the lever; on the play behind it and both arms, times the ratio.
+    # 900 N on the cam contact; on the lash before the lever; on the lash behind it and both arms, times the ratio.
     give = [3e-7, 3e-6, 1e-5]
-    # 45 kN/m of springs on what has given way, and that force at s' of 7 mm.
+    # 45 kN/m of springs on the deformation, and that force at s' of 7 mm.
     np.testing.assert_array_less(np.abs(found - expected).max(axis=0), [1.5, 1e-2, *give])
 
 
 @pytest.mark.parametrize("rocker", ROCKERS)
-def test_what_a_seat_leaves_to_the_cam_is_told_at_rest(train, rocker):
-    """A plunger of 20 N lifts the rod until the play at the valve is closed, and pushes as much on the cam."""
-    case = train(rocker, PUMPING, FAR.format(4e-4), SEAT, rod=5.0)
+def test_adjuster_force_on_cam_at_rest(make_train, rocker):
+    """A plunger of 20 N lifts the rod until the lash at the valve closes, and acts with 20 N on the cam."""
+    case = make_train(rocker, ADJUSTER, FAR_LASH.format(4e-4), SEAT, rod=5.0)
     response = run(case, rigid=True)
     assert response["valve"].displacement[0] == pytest.approx(0.0, abs=1e-15)
     driven = response["end.uy"].displacement[:1]
-    reached = 1.5 * driven if rocker == "ratio" else turned(driven)[0]
+    reached = 1.5 * driven if rocker == "ratio" else lever_motion(driven)[0]
     assert reached[0] == pytest.approx(4e-4, rel=1e-9)
-    lifted = response["tappet.uy"].displacement > 1e-4  # the adjuster has become as long, and transmits the lift
+    lifted = response["tappet.uy"].displacement > 1e-4  # the adjuster is extended, and transmits the lift
     np.testing.assert_allclose(
         (response["end.uy"].displacement - response["tappet.uy"].displacement)[lifted], driven[0], rtol=1e-9
     )
     assert response.channels["contacts.intake.force"][0] == pytest.approx(
         10.0 + 20.0, rel=1e-3
-    )  # a lever's ratio turns
+    )  # the ratio of a lever depends on its rotation
 
 
 @pytest.mark.parametrize("rocker", ROCKERS)
-def test_what_is_linked_to_a_point_waits_with_it(train, rocker):
-    """A retainer on the valve stands until the play at the rocker is taken up, and its spring is felt from then on."""
-    text = train(rocker, FAR.format(4e-4), NEAR.format(0.0), SEAT).path.read_text(encoding="utf-8")
+def test_node_linked_to_valve_moves_with_valve(make_train, rocker):
+    """A retainer on the valve is at rest until the lash at the rocker closes; then its spring acts on the cam."""
+    text = make_train(rocker, FAR_LASH.format(4e-4), NEAR_LASH.format(0.0), SEAT).path.read_text(encoding="utf-8")
     text = text.replace("end = [0.02, 0.08, 0.0]", "end = [0.02, 0.08, 0.0]\nhead = [0.05, 0.08, 0.0]")
     text = text.replace(
         "[masses]", 'head = ["ux", "uz", "rx", "ry", "rz"]\n[masses]\nhead = { at = "head", mass = 0.01 }'
@@ -198,18 +201,18 @@ def test_what_is_linked_to_a_point_waits_with_it(train, rocker):
 outer = { at = "head", direction = "uy", stiffness = 20e3, installed_force = 100 }
 [rockers""",
     )
-    path = train(rocker).path
+    path = make_train(rocker).path
     path.write_text(text.replace('"valve"]', '"valve", "head"]'), encoding="utf-8")
     case = read_case(path)
-    flexible = stiff(case)[:, 0]
+    flexible = flexible_equilibria(case)[:, 0]
     rigid = run(read_case(path, ["run.steps_per_revolution=360", "run.revolutions=1"]), rigid=True)
     np.testing.assert_allclose(rigid["head.uy"].displacement, rigid["valve"].displacement, atol=1e-15)
     at = [int(one) for one in DEGREES]
     np.testing.assert_allclose(rigid.channels["contacts.intake.force"][at], flexible, atol=3.0)  # 110 kN/m, as above
 
 
-def test_two_rockers_on_one_rod(train):
-    """Either valve waits for its own play, and the cam feels of each what it has reached."""
+def test_two_rockers_with_separate_lash(make_train):
+    """Either valve moves after its own lash closes, and the cam force includes the valves with closed lash."""
     second = [
         'rockers.second={ model = "lumped", from = "end", to = "other", arms = [0.03, 0.036] }',
         'masses.other={ at = "other", mass = 0.1 }',
@@ -217,7 +220,7 @@ def test_two_rockers_on_one_rod(train):
         'contacts.play={ at = "second", model = "lash", gap = 6e-4, stiffness = 5e8 }',
         'contacts.other={ at = "other", model = "seat", stiffness = 5e9 }',
     ]
-    path = train("ratio", NEAR.format(3e-4), FAR.format(4e-4), SEAT).path
+    path = make_train("ratio", NEAR_LASH.format(3e-4), FAR_LASH.format(4e-4), SEAT).path
     case = read_case(path, [*second, "output.probes=['tappet', 'end', 'valve', 'other']"])
     response = run(case, rigid=True)
     s = build_model(case).cams["intake"].event(response.angle, 0)
@@ -228,36 +231,38 @@ def test_two_rockers_on_one_rod(train):
         np.testing.assert_allclose(response[name].displacement, lift, atol=1e-15)
         expected += np.where(lift > 0.0, ratio * (installed + k * lift), 0.0)
     np.testing.assert_allclose(force, expected, atol=1e-3)  # inertia, as above
-    flexible = stiff(case)[:, 0]
+    flexible = flexible_equilibria(case)[:, 0]
     np.testing.assert_allclose(force[[int(2 * one) for one in DEGREES]], flexible, atol=1.5)
 
 
-def test_a_play_askew_to_what_it_moves(train):
-    """Guides hold both sides upright: a play at an angle pushes them as far as an upright one, and nothing less."""
-    askew = NEAR.format(3e-4).replace('"uy"', "[0.6, 0.8, 0.0]")
-    force, _, _, _, valve = stiff(case := train("lever", askew, FAR.format(4e-4), SEAT, rod=5.0)).T
+def test_oblique_lash(make_train):
+    """Guides keep both sides upright: an oblique lash moves them as far as an upright one."""
+    askew = NEAR_LASH.format(3e-4).replace('"uy"', "[0.6, 0.8, 0.0]")
+    force, _, _, _, valve = flexible_equilibria(
+        case := make_train("lever", askew, FAR_LASH.format(4e-4), SEAT, rod=5.0)
+    ).T
     rigid = run(read_case(case.path, ["run.steps_per_revolution=360", "run.revolutions=1"]), rigid=True)
     at = [int(one) for one in DEGREES]
-    # As above, of which the play gives 1/0.64 times as much.
+    # As above; the deformation of the lash is 1/0.64 times as large.
     np.testing.assert_allclose(rigid.channels["contacts.intake.force"][at], force, atol=2.0)
     np.testing.assert_allclose(rigid["valve"].displacement[at], valve, atol=2e-5)
 
 
-def test_a_lash_acts_the_same_from_either_side(train):
-    """The pushed node named first, with the opposite direction, is the same contact."""
-    plays = NEAR.format(3e-4), FAR.format(4e-4), SEAT
+def test_lash_is_independent_of_node_order(make_train):
+    """A contact with its nodes exchanged and the opposite direction is the same contact."""
+    plays = NEAR_LASH.format(3e-4), FAR_LASH.format(4e-4), SEAT
     swapped = plays[0].replace('"top", to = "bottom"', '"bottom", to = "top"').replace('"uy"', '"-uy"')
-    one, other = (run(train("lever", near, *plays[1:], rod=5.0), rigid=True) for near in (plays[0], swapped))
+    one, other = (run(make_train("lever", near, *plays[1:], rod=5.0), rigid=True) for near in (plays[0], swapped))
     for name in ("end.uy", "valve"):
         np.testing.assert_allclose(other[name].displacement, one[name].displacement, atol=1e-15)
     force = "contacts.intake.force"
     np.testing.assert_allclose(other.channels[force], one.channels[force], rtol=1e-9)
 
 
-def test_a_lash_that_opens_with_the_lift_moves_nothing(train):
-    """The follower leaves the rod behind, and the valve stays on its seat."""
-    opening = NEAR.format(3e-4).replace('"uy"', '"-uy"')
-    response = run(train("lever", opening, FAR.format(4e-4), SEAT, rod=5.0), rigid=True)
+def test_lash_opening_with_lift_moves_no_valve(make_train):
+    """The follower separates from the rod, and the valve stays on its seat."""
+    opening = NEAR_LASH.format(3e-4).replace('"uy"', '"-uy"')
+    response = run(make_train("lever", opening, FAR_LASH.format(4e-4), SEAT, rod=5.0), rigid=True)
     assert np.ptp(response["tappet.uy"].displacement) > 1e-3
     assert np.ptp(response["valve"].displacement) < 1e-15
     assert not response.channels["contacts.near.force"].any()

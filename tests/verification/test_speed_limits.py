@@ -1,4 +1,4 @@
-"""The speed at which contact is lost: held at 0.99 of it, lost at 1.01, and the rigid condition for a stiff train."""
+"""Speed of contact loss: closed contact at 0.99 of it, loss at 1.01, and the rigid condition for a stiff train."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flexcam.valvetrain import separation
 
 RPM = math.pi / 30.0
 
-STIFF = """
+STIFF_CASE = """
 format = 1
 title = "Stiff follower on a stiff shaft"
 [nodes]
@@ -56,8 +56,8 @@ damping = { beta = "2e-7 s" }
 """
 
 
-def at(case, rpm):
-    """Return whether the follower is off its cam on the lift in the third revolution at a camshaft speed."""
+def loses_contact(case, rpm):
+    """Return whether the follower separates during the lift in the third revolution at a camshaft speed."""
     ready = flexcam.prepare(flexcam.read_case(case.path, [f'run.speed="{rpm} rpm"', "run.revolutions=3"]))
     response = flexcam.solve(ready.problem, ready.scheme, save=ready.save)
     last = response.time > response.time[-1] - ready.revolution
@@ -65,17 +65,17 @@ def at(case, rpm):
 
 
 @pytest.mark.slow
-def test_held_below_lost_above(tmp_path):
-    """The rigid train: inertia = spring force at the worst angle, from law and mass alone."""
+def test_contact_loss_speed_of_stiff_follower(tmp_path):
+    """The condition of the rigid train is inertia = spring force at the worst angle, from law and mass alone."""
     path = tmp_path / "stiff.toml"
-    path.write_text(STIFF, encoding="utf-8")
+    path.write_text(STIFF_CASE, encoding="utf-8")
     case = flexcam.read_case(path)
     found = find_limits(case, Search(3000 * RPM, 6000 * RPM, tolerance=6 * RPM))
     rpm = found.limits["loss_of_contact"].rpm
     assert found.limits["loss_of_contact"].words.endswith("(one, nose)")
     assert found.first == "loss_of_contact"
-    assert not at(case, 0.99 * rpm)
-    assert at(case, 1.01 * rpm)
+    assert not loses_contact(case, 0.99 * rpm)
+    assert loses_contact(case, 1.01 * rpm)
     # m s'' w^2 + k s + F0 = 0, with s = h (z - sin(2 pi z)/(2 pi)) on a rise of 120 deg
     mass = 7800.0 * math.pi / 4.0 * 0.04**2 * 0.02
     beta, h = math.radians(120.0), 6e-3
@@ -84,15 +84,15 @@ def test_held_below_lost_above(tmp_path):
                   / (-mass * h * 2 * math.pi / beta**2 * math.sin(2 * math.pi * z)))
         for z in (0.5 + i / 20000 for i in range(1, 10000))
     )  # fmt: skip
-    assert compute_margins(case).rigid_rpm == pytest.approx(worst / RPM, rel=1e-5)  # the angle is sought in steps
-    # 100 MN/m and the rod's own stiffness leave a little elastic motion, and contact must be open for 0.5 deg.
+    assert compute_margins(case).rigid_rpm == pytest.approx(worst / RPM, rel=1e-5)  # the angle is searched in steps
+    # 100 MN/m and the rod stiffness leave a small elastic vibration, and contact must be open for 0.5 deg.
     assert rpm == pytest.approx(worst / RPM, rel=0.06)
 
 
 @pytest.mark.slow
-def test_models_agree_below_and_part_above(tmp_path):
+def test_models_diverge_above_contact_loss_speed(tmp_path):
     path = tmp_path / "stiff.toml"
-    path.write_text(STIFF, encoding="utf-8")
+    path.write_text(STIFF_CASE, encoding="utf-8")
     case = flexcam.read_case(path)
     found = compare_models_over_speed(case, [1000 * RPM, 2000 * RPM, 5500 * RPM])
     assert divergence_speed(found, "bilateral", "unilateral", 0.03) == pytest.approx(5500.0)

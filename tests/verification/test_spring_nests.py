@@ -1,8 +1,8 @@
 """Friction between the springs of a nest, against closed forms.
 
-The first mode of a spring fixed at both ends, sin(pi z), has the stiffness k pi^2/2; a friction F that is distributed
-over its height pushes it by 2 F/pi. Coulomb friction takes 4 F/k of the mode from the amplitude per cycle (J. P. Den
-Hartog, Mechanical Vibrations, 4th ed., sec. 8.2), here 16 F/(pi^3 k).
+The first mode of a spring fixed at both ends, sin(pi z), has the stiffness k pi^2/2; a friction F distributed over its
+height has the modal force 2 F/pi. Coulomb friction reduces the modal amplitude by 4 F/k of the mode per cycle (J. P.
+Den Hartog, Mechanical Vibrations, 4th ed., sec. 8.2), here 16 F/(pi^3 k).
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ probes = ["retainer"]
 """
 
 
-def nest(folder, *, inner=16, outer=16, stiffness=2e8, mirrored=False, engine="kernel", turns=4.2):
-    """Return the prepared run over four cycles of the first mode of the inner spring, which is displaced in it."""
+def prepare_nest(folder, *, inner=16, outer=16, stiffness=2e8, mirrored=False, engine="kernel", turns=4.2):
+    """Return the prepared run over four cycles of the first mode of the inner spring, excited by its displacement."""
     shape = {i: AMPLITUDE * math.sin(math.pi * i / inner) for i in range(1, inner)}
     start = [f'"springs.inner.{i}" = {x}' for i, x in shape.items()]
     start += [f'"springs.outer.{i}" = {-x}' for i, x in shape.items()] if mirrored else []
@@ -53,14 +53,14 @@ def nest(folder, *, inner=16, outer=16, stiffness=2e8, mirrored=False, engine="k
     )
 
 
-def solved(ready):
+def solve_run(ready):
     """Return the response of a run."""
     found = solve(ready.problem, ready.scheme)
     assert found.status.ok
     return found
 
 
-def amplitudes(found, name):
+def surge_amplitudes(found, name):
     """Return the amplitudes of the first mode per cycle: the maxima of its coordinate, positive at the start."""
     shape = np.sin(np.pi * np.arange(1, 16) / 16)
     q = found[f"springs.{name}"].displacement @ shape / (shape @ shape)
@@ -72,25 +72,25 @@ def amplitudes(found, name):
     ("name", "outer", "stiffness", "mirrored"),
     [("inner", 16, 2e8, False), ("inner", 5, 2e8, False), ("inner", 16, K, True), ("outer", 16, K, True)],
 )
-def test_linear_decay_of_surge(record, tmp_path, name, outer, stiffness, mirrored):
-    """In a stiff spring, of other parts too; and both in an equal spring that moves in the opposite sense."""
-    found = solved(nest(tmp_path, outer=outer, stiffness=stiffness, mirrored=mirrored))
-    heights = amplitudes(found, name)
+def test_surge_decays_linearly(record, tmp_path, name, outer, stiffness, mirrored):
+    """The outer spring is stiff, also with other parts, or equal and in opposite motion."""
+    found = solve_run(prepare_nest(tmp_path, outer=outer, stiffness=stiffness, mirrored=mirrored))
+    heights = surge_amplitudes(found, name)
     assert len(heights) == 5
     kind = "equal" if mirrored else "stiff"
     record(source=SOURCE, case=f"{name} spring of a nest, {kind} outer spring of {outer} parts",
            quantity="loss of amplitude per cycle", unit="m", reference=16.0 * FORCE / (math.pi**3 * K),
            computed=(heights[0] - heights[-1]) / 4.0, tolerance=2e-3,
            reason="reversal over 0.2 mm/s of 2.6 m/s, 16 parts, third mode")  # fmt: skip
-    assert np.ptp(np.diff(heights)) < 1e-3 * heights[0]  # linear, where a damper has a ratio of 0.9 per cycle
+    assert np.ptp(np.diff(heights)) < 1e-3 * heights[0]  # linear, whereas a damper has a ratio of 0.9 per cycle
     np.testing.assert_allclose(np.abs(found.channels["friction.nest.force"]).max(), FORCE, rtol=1e-6)
     assert np.abs(found.channels["energy.residual"]).max() < 1e-12  # of 0.05 J
 
 
-def test_power_of_the_friction(tmp_path):
-    """Nothing else takes energy."""
-    ready = nest(tmp_path)
-    found = solved(ready)
+def test_friction_power_matches_dissipation(tmp_path):
+    """Friction is the only dissipation."""
+    ready = prepare_nest(tmp_path)
+    found = solve_run(ready)
     metrics = {one.name: one.value for one in compute_metrics(ready, found)}
     lost = np.interp(found.time[-1] - np.array([2.0 * math.pi / OMEGA, 0.0]), found.time,
                      found.channels["energy.dissipated"])  # fmt: skip
@@ -99,14 +99,16 @@ def test_power_of_the_friction(tmp_path):
 
 
 def test_engines_agree(tmp_path):
-    direct, kernel = (solved(nest(tmp_path, outer=5, engine=engine, turns=1.0)) for engine in ("direct", "kernel"))
+    direct, kernel = (
+        solve_run(prepare_nest(tmp_path, outer=5, engine=engine, turns=1.0)) for engine in ("direct", "kernel")
+    )
     moved = [one["springs.inner"].displacement for one in (direct, kernel)]
     np.testing.assert_allclose(moved[1], moved[0], atol=1e-9 * AMPLITUDE)
     force = [one.channels["friction.nest.force"] for one in (direct, kernel)]
-    np.testing.assert_allclose(force[1], force[0], atol=1e-6 * FORCE)  # steep where it reverses
+    np.testing.assert_allclose(force[1], force[0], atol=1e-6 * FORCE)  # steep at the reversal
 
 
-PRESSED = """
+HYSTERESIS_CASE = """
 format = 1
 nodes = { retainer = [0, 0, 0] }
 [masses]
@@ -139,20 +141,21 @@ probes = ["retainer"]
 TRAVEL, STROKE = 8e-3, 0.1
 
 
-def test_hysteresis_of_a_progressive_spring_in_a_uniform_one(record, tmp_path):
-    """Two parts each, so that one coil of each spring moves between the ends.
+def test_hysteresis_of_progressive_in_uniform_spring(record, tmp_path):
+    """Both springs have two parts, so that one coil of each spring moves between the ends.
 
-    The narrow coils below the border at the height h have 2/3 of the compression, the border u = 2 x/3 of the motion x
-    of the retainer; the middle of the outer spring has x/2. Friction acts at 1/4 and 3/4 of the height.
+    The narrow coils below the border at the height h have 2/3 of the compression, so that the border moves by u = 2 x/3
+    for the motion x of the retainer; the middle of the outer spring moves by x/2. Friction acts at 1/4 and 3/4 of the
+    height.
     """
     (tmp_path / "drive.csv").write_text(
         "time [s],force [N]\n" + "".join(f"{STROKE * t},{1e7 * TRAVEL * (t % 2)}\n" for t in range(6)), encoding="utf-8"
     )
-    (tmp_path / "pressed.toml").write_text(PRESSED, encoding="utf-8")
-    found = solved(prepare(read_case(tmp_path / "pressed.toml")))
+    (tmp_path / "pressed.toml").write_text(HYSTERESIS_CASE, encoding="utf-8")
+    found = solve_run(prepare(read_case(tmp_path / "pressed.toml")))
     k1 = 80e9 * 0.003**4 / (8.0 * 4.0 * 0.02**3)
     k2, ko = 2.0 * k1, 60e3
-    h = (0.024 - 0.004) / (0.048 - 0.006)  # as installed, 2/3 and 1/3 of the 6 mm compressed
+    h = (0.024 - 0.004) / (0.048 - 0.006)  # installed: 2/3 and 1/3 of the 6 mm compressed
     low, high = 0.25 / h, (0.75 - h) / (1.0 - h)
     # Rows: equilibrium of the inner border u and the middle of the outer spring v, with f = 5 N at both heights.
     slid = 5.0 * np.array([low + 1.0 - high, -1.0])
@@ -171,7 +174,7 @@ def test_hysteresis_of_a_progressive_spring_in_a_uniform_one(record, tmp_path):
                reason="springs that ring from the reversal")  # fmt: skip
 
 
-INTERFERENCE = """
+INTERFERENCE_CASE = """
 format = 1
 nodes = { retainer = [0, 0, 0] }
 [masses]
@@ -213,16 +216,16 @@ probes = ["retainer"]
 OVERLAP = 0.5 * (21e-3 + 3e-3) - 0.5 * (27.9e-3 - 4e-3)
 
 
-def interfering(folder, *options):
+def interference_case(folder, *options):
     """Return the case of a nest with interference."""
     rows = "".join(f"{STROKE * t},{1e7 * TRAVEL * (t % 2)}\n" for t in range(6))
     (folder / "drive.csv").write_text(f"time [s],force [N]\n{rows}", encoding="utf-8")
-    (folder / "interference.toml").write_text(INTERFERENCE, encoding="utf-8")
+    (folder / "interference.toml").write_text(INTERFERENCE_CASE, encoding="utf-8")
     return read_case(folder / "interference.toml", options)
 
 
 def normal_force(interference):
-    """Return the force between the coils: both wires carry it as a line load E I/R^4 times their displacement.
+    """Return the force between the coils; it acts on both wires as a line load E I/R^4 times their displacement.
 
     Forces are compared per angle around the axis and all turns: q R times 2 pi n is the same for both.
     """
@@ -239,7 +242,8 @@ def normal_force(interference):
 def squeezed_helix(wire, diameter, turns, displacement, *, young=206e9, per_turn=72):
     """Return the forces of a rigid bore on the nodes of a plane helix with free ends, and the length per node.
 
-    Straight frame elements along the wire; the bore is narrower than the helix by the displacement and only pushes.
+    Straight frame elements along the wire; the bore is narrower than the helix by the displacement and acts in
+    compression only.
     """
     R, inertia, area = 0.5 * diameter, math.pi * wire**4 / 64.0, math.pi * wire**2 / 4.0
     n = per_turn * turns
@@ -273,25 +277,25 @@ def squeezed_helix(wire, diameter, turns, displacement, *, young=206e9, per_turn
 
 
 @pytest.mark.parametrize("turns", [3, 5])
-def test_radial_stiffness_of_coils(record, turns):
-    """Coils that a rigid bore squeezes: at each end the contact opens over an arc, which costs 0.31 R of wire."""
+def test_radial_stiffness_of_coils_matches_helix(record, turns):
+    """A rigid bore compresses the coils; at the ends the contact opens over an arc, which costs 0.31 R of wire."""
     wire, diameter = 4e-3, 28e-3
     spring = valvetrain.Spring("retainer", np.eye(6)[1], valvetrain.Wire(wire, diameter).rate(206e9 / 2.6, turns))
     force, length = squeezed_helix(wire, diameter, turns, 50e-6)
-    whole = valvetrain.radial_stiffness(spring, turns) * 50e-6
+    total = valvetrain.radial_stiffness(spring, turns) * 50e-6
     middle = slice(len(force) // 3, 2 * len(force) // 3)
     line_load = force[middle].sum() / length[middle].sum()
     record(source=SOURCE, case=f"{turns} coils squeezed by a bore", quantity="line load", unit="N/m",
-           reference=line_load, computed=whole / (math.pi * diameter * turns), tolerance=0.01,
+           reference=line_load, computed=total / (math.pi * diameter * turns), tolerance=0.01,
            reason="72 straight elements per turn")  # fmt: skip
-    assert force.sum() / whole == pytest.approx(1.0 - 0.31 / (math.pi * turns), abs=0.01)
+    assert force.sum() / total == pytest.approx(1.0 - 0.31 / (math.pi * turns), abs=0.01)
 
 
 @pytest.mark.parametrize("given", [None, 80e-6])
-def test_friction_of_a_nest_with_interference(record, tmp_path, given):
-    """Coulomb's coefficient times the force between the coils, by their diameters or by a given interference."""
+def test_friction_force_of_interference(record, tmp_path, given):
+    """The friction is Coulomb's coefficient times the force between the coils, by diameters or given interference."""
     options = () if given is None else (f"friction.nest.interference={given}",)
-    nested = build_model(interfering(tmp_path, *options)).friction["nest"]
+    nested = build_model(interference_case(tmp_path, *options)).friction["nest"]
     kind = "by the diameters" if given is None else "given"
     record(source=SOURCE, case=f"interference {kind}", quantity="friction", unit="N",
            reference=0.1 * normal_force(given or OVERLAP), computed=nested.force, tolerance=1e-9,
@@ -301,13 +305,13 @@ def test_friction_of_a_nest_with_interference(record, tmp_path, given):
 
 
 def test_energy_of_slow_cycles_with_interference(record, tmp_path):
-    """4 F times the amplitude of sliding per cycle, for a friction that does not bend the motion of the coils.
+    """The energy is 4 F times the sliding amplitude per cycle, for a friction too small to change the motion.
 
     The border between the coils of the inner spring, at the height h, has 2/3 of the motion of the retainer, and the
-    uniform spring there h: both slide by a triangle over the height with the mean |2/3 - h|/2.
+    uniform spring there h: the sliding has a triangular distribution over the height with the mean |2/3 - h|/2.
     """
-    found = solved(prepare(interfering(tmp_path, "friction.nest.coefficient=1e-4")))
-    h = (0.024 - 0.004) / (0.048 - 0.006)  # as installed, 2/3 and 1/3 of the 6 mm compressed
+    found = solve_run(prepare(interference_case(tmp_path, "friction.nest.coefficient=1e-4")))
+    h = (0.024 - 0.004) / (0.048 - 0.006)  # installed: 2/3 and 1/3 of the 6 mm compressed
     amplitude = 0.5 * TRAVEL * 0.5 * (2.0 / 3.0 - h)
     cycle = (found.time >= 2.0 * STROKE) & (found.time <= 4.0 * STROKE)
     energy = -np.trapezoid(found.channels["friction.nest.power"][cycle], found.time[cycle])
@@ -332,23 +336,23 @@ def test_energy_of_slow_cycles_with_interference(record, tmp_path):
         (('friction.nest={ spring = "inner", inside = "outer" }',), r"a force, or for a nest with interference"),
     ],
 )  # fmt: skip
-def test_refused_interference(tmp_path, options, said):
+def test_invalid_interference_raises_error(tmp_path, options, said):
     with pytest.raises(InputError, match=f"(?s){said}"):
-        build_model(interfering(tmp_path, *options))
+        build_model(interference_case(tmp_path, *options))
 
 
-def test_touching_diameters_with_a_given_interference(tmp_path):
-    case = interfering(tmp_path, "springs.outer.wire.coil_diameter=28e-3", "friction.nest.interference=5e-5")
+def test_given_interference_of_touching_coils(tmp_path):
+    case = interference_case(tmp_path, "springs.outer.wire.coil_diameter=28e-3", "friction.nest.interference=5e-5")
     assert build_model(case).friction["nest"].force > 0.0
 
 
-def test_overlapping_coils_without_friction_are_reported(tmp_path):
-    told = "coils overlap those of 'outer' by 0.05 mm"
-    assert not [one for one in check_values(interfering(tmp_path)) if "overlap" in one]
-    bare = INTERFERENCE.replace(INTERFERENCE.split("[friction]")[1].split("[loads]")[0], "\n")
-    interfering(tmp_path)
+def test_overlapping_coils_without_friction_cause_warning(tmp_path):
+    message = "coils overlap those of 'outer' by 0.05 mm"
+    assert not [one for one in check_values(interference_case(tmp_path)) if "overlap" in one]
+    bare = INTERFERENCE_CASE.replace(INTERFERENCE_CASE.split("[friction]")[1].split("[loads]")[0], "\n")
+    interference_case(tmp_path)
     (tmp_path / "bare.toml").write_text(bare, encoding="utf-8")
-    assert [one for one in check_values(read_case(tmp_path / "bare.toml")) if told in one]
+    assert [one for one in check_values(read_case(tmp_path / "bare.toml")) if message in one]
     wide = "springs.outer.wire.coil_diameter=29e-3"
     assert not [one for one in check_values(read_case(tmp_path / "bare.toml", (wide,))) if "overlap" in one]
     barrel = 'springs.inner.coils=[{ turns = 6, diameter = ["20 mm", "23 mm"], pitch = "8 mm" }]'  # wide at its top
@@ -357,7 +361,7 @@ def test_overlapping_coils_without_friction_are_reported(tmp_path):
     assert [one for one in found if f"by {1e3 * (radius - 12.5e-3):.3g} mm" in one]
 
 
-REFUSED = {
+INVALID_NESTS = {
     "another end": 'springs.outer.to="seat"',
     "another direction": 'springs.outer.direction="uy"',
     "no mass": "springs.outer.mass=0",
@@ -366,11 +370,11 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("change", REFUSED)
-def test_springs_that_are_no_nest_are_refused(tmp_path, change):
-    nest(tmp_path)
+@pytest.mark.parametrize("change", INVALID_NESTS)
+def test_springs_that_form_no_nest_raise_error(tmp_path, change):
+    prepare_nest(tmp_path)
     with pytest.raises(InputError, match="two springs of a nest"):
-        build_model(read_case(tmp_path / "nest.toml", ["nodes.seat=[0, -0.04, 0]", REFUSED[change]]))
+        build_model(read_case(tmp_path / "nest.toml", ["nodes.seat=[0, -0.04, 0]", INVALID_NESTS[change]]))
 
 
 @pytest.mark.parametrize(
@@ -378,24 +382,24 @@ def test_springs_that_are_no_nest_are_refused(tmp_path, change):
               '{ at = "retainer", direction = "uy", spring = "inner", inside = "outer", force = 1 }',
               '{ spring = "inner", inside = "outer", to = "retainer", force = 1 }'],
 )  # fmt: skip
-def test_a_friction_has_one_place(tmp_path, table):
-    nest(tmp_path)
+def test_friction_with_two_locations_raises_error(tmp_path, table):
+    prepare_nest(tmp_path)
     with pytest.raises(InputError, match="either the keys 'at' and 'direction', or 'spring' and 'inside'"):
         read_case(tmp_path / "nest.toml", [f"friction.nest={table}"])
 
 
-def test_an_unknown_spring_is_refused(tmp_path):
-    nest(tmp_path)
+def test_unknown_spring_raises_error(tmp_path):
+    prepare_nest(tmp_path)
     with pytest.raises(InputError, match=r"'iner', expected a spring of the case: inner, outer. Did you mean 'inner'"):
         read_case(tmp_path / "nest.toml", ['friction.nest.spring="iner"'])
 
 
 @pytest.mark.parametrize("model", ["rigid", "chain"])
-def test_springs_without_surge_do_not_rub(tmp_path, model):
-    """The rigid model and chains have springs of one part."""
+def test_springs_without_surge_have_no_friction(tmp_path, model):
+    """The springs of the rigid model and of chains have a single part."""
     text = (Path(__file__).parent / "cam-follower.toml").read_text(encoding="utf-8")
     outer = '{ at = "mass", direction = "uy", stiffness = "9 kN/m", mass = "20 g" }'
-    inner = PRESSED.split("[springs.inner]")[1].split("[friction]")[0]
+    inner = HYSTERESIS_CASE.split("[springs.inner]")[1].split("[friction]")[0]
     text += "[springs.inner]" + inner.replace("retainer", "mass").replace("-uy", "uy")
     (tmp_path / "follower.toml").write_text(text, encoding="utf-8")
     friction = "{ spring = 'inner', inside = 'outer', force = 20 }"

@@ -1,8 +1,8 @@
-"""Coil springs: rate and stress of the wire, surge against a chain of its own, coils that touch, curves that bend.
+"""Coil springs: rate and stress of the wire, surge against an independent chain, coil clash, nonlinear curves.
 
-J. E. Shigley and C. R. Mischke, Mechanical Engineering Design, 5th ed. (1989), secs. 10-1 to 10-3: k =
-G d^4/(8 D^3 n), the largest shear stress K_W 8 F D/(pi d^3) with Wahl's factor.
-A. M. Wahl, Mechanical Springs, 2nd ed. (1963): a conical spring has k = G d^4/(2 n (D1 + D2) (D1^2 + D2^2)).
+J. E. Shigley and C. R. Mischke, Mechanical Engineering Design, 5th ed. (1989), secs. 10-1 to 10-3: k = G d^4/(8 D^3 n),
+the maximum shear stress K_W 8 F D/(pi d^3) with Wahl's factor. A. M. Wahl, Mechanical Springs, 2nd ed. (1963): a
+conical spring has k = G d^4/(2 n (D1 + D2) (D1^2 + D2^2)).
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ probes = ["top"]
 """
 WIRE, COIL, COILS, MODULUS = 0.0042, 0.027, 5.5, 79.3e9
 INSTALLED = 400.0
-OF_WIRE = 'wire = { diameter = "4.2 mm", coil_diameter = "27 mm", active_coils = 5.5, shear_modulus = "79.3 GPa" }'
+WIRE_SPRING = 'wire = { diameter = "4.2 mm", coil_diameter = "27 mm", active_coils = 5.5, shear_modulus = "79.3 GPa" }'
 
 
 @pytest.fixture
@@ -81,21 +81,21 @@ def case(tmp_path):
 RATE = MODULUS * WIRE**4 / (8.0 * COIL**3 * COILS)
 
 
-def still(made, degrees):
-    """Return the channels of a spring at rest at a cam angle: of a run's first instant."""
+def static_lift_and_channels(made, degrees):
+    """Return lift and channels at static equilibrium at a cam angle, from the first instant of a run."""
     response = run(read_case(made.path, [f"cams.intake.phase={-degrees} deg", "run.revolutions=0.001"]))
     return response["top.uy"].displacement[0], {n: float(v[0]) for n, v in response.channels.items()}
 
 
-def test_rate_of_the_wire(record, case):
-    found = build_model(case(OF_WIRE)).springs["valve"].stiffness
+def test_rate_of_wire_spring(record, case):
+    found = build_model(case(WIRE_SPRING)).springs["valve"].stiffness
     record(source=SOURCE, case="wire 4.2 mm, D = 27 mm, 5.5 coils", quantity="rate", unit="N/m", reference=RATE,
            computed=found, tolerance=1e-12, reason="rounding")  # fmt: skip
 
 
 @pytest.mark.parametrize("degrees", [0.0, 40.0, 80.0])
-def test_stress_at_rest(record, case, degrees):
-    lift, channels = still(case(OF_WIRE), degrees)
+def test_static_stress_of_wire(record, case, degrees):
+    lift, channels = static_lift_and_channels(case(WIRE_SPRING), degrees)
     C = COIL / WIRE
     wahl = (4.0 * C - 1.0) / (4.0 * C - 4.0) + 0.615 / C
     force = INSTALLED + RATE * lift
@@ -106,13 +106,13 @@ def test_stress_at_rest(record, case, degrees):
     assert channels["contacts.intake.force"] == pytest.approx(force, rel=1e-6)
 
 
-SURGING = OF_WIRE + '\nmass = "80 g"\nelements = PARTS\ndamping = 2.0'
+SURGE_SPRING = WIRE_SPRING + '\nmass = "80 g"\nelements = PARTS\ndamping = 2.0'
 
 
 @pytest.mark.parametrize("parts", [4, 8])
-def test_surge_against_a_chain(record, case, parts):
-    """Parts in a row between ground and a given motion: bars with consistent masses, by scipy's own integration."""
-    response = run(case(SURGING.replace("PARTS", str(parts))))
+def test_surge_matches_mass_chain(record, case, parts):
+    """The reference is a row of bars with consistent masses between ground and a given motion, integrated by scipy."""
+    response = run(case(SURGE_SPRING.replace("PARTS", str(parts))))
     top = response["top.uy"]
     at = CubicHermiteSpline(response.time, top.velocity, top.acceleration)
     where = at.antiderivative()
@@ -146,13 +146,13 @@ def test_surge_against_a_chain(record, case, parts):
     np.testing.assert_allclose(stress, wahl * np.abs(force).max(axis=0), atol=5e-3 * wahl * force.max())
 
 
-CLASHING = "stiffness = 30e3\nelements = 4\nmass = 0.04\nclash_travel = 8e-3\nclash_stiffness = 2e6"
+CLASH_SPRING = "stiffness = 30e3\nelements = 4\nmass = 0.04\nclash_travel = 8e-3\nclash_stiffness = 2e6"
 
 
 @pytest.mark.parametrize("degrees", [0.0, 40.0, 80.0])
-def test_clearance_and_clash_at_rest(record, case, degrees):
-    """Up to the travel the spring has its rate; beyond, four contacts in a row stand beside it."""
-    made = case(CLASHING, f"cams.intake.phase={-degrees} deg")
+def test_static_clearance_and_coil_clash(record, case, degrees):
+    """Up to the travel the spring has its rate; beyond, four contacts in series act in parallel with it."""
+    made = case(CLASH_SPRING, f"cams.intake.phase={-degrees} deg")
     problem = prepare(made).problem
     state = equilibrium(problem.system, ConstantSpeed(1.0))
     names = problem.system.names
@@ -169,13 +169,13 @@ def test_clearance_and_clash_at_rest(record, case, degrees):
     record(source=SOURCE, case=f"four parts at {1e3 * lift:.2f} mm", quantity="clearance", unit="m",
            reference=8e-3 - lift, computed=channels["springs.valve.clearance"], tolerance=1e-12, absolute=True,
            reason="rounding")  # fmt: skip
-    # Each of the four contacts in a row bears the force; the channel is their sum.
+    # Each of the four contacts in series carries the force; the channel is their sum.
     assert channels["springs.valve.clash"] == pytest.approx(4.0 * clash, rel=1e-6, abs=1e-9)
 
 
-def test_clearance_of_a_surging_spring(case):
-    """Counted by the most compressed part: coils touch there first, before the whole spring is solid."""
-    response = run(case(CLASHING.replace("8e-3", "12e-3"), "run.speed=3000 rpm"))
+def test_clearance_of_surging_spring(case):
+    """The clearance is that of the most compressed part, where coils touch before the complete spring is solid."""
+    response = run(case(CLASH_SPRING.replace("8e-3", "12e-3"), "run.speed=3000 rpm"))
     parts = np.column_stack([response["springs.valve"].displacement, response["top.uy"].displacement])
     stretch = np.diff(parts, axis=1, prepend=0.0)
     clearance = response.channels["springs.valve.clearance"]
@@ -186,49 +186,51 @@ def test_clearance_of_a_surging_spring(case):
 
 
 TRAVELS, FORCES = (0.0, 6e-3, 12e-3, 18e-3, 24e-3), (0.0, 250.0, 430.0, 850.0, 1400.0)
-TABLE = 'force_table = [[0, 0], ["6 mm", "250 N"], ["12 mm", "430 N"], ["18 mm", "850 N"], ["24 mm", "1.4 kN"]]'
-PLACE = float(np.interp(INSTALLED, FORCES, TRAVELS))
+FORCE_TABLE = 'force_table = [[0, 0], ["6 mm", "250 N"], ["12 mm", "430 N"], ["18 mm", "850 N"], ["24 mm", "1.4 kN"]]'
+INSTALLED_COMPRESSION = float(np.interp(INSTALLED, FORCES, TRAVELS))
 """Compression as installed."""
 
 
 @pytest.mark.parametrize("elements", [1, 3])
 @pytest.mark.parametrize("degrees", [0.0, 20.0, 80.0])
-def test_force_of_a_table_at_rest(record, case, elements, degrees):
-    """Installed in the degressive part of the table; the progressive one begins at 1 mm of lift."""
-    lift, channels = still(case(f"{TABLE}\nelements = {elements}"), degrees)
-    force = np.interp(PLACE + lift, TRAVELS, FORCES)
+def test_static_force_of_force_table(record, case, elements, degrees):
+    """The installed position is in the degressive part of the table; the progressive part begins at 1 mm of lift."""
+    lift, channels = static_lift_and_channels(case(f"{FORCE_TABLE}\nelements = {elements}"), degrees)
+    force = np.interp(INSTALLED_COMPRESSION + lift, TRAVELS, FORCES)
     record(source=SOURCE, case=f"table in {elements} parts, lift of {1e3 * lift:.2f} mm", unit="N",
            quantity="force that the cam gives", reference=force, computed=channels["contacts.intake.force"],
            tolerance=1e-6, reason="rounding")  # fmt: skip
     assert channels["springs.valve.force"] == pytest.approx(force, rel=1e-9)
 
 
-def test_installed_position_on_a_table(case):
-    """By the force or by the compression, with the stiffness beyond it; without both the table counts from there."""
-    by_force = build_model(case(TABLE)).springs["valve"]
+def test_installed_position_on_force_table(case):
+    """The position follows from force or compression and sets the stiffness; without both the table starts there."""
+    by_force = build_model(case(FORCE_TABLE)).springs["valve"]
     assert by_force.installed_force == INSTALLED
     assert by_force.stiffness == pytest.approx(30e3, rel=1e-12)
     assert by_force.table[0][0] == pytest.approx(-11e-3, rel=1e-12)
     text = CASE.replace("installed_force = 400.0", 'installed_compression = "12 mm"')
-    path = case(TABLE).path
-    path.write_text(text.format(spring=TABLE), encoding="utf-8")
+    path = case(FORCE_TABLE).path
+    path.write_text(text.format(spring=FORCE_TABLE), encoding="utf-8")
     by_travel = build_model(read_case(path)).springs["valve"]
     assert by_travel.installed_force == pytest.approx(430.0, rel=1e-12)
     assert by_travel.stiffness == pytest.approx(70e3, rel=1e-12)
-    path.write_text(text.replace('installed_compression = "12 mm"', "").format(spring=TABLE.replace("[0,", "[0.0,")))
+    path.write_text(
+        text.replace('installed_compression = "12 mm"', "").format(spring=FORCE_TABLE.replace("[0,", "[0.0,"))
+    )
     assert build_model(read_case(path)).springs["valve"].installed_force == 0.0
 
 
-MEASURED = 'force_table = "spring.csv"'
+TABLE_FILE = 'force_table = "spring.csv"'
 
 
-def test_a_table_in_a_file(case, tmp_path):
-    """Columns in any order, with their own units: the rows of the list."""
+def test_force_table_from_file(case, tmp_path):
+    """The file has its columns in any order and units, and the same rows as the list."""
     (tmp_path / "spring.csv").write_text(
         "# on a tester\nforce [kN]; travel [cm]\n0;0\n0,25;0,6\n0,43;1,2\n0,85;1,8\n1,4;2,4\n"
     )
-    rows = case(MEASURED).record.springs["valve"].force_table
-    np.testing.assert_allclose(rows, case(TABLE).record.springs["valve"].force_table, rtol=1e-15)
+    rows = case(TABLE_FILE).record.springs["valve"].force_table
+    np.testing.assert_allclose(rows, case(FORCE_TABLE).record.springs["valve"].force_table, rtol=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -241,28 +243,28 @@ def test_a_table_in_a_file(case, tmp_path):
         (None, "spring.csv"),
     ],
 )
-def test_a_faulty_table_in_a_file(case, tmp_path, text, said):
+def test_invalid_force_table_file_raises_error(case, tmp_path, text, said):
     if text is not None:
         (tmp_path / "spring.csv").write_text(text)
     with pytest.raises(InputError, match=r"springs\.valve\.force_table") as refusal:
-        case(MEASURED)
+        case(TABLE_FILE)
     assert said in str(refusal.value)
 
 
-FAST = ("run.revolutions=1", "run.speed=3000 rpm")
+FAST_RUN = ("run.revolutions=1", "run.speed=3000 rpm")
 
 
-def test_energy_of_a_table(record, case):
-    response = run(case(f'{TABLE}\nmass = "60 g"\nelements = 4\ndamping = 4.0', *FAST))
+def test_energy_balance_with_force_table(record, case):
+    response = run(case(f'{FORCE_TABLE}\nmass = "60 g"\nelements = 4\ndamping = 4.0', *FAST_RUN))
     work, residual = (np.abs(response.channels[f"energy.{name}"]).max() for name in ("work", "residual"))
     record(source=SOURCE, case="table in 4 parts, a revolution at 3000 rpm", quantity="residual of the energy balance",
            unit="J", reference=0.0, computed=residual, tolerance=1e-6 * work, absolute=True,
            reason="steps across the corners of the table")  # fmt: skip
 
 
-def test_a_straight_table_is_a_linear_spring(case):
+def test_straight_force_table_matches_linear_spring(case):
     one, other = (
-        run(case(f'{force}\nmass = "60 g"\nelements = 4\ndamping = 4.0', *FAST))
+        run(case(f'{force}\nmass = "60 g"\nelements = 4\ndamping = 4.0', *FAST_RUN))
         for force in ("stiffness = 40e3", "force_table = [[0, 0], [5e-3, 200.0], [15e-3, 600.0]]")
     )
     for name in one.channels.keys() - {"energy.residual", "energy.numerical"}:
@@ -271,12 +273,14 @@ def test_a_straight_table_is_a_linear_spring(case):
 
 
 @pytest.mark.parametrize(
-    "spring", [TABLE, 'mass = "50 g"\nelements = 2\n' + TABLE, "{two_rate}"], ids=["table", "parts", "two rates"]
+    "spring",
+    [FORCE_TABLE, 'mass = "50 g"\nelements = 2\n' + FORCE_TABLE, "{two_rate}"],
+    ids=["table", "parts", "two rates"],
 )
-def test_rigid_force_is_that_of_the_curve(record, case, spring):
-    """At 60 rpm: the force at the cam less the inertia of the parts that it moves."""
+def test_rigid_force_follows_spring_curve(record, case, spring):
+    """The reference at 60 rpm is the spring curve with the inertia of the moved parts."""
     made = case(
-        spring.replace("{two_rate}", TWO_RATES.replace("PARTS", "2")),
+        spring.replace("{two_rate}", TWO_RATE_COILS.replace("PARTS", "2")),
         'fidelity.model="rigid"',
         "run.revolutions=1",
         "run.speed=60 rpm",
@@ -292,16 +296,16 @@ def test_rigid_force_is_that_of_the_curve(record, case, spring):
            absolute=True, reason="the mass of unequal parts moves in proportion to their compliance")  # fmt: skip
 
 
-# Two coils 1 mm apart below four coils 5 mm apart, of one wire and diameter.
-TWO_RATES = """wire = { diameter = "4 mm", shear_modulus = "80 GPa" }
+# Two coils 1 mm apart below four coils 5 mm apart, of equal wire and diameter.
+TWO_RATE_COILS = """wire = { diameter = "4 mm", shear_modulus = "80 GPa" }
 coils = [{ turns = 2, diameter = "24 mm", pitch = "5 mm" }, { turns = 4, diameter = "24 mm", pitch = "9 mm" }]
 mass = "50 g"
 elements = PARTS"""
 COIL_STIFFNESS = 80e9 * 4e-3**4 / (8.0 * 24e-3**3)
 
 
-def two_rates(travel):
-    """Return the force over the travel from the free length, by hand: in series, then the first coils in contact."""
+def two_rate_force(travel):
+    """Return the force over the travel from the free length: coils in series, then the first coils in contact."""
     close, far = COIL_STIFFNESS / 2.0, COIL_STIFFNESS / 4.0
     touching = 51.0 * close  # stiffness of the first coils and 50 times it of their contact
     soft, hard = 1.0 / (1.0 / close + 1.0 / far), 1.0 / (1.0 / touching + 1.0 / far)
@@ -313,33 +317,33 @@ def two_rates(travel):
 @pytest.mark.parametrize(
     ("force", "degrees"), [(120.0, 0.0), (120.0, 30.0), (120.0, 80.0), (400.0, 0.0), (400.0, 80.0)]
 )
-def test_two_rates_at_rest(record, case, elements, force, degrees):
+def test_static_force_of_two_rate_spring(record, case, elements, force, degrees):
     """The coils of the small pitch close at 185 N: during the lift, or before it with the greater installed force."""
-    made = case(TWO_RATES.replace("PARTS", str(elements)), f"springs.valve.installed_force={force} N")
+    made = case(TWO_RATE_COILS.replace("PARTS", str(elements)), f"springs.valve.installed_force={force} N")
     path = made.path
     path.write_text(path.read_text(encoding="utf-8").replace("400.0", f"{force}"), encoding="utf-8")
-    lift, channels = still(read_case(path), degrees)
+    lift, channels = static_lift_and_channels(read_case(path), degrees)
     travel = np.linspace(0.0, 30e-3, 300001)
-    start = np.interp(force, two_rates(travel), travel)
-    wanted = float(two_rates(start + lift))
-    told = f"two pitches in {elements} parts each, {force:g} N installed, lift of {1e3 * lift:.2f} mm"
-    record(source=SOURCE, case=told,
+    start = np.interp(force, two_rate_force(travel), travel)
+    wanted = float(two_rate_force(start + lift))
+    description = f"two pitches in {elements} parts each, {force:g} N installed, lift of {1e3 * lift:.2f} mm"
+    record(source=SOURCE, case=description,
            quantity="force that the cam gives", unit="N", reference=wanted, computed=channels["contacts.intake.force"],
            tolerance=1e-6, reason="rounding")  # fmt: skip
     assert channels["springs.valve.surge"] < 1e-9
     solid = 4.0 * 5e-3 * COIL_STIFFNESS / 4.0  # force that closes the last coils
-    left = np.interp(solid, two_rates(travel), travel) - start - lift
+    left = np.interp(solid, two_rate_force(travel), travel) - start - lift
     assert channels["springs.valve.clearance"] == pytest.approx(left, abs=1e-9)
     assert channels["springs.valve.clash"] == 0.0
 
 
-def test_energy_of_two_rates(record, case):
-    """Newmark ends a step with each closing of the coils, so that nothing is lost."""
+def test_energy_balance_of_two_rate_spring(record, case):
+    """Newmark ends a step at each closing of the coils, so that the energy balance is exact."""
     response = run(
         case(
-            TWO_RATES.replace("PARTS", "2"),
+            TWO_RATE_COILS.replace("PARTS", "2"),
             "springs.valve.installed_force=150 N",
-            *FAST,
+            *FAST_RUN,
             "run.integrator.method=newmark",
         )
     )
@@ -349,75 +353,77 @@ def test_energy_of_two_rates(record, case):
            absolute=True, reason="rounding")  # fmt: skip
 
 
-def test_condensed_coils_keep_their_inertia(case):
+def test_condensed_coils_conserve_inertia(case):
     """The parts of the static shape move linearly: m (a^2 + a b + b^2)/3 each, with a and b of both ends."""
-    coils = build_model(case(TWO_RATES.replace("PARTS", "2"), "springs.valve.installed_force=150 N")).springs["valve"]
+    coils = build_model(case(TWO_RATE_COILS.replace("PARTS", "2"), "springs.valve.installed_force=150 N")).springs[
+        "valve"
+    ]
     end = np.cumsum([1.0 / part.stiffness for part in coils.parts])
     a, b = np.concatenate([[0.0], end[:-1]]) / end[-1], end / end[-1]
     inertia = sum(part.mass * (x * x + x * y + y * y) / 3.0 for part, x, y in zip(coils.parts, a, b, strict=True))
     assert condense_spring(coils).mass == pytest.approx(3.0 * inertia, rel=1e-12)
 
 
-def test_a_straight_table_needs_no_local_force(case):
+def test_straight_force_table_needs_no_local_force(case):
     made = case("force_table = [[0, 0], [0.01, 300], [0.03, 900]]")
     assert build_model(made).springs["valve"].stiffness == pytest.approx(30e3)
     assert not [one.name for one in prepare(made).problem.system.local_forces if "springs" in one.name]
 
 
-def test_closed_coils_leave_the_clearance(case):
+def test_closed_coils_do_not_change_clearance(case):
     """The coils that closed first vibrate on each other; the clearance is that of the coils that close last."""
-    made = case(TWO_RATES.replace("PARTS", "1"), "springs.valve.installed_force=150 N")
+    made = case(TWO_RATE_COILS.replace("PARTS", "1"), "springs.valve.installed_force=150 N")
     curve = spring_curve(build_model(made).springs["valve"])
     travel = 0.5 * (curve.travel[-3] + curve.travel[-2])
     rest = curve.compression(np.array([travel]))
-    struck = rest + np.where(rest == rest.min(), 20e-6, 0.0)
+    displaced = rest + np.where(rest == rest.min(), 20e-6, 0.0)
     assert curve.travel_of(rest)[0] == pytest.approx(travel, rel=1e-9)
-    assert curve.travel_of(struck)[0] == pytest.approx(travel, rel=1e-9)
+    assert curve.travel_of(displaced)[0] == pytest.approx(travel, rel=1e-9)
 
 
 @pytest.mark.parametrize("parts", [1, 2])
-def test_coils_that_close_by_design_do_not_clash(case, parts):
+def test_progressive_coils_do_not_clash(case, parts):
     """The impact of the closing coils exceeds the force that would make the spring solid."""
-    response = run(case(TWO_RATES.replace("PARTS", str(parts)), "springs.valve.installed_force=150 N", *FAST))
+    response = run(case(TWO_RATE_COILS.replace("PARTS", str(parts)), "springs.valve.installed_force=150 N", *FAST_RUN))
     assert response.channels["springs.valve.clearance"].min() > 6e-3
     assert response.channels["springs.valve.clash"].max() == 0.0
 
 
-def test_solid_two_rates_clash(case):
-    """Beyond the travel to coil bind the clearance is negative and the coils of the large pitch bear force as well."""
-    made = case(TWO_RATES.replace("PARTS", "1"), "springs.valve.installed_force=900 N")
+def test_solid_two_rate_spring_clashes(case):
+    """Beyond the travel to coil bind the clearance is negative and the coils of the large pitch carry force as well."""
+    made = case(TWO_RATE_COILS.replace("PARTS", "1"), "springs.valve.installed_force=900 N")
     made.path.write_text(made.path.read_text(encoding="utf-8").replace("400.0", "900.0"), encoding="utf-8")
-    _, channels = still(read_case(made.path), 80.0)
+    _, channels = static_lift_and_channels(read_case(made.path), 80.0)
     assert channels["springs.valve.clearance"] < -5e-3
     assert channels["springs.valve.clash"] > 1e4
 
 
-def test_equal_coils_are_a_uniform_spring(case):
-    """Two entries of two parts, of one pitch, against four parts and the travel of all coils."""
+def test_equal_coils_match_uniform_spring(case):
+    """Two entries of two parts, of equal pitch, match four parts with the travel of all coils."""
     wire = 'wire = { diameter = "4 mm", shear_modulus = "80 GPa"'
     more = '\nmass = "50 g"\ndamping = 3.0\n'
     half = '{ turns = 2.5, diameter = "24 mm", pitch = "7 mm" }'
     left = 5.0 * 3e-3 - INSTALLED / (COIL_STIFFNESS / 5.0)
     uniform = f'{wire}, coil_diameter = "24 mm", active_coils = 5 }}\nclash_travel = {left!r}\nelements = 4{more}'
     one, other = (
-        run(case(spring, *FAST)) for spring in (uniform, f"{wire} }}\ncoils = [{half}, {half}]\nelements = 2{more}")
+        run(case(spring, *FAST_RUN)) for spring in (uniform, f"{wire} }}\ncoils = [{half}, {half}]\nelements = 2{more}")
     )
     assert one.channels["springs.valve.clash"].max() > 0.0
     for name, values in one.channels.items():
-        if not name.startswith("energy."):  # contacts that switch multiply the rounding of the stiffness
+        if not name.startswith("energy."):  # contacts that open and close multiply the rounding of the stiffness
             np.testing.assert_allclose(
                 other.channels[name], values, rtol=0, atol=1e-7 * max(np.abs(values).max(), 1e-9)
             )
 
 
-TAPERED = """wire = { diameter = "4 mm", shear_modulus = "80 GPa", density = "7850 kg/m^3" }
+TAPERED_COILS = """wire = { diameter = "4 mm", shear_modulus = "80 GPa", density = "7850 kg/m^3" }
 coils = [{ turns = 3, diameter = "26 mm", pitch = "8 mm" }, { turns = 2, diameter = [0.026, 0.016], pitch = "7 mm" }]
 elements = 4"""
 
 
-def test_tapered_coils(record, case):
-    """Wahl's conical spring in four parts; a coil that tapers by 2.5 mm comes to lie 3.12 mm below the next."""
-    spring = build_model(case(TAPERED)).springs["valve"]
+def test_stiffness_and_stress_of_tapered_coils(record, case):
+    """The cone is Wahl's conical spring in four parts; a coil that tapers by 2.5 mm closes 3.12 mm below the next."""
+    spring = build_model(case(TAPERED_COILS)).springs["valve"]
     cone = [part.stiffness for part in spring.coils[4:]]
     wanted = 80e9 * 4e-3**4 / (2.0 * 2.0 * (26e-3 + 16e-3) * (26e-3**2 + 16e-3**2))
     record(source=SOURCE, case="conical coils, 26 to 16 mm", quantity="stiffness", unit="N/m", reference=wanted,
@@ -430,14 +436,14 @@ def test_tapered_coils(record, case):
     assert free[0] == pytest.approx(0.75 * 4e-3, rel=1e-9)
     assert free[-1] == pytest.approx(0.5 * (7e-3 - math.sqrt(4e-3**2 - 2.5e-3**2)), rel=1e-9)
     widest = max(part.wire.coil_diameter for part in spring.coils)
-    _, channels = still(case(TAPERED), 0.0)
+    _, channels = static_lift_and_channels(case(TAPERED_COILS), 0.0)
     C = widest / 4e-3
     wahl = (4.0 * C - 1.0) / (4.0 * C - 4.0) + 0.615 / C
     stress = wahl * 8.0 * channels["springs.valve.force"] * widest / (math.pi * 4e-3**3)
     assert channels["springs.valve.stress"] == pytest.approx(stress, rel=1e-9)
 
 
-HELD = """format = 1
+FIXED_SPRING = """format = 1
 [nodes]
 end = [0, 0, 0]
 [supports]
@@ -453,10 +459,10 @@ revolutions = 0.1
 
 
 @pytest.mark.parametrize("parts", [4, 8, 16, 32])
-def test_first_surge_frequency(record, tmp_path, parts):
-    """Both ends fixed, f = 1/2 sqrt(k/m) of a continuous spring: the error falls as (pi/p)^2/24."""
+def test_first_surge_frequency_of_fixed_spring(record, tmp_path, parts):
+    """With both ends fixed, f = 1/2 sqrt(k/m) for a continuous spring; the error decreases as (pi/p)^2/24."""
     path = tmp_path / "held.toml"
-    path.write_text(HELD.replace("PARTS", str(parts)), encoding="utf-8")
+    path.write_text(FIXED_SPRING.replace("PARTS", str(parts)), encoding="utf-8")
     found = modes(read_case(path), 1).modes.frequencies[0]
     true = 0.5 * math.sqrt(40e3 / 0.06)
     record(source=SOURCE, case=f"fixed at both ends, {parts} parts", quantity="first natural frequency", unit="Hz",
@@ -465,13 +471,15 @@ def test_first_surge_frequency(record, tmp_path, parts):
     assert found / true - 1.0 == pytest.approx((math.pi / parts) ** 2 / 24.0, rel=0.1)
 
 
-def test_surge_frequency_over_the_travel(record, case):
-    """A table has that of its slope; coils in contact leave the wire of the others to surge."""
-    table = build_model(case(f'{TABLE}\nmass = "60 g"\nelements = 1')).springs["valve"]
+def test_surge_frequency_over_travel(record, case):
+    """The frequency of a table follows from its slope; with coils in contact only the wire of the others surges."""
+    table = build_model(case(f'{FORCE_TABLE}\nmass = "60 g"\nelements = 1')).springs["valve"]
     for travel, slope in ((0.0, 30e3), (4e-3, 70e3)):
         record(source=SOURCE, case=f"table, both ends fixed, {1e3 * travel:g} mm beyond installed", unit="Hz",
                quantity="first natural frequency", reference=0.5 * math.sqrt(slope / 0.06),
                computed=spring_frequencies(table, travel)[0], tolerance=2e-4, reason="64 parts")  # fmt: skip
-    coils = build_model(case(TWO_RATES.replace("PARTS", "1"), "springs.valve.installed_force=150 N")).springs["valve"]
+    coils = build_model(case(TWO_RATE_COILS.replace("PARTS", "1"), "springs.valve.installed_force=150 N")).springs[
+        "valve"
+    ]
     closed = 0.5 * math.sqrt(COIL_STIFFNESS / 4.0 / (0.05 * 4.0 / 6.0))
     assert spring_frequencies(coils, 5e-3)[0] == pytest.approx(closed, rel=0.03)

@@ -1,9 +1,8 @@
-"""Peaks C_v, C_a, C_j of the standard laws, in closed form, and what they do next to a dwell.
+"""Peaks C_v, C_a, C_j of the standard laws in closed form, and their acceleration jumps next to a dwell.
 
 R. L. Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 2 to 4, gives the numbers. The closed forms
-follow from the laws. With the parts b, c, d the SCCA family has the peak acceleration
-4 pi^2/((pi^2 - 8)(b^2 - d^2) - 2 pi (pi - 2) b + pi^2). Gutman's and Freudenstein's accelerations are cubics of
-sin(2 pi z).
+follow from the laws. With the parts b, c, d the SCCA family has the peak acceleration 4 pi^2/((pi^2 - 8)(b^2 - d^2) - 2
+pi (pi - 2) b + pi^2). Gutman's and Freudenstein's accelerations are cubics of sin(2 pi z).
 """
 
 from __future__ import annotations
@@ -32,24 +31,24 @@ PEAKS = {
 }
 """None: infinite."""
 
-PRINTED = {
+PRINTED_PEAKS = {
     "modified-trapezoid": (2.0, 4.8881, 61.426),
     "modified-sine": (1.7596, 5.5280, 69.466),
     "gutman-1-3": (2.0, 5.1302, 59.218),
     "freudenstein-1-3": (2.0, 5.3856, 50.758),
 }
 
-STEPS = {"parabolic": 4.0, "shm": PI**2 / 2, "2-3": 6.0}
-"""Step of the acceleration next to a dwell, where there is one: the jerk is infinite there."""
+ACCELERATION_JUMPS = {"parabolic": 4.0, "shm": PI**2 / 2, "2-3": 6.0}
+"""Jump of the acceleration next to a dwell; the jerk is infinite there."""
 
 
-@pytest.mark.parametrize("law", PRINTED)
-def test_closed_forms_give_the_printed_digits(law):
-    np.testing.assert_allclose(PEAKS[law], PRINTED[law], rtol=1e-5)  # five digits
+@pytest.mark.parametrize("law", PRINTED_PEAKS)
+def test_closed_forms_match_printed_digits(law):
+    np.testing.assert_allclose(PEAKS[law], PRINTED_PEAKS[law], rtol=1e-5)  # five digits
 
 
 @pytest.mark.parametrize("law", PEAKS)
-def test_peaks(law, record):
+def test_peaks_match_closed_forms(law, record):
     found = criteria(LAWS[law])
     for name, reference, computed in zip(
         ("C_v", "C_a", "C_j"), PEAKS[law], (found.Cv, found.Ca, found.Cj), strict=True
@@ -62,11 +61,12 @@ def test_peaks(law, record):
 
 
 @pytest.mark.parametrize("law", PEAKS)
-def test_step_of_the_acceleration_next_to_a_dwell(law, record):
+def test_acceleration_jump_next_to_dwell(law, record):
     lift, rise = 0.006, 1.2
     first = joints(LiftEvent(LAWS[law], lift, rise, rise, dwell=0.5))[0]
     record(source=SOURCE, case=law, quantity="step of the acceleration next to a dwell", unit="lift/rise^2",
-           reference=STEPS.get(law, 0.0), computed=round(first.steps[2] * rise**2 / lift, 8), tolerance=1e-7,
+           reference=ACCELERATION_JUMPS.get(law, 0.0), computed=round(first.steps[2] * rise**2 / lift, 8),
+           tolerance=1e-7,
            absolute=True, reason="read 4e-9 rad beside the joint")  # fmt: skip
     assert first.steps[:2] == (0.0, 0.0)
 
@@ -74,8 +74,8 @@ def test_step_of_the_acceleration_next_to_a_dwell(law, record):
 @pytest.mark.parametrize(
     "parts", [(0.0, 0.0, 1.0), (0.5, 0.0, 0.5), (0.0, 1.0, 0.0), (0.25, 0.5, 0.25), (0.3, 0.1, 0.6)]
 )
-def test_peak_of_the_family(parts, record):
-    """The family's C_a is the largest value of its own second derivative, and makes s(1) = 1."""
+def test_peak_acceleration_of_scca_family(parts, record):
+    """C_a is the maximum of the second derivative of the law, and gives s(1) = 1."""
     law = Scca(*parts)
     b, c, d = parts
     reference = 4 * PI**2 / ((PI**2 - 8) * (b**2 - d**2) - 2 * PI * (PI - 2) * b + PI**2)
@@ -84,7 +84,7 @@ def test_peak_of_the_family(parts, record):
     assert law(np.array([1.0]))[0] == pytest.approx(1.0, abs=1e-14)
 
 
-RMS = {
+RMS_VALUES = {
     "parabolic": (math.sqrt(4 / 3), 4.0, 0.0),
     "shm": (PI / 2 / math.sqrt(2), PI**2 / 2 / math.sqrt(2), PI**3 / 2 / math.sqrt(2)),
     "cycloidal": (math.sqrt(3 / 2), 2 * PI / math.sqrt(2), 4 * PI**2 / math.sqrt(2)),
@@ -96,15 +96,15 @@ RMS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("law", RMS)
-def test_root_mean_squares(law, record):
-    """Of s' = 30 z^2 (1 - z)^2 and such: Beta functions; of harmonics: half the sum of squares."""
-    for name, reference, computed in zip(("s'", "s''", "s'''"), RMS[law], criteria(LAWS[law]).rms, strict=True):
+@pytest.mark.parametrize("law", RMS_VALUES)
+def test_root_mean_squares_match_closed_forms(law, record):
+    """Beta functions give the values of s' = 30 z^2 (1 - z)^2 and similar, sums of squares those of harmonics."""
+    for name, reference, computed in zip(("s'", "s''", "s'''"), RMS_VALUES[law], criteria(LAWS[law]).rms, strict=True):
         record(source=SOURCE, case=law, quantity=f"root mean square of {name}", unit="1", reference=reference,
                computed=computed, tolerance=1e-12, reason="closed form; rounding")  # fmt: skip
 
 
-SERIES = {
+HARMONICS = {
     "cycloidal": lambda n: 2 * PI * (n == 1),
     "gutman-1-3": lambda n: 2 * PI * {1: 15 / 16, 3: 3 / 16}.get(n, 0.0),
     "parabolic": lambda n: 16 / (PI * n) * (n % 2),
@@ -113,12 +113,12 @@ SERIES = {
 }
 
 
-@pytest.mark.parametrize("law", SERIES)
-def test_harmonics_of_the_acceleration(law, record):
-    """Sawtooth 6 - 12 z, square wave of 4, sines; of cos(pi z) over half its period 4 n/(pi (4 n^2 - 1))."""
+@pytest.mark.parametrize("law", HARMONICS)
+def test_harmonics_of_acceleration(law, record):
+    """Sawtooth 6 - 12 z, square wave of 4, sines; for cos(pi z) over half its period 4 n/(pi (4 n^2 - 1))."""
     found = criteria(LAWS[law]).harmonics
     for n in (1, 2, 3, 12):
         record(source=SOURCE, case=law, quantity=f"harmonic {n} of s'' over the rise", unit="1",
-               reference=SERIES[law](n), computed=round(found[n - 1], 13), tolerance=1e-12, absolute=True,
+               reference=HARMONICS[law](n), computed=round(found[n - 1], 13), tolerance=1e-12, absolute=True,
                reason="closed form; rounding")  # fmt: skip
     assert len(found) == 12

@@ -1,8 +1,8 @@
-"""A beam exported as a superelement moves as the beam, in any format and with its modes condensed.
+"""Superelements exported from a beam match the beam, in any format and with condensed modes.
 
 The matrices are those of the elements of `flexcam.fem`, whose nodes between the ends are internal unknowns. With all
 modes of the fixed interface the reduction of Craig and Bampton only changes the unknowns; with few of them the lowest
-frequencies keep four digits (R. R. Craig and M. C. C. Bampton, AIAA Journal 6 (1968)).
+frequencies are accurate to four digits (R. R. Craig and M. C. C. Bampton, AIAA Journal 6 (1968)).
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def write_list(path, matrix):
 
 
 def write_punch(path, matrix):
-    """Write one triangle of a matrix as DMIG cards with wide fields, sixteen digits being too many for them."""
+    """Write one triangle of a matrix as DMIG cards with wide fields, which are too short for sixteen digits."""
     lines = [f"DMIG    {path.stem}AAX           0       6       2       0{len(matrix):24d}"]
     for j in range(len(matrix)):
         lines.append(f"DMIG*   {path.stem + 'AAX':16}{j // 6 + 1:16d}{j % 6 + 1:16d}")
@@ -77,7 +77,7 @@ def write_punch(path, matrix):
 
 @pytest.fixture
 def case(tmp_path):
-    """Return the case with the beam, or with its superelement."""
+    """Return a function that builds the case with the beam or with its superelement."""
 
     def make(body=ARM, change=lambda K, M: (K, M), write=mmwrite, overrides=()):
         for name, matrix in zip(("K", "M"), change(*arm_matrices()), strict=True):
@@ -89,16 +89,16 @@ def case(tmp_path):
     return make
 
 
-def frequencies(case, count=6):
+def natural_frequencies(case, count=6):
     """Return the lowest natural frequencies, Hz, and the kinetic energies."""
     found = model_modes(build_structure(build_model(case)), count)
     return found.modes.omegas / (2.0 * np.pi), found.shares
 
 
 @pytest.mark.parametrize("write", [mmwrite, write_list, write_punch])
-def test_frequencies_of_a_beam(record, case, write):
-    reference, _ = frequencies(case(BEAM))
-    computed, shares = frequencies(case(write=write))
+def test_superelement_frequencies_match_beam(record, case, write):
+    reference, _ = natural_frequencies(case(BEAM))
+    computed, shares = natural_frequencies(case(write=write))
     for i in range(6):
         record(source=SOURCE, case=f"beam, {write.__name__}", quantity=f"frequency {i + 1}", unit="Hz",
                reference=reference[i], computed=computed[i], tolerance=1e-6, reason="digits of the file")  # fmt: skip
@@ -106,7 +106,7 @@ def test_frequencies_of_a_beam(record, case, write):
     assert shares[0]["superelement arm"] > 0.0
 
 
-def test_response_of_a_beam(record, case):
+def test_superelement_response_matches_beam(record, case):
     beam, body = run(case(BEAM)), run(case())
     for probe in ("end.uy", "tip.ux", "tip.rz"):
         reference, computed = (one[probe].displacement for one in (beam, body))
@@ -116,7 +116,7 @@ def test_response_of_a_beam(record, case):
                absolute=True, reason="digits of the file")  # fmt: skip
 
 
-def test_weight_of_a_beam(record, case):
+def test_superelement_weight_matches_beam(record, case):
     overrides = ("run.gravity=[0, '-9.81 m/s^2', 0]", "run.start=equilibrium", "run.revolutions=0.01")
     beam, body = (run(case(one, overrides=overrides))["end.uy"].displacement[0] for one in (BEAM, ARM))
     record(source=SOURCE, case="beam under its weight", quantity="end.uy in equilibrium", unit="m", reference=beam,
@@ -130,14 +130,14 @@ def test_weight_of_a_beam(record, case):
         (lambda K, M: (K[:11, :11], M), "11 rows"),
     ],
 )
-def test_matrices_of_other_kinds(case, change, words):
+def test_unsupported_matrices_raise_error(case, change, words):
     with pytest.raises(InputError, match=words):
         case(change=change)
 
 
-def test_condensed_to_few_modes(record, case):
-    reference, _ = frequencies(case(BEAM), 3)
-    computed, _ = frequencies(case(overrides=["superelements.arm.modes=4"]), 3)
+def test_frequency_with_few_modes(record, case):
+    reference, _ = natural_frequencies(case(BEAM), 3)
+    computed, _ = natural_frequencies(case(overrides=["superelements.arm.modes=4"]), 3)
     record(source=SOURCE, case="beam with 4 of 18 modes", quantity="frequency 3", unit="Hz", reference=reference[2],
            computed=computed[2], tolerance=1e-3, reason="truncated modes")  # fmt: skip
     assert prepare(case(overrides=["superelements.arm.modes=0"])).problem.system.size == 12
@@ -154,7 +154,7 @@ CAM = [
 
 
 @pytest.mark.parametrize("kind", ["rigid", "beams"])
-def test_finger_under_a_cam(record, case, kind):
+def test_contact_force_of_finger_superelement(record, case, kind):
     beam, body = (run(case(text, overrides=[*CAM, f"fidelity.model={kind}"])) for text in (BEAM, ARM))
     reference, computed = (one.channels["contacts.cam.force"] for one in (beam, body))
     assert np.abs(reference).max() > 50.0
@@ -163,20 +163,20 @@ def test_finger_under_a_cam(record, case, kind):
            tolerance=1e-6, absolute=True, reason="digits of the file")  # fmt: skip
 
 
-def test_units_of_millimetres(case):
-    """Stiffness in N/mm, N and N mm, mass in t, t mm and t mm^2."""
+def test_units_in_millimetres(case):
+    """The stiffness is in N/mm, N and N mm, the mass in t, t mm and t mm^2."""
 
     def converted(K, M):
         scale = np.tile([1e-3] * 3 + [1.0] * 3, len(K) // 6)
         return 1e3 * scale[:, None] * K * scale, 1e3 * scale[:, None] * M * scale
 
-    reference, _ = frequencies(case())
-    computed, _ = frequencies(case(ARM.replace("m-kg-s", "mm-t-s"), converted))
+    reference, _ = natural_frequencies(case())
+    computed, _ = natural_frequencies(case(ARM.replace("m-kg-s", "mm-t-s"), converted))
     assert computed == pytest.approx(reference, rel=1e-6)
 
 
-def test_files_of_few_digits_still_move_freely(case):
-    """Nine digits: rounding would hold the free body."""
+def test_rounded_matrices_have_rigid_body_modes(case):
+    """Rounding to nine digits would constrain the free body."""
     rounded = lambda K, M: tuple(np.vectorize(lambda x: float(f"{x:.8e}"))(one) for one in (K, M))  # noqa: E731
     text = 'supports={ end = ["rx"] }'
     system = prepare(case(change=rounded, overrides=[text, "springs={}", "loads={}"])).problem.system
@@ -184,23 +184,23 @@ def test_files_of_few_digits_still_move_freely(case):
     assert system.free.shape[1] == 5
 
 
-def moved(K, M):
+def change_stiffness_entry(K, M):
     K = K.copy()
     K[0, 0] *= 1.1
     return K, M
 
 
-def uneven(K, M):
+def make_asymmetric(K, M):
     K = K.copy()
     K[0, 5] += 1e6
     return K, M
 
 
-def negative(K, M):
+def negate_mass(K, M):
     return K, -M
 
 
-def without_rotation(K, M):
+def remove_rotations(K, M):
     keep = np.arange(len(K)) % 6 < 3
     return K * np.outer(keep, keep), M
 
@@ -208,11 +208,11 @@ def without_rotation(K, M):
 @pytest.mark.parametrize(
     ("change", "overrides", "message"),
     [
-        (moved, (), "a stiffness against rigid motion: x"),
+        (change_stiffness_entry, (), "a stiffness against rigid motion: x"),
         (lambda K, M: (K, M), ["nodes.foot=[0, 0, 0]"], "a stiffness against rigid motion: rotation"),
-        (uneven, (), "a symmetric matrix"),
-        (negative, (), "a positive semi-definite matrix"),
-        (without_rotation, (), "internal|further motions without strain energy"),
+        (make_asymmetric, (), "a symmetric matrix"),
+        (negate_mass, (), "a positive semi-definite matrix"),
+        (remove_rotations, (), "internal|further motions without strain energy"),
         (lambda K, M: (K[:6, :6], M[:6, :6]), (), "The files have no entry of them"),
         (lambda K, M: (K, M), ["superelements.arm.nodes.2=nowhere"], "nowhere"),
         (lambda K, M: (K, M), ["superelements.arm.nodes.2=foot"], "different nodes"),
@@ -220,21 +220,21 @@ def without_rotation(K, M):
         (lambda K, M: (K, M), ["superelements.arm.units=inch"], "units"),
     ],
 )
-def test_bad_matrices_are_refused(case, change, overrides, message):
+def test_invalid_matrices_raise_error(case, change, overrides, message):
     with pytest.raises(InputError, match=message):
         build_model(case(change=change, overrides=overrides))
 
 
 @pytest.mark.parametrize("text", ["", "1, 1, 1\n", "1, 7, 1, 7, 2.0\n", "1, 1, 1, 1, nan\n", "%%MatrixMarket what\n"])
-def test_damaged_files_are_refused(case, text, tmp_path):
+def test_damaged_files_raise_error(case, text, tmp_path):
     case()
     (tmp_path / "K.mtx").write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=r"superelements\.arm\.stiffness"):
         read_case(tmp_path / "arm.toml")
 
 
-# Written by pyNastran 1.4.1, `BDF.add_dmig` and `write_bdf`, but for the last matrix: small fields and exponents
-# without a letter, two entries per line, as in the MSC Nastran Quick Reference Guide.
+# Written by pyNastran 1.4.1, `BDF.add_dmig` and `write_bdf`, except the last matrix: small fields and exponents without
+# a letter, two entries per line, as in the MSC Nastran Quick Reference Guide.
 PUNCH = """\
 $pyNastran: punch=True
 GRID,1,,0.,0.,0.
@@ -264,7 +264,7 @@ DMIG,CAAX,0,6,3,0,,,1
 """
 
 
-def test_cards_of_a_punch_file(tmp_path):
+def test_read_matrices_of_punch_file(tmp_path):
     path = tmp_path / "body.pch"
     path.write_text(PUNCH, encoding="utf-8")
     K, M, B = (read_matrix(path, "table", name=name) for name in ("KAAX", "MAAX", "BAAX"))
@@ -279,21 +279,21 @@ def test_cards_of_a_punch_file(tmp_path):
             read_matrix(path, "table", name=name)
 
 
-def test_a_case_names_the_matrix_of_a_punch_file(case, tmp_path):
-    reference, _ = frequencies(case())
+def test_case_selects_matrix_of_punch_file(case, tmp_path):
+    reference, _ = natural_frequencies(case())
     case(write=write_punch)
     text = "\n".join((tmp_path / f"{name}.mtx").read_text(encoding="utf-8") for name in ("K", "M"))
     (tmp_path / "arm.pch").write_text(text, encoding="utf-8")
     body = ARM.replace('"K.mtx"', '{ file = "arm.pch", matrix = "KAAX" }')
     body = body.replace('"M.mtx"', '{ file = "arm.pch", matrix = "MAAX" }')
-    assert frequencies(case(body, write=write_punch))[0] == pytest.approx(reference, rel=1e-6)
+    assert natural_frequencies(case(body, write=write_punch))[0] == pytest.approx(reference, rel=1e-6)
     with pytest.raises(InputError, match="one of KAAX, MAAX"):
         case(body.replace(', matrix = "KAAX"', ""), write=write_punch)
     with pytest.raises(InputError, match="no Nastran punch file"):
         case(ARM.replace('"K.mtx"', '{ file = "K.mtx", matrix = "KAAX" }'))
 
 
-WHOLE_MODEL = {
+FULL_MODEL = {
     "clamped at its pivot": (["supports.pivot=['ux', 'uy', 'uz', 'rx', 'ry', 'rz']"],
                              [7871.910, 8068.188, 21596.65, 23078.72, 25356.46, 31362.50]),
     "on its pivot and tip": (["supports.tip=['uy']"], [7871.910, 8000.287, 21596.65, 25356.46, 26767.10, 31907.41]),
@@ -301,21 +301,21 @@ WHOLE_MODEL = {
 """Supports, and frequencies of the 2112 unknowns by CalculiX 2.20: output of meshes/calculix_rocker.py."""
 
 
-@pytest.mark.parametrize("support", WHOLE_MODEL)
-def test_a_rocker_of_calculix(record, support):
-    held, expected = WHOLE_MODEL[support]
-    # the valve and its spring are apart from the rocker, behind an open lash; a spring of 1 kN/m remains at the pad
+@pytest.mark.parametrize("support", FULL_MODEL)
+def test_frequencies_of_calculix_rocker(record, support):
+    held, expected = FULL_MODEL[support]
+    # an open lash separates the valve and its spring from the rocker; a spring of 1 kN/m remains at the pad
     case = read_case("cases/calculix-rocker/rocker.toml", [*held, "springs.valve.elements=1"])
-    found = frequencies(case, 8)[0]
+    found = natural_frequencies(case, 8)[0]
     found = found[found > 5000.0]
     for i, reference in enumerate(expected):
         record(source=SOURCE, case=f"rocker of CalculiX, {support}", quantity=f"frequency {i + 1}", unit="Hz",
                reference=reference, computed=found[i], tolerance=1e-3,
                reason="24 modes with a fixed interface; truncation raises frequencies")  # fmt: skip
-    assert (found[:6] > 0.999999 * np.array(expected)).all()  # Rayleigh: never below those of the whole model
+    assert (found[:6] > 0.999999 * np.array(expected)).all()  # Rayleigh: never below those of the full model
 
 
-def test_a_train_with_a_rocker_of_calculix():
+def test_train_with_calculix_rocker():
     response = run(read_case("cases/calculix-rocker/rocker.toml"))
     assert response.status.ok
     lift = -response["valve.uy"].displacement
@@ -325,7 +325,7 @@ def test_a_train_with_a_rocker_of_calculix():
     assert response.channels["contacts.intake.force"].min() >= 0.0
 
 
-def test_a_result_brings_its_matrices(case, tmp_path):
+def test_result_file_contains_matrices(case, tmp_path):
     made = case(overrides=["output.field_every=5"])
     ready = prepare(made)
     sink = open_result_file(ready, tmp_path / "results")

@@ -1,13 +1,13 @@
-"""A mass pressed to a turning cam for ten thousand revolutions: no drift, no deeper penetration, no chatter.
+"""A mass on a rotating cam for ten thousand revolutions has no drift, no increasing penetration and no chatter.
 
 Simulations with a Coulomb-like or impulsive contact are known to drift or to chatter at rest. Here the mass m on a
-spring k with the preload F stays on an elastic cam of stiffness K with the lift (h/2)(1 - cos(w t)), so that all is
-linear and its steady motion is
+spring k with the preload F stays on an elastic cam of stiffness K with the lift (h/2)(1 - cos(w t)), so that the system
+is linear and its steady motion is
 
     y = y0 - a cos(w t),  y0 = (K h/2 - F)/(K + k),  a = (K h/2)/(K + k - m w^2),
 
-with the contact force K (lift - y). A start on this motion must stay on it; only the step changes its size, by
-1 + w^2 dt^2/4 for w^2 in the average acceleration.
+with the contact force K (lift - y). A start on this motion must stay on it; only the step changes its amplitude, by 1 +
+w^2 dt^2/4 for w^2 in the average acceleration method.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def test_ten_thousand_revolutions_in_contact(record, tmp_path):
     path = tmp_path / "case.toml"
     path.write_text(CASE, encoding="utf-8")
     dt = 2.0 * math.pi / SPEED / STEPS
-    square = (2.0 / dt * math.tan(0.5 * SPEED * dt)) ** 2  # of the speed, as the average acceleration sees it
+    square = (2.0 / dt * math.tan(0.5 * SPEED * dt)) ** 2  # square of the speed in the average acceleration method
     mean, swing = (K * LIFT / 2.0 - PRELOAD) / (K + SPRING), K * LIFT / 2.0 / (K + SPRING - M * square)
     start = f'run.start={{ displacement = {{ "follower.uy" = {mean - swing!r} }} }}'
     response = run(read_case(path, [start, "run.revolutions=10000", "run.integrator.method=newmark"]))

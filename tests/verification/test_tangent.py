@@ -3,7 +3,7 @@
 - A linear system: the recursion of the average acceleration in complex numbers, with a step of 1e-30 i in a parameter.
   W. Squire and G. Trapp, SIAM Review 40 (1998) 110.
 - A ball that falls on a floor: its height after the impact by initial height, gravity, restitution and mass.
-- Valve trains in contact, with an adjuster, and from a periodic state: central differences of whole runs, extrapolated.
+- Valve trains in contact, with an adjuster, and from a periodic state: central differences of full runs, extrapolated.
 """
 
 from __future__ import annotations
@@ -49,31 +49,31 @@ INTAKE = "cases/pushrod-engine/intake.toml"
 DIFFERENCES = "Central differences of runs, extrapolated"
 
 
-def slope(found, widths, value):
-    """Return the derivative of a value of the results, the mean of those along some changes of a parameter."""
+def mean_derivative(found, widths, value):
+    """Return the derivative of a scalar result, the mean over some changes of a parameter."""
     pairs = zip(found.neighbours, widths, strict=True)
     return np.mean([(value(high) - value(low)) / width for (low, high), width in pairs], axis=0)
 
 
-def matrices(p):
+def chain_matrices(p):
     """Return M, C, K and the load of a chain of three masses whose entries are polynomials of p."""
     M = np.diag([1.0, 0.5 + 0.25 * p, 2.0])
     K = np.array([[300.0, -100.0, 0.0], [-100.0, 100.0 + 40.0 * p**2, -40.0 * p**2], [0.0, -40.0 * p**2, 40.0 * p**2]])
     return M, 0.01 * M + 2e-4 * K, K, np.array([0.0, 0.0, 1.0 + p])
 
 
-def chain(p, engine="direct"):
-    M, C, K, load = matrices(p)
+def chain_problem(p, engine="direct"):
+    M, C, K, load = chain_matrices(p)
     push = Load("push", load, lambda motion: np.sin(3.0 * motion.angle))
     probe = Probe("end", ("x",), np.eye(3)[2:], (None,))
-    whole = (Triplets.from_dense(one) for one in (M, C, K))
-    system = System(*whole, ("a", "b", "c"), (push,), probes=(probe,))
+    system_matrices = (Triplets.from_dense(one) for one in (M, C, K))
+    system = System(*system_matrices, ("a", "b", "c"), (push,), probes=(probe,))
     return Problem(system, ConstantSpeed(2.0), step=5e-3, steps=1000, engine=engine)
 
 
-def complex_step(p):
+def integrate_complex_step(p):
     """Return the history of the last displacement by the average acceleration, and its derivative by p."""
-    M, C, K, load = matrices(p + 1e-30j)
+    M, C, K, load = chain_matrices(p + 1e-30j)
     h, d, v = 5e-3, np.zeros(3, complex), np.zeros(3, complex)
     a, S = np.linalg.solve(M, -C @ v - K @ d), M + 0.5 * h * C + 0.25 * h**2 * K
     found = [d[2]]
@@ -86,11 +86,13 @@ def complex_step(p):
 
 
 @pytest.mark.parametrize("engine", ["direct", "modal", "kernel"])
-def test_linear_systems_against_the_complex_step(record, engine):
+def test_linear_system_matches_complex_step(record, engine):
     p, e = 1.0, 1e-5
-    found = tangent_run(chain(p, engine), newmark(), [Variation(chain(p + width, engine), width) for width in (-e, e)])
-    slopes = slope(found, (-e, e), lambda one: one["end"].displacement)
-    moved, exact = complex_step(p)
+    found = tangent_run(
+        chain_problem(p, engine), newmark(), [Variation(chain_problem(p + width, engine), width) for width in (-e, e)]
+    )
+    slopes = mean_derivative(found, (-e, e), lambda one: one["end"].displacement)
+    moved, exact = integrate_complex_step(p)
     assert found.response["end"].displacement == pytest.approx(moved, rel=1e-9, abs=1e-12)
     worst = np.abs(slopes - exact).max() / np.abs(exact).max()
     record(source="Complex step", case=f"chain of three masses, {engine} engine",
@@ -99,7 +101,7 @@ def test_linear_systems_against_the_complex_step(record, engine):
            reason="differences of the matrices over 2e-5: rounding 1e-16/1e-5")  # fmt: skip
 
 
-BALL = """
+BALL_CASE = """
 format = 1
 nodes = {{ ground = [0.0, -1.0, 0.0], body = [0.0, 0.0, 0.0] }}
 supports = {{ body = ["ux", "uz"] }}
@@ -115,15 +117,15 @@ start = {{ displacement = {{ "body.uy" = {h!r} }}, velocity = {{ "body.uy" = {v!
 """
 
 
-def ball(folder, **values):
+def ball_problem(folder, **values):
     given = {"e": 0.8, "g": -9.81, "h": 0.5, "v": -1e-6, "T": 0.7, **values}
     T = given["T"]
     path = folder / "ball.toml"
-    path.write_text(BALL.format(**given, step=T / 1000, turns=T / (2.0 * math.pi)), encoding="utf-8")
+    path.write_text(BALL_CASE.format(**given, step=T / 1000, turns=T / (2.0 * math.pi)), encoding="utf-8")
     return prepare(read_case(path)).problem
 
 
-def height(e=0.8, g=-9.81, h=0.5, v=-1e-6, T=0.7):
+def bounce_height(e=0.8, g=-9.81, h=0.5, v=-1e-6, T=0.7):
     """Return the height at the time T, after one impact."""
     fall = (math.sqrt(v * v - 2.0 * g * h) + v) / -g if g else -h / v
     speed, left = e * math.sqrt(v * v - 2.0 * g * h), T - fall
@@ -132,23 +134,23 @@ def height(e=0.8, g=-9.81, h=0.5, v=-1e-6, T=0.7):
 
 @pytest.mark.parametrize("key", ["h", "v", "e", "g"])
 @pytest.mark.parametrize("gravity", [-9.81, 0.0])
-def test_a_ball_after_an_impact(record, tmp_path, key, gravity):
+def test_derivatives_of_ball_after_impact(record, tmp_path, key, gravity):
     fixed = {"g": gravity, "v": -1.5 if gravity == 0.0 else -0.2}
     value = {"h": 0.5, "e": 0.8, **fixed}[key]
     step = 1e-6 * (abs(value) or 1.0)
-    sides = [Variation(ball(tmp_path, **{**fixed, key: value + width}), width) for width in (-step, step)]
-    found = tangent_run(ball(tmp_path, **fixed), newmark(), sides)
+    sides = [Variation(ball_problem(tmp_path, **{**fixed, key: value + width}), width) for width in (-step, step)]
+    found = tangent_run(ball_problem(tmp_path, **fixed), newmark(), sides)
     near = 1e-4 * (abs(value) or 1.0)
-    far = [height(**{**fixed, key: value + k * near}) for k in (-2, -1, 1, 2)]
+    far = [bounce_height(**{**fixed, key: value + k * near}) for k in (-2, -1, 1, 2)]
     reference = (far[0] - 8.0 * far[1] + 8.0 * far[2] - far[3]) / (12.0 * near)
-    computed = slope(found, (-step, step), lambda one: one["body.uy"].displacement[-1])
+    computed = mean_derivative(found, (-step, step), lambda one: one["body.uy"].displacement[-1])
     record(source="Ball on a floor", case=f"fall from 0.5 m, restitution 0.8, gravity {abs(gravity):g} m/s^2",
            quantity=f"d(height at the end)/d{key}", unit="", reference=reference, computed=computed,
            tolerance=2e-7, reason="the motion is exact; differences over 1e-6 and 1e-4")  # fmt: skip
 
 
-def test_a_cam_that_strikes_its_follower(record):
-    """The lift moves the time of every impact; the motion half a revolution later against differences of runs."""
+def test_derivative_of_cam_impacts_matches_differences(record):
+    """The lift changes the time of every impact; the reference are differences of runs, half a revolution later."""
     fixed = ["run.speed=3000rpm", "contacts.k.restitution=0.6", "springs.one.installed_force=20 N",
              "springs.one.stiffness=10 kN/m", "run.steps_per_revolution=1440"]  # fmt: skip
 
@@ -161,11 +163,11 @@ def test_a_cam_that_strikes_its_follower(record):
     far = [solve(follower(0.006 + k * 10.0 * e), newmark())["mass.uy"].displacement[-1] for k in (-2, -1, 1, 2)]
     record(source=DIFFERENCES, case="follower struck by its cam, by the lift", quantity="d(displacement at the end)",
            unit="1", reference=float((far[0] - 8.0 * far[1] + 8.0 * far[2] - far[3]) / (120.0 * e)),
-           computed=slope(found, (-e, e), lambda one: one["mass.uy"].displacement[-1]), tolerance=1e-4,
+           computed=mean_derivative(found, (-e, e), lambda one: one["mass.uy"].displacement[-1]), tolerance=1e-4,
            reason="differences over 1e-5 of the lift")  # fmt: skip
 
 
-def differences(file, fixed, number, names):
+def finite_differences(file, fixed, number, names):
     """Return the derivatives of scalars by differences of runs over two step sizes, extrapolated."""
     slopes = list[np.ndarray]()
     for relative in (1e-4, 5e-5):
@@ -198,24 +200,24 @@ ONE_REVOLUTION = ("run.revolutions=1", "run.steps_per_revolution=1440", "run.int
     ],
     ids=["speed", "extremes", "spring", "adjuster", "periodic"],
 )  # fmt: skip
-def test_trains_in_contact_against_differences(record, path, key, names, fixed):
+def test_trains_in_contact_match_differences(record, path, key, names, fixed):
     file, fixed = CaseFile.open(Path(path)), (*ONE_REVOLUTION, "run.engine=kernel", *fixed)
     (number,) = get_numbers(file.read(fixed), [key])
     found = compute_gradient(file.read(fixed), names, [number])
     start = ", periodic" if "run.start=periodic" in fixed else ""
-    for name, reference in zip(names, differences(file, fixed, number, names), strict=True):
+    for name, reference in zip(names, finite_differences(file, fixed, number, names), strict=True):
         record(source=DIFFERENCES, case=f"{Path(path).stem}, by {key}{start}",
                quantity=f"d({name})", unit="", reference=reference,
                computed=found.derivatives[name, key], tolerance=2e-5,
                reason="differences of contact runs over 1e-4 contain the noise of events")  # fmt: skip
 
 
-def test_other_local_extremes_against_differences(record):
-    """The second largest local maximum of the cam force: its value and its derivative at a constant instant."""
+def test_second_local_maximum_matches_differences(record):
+    """The second highest local maximum of the cam force has a value and a derivative at a constant instant."""
     file, fixed = CaseFile.open(Path(BUCKET)), (*ONE_REVOLUTION, "run.engine=kernel")
     name, case = "contacts.intake.force.largest", file.read(fixed)
     (number,) = get_numbers(case, ["masses.bucket.mass"])
-    offset, slope = compute_gradient(case, [name], [number]).extremes[name][0]
+    offset, mean_derivative = compute_gradient(case, [name], [number]).extremes[name][0]
 
     def force(*overrides):
         ready = prepare(file.read((*fixed, *overrides)))
@@ -226,12 +228,12 @@ def test_other_local_extremes_against_differences(record):
     assert history[at] - history.max() == pytest.approx(offset, rel=1e-6)
     low, high = (force(*one)[at] for one in make_neighbours(case, number, (-step, step)))
     record(source=DIFFERENCES, case="bucket, by masses.bucket.mass", quantity="d(second largest maximum of the force)",
-           unit="N/kg", reference=float(high - low) / (2.0 * step), computed=slope, tolerance=1e-4,
+           unit="N/kg", reference=float(high - low) / (2.0 * step), computed=mean_derivative, tolerance=1e-4,
            reason="differences over 1e-4")  # fmt: skip
 
 
-def test_a_derivative_does_not_depend_on_its_change():
-    """The equilibria of a case and of its neighbour are found alike: otherwise their tolerance shows, here 7e-6."""
+def test_derivative_is_independent_of_step_size():
+    """The equilibria of a case and of its neighbour use equal iterations; otherwise the tolerance shows, here 7e-6."""
     case = CaseFile.open(Path(BUCKET)).read((*ONE_REVOLUTION, "run.engine=kernel"))
     name = "contacts.intake.pressure.largest"
     (number,) = get_numbers(case, ["masses.bucket.mass"])
@@ -243,8 +245,8 @@ def test_a_derivative_does_not_depend_on_its_change():
 
 
 @pytest.mark.slow
-def test_a_chaotic_motion_is_known_by_its_growth():
-    """Three revolutions of the pushrod train hop on the base circle: neighbouring motions part by powers of ten."""
+def test_growth_indicates_chaotic_motion():
+    """In three revolutions the pushrod train bounces on the base circle: neighbouring motions diverge exponentially."""
     file = CaseFile.open(Path(INTAKE))
     numbers = get_numbers(file.read(), ["springs.valve.stiffness"])
     calm, wild = (
@@ -256,8 +258,8 @@ def test_a_chaotic_motion_is_known_by_its_growth():
     assert wild > 1e5
 
 
-def test_other_methods_and_structures_are_refused(tmp_path):
-    problem = chain(1.0)
+def test_other_methods_and_structures_raise_error(tmp_path):
+    problem = chain_problem(1.0)
     with pytest.raises(InputError, match="newmark with beta 1/4"):
         tangent_run(problem, hht(alpha=-0.1), [])
     shorter = replace(problem, steps=999)
@@ -269,8 +271,8 @@ def test_other_methods_and_structures_are_refused(tmp_path):
     assert (high["end"].velocity - low["end"].velocity)[0] == pytest.approx(1.0, rel=1e-12)
 
 
-def test_linearized_steps_solve_their_equations():
-    """Of a random system with local forces and an internal state, against the dense equations of a step; rounding."""
+def test_linearized_steps_satisfy_equations():
+    """A random system with local forces and an internal state satisfies the dense equations of a step, to rounding."""
     rng, n, c, m, h = np.random.default_rng(3), 4, 3, 5, 1e-3
     A = rng.normal(size=(n, n))
     M, C, K = A @ A.T + np.eye(n), 0.1 * A @ A.T, 1e4 * np.eye(n)
@@ -303,14 +305,14 @@ def test_linearized_steps_solve_their_equations():
                 np.hstack([(T[i] - B[i]) * linear.followed[i], 0.0 * none.T, B[i] * np.eye(1)]),
             ]
         )
-        # What comes to the free displacement also changes the forces at the new end.
+        # An increment of the free displacement also changes the forces at the new end.
         expected = np.linalg.solve(new, old @ state + more[i])
         state = sequence.propagate(i, state, more[i])
         assert state == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
-def test_compiled_steps_are_those_of_numpy():
-    """Of modes that a damper couples, with local forces and two internal states; rounding."""
+def test_compiled_steps_match_numpy():
+    """The modes are coupled by a damper, with local forces and two internal states; the difference is rounding."""
     rng, n, c, s, m, h = np.random.default_rng(5), 5, 3, 2, 6, 1e-3
     A = rng.normal(size=(n, n))
     M, K = np.diag(1.0 + rng.random(n)), np.diag(1e4 * rng.random(n))
@@ -331,8 +333,8 @@ def test_compiled_steps_are_those_of_numpy():
 
 
 @pytest.mark.parametrize("engine", ["direct", "kernel"])
-def test_a_force_that_only_a_parameter_changes(engine):
-    """A constant force F of a table on an oscillator: d(displacement)/dF = (1 - cos(omega t))/k."""
+def test_derivative_by_constant_force(engine):
+    """For a constant force F of a table on an oscillator, d(displacement)/dF = (1 - cos(omega t))/k."""
 
     def oscillator(F):
         one, row = Triplets.from_dense([[1.0]]), AngleVector.constant(np.ones(1))
@@ -347,7 +349,7 @@ def test_a_force_that_only_a_parameter_changes(engine):
     assert (high - low) / 0.001 == pytest.approx(0.25 * (1.0 - math.cos(2.0)), rel=1e-6)
 
 
-def test_similar_models_share_equal_cams_alone():
+def test_similar_models_share_only_equal_cams():
     case = read_case(INTAKE)
     model = build_model(case)
     same, other = (
@@ -358,7 +360,7 @@ def test_similar_models_share_equal_cams_alone():
     assert other.event.height > same.event.height
 
 
-def test_cams_of_a_similar_model_keep_the_phaser_of_their_shaft(tmp_path):
+def test_changed_cam_has_phaser_of_its_shaft(tmp_path):
     """A shaft has one phaser, and a changed cam is another object than its unchanged neighbour on the shaft."""
     text = Path("flexcam/templates/cam-phaser.toml").read_text(encoding="utf-8")
     text = text.replace('cams = ["intake"]', 'cams = ["intake", "second"]')

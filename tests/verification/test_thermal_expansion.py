@@ -1,9 +1,9 @@
 """Thermal expansion of members: forces between walls, lash, preload and lateral stiffness.
 
-A bar between walls that grows warmer by dT presses with EA alpha dT; a free one grows by alpha L dT; one behind a
-spring of stiffness k presses it with alpha L dT k EA/(EA + k L) (S. P. Timoshenko, Strength of Materials, part I, 3rd
-ed., sec. 7). A pinned column with the half sine d0 as its bow goes on under P by d0 P/(Pcr - P) (S. P. Timoshenko and
-J. M. Gere, Theory of Elastic Stability, 2nd ed., sec. 1.12).
+A bar between walls under a temperature rise dT has the force EA alpha dT; a free bar elongates by alpha L dT; a bar in
+series with a spring of stiffness k has the force alpha L dT k EA/(EA + k L) (S. P. Timoshenko, Strength of Materials,
+part I, 3rd ed., sec. 7). A pinned column with a half-sine bow d0 deflects further under P by d0 P/(Pcr - P) (S. P.
+Timoshenko and J. M. Gere, Theory of Elastic Stability, 2nd ed., sec. 1.12).
 """
 
 from __future__ import annotations
@@ -41,38 +41,38 @@ right = ["uy", "uz"]
 """
 
 
-def bar(folder, *overrides):
+def bar_case(folder, *overrides):
     """Return the case of the bar with overrides."""
     path = folder / "bar.toml"
     path.write_text(BAR, encoding="utf-8")
     return read_case(path, overrides)
 
 
-def test_bar_between_walls(record, tmp_path):
-    response = run(bar(tmp_path, 'supports.right=["ux", "uy", "uz"]'))
+def test_force_of_bar_between_walls(record, tmp_path):
+    response = run(bar_case(tmp_path, 'supports.right=["ux", "uy", "uz"]'))
     record(source=SOURCE, case="bar between walls", quantity="force", unit="N", reference=E * AREA * ALPHA * RISE,
            computed=response.channels["members.bar.compression"][-1], tolerance=1e-12, reason="exact")  # fmt: skip
 
 
-def test_stress_of_the_bar_between_walls(tmp_path):
-    ready = prepare(bar(tmp_path, 'supports.right=["ux", "uy", "uz"]'))
+def test_stress_of_bar_between_walls(tmp_path):
+    ready = prepare(bar_case(tmp_path, 'supports.right=["ux", "uy", "uz"]'))
     sink = StrengthSink(build_structure(ready.model))
     solve(ready.problem, ready.scheme, save=SaveAt(field_every=1), sinks=[sink])
     assert sink.members()["bar"].mean == pytest.approx(-E * ALPHA * RISE, rel=1e-9)
 
 
-def test_free_bar(record, tmp_path):
-    response = run(bar(tmp_path))
+def test_elongation_of_free_bar(record, tmp_path):
+    response = run(bar_case(tmp_path))
     record(source=SOURCE, case="free bar", quantity="elongation", unit="m", reference=ALPHA * 0.25 * RISE,
            computed=response["right.ux"].displacement[-1], tolerance=1e-12, reason="exact")  # fmt: skip
     assert abs(response.channels["members.bar.compression"][-1]) < 1e-9 * E * AREA * ALPHA * RISE
 
 
-def test_preload_of_a_spring(record, tmp_path):
+def test_spring_preload_increases_by_expansion(record, tmp_path):
     k = 40e3
     spring = 'springs.valve={ at = "right", direction = "ux", stiffness = 40e3, installed_force = 300 }'
-    response = run(bar(tmp_path, spring))
-    # As installed the bar is shorter by 300 N L/EA: the spring force of a cold case.
+    response = run(bar_case(tmp_path, spring))
+    # The installed bar is shorter by 300 N L/EA: the spring force of a cold case.
     cold = 300.0 * E * AREA / (E * AREA + k * 0.25)
     more = ALPHA * 0.25 * RISE * k * E * AREA / (E * AREA + k * 0.25)
     record(source=SOURCE, case="bar behind a spring", quantity="spring force", unit="N", reference=cold + more,
@@ -124,7 +124,7 @@ seat = { at = "head", direction = "uy", model = "seat", stiffness = "1 GN/m" }
 """
 
 
-ELSEWHERE = (
+SEPARATE_ADJUSTER = (
     'nodes.left=["50 mm", 0, 0]',
     'nodes.right=["60 mm", 0, 0]',
     'masses.left={ at = "left", mass = "0.1 kg" }',
@@ -134,26 +134,26 @@ ELSEWHERE = (
     'contacts.oil={from="left", to="right", direction="ux",model="lash-adjuster", stiffness=2e7, leak=1e3, refill=1}',
     "contacts.oil.plunger_force=10",
 )
-"""An adjuster that is no part of the train."""
+"""An adjuster that is not part of the train."""
 
 
 @pytest.mark.parametrize(
-    ("model", "further"), [("beams", ()), ("rigid", ()), ("sdof", ()), ("chain", ()), ("beams", ELSEWHERE)]
+    ("model", "further"), [("beams", ()), ("rigid", ()), ("sdof", ()), ("chain", ()), ("beams", SEPARATE_ADJUSTER)]
 )
-def test_expansion_is_no_loft(tmp_path, model, further):
-    """The valve of a warm train rises higher by what the parts grow, but not above the lift of the warm rigid train."""
+def test_expansion_does_not_count_as_valve_loft(tmp_path, model, further):
+    """The valve of a warm train rises further by the expansion, but not above the lift of the warm rigid train."""
     path = tmp_path / "train.toml"
     path.write_text(TRAIN, encoding="utf-8")
-    whole = ["run.revolutions=1", "run.speed=100rpm", f"fidelity.model={model!r}", *further]
+    common = ["run.revolutions=1", "run.speed=100rpm", f"fidelity.model={model!r}", *further]
     warm, cold = (
-        run(read_case(path, [*whole, *more])).metrics["contacts.seat.valve_loft"]
+        run(read_case(path, [*common, *more])).metrics["contacts.seat.valve_loft"]
         for more in ((), ("members.pushrod.temperature=0", "members.stem.temperature=0"))
     )
-    assert abs(warm - cold) < 1e-5  # the valve spring presses a little more; the expansion itself is 0.7 mm
+    assert abs(warm - cold) < 1e-5  # the force of the valve spring increases slightly; the expansion itself is 0.7 mm
 
 
-def test_lash_of_a_warm_train(record, tmp_path):
-    """The cam carries the pushrod and the seat the valve; both grow into the lash."""
+def test_lash_of_warm_train(record, tmp_path):
+    """The cam supports the pushrod and the seat the valve; both expand into the lash."""
     path = tmp_path / "train.toml"
     path.write_text(TRAIN, encoding="utf-8")
     warm, cold = (
@@ -162,13 +162,13 @@ def test_lash_of_a_warm_train(record, tmp_path):
     )
     change = [float(one.channels["contacts.lash.gap"][0]) for one in (warm, cold)]
     reference = 12e-6 * 0.2 * 80.0 + 17e-6 * 0.1 * 300.0
-    # The tappet spring, pressed by the pushrod's foot, does not change; the stiff seat and cam give 1e-9 m.
+    # The tappet spring at the pushrod foot does not change; the stiff seat and cam deform by 1e-9 m.
     record(source=SOURCE, case="valve train", quantity="lash taken up", unit="m", reference=reference,
            computed=change[1] - change[0], tolerance=1e-6, reason="compliance of seat and cam")  # fmt: skip
 
 
-def test_warm_column_with_a_bow(record, tmp_path):
-    """Between walls along its axis the column buckles at alpha dT = (pi/L)^2 Iz/A; at half of that its bow doubles."""
+def test_deflection_of_warm_bowed_column(record, tmp_path):
+    """With fixed ends the column buckles at alpha dT = (pi/L)^2 Iz/A; at half of that the bow doubles."""
     critical = math.pi**2 * TUBE.Iz / (TUBE.A * LENGTH**2)
     path, bow = tmp_path / "rod.toml", 1e-7
     text = pinned_rod(bow, "", elements=4).replace('tip = ["uy", "uz"]', 'tip = ["ux", "uy", "uz"]')
@@ -183,8 +183,8 @@ def test_warm_column_with_a_bow(record, tmp_path):
     assert response.channels["members.rod.buckling_use"][-1] == pytest.approx(0.5, rel=1e-4)
 
 
-def test_section_forces_and_frequency_of_a_warm_column(record, tmp_path):
-    """Straight, the lateral frequency is f0 sqrt(1 - N/Pcr); the section force is that of the channel."""
+def test_section_forces_and_frequency_of_warm_column(record, tmp_path):
+    """For a straight column, the lateral frequency is f0 sqrt(1 - N/Pcr); the section force is that of the channel."""
     critical = math.pi**2 * TUBE.Iz / (TUBE.A * LENGTH**2)
     path = tmp_path / "rod.toml"
     text = pinned_rod(1e-7, "", elements=4).replace('tip = ["uy", "uz"]', 'tip = ["ux", "uy", "uz"]')
@@ -201,13 +201,13 @@ def test_section_forces_and_frequency_of_a_warm_column(record, tmp_path):
            reason="Euler's load of eight elements")  # fmt: skip
 
 
-def test_a_material_without_expansion_is_refused(tmp_path):
+def test_material_without_expansion_raises_error(tmp_path):
     with pytest.raises(InputError, match="'steel' does not expand") as refusal:
-        prepare(bar(tmp_path, "materials.steel.expansion=0"))
+        prepare(bar_case(tmp_path, "materials.steel.expansion=0"))
     assert "members" in str(refusal.value)
 
 
-def test_a_rigid_model_warns(tmp_path):
+def test_rigid_model_with_temperature_causes_warning(tmp_path):
     path = tmp_path / "train.toml"
     path.write_text(TRAIN, encoding="utf-8")
     warnings = check_values(read_case(path, ["fidelity.model=rigid"]))
