@@ -283,7 +283,7 @@ def test_adjuster_at_rocker(record):
 
 @pytest.mark.parametrize(("play", "gap"), [(LASH, 0.5e-3), (ADJUSTER, 0.0)])
 def test_rigid_model_with_lash_between_nodes(case, play, gap):
-    made = case(play, contacts=SEAT, installed=", installed_force = 100", revolutions=0.3, steps=720)
+    made = case(play, contacts=UNDAMPED_SEAT, installed=", installed_force = 100", revolutions=0.3, steps=720)
     response = run(made, rigid=True)
     lift = build_model(made).cams["intake"].event(response.angle, 0)
     np.testing.assert_allclose(response["end.uy"].displacement, np.maximum(lift - gap, 0.0), atol=1e-9)
@@ -303,7 +303,7 @@ def test_rigid_force_with_lash_at_rocker():
     np.testing.assert_allclose(response.channels["contacts.intake.force"], force, rtol=0.01)
 
 
-SEAT = 'seat = { at = "end", direction = "uy", model = "seat", stiffness = "60 MN/m" }'
+UNDAMPED_SEAT = 'seat = { at = "end", direction = "uy", model = "seat", stiffness = "60 MN/m" }'
 NO_GAP = LASH.replace("0.5 mm", "0 mm")
 FINGER, PUSHRODS = "cases/direct-acting/finger.toml", "cases/pushrod-engine/intake.toml"
 CLOSED_VALVE = {
@@ -334,7 +334,7 @@ def test_cam_force_of_closed_valve_on_base_circle(record, name):
 
 
 @pytest.mark.parametrize(("play", "push"), [(LASH, 0.0), (NO_GAP, 0.0), (ADJUSTER, PLUNGER)])
-@pytest.mark.parametrize("seat", [SEAT, ""], ids=["seat", "no seat"])
+@pytest.mark.parametrize("seat", [UNDAMPED_SEAT, ""], ids=["seat", "no seat"])
 def test_rigid_cam_force_with_and_without_seat(case, play, push, seat):
     """With a seat, the seat carries the spring behind a lash; without one the cam does: the spring closes the lash."""
     made = case(play, contacts=seat, installed=", installed_force = 100", revolutions=0.3, steps=720)
@@ -342,7 +342,7 @@ def test_rigid_cam_force_with_and_without_seat(case, play, push, seat):
     lift = build_model(made).cams["intake"].event(response.angle, 0)
     force = response.channels["contacts.intake.force"]
     gap = 0.5e-3 if play == LASH else 0.0
-    shut = push if seat == SEAT else 100.0 - 30e3 * gap
+    shut = push if seat == UNDAMPED_SEAT else 100.0 - 30e3 * gap
     np.testing.assert_allclose(force[lift == 0.0], shut, rtol=1e-12, atol=1e-10)  # of 100 N
     on = lift > 1.5e-3
     np.testing.assert_allclose(force[on], 100.0 + 30e3 * (lift[on] - gap), rtol=0.02)
@@ -350,7 +350,7 @@ def test_rigid_cam_force_with_and_without_seat(case, play, push, seat):
 
 def test_stop_that_blocks_lift_raises_error(case):
     """Between a cam and a stop above the closed valve, no rigid part can yield."""
-    made = case(NO_GAP, contacts=SEAT.replace('"uy"', '"-uy"'), installed=", installed_force = 100", steps=720)
+    made = case(NO_GAP, contacts=UNDAMPED_SEAT.replace('"uy"', '"-uy"'), installed=", installed_force = 100", steps=720)
     with pytest.raises(InputError, match=r"contacts\.intake.*no position of the rigid train"):
         run(made, rigid=True)
 
@@ -358,7 +358,7 @@ def test_stop_that_blocks_lift_raises_error(case):
 @pytest.mark.parametrize("rigid", [False, True], ids=["stiff", "rigid"])
 def test_adjuster_pump_up_opens_valve(case, rigid):
     """A plunger of 20 N against a spring of 15 N pumps up by 5 N over 30 kN/m and keeps the valve open by that."""
-    made = case(ADJUSTER, contacts=SEAT, installed=", installed_force = 15", speed=600.0, revolutions=0.3)
+    made = case(ADJUSTER, contacts=UNDAMPED_SEAT, installed=", installed_force = 15", speed=600.0, revolutions=0.3)
     response = run(made, rigid=rigid)
     lift = build_model(made).cams["intake"].event(response.angle, 0)
     # A stiff train leaks by 60 N over 400 kN s/m in the 20 ms of its lift, 3 um, and the oil deforms by 3 um.

@@ -171,9 +171,8 @@ def test_bilateral_contact_force(record, make_train, part):
     record(source=SOURCE, case=f"bilateral, {part} of the speed of jump", quantity="largest error of the force",
            unit="N", reference=0.0, computed=np.abs(force - rigid).max(), tolerance=5e-3 * np.abs(rigid).max(),
            absolute=True, reason="follower on its contact, as above")  # fmt: skip
-    if part > 1.0:
-        assert force.min() == pytest.approx(rigid.min(), rel=0.02)
-        assert force.min() < 0.0
+    assert force.min() == pytest.approx(rigid.min(), rel=0.02)
+    assert force.min() < 0.0
 
 
 @pytest.mark.parametrize("model", ["unilateral", "bilateral"])
