@@ -20,9 +20,9 @@ def _read_without_stiffness(path, tmp_path, *others):
     assert open_lash != text
     for old, new in others:
         open_lash = open_lash.replace(old, new)
-    left = tmp_path / "left.toml"
-    left.write_text(open_lash, encoding="utf-8")
-    return read_case(left)
+    path_without = tmp_path / "left.toml"
+    path_without.write_text(open_lash, encoding="utf-8")
+    return read_case(path_without)
 
 
 def test_default_lash_stiffness_at_rocker(tmp_path):

@@ -83,11 +83,11 @@ def write(folder: Path, repeat: str = ORDER, cam: str = 'phase = "10 deg"') -> P
 
 def test_firing_order_delays_cams_and_loads(tmp_path: Path):
     record = read_case(write(tmp_path)).record
-    late = {"1": 0.0, "2": 270.0, "3": 90.0, "4": 180.0}
+    delays = {"1": 0.0, "2": 270.0, "3": 90.0, "4": 180.0}
     assert {n: np.degrees(one.phase) for n, one in record.cams.items()} == pytest.approx(
-        {n: 10.0 + late[n] for n in late}
+        {n: 10.0 + delays[n] for n in delays}
     )
-    assert {n: np.degrees(one.phase or 0.0) for n, one in record.loads.items()} == pytest.approx(late)
+    assert {n: np.degrees(one.phase or 0.0) for n, one in record.loads.items()} == pytest.approx(delays)
 
 
 def test_copies_have_all_combinations_of_placeholders(tmp_path: Path):

@@ -34,7 +34,7 @@ SHORT = (
 )  # fmt: skip
 
 # By part: initial state that gives an impact.
-FALLING = {
+IMPACT_STARTS = {
     "contacts.seat": 'run.start={ displacement = { valve = "0.02 mm" }, velocity = { valve = "-1 m/s" } }',
     "contacts.intake": 'run.start={ displacement = { "tappet.uy" = "3 mm" }, velocity = { "tappet.uy" = "-1 m/s" } }',
 }
@@ -43,7 +43,7 @@ FREE = 'free_running = { cam = "intake", cam_mass = "0.4 kg", follower_mass = "0
 SWING = 'fluctuation = { orders = [2, 4], amplitudes = ["3 %", 0.01], phases = ["30 deg", 0] }'
 
 # by key: override
-CHANGED = {
+OVERRIDES = {
     "members.pushrod.bow": "members.pushrod.bow=-1mm",
     "members.pushrod.temperature": "members.pushrod.temperature=20",
     "materials.steel.expansion": "materials.steel.expansion=20e-6",
@@ -113,15 +113,15 @@ QUICK = ("members.pushrod.bow", "members.pushrod.temperature", "rockers.rocker.a
          "contacts.intake.lubrication.viscosity")  # fmt: skip
 
 
-@pytest.mark.parametrize("key", [pytest.param(k, marks=[] if k in QUICK else [pytest.mark.slow]) for k in CHANGED])
+@pytest.mark.parametrize("key", [pytest.param(k, marks=[] if k in QUICK else [pytest.mark.slow]) for k in OVERRIDES])
 def test_key_changes_run(key, unchanged):
-    assert any_change(unchanged, run_channels(ENGINE, CHANGED[key]))
+    assert any_change(unchanged, run_channels(ENGINE, OVERRIDES[key]))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("part", FALLING)
+@pytest.mark.parametrize("part", IMPACT_STARTS)
 def test_restitution_changes_run(part):
-    one, other = (run_channels(ENGINE, FALLING[part], f"{part}.restitution={value}") for value in (0.0, 0.9))
+    one, other = (run_channels(ENGINE, IMPACT_STARTS[part], f"{part}.restitution={value}") for value in (0.0, 0.9))
     assert any_change(one, other)
 
 

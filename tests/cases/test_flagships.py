@@ -192,8 +192,8 @@ def test_torque_is_near_sum_of_rigid_torques(camshaft, run_case):
         closed += s1 * (230.0 + 38e3 * s + damper * s1 * motion.speed + moving * acceleration)
     assert float(np.abs(total - closed).max()) < 1e-5 * float(np.abs(closed).max())
     found = smooth(response.channels["supports.sprocket.torque"][last], 8)
-    wanted = smooth(total[last], 8)
-    assert float(np.abs(found - wanted).max()) < 0.04 * float(np.abs(wanted).max())
+    expected = smooth(total[last], 8)
+    assert float(np.abs(found - expected).max()) < 0.04 * float(np.abs(expected).max())
 
 
 def test_mean_torque_equals_dissipated_power(camshaft):
@@ -211,8 +211,8 @@ def test_torque_peaks_follow_firing_order(camshaft):
         peaks = {
             i: angle[np.argmax(smooth(response.channels[f"contacts.{kind}-{i}.torque"][last], 24))] for i in CYLINDERS
         }
-        apart = np.diff([peaks[i] for i in (*CYLINDERS, CYLINDERS[0])]) % 360.0
-        assert apart.tolist() == pytest.approx([90.0] * 4, abs=3.0)
+        intervals = np.diff([peaks[i] for i in (*CYLINDERS, CYLINDERS[0])]) % 360.0
+        assert intervals.tolist() == pytest.approx([90.0] * 4, abs=3.0)
 
 
 def test_twist_grows_towards_free_end(camshaft):

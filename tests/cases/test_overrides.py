@@ -17,8 +17,8 @@ ENGINE = CASES / "pushrod-engine/intake.toml"  # gives crank_speed
 
 def test_override_of_number_in_list():
     assert read_case(PUBLISHED, ["rockers.rocker.arms.1=42mm"]).record.rockers["rocker"].arms == (0.025, 0.042)
-    whole = read_case(PUBLISHED, ['rockers.rocker.arms=["25 mm", "42 mm"]'])
-    assert read_case(PUBLISHED, ["rockers.rocker.arms.1=0.042"]).record == whole.record
+    full = read_case(PUBLISHED, ['rockers.rocker.arms=["25 mm", "42 mm"]'])
+    assert read_case(PUBLISHED, ["rockers.rocker.arms.1=0.042"]).record == full.record
 
 
 COILS = 'springs.valve={ at = "valve", direction = "uy", coils = [{ turns = 2, diameter = 0.024, pitch = 0.006 }, '

@@ -49,11 +49,11 @@ def run_shell_block(text, tree):
 def test_recipe_diffs_apply_to_tree(page, tmp_path):
     for block in blocks(page):
         if block.caption:
-            there = tmp_path / block.caption
-            if (ROOT / block.caption).exists() and not there.exists():
-                there.parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy(ROOT / block.caption, there)
-            write_block(there, block)
+            target = tmp_path / block.caption
+            if (ROOT / block.caption).exists() and not target.exists():
+                target.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy(ROOT / block.caption, target)
+            write_block(target, block)
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ ENGINE = ROOT / "tests/data/every-engine.toml"
 PUSHROD = ROOT / "flexcam/templates/pushrod-engine.toml"
 GEAR, ROLLER = (ROOT / f"flexcam/templates/{name}.toml" for name in ("gear-drive", "roller-tappet"))
 
-OWN = 'sections.shaft={shape="custom", A=1e-4, Iy=1e-15, Iz=1e-15, J=2e-15}'
+THIN_SECTION = 'sections.shaft={shape="custom", A=1e-4, Iy=1e-15, Iz=1e-15, J=2e-15}'
 
 # case, override, and two parts of the expected warning
 IMPLAUSIBLE = {
@@ -53,7 +53,7 @@ IMPLAUSIBLE = {
     "damping of 1 ms": (PUSHROD, "run.damping.beta=1ms", "1ms (0.001 s) is unusual", "did you mean 1 us?"),
     "a bow in mm": (PUSHROD, "members.pushrod.bow=0.3", "0.3 m is unusual", "did you mean 0.3 mm?"),
     "a torsion constant beyond the section": (CASE, "sections.shaft.J=1", "J = 1 m^4 is above Iy + Iz", "no shape"),
-    "a section thinner than a circle": (CASE, OWN, "Iy + Iz = 2e-15 m^4 is below", "circle of its area"),
+    "a section thinner than a circle": (CASE, THIN_SECTION, "Iy + Iz = 2e-15 m^4 is below", "circle of its area"),
     "a shear factor above 1": (CASE, "sections.shaft.kappa_y=5", "kappa_y = 5 is above 1", "shear"),
     "arms in mm": (CASE, "rockers.rocker.arms=[25,40]", "25 m is unusual", "did you mean 25 mm?"),
     "inertia in kg mm^2": (CASE, "rockers.rocker.inertia=100000", "kg m^2 is unusual", "did you mean"),
@@ -287,7 +287,7 @@ def test_undercut_fault_names_base_radius():
         prepare(read_case(PUSHROD, ["cams.intake.base_radius=17.4mm"]))
 
 
-BOTH = """
+TWO_FOLLOWERS = """
 format = 1
 [nodes]
 shaft = [0, 0, 0]
@@ -315,7 +315,7 @@ speed = "1000 rpm"
 @pytest.mark.parametrize(("side", "axis", "later"), [(0.03, 1, 90), (0.03, -1, 270), (-0.03, 1, 270), (-0.03, -1, 90)])
 def test_inconsistent_follower_angles_of_one_lobe_give_warning(tmp_path, side, axis, later):
     """A positive rotation about x turns the lobe from y to z."""
-    (tmp_path / "both.toml").write_text(BOTH.format(side=side, axis=axis), encoding="utf-8")
+    (tmp_path / "both.toml").write_text(TWO_FOLLOWERS.format(side=side, axis=axis), encoding="utf-8")
     (warning,) = check_lobes(build_model(read_case(tmp_path / "both.toml")))
     assert (
         f"cams.one: it lifts up and beside at the same cam angle, but its lobe reaches the second {later} deg later"

@@ -119,7 +119,7 @@ def test_hdf5_with_references_or_huge_data_is_refused(what, result_path, tmp_pat
     tried("hostile", f"HDF5 with {what}", 3, "refused before reading")
 
 
-CHANGED = {
+CONTENT_CHANGES = {
     "short integers": lambda one: one[()].astype("i1"),
     "large integers": lambda one: np.full(one.shape, 2**63 + 5, "u8"),
     "texts": lambda one: np.full(one.shape, b"abc"), "not finite": lambda one: np.full(one.shape, np.nan),
@@ -136,14 +136,14 @@ NUMBERS = (
 
 @pytest.mark.parametrize(
     ("what", "name"),
-    [(what, name) for i, what in enumerate(CHANGED) for j, name in enumerate(NUMBERS) if (i + j) % 7 == 0],
+    [(what, name) for i, what in enumerate(CONTENT_CHANGES) for j, name in enumerate(NUMBERS) if (i + j) % 7 == 0],
 )
 def test_data_of_wrong_type_shape_or_size_is_refused(what, name, result_path, tmp_path):
     """The checksum is valid, as in a file of another program."""
     path = tmp_path / "foreign.vtkhdf"
     path.write_bytes(result_path.read_bytes())
     with h5py.File(path, "r+") as file:
-        changed = CHANGED[what](file[name])
+        changed = CONTENT_CHANGES[what](file[name])
         del file[name]
         file[name] = changed
         write_digest(file)
@@ -216,13 +216,13 @@ def test_valid_result_is_read(result_path):
     assert verify_file(result_path)["complete"]
 
 
-LAUGHS = """<?xml version="1.0"?><!DOCTYPE VTKFile [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;">
+XML_BOMB = """<?xml version="1.0"?><!DOCTYPE VTKFile [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;">
 <!ENTITY c "&b;&b;&b;&b;&b;&b;&b;&b;&b;&b;"><!ENTITY d SYSTEM "file:///etc/passwd">]><VTKFile>&c;&d;</VTKFile>"""
 
 
 @pytest.mark.parametrize("name", ["bomb.vtu", "bomb.xdmf", "bomb.pvd", "bomb.vtp", "bomb.dae", "bomb.msh"])
 def test_xml_files_are_refused(name, tmp_path, tried):
-    (tmp_path / name).write_text(LAUGHS)
+    (tmp_path / name).write_text(XML_BOMB)
     with pytest.raises(InputError):
         read_mesh(tmp_path / name)
     with pytest.raises(InputError):

@@ -137,21 +137,21 @@ COMMAND_FAULTS = list(FAULTS)[::8]
 @pytest.fixture(params=READERS)
 def faults_of(request, tmp_path, text, flexcam):
     """Return a function that gives the text of a file with this cam and its faults, found by one of three readers."""
-    whole, path = request.param == "whole case", tmp_path / "file.toml"
+    full_case, path = request.param == "whole case", tmp_path / "file.toml"
     for name, content in FILES.items():
         (tmp_path / name).write_text(content, encoding="utf-8")
 
     def find(block):
         around = text.partition('law = "shm"\nlift = "6 mm"\nrise = "180 deg"\nreturn = "180 deg"\n')
-        written = "".join([around[0], block, around[2]]) if whole else f"format = 1\n[cams.intake]\n{block}"
-        path.write_text(written, encoding="utf-8")
+        case_text = "".join([around[0], block, around[2]]) if full_case else f"format = 1\n[cams.intake]\n{block}"
+        path.write_text(case_text, encoding="utf-8")
         if request.param != "command":
             with pytest.raises(InputError) as refusal:
-                (read_case if whole else read_cams)(path)
-            return written, [fault.as_dict() for fault in refusal.value.faults]
+                (read_case if full_case else read_cams)(path)
+            return case_text, [fault.as_dict() for fault in refusal.value.faults]
         done = flexcam("cam", path, "--json")
         assert (done.code, done.err, done.json["status"]) == (2, "", "refused")
-        return written, done.json["errors"]
+        return case_text, done.json["errors"]
 
     return find
 
@@ -165,14 +165,16 @@ def faults_of(request, tmp_path, text, flexcam):
 )
 def test_fault_names_key_line_and_remedy(name, faults_of):
     block, key, what, said = FAULTS[name]
-    written, found = faults_of(block)
+    case_text, found = faults_of(block)
     full = f"cams.intake.{key}".rstrip(".")
     reported = [one for one in found if is_at(one["where"], full)]
     assert reported, f"no fault at {full}: {[one['where'] for one in found]}"
     assert [one for one in reported if what in one["given"] and said in " ".join(one.values())], reported
     assert all(list(one) == ["where", "given", "allowed", "why", "remedy"] and one["allowed"] for one in found)
     assert [word for word in LIBRARY_WORDS if word in json.dumps(found)] == []
-    lines = [written.splitlines()[int(n) - 1] for one in reported for n in re.findall(r"\(line (\d+)\)", one["where"])]
+    lines = [
+        case_text.splitlines()[int(n) - 1] for one in reported for n in re.findall(r"\(line (\d+)\)", one["where"])
+    ]
     assert [line for line in lines if re.match(rf"{key.partition('.')[0]}\b|\[cams\.intake\]", line)], lines
 
 

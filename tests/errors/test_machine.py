@@ -63,8 +63,8 @@ def test_full_disk_keeps_earlier_result_and_copy(file_size, program, tried, tmp_
     assert re.search(r"File too large.*[Ff]ree space or name another folder", done.stderr)
     assert done.stderr.count("\n") == 1
     assert old.read_bytes() == b"the result before"
-    left = file_names(tmp_path / "out")
-    assert left == ["case.vtkhdf"] if program == PROGRAM else ["case.partial.vtkhdf", "case.vtkhdf"]
+    remaining = file_names(tmp_path / "out")
+    assert remaining == ["case.vtkhdf"] if program == PROGRAM else ["case.partial.vtkhdf", "case.vtkhdf"]
     if program == OFTEN:
         copy = read_result(tmp_path / "out/case.partial.vtkhdf").response
         assert copy.status.cause is Cause.INTERRUPTED
@@ -149,14 +149,14 @@ def test_results_open_in_other_readers_are_replaced(ready, copy_every_block, tri
 def test_full_disk_stops_copies_but_not_the_run(copy_every_block, monkeypatch, tmp_path):
     """The run needs the space itself: the last copy stays, and the result is complete."""
     ready = prepare(read_case(CASE, ["run.revolutions=4"]))
-    file, full, seen = open_result_file(ready, tmp_path), shutil._ntuple_diskusage(0, 0, 0), []
+    file, full, lengths = open_result_file(ready, tmp_path), shutil._ntuple_diskusage(0, 0, 0), []
 
     def look():
-        seen.append(len(read_result(file.partial).response.time))
+        lengths.append(len(read_result(file.partial).response.time))
         monkeypatch.setattr(result_writer.shutil, "disk_usage", lambda _: full)
 
     assert solve_to_file(ready, file, ActionSink(look, at=2), ActionSink(look, at=4)).status.ok
-    assert seen[0] == seen[1] > 0
+    assert lengths[0] == lengths[1] > 0
     assert read_result(file.path).response.status.ok
 
 
@@ -187,9 +187,9 @@ def test_parallel_processes_write_into_one_folder(ready, tried, tmp_path):
     done = subprocess.run(command, capture_output=True, text=True, timeout=100)
     assert (done.returncode, done.stderr) == (0, "")
     assert file_names(tmp_path / "out") == sorted(f"{letter}{i}.vtkhdf" for letter in "ab" for i in range(8))
-    wanted = solve(ready.problem, ready.scheme, save=ready.save)
+    expected = solve(ready.problem, ready.scheme, save=ready.save)
     for path in (tmp_path / "out").iterdir():
-        assert (read_result(path).response.channels["energy.work"] == wanted.channels["energy.work"]).all()
+        assert (read_result(path).response.channels["energy.work"] == expected.channels["energy.work"]).all()
     tried("together", "eight processes write sixteen results into one folder", 16, "all are complete and correct")
 
 
@@ -214,8 +214,8 @@ def test_second_process_for_same_result_is_refused(ready, tried, tmp_path):
             open_result_file(ready, tmp_path / "out", overwrite=overwrite)
     assert solve_to_file(ready, file).status.ok
     assert file_names(tmp_path / "out") == ["inline.vtkhdf"]
-    left = str(tmp_path / "out/inline.writing")
-    subprocess.run([sys.executable, "-c", LOCK_AND_EXIT, left], timeout=60, check=False)
+    remaining = str(tmp_path / "out/inline.writing")
+    subprocess.run([sys.executable, "-c", LOCK_AND_EXIT, remaining], timeout=60, check=False)
     assert solve_to_file(ready, open_result_file(ready, tmp_path / "out", overwrite=True)).status.ok
     tried("together", "two processes write one result", 3, "the second is refused; a dead process holds no lock")
 

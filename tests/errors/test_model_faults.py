@@ -54,7 +54,7 @@ SHAFT = (
     ["members.camshaft.section"],
 )
 
-TOGETHER = {
+COMBINED_FAULTS = {
     "a key, a reference and two parts": (DENSITY, PROBE, INERTIA, UNDERCUT),
     "a unit of a spring": (STIFFNESS, UNDERCUT, STOP),
     "a unit of a mass": (MASS, ACROSS, UNDERCUT, SLIDES),
@@ -73,9 +73,9 @@ def starter(tmp_path):
     return new_case("pushrod-engine", tmp_path / "engine.toml")[0].read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("name", TOGETHER)
+@pytest.mark.parametrize("name", COMBINED_FAULTS)
 def test_report_contains_exactly_the_faults(name, starter, substitute, faults_of):
-    edits, places = zip(*TOGETHER[name], strict=True)
+    edits, places = zip(*COMBINED_FAULTS[name], strict=True)
     wheres = [fault.where for fault in faults_of(substitute(starter, *edits))]
     assert sorted(re.sub(r" \(line \d+\)", "", one) for one in wheres) == sorted(chain.from_iterable(places))
     lines = [int(re.search(r"line (\d+)", one)[1]) for one in wheres]
@@ -84,7 +84,7 @@ def test_report_contains_exactly_the_faults(name, starter, substitute, faults_of
 
 @pytest.mark.parametrize("command", ["check", "run"])
 def test_commands_report_all_faults_with_exit_code_2(command, starter, substitute, flexcam, tmp_path):
-    edits, places = zip(*TOGETHER["a key, a reference and two parts"], strict=True)
+    edits, places = zip(*COMBINED_FAULTS["a key, a reference and two parts"], strict=True)
     path = tmp_path / "case.toml"
     path.write_text(substitute(starter, *edits), encoding="utf-8")
     done = flexcam(command, path, "--json")

@@ -106,10 +106,10 @@ def test_engines_agree_on_step_with_singular_operator():
 @pytest.mark.parametrize("path", ENGINES)
 @pytest.mark.parametrize("after", [0, 2])
 def test_stop_callback_interrupts_run(path, after):
-    asked = iter(range(10_000))
+    calls = iter(range(10_000))
     law = elastic_stop(1e4) if path == "kernel" else None
     run = solve(problem_of(chain(law=law), path), newmark(), save=SaveAt(20, 4),
-                stop=lambda: next(asked) >= after * (80 if path == "direct" else 1))  # fmt: skip
+                stop=lambda: next(calls) >= after * (80 if path == "direct" else 1))  # fmt: skip
     assert run.status.cause is Cause.INTERRUPTED
     assert len(run.time) == after * 80
     assert run.stats.steps == max(after * 80 - 1, 0)

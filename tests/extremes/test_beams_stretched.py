@@ -50,13 +50,13 @@ class Cantilever:
     def deflection(self):
         return float(self.push @ static_displacement(self.K, self.push, self.dofs.names, self.free))
 
-    def bends(self):
+    def exact_deflection(self):
         return self.length**3 / (3.0 * self.EI) + self.shear * self.length
 
     def lowest(self):
         return modes_of(self.M, self.K, 2, free=self.free)
 
-    def swings(self):
+    def exact_omega(self):
         """Return the first angular frequency; the search is from b = 0.1 to just above Euler-Bernoulli's."""
         unit = math.sqrt(self.EI / (self.steel.density * SECTION.A * self.length**4))
         r2, s2 = SECTION.Iz / (SECTION.A * self.length**2), self.shear * self.EI / self.length**2
@@ -78,12 +78,14 @@ def test_slender_and_stubby_cantilevers_match_theory(expect, steel, slenderness,
     beam = Cantilever(steel, slenderness * DIAMETER, 20, shear=shear)
     given = f"{'Timoshenko' if shear else 'Euler-Bernoulli'} cantilever, length {slenderness:g} diameters, 20 elements"
     # Rounding of K: eps n^4 = 4e-11, bounded with all terms of a row by ten times that.
-    expect.right(SLENDER, given, what="deflection per force", unit=" m/N", reference=beam.bends(),
+    expect.right(SLENDER, given, what="deflection per force", unit=" m/N", reference=beam.exact_deflection(),
                  computed=beam.deflection(), tolerance=4e-10)  # fmt: skip
     # The discretization error, (b_1/20)^4/1440 = 5e-8; for a stubby Timoshenko beam that of its rotary inertia,
     # at most (b_1/20)^2 times the contribution of shear and rotary inertia.
-    part = abs(beam.swings() / (FIRST**2 * math.sqrt(beam.EI / (steel.density * SECTION.A)) / beam.length**2) - 1.0)
-    expect.right(SLENDER, given, what="first omega", unit=" rad/s", reference=beam.swings(),
+    part = abs(
+        beam.exact_omega() / (FIRST**2 * math.sqrt(beam.EI / (steel.density * SECTION.A)) / beam.length**2) - 1.0
+    )
+    expect.right(SLENDER, given, what="first omega", unit=" rad/s", reference=beam.exact_omega(),
                  computed=beam.lowest().omegas[0], tolerance=1e-7 + (FIRST / 20) ** 2 * part)  # fmt: skip
 
 
@@ -96,9 +98,9 @@ def relative_bound(elements):
 def test_up_to_1000_elements_keep_four_digits(expect, steel, elements):
     beam = Cantilever(steel, 1.0, elements, shear=False)
     given = f"cantilever, {elements} elements per span"
-    expect.right(ELEMENTS, given, what="deflection per force", unit=" m/N", reference=beam.bends(),
+    expect.right(ELEMENTS, given, what="deflection per force", unit=" m/N", reference=beam.exact_deflection(),
                  computed=beam.deflection(), tolerance=relative_bound(elements) + 1e-14)  # fmt: skip
-    expect.right(ELEMENTS, given, what="first omega", unit=" rad/s", reference=beam.swings(),
+    expect.right(ELEMENTS, given, what="first omega", unit=" rad/s", reference=beam.exact_omega(),
                  computed=beam.lowest().omegas[0],
                  tolerance=(FIRST / elements) ** 4 / 1440 + relative_bound(elements))  # fmt: skip
 
@@ -106,7 +108,7 @@ def test_up_to_1000_elements_keep_four_digits(expect, steel, elements):
 def test_modes_of_2000_elements_warn_of_rounding(expect, steel):
     beam = Cantilever(steel, 1.0, 2000, shear=False)
     found = beam.lowest()
-    assert abs(found.omegas[0] / beam.swings() - 1.0) <= found.rounding[0]
+    assert abs(found.omegas[0] / beam.exact_omega() - 1.0) <= found.rounding[0]
     expect.warns(ELEMENTS, "cantilever, 2000 elements per span, modes", found.describe_rounding(), "rounding", r"\d %")
 
 

@@ -30,17 +30,17 @@ def exact_displacement(ready, times):
     assert np.abs(waves[HARMONICS:]).max() <= 1e-12 * np.abs(waves).max()
     modal = shapes.T @ system.load_vectors().T
     start = shapes.T @ system.mass.times(ready.problem.start.displacement)
-    seen = next(probe for probe in system.probes if probe.name == "valve").rows @ shapes
-    moved = np.zeros(len(times))
+    valve_row = next(probe for probe in system.probes if probe.name == "valve").rows @ shapes
+    valve_motion = np.zeros(len(times))
     for i in np.flatnonzero(np.abs(modal).max(axis=1) > 1e-9 * np.abs(modal).max()).tolist():
         w = np.sqrt(squares[i])
-        moved += float(seen[0, i] * start[i]) * np.cos(w * times)
+        valve_motion += float(valve_row[0, i] * start[i]) * np.cos(w * times)
         for n in range(HARMONICS):
             wave = complex(modal[i] @ waves[n]) * (2.0 if n else 1.0)
             a, b, v = wave.real, -wave.imag, n * speed
             forced = a * (np.cos(v * times) - np.cos(w * times)) + b * (np.sin(v * times) - v / w * np.sin(w * times))
-            moved += float(seen[0, i]) * forced / (w**2 - v**2)
-    return moved
+            valve_motion += float(valve_row[0, i]) * forced / (w**2 - v**2)
+    return valve_motion
 
 
 def deviation(case, *overrides):

@@ -148,7 +148,7 @@ def spring(draw):
     return "\n".join(lines)
 
 
-def play(draw):
+def make_lash(draw):
     lash = f'model = "lash"\ngap = {draw.number(0.0, 0.5) * 1e-3}\nstiffness = {draw.about(2e7)}'
     lash += f"\ndamping = {draw.about(200.0)}"
     refill = draw.about(300.0)
@@ -181,7 +181,7 @@ def engine(seed):
         rocker=rocker(draw, kind), spring=spring(draw), law=draw.one_of("4-5-6-7", "cycloidal", "modified-sine"),
         lift=6e-3 * draw.number(0.4, 1.2), base=draw.number(35.0, 45.0), face=face, contact="\n".join(contact),
         ramps=draw.maybe('ramps = { height = "0.3 mm", duration = "25 deg" }'),
-        seat=seat + draw.maybe(f"restitution = {draw.number(0.0, 0.9)}", 0.4), play=play(draw),
+        seat=seat + draw.maybe(f"restitution = {draw.number(0.0, 0.9)}", 0.4), play=make_lash(draw),
         speed=draw.about(4000.0), steps=draw.one_of(360, 720), start=draw.one_of("rest", "equilibrium"),
         drive=draw.maybe(swing, 0.3),
     )  # fmt: skip

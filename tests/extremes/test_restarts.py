@@ -45,14 +45,14 @@ def restart_runs():
         problem = replace(ready.problem, steps=LENGTH)
 
         @functools.cache
-        def rest(at):
+        def restart(at):
             first = solve(replace(problem, steps=at), ready.scheme, save=SAVE_ALL)
             inner = first.inner if len(first.inner) else None
             d, v, a = (one[-1] for one in (first.fields.displacement, first.fields.velocity, first.fields.acceleration))
             state = State(d, v, float(first.time[-1]), inner, acceleration=a)
             return solve(replace(problem, steps=LENGTH - at, start=state), ready.scheme, save=SAVE_ALL)
 
-        return solve(problem, ready.scheme, save=SAVE_ALL), rest
+        return solve(problem, ready.scheme, save=SAVE_ALL), restart
 
     return make
 
@@ -61,13 +61,13 @@ STOPS = [1, 64, 200]
 SERIES = ("displacement", "velocity", "acceleration")
 
 
-def relative_difference(full, rest, at):
+def relative_difference(full, restart, at):
     """Return the maximum relative difference of motion, contact forces and internal states."""
     channels = [
         name for name in full.channels if not name.startswith("energy.")
     ]  # energies start from zero in each run
-    pairs = [(getattr(rest.fields, one), getattr(full.fields, one)) for one in SERIES]
-    pairs += [(rest.channels[name], full.channels[name]) for name in channels]
+    pairs = [(getattr(restart.fields, one), getattr(full.fields, one)) for one in SERIES]
+    pairs += [(restart.channels[name], full.channels[name]) for name in channels]
     return max(float(np.abs(one - other[at:]).max()) / max(float(np.abs(other).max()), 1e-300) for one, other in pairs)
 
 
@@ -77,8 +77,8 @@ def relative_difference(full, rest, at):
     ("published load, no contact", method) for method in METHODS if method != "Newmark"] + [
     pytest.param("contacts and seat", method, marks=pytest.mark.slow) for method in ("HHT", "Bathe")], 2))  # fmt: skip
 def test_restarted_run_equals_uninterrupted_run(expect, restart_runs, name, method):
-    full, rest = restart_runs(name, method)
-    off = max(relative_difference(full, rest(at), at) for at in STOPS)
+    full, restart = restart_runs(name, method)
+    off = max(relative_difference(full, restart(at), at) for at in STOPS)
     expect.right(RESTART, f"{method}, {name}", what="difference from the uninterrupted run", reference=0.0,
                  computed=off, tolerance=1e-9, absolute=True)  # fmt: skip
 

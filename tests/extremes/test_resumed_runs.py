@@ -109,8 +109,8 @@ def uninterrupted(tmp_path_factory):
     return make
 
 
-def different_names(found, wanted):
-    return sorted(name for name in found.keys() | wanted.keys() if found.get(name) != wanted.get(name))
+def different_names(found, expected):
+    return sorted(name for name in found.keys() | expected.keys() if found.get(name) != expected.get(name))
 
 
 SLOW = {
@@ -126,7 +126,7 @@ SLOW = {
 @pytest.mark.parametrize("way", [pytest.param(way, marks=[pytest.mark.slow] * (way in SLOW)) for way in RUNS])
 def test_resumed_run_equals_uninterrupted_run(way, uninterrupted, tried, tmp_path):
     """The run is interrupted twice, at random blocks, and prepared anew in between."""
-    response, wanted = uninterrupted(way)
+    response, expected = uninterrupted(way)
     first, second = sorted(np.random.default_rng(zlib.crc32(way.encode())).choice(np.arange(1, 8), 2, replace=False))
     broken, _ = solve_to_file(prepare_run(way), tmp_path, cut=first)
     assert broken.status.cause is Cause.INTERRUPTED
@@ -139,7 +139,7 @@ def test_resumed_run_equals_uninterrupted_run(way, uninterrupted, tried, tmp_pat
     assert earlier.checkpoint.steps == 20 * second
     again, file = solve_to_file(ready, tmp_path, earlier=earlier)
     assert again.status.ok
-    assert not different_names(content(file.path), wanted)
+    assert not different_names(content(file.path), expected)
     assert [one.name for one in tmp_path.iterdir()] == [file.path.name]
     assert replace(again.stats, seconds=0.0) == replace(response.stats, seconds=0.0)
     for name in ("time", "angle", "field_time", "field_angle"):
@@ -155,11 +155,11 @@ def test_time_limit_before_first_block_keeps_checkpoint(uninterrupted, tmp_path)
     solve_to_file(prepare_run(way), tmp_path, cut=3)
     ready = prepare_run(way)
     earlier = open_partial_result(ready, tmp_path)
-    late = solve(
+    timed_out = solve(
         ready.problem, ready.scheme, save=ready.save, sinks=[open_result_file(ready, tmp_path, resume=earlier)],
         resume=earlier, until=0.0,
     )  # fmt: skip
-    assert late.status.cause is Cause.TIME_LIMIT
+    assert timed_out.status.cause is Cause.TIME_LIMIT
     ready = prepare_run(way)
     earlier = open_partial_result(ready, tmp_path)
     assert earlier.checkpoint.steps >= 60

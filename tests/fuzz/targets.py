@@ -50,14 +50,14 @@ def check_refusal(refusal: InputError) -> str:
     return "refused"
 
 
-def _large(read: Case) -> bool:
+def is_large(read: Case) -> bool:
     """Return whether a case is so large that its run would take minutes."""
     record = read.record
     coils = sum(one.elements for one in record.springs.values())
     return sum(one.elements for one in record.members.values()) + CONTACT * coils > LARGE
 
 
-def _finite(response: Response) -> None:
+def check_finite(response: Response) -> None:
     arrays = [response.time, response.angle, response.probes.displacement, response.fields.acceleration]
     if not all(np.isfinite(array).all() for array in [*arrays, *response.channels.values()]):
         raise BrokenError("an output that is not finite")
@@ -67,13 +67,15 @@ def case(path: Path, random: Random) -> str:
     """Read a case, build it and run a few steps."""
     del random
     read = read_case(path)
-    if _large(read):
+    if is_large(read):
         return "accepted"
     if read.record.run.start == "periodic":
         read = read.with_run({"start": "equilibrium"})
     ready = prepare(read)
     try:
-        _finite(solve(replace(ready.problem, steps=min(STEPS, ready.problem.steps)), ready.scheme, save=ready.save))
+        check_finite(
+            solve(replace(ready.problem, steps=min(STEPS, ready.problem.steps)), ready.scheme, save=ready.save)
+        )
     except RunFailedError:
         return "failed"
     modes(read, 3)
@@ -113,12 +115,12 @@ LINES = (
 )  # fmt: skip
 """Commands that take a case."""
 
-WRITING = ("run", "sweep", "export")
+OUTPUT_COMMANDS = ("run", "sweep", "export")
 
 
-def _line(words: list[str], path: Path) -> list[object]:
-    written = ["-o", path.parent / "out", "--overwrite"] if words[0] in WRITING else []
-    return [words[0], path, *words[1:], *written]
+def command_line(words: list[str], path: Path) -> list[object]:
+    output_options = ["-o", path.parent / "out", "--overwrite"] if words[0] in OUTPUT_COMMANDS else []
+    return [words[0], path, *words[1:], *output_options]
 
 
 SHORT = ("--set", "run.revolutions=0.005")
@@ -129,17 +131,17 @@ def command(path: Path, random: Random) -> str:
     words = random.choice(LINES)
     with contextlib.suppress(InputError):
         read = read_case(path)
-        if _large(read) or read.record.run.start == "periodic":
+        if is_large(read) or read.record.run.start == "periodic":
             return "accepted"
-    if words[0] in WRITING:
+    if words[0] in OUTPUT_COMMANDS:
         shutil.rmtree(path.parent / "out", ignore_errors=True)
-    return call(*_line(words, path), *(SHORT if words[0] != "export" else ()))
+    return call(*command_line(words, path), *(SHORT if words[0] != "export" else ()))
 
 
 def option(path: Path, random: Random) -> str:
     """Run a command line with changed options on a valid case."""
     path.write_text(VALID_CASE.read_text(encoding="utf-8"), encoding="utf-8")
-    line = [str(one) for one in _line(random.choice(LINES), path)]
+    line = [str(one) for one in command_line(random.choice(LINES), path)]
     for _ in range(random.choice((1, 1, 2, 3))):
         a, one = random.randrange(2, len(line) + 1), random.choice(OPTIONS)
         line[a:a] = one.split(" ", 1) if random.random() < 0.5 else [mutate.text(one, random)]
@@ -239,7 +241,7 @@ def profile(path: Path, random: Random) -> str:
 def result(path: Path, random: Random) -> str:
     """Read a result; it is refused, or all data equal the written ones."""
     del random
-    if difference := damage.result_differs(read_result(path), _valid("result")):
+    if difference := damage.result_differs(read_result(path), valid_data("result")):
         raise BrokenError(f"silently wrong: {difference}")
     return "accepted"
 
@@ -247,7 +249,7 @@ def result(path: Path, random: Random) -> str:
 def table(path: Path, random: Random) -> str:
     """Read the table of a sweep; it is refused, or all data equal the written ones."""
     del random
-    if difference := damage.table_differs(read_table(path), _valid("table")):
+    if difference := damage.table_differs(read_table(path), valid_data("table")):
         raise BrokenError(f"silently wrong: {difference}")
     return "accepted"
 
@@ -292,13 +294,17 @@ def _folder() -> Path:
 
 
 _SEEDS = "FLEXCAM_FUZZ_SEEDS"
-MADE = _folder()
+SEED_FOLDER = _folder()
 
 
-def _valid(kind: str) -> object:
+def valid_data(kind: str) -> object:
     """Return the valid result or table, which is read once."""
     if kind not in _READ:
-        _READ[kind] = read_result(MADE / "small.vtkhdf") if kind == "result" else read_table(MADE / "small.sweep.h5")
+        _READ[kind] = (
+            read_result(SEED_FOLDER / "small.vtkhdf")
+            if kind == "result"
+            else read_table(SEED_FOLDER / "small.sweep.h5")
+        )
     return _READ[kind]
 
 
@@ -307,7 +313,7 @@ _READ: dict[str, object] = {}
 
 def make_seeds() -> None:
     """Write the seeds that flexcam generates: binary meshes, a result, the table of a sweep."""
-    damage.make_seeds(MADE)
+    damage.make_seeds(SEED_FOLDER)
 
 
 TARGETS = {
@@ -315,15 +321,15 @@ TARGETS = {
     "command": Target(command, _cases(), 1500),
     "option": Target(option, (VALID_CASE,), 2000),
     "cams": Target(cams, (*sorted((ROOT / "cases/cams").glob("*.toml")), ROOT / "tests/data/every-cam.toml"), 600),
-    "mesh": Target(mesh, (MADE / "ascii22.msh", MADE / "ascii41.msh"), 1400),
-    "binary mesh": Target(mesh, (MADE / "binary22.msh", MADE / "binary41.msh"), 700, binary=True),
-    "mesh of a case": Target(mesh_command, (MADE / "ascii22.msh",), 900),
+    "mesh": Target(mesh, (SEED_FOLDER / "ascii22.msh", SEED_FOLDER / "ascii41.msh"), 1400),
+    "binary mesh": Target(mesh, (SEED_FOLDER / "binary22.msh", SEED_FOLDER / "binary41.msh"), 700, binary=True),
+    "mesh of a case": Target(mesh_command, (SEED_FOLDER / "ascii22.msh",), 900),
     "lift": Target(lift, (ROOT / "tests/data/lift.csv", ROOT / "flexcam/templates/measured-lift.csv"), 600),
     "lift of a case": Target(lift_command, (ROOT / "flexcam/templates/measured-lift.csv",), 600),
-    "profile": Target(profile, (MADE / "profile.csv",), 400),
-    "result": Target(result, (MADE / "small.vtkhdf",), 2200, binary=True),
-    "result, sealed again": Target(result_command, (MADE / "small.vtkhdf",), 1000, binary=True),
-    "table": Target(table, (MADE / "small.sweep.h5",), 600, binary=True),
+    "profile": Target(profile, (SEED_FOLDER / "profile.csv",), 400),
+    "result": Target(result, (SEED_FOLDER / "small.vtkhdf",), 2200, binary=True),
+    "result, sealed again": Target(result_command, (SEED_FOLDER / "small.vtkhdf",), 1000, binary=True),
+    "table": Target(table, (SEED_FOLDER / "small.sweep.h5",), 600, binary=True),
 }
 """Targets by name; the shares add up to the 20 000 inputs of the slow tests."""
 

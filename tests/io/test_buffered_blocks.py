@@ -16,7 +16,7 @@ from tests.sinks import Cut
 
 
 @pytest.fixture(scope="module")
-def longer(ready):
+def ready_for_seven_blocks(ready):
     """Return the inline case prepared for seven blocks."""
     return prepare(read_case(ready.case.path, ["run.revolutions=6"]))
 
@@ -29,18 +29,18 @@ def content(path):
     return {name: values for name, values in found.items() if not name.startswith(("about/", "status/"))}
 
 
-def test_buffered_file_equals_unbuffered_file(longer, solve_into, monkeypatch, tmp_path):
-    together = content(solve_into(longer, tmp_path / "together")[1].path)
+def test_buffered_file_equals_unbuffered_file(ready_for_seven_blocks, solve_into, monkeypatch, tmp_path):
+    together = content(solve_into(ready_for_seven_blocks, tmp_path / "together")[1].path)
     monkeypatch.setattr(result_writer, "_MIN_WRITE_BYTES", -1)
-    single = content(solve_into(longer, tmp_path / "single")[1].path)
+    single = content(solve_into(ready_for_seven_blocks, tmp_path / "single")[1].path)
     assert together.keys() == single.keys()
     assert all(np.array_equal(values, single[name]) for name, values in together.items())
 
 
 @pytest.mark.parametrize("blocks", [0, 1, 3])
-def test_interrupt_writes_buffered_blocks(blocks, longer, solve_into, tmp_path):
+def test_interrupt_writes_buffered_blocks(blocks, ready_for_seven_blocks, solve_into, tmp_path):
     """The run is interrupted after `blocks` further blocks, all of which are still in the buffer."""
-    response, sink = solve_into(longer, tmp_path, sinks=[Cut(after=blocks)])
+    response, sink = solve_into(ready_for_seven_blocks, tmp_path, sinks=[Cut(after=blocks)])
     assert response.status.cause is Cause.INTERRUPTED
     read = read_result(sink.partial).response
     assert len(read.time) == 640 * (blocks + 1)

@@ -96,11 +96,11 @@ def test_missing_chunk_is_refused(seeds, tmp_path, tried):
             old.copy(name, new)
         new.attrs["seal"] = old.attrs["seal"]
         time = new["history/time"]
-        kept = dict(time.attrs)
+        attributes = dict(time.attrs)
         del new["history/time"]
         chunked = {"maxshape": (None,), "chunks": time.chunks, "fletcher32": True}
         again = new.create_dataset("history/time", time.shape, "f8", **chunked)
-        again.attrs["units"] = kept["units"]
+        again.attrs["units"] = attributes["units"]
     with pytest.raises(InputError):
         read_result(path)
     with pytest.raises(InputError, match=r"history/time|seal"):

@@ -99,7 +99,7 @@ for i in map(int, sys.argv[5:]):
 
 
 @dataclass(frozen=True, eq=False)
-class Killed:
+class KilledRun:
     """A killed run: its partial result, and the number of steps that it had reported as saved."""
 
     path: Path
@@ -111,7 +111,7 @@ class KilledRuns:
     """Killed runs, and the uninterrupted one."""
 
     folder: Path
-    runs: list[Killed]
+    runs: list[KilledRun]
     uninterrupted: Any
     engine: str
 
@@ -137,7 +137,7 @@ def killed_runs(request, tmp_path_factory):
     run_script(RUNS, CASE, folder, count, ENGINES[engine])
     rows = json.loads((folder / "rows.json").read_text())
     uninterrupted = folder / "whole/inline.vtkhdf"
-    killed = [Killed(partial_path(folder / str(i) / uninterrupted.name), said) for i, said in rows]
+    killed = [KilledRun(partial_path(folder / str(i) / uninterrupted.name), said) for i, said in rows]
     assert sum(one.reported > 0 for one in killed) >= 0.2 * count, "few runs had saved a step"
     return KilledRuns(folder, killed, read_result(uninterrupted).response, engine)
 
@@ -156,7 +156,7 @@ def first_difference(path, uninterrupted):
         pairs[f"probes {one}"] = getattr(read.probes, one), getattr(uninterrupted.probes, one)[:n]
         pairs[f"fields {one}"] = getattr(read.fields, one), getattr(uninterrupted.fields, one)[:f]
     assert 5 * (f - 1) < n <= 5 * f, "fields as far as histories"
-    return n, next((name for name, (got, wanted) in pairs.items() if not np.array_equal(got, wanted)), "")
+    return n, next((name for name, (got, expected) in pairs.items() if not np.array_equal(got, expected)), "")
 
 
 def test_reported_steps_are_saved_exactly(killed_runs, tried):

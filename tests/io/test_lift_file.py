@@ -82,7 +82,7 @@ def test_layout_around_numbers_is_ignored(name, read):
     assert equals_rows(read(LAYOUTS[name], **({} if "cam_deg" in LAYOUTS[name] else {"angle": "cam", "unit": "mm"})))
 
 
-HEADS = {  # head, rad of the cam per angle as written, m per lift as written
+HEADERS = {  # head, rad of the cam per angle as written, m per lift as written
     "cam_deg, lift_mm": (math.pi / 180, 1e-3),
     "cam_deg lift_um": (math.pi / 180, 1e-6),
     "cam_deg; lift_µm": (math.pi / 180, 1e-6),
@@ -98,9 +98,9 @@ HEADS = {  # head, rad of the cam per angle as written, m per lift as written
 }
 
 
-@pytest.mark.parametrize("head", HEADS)
+@pytest.mark.parametrize("head", HEADERS)
 def test_headers_define_shaft_and_units(head, read):
-    to_rad, to_m = HEADS[head]
+    to_rad, to_m = HEADERS[head]
     columns = read(f"{head}\n{rows()}")
     np.testing.assert_allclose(columns.angle, to_rad * ANGLES, **ONE_ROUNDING)
     np.testing.assert_allclose(columns.lift, to_m * LIFTS, **ONE_ROUNDING)

@@ -22,9 +22,9 @@ AWKWARD = [
 def assert_same(read, mesh):
     assert np.array_equal(read.nodes, mesh.nodes)
     for kind in ("lines", "points"):
-        wanted, found = getattr(mesh, kind), getattr(read, kind)
-        assert list(found) == list(wanted)
-        for name, index in wanted.items():
+        expected, found = getattr(mesh, kind), getattr(read, kind)
+        assert list(found) == list(expected)
+        for name, index in expected.items():
             assert found[name].tolist() == index.tolist(), name
 
 

@@ -24,10 +24,10 @@ FOLLOWERS = {
     "swinging roller": (SwingRollerFollower(0.02, 0.009, 0.05, 0.055), 1),
 }
 CUTTER = 0.04
-PRINTED = 6e-12
+PRINT_ROUNDING = 6e-12
 """Numbers are written with twelve digits: the error is at most half a unit of the last, 5e-12."""
 
-HEADS = [
+HEADERS = [
     "cam angle [deg]", "lift [mm]", "velocity [mm/rad]", "acceleration [mm/rad^2]", "radius of curvature [mm]",
     "pressure angle [deg]", "lever arm of contact force [mm]", "sliding velocity [mm/rad]",
 ]  # fmt: skip
@@ -60,7 +60,7 @@ def files(profile, tmp_path):
 def test_csv_contains_profile_and_motion(files, profile, curves):
     with files[".csv"].open(encoding="utf-8", newline="") as file:
         head, *rows = csv.reader(file)
-    assert head == HEADS + [f"{name} {axis} [mm]" for name in curves for axis in "xy"]
+    assert head == HEADERS + [f"{name} {axis} [mm]" for name in curves for axis in "xy"]
     table = dict(zip(head, np.array(rows, dtype=float).T, strict=True))
     assert len(rows) == 120
     expected = {
@@ -76,7 +76,7 @@ def test_csv_contains_profile_and_motion(files, profile, curves):
     expected |= {f"{name} {axis} [mm]": 1e3 * xy[:, i] for name, xy in curves.items() for i, axis in enumerate("xy")}
     assert expected.keys() == table.keys()
     for name, values in expected.items():
-        np.testing.assert_allclose(table[name], values, rtol=PRINTED, atol=1e-9, err_msg=name)
+        np.testing.assert_allclose(table[name], values, rtol=PRINT_ROUNDING, atol=1e-9, err_msg=name)
 
 
 def test_dxf_contains_closed_curves_in_layers(files, profile, curves):
@@ -105,7 +105,7 @@ def test_vtp_contains_exact_closed_lines(files, profile, curves):
     read = pyvista.read(files[".vtp"])
     assert read.n_lines == read.n_cells == len(curves)
     assert read.cell_data["curve"].tolist() == list(range(len(curves)))
-    assert set(read.point_data.keys()) == set(HEADS), "with their units"
+    assert set(read.point_data.keys()) == set(HEADERS), "with their units"
     for i, points in enumerate(curves.values()):
         at = read.get_cell(i).point_ids
         line = read.points[at]
@@ -126,7 +126,7 @@ def test_infinite_radius_is_written_as_number(tmp_path):
     profile = cam_profile(EVENT, FlatFollower(0.018), count=12)
     profile.touch.radius[3] = math.inf
     (path,) = write_profile(profile_table(profile), tmp_path / "a", ["csv"])
-    column = np.loadtxt(path, delimiter=",", skiprows=1)[:, HEADS.index("radius of curvature [mm]")]
+    column = np.loadtxt(path, delimiter=",", skiprows=1)[:, HEADERS.index("radius of curvature [mm]")]
     assert np.isfinite(column).all()
     assert column[3] > 1e9
 

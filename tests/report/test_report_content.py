@@ -176,8 +176,8 @@ def test_deflection_of_cantilever_matches_theory(steel):
         nodal[1, :3] = force / (3.0 * bending) * axis
         nodal[1, 3:] = sign * force / (2.0 * bending) * made.triads[0, turn - 3]
         found = deflection(made, nodal, 8)[0]
-        wanted = force * x**2 * (3.0 - x) / (6.0 * bending)
-        np.testing.assert_allclose(found[:, along], wanted, rtol=1e-12, atol=1e-18)
+        expected = force * x**2 * (3.0 - x) / (6.0 * bending)
+        np.testing.assert_allclose(found[:, along], expected, rtol=1e-12, atol=1e-18)
 
 
 def test_deflection_of_rigid_motion_is_exact(steel, readonly):
@@ -187,8 +187,8 @@ def test_deflection_of_rigid_motion_is_exact(steel, readonly):
     nodal = np.concatenate([np.array([shift, shift + np.cross(turn, direction)]), np.tile(turn, (2, 1))], axis=1)
     local = deflection(made, readonly(nodal), 4)[0]
     places = np.linspace(0.0, 1.0, 5)[:, None] * direction
-    wanted = shift + np.cross(turn, places)
-    np.testing.assert_allclose(local[:, :3] @ made.triads[0], wanted, atol=1e-14)
+    expected = shift + np.cross(turn, places)
+    np.testing.assert_allclose(local[:, :3] @ made.triads[0], expected, atol=1e-14)
 
 
 @pytest.fixture
