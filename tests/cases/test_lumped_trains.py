@@ -146,9 +146,8 @@ def test_active_unknowns_have_inertia_or_spring(write_train):
 
 
 def test_rigid_model_keeps_springs_without_link(write_train):
-    assert deviation(read_case(LI, SHORT), "valve.uy").lift == pytest.approx(
-        5.5e-3, rel=1e-6
-    )  # cubic interpolation between two steps
+    # The tolerance is that of cubic interpolation between two steps.
+    assert deviation(read_case(LI, SHORT), "valve.uy").lift == pytest.approx(5.5e-3, rel=1e-6)
     loose = write_train(('stiffness = "4e6 N/m", link = true }\nk4', 'stiffness = "4e6 N/m" }\nk4'))
     # Static displacement of the springs k3 and k4 in series.
     expected = 5.5e-3 * 4e6 / (4e6 + 23e3)

@@ -54,10 +54,8 @@ output = { probes = ["b"] }
 def full_disk(size=500):
     """Limit the size of written files, so that the system reports a full disk."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    writes, sys.dont_write_bytecode = (
-        sys.dont_write_bytecode,
-        True,
-    )  # a module imported under the limit would stay truncated
+    # A module imported under the limit would stay truncated.
+    writes, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
     try:
         yield

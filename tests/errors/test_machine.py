@@ -32,9 +32,8 @@ def run_process(folder, *words, file_size=None, program=PROGRAM):
 
     shutil.copy(CASE, folder / "case.toml")
     command = [sys.executable, *program, *words]
-    environment = os.environ | {
-        "PYTHONDONTWRITEBYTECODE": "1"
-    }  # a module compiled under the limit would stay truncated
+    # A module compiled under the limit would stay truncated.
+    environment = os.environ | {"PYTHONDONTWRITEBYTECODE": "1"}
     limit = {} if file_size is None else {"preexec_fn": limit_file_size, "env": environment}
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, **limit)
 

@@ -30,7 +30,7 @@ STEP = 0.01
 
 
 class Law:
-    """Force and tangents from three functions of penetration and rate."""
+    """Force law of three functions of `gap`, the penetration, and `rate`: force and tangents."""
 
     def __init__(self, force, by_gap, by_rate):
         self.parts = force, by_gap, by_rate

@@ -128,7 +128,8 @@ def check_estimates(count, folder):
     """Seven of ten lifts have an estimate, 19 of 20 of these cover the true error, half are within five times of it.
 
     The true error is the difference from four times the elements and eight times the steps; of second order, it misses
-    1/16 and 1/64 of the error. Doubling the resolution removes 3/4 of it, so that the expected ratio is 1.5.
+    1/16 and 1/64 of the error. The estimate is twice the change at double resolution, 3/4 of the error: the expected
+    ratio is 1.5.
     Springs of few coarse elements are refined as well, and their surge may not converge: the estimate is then invalid.
     Accelerations and forces after an impact or a jump of the law converge later than lifts: every second estimate must
     be valid, and nine of ten force estimates, whose error is the maximum over time, must cover the error.

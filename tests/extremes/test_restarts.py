@@ -63,9 +63,8 @@ SERIES = ("displacement", "velocity", "acceleration")
 
 def relative_difference(full, restart, at):
     """Return the maximum relative difference of motion, contact forces and internal states."""
-    channels = [
-        name for name in full.channels if not name.startswith("energy.")
-    ]  # energies start from zero in each run
+    # Energies start from zero in each run.
+    channels = [name for name in full.channels if not name.startswith("energy.")]
     pairs = [(getattr(restart.fields, one), getattr(full.fields, one)) for one in SERIES]
     pairs += [(restart.channels[name], full.channels[name]) for name in channels]
     return max(float(np.abs(one - other[at:]).max()) / max(float(np.abs(other).max()), 1e-300) for one, other in pairs)

@@ -80,12 +80,8 @@ def content(path):
 
     def visit(name, item):
         for key, value in item.attrs.items():
-            if key not in (
-                "DIMENSION_LIST",
-                "REFERENCE_LIST",
-                "seconds",
-                "seal",
-            ):  # the digest covers date and run time
+            # The digest, "seal", covers date and run time.
+            if key not in ("DIMENSION_LIST", "REFERENCE_LIST", "seconds", "seal"):
                 found[f"{name}@{key}"] = np.asarray(value).tolist()
         if isinstance(item, h5py.Dataset) and name != "about/created":
             found[name] = item[()] if item.dtype.kind == "O" else (item.shape, item[()].tobytes())

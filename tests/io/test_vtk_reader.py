@@ -74,9 +74,8 @@ def test_last_step_equals_end_of_run(reader, stored):
     vectors = numpy_support.vtk_to_numpy(at_step(reader, 36).GetPointData().GetArray("displacement"))
     top = stored.result.still["node"].tolist().index(stored.ready.model.mesh.node("pushrod-top"))
     ratio = 40.0 / 25.0
-    assert vectors[top, 1] * ratio == pytest.approx(
-        stored.response["valve"].displacement[-1], rel=1e-12
-    )  # rounding of one product
+    # The tolerance is the rounding of one product.
+    assert vectors[top, 1] * ratio == pytest.approx(stored.response["valve"].displacement[-1], rel=1e-12)
 
 
 def test_recovered_forces_and_stresses_are_read(reader, stored):
