@@ -128,6 +128,6 @@ def test_step_in_seconds_replaces_steps_per_revolution(write_case):
     assert run(case).stats.steps == 2000
 
 
-def test_case_format_page_is_up_to_date():
+def test_page_of_the_case_format_is_up_to_date():
     made = runpy.run_path(str(ROOT / "docs/make_case_format.py"))["page"]()
     assert (ROOT / "docs/case-format.md").read_text(encoding="utf-8") == made, "run make docs-pages"

@@ -272,7 +272,7 @@ superelements = { arm = { nodes = { 1 = "foot", 2 = "tip" }, units = "m-kg-s", m
 PAPERS = ("checks/mathieu.toml", "checks/pump-up.toml", "li/valve-train.toml", "petrescu/valve-spring.toml")
 
 
-def test_all_keys_of_format_are_in_some_case(rewrite, tmp_path):
+def test_every_key_of_the_format_is_in_a_case(rewrite, tmp_path):
     shutil.copy(DATA / "lift.csv", tmp_path)
     cases = [
         (DATA / "every-key.toml", []), (DATA / "every-contact.toml", []), (ENGINE, [OIL, *WARM]), (rewrite(SWING, FREE), []),
