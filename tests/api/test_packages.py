@@ -1,4 +1,4 @@
-"""The twelve packages: their docstrings, imports, and the pages about them agree with the code and the contract."""
+"""Docstrings, imports and documentation pages of the twelve packages agree with the import contract."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ ROOT = Path(__file__).parents[2]
 CONTRACTS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]["contracts"]
 LAYERS = [re.findall(r"flexcam\.(\w+)", layer) for layer in CONTRACTS[0]["layers"]]
 PACKAGES = [name for layer in LAYERS for name in layer if name != "__main__"]
-LONGEST = 6
-"""Lines of a docstring: about three sentences."""
+MAX_LINES = 6
+"""Maximum number of lines of a docstring, about three sentences."""
 
 
 def docstring(package):
@@ -26,8 +26,8 @@ def files(package):
     return list((ROOT / "flexcam" / package).rglob("*.py"))
 
 
-def imported(package):
-    """Return the packages that the files of a package import, wherever in the file."""
+def imported_packages(package):
+    """Return the packages that the files of a package import, anywhere in a file."""
     found = set()
     for path in files(package):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -40,18 +40,18 @@ def imported(package):
     return found - {package}
 
 
-def below(package):
+def lower_packages(package):
     at = next(i for i, layer in enumerate(LAYERS) if package in layer)
     return {other for layer in LAYERS[at + 1 :] for other in layer}
 
 
-def allowed(package):
-    """Return the packages that a docstring names where it says what may be imported."""
+def allowed_packages(package):
+    """Return the packages that a docstring names as allowed imports."""
     sentence = re.search(r"May import (.*?)(?:;|\.\s|\.$|\n\n|\Z)", docstring(package), re.S)
     return set(re.findall(r"`(\w+)`", sentence[1] if sentence else "")) & set(PACKAGES)
 
 
-def test_every_file_and_folder_of_flexcam_belongs_to_a_package():
+def test_contract_lists_all_packages():
     found = {
         path.stem for path in (ROOT / "flexcam").iterdir() if path.suffix == ".py" or (path / "__init__.py").exists()
     }
@@ -60,25 +60,25 @@ def test_every_file_and_folder_of_flexcam_belongs_to_a_package():
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_a_package_describes_itself_its_imports_and_where_to_add(package):
+def test_docstring_states_imports_and_extension_points(package):
     lines = [line for line in docstring(package).splitlines() if line.strip()]
-    assert 2 < len(lines) <= LONGEST
+    assert 2 < len(lines) <= MAX_LINES
     text = " ".join(lines)
     assert re.search(r"\b(May import|Imports no)\b", text)
-    assert re.search(r"\b[Aa] new\b", text), "where to add things"
+    assert re.search(r"\b[Aa] new\b", text), "the docstring does not state where to add code"
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_a_package_imports_what_its_docstring_allows_and_only_from_below(package):
-    named = allowed(package)
-    assert bool(named) == bool(below(package))
-    assert named <= below(package)
+def test_imports_match_docstring_and_contract(package):
+    named = allowed_packages(package)
+    assert bool(named) == bool(lower_packages(package))
+    assert named <= lower_packages(package)
     everything = re.search(r"everything\s+below", docstring(package))
-    assert imported(package) <= (below(package) if everything else named)
+    assert imported_packages(package) <= (lower_packages(package) if everything else named)
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_names_in_the_docstring_of_a_package_exist(package):
+def test_names_in_docstring_exist(package):
     known = {path.stem for path in files(package)} | {path.parent.name for path in files(package)} | set(PACKAGES)
     source = " ".join(path.read_text(encoding="utf-8") for path in files(package))
     for name in re.findall(r"`(\w+)`", docstring(package)):
@@ -88,7 +88,7 @@ def test_names_in_the_docstring_of_a_package_exist(package):
 ARCHITECTURE = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
 
 
-def test_the_architecture_page_lists_all_packages_in_the_order_of_the_contract():
+def test_architecture_page_lists_packages_in_order():
     table = re.search(r"^\| level \| package \|.*?\n\|[-|]+\|\n(.*?)\n\n", ARCHITECTURE, re.S | re.M)[1]
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()]
     named = [re.fullmatch(r"`(\w+)`", row[1])[1] for row in rows]
@@ -98,8 +98,7 @@ def test_the_architecture_page_lists_all_packages_in_the_order_of_the_contract()
     assert [place[package] for package in named] == sorted((place[package] for package in named), reverse=True)
 
 
-def test_the_architecture_page_has_every_force_law():
-    """A row per law of the table, in its order."""
+def test_architecture_page_lists_all_force_laws():
     table = re.search(r"^\| law \| function \|.*?\n\|[-|]+\|\n(.*?)\n\n", ARCHITECTURE, re.S | re.M)[1]
     named = re.findall(r"^\| `([A-Z_]+)` \| `(\w+)` \|", table, re.M)
     text = (ROOT / "flexcam/dynamics/force_laws.py").read_text(encoding="utf-8")
@@ -107,7 +106,7 @@ def test_the_architecture_page_has_every_force_law():
 
 
 @pytest.mark.parametrize("page", ["docs/architecture.md", "CONTRIBUTING.md", "docs/release.md"])
-def test_paths_that_pages_for_developers_name_exist(page):
+def test_paths_in_developer_pages_exist(page):
     text = (ROOT / page).read_text(encoding="utf-8")
     for name in set(re.findall(r"`((?:[\w.-]+/)*[\w.-]+\.(?:py|toml|md|yaml|cff|j2))`", text)):
         places = [
@@ -119,7 +118,7 @@ def test_paths_that_pages_for_developers_name_exist(page):
         assert any(path.exists() for path in places), name
 
 
-def test_make_targets_that_the_pages_name_exist():
+def test_make_targets_in_pages_exist():
     known = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M))
     for page in (*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), ROOT / ".pre-commit-config.yaml"):
         called = set(
@@ -130,7 +129,7 @@ def test_make_targets_that_the_pages_name_exist():
         assert called <= known, page.name
 
 
-def test_one_version():
-    """As the check of the wheel asks."""
+def test_citation_version_equals_package_version():
+    """The check of the wheel requires this."""
     cited = re.search(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.M)[1]
     assert cited == tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]

@@ -1,4 +1,4 @@
-"""The public surface: a snapshot of names, each to be fetched, and functions that modules of their name do not hide."""
+"""Public names of the package: snapshot, access, and functions that are not hidden by modules."""
 
 # ruff: noqa: E501 - tables, a row to a line
 
@@ -16,31 +16,31 @@ NAMES = {
     "PointMass", "Problem", "Response", "Result", "RunFailedError", "SaveAt", "Section", "Status", "System", "build_model", "compare",
     "generalized_alpha", "hht", "modes", "newmark", "prepare", "read_case", "read_mesh", "read_result", "run", "solve", "write_mesh",
 }  # fmt: skip
-"""A change here is a change of the public interface: it goes into the changelog."""
+"""Public interface; changes of it are in the changelog."""
 
 
-def test_snapshot():
+def test_public_names_match_snapshot():
     assert set(flexcam.__all__) == NAMES
     assert len(flexcam.__all__) == len(NAMES) <= 40
 
 
-def test_every_name_can_be_fetched():
+def test_all_public_names_are_accessible():
     found = {name: getattr(flexcam, name) for name in NAMES}
     assert {getattr(value, "__name__", name) for name, value in found.items()} == NAMES
     assert [name for name, value in found.items() if hasattr(value, "__path__")] == [], "not modules"
 
 
-def test_star_import_brings_exactly_these():
+def test_star_import_gives_public_names():
     space: dict[str, object] = {}
     exec("from flexcam import *", space)  # noqa: S102 - what users may write
     assert set(space) - {"__builtins__"} == NAMES
 
 
-def test_dir_shows_nothing_else():
+def test_dir_shows_public_names():
     assert set(dir(flexcam)) - {"__version__"} == NAMES
 
 
-def test_unknown_name():
+def test_unknown_name_raises_attribute_error():
     with pytest.raises(AttributeError, match="nosuch"):
         _ = flexcam.nosuch
 
@@ -48,7 +48,7 @@ def test_unknown_name():
 FIRST = ["from flexcam.analysis.comparison import compare", "import flexcam.dynamics.solve"]
 
 
-HIDDEN = """
+HIDDEN_NAMES = """
 import os, sys, types
 import numpy, h5py, pydantic  # what flexcam imports is imported once, and flexcam itself by each child anew
 assert not [name for name in sys.modules if name.partition(".")[0] == "flexcam"]
@@ -67,12 +67,12 @@ for first in sys.argv[1:]:
 
 
 def test_functions_are_not_hidden_by_modules():
-    """A submodule that is imported becomes an attribute of its package and may hide a function of its name."""
-    done = subprocess.run([sys.executable, "-c", HIDDEN, *FIRST], capture_output=True, text=True, timeout=60)
+    """An imported submodule becomes an attribute of its package and may hide a function of the same name."""
+    done = subprocess.run([sys.executable, "-c", HIDDEN_NAMES, *FIRST], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_version_is_the_package_s():
+def test_version_equals_package_metadata():
     from importlib.metadata import version
 
     assert flexcam.__version__ == version("flexcam")

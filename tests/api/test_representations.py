@@ -1,4 +1,4 @@
-"""What a notebook shows of a value is a line that says what it is, not thousands of numbers."""
+"""Representations of large objects are short."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from flexcam.analysis.run import open_result_file
 CASE = Path(__file__).parents[2] / "cases/tayeb/model-1-shm.toml"
 
 
-def test_values_with_arrays_are_shown_in_a_line(tmp_path):
+def test_representations_are_one_short_line(tmp_path):
     case = flexcam.read_case(CASE, ["run.revolutions=0.01"])
     ready = flexcam.prepare(case)
     sink = open_result_file(ready, tmp_path)

@@ -1,4 +1,4 @@
-"""Runs in threads and processes give the numbers of a run alone."""
+"""Runs in threads and processes give the same results as single runs."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ RUNS = [
     (BUCKET, ("fidelity.model=sdof", "run.revolutions=0.2")),
     (BUCKET, ("run.engine=kernel", "run.integrator.method=collocation", "run.revolutions=0.1")),
 ]
-"""Every engine, and contacts."""
+"""Runs with each engine, with and without contacts."""
 
 
-def numbers(case):
+def run_bytes(case):
     """Return the motion and the channels of a run as bytes."""
     response = flexcam.run(case)
     assert response.status.ok
@@ -38,10 +38,10 @@ def numbers(case):
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _one_thread_of_the_linear_algebra():
-    """Its number of threads changes the last bits of a product."""
+def _single_blas_thread():
+    """Limit BLAS to one thread: the number of threads changes the last bits of a product."""
     with threadpool_limits(1, user_api="blas"), pytest.MonkeyPatch.context() as patch:
-        patch.setenv("OPENBLAS_NUM_THREADS", "1")  # of spawned processes
+        patch.setenv("OPENBLAS_NUM_THREADS", "1")  # for spawned processes
         yield
 
 
@@ -51,33 +51,33 @@ def cases():
 
 
 @pytest.fixture(scope="module")
-def alone(cases):
-    return [numbers(case) for case in cases]
+def single_results(cases):
+    return [run_bytes(case) for case in cases]
 
 
 @pytest.mark.slow
-def test_eight_threads(cases, alone, tried):
-    """Every case twice, eight at a time."""
+def test_runs_in_threads_equal_single_runs(cases, single_results, tried):
+    """Each case runs twice, in eight threads."""
     with ThreadPoolExecutor(8) as threads:
-        assert list(threads.map(numbers, [*cases, *cases])) == alone * 2
+        assert list(threads.map(run_bytes, [*cases, *cases])) == single_results * 2
     tried("together", "eight threads of runs in one process", 2 * len(cases), "bit by bit the results of one thread")
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
 @pytest.mark.parametrize("method", ["fork", "spawn"])
-def test_processes(method, cases, alone, tried):
-    """The cases are sent, and the kernel is compiled or loaded in the parent before the fork."""
+def test_runs_in_processes_equal_single_runs(method, cases, single_results, tried):
+    """The cases are pickled, and the kernel is compiled or loaded in the parent process before the fork."""
     with ProcessPoolExecutor(2, multiprocessing.get_context(method)) as processes:
-        assert list(processes.map(numbers, cases)) == alone
+        assert list(processes.map(run_bytes, cases)) == single_results
     tried("together", f"worker processes, {method}", len(cases), "bit by bit the results of this process")
 
 
-def test_runs_that_overlap_restore_the_threads_of_the_linear_algebra(monkeypatch):
-    """The first run limits them and the last one restores them, in any order."""
+def test_overlapping_runs_restore_blas_threads(monkeypatch):
+    """The first run limits the number of threads and the last one restores it, in any order."""
     monkeypatch.delenv("OPENBLAS_NUM_THREADS")
     with threadpool_limits(2, user_api="blas"):
         direct = [flexcam.read_case(LINEAR, ("run.engine=direct", f"run.revolutions={x}")) for x in (0.05, 0.1, 0.2)]
         with ThreadPoolExecutor(3) as threads:
-            list(threads.map(numbers, direct))
+            list(threads.map(run_bytes, direct))
         assert {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"} == {2}

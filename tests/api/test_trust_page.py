@@ -1,4 +1,4 @@
-"""The page of trust is made from its CSV file, and names only tests that exist, and all that keep a row."""
+"""The page of trust is generated from its CSV file, whose rows match the tests that record them."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def rows(maker):
     return maker.read(maker.KEPT)
 
 
-def keeping():
-    """Return the tests, slow ones as well, that ask for the fixture `tried`."""
+def recording_tests():
+    """Return the tests, including slow ones, that use the fixture `tried`."""
     found = set()
     for path in (ROOT / "tests").rglob("test_*.py"):
         for node in ast.parse(path.read_text(encoding="utf-8")).body:
@@ -33,18 +33,18 @@ def keeping():
     return {name for name in found if "::test_" in name}
 
 
-def test_the_page_is_made_from_the_rows(maker, rows):
+def test_page_is_generated_from_rows(maker, rows):
     assert (ROOT / "docs/trust.md").read_text(encoding="utf-8") == maker.page(rows)
 
 
-def test_every_row_names_a_test_and_every_test_has_a_row(maker, rows):
-    assert {maker.function(row) for row in rows} == keeping()
+def test_rows_match_recording_tests(maker, rows):
+    assert {maker.function(row) for row in rows} == recording_tests()
 
 
-def test_rows_of_tests_that_did_not_run_are_kept(maker, rows):
+def test_rows_of_skipped_tests_are_preserved(maker, rows):
     one, other = rows[0], next(row for row in rows if maker.function(row) != maker.function(rows[0]))
-    gone = one | {"test": "tests/fuzz/test_no_such.py::test_nothing"}
-    again = maker.merge_rows([one, other, gone], [one | {"count": 7}], ROOT / "tests", lambda row: row["test"])
-    assert [row["count"] for row in again if row["test"] == one["test"]] == [7]
-    assert other in again
-    assert gone not in again
+    removed = one | {"test": "tests/fuzz/test_no_such.py::test_nothing"}
+    merged = maker.merge_rows([one, other, removed], [one | {"count": 7}], ROOT / "tests", lambda row: row["test"])
+    assert [row["count"] for row in merged if row["test"] == one["test"]] == [7]
+    assert other in merged
+    assert removed not in merged

@@ -1,4 +1,4 @@
-"""The verification manual is that of its rows, and its rows are those of the tests that record one."""
+"""The verification manual is generated from its rows, which match the tests that record them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MANUAL = ROOT / "docs/verification"
 
 @pytest.fixture
 def manual(monkeypatch):
-    """Return the modules of the manual, which lie beside the pages."""
+    """Return the modules of the manual, which are in the folder of the pages."""
     monkeypatch.syspath_prepend(str(ROOT / "docs"))
     from manual import pages, rows, tables
 
@@ -23,12 +23,12 @@ def manual(monkeypatch):
 
 
 @pytest.fixture
-def kept(manual):
+def stored_rows(manual):
     return manual["rows"].read()
 
 
-def recording() -> set[str]:
-    """Return the test functions, slow ones as well, that ask for the fixture ``record``."""
+def recording_tests() -> set[str]:
+    """Return the test functions, including slow ones, that use the fixture ``record``."""
     found = set()
     for path in (ROOT / "tests/verification").glob("test_*.py"):
         for node in ast.parse(path.read_text(encoding="utf-8")).body:
@@ -40,45 +40,45 @@ def recording() -> set[str]:
     return found
 
 
-def test_every_page_is_that_of_the_rows(manual, kept):
-    made = manual["pages"].pages(kept)
+def test_pages_are_generated_from_rows(manual, stored_rows):
+    made = manual["pages"].pages(stored_rows)
     assert set(made) == {path.name for path in MANUAL.glob("*.md")}
     for name, text in made.items():
         assert (MANUAL / name).read_text(encoding="utf-8") == text, f"{name}: python docs/make_verification.py"
 
 
-def test_every_row_names_a_test_and_every_test_has_a_row(manual, kept):
-    assert {manual["rows"].function(row) for row in kept} == recording()
+def test_rows_match_recording_tests(manual, stored_rows):
+    assert {manual["rows"].function(row) for row in stored_rows} == recording_tests()
 
 
-def test_every_row_holds(manual, kept):
-    """The digits kept are ten: a row may pass its tolerance by so much."""
-    assert len(kept) > 1000
-    for row in kept:
+def test_rows_are_within_tolerance(manual, stored_rows):
+    """Rows have ten digits, so that a row may exceed its tolerance by rounding."""
+    assert len(stored_rows) > 1000
+    for row in stored_rows:
         size = 1.0 if row["absolute"] else abs(row["reference"])
         slack = 2e-10 * max(abs(row["reference"]), abs(row["computed"]))
         assert abs(row["computed"] - row["reference"]) <= row["tolerance"] * size + slack, row
 
 
-def test_the_five_published_systems_have_rows_and_pages(manual, kept):
+def test_published_systems_have_rows_and_pages(manual, stored_rows):
     systems = manual["pages"].SYSTEMS
     assert len(systems) == 5
-    known = {row["source"] for row in kept}
+    known = {row["source"] for row in stored_rows}
     for one in systems:
         assert set(one.sources) <= known
         text = (MANUAL / f"{one.name}.md").read_text(encoding="utf-8")
         assert {"## Reproduced and not reproduced", "## Errata"} <= set(text.splitlines())
 
 
-def test_benchmarks_have_rows_and_pages(manual, kept):
-    known = {row["source"] for row in kept}
+def test_benchmarks_have_rows_and_pages(manual, stored_rows):
+    known = {row["source"] for row in stored_rows}
     for one in manual["pages"].BENCHMARKS:
         assert set(one.sources) <= known
         assert one.notes
 
 
-def test_tests_named_as_proof_of_an_erratum_exist(manual):
-    """A page may not name a test that was renamed."""
+def test_tests_named_in_pages_exist(manual):
+    """Errata refer to tests, which may be renamed."""
     known = {name.rpartition("::")[2] for name in manual["rows"].list_tests(manual["rows"].VERIFICATION)}
     files = {path.name for path in (ROOT / "tests/verification").glob("*.py")}
     for path in MANUAL.glob("*.md"):
@@ -86,7 +86,7 @@ def test_tests_named_as_proof_of_an_erratum_exist(manual):
             assert name in known | files, f"{path.name}: {name}"
 
 
-def test_figures_shown_are_those_made_and_one_is_drawn_alike(monkeypatch):
+def test_figures_are_all_shown_and_reproducible(monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / "docs"))
     from manual.figures import FIGURES, figure_text
 
@@ -99,37 +99,37 @@ def test_figures_shown_are_those_made_and_one_is_drawn_alike(monkeypatch):
     assert "<dc:date>" not in first
 
 
-def test_rows_of_tests_that_did_not_run_are_kept(manual, kept):
+def test_rows_of_skipped_tests_are_preserved(manual, stored_rows):
     rows = manual["rows"]
-    one, other = kept[0], next(row for row in kept if rows.function(row) != rows.function(kept[0]))
-    gone = one | {"test": "tests/verification/test_no_such.py::test_nothing"}
-    again = rows.merge_rows([one, other, gone], [one | {"computed": 7.0}])
-    assert [row["computed"] for row in again if rows.function(row) == rows.function(one)] == [7.0]
-    assert other in again
-    assert gone not in again
+    one, other = stored_rows[0], next(row for row in stored_rows if rows.function(row) != rows.function(stored_rows[0]))
+    removed = one | {"test": "tests/verification/test_no_such.py::test_nothing"}
+    merged = rows.merge_rows([one, other, removed], [one | {"computed": 7.0}])
+    assert [row["computed"] for row in merged if rows.function(row) == rows.function(one)] == [7.0]
+    assert other in merged
+    assert removed not in merged
 
 
 @pytest.mark.parametrize(
     ("change", "said"),
     [
         ({}, []),
-        ({"computed": 7.0}, []),  # digits of another machine; the test itself has judged them
+        ({"computed": 7.0}, []),  # digits may differ between machines; the test itself checks the value
         ({"quantity": "another"}, ["no longer recorded", "not in the manual"]),
         ({"reference": 7.0}, ["changed"]),
         ({"tolerance": 0.5}, ["changed"]),
         ({"reason": "a guess"}, ["changed"]),
     ],
 )
-def test_a_run_that_says_otherwise_is_seen(manual, kept, change, said):
+def test_changed_rows_are_reported(manual, stored_rows, change, said):
     rows = manual["rows"]
-    counts = Counter(rows.function(row) for row in kept)
-    one = next(row for row in kept if counts[rows.function(row)] == 1)
-    found = rows.differences(kept, [one | change])
+    counts = Counter(rows.function(row) for row in stored_rows)
+    one = next(row for row in stored_rows if counts[rows.function(row)] == 1)
+    found = rows.differences(stored_rows, [one | change])
     assert [text.partition(":")[0] for text in found] == said
 
 
-def test_the_recorded_rows_are_read_back_as_written(manual, kept, tmp_path):
+def test_rows_round_trip(manual, stored_rows, tmp_path):
     path = tmp_path / "rows.csv"
-    manual["rows"].write(kept, path)
-    assert manual["rows"].sort_rows(manual["rows"].read(path)) == kept
+    manual["rows"].write(stored_rows, path)
+    assert manual["rows"].sort_rows(manual["rows"].read(path)) == stored_rows
     assert path.read_bytes() == manual["rows"].KEPT.read_bytes()

@@ -1,4 +1,4 @@
-"""The stiffness of a play that its case leaves open: ten times EA/L of the softest member that ends there."""
+"""Default stiffness of a lash: ten times EA/L of the softest member that ends there."""
 
 import re
 from pathlib import Path
@@ -14,31 +14,31 @@ TUBE = 207e9 * np.pi * (8e-3**2 - 5e-3**2) / 4.0 / 0.25
 STEM = 207e9 * np.pi * 6e-3**2 / 4.0 / 0.1
 
 
-def _left_open(path, tmp_path, *others):
+def _read_without_stiffness(path, tmp_path, *others):
     text = path.read_text(encoding="utf-8")
     open_lash = re.sub(r'(?m)^(lash = .*?), stiffness = "[^"]*"', r"\1", text)
     assert open_lash != text
     for old, new in others:
         open_lash = open_lash.replace(old, new)
-    left = tmp_path / "left.toml"
-    left.write_text(open_lash, encoding="utf-8")
-    return read_case(left)
+    path_without = tmp_path / "left.toml"
+    path_without.write_text(open_lash, encoding="utf-8")
+    return read_case(path_without)
 
 
-def test_at_a_rocker_it_is_that_of_the_rod_as_its_point_feels_it(tmp_path):
-    case = _left_open(ENGINE, tmp_path)
+def test_default_lash_stiffness_at_rocker(tmp_path):
+    case = _read_without_stiffness(ENGINE, tmp_path)
     assert build_model(case).contacts["lash"].stiffness == pytest.approx(10.0 * TUBE / 1.6**2, rel=1e-9)
 
 
-def test_between_nodes_it_is_that_of_the_softer_side(tmp_path):
-    case = _left_open(BUCKET, tmp_path)
+def test_default_lash_stiffness_between_nodes(tmp_path):
+    case = _read_without_stiffness(BUCKET, tmp_path)
     assert build_model(case).contacts["lash"].stiffness == pytest.approx(10.0 * STEM, rel=1e-9)
 
 
-def test_without_a_member_it_must_be_given(tmp_path):
+def test_lash_without_member_requires_stiffness(tmp_path):
     weight = ("[materials.steel]", '[masses.loose]\nat = "loose"\nmass = "1 g"\n[materials.steel]')
     nodes = ("[nodes]", '[nodes]\nloose = ["0 mm", "9 mm", "0 mm"]\nother = ["0 mm", "5 mm", "0 mm"]')
     between = ('from = "bucket-pip", to = "stem-top"', 'from = "loose", to = "other"')
-    case = _left_open(BUCKET, tmp_path, between, weight, nodes)
+    case = _read_without_stiffness(BUCKET, tmp_path, between, weight, nodes)
     with pytest.raises(InputError, match=r"contacts\.lash.*stiffness.*missing.*No member ends"):
         build_model(case)

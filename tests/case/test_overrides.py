@@ -1,4 +1,4 @@
-"""Overrides of a case as values of Python."""
+"""Overrides of a case as Python values."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ INLINE = Path(__file__).parents[1] / "data/inline.toml"
 MASS = ["masses.new.at=cam", "masses.new.mass=1kg"]
 
 
-def test_values_by_key_are_those_of_texts():
+def test_python_overrides_equal_text_overrides():
     values = {
         "springs.valve.stiffness": "45 kN/m", "run.revolutions": 2, "run.start": "rest", "fidelity.estimate": True,
         "rockers.finger.arms": (np.float64(0.02), 0.035), "run.gravity": np.array([0.0, -9.81, 0.0]),
@@ -32,7 +32,7 @@ def test_values_by_key_are_those_of_texts():
     assert read_case(FINGER, case.overrides).record == case.record
 
 
-def test_a_wrong_value_names_its_key():
+def test_fault_of_python_value_names_key():
     with pytest.raises(InputError, match=r"springs\.valve\.stiffness.*45 kg"):
         read_case(FINGER, {"springs.valve.stiffness": "45 kg"})
     for value in (float("nan"), None, {1, 2}, b"45"):
@@ -42,8 +42,8 @@ def test_a_wrong_value_names_its_key():
         read_case(FINGER, {"cams.intake.lift_table": Path("none.csv")})
 
 
-def test_an_override_replaces_the_key_that_excludes_it():
-    """The finger's case gives a phase."""
+def test_centreline_override_replaces_phase():
+    """The case of the finger defines a phase."""
     case = read_case(FINGER, ["cams.intake.centreline=230deg"])
     assert centreline(build_model(case).cams["intake"].event) == pytest.approx(np.radians(230.0))
     with pytest.raises(InputError, match="centreline"):
@@ -51,8 +51,8 @@ def test_an_override_replaces_the_key_that_excludes_it():
 
 
 @pytest.mark.parametrize("key", ["opening", "closing", "centre"])
-def test_timing_places_a_cam_by_a_lift_of_its_follower(key):
-    """The timing at 0.050 in is found again in the built cam; a lift at TDC is an opening or a closing there."""
+def test_timing_sets_phase_by_follower_lift(key):
+    """The built cam has the given timing at a lift of 0.050 in."""
     case = read_case(FINGER, [f'cams.intake.timing={{ lift = "0.050 in", {key} = "-30 deg" }}'])
     event = valve_event(build_model(case).cams["intake"].event, 0.00127)
     found = {"opening": 0.5 * event.opens, "closing": 0.5 * event.closes, "centre": 0.5 * event.centre}[key]
@@ -65,12 +65,12 @@ def test_timing_places_a_cam_by_a_lift_of_its_follower(key):
     ('{ lift = "1 m", opening = "1 deg" }', [], r"timing\.lift .*got '1 m', expected a lift below the maximum"),
     ('{ lift = "1 mm", opening = "1 deg" }', ["cams.intake.phase=1"], "one of phase, centreline, timing"),
 ])  # fmt: skip
-def test_refused_timings(timing, more, message):
+def test_invalid_timing_is_refused(timing, more, message):
     with pytest.raises(InputError, match=message):
         read_case(FINGER, [f"cams.intake.timing={timing}", *more])
 
 
-def test_an_override_adds_a_part():
+def test_override_adds_part():
     case = read_case(INLINE, MASS)
     assert case.record.masses["new"].mass == 1.0
     heavy, plain = (prepare(one).problem.system for one in (case, read_case(INLINE)))
@@ -79,7 +79,7 @@ def test_an_override_adds_a_part():
 
 
 @pytest.mark.parametrize("given", [["springs.exhaust.stiffness=40kN/m"], ["springs.exhaust.at=cam"]])
-def test_an_override_of_an_unknown_part_names_the_parts_of_the_case(given):
+def test_fault_of_unknown_part_names_existing_parts(given):
     with pytest.raises(InputError) as refusal:
         read_case(INLINE, given)
     (fault,) = refusal.value.faults
@@ -92,7 +92,7 @@ def test_an_override_of_an_unknown_part_names_the_parts_of_the_case(given):
     ("mases.new.mass=1kg", "masses"), ("runn.speed=3000rpm", "run"), ("masses.new.mas=1kg", "mass"),
     ("outptu.field_every=3", "output"),
 ])  # fmt: skip
-def test_a_misspelt_override_names_the_key_that_is_meant(override, meant):
+def test_misspelt_override_suggests_key(override, meant):
     with pytest.raises(InputError) as refusal:
         read_case(INLINE, [*MASS, override])
     assert any(f"Did you mean {meant!r}" in str(fault) for fault in refusal.value.faults)
@@ -105,7 +105,7 @@ def test_a_misspelt_override_names_the_key_that_is_meant(override, meant):
         (INLINE, "a table that the case has. cams.intake contains no table."),
     ],
 )
-def test_an_override_in_a_table_that_the_case_lacks_names_the_tables_beside_it(path, said):
+def test_fault_of_unknown_table_names_existing_tables(path, said):
     with pytest.raises(InputError) as refusal:
         read_case(path, ["cams.intake.spiral.height=0.1 mm"])
     assert str(refusal.value).endswith(f"got cams.intake.spiral, expected {said}")

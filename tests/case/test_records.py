@@ -1,4 +1,4 @@
-"""A table of the case builds its part of the model once, and every copy with other values its own."""
+"""Each table of a case builds its part of the model once; changed copies build their own."""
 
 from __future__ import annotations
 
@@ -22,33 +22,33 @@ def kinds():
 
 
 @pytest.fixture
-def built(monkeypatch):
-    """Return how often each table has built its part, by kind and place in memory."""
-    count, kept = Counter(), []
+def build_counts(monkeypatch):
+    """Return the number of builds of each table, by record type and id."""
+    count, tables = Counter(), []
 
-    def counting(kind, build):
-        def counted(self):
-            kept.append(self)  # no other table takes its place in memory
+    def count_builds(kind, build):
+        def build_and_count(self):
+            tables.append(self)  # keeps the table alive, so that its id is unique
             count[kind.__name__, id(self)] += 1
             return build(self)
 
-        return counted
+        return build_and_count
 
     for kind in kinds():
-        monkeypatch.setattr(kind, "build", counting(kind, kind.build))
+        monkeypatch.setattr(kind, "build", count_builds(kind, kind.build))
     return count
 
 
-def test_every_table_builds_its_part_once(built):
+def test_each_table_builds_its_part_once(build_counts):
     case = read_case(CASE)
     check_values(case)
     prepare(case)
     build_model(case)
-    assert {name for name, _ in built} >= {"CamDesignRecord", "SpringRecord", "MassRecord"}
-    assert set(built.values()) == {1}
+    assert {name for name, _ in build_counts} >= {"CamDesignRecord", "SpringRecord", "MassRecord"}
+    assert set(build_counts.values()) == {1}
 
 
-def test_a_copy_with_other_values_builds_its_own_part():
+def test_changed_copy_builds_its_own_part():
     spring = next(iter(read_case(CASE).record.springs.values()))
     longer = spring.model_copy(update={"elements": 3})
     assert longer.part.elements == 3
@@ -56,8 +56,8 @@ def test_a_copy_with_other_values_builds_its_own_part():
     assert spring == spring.model_copy()
 
 
-def test_a_text_without_a_unit_is_refused_at_its_key():
-    """A lift of 8.4 m was refused as an undercut profile, at the contact."""
+def test_text_without_unit_is_refused():
+    """Earlier the contact was refused, since a lift of 8.4 m gave an undercut profile."""
     with pytest.raises(InputError) as refusal:
         read_case(CASE.parents[2] / "cases/pushrod-engine/intake.toml", ['cams.intake.lift="8.4"'])
     fault = refusal.value.faults[0]
@@ -65,7 +65,7 @@ def test_a_text_without_a_unit_is_refused_at_its_key():
     assert fault.remedy.startswith("write '8.4 mm'")
 
 
-def test_a_custom_section_keeps_its_fibres():
+def test_custom_section_has_given_fibre_distances():
     given = '{ shape = "custom", A = "490 mm^2", Iy = "19000 mm^4", Iz = "12000 mm^4", J = "30000 mm^4", '
     given += 'fibre_y = "9 mm", fibre_z = "11 mm", torsion_arm = "8 mm" }'
     section = read_case(CASE.with_name("inline.toml"), [f"sections.shaft={given}"]).record.sections["shaft"].part

@@ -1,4 +1,4 @@
-"""Copies of a valve train by marks in names."""
+"""Copies of a valve train by placeholders in names."""
 
 from __future__ import annotations
 
@@ -81,16 +81,16 @@ def write(folder: Path, repeat: str = ORDER, cam: str = 'phase = "10 deg"') -> P
     return path
 
 
-def test_a_firing_order_delays_the_cams_and_loads_of_each_cylinder(tmp_path: Path):
+def test_firing_order_delays_cams_and_loads(tmp_path: Path):
     record = read_case(write(tmp_path)).record
-    late = {"1": 0.0, "2": 270.0, "3": 90.0, "4": 180.0}
+    delays = {"1": 0.0, "2": 270.0, "3": 90.0, "4": 180.0}
     assert {n: np.degrees(one.phase) for n, one in record.cams.items()} == pytest.approx(
-        {n: 10.0 + late[n] for n in late}
+        {n: 10.0 + delays[n] for n in delays}
     )
-    assert {n: np.degrees(one.phase or 0.0) for n, one in record.loads.items()} == pytest.approx(late)
+    assert {n: np.degrees(one.phase or 0.0) for n, one in record.loads.items()} == pytest.approx(delays)
 
 
-def test_copies_have_every_combination_of_marks_at_their_places(tmp_path: Path):
+def test_copies_have_all_combinations_of_placeholders(tmp_path: Path):
     case = read_case(write(tmp_path))
     assert list(case.record.output.probes) == [f"tappet-{n}{side}" for n in "1234" for side in "ab"]
     assert case.record.nodes["tappet-3b"] == pytest.approx((0.22, 0.02, 0.005))
@@ -103,8 +103,8 @@ def test_copies_have_every_combination_of_marks_at_their_places(tmp_path: Path):
     ('timing = { lift = "1 mm", opening = "30 deg" }', "opening", 30.0),
     ('tdc = "350 deg"', "tdc", 350.0),
 ])  # fmt: skip
-def test_every_angle_of_a_cam_is_delayed(tmp_path: Path, cam: str, key: str, first: float):
-    """An uneven order is given by phases; the offsets by a list."""
+def test_each_angle_key_of_cam_is_delayed(tmp_path: Path, cam: str, key: str, first: float):
+    """Phases define an uneven order, and a list defines the offsets."""
     repeat = 'names = ["x", "y"]\nphases = ["0 deg", "33 deg"]\noffsets = [[0, 0, 0], ["-0.2 m", 0, 0]]'
     case = read_case(write(tmp_path, repeat, cam))
     cam_y = case.record.cams["y"]
@@ -113,13 +113,13 @@ def test_every_angle_of_a_cam_is_delayed(tmp_path: Path, cam: str, key: str, fir
     assert case.record.nodes["lobe-y"] == pytest.approx((-0.16, 0.0, 0.0))
 
 
-def test_a_bank_takes_its_phases_from_the_order_of_the_whole_engine(tmp_path: Path):
+def test_bank_phases_follow_engine_firing_order(tmp_path: Path):
     repeat = 'names = ["1", "3", "5", "7"]\nfiring_order = "1-8-4-3-6-5-7-2"\nspacing = ["0.1 m", 0, 0]'
     cams = read_case(write(tmp_path, repeat)).record.cams
     assert [np.degrees(one.phase) for one in cams.values()] == pytest.approx([10.0, 145.0, 235.0, 280.0])
 
 
-def test_overrides_change_all_copies_or_one(tmp_path: Path):
+def test_override_changes_all_copies_or_one_copy(tmp_path: Path):
     path = write(tmp_path)
     all_changed = read_case(path, {"springs.{cylinder}{side}.stiffness": "50 kN/m", "cams.{cylinder}.phase": "20 deg"})
     assert {one.stiffness for one in all_changed.record.springs.values()} == {50e3}
@@ -129,7 +129,7 @@ def test_overrides_change_all_copies_or_one(tmp_path: Path):
     assert np.degrees(one.cams["2"].phase) == pytest.approx(100.0)
 
 
-def test_a_number_of_all_copies_has_their_value(tmp_path: Path):
+def test_get_number_returns_value_shared_by_copies(tmp_path: Path):
     case = read_case(write(tmp_path))
     found = get_number(case, "springs.{cylinder}{side}.stiffness", "--to")
     assert (found.value, found.unit) == (30e3, "N/m")
@@ -144,12 +144,12 @@ def test_a_number_of_all_copies_has_their_value(tmp_path: Path):
     ('names = ["1"]\nspacing = [0, 0, 0]\noffsets = [[0, 0, 0]]', "expected either offsets or spacing"),
     ("", "repeat.cylinder.names.*missing, expected names, or a firing_order"),
 ])  # fmt: skip
-def test_wrong_repeats_are_refused(tmp_path: Path, repeat: str, message: str):
+def test_invalid_repeat_is_refused(tmp_path: Path, repeat: str, message: str):
     with pytest.raises(InputError, match=message):
         read_case(write(tmp_path, repeat))
 
 
-def test_a_fault_of_all_copies_is_reported_once_at_the_line_of_their_template(tmp_path: Path):
+def test_fault_of_all_copies_is_reported_once(tmp_path: Path):
     with pytest.raises(InputError) as caught:
         read_case(write(tmp_path, cam='phase = "10 m"\nbase_radius = "3 kg"'))
     wheres = [fault.where for fault in caught.value.faults]
@@ -157,15 +157,15 @@ def test_a_fault_of_all_copies_is_reported_once_at_the_line_of_their_template(tm
     assert all("line" in where for where in wheres)
 
 
-def test_unknown_and_unused_marks_are_refused(tmp_path: Path):
+def test_unknown_or_unused_placeholder_is_refused(tmp_path: Path):
     with pytest.raises(InputError, match=r"got 'b\{cyl\}'.*There is no \[repeat\.cyl\]"):
         read_case(write(tmp_path), ["nodes.b{cyl}=[1, 2, 3]"])
     with pytest.raises(InputError, match=r"repeat\.bank.*a part with \{bank\} in its name"):
         read_case(write(tmp_path), ['repeat.bank.names=["left"]'])
 
 
-def test_modes_of_equal_trains_belong_to_one_train_each():
-    """Eigenvectors of equal eigenvalues do not mix unknowns that nothing connects."""
+def test_equal_trains_have_separate_modes():
+    """Eigenvectors of equal eigenvalues do not mix unconnected unknowns."""
     from flexcam.core import solve_eigenproblem
 
     one = np.array([[2.0, -1.0], [-1.0, 3.0]])
@@ -175,8 +175,7 @@ def test_modes_of_equal_trains_belong_to_one_train_each():
     assert np.kron(np.eye(3), one) @ shapes == pytest.approx(shapes * values, abs=1e-12)
 
 
-def test_the_torque_of_a_chain_is_that_of_the_cams():
-    """In the mean over a revolution a chain bears the torque of all cams."""
+def test_mean_chain_torque_equals_cam_torques():
     import flexcam
 
     changes = {"supports.sprocket": ["ux"], "run.fluctuation": {"orders": [4], "amplitudes": [0.0]}}

@@ -1,4 +1,4 @@
-"""Cases that flexcam writes are cases that flexcam reads, in the units of the user."""
+"""Written cases can be read again, and have the units of the user."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ CASES = [
 
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 @pytest.mark.parametrize("write", [case_tables, complete_case_tables])
-def test_a_written_case_is_the_same_case(path, write, monkeypatch):
-    """Files are named relative to the case: the text is read as if it stood in the place of the file."""
+def test_case_round_trip(path, write, monkeypatch):
+    """File paths are relative to the case, so the text is read as if from the path of the original."""
     case = read_case(path)
     text = format_toml(write(case))
     read = Path.read_bytes
@@ -31,7 +31,7 @@ def test_a_written_case_is_the_same_case(path, write, monkeypatch):
     assert resolve_record(read_case(path).record) == resolve_record(case.record)
 
 
-def test_a_written_case_has_the_units_of_the_user_and_its_overrides():
+def test_written_case_has_user_units_and_overrides():
     case = read_case(ROOT / "cases/pushrod-engine/intake.toml", ["springs.valve.stiffness=57.2kN/m"])
     tables = complete_case_tables(case)
     assert tables["springs"]["valve"]["stiffness"] == "57.2kN/m"

@@ -1,4 +1,4 @@
-"""Runs of cases that several tests look at."""
+"""Cached runs of cases for several tests."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="session")
-def flown():
-    """Return the response and the model of a case by its name below `cases` and overrides, each run once."""
+def run_case():
+    """Return a cached function that runs a case of the folder `cases` and returns response and model."""
 
     @functools.cache
     def make(name, *over, rigid=False):

@@ -1,4 +1,4 @@
-"""The case out of a result: the same model on the same mesh, wherever case and mesh have gone."""
+"""The case stored in a result gives the same model on the same mesh, even if the files of the case are gone."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ ROOT = Path(__file__).parents[2]
 CASES = ["tayeb/model-3-shm", "pushrod-engine/lever", "li/valve-train", "petrescu/valve-spring", "checks/cantilever"]
 
 
-def solved(path, folder, *overrides):
-    """Run a case for a few steps; return it and its result."""
+def solve_and_read(path, folder, *overrides):
+    """Run a case for a few steps; return case, response and stored result."""
     case = read_case(path, ["run.revolutions=0.05", "output.field_every=5", *overrides])
     sink = open_result_file(prepare(case), folder)
     response = run(case, sinks=[sink])
@@ -32,58 +32,58 @@ def solved(path, folder, *overrides):
 
 
 @pytest.mark.parametrize("name", mostly_slow(CASES, 2))
-def test_model_and_motion_are_those_of_the_run(name, tmp_path):
-    """Unknowns of nodes, of points with play and of springs' parts: all come back from the file, in their places."""
+def test_model_and_motion_from_result_equal_those_of_run(name, tmp_path):
+    """The cases have unknowns of nodes, of points with lash and of spring elements."""
     shutil.copytree(ROOT / "meshes", tmp_path / "meshes")
     (tmp_path / "cases" / name).parent.mkdir(parents=True)
     source = shutil.copy(ROOT / f"cases/{name}.toml", tmp_path / f"cases/{name}.toml")
-    case, response, result = solved(source, tmp_path / "results")
+    case, response, result = solve_and_read(source, tmp_path / "results")
     shutil.rmtree(tmp_path / "meshes")
     Path(source).unlink()
-    model, again = build_model(case) if "mesh" not in case.text else None, build_model(case_from_result(result))
+    model, restored = build_model(case) if "mesh" not in case.text else None, build_model(case_from_result(result))
     if model is not None:
-        assert np.array_equal(model.mesh.nodes, again.mesh.nodes)
+        assert np.array_equal(model.mesh.nodes, restored.mesh.nodes)
         assert {n: line.tolist() for n, line in model.mesh.lines.items()} == {
-            n: line.tolist() for n, line in again.mesh.lines.items()
+            n: line.tolist() for n, line in restored.mesh.lines.items()
         }
-    structure = build_structure(again)
+    structure = build_structure(restored)
     motion = result_motion(structure, result, case.speed)
     drawn = motion.rigid + motion.elastic
     assert structure.dofs.names == response.outline.unknowns
     assert np.allclose(drawn, response.fields.displacement, rtol=1e-12, atol=1e-18)
 
 
-def test_overrides_count(tmp_path):
-    _, _, result = solved(ROOT / "cases/petrescu/valve-spring.toml", tmp_path, "cams.valve.lift=4 mm")
+def test_case_from_result_has_overrides(tmp_path):
+    _, _, result = solve_and_read(ROOT / "cases/petrescu/valve-spring.toml", tmp_path, "cams.valve.lift=4 mm")
     assert case_from_result(result).record.cams["valve"].lift == pytest.approx(0.004)
 
 
 @pytest.mark.slow
-def test_a_result_has_the_lift_table_of_its_case(tmp_path):
-    """The file at its old place is neither needed nor read: another one stands there."""
+def test_case_from_result_has_lift_table(tmp_path):
+    """The original file is not read: another one replaces it."""
     new_case("measured-lift", tmp_path / "case.toml")
-    case, _, result = solved(tmp_path / "case.toml", tmp_path)
+    case, _, result = solve_and_read(tmp_path / "case.toml", tmp_path)
     lift = next(iter(build_model(case).cams.values())).event
     angle = np.linspace(0.0, 6.3, 100)
     (tmp_path / "measured-lift.csv").write_text("cam_deg, lift_mm\n0, 0\n1, 1\n")
     for _ in range(2):
-        again = next(iter(build_model(case_from_result(result)).cams.values())).event
-        assert np.array_equal(again(angle), lift(angle))
+        restored = next(iter(build_model(case_from_result(result)).cams.values())).event
+        assert np.array_equal(restored(angle), lift(angle))
         (tmp_path / "measured-lift.csv").unlink(missing_ok=True)
 
 
-def test_a_result_has_the_force_table_of_its_case(tmp_path):
+def test_case_from_result_has_force_table(tmp_path):
     shutil.copy(ROOT / "cases/pushrod-engine/intake.toml", tmp_path / "case.toml")
     (tmp_path / "spring.csv").write_text("travel_mm, force_N\n0, 200\n8, 500\n20, 1100\n")
     changes = ("springs.valve.stiffness=0", "springs.valve.force_table=spring.csv")
-    case, _, result = solved(tmp_path / "case.toml", tmp_path, *changes)
+    case, _, result = solve_and_read(tmp_path / "case.toml", tmp_path, *changes)
     (tmp_path / "spring.csv").unlink()
     assert case_from_result(result).record.springs["valve"] == case.record.springs["valve"]
 
 
-def test_a_result_has_the_law_file_of_its_case(tmp_path):
+def test_case_from_result_has_law_file(tmp_path):
     shutil.copy(ROOT / "cases/pushrod-engine/intake.toml", tmp_path / "case.toml")
     (tmp_path / "law.toml").write_text('[law]\nid = "cycloidal"\n')
-    case, _, result = solved(tmp_path / "case.toml", tmp_path, "cams.intake.law=law.toml")
+    case, _, result = solve_and_read(tmp_path / "case.toml", tmp_path, "cams.intake.law=law.toml")
     (tmp_path / "law.toml").unlink()
     assert case_from_result(result).record.cams["intake"].law == case.record.cams["intake"].law

@@ -1,4 +1,4 @@
-"""Every case of the repository runs; the published ones reproduce the 3000 rpm column of their table."""
+"""All cases of the repository run; the published ones reproduce the 3000 rpm column of their table."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ ROOT = Path(__file__).parents[2]
 CASES = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "cases").rglob("*.toml"))
 PUBLISHED = [name for name in CASES if "/tayeb/" in name]
 AT_3000_RPM = {"shm": 1.238, "parabolic": 1.319, "cycloidal": 1.437}
-"""Peak deviation of the valve by its lift, after two revolutions (published-systems, section T)."""
+"""Peak deviation of the valve relative to its lift, after two revolutions (published-systems, section T)."""
 
 
-def test_the_nine_published_cases_are_there():
+def test_nine_published_cases_exist():
     assert [
         f"cases/tayeb/model-{k}-{law}.toml" for k in (1, 2, 3) for law in ("cycloidal", "parabolic", "shm")
     ] == PUBLISHED
 
 
 @pytest.mark.parametrize("name", mostly_slow(PUBLISHED, 2))
-def test_published_column(name):
-    """To the three decimals of the table: half a unit of the last digit."""
+def test_published_deviation_at_3000_rpm(name):
+    """The tolerance is half a unit of the third decimal of the table."""
     case = read_case(ROOT / name)
     law = name.removesuffix(".toml").rpartition("-")[2]
     assert case.record.cams["intake"].law.given == law
@@ -38,14 +38,14 @@ def test_published_column(name):
 
 
 @pytest.mark.parametrize("name", PUBLISHED)
-def test_published_counts(name):
+def test_published_numbers_of_elements_and_unknowns(name):
     model = int(name.split("model-")[1][0])
     ready = prepare(read_case(ROOT / name))
     assert (len(ready.model.mesh.elements()), ready.problem.system.size) == {1: (4, 21), 2: (8, 25), 3: (10, 47)}[model]
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_says_where_its_numbers_come_from(name):
+def test_case_head_states_source_and_expectation(name):
     text = (ROOT / name).read_text(encoding="utf-8")
     assert text.startswith("#")
     assert "must show" in text or "Expected: " in text
@@ -55,17 +55,17 @@ CAMS = [name for name in CASES if "/cams/" in name]
 
 
 @pytest.mark.parametrize("name", mostly_slow([name for name in CASES if name not in (*PUBLISHED, *CAMS)], 2))
-def test_runs(name, flown):
-    response, _ = flown(name.removeprefix("cases/").removesuffix(".toml"))
+def test_case_runs(name, run_case):
+    response, _ = run_case(name.removeprefix("cases/").removesuffix(".toml"))
     assert response.status.ok
 
 
 SMOOTH = {"li-fb2": 3, "li-swing": 3, "petrescu-cos": 2, "roussev-single-dwell": 4}
-"""Derivatives, from the lift on, that step at no joint, as the head of each file says."""
+"""Number of continuous derivatives, including the lift, as stated in the head of each file."""
 
 
 @pytest.mark.parametrize("name", CAMS)
-def test_cams_alone(name):
+def test_cam_files_are_continuous_as_stated(name):
     cams = load_cams(ROOT / name)
     for cam in cams.cams.values():
         found = cam_facts(cam)
@@ -77,7 +77,7 @@ def test_cams_alone(name):
 
 
 @pytest.mark.parametrize(("rpm", "shm"), [(1000, 0.0615), (2000, 0.322), (4000, 2.730)])
-def test_other_speeds_of_one_case(rpm, shm):
-    """Half a unit of the last digit printed: three significant ones, four at 4000 rpm."""
+def test_published_deviation_at_other_speeds(rpm, shm):
+    """The tolerance is half a unit of the last printed digit: the third, or the fourth at 4000 rpm."""
     case = read_case(ROOT / "cases/tayeb/model-2-shm.toml", [f"run.speed={rpm}rpm"])
     assert deviation(case, "valve").peak_deviation == pytest.approx(shm, abs=5.1e-4 if shm > 0.1 else 5.1e-5)

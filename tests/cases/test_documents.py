@@ -1,4 +1,4 @@
-"""Each TOML block of documents is TOML and, where it is a whole case, runs. So does the case the format began with."""
+"""All TOML blocks of documents are valid TOML, and those that are complete cases run."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ ALL = [pytest.param(b, id=f"{p.relative_to(ROOT)}-{i}") for p in sorted(DOCUMENT
 
 
 @pytest.fixture
-def as_if_in_cases(tmp_path):
-    """Write a case two folders below one that holds the meshes."""
+def write_case(tmp_path):
+    """Return a function that writes a case two folders below one that contains the meshes."""
     (tmp_path / "meshes").symlink_to(ROOT / "meshes")
     folder = tmp_path / "cases/documents"
     folder.mkdir(parents=True)
@@ -41,13 +41,13 @@ def as_if_in_cases(tmp_path):
 
 
 @pytest.mark.parametrize("block", ALL)
-def test_block_of_a_document(block, as_if_in_cases):
+def test_toml_block_of_document_is_valid(block, write_case):
     content = tomllib.loads(block)
     if "format" in content:
-        assert run(read_case(as_if_in_cases(block))).status.ok
+        assert run(read_case(write_case(block))).status.ok
 
 
-AGREED = """
+REFERENCE_CASE = """
 format = 1
 title = "Published model 3, simple harmonic motion"
 mesh = "../../meshes/tayeb-3.msh"       # or [nodes] and members.NAME.nodes, never both
@@ -111,23 +111,23 @@ field_every = 20
 """
 
 
-def test_the_agreed_case_file_runs(as_if_in_cases):
-    case = read_case(as_if_in_cases(AGREED))
+def test_reference_case_runs(write_case):
+    case = read_case(write_case(REFERENCE_CASE))
     response = run(case)
     assert response.status.ok
     assert (len(response.outline.unknowns), response.stats.unknowns, response.stats.steps) == (47, 24, 7200)
 
 
-def test_dwell_and_phase_default_to_zero(as_if_in_cases):
-    cam = read_case(as_if_in_cases(AGREED)).record.cams["intake"]
+def test_dwell_and_phase_default_to_zero(write_case):
+    cam = read_case(write_case(REFERENCE_CASE)).record.cams["intake"]
     assert (cam.dwell, cam.phase) == (0.0, 0.0)
 
 
-def test_a_step_in_seconds_may_stand_instead(as_if_in_cases):
-    case = read_case(as_if_in_cases(AGREED.replace("steps_per_revolution = 3600", 'step = "20 us"')))
+def test_step_in_seconds_replaces_steps_per_revolution(write_case):
+    case = read_case(write_case(REFERENCE_CASE.replace("steps_per_revolution = 3600", 'step = "20 us"')))
     assert run(case).stats.steps == 2000
 
 
-def test_the_page_of_the_case_format_is_made_from_the_records():
+def test_page_of_the_case_format_is_up_to_date():
     made = runpy.run_path(str(ROOT / "docs/make_case_format.py"))["page"]()
     assert (ROOT / "docs/case-format.md").read_text(encoding="utf-8") == made, "run make docs-pages"

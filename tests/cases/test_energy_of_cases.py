@@ -1,4 +1,4 @@
-"""The energy balance of every shipped case, also with steps that are too long for its contacts."""
+"""Energy balance of all shipped cases, also with steps that are too long for their contacts."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ CASES = [
 
 
 STEPS = {"pump-up": 1000}
-"""Steps per revolution of cases in place of 100: the blow of that plunger on its ring lasts 0.05 ms."""
+"""Steps per revolution of cases that need more than 100: the impact of this plunger on its ring lasts 0.05 ms."""
 
 SLOW = ("bucket", "finger", "intake", "lever", "pump-up", "rocker", "valve-mass")
-"""Cases that the direct engine takes seconds for."""
+"""Cases whose run with the direct engine takes seconds."""
 
 
 def marks(number, path, engine):
-    """Leave each case with one of the two engines in the normal suite."""
+    """Return the marks that keep each case with one of the two engines in the normal suite."""
     slow = path.stem == "pump-up" or (engine == "direct") == bool(number % 2 or path.stem in SLOW)
     return [pytest.mark.slow] * slow
 
@@ -39,11 +39,11 @@ def marks(number, path, engine):
     ],
 )
 def test_dissipated_energy_never_decreases(path, engine):
-    """A contact may close and open again within one of these steps; it gives nothing back all the same."""
+    """A contact may close and open again within one step; it must not return energy."""
     steps = STEPS.get(path.stem, 100)
     case = flexcam.read_case(path, ["run.revolutions=1", f"run.steps_per_revolution={steps}", f"run.engine={engine}"])
     response = flexcam.run(case)
     energy = {name: response.channels[f"energy.{name}"] for name in ("work", "kinetic", "strain", "dissipated")}
     assert (np.diff(energy.pop("dissipated")) >= 0.0).all()
-    turned_over = max(np.ptp(part) for part in energy.values())
-    assert np.abs(response.channels["energy.residual"]).max() <= 1e-3 * turned_over
+    energy_range = max(np.ptp(part) for part in energy.values())
+    assert np.abs(response.channels["energy.residual"]).max() <= 1e-3 * energy_range

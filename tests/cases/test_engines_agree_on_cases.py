@@ -1,4 +1,4 @@
-"""Every case that is shipped goes every way through time alike: motion, channels, energies, internal states, events."""
+"""All engines agree on all shipped cases: motion, channels, energies, internal states and events."""
 
 from __future__ import annotations
 
@@ -25,35 +25,36 @@ SHORT = ["run.revolutions=1", "run.steps_per_revolution=720", "run.integrator.me
 KINDS = ("displacement", "velocity", "acceleration")
 
 LINEAR = {"displacement": 1e-11, "velocity": 1e-9, "acceleration": 1e-7}
-"""Parts of the largest: rounding of one whose axial entries are 1e4 times those of bending, and that a velocity has
-by 1/step, an acceleration by 1/step^2. A general run with its unknowns in another order is as far away."""
+"""Tolerances relative to the maximum: rounding with axial entries 1e4 times those of bending, times 1/step for
+velocities and 1/step^2 for accelerations. A direct run with reordered unknowns differs as much.
+"""
 
 CONTACTS = {"displacement": 1e-9, "velocity": 1e-6, "acceleration": 1e-4}
-"""With contacts: a force is settled to 1e-12 of the largest, and every touchdown makes more of it."""
+"""Tolerances with contacts: a force is iterated to 1e-12 of the maximum, and each impact amplifies the error."""
 
 
-def shorter(path, *overrides):
+def short_problem(path, *overrides):
     ready = prepare(read_case(path, [*SHORT, *overrides]))
     return replace(ready.problem, steps=min(ready.problem.steps, 720)), ready.scheme
 
 
-def forced(problem, scheme, path):
-    """Return the run a way."""
+def solve_with_engine(problem, scheme, path):
+    """Return the run by an engine."""
     return solve(replace(problem, engine=path), scheme, save=SaveAt(field_every=20))
 
 
-def unfit(problem, path):
-    """Return what the refusal says where the way is not the problem's; nothing where it is."""
+def refusal_reason(problem, path):
+    """Return the message if the engine cannot solve the problem, otherwise an empty string."""
     if not integrated_size(problem):
         return "0 unknowns"
     return "depends on the motion" if path == "modal" and problem.system.local_forces else ""
 
 
-def assert_one_of(problem, scheme, found, most):
-    """Assert that a run is a general one; where contacts part at a touchdown, one of those that rounding may make.
+def assert_near_direct(problem, scheme, found, most):
+    """Assert that a run equals a direct one, or one with loads changed by rounding where an impact is sensitive.
 
-    Loads larger by what a force is settled to send a general run one way or the other, by 1e-5 of the motion; a run in
-    machine code goes exactly one of these ways.
+    A change of the loads by the tolerance of the contact forces changes the motion of a direct run by up to 1e-5; a run
+    of the kernel equals one of these runs.
     """
     for share in (0.0, 1e-12, -1e-12, 3e-12, -3e-12):
         general = solve(stronger(replace(problem, engine="direct"), share), scheme, save=SaveAt(field_every=20))
@@ -84,26 +85,26 @@ def assert_near(general, found, most, tail=""):
 
 
 SLOW = ("bucket", "camshaft", "finger", "intake", "leak-down", "lever", "pump-up", "rocker", "valve-mass")
-"""Cases whose direct runs take long; the small models of `tests/golden` have their parts in the normal suite."""
+"""Cases whose direct runs take long; the small models of `tests/golden` test their parts in the normal suite."""
 
 
-def named(path):
+def case_param(path):
     marks = pytest.mark.slow if path.stem in SLOW else ()
     return pytest.param(path, id=f"{path.parent.name}-{path.stem}", marks=marks)
 
 
 @pytest.mark.parametrize("path", ["modal", "kernel"])
-@pytest.mark.parametrize("case", mostly_slow([named(path) for path in CASES], 2))
-def test_every_case(case, path):
-    problem, scheme = shorter(case)
-    if why := unfit(problem, path):
+@pytest.mark.parametrize("case", mostly_slow([case_param(path) for path in CASES], 2))
+def test_engine_agrees_with_direct_engine(case, path):
+    problem, scheme = short_problem(case)
+    if why := refusal_reason(problem, path):
         with pytest.raises(InputError, match=why):
-            forced(problem, scheme, path)
+            solve_with_engine(problem, scheme, path)
         return
-    found = forced(problem, scheme, path)
+    found = solve_with_engine(problem, scheme, path)
     assert found.stats.engine == path
     assert found.status.ok
-    assert_one_of(problem, scheme, found, CONTACTS if problem.system.local_forces else LINEAR)
+    assert_near_direct(problem, scheme, found, CONTACTS if problem.system.local_forces else LINEAR)
 
 
 @pytest.mark.slow
@@ -111,11 +112,11 @@ def test_every_case(case, path):
     ("pushrod-engine/intake", 2000, 720), ("pushrod-engine/intake", 100, 360), ("pushrod-engine/lever", 6500, 360),
     ("direct-acting/bucket", 8000, 120), ("direct-acting/finger", 100, 120),
 ])  # fmt: skip
-def test_steps_that_hardly_settle(name, rpm, steps):
-    """Where a contact goes to and fro within Newton's iteration, both ways find the one balance there is.
+def test_engines_agree_with_coarse_steps(name, rpm, steps):
+    """Both engines find the same equilibrium where a contact alternates in the Newton iteration.
 
-    Steps as coarse as that are not resolved: 1e-3 is far above what impacts make of rounding, and far below the
-    tenths by which a step differs that one way takes whole and the other in halves.
+    Such coarse steps do not resolve the motion: 1e-3 is far above the rounding amplified by impacts, and far below the
+    difference of some tenths between a full step and two half steps.
     """
     coarse = [f'run.crank_speed="{rpm} rpm"', "run.revolutions=1", f"run.steps_per_revolution={steps}"]
     ready = prepare(read_case(ROOT / f"cases/{name}.toml", coarse))
@@ -131,16 +132,16 @@ def test_steps_that_hardly_settle(name, rpm, steps):
     pytest.param("pushrod-engine/intake.toml", "generalized-alpha", marks=pytest.mark.slow),
     ("tayeb/model-3-shm.toml", "hht"), ("tayeb/model-3-shm.toml", "generalized-alpha"),
 ])  # fmt: skip
-def test_schemes_that_weigh_the_old_instant(name, method):
+def test_kernel_agrees_with_direct_for_weighted_schemes(name, method):
     ready = prepare(read_case(ROOT / "cases" / name, [*SHORT, f'run.integrator={{ method = "{method}" }}']))
     problem = replace(ready.problem, steps=720)
-    found = forced(problem, ready.scheme, "kernel")
-    assert_one_of(problem, ready.scheme, found, CONTACTS)
+    found = solve_with_engine(problem, ready.scheme, "kernel")
+    assert_near_direct(problem, ready.scheme, found, CONTACTS)
 
 
 @pytest.mark.parametrize("path", ["modal", "kernel"])
-def test_the_rigid_companion_of_a_forced_way(path):
-    """What is asked of the flexible train's run is not asked of the rigid one beside it, which has no unknowns."""
+def test_rigid_model_ignores_selected_engine(path):
+    """The engine is selected for the flexible model; the rigid model has no unknowns."""
     case = read_case(ROOT / "cases/tayeb/model-1-shm.toml", [*SHORT, f'run.engine="{path}"'])
     assert prepare(case).problem.engine == path
     companion = prepare(case, rigid=True)
@@ -149,13 +150,13 @@ def test_the_rigid_companion_of_a_forced_way(path):
 
 @pytest.mark.parametrize("prune", [False, True])
 @pytest.mark.parametrize("path", ["modal", "kernel"])
-def test_pruned_and_whole(path, prune):
-    """What cannot move is left out of the natural motions too; nothing that is shown changes."""
-    problem, scheme = shorter(ROOT / "cases/tayeb/model-3-shm.toml")
+def test_engines_agree_with_and_without_pruning(path, prune):
+    """Pruning removes inactive unknowns from the modes too; no output changes."""
+    problem, scheme = short_problem(ROOT / "cases/tayeb/model-3-shm.toml")
     problem = replace(problem, prune=prune)
-    found = forced(problem, scheme, path)
+    found = solve_with_engine(problem, scheme, path)
     assert found.stats.unknowns == integrated_size(problem)
-    assert_one_of(problem, scheme, found, LINEAR)
+    assert_near_direct(problem, scheme, found, LINEAR)
 
 
 @pytest.mark.parametrize("change", [
@@ -165,35 +166,35 @@ def test_pruned_and_whole(path, prune):
 @pytest.mark.parametrize(
     "name", [pytest.param("direct-acting/bucket.toml", marks=pytest.mark.slow), "tayeb/model-3-shm.toml"]
 )
-def test_what_else_a_case_may_ask(name, change):
-    """Few modes, a chain, a periodic start, a speed that swings."""
+def test_kernel_agrees_with_direct_for_run_options(name, change):
+    """Few modes, a chain, a periodic start, a speed fluctuation."""
     ready = prepare(read_case(ROOT / "cases" / name, [*SHORT, change]))
     problem = replace(ready.problem, steps=720)
-    found = forced(problem, ready.scheme, "kernel")
-    assert_one_of(problem, ready.scheme, found, CONTACTS)
+    found = solve_with_engine(problem, ready.scheme, "kernel")
+    assert_near_direct(problem, ready.scheme, found, CONTACTS)
 
 
-def test_a_published_load_that_follows_the_camshaft():
-    """It senses the shaft's deflection and acts on shaft and tappet: a local force, linear, that stores no energy."""
-    problem, scheme = shorter(ROOT / "cases/tayeb/model-3-shm.toml", "contacts.intake.cam_deflection=true")
+def test_kernel_agrees_with_direct_for_cam_deflection():
+    """The load depends on the shaft's deflection and acts on shaft and tappet: a linear local force without energy."""
+    problem, scheme = short_problem(ROOT / "cases/tayeb/model-3-shm.toml", "contacts.intake.cam_deflection=true")
     assert problem.system.local_forces
-    found = forced(problem, scheme, "kernel")
+    found = solve_with_engine(problem, scheme, "kernel")
     assert found.stats.engine == "kernel"
-    assert_one_of(problem, scheme, found, CONTACTS)
+    assert_near_direct(problem, scheme, found, CONTACTS)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["direct-acting/bucket.toml", "pushrod-engine/intake.toml"])
-def test_going_on_in_machine_code_from_a_general_run(name):
-    """A state with contacts and internal states: half a run the general way, the other half compiled."""
-    problem, scheme = shorter(ROOT / "cases" / name)
+def test_kernel_continues_direct_run(name):
+    """The state at half the run contains contacts and internal states."""
+    problem, scheme = short_problem(ROOT / "cases" / name)
     save = SaveAt(field_every=20)
-    whole = solve(replace(problem, engine="direct"), scheme, save=save)
+    full = solve(replace(problem, engine="direct"), scheme, save=save)
     first = solve(replace(problem, engine="direct", steps=360), scheme, save=save)
     d, v, a = (getattr(first.fields, kind)[-1] for kind in KINDS)
     inner = first.inner if len(first.inner) else None
     start = State(d, v, float(first.time[-1]), inner, acceleration=a)
     later = solve(replace(problem, engine="kernel", steps=360, start=start), scheme, save=save)
     for kind in KINDS:
-        one, other = getattr(whole.fields, kind)[18:], getattr(later.fields, kind)
+        one, other = getattr(full.fields, kind)[18:], getattr(later.fields, kind)
         np.testing.assert_allclose(other, one, rtol=0.0, atol=CONTACTS[kind] * np.abs(one).max(), err_msg=kind)

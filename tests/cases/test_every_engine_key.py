@@ -1,4 +1,4 @@
-"""Every key of the parts of engines stands in a case that runs, and acts: changing it changes the run."""
+"""All keys of engine parts are in a case that runs, and a change of each key changes the run."""
 
 # ruff: noqa: E501 - tables, a row to a line
 
@@ -27,14 +27,14 @@ OIL = (
 FILM = 'film = { diameter = "30 mm", length = "15 mm", radial_clearance = "30 um", viscosity = "10 mPa s" }'
 WARM = ("materials.steel.expansion=12e-6", "members.pushrod.temperature=10")
 
-# Five steps from the middle of the rise, from standstill.
+# Five steps from rest, starting in the middle of the rise.
 SHORT = (
     "run.revolutions=0.007", "run.steps_per_revolution=720", "cams.intake.phase=-30deg", "cams.exhaust.phase=-30deg",
     "cams.direct.phase=-30deg", OIL, *WARM,
 )  # fmt: skip
 
-# By part: what falls on it, for an impact.
-FALLING = {
+# By part: initial state that gives an impact.
+IMPACT_STARTS = {
     "contacts.seat": 'run.start={ displacement = { valve = "0.02 mm" }, velocity = { valve = "-1 m/s" } }',
     "contacts.intake": 'run.start={ displacement = { "tappet.uy" = "3 mm" }, velocity = { "tappet.uy" = "-1 m/s" } }',
 }
@@ -42,8 +42,8 @@ FALLING = {
 FREE = 'free_running = { cam = "intake", cam_mass = "0.4 kg", follower_mass = "0.1 kg" }'
 SWING = 'fluctuation = { orders = [2, 4], amplitudes = ["3 %", 0.01], phases = ["30 deg", 0] }'
 
-# by key: what is laid over
-CHANGED = {
+# by key: override
+OVERRIDES = {
     "members.pushrod.bow": "members.pushrod.bow=-1mm",
     "members.pushrod.temperature": "members.pushrod.temperature=20",
     "materials.steel.expansion": "materials.steel.expansion=20e-6",
@@ -88,23 +88,23 @@ CHANGED = {
 }  # fmt: skip
 
 
-def ran(path, *overrides):
+def run_channels(path, *overrides):
     response = run(read_case(path, [*SHORT, *overrides]))
     assert response.status.ok, str(response.status)
     return {**response.channels, "probes": response.probes.displacement, "angle": response.angle}
 
 
 @pytest.fixture(scope="module")
-def as_it_stands():
-    return ran(ENGINE)
+def unchanged():
+    return run_channels(ENGINE)
 
 
 ROUNDING = {"energy.residual", "energy.numerical"}
 """Small differences of large energies."""
 
 
-def differs(one, other):
-    """Tell whether any history of the same scalars changed by more than rounding."""
+def any_change(one, other):
+    """Return whether any history of equal length changed by more than rounding."""
     shared = [name for name in sorted((one.keys() & other.keys()) - ROUNDING) if one[name].shape == other[name].shape]
     return any(np.abs(one[name] - other[name]).max() > 1e-9 * np.abs(one[name]).max() for name in shared)
 
@@ -113,21 +113,21 @@ QUICK = ("members.pushrod.bow", "members.pushrod.temperature", "rockers.rocker.a
          "contacts.intake.lubrication.viscosity")  # fmt: skip
 
 
-@pytest.mark.parametrize("key", [pytest.param(k, marks=[] if k in QUICK else [pytest.mark.slow]) for k in CHANGED])
-def test_acts(key, as_it_stands):
-    assert differs(as_it_stands, ran(ENGINE, CHANGED[key]))
+@pytest.mark.parametrize("key", [pytest.param(k, marks=[] if k in QUICK else [pytest.mark.slow]) for k in OVERRIDES])
+def test_key_changes_run(key, unchanged):
+    assert any_change(unchanged, run_channels(ENGINE, OVERRIDES[key]))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("part", FALLING)
-def test_restitution_acts(part):
-    one, other = (ran(ENGINE, FALLING[part], f"{part}.restitution={value}") for value in (0.0, 0.9))
-    assert differs(one, other)
+@pytest.mark.parametrize("part", IMPACT_STARTS)
+def test_restitution_changes_run(part):
+    one, other = (run_channels(ENGINE, IMPACT_STARTS[part], f"{part}.restitution={value}") for value in (0.0, 0.9))
+    assert any_change(one, other)
 
 
 @pytest.fixture
-def rewritten(tmp_path):
-    """Return the case with one text replaced."""
+def rewrite(tmp_path):
+    """Return a function that writes the case with one replaced text."""
 
     def write(old, new):
         text = ENGINE.read_text(encoding="utf-8")
@@ -150,37 +150,37 @@ REPLACED = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("key", REPLACED)
-def test_acts_when_it_is_left_out(key, rewritten, as_it_stands):
-    changed = differs(as_it_stands, ran(rewritten(*REPLACED[key])))
+def test_omitted_key_changes_run(key, rewrite, unchanged):
+    changed = any_change(unchanged, run_channels(rewrite(*REPLACED[key])))
     assert changed == (key != "lever"), "a comment changes nothing, everything else does"
 
 
 @pytest.mark.slow
-def test_free_running(rewritten, as_it_stands):
-    path = rewritten(SWING, FREE)
-    one = ran(path)
-    assert differs(as_it_stands, one)
+def test_free_running_keys_change_run(rewrite, unchanged):
+    path = rewrite(SWING, FREE)
+    one = run_channels(path)
+    assert any_change(unchanged, one)
     for key in ("cam_mass=2.0", "follower_mass=2.0"):
-        assert differs(one, ran(path, f"run.free_running.{key}")), key
-    assert differs(one, ran(path, 'run.free_running.cam="exhaust"', "cams.exhaust.phase=20deg"))
+        assert any_change(one, run_channels(path, f"run.free_running.{key}")), key
+    assert any_change(one, run_channels(path, 'run.free_running.cam="exhaust"', "cams.exhaust.phase=20deg"))
 
 
 LINEAR = Path(__file__).parents[2] / "cases/pushrod-engine/intake.toml"
 
 
 @pytest.mark.slow
-def test_periodic_start():
-    """The state returns after a revolution, as the figures of the run say."""
+def test_periodic_start_returns_after_revolution():
+    """The state returns after one revolution, as the statistics of the run state."""
     about = ["run.crank_speed=2000rpm", "run.steps_per_revolution=720", "run.revolutions=1", 'run.start="periodic"']
     response = run(read_case(LINEAR, about))
-    moved = response["valve"].displacement
+    valve_motion = response["valve"].displacement
     assert response.status.ok
     assert 0.0 <= response.stats.periodicity < 1e-2
-    assert abs(moved[-1] - moved[0]) <= 2e-2 * np.ptp(moved)
+    assert abs(valve_motion[-1] - valve_motion[0]) <= 2e-2 * np.ptp(valve_motion)
 
 
 def keys_in(value):
-    """Return (record, key) of everything that was given."""
+    """Return (record, key) of all given keys."""
     if isinstance(value, BaseModel):
         here = {(type(value).__name__, key) for key in value.model_fields_set}
         return here.union(*(keys_in(getattr(value, key)) for key in value.model_fields_set))
@@ -199,18 +199,18 @@ def all_keys(modules):
 
 
 @pytest.mark.slow
-def test_refill_acts():
-    """The check valve opens once the train comes off the lift."""
+def test_refill_changes_run():
+    """The check valve opens after the lift."""
     oil = 'contacts.lash={ at = "rocker", model = "lash-adjuster", stiffness = 15e6, leak = 1e5, refill = %s, plunger_force = 20 }'
     about = ["run.crank_speed=7000rpm", "run.revolutions=0.6", "run.steps_per_revolution=720"]
     one, other = (run(read_case(LINEAR, [*about, oil % value])).channels for value in (2000.0, 200.0))
-    assert differs(one, other)
+    assert any_change(one, other)
 
 
-def test_an_adjuster_between_nodes():
+def test_adjuster_between_nodes_leaks_down():
     oil = 'contacts.play={ from = "lifter-top", to = "stem", direction = "uy", model = "lash-adjuster", '
     oil += 'stiffness = "20 MN/m", leak = "100 kN s/m", refill = "200 N s/m", plunger_force = "20 N" }'
-    found = ran(ENGINE, oil)
+    found = run_channels(ENGINE, oil)
     assert found["contacts.play.force"].max() > 20.0
     assert np.ptp(found["contacts.play.leak_down"]) > 0.0
 
@@ -223,20 +223,20 @@ COILS += 'wire = { diameter = "4 mm", shear_modulus = "80 GPa", density = "7850 
 TABLE = 'springs.lifter={ at = "lifter", direction = "uy", installed_force = 10, force_table = [[0, 0], [0.04, 24], [0.05, 40]] }'
 
 
-def test_springs_that_are_not_linear_act(as_it_stands):
-    one = ran(ENGINE, COILS)
-    assert differs(as_it_stands, one)
-    assert differs(one, ran(ENGINE, COILS, "springs.stem.coils.0.pitch=6 mm"))
-    assert differs(as_it_stands, ran(ENGINE, TABLE))
+def test_nonlinear_springs_change_run(unchanged):
+    one = run_channels(ENGINE, COILS)
+    assert any_change(unchanged, one)
+    assert any_change(one, run_channels(ENGINE, COILS, "springs.stem.coils.0.pitch=6 mm"))
+    assert any_change(unchanged, run_channels(ENGINE, TABLE))
 
 
 @pytest.mark.slow
-def test_every_key_of_coils_acts():
-    one = ran(ENGINE, COILS)
+def test_keys_of_coils_change_run():
+    one = run_channels(ENGINE, COILS)
     for key in ("turns=2.5", "diameter=24 mm"):
-        assert differs(one, ran(ENGINE, COILS, f"springs.stem.coils.0.{key}")), key
+        assert any_change(one, run_channels(ENGINE, COILS, f"springs.stem.coils.0.{key}")), key
     for key in ("diameter=4.2 mm", "density=8500", "shear_modulus=75 GPa"):
-        assert differs(one, ran(ENGINE, COILS, f"springs.stem.wire.{key}")), key
+        assert any_change(one, run_channels(ENGINE, COILS, f"springs.stem.wire.{key}")), key
 
 
 TOLERANCES = '{ lift = "1 %", velocity = "2 %", acceleration = "5 %", force = "5 %" }'
@@ -272,11 +272,10 @@ superelements = { arm = { nodes = { 1 = "foot", 2 = "tip" }, units = "m-kg-s", m
 PAPERS = ("checks/mathieu.toml", "checks/pump-up.toml", "li/valve-train.toml", "petrescu/valve-spring.toml")
 
 
-def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):
-    """All tables of the format."""
+def test_every_key_of_the_format_is_in_a_case(rewrite, tmp_path):
     shutil.copy(DATA / "lift.csv", tmp_path)
     cases = [
-        (DATA / "every-key.toml", []), (DATA / "every-contact.toml", []), (ENGINE, [OIL, *WARM]), (rewritten(SWING, FREE), []),
+        (DATA / "every-key.toml", []), (DATA / "every-contact.toml", []), (ENGINE, [OIL, *WARM]), (rewrite(SWING, FREE), []),
         (ENGINE, [COILS, TABLE]),
         (DATA / "every-key.toml", ['run.integrator={ method = "hht", alpha = -0.1 }']),
         (DATA / "every-key.toml", ['run.integrator={ method = "generalized-alpha", rho_inf = 0.8 }']),
@@ -317,8 +316,8 @@ def test_every_key_of_the_format_stands_in_some_case(rewritten, tmp_path):
     )
     given |= keys_in(read_cams(DATA / "every-cam.toml"))
     modules = [getattr(schema, name) for name in ("cams", "contacts", "parts", "run", "springs")]
-    between = {("AdjusterRecord", key) for key in ("start", "to", "direction")}  # as those of a play
-    between |= {key for key in all_keys(modules) if key[0] == "RepeatRecord"}  # gone once its copies exist
-    free = {key for key in all_keys(modules) if key[0] == "CamDesignRecord"}  # as those of a cam
+    between = {("AdjusterRecord", key) for key in ("start", "to", "direction")}  # same as those of a lash
+    between |= {key for key in all_keys(modules) if key[0] == "RepeatRecord"}  # removed after its copies are made
+    free = {key for key in all_keys(modules) if key[0] == "CamDesignRecord"}  # same as those of a cam
     assert len(all_keys(modules)) > 150
     assert all_keys(modules) - given - between - free == set()

@@ -1,4 +1,4 @@
-"""Every key of the case format stands in a case that runs."""
+"""All keys of the case format are in a case that runs."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ ROOT = Path(__file__).parents[2]
 EVERY = ROOT / "tests/data/every-key.toml"
 EVERY_CAM = ROOT / "tests/data/every-cam.toml"
 EVERY_CONTACT = ROOT / "tests/data/every-contact.toml"
-MESHED = ROOT / "cases/tayeb/model-1-shm.toml"
+MESH_CASE = ROOT / "cases/tayeb/model-1-shm.toml"
 
-WAYS = {
+VARIANTS = {
     "as it stands": (EVERY, []),
     "hht": (EVERY, ['run.integrator={ method = "hht", alpha = -0.1 }']),
     "generalized-alpha": (EVERY, ['run.integrator={ method = "generalized-alpha", rho_inf = 0.8 }']),
     "given state": (EVERY, ['run.start={ displacement = { "cam.uy" = "1 um" }, velocity = { "cam.rx" = "1 rad/s" } }']),
     "other members": (EVERY, ["members.pushrod.section=flat", "members.camshaft.section=own"]),
     "true contacts": (EVERY_CONTACT, ["run.revolutions=0.2"]),
-    "mesh file": (MESHED, ["run.revolutions=0.1"]),
+    "mesh file": (MESH_CASE, ["run.revolutions=0.1"]),
 }
 
 
-@pytest.mark.parametrize("way", mostly_slow(WAYS, 2))
-def test_runs(way):
-    path, overrides = WAYS[way]
+@pytest.mark.parametrize("way", mostly_slow(VARIANTS, 2))
+def test_case_with_all_keys_runs(way):
+    path, overrides = VARIANTS[way]
     assert run(read_case(path, overrides)).status.ok
 
 
-def test_cams_alone():
+def test_cam_file_with_all_keys_is_read():
     cams = load_cams(EVERY_CAM)
     assert set(cams.cams) == {"intake", "single", "swing", "measured"}
     assert {name: cam_facts(cam).cam.event.height > 0.0 for name, cam in cams.cams.items()} == dict.fromkeys(
@@ -42,7 +42,7 @@ def test_cams_alone():
     )
 
 
-def test_restart_from_a_result_and_a_step_in_seconds(tmp_path):
+def test_restart_from_result_with_step_in_seconds_runs(tmp_path):
     from flexcam.analysis.preparation import prepare
     from flexcam.analysis.run import open_result_file
     from flexcam.dynamics import solve

@@ -1,4 +1,4 @@
-"""Every example runs in its folder, its own assertions hold, it draws something, and it leaves nothing behind."""
+"""All examples run in their folder, pass their own assertions, draw a figure and leave no files."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SLOW = ("speed_against_accuracy", "sweep_over_speed")
     "path",
     mostly_slow([pytest.param(one, marks=[pytest.mark.slow] * (one.stem in SLOW), id=one.stem) for one in EXAMPLES], 2),
 )
-def test_example(path, monkeypatch):
+def test_example_runs_and_draws_figure(path, monkeypatch):
     monkeypatch.chdir(FOLDER)
     before = set(FOLDER.iterdir())
     made = runpy.run_path(str(path), run_name="__main__")
@@ -31,5 +31,5 @@ def test_example(path, monkeypatch):
     assert set(FOLDER.iterdir()) - before <= {FOLDER / "__pycache__"}
 
 
-def test_there_are_examples():
+def test_number_of_examples():
     assert 6 <= len(EXAMPLES) <= 11

@@ -1,4 +1,4 @@
-"""Trains of masses and springs alone: points on no member move, are drawn, and are refused where due."""
+"""Trains of masses and springs only: points that are on no member move, are drawn, and are refused if invalid."""
 
 # ruff: noqa: E501 - tables, a row to a line
 
@@ -21,8 +21,8 @@ SHORT = ["run.revolutions=0.45", "run.steps_per_revolution=720"]
 
 
 @pytest.fixture
-def written(tmp_path):
-    """Return a case from the text of Li's train with parts of it replaced."""
+def write_train(tmp_path):
+    """Return a function that writes the case of Li's train with replaced parts."""
 
     def make(*pairs):
         text = LI.read_text(encoding="utf-8")
@@ -37,15 +37,15 @@ def written(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def kept(tmp_path_factory):
+def saved_run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("lumped")
     ready = prepare(read_case(LI, SHORT))
     sink = open_result_file(ready, folder)
     return solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink]), read_result(sink.path), sink.path
 
 
-def test_every_point_is_drawn_and_kept(kept):
-    response, result, _ = kept
+def test_points_are_saved_and_drawn(saved_run):
+    response, result, _ = saved_run
     assert result.still["node"].tolist() == [1, 2, 3]
     assert dict(result.mesh.lines) == {}
     at = np.searchsorted(response.time, response.field_time)
@@ -54,9 +54,9 @@ def test_every_point_is_drawn_and_kept(kept):
     assert not any(values.any() for values in result.recovered.values())
 
 
-def test_paraview_sees_vertices(kept):
+def test_vtkhdf_points_are_vertices(saved_run):
     reading = pytest.importorskip("vtkmodules.vtkIOHDF")
-    _, result, path = kept
+    _, result, path = saved_run
     reader = reading.vtkHDFReader()
     reader.SetFileName(str(path))
     reader.UpdateInformation()
@@ -69,9 +69,9 @@ def test_paraview_sees_vertices(kept):
     assert [output.GetCellData().GetArray("member").GetValue(i) for i in range(3)] == [-1, -1, -1]
 
 
-def test_collections_hold_vertices(kept, tmp_path):
+def test_pvd_points_are_vertices(saved_run, tmp_path):
     reading = pytest.importorskip("vtkmodules.vtkIOXML")
-    _, result, _ = kept
+    _, result, _ = saved_run
     drawn = output_geometry(build_model(read_case(LI)))
     found = modes(read_case(LI))
     files = [*write_pvd(result, tmp_path / "train.pvd"), *write_modes(
@@ -87,8 +87,7 @@ def test_collections_hold_vertices(kept, tmp_path):
         assert (output.GetNumberOfVerts(), output.GetNumberOfLines(), output.GetNumberOfPoints()) == (3, 0, 3)
 
 
-def test_beams_and_masses_side_by_side(tmp_path):
-    """A mass on no member beside a beam: both move, and the lines keep their points."""
+def test_mass_on_no_member_next_to_beam(tmp_path):
     text = (ROOT / "cases/checks/cantilever.toml").read_text(encoding="utf-8")
     text = text.replace("[materials.steel]", 'ball = ["0 mm", "0 mm", "600 mm"]\n\n[materials.steel]', 1)
     text += '[masses]\nball = { at = "ball", mass = "1 kg" }\n[springs]\n'
@@ -105,8 +104,8 @@ def test_beams_and_masses_side_by_side(tmp_path):
     assert run(read_case(path)).status.ok
 
 
-def test_a_mass_that_nothing_holds_falls(tmp_path):
-    """Free motions of a node by itself: x = g t^2/2."""
+def test_unsupported_mass_falls_freely(tmp_path):
+    """Rigid-body motion of a single node: x = g t^2/2."""
     path = tmp_path / "falling.toml"
     path.write_text("""
 format = 1
@@ -131,13 +130,13 @@ probes = ["stone"]
     np.testing.assert_allclose(response["stone.ux"].displacement, response.time, atol=1e-12)
 
 
-def test_only_what_has_inertia_or_a_spring_moves(written):
-    """A body with inertia turns too; a point without a mass moves along its springs."""
-    turning = written(
+def test_active_unknowns_have_inertia_or_spring(write_train):
+    """A body with rotary inertia rotates; a massless point moves along its springs."""
+    turning = write_train(
         ('mass = "0.25 kg" }', 'mass = "0.25 kg", inertia = ["0 kg m^2", "1e-5 kg m^2", "1e-5 kg m^2"] }')
     )
     assert prepare(read_case(turning)).problem.system.names[:3] == ("tappet.uy", "tappet.ry", "tappet.rz")
-    light = written(('m2 = { at = "rocker", mass = "0.18 kg" }\n', ""))
+    light = write_train(('m2 = { at = "rocker", mass = "0.18 kg" }\n', ""))
     case = read_case(light, SHORT)
     assert prepare(case).problem.system.names == ("tappet.uy", "rocker.uy", "valve.uy")
     two = 1.0 / (1.0 / 4e6 + 1.0 / 4e6)
@@ -146,17 +145,16 @@ def test_only_what_has_inertia_or_a_spring_moves(written):
     assert modes(case).modes.frequencies[0] == pytest.approx(expected, rel=1e-9)
 
 
-def test_links_are_rigid_in_the_rigid_mechanism_and_springs_are_not(written):
-    assert deviation(read_case(LI, SHORT), "valve.uy").lift == pytest.approx(
-        5.5e-3, rel=1e-6
-    )  # the cubic between two instants
-    loose = written(('stiffness = "4e6 N/m", link = true }\nk4', 'stiffness = "4e6 N/m" }\nk4'))
-    # The springs k3 and k4 in series share the motion of the rocker statically.
+def test_rigid_model_keeps_springs_without_link(write_train):
+    # The tolerance is that of cubic interpolation between two steps.
+    assert deviation(read_case(LI, SHORT), "valve.uy").lift == pytest.approx(5.5e-3, rel=1e-6)
+    loose = write_train(('stiffness = "4e6 N/m", link = true }\nk4', 'stiffness = "4e6 N/m" }\nk4'))
+    # Static displacement of the springs k3 and k4 in series.
     expected = 5.5e-3 * 4e6 / (4e6 + 23e3)
     assert deviation(read_case(loose, SHORT), "valve.uy").lift == pytest.approx(expected, rel=1e-6)
 
 
-REFUSED = [
+INVALID = [
     (("axis = [1, 0, 0]\n", ""), "a cam at 'camshaft' on no member"),
     (('model = "bilateral", stiffness = "4e6 N/m"', 'model = "unilateral", stiffness = "hertz"'), "has no base_radius and no follower and no width"),
     (('follower = "tappet"', 'follower = "camshaft"'), "nothing that moves"),
@@ -165,14 +163,14 @@ REFUSED = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("pair", "words"), REFUSED)
-def test_refused(written, pair, words):
+@pytest.mark.parametrize(("pair", "words"), INVALID)
+def test_invalid_lumped_train_is_refused(write_train, pair, words):
     with pytest.raises(InputError, match=words):
-        run(read_case(written(pair), SHORT))
+        run(read_case(write_train(pair), SHORT))
 
 
-def test_hertz_needs_a_member(written):
-    path = written(
+def test_hertz_contact_requires_member(write_train):
+    path = write_train(
         ('model = "bilateral", stiffness = "4e6 N/m"', 'model = "unilateral", stiffness = "hertz"'),
         ("[contacts]", 'base_radius = "20 mm"\nwidth = "12 mm"\nfollower = { type = "flat" }\n[contacts]'),
     )
@@ -180,13 +178,13 @@ def test_hertz_needs_a_member(written):
         prepare(read_case(path))
 
 
-def test_compression_is_force_by_stiffness(written):
-    path = written(('stiffness = "23 kN/m"', 'stiffness = "23 kN/m", installed_compression = "10 mm"'))
+def test_installed_compression_gives_installed_force(write_train):
+    path = write_train(('stiffness = "23 kN/m"', 'stiffness = "23 kN/m", installed_compression = "10 mm"'))
     assert build_model(read_case(path)).springs["k4"].installed_force == pytest.approx(230.0, rel=1e-12)
 
 
-def test_a_spring_with_mass_needs_no_other_mass(tmp_path):
-    """A coil held at one end alone has the first frequency sqrt(k/m)/4 (Wahl 1963), and its run keeps its energy."""
+def test_spring_with_mass_requires_no_other_mass(tmp_path):
+    """A coil fixed at one end has the first frequency sqrt(k/m)/4 (Wahl 1963), and its run conserves energy."""
     text = """
         format = 1
         nodes = { end = [0.0, 0.0, 0.0] }

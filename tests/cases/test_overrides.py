@@ -1,4 +1,4 @@
-"""Values laid over a case: numbers in lists, and keys that stand instead of others."""
+"""Overrides of a case: numbers in lists, and keys that replace exclusive ones."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ PUBLISHED = CASES / "tayeb/model-1-shm.toml"  # gives speed and steps_per_revolu
 ENGINE = CASES / "pushrod-engine/intake.toml"  # gives crank_speed
 
 
-def test_a_number_in_a_list_is_laid_over_by_its_position():
+def test_override_of_number_in_list():
     assert read_case(PUBLISHED, ["rockers.rocker.arms.1=42mm"]).record.rockers["rocker"].arms == (0.025, 0.042)
-    whole = read_case(PUBLISHED, ['rockers.rocker.arms=["25 mm", "42 mm"]'])
-    assert read_case(PUBLISHED, ["rockers.rocker.arms.1=0.042"]).record == whole.record
+    full = read_case(PUBLISHED, ['rockers.rocker.arms=["25 mm", "42 mm"]'])
+    assert read_case(PUBLISHED, ["rockers.rocker.arms.1=0.042"]).record == full.record
 
 
 COILS = 'springs.valve={ at = "valve", direction = "uy", coils = [{ turns = 2, diameter = 0.024, pitch = 0.006 }, '
@@ -26,23 +26,27 @@ COILS += "{ turns = 4, diameter = [0.024, 0.02], pitch = 0.009 }], wire = { diam
 TABLE = 'springs.valve={ at = "valve", direction = "uy", force_table = [[0, 0], [0.02, 600.0]] }'
 
 
-def test_a_number_in_a_table_of_a_list_is_laid_over_by_its_position():
-    laid = ["springs.valve.coils.0.turns=3", "springs.valve.coils.1.pitch=8mm", "springs.valve.coils.1.diameter.0=23mm"]
-    first, second = read_case(PUBLISHED, [COILS, *laid]).record.springs["valve"].coils
+def test_override_of_number_in_list_of_tables():
+    overrides = [
+        "springs.valve.coils.0.turns=3",
+        "springs.valve.coils.1.pitch=8mm",
+        "springs.valve.coils.1.diameter.0=23mm",
+    ]
+    first, second = read_case(PUBLISHED, [COILS, *overrides]).record.springs["valve"].coils
     assert (first.turns, second.pitch, second.diameter) == (3.0, 0.008, (0.023, 0.02))
     table = read_case(PUBLISHED, [TABLE, "springs.valve.force_table.1.1=700N"]).record.springs["valve"].force_table
     assert table == [(0.0, 0.0), (0.02, 700.0)]
 
 
 @pytest.mark.parametrize(("key", "given"), [("coils.2.turns", "'2'"), ("coils.0.turns.1", "key '1'"), ("coils.0", "3")])
-def test_no_place_in_a_list_of_tables(key, given):
+def test_invalid_key_in_list_of_tables_is_refused(key, given):
     with pytest.raises(InputError) as refusal:
         read_case(PUBLISHED, [COILS, f"springs.valve.{key}=3"])
     assert given in [fault.given for fault in refusal.value.faults]
 
 
 @pytest.mark.parametrize("position", ["2", "-1", "x", "²"])
-def test_a_position_that_a_list_does_not_have(position):
+def test_invalid_list_position_is_refused(position):
     with pytest.raises(InputError) as refusal:
         read_case(PUBLISHED, [f"rockers.rocker.arms.{position}=42mm"])
     (fault,) = refusal.value.faults
@@ -58,7 +62,7 @@ def test_a_position_that_a_list_does_not_have(position):
         (PUBLISHED, "run.step=10us", ""),
     ],
 )
-def test_a_key_of_the_run_stands_instead_of_what_excludes_it(path, laid, same):
+def test_override_replaces_exclusive_key(path, laid, same):
     case = read_case(path, [laid])
     assert case.speed == pytest.approx(read_case(path, [same] if same else []).speed, rel=1e-15)
     run = case.record.run
@@ -66,20 +70,20 @@ def test_a_key_of_the_run_stands_instead_of_what_excludes_it(path, laid, same):
     assert (run.step is None) == ("step" not in laid.partition("=")[0].split(".")[1].split("_"))
 
 
-def test_two_that_exclude_each_other_are_refused():
+def test_two_exclusive_overrides_are_refused():
     with pytest.raises(InputError, match="either speed or crank_speed"):
         read_case(PUBLISHED, ["run.speed=1000rpm", "run.crank_speed=2000rpm"])
 
 
-def test_an_override_without_a_value_replaces_nothing():
-    """The only fault is that of the override: the case still has its crank_speed."""
+def test_override_without_value_is_only_fault():
+    """The crank_speed of the case is not removed."""
     with pytest.raises(InputError) as refusal:
         read_case(ENGINE, ["run.speed"])
     assert [fault.where for fault in refusal.value.faults] == ["--set run.speed"]
 
 
-def test_both_can_be_swept():
-    """Any key of any case: the rows of crank speeds are those of half as many turns of the camshaft."""
+def test_speed_and_crank_speed_sweeps_agree():
+    """The camshaft turns at half the crank speed."""
     quick = ["run.revolutions=0.1", "rockers.rocker.arms.1=40,42mm"]
     ours, theirs = (
         run_sweep(make_sweep(PUBLISHED, [one, *quick]), SerialWorkers())
@@ -90,8 +94,8 @@ def test_both_can_be_swept():
     assert len(set(ours["deviation.peak"].tolist())) == 4
 
 
-def test_a_case_with_other_values():
-    """As from its file; a table changes its keys, and what was changed in Python remains."""
+def test_replace_equals_overrides_from_file():
+    """A table changes only its keys, and earlier changes from Python remain."""
     case = read_case(ENGINE, ["run.revolutions=2"])
     changed = case.replace({"springs": {"valve": {"stiffness": 60e3, "wire": {"diameter": 0.005}}}, "title": "Stiff"})
     same = ["run.revolutions=2", "springs.valve.stiffness=60 kN/m", "springs.valve.wire.diameter=5 mm", "title=Stiff"]
@@ -105,7 +109,7 @@ def test_a_case_with_other_values():
     assert (given.speed, given.turns, given.record.run.revolutions) == (150.0, 1.0, 5.0)
 
 
-def test_an_error_in_python_names_the_key():
+def test_fault_of_python_override_names_key():
     for change in (read_case(ENGINE).replace, lambda values: read_case(ENGINE, values)):
         with pytest.raises(InputError) as refusal:
             change({"springs.valv": {"stiffness": 60e3}})

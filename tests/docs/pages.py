@@ -1,9 +1,9 @@
-"""Pages as a reader follows them: every block of code runs, in order, in one folder; what is printed is what is shown.
+"""Parsing of documentation pages whose code blocks are run in order in one folder.
 
-Blocks of a page: ``python`` and ``sh`` are run, ``text`` behind one of them is its output (``...`` stands for
-anything). A block with a caption is a file of that name: further TOML blocks go to its end, a ``diff`` changes it. A
-comment before a block says more of it: ``<!-- slow -->`` (skipped but in slow runs), ``<!-- exit 2 -->`` (how its
-command ends).
+Blocks of a page: ``python`` and ``sh`` are run, ``text`` after one of them is its expected output (``...`` matches
+anything). A block with a caption is a file of that name: further TOML blocks are appended, a ``diff`` changes it. A
+comment before a block is a note: ``<!-- slow -->`` (only in slow runs), ``<!-- exit 2 -->`` (exit code of the
+command).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ BLOCK = re.compile(
 
 @dataclass(frozen=True)
 class Block:
-    """A block of a page, and the line at which it begins."""
+    """A block of a page, with the number of its first line."""
 
     language: str
     text: str
@@ -51,7 +51,7 @@ def blocks(path):
     ]
 
 
-def name_of(path):
+def page_name(path):
     return path.relative_to(ROOT / "docs").as_posix()
 
 
@@ -60,27 +60,29 @@ def words(text):
 
 
 def assert_shown(shown, printed, where):
-    """Assert that a text stands in what was printed, but for spaces and what its dots leave out."""
+    """Assert that a text is in the output, except for white space and the parts replaced by dots."""
     pattern = ".*?".join(re.escape(words(part)) for part in shown.split("..."))
     assert re.search(pattern, words(printed), re.S), f"{where}: the page shows\n{shown}\nbut printed was\n{printed}"
 
 
-def edited(text, diff):
-    """Return a text with a change of whole lines laid over it; what it takes away or goes by must stand there once."""
+def apply_diff(text, diff):
+    """Return a text with a change of lines; the removed and context lines must occur once."""
     lines = [line for line in diff.splitlines() if line]
     old = "".join(f"{line[1:]}\n" for line in lines if line[0] in " -")
     new = "".join(f"{line[1:]}\n" for line in lines if line[0] in " +")
-    assert text.count(old) == 1, f"stands {text.count(old)} times:\n{old}"
+    assert text.count(old) == 1, f"found {text.count(old)} times:\n{old}"
     return text.replace(old, new)
 
 
-def adds(path):
-    """Tell whether a page changes files of flexcam."""
+def changes_package(path):
+    """Return whether a page changes files of flexcam."""
     return any(block.caption.startswith(("flexcam/", "tests/")) for block in blocks(path))
 
 
-def keep(path, block):
-    """Write, lengthen or change the file that a captioned block is of."""
-    there = path.read_text(encoding="utf-8") if path.exists() else ""
+def write_block(path, block):
+    """Write, extend or change the file of a block with a caption."""
+    current = path.read_text(encoding="utf-8") if path.exists() else ""
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(edited(there, block.text) if block.language == "diff" else there + block.text, encoding="utf-8")
+    path.write_text(
+        apply_diff(current, block.text) if block.language == "diff" else current + block.text, encoding="utf-8"
+    )

@@ -1,4 +1,4 @@
-"""The linter of prose finds every pattern of its rules, and long sentences, in pages and in texts of Python files."""
+"""The prose linter detects all patterns of its rules, and long sentences, in pages and Python texts."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ BAD = [sentence for rule in RULES for sentence in rule["bad"]]
 GOOD = [sentence for rule in RULES for sentence in rule["good"]]
 
 
-def test_every_rule_finds_its_bad_sentences_and_no_good_one(tmp_path):
+def test_rules_match_bad_and_no_good_sentences(tmp_path):
     linters = sorted(Path(sys.prefix).glob("textlint-*/node_modules/.bin/textlint"))
     if not linters:
         pytest.skip("textlint is installed by `make prose`")
@@ -35,7 +35,7 @@ def test_every_rule_finds_its_bad_sentences_and_no_good_one(tmp_path):
     assert [message["message"] for message in found["long"]] == ["42 words: make it two sentences"]
 
 
-def test_texts_of_python_keep_their_lines():
+def test_python_texts_keep_line_numbers():
     text = runpy.run_path(str(ROOT / "docs/prose/python_text.py"))["python_as_markdown"]
     source = 'def f(n):\n    """Return nothing at all.\n\n    >>> f(1)\n    """\n    return f"give {n} or more values"'
     assert text(source).split("\n") == ["", "- Return nothing at all.", "", "", "", "- give `x` or more values"]

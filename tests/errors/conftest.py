@@ -1,4 +1,4 @@
-"""Bad cases: the text of a good one, changed, and what flexcam says to it."""
+"""Fixtures for invalid cases: texts of valid cases, substitutions in them, and the reported faults."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ DATA = Path(__file__).parents[1] / "data"
 
 @pytest.fixture(scope="session")
 def text():
-    """Return the inline case, which needs no mesh file."""
+    """Return the text of the inline case, which needs no mesh file."""
     return (DATA / "inline.toml").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="session")
-def meshed():
-    """Return the case of published model 1 with the mesh's full path."""
+def mesh_case():
+    """Return the text of the case of published model 1, with the full path of its mesh."""
     cases = Path(__file__).parents[2] / "cases/tayeb"
     return (
         (cases / "model-1-shm.toml")
@@ -29,8 +29,8 @@ def meshed():
 
 
 @pytest.fixture(scope="session")
-def changed():
-    """Return a text with each old part, which must be there, replaced by a new one."""
+def substitute():
+    """Return a function that replaces parts of a text; each old part must be in it."""
 
     def change(text, *pairs):
         for old, new in pairs:
@@ -43,7 +43,7 @@ def changed():
 
 @pytest.fixture
 def faults_of(tmp_path):
-    """Return the faults of a case text, from reading it and getting it ready to run."""
+    """Return a function that writes, reads and prepares a case text and returns its faults."""
 
     def find(text, overrides=()):
         path = tmp_path / "case.toml"

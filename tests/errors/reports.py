@@ -1,4 +1,4 @@
-"""Parts of reports of faults: those at a key, and words that no report may have."""
+"""Helpers for fault reports: location of a fault and words of libraries that no message contains."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ LIBRARY_WORDS = (
     "Value error", "float()", "numpy", "dictionary", "Tuple should", "NoneType", "Traceback", "discriminator",
     "instance of",
 )  # fmt: skip
-"""Words of Python and its libraries, which mean nothing to the user of a case file."""
+"""Words of Python and its libraries that a user of case files does not know."""
 
 
 def is_at(where, key):
-    """Tell whether a place is a key or inside it; ``a.b (line 3): c`` is a place in ``a.b`` as well."""
+    """Return whether a fault is at a key or inside it; ``a.b (line 3): c`` is inside ``a.b`` as well."""
     return re.sub(r" \(line \d+\)", "", where).replace(": ", ".").startswith(key)

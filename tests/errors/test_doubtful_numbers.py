@@ -1,4 +1,4 @@
-"""Numbers that are possible but hardly meant: told with what was likely meant, and of no case that is sound."""
+"""Warnings about implausible but possible input; valid cases give no warnings."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ ENGINE = ROOT / "tests/data/every-engine.toml"
 PUSHROD = ROOT / "flexcam/templates/pushrod-engine.toml"
 GEAR, ROLLER = (ROOT / f"flexcam/templates/{name}.toml" for name in ("gear-drive", "roller-tappet"))
 
-OWN = 'sections.shaft={shape="custom", A=1e-4, Iy=1e-15, Iz=1e-15, J=2e-15}'
+THIN_SECTION = 'sections.shaft={shape="custom", A=1e-4, Iy=1e-15, Iz=1e-15, J=2e-15}'
 
-# what is laid over a case, and parts of the sentence
-DOUBTFUL = {
+# case, override, and two parts of the expected warning
+IMPLAUSIBLE = {
     "E in Pa": (CASE, "materials.steel.E=207", "207 Pa is unusual", "did you mean 207 GPa?"),
     "E as text": (CASE, "materials.steel.E=207 Pa", "207 Pa is unusual", "did you mean 207 GPa?"),
     "E in MPa": (CASE, "materials.steel.E=207000", "207000 Pa", "did you mean 207000 MPa?"),
@@ -53,7 +53,7 @@ DOUBTFUL = {
     "damping of 1 ms": (PUSHROD, "run.damping.beta=1ms", "1ms (0.001 s) is unusual", "did you mean 1 us?"),
     "a bow in mm": (PUSHROD, "members.pushrod.bow=0.3", "0.3 m is unusual", "did you mean 0.3 mm?"),
     "a torsion constant beyond the section": (CASE, "sections.shaft.J=1", "J = 1 m^4 is above Iy + Iz", "no shape"),
-    "a section thinner than a circle": (CASE, OWN, "Iy + Iz = 2e-15 m^4 is below", "circle of its area"),
+    "a section thinner than a circle": (CASE, THIN_SECTION, "Iy + Iz = 2e-15 m^4 is below", "circle of its area"),
     "a shear factor above 1": (CASE, "sections.shaft.kappa_y=5", "kappa_y = 5 is above 1", "shear"),
     "arms in mm": (CASE, "rockers.rocker.arms=[25,40]", "25 m is unusual", "did you mean 25 mm?"),
     "inertia in kg mm^2": (CASE, "rockers.rocker.inertia=100000", "kg m^2 is unusual", "did you mean"),
@@ -71,12 +71,12 @@ DOUBTFUL = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("what", DOUBTFUL)
-def test_what_is_hardly_meant_is_told(what, tried):
-    path, override, *said = DOUBTFUL[what]
-    found = [one for one in check_values(read_case(path, [override])) if said[0] in one]
+@pytest.mark.parametrize("what", IMPLAUSIBLE)
+def test_implausible_value_gives_warning(what, tried):
+    path, override, *expected = IMPLAUSIBLE[what]
+    found = [one for one in check_values(read_case(path, [override])) if expected[0] in one]
     assert found, check_values(read_case(path, [override]))
-    assert said[1] in found[0]
+    assert expected[1] in found[0]
     assert f"(--set {override})" in found[0] or "line" in found[0], "with its place"
     tried("planted", f"number: {what}", 1, "warning with the likely unit or value")
 
@@ -84,19 +84,19 @@ def test_what_is_hardly_meant_is_told(what, tried):
 PHASES = 'repeat.cylinder={names=["1", "2"], spacing=["0.1 m", 0, 0], phases=[0, 180]}'
 
 
-def test_phases_of_copies_in_deg(tmp_path):
-    """The copies have phases between 0 and 2 pi: the warning names the table that the user wrote."""
+def test_warning_names_phases_of_repeat_table(tmp_path):
+    """The phases of the copies are within 0 to 2 pi; the warning names the table that the user wrote."""
     cam = "spare-{cylinder}"
     text = CASE.read_text(encoding="utf-8")
     part = f'[cams."{cam}"]\nat = "cam"\nlaw = "shm"\nlift = "5 mm"\nrise = "90 deg"\nreturn = "90 deg"\nphase = 105\n'
     (tmp_path / "case.toml").write_text(f"{text}\n{part}", encoding="utf-8")
-    told = [one for one in check_values(read_case(tmp_path / "case.toml", [PHASES])) if "without a unit" in one]
-    assert [one.split(" (")[0] for one in told] == [
+    warned = [one for one in check_values(read_case(tmp_path / "case.toml", [PHASES])) if "without a unit" in one]
+    assert [one.split(" (")[0] for one in warned] == [
         f"Warning: cams.{cam}.phase", "Warning: repeat.cylinder.phases.1",
     ]  # fmt: skip
 
 
-def test_an_angle_with_its_unit_replaces_a_bare_one(tmp_path):
+def test_override_with_unit_gives_no_unit_warning(tmp_path):
     text = PUSHROD.read_text(encoding="utf-8")
     (tmp_path / "case.toml").write_text(text.replace('phase = "', 'phase = 9  # "', 1), encoding="utf-8")
     case = read_case(tmp_path / "case.toml", ["cams.intake.phase=515 deg"])
@@ -104,22 +104,22 @@ def test_an_angle_with_its_unit_replaces_a_bare_one(tmp_path):
 
 
 @pytest.mark.parametrize("override", ["run.speed=314.159", "run.speed=300 rad/s", "run.speed=100"])
-def test_a_speed_that_may_be_meant(override):
+def test_plausible_speed_gives_no_warning(override):
     assert not [one for one in check_values(read_case(CASE, [override])) if "speed" in one]
 
 
-def test_an_endurance_limit_beyond_the_strength():
+def test_endurance_limit_above_ultimate_strength_is_refused():
     strengths = 'materials.steel={E=2e11, nu=0.3, density=7800, ultimate_strength="400 MPa", endurance_limit="900 MPa"}'
     with pytest.raises(InputError, match="up to the ultimate strength, 4e"):
         read_case(CASE, [strengths])
 
 
 LARGE = ("dohc-16-valve", "v8-bank")
-"""Starters that take long to prepare."""
+"""Templates that take long to prepare."""
 
 
-def _sound():
-    """Return the cases, of which every second one is slow, and all starters."""
+def _valid_cases():
+    """Return all cases, every second one marked slow, and all templates."""
     cases, starters = (sorted((ROOT / folder).rglob("*.toml")) for folder in ("cases", "flexcam/templates"))
     slow = [*cases[1::2], *(path for path in starters if path.stem in LARGE)]
     return [
@@ -128,67 +128,66 @@ def _sound():
     ]
 
 
-@pytest.mark.parametrize("path", _sound())
-def test_a_sound_case_is_not_doubted(path):
+@pytest.mark.parametrize("path", _valid_cases())
+def test_valid_case_gives_no_warning(path):
     try:
         case = read_case(path)
     except InputError:
         assert "[run]" not in path.read_text(encoding="utf-8"), "cams without a mechanism around them"
         return
-    standing = case.with_run({"start": "equilibrium"}) if case.record.run.start == "periodic" else case
-    assert check_input(replace(prepare(standing), case=case)) == []
+    not_periodic = case.with_run({"start": "equilibrium"}) if case.record.run.start == "periodic" else case
+    assert check_input(replace(prepare(not_periodic), case=case)) == []
 
 
 @pytest.mark.parametrize("usual", TYPICAL_RANGES, ids=lambda one: one.keys)
-def test_bounds_are_bounds(usual):
-    """What a number may have been meant in leads back between them somewhere."""
+def test_typical_ranges_are_ordered_and_sizes_positive(usual):
     assert 0.0 <= usual.least < usual.most
     assert all(0.0 < size < 1e12 for size in usual.meant.values())
 
 
-def test_a_spring_on_what_a_support_holds(tried):
+def test_spring_on_fixed_component_gives_warning(tried):
     overrides = ["springs.side.at=front", "springs.side.direction=uy", "springs.side.stiffness=1e6"]
-    (told,) = check_values(read_case(CASE, overrides))
-    assert "springs.side" in told
-    assert "acts on nothing" in told
+    (warning,) = check_values(read_case(CASE, overrides))
+    assert "springs.side" in warning
+    assert "acts on nothing" in warning
     tried("planted", "a spring on a component that a support holds", 1, "warning")
 
 
-def test_loads_that_push_nothing():
+def test_loads_without_effect_give_warnings():
     loads = [f'loads.{name}={{ at = "{at}", direction = "uy", force = {size} }}' for name, at, size in (
         ("lost", "lost", 3), ("borne", "front", -3), ("meant", "cam", 3), ("none", "front", 0))]  # fmt: skip
     ready = prepare(read_case(CASE, ["nodes.lost=[0, 0, 1]", *loads]))
-    told = [sentence for sentence in check_input(ready) if "loads." in sentence]
-    assert [sentence.split(":")[1].strip() for sentence in told] == ["loads.lost", "loads.borne"]
+    warned = [sentence for sentence in check_input(ready) if "loads." in sentence]
+    assert [sentence.split(":")[1].strip() for sentence in warned] == ["loads.lost", "loads.borne"]
 
 
-def test_a_member_that_nothing_touches(tmp_path, tried):
+def test_unconnected_member_gives_warning(tmp_path, tried):
     alone = 'alone = { nodes = ["a", "b"], material = "steel", section = "tube" }\n[supports]'
     text = CASE.read_text(encoding="utf-8").replace("[supports]", alone)
     text = text.replace("[materials.steel]", "a = [1, 1, 1]\nb = [1, 1.2, 1]\n[materials.steel]")
     (tmp_path / "case.toml").write_text(text, encoding="utf-8")
-    told = [one for one in check_input(prepare(read_case(tmp_path / "case.toml"))) if "touches them" in one]
-    assert len(told) == 1
-    assert "members alone" in told[0]
+    warned = [one for one in check_input(prepare(read_case(tmp_path / "case.toml"))) if "touches them" in one]
+    assert len(warned) == 1
+    assert "members alone" in warned[0]
     tried("planted", "a member that nothing touches", 1, "warning")
 
 
 @pytest.mark.parametrize("start", ["rest", "equilibrium"])
-def test_a_contact_that_no_spring_closes(start, tmp_path, tried):
-    """The follower stands off its cam before it turns: nothing presses it on."""
+def test_open_contact_without_spring_gives_warning(start, tmp_path, tried):
+    """Without an installed force no spring presses the follower against its cam at the start."""
     case = ROOT / "cases/direct-acting/bucket.toml"
     assert check_input(prepare(read_case(case, [f"run.start={start}"]))) == []
     lines = [line for line in case.read_text(encoding="utf-8").splitlines() if "installed_force" not in line]
     (tmp_path / "case.toml").write_text("\n".join(lines), encoding="utf-8")
-    (told,) = check_input(prepare(read_case(tmp_path / "case.toml", [f"run.start={start}"])))
-    assert "contacts.intake: no spring pushes the follower against its cam" in told
-    assert "check the direction of the contact, and the installed_force" in told
+    (warning,) = check_input(prepare(read_case(tmp_path / "case.toml", [f"run.start={start}"])))
+    assert "contacts.intake: no spring pushes the follower against its cam" in warning
+    assert "check the direction of the contact, and the installed_force" in warning
     tried("planted", f"springs that cannot hold contact, start {start}", 1, "warning with the remedy")
 
 
 @pytest.mark.slow
-def test_a_follower_that_flies_at_the_periodic_start_is_pressed_on():
-    """It hops on the base circle where the revolution begins; in equilibrium its spring presses it to the cam."""
+def test_open_contact_at_periodic_start_gives_no_warning():
+    """The periodic motion starts with an open contact on the base circle; in equilibrium the spring closes it."""
     case = read_case(ROOT / "flexcam/templates/valve-bridge.toml", ['run.start="periodic"'])
     assert not [one for one in check_input(prepare(case)) if "no spring holds" in one]
 
@@ -197,8 +196,8 @@ def test_a_follower_that_flies_at_the_periodic_start_is_pressed_on():
     ("phase", "start", "told"),
     [(-40, "rest", 1), (340, "rest", 1), (0, "rest", 0), (-40, "equilibrium", 0), (-40, "periodic", 0)],
 )
-def test_a_run_that_starts_on_a_flank(phase, start, told):
-    """40 deg into a harmonic rise over 180 deg the lift is 3 mm (1 - cos 40 deg)."""
+def test_start_from_rest_during_lift_gives_warning(phase, start, told):
+    """At 40 deg of a harmonic rise over 180 deg the lift is 3 mm (1 - cos 40 deg)."""
     case = read_case(CASE, [f"cams.intake.phase={phase} deg", f"run.start={start}"])
     found = [one for one in check_input(prepare(case)) if "middle of its lift" in one]
     assert len(found) == told
@@ -209,7 +208,7 @@ def test_a_run_that_starts_on_a_flank(phase, start, told):
     assert check_input(prepare(case, rigid=True)) == []
 
 
-def test_run_tells_it_and_the_result_keeps_it(tmp_path, capsys):
+def test_run_prints_and_stores_warnings(tmp_path, capsys):
     words = [
         "run",
         str(CASE),
@@ -229,8 +228,8 @@ def test_run_tells_it_and_the_result_keeps_it(tmp_path, capsys):
     assert "7.8 g/cm^3" in read_result(tmp_path / "inline.vtkhdf").about["warnings"]
 
 
-def test_a_case_without_equilibrium_names_its_unusual_values():
-    """A pushrod of 207 Pa carries no spring: the modulus, not the contact, is the cause."""
+def test_failed_equilibrium_names_implausible_values():
+    """A pushrod of 207 Pa cannot carry the spring force: the cause is the modulus, not the contact."""
     with pytest.raises(RunFailedError, match=r"materials\.steel\.E .*did you mean 207 GPa\?"):
         prepare(read_case(ROOT / "cases/pushrod-engine/lever.toml", ["materials.steel.E=207"]))
 
@@ -239,9 +238,9 @@ def test_a_case_without_equilibrium_names_its_unusual_values():
     ("cams.intake.base_radius=17.4mm", "its profile crosses itself (undercut)"),
     ("sections.shaft.diameter=50mm", "its base circle has a radius of 24 mm, its shaft one of 25 mm"),
 ])  # fmt: skip
-def test_a_lobe_that_cannot_be_made(override, said):
-    (told,) = [one for one in check_lobes(build_model(read_case(PUSHROD, [override]))) if "cams.intake:" in one]
-    assert said in told
+def test_infeasible_lobe_gives_warning(override, said):
+    (warning,) = [one for one in check_lobes(build_model(read_case(PUSHROD, [override]))) if "cams.intake:" in one]
+    assert said in warning
 
 
 ROLL = 'cams.intake.follower={type="roller", radius="9 mm"'
@@ -253,40 +252,42 @@ ROLL = 'cams.intake.follower={type="roller", radius="9 mm"'
     ([ROLL + ', offset="3.4 mm"}', "nodes.tappet.1=33 mm"], ""),
     (["cams.intake.base_radius=26mm"], ""),
 ])  # fmt: skip
-def test_a_follower_off_its_base_circle(overrides, said):
-    """A base radius changed by a tenth may keep its nodes; an offset of 3.4 mm lowers a roller by 0.2 mm."""
-    told = [
+def test_follower_off_base_circle_gives_warning(overrides, said):
+    """A base radius changed by a tenth is accepted; an offset of 3.4 mm lowers a roller by 0.2 mm."""
+    warned = [
         one for one in check_lobes(build_model(read_case(PUSHROD, overrides))) if "contacts.intake: its foll" in one
     ]
-    assert len(told) == bool(said)
-    assert all(said in one for one in told)
+    assert len(warned) == bool(said)
+    assert all(said in one for one in warned)
 
 
-def test_a_lash_without_a_seat(tmp_path):
-    """Without a seat the cam holds the valve spring, so that the lash stays closed."""
+def test_lash_without_seat_gives_warning(tmp_path):
+    """Without a seat the cam carries the spring force, so that the lash stays closed."""
     text = PUSHROD.read_text(encoding="utf-8")
     begin = text.index("[contacts.seat]")
     (tmp_path / "case.toml").write_text(text[:begin] + text[text.index("[contacts.lash]") :], encoding="utf-8")
-    (told,) = check_input(prepare(read_case(tmp_path / "case.toml")))
-    assert "contacts.lash: the lash stays closed: without a seat the spring force always goes through the cam" in told
+    (warning,) = check_input(prepare(read_case(tmp_path / "case.toml")))
+    assert (
+        "contacts.lash: the lash stays closed: without a seat the spring force always goes through the cam" in warning
+    )
 
 
 @pytest.mark.parametrize(("factor", "warns"), [(1, False), (2, True)])
-def test_crank_angles_given_for_a_cam(factor, warns):
-    """The flanks of the intake in crank angles are twice as long."""
+def test_cam_given_in_crank_angles_gives_warning(factor, warns):
+    """The rise and return of the intake are twice as long in crank angles."""
     cam = read_case(PUSHROD).record.cams["intake"]
     case = read_case(PUSHROD, {"cams.intake.rise": factor * cam.rise, "cams.intake.return": factor * cam.rise})
     assert any("did you give crank angles?" in one for one in check_input(prepare(case))) == warns
 
 
-def test_a_lobe_without_a_line_of_contact_names_its_base_circle():
+def test_undercut_fault_names_base_radius():
     with pytest.raises(
         InputError, match=r"^cams\.intake\.base_radius .*: got 17\.4 mm, .*undercut.* first at 154\.6 deg of cam angle"
     ):
         prepare(read_case(PUSHROD, ["cams.intake.base_radius=17.4mm"]))
 
 
-BOTH = """
+TWO_FOLLOWERS = """
 format = 1
 [nodes]
 shaft = [0, 0, 0]
@@ -312,17 +313,17 @@ speed = "1000 rpm"
 
 
 @pytest.mark.parametrize(("side", "axis", "later"), [(0.03, 1, 90), (0.03, -1, 270), (-0.03, 1, 270), (-0.03, -1, 90)])
-def test_a_lobe_is_not_on_two_sides_at_once(tmp_path, side, axis, later):
-    """Turning about x it goes from y to z."""
-    (tmp_path / "both.toml").write_text(BOTH.format(side=side, axis=axis), encoding="utf-8")
-    (told,) = check_lobes(build_model(read_case(tmp_path / "both.toml")))
+def test_inconsistent_follower_angles_of_one_lobe_give_warning(tmp_path, side, axis, later):
+    """A positive rotation about x turns the lobe from y to z."""
+    (tmp_path / "both.toml").write_text(TWO_FOLLOWERS.format(side=side, axis=axis), encoding="utf-8")
+    (warning,) = check_lobes(build_model(read_case(tmp_path / "both.toml")))
     assert (
         f"cams.one: it lifts up and beside at the same cam angle, but its lobe reaches the second {later} deg later"
-        in told
+        in warning
     )
 
 
-def test_a_lobe_as_thick_as_its_shaft_is_no_fault():
+def test_base_circle_equal_to_shaft_gives_no_warning():
     assert check_lobes(build_model(read_case(PUSHROD, ["sections.shaft.diameter=48mm"]))) == []
 
 
@@ -331,15 +332,15 @@ def test_a_lobe_as_thick_as_its_shaft_is_no_fault():
     ('sections.spare={shape="circle", diameter="5 mm"}', "no member has it"),
     ('cams.spare={at="cam", law="shm", lift="5 mm", rise="90 deg", return="90 deg"}', "no contact names it"),
 ])  # fmt: skip
-def test_parts_that_nothing_uses(override, said):
-    """A name misspelt by --set makes a part of its own, beside the one that was meant."""
-    (told,) = check_values(read_case(CASE, [override]))
+def test_unused_part_gives_warning(override, said):
+    """A misspelt name in --set defines a new part in addition to the intended one."""
+    (warning,) = check_values(read_case(CASE, [override]))
     key = override.partition("=")[0]
-    assert told.startswith(f"Warning: {key} (--set {key}=")
-    assert said in told
+    assert warning.startswith(f"Warning: {key} (--set {key}=")
+    assert said in warning
 
 
-def test_what_stands_on_further_lines_of_an_override_is_not_passed_over():
+def test_override_of_several_lines_is_refused():
     with pytest.raises(InputError, match=r"run\.speed"):
         read_case(CASE, ["run.speed=300\nrevolutions=5"])
     with pytest.raises(InputError, match=r"run\.speed"):

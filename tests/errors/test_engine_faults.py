@@ -1,4 +1,4 @@
-"""Faults in the parts of engines: levers, fingers, plays, adjusters, friction, impacts, bows, wire, swinging speed."""
+"""Faults in engine parts: levers, fingers, lash, adjusters, friction, impacts, bows, springs and speed fluctuation."""
 
 # ruff: noqa: E501 - tables, a row to a line
 
@@ -35,7 +35,7 @@ ROWS = 'force_table = [[0, 0], ["8 mm", "300 N"], ["20 mm", "900 N"]]'
 UNEVEN = 'coils = [{ turns = 2, diameter = "24 mm", pitch = "5 mm" }, { turns = 4, diameter = "24 mm", pitch = "9 mm" }]\nwire = { diameter = "4 mm", shear_modulus = "80 GPa" }'
 OTHER_FINGER = '[rockers.other]\nmodel = "lever"\nfrom = "pad"\nto = "twin"\ndirection = "uy"\narms = [0.02, 0.03]\ninertia = 1e-4\nstiffness = 1e6\n\n[springs.valve]'
 
-# what is wrong: changes, the key it must be reported at, a part of `given`, a part of the whole message
+# fault: changes, the key that must be reported, a part of `given`, a part of the whole message
 FAULTS = {
     # members
     "geometric stiffness as a text": ([("geometric_stiffness = true", 'geometric_stiffness = "yes"')], "members.pushrod.geometric_stiffness", "'yes'", ""),
@@ -130,7 +130,7 @@ FAULTS = {
     "stiffness beside that of the wire": ([(COILS, f'stiffness = "50 kN/m"\n{COILS}')], "springs.valve", "", "stiffness"),
     "wire of a spring that twists": ([("[springs.tappet]", TWIST.format(COILS))], "springs.twist", "", ""),
     "clash of a spring without stiffness": ([(COILS, WIRE)], "springs.valve", "", "stiffness"),
-    # springs that are not linear
+    # nonlinear springs
     "stiffness beside a table": ([(STEM, f"{STEM}\n{ROWS}")], "springs.stem", "force_table, stiffness = '40 kN/m'", "either force_table or a stiffness"),
     "table with a force that falls": ([(STEM, ROWS.replace('"900 N"', '"250 N"'))], "springs.stem.force_table", "250 N", "increasing travel and force"),
     "table in one row": ([(STEM, "force_table = [[0, 0]]")], "springs.stem.force_table", "", "2"),
@@ -176,23 +176,23 @@ FAULTS = {
 
 
 @pytest.fixture(scope="module")
-def engine():
+def engine_text():
     return ENGINE.read_text(encoding="utf-8")
 
 
 @pytest.fixture
-def written(engine, changed, tmp_path):
-    """Return a case file with changes."""
+def write_case(engine_text, substitute, tmp_path):
+    """Return a function that writes the case file with changes."""
 
     def write(changes):
         path = tmp_path / "case.toml"
-        path.write_text(changed(engine, *changes), encoding="utf-8")
+        path.write_text(substitute(engine_text, *changes), encoding="utf-8")
         return path
 
     return write
 
 
-def refused(path):
+def find_faults(path):
     try:
         prepare(read_case(path))
     except InputError as refusal:
@@ -201,11 +201,11 @@ def refused(path):
 
 
 @pytest.mark.parametrize("name", mostly_slow(FAULTS))
-def test_refused_with_place_and_remedy(name, written):
+def test_fault_names_key_line_and_remedy(name, write_case):
     changes, key, given, said = FAULTS[name]
-    faults = refused(written(changes))
+    faults = find_faults(write_case(changes))
     found = [fault for fault in faults if is_at(fault.where, key)]
-    assert found, f"nothing is said about {key}: {[str(f) for f in faults]}"
+    assert found, f"no fault at {key}: {[str(f) for f in faults]}"
     assert any(given in f.given and said in str(f) for f in found), [str(f) for f in found]
     assert any(re.search(r"\(line \d+\)", f.where) for f in found), "the line of the file"
     assert all(f.allowed for f in faults)
@@ -213,13 +213,13 @@ def test_refused_with_place_and_remedy(name, written):
 
 
 @pytest.mark.parametrize(("verb", "name"), [(verb, name) for verb in ("check", "run") for name in list(FAULTS)[::60]])
-def test_exit_code_2_and_no_traceback(verb, name, written, flexcam, tmp_path):
-    written(FAULTS[name][0])
+def test_fault_gives_exit_code_2_without_traceback(verb, name, write_case, flexcam, tmp_path):
+    write_case(FAULTS[name][0])
     assert flexcam(verb, "case.toml").code == 2
     assert not list(tmp_path.glob("results/*")), "no result of a refused case"
 
 
-# changes, and the key paths of which each must have its fault in the one report
+# changes, and the key paths that the report must contain
 MANY = {
     "a key of every part": (
         [('bow = "0.3 mm"', "bow = nan"), ('drive_stiffness = "8 MN/m"', 'drive_stiffness = "8 MN"'), ("friction = 0.08", "friction = -1"),
@@ -248,17 +248,17 @@ MANY = {
 
 
 @pytest.mark.parametrize("name", MANY)
-def test_all_faults_in_one_report(name, written):
+def test_report_contains_all_faults(name, write_case):
     changes, keys = MANY[name]
-    wheres = [fault.where for fault in refused(written(changes))]
+    wheres = [fault.where for fault in find_faults(write_case(changes))]
     lacking = [key for key in keys if not any(where.startswith(key) for where in wheres)]
     assert not lacking, f"reported: {wheres}"
     assert len(wheres) == len(set(wheres))
 
 
 @pytest.mark.parametrize("angles", [ANGLES, 'angles = ["-60 deg", "-6 deg"]'])
-def test_no_nan_in_the_rigid_train(angles, written):
-    response = run(read_case(written([(ANGLES, angles)])), rigid=True)
+def test_rigid_model_with_lever_is_finite(angles, write_case):
+    response = run(read_case(write_case([(ANGLES, angles)])), rigid=True)
     assert np.isfinite(response["valve"].displacement).all()
 
 
@@ -266,14 +266,14 @@ def test_no_nan_in_the_rigid_train(angles, written):
     "change",
     [(ARMS, 'arms = ["2.5 mm", "4 mm"]'), (ANGLES, 'angles = ["76 deg", "-6 deg"]'), (ANGLES, 'angles = ["90 deg", 0]')],
 )  # fmt: skip
-def test_no_nan_in_the_rigid_train_of_a_lever_out_of_reach(change, written):
-    """Refused, or ended with a status that names the lever; never numbers that are not finite."""
+def test_rigid_model_with_infeasible_lever_has_no_nan(change, write_case):
+    """The case is refused with the name of the lever, or the response is finite."""
     try:
-        response = run(read_case(written([change])), rigid=True)
+        response = run(read_case(write_case([change])), rigid=True)
     except InputError as refusal:
-        told = str(refusal)
+        message = str(refusal)
     else:
-        told = "rockers.rocker"
+        message = "rockers.rocker"
         assert np.isfinite(response["valve"].displacement).all()
         assert all(np.isfinite(values).all() for values in response.channels.values())
-    assert "rockers.rocker" in told
+    assert "rockers.rocker" in message

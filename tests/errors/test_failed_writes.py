@@ -1,4 +1,4 @@
-"""A picture, page or table that cannot be written: a message and an exit code, and what stood there before stays."""
+"""Plots, reports and tables that cannot be written: message, exit code, and the unchanged earlier file."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from flexcam.dynamics import RunFailedError
 from flexcam.plotting.rendering import save_view
 from tests.thinning import mostly_slow
 
-ASKED = {
+OUTPUT_COMMANDS = {
     "motion.svg": ("plot", "RESULT", "-o"),
     "motion.png": ("plot", "RESULT", "-o"),
     "page.html": ("report", "RESULT", "-o"),
@@ -52,9 +52,10 @@ output = { probes = ["b"] }
 
 @contextmanager
 def full_disk(size=500):
-    """Let no file grow beyond a size: the system refuses as it does on a full disk."""
+    """Limit the size of written files, so that the system reports a full disk."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    writes, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # a module imported meanwhile would stay cut off
+    # A module imported under the limit would stay truncated.
+    writes, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
     try:
         yield
@@ -63,39 +64,41 @@ def full_disk(size=500):
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-@pytest.mark.parametrize("name", mostly_slow(ASKED, 2))
-def test_a_disk_that_is_full(tmp_path, capsys, result, name):
-    words = [{"RESULT": str(result), "CASE": str(result.with_suffix(".toml"))}.get(one, one) for one in ASKED[name]]
+@pytest.mark.parametrize("name", mostly_slow(OUTPUT_COMMANDS, 2))
+def test_full_disk_leaves_earlier_output_unchanged(tmp_path, capsys, result, name):
+    words = [
+        {"RESULT": str(result), "CASE": str(result.with_suffix(".toml"))}.get(one, one) for one in OUTPUT_COMMANDS[name]
+    ]
     target = tmp_path / name
     target.parent.mkdir(exist_ok=True)
     target.write_text("what stood there before")
     with full_disk(), pytest.raises(SystemExit) as ended:
         main([*words, str(target if target.parent == tmp_path else target.parent), "--overwrite"])
-    told = capsys.readouterr().err
-    assert ended.value.code == 3, told
-    assert told.startswith("not-saved: ")
-    assert "could not be written" in told
-    assert "free space" in told
+    message = capsys.readouterr().err
+    assert ended.value.code == 3, message
+    assert message.startswith("not-saved: ")
+    assert "could not be written" in message
+    assert "free space" in message
     assert target.read_text() == "what stood there before"
     assert not [one for one in tmp_path.rglob("*") if one.name.startswith(".flexcam")]
 
 
-def test_a_movie_whose_writer_keeps_silent(tmp_path):
-    """Writers of movies may end without a word on a full disk."""
+def test_incomplete_movie_is_detected(tmp_path):
+    """Movie writers may end without an error on a full disk."""
     (tmp_path / "movie.mp4").write_text("what stood there before")
 
-    def opened(path, **options):
+    def write_header(path, **options):
         Path(path).write_bytes(b"ftyp")
 
-    plotter = SimpleNamespace(open_movie=opened, write_frame=lambda: None, close=lambda: None)
+    plotter = SimpleNamespace(open_movie=write_header, write_frame=lambda: None, close=lambda: None)
     stage = SimpleNamespace(plotter=plotter, show=lambda instant: None)
     with pytest.raises(RunFailedError, match="its end is missing"):
         save_view(stage, tmp_path / "movie.mp4", [0, 1], 0)
     assert [one.read_text() for one in tmp_path.iterdir()] == ["what stood there before"]
 
 
-class Filmed:
-    """A plotter of noise, whose pictures take room; like that of pyvista it passes over what its writer says."""
+class NoisePlotter:
+    """Plotter of random images, which need disk space; like pyvista it ignores errors of its writer on closing."""
 
     def open_gif(self, path, **options):
         self.mwriter = get_writer(path, mode="I")
@@ -108,10 +111,9 @@ class Filmed:
             self.mwriter.close()
 
 
-def test_a_movie_of_pictures_on_a_full_disk(tmp_path, capfd):
-    """Its writer's own words, lines of Python's, are nothing to tell a user."""
+def test_full_disk_during_gif_prints_no_library_output(tmp_path, capfd):
     (tmp_path / "movie.gif").write_text("what stood there before")
-    stage = SimpleNamespace(plotter=Filmed(), show=lambda instant: None)
+    stage = SimpleNamespace(plotter=NoisePlotter(), show=lambda instant: None)
     with (
         full_disk(),
         pytest.raises(RunFailedError, match=r"movie\.gif could not be written: File too large; free space"),
@@ -123,7 +125,7 @@ def test_a_movie_of_pictures_on_a_full_disk(tmp_path, capfd):
     assert [one.read_text() for one in tmp_path.iterdir()] == ["what stood there before"]
 
 
-def test_a_folder_is_no_result(capsys, tmp_path, monkeypatch):
+def test_report_of_folder_is_refused(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SystemExit) as ended:
         main(["report", "."])

@@ -1,4 +1,4 @@
-"""What files may hold besides plain letters: marks of byte order, decimal commas, commands to terminals, any script."""
+"""Encodings and special characters in case files: byte order marks, decimal commas, control characters, Unicode."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ def case(tmp_path):
     return write
 
 
-def test_a_mark_of_byte_order_is_no_part_of_a_case(case):
-    """Editors of Windows write it."""
+def test_byte_order_mark_is_ignored(case):
+    """Editors on Windows write a byte order mark."""
     assert read_case(case(encoding="utf-8-sig")).record == read_case(case()).record
 
 
 @pytest.mark.parametrize("given", ["40,5 kN/m", "40,5"])
-def test_a_decimal_comma_is_named(case, given):
+def test_remedy_mentions_decimal_comma(case, given):
     with pytest.raises(InputError) as refused:
         read_case(case(("40 kN/m", given)))
     (fault,) = refused.value.faults
@@ -50,8 +50,8 @@ def test_a_decimal_comma_is_named(case, given):
 
 
 @pytest.fixture
-def ended(capsys):
-    """Return what a command prints, on either stream, and its exit code."""
+def run_command(capsys):
+    """Return a function that runs a command and returns its output on both streams and its exit code."""
 
     def run(*words):
         with pytest.raises(SystemExit) as stop:
@@ -62,38 +62,38 @@ def ended(capsys):
     return run
 
 
-COMMAND = "\\u001b]0;owned\\u0007\\u009b31m :bug: [bold]"
-"""A title that would name the window, colour what follows, and be drawn as a picture or bold."""
+CONTROL_TITLE = "\\u001b]0;owned\\u0007\\u009b31m :bug: [bold]"
+"""Title that would rename the terminal window, set a colour, and be rendered as an emoji or in bold."""
 
 
-def test_a_title_commands_no_terminal(case, ended, tmp_path):
-    path = case(("TITLE", COMMAND))
+def test_control_characters_of_title_are_escaped(case, run_command, tmp_path):
+    path = case(("TITLE", CONTROL_TITLE))
     ready = prepare(read_case(path))
     file = open_result_file(ready, tmp_path)
     assert solve(ready.problem, ready.scheme, save=ready.save, sinks=[file]).status.ok
     for words in (("check", path), ("info", file.path), ("run", path, "-o", tmp_path / "results")):
-        told, code = ended(*words)
-        assert code == 0, told
-        assert r"\x1b]0;owned\x07\x9b31m :bug: [bold]" in told
-        assert not set(told) & {"\x1b", "\x07", "\x9b"}
+        printed, code = run_command(*words)
+        assert code == 0, printed
+        assert r"\x1b]0;owned\x07\x9b31m :bug: [bold]" in printed
+        assert not set(printed) & {"\x1b", "\x07", "\x9b"}
 
 
-def test_a_refusal_commands_no_terminal(case, ended):
-    told, code = ended("check", case(("hold =", '"a\\u001b[31mb" =')))
+def test_control_characters_in_error_message_are_escaped(case, run_command):
+    printed, code = run_command("check", case(("hold =", '"a\\u001b[31mb" =')))
     assert code == 2
-    assert r"a\x1b[31mb" in told
-    assert "\x1b" not in told
+    assert r"a\x1b[31mb" in printed
+    assert "\x1b" not in printed
 
 
-def test_letters_that_a_font_lacks_are_drawn_in_silence(tmp_path):
-    """Warnings are errors in these tests; on the command line they would be lines of Python."""
+def test_missing_glyphs_cause_no_warning(tmp_path):
+    """Warnings are errors in these tests; on the command line they would be Python output."""
     figure = Figure()
     figure.subplots().set_title("\u52d5\u5f01 \u001b")
     assert save_figure(figure, tmp_path / "drawn.png").stat().st_size > 0
 
 
-def test_the_line_in_which_two_cases_differ():
-    """Counted as an editor does, whatever letters a comment holds."""
+def test_difference_of_cases_names_line():
+    """Lines are counted as in an editor, whatever characters a comment contains."""
     then = "# a\x85b\u2028c\nformat = 1\nspeed = 3\n"
     (fault,) = find_differences({"case": then.replace("3", "4")}, {"case": then})
     assert fault.where == "--resume: the text of the case, line 3"

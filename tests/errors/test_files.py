@@ -1,4 +1,4 @@
-"""Files that cannot be read as a case, faults of a mesh file, and values laid over with --set."""
+"""Case files that cannot be read, faults of a mesh file, and overrides with --set."""
 
 # ruff: noqa: E501 - tables, a row to a line
 
@@ -18,7 +18,7 @@ from flexcam import InputError, prepare, read_case
         ("a = 1\na = 2\n", 2, "every key and table only once"), ("\n\n= 3\n", 3, "TOML"),
     ],
 )  # fmt: skip
-def test_no_toml(text, line, allowed, faults_of):
+def test_toml_syntax_error_names_line(text, line, allowed, faults_of):
     (fault,) = faults_of(text)
     assert "case.toml" in fault.where
     assert f"line {line}" in str(fault)
@@ -27,7 +27,7 @@ def test_no_toml(text, line, allowed, faults_of):
 
 
 @pytest.mark.parametrize("given", ["modle-1-shm.toml", "Model-1-shm.toml", "model-1-shm.tml"])
-def test_a_missing_file_with_a_near_name(given, tmp_path):
+def test_missing_file_suggests_similar_name(given, tmp_path):
     (tmp_path / "model-1-shm.toml").touch()
     with pytest.raises(InputError) as refusal:
         read_case(tmp_path / given)
@@ -37,29 +37,29 @@ def test_a_missing_file_with_a_near_name(given, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["gone/case.toml", "."])
-def test_a_missing_folder_and_a_folder(name, tmp_path):
+def test_missing_folder_or_folder_as_case_is_refused(name, tmp_path):
     with pytest.raises(InputError):
         read_case(tmp_path / name)
 
 
-def test_not_utf8(tmp_path):
+def test_latin_1_encoding_is_refused(tmp_path):
     path = tmp_path / "latin.toml"
     path.write_bytes('title = "Größe"'.encode("latin-1"))
     with pytest.raises(InputError, match="UTF-8"):
         read_case(path)
 
 
-def test_an_empty_file_lacks_everything(faults_of):
+def test_empty_file_reports_required_keys(faults_of):
     wheres = {fault.where for fault in faults_of("")}
     assert {"format", "case file", "run"} <= wheres
 
 
-def test_deeply_nested(faults_of):
+def test_deeply_nested_arrays_are_refused(faults_of):
     assert faults_of("a = " + "[" * 5000 + "]" * 5000)
 
 
-# changes of the meshed case, and parts of the message
-MESHED = {
+# changes of the case with a mesh, and parts of the message
+MESH_FAULTS = {
     "missing mesh": ([("tayeb-1.msh", "tayeb-9.msh")], ["mesh (line", "tayeb-9.msh", "Did you mean 'tayeb-"]),
     "other format": ([("tayeb-1.msh", "tayeb-1.vtu")], ["mesh (line", ".msh"]),
     "member without lines": ([("pushrod = { material", "pushrode = { material")], ["members.pushrode (line", "Did you mean 'pushrod'", "mesh group 'pushrod'"]),
@@ -71,16 +71,16 @@ MESHED = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", MESHED)
-def test_mesh_and_case_do_not_fit(name, meshed, changed, faults_of):
-    changes, parts = MESHED[name]
-    told = "\n".join(map(str, faults_of(changed(meshed, *changes))))
-    assert not [part for part in parts if part not in told], told
+@pytest.mark.parametrize("name", MESH_FAULTS)
+def test_mismatch_of_mesh_and_case_is_reported(name, mesh_case, substitute, faults_of):
+    changes, parts = MESH_FAULTS[name]
+    messages = "\n".join(map(str, faults_of(substitute(mesh_case, *changes))))
+    assert not [part for part in parts if part not in messages], messages
 
 
-def test_a_missing_mesh_hides_no_other_fault(meshed, changed, faults_of):
+def test_missing_mesh_hides_no_other_fault(mesh_case, substitute, faults_of):
     faults = faults_of(
-        changed(meshed, ("tayeb-1.msh", "none.msh"), ('lift = "6 mm"', "lift = 0"), ('law = "shm"', 'law = "x"'))
+        substitute(mesh_case, ("tayeb-1.msh", "none.msh"), ('lift = "6 mm"', "lift = 0"), ('law = "shm"', 'law = "x"'))
     )
     assert {f.where.split(" (")[0] for f in faults} == {"mesh", "cams.intake.lift", "cams.intake.law"}
 
@@ -89,14 +89,14 @@ def test_a_missing_mesh_hides_no_other_fault(meshed, changed, faults_of):
     "change", [('"268 mm", "0 mm"', '"268 mm", 1.5e-17'), ("pushrod = { ", "pushrod = { orientation = [6.1e-17, 0.0, 1.0], "),
                ('direction = "uy"', "direction = [6.1e-17, 1.0, 0.0]")],
 )  # fmt: skip
-def test_rounding_noise_is_a_zero(change, text, changed, tmp_path):
-    """A coordinate or a cosine that came out of a computation is rarely an exact zero."""
-    (tmp_path / "case.toml").write_text(changed(text, change), encoding="utf-8")
+def test_rounding_noise_in_coordinates_is_zero(change, text, substitute, tmp_path):
+    """A coordinate or a direction cosine that results from a computation is rarely exactly zero."""
+    (tmp_path / "case.toml").write_text(substitute(text, change), encoding="utf-8")
     assert prepare(read_case(tmp_path / "case.toml")).problem.system.size == 21
 
 
 @pytest.fixture
-def good(text, tmp_path):
+def case_path(text, tmp_path):
     path = tmp_path / "case.toml"
     path.write_text(text, encoding="utf-8")
     return path
@@ -107,14 +107,14 @@ def good(text, tmp_path):
     [("run.speed=4000rpm", "speed", 400.0 * math.pi / 3.0), ("run.speed=4000 rpm", "speed", 400.0 * math.pi / 3.0), ("run.speed = 100", "speed", 100.0),
      ('run.start="equilibrium"', "start", "equilibrium"), ("run.start=equilibrium", "start", "equilibrium"), ("run.revolutions=3", "revolutions", 3.0)],
 )  # fmt: skip
-def test_a_value_is_laid_over(override, key, value, good):
-    found = getattr(read_case(good, [override]).record.run, key)
+def test_override_changes_value(override, key, value, case_path):
+    found = getattr(read_case(case_path, [override]).record.run, key)
     assert found == (pytest.approx(value, rel=1e-15) if isinstance(value, float) else value)
 
 
-def test_several_values_the_last_counts(good):
+def test_last_of_repeated_overrides_applies(case_path):
     case = read_case(
-        good, ["cams.intake.lift=7mm", "cams.intake.lift=8mm", "run.damping.modal=0.02", "output.probes=['cam']"]
+        case_path, ["cams.intake.lift=7mm", "cams.intake.lift=8mm", "run.damping.modal=0.02", "output.probes=['cam']"]
     )
     assert case.record.cams["intake"].lift == pytest.approx(0.008, rel=1e-15)
     assert case.record.run.damping.modal == 0.02
@@ -122,10 +122,10 @@ def test_several_values_the_last_counts(good):
     assert case.overrides[0] == "cams.intake.lift=7mm"
 
 
-def test_a_table_that_the_file_leaves_out_is_begun(good):
-    """Every table of a run can be begun by one of its keys, not `damping` and `integrator` alone."""
+def test_override_creates_missing_table(case_path):
+    """An override can create any table of a run, not only `damping` and `integrator`."""
     case = read_case(
-        good, ["run.adaptive.tolerance=1e-5", "run.fluctuation.orders=[2]", "run.fluctuation.amplitudes=[0.02]"]
+        case_path, ["run.adaptive.tolerance=1e-5", "run.fluctuation.orders=[2]", "run.fluctuation.amplitudes=[0.02]"]
     )
     assert case.record.run.adaptive.tolerance == 1e-5
     assert case.record.run.fluctuation.orders == [2]
@@ -141,12 +141,12 @@ OVERRIDES = {
 
 
 @pytest.mark.parametrize("override", OVERRIDES)
-def test_a_wrong_override_is_refused_by_its_own_name(override, text, faults_of):
+def test_fault_of_override_names_the_option(override, text, faults_of):
     faults = faults_of(text, [override])
     assert any(OVERRIDES[override] in str(fault) for fault in faults), [str(f) for f in faults]
-    assert any("--set" in str(fault) for fault in faults), "the line of the file says something else"
+    assert any("--set" in str(fault) for fault in faults), "the fault names the option, not a line of the file"
 
 
-def test_faults_of_overrides_and_file_come_together(text, changed, faults_of):
-    wheres = [f.where for f in faults_of(changed(text, ('lift = "6 mm"', "lift = 0")), ["nonsense", "rnu.speed=3"])]
+def test_faults_of_overrides_and_file_are_in_one_report(text, substitute, faults_of):
+    wheres = [f.where for f in faults_of(substitute(text, ('lift = "6 mm"', "lift = 0")), ["nonsense", "rnu.speed=3"])]
     assert len(wheres) >= 3

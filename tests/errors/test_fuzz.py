@@ -1,4 +1,4 @@
-"""Whatever is done to a case text, flexcam accepts it or refuses it in its own words."""
+"""Mutated case texts are accepted or refused with an error of flexcam."""
 
 # ruff: noqa: E501 - tables, a row to a line
 
@@ -49,17 +49,17 @@ def rename(lines, i, j, value):
     return [*lines[:i], lines[i].replace(lines[i][j % (len(lines[i]) + 1) :][:1], "e"), *lines[i + 1 :]]
 
 
-WAYS = st.sampled_from([delete, repeat, move, replace, replace, replace, exchange, cut, rename])
+MUTATIONS = st.sampled_from([delete, repeat, move, replace, replace, replace, exchange, cut, rename])
 STEPS = st.lists(
-    st.tuples(WAYS, st.integers(0, 200), st.integers(0, 200), st.sampled_from(VALUES)), min_size=1, max_size=4
+    st.tuples(MUTATIONS, st.integers(0, 200), st.integers(0, 200), st.sampled_from(VALUES)), min_size=1, max_size=4
 )
 
 
-def mutated(steps):
+def mutate(steps):
     lines = LINES
-    for way, i, j, value in steps:
+    for mutation, i, j, value in steps:
         if lines:
-            lines = way(lines, i % len(lines), j % len(lines), value)
+            lines = mutation(lines, i % len(lines), j % len(lines), value)
     return "\n".join(lines)
 
 
@@ -68,45 +68,45 @@ def path(tmp_path_factory):
     return tmp_path_factory.mktemp("fuzz") / "case.toml"
 
 
-def prepared(path):
-    """Read and build; sizes near the end of the doubles may overflow, which is no fault by itself."""
+def read_and_prepare(path):
+    """Read and prepare a case; sizes near the largest double may overflow, which is no fault by itself."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
         prepare(read_case(path))
 
 
-def outcome(path):
-    """Let nothing but flexcam's own errors happen, and these say something."""
+def check_outcome(path):
+    """Assert that only errors of flexcam occur and that their messages are not empty."""
     try:
-        prepared(path)
+        read_and_prepare(path)
     except InputError as refusal:
-        told = [(fault.where, fault.given, fault.allowed) for fault in refusal.faults]
+        messages = [(fault.where, fault.given, fault.allowed) for fault in refusal.faults]
     except FlexcamError as failure:
-        told = [(str(failure),)]
+        messages = [(str(failure),)]
     else:
         return
-    assert told
-    assert all(all(parts) for parts in told), told
+    assert messages
+    assert all(all(parts) for parts in messages), messages
 
 
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(steps=STEPS)
-def test_accepted_or_refused_never_broken(steps, path):
-    path.write_text(mutated(steps), encoding="utf-8")
-    outcome(path)
+def test_mutated_case_is_accepted_or_refused(steps, path):
+    path.write_text(mutate(steps), encoding="utf-8")
+    check_outcome(path)
 
 
 KEYS = [i for i, line in enumerate(LINES) if "=" in line and not line.startswith("#")]
 
 
 @pytest.mark.parametrize(("first", "value"), list(enumerate(VALUES)))
-def test_every_value_at_every_tenth_key(first, value, path):
-    """Keys of the file hold the value in turn; those beside them hold the values beside it."""
+def test_unusual_values_at_every_key_are_accepted_or_refused(first, value, path):
+    """Each value is set at every tenth key, with a different first key for each value."""
     broken = {}
     for i in KEYS[first % 10 :: 10]:
         path.write_text("\n".join(replace(LINES, i, 0, value)), encoding="utf-8")
         try:
-            outcome(path)
-        except Exception as fault:  # noqa: BLE001 - that is what is looked for
+            check_outcome(path)
+        except Exception as fault:  # noqa: BLE001 - the test looks for any other exception
             broken[LINES[i]] = repr(fault)
     assert not broken

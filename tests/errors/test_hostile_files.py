@@ -1,4 +1,4 @@
-"""Files made to lead somewhere else, to fill the memory, or to be run: refused before anything of it happens."""
+"""Files that refer to other files, exhaust memory or contain code are refused before they are read."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
-def sound(tmp_path_factory):
-    """Return a small complete result."""
+def result_path(tmp_path_factory):
+    """Return the path of a small complete result."""
     ready = prepare(read_case(ROOT / "tests/data/inline.toml", ["run.revolutions=0.05"]))
     sink = open_result_file(ready, tmp_path_factory.mktemp("sound"))
     solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
@@ -64,11 +64,11 @@ def loop(file):
     file["mesh/x"] = file["/"]
 
 
-def declared(file):
+def huge_dataset(file):
     file.create_dataset("x", (10**13,), "f8", chunks=(1000,))
 
 
-def zeros(file):
+def compressed_zeros(file):
     file.create_dataset("x", data=np.zeros(60_000_000, "f4")[:1], maxshape=(None,), chunks=(1000,), compression="gzip")
     file["x"].resize((10**11,))
 
@@ -96,30 +96,30 @@ HOSTILE = {
     "an object reference": (reference, "references"), "a region reference": (region, "reference"),
     "a virtual dataset": (virtual, "another file"), "external storage": (external_storage, "another file"),
     "an external link": (external_link, "external link"), "a soft link": (soft_link, "soft link"),
-    "a group that contains itself": (loop, "itself"), "a size that no file has": (declared, "bytes declared"),
-    "zeros, compressed": (zeros, "bytes declared"), "a filter that is a plug-in": (plug_in, "filter"),
+    "a group that contains itself": (loop, "itself"), "a size that no file has": (huge_dataset, "bytes declared"),
+    "zeros, compressed": (compressed_zeros, "bytes declared"), "a filter that is a plug-in": (plug_in, "filter"),
     "a text on the heap": (heap, "fixed length"), "an attribute on the heap": (heap_attribute, "fixed length"),
     "a record": (compound, "values of type"),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("what", mostly_slow(HOSTILE, 2))
-def test_hdf5_that_leads_out_or_swells(what, sound, tmp_path, tried):
-    make, said = HOSTILE[what]
+def test_hdf5_with_references_or_huge_data_is_refused(what, result_path, tmp_path, tried):
+    make, expected = HOSTILE[what]
     path = tmp_path / "hostile.vtkhdf"
-    path.write_bytes(sound.read_bytes())
+    path.write_bytes(result_path.read_bytes())
     with h5py.File(tmp_path / "secret.h5", "w") as secret:
         secret["x"] = np.arange(3.0)
     with h5py.File(path, "r+") as file:
         make(file)
     for read in (read_result, verify_file, read_table):
-        with pytest.raises(InputError, match=said) as refusal:
+        with pytest.raises(InputError, match=expected) as refusal:
             read(path)
         assert str(path) in str(refusal.value)
     tried("hostile", f"HDF5 with {what}", 3, "refused before reading")
 
 
-CHANGED = {
+CONTENT_CHANGES = {
     "short integers": lambda one: one[()].astype("i1"),
     "large integers": lambda one: np.full(one.shape, 2**63 + 5, "u8"),
     "texts": lambda one: np.full(one.shape, b"abc"), "not finite": lambda one: np.full(one.shape, np.nan),
@@ -136,14 +136,14 @@ NUMBERS = (
 
 @pytest.mark.parametrize(
     ("what", "name"),
-    [(what, name) for i, what in enumerate(CHANGED) for j, name in enumerate(NUMBERS) if (i + j) % 7 == 0],
+    [(what, name) for i, what in enumerate(CONTENT_CHANGES) for j, name in enumerate(NUMBERS) if (i + j) % 7 == 0],
 )
-def test_numbers_of_another_type_shape_or_size(what, name, sound, tmp_path):
-    """With a valid checksum, as another program may write it."""
+def test_data_of_wrong_type_shape_or_size_is_refused(what, name, result_path, tmp_path):
+    """The checksum is valid, as in a file of another program."""
     path = tmp_path / "foreign.vtkhdf"
-    path.write_bytes(sound.read_bytes())
+    path.write_bytes(result_path.read_bytes())
     with h5py.File(path, "r+") as file:
-        changed = CHANGED[what](file[name])
+        changed = CONTENT_CHANGES[what](file[name])
         del file[name]
         file[name] = changed
         write_digest(file)
@@ -153,9 +153,9 @@ def test_numbers_of_another_type_shape_or_size(what, name, sound, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["history/time", "VTKHDF/Steps/Values", "mesh/nodes", "VTKHDF/Lines/Offsets"])
-def test_numbers_that_do_not_ascend(name, sound, tmp_path):
+def test_non_increasing_data_is_refused(name, result_path, tmp_path):
     path = tmp_path / "foreign.vtkhdf"
-    path.write_bytes(sound.read_bytes())
+    path.write_bytes(result_path.read_bytes())
     with h5py.File(path, "r+") as file:
         file[name][...] = 0
         write_digest(file)
@@ -165,9 +165,9 @@ def test_numbers_that_do_not_ascend(name, sound, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["case", "case_file", "overrides", "resolved"])
-def test_a_result_without_its_case(name, sound, tmp_path):
+def test_result_without_case_is_refused(name, result_path, tmp_path):
     path = tmp_path / "foreign.vtkhdf"
-    path.write_bytes(sound.read_bytes())
+    path.write_bytes(result_path.read_bytes())
     with h5py.File(path, "r+") as file:
         del file["about"][name]
         write_digest(file)
@@ -175,10 +175,10 @@ def test_a_result_without_its_case(name, sound, tmp_path):
         read_result(path)
 
 
-def test_a_result_whose_mesh_is_not_that_of_its_case(sound, tmp_path):
-    """Found by the fuzzer: sealed again, with a point under another name."""
+def test_result_with_mesh_of_another_case_is_refused(result_path, tmp_path):
+    """Found by the fuzzer: a renamed point with a valid checksum."""
     path = tmp_path / "foreign.vtkhdf"
-    path.write_bytes(sound.read_bytes())
+    path.write_bytes(result_path.read_bytes())
     with h5py.File(path, "r+") as file:
         file.move("mesh/points/front", "x")
         write_digest(file)
@@ -186,9 +186,9 @@ def test_a_result_whose_mesh_is_not_that_of_its_case(sound, tmp_path):
         case_from_result(read_result(path))
 
 
-def test_a_result_whose_case_runs_for_years_is_not_run_again(sound, tmp_path):
+def test_report_does_not_rerun_excessively_long_case(result_path, tmp_path):
     path = tmp_path / "foreign.vtkhdf"
-    path.write_bytes(sound.read_bytes())
+    path.write_bytes(result_path.read_bytes())
     with h5py.File(path, "r+") as file:
         del file["about/overrides"]
         file["about/overrides"] = np.bytes_(b'["run.revolutions=1e11"]')
@@ -198,8 +198,8 @@ def test_a_result_whose_case_runs_for_years_is_not_run_again(sound, tmp_path):
     assert any("comparison with a rigid train" in one and "memory" in one for one in subject.lacking)
 
 
-def test_a_chunk_that_crashes_hdf5(tmp_path):
-    """HDF5 takes the length of the checksum off that of the chunk, and reads beyond the memory."""
+def test_chunk_shorter_than_checksum_is_refused(tmp_path):
+    """HDF5 subtracts the length of the checksum from that of the chunk and reads out of bounds."""
     path = tmp_path / "short.vtkhdf"
     with h5py.File(path, "w") as file:
         made = file.create_dataset("x", (4,), "f8", maxshape=(None,), chunks=(4,), fletcher32=True)
@@ -209,20 +209,20 @@ def test_a_chunk_that_crashes_hdf5(tmp_path):
             read(path)
 
 
-def test_what_is_sound_passes_the_guard(sound):
-    """Our own dimension scales are references that nothing follows."""
-    with open_hdf5(sound, "result", "a result") as file:
+def test_valid_result_is_read(result_path):
+    """The dimension scales of flexcam are references that no reader follows."""
+    with open_hdf5(result_path, "result", "a result") as file:
         assert "DIMENSION_LIST" in file["history/cam_angle"].attrs
-    assert verify_file(sound)["complete"]
+    assert verify_file(result_path)["complete"]
 
 
-LAUGHS = """<?xml version="1.0"?><!DOCTYPE VTKFile [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;">
+XML_BOMB = """<?xml version="1.0"?><!DOCTYPE VTKFile [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;">
 <!ENTITY c "&b;&b;&b;&b;&b;&b;&b;&b;&b;&b;"><!ENTITY d SYSTEM "file:///etc/passwd">]><VTKFile>&c;&d;</VTKFile>"""
 
 
 @pytest.mark.parametrize("name", ["bomb.vtu", "bomb.xdmf", "bomb.pvd", "bomb.vtp", "bomb.dae", "bomb.msh"])
-def test_xml_is_read_nowhere(name, tmp_path, tried):
-    (tmp_path / name).write_text(LAUGHS)
+def test_xml_files_are_refused(name, tmp_path, tried):
+    (tmp_path / name).write_text(XML_BOMB)
     with pytest.raises(InputError):
         read_mesh(tmp_path / name)
     with pytest.raises(InputError):
@@ -241,9 +241,9 @@ print(sorted({"pickle", "yaml", "defusedxml", "meshio", "lxml.etree"} & set(sys.
 """
 
 
-def test_no_reader_of_other_formats_is_loaded(sound):
-    """The thirty readers of meshio, some of XML, are not loaded to read; numpy itself loads pickle."""
-    words = [sys.executable, "-c", READERS, ROOT / "tests/data/inline.toml", ROOT / "meshes/tayeb-3.msh", sound]
+def test_readers_of_other_formats_are_not_imported(result_path):
+    """The thirty readers of meshio, some of them for XML, are not imported; numpy itself imports pickle."""
+    words = [sys.executable, "-c", READERS, ROOT / "tests/data/inline.toml", ROOT / "meshes/tayeb-3.msh", result_path]
     done = subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=60, check=True)
     assert set(eval(done.stdout)) <= {"pickle"}  # noqa: S307 - our own list
 
@@ -253,8 +253,8 @@ class Bomb:
         return os.mkdir, ("exploded",)
 
 
-def test_nothing_is_unpickled(sound, tmp_path, monkeypatch, tried):
-    """A checkpoint in a partial result is arrays; one of objects is refused."""
+def test_pickled_checkpoint_is_refused(result_path, tmp_path, monkeypatch, tried):
+    """The checkpoint of a partial result consists of arrays; one of objects is refused."""
     from flexcam.io.result_writer import read_checkpoint
 
     monkeypatch.chdir(tmp_path)
@@ -279,8 +279,8 @@ OUTSIDE = {
 
 @pytest.mark.parametrize("key", OUTSIDE)
 @pytest.mark.parametrize("where", ["absolute", "three up", "link"])
-def test_files_far_from_the_case(key, where, tmp_path, monkeypatch, tried):
-    """A case opens no file outside of its surroundings, whatever stands there."""
+def test_case_opens_only_files_near_it(key, where, tmp_path, monkeypatch, tried):
+    """A case opens no file outside its folder and the two folders above, unless FLEXCAM_FILES allows it."""
     ending = {"mesh": ".msh", "law": ".toml", "lift_table": ".csv", "start": ".vtkhdf"}[key]
     folder = tmp_path / "a/b/c/d"
     folder.mkdir(parents=True)
@@ -296,15 +296,15 @@ def test_files_far_from_the_case(key, where, tmp_path, monkeypatch, tried):
         prepare(read_case(folder / "case.toml"))
     assert "secret'" not in str(refusal.value).replace(secret.name, "")
     monkeypatch.setenv("FLEXCAM_FILES", str(tmp_path))
-    with pytest.raises(InputError) as refusal:  # allowed, and then it is none of that kind
+    with pytest.raises(InputError) as refusal:  # access is allowed, but the content is invalid
         prepare(read_case(folder / "case.toml"))
     assert "two folders above" not in str(refusal.value)
     tried("hostile", f"{key} of a case: {where}", 2, "refused before opening; opened if FLEXCAM_FILES allows it")
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no such files on Windows")
-def test_a_pipe_is_no_file(tmp_path, tried):
-    """Reading it would wait for ever."""
+def test_pipe_instead_of_table_is_refused(tmp_path, tried):
+    """Reading a pipe would wait forever."""
     os.mkfifo(tmp_path / "pipe.csv")
     text = (
         (ROOT / "tests/data/inline.toml").read_text(encoding="utf-8").replace('law = "shm"', 'lift_table = "pipe.csv"')

@@ -1,4 +1,4 @@
-"""Faults of cams: laws, lift tables, ramps and followers, in files of cams alone, in whole cases, through the command."""
+"""Faults of cams (laws, lift tables, ramps, followers) in cam files, in full cases and through the command."""
 
 # ruff: noqa: E501 - tables, a row to a line
 
@@ -45,8 +45,8 @@ FILES = {
 }  # fmt: skip
 
 
-def cam(*pairs):
-    """Return the cam with some parts, which must be there, replaced."""
+def cam_text(*pairs):
+    """Return the text of the cam with replaced parts; each old part must be in it."""
     block = CAM
     for old, new in zip(pairs[::2], pairs[1::2], strict=True):
         assert old in block
@@ -54,60 +54,60 @@ def cam(*pairs):
     return block
 
 
-def measured(value):
-    return cam(EVENT, f"lift_table = {value}\n")
+def cam_with_lift_table(value):
+    return cam_text(EVENT, f"lift_table = {value}\n")
 
 
-FAULTS = {  # the cam, the key it must be reported at, a part of `given`, a part of the message
-    "no law": (cam(LAW, ""), "law", "nothing", "add 'law'"),
-    "no lift": (cam('lift = "6 mm"\n', ""), "lift", "nothing", "'6 mm'"),
-    "no return": (cam('return = "100 deg"\n', ""), "return", "nothing", "add 'return'"),
-    "law beside a lift table": (cam(LAW, f'{LAW}\nlift_table = "good.csv"'), "law", "law", "remove one"),
-    "ramps beside a lift table": (measured('"good.csv"\nramps = { height = "1 mm", duration = "9 deg" }'), "ramps", "ramps", "the lift table defines"),
-    "unknown id": (cam(LAW, 'law = { id = "sccaa", b = 1 }'), "law", "sccaa", "did you mean 'scca'"),
-    "no id": (cam(LAW, "law = { b = 1 }"), "law", "", "the kind of law is required"),
-    "parameter that is missing": (cam(LAW, 'law = { id = "scca", b = 0.2 }'), "law.c", "nothing", "the law scca requires c, d"),
-    "parameter that does not exist": (cam(LAW, 'law = { id = "fb2", splitt = 0.2 }'), "law.splitt", "0.2", "did you mean 'split'"),
-    "parameter of another type": (cam(LAW, 'law = { id = "fb2", split = "x" }'), "law.split", "'x'", "split"),
-    "parameter out of range": (cam(LAW, 'law = { id = "fb2", split = 2 }'), "law.split", "2", "between 0 and 1"),
-    "parameters that do not fit": (cam(LAW, 'law = { id = "scca", b = 1, c = 1, d = 1 }'), "law", "1", "sum to 1"),
-    "parameter that is no number": (cam(LAW, 'law = { id = "cosine", coefficients = [nan] }'), "law", "nan", "coefficients"),
-    "law that begins elsewhere": (cam(LAW, 'law = { id = "cosine", coefficients = [1, 2] }'), "law", "s(0) = 3", "from 0 to 1"),
-    "law of the return": (cam(LAW, f'{LAW}\nreturn_law = "cycloid"'), "return_law", "'cycloid'", "did you mean 'cycloidal'"),
-    "no law file": (cam("3-4-5", "none.toml"), "law", "", "an existing file"),
-    "law file misspelt": (cam("3-4-5", "splitt.toml"), "law", "", "did you mean 'split.toml'"),
-    "angle below zero of a swinging follower": (cam("6 mm", "-6 deg", ROLLER, SWING.format('radius = "9 mm"')), "lift", "-6 deg", "an angle"),
-    "decimal commas": (measured('"comma.csv"'), "lift_table", "cam_deg, lift_mm", "use decimal points"),
-    "two numbers that are none": (measured('"nans.csv"'), "lift_table", "'45, nan'", "line 11"),
-    "law file with a lift": (cam("3-4-5", "lift.toml"), "law", "lift", "[law]"),
-    "law file with a bad parameter": (cam("3-4-5", "split.toml"), "law", "7", "split.toml"),
-    "no lift table": (measured('"none.csv"'), "lift_table", "none.csv", "readable"),
-    "key of a lift table": (measured('{ file = "good.csv", angel = "cam" }'), "lift_table.angel", "cam", "did you mean 'angle'"),
-    "lift table without a file": (measured('{ angle = "cam" }'), "lift_table.file", "nothing", "add file"),
-    "another shaft": (measured('{ file = "good.csv", angle = "shaft" }'), "lift_table.angle", "'shaft'", "'crank'"),
-    "tolerance in kg": (measured('{ file = "good.csv", tolerance = "2 kg" }'), "lift_table", "2 kg", "a length"),
-    "no head": (measured('"nohead.csv"'), "lift_table", "no header line", 'angle = "crank"'),
-    "no unit": (measured('"nounit.csv"'), "lift_table", "cam_deg, lift", 'unit = "mm"'),
-    "angle in kg": (measured('"kg.csv"'), "lift_table", "crank_kg", "crank_deg or crank_rad"),
-    "no shaft": (measured('"noshaft.csv"'), "lift_table", "angle_deg", "the crankshaft turns twice as fast"),
-    "angles that run back": (measured('"back.csv"'), "lift_table", "40 deg of cam angle, then 35", "angle, line 11"),
-    "gap": (measured('"gap.csv"'), "lift_table", "between 95 and 150 deg", "measure there"),
-    "few points": (measured('"few.csv"'), "lift_table", "9 points", "12 or more"),
-    "many points": (measured('"many.csv"'), "lift_table", "30000 points", "up to 20000"),
-    "radians said to be degrees": (measured('"radians.csv"'), "lift_table", "3.14159 deg of cam angle", "check the unit"),
-    "a lift beyond any length": (measured('"long.csv"'), "lift_table", "6e+297 m as the largest lift", "1e-09 to 100000 m"),
-    "lift below zero": (measured('"below.csv"'), "lift_table", "-1 mm at 0 deg", "subtract"),
-    "cam beyond 360 deg": (measured('"twice.csv"'), "lift_table", "365 deg", "360 deg"),
-    "crank beyond 720 deg": (measured('"crank.csv"'), "lift_table", "deg", "shorten the table"),
-    "not a number": (measured('"nan.csv"'), "lift_table", "nan", "finite"),
-    "word": (measured('"word.csv"'), "lift_table", "45, open", "line 11"),
-    "open end": (measured('"open.csv"'), "lift_table", "mm at 145 deg", "measure the whole lift"),
-    "no lift at all": (measured('"flat.csv"'), "lift_table", "0 m as the largest lift", "check the column, its sign"),
-    "empty file": (measured('"empty.csv"'), "lift_table", "", "empty.csv"),
-    "lift in kg": (cam("6 mm", "6 kg"), "lift", "6 kg", "is not a unit of length"),
-    "lift in kg of a swinging follower": (cam("6 mm", "6 kg", ROLLER, SWING.format('radius = "9 mm"')), "lift", "6 kg", "a length"),
-    "rise in crank angles": (cam("100 deg", "200 deg"), "", "400 deg in all", "2 deg of crank angle are 1 deg of cam angle"),
-    "rise without a unit": (cam('rise = "100 deg"', "rise = 100"), "", "deg in all", "write '100 deg'"),
+FAULTS = {  # the cam, the key that must be reported, a part of `given`, a part of the message
+    "no law": (cam_text(LAW, ""), "law", "nothing", "add 'law'"),
+    "no lift": (cam_text('lift = "6 mm"\n', ""), "lift", "nothing", "'6 mm'"),
+    "no return": (cam_text('return = "100 deg"\n', ""), "return", "nothing", "add 'return'"),
+    "law beside a lift table": (cam_text(LAW, f'{LAW}\nlift_table = "good.csv"'), "law", "law", "remove one"),
+    "ramps beside a lift table": (cam_with_lift_table('"good.csv"\nramps = { height = "1 mm", duration = "9 deg" }'), "ramps", "ramps", "the lift table defines"),
+    "unknown id": (cam_text(LAW, 'law = { id = "sccaa", b = 1 }'), "law", "sccaa", "did you mean 'scca'"),
+    "no id": (cam_text(LAW, "law = { b = 1 }"), "law", "", "the kind of law is required"),
+    "parameter that is missing": (cam_text(LAW, 'law = { id = "scca", b = 0.2 }'), "law.c", "nothing", "the law scca requires c, d"),
+    "parameter that does not exist": (cam_text(LAW, 'law = { id = "fb2", splitt = 0.2 }'), "law.splitt", "0.2", "did you mean 'split'"),
+    "parameter of another type": (cam_text(LAW, 'law = { id = "fb2", split = "x" }'), "law.split", "'x'", "split"),
+    "parameter out of range": (cam_text(LAW, 'law = { id = "fb2", split = 2 }'), "law.split", "2", "between 0 and 1"),
+    "parameters that do not fit": (cam_text(LAW, 'law = { id = "scca", b = 1, c = 1, d = 1 }'), "law", "1", "sum to 1"),
+    "parameter that is no number": (cam_text(LAW, 'law = { id = "cosine", coefficients = [nan] }'), "law", "nan", "coefficients"),
+    "law that begins elsewhere": (cam_text(LAW, 'law = { id = "cosine", coefficients = [1, 2] }'), "law", "s(0) = 3", "from 0 to 1"),
+    "law of the return": (cam_text(LAW, f'{LAW}\nreturn_law = "cycloid"'), "return_law", "'cycloid'", "did you mean 'cycloidal'"),
+    "no law file": (cam_text("3-4-5", "none.toml"), "law", "", "an existing file"),
+    "law file misspelt": (cam_text("3-4-5", "splitt.toml"), "law", "", "did you mean 'split.toml'"),
+    "angle below zero of a swinging follower": (cam_text("6 mm", "-6 deg", ROLLER, SWING.format('radius = "9 mm"')), "lift", "-6 deg", "an angle"),
+    "decimal commas": (cam_with_lift_table('"comma.csv"'), "lift_table", "cam_deg, lift_mm", "use decimal points"),
+    "two numbers that are none": (cam_with_lift_table('"nans.csv"'), "lift_table", "'45, nan'", "line 11"),
+    "law file with a lift": (cam_text("3-4-5", "lift.toml"), "law", "lift", "[law]"),
+    "law file with a bad parameter": (cam_text("3-4-5", "split.toml"), "law", "7", "split.toml"),
+    "no lift table": (cam_with_lift_table('"none.csv"'), "lift_table", "none.csv", "readable"),
+    "key of a lift table": (cam_with_lift_table('{ file = "good.csv", angel = "cam" }'), "lift_table.angel", "cam", "did you mean 'angle'"),
+    "lift table without a file": (cam_with_lift_table('{ angle = "cam" }'), "lift_table.file", "nothing", "add file"),
+    "another shaft": (cam_with_lift_table('{ file = "good.csv", angle = "shaft" }'), "lift_table.angle", "'shaft'", "'crank'"),
+    "tolerance in kg": (cam_with_lift_table('{ file = "good.csv", tolerance = "2 kg" }'), "lift_table", "2 kg", "a length"),
+    "no head": (cam_with_lift_table('"nohead.csv"'), "lift_table", "no header line", 'angle = "crank"'),
+    "no unit": (cam_with_lift_table('"nounit.csv"'), "lift_table", "cam_deg, lift", 'unit = "mm"'),
+    "angle in kg": (cam_with_lift_table('"kg.csv"'), "lift_table", "crank_kg", "crank_deg or crank_rad"),
+    "no shaft": (cam_with_lift_table('"noshaft.csv"'), "lift_table", "angle_deg", "the crankshaft turns twice as fast"),
+    "angles that run back": (cam_with_lift_table('"back.csv"'), "lift_table", "40 deg of cam angle, then 35", "angle, line 11"),
+    "gap": (cam_with_lift_table('"gap.csv"'), "lift_table", "between 95 and 150 deg", "measure there"),
+    "few points": (cam_with_lift_table('"few.csv"'), "lift_table", "9 points", "12 or more"),
+    "many points": (cam_with_lift_table('"many.csv"'), "lift_table", "30000 points", "up to 20000"),
+    "radians said to be degrees": (cam_with_lift_table('"radians.csv"'), "lift_table", "3.14159 deg of cam angle", "check the unit"),
+    "a lift beyond any length": (cam_with_lift_table('"long.csv"'), "lift_table", "6e+297 m as the largest lift", "1e-09 to 100000 m"),
+    "lift below zero": (cam_with_lift_table('"below.csv"'), "lift_table", "-1 mm at 0 deg", "subtract"),
+    "cam beyond 360 deg": (cam_with_lift_table('"twice.csv"'), "lift_table", "365 deg", "360 deg"),
+    "crank beyond 720 deg": (cam_with_lift_table('"crank.csv"'), "lift_table", "deg", "shorten the table"),
+    "not a number": (cam_with_lift_table('"nan.csv"'), "lift_table", "nan", "finite"),
+    "word": (cam_with_lift_table('"word.csv"'), "lift_table", "45, open", "line 11"),
+    "open end": (cam_with_lift_table('"open.csv"'), "lift_table", "mm at 145 deg", "measure the whole lift"),
+    "no lift at all": (cam_with_lift_table('"flat.csv"'), "lift_table", "0 m as the largest lift", "check the column, its sign"),
+    "empty file": (cam_with_lift_table('"empty.csv"'), "lift_table", "", "empty.csv"),
+    "lift in kg": (cam_text("6 mm", "6 kg"), "lift", "6 kg", "is not a unit of length"),
+    "lift in kg of a swinging follower": (cam_text("6 mm", "6 kg", ROLLER, SWING.format('radius = "9 mm"')), "lift", "6 kg", "a length"),
+    "rise in crank angles": (cam_text("100 deg", "200 deg"), "", "400 deg in all", "2 deg of crank angle are 1 deg of cam angle"),
+    "rise without a unit": (cam_text('rise = "100 deg"', "rise = 100"), "", "deg in all", "write '100 deg'"),
     "steep ramps": (CAM + 'ramps = { height = "3 mm", duration = "5 deg" }\n', "ramps", "", "mm/rad"),
     "ramps beyond the revolution": (CAM + 'ramps = { height = "0.3 mm", duration = "90 deg" }\n', "", "380 deg", "ramps included"),
     "ramps in deg": (CAM + 'ramps = { height = "3 deg", duration = "5 deg" }\n', "ramps.height", "3 deg", "a length"),
@@ -116,77 +116,81 @@ FAULTS = {  # the cam, the key it must be reported at, a part of `given`, a part
     "low dwell beside a high one": (CAM + 'single_dwell = "low"\ndwell = "9 deg"\n', "dwell", "9 deg", "no upper dwell"),
     "high dwell with ramps": (CAM + 'single_dwell = "high"\ndwell = "140 deg"\nramps = { height = "1 um", duration = "10 deg" }\n', "ramps", "", "to ramp from"),
     "another dwell": (CAM + 'single_dwell = "middle"\n', "single_dwell", "middle", "'high' or 'low'"),
-    "unknown follower": (cam('"roller"', '"rollr"'), "follower", "'rollr'", "did you mean 'roller'"),
-    "follower without a type": (cam('type = "roller", ', ""), "follower.type", "nothing", "'flat', 'roller', 'swing'"),
-    "follower as a word": (cam(ROLLER, '"flat"'), "follower", "'flat'", "table"),
-    "roller without a radius": (cam(', radius = "9 mm"', ""), "follower", "nothing", "add 'radius'"),
-    "key of a follower": (cam('"9 mm" }', '"9 mm", ofset = 1 }'), "follower", "ofset", "did you mean 'offset'"),
-    "triangle that does not close": (cam(ROLLER, SWING.format('radius = "1 um"'), "18 mm", "1 mm"), "follower", "base_radius + radius", "form a triangle"),
-    "angle beside base_radius": (cam(ROLLER, SWING.format('radius = "9 mm", angle = "40 deg"')), "follower.angle", "40 deg", "base_radius"),
-    "face out of reach": (cam(ROLLER, SWING.format('face = "-40 mm"')), "follower.face", "", "touch the base circle"),
-    "offset too large": (cam('"9 mm" }', '"9 mm", offset = "30 mm" }'), "follower.offset", "30 mm", "27 mm"),
-    "key of the cam": (cam("rise", "rize"), "rize", "rize", "did you mean 'rise'"),
+    "unknown follower": (cam_text('"roller"', '"rollr"'), "follower", "'rollr'", "did you mean 'roller'"),
+    "follower without a type": (cam_text('type = "roller", ', ""), "follower.type", "nothing", "'flat', 'roller', 'swing'"),
+    "follower as a word": (cam_text(ROLLER, '"flat"'), "follower", "'flat'", "table"),
+    "roller without a radius": (cam_text(', radius = "9 mm"', ""), "follower", "nothing", "add 'radius'"),
+    "key of a follower": (cam_text('"9 mm" }', '"9 mm", ofset = 1 }'), "follower", "ofset", "did you mean 'offset'"),
+    "triangle that does not close": (cam_text(ROLLER, SWING.format('radius = "1 um"'), "18 mm", "1 mm"), "follower", "base_radius + radius", "form a triangle"),
+    "angle beside base_radius": (cam_text(ROLLER, SWING.format('radius = "9 mm", angle = "40 deg"')), "follower.angle", "40 deg", "base_radius"),
+    "face out of reach": (cam_text(ROLLER, SWING.format('face = "-40 mm"')), "follower.face", "", "touch the base circle"),
+    "offset too large": (cam_text('"9 mm" }', '"9 mm", offset = "30 mm" }'), "follower.offset", "30 mm", "27 mm"),
+    "key of the cam": (cam_text("rise", "rize"), "rize", "rize", "did you mean 'rise'"),
 }  # fmt: skip
 
 
-WAYS = ["cams alone", "whole case", "command"]
-FEW = list(FAULTS)[::8]
-"""Faults that are also reported by the command: it prints what reading the cams alone reports."""
+READERS = ["cams alone", "whole case", "command"]
+COMMAND_FAULTS = list(FAULTS)[::8]
+"""Faults that are also tested through the command, which prints the same report as reading the cam file."""
 
 
-@pytest.fixture(params=WAYS)
+@pytest.fixture(params=READERS)
 def faults_of(request, tmp_path, text, flexcam):
-    """Return the text of a file with this cam, and its faults as dicts, found in one of three ways."""
-    whole, path = request.param == "whole case", tmp_path / "file.toml"
+    """Return a function that gives the text of a file with this cam and its faults, found by one of three readers."""
+    full_case, path = request.param == "whole case", tmp_path / "file.toml"
     for name, content in FILES.items():
         (tmp_path / name).write_text(content, encoding="utf-8")
 
     def find(block):
         around = text.partition('law = "shm"\nlift = "6 mm"\nrise = "180 deg"\nreturn = "180 deg"\n')
-        written = "".join([around[0], block, around[2]]) if whole else f"format = 1\n[cams.intake]\n{block}"
-        path.write_text(written, encoding="utf-8")
+        case_text = "".join([around[0], block, around[2]]) if full_case else f"format = 1\n[cams.intake]\n{block}"
+        path.write_text(case_text, encoding="utf-8")
         if request.param != "command":
             with pytest.raises(InputError) as refusal:
-                (read_case if whole else read_cams)(path)
-            return written, [fault.as_dict() for fault in refusal.value.faults]
+                (read_case if full_case else read_cams)(path)
+            return case_text, [fault.as_dict() for fault in refusal.value.faults]
         done = flexcam("cam", path, "--json")
         assert (done.code, done.err, done.json["status"]) == (2, "", "refused")
-        return written, done.json["errors"]
+        return case_text, done.json["errors"]
 
     return find
 
 
 @pytest.mark.parametrize(
     ("faults_of", "name"),
-    mostly_slow([(way, name) for way in WAYS for name in FAULTS if way != "command" or name in FEW], 2),
+    mostly_slow(
+        [(source, name) for source in READERS for name in FAULTS if source != "command" or name in COMMAND_FAULTS], 2
+    ),
     indirect=["faults_of"],
 )
-def test_refused_with_place_and_remedy(name, faults_of):
+def test_fault_names_key_line_and_remedy(name, faults_of):
     block, key, what, said = FAULTS[name]
-    written, found = faults_of(block)
+    case_text, found = faults_of(block)
     full = f"cams.intake.{key}".rstrip(".")
-    told = [one for one in found if is_at(one["where"], full)]
-    assert told, f"nothing is said about {full}: {[one['where'] for one in found]}"
-    assert [one for one in told if what in one["given"] and said in " ".join(one.values())], told
+    reported = [one for one in found if is_at(one["where"], full)]
+    assert reported, f"no fault at {full}: {[one['where'] for one in found]}"
+    assert [one for one in reported if what in one["given"] and said in " ".join(one.values())], reported
     assert all(list(one) == ["where", "given", "allowed", "why", "remedy"] and one["allowed"] for one in found)
     assert [word for word in LIBRARY_WORDS if word in json.dumps(found)] == []
-    lines = [written.splitlines()[int(n) - 1] for one in told for n in re.findall(r"\(line (\d+)\)", one["where"])]
+    lines = [
+        case_text.splitlines()[int(n) - 1] for one in reported for n in re.findall(r"\(line (\d+)\)", one["where"])
+    ]
     assert [line for line in lines if re.match(rf"{key.partition('.')[0]}\b|\[cams\.intake\]", line)], lines
 
 
-def test_many_faults_come_in_one_report(faults_of):
+def test_report_contains_all_faults(faults_of):
     names = ["law of the return", "lift in kg", "key of the cam", "another dwell", "key of a follower"]
     keys = [*(f"intake.{FAULTS[name][1]}" for name in names), "exhaust.lift_table", "third.law", "third.lift_table"]
-    block = cam("6 mm", "6 kg", "rise", "rize", '"9 mm" }', '"9 mm", ofset = 1 }')
+    block = cam_text("6 mm", "6 kg", "rise", "rize", '"9 mm" }', '"9 mm", ofset = 1 }')
     block += 'return_law = "cycloid"\nsingle_dwell = "middle"\n[cams.exhaust]\nat = "cam"\nlift_table = "gap.csv"\n'
     block += '[cams.third]\nat = "cam"\nlaw = { id = "scca", b = 1 }\nlift_table = "none.csv"\n'
     _, found = faults_of(block)
     places = [one["where"] for one in found]
     assert [key for key in keys if not any(place.startswith(f"cams.{key}") for place in places)] == []
-    assert len({(one["where"], one["given"]) for one in found}) == len(found), "no place is told twice"
+    assert len({(one["where"], one["given"]) for one in found}) == len(found), "no key is reported twice"
 
 
-ODD = [
+ODD_LINES = [
     "cam_deg, lift_mm",
     "crank",
     "10, 1",
@@ -203,8 +207,8 @@ ODD = [
 
 
 @settings(max_examples=80, deadline=None)
-@given(odd=st.lists(st.tuples(st.integers(0, 74), st.sampled_from(ODD)), min_size=1, max_size=4))
-def test_any_table_is_read_or_refused(odd, tmp_path_factory):
+@given(odd=st.lists(st.tuples(st.integers(0, 74), st.sampled_from(ODD_LINES)), min_size=1, max_size=4))
+def test_random_lift_table_is_read_or_refused(odd, tmp_path_factory):
     lines = table().splitlines()
     for at, line in odd:
         lines.insert(at, line)

@@ -1,4 +1,4 @@
-"""Several faults in one file come in one report, whatever they are about."""
+"""Several faults of one file, whatever their kind, are in one report."""
 
 # ruff: noqa: E501 - tables, a row to a line
 
@@ -17,7 +17,7 @@ from flexcam.case.reader import CaseFile
 from flexcam.io.cam_files import read_lift
 from flexcam.studies.plan import parse_axis
 
-# changes, and the key paths of which each must have its fault in the one report
+# changes, and the key paths that the report must contain
 MANY = {
     "keys, units, names": (
         [("density =", "densty ="), ('"207 GPa"', '"207 Gpa"'), ('law = "shm"', 'law = "cosine"'), ("revolutions =", "revolution =")],
@@ -126,16 +126,16 @@ MANY = {
 
 
 @pytest.mark.parametrize("name", MANY)
-def test_all_faults_in_one_report(name, text, changed, faults_of):
+def test_report_contains_all_faults(name, text, substitute, faults_of):
     changes, keys = MANY[name]
-    wheres = [fault.where for fault in faults_of(changed(text, *changes))]
+    wheres = [fault.where for fault in faults_of(substitute(text, *changes))]
     lacking = [key for key in keys if not any(where.startswith(key) for where in wheres)]
     assert not lacking, f"reported: {wheres}"
 
 
-def test_every_wrong_name_of_a_given_start_is_told(text, changed, faults_of):
+def test_all_unknown_names_of_initial_state_are_reported(text, substitute, faults_of):
     given = '{ displacement = { "cam.uu" = 1, "drive.uy" = 2 }, velocity = { "can.uy" = 3 } }'
-    faults = faults_of(changed(text, ('start = "rest"', f"start = {given}")))
+    faults = faults_of(substitute(text, ('start = "rest"', f"start = {given}")))
     assert [fault.given for fault in faults] == ["'cam.uu'", "'drive.uy'", "'can.uy'"]
 
 
@@ -147,48 +147,48 @@ def test_every_wrong_name_of_a_given_start_is_told(text, changed, faults_of):
         ('model = "published-load"', 'model = "unilateral"\nstiffness = "hertzz"', "'hertz', or a stiffness"),
     ],
 )
-def test_what_may_be_of_several_kinds_and_is_of_none_is_one_fault(text, changed, faults_of, old, new, allowed):
-    (fault,) = faults_of(changed(text, (old, new)))
+def test_value_of_no_allowed_type_is_one_fault(text, substitute, faults_of, old, new, allowed):
+    (fault,) = faults_of(substitute(text, (old, new)))
     assert allowed in fault.allowed
 
 
-def test_no_place_is_reported_twice(text, changed, faults_of):
+def test_no_fault_is_reported_twice(text, substitute, faults_of):
     changes, _ = MANY["every table"]
-    told = [(fault.where, fault.given) for fault in faults_of(changed(text, *changes))]
-    assert len(told) == len(set(told))
+    reported = [(fault.where, fault.given) for fault in faults_of(substitute(text, *changes))]
+    assert len(reported) == len(set(reported))
 
 
-def test_the_report_names_each_on_a_line_of_its_own(text, changed, faults_of, tmp_path):
+def test_report_has_one_line_per_fault(text, substitute, faults_of, tmp_path):
     changes, keys = MANY["every table"]
-    faults = faults_of(changed(text, *changes))
+    faults = faults_of(substitute(text, *changes))
     assert len("\n".join(map(str, faults)).splitlines()) == len(faults) >= len(keys)
 
 
-def test_faults_stand_in_the_order_of_the_file():
-    """Faults of units, of keys and of references are found apart, and told by line; those of one line together."""
-    laid = Path(__file__).parents[1] / "data/inline.toml"
-    text = laid.read_text(encoding="utf-8")
+def test_faults_are_in_order_of_lines():
+    """Faults of units, keys and references, which are found separately, are sorted by line."""
+    path = Path(__file__).parents[1] / "data/inline.toml"
+    text = path.read_text(encoding="utf-8")
     for old, new in (('"207 GPa"', '"207 kg"'), ('diameter = "25 mm"', 'diameter = "-25 mm", foo = 2'),
                      ('"40 kN/m"', '"40 kN"'), ('at = "valve"', 'at = "valv"'), ('"3000 rpm"', '"3000 kg"')):  # fmt: skip
         assert old in text
         text = text.replace(old, new)
     with pytest.raises(InputError) as refusal:
-        CaseFile(laid, text).read()
+        CaseFile(path, text).read()
     lines = [int(re.search(r"\(line (\d+)\)", fault.where)[1]) for fault in refusal.value.faults]
     assert lines == sorted(lines)
     assert len(set(lines)) < len(lines)
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
-def test_only_what_ends_a_line_of_toml_is_counted(end, text, changed, faults_of):
-    """Other characters that end lines elsewhere may stand in comments and texts, and editors count none of them."""
+def test_line_numbers_count_only_toml_line_ends(end, text, substitute, faults_of):
+    """Comments and texts may contain other line separators, which editors do not count."""
     odd = '# next line \x85, line \u2028 and paragraph \u2029\ntitle = "a\u2028b"'
-    whole = changed(text, ('title = "Nodes in the file"', odd), ("nu = 0.29", "nu = true")).replace("\n", end)
-    number = whole.split("\n").index("nu = true" + end[:-1]) + 1
-    assert [fault.where for fault in faults_of(whole)] == [f"materials.steel.nu (line {number})"]
+    case_text = substitute(text, ('title = "Nodes in the file"', odd), ("nu = 0.29", "nu = true")).replace("\n", end)
+    number = case_text.split("\n").index("nu = true" + end[:-1]) + 1
+    assert [fault.where for fault in faults_of(case_text)] == [f"materials.steel.nu (line {number})"]
 
 
-def test_a_key_of_thousands_of_parts_is_refused_whatever_stands_in_it():
+def test_key_of_thousands_of_parts_is_refused():
     key = ".".join(['"\u2028"'] * 3000)
     with pytest.raises(ValueError, match="nested more than"):
         parse_toml(f"{key} = 1")
@@ -208,42 +208,42 @@ LONG = {
 
 
 @pytest.mark.parametrize("what", LONG)
-def test_reading_takes_time_proportional_to_the_length(what, text, changed, tmp_path):
-    """Patterns that try every division of a long text would take minutes."""
+def test_reading_time_is_proportional_to_length(what, text, substitute, tmp_path):
+    """Regular expressions with backtracking would take minutes."""
     path = tmp_path / "long.toml"
-    path.write_text(changed(re.sub("title = .*\n", "", text), LONG[what]))
-    begun = time.process_time()
+    path.write_text(substitute(re.sub("title = .*\n", "", text), LONG[what]))
+    start = time.process_time()
     with suppress(InputError):
         CaseFile.open(path).read()
-    assert time.process_time() - begun < 2.0
+    assert time.process_time() - start < 2.0
 
 
-def test_a_long_range_and_a_long_line_take_no_time(tmp_path):
-    begun = time.process_time()
+def test_long_range_and_long_lines_are_refused_quickly(tmp_path):
+    start = time.process_time()
     with pytest.raises(InputError):
         parse_axis("run.speed", 20_000 * "1" + " rpm:!")
     for line in (20_000 * ";", "angle" + 20_000 * " " + "[", 20_000 * "["):
         (tmp_path / "long.csv").write_text(f"{line}\n1,2\n2,3\n3,4\n", encoding="utf-8")
         with pytest.raises(InputError, match="lines of up to 10000"):
             read_lift(tmp_path / "long.csv")
-    assert time.process_time() - begun < 2.0
+    assert time.process_time() - start < 2.0
 
 
-def test_a_value_of_thousands_of_characters_is_cut(text, changed, faults_of):
-    (fault,) = faults_of(changed(text, ('"0.15 kg"', '"0.15 ' + 50_000 * "k" + '"')))
+def test_long_value_is_shortened_in_message(text, substitute, faults_of):
+    (fault,) = faults_of(substitute(text, ('"0.15 kg"', '"0.15 ' + 50_000 * "k" + '"')))
     assert len(str(fault)) < 4000
 
 
-def test_line_breaks_are_shown(text, changed, faults_of):
-    """A message is one line: a name cannot make another one up."""
-    assert not [fault for fault in faults_of(changed(text, ("shaft =", '"sha\\nft" ='))) if "\n" in str(fault)]
+def test_line_break_in_name_is_escaped(text, substitute, faults_of):
+    """A message is one line, so that a name cannot add a false message."""
+    assert not [fault for fault in faults_of(substitute(text, ("shaft =", '"sha\\nft" ='))) if "\n" in str(fault)]
 
 
-def test_limits_have_the_unit_that_is_given(text, changed, faults_of):
-    (fault,) = faults_of(changed(text, ('lift = "6 mm"', 'lift = "6e20 mm"')))
+def test_limits_are_in_given_unit(text, substitute, faults_of):
+    (fault,) = faults_of(substitute(text, ('lift = "6 mm"', 'lift = "6e20 mm"')))
     assert "between 1e-06 and 1e+08 mm" in fault.why
 
 
-def test_a_missing_quantity_is_named(text, changed, faults_of):
-    (fault,) = faults_of(changed(text, (', diameter = "25 mm"', "")))
+def test_fault_names_missing_quantity(text, substitute, faults_of):
+    (fault,) = faults_of(substitute(text, (', diameter = "25 mm"', "")))
     assert fault.allowed.startswith("a length (such as '25 mm'): one value, or two")

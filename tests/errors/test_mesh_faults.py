@@ -1,4 +1,4 @@
-"""Faults of Gmsh files, told by the numbers that nodes, elements and groups have in the file."""
+"""Faults of Gmsh files name the numbers of nodes, elements and groups in the file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NAMES = {(1, 1): "bar", (1, 2): "rod", (0, 3): "tip"}
 
 
 def msh(*elements, nodes=NODES, names=NAMES, count=None, node_count=None):
-    """Return a file of format 2.2; an element is its number and the rest of its line."""
+    """Return a file of format 2.2; each element is a text of its number and the rest of its line."""
     head = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$PhysicalNames", str(len(names))]
     head += [f'{dimension} {number} "{name}"' for (dimension, number), name in names.items()]
     rows = nodes.items() if isinstance(nodes, dict) else nodes
@@ -64,17 +64,17 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("what", FAULTS)
-def test_a_fault_is_told_by_its_numbers(what, tmp_path, tried):
-    text, said = FAULTS[what]
+def test_fault_names_numbers_of_nodes_and_elements(what, tmp_path, tried):
+    text, parts = FAULTS[what]
     (tmp_path / "bad.msh").write_text(text)
     with pytest.raises(InputError) as refusal:
         read_mesh(tmp_path / "bad.msh")
-    told = str(refusal.value)
-    assert not [part for part in said if part not in told], told
+    message = str(refusal.value)
+    assert not [part for part in parts if part not in message], message
     tried("planted", f"mesh: {what}", 1, "refused")
 
 
-def test_node_blocks_have_a_dimension(tmp_path):
+def test_negative_dimension_of_node_block_is_refused(tmp_path):
     """A negative dimension would give rows of fewer than three coordinates."""
     text = "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Entities\n0 0 0 0\n$EndEntities\n$Nodes\n1 1 1 1\n-3 1 1 1\n1\n"
     (tmp_path / "bad.msh").write_text(text + "$EndNodes\n$Elements\n0 0 0 0\n$EndElements\n")
@@ -90,24 +90,24 @@ LONG = {
 
 
 @pytest.mark.parametrize("what", LONG)
-def test_reading_takes_time_proportional_to_the_length(what, tmp_path):
-    """Patterns that try every division of a long text would take minutes."""
+def test_reading_time_is_proportional_to_length(what, tmp_path):
+    """Regular expressions with backtracking would take minutes."""
     (tmp_path / "long.msh").write_text(LONG[what])
-    begun = time.process_time()
+    start = time.process_time()
     with suppress(InputError):
         read_mesh(tmp_path / "long.msh")
-    assert time.process_time() - begun < 1.0
+    assert time.process_time() - start < 1.0
 
 
-def test_the_good_one_is_read(tmp_path):
-    """With numbers that neither begin at one nor follow each other, and a node on no member."""
+def test_valid_mesh_is_read(tmp_path):
+    """The numbers do not start at one and are not consecutive, and one node is on no member."""
     (tmp_path / "good.msh").write_text(msh(*GOOD))
     mesh = read_mesh(tmp_path / "good.msh")
     assert mesh.nodes[mesh.lines["bar"]][:, 0].tolist() == [0.0, 1.0, 2.0]
     assert mesh.nodes[mesh.node("tip")].tolist() == [1.0, 1.0, 0.0]
 
 
-def test_all_faults_come_together(tmp_path):
+def test_report_contains_all_faults(tmp_path):
     nodes = {**NODES, 40: "1 nan 0"}
     (tmp_path / "bad.msh").write_text(msh(*GOOD, "12 2 2 1 1 10 20 40", "13 1 2 0 1 40 50", nodes=nodes))
     with pytest.raises(InputError) as refusal:
@@ -115,8 +115,8 @@ def test_all_faults_come_together(tmp_path):
     assert len(refusal.value.faults) == 3
 
 
-def test_a_binary_file_that_announces_too_much(tmp_path):
-    """Nothing is set aside for what the file does not hold."""
+def test_binary_file_with_excessive_counts_is_refused(tmp_path):
+    """No memory is allocated for data that the file does not contain."""
     head = b"$MeshFormat\n4.1 1 8\n" + struct.pack("<i", 1) + b"\n$EndMeshFormat\n$Entities\n"
     entities = struct.pack("<4Q", 0, 0, 0, 0) + b"\n$EndEntities\n$Nodes\n"
     for count in (10**6, 10**12, 2**63 - 1, 2**64 - 1):

@@ -1,4 +1,4 @@
-"""Faults of the model come in one report with those of keys, units and references, and with each other."""
+"""Model faults are in one report with those of keys, units and references."""
 
 # ruff: noqa: E501 - tables, a row to a line
 
@@ -18,7 +18,7 @@ from tests.thinning import mostly_slow
 
 ROOT = Path(__file__).parents[2]
 
-# faults of the starter pushrod-engine, with the place of each
+# faults of the template pushrod-engine, with the key of each
 DENSITY = (('density = "7800', 'densty = "7800'), ["materials.steel.densty"])
 STIFFNESS = (('stiffness = "50 kN/m"', 'stiffness = "50 kN"'), ["springs.valve.stiffness"])
 MASS = (('mass = "0.06 kg"', 'mass = "0.06 m"'), ["masses.follower.mass"])
@@ -54,7 +54,7 @@ SHAFT = (
     ["members.camshaft.section"],
 )
 
-TOGETHER = {
+COMBINED_FAULTS = {
     "a key, a reference and two parts": (DENSITY, PROBE, INERTIA, UNDERCUT),
     "a unit of a spring": (STIFFNESS, UNDERCUT, STOP),
     "a unit of a mass": (MASS, ACROSS, UNDERCUT, SLIDES),
@@ -73,20 +73,20 @@ def starter(tmp_path):
     return new_case("pushrod-engine", tmp_path / "engine.toml")[0].read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("name", TOGETHER)
-def test_all_faults_in_one_report_and_no_other(name, starter, changed, faults_of):
-    edits, places = zip(*TOGETHER[name], strict=True)
-    wheres = [fault.where for fault in faults_of(changed(starter, *edits))]
+@pytest.mark.parametrize("name", COMBINED_FAULTS)
+def test_report_contains_exactly_the_faults(name, starter, substitute, faults_of):
+    edits, places = zip(*COMBINED_FAULTS[name], strict=True)
+    wheres = [fault.where for fault in faults_of(substitute(starter, *edits))]
     assert sorted(re.sub(r" \(line \d+\)", "", one) for one in wheres) == sorted(chain.from_iterable(places))
     lines = [int(re.search(r"line (\d+)", one)[1]) for one in wheres]
     assert lines == sorted(lines)
 
 
 @pytest.mark.parametrize("command", ["check", "run"])
-def test_commands_report_all_faults_with_exit_code_2(command, starter, changed, flexcam, tmp_path):
-    edits, places = zip(*TOGETHER["a key, a reference and two parts"], strict=True)
+def test_commands_report_all_faults_with_exit_code_2(command, starter, substitute, flexcam, tmp_path):
+    edits, places = zip(*COMBINED_FAULTS["a key, a reference and two parts"], strict=True)
     path = tmp_path / "case.toml"
-    path.write_text(changed(starter, *edits), encoding="utf-8")
+    path.write_text(substitute(starter, *edits), encoding="utf-8")
     done = flexcam(command, path, "--json")
     assert done.code == 2
     assert all(place in done.out + done.err for place in chain.from_iterable(places))
@@ -95,8 +95,8 @@ def test_commands_report_all_faults_with_exit_code_2(command, starter, changed, 
 @pytest.mark.parametrize(
     "template", mostly_slow(["finger-follower", "valve-bridge", "desmodromic", "published-model", "leak-down"])
 )
-def test_a_fault_of_a_part_causes_no_fault_of_another(template, tmp_path):
-    """Contacts, cams, supports, masses and springs as texts, rockers with a key: the rest has no fault without them."""
+def test_fault_of_one_part_causes_no_fault_of_another(template, tmp_path):
+    """Contacts, cams, supports, masses and springs are replaced by texts, rockers get an unknown key."""
     path = ROOT / "cases/checks/leak-down.toml"
     file = CaseFile.open(path if template == path.stem else new_case(template, tmp_path / "case.toml")[0])
     for kind in ("sections", "members", "supports", "masses", "bearings", "springs", "rockers", "cams", "contacts"):
@@ -109,20 +109,20 @@ def test_a_fault_of_a_part_causes_no_fault_of_another(template, tmp_path):
             assert all(where.startswith(f"{kind}.{name}") for where in wheres), wheres
 
 
-def test_the_model_of_a_good_case_has_no_fault(tmp_path):
+def test_templates_have_no_model_fault(tmp_path):
     for template in ("pushrod-engine", "roller-tappet", "gear-drive", "lumped-train", "published-model"):
         file = CaseFile.open(new_case(template, tmp_path / f"{template}.toml")[0])
         assert not file.complete_refusal(InputError(())).faults, template
 
 
-# Faults that do not depend on each other, of nodes, start, steps, equations, copies and bodies: a template, then for each fault
-# the changed text and the place of the fault.
+# Independent faults of nodes, start, steps, equations, copies and bodies: a template, then for each fault
+# the old text, the new text and the key of the fault.
 NODE = ('rear = ["180 mm"', 'rear = ["180 kg"', "nodes.rear.0")
 START = ("[output]", '[run.start.displacement]\n"nowhere.uy" = 0\n[output]', "run.start.displacement")
 REST = ('start = "equilibrium"', "", "")
 SMALLEST = ("[output]", '[run.adaptive]\nsmallest = "1 s"\n[output]', "run.adaptive.smallest")
 SPRINGZ = ("[run]", "[springz]\n[run]", "springz")
-HELD = ('tappet = ["ux", "uz", "ry"]', 'tappet = ["ux", "uy", "uz", "ry"]', "contacts.intake.follower")
+FIXED_TAPPET = ('tappet = ["ux", "uz", "ry"]', 'tappet = ["ux", "uy", "uz", "ry"]', "contacts.intake.follower")
 RIGID = (
     "[run]",
     '[fidelity]\nmodel = "rigid"\n[contacts.stop]\nat = "tappet"\ndirection = "-uy"\nmodel = "seat"\nstiffness = 1e7\n[run]',
@@ -142,7 +142,7 @@ INDEPENDENT = {
     "a chain and a unit": ("pushrod-engine", ("[run]", '[fidelity]\nmodel = "chain"\nmasses = 900\n[run]', "fidelity.masses"), (*MASS[0], *MASS[1])),
     "a rigid train and a unit": ("pushrod-engine", RIGID, (*MASS[0], *MASS[1])),
     "the version and a part": ("pushrod-engine", ("format = 1", "format = 2", "format"), (*SHAFT[0], *SHAFT[1])),
-    "a published load and a key": ("published-model", HELD, SPRINGZ),
+    "a published load and a key": ("published-model", FIXED_TAPPET, SPRINGZ),
     "the spring of a published load": ("published-model", ('direction = "uy"', 'direction = "up"', "springs.valve.direction"), SPRINGZ),
     "the mass of a follower": ("lumped-train", ('at = "tappet", mass', 'at = "tapet", mass', "masses.tappet.at"), SPRINGZ),
     "copies and a speed": ("dohc-16-valve", ('spacing = ["36 mm"', 'spacing = ["36 kg"', "repeat.side.spacing.0"), ('"6000 rpm"', '"6000 kg"', "run.crank_speed")),
@@ -151,21 +151,21 @@ INDEPENDENT = {
 
 
 @pytest.mark.parametrize("name", INDEPENDENT)
-def test_independent_faults_come_in_one_report(name, tmp_path, changed, faults_of):
+def test_independent_faults_are_in_one_report(name, tmp_path, substitute, faults_of):
     template, *edits = INDEPENDENT[name]
     text = new_case(template, tmp_path / "case.toml")[0].read_text(encoding="utf-8")
-    faults = faults_of(changed(text, *(edit[:2] for edit in edits)))
+    faults = faults_of(substitute(text, *(edit[:2] for edit in edits)))
     wheres = [re.split(r" \(|:", fault.where)[0] for fault in faults]
     assert sorted(wheres) == sorted(place for *_, place in edits if place)
 
 
-def test_a_key_of_an_old_case_leads_to_its_table(starter, changed, faults_of):
-    (fault,) = faults_of(changed(starter, ("[output]", "[run.phaser]\nshift = [[0, 0], [1, 0.1]]\n[output]")))
+def test_key_of_older_format_suggests_new_table(starter, substitute, faults_of):
+    (fault,) = faults_of(substitute(starter, ("[output]", "[run.phaser]\nshift = [[0, 0], [1, 0.1]]\n[output]")))
     assert fault.remedy == "did you mean the table [phasers]?"
 
 
-def test_a_mark_in_braces_is_no_fault_of_the_parts(tmp_path):
-    """Parts have their mark in braces, tables of marks do not."""
+def test_braces_in_repeat_name_are_one_fault(tmp_path):
+    """Names of repeated parts contain the placeholder in braces, names of repeat tables do not."""
     path = new_case("dohc-16-valve", tmp_path / "case.toml")[0]
     path.write_text(path.read_text().replace("[repeat.cylinder]", '[repeat."{cylinder}"]'))
     with pytest.raises(InputError) as refusal:
@@ -173,17 +173,17 @@ def test_a_mark_in_braces_is_no_fault_of_the_parts(tmp_path):
     assert {fault.where.partition(" ")[0] for fault in refusal.value.faults} == {"repeat.{cylinder}"}
 
 
-def test_a_follower_with_a_mass_that_is_held_along_the_lift(tmp_path):
-    """It has no unknown either, but its support is the reason."""
+def test_follower_fixed_along_lift_is_refused(tmp_path):
+    """The follower has a mass; it has no degree of freedom because of its support."""
     path = new_case("roller-tappet", tmp_path / "case.toml")[0]
-    held = 'supports.tappet=["ux", "uy", "uz", "rx", "ry", "rz"]'
+    support = 'supports.tappet=["ux", "uy", "uz", "rx", "ry", "rz"]'
     with pytest.raises(InputError, match=r"'tappet', held along the lift.*[Ff]ree it in \[supports\]"):
-        prepare(CaseFile.open(path).read([held]))
+        prepare(CaseFile.open(path).read([support]))
 
 
-def test_a_follower_on_the_axis_of_its_cam(tmp_path):
-    said = "direction: the follower is on the axis of its cam, so that the lift has no direction. Correct the key"
-    with pytest.raises(InputError, match=said):
+def test_follower_on_cam_axis_is_refused(tmp_path):
+    message = "direction: the follower is on the axis of its cam, so that the lift has no direction. Correct the key"
+    with pytest.raises(InputError, match=message):
         prepare(read_case(new_case("pushrod-engine", tmp_path / "case.toml")[0], ["cams.intake.at=tappet"]))
 
 
@@ -192,14 +192,14 @@ def test_a_follower_on_the_axis_of_its_cam(tmp_path):
     ("gear-drive", ('stiffness = "30 kN m/rad"', 'stifness = "30 kN m/rad"'), "contacts.driving.stifness"),
     ("gear-drive", ('film = { diameter', 'films = { diameter'), "bearings.front.films"),
 ])  # fmt: skip
-def test_a_misspelt_key_is_one_fault(template, edit, key, tmp_path, changed, faults_of):
+def test_misspelt_key_is_one_fault(template, edit, key, tmp_path, substitute, faults_of):
     text = new_case(template, tmp_path / "case.toml")[0].read_text(encoding="utf-8")
-    assert [fault.where.split(" (")[0] for fault in faults_of(changed(text, edit))] == [key]
+    assert [fault.where.split(" (")[0] for fault in faults_of(substitute(text, edit))] == [key]
 
 
-def test_a_misspelt_mesh_beside_other_faults(tmp_path, changed, faults_of):
+def test_misspelt_mesh_key_is_reported_with_other_faults(tmp_path, substitute, faults_of):
     text = Path("cases/tayeb/model-1-cycloidal.toml").read_text(encoding="utf-8")
-    found = faults_of(changed(text, ('mesh = "../../meshes/tayeb-1.msh"', 'meshh = "tayeb-1.msh"'), DENSITY[0]))
+    found = faults_of(substitute(text, ('mesh = "../../meshes/tayeb-1.msh"', 'meshh = "tayeb-1.msh"'), DENSITY[0]))
     places = [re.sub(r" \(line \d+\)", "", fault.where) for fault in found]
     assert {"meshh", "materials.steel.densty"} <= {*places}
     assert not any(place.startswith("nodes") for place in places)
@@ -213,6 +213,6 @@ def test_a_misspelt_mesh_beside_other_faults(tmp_path, changed, faults_of):
         (("[cams.intake]", "[cam.intake]"), "cam (line 77)"),
     ],
 )  # fmt: skip
-def test_keys_that_other_parts_need_may_be_misspelt(edit, place, starter, changed, faults_of):
-    """The checks across tables use the key that is meant."""
-    assert [fault.where for fault in faults_of(changed(starter, edit))] == [place]
+def test_misspelt_shared_key_causes_no_further_fault(edit, place, starter, substitute, faults_of):
+    """The checks across tables use the intended key."""
+    assert [fault.where for fault in faults_of(substitute(starter, edit))] == [place]

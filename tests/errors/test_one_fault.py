@@ -1,4 +1,4 @@
-"""One wrong thing at a time: the report names key and line, what stands there, what may, and what to do."""
+"""Single faults: the report names key, line, given value, allowed values and remedy."""
 
 # ruff: noqa: E501 - tables, a row to a line
 
@@ -13,7 +13,7 @@ from tests.thinning import mostly_slow
 
 SPRING = '[springs.side]\nat = "cam"\ndirection = "{}"\nstiffness = "{}"\n[springs.valve]'
 
-# what is wrong: (old text, new text), the key it must be reported at, a part of `given`, a part of the whole message
+# fault: (old text, new text), the key that must be reported, a part of `given`, a part of the whole message
 FAULTS = {
     # unknown keys, at every level
     "table": ("[masses]", "[mases]", "mases", "mases", "did you mean 'masses'"),
@@ -57,7 +57,7 @@ FAULTS = {
     "stiffness about rx": ("[springs.valve]", SPRING.format("rx", "40 kN/m"), "springs.side.stiffness", "40 kN/m", "rotational stiffness"),
     "force with an angle": ('"40 kN/m"', '"40 kN deg/m"', "springs.valve.stiffness", "40 kN deg/m", "stiffness"),
     "unit of a pure number": ("nu = 0.29", 'nu = "0.29 mm"', "materials.steel.nu", "0.29 mm", "number"),
-    # signs, zeros, what is not finite, switches where numbers stand
+    # signs, zeros, values that are not finite, booleans instead of numbers
     "negative": ('lift = "6 mm"', 'lift = "-6 mm"', "cams.intake.lift", "-6 mm", "above zero"),
     "zero": ('diameter = "25 mm"', "diameter = 0", "sections.shaft.diameter", "0", "above zero"),
     "negative mass": ('"0.15 kg"', '"-0.15 kg"', "masses.lobe.mass", "-0.15 kg", "zero or more"),
@@ -118,7 +118,7 @@ FAULTS = {
     "start": ('start = "rest"', 'start = "rset"', "run.start", "'rset'", "did you mean 'rest'"),
     "contact model": ('"published-load"', '"publshed-load"', "contacts.intake.model", "'publshed-load'", "did you mean 'published-load'"),
     "newer format": ("format = 1", "format = 2", "format", "2", "1"),
-    # one of two
+    # exclusive keys
     "neither mesh nor nodes": (re.compile(r"\[nodes\].*(?=\[materials)", re.S), "", "case file", "neither mesh nor nodes", "either mesh or"),
     "both mesh and nodes": ("[nodes]", 'mesh = "x.msh"\n[nodes]', "", "mesh and nodes", "either mesh or"),
     "both speeds": ("[run]", '[run]\ncrank_speed = "6000 rpm"', "run", "speed and crank_speed", "either speed or crank_speed"),
@@ -145,7 +145,7 @@ FAULTS = {
 }  # fmt: skip
 
 
-def apply(text, old, new):
+def substitute_first(text, old, new):
     if isinstance(old, re.Pattern):
         assert old.search(text)
         return old.sub(new, text, count=1)
@@ -154,28 +154,28 @@ def apply(text, old, new):
 
 
 @pytest.mark.parametrize("name", mostly_slow(FAULTS, 2))
-def test_refused_with_line_place_and_remedy(name, text, faults_of):
+def test_fault_names_key_line_and_remedy(name, text, faults_of):
     old, new, key, given, said = FAULTS[name]
-    bad = apply(text, old, new)
+    bad = substitute_first(text, old, new)
     faults = faults_of(bad)
     found = [fault for fault in faults if is_at(fault.where, key)]
-    assert found, f"nothing is said about {key}: {[str(f) for f in faults]}"
+    assert found, f"no fault at {key}: {[str(f) for f in faults]}"
     assert any(given in f.given for f in found), [f.given for f in found]
     assert any(said in f"{f} {f.remedy}" for f in found), [str(f) for f in found]
     assert all(f.allowed for f in faults)
     assert not [str(f) for f in faults if any(word in str(f) for word in LIBRARY_WORDS)], (
-        "flexcam's voice, not a library's"
+        "the message contains words of a library"
     )
     if name not in WITHOUT_LINE:
         lines = [int(m[1]) for f in found if (m := re.search(r"\(line (\d+)\)", f.where))]
         assert lines, f"no line: {[f.where for f in found]}"
-        assert not key or set(lines) & set(line_of(bad, key)), f"lines {lines} are not where {key} stands"
+        assert not key or set(lines) & set(key_lines(bad, key)), f"lines {lines} are not those of {key}"
     if "did you mean" in said:
-        assert any(said in f.remedy for f in found), "in the field that says what to do"
+        assert any(said in f.remedy for f in found), "the suggestion is in the remedy"
 
 
-def line_of(text, key):
-    """Return the lines that define the last step of a key path or one of the tables it lies in."""
+def key_lines(text, key):
+    """Return the lines that define the last part of a key path or one of its parent tables."""
     steps = re.split(r"\.(?![^\[]*\])", key)
     words = {re.escape(step) for step in steps}
     return [
@@ -194,22 +194,22 @@ HERTZ = 'model = "unilateral"\nstiffness = "hertz"'
 
 
 @pytest.mark.parametrize("missing", [["base_radius"], ["follower"], ["width"], ["base_radius", "width"], [*PROFILE]])
-def test_a_hertz_contact_names_only_the_missing_keys_of_its_cam(missing, text, changed, faults_of):
+def test_hertz_contact_fault_names_missing_cam_keys(missing, text, substitute, faults_of):
     given = "\n".join(line for key, line in PROFILE.items() if key not in missing)
     (fault,) = faults_of(
-        changed(text, ('model = "published-load"', HERTZ), ("[cams.intake]", f"[cams.intake]\n{given}"))
+        substitute(text, ('model = "published-load"', HERTZ), ("[cams.intake]", f"[cams.intake]\n{given}"))
     )
     assert fault.why == f"cams.intake has no {' and no '.join(missing)}"
     assert fault.remedy == f"add {' and '.join(missing)}, or give a stiffness"
 
 
 WITHOUT_LINE = {"neither mesh nor nodes", "no format", "no run"}
-"""Nothing stands in the file that a line could point at."""
+"""Faults of keys that are missing in the file, so that there is no line to report."""
 
 
-def test_modal_damping_of_a_large_model(text, changed, faults_of):
-    """Above 600 unknowns: refused with the damping to give instead."""
-    fine = changed(
+def test_modal_damping_of_large_model_suggests_rayleigh(text, substitute, faults_of):
+    """Modal damping of more than 600 unknowns is refused; the message suggests alpha and beta."""
+    fine = substitute(
         text, ('material = "steel", section = "shaft" }', 'material = "steel", section = "shaft", elements = 60 }'),
         ('start = "rest"', 'start = "rest"\ndamping = { modal = 0.02 }'),
     )  # fmt: skip

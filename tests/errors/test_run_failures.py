@@ -1,4 +1,4 @@
-"""A run that fails says why, where and what to do, and keeps what it has; one that cannot start is refused by name."""
+"""Failed runs report cause, time and remedy and return the finished part; singular models are refused."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ STEP = 0.01
 
 
 class Law:
-    """Force and tangents from three functions of gap and rate."""
+    """Force law of three functions of `gap`, the penetration, and `rate`: force and tangents."""
 
     def __init__(self, force, by_gap, by_rate):
         self.parts = force, by_gap, by_rate
@@ -40,12 +40,12 @@ class Law:
         return Reaction(force, np.atleast_2d(by_gap), np.atleast_2d(by_rate))
 
 
-def nothing(gap, rate):
+def zero_force(gap, rate):
     return np.zeros(1)
 
 
-def chained(n, gap=(), law=None):
-    """N masses on springs; `gap` lists unknowns without mass and stiffness."""
+def mass_chain(n, gap=(), law=None):
+    """Return n masses on springs; `gap` lists unknowns without mass and stiffness."""
     stiff = np.ones(n)
     stiff[list(gap)] = 0.0
     places = np.arange(n)
@@ -59,11 +59,11 @@ def chained(n, gap=(), law=None):
     return System(M, Triplets.zeros(n), K, tuple(f"part{i}.uy" for i in range(n)), local_forces=force)
 
 
-def start(n):
+def initial_state(n):
     return State(np.full(n, 0.1), np.zeros(n))
 
 
-def assert_kept(response):
+def assert_finite_with_remedy(response):
     assert len(response.time) == len(response.probes.displacement)
     for part in (response.probes, response.fields):
         for name in ("displacement", "velocity", "acceleration"):
@@ -73,62 +73,62 @@ def assert_kept(response):
 
 @pytest.mark.parametrize("save", [SaveAt(), SaveAt(20, 1), SaveAt(1, 1), SaveAt(1000, 1)], ids=str)
 @pytest.mark.parametrize("local", [True, False], ids=["local", "matrix"])
-def test_divergence(local, save):
-    """Negative damping, (1 + x)/(1 - x) per step with x = g dt/2 = 0.9: 1e100 is left after about 80 steps."""
+def test_divergence_gives_status_not_finite(local, save):
+    """The motion grows by (1 + x)/(1 - x) per step, x = g dt/2 = 0.9, and reaches 1e100 after about 80 steps."""
     gain = 180.0
     if local:
-        system = chained(3, law=Law(lambda g, r: gain * r, nothing, lambda g, r: np.array([gain])))
+        system = mass_chain(3, law=Law(lambda g, r: gain * r, zero_force, lambda g, r: np.array([gain])))
     else:
-        plain = chained(3)
+        plain = mass_chain(3)
         system = System(plain.mass, Triplets.outer(np.eye(3)[1], np.eye(3)[1], -gain), plain.stiffness, plain.names)
-    response = solve(Problem(system, DRIVE, STEP, 2000, start(3)), newmark(), save=save)
+    response = solve(Problem(system, DRIVE, STEP, 2000, initial_state(3)), newmark(), save=save)
     assert response.status.cause is Cause.NOT_FINITE
     assert not response.status.ok
-    named = ("part1.uy", "joint") if local else ("part1.uy",)  # the unknown that left, or the force that drove it
+    named = ("part1.uy", "joint") if local else ("part1.uy",)  # the diverged unknown, or the force that caused it
     assert any(name in response.status.text for name in named)
     assert "t = " in response.status.text
     assert "deg" in response.status.text
-    assert_kept(response)
-    assert 70 < len(response.time) < 100  # whatever is saved, the run is cut where it left the range (1e100)
+    assert_finite_with_remedy(response)
+    assert 70 < len(response.time) < 100  # for every SaveAt the run ends at the limit of 1e100
 
 
 @pytest.mark.parametrize("n", [3, DENSE_LIMIT + 10], ids=["dense", "sparse"])
-def test_neither_mass_nor_stiffness(n):
+def test_unknown_without_mass_and_stiffness_is_refused(n):
     with pytest.raises(RunFailedError, match=r"part2\.uy") as failure:
-        solve(Problem(chained(n, gap=[2]), DRIVE, STEP, 10), newmark())
+        solve(Problem(mass_chain(n, gap=[2]), DRIVE, STEP, 10), newmark())
     assert failure.value.status.cause is Cause.SINGULAR
     assert failure.value.status.remedy
 
 
 @pytest.mark.parametrize("failing_step", [1, 700])
-def test_no_convergence(failing_step):
-    """A force that jumps against its own motion has no solution once it acts."""
+def test_discontinuous_force_gives_status_no_convergence(failing_step):
+    """A force that changes sign against its own motion has no equilibrium."""
     wall = {"on": False, "calls": 0}
 
     def push(gap, rate):
         wall["calls"] += 1
         return np.where(gap > 0, 1e9, -1e9) if wall["calls"] > failing_step else np.zeros(1)
 
-    system = chained(3, law=Law(lambda g, r: -push(g, r), nothing, nothing))
-    response = solve(Problem(system, DRIVE, STEP, 2000, start(3)), newmark())
+    system = mass_chain(3, law=Law(lambda g, r: -push(g, r), zero_force, zero_force))
+    response = solve(Problem(system, DRIVE, STEP, 2000, initial_state(3)), newmark())
     assert response.status.cause is Cause.NO_CONVERGENCE
     assert "t = " in response.status.text
     assert "joint" in response.status.text
-    assert_kept(response)
+    assert_finite_with_remedy(response)
     assert len(response.time) >= min(failing_step - 5, 640)
 
 
-def test_singular_tangent_is_a_status():
-    """A negative spring that cancels the step's own stiffness, S = M/(beta dt^2) + K: Newton's matrix is zero."""
+def test_singular_tangent_gives_failure_status():
+    """A negative spring cancels the effective stiffness S = M/(beta dt^2) + K: the Newton matrix is zero."""
     exact = 1.0 / (0.25 * STEP**2) + 100.0
-    law = Law(lambda g, r: exact * g, lambda g, r: np.array([exact]), nothing)
-    response = solve(Problem(chained(3, law=law), DRIVE, STEP, 50, start(3)), newmark())
+    law = Law(lambda g, r: exact * g, lambda g, r: np.array([exact]), zero_force)
+    response = solve(Problem(mass_chain(3, law=law), DRIVE, STEP, 50, initial_state(3)), newmark())
     assert response.status.cause in (Cause.NO_CONVERGENCE, Cause.SINGULAR, Cause.NOT_FINITE)
-    assert_kept(response)
+    assert_finite_with_remedy(response)
 
 
-class Stop:
-    """A sink that presses Ctrl-C at its second block."""
+class InterruptSink:
+    """Sink that raises KeyboardInterrupt at its second block."""
 
     def __init__(self):
         self.blocks, self.status = 0, None
@@ -142,22 +142,24 @@ class Stop:
         self.status = status
 
 
-def test_interrupt_keeps_what_is_finished():
-    sink = Stop()
-    response = solve(Problem(chained(3), DRIVE, STEP, 500, start(3)), newmark(), save=SaveAt(10, 5), sinks=[sink])
+def test_interrupt_returns_finished_steps():
+    sink = InterruptSink()
+    response = solve(
+        Problem(mass_chain(3), DRIVE, STEP, 500, initial_state(3)), newmark(), save=SaveAt(10, 5), sinks=[sink]
+    )
     assert response.status.cause is Cause.INTERRUPTED
     assert sink.status is response.status
     assert len(response.time) >= 50
-    assert_kept(response)
+    assert_finite_with_remedy(response)
 
 
-def test_nodes_nearly_at_one_place_leave_no_digits():
-    """An element of 30 nm beside one of 55 mm: stiffnesses 18 decades apart, found while the contacts balance."""
+def test_nearly_coincident_nodes_give_status_rounding():
+    """An element of 30 nm next to one of 55 mm: the stiffnesses differ by 18 decades."""
     case = Path(__file__).parents[2] / "cases/direct-acting/bucket.toml"
     with pytest.raises(RunFailedError) as failed:
         prepare(read_case(case, ['nodes.front.0="3e-05 mm"']))
     assert failed.value.status.cause is Cause.ROUNDING
 
 
-def test_every_cause_has_its_own_words():
+def test_failure_causes_have_distinct_texts():
     assert len({str(cause) for cause in Cause}) == len(Cause)

@@ -1,4 +1,4 @@
-"""Runs that end early, by every way through time: what is told, by names of the user's system, and what is kept."""
+"""Runs that end early, by each engine: the status names parts of the system, and the saved response is finite."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from flexcam.dynamics import (
 from flexcam.dynamics.force_laws import BILATERAL
 
 NAMES = ("cam.uy", "tappet.uy", "valve")
-WAYS = ["direct", "modal", "kernel"]
+ENGINES = ["direct", "modal", "kernel"]
 
 
 def sine(motion):
     return np.sin(motion.angle)
 
 
-def growing(motion):
+def exponential(motion):
     return np.exp(np.minimum(40.0 * motion.angle, 700.0))
 
 
@@ -54,39 +54,39 @@ def problem_of(system, path, steps=2000):
     return Problem(system, ConstantSpeed(10.0), 1e-3, steps, engine=path)
 
 
-def assert_kept_is_finite(run):
+def assert_response_is_finite(run):
     for values in (*run.channels.values(), run.probes.displacement, run.fields.acceleration):
         assert np.isfinite(values).all()
 
 
-@pytest.mark.parametrize("path", WAYS)
-def test_a_motion_that_grows_beyond_numbers(path):
-    run = solve(problem_of(chain(growing), path), newmark(), save=SaveAt(field_every=10))
-    general = solve(problem_of(chain(growing), "direct"), newmark(), save=SaveAt(field_every=10))
+@pytest.mark.parametrize("path", ENGINES)
+def test_exponential_load_gives_status_not_finite(path):
+    run = solve(problem_of(chain(exponential), path), newmark(), save=SaveAt(field_every=10))
+    general = solve(problem_of(chain(exponential), "direct"), newmark(), save=SaveAt(field_every=10))
     assert run.stats.engine == path
     assert run.status.cause is Cause.NOT_FINITE
     assert run.status.text.split()[0] in NAMES
     assert "is not finite at t = " in run.status.text
     assert run.status.remedy
-    assert_kept_is_finite(run)
-    # Amounts of natural motions are other numbers than displacements: they pass the limit some steps apart.
+    assert_response_is_finite(run)
+    # Modal amplitudes differ from displacements: they exceed the limit at different steps.
     assert abs(len(run.time) - len(general.time)) <= 30
     assert np.abs(run.probes.displacement).max() > 1e80
 
 
 @pytest.mark.parametrize("law", [spring_damper(-3e5), hunt_crossley_contact(1e4, 0.1)])
 @pytest.mark.parametrize("path", ["direct", "kernel"])
-def test_a_motion_that_grows_with_a_local_force(path, law):
-    """A negative spring, and a push that ends all numbers through a contact: a cause and a name, no traceback."""
-    system = chain(sine if law.kind == BILATERAL else growing, law)
+def test_divergence_with_local_force_gives_status(path, law):
+    """A negative spring, and an exponential load on a contact: the status has a cause and a name."""
+    system = chain(sine if law.kind == BILATERAL else exponential, law)
     run = solve(problem_of(system, path, 4000), newmark())
     assert run.status.cause in (Cause.NOT_FINITE, Cause.NO_CONVERGENCE)
     assert any(name in run.status.text for name in (*NAMES, "seat"))
-    assert_kept_is_finite(run)
+    assert_response_is_finite(run)
 
 
-def test_forces_without_a_balance_within_the_step():
-    """A negative spring that makes the step's operator zero: both ways take such a step in halves, to one result."""
+def test_engines_agree_on_step_with_singular_operator():
+    """A negative spring makes the operator of the step zero: both engines halve the step, with one result."""
     step, mass = 1e-3, 0.5
     system = chain(law=None)
     one = replace(
@@ -103,21 +103,21 @@ def test_forces_without_a_balance_within_the_step():
     np.testing.assert_allclose(run.probes.displacement, general.probes.displacement, rtol=1e-9)
 
 
-@pytest.mark.parametrize("path", WAYS)
+@pytest.mark.parametrize("path", ENGINES)
 @pytest.mark.parametrize("after", [0, 2])
-def test_asked_to_stop(path, after):
-    asked = iter(range(10_000))
+def test_stop_callback_interrupts_run(path, after):
+    calls = iter(range(10_000))
     law = elastic_stop(1e4) if path == "kernel" else None
     run = solve(problem_of(chain(law=law), path), newmark(), save=SaveAt(20, 4),
-                stop=lambda: next(asked) >= after * (80 if path == "direct" else 1))  # fmt: skip
+                stop=lambda: next(calls) >= after * (80 if path == "direct" else 1))  # fmt: skip
     assert run.status.cause is Cause.INTERRUPTED
     assert len(run.time) == after * 80
     assert run.stats.steps == max(after * 80 - 1, 0)
-    assert_kept_is_finite(run)
+    assert_response_is_finite(run)
 
 
-class Interrupting:
-    """A sink at whose third block the user presses Ctrl-C."""
+class InterruptSink:
+    """Sink that raises KeyboardInterrupt at its third block."""
 
     def __init__(self):
         self.blocks, self.ended = 0, None
@@ -131,17 +131,17 @@ class Interrupting:
         self.ended = status
 
 
-@pytest.mark.parametrize("path", WAYS)
-def test_interrupted(path):
-    sink = Interrupting()
+@pytest.mark.parametrize("path", ENGINES)
+def test_keyboard_interrupt_returns_finished_steps(path):
+    sink = InterruptSink()
     run = solve(problem_of(chain(), path), newmark(), save=SaveAt(20, 4), sinks=[sink])
     assert run.status.cause is Cause.INTERRUPTED
     assert sink.ended is run.status
     assert len(run.time) >= 160
 
 
-@pytest.mark.parametrize("path", WAYS)
-def test_nothing_is_changed_for_the_caller(path, readonly):
+@pytest.mark.parametrize("path", ENGINES)
+def test_solve_does_not_modify_system(path, readonly):
     system = chain()
     loads = tuple(replace(load, vector=readonly(load.vector)) for load in system.loads)
     probes = tuple(replace(probe, rows=readonly(probe.rows)) for probe in system.probes)

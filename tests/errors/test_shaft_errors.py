@@ -1,4 +1,4 @@
-"""What turns must be round, and all cams of a shaft must turn one way; refused with the other faults of the case."""
+"""Faults of rotating members that are not round and of cams of one shaft with opposite axes."""
 
 from __future__ import annotations
 
@@ -34,31 +34,31 @@ LIFTER = [
 
 
 @pytest.fixture
-def read(tmp_path):
-    def made(text):
+def read_text(tmp_path):
+    def read_written_text(text):
         path = tmp_path / "case.toml"
         path.write_text(text, encoding="utf-8")
         return read_case(path)
 
-    return made
+    return read_written_text
 
 
 @pytest.fixture
-def refused(text, changed, read):
-    def found(*changes):
+def build_faults(text, substitute, read_text):
+    def find(*changes):
         with pytest.raises(InputError) as refusal:
-            build_model(read(changed(text, *changes)))
+            build_model(read_text(substitute(text, *changes)))
         return refusal.value.faults
 
-    return found
+    return find
 
 
 @pytest.mark.parametrize(
     "section",
     ['shaft = { shape = "rectangle", width_y = "26 mm", width_z = "10 mm" }', CUSTOM.format(2.0e-8)],
 )  # fmt: skip
-def test_a_turning_member_that_is_not_round_is_refused(refused, section):
-    (fault,) = refused((SHAFT, section))
+def test_rotating_member_that_is_not_round_is_refused(build_faults, section):
+    (fault,) = build_faults((SHAFT, section))
     assert re.match(r"members\.camshaft\.section \(line \d+\)", fault.where)
     assert "Iy = " in fault.given
     assert "Iz = " in fault.given
@@ -66,10 +66,10 @@ def test_a_turning_member_that_is_not_round_is_refused(refused, section):
     assert "circle" in fault.remedy
 
 
-def test_shear_factors_count_where_shear_does(refused, text, changed, read):
+def test_unequal_shear_factors_are_refused_only_with_shear(build_faults, text, substitute, read_text):
     uneven = (SHAFT, 'shaft = { shape = "circle", diameter = "25 mm", kappa_y = 0.5 }')
-    build_model(read(changed(text, uneven)))
-    (fault,) = refused(uneven, ("camshaft = { nodes", "camshaft = { shear = true, nodes"))
+    build_model(read_text(substitute(text, uneven)))
+    (fault,) = build_faults(uneven, ("camshaft = { nodes", "camshaft = { shear = true, nodes"))
     assert "kappa_y = 0.5" in fault.given
 
 
@@ -79,12 +79,12 @@ def test_shear_factors_count_where_shear_does(refused, text, changed, read):
     ('tube = { shape = "tube", outer_diameter = "8 mm", inner_diameter = "5 mm" }',
      'tube = { shape = "rectangle", width_y = "8 mm", width_z = "6 mm" }'),
 ])  # fmt: skip
-def test_round_to_rounding_or_standing_members_are_not(text, changed, read, change):
-    build_model(read(changed(text, change)))
+def test_round_or_fixed_members_are_accepted(text, substitute, read_text, change):
+    build_model(read_text(substitute(text, change)))
 
 
-def test_cams_of_one_shaft_that_turn_against_each_other_are_refused(refused):
-    (fault,) = refused(*LIFTER, ("[contacts.intake]", OTHER.format("axis = [-1, 0, 0]\n")))
+def test_opposite_cam_axes_on_one_shaft_are_refused(build_faults):
+    (fault,) = build_faults(*LIFTER, ("[contacts.intake]", OTHER.format("axis = [-1, 0, 0]\n")))
     assert re.match(r"cams\.\w+\.axis \(line \d+\)|cams\.\w+ \(line \d+\)", fault.where)
     assert "'intake'" in str(fault)
     assert "'other'" in str(fault)
@@ -92,11 +92,11 @@ def test_cams_of_one_shaft_that_turn_against_each_other_are_refused(refused):
 
 
 @pytest.mark.parametrize("axis", ["", "axis = [2, 0, 0]\n"])
-def test_cams_of_one_shaft_that_turn_one_way_are_not(text, changed, read, axis):
-    build_model(read(changed(text, *LIFTER, ("[contacts.intake]", OTHER.format(axis)))))
+def test_equal_cam_axes_on_one_shaft_are_accepted(text, substitute, read_text, axis):
+    build_model(read_text(substitute(text, *LIFTER, ("[contacts.intake]", OTHER.format(axis)))))
 
 
-def test_both_come_in_one_report(refused):
+def test_shaft_and_axis_faults_are_in_one_report(build_faults):
     rectangle = 'shaft = { shape = "rectangle", width_y = "26 mm", width_z = "10 mm" }'
-    faults = refused((SHAFT, rectangle), *LIFTER, ("[contacts.intake]", OTHER.format("axis = [-1, 0, 0]\n")))
+    faults = build_faults((SHAFT, rectangle), *LIFTER, ("[contacts.intake]", OTHER.format("axis = [-1, 0, 0]\n")))
     assert {one.where.split(".")[0] for one in faults} == {"members", "cams"}

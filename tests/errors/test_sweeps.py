@@ -1,4 +1,4 @@
-"""Bad sweeps: every fault at once, before anything runs, at the option that gives it."""
+"""Faults of sweeps: all in one report, before any run, with the option that caused them."""
 
 from __future__ import annotations
 
@@ -43,31 +43,31 @@ SPECS = {
 
 
 @pytest.mark.parametrize("spec", SPECS)
-def test_no_values(spec):
+def test_invalid_range_is_refused(spec):
     fault = faults(lambda: parse_axes([f"run.speed={spec}"]))[0]
     assert fault.where == f"--set run.speed={spec}"
     assert fault.why == SPECS[spec]
     assert fault.allowed
 
 
-def test_faults_of_several_axes_come_together():
+def test_faults_of_all_axes_are_in_one_report():
     found = faults(lambda: parse_axes(["run.speed=2:1:1", "nothing", "a=1,2", "a=3", "b=1:2:0"]))
     assert [fault.where for fault in found] == ["--set run.speed=2:1:1", "--set nothing", "--set a=3", "--set b=1:2:0"]
 
 
 @pytest.mark.parametrize("how", ["sobl:4", "sobol:5", "lhs:0", "lhs", "lhs:-3", "sobol:4.0"])
-def test_no_sample(how):
+def test_invalid_sample_is_refused(how):
     assert faults(lambda: parse_sample(how))[0].where == "--sample"
 
 
-def test_plans_that_cannot_be():
+def test_invalid_plans_are_refused():
     assert [f.why for f in faults(lambda: make_plan(parse_axes(["a=1:2", "b=3:4"])))] == ["a grid needs points"] * 2
     assert faults(lambda: make_plan(parse_axes(["a=1"])))[0].why == "nothing varies"
     assert "--limit 10201" in faults(lambda: make_plan(parse_axes(["a=0:100:1", "b=0:100:1"])))[0].remedy
     assert len(make_plan(parse_axes(["a=0:100:1", "b=0:100:1"]), limit=10201)) == 10201
 
 
-def test_unknown_key_unit_mismatch_and_impossible_values_in_one_report(case):
+def test_faults_of_keys_units_and_values_are_in_one_report(case):
     wrong = ["run.speed=1000:3000:1000kN", "springs.valve.stifness=1,2kN/m", "cams.intake.lift=-1:5:3mm"]
     found = {fault.where: fault for fault in faults(lambda: make_sweep(case, wrong))}
     assert set(found) == {f"--set {one}" for one in wrong}
@@ -77,18 +77,18 @@ def test_unknown_key_unit_mismatch_and_impossible_values_in_one_report(case):
     assert found[f"--set {wrong[2]}"].why == "in variants 1, 4, 7 and 3 more"  # 2 mm and 5 mm are lifts
 
 
-def test_an_unknown_table(case):
+def test_unknown_table_suggests_similar_name(case):
     assert faults(lambda: make_sweep(case, ["sprigs.valve.stiffness=1,2kN/m"]))[0].remedy == "did you mean 'springs'?"
 
 
-def test_thousands_of_bad_variants_are_refused_at_once(case):
-    begun = time.process_time()
+def test_many_invalid_variants_are_refused_quickly(case):
+    start = time.process_time()
     found = faults(lambda: make_sweep(case, ["run.speed=1:9000:1kN"]))
     assert len(found) == 1
-    assert time.process_time() - begun < 1.0  # all of them take seconds
+    assert time.process_time() - start < 1.0  # checking all variants takes seconds
 
 
-def test_faults_of_the_table_of_a_case_name_its_line(case, text):
+def test_faults_of_sweep_table_name_line(case, text):
     table = '\n[sweep]\nset = { "run.speed" = "1000:2000:-500rpm", "springs.valve.stiffness" = "30:60kN/m" }\n'
     case.write_text(text + table, encoding="utf-8")
     line = len(text.splitlines()) + 3
@@ -104,13 +104,13 @@ def test_faults_of_the_table_of_a_case_name_its_line(case, text):
     }
 
 
-def test_a_sweep_of_its_own_keys_and_of_estimates(case):
+def test_sweep_of_sweep_keys_or_estimates_is_refused(case):
     assert faults(lambda: make_sweep(case, ["sweep.seed=1,2"]))[0].why == "it defines the sweep"
     found = faults(lambda: make_sweep(case, ["run.speed=1000,2000rpm", "fidelity.estimate=true"]))
     assert found[0].remedy == "--set fidelity.estimate=false"
 
 
-def test_a_range_without_its_unit(case):
+def test_range_without_unit_is_refused(case):
     setting = "run.speed=100:300:100"
     (fault,) = faults(lambda: make_sweep(case, [setting]))
     assert fault.where == f"--set {setting}"

@@ -1,4 +1,4 @@
-"""What refusals say: the version that is read, no hint at the key itself."""
+"""Error messages: format versions, name suggestions, and no Python terms."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flexcam.case.reader import read_cams
 from flexcam.core.errors import finite_array, refuse, suggest_name
 
 
-def test_another_version_of_the_format(tmp_path):
+def test_newer_format_version_is_refused(tmp_path):
     (tmp_path / "cams.toml").write_text('format = 2\n[cams.c]\nlaw = "shm"\nlift = "6 mm"\nrise = 1\nreturn = 1\n')
     with pytest.raises(InputError) as refusal:
         read_cams(tmp_path / "cams.toml")
@@ -27,7 +27,7 @@ def test_another_version_of_the_format(tmp_path):
     ("missing.toml", "direct-acting.toml"), ("missing.toml", "ns.toml"), ("none.vtkhdf", "nn.vtkhdf"),
     ("nothing", "motion"), ("rear", "roller"),
 ])  # fmt: skip
-def test_no_hint_at_distant_names(name, known):
+def test_no_suggestion_for_distant_names(name, known):
     assert suggest_name(name, [known]) == ""
 
 
@@ -35,11 +35,11 @@ def test_no_hint_at_distant_names(name, known):
     ("splitt.toml", "split.toml"), ("shn", "shm"), ("rize", "rise"), ("SDOF", "sdof"), ("run.sped", "run.speed"),
     ("bwo.toml", "bow.toml"),
 ])  # fmt: skip
-def test_hints_at_typing_errors(name, known):
+def test_suggestion_for_typing_errors(name, known):
     assert suggest_name(name, [known]) == f"did you mean {known!r}?"
 
 
-def test_no_hint_at_what_was_written():
+def test_given_name_is_not_suggested():
     assert suggest_name("exponents", ["exponents", "conditions"]) == ""
     assert suggest_name("contacts.a.force", ["contacts.a.force", "contacts.b.force"]) == ""
     with pytest.raises(InputError) as refusal:
@@ -48,16 +48,16 @@ def test_no_hint_at_what_was_written():
 
 
 @pytest.mark.parametrize(("name", "meant"), [
-    ("contacts.exhaust.force", "'contacts.intake.force' or 'contacts.seat.force'"),  # 'seat' has most letters of it
+    ("contacts.exhaust.force", "'contacts.intake.force' or 'contacts.seat.force'"),  # 'seat' shares most letters
     ("contacts.intaek.force", "'contacts.intake.force'"),
 ])  # fmt: skip
-def test_a_part_is_meant_by_its_name(name, meant):
+def test_suggestions_compare_parts_of_dotted_names(name, meant):
     known = ["contacts.intake.force", "contacts.intake.torque", "contacts.seat.force", "springs.exhaust.force"]
     assert suggest_name(name, known) == f"did you mean {meant}?"
 
 
 @pytest.mark.parametrize("harmonics", [[0.9, 0.1], 0.9, [[1, 0.9, 0.1]], [[1.5, 0.9]]])
-def test_a_list_of_pairs_is_shown_as_one(harmonics):
+def test_message_shows_example_of_list_of_pairs(harmonics):
     with pytest.raises(InputError, match=r"pairs, a whole number and a number each: \[\[1, 0.9\], \[3, 0.1\]\]"):
         parse_law({"id": "harmonic", "harmonics": harmonics})
 
@@ -85,16 +85,16 @@ BAD = [
 
 
 @pytest.mark.parametrize("override", BAD)
-def test_no_python_in_what_is_told(override):
-    """Who writes a case file need not know what a tuple is."""
+def test_messages_contain_no_python_terms(override):
+    """Authors of case files need not know Python types."""
     with pytest.raises(InputError) as refusal:
         read_case(INLINE, [override])
     for fault in refusal.value.faults:
-        told = str(fault).replace(f"--set {override}", "")
-        assert not PYTHON.search(told), told
+        message = str(fault).replace(f"--set {override}", "")
+        assert not PYTHON.search(message), message
 
 
-def test_a_table_given_twice(tmp_path):
+def test_duplicate_table_is_refused(tmp_path):
     (tmp_path / "case.toml").write_text("[run.start]\n[run.start]\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"\[run\.start\] is given twice"):
         read_case(tmp_path / "case.toml")
@@ -103,7 +103,7 @@ def test_a_table_given_twice(tmp_path):
         read_case(tmp_path / "case.toml")
 
 
-def test_numbers_of_arrays():
+def test_messages_show_plain_numbers_and_shapes():
     assert "got [0.5, 1.5]" in str(refuse("x", np.array([0.5, 1.5]), "one"))
     assert "got 0.5" in str(refuse("x", np.float64(0.5), "one"))
     with pytest.raises(InputError, match="got shape 2 x 3, expected shape any x 2"):
@@ -111,8 +111,8 @@ def test_numbers_of_arrays():
 
 
 @pytest.mark.parametrize("given", ["[]", "[1]", "[1, 2]", "[1, 2, 3, 4]"])
-def test_rows_say_how_many_values_they_have(given):
-    """However many are missing, or one is too many: the same number, told once."""
+def test_fault_names_required_number_of_values(given):
+    """The allowed number is reported once, whether values are missing or too many."""
     with pytest.raises(InputError) as refusal:
         read_case(INLINE, [f"run.gravity={given}"])
     assert [fault.allowed for fault in refusal.value.faults] == ["3 values"]

@@ -1,6 +1,6 @@
-"""What is expected of an extreme: the right answer, a warning with its number, or a refusal with its cause.
+"""Expected behaviour at extremes: a correct result, a warning with its number, or a refusal with its cause.
 
-`expect` asserts it and keeps it as a row; `docs/make_extremes.py` makes the page of these rows.
+`expect` asserts it and stores a row; `docs/make_extremes.py` makes the page of these rows.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ ROOT = Path(__file__).parents[2]
 
 
 class Expected:
-    """Asserts what is expected of an extreme and keeps the row.
+    """Assert the expected behaviour at an extreme and store the row.
 
-    Where a test is marked xfail, the row says what is expected and that it is not so yet.
+    The row of a test marked xfail gives the expected behaviour and states that it is not yet reached.
     """
 
     def __init__(self, test: str, missing: str, rows: list[dict[str, object]]) -> None:
@@ -39,19 +39,19 @@ class Expected:
         self._keep(extreme, given, "right", happens, holds)
         assert holds, f"{given}, {what}: {computed:.10g}, theory {reference:.10g}, allowed +-{allowed:.3g}"
 
-    def warns(self, extreme: str, given: str, said: str, *patterns: str) -> None:
-        """Expect a run that goes on, and words that match all patterns (the number of what is lost among them)."""
-        self._words(extreme, given, "warns", said, patterns)
+    def warns(self, extreme: str, given: str, message: str, *patterns: str) -> None:
+        """Expect a run with a warning that matches all patterns, such as the number of lost digits."""
+        self._words(extreme, given, "warns", message, patterns)
 
-    def refuses(self, extreme: str, given: str, said: str, *patterns: str) -> None:
-        """Expect a refusal whose words match all patterns."""
-        self._words(extreme, given, "refuses", said, patterns)
+    def refuses(self, extreme: str, given: str, message: str, *patterns: str) -> None:
+        """Expect a refusal whose message matches all patterns."""
+        self._words(extreme, given, "refuses", message, patterns)
 
-    def _words(self, extreme: str, given: str, outcome: str, said: str, patterns: tuple[str, ...]) -> None:
-        said = " ".join(said.split())
-        missing = [pattern for pattern in patterns if not re.search(pattern, said)]
-        self._keep(extreme, given, outcome, said if not missing else "", not missing)
-        assert not missing, f"{given}: {said!r} says nothing of {missing}"
+    def _words(self, extreme: str, given: str, outcome: str, message: str, patterns: tuple[str, ...]) -> None:
+        message = " ".join(message.split())
+        missing = [pattern for pattern in patterns if not re.search(pattern, message)]
+        self._keep(extreme, given, outcome, message if not missing else "", not missing)
+        assert not missing, f"{given}: {message!r} does not match {missing}"
 
     def _keep(self, extreme: str, given: str, outcome: str, happens: str, holds: bool) -> None:
         self._rows.append({
@@ -61,20 +61,20 @@ class Expected:
 
 
 def _one_digit(share: float) -> str:
-    """Return a deviation to one digit: the next ones differ between machines."""
+    """Return a deviation to one digit; further digits differ between machines."""
     return "0" if not share else "1e-14" if share < 1e-14 else f"{share:.0e}"
 
 
 @pytest.fixture
 def expect(request: pytest.FixtureRequest, page_rows: Callable[[str], list[dict[str, object]]]) -> Expected:
-    """Assert what is expected of an extreme and keep the row."""
+    """Return the object that asserts the expected behaviour and stores the row."""
     marker = request.node.get_closest_marker("xfail")
     return Expected(request.node.nodeid, marker.kwargs["reason"] if marker else "", page_rows("extremes"))
 
 
 @pytest.fixture
 def command(flexcam: Callable[..., Ended]) -> Callable[..., tuple[int, str]]:
-    """Run the command in this process and a folder of its own; return exit code and all it said."""
+    """Return a function that runs the command in this process and its own folder; it returns exit code and output."""
 
     def run(*words: object) -> tuple[int, str]:
         ended = flexcam(*words)
@@ -85,5 +85,5 @@ def command(flexcam: Callable[..., Ended]) -> Callable[..., tuple[int, str]]:
 
 @pytest.fixture(scope="session")
 def tayeb() -> Path:
-    """Return the published case."""
+    """Return the path of the published case."""
     return ROOT / "cases/tayeb/model-3-shm.toml"

@@ -1,4 +1,4 @@
-"""Random trains the estimate was not made for: it covers the true error, and is not far above it."""
+"""Error estimates of random trains cover the true error and are not far above it."""
 
 from __future__ import annotations
 
@@ -84,8 +84,8 @@ probes = ["valve"]
 CONTACTS = ('model = "published-load"', 'model = "bilateral", stiffness = {k}', 'model = "unilateral", stiffness = {k}')
 
 
-def text(seed):
-    """Return a train: each number within half or one decade of what engines have."""
+def case_text(seed):
+    """Return a train with each number within half a decade or one decade of usual engines."""
     random = np.random.default_rng(seed)
 
     def about(value, decades=0.5):
@@ -106,9 +106,9 @@ def text(seed):
 
 
 def errors(seed, folder):
-    """Return by quantity: estimated and true error, as parts of its size, and whether the estimate holds."""
+    """Return, for each quantity, the relative estimated and true error and whether the estimate is valid."""
     path = folder / f"random-{seed}.toml"
-    path.write_text(text(seed), encoding="utf-8")
+    path.write_text(case_text(seed), encoding="utf-8")
     case = read_case(path, ["run.integrator.method=newmark"])
     steps = steps_per_revolution_of(case)
     own, best = (
@@ -121,17 +121,18 @@ def errors(seed, folder):
 
 
 ROUNDING = 1e-10
-"""A published load knows neither steps nor elements: what its runs differ by is rounding, up to some 1e-11."""
+"""A published load depends on neither steps nor elements: its runs differ by rounding, up to about 1e-11."""
 
 
-def check(count, folder):
-    """Seven lifts of ten have an estimate, 19 of 20 of these cover the true error, half are within five times of it.
+def check_estimates(count, folder):
+    """Seven of ten lifts have an estimate, 19 of 20 of these cover the true error, half are within five times of it.
 
-    The true error is that against four times the elements and eight times the steps: of second order, 1/16 and 1/64 of
-    it are left in there. What is doubled is 3/4 of it, so that 1.5 times the truth is to be expected.
-    Springs of few coarse parts are divided as well, and what surges in them may not converge: the estimate says so.
-    Accelerations and forces after an impact or a jump of the law come together later than lifts do: of them every other
-    estimate is to hold, and of forces, whose error is the largest one at any instant, nine of ten cover it.
+    The true error is the difference from four times the elements and eight times the steps; of second order, it misses
+    1/16 and 1/64 of the error. The estimate is twice the change at double resolution, 3/4 of the error: the expected
+    ratio is 1.5.
+    Springs of few coarse elements are refined as well, and their surge may not converge: the estimate is then invalid.
+    Accelerations and forces after an impact or a jump of the law converge later than lifts: every second estimate must
+    be valid, and nine of ten force estimates, whose error is the maximum over time, must cover the error.
     """
     found = [errors(seed, folder) for seed in range(count)]
     for quantity in ("lift", "velocity", "acceleration", "force intake"):
@@ -143,10 +144,10 @@ def check(count, folder):
         assert np.median([estimated / true for estimated, true in holding]) < 5.0, quantity
 
 
-def test_ten_trains(tmp_path):
-    check(10, tmp_path)
+def test_estimates_of_10_random_trains_cover_error(tmp_path):
+    check_estimates(10, tmp_path)
 
 
 @pytest.mark.slow
-def test_two_hundred_trains(tmp_path):
-    check(200, tmp_path)
+def test_estimates_of_200_random_trains_cover_error(tmp_path):
+    check_estimates(200, tmp_path)

@@ -1,4 +1,4 @@
-"""Random trains that could be built: each run is complete, or its status names the cause. No exception, no NaN."""
+"""Random but feasible trains: each run is complete or its status names the cause, without exceptions or NaN."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ CASE = Path(__file__).parents[2] / "cases/pushrod-engine/intake.toml"
 
 
 def overrides(seed):
-    """Masses, stiffnesses and speed over three decades about those of the engine."""
+    """Return masses, stiffnesses and speed over three decades around those of the engine."""
     random = np.random.default_rng(seed)
 
     def about(value):
@@ -38,7 +38,7 @@ def overrides(seed):
     ]  # fmt: skip
 
 
-def outcome(seed):
+def run_status(seed):
     try:
         response = run(read_case(CASE, overrides(seed)))
     except RunFailedError as failure:
@@ -48,21 +48,21 @@ def outcome(seed):
     return response.status
 
 
-def check(seed):
-    status = outcome(seed)
+def check_status(seed):
+    status = run_status(seed)
     assert status.ok or (len(status.text) > 20 and status.remedy), str(status)
 
 
 QUICK = (0, 1, 2, 3, 6, 7)
-"""Trains that take some seconds at most."""
+"""Trains whose run takes a few seconds at most."""
 
 
 @pytest.mark.parametrize("seed", mostly_slow(QUICK))
-def test_a_few(seed):
-    check(seed)
+def test_selected_random_trains_complete_or_name_cause(seed):
+    check_status(seed)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", sorted({*range(500)} - {*QUICK}))
-def test_five_hundred(seed):
-    check(seed)
+def test_500_random_trains_complete_or_name_cause(seed):
+    check_status(seed)

@@ -1,7 +1,7 @@
-"""A run that begins at the state of another one is the uninterrupted run to rounding, wherever it begins.
+"""A run restarted from the state of another run equals the uninterrupted run to rounding.
 
-The state is what a `State` and a result file hold: displacement, velocity, acceleration, time and the internal states
-of contacts.
+A `State` and a result file contain the state: displacement, velocity, acceleration, time and the internal states of
+contacts.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ METHODS = {
     "Newmark": '{ method = "newmark" }', "HHT": '{ method = "hht" }', "Bathe": '{ method = "bathe" }',
     "generalized-alpha": '{ method = "generalized-alpha", rho_inf = 0.8 }',
 }  # fmt: skip
-EVERY = SaveAt(field_every=1, fields_per_block=64)
+SAVE_ALL = SaveAt(field_every=1, fields_per_block=64)
 COARSE, LENGTH = "run.steps_per_revolution=480", 240
-"""Half a revolution: valves open, bounce and close."""
+"""Half a revolution, in which valves open, bounce and close."""
 
 
 @pytest.fixture(scope="module")
-def legs():
-    """Return the whole run and, for a place to stop, what follows from there; each is computed once."""
+def restart_runs():
+    """Return a function that gives the uninterrupted run and a function of the run from a step on; both are cached."""
 
     @functools.cache
     def make(name, method="Newmark"):
@@ -45,14 +45,14 @@ def legs():
         problem = replace(ready.problem, steps=LENGTH)
 
         @functools.cache
-        def rest(at):
-            first = solve(replace(problem, steps=at), ready.scheme, save=EVERY)
+        def restart(at):
+            first = solve(replace(problem, steps=at), ready.scheme, save=SAVE_ALL)
             inner = first.inner if len(first.inner) else None
             d, v, a = (one[-1] for one in (first.fields.displacement, first.fields.velocity, first.fields.acceleration))
             state = State(d, v, float(first.time[-1]), inner, acceleration=a)
-            return solve(replace(problem, steps=LENGTH - at, start=state), ready.scheme, save=EVERY)
+            return solve(replace(problem, steps=LENGTH - at, start=state), ready.scheme, save=SAVE_ALL)
 
-        return solve(problem, ready.scheme, save=EVERY), rest
+        return solve(problem, ready.scheme, save=SAVE_ALL), restart
 
     return make
 
@@ -61,11 +61,12 @@ STOPS = [1, 64, 200]
 SERIES = ("displacement", "velocity", "acceleration")
 
 
-def apart(whole, rest, at):
-    """Return the largest relative difference of motion, contact forces and internal states."""
-    channels = [name for name in whole.channels if not name.startswith("energy.")]  # they count from a run's start
-    pairs = [(getattr(rest.fields, one), getattr(whole.fields, one)) for one in SERIES]
-    pairs += [(rest.channels[name], whole.channels[name]) for name in channels]
+def relative_difference(full, restart, at):
+    """Return the maximum relative difference of motion, contact forces and internal states."""
+    # Energies start from zero in each run.
+    channels = [name for name in full.channels if not name.startswith("energy.")]
+    pairs = [(getattr(restart.fields, one), getattr(full.fields, one)) for one in SERIES]
+    pairs += [(restart.channels[name], full.channels[name]) for name in channels]
     return max(float(np.abs(one - other[at:]).max()) / max(float(np.abs(other).max()), 1e-300) for one, other in pairs)
 
 
@@ -74,25 +75,25 @@ def apart(whole, rest, at):
     pytest.param("hydraulic adjuster, its state", "Newmark", marks=pytest.mark.slow)] + [
     ("published load, no contact", method) for method in METHODS if method != "Newmark"] + [
     pytest.param("contacts and seat", method, marks=pytest.mark.slow) for method in ("HHT", "Bathe")], 2))  # fmt: skip
-def test_restarted_run(expect, legs, name, method):
-    whole, rest = legs(name, method)
-    off = max(apart(whole, rest(at), at) for at in STOPS)
+def test_restarted_run_equals_uninterrupted_run(expect, restart_runs, name, method):
+    full, restart = restart_runs(name, method)
+    off = max(relative_difference(full, restart(at), at) for at in STOPS)
     expect.right(RESTART, f"{method}, {name}", what="difference from the uninterrupted run", reference=0.0,
                  computed=off, tolerance=1e-9, absolute=True)  # fmt: skip
 
 
-def test_without_the_acceleration_it_is_balanced_anew(legs):
-    """A state of displacement and velocity alone goes on as well, to rounding, with a scheme whose a balances."""
-    whole, _ = legs("published load, no contact")
+def test_restart_without_acceleration_equals_full_run(restart_runs):
+    """The initial acceleration follows from equilibrium, as the accelerations of this scheme do."""
+    full, _ = restart_runs("published load, no contact")
     ready = prepare(read_case(CASES["published load, no contact"], [COARSE]))
-    state = State(whole.fields.displacement[64], whole.fields.velocity[64], float(whole.time[64]))
-    later = solve(replace(ready.problem, steps=100, start=state), ready.scheme, save=EVERY)
-    gap = np.abs(later.fields.displacement - whole.fields.displacement[64:165]).max()
-    assert 0.0 < gap <= 1e-11 * np.abs(whole.fields.displacement).max()
+    state = State(full.fields.displacement[64], full.fields.velocity[64], float(full.time[64]))
+    later = solve(replace(ready.problem, steps=100, start=state), ready.scheme, save=SAVE_ALL)
+    gap = np.abs(later.fields.displacement - full.fields.displacement[64:165]).max()
+    assert 0.0 < gap <= 1e-11 * np.abs(full.fields.displacement).max()
 
 
 @pytest.mark.parametrize("every", [1, 20])
-def test_from_a_result_file(expect, tmp_path, every):
+def test_restart_from_result_file_equals_full_run(expect, tmp_path, every):
     case = CASES["published load, no contact"]
     fields = f"output.field_every={every}"
     ready = prepare(read_case(case, ["run.revolutions=0.25", fields]))
@@ -100,9 +101,9 @@ def test_from_a_result_file(expect, tmp_path, every):
     shutil.copy(case, tmp_path / "next.toml")
     overrides = ['run.start={ result = "inline.vtkhdf" }', "run.revolutions=0.25", fields]
     later = run(read_case(tmp_path / "next.toml", overrides))
-    whole = run(read_case(case, ["run.revolutions=0.5", fields]))
-    at = len(whole.time) // 2
-    pairs = [(getattr(later["valve"], one), getattr(whole["valve"], one)) for one in SERIES]
+    full = run(read_case(case, ["run.revolutions=0.5", fields]))
+    at = len(full.time) // 2
+    pairs = [(getattr(later["valve"], one), getattr(full["valve"], one)) for one in SERIES]
     off = max(float(np.abs(new - old[at:]).max() / np.abs(old).max()) for new, old in pairs)
     expect.right(RESTART, f"from a result file, a field every {every} steps", reference=0.0, computed=off,
                  what="difference from the uninterrupted run", tolerance=1e-11, absolute=True)  # fmt: skip

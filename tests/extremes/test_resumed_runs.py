@@ -1,6 +1,6 @@
-"""A run that broke off and goes on from its partial result writes the file of the uninterrupted one, bit by bit.
+"""A run resumed from its partial result writes the same file as the uninterrupted run, bit by bit.
 
-On every way through time, with every method and on every model of a case: what a checkpoint lacks would show here.
+The tests cover all engines, methods and models of a case, so that a missing part of the checkpoint is detected.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ SHAFT = ROOT / "cases/tayeb/model-1-shm.toml"
 
 SAVE = SaveAt(field_every=10, fields_per_block=2)
 STEPS = 150
-"""Eight blocks of twenty instants, the last one of eleven."""
+"""Eight blocks of twenty steps, the last one of eleven."""
 
-WAYS = {
+RUNS = {
     "general, linear": (LINEAR, "run.engine=direct"),
     "general, contacts and seat": (BUCKET, "run.engine=direct"),
     "general, hydraulic adjuster": (ADJUSTER, "run.engine=direct"),
@@ -62,25 +62,26 @@ WAYS = {
 }  # fmt: skip
 
 
-def prepared(way, *, steps=STEPS, save=SAVE):
-    path, *overrides = WAYS[way]
+def prepare_run(way, *, steps=STEPS, save=SAVE):
+    path, *overrides = RUNS[way]
     ready = prepare(read_case(path, overrides))
     return replace(ready, problem=replace(ready.problem, steps=steps), save=save)
 
 
-def solved(ready, folder, *, cut=None, earlier=None):
+def solve_to_file(ready, folder, *, cut=None, earlier=None):
     file = open_result_file(ready, folder, resume=earlier)
     sinks = [file] if cut is None else [Cut(cut), file]
     return solve(ready.problem, ready.scheme, save=ready.save, sinks=sinks, resume=earlier), file
 
 
 def content(path):
-    """Return every dataset and attribute of a file as bytes, but for what tells of the clock, and the seal over it."""
+    """Return all datasets and attributes of a file as bytes, except date, run time and the digest over them."""
     found = {}
 
     def visit(name, item):
         for key, value in item.attrs.items():
-            if key not in ("DIMENSION_LIST", "REFERENCE_LIST", "seconds", "seal"):  # the seal covers date and seconds
+            # The digest, "seal", covers date and run time.
+            if key not in ("DIMENSION_LIST", "REFERENCE_LIST", "seconds", "seal"):
                 found[f"{name}@{key}"] = np.asarray(value).tolist()
         if isinstance(item, h5py.Dataset) and name != "about/created":
             found[name] = item[()] if item.dtype.kind == "O" else (item.shape, item[()].tobytes())
@@ -92,20 +93,20 @@ def content(path):
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory):
-    """Return the uninterrupted run of a way: its response, and the content of its file."""
+def uninterrupted(tmp_path_factory):
+    """Return a function that gives the response of the uninterrupted run and the content of its file."""
 
     @functools.cache
     def make(way):
-        response, file = solved(prepared(way), tmp_path_factory.mktemp("whole"))
+        response, file = solve_to_file(prepare_run(way), tmp_path_factory.mktemp("whole"))
         assert response.status.ok, response.status
         return response, content(file.path)
 
     return make
 
 
-def differing(found, wanted):
-    return sorted(name for name in found.keys() | wanted.keys() if found.get(name) != wanted.get(name))
+def different_names(found, expected):
+    return sorted(name for name in found.keys() | expected.keys() if found.get(name) != expected.get(name))
 
 
 SLOW = {
@@ -115,26 +116,26 @@ SLOW = {
     "scipy's DOP853", "four modes", "compiled, linear", "Bathe, contacts",
     "collocation, contacts and seat", "general, contacts and seat", "modal", "compiled, contacts and seat",
 }  # fmt: skip
-"""Ways that share what a checkpoint holds with another one."""
+"""Runs whose checkpoint has the same parts as that of another run."""
 
 
-@pytest.mark.parametrize("way", [pytest.param(way, marks=[pytest.mark.slow] * (way in SLOW)) for way in WAYS])
-def test_bit_by_bit(way, whole, tried, tmp_path):
-    """Cut twice, at places drawn by the name of the way; in between everything is prepared anew."""
-    response, wanted = whole(way)
+@pytest.mark.parametrize("way", [pytest.param(way, marks=[pytest.mark.slow] * (way in SLOW)) for way in RUNS])
+def test_resumed_run_equals_uninterrupted_run(way, uninterrupted, tried, tmp_path):
+    """The run is interrupted twice, at random blocks, and prepared anew in between."""
+    response, expected = uninterrupted(way)
     first, second = sorted(np.random.default_rng(zlib.crc32(way.encode())).choice(np.arange(1, 8), 2, replace=False))
-    broken, _ = solved(prepared(way), tmp_path, cut=first)
+    broken, _ = solve_to_file(prepare_run(way), tmp_path, cut=first)
     assert broken.status.cause is Cause.INTERRUPTED
-    ready = prepared(way)
+    ready = prepare_run(way)
     earlier = open_partial_result(ready, tmp_path)
     assert earlier.checkpoint.steps == 20 * first
-    solved(ready, tmp_path, cut=second, earlier=earlier)
-    ready = prepared(way)
+    solve_to_file(ready, tmp_path, cut=second, earlier=earlier)
+    ready = prepare_run(way)
     earlier = open_partial_result(ready, tmp_path)
     assert earlier.checkpoint.steps == 20 * second
-    again, file = solved(ready, tmp_path, earlier=earlier)
+    again, file = solve_to_file(ready, tmp_path, earlier=earlier)
     assert again.status.ok
-    assert not differing(content(file.path), wanted)
+    assert not different_names(content(file.path), expected)
     assert [one.name for one in tmp_path.iterdir()] == [file.path.name]
     assert replace(again.stats, seconds=0.0) == replace(response.stats, seconds=0.0)
     for name in ("time", "angle", "field_time", "field_angle"):
@@ -144,19 +145,19 @@ def test_bit_by_bit(way, whole, tried, tmp_path):
     tried("killed", f"stopped twice and resumed: {way}", 2, "every dataset equals that of the uninterrupted run")
 
 
-def test_time_over_before_the_first_new_block(whole, tmp_path):
-    """A time limit too short to get anywhere costs nothing: the next run goes on from the same checkpoint."""
+def test_time_limit_before_first_block_keeps_checkpoint(uninterrupted, tmp_path):
+    """The next run continues from the same checkpoint."""
     way = "general, linear"
-    solved(prepared(way), tmp_path, cut=3)
-    ready = prepared(way)
+    solve_to_file(prepare_run(way), tmp_path, cut=3)
+    ready = prepare_run(way)
     earlier = open_partial_result(ready, tmp_path)
-    late = solve(
+    timed_out = solve(
         ready.problem, ready.scheme, save=ready.save, sinks=[open_result_file(ready, tmp_path, resume=earlier)],
         resume=earlier, until=0.0,
     )  # fmt: skip
-    assert late.status.cause is Cause.TIME_LIMIT
-    ready = prepared(way)
+    assert timed_out.status.cause is Cause.TIME_LIMIT
+    ready = prepare_run(way)
     earlier = open_partial_result(ready, tmp_path)
     assert earlier.checkpoint.steps >= 60
-    _, file = solved(ready, tmp_path, earlier=earlier)
-    assert not differing(content(file.path), whole(way)[1])
+    _, file = solve_to_file(ready, tmp_path, earlier=earlier)
+    assert not different_names(content(file.path), uninterrupted(way)[1])

@@ -1,7 +1,7 @@
-"""The same train with all lengths, masses or times a million times larger or smaller: the same motion, without units.
+"""The same train with lengths, masses or times a million times larger or smaller has the same dimensionless motion.
 
-The model is scaled part by part by the dimension of each number, kg^a m^b s^c. As text of a case such numbers are
-refused: no mechanism has them, and a wrong unit is the likely cause.
+Each number of the model is scaled by its dimension, kg^a m^b s^c. A case text with such numbers is refused: no
+mechanism has them, and a wrong unit is the likely cause.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ SCALES = {"lengths": LENGTH, "masses": MASS, "times": TIME}
 
 
 class Units:
-    """A million or a millionth of a unit: factors of numbers by their dimension."""
+    """Scale factors of numbers by their dimension, for units larger or smaller by a factor."""
 
     def __init__(self, factor=1.0, dimension=(0, 0, 0)):
         self._scale = [factor**power for power in dimension]
@@ -85,8 +85,8 @@ class Units:
         return math.prod(one**power for one, power in zip(self._scale, dimension, strict=True))
 
 
-def scaled(model, units):
-    """Return a model with every number in other units."""
+def scale_model(model, units):
+    """Return a model with all numbers in other units."""
     long, stiff, heavy = units(LENGTH), units(STIFF), units(MASS)
     sections = {"camshaft": Section.circle(0.03 * long), "pushrod": Section.tube(0.008 * long, 0.005 * long)}
     steel = model.members["camshaft"].material
@@ -110,18 +110,18 @@ def scaled(model, units):
 
 @pytest.fixture
 def train(tmp_path):
-    """Return the model with a contact, in other units."""
+    """Return a function that makes the model with a contact in other units."""
 
     def make(contact, units):
         path = tmp_path / "train.toml"
         path.write_text(CASE.format(contact=CONTACTS[contact], E=207e9, density=7800.0, speed=SPEED), encoding="utf-8")
-        return scaled(build_model(read_case(path)), units)
+        return scale_model(build_model(read_case(path)), units)
 
     return make
 
 
-def moved(model, units):
-    """Return displacement and contact force, in the units of the plain model."""
+def solve_in_plain_units(model, units):
+    """Return displacement and contact force in the units of the unscaled model."""
     speed = SPEED / units(TIME)
     system, drive = build_system(model, speed), ConstantSpeed(speed)
     step = 2.0 * math.pi / speed / STEPS
@@ -131,7 +131,7 @@ def moved(model, units):
 
 
 PLAIN = {}
-"""Displacement and contact force by contact, in the units of the plain model."""
+"""Displacement and contact force of the unscaled model, by contact."""
 
 FACTORS = pytest.mark.parametrize("factor", [1e6, 1e-6], ids=["larger", "smaller"])
 
@@ -139,35 +139,35 @@ FACTORS = pytest.mark.parametrize("factor", [1e6, 1e-6], ids=["larger", "smaller
 @FACTORS
 @pytest.mark.parametrize("what", SCALES)
 @pytest.mark.parametrize("contact", mostly_slow(CONTACTS))
-def test_the_same_motion(expect, train, contact, what, factor):
+def test_scaled_units_give_same_motion(expect, train, contact, what, factor):
     units = Units(factor, SCALES[what])
     if contact not in PLAIN:
-        PLAIN[contact] = moved(train(contact, Units()), Units())
-    (top, force), (its_top, its_force) = PLAIN[contact], moved(train(contact, units), units)
-    # Powers of ten round every number of the model: eps, times the ratio of its stiffest to its softest part, 1e6, and
-    # contacts open a little earlier or later by as much.
+        PLAIN[contact] = solve_in_plain_units(train(contact, Units()), Units())
+    (top, force), (scaled_top, scaled_force) = PLAIN[contact], solve_in_plain_units(train(contact, units), units)
+    # Powers of ten round all numbers of the model: eps times the ratio of maximum to minimum stiffness, 1e6, which also
+    # shifts the opening of contacts.
     expect.right(UNITS, f"train, {contact}, {what} times {factor:g}", what="valve's motion off by", reference=0.0,
-                 computed=float(np.abs(its_top - top).max() / np.abs(top).max()), tolerance=1e-9,
+                 computed=float(np.abs(scaled_top - top).max() / np.abs(top).max()), tolerance=1e-9,
                  absolute=True)  # fmt: skip
-    assert np.abs(its_force - force).max() <= 1e-6 * np.abs(force).max()  # a contact is a thousand times as stiff
+    assert np.abs(scaled_force - force).max() <= 1e-6 * np.abs(force).max()  # a contact is a thousand times as stiff
 
 
 @FACTORS
 @pytest.mark.parametrize("what", SCALES)
-def test_the_same_modes(expect, train, what, factor):
+def test_scaled_units_give_same_frequencies(expect, train, what, factor):
     units = Units(factor, SCALES[what])
     plain, other = (model_modes(build_structure(train("Hertz", u))).modes for u in (Units(), units))
     assert (plain.rigid, plain.lost) == (other.rigid, other.lost)
     ratio = other.omegas[plain.rigid :] * units(TIME) / plain.omegas[plain.rigid :]
-    # Rounding of K, eps (w_max/w_min)^2 = 1e-9 at most.
+    # Rounding of K, at most eps (w_max/w_min)^2 = 1e-9.
     expect.right(UNITS, f"train, {what} times {factor:g}", what="frequencies off by", reference=0.0,
                  computed=float(np.abs(ratio - 1.0).max()), tolerance=1e-8, absolute=True)  # fmt: skip
 
 
 @pytest.mark.parametrize(("key", "value"), [("E", 207e15), ("density", 7800e6), ("speed", 157e6)])
-def test_a_case_in_wrong_units_is_refused(expect, command, tmp_path, key, value):
+def test_case_in_wrong_units_is_refused(expect, command, tmp_path, key, value):
     numbers = {"E": 207e9, "density": 7800.0, "speed": SPEED, key: value}
     (tmp_path / "case.toml").write_text(CASE.format(contact=CONTACTS["Hertz"], **numbers), encoding="utf-8")
-    code, said = command("check", "case.toml")
+    code, output = command("check", "case.toml")
     assert code == 2
-    expect.refuses(UNITS, f"case with {key} = {value:g} in SI; exit code 2", said, key, "Check the unit")
+    expect.refuses(UNITS, f"case with {key} = {value:g} in SI; exit code 2", output, key, "Check the unit")

@@ -1,4 +1,4 @@
-"""Sound binary seeds, what is done to the structure of HDF5 files, and whether something read is something else."""
+"""Valid binary seeds, changes of the structure of HDF5 files, and comparison of damaged with valid results."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def make_seeds(folder: Path) -> None:
-    """Make the seeds where they do not exist yet."""
+    """Write the seeds unless they exist."""
     if (folder / "done").exists():
         return
     folder.mkdir(parents=True, exist_ok=True)
@@ -79,7 +79,7 @@ def _table(folder: Path) -> None:
     shutil.move(made, folder / "small.sweep.h5")
 
 
-# ---- the structure of HDF5 files
+# ---- structure of HDF5 files
 
 
 def _paths(file: Any) -> list[str]:
@@ -117,7 +117,7 @@ def _virtual(file: Any, path: str, random: Random) -> None:
     file.create_virtual_dataset(path, layout)
 
 
-def _outside(file: Any, path: str, random: Random) -> None:
+def _external_storage(file: Any, path: str, random: Random) -> None:
     del random
     del file[path]
     file.create_dataset(path, (100,), "u1", external=[("/etc/passwd", 0, 100)])
@@ -132,18 +132,18 @@ def _huge(file: Any, path: str, random: Random) -> None:
 
 
 def _bomb(file: Any, path: str, random: Random) -> None:
-    """Zeros, compressed a thousandfold."""
+    """Replace a dataset by zeros that are compressed a thousandfold."""
     del random
     del file[path]
     file.create_dataset(path, data=np.zeros(1_000_000), compression="gzip", chunks=(250_000,))
 
 
-def _gone(file: Any, path: str, random: Random) -> None:
+def _delete(file: Any, path: str, random: Random) -> None:
     del random
     del file[path]
 
 
-def _other_kind(file: Any, path: str, random: Random) -> None:
+def _replace_type(file: Any, path: str, random: Random) -> None:
     del file[path]
     data = random.choice(
         (
@@ -160,18 +160,18 @@ def _other_kind(file: Any, path: str, random: Random) -> None:
     file.create_dataset(path, data=data)
 
 
-def _group_there(file: Any, path: str, random: Random) -> None:
+def _replace_by_group(file: Any, path: str, random: Random) -> None:
     del random
     del file[path]
     file.create_group(path)
 
 
-def _renamed(file: Any, path: str, random: Random) -> None:
+def _rename(file: Any, path: str, random: Random) -> None:
     file.move(path, random.choice((path + "2", "x", "about/" + path.rpartition("/")[2], "ä" * 50)))
 
 
-def _number(file: Any, path: str, random: Random) -> None:
-    """Change one number, by the front door: checksums are made anew, so that only what must be read is refused."""
+def _change_attribute(file: Any, path: str, random: Random) -> None:
+    """Change one attribute through h5py, which updates the checksums, so that only the content is invalid."""
     one = file[path]
     attrs = list(one.attrs)
     if attrs and random.random() < 0.5:
@@ -187,12 +187,12 @@ def _number(file: Any, path: str, random: Random) -> None:
 Change = Callable[[Any, str, Random], None]
 
 STRUCTURE: tuple[Change, ...] = (
-    _link_out, _link_soft, _loop, _reference, _virtual, _outside, _huge, _bomb, _gone, _other_kind, _group_there, _renamed, _number,
+    _link_out, _link_soft, _loop, _reference, _virtual, _external_storage, _huge, _bomb, _delete, _replace_type, _replace_by_group, _rename, _change_attribute,
 )  # fmt: skip
 
 
-def restructured(seed: Path, path: Path, random: Random, change: Change | None = None) -> None:
-    """Write a copy of an HDF5 file with something in its structure changed."""
+def change_structure(seed: Path, path: Path, random: Random, change: Change | None = None) -> None:
+    """Write a copy of an HDF5 file with one change of its structure."""
     shutil.copy(seed, path)
     os.chmod(path, 0o600)
     with h5py.File(path, "r+", locking=False) as file:
@@ -200,10 +200,10 @@ def restructured(seed: Path, path: Path, random: Random, change: Change | None =
         try:
             (change or random.choice(STRUCTURE))(file, where, random)
         except (OSError, KeyError, ValueError, TypeError, RuntimeError):
-            file.pop(where, None)  # what HDF5 itself forbids
+            file.pop(where, None)  # HDF5 itself refuses the change
 
 
-# ---- whether what was read is what was written
+# ---- comparison of read and written data
 
 
 def _arrays_differ(one: Any, other: Any, name: str) -> str:
@@ -211,40 +211,40 @@ def _arrays_differ(one: Any, other: Any, name: str) -> str:
     return "" if same else name
 
 
-def result_differs(read: Result, sound: Any) -> str:
-    """Return the name of something that a damaged result says otherwise than the sound one, or nothing."""
-    one, other = read.response, sound.response
+def result_differs(read: Result, valid: Any) -> str:
+    """Return the name of a quantity in which a damaged result differs from the valid one, or an empty string."""
+    one, other = read.response, valid.response
     pairs = {
         "time": (one.time, other.time), "angle": (one.angle, other.angle), "field_time": (one.field_time, other.field_time),
-        "field_angle": (one.field_angle, other.field_angle), "nodes": (read.mesh.nodes, sound.mesh.nodes),
+        "field_angle": (one.field_angle, other.field_angle), "nodes": (read.mesh.nodes, valid.mesh.nodes),
         **{f"probes.{k}": (getattr(one.probes, k), getattr(other.probes, k)) for k in ("displacement", "velocity", "acceleration")},
         **{f"fields.{k}": (getattr(one.fields, k), getattr(other.fields, k)) for k in ("displacement", "velocity", "acceleration")},
-        **{f"recovered.{k}": (read.recovered.get(k), v) for k, v in sound.recovered.items()},
-        **{f"still.{k}": (read.still.get(k), v) for k, v in sound.still.items()},
+        **{f"recovered.{k}": (read.recovered.get(k), v) for k, v in valid.recovered.items()},
+        **{f"still.{k}": (read.still.get(k), v) for k, v in valid.still.items()},
     }  # fmt: skip
     for name, (a, b) in pairs.items():
         if _arrays_differ(a, b, name):
             return name
     for name, (a, b) in {
-        "outline": (one.outline, other.outline), "status": (one.status, other.status), "about": (dict(read.about), dict(sound.about)),
+        "outline": (one.outline, other.outline), "status": (one.status, other.status), "about": (dict(read.about), dict(valid.about)),
         "stats": (dataclasses.asdict(one.stats), dataclasses.asdict(other.stats)), "channels": (list(one.channels), list(other.channels)),
-        "lines": ({k: v.tolist() for k, v in read.mesh.lines.items()}, {k: v.tolist() for k, v in sound.mesh.lines.items()}),
-        "points": ({k: v.tolist() for k, v in read.mesh.points.items()}, {k: v.tolist() for k, v in sound.mesh.points.items()}),
+        "lines": ({k: v.tolist() for k, v in read.mesh.lines.items()}, {k: v.tolist() for k, v in valid.mesh.lines.items()}),
+        "points": ({k: v.tolist() for k, v in read.mesh.points.items()}, {k: v.tolist() for k, v in valid.mesh.points.items()}),
     }.items():  # fmt: skip
         if a != b:
             return name
     return next((k for k, v in other.channels.items() if _arrays_differ(one.channels[k], v, k)), "")
 
 
-def table_differs(read: SweepTable, sound: Any) -> str:
-    """Return the name of something that a damaged table says otherwise than the sound one, or nothing."""
+def table_differs(read: SweepTable, valid: Any) -> str:
+    """Return the name of a quantity in which a damaged table differs from the valid one, or an empty string."""
     for name in ("units", "statuses", "shape", "about"):
-        if getattr(read, name) != getattr(sound, name):
+        if getattr(read, name) != getattr(valid, name):
             return name
-    if [(c.name, c.unit) for c in read.inputs] != [(c.name, c.unit) for c in sound.inputs]:
+    if [(c.name, c.unit) for c in read.inputs] != [(c.name, c.unit) for c in valid.inputs]:
         return "inputs"
-    if list(read.scalars) != list(sound.scalars):
+    if list(read.scalars) != list(valid.scalars):
         return "scalars"
-    pairs = [(c.name, c.values, d.values) for c, d in zip(read.inputs, sound.inputs, strict=True)]
-    pairs += [(k, read.scalars[k], v) for k, v in sound.scalars.items()]
+    pairs = [(c.name, c.values, d.values) for c, d in zip(read.inputs, valid.inputs, strict=True)]
+    pairs += [(k, read.scalars[k], v) for k, v in valid.scalars.items()]
     return next((name for name, a, b in pairs if list(map(str, a)) != list(map(str, b))), "")

@@ -1,4 +1,4 @@
-"""Changes at random of texts and bytes. The same generator state gives the same change."""
+"""Random changes of texts and bytes, reproducible by the state of the generator."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _replace_token(text: str, random: Random) -> str:
 
 
 def _replace_number(text: str, random: Random) -> str:
-    """Scale a number, keep its unit: what an engineer mistypes."""
+    """Scale a number and keep its unit, as a typing error would."""
     found = list(NUMBER.finditer(text))
     if not found:
         return text
@@ -92,7 +92,7 @@ def _insert(text: str, random: Random) -> str:
 
 
 def _swell(text: str, random: Random) -> str:
-    """Put something huge somewhere: a text, a list, nested brackets, a number of many digits."""
+    """Insert a huge text, list, nested brackets or number of many digits."""
     a, many = random.randrange(len(text) + 1), random.choice((2_000, 50_000))
     huge = random.choice(
         ('"' + "x" * many + '"', "[" + "1," * many + "]", "[" * many, "9" * many, "a." * many, "\n" * many, "é" * many)
@@ -107,14 +107,14 @@ TEXT: tuple[Callable[[str, Random], str], ...] = (
 
 
 def text(seed: str, random: Random) -> str:
-    """Return a text with one to four changes, rarely with something huge in it."""
+    """Return a text with one to four changes, rarely with a huge insertion."""
     for _ in range(random.choice((1, 1, 1, 2, 2, 3, 4))):
         seed = random.choice(TEXT)(seed, random) if seed else seed
     return _swell(seed, random) if random.random() < 0.02 else seed
 
 
 def raw(seed: bytes, random: Random) -> bytes:
-    """Return bytes with a few of them flipped, cut, repeated or zeroed."""
+    """Return bytes of which a few are flipped, cut, repeated or zeroed."""
     data = bytearray(seed)
     for _ in range(random.choice((1, 1, 1, 2, 4, 8))):
         a, length = random.randrange(len(data) + 1), random.choice((1, 4, 8, 64, 512))

@@ -1,4 +1,4 @@
-"""What is fed with changed input, and what may come of it: accepted or refused, in flexcam's own words."""
+"""Targets of the fuzzer: readers and commands that accept a changed input or refuse it with an error of flexcam."""
 
 from __future__ import annotations
 
@@ -36,44 +36,46 @@ from tests.fuzz import damage, mutate
 
 ROOT = Path(__file__).parents[2]
 STEPS, LARGE, CONTACT = 3, 3000, 10
-"""Steps that an accepted case is run for; elements above which it is not."""
+"""Steps of the run of an accepted case; number of elements above which it is not run."""
 
 
 class BrokenError(AssertionError):
-    """Something that must not happen: no words in a refusal, no number in an output, a wrong number."""
+    """A fault of flexcam: an empty error message, a NaN in an output, or a wrong number."""
 
 
-def told(refusal: InputError) -> str:
-    """Return ``refused``, if the refusal says where, what was given and what is allowed."""
+def check_refusal(refusal: InputError) -> str:
+    """Return ``refused`` if all faults have a place, a given value and an allowed value."""
     if not refusal.faults or not all(fault.where and fault.given and fault.allowed for fault in refusal.faults):
         raise BrokenError(f"an empty refusal: {refusal}")
     return "refused"
 
 
-def _large(read: Case) -> bool:
-    """Tell whether a case is sound and so large that it would run for minutes, which is what was asked."""
+def is_large(read: Case) -> bool:
+    """Return whether a case is so large that its run would take minutes."""
     record = read.record
     coils = sum(one.elements for one in record.springs.values())
     return sum(one.elements for one in record.members.values()) + CONTACT * coils > LARGE
 
 
-def _finite(response: Response) -> None:
+def check_finite(response: Response) -> None:
     arrays = [response.time, response.angle, response.probes.displacement, response.fields.acceleration]
     if not all(np.isfinite(array).all() for array in [*arrays, *response.channels.values()]):
         raise BrokenError("an output that is not finite")
 
 
 def case(path: Path, random: Random) -> str:
-    """Read a case, build it, and run a few steps of it."""
+    """Read a case, build it and run a few steps."""
     del random
     read = read_case(path)
-    if _large(read):
+    if is_large(read):
         return "accepted"
     if read.record.run.start == "periodic":
         read = read.with_run({"start": "equilibrium"})
     ready = prepare(read)
     try:
-        _finite(solve(replace(ready.problem, steps=min(STEPS, ready.problem.steps)), ready.scheme, save=ready.save))
+        check_finite(
+            solve(replace(ready.problem, steps=min(STEPS, ready.problem.steps)), ready.scheme, save=ready.save)
+        )
     except RunFailedError:
         return "failed"
     modes(read, 3)
@@ -82,71 +84,71 @@ def case(path: Path, random: Random) -> str:
 
 
 def call(*words: object) -> str:
-    """Run a command line in this process, to its exit code."""
-    said, wrong = io.StringIO(), io.StringIO()
+    """Run a command line in this process and return its outcome."""
+    stdout, stderr = io.StringIO(), io.StringIO()
     run_state.solving = False
     run_state.signals.clear()
     try:
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(wrong):
+        with contextlib.redirect_stdout(stdout), contextlib.redirect_stderr(stderr):
             main([str(word) for word in words])
     except SystemExit as ended:
         if ended.code not in CODES:
-            raise BrokenError(f"exit code {ended.code}: {' '.join(map(str, words))}: {wrong.getvalue()}") from None
+            raise BrokenError(f"exit code {ended.code}: {' '.join(map(str, words))}: {stderr.getvalue()}") from None
         no_number = JSON_NAN if "--json" in words else PRINTED_NAN
-        if "Traceback" in wrong.getvalue() or no_number.search(said.getvalue()):
-            raise BrokenError(said.getvalue()[-2000:] + wrong.getvalue()[-500:]) from None
+        if "Traceback" in stderr.getvalue() or no_number.search(stdout.getvalue()):
+            raise BrokenError(stdout.getvalue()[-2000:] + stderr.getvalue()[-500:]) from None
         return CODES[ended.code]
     raise BrokenError("no exit code")
 
 
 CODES = {0: "accepted", 2: "refused", 3: "failed"}
-"""Words for the exit codes that may be; 70 is a fault of flexcam."""
+"""Outcomes of the allowed exit codes; 70 is a fault of flexcam."""
 
 JSON_NAN = re.compile(r"[:\[,]\s*(?:NaN|-?Infinity)\b")
 PRINTED_NAN = re.compile(r"(?<![\w'\"./=-])(?:nan|-?inf)(?![\w'\"./=-])")
-"""Printed values that are no numbers; texts of the input stand in quotes or words."""
+"""Printed values that are not numbers; input texts are in quotes or part of words."""
 
 LINES = (
     ["check"], ["check", "--json"], ["modes"], ["modes", "--json"], ["compare", "--json"], ["cam"], ["cam", "--json"], ["run"],
     ["run", "--json"], ["stability", "--json", "--count", "2"], ["campbell", "--json", "--count", "3"], ["export", "--format", "inp"],
     ["sweep", "--json", "--workers", "0", "--set", "run.speed=100,200rpm"], ["sensitivity", "--json", "--of", "frequency.1"],
 )  # fmt: skip
-"""Commands that a case is given to."""
+"""Commands that take a case."""
 
-WRITING = ("run", "sweep", "export")
+OUTPUT_COMMANDS = ("run", "sweep", "export")
 
 
-def _line(words: list[str], path: Path) -> list[object]:
-    written = ["-o", path.parent / "out", "--overwrite"] if words[0] in WRITING else []
-    return [words[0], path, *words[1:], *written]
+def command_line(words: list[str], path: Path) -> list[object]:
+    output_options = ["-o", path.parent / "out", "--overwrite"] if words[0] in OUTPUT_COMMANDS else []
+    return [words[0], path, *words[1:], *output_options]
 
 
 SHORT = ("--set", "run.revolutions=0.005")
 
 
 def command(path: Path, random: Random) -> str:
-    """Run a command line on a case, to its exit code."""
+    """Run a command line on a case."""
     words = random.choice(LINES)
     with contextlib.suppress(InputError):
         read = read_case(path)
-        if _large(read) or read.record.run.start == "periodic":
+        if is_large(read) or read.record.run.start == "periodic":
             return "accepted"
-    if words[0] in WRITING:
+    if words[0] in OUTPUT_COMMANDS:
         shutil.rmtree(path.parent / "out", ignore_errors=True)
-    return call(*_line(words, path), *(SHORT if words[0] != "export" else ()))
+    return call(*command_line(words, path), *(SHORT if words[0] != "export" else ()))
 
 
 def option(path: Path, random: Random) -> str:
-    """Run a command line with changed options on a sound case."""
-    path.write_text(SOUND.read_text(encoding="utf-8"), encoding="utf-8")
-    line = [str(one) for one in _line(random.choice(LINES), path)]
+    """Run a command line with changed options on a valid case."""
+    path.write_text(VALID_CASE.read_text(encoding="utf-8"), encoding="utf-8")
+    line = [str(one) for one in command_line(random.choice(LINES), path)]
     for _ in range(random.choice((1, 1, 2, 3))):
         a, one = random.randrange(2, len(line) + 1), random.choice(OPTIONS)
         line[a:a] = one.split(" ", 1) if random.random() < 0.5 else [mutate.text(one, random)]
     return call(*line, *SHORT)
 
 
-SOUND = ROOT / "tests/data/inline.toml"
+VALID_CASE = ROOT / "tests/data/inline.toml"
 
 OPTIONS = (
     "--set run.speed=3000rpm", "--set springs.valve.stiffness=3:6:1kN/m", "--set masses.new.at=cam", "--json", "--time-limit 1s",
@@ -158,8 +160,8 @@ OPTIONS = (
 
 
 def result_command(path: Path, random: Random) -> str:
-    """Run a command line on a result whose structure was changed and whose digest fits again."""
-    seal_again(path)
+    """Run a command line on a result with changed structure and an updated digest."""
+    update_digest(path)
     words = random.choice(
         (["info"], ["info", "--json"], ["info", "--verify"], ["export", "--format", "csv"], ["export", "--every", "7"],
          ["plot", "-o", str(path.with_suffix(".svg"))], ["report"]),
@@ -167,8 +169,8 @@ def result_command(path: Path, random: Random) -> str:
     return call(words[0], path, *words[1:], *(["--overwrite"] if words[0] != "info" else []))
 
 
-def seal_again(path: Path) -> None:
-    """Give a changed file without forbidden content the digest of its content: what else is wrong must be refused."""
+def update_digest(path: Path) -> None:
+    """Update the digest of a changed file without forbidden content, so that only other faults can be refused."""
     with contextlib.suppress(InputError):
         with open_hdf5(path, "", ""):
             pass
@@ -178,20 +180,24 @@ def seal_again(path: Path) -> None:
 
 def mesh_command(path: Path, random: Random) -> str:
     """Run a command line on a case with a changed mesh."""
-    return call(random.choice(("check", "modes", "compare")), _naming(MESHED, 'mesh = "', path), "--json")
+    return call(random.choice(("check", "modes", "compare")), _write_case_naming(MESH_CASE, 'mesh = "', path), "--json")
 
 
 def lift_command(path: Path, random: Random) -> str:
     """Run a command line on a case with a changed lift table."""
-    return call(random.choice(("check", "cam", "compare")), _naming(MEASURED, 'lift_table = "', path), "--json")
+    return call(
+        random.choice(("check", "cam", "compare")),
+        _write_case_naming(LIFT_TABLE_CASE, 'lift_table = "', path),
+        "--json",
+    )
 
 
-MESHED = ROOT / "cases/tayeb/model-1-shm.toml"
-MEASURED = ROOT / "flexcam/templates/measured-lift.toml"
+MESH_CASE = ROOT / "cases/tayeb/model-1-shm.toml"
+LIFT_TABLE_CASE = ROOT / "flexcam/templates/measured-lift.toml"
 
 
-def _naming(case: Path, key: str, named: Path) -> Path:
-    """Write a case that names another file beside it."""
+def _write_case_naming(case: Path, key: str, named: Path) -> Path:
+    """Write a case that refers to another file in the same folder."""
     before, _, after = case.read_text(encoding="utf-8").partition(key)
     path = named.with_name("naming.toml")
     path.write_text(f'{before}{key}{named.name}"{after.partition(chr(34))[2]}', encoding="utf-8")
@@ -215,7 +221,7 @@ def mesh(path: Path, random: Random) -> str:
 
 
 def lift(path: Path, random: Random) -> str:
-    """Read a measured lift and make an event of it."""
+    """Read a measured lift and make a lift event of it."""
     del random
     columns = read_lift(path)
     event, _ = lift_table(columns.angle, columns.lift)
@@ -233,31 +239,31 @@ def profile(path: Path, random: Random) -> str:
 
 
 def result(path: Path, random: Random) -> str:
-    """Read a result: either all that is read is what was written, or it is refused."""
+    """Read a result; it is refused, or all data equal the written ones."""
     del random
-    if difference := damage.result_differs(read_result(path), _sound("result")):
+    if difference := damage.result_differs(read_result(path), valid_data("result")):
         raise BrokenError(f"silently wrong: {difference}")
     return "accepted"
 
 
 def table(path: Path, random: Random) -> str:
-    """Read the table of a sweep: either all is what was written, or it is refused."""
+    """Read the table of a sweep; it is refused, or all data equal the written ones."""
     del random
-    if difference := damage.table_differs(read_table(path), _sound("table")):
+    if difference := damage.table_differs(read_table(path), valid_data("table")):
         raise BrokenError(f"silently wrong: {difference}")
     return "accepted"
 
 
 @dataclass(frozen=True)
 class Target:
-    """Something to be fed.
+    """A reader or command to be tested.
 
     Parameters
     ----------
     feed
-        Takes a path and says what came of it; raises where something is broken.
+        Function of a path that returns the outcome and raises if flexcam is broken.
     seeds
-        Sound files, from which the inputs are made.
+        Valid files, from which the inputs are made.
     share
         Number of inputs in the slow tests.
     binary
@@ -280,7 +286,7 @@ def _cases() -> tuple[Path, ...]:
 
 
 def _folder() -> Path:
-    """Return the folder of the seeds that are made: one for a process and those that it starts."""
+    """Return the folder of generated seeds, shared by a process and its child processes."""
     if _SEEDS not in os.environ:
         os.environ[_SEEDS] = tempfile.mkdtemp(prefix="flexcam-fuzz-seeds-")
         atexit.register(shutil.rmtree, os.environ[_SEEDS], ignore_errors=True)
@@ -288,13 +294,17 @@ def _folder() -> Path:
 
 
 _SEEDS = "FLEXCAM_FUZZ_SEEDS"
-MADE = _folder()
+SEED_FOLDER = _folder()
 
 
-def _sound(kind: str) -> object:
-    """Return the sound result or table, read once."""
+def valid_data(kind: str) -> object:
+    """Return the valid result or table, which is read once."""
     if kind not in _READ:
-        _READ[kind] = read_result(MADE / "small.vtkhdf") if kind == "result" else read_table(MADE / "small.sweep.h5")
+        _READ[kind] = (
+            read_result(SEED_FOLDER / "small.vtkhdf")
+            if kind == "result"
+            else read_table(SEED_FOLDER / "small.sweep.h5")
+        )
     return _READ[kind]
 
 
@@ -302,39 +312,39 @@ _READ: dict[str, object] = {}
 
 
 def make_seeds() -> None:
-    """Make the seeds that are made by flexcam: meshes in binary, a result, the table of a sweep."""
-    damage.make_seeds(MADE)
+    """Write the seeds that flexcam generates: binary meshes, a result, the table of a sweep."""
+    damage.make_seeds(SEED_FOLDER)
 
 
 TARGETS = {
     "case": Target(case, _cases(), 7500),
     "command": Target(command, _cases(), 1500),
-    "option": Target(option, (SOUND,), 2000),
+    "option": Target(option, (VALID_CASE,), 2000),
     "cams": Target(cams, (*sorted((ROOT / "cases/cams").glob("*.toml")), ROOT / "tests/data/every-cam.toml"), 600),
-    "mesh": Target(mesh, (MADE / "ascii22.msh", MADE / "ascii41.msh"), 1400),
-    "binary mesh": Target(mesh, (MADE / "binary22.msh", MADE / "binary41.msh"), 700, binary=True),
-    "mesh of a case": Target(mesh_command, (MADE / "ascii22.msh",), 900),
+    "mesh": Target(mesh, (SEED_FOLDER / "ascii22.msh", SEED_FOLDER / "ascii41.msh"), 1400),
+    "binary mesh": Target(mesh, (SEED_FOLDER / "binary22.msh", SEED_FOLDER / "binary41.msh"), 700, binary=True),
+    "mesh of a case": Target(mesh_command, (SEED_FOLDER / "ascii22.msh",), 900),
     "lift": Target(lift, (ROOT / "tests/data/lift.csv", ROOT / "flexcam/templates/measured-lift.csv"), 600),
     "lift of a case": Target(lift_command, (ROOT / "flexcam/templates/measured-lift.csv",), 600),
-    "profile": Target(profile, (MADE / "profile.csv",), 400),
-    "result": Target(result, (MADE / "small.vtkhdf",), 2200, binary=True),
-    "result, sealed again": Target(result_command, (MADE / "small.vtkhdf",), 1000, binary=True),
-    "table": Target(table, (MADE / "small.sweep.h5",), 600, binary=True),
+    "profile": Target(profile, (SEED_FOLDER / "profile.csv",), 400),
+    "result": Target(result, (SEED_FOLDER / "small.vtkhdf",), 2200, binary=True),
+    "result, sealed again": Target(result_command, (SEED_FOLDER / "small.vtkhdf",), 1000, binary=True),
+    "table": Target(table, (SEED_FOLDER / "small.sweep.h5",), 600, binary=True),
 }
-"""What is fed, by name; the shares add up to the 20 000 inputs of the slow tests."""
+"""Targets by name; the shares add up to the 20 000 inputs of the slow tests."""
 
 GROUPS = {
     "cases": ("case", "cams"),
     "commands": ("command", "option", "mesh of a case", "lift of a case", "result, sealed again"),
     "files": ("mesh", "binary mesh", "lift", "profile", "result", "table"),
 }
-"""Targets by the file of slow tests that feeds them."""
+"""Targets by the file of slow tests that runs them."""
 
 WORDS = {"accepted": "accepted and run", "refused": "refused", "failed": "ended with a status"}
 
 
 def check_all(name: str, keep: Callable[[str, str, int, str], None]) -> None:
-    """Feed all inputs of a target: no traceback, ten seconds of a processor, 3 GB, no wrong number; keep the row."""
+    """Run all inputs of a target within its limits of time and memory, and store the row."""
     from tests.fuzz.run import fuzz
 
     inputs = TARGETS[name].share
@@ -345,8 +355,8 @@ def check_all(name: str, keep: Callable[[str, str, int, str], None]) -> None:
     keep("mutated", name, inputs, ", ".join(f"{count} {word}" for word, count in outcomes.items() if count))
 
 
-def copied(seed: Path, folder: Path) -> Path:
-    """Copy a seed and the tables it names into a folder."""
+def copy_seed(seed: Path, folder: Path) -> Path:
+    """Copy a seed, and the tables that it refers to, into a folder."""
     for table in seed.parent.glob("*.csv") if seed.suffix == ".toml" else ():
         (folder / table.name).write_bytes(table.read_bytes())
     path = folder / seed.name
@@ -357,7 +367,7 @@ def copied(seed: Path, folder: Path) -> Path:
 def write_input(target: Target, folder: Path, random: Random) -> Path:
     """Write one changed input into a folder and return its path."""
     seed = random.choice(target.seeds)
-    path = copied(seed, folder)
+    path = copy_seed(seed, folder)
     if not target.binary:
         content = path.read_text(encoding="utf-8")
         if random.random() < 0.05:
@@ -365,19 +375,19 @@ def write_input(target: Target, folder: Path, random: Random) -> Path:
         else:
             path.write_text(mutate.text(content, random), encoding="utf-8", errors="replace")
     elif seed.suffix in (".vtkhdf", ".h5") and random.random() < 0.35:
-        damage.restructured(seed, path, random)
+        damage.change_structure(seed, path, random)
     else:
         path.write_bytes(mutate.raw(seed.read_bytes(), random))
     return path
 
 
-def tried(number: int, seed: int, folder: Path, only: str = "") -> tuple[str, str]:
-    """Feed input `number` of a seed; return its target and what came of it.
+def run_input(number: int, seed: int, folder: Path, only: str = "") -> tuple[str, str]:
+    """Run input `number` of a seed; return its target and its outcome.
 
     Raises
     ------
     Exception
-        Whatever is broken.
+        If flexcam is broken.
     """
     random = Random(f"{seed}-{number}")
     names, shares = list(TARGETS), [target.share for target in TARGETS.values()]
@@ -389,6 +399,6 @@ def tried(number: int, seed: int, folder: Path, only: str = "") -> tuple[str, st
         try:
             return name, target.feed(path, random)
         except InputError as refusal:
-            return name, told(refusal)
+            return name, check_refusal(refusal)
         except RunFailedError:
             return name, "failed"

@@ -1,4 +1,4 @@
-"""Changed input is accepted or refused in flexcam's own words; what the fuzzer found once stays found."""
+"""Changed inputs are accepted or refused with an error of flexcam; includes inputs that failed in the past."""
 
 from __future__ import annotations
 
@@ -16,34 +16,34 @@ from tests.thinning import mostly_slow
 INPUTS = 60
 
 
-def test_no_input_breaks_flexcam():
-    """Some inputs of every kind; `test_many_*.py` have the others."""
+def test_changed_inputs_are_accepted_or_refused():
+    """A few inputs of each kind; `test_many_*.py` test the others."""
     found = fuzz(INPUTS, 2026, 1)
     assert not found.broken
-    assert {name for name, _ in found.outcomes} == set(targets.TARGETS), "every kind of input had its share"
+    assert {name for name, _ in found.outcomes} == set(targets.TARGETS), "not all kinds of input were tested"
 
 
-def test_the_slow_tests_have_20000_inputs():
+def test_slow_tests_have_20000_inputs():
     assert sum(target.share for target in targets.TARGETS.values()) == 20_000
     assert sorted(name for names in targets.GROUPS.values() for name in names) == sorted(targets.TARGETS)
 
 
 @pytest.fixture(scope="module", autouse=True)
 def seeds():
-    """Make the sound binary files once."""
+    """Write the valid binary files once."""
     targets.make_seeds()
 
 
 @pytest.mark.parametrize("name", targets.TARGETS)
-def test_what_is_sound_is_accepted(name, tmp_path):
-    """Else a refusal of everything would pass."""
+def test_valid_seeds_are_accepted(name, tmp_path):
+    """Without this test the refusal of all inputs would pass."""
     target = targets.TARGETS[name]
     for seed in target.seeds[::10]:
-        path = targets.copied(seed, tmp_path)
+        path = targets.copy_seed(seed, tmp_path)
         assert target.feed(path, Random(1)) == "accepted", seed
 
 
-FOUND = {
+PAST_FAILURES = {
     "a whole number of 50000 digits": ("case", lambda text: text + "\nx = " + "9" * 50_000),
     "brackets without end": ("case", lambda text: text + "\nx = " + "[" * 50_000),
     "brackets, closed": ("case", lambda text: text + "\nx = " + "[" * 400 + "]" * 400),
@@ -54,9 +54,9 @@ FOUND = {
 }
 
 
-@pytest.mark.parametrize("what", FOUND)
-def test_texts_that_broke_it_once(what, tmp_path):
-    name, change = FOUND[what]
+@pytest.mark.parametrize("what", PAST_FAILURES)
+def test_texts_of_past_failures_are_refused(what, tmp_path):
+    name, change = PAST_FAILURES[what]
     seed = targets.TARGETS[name].seeds[0]
     changed = change(seed.read_text(encoding="utf-8"))
     (tmp_path / seed.name).write_text(changed, encoding="utf-8")
@@ -64,8 +64,8 @@ def test_texts_that_broke_it_once(what, tmp_path):
         targets.TARGETS[name].feed(tmp_path / seed.name, Random(1))
 
 
-def test_a_tube_of_eight_kilometres(tmp_path):
-    """Beside it the rest has no stiffness in floating point: a status, not a singular matrix."""
+def test_tube_of_8_km_gives_rounding_status(tmp_path):
+    """Relative to the tube the other stiffnesses vanish in floating point."""
     text = (targets.ROOT / "cases/tayeb/model-2-cycloidal.toml").read_text(encoding="utf-8")
     text = text.replace("../../meshes", str(targets.ROOT / "meshes")).replace(
         'outer_diameter = "8 mm"', "outer_diameter = 8e3"
@@ -75,8 +75,8 @@ def test_a_tube_of_eight_kilometres(tmp_path):
         targets.case(tmp_path / "tube.toml", Random(1))
 
 
-def test_a_body_on_a_spring_without_stiffness_is_checked(tmp_path):
-    """What nothing moves was told by the member it lies on, and it lay on none."""
+def test_mass_on_zero_stiffness_spring_is_handled(tmp_path):
+    """The message about inactive unknowns named their member, but this mass is on no member."""
     text = (targets.ROOT / "cases/checks/mathieu.toml").read_text(encoding="utf-8").replace("10 kN/m", "0 kN/m")
     (tmp_path / "mathieu.toml").write_text(text, encoding="utf-8")
     assert targets.command(tmp_path / "mathieu.toml", Random(4)) in ("accepted", "failed")
@@ -84,11 +84,11 @@ def test_a_body_on_a_spring_without_stiffness_is_checked(tmp_path):
 
 @pytest.mark.parametrize("change", damage.STRUCTURE)
 @pytest.mark.parametrize("kind", mostly_slow(["result", "table"], 2))
-def test_every_change_of_structure(kind, change, tmp_path):
-    """Each at two places: refused, or what is read is what was written."""
+def test_changed_structure_is_refused_or_harmless(kind, change, tmp_path):
+    """Each change at two places is refused, or the data equal the written ones."""
     target = targets.TARGETS[kind]
     for i in range(2):
         path = tmp_path / f"{i}-{target.seeds[0].name}"
-        damage.restructured(target.seeds[0], path, Random(i), change)
+        damage.change_structure(target.seeds[0], path, Random(i), change)
         with suppress(FlexcamError):
             target.feed(path, Random(i))

@@ -1,4 +1,4 @@
-"""A small finished run, its result file and what stood in memory."""
+"""Fixtures: a small complete run, its result file and its response in memory."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ DATA = Path(__file__).parents[1] / "data"
 
 
 @dataclass(frozen=True, eq=False)
-class Done:
-    """A run: what it was made from, its response in memory, its file and the file read back."""
+class StoredRun:
+    """A run: prepared case, response in memory, path of its file and the result read back."""
 
     ready: Any
     response: Any
@@ -29,7 +29,7 @@ class Done:
     result: Any
 
 
-def solved(ready, folder, *, sinks=(), overwrite=False):
+def solve_to_file(ready, folder, *, sinks=(), overwrite=False):
     """Run a prepared case into a folder; return the response in memory and the sink."""
     sink = open_result_file(ready, folder, overwrite=overwrite)
     return solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink, *sinks]), sink
@@ -37,19 +37,19 @@ def solved(ready, folder, *, sinks=(), overwrite=False):
 
 @pytest.fixture(scope="session")
 def solve_into():
-    return solved
+    return solve_to_file
 
 
 @pytest.fixture(scope="session")
 def ready():
-    """Get the inline case ready to run: 721 instants, 37 saved fields in two blocks."""
+    """Return the prepared inline case: 721 steps, 37 saved fields in two blocks."""
     return prepare(read_case(DATA / "inline.toml"))
 
 
 @pytest.fixture(scope="session")
-def done(ready, tmp_path_factory):
-    response, sink = solved(ready, tmp_path_factory.mktemp("result"))
-    return Done(ready, response, sink.path, read_result(sink.path))
+def stored(ready, tmp_path_factory):
+    response, sink = solve_to_file(ready, tmp_path_factory.mktemp("result"))
+    return StoredRun(ready, response, sink.path, read_result(sink.path))
 
 
 VECTORS = {
@@ -57,18 +57,18 @@ VECTORS = {
     "velocity": ("velocity", (0, 1, 2)), "angular_velocity": ("velocity", (3, 4, 5)),
     "acceleration": ("acceleration", (0, 1, 2)), "angular_acceleration": ("acceleration", (3, 4, 5)),
 }  # fmt: skip
-"""Point vectors and the unknowns they come from: written down here again, so that a wrong table is seen."""
+"""Point vectors and their unknowns, repeated here to detect an error in the table of the package."""
 
 
 @pytest.fixture(scope="session")
-def nodal(done):
-    """Return each point vector as it stood in memory, shape (instants, nodes, 3); zero where a support holds."""
-    numbers = build_structure(done.ready.model).dofs.numbers
+def nodal_vectors(stored):
+    """Return each point vector in memory, shape (steps, nodes, 3); zero for fixed components."""
+    numbers = build_structure(stored.ready.model).dofs.numbers
 
     def vector(series, components):
-        unknowns = getattr(done.response.fields, series)
-        held = np.column_stack([unknowns, np.zeros(len(unknowns))])  # number -1 is the last column
-        return held[:, numbers[:, components]]
+        unknowns = getattr(stored.response.fields, series)
+        padded = np.column_stack([unknowns, np.zeros(len(unknowns))])  # number -1 selects the last column
+        return padded[:, numbers[:, components]]
 
     return {name: vector(*row) for name, row in VECTORS.items()}
 
@@ -76,10 +76,10 @@ def nodal(done):
 @pytest.fixture(
     scope="session", params=[(1, "pushrod"), (5, "Größe & Maß <1> 'x'")], ids=["every", "every-fifth-odd-name"]
 )
-def collection(request, done, tmp_path_factory):
-    """Write a ParaView collection into a folder with an awkward name; return its files and their stride."""
+def collection(request, stored, tmp_path_factory):
+    """Write a ParaView collection, partly with an unusual name; return its files and their stride."""
     every, name = request.param
     folder = tmp_path_factory.mktemp("pvd") / f"{name} folder"
     folder.mkdir()
-    files = write_pvd(done.result, folder / f"{name}.pvd", every=every)
+    files = write_pvd(stored.result, folder / f"{name}.pvd", every=every)
     return files, every

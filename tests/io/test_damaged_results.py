@@ -1,4 +1,4 @@
-"""Damaged results: what is read is what was written, or the file is refused, and what is damaged is named."""
+"""Damaged results are refused, with the name of the damaged part, or read correctly."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ FLIPS = 15
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory):
-    """Return the folder of a sound result and a sound table."""
+def seeds(tmp_path_factory):
+    """Return the folder of a valid result and a valid table."""
     folder = tmp_path_factory.mktemp("sound")
     damage.make_seeds(folder)
     return folder
@@ -37,9 +37,9 @@ def made(tmp_path_factory):
     ("name", "read", "differs"),
     [("small.vtkhdf", read_result, damage.result_differs), ("small.sweep.h5", read_table, damage.table_differs)],
 )
-def test_flipped_bits(name, read, differs, made, tmp_path, tried):
-    """Anywhere in the file, index and padding included; one at a time."""
-    random, content, sound = Random(7), (made / name).read_bytes(), read(made / name)
+def test_flipped_bit_is_refused_or_harmless(name, read, differs, seeds, tmp_path, tried):
+    """One bit is flipped at a time, anywhere in the file, including index and padding."""
+    random, content, valid = Random(7), (seeds / name).read_bytes(), read(seeds / name)
     refused = 0
     for _ in range(FLIPS):
         data = bytearray(content)
@@ -50,15 +50,15 @@ def test_flipped_bits(name, read, differs, made, tmp_path, tried):
         except InputError:
             refused += 1
         else:
-            assert not differs(read_anew, sound)
+            assert not differs(read_anew, valid)
     assert refused > 0.2 * FLIPS
     outcome = f"{refused} refused, {FLIPS - refused} read correctly"
     tried("damaged", f"a bit flipped, {'result' if 'vtk' in name else 'table of a sweep'}", FLIPS, outcome)
 
 
 @pytest.mark.parametrize("name", ["small.vtkhdf", "small.sweep.h5"])
-def test_truncated(name, made, tmp_path, tried):
-    content = (made / name).read_bytes()
+def test_truncated_file_is_refused(name, seeds, tmp_path, tried):
+    content = (seeds / name).read_bytes()
     lengths = [0, 1, 7, 8, 100, 512, *np.linspace(600, len(content) - 1, 30).astype(int).tolist()]
     for length in lengths:
         (tmp_path / name).write_bytes(content[:length])
@@ -69,18 +69,18 @@ def test_truncated(name, made, tmp_path, tried):
 
 
 def _dataset_bytes(path, name):
-    """Return the first byte in the file of a dataset's numbers."""
+    """Return the position in the file of the first byte of a dataset."""
     with h5py.File(path) as file:
         stored = []
         file[name].id.chunk_iter(stored.append)
         return stored[0].byte_offset
 
 
-def test_every_damaged_dataset_is_named(made, tmp_path, tried):
+def test_all_damaged_datasets_are_named(seeds, tmp_path, tried):
     path, names = tmp_path / "two.vtkhdf", ("/history/cam_angle", "/VTKHDF/PointData/stress_axial", "/mesh/nodes")
-    data = bytearray((made / "small.vtkhdf").read_bytes())
+    data = bytearray((seeds / "small.vtkhdf").read_bytes())
     for name in names:
-        data[_dataset_bytes(made / "small.vtkhdf", name) + 3] ^= 64
+        data[_dataset_bytes(seeds / "small.vtkhdf", name) + 3] ^= 64
     path.write_bytes(data)
     with pytest.raises(InputError) as refusal:
         verify_file(path)
@@ -88,19 +88,19 @@ def test_every_damaged_dataset_is_named(made, tmp_path, tried):
     tried("damaged", "numbers of three datasets", 3, "refused, each named by `info --verify`")
 
 
-def test_a_chunk_that_is_lost_is_not_read_as_zeros(made, tmp_path, tried):
-    """HDF5 reads zeros where it finds no chunk, and zeros have a fletcher32 of zero."""
+def test_missing_chunk_is_refused(seeds, tmp_path, tried):
+    """HDF5 reads a missing chunk as zeros, whose fletcher32 checksum is zero."""
     path = tmp_path / "lost.vtkhdf"
-    with h5py.File(made / "small.vtkhdf") as old, h5py.File(path, "w") as new:
+    with h5py.File(seeds / "small.vtkhdf") as old, h5py.File(path, "w") as new:
         for name in old:
             old.copy(name, new)
         new.attrs["seal"] = old.attrs["seal"]
         time = new["history/time"]
-        kept = dict(time.attrs)
+        attributes = dict(time.attrs)
         del new["history/time"]
         chunked = {"maxshape": (None,), "chunks": time.chunks, "fletcher32": True}
         again = new.create_dataset("history/time", time.shape, "f8", **chunked)
-        again.attrs["units"] = kept["units"]
+        again.attrs["units"] = attributes["units"]
     with pytest.raises(InputError):
         read_result(path)
     with pytest.raises(InputError, match=r"history/time|seal"):
@@ -108,7 +108,7 @@ def test_a_chunk_that_is_lost_is_not_read_as_zeros(made, tmp_path, tried):
     tried("damaged", "a chunk lost, which HDF5 reads as zeros", 1, "refused")
 
 
-TEXTS = {
+CHANGES = {
     "a probe renamed": lambda file: file.move("history/probes/valve", "history/probes/velve"),
     "a unit changed": lambda file: file["history/time"].attrs.modify("units", np.bytes_(b"h")),
     "steps counted down": lambda file: file["history"].attrs.modify("steps", 30),
@@ -121,13 +121,13 @@ TEXTS = {
 }
 
 
-@pytest.mark.parametrize("what", mostly_slow(TEXTS, 2))
-def test_what_is_changed_by_hand(what, made, tmp_path, tried):
-    """By HDF5 itself, which makes its own checksums anew."""
+@pytest.mark.parametrize("what", mostly_slow(CHANGES, 2))
+def test_result_changed_with_hdf5_is_refused(what, seeds, tmp_path, tried):
+    """HDF5 updates its own checksums."""
     path = tmp_path / "changed.vtkhdf"
-    path.write_bytes((made / "small.vtkhdf").read_bytes())
+    path.write_bytes((seeds / "small.vtkhdf").read_bytes())
     with h5py.File(path, "r+") as file:
-        TEXTS[what](file)
+        CHANGES[what](file)
     for read in (read_result, verify_file):
         with pytest.raises(InputError, match="changed"):
             read(path)
@@ -137,7 +137,7 @@ def test_what_is_changed_by_hand(what, made, tmp_path, tried):
 @pytest.mark.parametrize(
     "words", [b"", b"\x89HDF\r\n\x1a\n", b"\x89HDF\r\n\x1a\n" + bytes(5000), b"PK\x03\x04", b"[run]\n"]
 )
-def test_other_files(words, tmp_path, tried):
+def test_other_file_types_are_refused(words, tmp_path, tried):
     (tmp_path / "other.vtkhdf").write_bytes(words)
     for read in (read_result, read_table, verify_file):
         with pytest.raises(InputError, match="other"):
@@ -145,30 +145,30 @@ def test_other_files(words, tmp_path, tried):
     tried("damaged", f"a file that begins with {words[:8]!r}", 3, "refused")
 
 
-def _said(words, capsys):
+def _run_command(words, capsys):
     with pytest.raises(SystemExit) as ended:
         main(list(map(str, words)))
-    told = capsys.readouterr()
-    return int(ended.value.code or 0), told.out, told.err
+    captured = capsys.readouterr()
+    return int(ended.value.code or 0), captured.out, captured.err
 
 
-def test_the_command(made, tmp_path, capsys):
-    """0 and a sentence for a sound file; 2 and a line per damaged dataset for another."""
-    code, out, _ = _said(["info", made / "small.vtkhdf", "--verify"], capsys)
+def test_info_verify_command(seeds, tmp_path, capsys):
+    """The exit code is 0 with a sentence for a valid file, and 2 with a line per damaged dataset."""
+    code, out, _ = _run_command(["info", seeds / "small.vtkhdf", "--verify"], capsys)
     assert code == 0
     assert "is intact" in out
-    code, out, _ = _said(["info", made / "small.sweep.h5", "--verify", "--json"], capsys)
+    code, out, _ = _run_command(["info", seeds / "small.sweep.h5", "--verify", "--json"], capsys)
     assert json.loads(out)["status"] == "ok"
-    data = bytearray((made / "small.vtkhdf").read_bytes())
-    data[_dataset_bytes(made / "small.vtkhdf", "/history/cam_angle")] ^= 1
+    data = bytearray((seeds / "small.vtkhdf").read_bytes())
+    data[_dataset_bytes(seeds / "small.vtkhdf", "/history/cam_angle")] ^= 1
     (tmp_path / "bad.vtkhdf").write_bytes(data)
-    code, _, err = _said(["info", tmp_path / "bad.vtkhdf", "--verify"], capsys)
+    code, _, err = _run_command(["info", tmp_path / "bad.vtkhdf", "--verify"], capsys)
     assert code == 2
     assert "/history/cam_angle" in err
     assert "Traceback" not in err
 
 
-def test_modes_and_partial_results_are_verified_too(tmp_path):
+def test_partial_result_passes_verification(tmp_path):
     case = read_case(ROOT / "tests/data/inline.toml", ["run.revolutions=0.2"])
     ready = prepare(case)
     sink = open_result_file(ready, tmp_path)
@@ -177,9 +177,9 @@ def test_modes_and_partial_results_are_verified_too(tmp_path):
     assert len(modes(case, 2).modes.frequencies) == 2
 
 
-def test_every_dataset_has_a_checksum(made):
-    """Of its chunks, or, where it is a text or empty, the seal's own."""
-    with h5py.File(made / "small.vtkhdf") as file:
+def test_all_numeric_datasets_have_checksum(seeds):
+    """Texts and empty datasets are covered by the digest of the file."""
+    with h5py.File(seeds / "small.vtkhdf") as file:
         named = {one.name: one for one in datasets(file)}
         bare = [one for one in named.values() if not one.fletcher32]
         assert all(one.dtype.kind == "S" or not one.size for one in bare)

@@ -1,12 +1,12 @@
-"""A result that is not there, beside what is: the run may be going on, have broken off, or have ended meanwhile."""
+"""Suggestions for a missing result: the run may be in progress, interrupted or complete."""
 
 import pytest
 
 from flexcam import InputError, read_result
 from flexcam.io import verify_file
 
-# what stands there, what is asked for, what is told
-BESIDE = {
+# existing files, requested file, part of the message
+MISSING = {
     "a run is writing it": (["case.partial.vtkhdf", "case.writing"], "case.vtkhdf", "case.partial.vtkhdf contains"),
     "its first copy is to come": (["case.writing"], "case.vtkhdf", "run is writing"),
     "what it writes": (["case.partial.vtkhdf", "case.writing"], "case.writing", "case.partial.vtkhdf contains"),
@@ -18,20 +18,20 @@ BESIDE = {
 
 
 @pytest.mark.parametrize("name", ["x" * 5000, "a\0b", "file/below"])
-def test_no_name_of_a_result(name, tmp_path):
+def test_invalid_result_name_is_refused(name, tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(InputError):
         read_result(tmp_path / name)
 
 
 @pytest.mark.parametrize("read", [read_result, verify_file])
-@pytest.mark.parametrize("what", BESIDE)
-def test_what_is_there_is_told(what, read, tmp_path):
-    there, asked, told = BESIDE[what]
-    for name in there:
+@pytest.mark.parametrize("what", MISSING)
+def test_message_for_missing_result_names_related_file(what, read, tmp_path):
+    existing, requested, expected = MISSING[what]
+    for name in existing:
         (tmp_path / name).touch()
     with pytest.raises(InputError) as refusal:
-        read(tmp_path / asked)
-    assert told in str(refusal.value)
-    if told.startswith("There"):
+        read(tmp_path / requested)
+    assert expected in str(refusal.value)
+    if expected.startswith("There"):
         assert refusal.value.faults[0].remedy == ""

@@ -1,4 +1,4 @@
-"""Lift tables as text: how rows are divided, what a head says, what is given beside it; laws and lifts as TOML."""
+"""Lift tables as text: separators, headers and given options; laws and lifts as TOML."""
 
 from __future__ import annotations
 
@@ -14,57 +14,57 @@ from flexcam.io import read_lift, write_law, write_lift
 
 ROWS = [(0.0, 0.0), (30.0, 1.25), (60.5, 6.0), (90.0, 2.5), (1.2e2, 0.125)]
 ANGLES, LIFTS = np.array(ROWS).T
-ONCE = {"rtol": 4e-16, "atol": 0.0}
-"""One factor, rounded once and multiplied once."""
+ONE_ROUNDING = {"rtol": 4e-16, "atol": 0.0}
+"""Tolerance of one rounded factor and one multiplication."""
 
 
 OTHER_ENDS = "\x0b\x0c\x1c\x85\u2028\u2029"
-"""Letters at which Python ends lines, and editors do not."""
+"""Characters that end lines in Python but not in editors."""
 
 
 @pytest.fixture
 def read(tmp_path):
-    """Read a table of these bytes or this text."""
+    """Return a function that reads a table from bytes or text."""
 
-    def of(content, **given):
+    def read_content(content, **given):
         path = tmp_path / "lift.csv"
         path.write_bytes(content.encode("utf-8") if isinstance(content, str) else content)
         return read_lift(path, **given)
 
-    return of
+    return read_content
 
 
 @pytest.fixture
 def refusal(read):
-    """Return the faults of a table that must be refused."""
+    """Return a function that gives the faults of an invalid table."""
 
-    def of(content, **given):
+    def find_faults(content, **given):
         with pytest.raises(InputError) as refused:
             read(content, **given)
         assert all(fault.where and fault.given and fault.allowed for fault in refused.value.faults)
         return refused.value.faults
 
-    return of
+    return find_faults
 
 
 def rows(separator=", ", values=ROWS):
     return "\n".join(separator.join(map(repr, row)) for row in values) + "\n"
 
 
-def are_the_rows(columns):
-    np.testing.assert_allclose(columns.angle, np.radians(ANGLES), **ONCE)
-    np.testing.assert_allclose(columns.lift, 1e-3 * LIFTS, **ONCE)
+def equals_rows(columns):
+    np.testing.assert_allclose(columns.angle, np.radians(ANGLES), **ONE_ROUNDING)
+    np.testing.assert_allclose(columns.lift, 1e-3 * LIFTS, **ONE_ROUNDING)
     return True
 
 
 @pytest.mark.parametrize("separator", [",", ", ", ";", " ; ", "\t", " ", "   ", " \t "])
 @pytest.mark.parametrize("head", ["cam_deg{}lift_mm\n", ""])
-def test_separators(separator, head, read):
-    assert are_the_rows(read(head.format(separator) + rows(separator), angle="cam", unit="mm"))
+def test_separators_are_recognized(separator, head, read):
+    assert equals_rows(read(head.format(separator) + rows(separator), angle="cam", unit="mm"))
 
 
 PLAIN = "cam_deg, lift_mm\n" + rows()
-AROUND = {
+LAYOUTS = {
     "byte order mark": "\ufeff" + PLAIN,
     "byte order mark before numbers": "\ufeff" + rows(),
     "lines of Windows": PLAIN.replace("\n", "\r\n"),
@@ -77,12 +77,12 @@ AROUND = {
 }
 
 
-@pytest.mark.parametrize("name", AROUND)
-def test_what_stands_around_the_numbers(name, read):
-    assert are_the_rows(read(AROUND[name], **({} if "cam_deg" in AROUND[name] else {"angle": "cam", "unit": "mm"})))
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_layout_around_numbers_is_ignored(name, read):
+    assert equals_rows(read(LAYOUTS[name], **({} if "cam_deg" in LAYOUTS[name] else {"angle": "cam", "unit": "mm"})))
 
 
-HEADS = {  # head, rad of the cam per angle as written, m per lift as written
+HEADERS = {  # head, rad of the cam per angle as written, m per lift as written
     "cam_deg, lift_mm": (math.pi / 180, 1e-3),
     "cam_deg lift_um": (math.pi / 180, 1e-6),
     "cam_deg; lift_µm": (math.pi / 180, 1e-6),
@@ -98,12 +98,12 @@ HEADS = {  # head, rad of the cam per angle as written, m per lift as written
 }
 
 
-@pytest.mark.parametrize("head", HEADS)
-def test_heads(head, read):
-    to_rad, to_m = HEADS[head]
+@pytest.mark.parametrize("head", HEADERS)
+def test_headers_define_shaft_and_units(head, read):
+    to_rad, to_m = HEADERS[head]
     columns = read(f"{head}\n{rows()}")
-    np.testing.assert_allclose(columns.angle, to_rad * ANGLES, **ONCE)
-    np.testing.assert_allclose(columns.lift, to_m * LIFTS, **ONCE)
+    np.testing.assert_allclose(columns.angle, to_rad * ANGLES, **ONE_ROUNDING)
+    np.testing.assert_allclose(columns.lift, to_m * LIFTS, **ONE_ROUNDING)
     assert columns.angle.shape == columns.lift.shape == (len(ROWS),)
 
 
@@ -116,13 +116,13 @@ def test_heads(head, read):
     ("angle, lift_in\n", {"angle": "cam"}, 1.0, 0.0254),
     ("crank_deg, lift\n", {"unit": "m"}, 0.5, 1.0),
 ])  # fmt: skip
-def test_what_is_given_goes_before_the_head(head, given, half, to_m, read):
+def test_given_options_override_header(head, given, half, to_m, read):
     columns = read(head + rows(), **given)
-    np.testing.assert_allclose(columns.angle, half * np.radians(ANGLES), **ONCE)
-    np.testing.assert_allclose(columns.lift, to_m * LIFTS, **ONCE)
+    np.testing.assert_allclose(columns.angle, half * np.radians(ANGLES), **ONE_ROUNDING)
+    np.testing.assert_allclose(columns.lift, to_m * LIFTS, **ONE_ROUNDING)
 
 
-TRADE = {  # file name, content, what is given; each has the rows
+TRADE_FILES = {  # file name, content, given options; all contain the rows
     "decimal commas": ("a.csv", "cam_deg; lift_mm\n" + rows("; ").replace(".", ","), {}),
     "decimal commas and tabs": ("a.txt", rows("\t").replace(".", ","), {"angle": "cam", "unit": "mm"}),
     "header lines": ("a.dvl", "Intake 276\n5\ncam, no. 3\n" + rows("  "), {"angle": "cam", "unit": "mm"}),
@@ -147,30 +147,30 @@ TRADE = {  # file name, content, what is given; each has the rows
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", TRADE)
-def test_files_of_the_trade(name, tmp_path):
-    file, content, given = TRADE[name]
+@pytest.mark.parametrize("name", TRADE_FILES)
+def test_common_file_formats_are_read(name, tmp_path):
+    file, content, given = TRADE_FILES[name]
     (tmp_path / file).write_text(content, encoding="utf-8")
-    assert are_the_rows(read_lift(tmp_path / file, **given))
+    assert equals_rows(read_lift(tmp_path / file, **given))
 
 
 def test_symmetric_lobes_of_engine_sim(tmp_path):
-    """Angles are cam angles from the lobe centre, lifts are thousandths of an inch; of two lobes one is named."""
+    """Angles are cam angles from the lobe centre, lifts are in thousandths of an inch; one of two lobes is selected."""
     lobe = "function {}(10 * units.deg)\n{}\n    .add_sym_sample(0.0, {})\n    .add_sym_sample(60.0, 0.0)\n"
     (tmp_path / "a.mr").write_text(lobe.format("intake", "intake", 430.0) + lobe.format("other", "other", 400.0))
     columns = read_lift(tmp_path / "a.mr", column="intake")
-    np.testing.assert_allclose(columns.angle, np.radians([-60.0, 0.0, 60.0]), **ONCE)
+    np.testing.assert_allclose(columns.angle, np.radians([-60.0, 0.0, 60.0]), **ONE_ROUNDING)
     np.testing.assert_allclose(columns.lift, [0.0, 0.010922, 0.0], rtol=1e-15)
     assert columns.lines == (4, 3, 4)
-    for column, said in ((None, "Name one"), ("intak", "Did you mean 'intake'")):
-        with pytest.raises(InputError, match=said):
+    for column, message in ((None, "Name one"), ("intak", "Did you mean 'intake'")):
+        with pytest.raises(InputError, match=message):
             read_lift(tmp_path / "a.mr", column=column)
     (tmp_path / "a.mr").write_text("node\n.add_sym_sample(1.0.0, 2)\n")
     with pytest.raises(InputError, match="line 2"):
         read_lift(tmp_path / "a.mr")
 
 
-def test_refused_columns(refusal):
+def test_invalid_columns_are_refused(refusal):
     (fault,) = refusal("cam_deg, lift_ex_mm, lift_in_mm\n" + "1, 2, 3\n" * 4)
     assert "column = " in fault.remedy
     (fault,) = refusal("cam_deg, lift_mm, v\n" + "1, 2, 3\n" * 4, column="lift_m")
@@ -181,7 +181,7 @@ def test_refused_columns(refusal):
     assert (fault.where, fault.given) == ("lift.csv, line 2", "'cam_deg, lift_mm'")
 
 
-UNSAID = {  # head, what is given, what is asked for, a part of the remedy
+UNDEFINED = {  # header, given options, missing option, a part of the remedy
     "no head": ("", {}, "angle", 'angle = "cam"'),
     "no head, shaft given": ("", {"angle": "cam"}, "unit", 'unit = "mm"'),
     "no head, unit given": ("", {"unit": "mm"}, "angle", 'angle = "crank"'),
@@ -193,65 +193,65 @@ UNSAID = {  # head, what is given, what is asked for, a part of the remedy
 }
 
 
-@pytest.mark.parametrize("name", UNSAID)
-def test_nothing_is_assumed(name, refusal):
-    head, given, asked, remedy = UNSAID[name]
+@pytest.mark.parametrize("name", UNDEFINED)
+def test_missing_shaft_or_unit_is_refused(name, refusal):
+    head, given, missing, remedy = UNDEFINED[name]
     (fault,) = refusal(head + rows(), **given)
     assert "lift.csv" in fault.where
-    assert asked in fault.where
+    assert missing in fault.where
     assert remedy in fault.remedy
     assert head.strip() in fault.given or given.get("unit") in fault.given
 
 
-BAD = {
+BAD_ROWS = {
     "one number": "12.5", "three numbers": "1, 2, 3", "a word": "90, open", "a second head": "cam_deg, lift_mm",
     "nothing behind": "90,", "two separators": "90,,", "decimal commas": "90,5; 1,25", "hexadecimal": "0x10, 1",
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", BAD)
-def test_rows_that_are_no_pair(name, refusal):
-    """The line is that of the file: comments and empty lines count."""
+@pytest.mark.parametrize("name", BAD_ROWS)
+def test_rows_that_are_not_pairs_are_refused(name, refusal):
+    """The line number counts comments and empty lines."""
     lines = ["# by hand", *PLAIN.splitlines()]
-    (fault,) = refusal("\n".join([*lines[:4], "", BAD[name], *lines[4:]]))
+    (fault,) = refusal("\n".join([*lines[:4], "", BAD_ROWS[name], *lines[4:]]))
     assert "lift.csv" in fault.where
     assert "line 6" in fault.where
-    assert BAD[name] in fault.given
+    assert BAD_ROWS[name] in fault.given
     assert fault.remedy
 
 
-def test_all_bad_rows_are_named_up_to_ten(refusal):
+def test_up_to_ten_invalid_rows_are_named(refusal):
     faults = refusal(PLAIN + "a, b\n" * 3)
     assert [fault.where for fault in faults] == [f"lift.csv, line {n}" for n in (7, 8, 9)]
     assert len(refusal(PLAIN + "a, b\n" * 300)) == 10
 
 
 @pytest.mark.parametrize("content", [b"cam_\xb0, lift_mm\n1, 2\n", b"\xff\xfec\x00a\x00m\x00"])
-def test_files_that_are_no_text(content, refusal):
+def test_binary_files_are_refused(content, refusal):
     (fault,) = refusal(content)
     assert "lift.csv" in str(fault)
 
 
 @pytest.mark.parametrize("name", ["none.csv", "."])
-def test_files_that_are_not_there(name, tmp_path):
+def test_missing_file_or_folder_is_refused(name, tmp_path):
     with pytest.raises(InputError) as refused:
         read_lift(tmp_path / name)
     assert str(tmp_path) in str(refused.value)
 
 
-WRITTEN = {name: law for name, law in LAWS.items() if type(law) in KINDS.values()}
-WRITTEN |= {
+SAVED_LAWS = {name: law for name, law in LAWS.items() if type(law) in KINDS.values()}
+SAVED_LAWS |= {
     "knots": BSplineLaw((0.0, 0.0, 0.0, 0.1 + 0.2, 1.0, 1.0, 1.0), 5, (1 / 3,)),
     "degree": BSplineLaw((0.0,) * 3 + (0.3,) + (1.0,) * 3, 6),
 }
 
 
-@pytest.mark.parametrize("name", WRITTEN)
-def test_laws_read_back_bit_for_bit(name, tmp_path):
-    assert read_law(write_law(WRITTEN[name], tmp_path / "a.toml", about={"of": "a test"})).law == WRITTEN[name]
+@pytest.mark.parametrize("name", SAVED_LAWS)
+def test_law_round_trip_is_exact(name, tmp_path):
+    assert read_law(write_law(SAVED_LAWS[name], tmp_path / "a.toml", about={"of": "a test"})).law == SAVED_LAWS[name]
 
 
-def test_lifts_read_back_bit_for_bit(tmp_path):
+def test_harmonic_lift_round_trip_is_exact(tmp_path):
     lift = HarmonicLift(1 / 300, (-1 / 300, 1e-300), (0.1 + 0.2, 0.0))
     assert read_harmonic_lift(write_lift(lift, tmp_path / "a.toml", about={})) == lift
     with pytest.raises(InputError, match="overwrite"):
@@ -262,8 +262,8 @@ def test_lifts_read_back_bit_for_bit(tmp_path):
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
-def test_lines_are_those_of_an_editor(read, end):
-    """Whatever stands in a comment: the rows keep their numbers, and a faulty one is named by its own."""
+def test_line_numbers_are_those_of_editors(read, end):
+    """Other line separators in comments do not change the line numbers of rows."""
     rows = [f"# cut{OTHER_ENDS}here", "cam_deg, lift_mm", "0, 0", f"# {OTHER_ENDS}", "10, 1", "20, 2"]
     assert read(end.join(rows)).lines == (3, 5, 6)
     with pytest.raises(InputError) as refused:
@@ -271,8 +271,8 @@ def test_lines_are_those_of_an_editor(read, end):
     assert [fault.where for fault in refused.value.faults] == ["lift.csv, line 7"]
 
 
-def test_decimal_commas_beside_whole_angles(read):
-    """Semicolons separate the columns, so that no comma does."""
+def test_decimal_commas_with_integer_angles(read):
+    """Semicolons separate the columns, so that commas are decimal."""
     columns = read("cam_deg;lift_mm\n0;0,000\n1;0,004\n2;0,016\n3;0,036\n")
-    np.testing.assert_allclose(columns.angle, np.radians([0.0, 1.0, 2.0, 3.0]), **ONCE)
-    np.testing.assert_allclose(columns.lift, [0.0, 4e-6, 16e-6, 36e-6], **ONCE)
+    np.testing.assert_allclose(columns.angle, np.radians([0.0, 1.0, 2.0, 3.0]), **ONE_ROUNDING)
+    np.testing.assert_allclose(columns.lift, [0.0, 4e-6, 16e-6, 36e-6], **ONE_ROUNDING)

@@ -1,4 +1,4 @@
-"""Gmsh files: what is written comes back bit for bit; formats 2.2 and 4.1; what is refused."""
+"""Gmsh files: exact round trip, formats 2.2 and 4.1, and refused files."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ AWKWARD = [
 def assert_same(read, mesh):
     assert np.array_equal(read.nodes, mesh.nodes)
     for kind in ("lines", "points"):
-        wanted, found = getattr(mesh, kind), getattr(read, kind)
-        assert list(found) == list(wanted)
-        for name, index in wanted.items():
+        expected, found = getattr(mesh, kind), getattr(read, kind)
+        assert list(found) == list(expected)
+        for name, index in expected.items():
             assert found[name].tolist() == index.tolist(), name
 
 
@@ -45,19 +45,19 @@ def round_trip(mesh, folder):
     ],
     ids=["plain", "reversed", "order of names", "no points", "one node in three groups", "spaces"],
 )  # fmt: skip
-def test_everything_comes_back(lines, points, tmp_path):
+def test_mesh_round_trip_is_exact(lines, points, tmp_path):
     mesh = Mesh(AWKWARD, lines, points)
     assert_same(round_trip(mesh, tmp_path), mesh)
 
 
-def test_a_member_and_a_point_of_one_name(tmp_path):
-    """Names of members and of points are two tables; neither may be lost."""
+def test_round_trip_of_member_and_point_with_same_name(tmp_path):
+    """Names of members and of points are separate."""
     mesh = Mesh(AWKWARD, {"valve": [0, 1]}, {"valve": [1]})
     assert_same(round_trip(mesh, tmp_path), mesh)
 
 
-def test_a_mesh_for_other_solvers(tmp_path):
-    """Read by another reader: members are sets of elements in order, points sets of nodes, every digit is there."""
+def test_abaqus_file_is_read_by_meshio(tmp_path):
+    """Members are ordered element sets, points are node sets, and coordinates are exact."""
     mesh = Mesh(AWKWARD, {"shaft": [0, 1, 2], "rod": [4, 3]}, {"bearings": [0, 2]})
     write_mesh(mesh, tmp_path / "mesh.inp")
     found = meshio.read(tmp_path / "mesh.inp")
@@ -73,8 +73,8 @@ def test_a_mesh_for_other_solvers(tmp_path):
 
 @settings(max_examples=25, deadline=None)
 @given(data=st.data())
-def test_any_mesh_comes_back(data, tmp_path_factory):
-    thirds = st.integers(-3_000_000, 3_000_000).map(lambda n: n / 3.0)  # all digits, and no two at one place
+def test_random_mesh_round_trip_is_exact(data, tmp_path_factory):
+    thirds = st.integers(-3_000_000, 3_000_000).map(lambda n: n / 3.0)  # all digits, and no coincident nodes
     nodes = data.draw(st.lists(st.lists(thirds, min_size=3, max_size=3), min_size=3, max_size=8, unique_by=tuple))
     order = data.draw(st.permutations(range(len(nodes))))
     cut = data.draw(st.integers(2, len(nodes)))
@@ -124,7 +124,7 @@ $EndElements
 """
 
 
-def test_reads_gmsh_4_1(tmp_path):
+def test_gmsh_4_1_is_read(tmp_path):
     path = tmp_path / "shaft.msh"
     path.write_text(GMSH_41)
     mesh = read_mesh(path)
@@ -142,7 +142,7 @@ def gmsh(*elements):
 
 
 LINE = "1 2 1 1"  # a line in group 1
-REFUSED = {
+INVALID = {
     "branched": (gmsh(f"{LINE} 1 2", f"{LINE} 2 3", f"{LINE} 2 4"), "chain"),
     "closed": (gmsh(f"{LINE} 1 2", f"{LINE} 2 3", f"{LINE} 3 1"), "chain"),
     "gap": (gmsh(f"{LINE} 1 2", f"{LINE} 3 4"), "chain"),
@@ -161,24 +161,24 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("case", REFUSED)
-def test_refuses(case, tmp_path, capfd):
-    text, word = REFUSED[case]
+@pytest.mark.parametrize("case", INVALID)
+def test_invalid_mesh_is_refused(case, tmp_path, capfd):
+    text, word = INVALID[case]
     path = tmp_path / "bad.msh"
     path.write_text(text)
     with pytest.raises(InputError) as refusal:
         read_mesh(path)
     assert word in str(refusal.value)
-    assert not any(capfd.readouterr()), "meshio's own words stay inside"
+    assert not any(capfd.readouterr()), "output of meshio is printed"
 
 
 @pytest.mark.parametrize("name", ["nothere.msh", "mesh.vtu", "mesh.xdmf"])
-def test_refuses_a_missing_file_and_other_formats(name, tmp_path):
+def test_missing_file_and_other_formats_are_refused(name, tmp_path):
     with pytest.raises(InputError, match=name):
         read_mesh(tmp_path / name)
 
 
-def test_writes_over_nothing(tmp_path):
+def test_existing_mesh_is_not_overwritten(tmp_path):
     path = tmp_path / "mesh.msh"
     path.write_text("mine")
     with pytest.raises(InputError, match=r"mesh\.msh"):

@@ -1,4 +1,4 @@
-"""The macro beside an exported collection; `test_paraview` runs it in ParaView."""
+"""The macro of an exported collection; `test_paraview` runs it in ParaView."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ import pytest
 from flexcam import InputError
 from flexcam.io import write_macro, write_pvd
 
-NAMED = 'a"""\nraise SystemExit("run")  # \\'
-"""Name of a collection that ends a docstring and goes on as a statement; its last character escapes a quote."""
+QUOTED_NAME = 'a"""\nraise SystemExit("run")  # \\'
+"""Name of a collection that would end a docstring and add a statement; its last character escapes a quote."""
 
 
 @pytest.fixture
-def exported(done, tmp_path):
-    """Export every sixth instant with its macro, under a name that needs care."""
-    files = write_pvd(done.result, tmp_path / "Größe & Maß.pvd", every=6)
-    degrees = np.degrees(done.response.field_angle[::6])
+def macro_and_degrees(stored, tmp_path):
+    """Export every sixth step with its macro, under a name with special characters."""
+    files = write_pvd(stored.result, tmp_path / "Größe & Maß.pvd", every=6)
+    degrees = np.degrees(stored.response.field_angle[::6])
     return write_macro(files[0], ["displacement", "stress_von_mises"], degrees.tolist()), degrees
 
 
-def test_it_is_python_that_names_its_collection(exported):
-    macro, degrees = exported
+def test_macro_is_python_with_collection_name(macro_and_degrees):
+    macro, degrees = macro_and_degrees
     tree = ast.parse(macro.read_text(encoding="utf-8"))
     values = {node.targets[0].id: ast.literal_eval(node.value) for node in tree.body
               if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "").isupper()}  # fmt: skip
@@ -33,17 +33,17 @@ def test_it_is_python_that_names_its_collection(exported):
     assert values["WRITTEN_IN"] == str(macro.parent)
 
 
-def test_it_writes_over_nothing_unasked(exported):
-    macro, _ = exported
+def test_existing_macro_is_overwritten_only_on_request(macro_and_degrees):
+    macro, _ = macro_and_degrees
     with pytest.raises(InputError, match="overwrite"):
         write_macro(macro.with_name("Größe & Maß.pvd"), ["displacement"], [0.0])
     write_macro(macro.with_name("Größe & Maß.pvd"), ["displacement"], [0.0], overwrite=True)
     assert "COLOUR = 'displacement'" in macro.read_text(encoding="utf-8")
 
 
-def test_a_name_with_quotes_and_a_backslash_stays_a_name(tmp_path):
-    macro = ast.parse(write_macro(tmp_path / f"{NAMED}.pvd", ["displacement"], [0.0]).read_text(encoding="utf-8"))
+def test_name_with_quotes_and_backslash_is_escaped(tmp_path):
+    macro = ast.parse(write_macro(tmp_path / f"{QUOTED_NAME}.pvd", ["displacement"], [0.0]).read_text(encoding="utf-8"))
     assert ast.get_docstring(macro)
     assert not [one for one in macro.body if isinstance(one, ast.Raise)]
     given = {one.value for one in ast.walk(macro) if isinstance(one, ast.Constant)}
-    assert {NAMED, f"{NAMED}.pvd"} <= given
+    assert {QUOTED_NAME, f"{QUOTED_NAME}.pvd"} <= given

@@ -1,4 +1,4 @@
-"""Saving and loading loses nothing: the case with every option, its damping, and every number of the run."""
+"""Exact round trip of the case with all options, its damping and all numbers of the run."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def saved(tmp_path_factory):
     return case, response, read_result(sink.path)
 
 
-def test_the_case_as_written_and_as_resolved(saved):
+def test_case_round_trip_as_written_and_resolved(saved):
     case, _, result = saved
     assert result.about["case"] == EVERY.read_text(encoding="utf-8")
     assert CaseRecord.model_validate_json(result.about["resolved"], context={"case": EVERY}) == case.record
@@ -45,7 +45,7 @@ def test_every_number_of_the_run(saved):
 
 
 @pytest.mark.parametrize("every", [1, 7])
-def test_csv_rows(saved, tmp_path, every):
+def test_csv_round_trip_is_exact(saved, tmp_path, every):
     _, response, _ = saved
     path = write_csv(response, tmp_path / "rows.csv", probes=["valve", "cam.uy"], every=every)
     rows = np.loadtxt(path, delimiter=",", skiprows=1)

@@ -1,4 +1,4 @@
-"""What others see of a file in the making is whole, also while the next copy of it is made."""
+"""A visible partial result is always complete, also while its next copy is written."""
 
 from __future__ import annotations
 
@@ -11,72 +11,72 @@ from flexcam.io import result_writer
 
 
 @pytest.fixture
-def begun(tmp_path):
-    """Return a draft of which one copy was shown."""
-    made = result_writer.TemporaryResult(tmp_path / "case.writing", tmp_path / "case.partial.vtkhdf")
-    made.path.write_bytes(b"the first copy")
-    made.show()
-    yield made
-    made.discard()
+def temporary(tmp_path):
+    """Return a temporary result of which one copy was published."""
+    result = result_writer.TemporaryResult(tmp_path / "case.writing", tmp_path / "case.partial.vtkhdf")
+    result.path.write_bytes(b"the first copy")
+    result.show()
+    yield result
+    result.discard()
 
 
-def test_a_copy_that_is_cut_off_is_never_seen(begun, tmp_path, monkeypatch):
-    """As by `kill -9` in the middle of it."""
+def test_interrupted_copy_is_not_visible(temporary, tmp_path, monkeypatch):
+    """The interrupt has the effect of `kill -9` during a copy."""
 
-    def half(source, target):
+    def copy_part(source, target):
         target.write_bytes(source.read_bytes()[:5])
         raise KeyboardInterrupt
 
-    begun.path.write_bytes(b"the second copy")
-    monkeypatch.setattr(result_writer.shutil, "copyfile", half)
+    temporary.path.write_bytes(b"the second copy")
+    monkeypatch.setattr(result_writer.shutil, "copyfile", copy_part)
     with pytest.raises(KeyboardInterrupt):
-        begun.show()
+        temporary.show()
     assert (tmp_path / "case.partial.vtkhdf").read_bytes() == b"the first copy"
 
 
-def test_a_copy_takes_the_place_of_the_one_before(begun, tmp_path):
-    begun.path.write_bytes(b"the second copy")
-    begun.show()
+def test_copy_replaces_earlier_copy(temporary, tmp_path):
+    temporary.path.write_bytes(b"the second copy")
+    temporary.show()
     assert (tmp_path / "case.partial.vtkhdf").read_bytes() == b"the second copy"
     assert not (tmp_path / "case.copying").exists()
 
 
-def test_a_result_is_on_the_disk_before_it_takes_its_name(tmp_path, monkeypatch):
-    """A power cut must not leave an empty file under the name of a result, nor the name unwritten."""
-    synced, done = [], os.fsync
-    made, final = (
+def test_result_is_synced_before_rename(tmp_path, monkeypatch):
+    """A power failure must not leave an empty file with the name of a result, or lose the renamed file."""
+    sync_calls, fsync = [], os.fsync
+    result, final = (
         result_writer.TemporaryResult(tmp_path / "case.writing", tmp_path / "case.partial.vtkhdf"),
         tmp_path / "case.vtkhdf",
     )
 
-    def sync(held):
-        synced.append((os.fstat(held).st_ino, final.exists()))
-        done(held)
+    def sync(descriptor):
+        sync_calls.append((os.fstat(descriptor).st_ino, final.exists()))
+        fsync(descriptor)
 
     monkeypatch.setattr(result_writer.os, "fsync", sync)
-    file = made.path.stat().st_ino
-    made.rename(final)
-    assert synced == [(file, False), (tmp_path.stat().st_ino, True)]
+    file = result.path.stat().st_ino
+    result.rename(final)
+    assert sync_calls == [(file, False), (tmp_path.stat().st_ino, True)]
 
 
 @pytest.fixture
-def precious(tmp_path):
-    """Return a file that a link may lead to."""
+def link_target(tmp_path):
+    """Return a file that is the target of a symbolic link."""
     path = tmp_path / "precious"
     path.write_bytes(b"precious")
     return path
 
 
-def test_no_result_is_written_through_a_link(precious, tmp_path):
-    """Whoever may write into the folder could lead a run to any file of the one who runs it."""
-    (tmp_path / "case.writing").symlink_to(precious)
+def test_result_is_not_written_through_link(link_target, tmp_path):
+    """A user with write access to the folder could otherwise redirect a run to any file of another user."""
+    (tmp_path / "case.writing").symlink_to(link_target)
     with pytest.raises(InputError, match="symbolic link"):
         result_writer.TemporaryResult(tmp_path / "case.writing", tmp_path / "case.partial.vtkhdf")
-    assert precious.read_bytes() == b"precious"
+    assert link_target.read_bytes() == b"precious"
 
 
-def test_no_copy_is_written_through_a_link(begun, precious, tmp_path):
-    (tmp_path / "case.copying").symlink_to(precious)
-    begun.show()
+def test_copy_is_not_written_through_link(temporary, link_target, tmp_path):
+    (tmp_path / "case.copying").symlink_to(link_target)
+    temporary.show()
     assert (tmp_path / "case.partial.vtkhdf").read_bytes() == b"the first copy"
-    assert precious.read_bytes() == b"precious"
+    assert link_target.read_bytes() == b"precious"

@@ -1,4 +1,4 @@
-"""TOML text that people read: short arrays in a line, and the same content as before."""
+"""Readable TOML text: short arrays on one line, and unchanged content."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ VALUES = st.recursive(
 @given(st.dictionaries(st.text(max_size=3), VALUES, max_size=3))
 @example({"": ["\x85", "\u2028", "\x0c"]})
 @settings(max_examples=15)
-def test_it_reads_as_it_was(content):
+def test_toml_round_trip(content):
     assert tomllib.loads(format_toml(content)) == content
 
 
-def test_short_arrays_stand_in_a_line():
+def test_short_arrays_are_on_one_line():
     text = format_toml({"held": ["ux", "uy"], "rows": [[1, 2], [3, 4]], "long": list(range(60))})
     assert 'held = ["ux", "uy"]\n' in text
     assert "rows = [\n    [1, 2],\n    [3, 4],\n]\n" in text

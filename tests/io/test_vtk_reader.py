@@ -1,4 +1,4 @@
-"""VTK's own reader opens every step of a result file and agrees in time, geometry and value."""
+"""VTK's reader opens all steps of a result file, with equal times, geometry and values."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ numpy_support = pytest.importorskip("vtkmodules.util.numpy_support")
 
 
 @pytest.fixture(scope="module")
-def reader(done):
+def reader(stored):
     made = reading.vtkHDFReader()
-    made.SetFileName(str(done.path))
+    made.SetFileName(str(stored.path))
     made.UpdateInformation()
     return made
 
@@ -37,23 +37,23 @@ def lines_of(output):
     return [ids[a:b].tolist() for a, b in itertools.pairwise(ends)]
 
 
-def test_times(reader, done):
-    assert times(reader) == done.response.field_time.tolist()
+def test_vtk_times_equal_field_times(reader, stored):
+    assert times(reader) == stored.response.field_time.tolist()
 
 
-def test_every_step_agrees(reader, done, nodal):
-    """Exact: the file holds doubles, and so does VTK."""
-    node = done.result.still["node"]
-    fields = {name: values[:, node] for name, values in nodal.items()}
-    for step in range(len(done.response.field_time)):
+def test_vtk_values_equal_response_in_all_steps(reader, stored, nodal_vectors):
+    """The comparison is exact, since the file and VTK use double precision."""
+    node = stored.result.still["node"]
+    fields = {name: values[:, node] for name, values in nodal_vectors.items()}
+    for step in range(len(stored.response.field_time)):
         data = at_step(reader, step).GetPointData()
         for name, field in fields.items():
             assert np.array_equal(numpy_support.vtk_to_numpy(data.GetArray(name)), field[step]), (step, name)
 
 
-def test_one_polyline_per_member(reader, done):
-    """So that the Tube filter makes one tube per member; in every step."""
-    mesh = done.ready.model.mesh
+def test_each_member_is_one_polyline(reader, stored):
+    """The Tube filter then makes one tube per member, in all steps."""
+    mesh = stored.ready.model.mesh
     for step in (0, 17, 36):
         output = at_step(reader, step)
         node = numpy_support.vtk_to_numpy(output.GetPointData().GetArray("node"))
@@ -62,24 +62,25 @@ def test_one_polyline_per_member(reader, done):
         assert np.array_equal(numpy_support.vtk_to_numpy(output.GetPoints().GetData()), mesh.nodes[node])
 
 
-def test_members_and_radius(reader, done):
+def test_member_numbers_and_radii_are_read(reader, stored):
     output = at_step(reader, 3)
     assert numpy_support.vtk_to_numpy(output.GetCellData().GetArray("member")).tolist() == [0, 1]
     assert np.array_equal(
-        numpy_support.vtk_to_numpy(output.GetPointData().GetArray("radius")), done.result.still["radius"]
+        numpy_support.vtk_to_numpy(output.GetPointData().GetArray("radius")), stored.result.still["radius"]
     )
 
 
-def test_the_last_step_is_the_end_of_the_run(reader, done):
-    moved = numpy_support.vtk_to_numpy(at_step(reader, 36).GetPointData().GetArray("displacement"))
-    top = done.result.still["node"].tolist().index(done.ready.model.mesh.node("pushrod-top"))
+def test_last_step_equals_end_of_run(reader, stored):
+    vectors = numpy_support.vtk_to_numpy(at_step(reader, 36).GetPointData().GetArray("displacement"))
+    top = stored.result.still["node"].tolist().index(stored.ready.model.mesh.node("pushrod-top"))
     ratio = 40.0 / 25.0
-    assert moved[top, 1] * ratio == pytest.approx(done.response["valve"].displacement[-1], rel=1e-12)  # one product
+    # The tolerance is the rounding of one product.
+    assert vectors[top, 1] * ratio == pytest.approx(stored.response["valve"].displacement[-1], rel=1e-12)
 
 
-def test_what_is_recovered_from_the_motion(reader, done):
-    """Section forces and stresses too, in every step."""
+def test_recovered_forces_and_stresses_are_read(reader, stored):
+    """Section forces and stresses are compared in the first and last step."""
     for step in (0, 36):
         data = at_step(reader, step).GetPointData()
-        for name, values in done.result.recovered.items():
+        for name, values in stored.result.recovered.items():
             assert np.array_equal(numpy_support.vtk_to_numpy(data.GetArray(name)), values[step]), name
