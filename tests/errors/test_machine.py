@@ -63,7 +63,7 @@ def test_full_disk_keeps_earlier_result_and_copy(file_size, program, tried, tmp_
     assert done.stderr.count("\n") == 1
     assert old.read_bytes() == b"the result before"
     remaining = file_names(tmp_path / "out")
-    assert remaining == ["case.vtkhdf"] if program == PROGRAM else ["case.partial.vtkhdf", "case.vtkhdf"]
+    assert remaining == (["case.vtkhdf"] if program == PROGRAM else ["case.partial.vtkhdf", "case.vtkhdf"])
     if program == OFTEN:
         copy = read_result(tmp_path / "out/case.partial.vtkhdf").response
         assert copy.status.cause is Cause.INTERRUPTED

@@ -104,7 +104,7 @@ def test_resolved_damping_gives_no_overshoot_warning(make_oscillator, name):
     assert not [*check_overshoot(make_oscillator(10.0, 1.0), WITH_CONTACTS[name])]
 
 
-RISE, HELD = 1.0, 1.0
+RISE = 1.0
 OMEGA = 2.0 * math.pi * 1.3
 EVENT = LiftEvent(LAWS["parabolic"], 1.0, rise=RISE, dwell=4.0, fall=1.0)
 PARTS = {"on a step": 0.0, "just before a step": 1.0 - 1e-3, "just after a step": 1e-3, "a quarter into a step": 0.25}
