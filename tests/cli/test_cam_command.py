@@ -52,8 +52,8 @@ def test_every_file(name, told):
         assert all(list(joint["steps"]) == ["lift", *KEYS[2:5]] for joint in values["joints"])
         assert list(values["valve_events"]) == ["1 mm", "0.05 in"]
         assert values["profile"] is None or list(values["profile"]) == PROFILE
-        said = [f"Cam {cam}", f"{1e3 * values['lift']:.6g} mm", *(finding["what"] for finding in values["findings"])]
-        assert [part for part in said if part not in words.out] == []
+        args = [f"Cam {cam}", f"{1e3 * values['lift']:.6g} mm", *(finding["what"] for finding in values["findings"])]
+        assert [part for part in args if part not in words.out] == []
 
 
 def test_cos_cam(told):
@@ -313,10 +313,10 @@ def test_lift_below_the_base_circle(told, tmp_path):
     (finding,) = cam["findings"]
     assert ("negative" in finding["what"], finding["kind"]) == (True, "length")
     assert [finding["value"], finding["angle"]] == pytest.approx([least, 30 * DEG], rel=1e-6)
-    said = told("cam.toml").out
-    assert "-0.0980762 to 5.09808 mm" in said
-    assert "valve open above 1 mm" in said
-    assert "never" not in said
+    output = told("cam.toml").out
+    assert "-0.0980762 to 5.09808 mm" in output
+    assert "valve open above 1 mm" in output
+    assert "never" not in output
 
 
 @pytest.mark.parametrize(("shift", "said"), [("0.003", "never"), ("0.02", "always")])
@@ -453,9 +453,9 @@ def test_durations_are_told_at_the_follower_and_at_the_valve(flexcam):
         found = done[name]["0.05 in"]
         ends = np.array([found["opens"], found["closes"]]) / 2.0
         assert ratio * event(ends) - lash == pytest.approx([1.27e-3] * 2, rel=1e-9)
-    said = flexcam("cam", case).out
-    assert "follower above 0.05 in" in said
-    assert "crank 254.83 to 465.17 deg" in said
+    output = flexcam("cam", case).out
+    assert "follower above 0.05 in" in output
+    assert "crank 254.83 to 465.17 deg" in output
     machine = flexcam("cam", case, "--set", "run.speed=100rpm").out
     assert "output above 0.05 in" in machine
     assert "cam 127.42 to 232.58 deg, duration 105.17 deg" in machine

@@ -53,16 +53,16 @@ def test_what_was_drawn_is_named_and_its_legend_names_what_is_seen(flexcam, tmp_
 
 def test_force_between_speeds_is_that_of_the_runs(flexcam):
     """The order's amplitude in the force, at a crossing that is made to fall on a speed of the list."""
-    told = ("--lowest", "4026.86rpm", "--highest", "5000rpm", "--count", "2")
-    found = flexcam("campbell", PUBLISHED, *told, *QUICK, "--json").json
+    args = ("--lowest", "4026.86rpm", "--highest", "5000rpm", "--count", "2")
+    found = flexcam("campbell", PUBLISHED, *args, *QUICK, "--json").json
     exact = flexcam("stability", PUBLISHED, "--set", "run.speed=4026.86rpm", *QUICK, "--json").json
     assert found["crossings"][0]["load"] == pytest.approx(exact["resonances"][0]["load_n"], rel=1e-3)
 
 
 def test_campbell_of_an_engine(flexcam):
     """Crank speeds, orders of the camshaft: the surge of the spring at 455 Hz meets order 11 at 120 * 455 / 11."""
-    told = ("--lowest", "4500rpm", "--highest", "5200rpm", "--count", "2", "--orders", "11,12", "--modes", "5")
-    done = flexcam("campbell", ENGINE, *told, *QUICK, "--set", "run.revolutions=1", "--json").json
+    args = ("--lowest", "4500rpm", "--highest", "5200rpm", "--count", "2", "--orders", "11,12", "--modes", "5")
+    done = flexcam("campbell", ENGINE, *args, *QUICK, "--set", "run.revolutions=1", "--json").json
     assert done["shaft"] == "crank"
     surge = [one for one in done["crossings"] if "spring valve" in one["words"]]
     assert [one["harmonic"] for one in surge] == [12, 11]
@@ -142,8 +142,8 @@ def test_orders_of_a_simple_harmonic_lift(flexcam, tmp_path):
     """The rigid train follows the lift h/2 (1 - cos): order 1 alone, with i h/2 omega^2, i the rocker's ratio."""
     csv, picture = tmp_path / "orders.csv", tmp_path / "orders.svg"
     rigid = ("--set", "fidelity.model=rigid")
-    told = (*RANGE, *QUICK, *rigid, "--probe", "valve", "--channel", "contacts.intake.force", "--csv", csv)
-    found = flexcam("campbell", "--response", PUBLISHED, *told, "--plot", picture, "--json").json
+    args = (*RANGE, *QUICK, *rigid, "--probe", "valve", "--channel", "contacts.intake.force", "--csv", csv)
+    found = flexcam("campbell", "--response", PUBLISHED, *args, "--plot", picture, "--json").json
     assert found["rpm"] == pytest.approx([1000.0, 3500.0, 6000.0])
     for rpm, row in zip(found["rpm"], found["histories"]["valve"]["amplitudes"], strict=True):
         omega = 2.0 * math.pi * rpm / 60.0
@@ -205,8 +205,8 @@ def test_too_few_steps_for_the_orders_are_named(flexcam, steps, said):
     """Refused is the key that gives the steps, before any run where it tells their number."""
     orders = ("--orders", "1:60") if "0.001s" in steps[0] else ()
     more = [one for step in steps for one in ("--set", step)]
-    told = ("--response", "--lowest", "500rpm", "--highest", "1000rpm", "--count", "2")
-    done = flexcam("campbell", PUBLISHED, *told, *more, *orders)
+    args = ("--response", "--lowest", "500rpm", "--highest", "1000rpm", "--count", "2")
+    done = flexcam("campbell", PUBLISHED, *args, *more, *orders)
     assert done.code == 2
     for part in said:
         assert part in done.err
@@ -215,15 +215,15 @@ def test_too_few_steps_for_the_orders_are_named(flexcam, steps, said):
 
 @pytest.mark.parametrize("steps", [48, 49])
 def test_as_many_steps_as_the_orders_need(flexcam, steps):
-    told = ("--response", "--lowest", "500rpm", "--count", "2", "--set", f"run.steps_per_revolution={steps}")
-    assert flexcam("campbell", PUBLISHED, *told).code == (0 if steps == 49 else 2)
+    args = ("--response", "--lowest", "500rpm", "--count", "2", "--set", f"run.steps_per_revolution={steps}")
+    assert flexcam("campbell", PUBLISHED, *args).code == (0 if steps == 49 else 2)
 
 
 def test_waves_in_a_spring_do_not_change_its_modes(flexcam):
     """The coils that touch at full lift are those at rest, at every speed."""
     case = flexcam("new", "finger-follower", "--json").json["files"][0]
-    told = flexcam("campbell", case, "--lowest", "4000rpm", "--highest", "6000rpm", "--count", "3", "--json").json
-    surge = told["modes"][0]
+    report = flexcam("campbell", case, "--lowest", "4000rpm", "--highest", "6000rpm", "--count", "3", "--json").json
+    surge = report["modes"][0]
     assert surge["moves"].startswith("spring valve")
     assert surge["frequencies_hz"] == pytest.approx(3 * [605.8], rel=1e-3)
 
@@ -231,6 +231,6 @@ def test_waves_in_a_spring_do_not_change_its_modes(flexcam):
 def test_modes_of_a_shaft_within_its_backlash(flexcam):
     """No coils at rest are known without an equilibrium: those of the run count."""
     case = flexcam("new", "gear-drive", "--json").json["files"][0]
-    told = flexcam("campbell", case, "--lowest", "2000rpm", "--highest", "3000rpm", "--count", "2", "--json").json
-    assert told["modes"]
-    assert told["ended"] == ["done", "done"]
+    report = flexcam("campbell", case, "--lowest", "2000rpm", "--highest", "3000rpm", "--count", "2", "--json").json
+    assert report["modes"]
+    assert report["ended"] == ["done", "done"]

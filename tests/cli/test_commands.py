@@ -101,11 +101,11 @@ def test_info_counts_the_unknowns_as_run_does(flexcam, tmp_path, tayeb):
 
 
 def test_run_writes_what_it_says(flexcam, case, tmp_path):
-    told = flexcam("run", "case.toml", "-o", "out", "--json").json
-    assert told["status"] == "done"
-    assert told["result"] == "out/case.vtkhdf"
-    assert (told["steps"], told["dof"]) == (720, 21)
-    result = read_result(tmp_path / told["result"])
+    report = flexcam("run", "case.toml", "-o", "out", "--json").json
+    assert report["status"] == "done"
+    assert report["result"] == "out/case.vtkhdf"
+    assert (report["steps"], report["dof"]) == (720, 21)
+    result = read_result(tmp_path / report["result"])
     assert result.response.status.ok
     assert len(result.response.time) == 721
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["case.vtkhdf"]
@@ -154,25 +154,25 @@ def test_crank_speed_is_twice_the_camshafts(flexcam, case):
 
 def test_export(flexcam, case, tmp_path):
     flexcam("run", "case.toml", "-o", "out")
-    told = flexcam("export", "out/case.vtkhdf", "--format", "pvd", "--every", "6", "--json")
-    assert told.code == 0
-    assert told.json["files"][0] == "out/case.pvd"
-    assert len(told.json["files"]) == 8
-    assert all((tmp_path / name).is_file() for name in told.json["files"])
+    done = flexcam("export", "out/case.vtkhdf", "--format", "pvd", "--every", "6", "--json")
+    assert done.code == 0
+    assert done.json["files"][0] == "out/case.pvd"
+    assert len(done.json["files"]) == 8
+    assert all((tmp_path / name).is_file() for name in done.json["files"])
     assert "out/case.pvd" in flexcam("export", "out/case.vtkhdf", "--overwrite").out
 
 
 def test_export_a_mesh_and_use_it(flexcam, case, tmp_path):
-    told = flexcam("export", "case.toml", "--format", "msh", "-o", "mesh", "--json").json
-    assert told["files"] == ["mesh/case.msh"]
+    report = flexcam("export", "case.toml", "--format", "msh", "-o", "mesh", "--json").json
+    assert report["files"] == ["mesh/case.msh"]
     assert set(read_mesh(tmp_path / "mesh/case.msh").lines) == {"camshaft", "pushrod"}
 
 
 def test_a_mesh_for_another_program_is_without_links(flexcam):
     flexcam("new", "valve-bridge")
-    told = flexcam("export", "valve-bridge.toml", "--format", "inp")
-    assert told.code == 0
-    assert "lacks rigid_links.rocker, rigid_links.cup, rigid_links.bridge: connect" in " ".join(told.err.split())
+    done = flexcam("export", "valve-bridge.toml", "--format", "inp")
+    assert done.code == 0
+    assert "lacks rigid_links.rocker, rigid_links.cup, rigid_links.bridge: connect" in " ".join(done.err.split())
 
 
 @pytest.mark.parametrize("words", [["--help"], ["run", "--help"], ["--version"]])

@@ -116,9 +116,9 @@ def test_every_command_on_every_engine_part(flexcam, tmp_path):
         assert " nan" not in done.out, verb
     assert flexcam("run", ENGINE, "-o", "out", *about).code == 0
     assert read_result(tmp_path / "out/every-engine.vtkhdf").response.status.ok
-    told = flexcam("export", "out/every-engine.vtkhdf", "--format", "pvd", "--json")
-    assert told.code == 0
-    assert all((tmp_path / name).is_file() for name in told.json["files"])
+    completed = flexcam("export", "out/every-engine.vtkhdf", "--format", "pvd", "--json")
+    assert completed.code == 0
+    assert all((tmp_path / name).is_file() for name in completed.json["files"])
 
 
 def test_rigid_against_flexible_with_a_finger(flexcam):

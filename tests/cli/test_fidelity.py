@@ -65,8 +65,8 @@ def test_table_and_files(trade):
     done = trade(*QUICKER, "--csv", "trade.csv", "--plot", "trade.svg")
     assert done.code == 0
     assert "its own error" in done.out
-    said = "* Pareto-optimal: no model with less work has a smaller maximum error over the columns"
-    assert said in " ".join(done.out.split())
+    expected = "* Pareto-optimal: no model with less work has a smaller maximum error over the columns"
+    assert expected in " ".join(done.out.split())
     with open("trade.csv", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert {row["model"] for row in rows} == {"rigid", "sdof", "modes 3", "modes 10", "beams", "beams x2"}
@@ -331,9 +331,9 @@ def test_what_asks_for_nothing_is_told(flexcam, tayeb, keys, said):
     laid = [word for key in keys for word in ("--set", f"fidelity.{key}")]
     done = flexcam("check", tayeb(1), *laid)
     assert done.code == 0
-    told = " ".join((done.out + done.err).split())
-    assert said in told
-    assert ("Warning: fidelity" in told) == bool(said)
+    output = " ".join((done.out + done.err).split())
+    assert said in output
+    assert ("Warning: fidelity" in output) == bool(said)
 
 
 def test_wrong_lines_are_named(flexcam, case):
@@ -346,9 +346,9 @@ def test_wrong_lines_are_named(flexcam, case):
     case.write_text(text + '[fidelity]\nmodel = "rigid"\ntolerance = "1 %"\n', encoding="utf-8")
     assert "either model or tolerance" in flexcam("run", case).err
     case.write_text(text + '[fidelity]\nmodel = "chain"\nmasses = 3\n', encoding="utf-8")  # its train has two nodes
-    said = flexcam("run", case).err
-    assert "fidelity.masses" in said
-    assert f"{line + 1}" in said
+    stderr = flexcam("run", case).err
+    assert "fidelity.masses" in stderr
+    assert f"{line + 1}" in stderr
 
 
 @pytest.mark.parametrize("model", mostly_slow(["rigid", "sdof", "chain", "modes", "beams"], 2))

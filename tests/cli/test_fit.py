@@ -40,8 +40,8 @@ def test_fit_to_an_export(flexcam, files, tmp_path):
     """The export has no noise, so that the fit finds the values of its run; the fitted case has them."""
     case, export = files
     column = ("--column", "mass.uy velocity")
-    told = ("fit", case, "--to", export, *VARIED, *column)
-    done = flexcam(*told, "-o", "best.toml", "--csv", "f.csv", "--plot", "f.svg", "--json")
+    args = ("fit", case, "--to", export, *VARIED, *column)
+    done = flexcam(*args, "-o", "best.toml", "--csv", "f.csv", "--plot", "f.svg", "--json")
     assert done.code == 0
     found = {one["key"]: one["value"] for one in done.json["values"]}
     assert found == pytest.approx({"springs.one.stiffness": 44.0, "springs.one.damping": 7.0}, rel=1e-4)
@@ -51,7 +51,7 @@ def test_fit_to_an_export(flexcam, files, tmp_path):
     assert (best.stiffness, best.damping) == pytest.approx((44e3, 7.0), rel=1e-4)
     assert (tmp_path / "f.csv").read_text(encoding="utf-8").startswith("time [s],")
     assert "measured" in (tmp_path / "f.svg").read_text(encoding="utf-8")
-    shown = flexcam(*told).out
+    shown = flexcam(*args).out
     assert "springs.one.stiffness, kN/m" in shown
     assert "±" in shown
 
@@ -60,12 +60,12 @@ def test_fit_to_an_export(flexcam, files, tmp_path):
 def test_warnings_of_a_fit(flexcam, files):
     """Mass, stiffness, damping and force act only together on a position; an interval ends before the true value."""
     case, export = files
-    told = ("fit", case, "--to", export, "--column", "mass.uy displacement")
+    args = ("fit", case, "--to", export, "--column", "mass.uy displacement")
     keys = {"springs.one.stiffness": "20:80kN/m", "springs.one.damping": "1:20N s/m", "masses.mass.mass": "50:200g",
             "loads.push.force": "-300:-50N"}  # fmt: skip
-    shown = flexcam(*told, *(word for key, ends in keys.items() for word in ("--vary", f"{key}={ends}"))).out
+    shown = flexcam(*args, *(word for key, ends in keys.items() for word in ("--vary", f"{key}={ends}"))).out
     assert f"The curves do not determine {' and '.join(keys)}: fix some of them" in " ".join(shown.split())
-    shown = flexcam(*told, "--vary", "springs.one.damping=1:5.5 N s/m").out
+    shown = flexcam(*args, "--vary", "springs.one.damping=1:5.5 N s/m").out
     assert "springs.one.damping is at an end of its interval" in shown
     assert "Successive residuals of mass.uy displacement are correlated" in shown
 
@@ -76,8 +76,10 @@ def test_an_interval_wider_than_the_range(flexcam, tmp_path):
     (tmp_path / "m.csv").write_text("time [s],mass.uy [mm]\n0,3\n0.005,-9\n0.01,4\n0.02,-3\n", encoding="utf-8")
     varied = ("--vary", "springs.one.damping=3:20 N s/m")
     shown = " ".join(flexcam("fit", "case.toml", "--to", "m.csv", *varied).out.split())
-    said = "springs.one.damping: its 95 % interval is wider than its range, 3 to 20 N s/m; fix it, or fit more curves"
-    assert f"The curves hardly determine {said}" in shown
+    expected = (
+        "springs.one.damping: its 95 % interval is wider than its range, 3 to 20 N s/m; fix it, or fit more curves"
+    )
+    assert f"The curves hardly determine {expected}" in shown
 
 
 def test_angles_times_and_units(flexcam, files, tmp_path):

@@ -49,8 +49,8 @@ def test_limits_do_not_depend_on_the_range(flexcam, one_mass):
         assert one[f"{name}_rpm"] == other[f"{name}_rpm"]
         assert one[f"{name}_bands_rpm"] == [[one[f"{name}_rpm"], None]]
     assert one["loss_of_contact_rpm"] == one["float_rpm"]
-    said = " ".join(flexcam("limits", case, "--lowest", "3170rpm", "--highest", "4400rpm", *ALONE).out.split())
-    assert "the follower leaves its cam for over 0.5 deg above 0.3 mm of lift (k, nose)" in said
+    output = " ".join(flexcam("limits", case, "--lowest", "3170rpm", "--highest", "4400rpm", *ALONE).out.split())
+    assert "the follower leaves its cam for over 0.5 deg above 0.3 mm of lift (k, nose)" in output
 
 
 @pytest.mark.slow
@@ -196,10 +196,10 @@ def test_limits_asked_for_and_those_of_a_bilateral_contact(flexcam, one_mass):
     assert (found["shaft"], found["first"]) == ("crank", None)
     assert found["buckling_margins"]["pushrod"] > 1.0
     held = ("--set", 'contacts.intake={ model="bilateral", cam="intake", follower="tappet", stiffness="50 MN/m" }')
-    told = flexcam("limits", CASE, *few, *held).out
-    assert "buckling" in told
-    assert "loss of contact of the rigid train" in told
-    assert "float" not in told
+    output = flexcam("limits", CASE, *few, *held).out
+    assert "buckling" in output
+    assert "loss of contact of the rigid train" in output
+    assert "float" not in output
 
 
 def test_limits_that_no_case_has_or_no_option_can_ask_for(flexcam, one_mass):

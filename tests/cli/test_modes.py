@@ -45,22 +45,22 @@ def test_modes_with_closed_contacts(flexcam, one_mass):
     assert found["frequencies_hz"] == [pytest.approx(hertz["open"])]
     assert found["closed"]["k"]["base_circle_hz"] == [pytest.approx(hertz["base"])]
     assert found["closed"]["k"]["full_lift_hz"] == [pytest.approx(hertz["full"])]
-    said = flexcam("modes", case).out
-    assert "modes, contacts open" in said
-    assert re.search(rf"1 +{hertz['open']:.2f} +{120 * hertz['open']:.0f} ", said)
-    assert "crank rpm" in said
+    output = flexcam("modes", case).out
+    assert "modes, contacts open" in output
+    assert re.search(rf"1 +{hertz['open']:.2f} +{120 * hertz['open']:.0f} ", output)
+    assert "crank rpm" in output
     for place in ("base", "full"):
-        assert re.search(rf" {hertz[place]:.2f} +{120 * hertz[place]:.0f} ", said)
+        assert re.search(rf" {hertz[place]:.2f} +{120 * hertz[place]:.0f} ", output)
     assert "contacts open" in flexcam("check", case).out
 
 
 def test_columns_and_numbers_are_explained(flexcam, tayeb):
     """A shaft in radial bearings is free along its axis, so the first mode above zero is the second one."""
-    said = re.sub(r"\s+", " ", flexcam("modes", tayeb(3)).out)
-    assert "ux, uy, uz kg: effective mass of the mode for base excitation along x, y, z" in said
-    assert "frequency.1 is no. 2" in said
+    output = re.sub(r"\s+", " ", flexcam("modes", tayeb(3)).out)
+    assert "ux, uy, uz kg: effective mass of the mode for base excitation along x, y, z" in output
+    assert "frequency.1 is no. 2" in output
     value = flexcam("sensitivity", tayeb(3), "--of", "frequency.1", "--to", "masses.valve.mass").out
-    assert re.search(r"2 +67\.11", said)
+    assert re.search(r"2 +67\.11", output)
     assert "67.1" in value
 
 
@@ -123,9 +123,9 @@ def test_prestress_beyond_buckling_fails(flexcam, column):
 def test_mac_with_itself(flexcam, column):
     """Unequal Iy and Iz part all frequencies, and a uniform mesh makes the shapes of a plane orthogonal by points."""
     name = column(0.0001)
-    told = flexcam("modes", name, "--count", "4", "--mac", name, "--json").json
-    found = np.array(told["mac"])
-    assert np.diff(told["frequencies_hz"]).min() > 1.0
+    report = flexcam("modes", name, "--count", "4", "--mac", name, "--json").json
+    found = np.array(report["mac"])
+    assert np.diff(report["frequencies_hz"]).min() > 1.0
     assert np.abs(np.diag(found) - 1.0).max() <= 1e-12
     assert np.abs(found - np.eye(4)).max() <= 1e-9  # sums of sines over equal parts, rounding of the shapes
 
@@ -133,9 +133,9 @@ def test_mac_with_itself(flexcam, column):
 def test_mac_of_a_mode_that_moves_no_compared_node(flexcam):
     """The second mode is the surge of the valve spring, whose points are no nodes of the mesh."""
     flexcam("new", "pushrod-engine")
-    told = ("modes", "pushrod-engine.toml", "--count", "2", "--mac", "pushrod-engine.toml")
-    assert flexcam(*told, "--json").json["mac"] == [[pytest.approx(1.0), None], [None, None]]
-    assert "-: the mode moves no such node" in flexcam(*told).out
+    args = ("modes", "pushrod-engine.toml", "--count", "2", "--mac", "pushrod-engine.toml")
+    assert flexcam(*args, "--json").json["mac"] == [[pytest.approx(1.0), None], [None, None]]
+    assert "-: the mode moves no such node" in flexcam(*args).out
 
 
 def test_mac_says_at_how_many_nodes_it_compares(flexcam, column, tmp_path):
@@ -173,6 +173,6 @@ def test_effective_masses_of_a_train_with_a_rocker(flexcam, case):
 def test_bending_planes_of_an_oblique_member_are_local_and_explained(flexcam):
     case = flexcam("new", "pushrod-engine", "--json").json["files"][0]
     inclined = 'nodes.pushrod-top=["150 mm", "274 mm", "0 mm"]'
-    said = re.sub(r"\s+", " ", flexcam("modes", case, "--count", "4", "--set", inclined).out)
-    assert "pushrod bending in local x-z" in said
-    assert "local: axes of a member that is not along a global axis: x along it, y towards its `orientation`" in said
+    output = re.sub(r"\s+", " ", flexcam("modes", case, "--count", "4", "--set", inclined).out)
+    assert "pushrod bending in local x-z" in output
+    assert "local: axes of a member that is not along a global axis: x along it, y towards its `orientation`" in output

@@ -23,8 +23,8 @@ def test_all_are_there(flexcam):
     assert set(NAMES) == wanted
     assert flexcam("new", "--json").json["templates"] == templates()
     for words in (("new",), ("new", "--list")):
-        told = flexcam(*words).out
-        assert all(name in told for name in wanted)
+        output = flexcam(*words).out
+        assert all(name in output for name in wanted)
     assert "--list alone" in flexcam("new", "v8-bank", "--list").err
 
 

@@ -55,16 +55,16 @@ def test_a_folder_is_tried_and_none_is_left(tmp_path, monkeypatch):
 def test_a_folder_that_takes_no_file(flexcam, case):
     """Before the budget, which is none there."""
     for given in ("/proc", "/proc/x/y.vtkhdf"):
-        told = flexcam("run", case, "-o", given).err
-        assert f"folder: got {given}" in told
-        assert "[Errno" not in told
+        stderr = flexcam("run", case, "-o", given).err
+        assert f"folder: got {given}" in stderr
+        assert "[Errno" not in stderr
 
 
 def test_a_folder_named_like_a_file(flexcam, case, tmp_path):
     """It is refused with the name that was likely meant; one that is there already is taken."""
-    told = flexcam("sweep", case, "--set", "run.speed=1000,2000rpm", "-o", "sub/grid.h5").err
-    assert "folder: got sub/grid.h5" in told
-    assert "such as sub/grid" in told
+    stderr = flexcam("sweep", case, "--set", "run.speed=1000,2000rpm", "-o", "sub/grid.h5").err
+    assert "folder: got sub/grid.h5" in stderr
+    assert "such as sub/grid" in stderr
     (tmp_path / "mine.h5").mkdir()
     for name in ("mine.h5", "results.v2", "0.5"):
         assert check_folder_name(tmp_path / name) == tmp_path / name

@@ -48,8 +48,8 @@ def look(path):
 
 
 def test_motion_of_a_result_with_its_rigid_train(flexcam, result, tmp_path):
-    told = flexcam("plot", result, "--rigid", "-o", "a.svg", "--json")
-    assert (told.code, told.err, told.json["files"]) == (0, "", ["a.svg"])
+    done = flexcam("plot", result, "--rigid", "-o", "a.svg", "--json")
+    assert (done.code, done.err, done.json["files"]) == (0, "", ["a.svg"])
     words = words_of(tmp_path / "a.svg")
     wanted = ["valve lift", "mm", "valve velocity", "m/s", "valve acceleration", "m/s²", "intake force", "N",
               "cam angle, deg", "rigid", "flexible", "Nodes in the file, camshaft 3000 rpm"]  # fmt: skip
@@ -73,8 +73,8 @@ def test_what_a_drawn_rigid_train_cannot_know_is_told(flexcam, tmp_path):
     few = ["--set", "run.revolutions=0.02", "--set", "contacts.lash.gap=0"]
     case = tmp_path / "intake.toml"
     shutil.copy(ENGINE, case)
-    told = flexcam("plot", case, "--what", "force", "--rigid", *few, "-o", "a.svg")
-    assert "both share the 640 N of the springs" in " ".join(told.out.split())
+    done = flexcam("plot", case, "--what", "force", "--rigid", *few, "-o", "a.svg")
+    assert "both share the 640 N of the springs" in " ".join(done.out.split())
     drawn = flexcam("plot", case, "--what", "force", "--rigid", *few[:2], "-o", "b.svg", "--json")
     assert drawn.json["warnings"] == []
 
@@ -83,8 +83,8 @@ def test_a_rigid_train_lacks_some_forces_and_a_long_title_has_lines(flexcam, tmp
     """It has no adjuster: what only the flexible one has is drawn alone."""
     case = Path(__file__).parents[2] / "cases/direct-acting/finger.toml"
     few = ("--set", "run.revolutions=0.02", "--set", "run.steps_per_revolution=360")
-    told = flexcam("plot", case, "--what", "force", "--rigid", *few, "-o", "a.svg", "--json")
-    assert (told.code, told.err, told.json["files"]) == (0, "", ["a.svg"])
+    done = flexcam("plot", case, "--what", "force", "--rigid", *few, "-o", "a.svg", "--json")
+    assert (done.code, done.err, done.json["files"]) == (0, "", ["a.svg"])
     words = words_of(tmp_path / "a.svg")
     assert {"rigid", "flexible", "intake force", "adjuster force"} <= set(words)
     assert "Roller finger follower with hydraulic lash adjuster, crankshaft 6000 rpm" in words
@@ -105,8 +105,8 @@ def test_several_results_over_time(flexcam, case, result, tmp_path):
 
 
 def test_a_case_is_run(flexcam, case, tmp_path):
-    told = flexcam("plot", "case.toml", "--set", "run.speed=3500rpm")
-    assert (told.code, told.out.strip()) == (0, "case-motion.svg")
+    done = flexcam("plot", "case.toml", "--set", "run.speed=3500rpm")
+    assert (done.code, done.out.strip()) == (0, "case-motion.svg")
     assert "Nodes in the file, camshaft 3500 rpm" in words_of(tmp_path / "case-motion.svg")
 
 
@@ -137,9 +137,9 @@ def test_a_profile_coloured_by_a_channel(flexcam, intake, tmp_path):
         (["contacts.intake.presure"], "Did you mean 'contacts.intake.pressure'"),
         (["contacts.intake.force", "--cam", "exhaust"], "It is the cam of the channel"),
     ):
-        told = flexcam(*coloured, *words, "-o", "none.svg")
-        assert told.code == 2
-        assert said in told.err
+        done = flexcam(*coloured, *words, "-o", "none.svg")
+        assert done.code == 2
+        assert said in done.err
     alone = Path(__file__).parents[2] / "cases/cams/li-swing.toml"
     assert "A file of cams is not run" in flexcam("plot", alone, *coloured[2:], "contacts.intake.force").err
 
@@ -155,9 +155,9 @@ def test_cams_alone(what, said, flexcam, tmp_path):
 
 def test_what_a_run_that_ended_early_left(flexcam, case, tmp_path):
     """It is drawn as far as it came; the command ends as the run did."""
-    told = flexcam("plot", "case.toml", "--set", "run.integrator.beta=0.01", "-o", "early.svg")
-    assert told.code == 3
-    assert "not-finite" in told.err
+    done = flexcam("plot", "case.toml", "--set", "run.integrator.beta=0.01", "-o", "early.svg")
+    assert done.code == 3
+    assert "not-finite" in done.err
     assert "valve lift" in words_of(tmp_path / "early.svg")
 
 
@@ -201,16 +201,16 @@ def test_refusals(words, said, flexcam, result, tmp_path):
     write_text(tmp_path / "taken.svg", "mine")
     write_text(tmp_path / "text.vtkhdf", "no result")
     before = sorted(tmp_path.rglob("*"))
-    told = flexcam("plot", *words)
-    assert told.code == 2
-    assert said in told.err
+    done = flexcam("plot", *words)
+    assert done.code == 2
+    assert said in done.err
     assert sorted(tmp_path.rglob("*")) == before, "nothing is written"
     assert (tmp_path / "taken.svg").read_text() == "mine"
 
 
 def test_every_wrong_option_is_told_at_once(flexcam, result):
-    told = flexcam("plot", result, "--what", "modes", "--probe", "valve", "--over", "time", "--angle", "3 deg")
-    assert [line.partition(":")[0] for line in told.err.splitlines()] == ["--probe", "--over", "--angle"]
+    done = flexcam("plot", result, "--what", "modes", "--probe", "valve", "--over", "time", "--angle", "3 deg")
+    assert [line.partition(":")[0] for line in done.err.splitlines()] == ["--probe", "--over", "--angle"]
 
 
 @pytest.mark.parametrize(
@@ -230,8 +230,8 @@ def test_work_precision(flexcam, tmp_path):
     """The same picture as that of flexcam trade."""
     shutil.copy(ROOT / "cases/li/valve-train.toml", tmp_path / "li.toml")
     few = ("--set", "run.steps_per_revolution=120", "--set", "run.revolutions=1")
-    told = flexcam("plot", "li.toml", "--what", "work-precision", *few, "-o", "w.svg")
-    assert (told.code, told.err) == (0, "")
+    done = flexcam("plot", "li.toml", "--what", "work-precision", *few, "-o", "w.svg")
+    assert (done.code, done.err) == (0, "")
     words = words_of(tmp_path / "w.svg")
     assert [word for word in ("unknowns times steps", "error of lift, %", "rigid") if word not in words] == []
 

@@ -286,9 +286,9 @@ def test_a_table_as_csv_is_that_of_hdf5(table, tmp_path):
 )
 def test_refusals(words, said, flexcam, table, case, tmp_path):
     (tmp_path / "other.csv").write_text("a,b\n1,2\n")
-    told = flexcam("plot", *words)
-    assert told.code == 2
-    assert said.lower() in told.err.lower()
+    done = flexcam("plot", *words)
+    assert done.code == 2
+    assert said.lower() in done.err.lower()
 
 
 def test_waterfall_lines_stand_at_their_speeds():

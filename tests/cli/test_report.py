@@ -34,10 +34,10 @@ def text_of(page):
 
 def test_a_report(flexcam, result, case):
     """It is the same out of the result alone, once the case is gone."""
-    told = flexcam("report", result, "--json")
-    assert (told.code, told.err) == (0, "")
-    assert told.json["file"] == str(result.with_suffix(".html"))
-    assert told.json["warnings"] == {str(result): []}
+    done = flexcam("report", result, "--json")
+    assert (done.code, done.err) == (0, "")
+    assert done.json["file"] == str(result.with_suffix(".html"))
+    assert done.json["warnings"] == {str(result): []}
     page = result.with_suffix(".html").read_text(encoding="utf-8")
     assert len(page.encode()) < ROOM
     text = text_of(page)
@@ -77,9 +77,9 @@ def test_what_cannot_be_had_is_said(flexcam, case, tmp_path):
     with h5py.File(tmp_path / "out/case.vtkhdf", "r+") as file:  # as an older version wrote it
         del file["about/files"]
         write_digest(file)
-    told = flexcam("report", "out/case.vtkhdf", "--json")
-    assert told.code == 0
-    (warnings,) = told.json["warnings"].values()
+    done = flexcam("report", "out/case.vtkhdf", "--json")
+    assert done.code == 0
+    (warnings,) = done.json["warnings"].values()
     assert "Not in this report" in warnings[0]
     assert "lift.csv" in warnings[0]
     page = (tmp_path / "out/case.html").read_text(encoding="utf-8")
@@ -146,9 +146,9 @@ def test_hostile_cases(flexcam, case, tmp_path):
 @pytest.mark.parametrize("model", ["rigid", "sdof"])
 def test_coarser_models(model, flexcam, case, tmp_path):
     assert flexcam("run", "case.toml", "-o", "out", "--set", f"fidelity.model={model}").code == 0
-    told = flexcam("report", "out/case.vtkhdf", "--json")
-    assert told.code == 0
-    assert {"rigid": "no stresses", "sdof": "no stresses and section forces"}[model] in str(told.json["warnings"])
+    done = flexcam("report", "out/case.vtkhdf", "--json")
+    assert done.code == 0
+    assert {"rigid": "no stresses", "sdof": "no stresses and section forces"}[model] in str(done.json["warnings"])
     text = text_of((tmp_path / "out/case.html").read_text(encoding="utf-8"))
     assert ("The flexible result" in text) == (model != "rigid")
     assert "saved instants" not in text
@@ -186,9 +186,9 @@ def test_what_is_asked_for_beside(flexcam, case, tmp_path):
 def test_refusals(words, said, flexcam, result, tmp_path):
     write_text(tmp_path / "taken.html", "mine")
     before = sorted(tmp_path.rglob("*"))
-    told = flexcam("report", *words)
-    assert told.code == 2
-    assert said in told.err
+    done = flexcam("report", *words)
+    assert done.code == 2
+    assert said in done.err
     assert sorted(tmp_path.rglob("*")) == before, "nothing is written"
 
 

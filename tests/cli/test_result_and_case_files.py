@@ -18,13 +18,13 @@ from flexcam.valvetrain.springs import spring_curve
 
 
 def test_info(flexcam, result):
-    told = flexcam("info", result, "--json")
-    assert (told.code, told.err) == (0, "")
-    assert told.json["run"] == "done"
-    assert (told.json["saved_steps"], told.json["saved_fields"]) == (721, 37)
-    assert told.json["probes"]["valve"] == ["valve"]
-    assert told.json["channels"]["contacts.intake.force"] == "N"
-    assert told.json["case"]["run"]["speed"] == pytest.approx(100.0 * math.pi)
+    done = flexcam("info", result, "--json")
+    assert (done.code, done.err) == (0, "")
+    assert done.json["run"] == "done"
+    assert (done.json["saved_steps"], done.json["saved_fields"]) == (721, 37)
+    assert done.json["probes"]["valve"] == ["valve"]
+    assert done.json["channels"]["contacts.intake.force"] == "N"
+    assert done.json["case"]["run"]["speed"] == pytest.approx(100.0 * math.pi)
     words = flexcam("info", result).out
     assert [word for word in ("721", "37", "valve", "contacts.intake.force") if word not in words] == []
 
@@ -40,9 +40,9 @@ def references(node):
 
 def test_schema(flexcam):
     """Every reference leads somewhere, every table is closed, every key has a type or a reference."""
-    told = flexcam("schema")
-    assert (told.code, told.err) == (0, "")
-    schema = told.json
+    done = flexcam("schema")
+    assert (done.code, done.err) == (0, "")
+    schema = done.json
     assert schema["$schema"].startswith("https://json-schema.org/")
     assert {ref.removeprefix("#/$defs/") for ref in references(schema)} <= set(schema["$defs"])
     for name, table in schema["$defs"].items():
@@ -64,8 +64,8 @@ def test_schema_knows_the_keys_of_a_case(flexcam, case):
 def test_the_resolved_case_is_a_case(flexcam, case, result, tmp_path):
     """Printed in SI with all defaults, read back it gives the same result bit for bit or to a rounded input."""
     assert "# the case" not in flexcam("check", "case.toml").out
-    told = flexcam("check", "case.toml", "--echo")
-    (tmp_path / "again.toml").write_text(told.out[told.out.index("# the case") :], encoding="utf-8")
+    done = flexcam("check", "case.toml", "--echo")
+    (tmp_path / "again.toml").write_text(done.out[done.out.index("# the case") :], encoding="utf-8")
     assert "fidelity.masses" not in flexcam("check", "again.toml").out, "warned of its own defaults"
     assert flexcam("run", "again.toml", "-o", "out").code == 0
     one, other = read_result(result).response, read_result(tmp_path / "out/again.vtkhdf").response
@@ -117,9 +117,9 @@ def test_pvd_of_some_fields(flexcam, result):
 
 
 def test_version_names_what_computes(flexcam):
-    told = flexcam("--version").out
-    assert [one for one in ("numpy", "scipy", "h5py") if f"{one} {version(one)}" not in told] == []
-    assert told.startswith(f"flexcam {version('flexcam')}")
+    output = flexcam("--version").out
+    assert [one for one in ("numpy", "scipy", "h5py") if f"{one} {version(one)}" not in output] == []
+    assert output.startswith(f"flexcam {version('flexcam')}")
 
 
 def test_no_bar_where_nobody_looks(flexcam, case):
@@ -148,13 +148,13 @@ def test_many_runs_are_counted_where_somebody_looks(verb, flexcam, case, monkeyp
 def test_name_of_a_result(flexcam, tmp_path):
     """Two runs of a case in one folder, by name; a name with a path or a suffix of a partial result is refused."""
     case = Path(__file__).parents[1] / "data/inline.toml"
-    told = ("run", case, "-o", "out", "--set", "run.revolutions=0.1")
+    args = ("run", case, "-o", "out", "--set", "run.revolutions=0.1")
     for name in ((), ("--name", "fast 2")):
-        assert flexcam(*told, *name).code == 0
+        assert flexcam(*args, *name).code == 0
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["fast 2.vtkhdf", "inline.vtkhdf"]
-    assert flexcam(*told, "--name", "fast 2").code == 2
+    assert flexcam(*args, "--name", "fast 2").code == 2
     for name in ("../away", "", "a.partial"):
-        assert "--name" in flexcam(*told, "--name", name).err
+        assert "--name" in flexcam(*args, "--name", name).err
 
 
 def test_check_names_a_published_load(flexcam, tayeb):

@@ -64,9 +64,9 @@ def test_frequencies_need_no_room_for_a_run(flexcam, case, monkeypatch):
 
 def test_check_tells_what_a_run_takes(flexcam, case):
     assert "of disk space" in flexcam("check", case).out
-    told = flexcam("check", case, "--json").json
+    report = flexcam("check", case, "--json").json
     needs = estimate_case_resources(prepare(read_case(case)), "revolution")
-    assert (told["memory_bytes"], told["result_bytes"]) == (needs.memory, needs.file)
+    assert (report["memory_bytes"], report["result_bytes"]) == (needs.memory, needs.file)
 
 
 @pytest.mark.parametrize("path", ["direct", "modal", "kernel"])
@@ -125,8 +125,8 @@ def test_times_have_a_unit_and_are_not_over_yet(flexcam, case, given):
 
 
 def test_a_value_that_begins_with_a_dash(flexcam, case):
-    told = flexcam("run", case, "--time-limit", "-1s").err
-    assert "begins with - as --time-limit=VALUE" in told
+    stderr = flexcam("run", case, "--time-limit", "-1s").err
+    assert "begins with - as --time-limit=VALUE" in stderr
 
 
 @pytest.mark.parametrize(("given", "seconds"), [("5min30s", 330.0), ("1 h 30 min", 5400.0), (".5h", 1800.0)])

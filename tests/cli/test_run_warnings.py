@@ -56,16 +56,16 @@ def engine(tmp_path):
 
 @pytest.mark.parametrize(("steps", "told"), [(400, True), (800, False)])
 def test_steps_too_coarse_for_the_usual_method_are_told(engine, flexcam, steps, told):
-    said = flexcam("run", engine, "--set", f"run.steps_per_revolution={steps}").out
-    assert ("With 800 steps, for example, flexcam uses collocation" in " ".join(said.split())) is told
+    output = flexcam("run", engine, "--set", f"run.steps_per_revolution={steps}").out
+    assert ("With 800 steps, for example, flexcam uses collocation" in " ".join(output.split())) is told
     assert "Newmark" not in flexcam("run", engine, "--set", "run.integrator={method='newmark'}", "--name", "other").out
 
 
 @pytest.mark.parametrize(("rpm", "told"), [(60_000, True), (5000, False)])
 def test_a_valve_that_does_not_close_is_told(engine, flexcam, rpm, told):
-    said = flexcam("run", engine, "--set", f"run.crank_speed={rpm}rpm").out
-    assert ("the valve does not close at 'seat'" in said) is told
-    assert ("seating velocity  " in said) is not told
+    output = flexcam("run", engine, "--set", f"run.crank_speed={rpm}rpm").out
+    assert ("the valve does not close at 'seat'" in output) is told
+    assert ("seating velocity  " in output) is not told
 
 
 def test_the_word_on_the_contact_tells_a_follower_that_left_its_cam(engine):
@@ -106,8 +106,8 @@ def test_lashes_that_nothing_closes(flexcam, tmp_path):
     coarse = ("--set", "run.steps_per_revolution=360", "--set", "run.revolutions=1", "--json")
     wrong = flexcam("run", case, *coarse, "--name", "wrong", "--set", 'contacts.lash.direction="uy"').json["warnings"]
     right = flexcam("run", case, *coarse).json["warnings"]
-    said = "Warning: lash 'lash' stays open over the revolution: check its gap and the sign of its direction"
-    assert (said in wrong, said in right) == (True, False)
+    expected = "Warning: lash 'lash' stays open over the revolution: check its gap and the sign of its direction"
+    assert (expected in wrong, expected in right) == (True, False)
 
 
 def test_words_of_a_desmodromic_pair(flexcam, tmp_path):
@@ -120,10 +120,10 @@ def test_words_of_a_desmodromic_pair(flexcam, tmp_path):
     assert "lash" not in card
     checked = " ".join(flexcam("check", case).out.split())
     assert "gap of 9.03 mm from closer to stem-top with both cams on the base circle" in checked
-    told = flexcam("run", case, "--set", "run.steps_per_revolution=360", "--set", "run.revolutions=1").out
-    assert "Opposed cams drive the follower in turn" in told
-    assert "Springs press" not in told
-    assert "nose" not in told
+    output = flexcam("run", case, "--set", "run.steps_per_revolution=360", "--set", "run.revolutions=1").out
+    assert "Opposed cams drive the follower in turn" in output
+    assert "Springs press" not in output
+    assert "nose" not in output
 
 
 def test_desmodromic_pair(flexcam, tmp_path):
@@ -294,9 +294,9 @@ def test_stresses_at_instants_that_miss_the_maximum_are_called_too_low(flexcam, 
     """The saved instants are steps 0, 200 and 360: none is near the nose, where the compression is largest."""
     few = ["run.steps_per_revolution=360", "run.revolutions=1", f"output.field_every={every}"]
     done = flexcam("run", tayeb(3), *(word for one in few for word in ("--set", one)))
-    said = re.sub(r"\s+", " ", done.out)
-    assert ("They may miss the peak: at these instants the " in said) == low
-    assert "Stresses at 3 saved" in said or not low
+    output = re.sub(r"\s+", " ", done.out)
+    assert ("They may miss the peak: at these instants the " in output) == low
+    assert "Stresses at 3 saved" in output or not low
 
 
 @pytest.mark.parametrize(
@@ -316,9 +316,9 @@ def test_a_soft_seat_and_a_follower_beside_its_cam(engine, flexcam, old, new, wa
 
 def test_a_growing_stress_names_the_mode_that_decays_slowly(engine, flexcam):
     """Rayleigh damping: the amplitude decays by exp(-beta omega^2 t / 2); a camshaft revolution takes 24 ms."""
-    said = " ".join(flexcam("run", engine, "--set", "run.revolutions=2").out.split())
+    output = " ".join(flexcam("run", engine, "--set", "run.revolutions=2").out.split())
     pattern = r"member pushrod \(bending in x-y, (\S+) Hz\) decays to 37 % of its amplitude in (\S+) rev"
-    hertz, turns = map(float, re.search(pattern, said).groups())
+    hertz, turns = map(float, re.search(pattern, output).groups())
     assert hertz == pytest.approx(305.3, abs=0.1)
     assert turns == pytest.approx(2.0 / (1e-7 * (2.0 * math.pi * hertz) ** 2) / 24e-3, rel=5e-3)
     damped = flexcam(

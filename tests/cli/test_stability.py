@@ -39,10 +39,12 @@ def test_published_claim(flexcam, rpm, verdict):
 
 def test_resonances_far_above_are_only_counted(flexcam):
     """Modes of some 10 kHz meet the first harmonic at hundreds of thousands of rpm, where no train turns."""
-    told = flexcam("stability", PUBLISHED, *QUICK).out
-    assert "67.114 Hz (mass valve" in told
-    assert "at 4026.9 camshaft rpm" in " ".join(told.split())
-    assert re.search(r"resonances +1 at or below 6000 camshaft rpm; \d+ above, the lowest at 159545 camshaft rpm", told)
+    output = flexcam("stability", PUBLISHED, *QUICK).out
+    assert "67.114 Hz (mass valve" in output
+    assert "at 4026.9 camshaft rpm" in " ".join(output.split())
+    assert re.search(
+        r"resonances +1 at or below 6000 camshaft rpm; \d+ above, the lowest at 159545 camshaft rpm", output
+    )
     low = flexcam("stability", PUBLISHED, "--set", "run.speed=1000rpm", *QUICK).out
     assert "harmonic 1" not in low
     assert re.search(r"resonances +none at or below 2000 camshaft rpm; \d+ above, the lowest at 4026\.86 camshaft", low)
@@ -52,10 +54,10 @@ def test_resonances_far_above_are_only_counted(flexcam):
 def test_a_shaft_behind_a_gear_with_backlash(flexcam):
     """At the nose of its cam the shaft is unstable between the flanks: only the resonances are missing."""
     flexcam("new", "gear-drive")
-    told = flexcam("stability", "gear-drive.toml", "--set", "run.revolutions=1", *QUICK, "--json")
-    assert told.code == 0
-    assert "no stable equilibrium at full lift" in told.json["note"]
-    assert told.json["spectral_radius"] < 1.0
+    done = flexcam("stability", "gear-drive.toml", "--set", "run.revolutions=1", *QUICK, "--json")
+    assert done.code == 0
+    assert "no stable equilibrium at full lift" in done.json["note"]
+    assert done.json["spectral_radius"] < 1.0
 
 
 @pytest.mark.slow
@@ -78,9 +80,9 @@ def test_the_surge_of_the_spring_is_met(flexcam):
 @pytest.mark.slow
 def test_a_sound_train_chatters(flexcam):
     """Contacts chatter behind the ramps at 2000 rpm: two revolutions differ by a few per cent of the force."""
-    told = flexcam("stability", ENGINE, "--set", "run.crank_speed=2000rpm", *QUICK).out
-    assert re.search(r"verdict +chatter:", told)
-    assert re.search(r"has \d+ impacts, which amplify small disturbances \S+ times", " ".join(told.split()))
+    output = flexcam("stability", ENGINE, "--set", "run.crank_speed=2000rpm", *QUICK).out
+    assert re.search(r"verdict +chatter:", output)
+    assert re.search(r"has \d+ impacts, which amplify small disturbances \S+ times", " ".join(output.split()))
 
 
 def test_a_train_whose_disturbances_decay_is_not_called_unstable(flexcam):
@@ -91,8 +93,8 @@ def test_a_train_whose_disturbances_decay_is_not_called_unstable(flexcam):
 
 
 def test_a_step_too_long_for_the_integrator(flexcam):
-    told = ("--set", "run.integrator={method='newmark',beta=0.1667}", *QUICK)
-    found = flexcam("stability", PUBLISHED, "--set", "run.speed=1000rpm", *told, "--json").json
+    args = ("--set", "run.integrator={method='newmark',beta=0.1667}", *QUICK)
+    found = flexcam("stability", PUBLISHED, "--set", "run.speed=1000rpm", *args, "--json").json
     assert found["spectral_radius"] > 1.0
     assert "numerical" in found["verdict"]
 

@@ -81,8 +81,8 @@ def stop_after(monkeypatch):
 
 def test_frequency_of_a_mass_on_a_spring(flexcam, oscillator):
     """Closed form: df/dk = f/(2 k), df/dm = -f/(2 m): half a percent per percent."""
-    told = ("--of", "frequency.1", "--to", "springs.one.stiffness", "--to", "masses.one.mass")
-    by_k, by_m = flexcam("sensitivity", oscillator, *told, "--json").json["derivatives"]
+    args = ("--of", "frequency.1", "--to", "springs.one.stiffness", "--to", "masses.one.mass")
+    by_k, by_m = flexcam("sensitivity", oscillator, *args, "--json").json["derivatives"]
     f = OMEGA / (2.0 * math.pi)
     assert by_k["value"] == pytest.approx(f, rel=1e-12)
     assert by_k["derivative"] == pytest.approx(f / (2.0 * 40e3), rel=1e-9)
@@ -92,10 +92,10 @@ def test_frequency_of_a_mass_on_a_spring(flexcam, oscillator):
 
 
 def test_the_mode_of_a_frequency_is_named_and_values_without_effect(flexcam, oscillator):
-    told = ("--of", "frequency.1", "--to", "springs.one.stiffness", "--to", "run.speed")
-    said = " ".join(flexcam("sensitivity", oscillator, *told).out.split())
-    assert "frequency.1 does not depend on run.speed Frequencies are" in said
-    assert "with all contacts open. frequency.1: mass one 100 %" in said
+    args = ("--of", "frequency.1", "--to", "springs.one.stiffness", "--to", "run.speed")
+    output = " ".join(flexcam("sensitivity", oscillator, *args).out.split())
+    assert "frequency.1 does not depend on run.speed Frequencies are" in output
+    assert "with all contacts open. frequency.1: mass one 100 %" in output
     still = ("--of", "frequency.1", "--to", "run.speed=1000:2000rpm", "--sobol", "4")
     assert "frequency.1 depends on none of these values" in flexcam("sensitivity", oscillator, *still).out
 
@@ -118,9 +118,9 @@ def test_numbers_have_the_unit_of_their_own_table(oscillator, monkeypatch, path,
 
 
 def test_derivatives_are_told_with_their_unit(flexcam, oscillator):
-    told = flexcam("sensitivity", oscillator, "--of", "frequency.1", "--to", "springs.one.stiffness")
-    assert "Hz per N/m" in told.out
-    assert "SI" not in told.out
+    done = flexcam("sensitivity", oscillator, "--of", "frequency.1", "--to", "springs.one.stiffness")
+    assert "Hz per N/m" in done.out
+    assert "SI" not in done.out
 
 
 @pytest.mark.parametrize("key", ["rockers.rocker.arms.1", "materials.steel.E", "sections.tube.outer_diameter"])
@@ -145,14 +145,14 @@ def test_frequencies_of_a_train_against_differences(flexcam, key):
 def test_response_follows_what_it_is_proportional_to(flexcam, tmp_path):
     """The published load is linear in the lift: every motion grows by a percent per percent; analytic beside it."""
     table = tmp_path / "s.csv"
-    told = ("--of", "probes.valve.acceleration.largest", "--of", "frequency.1", "--to", "cams.intake.lift")
-    found = flexcam("sensitivity", PUBLISHED, *told, *QUICK, "--csv", table, "--json").json
+    args = ("--of", "probes.valve.acceleration.largest", "--of", "frequency.1", "--to", "cams.intake.lift")
+    found = flexcam("sensitivity", PUBLISHED, *args, *QUICK, "--csv", table, "--json").json
     response, frequency = found["derivatives"]
     assert response["smooth"]
     assert response["analytic"]
     assert response["logarithmic"] == pytest.approx(1.0, rel=1e-6)
     assert frequency["derivative"] == 0.0
-    other = flexcam("sensitivity", PUBLISHED, *told, *QUICK, "--method", "differences", "--json").json["derivatives"][0]
+    other = flexcam("sensitivity", PUBLISHED, *args, *QUICK, "--method", "differences", "--json").json["derivatives"][0]
     assert other["logarithmic"] == pytest.approx(1.0, rel=1e-6)
     assert other["error"] < 1e-6 * other["derivative"]
     rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
@@ -180,8 +180,8 @@ def test_what_exact_derivatives_do_not_cover_is_refused(flexcam, names, fixed, s
 @pytest.mark.slow
 def test_a_chaotic_run_has_no_derivative(flexcam):
     few = ("--set", "run.revolutions=2", "--set", "run.steps_per_revolution=360")
-    told = ("--of", "contacts.seat.seating_velocity", "--to", "springs.valve.stiffness")
-    done = flexcam("sensitivity", ENGINE, *told, *few, "--json")
+    args = ("--of", "contacts.seat.seating_velocity", "--to", "springs.valve.stiffness")
+    done = flexcam("sensitivity", ENGINE, *args, *few, "--json")
     (found,) = done.json["derivatives"]
     assert found["derivative"] is None
     assert not found["smooth"]
@@ -217,9 +217,9 @@ def test_static_results_and_multipliers(flexcam):
 @pytest.mark.slow
 def test_a_search_by_gradients_keeps_a_motion_stable(flexcam):
     """The largest pulsation within a bound on the largest multiplier."""
-    told = ("--vary", "springs.mean.pulsation.amplitude=0.05:0.4", "--most", "springs.mean.pulsation.amplitude",
+    args = ("--vary", "springs.mean.pulsation.amplitude=0.05:0.4", "--most", "springs.mean.pulsation.amplitude",
             "--subject", "multiplier.1 <= 1.2", "--method", "gradient", "--evaluations", "8")  # fmt: skip
-    found = flexcam("optimize", MATHIEU, *told, "--json").json["best"]["values"]
+    found = flexcam("optimize", MATHIEU, *args, "--json").json["best"]["values"]
     assert found["multiplier.1"] == pytest.approx(1.2, rel=1e-4)
 
 
@@ -243,14 +243,14 @@ def test_a_goal_over_a_band_of_speeds(flexcam):
 
 def test_goal_without_slope(flexcam):
     """A speed that does not vary has a slope of zero; a contact is not the reason."""
-    told = ("--most", "run.speed", "--vary", "springs.valve.damping=1:40N s/m", *QUICK)
-    found = flexcam("optimize", PUBLISHED, *told, "--method", "gradient", "--evaluations", "2").out
+    args = ("--most", "run.speed", "--vary", "springs.valve.damping=1:40N s/m", *QUICK)
+    found = flexcam("optimize", PUBLISHED, *args, "--method", "gradient", "--evaluations", "2").out
     assert "no varied value changes run.speed. Vary a value" in " ".join(found.split())
 
 
 def test_table_and_picture_of_derivatives(flexcam, tmp_path):
-    told = ("--of", "frequency.1", "--to", "masses.valve.mass", "--plot", tmp_path / "s.svg")
-    done = flexcam("sensitivity", PUBLISHED, *told)
+    args = ("--of", "frequency.1", "--to", "masses.valve.mass", "--plot", tmp_path / "s.svg")
+    done = flexcam("sensitivity", PUBLISHED, *args)
     assert done.code == 0
     assert re.search(r"masses.valve.mass .* exact ", done.out)
     assert (tmp_path / "s.svg").read_text(encoding="utf-8").count("<path") > 5
@@ -259,9 +259,9 @@ def test_table_and_picture_of_derivatives(flexcam, tmp_path):
 @pytest.mark.slow
 def test_sobol_of_a_frequency(flexcam, oscillator, tmp_path):
     """Over small even intervals f is linear: shares by (1/2 df/f)^2, here 4 : 1. 0.06: the estimator at 64 points."""
-    told = ("--to", "springs.one.stiffness=39.2:40.8kN/m", "--to", "masses.one.mass=99:101g", "--sobol", "64")
+    args = ("--to", "springs.one.stiffness=39.2:40.8kN/m", "--to", "masses.one.mass=99:101g", "--sobol", "64")
     found = flexcam(
-        "sensitivity", oscillator, "--of", "frequency.1", *told, "--plot", tmp_path / "s.svg", "--json"
+        "sensitivity", oscillator, "--of", "frequency.1", *args, "--plot", tmp_path / "s.svg", "--json"
     ).json
     one = found["sobol"]["frequency.1"]
     f = OMEGA / (2.0 * math.pi)
@@ -271,16 +271,16 @@ def test_sobol_of_a_frequency(flexcam, oscillator, tmp_path):
     assert totals == pytest.approx([0.8, 0.2], abs=0.06)
     for row in one["indices"]:
         assert row["total_low"] <= row["total"] <= row["total_high"]
-    told = (*told[:-1], "8")
-    assert "first order" in flexcam("sensitivity", oscillator, "--of", "frequency.1", *told).out
+    args = (*args[:-1], "8")
+    assert "first order" in flexcam("sensitivity", oscillator, "--of", "frequency.1", *args).out
 
 
 def test_scatter_of_a_frequency(flexcam, oscillator, tmp_path):
     """Linear: std(f) = f/2 hypot(0.05/sqrt 3, 0.06/3); five percent of it, what a hypercube of 64 leaves."""
     table = tmp_path / "parts.csv"
-    told = ("--tolerance", "springs.one.stiffness=±5%", "--tolerance", "masses.one.mass=normal:±6g", "--count", "64")
+    args = ("--tolerance", "springs.one.stiffness=±5%", "--tolerance", "masses.one.mass=normal:±6g", "--count", "64")
     files = ("--csv", table, "--plot", tmp_path / "s.png")
-    done = flexcam("sensitivity", oscillator, "--of", "frequency.1", *told, *files, "--json").json
+    done = flexcam("sensitivity", oscillator, "--of", "frequency.1", *args, *files, "--json").json
     one, f = done["scatter"]["frequency.1"], OMEGA / (2.0 * math.pi)
     assert one["std"] == pytest.approx(0.5 * f * math.hypot(0.05 / math.sqrt(3.0), 0.06 / 3.0), rel=0.05)
     assert one["mean"] == pytest.approx(f, rel=2e-3)
@@ -291,16 +291,16 @@ def test_scatter_of_a_frequency(flexcam, oscillator, tmp_path):
     for row in rows:  # every set of parts is evaluated with its own numbers
         own = math.sqrt(float(row["springs.one.stiffness"]) / float(row["masses.one.mass"])) / (2.0 * math.pi)
         assert float(row["frequency.1"]) == pytest.approx(own, rel=1e-9)
-    told = (*told[:-1], "8")
-    assert "Rank correlation" in flexcam("sensitivity", oscillator, "--of", "frequency.1", *told).out
+    args = (*args[:-1], "8")
+    assert "Rank correlation" in flexcam("sensitivity", oscillator, "--of", "frequency.1", *args).out
 
 
 def test_lightest_spring_for_a_frequency(flexcam, oscillator, tmp_path):
     """Least k with f >= 110 Hz: k = m (2 pi f)^2, at the bound; the file of the best is a case that has it."""
     best, table = tmp_path / "best.toml", tmp_path / "all.csv"
-    told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness",
+    args = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness",
             "--subject", "frequency.1 >= 110 Hz", "--evaluations", "80")  # fmt: skip
-    done = flexcam("optimize", oscillator, *told, "-o", best, "--csv", table, "--plot", tmp_path / "p.svg", "--json")
+    done = flexcam("optimize", oscillator, *args, "-o", best, "--csv", table, "--plot", tmp_path / "p.svg", "--json")
     assert done.code == 0
     assert done.json["files"] == [str(one) for one in (table, tmp_path / "p.svg", best)]
     wanted = 0.1 * (2.0 * math.pi * 110.0) ** 2
@@ -312,32 +312,32 @@ def test_lightest_spring_for_a_frequency(flexcam, oscillator, tmp_path):
     (override,) = done.json["best"]["overrides"]
     assert modes(read_case(oscillator, [override])).modes.frequencies[0] == one.frequencies[0]
     assert len(table.read_text(encoding="utf-8").splitlines()) == done.json["evaluations"] + 1
-    again = flexcam("optimize", oscillator, *told, "--json").json
+    again = flexcam("optimize", oscillator, *args, "--json").json
     assert again["best"] == done.json["best"]
-    assert flexcam("optimize", oscillator, *told, "-o", best).code == 2  # it is there
+    assert flexcam("optimize", oscillator, *args, "-o", best).code == 2  # it is there
 
 
 def test_a_search_by_gradients_takes_few_runs(flexcam, oscillator, tmp_path):
     """The same least spring in a twentieth of the runs; the goal is a number of the case, the bound a frequency."""
-    told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness",
+    args = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness",
             "--subject", "frequency.1 >= 110 Hz", "--method", "gradient")  # fmt: skip
-    found = flexcam("optimize", oscillator, *told, "--starts", "2", "-o", tmp_path / "best.toml", "--json").json
+    found = flexcam("optimize", oscillator, *args, "--starts", "2", "-o", tmp_path / "best.toml", "--json").json
     wanted = 0.1 * (2.0 * math.pi * 110.0) ** 2
     assert found["best"]["bounds"][0]["outside"] == 0.0, "any softer spring violates it"
     assert found["best"]["values"]["springs.one.stiffness"] == pytest.approx(wanted, rel=1e-5)
     assert found["evaluations"] < 40
-    assert flexcam("optimize", oscillator, *told, "--starts", "0").code == 2
-    assert flexcam("optimize", oscillator, *told[:-2], "--starts", "2").code == 2
-    bare = flexcam("optimize", oscillator, "--vary", "springs.one.stiffness=20e3:80e3", *told[2:])
+    assert flexcam("optimize", oscillator, *args, "--starts", "0").code == 2
+    assert flexcam("optimize", oscillator, *args[:-2], "--starts", "2").code == 2
+    bare = flexcam("optimize", oscillator, "--vary", "springs.one.stiffness=20e3:80e3", *args[2:])
     assert "got numbers without a unit, expected numbers with a unit, as in '40 kN/m'" in bare.err
 
 
 def test_bounds_at_zero_have_no_relative_margin(flexcam, oscillator):
-    told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness", "--evaluations", "24")
-    lines = flexcam("optimize", oscillator, *told, "--subject", "frequency.1 >= 0").out.splitlines()
+    args = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness", "--evaluations", "24")
+    lines = flexcam("optimize", oscillator, *args, "--subject", "frequency.1 >= 0").out.splitlines()
     (row,) = (line for line in lines if line.startswith("frequency.1"))
     assert row.split()[-3:] == ["met", "none", "found"]
-    bare = flexcam("optimize", oscillator, *told, "--subject", "frequency.1 >= 110")
+    bare = flexcam("optimize", oscillator, *args, "--subject", "frequency.1 >= 110")
     assert bare.code == 2
     assert "Add the unit, such as Hz" in bare.err
 
@@ -355,20 +355,20 @@ def test_events_of_the_best_variant_are_warned_of(flexcam, one_mass):
 @pytest.mark.parametrize("method", [pytest.param("evolution", marks=pytest.mark.slow), "gradient"])
 def test_a_result_over_several_conditions_is_the_worst(flexcam, oscillator, method):
     """Least stiffness with f >= 110 Hz for three masses: the heaviest rules."""
-    told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness",
+    args = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness",
             "--subject", "frequency.1 >= 110 Hz", "--evaluations", "60",
             "--at", "masses.one.mass=80:120:20g")  # fmt: skip
-    found = flexcam("optimize", oscillator, *told, "--method", method, "--json").json["best"]["values"]
+    found = flexcam("optimize", oscillator, *args, "--method", method, "--json").json["best"]["values"]
     assert found["springs.one.stiffness"] == pytest.approx(0.12 * (2.0 * math.pi * 110.0) ** 2, rel=1e-3)
     assert found["frequency.1"] == pytest.approx(110.0, rel=1e-3)
-    twice = flexcam("optimize", oscillator, *told, "--subject", "frequency.1 <= 120 Hz", "--method", method)
+    twice = flexcam("optimize", oscillator, *args, "--subject", "frequency.1 <= 120 Hz", "--method", method)
     assert twice.code == 2
     assert "an upper and a lower goal" in twice.err
     for wrong, said in (
         ("springs.one.stiffness=30:40:10kN/m", "does not name"), ("masses.one.mass=80g", "several values"),
         ("masses.one.mas=80:120:20g", "Did you mean 'mass'"), ("masses.one.mass=0.08,0.12", "numbers without a unit"),
     ):  # fmt: skip
-        refused = flexcam("optimize", oscillator, *told[:-1], wrong, "--method", method)
+        refused = flexcam("optimize", oscillator, *args[:-1], wrong, "--method", method)
         assert refused.code == 2
         assert said in refused.err
 
@@ -402,9 +402,9 @@ def test_a_variant_without_derivatives_keeps_its_values(monkeypatch):
 @pytest.mark.slow
 def test_a_search_by_gradients_ends_at_the_end_of_the_permitted_values(flexcam):
     """Damping has no negative values: at its bound a derivative takes one side."""
-    told = ("--set", "springs.valve.damping=0", "--vary", "springs.valve.damping=0:4N s/m", "--method", "gradient",
+    args = ("--set", "springs.valve.damping=0", "--vary", "springs.valve.damping=0:4N s/m", "--method", "gradient",
             "--least", "probes.valve.displacement.largest", "--evaluations", "4", *QUICK)  # fmt: skip
-    done = flexcam("optimize", PUBLISHED, *told, "--json")
+    done = flexcam("optimize", PUBLISHED, *args, "--json")
     assert done.code == 0
     assert done.json["evaluations"] > 1
 
@@ -421,11 +421,11 @@ def test_a_varied_speed_is_shown_in_rpm(flexcam, oscillator):
 @pytest.mark.slow
 def test_a_search_by_gradients_through_contact(flexcam):
     """Most speed at which the contact on the nose keeps a force: every variant is better or corrects the last one."""
-    told = ("--vary", "run.crank_speed=4500:6500rpm", "--vary", "springs.valve.installed_force=300:500N",
+    args = ("--vary", "run.crank_speed=4500:6500rpm", "--vary", "springs.valve.installed_force=300:500N",
             "--most", "run.crank_speed", "--subject", "contacts.intake.nose_force.least >= 150 N",
             "--subject", "springs.valve.stress.largest <= 0.86 GPa", "--method", "gradient")  # fmt: skip
     fixed = ("--set", "run.revolutions=1", "--set", "run.steps_per_revolution=720", "--evaluations", "5")
-    found = flexcam("optimize", ENGINE, *told, *fixed, "--json").json
+    found = flexcam("optimize", ENGINE, *args, *fixed, "--json").json
     values = found["best"]["values"]
     assert found["evaluations"] <= 5
     assert values["run.crank_speed"] > 5080.0 * 2.0 * math.pi / 60.0
@@ -435,13 +435,13 @@ def test_a_search_by_gradients_through_contact(flexcam):
 
 def test_the_table_has_no_digits_that_say_nothing(flexcam, oscillator, tmp_path):
     """Six, as in other tables, as an override that can be copied; JSON has every digit."""
-    told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness",
+    args = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness",
             "--subject", "frequency.1 >= 110 Hz", "--evaluations", "24")  # fmt: skip
-    (whole,) = flexcam("optimize", oscillator, *told, "--json").json["best"]["overrides"]
+    (whole,) = flexcam("optimize", oscillator, *args, "--json").json["best"]["overrides"]
     key, _, value = whole.partition("=")
     digits = value.removesuffix("kN/m")
     assert len(digits) > 10
-    shown = flexcam("optimize", oscillator, *told).out
+    shown = flexcam("optimize", oscillator, *args).out
     row = next(line for line in shown.splitlines() if f"--set {key}" in line)
     (told_value,) = re.findall(r"[\d.]+(?=kN/m)", row)
     assert told_value == f"{float(digits):.6g}"
@@ -449,9 +449,9 @@ def test_the_table_has_no_digits_that_say_nothing(flexcam, oscillator, tmp_path)
 
 def test_the_best_of_a_case_with_a_mesh_can_be_run(flexcam, tmp_path):
     """The mesh is named from the other folder, and no nodes stand beside it."""
-    told = ("--vary", "cams.intake.rise=60:90deg", "--least", "cams.intake.deceleration", "--evaluations", "24")
+    args = ("--vary", "cams.intake.rise=60:90deg", "--least", "cams.intake.deceleration", "--evaluations", "24")
     best = tmp_path / "deep" / "best.toml"
-    assert flexcam("optimize", PUBLISHED, *told, "-o", best).code == 0
+    assert flexcam("optimize", PUBLISHED, *args, "-o", best).code == 0
     assert flexcam("check", best).code == 0
 
 
@@ -459,9 +459,9 @@ def test_the_best_of_a_case_with_a_mesh_can_be_run(flexcam, tmp_path):
 def test_fullest_lift_with_a_given_acceleration(flexcam):
     """Least deceleration of a lift is that of the widest cam; numbers in lists are varied too."""
     law = 'cams.intake.law={id="bspline",coefficients=[0.0,0.0,0.0,0.1,0.5,0.9,1.0,1.0,1.0]}'
-    told = ("--set", law, "--vary", "cams.intake.law.coefficients.3=0.0:0.3", "--least", "cams.intake.deceleration",
+    args = ("--set", law, "--vary", "cams.intake.law.coefficients.3=0.0:0.3", "--least", "cams.intake.deceleration",
             "--subject", "cams.intake.area >= 0.0091", "--evaluations", "40")  # fmt: skip
-    found = flexcam("optimize", ENGINE, *told, "--json").json
+    found = flexcam("optimize", ENGINE, *args, "--json").json
     (override,) = found["best"]["overrides"]
     assert override.startswith("cams.intake.law.coefficients=[0.0, 0.0, 0.0, ")
     assert found["best"]["values"]["cams.intake.deceleration"] < 0.0188  # that of 0.1
@@ -469,9 +469,9 @@ def test_fullest_lift_with_a_given_acceleration(flexcam):
 
 
 def test_nothing_within_the_bounds(flexcam, oscillator, tmp_path):
-    told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness",
+    args = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness",
             "--subject", "frequency.1 >= 1 kHz", "--evaluations", "24", "-o", tmp_path / "best.toml")  # fmt: skip
-    done = flexcam("optimize", oscillator, *told)
+    done = flexcam("optimize", oscillator, *args)
     assert done.code == 3
     assert "no variant" in done.err
     assert "violated by" in done.out
@@ -482,10 +482,10 @@ def test_nothing_within_the_bounds(flexcam, oscillator, tmp_path):
 def test_what_a_stopped_search_has_evaluated_is_kept(last, flexcam, oscillator, tmp_path, stop_after):
     """Each may have taken minutes; the best of them and the table are told as after a whole search."""
     stop_after(last)
-    told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness",
+    args = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness",
             "--evaluations", "40", "--subject", "frequency.1 >= 30 Hz",
             "-o", tmp_path / "best.toml", "--csv", tmp_path / "all.csv")  # fmt: skip
-    done = flexcam("optimize", oscillator, *told, "--json")
+    done = flexcam("optimize", oscillator, *args, "--json")
     assert done.code == 130
     assert f"stopped after {last} of about 40 variants" in done.err
     assert done.json["status"] == "interrupted"
@@ -572,8 +572,8 @@ def test_a_stopped_map_has_gaps(flexcam, tmp_path, monkeypatch):
         return rows.pop()
 
     monkeypatch.setattr("flexcam.studies.quantities.quantity_row", stopping)
-    told = ("--over", "springs.valve.stiffness=45,65kN/m", "--and", "springs.valve.installed_force=300,500N")
-    done = flexcam("limits", ENGINE, *told, "--limit", "buckling", "--csv", tmp_path / "map.csv", "--json")
+    args = ("--over", "springs.valve.stiffness=45,65kN/m", "--and", "springs.valve.installed_force=300,500N")
+    done = flexcam("limits", ENGINE, *args, "--limit", "buckling", "--csv", tmp_path / "map.csv", "--json")
     assert (done.code, done.json["status"]) == (130, "interrupted")
     assert done.json["statuses"] == ["done", *["interrupted"] * 3]
     assert done.json["limits_rpm"]["buckling"] == [[600.0, None], [None, None]]
@@ -585,8 +585,8 @@ def test_a_search_stopped_before_its_first_variant(flexcam, oscillator, tmp_path
         raise KeyboardInterrupt
 
     monkeypatch.setattr("flexcam.studies.quantities.quantity_row", stopping)
-    told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness")
-    done = flexcam("optimize", oscillator, *told, "--csv", tmp_path / "all.csv")
+    args = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness")
+    done = flexcam("optimize", oscillator, *args, "--csv", tmp_path / "all.csv")
     assert done.code == 130
     assert "nothing is kept" in done.err
     assert not (tmp_path / "all.csv").exists()
@@ -596,9 +596,9 @@ def test_a_search_stopped_before_its_first_variant(flexcam, oscillator, tmp_path
 def test_front_of_two_goals(flexcam, oscillator, tmp_path):
     """Soft against fast: every stiffness is on the front, and along it one grows with the other."""
     pytest.importorskip("pymoo")
-    told = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness", "--most", "frequency.1")
+    args = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness", "--most", "frequency.1")
     files = ("--plot", tmp_path / "f.svg", "--csv", tmp_path / "f.csv")
-    found = flexcam("optimize", oscillator, *told, "--evaluations", "96", *files, "--json").json["front"]
+    found = flexcam("optimize", oscillator, *args, "--evaluations", "96", *files, "--json").json["front"]
     k, f = ([one["values"][name] for one in found] for name in ("springs.one.stiffness", "frequency.1"))
     assert len(k) > 30
     assert k == sorted(k)
@@ -606,9 +606,9 @@ def test_front_of_two_goals(flexcam, oscillator, tmp_path):
 
 
 def test_scatter_of_a_stiffness_in_its_own_unit(flexcam, oscillator):
-    told = ("--of", "frequency.1", "--tolerance", "springs.one.stiffness=±2kN/m", "--count", "8", "--json")
-    relative = (*told[:3], "springs.one.stiffness=±5%", *told[4:])
-    assert flexcam("sensitivity", oscillator, *told).json == flexcam("sensitivity", oscillator, *relative).json
+    args = ("--of", "frequency.1", "--tolerance", "springs.one.stiffness=±2kN/m", "--count", "8", "--json")
+    relative = (*args[:3], "springs.one.stiffness=±5%", *args[4:])
+    assert flexcam("sensitivity", oscillator, *args).json == flexcam("sensitivity", oscillator, *relative).json
 
 
 @pytest.mark.parametrize(
@@ -634,7 +634,7 @@ def test_names_are_refused_before_anything_runs(flexcam, path, words, monkeypatc
 
 @pytest.mark.slow
 def test_runs_on_several_processes_are_the_same(flexcam, oscillator):
-    told = (
+    args = (
         "--of",
         "frequency.1",
         "--of",
@@ -645,7 +645,7 @@ def test_runs_on_several_processes_are_the_same(flexcam, oscillator):
         "8",
     )
     one, two = (
-        flexcam("sensitivity", oscillator, *told, *QUICK, "--workers", n, "--json").json["scatter"] for n in ("1", "2")
+        flexcam("sensitivity", oscillator, *args, *QUICK, "--workers", n, "--json").json["scatter"] for n in ("1", "2")
     )
     assert one == two
 
@@ -697,8 +697,8 @@ REFUSED = {
 @pytest.mark.slow
 def test_the_best_is_no_worse_than_the_case_as_it_stands(flexcam):
     """The case stands at an end of the interval, where the deviation is least; a generation alone misses it."""
-    told = ("--vary", "masses.valve.mass=0.1:0.3kg", "--least", "deviation.peak", "--evaluations", "24", "--json")
-    found = flexcam("optimize", PUBLISHED, *QUICK, *told).json
+    args = ("--vary", "masses.valve.mass=0.1:0.3kg", "--least", "deviation.peak", "--evaluations", "24", "--json")
+    found = flexcam("optimize", PUBLISHED, *QUICK, *args).json
     assert found["best"]["overrides"] == ["masses.valve.mass=0.1kg"]
 
 
@@ -720,8 +720,8 @@ def test_an_interval_without_sobol(flexcam):
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_study_on_processes_ends_when_it_is_told(number, code, tmp_path):
     """With thousands of variants still to do, and no process left behind."""
-    told = ("--of", "contacts.intake.force.largest", "--tolerance", "springs.valve.stiffness=±5%", "--count", "4000")
-    words = [sys.executable, "-m", "flexcam", "sensitivity", str(ENGINE), *told, "--workers", "2"]
+    args = ("--of", "contacts.intake.force.largest", "--tolerance", "springs.valve.stiffness=±5%", "--count", "4000")
+    words = [sys.executable, "-m", "flexcam", "sensitivity", str(ENGINE), *args, "--workers", "2"]
     restored = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     process = subprocess.Popen(
         words, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=restored
@@ -751,8 +751,8 @@ def test_map_of_limits(flexcam, tmp_path):
         "--set",
         "run.steps_per_revolution=1440",
     )
-    told = ("--over", "springs.valve.stiffness=45,65kN/m", "--and", "springs.valve.installed_force=300,500N")
-    found = flexcam("limits", ENGINE, *where, *told, "--csv", table, "--plot", picture, "--workers", "2", "--json").json
+    args = ("--over", "springs.valve.stiffness=45,65kN/m", "--and", "springs.valve.installed_force=300,500N")
+    found = flexcam("limits", ENGINE, *where, *args, "--csv", table, "--plot", picture, "--workers", "2", "--json").json
     rpm = found["limits_rpm"]["loss_of_contact"]
     assert rpm[0][0] < rpm[1][1]
     alone = flexcam("limits", ENGINE, *where, "--set", "springs.valve.stiffness=65kN/m",
@@ -767,8 +767,8 @@ def test_a_variant_is_run_as_one_of_as_many_as_are_asked_for(flexcam, monkeypatc
     quantities = sys.modules["flexcam.studies.quantities"]
     asked, whole = [], quantities.evaluate
     monkeypatch.setattr(quantities, "evaluate", lambda case, runs, **o: asked.append(runs) or whole(case, **o))
-    told = ("--tolerance", "springs.valve.stiffness=±5%", "--of", "deviation.peak", "--count", "9")
-    assert flexcam("sensitivity", PUBLISHED, *told, *QUICK).code == 0
+    args = ("--tolerance", "springs.valve.stiffness=±5%", "--of", "deviation.peak", "--count", "9")
+    assert flexcam("sensitivity", PUBLISHED, *args, *QUICK).code == 0
     assert asked == [9] * 10
 
 
@@ -776,8 +776,8 @@ def test_limits_are_looked_for_as_one_of_many_variants(flexcam, monkeypatch):
     asked = []
     limits = sys.modules["flexcam.studies.quantities"]
     monkeypatch.setattr(limits, "find_limits", lambda *_, runs: asked.append(runs) or Limits({}, 0.0, 0.0))
-    told = ("--over", "springs.valve.stiffness=45,65kN/m", "--and", "springs.valve.installed_force=300,500N")
-    flexcam("limits", ENGINE, *told)
+    args = ("--over", "springs.valve.stiffness=45,65kN/m", "--and", "springs.valve.installed_force=300,500N")
+    flexcam("limits", ENGINE, *args)
     assert asked == [4, 4, 4, 4]
 
 
@@ -798,15 +798,15 @@ def test_a_seed_below_zero_is_refused(words, flexcam, oscillator):
 
 
 def test_a_seed_of_derivatives_is_refused(flexcam, oscillator):
-    told = ("--of", "frequency.1", "--to", "springs.one.stiffness", "--seed", "1")
-    done = flexcam("sensitivity", oscillator, *told)
+    args = ("--of", "frequency.1", "--to", "springs.one.stiffness", "--seed", "1")
+    done = flexcam("sensitivity", oscillator, *args)
     assert (done.code, done.err.partition(":")[0]) == (2, "--seed")
 
 
 def test_a_part_that_scatters_twice_is_refused(flexcam, oscillator):
     """The second one alone would count, and a rank correlation would be told of the first."""
-    told = ("--tolerance", "springs.one.stiffness=±5%", "--tolerance", "springs.one.stiffness=normal:±1%")
-    done = flexcam("sensitivity", oscillator, "--of", "frequency.1", *told)
+    args = ("--tolerance", "springs.one.stiffness=±5%", "--tolerance", "springs.one.stiffness=normal:±1%")
+    done = flexcam("sensitivity", oscillator, "--of", "frequency.1", *args)
     assert done.code == 2
     assert done.err.startswith("--tolerance: got 'springs.one.stiffness', expected every key once")
 

@@ -40,9 +40,9 @@ def test_tables_journal_and_summary(flexcam, case, tmp_path):
     assert table.shape == (4, 2)
     assert len(journal(tmp_path / "results")) == 1 + 8
     assert "run.speed [rpm],springs.valve.stiffness [kN/m]" in (tmp_path / "results/case.sweep.csv").read_text()
-    told = flexcam("info", tmp_path / "results/case.sweep.h5")
-    assert told.code == 2
-    assert "It is the table of a sweep" in told.err
+    completed = flexcam("info", tmp_path / "results/case.sweep.h5")
+    assert completed.code == 2
+    assert "It is the table of a sweep" in completed.err
 
 
 def test_json_and_chosen_scalars(flexcam, case):
@@ -93,13 +93,13 @@ def test_histories_are_results(flexcam, case, tmp_path):
 
 
 def test_histories_of_an_earlier_sweep_are_not_written_over_and_not_mixed_in(flexcam, case, tmp_path):
-    told = ("--set", "run.revolutions=0.1", "--histories", "--workers", "0")
+    args = ("--set", "run.revolutions=0.1", "--histories", "--workers", "0")
     out, kept = tmp_path / "out", tmp_path / "out/case.sweep"
-    assert flexcam("sweep", case, "--set", "run.speed=1000:3000#3rpm", *told, "-o", out).code == 0
+    assert flexcam("sweep", case, "--set", "run.speed=1000:3000#3rpm", *args, "-o", out).code == 0
     before = {path.name: path.read_bytes() for path in kept.iterdir()}
     for path in out.glob("case.sweep.*"):
         path.unlink()
-    other = ("sweep", case, "--set", "run.speed=2000,4000rpm", *told, "-o", out)
+    other = ("sweep", case, "--set", "run.speed=2000,4000rpm", *args, "-o", out)
     refused = flexcam(*other)
     assert refused.code == 2
     assert refused.err.startswith(f"--histories: got 3 in {kept}, expected none from an earlier sweep")

@@ -89,11 +89,11 @@ def test_a_speed_in_resonance_is_one_row(told):
     found = facts(told, *words)
     assert [i for i, value in enumerate(found["plain"]) if value is None] == [0, 1, 2, 4]
     assert [i for i, value in enumerate(found["polydyne"]) if value is None] == [0, 1, 2]
-    said = told(*words).out
-    assert "resonance" in said
+    output = told(*words).out
+    assert "resonance" in output
     low, high = found["lift"]
-    assert f"{1e3 * high:.6g} mm" in said
-    assert ("warning" in said) == (low < 0.0)
+    assert f"{1e3 * high:.6g} mm" in output
+    assert ("warning" in output) == (low < 0.0)
 
 
 def test_polydyne_of_the_train(told):
@@ -119,8 +119,8 @@ def test_polydyne_of_the_train(told):
 
 def test_polydyne_of_one_mass(told, tmp_path):
     """Its lift is y + (w/w0)^2 y'': of 3 mm (1 - cos), the cosine shrinks by 1 - (w/w0)^2."""
-    said = told(*POLYDYNE, "--frequency", "397 Hz", "--speed", "3000 rpm", "--count", "7", "-o", "mass.toml")
-    assert 'lift_table = "mass.toml"' in said.out
+    done = told(*POLYDYNE, "--frequency", "397 Hz", "--speed", "3000 rpm", "--count", "7", "-o", "mass.toml")
+    assert 'lift_table = "mass.toml"' in done.out
     lift = tomllib.loads((tmp_path / "mass.toml").read_text(encoding="utf-8"))["lift"]
     assert lift["mean"] == pytest.approx(0.003, rel=1e-12)
     expected = [-0.003 * (1 - (50 / 397) ** 2)] + [0.0] * 13
@@ -142,8 +142,8 @@ def test_a_negative_lift_of_a_polydyne_cam_is_reported_with_what_reduces_it(told
     """A larger base circle does not reduce it; a lower speed and more harmonics do, here to below the tolerance."""
     cam = ("synthesize", "polydyne", ROOT / "cases/pushrod-engine/intake.toml", "--frequency", "400 Hz")
     for more in ((), ("--set", "cams.intake.base_radius=30 mm")):
-        said = " ".join(told(*cam, *more).out.split())
-        assert "inside its base circle. A lower design speed (--speed) or more harmonics (--count) can reduce" in said
+        output = " ".join(told(*cam, *more).out.split())
+        assert "inside its base circle. A lower design speed (--speed) or more harmonics (--count) can reduce" in output
     assert "base circle" not in told(*cam, *words).out
 
 
@@ -222,9 +222,9 @@ def test_a_written_lift_keeps_its_angle_in_a_case_with_a_phase(told, tmp_path, d
 
 
 def test_too_few_harmonics_are_told_what_they_can_hold(told):
-    said = told(*SHORT, "--count", "3", "--tolerance", "1 um")
-    assert (said.code, said.out) == (2, "")
-    held = re.search(r"\(--tolerance\) of at least ([\d.]+) um\.", said.err)[1]
+    done = told(*SHORT, "--count", "3", "--tolerance", "1 um")
+    assert (done.code, done.out) == (2, "")
+    held = re.search(r"\(--tolerance\) of at least ([\d.]+) um\.", done.err)[1]
     assert told(*SHORT, "--count", "3", "--tolerance", f"{held} um").code == 0
     assert told(*SHORT, "--count", "3", "--tolerance", f"{0.98 * float(held)} um").code == 2
 
@@ -284,8 +284,8 @@ def test_a_front(told, tmp_path):
 )
 def test_output(words, told, tmp_path):
     (tmp_path / "x.toml").write_text("mine")
-    said = told(*words, "-o", "x.toml")
-    assert (said.code, "--overwrite" in said.err, said.out) == (2, True, "")
+    done = told(*words, "-o", "x.toml")
+    assert (done.code, "--overwrite" in done.err, done.out) == (2, True, "")
     assert (tmp_path / "x.toml").read_text() == "mine"
     assert told(*words, "-o", "x.txt").code == told(*words, "-o", "x").code == 2
     assert [path.name for path in tmp_path.iterdir()] == ["x.toml"]

@@ -134,9 +134,9 @@ def test_a_result_is_coloured_by_its_stress(flexcam, intake, tmp_path):
     moved = shutil.copy(intake, tmp_path / "elsewhere.vtkhdf")
     plain = ("view", moved, *SIZE, "--at", "180deg")
     assert flexcam(*plain, "--save", "plain.png").code == 0
-    told = flexcam(*plain, "--save", "stress.png", "--color", "stress_von_mises", "--json").json
-    assert told["files"] == ["stress.png"]
-    assert any("valve head" in line for line in told["drawn"])
+    report = flexcam(*plain, "--save", "stress.png", "--color", "stress_von_mises", "--json").json
+    assert report["files"] == ["stress.png"]
+    assert any("valve head" in line for line in report["drawn"])
     assert seen("plain.png") - seen(ROOT / "tests/data/pictures/intake.png") <= ALIKE
     assert colours("plain.png", members=False) > 500
     assert colours("stress.png", members=True) > 500
