@@ -54,7 +54,7 @@ def test_inline_nodes_give_frequencies_of_mesh(flexcam, case, tayeb):
 
 @pytest.mark.parametrize("verb", ["check", "modes", "run"])
 def test_output_begins_with_case_title(verb, flexcam, case):
-    """Or with the file name of a case without title."""
+    """The file name replaces a missing title."""
     overwrite = ["--overwrite"] if verb == "run" else []
     assert flexcam(verb, "case.toml", *overwrite).out.startswith("Nodes in the file")
     assert flexcam(verb, "case.toml", "--set", "title=[odd] name", *overwrite).out.startswith("[odd] name")

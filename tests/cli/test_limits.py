@@ -23,7 +23,7 @@ ONE_WORKER = ("--workers", "1")
 
 
 def test_limits_report_every_limit_and_rigid_speed(flexcam, one_mass):
-    """Without seat, coils and members only contact loss occurs; a stiff train separates where inertia exceeds spring force."""
+    """Without seat, coils and members only contact loss occurs, when the inertia exceeds the spring force."""
     case = one_mass()
     answer = flexcam("limits", case, "--lowest", "3000rpm", "--highest", "5000rpm", *ONE_WORKER, "--json").json
     assert answer["first"] == "loss_of_contact"

@@ -29,9 +29,9 @@ def browser():
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as play:
-        open_page = play.chromium.launch(executable_path=found, args=["--no-sandbox"])
-        yield open_page
-        open_page.close()
+        chromium = play.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        yield chromium
+        chromium.close()
 
 
 @pytest.fixture(scope="module")
