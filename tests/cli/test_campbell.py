@@ -76,13 +76,13 @@ def test_unstable_equilibrium_at_one_speed_keeps_other_speeds(monkeypatch):
     module = sys.modules["flexcam.analysis.campbell"]
     real, calls = module.contact_modes, []
 
-    def contact_modes(*given):
+    def fail_at_second_call(*given):
         calls.append(given)
         if len(calls) == 2:
             raise RunFailedError(NOT_POSITIVE)
         return real(*given)
 
-    monkeypatch.setattr(module, "contact_modes", contact_modes)
+    monkeypatch.setattr(module, "contact_modes", fail_at_second_call)
     case = read_case(PUBLISHED, ["run.steps_per_revolution=360"])
     found = campbell(case, [200.0, 300.0, 400.0], orders=[1])
     assert [status.ok for status in found.statuses] == [True, False, True]
@@ -116,13 +116,13 @@ def test_failed_speed_is_printed_as_failed_not_dash(monkeypatch, flexcam):
     module = sys.modules["flexcam.analysis.campbell"]
     real, calls = module.contact_modes, []
 
-    def fails_first(*given):
+    def fail_at_first_call(*given):
         calls.append(given)
         if len(calls) == 1:
             raise RunFailedError(NOT_POSITIVE)
         return real(*given)
 
-    monkeypatch.setattr(module, "contact_modes", fails_first)
+    monkeypatch.setattr(module, "contact_modes", fail_at_first_call)
     done = flexcam("campbell", PUBLISHED, *RANGE, *QUICK)
     (first, *_), table = [line.split() for line in done.out.splitlines() if " failed " in line], done.out
     assert first[:2] == ["1", "failed"]

@@ -77,8 +77,8 @@ def test_pruned_result_equals_unpruned_result(start, tayeb):
 def test_run_continues_from_pruned_result(flexcam, case, tmp_path):
     """The continued run equals the uninterrupted run: the result also contains the inactive unknowns."""
     short = ("--set", "run.steps_per_revolution=720", "--set", SIDEWAYS, "--set", "run.start=equilibrium")
-    for out, turned in (("half", 0.25), ("whole", 0.5)):
-        report = flexcam("run", case, *short, "--set", f"run.revolutions={turned}", "-o", out, "--json").json
+    for out, revolutions in (("half", 0.25), ("whole", 0.5)):
+        report = flexcam("run", case, *short, "--set", f"run.revolutions={revolutions}", "-o", out, "--json").json
         assert report["integrated"] < report["dof"]
     start_option = 'run.start={ result = "half/case.vtkhdf" }'
     report = flexcam(
@@ -87,7 +87,7 @@ def test_run_continues_from_pruned_result(flexcam, case, tmp_path):
     assert report["integrated"] < report["dof"]
     continued, uninterrupted = (read_result(tmp_path / out / "case.vtkhdf").response.fields for out in ("on", "whole"))
     for kind in ("displacement", "velocity"):
-        continued_values, expected = (getattr(found, kind)[-1] for found in (continued, uninterrupted))
+        continued_values, expected = (getattr(fields, kind)[-1] for fields in (continued, uninterrupted))
         np.testing.assert_allclose(continued_values, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
 
 

@@ -226,8 +226,8 @@ def test_failed_run_makes_limit_unknown(highest, failed, rpm, words, one_mass, m
 
     def solve_or_fail(problem, *given, **options):
         response = solve(problem, *given, **options)
-        bad = Status(Cause.NO_CONVERGENCE, "it broke")
-        return replace(response, status=bad) if problem.drive.speed == pytest.approx(failed) else response
+        failed_status = Status(Cause.NO_CONVERGENCE, "it broke")
+        return replace(response, status=failed_status) if problem.drive.speed == pytest.approx(failed) else response
 
     monkeypatch.setattr(sys.modules["flexcam.analysis.limits"], "solve", solve_or_fail)
     search = Search(200.0, highest, tolerance=30.0, spacing=0.5)

@@ -101,7 +101,7 @@ def test_study_refuses_folder_without_write_permission(flexcam, case, tmp_path, 
 
 
 def test_device_is_valid_output():
-    """Even if no file can be created in its folder."""
+    """A device needs no new file in its folder."""
     check_writable("output", Path("/dev/null"), overwrite=True)
 
 

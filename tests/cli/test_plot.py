@@ -80,7 +80,7 @@ def test_rigid_force_plot_warns_of_shared_seat_load(flexcam, tmp_path):
 
 
 def test_force_plot_of_adjuster_and_wrapped_title(flexcam, tmp_path):
-    """The rigid train has no adjuster: its force has only a flexible curve."""
+    """The rigid train has no adjuster: only the flexible train has an adjuster force."""
     case = Path(__file__).parents[2] / "cases/direct-acting/finger.toml"
     few = ("--set", "run.revolutions=0.02", "--set", "run.steps_per_revolution=360")
     done = flexcam("plot", case, "--what", "force", "--rigid", *few, "-o", "a.svg", "--json")
@@ -221,11 +221,11 @@ def test_appearance_of_plots(what, flexcam, intake, tmp_path):
     more = {"motion": ["--rigid"], "profile": ["--angle", "160 deg"], "modes": ["--count", "4"]}.get(what, [])
     assert flexcam("plot", "intake.vtkhdf", "--what", what, *more, "-o", "look.png").code == 0
     distances = {
-        other: image_hash(tmp_path / "look.png") - imagehash.hex_to_hash(reference)
-        for other, reference in REFERENCE_HASHES.items()
+        kind: image_hash(tmp_path / "look.png") - imagehash.hex_to_hash(reference)
+        for kind, reference in REFERENCE_HASHES.items()
     }
     assert distances[what] <= MAX_HASH_DISTANCE, f"it looks otherwise now: {image_hash(tmp_path / 'look.png')}"
-    assert min(bits for other, bits in distances.items() if other != what) > MAX_HASH_DISTANCE, "and like no other"
+    assert min(bits for kind, bits in distances.items() if kind != what) > MAX_HASH_DISTANCE, "and like no other"
 
 
 @pytest.mark.slow

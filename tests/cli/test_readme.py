@@ -83,7 +83,7 @@ def test_readme_speed_claims_match_measurements():
     words = " ".join(README.split())
     assert "flexcam's two solvers in modal coordinates are the fastest and Exudyn's tuned solver is third" in words
     assert "flexcam's direct solver takes about as long as the scipy loop" in words
-    others = {title: solver for title, solver in took.items() if solver and not title.startswith("flexcam")}
+    others = {title: time for title, time in took.items() if time and not title.startswith("flexcam")}
     assert max(took["flexcam"], took["flexcam, kernel solver"]) < min(others.values()) == others["Exudyn, tuned"]
     assert took["flexcam, direct solver"] == pytest.approx(others["scipy `splu`, Python loop"], rel=0.2)
 

@@ -127,7 +127,7 @@ def test_zoom_applies_to_all_charts(page):
 
 
 def test_charts_have_no_upload_button(page):
-    """The default of plotly.js includes one."""
+    """The default buttons of plotly.js include an upload."""
     titles = page.evaluate("[...document.querySelectorAll('.modebar-btn')].map(b => b.dataset.title || b.ariaLabel)")
     assert titles
     assert not [
@@ -160,10 +160,10 @@ def test_mode_animation_by_keyboard(page):
             break
         page.keyboard.press("Tab")
     assert page.evaluate("document.activeElement.tagName") == "CANVAS"
-    still = canvas_image(page)
+    initial = canvas_image(page)
     page.keyboard.press("ArrowLeft")
     rotated = canvas_image(page)
-    assert rotated != still
+    assert rotated != initial
     page.keyboard.press("Space")
     assert page.get_attribute("figure.scene .play", "aria-pressed") == "true"
     wait_until(page, f"document.querySelector('canvas').toDataURL() !== '{rotated}'")

@@ -49,8 +49,8 @@ def test_schema_is_closed_and_complete(flexcam):
         if table.get("type") == "object":
             assert table["additionalProperties"] is False, name
             assert table.get("description"), name
-        for key, one in table.get("properties", {}).items():
-            assert one.keys() & {"type", "$ref", "anyOf", "oneOf", "allOf", "const", "enum"}, (name, key)
+        for key, definition in table.get("properties", {}).items():
+            assert definition.keys() & {"type", "$ref", "anyOf", "oneOf", "allOf", "const", "enum"}, (name, key)
 
 
 def test_schema_contains_keys_of_case(flexcam, case):
@@ -68,11 +68,11 @@ def test_echoed_case_gives_same_result(flexcam, case, result, tmp_path):
     (tmp_path / "again.toml").write_text(done.out[done.out.index("# the case") :], encoding="utf-8")
     assert "fidelity.masses" not in flexcam("check", "again.toml").out, "warned of its own defaults"
     assert flexcam("run", "again.toml", "-o", "out").code == 0
-    one, other = read_result(result).response, read_result(tmp_path / "out/again.vtkhdf").response
-    assert np.array_equal(one.time, other.time)
+    original, resolved = read_result(result).response, read_result(tmp_path / "out/again.vtkhdf").response
+    assert np.array_equal(original.time, resolved.time)
     for series in ("displacement", "velocity", "acceleration"):
-        a, b = getattr(one.probes, series), getattr(other.probes, series)
-        assert np.abs(a - b).max() <= 1e-12 * np.abs(a).max()
+        expected, actual = getattr(original.probes, series), getattr(resolved.probes, series)
+        assert np.abs(expected - actual).max() <= 1e-12 * np.abs(expected).max()
 
 
 def table(path):

@@ -28,11 +28,11 @@ SERIES = ("displacement", "velocity", "acceleration")
 
 
 def assert_same(path, other):
-    one, two = read_result(path).response, read_result(other).response
-    assert one.status.ok
-    assert replace(one.stats, seconds=0.0) == replace(two.stats, seconds=0.0)
-    assert all(np.array_equal(getattr(one.fields, name), getattr(two.fields, name)) for name in SERIES)
-    assert all(np.array_equal(values, two.channels[name]) for name, values in one.channels.items())
+    first, second = read_result(path).response, read_result(other).response
+    assert first.status.ok
+    assert replace(first.stats, seconds=0.0) == replace(second.stats, seconds=0.0)
+    assert all(np.array_equal(getattr(first.fields, name), getattr(second.fields, name)) for name in SERIES)
+    assert all(np.array_equal(values, second.channels[name]) for name, values in first.channels.items())
 
 
 def start_run(folder, *words):
@@ -78,7 +78,7 @@ def test_resume_after_sigkill_and_sigterm(flexcam, case, tried, tmp_path):
 def write_partial_result(case, tmp_path):
     """Return a function that writes the partial result of a run which ended after some blocks of 640 instants."""
 
-    def leave(cause=Cause.INTERRUPTED, *, blocks=1, overrides=("run.revolutions=3",)):
+    def write(cause=Cause.INTERRUPTED, *, blocks=1, overrides=("run.revolutions=3",)):
         ready = prepare(read_case(case, overrides))
         file = open_result_file(ready, tmp_path / "out")
         close = file.close
@@ -86,7 +86,7 @@ def write_partial_result(case, tmp_path):
         solve(ready.problem, ready.scheme, save=ready.save, sinks=[Cut(blocks), file])
         return file.partial
 
-    return leave
+    return write
 
 
 RESUME = ("--set", "run.revolutions=3", "--resume")

@@ -136,8 +136,8 @@ def test_metrics_of_desmodromic_pair(flexcam, tmp_path):
     report = flexcam("run", pair, "-o", tmp_path, "--set", seat, "--json").json
     assert report["train"]["contacts.seat.seating_velocity"] > 0.0
     assert "contacts.seat.valve_loft" not in report["train"]
-    assert not [one for one in report["warnings"] if "loses contact" in one]
-    assert SPRING_MARGIN not in {one["name"] for one in report["figures_of_merit"]}
+    assert not [message for message in report["warnings"] if "loses contact" in message]
+    assert SPRING_MARGIN not in {figure["name"] for figure in report["figures_of_merit"]}
 
 
 @pytest.fixture
@@ -171,8 +171,10 @@ def test_spring_that_opens_valve_causes_warning(flexcam, direct):
 def test_warning_names_cause_of_open_seat(overrides, cause, flexcam, tmp_path):
     """1.6 * 250 mm * 12e-6/K * 80 K = 0.38 mm, reduced by the lash of 0.2 mm; 900 N against 400 N."""
     (case,) = new_case("pushrod-engine", tmp_path / "engine.toml")
-    words = [word for one in overrides for word in ("--set", one)]
-    (warning,) = (one for one in flexcam("check", case, *words, "--json").json["warnings"] if "contacts.seat" in one)
+    words = [word for override in overrides for word in ("--set", override)]
+    (warning,) = (
+        message for message in flexcam("check", case, *words, "--json").json["warnings"] if "contacts.seat" in message
+    )
     assert cause in warning
 
 
@@ -299,7 +301,7 @@ def test_check_warnings(override, warning, flexcam):
 
 @pytest.mark.parametrize(("every", "low"), [(200, True), (1, False)])
 def test_coarse_saved_instants_warn_of_missed_peak_stress(flexcam, tayeb, every, low):
-    """Saved are steps 0, 200 and 360: none is near the nose, where the compression has its maximum."""
+    """The run saves steps 0, 200 and 360, none near the nose, where the compression has its maximum."""
     few = ["run.steps_per_revolution=360", "run.revolutions=1", f"output.field_every={every}"]
     done = flexcam("run", tayeb(3), *(word for override in few for word in ("--set", override)))
     output = re.sub(r"\s+", " ", done.out)

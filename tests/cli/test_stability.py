@@ -64,17 +64,17 @@ def test_shaft_in_backlash_has_no_resonance_check(flexcam):
 def test_spring_surge_resonance_has_low_force(flexcam):
     """The first spring mode with fixed ends, (1/2) sqrt(k/m) = 456 Hz; 5200 rpm is between two harmonics."""
     run = ("--set", "run.revolutions=1", *QUICK)
-    near, between = (
+    at_resonance, between = (
         flexcam("stability", ENGINE, "--set", f"run.crank_speed={rpm}rpm", *run, "--json").json for rpm in (4960, 5200)
     )
-    nearest = near["resonances"][0]
+    nearest = at_resonance["resonances"][0]
     assert "spring valve" in nearest["moves"]
     assert nearest["harmonic"] == 11
     assert nearest["rpm"] == pytest.approx(
         2.0 * 60.0 * 0.5 * math.sqrt(50e3 / 0.06) / 11.0, rel=0.01
     )  # of the crankshaft
     assert nearest["load_share"] < 0.05, "its 38 N are no danger beside a force of 3 kN"
-    assert "resonance" not in near["verdict"] + between["verdict"]
+    assert "resonance" not in at_resonance["verdict"] + between["verdict"]
 
 
 @pytest.mark.slow

@@ -68,13 +68,13 @@ def stop_after(monkeypatch):
     def stop(count):
         evaluated = []
 
-        def stopping(*words, **named):
+        def interrupt_after_count(*words, **named):
             if len(evaluated) == count:
                 raise KeyboardInterrupt
             evaluated.append(words)
             return quantity_row(*words, **named)
 
-        monkeypatch.setattr("flexcam.studies.quantities.quantity_row", stopping)
+        monkeypatch.setattr("flexcam.studies.quantities.quantity_row", interrupt_after_count)
 
     return stop
 
@@ -96,8 +96,8 @@ def test_sensitivity_names_mode_and_values_without_effect(flexcam, oscillator):
     output = " ".join(flexcam("sensitivity", oscillator, *args).out.split())
     assert "frequency.1 does not depend on run.speed Frequencies are" in output
     assert "with all contacts open. frequency.1: mass one 100 %" in output
-    still = ("--of", "frequency.1", "--to", "run.speed=1000:2000rpm", "--sobol", "4")
-    assert "frequency.1 depends on none of these values" in flexcam("sensitivity", oscillator, *still).out
+    sobol_args = ("--of", "frequency.1", "--to", "run.speed=1000:2000rpm", "--sobol", "4")
+    assert "frequency.1 depends on none of these values" in flexcam("sensitivity", oscillator, *sobol_args).out
 
 
 @pytest.mark.parametrize(
@@ -172,8 +172,8 @@ def test_linear_response_has_logarithmic_derivative_of_one(flexcam, tmp_path):
     ids=["limit", "count", "modes", "integrator"],
 )
 def test_exact_derivatives_refuse_unsupported_quantities(flexcam, names, fixed, said):
-    asked = [word for name in names for word in ("--of", name)]
-    done = flexcam("sensitivity", ENGINE, *asked, "--to", "springs.valve.stiffness", "--method", "exact", *fixed)
+    options = [word for name in names for word in ("--of", name)]
+    done = flexcam("sensitivity", ENGINE, *options, "--to", "springs.valve.stiffness", "--method", "exact", *fixed)
     assert done.code == 2
     assert said in done.err
     assert "Use --method differences" in done.err
@@ -202,12 +202,12 @@ def test_gradient_search_refuses_chaotic_motion(flexcam):
 
 def test_derivatives_of_static_force_and_multipliers(flexcam):
     """An installed spring force; multipliers that coincide at the edge of an instability region have no derivative."""
-    asked = ("--of", "static.springs.valve.force", "--to", "springs.valve.installed_force")
-    (found,) = flexcam("sensitivity", ENGINE, *asked, "--json").json["derivatives"]
-    assert found["derivative"] == pytest.approx(found["value"] / found["key_value"], rel=1e-9)
+    options = ("--of", "static.springs.valve.force", "--to", "springs.valve.installed_force")
+    (derivative,) = flexcam("sensitivity", ENGINE, *options, "--json").json["derivatives"]
+    assert derivative["derivative"] == pytest.approx(derivative["value"] / derivative["key_value"], rel=1e-9)
     meets = ("--of", "multiplier.1", "--to", "springs.mean.stiffness", "--set", "springs.mean.pulsation.amplitude=1e-4")
-    (found,) = flexcam("sensitivity", MATHIEU, *meets, "--json").json["derivatives"]
-    assert not found["smooth"]
+    (derivative,) = flexcam("sensitivity", MATHIEU, *meets, "--json").json["derivatives"]
+    assert not derivative["smooth"]
     fast = ("--set", "run.speed=12000rpm", "--set", "run.steps_per_revolution=360")  # contact is lost
     refused = flexcam("sensitivity", FOLLOWER, "--of", "multiplier.1", "--to", "springs.one.stiffness", *fast)
     assert refused.code == 3
@@ -238,8 +238,8 @@ def test_goal_over_speed_range(flexcam):
     values_at_speeds = []
     for rpm in (1000, 3000):
         fixed = [word for override in (*best["overrides"], f"run.speed={rpm}rpm") for word in ("--set", override)]
-        asked = ("--of", "probes.valve.acceleration.rms", "--to", "springs.valve.damping", *fixed, *QUICK)
-        values_at_speeds.append(flexcam("sensitivity", PUBLISHED, *asked, "--json").json["derivatives"][0]["value"])
+        options = ("--of", "probes.valve.acceleration.rms", "--to", "springs.valve.damping", *fixed, *QUICK)
+        values_at_speeds.append(flexcam("sensitivity", PUBLISHED, *options, "--json").json["derivatives"][0]["value"])
     assert best["values"]["probes.valve.acceleration.rms"] == pytest.approx(max(values_at_speeds), rel=1e-9)
 
 
@@ -262,16 +262,16 @@ def test_table_and_plot_of_derivatives(flexcam, tmp_path):
 def test_sobol_indices_of_frequency(flexcam, oscillator, tmp_path):
     """For small equal intervals f is linear: variances as (1/2 df/f)^2, here 4 : 1; 0.06: error at 64 points."""
     args = ("--to", "springs.one.stiffness=39.2:40.8kN/m", "--to", "masses.one.mass=99:101g", "--sobol", "64")
-    found = flexcam(
+    report = flexcam(
         "sensitivity", oscillator, "--of", "frequency.1", *args, "--plot", tmp_path / "s.svg", "--json"
     ).json
-    one = found["sobol"]["frequency.1"]
+    sobol = report["sobol"]["frequency.1"]
     f = OMEGA / (2.0 * math.pi)
     variance = (0.5 * f) ** 2 * (0.02**2 + 0.01**2) / 3.0
-    assert one["variance"] == pytest.approx(variance, rel=0.05)
-    totals = [row["total"] for row in one["indices"]]
+    assert sobol["variance"] == pytest.approx(variance, rel=0.05)
+    totals = [row["total"] for row in sobol["indices"]]
     assert totals == pytest.approx([0.8, 0.2], abs=0.06)
-    for row in one["indices"]:
+    for row in sobol["indices"]:
         assert row["total_low"] <= row["total"] <= row["total_high"]
     args = (*args[:-1], "8")
     assert "first order" in flexcam("sensitivity", oscillator, "--of", "frequency.1", *args).out
@@ -283,16 +283,16 @@ def test_tolerance_scatter_of_frequency(flexcam, oscillator, tmp_path):
     args = ("--tolerance", "springs.one.stiffness=±5%", "--tolerance", "masses.one.mass=normal:±6g", "--count", "64")
     files = ("--csv", table, "--plot", tmp_path / "s.png")
     done = flexcam("sensitivity", oscillator, "--of", "frequency.1", *args, *files, "--json").json
-    one, f = done["scatter"]["frequency.1"], OMEGA / (2.0 * math.pi)
-    assert one["std"] == pytest.approx(0.5 * f * math.hypot(0.05 / math.sqrt(3.0), 0.06 / 3.0), rel=0.05)
-    assert one["mean"] == pytest.approx(f, rel=2e-3)
-    assert one["rank_correlation"]["springs.one.stiffness"] > 0.5
-    assert one["rank_correlation"]["masses.one.mass"] < -0.3
+    scatter, f = done["scatter"]["frequency.1"], OMEGA / (2.0 * math.pi)
+    assert scatter["std"] == pytest.approx(0.5 * f * math.hypot(0.05 / math.sqrt(3.0), 0.06 / 3.0), rel=0.05)
+    assert scatter["mean"] == pytest.approx(f, rel=2e-3)
+    assert scatter["rank_correlation"]["springs.one.stiffness"] > 0.5
+    assert scatter["rank_correlation"]["masses.one.mass"] < -0.3
     rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
     assert len(rows) == 64
     for row in rows:  # every set of parts is evaluated with its own values
-        own = math.sqrt(float(row["springs.one.stiffness"]) / float(row["masses.one.mass"])) / (2.0 * math.pi)
-        assert float(row["frequency.1"]) == pytest.approx(own, rel=1e-9)
+        expected = math.sqrt(float(row["springs.one.stiffness"]) / float(row["masses.one.mass"])) / (2.0 * math.pi)
+        assert float(row["frequency.1"]) == pytest.approx(expected, rel=1e-9)
     args = (*args[:-1], "8")
     assert "Rank correlation" in flexcam("sensitivity", oscillator, "--of", "frequency.1", *args).out
 
@@ -304,15 +304,15 @@ def test_minimum_stiffness_with_frequency_bound(flexcam, oscillator, tmp_path):
             "--subject", "frequency.1 >= 110 Hz", "--evaluations", "80")  # fmt: skip
     done = flexcam("optimize", oscillator, *args, "-o", best, "--csv", table, "--plot", tmp_path / "p.svg", "--json")
     assert done.code == 0
-    assert done.json["files"] == [str(one) for one in (table, tmp_path / "p.svg", best)]
-    wanted = 0.1 * (2.0 * math.pi * 110.0) ** 2
-    assert done.json["best"]["values"]["springs.one.stiffness"] == pytest.approx(wanted, rel=2e-4)
+    assert done.json["files"] == [str(path) for path in (table, tmp_path / "p.svg", best)]
+    expected = 0.1 * (2.0 * math.pi * 110.0) ** 2
+    assert done.json["best"]["values"]["springs.one.stiffness"] == pytest.approx(expected, rel=2e-4)
     assert done.json["best"]["bounds"][0]["active"]
     assert done.json["best"]["bounds"][0]["slack"] >= -1e-9
-    one = modes(read_case(best)).modes
-    assert one.frequencies[0] == pytest.approx(110.0, rel=1e-4)
+    result = modes(read_case(best)).modes
+    assert result.frequencies[0] == pytest.approx(110.0, rel=1e-4)
     (override,) = done.json["best"]["overrides"]
-    assert modes(read_case(oscillator, [override])).modes.frequencies[0] == one.frequencies[0]
+    assert modes(read_case(oscillator, [override])).modes.frequencies[0] == result.frequencies[0]
     assert len(table.read_text(encoding="utf-8").splitlines()) == done.json["evaluations"] + 1
     again = flexcam("optimize", oscillator, *args, "--json").json
     assert again["best"] == done.json["best"]
@@ -347,10 +347,10 @@ def test_bound_of_zero_has_no_relative_margin(flexcam, oscillator):
 @pytest.mark.slow
 def test_warnings_of_best_variant(flexcam, one_mass):
     """The softest spring has the lowest force, and the follower loses contact at the higher speed."""
-    asked = ("--vary", "springs.held.stiffness=20:42kN/m", "--least", "springs.held.force.largest")
+    options = ("--vary", "springs.held.stiffness=20:42kN/m", "--least", "springs.held.force.largest")
     quick = ("--set", "run.revolutions=1", "--set", "run.steps_per_revolution=180", "--evaluations", "24")
-    found = flexcam("optimize", one_mass(), *asked, *quick, "--at", "run.speed=1000,4500rpm", "--json").json
-    (warning,) = found["warnings"]
+    report = flexcam("optimize", one_mass(), *options, *quick, "--at", "run.speed=1000,4500rpm", "--json").json
+    (warning,) = report["warnings"]
     assert "the best variant at run.speed=4500rpm: the follower of 'k' loses contact" in warning
 
 
@@ -380,8 +380,8 @@ def test_goal_over_several_conditions_uses_worst_value(flexcam, oscillator, meth
 ])  # fmt: skip
 def test_search_without_feasible_variant_is_reported(flexcam, oscillator, method, said):
     """A gradient search follows one path: its end does not prove infeasibility."""
-    asked = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness", "--evaluations", "24")
-    done = flexcam("optimize", oscillator, *asked, "--subject", "frequency.1 >= 1000 Hz", "--method", method)
+    options = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness", "--evaluations", "24")
+    done = flexcam("optimize", oscillator, *options, "--subject", "frequency.1 >= 1000 Hz", "--method", method)
     assert done.code == 3
     assert said in " ".join(done.err.split())
 
@@ -412,8 +412,8 @@ def test_gradient_search_at_bound_of_physical_values(flexcam):
 
 
 def test_varied_speed_is_printed_in_rpm(flexcam, oscillator):
-    asked = ("--vary", "run.speed=900:1100rpm", "--most", "run.speed", "--subject", "run.speed <= 1050 rpm")
-    shown = flexcam("optimize", oscillator, *asked, "--set", "run.steps_per_revolution=90", "--evaluations", "24").out
+    options = ("--vary", "run.speed=900:1100rpm", "--most", "run.speed", "--subject", "run.speed <= 1050 rpm")
+    shown = flexcam("optimize", oscillator, *options, "--set", "run.steps_per_revolution=90", "--evaluations", "24").out
     assert "rad/s" not in shown
     (best,) = [line.split()[2:] for line in shown.splitlines() if line.startswith("max run.speed")]
     assert float(best[0]) == pytest.approx(1050.0, rel=0.05)
@@ -568,12 +568,12 @@ def test_stopped_study_keeps_evaluated_variants(kind, last, flexcam, oscillator,
 def test_stopped_map_has_missing_cells(flexcam, tmp_path, monkeypatch):
     rows = [Row(Status(), {"limits.buckling": 600.0}, {"limits.buckling": "rpm"})]
 
-    def stopping(*_, **named):
+    def interrupt_when_empty(*_, **named):
         if not rows:
             raise KeyboardInterrupt
         return rows.pop()
 
-    monkeypatch.setattr("flexcam.studies.quantities.quantity_row", stopping)
+    monkeypatch.setattr("flexcam.studies.quantities.quantity_row", interrupt_when_empty)
     args = ("--over", "springs.valve.stiffness=45,65kN/m", "--and", "springs.valve.installed_force=300,500N")
     done = flexcam("limits", ENGINE, *args, "--limit", "buckling", "--csv", tmp_path / "map.csv", "--json")
     assert (done.code, done.json["status"]) == (130, "interrupted")
@@ -583,10 +583,10 @@ def test_stopped_map_has_missing_cells(flexcam, tmp_path, monkeypatch):
 
 
 def test_search_stopped_before_first_variant(flexcam, oscillator, tmp_path, monkeypatch):
-    def stopping(*_, **named):
+    def interrupt(*_, **named):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("flexcam.studies.quantities.quantity_row", stopping)
+    monkeypatch.setattr("flexcam.studies.quantities.quantity_row", interrupt)
     args = ("--vary", "springs.one.stiffness=20:80kN/m", "--least", "springs.one.stiffness")
     done = flexcam("optimize", oscillator, *args, "--csv", tmp_path / "all.csv")
     assert done.code == 130
@@ -646,10 +646,10 @@ def test_scatter_is_independent_of_number_of_workers(flexcam, oscillator):
         "--count",
         "8",
     )
-    one, two = (
+    one_worker, two_workers = (
         flexcam("sensitivity", oscillator, *args, *QUICK, "--workers", n, "--json").json["scatter"] for n in ("1", "2")
     )
-    assert one == two
+    assert one_worker == two_workers
 
 
 REFUSED = {
@@ -823,7 +823,7 @@ def test_repeated_tolerance_is_refused(flexcam, oscillator):
     ],
 )  # fmt: skip
 def test_refused_limit_speeds_are_printed_as_given(words, told, flexcam):
-    """As crank speed, like in the case, and with the option that specifies it."""
+    """The message has crank speeds, as in the case, and the option that specifies them."""
     done = flexcam("sensitivity", ENGINE, "--of", "limits.bounce", "--to", "masses.valve.mass", *words)
     assert (done.code, done.out) == (2, "")
     assert done.err.startswith(told)

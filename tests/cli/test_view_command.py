@@ -210,7 +210,7 @@ def test_page_animation_in_browser(flexcam):
     with sync_playwright() as play:
         open_picture = play.chromium.launch(executable_path=found, args=software)
         tab = open_picture.new_page(viewport={"width": 400, "height": 300})
-        tab.on("console", lambda screenshot: messages.append(screenshot.text))
+        tab.on("console", lambda event: messages.append(event.text))
         tab.on("pageerror", lambda fault: messages.append(str(fault)))
         tab.goto(Path("page.html").resolve().as_uri())
         tab.click("#play")
@@ -223,8 +223,8 @@ def test_page_animation_in_browser(flexcam):
         drawn.append(Image.open(io.BytesIO(tab.screenshot())))
         open_picture.close()
     assert messages == []
-    count_colours = [len(screenshot.crop((0, 40, 400, 260)).convert("RGB").getcolors(100000)) for screenshot in drawn]
-    assert min(count_colours) > 100
+    colour_counts = [len(screenshot.crop((0, 40, 400, 260)).convert("RGB").getcolors(100000)) for screenshot in drawn]
+    assert min(colour_counts) > 100
     first, second, rotated = (np.asarray(screenshot.convert("L"), dtype=float) for screenshot in drawn)
     assert np.abs(second - first).max() > 50
     assert np.abs(rotated - second).max() > 50
