@@ -208,8 +208,8 @@ def test_page_animation_in_browser(flexcam):
     messages, drawn = [], []
     software = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
     with sync_playwright() as play:
-        open_picture = play.chromium.launch(executable_path=found, args=software)
-        tab = open_picture.new_page(viewport={"width": 400, "height": 300})
+        chromium = play.chromium.launch(executable_path=found, args=software)
+        tab = chromium.new_page(viewport={"width": 400, "height": 300})
         tab.on("console", lambda event: messages.append(event.text))
         tab.on("pageerror", lambda fault: messages.append(str(fault)))
         tab.goto(Path("page.html").resolve().as_uri())
@@ -221,7 +221,7 @@ def test_page_animation_in_browser(flexcam):
         for _ in range(5):
             tab.keyboard.press("ArrowLeft")
         drawn.append(Image.open(io.BytesIO(tab.screenshot())))
-        open_picture.close()
+        chromium.close()
     assert messages == []
     colour_counts = [len(screenshot.crop((0, 40, 400, 260)).convert("RGB").getcolors(100000)) for screenshot in drawn]
     assert min(colour_counts) > 100
