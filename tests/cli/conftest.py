@@ -1,4 +1,4 @@
-"""The command in a folder of its own: in this process, or in one of its own where that is what a test is about."""
+"""Fixtures of the command line tests: the command in this process or in its own process, cases and results."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ def finish(process):
 
 
 @pytest.fixture
-def spawned(tmp_path):
-    """Run the command in a process of its own; no output of it ever shows a traceback."""
+def spawn(tmp_path):
+    """Run the command in its own process and check that its output shows no traceback."""
     return lambda *words: finish(start(words, tmp_path))
 
 
 @pytest.fixture
-def told(flexcam, monkeypatch):
-    """Run the command in this process, on a wide screen."""
+def wide_flexcam(flexcam, monkeypatch):
+    """Run the command in this process with a terminal width of 200 columns."""
     monkeypatch.setenv("COLUMNS", "200")
     return flexcam
 
 
 @pytest.fixture
-def stopped(tmp_path):
-    """Start a run that would take hours, send a signal once its file has grown, and return how it ended."""
+def stop_run(tmp_path):
+    """Start a run of several hours, send a signal once its file has grown, and return the completed process."""
 
     def run(number, *words):
         process = start(["run", "case.toml", "-o", "out", *LONG, *words], tmp_path, OFTEN)
@@ -62,34 +62,34 @@ def stopped(tmp_path):
 
 @pytest.fixture
 def case(tmp_path):
-    """Put the inline case as case.toml into the folder the commands run in."""
+    """Copy the inline case as case.toml to the working folder of the commands."""
     return Path(shutil.copy(ROOT / "tests/data/inline.toml", tmp_path / "case.toml"))
 
 
-KEPT: dict[str, bytes] = {}
-"""The result of the inline case, from its first run."""
+RESULT_CACHE: dict[str, bytes] = {}
+"""Result of the inline case from its first run."""
 
 
 @pytest.fixture
 def result(flexcam, case, tmp_path):
     """Return the result of the inline case, which is computed once and then copied."""
     path = tmp_path / "out/case.vtkhdf"
-    if KEPT:
+    if RESULT_CACHE:
         path.parent.mkdir()
-        path.write_bytes(KEPT["result"])
+        path.write_bytes(RESULT_CACHE["result"])
         return path
     assert flexcam("run", case.name, "-o", "out").code == 0
-    KEPT["result"] = path.read_bytes()
+    RESULT_CACHE["result"] = path.read_bytes()
     return path
 
 
 @pytest.fixture
 def one_mass(tmp_path):
-    """Write the case of one mass, with parts of its text replaced, and return its path."""
+    """Write the single-mass case with parts of its text replaced and return its path."""
 
-    def write(*replaced):
+    def write(*replacements):
         text = (Path(__file__).parents[1] / "data/limits/one-mass.toml").read_text(encoding="utf-8")
-        for old, new in replaced:
+        for old, new in replacements:
             assert old in text
             text = text.replace(old, new)
         path = tmp_path / "one.toml"
@@ -106,7 +106,7 @@ def tayeb():
 
 @pytest.fixture(scope="session")
 def intake(tmp_path_factory):
-    """Return the result of a revolution of the pushrod engine in few steps."""
+    """Return a coarse result of one revolution of the pushrod engine."""
     few = ["run.steps_per_revolution=720", "run.revolutions=1", "run.engine=kernel"]
     ready = prepare(read_case(ROOT / "cases/pushrod-engine/intake.toml", few))
     sink = open_result_file(ready, tmp_path_factory.mktemp("intake"))

@@ -1,4 +1,4 @@
-"""cam --from-profile: the lift of a profile given by points, bridged hollows, unreadable files."""
+"""cam --from-profile: the lift from profile points, bridged hollows and unreadable files."""
 
 from __future__ import annotations
 
@@ -18,45 +18,45 @@ ROLLER = ("--follower", '{ type = "roller", radius = "10 mm" }', "--base-radius"
 FLAT = ("--follower", '{ type = "flat" }', "--base-radius", "18 mm")
 
 
-def written(tmp_path, event, follower, head="x [mm], y [mm]"):
+def write_profile(tmp_path, event, follower, head="x [mm], y [mm]"):
     points = 1e3 * cam_profile(event, follower, count=360).points
     np.savetxt(tmp_path / "p.csv", points, fmt="%.12g", delimiter=",", header=head, comments="")
 
 
-def test_there_and_back(told, tmp_path):
-    """The profile that `cam` writes, through `lift`, is the lift it was made of; the table is one for a case."""
-    assert told("cam", FB2, "-o", ".", "--format", "csv").code == 0
-    done = told("cam", "--from-profile", "li-fb2-exhaust.csv", *ROLLER, "-o", "back.csv", "--json")
+def test_profile_to_lift_round_trip(wide_flexcam, tmp_path):
+    """The profile written by `cam` gives the original lift; a case accepts the lift table."""
+    assert wide_flexcam("cam", FB2, "-o", ".", "--format", "csv").code == 0
+    done = wide_flexcam("cam", "--from-profile", "li-fb2-exhaust.csv", *ROLLER, "-o", "back.csv", "--json")
     assert (done.code, done.err) == (0, "")
-    found, event = json.loads(done.out), read_cams(FB2).cams["exhaust"].part.event
-    np.testing.assert_allclose(found["lift"], event(np.array(found["angle"])), rtol=0, atol=1e-7)
-    assert (found["points"], found["bridged"], found["files"]) == (720, None, ["back.csv"])
+    report, event = json.loads(done.out), read_cams(FB2).cams["exhaust"].part.event
+    np.testing.assert_allclose(report["lift"], event(np.array(report["angle"])), rtol=0, atol=1e-7)
+    assert (report["points"], report["bridged"], report["files"]) == (720, None, ["back.csv"])
     (tmp_path / "case.toml").write_text('format = 1\n[cams.c]\nlift_table = "back.csv"\n')
-    again = read_cams(tmp_path / "case.toml").cams["c"].part.event
-    assert again.height == pytest.approx(0.0055, abs=1e-6)
+    event_from_table = read_cams(tmp_path / "case.toml").cams["c"].part.event
+    assert event_from_table.height == pytest.approx(0.0055, abs=1e-6)
 
 
 @pytest.mark.slow
-def test_a_hollow_that_is_bridged(told, tmp_path):
+def test_bridged_hollow_is_reported(wide_flexcam, tmp_path):
     """Under a roller of 4 mm the cam is hollow at its waist; a flat face cannot enter."""
-    written(tmp_path, HarmonicLift(0.006, (0.0, -0.006), (0.0, 0.0)), RollerFollower(0.014, 0.004))
-    found = json.loads(told("cam", "--from-profile", "p.csv", *FLAT, "--json").out)["bridged"]
+    write_profile(tmp_path, HarmonicLift(0.006, (0.0, -0.006), (0.0, 0.0)), RollerFollower(0.014, 0.004))
+    found = json.loads(wide_flexcam("cam", "--from-profile", "p.csv", *FLAT, "--json").out)["bridged"]
     assert found["depth"] > 1e-4
     assert abs(math.remainder(math.atan2(*found["point"][::-1]) - math.pi / 2, math.pi)) < math.radians(2.0)
-    words = " ".join(told("cam", "--from-profile", "p.csv", *FLAT).out.split())
+    words = " ".join(wide_flexcam("cam", "--from-profile", "p.csv", *FLAT).out.split())
     assert "bridges a hollow" in words
     assert "only a roller smaller than the hollow follows the profile" in words
     small = ("--follower", '{ type = "roller", radius = "4 mm" }', "--base-radius", "14 mm")
-    assert json.loads(told("cam", "--from-profile", "p.csv", *small, "--json").out)["bridged"] is None
+    assert json.loads(wide_flexcam("cam", "--from-profile", "p.csv", *small, "--json").out)["bridged"] is None
 
 
-def test_a_circle_within_its_base_circle(told, tmp_path):
+def test_profile_inside_base_circle_is_reported(wide_flexcam, tmp_path):
     eccentric = HarmonicLift(0.003, (-0.003,), (0.0,))
-    written(tmp_path, eccentric, FlatFollower(0.017), "")
-    assert "check its radius" in told("cam", "--from-profile", "p.csv", "--unit", "mm", *FLAT).out
-    assert told("cam", "--from-profile", "p.csv", *FLAT).code == 2
-    written(tmp_path, eccentric, FlatFollower(0.017), "x_mm, y_mm")  # as the heads of lift tables
-    assert "check its radius" in told("cam", "--from-profile", "p.csv", *FLAT).out
+    write_profile(tmp_path, eccentric, FlatFollower(0.017), "")
+    assert "check its radius" in wide_flexcam("cam", "--from-profile", "p.csv", "--unit", "mm", *FLAT).out
+    assert wide_flexcam("cam", "--from-profile", "p.csv", *FLAT).code == 2
+    write_profile(tmp_path, eccentric, FlatFollower(0.017), "x_mm, y_mm")  # headers as in lift tables
+    assert "check its radius" in wide_flexcam("cam", "--from-profile", "p.csv", *FLAT).out
 
 
 @pytest.mark.parametrize(("text", "words", "said"), [
@@ -74,17 +74,17 @@ def test_a_circle_within_its_base_circle(told, tmp_path):
     ("1, 2\n", ("--follower", '{ type = "roller", radios = 3 }'), ["follower.radios", "did you mean 'radius'"]),
     ("1, 2\n", (*FLAT, "--points", "3"), ["--points"]),
 ])  # fmt: skip
-def test_refused(text, words, said, told, tmp_path):
+def test_invalid_profile_is_refused(text, words, said, wide_flexcam, tmp_path):
     if text is not None:
         (tmp_path / "p.csv").write_text(text)
-    done = told("cam", "--from-profile", "p.csv", *words)
+    done = wide_flexcam("cam", "--from-profile", "p.csv", *words)
     assert (done.code, done.out) == (2, "")
     assert [part for part in said if part.lower() not in done.err.lower()] == []
 
 
-def test_nothing_is_written_over(told, tmp_path):
-    written(tmp_path, HarmonicLift(0.003, (-0.003,), (0.0,)), FlatFollower(0.018))
+def test_existing_lift_table_is_not_overwritten(wide_flexcam, tmp_path):
+    write_profile(tmp_path, HarmonicLift(0.003, (-0.003,), (0.0,)), FlatFollower(0.018))
     (tmp_path / "a.csv").write_text("mine")
-    assert "--overwrite" in told("cam", "--from-profile", "p.csv", *FLAT, "-o", "a.csv").err
-    assert "ends in .csv" in told("cam", "--from-profile", "p.csv", *FLAT, "-o", "a.txt").err
+    assert "--overwrite" in wide_flexcam("cam", "--from-profile", "p.csv", *FLAT, "-o", "a.csv").err
+    assert "ends in .csv" in wide_flexcam("cam", "--from-profile", "p.csv", *FLAT, "-o", "a.txt").err
     assert (tmp_path / "a.csv").read_text() == "mine"

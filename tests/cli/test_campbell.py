@@ -1,4 +1,4 @@
-"""The command campbell: modes over speed, and orders of the response."""
+"""The command campbell: natural frequencies over speed, and orders of the response."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ QUICK = ("--set", "run.steps_per_revolution=360")
 RANGE = ("--lowest", "1000rpm", "--highest", "6000rpm", "--count", "3")
 
 
-def test_published_mode_meets_the_first_order(flexcam, tmp_path):
-    """The loaded mode at 67.114 Hz meets order 1 at 4026.9 rpm; simple harmonic motion has no other order."""
+def test_published_mode_crosses_first_order(flexcam, tmp_path):
+    """The loaded mode at 67.114 Hz crosses order 1 at 4026.9 rpm; simple harmonic motion has no other order."""
     picture = tmp_path / "campbell.svg"
-    found = flexcam("campbell", PUBLISHED, *RANGE, *QUICK, "--plot", picture, "--json").json
-    (met,) = found["crossings"]
-    assert met["rpm"] == pytest.approx(60.0 * met["frequency"], rel=1e-12)
-    assert met["rpm"] == pytest.approx(4026.86, abs=0.01)
-    assert (met["harmonic"], met["mode"]) == (1, 1)
-    assert met["amplitude"] == pytest.approx(0.003)
-    assert list(found["lift_amplitudes_m"]) == ["1"]
-    for mode in found["modes"]:  # no contact whose stiffness could change: every line is level
+    report = flexcam("campbell", PUBLISHED, *RANGE, *QUICK, "--plot", picture, "--json").json
+    (crossing,) = report["crossings"]
+    assert crossing["rpm"] == pytest.approx(60.0 * crossing["frequency"], rel=1e-12)
+    assert crossing["rpm"] == pytest.approx(4026.86, abs=0.01)
+    assert (crossing["harmonic"], crossing["mode"]) == (1, 1)
+    assert crossing["amplitude"] == pytest.approx(0.003)
+    assert list(report["lift_amplitudes_m"]) == ["1"]
+    for mode in report["modes"]:  # no contact of variable stiffness: every line is horizontal
         assert np.ptp(mode["frequencies_hz"]) == pytest.approx(0.0, abs=1e-9)
     assert picture.read_text(encoding="utf-8").count("<path") > 10
-    assert flexcam("campbell", PUBLISHED, *RANGE, *QUICK, "--plot", picture).code == 2  # the picture is there
+    assert flexcam("campbell", PUBLISHED, *RANGE, *QUICK, "--plot", picture).code == 2  # the plot exists
 
 
 @pytest.mark.slow
-def test_what_was_drawn_is_named_and_its_legend_names_what_is_seen(flexcam, tmp_path):
-    """Of model 3 one mode lies within the orders; the others, grey or not, are far above the picture."""
+def test_campbell_plot_legend_lists_visible_lines(flexcam, tmp_path):
+    """One mode of model 3 is within the orders; the other modes, grey or not, are far above the plot."""
     picture = tmp_path / "campbell.svg"
     assert flexcam("campbell", PUBLISHED, *RANGE, *QUICK, "--plot", picture).out.endswith(f"{picture}\n")
     case = read_case(PUBLISHED, ["run.steps_per_revolution=360"])
@@ -51,58 +51,64 @@ def test_what_was_drawn_is_named_and_its_legend_names_what_is_seen(flexcam, tmp_
     assert (mode[:14], circle[:20]) == ("1: mass valve ", "order meets mode; ar")
 
 
-def test_force_between_speeds_is_that_of_the_runs(flexcam):
-    """The order's amplitude in the force, at a crossing that is made to fall on a speed of the list."""
-    told = ("--lowest", "4026.86rpm", "--highest", "5000rpm", "--count", "2")
-    found = flexcam("campbell", PUBLISHED, *told, *QUICK, "--json").json
+def test_force_at_crossing_equals_force_of_run(flexcam):
+    """The amplitude of the order in the force, at a crossing on a speed of the list."""
+    args = ("--lowest", "4026.86rpm", "--highest", "5000rpm", "--count", "2")
+    report = flexcam("campbell", PUBLISHED, *args, *QUICK, "--json").json
     exact = flexcam("stability", PUBLISHED, "--set", "run.speed=4026.86rpm", *QUICK, "--json").json
-    assert found["crossings"][0]["load"] == pytest.approx(exact["resonances"][0]["load_n"], rel=1e-3)
+    assert report["crossings"][0]["load"] == pytest.approx(exact["resonances"][0]["load_n"], rel=1e-3)
 
 
-def test_campbell_of_an_engine(flexcam):
-    """Crank speeds, orders of the camshaft: the surge of the spring at 455 Hz meets order 11 at 120 * 455 / 11."""
-    told = ("--lowest", "4500rpm", "--highest", "5200rpm", "--count", "2", "--orders", "11,12", "--modes", "5")
-    done = flexcam("campbell", ENGINE, *told, *QUICK, "--set", "run.revolutions=1", "--json").json
-    assert done["shaft"] == "crank"
-    surge = [one for one in done["crossings"] if "spring valve" in one["words"]]
-    assert [one["harmonic"] for one in surge] == [12, 11]
-    for one in surge:
-        assert one["rpm"] == pytest.approx(120.0 * one["frequency"] / one["harmonic"], rel=1e-12)
-        assert one["frequency"] == pytest.approx(454.9, abs=0.5)
+def test_campbell_of_engine_with_spring_surge(flexcam):
+    """Crank speeds, orders of the camshaft: the spring surge at 455 Hz crosses order 11 at 120 * 455 / 11."""
+    args = ("--lowest", "4500rpm", "--highest", "5200rpm", "--count", "2", "--orders", "11,12", "--modes", "5")
+    report = flexcam("campbell", ENGINE, *args, *QUICK, "--set", "run.revolutions=1", "--json").json
+    assert report["shaft"] == "crank"
+    surge = [crossing for crossing in report["crossings"] if "spring valve" in crossing["words"]]
+    assert [crossing["harmonic"] for crossing in surge] == [12, 11]
+    for crossing in surge:
+        assert crossing["rpm"] == pytest.approx(120.0 * crossing["frequency"] / crossing["harmonic"], rel=1e-12)
+        assert crossing["frequency"] == pytest.approx(454.9, abs=0.5)
 
 
+<<<<<<< HEAD
 def test_a_speed_at_which_the_train_stands_unstable_leaves_the_others(monkeypatch):
     """No modes are known where the state at full lift is unstable: that speed says so, the others stay."""
     module = sys.modules["flexcam.analysis.natural_modes"]
+=======
+def test_unstable_equilibrium_at_one_speed_keeps_other_speeds(monkeypatch):
+    """An unstable equilibrium at full lift has no modes: only that speed has the status of the failure."""
+    module = sys.modules["flexcam.analysis.campbell"]
+>>>>>>> wt-cli
     real, calls = module.contact_modes, []
 
-    def reached(*given):
+    def fail_at_second_call(*given):
         calls.append(given)
         if len(calls) == 2:
             raise RunFailedError(NOT_POSITIVE)
         return real(*given)
 
-    monkeypatch.setattr(module, "contact_modes", reached)
+    monkeypatch.setattr(module, "contact_modes", fail_at_second_call)
     case = read_case(PUBLISHED, ["run.steps_per_revolution=360"])
     found = campbell(case, [200.0, 300.0, 400.0], orders=[1])
-    assert [one.ok for one in found.statuses] == [True, False, True]
+    assert [status.ok for status in found.statuses] == [True, False, True]
     assert found.statuses[1] is NOT_POSITIVE
     assert np.isnan(found.frequencies).tolist() == [[False] * 8, [True] * 8, [False] * 8]
 
 
-def test_a_speed_at_which_no_run_can_start_leaves_the_others(monkeypatch):
+def test_failed_start_at_one_speed_keeps_other_speeds(monkeypatch):
     module = sys.modules["flexcam.analysis.orders"]
     real, calls = module.prepare, []
 
-    def prepared(case):
+    def prepare_or_fail(case):
         calls.append(case)
         if len(calls) == 1:
             raise RunFailedError(NOT_POSITIVE)
         return real(case)
 
-    monkeypatch.setattr(module, "prepare", prepared)
+    monkeypatch.setattr(module, "prepare", prepare_or_fail)
     found = campbell(read_case(PUBLISHED, ["run.steps_per_revolution=360"]), [200.0, 300.0], orders=[1])
-    assert [one.ok for one in found.statuses] == [False, True]
+    assert [status.ok for status in found.statuses] == [False, True]
     assert np.isnan(found.frequencies).tolist() == [[True] * 8, [False] * 8]
     calls.clear()
     case = read_case(PUBLISHED, ["run.steps_per_revolution=360"])
@@ -112,17 +118,22 @@ def test_a_speed_at_which_no_run_can_start_leaves_the_others(monkeypatch):
     assert warning.startswith("Warning: no result at 1909.86 camshaft rpm")
 
 
+<<<<<<< HEAD
 def test_a_dash_is_a_missing_mode_and_a_failed_speed_says_so(monkeypatch, flexcam):
     module = sys.modules["flexcam.analysis.natural_modes"]
+=======
+def test_failed_speed_is_printed_as_failed_not_dash(monkeypatch, flexcam):
+    module = sys.modules["flexcam.analysis.campbell"]
+>>>>>>> wt-cli
     real, calls = module.contact_modes, []
 
-    def fails_first(*given):
+    def fail_at_first_call(*given):
         calls.append(given)
         if len(calls) == 1:
             raise RunFailedError(NOT_POSITIVE)
         return real(*given)
 
-    monkeypatch.setattr(module, "contact_modes", fails_first)
+    monkeypatch.setattr(module, "contact_modes", fail_at_first_call)
     done = flexcam("campbell", PUBLISHED, *RANGE, *QUICK)
     (first, *_), table = [line.split() for line in done.out.splitlines() if " failed " in line], done.out
     assert first[:2] == ["1", "failed"]
@@ -130,20 +141,20 @@ def test_a_dash_is_a_missing_mode_and_a_failed_speed_says_so(monkeypatch, flexca
 
 
 @pytest.mark.parametrize("command", [("campbell",), ("campbell", "--response")])
-def test_speeds_of_which_none_is_known_are_a_failure(command, flexcam):
-    """An explicit beta with steps far beyond its bound: every run leaves the range of numbers."""
-    bad = ("--set", "run.integrator={method='newmark',beta=0.001}", "--set", "run.revolutions=20", "--count", "2")
-    done = flexcam(*command, PUBLISHED, *QUICK, *bad, "--json")
+def test_failure_at_all_speeds_has_exit_code_3(command, flexcam):
+    """Explicit Newmark with steps far beyond its stability limit: every run diverges."""
+    unstable = ("--set", "run.integrator={method='newmark',beta=0.001}", "--set", "run.revolutions=20", "--count", "2")
+    done = flexcam(*command, PUBLISHED, *QUICK, *unstable, "--json")
     assert (done.code, done.json["status"]) == (3, "not-finite")
     assert "none of 2 speeds was completed" in done.err
 
 
-def test_orders_of_a_simple_harmonic_lift(flexcam, tmp_path):
-    """The rigid train follows the lift h/2 (1 - cos): order 1 alone, with i h/2 omega^2, i the rocker's ratio."""
+def test_simple_harmonic_lift_has_only_first_order(flexcam, tmp_path):
+    """The rigid train follows the lift h/2 (1 - cos): order 1 only, i h/2 omega^2 with the rocker ratio i."""
     csv, picture = tmp_path / "orders.csv", tmp_path / "orders.svg"
     rigid = ("--set", "fidelity.model=rigid")
-    told = (*RANGE, *QUICK, *rigid, "--probe", "valve", "--channel", "contacts.intake.force", "--csv", csv)
-    found = flexcam("campbell", "--response", PUBLISHED, *told, "--plot", picture, "--json").json
+    args = (*RANGE, *QUICK, *rigid, "--probe", "valve", "--channel", "contacts.intake.force", "--csv", csv)
+    found = flexcam("campbell", "--response", PUBLISHED, *args, "--plot", picture, "--json").json
     assert found["rpm"] == pytest.approx([1000.0, 3500.0, 6000.0])
     for rpm, row in zip(found["rpm"], found["histories"]["valve"]["amplitudes"], strict=True):
         omega = 2.0 * math.pi * rpm / 60.0
@@ -154,7 +165,7 @@ def test_orders_of_a_simple_harmonic_lift(flexcam, tmp_path):
     assert picture.read_text(encoding="utf-8").count("<path") > 5
 
 
-def test_orders_as_a_table(flexcam):
+def test_table_of_response_orders(flexcam):
     done = flexcam("campbell", "--response", ONE_MASS, "--count", "2", *QUICK, "--orders", "1:6")
     assert done.code == 0
     assert "contacts.train.force" in done.out
@@ -177,17 +188,17 @@ def test_orders_as_a_table(flexcam):
         ),
     ],
 )  # fmt: skip
-def test_refusals(flexcam, told):
+def test_campbell_refuses_invalid_options(flexcam, told):
     done = flexcam(told[0], PUBLISHED, *QUICK, *told[1:])
     assert done.code == 2
     assert "expected" in done.err
 
 
-def test_refuses_before_it_runs(flexcam, tmp_path):
-    there = tmp_path / "orders.csv"
-    there.write_text("mine", encoding="utf-8")
-    assert flexcam("campbell", "--response", PUBLISHED, *QUICK, "--csv", there).code == 2
-    assert there.read_text(encoding="utf-8") == "mine"
+def test_campbell_does_not_overwrite_csv(flexcam, tmp_path):
+    existing = tmp_path / "orders.csv"
+    existing.write_text("mine", encoding="utf-8")
+    assert flexcam("campbell", "--response", PUBLISHED, *QUICK, "--csv", existing).code == 2
+    assert existing.read_text(encoding="utf-8") == "mine"
 
 
 @pytest.mark.parametrize(
@@ -201,12 +212,12 @@ def test_refuses_before_it_runs(flexcam, tmp_path):
          ("orders: got 24 of a last revolution of 20 steps", "up to 9", "Use 49 steps per revolution")),
     ],
 )  # fmt: skip
-def test_too_few_steps_for_the_orders_are_named(flexcam, steps, said):
-    """Refused is the key that gives the steps, before any run where it tells their number."""
+def test_too_few_steps_for_orders_are_refused(flexcam, steps, said):
+    """The message names the key of the steps, before any run if the key determines their number."""
     orders = ("--orders", "1:60") if "0.001s" in steps[0] else ()
-    more = [one for step in steps for one in ("--set", step)]
-    told = ("--response", "--lowest", "500rpm", "--highest", "1000rpm", "--count", "2")
-    done = flexcam("campbell", PUBLISHED, *told, *more, *orders)
+    overrides = [word for step in steps for word in ("--set", step)]
+    args = ("--response", "--lowest", "500rpm", "--highest", "1000rpm", "--count", "2")
+    done = flexcam("campbell", PUBLISHED, *args, *overrides, *orders)
     assert done.code == 2
     for part in said:
         assert part in done.err
@@ -214,23 +225,23 @@ def test_too_few_steps_for_the_orders_are_named(flexcam, steps, said):
 
 
 @pytest.mark.parametrize("steps", [48, 49])
-def test_as_many_steps_as_the_orders_need(flexcam, steps):
-    told = ("--response", "--lowest", "500rpm", "--count", "2", "--set", f"run.steps_per_revolution={steps}")
-    assert flexcam("campbell", PUBLISHED, *told).code == (0 if steps == 49 else 2)
+def test_minimum_number_of_steps_for_orders(flexcam, steps):
+    args = ("--response", "--lowest", "500rpm", "--count", "2", "--set", f"run.steps_per_revolution={steps}")
+    assert flexcam("campbell", PUBLISHED, *args).code == (0 if steps == 49 else 2)
 
 
-def test_waves_in_a_spring_do_not_change_its_modes(flexcam):
-    """The coils that touch at full lift are those at rest, at every speed."""
+def test_spring_surge_does_not_change_modes_over_speed(flexcam):
+    """The coils in contact at full lift are those at rest, at every speed."""
     case = flexcam("new", "finger-follower", "--json").json["files"][0]
-    told = flexcam("campbell", case, "--lowest", "4000rpm", "--highest", "6000rpm", "--count", "3", "--json").json
-    surge = told["modes"][0]
+    report = flexcam("campbell", case, "--lowest", "4000rpm", "--highest", "6000rpm", "--count", "3", "--json").json
+    surge = report["modes"][0]
     assert surge["moves"].startswith("spring valve")
     assert surge["frequencies_hz"] == pytest.approx(3 * [605.8], rel=1e-3)
 
 
-def test_modes_of_a_shaft_within_its_backlash(flexcam):
-    """No coils at rest are known without an equilibrium: those of the run count."""
+def test_modes_of_shaft_with_open_backlash(flexcam):
+    """Without an equilibrium, the closed coils of the run are used."""
     case = flexcam("new", "gear-drive", "--json").json["files"][0]
-    told = flexcam("campbell", case, "--lowest", "2000rpm", "--highest", "3000rpm", "--count", "2", "--json").json
-    assert told["modes"]
-    assert told["ended"] == ["done", "done"]
+    report = flexcam("campbell", case, "--lowest", "2000rpm", "--highest", "3000rpm", "--count", "2", "--json").json
+    assert report["modes"]
+    assert report["ended"] == ["done", "done"]

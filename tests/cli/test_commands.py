@@ -1,4 +1,4 @@
-"""Every verb, in words and with --json: stable keys, results to standard output, messages to standard error."""
+"""Every command as text and with --json: stable keys, results on standard output, messages on standard error."""
 
 # ruff: noqa: E501 - tables, a row to a line
 
@@ -21,7 +21,7 @@ KEYS = {
 
 
 @pytest.mark.parametrize("verb", KEYS)
-def test_json_is_one_object_with_stable_keys(verb, flexcam, case):
+def test_json_has_stable_keys(verb, flexcam, case):
     done = flexcam(verb, "case.toml", "--json")
     assert done.code == 0
     assert KEYS[verb] <= set(done.json)
@@ -33,7 +33,7 @@ def test_json_is_one_object_with_stable_keys(verb, flexcam, case):
     [("check", ["degrees of freedom", "21", "3000 rpm"]), ("modes", ["67.11", "Hz"]), ("compare", ["valve", "3000 rpm", "published load"]),
      ("run", ["results/case.vtkhdf", "720 steps"])],
 )  # fmt: skip
-def test_words(verb, words, flexcam, case):
+def test_output_text_of_commands(verb, words, flexcam, case):
     done = flexcam(verb, "case.toml")
     assert done.code == 0
     assert not [word for word in words if word not in done.out], done.out
@@ -41,39 +41,39 @@ def test_words(verb, words, flexcam, case):
 
 
 @pytest.mark.parametrize(("model", "elements", "dof"), [(1, 4, 21), (2, 8, 25), (3, 10, 47)])
-def test_published_counts(model, elements, dof, flexcam, tayeb):
+def test_element_and_dof_counts_of_published_models(model, elements, dof, flexcam, tayeb):
     found = flexcam("check", tayeb(model), "--json").json
     assert (found["elements"], found["dof"]) == (elements, dof)
 
 
-def test_the_same_case_with_nodes_of_its_own(flexcam, case, tayeb):
+def test_inline_nodes_give_frequencies_of_mesh(flexcam, case, tayeb):
     """The inline case is published model 1: only the order of the unknowns may differ, hence rounding."""
-    own, mesh = (flexcam("modes", path, "--json").json["frequencies_hz"] for path in (case, tayeb(1)))
-    assert own == pytest.approx(mesh, rel=1e-6, abs=1e-3)
+    inline, mesh = (flexcam("modes", path, "--json").json["frequencies_hz"] for path in (case, tayeb(1)))
+    assert inline == pytest.approx(mesh, rel=1e-6, abs=1e-3)
 
 
 @pytest.mark.parametrize("verb", ["check", "modes", "run"])
-def test_the_case_is_named_first(verb, flexcam, case):
-    """By its title, or by its file where it has none."""
-    anew = ["--overwrite"] if verb == "run" else []
-    assert flexcam(verb, "case.toml", *anew).out.startswith("Nodes in the file")
-    assert flexcam(verb, "case.toml", "--set", "title=[odd] name", *anew).out.startswith("[odd] name")
-    assert flexcam(verb, "case.toml", "--set", 'title=""', *anew).out.startswith("case")
-    if not anew:
+def test_output_begins_with_case_title(verb, flexcam, case):
+    """The file name replaces a missing title."""
+    overwrite = ["--overwrite"] if verb == "run" else []
+    assert flexcam(verb, "case.toml", *overwrite).out.startswith("Nodes in the file")
+    assert flexcam(verb, "case.toml", "--set", "title=[odd] name", *overwrite).out.startswith("[odd] name")
+    assert flexcam(verb, "case.toml", "--set", 'title=""', *overwrite).out.startswith("case")
+    if not overwrite:
         assert flexcam(verb, "case.toml", "--json").json["title"] == "Nodes in the file"
 
 
 @pytest.mark.parametrize(
     "words", mostly_slow(["compare", "campbell --count 2 --response", "campbell --count 2", "modes"], 2)
 )
-def test_no_number_is_cut_in_a_narrow_terminal(words, flexcam, case, monkeypatch):
+def test_narrow_terminal_truncates_no_number(words, flexcam, case, monkeypatch):
     verb, *few = words.split()
     wide = flexcam(verb, case, *few, "--set", "run.steps_per_revolution=360").out
     monkeypatch.setenv("COLUMNS", "80")
     narrow = flexcam(verb, case, *few, "--set", "run.steps_per_revolution=360").out
     assert "…" not in narrow
     assert max(map(len, narrow.splitlines())) <= 80
-    numbers = [set(re.findall(r"-?\d+\.\d+\S*", told)) for told in (wide, narrow)]
+    numbers = [set(re.findall(r"-?\d+\.\d+\S*", output)) for output in (wide, narrow)]
     assert numbers[0] == numbers[1]
 
 
@@ -87,38 +87,38 @@ def test_no_number_is_cut_in_a_narrow_terminal(words, flexcam, case, monkeypatch
         (("chek",), 'Did you mean "check"?'),
     ],
 )
-def test_a_command_line_that_is_none(flexcam, case, words, told):
+def test_invalid_command_line_is_refused_with_hint(flexcam, case, words, told):
     refused = flexcam(*words)
     assert refused.code == 2
     assert told in refused.err
 
 
-def test_info_counts_the_unknowns_as_run_does(flexcam, tmp_path, tayeb):
-    """Supports and a camshaft's nodes without a beam take unknowns away: nodes times six would be more."""
-    ran = flexcam("run", tayeb(1), "--set", "run.revolutions=0.01", "-o", tmp_path).out
-    counted = next(line for line in ran.splitlines() if " unknowns" in line).partition(";")[0]
-    assert counted.split(" of ")[1] in flexcam("info", tmp_path / "model-1-shm.vtkhdf").out
+def test_info_and_run_print_same_number_of_unknowns(flexcam, tmp_path, tayeb):
+    """Supports and camshaft nodes without a beam have fewer unknowns: six per node would be more."""
+    output = flexcam("run", tayeb(1), "--set", "run.revolutions=0.01", "-o", tmp_path).out
+    summary = next(line for line in output.splitlines() if " unknowns" in line).partition(";")[0]
+    assert summary.split(" of ")[1] in flexcam("info", tmp_path / "model-1-shm.vtkhdf").out
 
 
-def test_run_writes_what_it_says(flexcam, case, tmp_path):
-    told = flexcam("run", "case.toml", "-o", "out", "--json").json
-    assert told["status"] == "done"
-    assert told["result"] == "out/case.vtkhdf"
-    assert (told["steps"], told["dof"]) == (720, 21)
-    result = read_result(tmp_path / told["result"])
+def test_run_json_describes_written_result(flexcam, case, tmp_path):
+    report = flexcam("run", "case.toml", "-o", "out", "--json").json
+    assert report["status"] == "done"
+    assert report["result"] == "out/case.vtkhdf"
+    assert (report["steps"], report["dof"]) == (720, 21)
+    result = read_result(tmp_path / report["result"])
     assert result.response.status.ok
     assert len(result.response.time) == 721
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["case.vtkhdf"]
 
 
-def test_modes(flexcam, case):
+def test_modes_prints_published_frequency(flexcam, case):
     found = flexcam("modes", "case.toml", "--count", "4", "--json").json
     assert len(found["frequencies_hz"]) == 4
     assert found["frequencies_hz"][1] == pytest.approx(67.114, rel=1e-4)  # the digits of the published value
 
 
-def test_compare_with_the_published_speed(flexcam, case):
-    """The digits of the published table, 3000 rpm, SHM; of published model 1, by a case that names no paper."""
+def test_compare_at_published_speed(flexcam, case):
+    """The digits of the published table at 3000 rpm, SHM, for published model 1."""
     finer = ("--set", "run.revolutions=2", "--set", "run.steps_per_revolution=3600")
     found = flexcam("compare", case, *finer, "--json").json
     assert found["peak_deviation"] == pytest.approx(1.238, rel=5e-4)
@@ -135,48 +135,48 @@ def test_compare_with_the_published_speed(flexcam, case):
         ["--set", "run.speed=1000 rpm", "--set", "run.speed=4000rpm"],
     ],
 )
-def test_a_value_laid_over(words, flexcam, case):
+def test_override_sets_speed_of_case(words, flexcam, case):
     found = flexcam("check", "case.toml", *words, "--json").json
     assert found["case"]["run"]["speed"] == pytest.approx(4000.0 * math.pi / 30.0, rel=1e-15)
     assert found["step_s"] == pytest.approx(60.0 / 4000.0 / 720.0, rel=1e-12)
 
 
-def test_a_value_laid_over_changes_the_result(flexcam, case):
+def test_override_changes_result(flexcam, case):
     slow, fast = (flexcam("compare", "case.toml", "--json", "--set", f"run.speed={n}rpm").json for n in (1000, 4000))
     assert (slow["speed_rpm"], fast["speed_rpm"]) == (pytest.approx(1000.0), pytest.approx(4000.0))
     assert fast["peak_deviation"] > 3.0 * slow["peak_deviation"]
 
 
-def test_crank_speed_is_twice_the_camshafts(flexcam, case):
+def test_crank_speed_is_twice_camshaft_speed(flexcam, case):
     case.write_text(case.read_text().replace('speed = "3000 rpm"', 'crank_speed = "6000 rpm"'))
     assert flexcam("compare", "case.toml", "--json").json["speed_rpm"] == pytest.approx(3000.0, rel=1e-12)
 
 
-def test_export(flexcam, case, tmp_path):
+def test_export_of_pvd_files(flexcam, case, tmp_path):
     flexcam("run", "case.toml", "-o", "out")
-    told = flexcam("export", "out/case.vtkhdf", "--format", "pvd", "--every", "6", "--json")
-    assert told.code == 0
-    assert told.json["files"][0] == "out/case.pvd"
-    assert len(told.json["files"]) == 8
-    assert all((tmp_path / name).is_file() for name in told.json["files"])
+    done = flexcam("export", "out/case.vtkhdf", "--format", "pvd", "--every", "6", "--json")
+    assert done.code == 0
+    assert done.json["files"][0] == "out/case.pvd"
+    assert len(done.json["files"]) == 8
+    assert all((tmp_path / name).is_file() for name in done.json["files"])
     assert "out/case.pvd" in flexcam("export", "out/case.vtkhdf", "--overwrite").out
 
 
-def test_export_a_mesh_and_use_it(flexcam, case, tmp_path):
-    told = flexcam("export", "case.toml", "--format", "msh", "-o", "mesh", "--json").json
-    assert told["files"] == ["mesh/case.msh"]
+def test_exported_mesh_can_be_read(flexcam, case, tmp_path):
+    report = flexcam("export", "case.toml", "--format", "msh", "-o", "mesh", "--json").json
+    assert report["files"] == ["mesh/case.msh"]
     assert set(read_mesh(tmp_path / "mesh/case.msh").lines) == {"camshaft", "pushrod"}
 
 
-def test_a_mesh_for_another_program_is_without_links(flexcam):
+def test_exported_mesh_lists_missing_rigid_links(flexcam):
     flexcam("new", "valve-bridge")
-    told = flexcam("export", "valve-bridge.toml", "--format", "inp")
-    assert told.code == 0
-    assert "lacks rigid_links.rocker, rigid_links.cup, rigid_links.bridge: connect" in " ".join(told.err.split())
+    done = flexcam("export", "valve-bridge.toml", "--format", "inp")
+    assert done.code == 0
+    assert "lacks rigid_links.rocker, rigid_links.cup, rigid_links.bridge: connect" in " ".join(done.err.split())
 
 
 @pytest.mark.parametrize("words", [["--help"], ["run", "--help"], ["--version"]])
-def test_help_and_version(words, flexcam):
+def test_help_and_version_print_to_stdout(words, flexcam):
     done = flexcam(*words)
     assert done.code == 0
     assert done.out.strip()
@@ -187,7 +187,7 @@ def test_help_shows_examples(flexcam):
     assert "flexcam run engine.toml" in flexcam("--help").out
 
 
-def test_units_and_titles_in_brackets(flexcam, tmp_path):
+def test_title_with_brackets_is_printed_literally(flexcam, tmp_path):
     case = tmp_path / "train.toml"
     assert flexcam("new", "lumped-train", "-o", case).code == 0
     text = case.read_text(encoding="utf-8").replace("Lumped valve train", "[red]A[/red] [m] [/x]", 1)

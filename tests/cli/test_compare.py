@@ -1,4 +1,4 @@
-"""The command compare: a train of masses, and models over speed."""
+"""The command compare: a lumped train, a case with its result, and models over speed."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ CASE = Path(__file__).resolve().parents[2] / "cases/pushrod-engine/intake.toml"
 QUICK = ("--set", "run.steps_per_revolution=360", "--set", "run.revolutions=1")
 
 
-def test_compare_takes_the_lift_of_a_train_of_masses(flexcam, tmp_path):
-    """A probe of six components is compared along the follower's direction, as by all other commands."""
+def test_compare_uses_lift_of_lumped_train(flexcam, tmp_path):
+    """A probe with six components is compared along the follower's direction, as in all other commands."""
     case = tmp_path / "train.toml"
     assert flexcam("new", "lumped-train", "-o", case).code == 0
     done = flexcam("compare", case, "--set", "run.steps_per_revolution=360")
@@ -25,37 +25,37 @@ def test_compare_takes_the_lift_of_a_train_of_masses(flexcam, tmp_path):
     assert "at valve.uy" in done.out
 
 
-def test_the_angle_of_the_peak_acceleration(flexcam):
-    """The largest acceleration of the valve is that of its seating, behind the lift."""
-    moved = run(read_case(CASE, QUICK[1::2]))
-    told = flexcam("compare", CASE, *QUICK).out
-    angle = float(re.search(r"at cam ([\d.]+) deg", " ".join(told.split()))[1])
-    largest = int(np.argmax(np.abs(moved["valve"].acceleration)))
-    assert angle == pytest.approx(math.degrees(moved.angle[largest]), abs=0.06)  # printed to 0.1 deg
+def test_peak_acceleration_occurs_at_seating(flexcam):
+    """The maximum acceleration of the valve occurs when it seats, after the lift."""
+    response = run(read_case(CASE, QUICK[1::2]))
+    output = flexcam("compare", CASE, *QUICK).out
+    angle = float(re.search(r"at cam ([\d.]+) deg", " ".join(output.split()))[1])
+    peak = int(np.argmax(np.abs(response["valve"].acceleration)))
+    assert angle == pytest.approx(math.degrees(response.angle[peak]), abs=0.06)  # printed to 0.1 deg
     assert angle > 250.0
 
 
 @pytest.mark.slow
-def test_models_over_speed_with_a_picture(flexcam, tmp_path):
+def test_compare_models_over_speed_with_plot(flexcam, tmp_path):
     picture = tmp_path / "forces.svg"
-    told = ("--lowest", "2000rpm", "--highest", "7000rpm", "--count", "2", "--plot", picture, *QUICK)
-    answer = flexcam("compare", CASE, *told, "--json").json
+    options = ("--lowest", "2000rpm", "--highest", "7000rpm", "--count", "2", "--plot", picture, *QUICK)
+    answer = flexcam("compare", CASE, *options, "--json").json
     assert answer["rpm"] == [2000.0, 7000.0]
     assert answer["bilateral_unilateral_part_rpm"] == 7000.0
     assert answer["forces_n"]["bilateral"][1][0] < 0.0
     assert picture.read_text(encoding="utf-8").count("<path") > 10
-    assert flexcam("compare", CASE, *told).code == 2  # the picture is there
-    told = " ".join(flexcam("compare", CASE, *told, "--overwrite").out.split())
-    assert "From 7000 crank rpm upward, the bilateral and unilateral forces differ by more than 5%." in told
+    assert flexcam("compare", CASE, *options).code == 2  # the picture exists
+    output = " ".join(flexcam("compare", CASE, *options, "--overwrite").out.split())
+    assert "From 7000 crank rpm upward, the bilateral and unilateral forces differ by more than 5%." in output
 
 
-def test_models_over_speed_refuse(flexcam):
-    for told in (("--count", "1"), ("--contact", "nosuch"), ("--highest", "100rpm")):
-        assert flexcam("compare", CASE, "--lowest", "2000rpm", *told).code == 2
+def test_compare_over_speed_refuses_invalid_options(flexcam):
+    for options in (("--count", "1"), ("--contact", "nosuch"), ("--highest", "100rpm")):
+        assert flexcam("compare", CASE, "--lowest", "2000rpm", *options).code == 2
 
 
-def test_a_case_and_its_result_have_names_of_their_own(flexcam, tmp_path):
-    """Both are called my: the suffix tells them apart, and a folder two results."""
+def test_compared_case_and_result_have_distinct_names(flexcam, tmp_path):
+    """Both have the name `my`: the suffix distinguishes case and result, the folder two results."""
     shutil.copy(Path(__file__).parents[1] / "data/inline.toml", tmp_path / "my.toml")
     few = ("--set", "run.revolutions=0.1", "--set", "run.steps_per_revolution=360")
     for folder in ("a", "b"):
@@ -66,20 +66,20 @@ def test_a_case_and_its_result_have_names_of_their_own(flexcam, tmp_path):
     assert names == ["a/my.vtkhdf", "b/my.vtkhdf"]
 
 
-def test_the_compared_part_of_runs_of_different_lengths_is_told(flexcam, tmp_path):
+def test_compare_reports_common_range_of_unequal_runs(flexcam, tmp_path):
     shutil.copy(Path(__file__).parents[1] / "data/inline.toml", tmp_path / "my.toml")
     for name, turns in (("short", 0.1), ("long", 0.2)):
         few = ("--set", f"run.revolutions={turns}", "--set", "run.steps_per_revolution=360")
         assert flexcam("run", "my.toml", *few, "-o", "out", "--name", name).code == 0
     short, long = "out/short.vtkhdf", "out/long.vtkhdf"
     for pair in ((short, long), (long, short)):
-        said = " ".join(flexcam("compare", pair[0], "--against", pair[1]).out.split())
-        assert "Compared: revolutions 0 to 0.1, which both runs have; long continues to 0.2" in said
+        output = " ".join(flexcam("compare", pair[0], "--against", pair[1]).out.split())
+        assert "Compared: revolutions 0 to 0.1, which both runs have; long continues to 0.2" in output
     assert "Compared:" not in flexcam("compare", long, "--against", long).out
 
 
-def test_lift_at_the_peak_acceleration():
-    """A cycloidal rise accelerates most at a quarter and three quarters of its angle: 1/4 - 1/(2 pi) of the lift."""
+def test_lift_at_peak_acceleration():
+    """A cycloidal rise has its peak acceleration at 1/4 and 3/4 of its angle: 1/4 - 1/(2 pi) of the lift."""
     response = run(read_case("cases/tayeb/model-1-cycloidal.toml"), rigid=True)
     lift = compare(response, response, "valve", 2500.0).peak_lift
     assert min(lift, 1.0 - lift) == pytest.approx(0.25 - 0.5 / math.pi, abs=2e-3)  # of a step

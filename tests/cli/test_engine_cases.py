@@ -1,4 +1,4 @@
-"""Every command on cases of engines: no traceback; a run that goes on from a result is the uninterrupted one."""
+"""Every command on engine cases: no traceback, and a run continued from a result equals the uninterrupted run."""
 
 # ruff: noqa: E501 - tables, a row to a line
 
@@ -29,7 +29,7 @@ OIL = (
     'lash = { at = "rocker", model = "lash-adjuster", stiffness = "15 MN/m", leak = "100 kN s/m", '
     'refill = "200 N s/m", plunger_force = "20 N" }'
 )
-WAYS = {
+ENGINE_VARIANTS = {
     "adjuster": [(LASH, OIL)],
     "lever": [(LUMPED, LEVER)],
     "lever and adjuster": [(LUMPED, LEVER), (LASH, OIL)],
@@ -44,7 +44,7 @@ WAYS = {
 
 @pytest.fixture
 def engine(tmp_path):
-    """Return the pushrod engine with parts replaced, as NAME.toml where the commands run."""
+    """Return a function that writes the pushrod engine with replaced parts as NAME.toml to the working folder."""
 
     def write(name, *changes):
         text = PUSHROD.read_text(encoding="utf-8")
@@ -65,96 +65,96 @@ OPENING = (
     "--set",
     "cams.intake.phase=-20deg",
 )
-"""A few steps on the opening flank, so that something moves."""
+"""A few steps on the opening flank, where the train moves."""
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("way", WAYS)
-def test_a_restart_is_the_uninterrupted_run(way, engine, flexcam, tmp_path):
-    """Half and half of 0.25 revolutions, through the opening flank; a step is a step wherever it begins."""
-    about = ("--set", "run.steps_per_revolution=720", "--set", "cams.intake.phase=0", "--set", "output.field_every=6")
-    engine("whole", *WAYS[way])
-    engine("first", *WAYS[way])
-    engine("second", *WAYS[way])
+@pytest.mark.parametrize("way", ENGINE_VARIANTS)
+def test_restarted_run_equals_uninterrupted_run(way, engine, flexcam, tmp_path):
+    """Two halves of 0.1 revolutions on the opening flank; a step does not depend on the start of its run."""
+    options = ("--set", "run.steps_per_revolution=720", "--set", "cams.intake.phase=0", "--set", "output.field_every=6")
+    engine("whole", *ENGINE_VARIANTS[way])
+    engine("first", *ENGINE_VARIANTS[way])
+    engine("second", *ENGINE_VARIANTS[way])
     second = (tmp_path / "second.toml").read_text(encoding="utf-8")
     (tmp_path / "second.toml").write_text(
         second.replace('start = "equilibrium"', 'start = { result = "out/first.vtkhdf" }'), encoding="utf-8"
     )
     for name, part in (("whole", 0.1), ("first", 0.05), ("second", 0.05)):
-        done = flexcam("run", f"{name}.toml", "-o", "out", *about, "--set", f"run.revolutions={part}")
+        done = flexcam("run", f"{name}.toml", "-o", "out", *options, "--set", f"run.revolutions={part}")
         assert done.code == 0, done.err
-    whole, second = (read_result(tmp_path / f"out/{name}.vtkhdf").response for name in ("whole", "second"))
-    assert second.time == pytest.approx(whole.time[36:], rel=1e-12)
-    assert second.angle == pytest.approx(whole.angle[36:], rel=1e-9)
-    pairs = {name: (whole[name].displacement, second[name].displacement) for name in ("valve", "tappet")}
-    pairs |= {name: (values, second.channels[name]) for name, values in whole.channels.items()}
-    for name, (one, other) in pairs.items():
+    uninterrupted, second = (read_result(tmp_path / f"out/{name}.vtkhdf").response for name in ("whole", "second"))
+    assert second.time == pytest.approx(uninterrupted.time[36:], rel=1e-12)
+    assert second.angle == pytest.approx(uninterrupted.angle[36:], rel=1e-9)
+    pairs = {name: (uninterrupted[name].displacement, second[name].displacement) for name in ("valve", "tappet")}
+    pairs |= {name: (values, second.channels[name]) for name, values in uninterrupted.channels.items()}
+    for name, (expected, continued) in pairs.items():
         if not name.startswith("energy."):  # counted from the beginning of a run
-            most = 1e-9 * np.abs(one).max()
-            np.testing.assert_allclose(other, one[36:], rtol=0.0, atol=most, err_msg=name)
+            tolerance = 1e-9 * np.abs(expected).max()
+            np.testing.assert_allclose(continued, expected[36:], rtol=0.0, atol=tolerance, err_msg=name)
 
 
 @pytest.mark.parametrize(
     "way", mostly_slow(["lever without play", "free running"], 2)
 )  # the other parts are in every-engine.toml
-def test_check_modes_and_compare(way, engine, flexcam):
-    case = engine("case", *WAYS[way])
-    about = (*OPENING, "--json")
+def test_check_modes_and_compare_on_engine_variants(way, engine, flexcam):
+    case = engine("case", *ENGINE_VARIANTS[way])
+    options = (*OPENING, "--json")
     for verb in ("check", "modes", "compare"):
-        done = flexcam(verb, case, *about)
+        done = flexcam(verb, case, *options)
         assert done.code == 0, f"{verb}: {done.err}"
         assert "NaN" not in done.out, verb
         assert done.json["status"]
 
 
 @pytest.mark.slow
-def test_every_command_on_every_engine_part(flexcam, tmp_path):
-    about = (*OPENING, "--set", "run.revolutions=0.02")
+def test_commands_on_case_with_every_engine_part(flexcam, tmp_path):
+    options = (*OPENING, "--set", "run.revolutions=0.02")
     for verb in ("check", "modes", "compare"):
-        done = flexcam(verb, ENGINE, *about)
+        done = flexcam(verb, ENGINE, *options)
         assert done.code == 0, f"{verb}: {done.err}"
         assert " nan" not in done.out, verb
-    assert flexcam("run", ENGINE, "-o", "out", *about).code == 0
+    assert flexcam("run", ENGINE, "-o", "out", *options).code == 0
     assert read_result(tmp_path / "out/every-engine.vtkhdf").response.status.ok
-    told = flexcam("export", "out/every-engine.vtkhdf", "--format", "pvd", "--json")
-    assert told.code == 0
-    assert all((tmp_path / name).is_file() for name in told.json["files"])
+    exported = flexcam("export", "out/every-engine.vtkhdf", "--format", "pvd", "--json")
+    assert exported.code == 0
+    assert all((tmp_path / name).is_file() for name in exported.json["files"])
 
 
-def test_rigid_against_flexible_with_a_finger(flexcam):
+def test_compare_with_finger_follower(flexcam):
     done = flexcam("compare", ENGINE, *OPENING, "--set", "cams.exhaust.phase=-20deg", "--set", "run.revolutions=0.02", "--set", 'output.probes=["exhaust"]', "--json")  # fmt: skip
     assert done.code == 0
     assert "NaN" not in done.out
 
 
 @pytest.mark.slow
-def test_a_result_without_the_adjuster_is_no_start(engine, flexcam, tmp_path):
-    about = ("--set", "run.revolutions=0.01", "--set", "run.steps_per_revolution=360")
+def test_result_without_adjuster_state_is_refused_as_start(engine, flexcam, tmp_path):
+    options = ("--set", "run.revolutions=0.01", "--set", "run.steps_per_revolution=360")
     engine("first")
     engine("case", (LASH, OIL), ('start = "equilibrium"', 'start = { result = "out/first.vtkhdf" }'))
-    assert flexcam("run", "first.toml", "-o", "out", *about).code == 0
-    done = flexcam("run", "case.toml", "-o", "out", *about)
+    assert flexcam("run", "first.toml", "-o", "out", *options).code == 0
+    done = flexcam("run", "case.toml", "-o", "out", *options)
     assert done.code == 2
     assert "internal states" in done.err
 
 
-def test_a_lever_goes_on_from_no_lumped_rocker(engine, flexcam, tmp_path):
-    about = ("--set", "run.revolutions=0.01", "--set", "run.steps_per_revolution=360")
+def test_result_of_lumped_rocker_is_refused_for_lever(engine, flexcam, tmp_path):
+    options = ("--set", "run.revolutions=0.01", "--set", "run.steps_per_revolution=360")
     engine("first")
     engine("case", (LUMPED, LEVER), ('start = "equilibrium"', 'start = { result = "out/first.vtkhdf" }'))
-    assert flexcam("run", "first.toml", "-o", "out", *about).code == 0
-    done = flexcam("run", "case.toml", "-o", "out", *about)
+    assert flexcam("run", "first.toml", "-o", "out", *options).code == 0
+    done = flexcam("run", "case.toml", "-o", "out", *options)
     assert done.code == 2
     assert "rockers.rocker" in done.err
 
 
-def test_a_path_of_a_lever_is_a_length(engine, flexcam):
+def test_initial_displacement_of_lever_is_length(engine, flexcam):
     case = engine("case", (LUMPED, LEVER), ('start = "equilibrium"', 'start = { displacement = { "rockers.rocker" = "1 um" } }'))  # fmt: skip
     done = flexcam("check", case)
     assert done.code == 0, done.err
 
 
-def test_restitution_at_a_massless_point_is_found_by_check(engine, flexcam):
+def test_check_refuses_restitution_at_massless_node(engine, flexcam):
     case = engine(
         "case", ('valve = { at = "valve", mass = "0.09 kg" }\n', ""), ('mass = "60 g"\n', ""),
         ('damping = "1 kN s/m" }', 'restitution = 0.3 }'),
@@ -164,7 +164,7 @@ def test_restitution_at_a_massless_point_is_found_by_check(engine, flexcam):
     assert "contacts.seat" in done.err
 
 
-def test_a_lever_out_of_reach_in_compare(engine, flexcam):
+def test_compare_refuses_lever_arms_too_short_for_lift(engine, flexcam):
     case = engine("case", (LUMPED, LEVER.replace('"25 mm", "40 mm"', '"2.5 mm", "4 mm"')))
     done = flexcam("compare", case, "--set", "run.revolutions=0.5", "--set", "run.steps_per_revolution=360", "--json")
     assert done.code == 2
@@ -173,6 +173,6 @@ def test_a_lever_out_of_reach_in_compare(engine, flexcam):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("words", [["cam"], ["synthesize", "polydyne", "--speed", "3000rpm", "-o", "lift.toml"]])
-def test_cams_of_a_finger_follower(words, flexcam):
+def test_cam_commands_with_finger_follower(words, flexcam):
     done = flexcam(*words, ENGINE, *(["--cam", "exhaust"] if len(words) > 1 else []))
     assert done.code == 0, done.err

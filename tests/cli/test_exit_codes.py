@@ -24,13 +24,13 @@ DIVERGING = (
     "--set",
     "run.revolutions=20",
 )
-"""Newmark with beta near 0 is stable up to omega dt = 2 only; 46 us and 4 kHz are beyond that."""
+"""Newmark with beta near 0 is stable up to omega dt = 2 only; 46 us and 4 kHz exceed this limit."""
 
 STOPS = [(signal.SIGTERM, 143), (signal.SIGHUP, 143)]
 
 
-def test_a_stopped_run_keeps_what_it_has(stopped, case):
-    ended, partial = stopped(signal.SIGINT)
+def test_interrupted_run_keeps_partial_result(stop_run, case):
+    ended, partial = stop_run(signal.SIGINT)
     assert ended.code == 130
     assert "interrupted" in ended.err
     assert not (partial.parent / "case.vtkhdf").exists()
@@ -44,15 +44,15 @@ def test_a_stopped_run_keeps_what_it_has(stopped, case):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("number", "code"), STOPS)
-def test_a_stopped_run_in_json(number, code, stopped, case):
-    ended, partial = stopped(number, "--json")
+def test_terminated_run_reports_status_as_json(number, code, stop_run, case):
+    ended, partial = stop_run(number, "--json")
     assert ended.code == code
     assert ended.json["status"] == "interrupted"
     assert partial.name in ended.json["result"]
     assert ended.json["steps"] > 100
 
 
-SWALLOWED = """
+SIGNAL_IN_DESTRUCTOR = """
 import os, signal, sys
 from flexcam.cli import main
 from flexcam.io import ResultFile
@@ -73,20 +73,20 @@ main.main(["run", "case.toml", "--set", "run.revolutions=200"])
 """
 
 
-def test_a_signal_is_heard_wherever_it_falls(case, tmp_path):
-    """Python drops what a handler raises in a destructor or a weak reference's callback, and h5py has many of those.
+def test_signal_during_destructor_stops_run(case, tmp_path):
+    """Python drops an exception of a signal handler in a destructor or a weak reference's callback; h5py has many.
 
-    Seen in one stop of seven before the signal was looked at between blocks.
+    One of seven stops failed before the run checked for signals between blocks.
     """
-    command = [sys.executable, "-c", SWALLOWED, str(int(signal.SIGTERM))]
+    command = [sys.executable, "-c", SIGNAL_IN_DESTRUCTOR, str(int(signal.SIGTERM))]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60)
     assert done.returncode == 143
     assert "Traceback" not in done.stderr
     assert (tmp_path / "results/case.partial.vtkhdf").is_file()
 
 
-def test_a_diverging_run_fails_and_is_kept(flexcam, case, tmp_path):
-    """What has grown beyond all measure is shown in few digits, and the partial result can be exported."""
+def test_diverging_run_keeps_partial_result(flexcam, case, tmp_path):
+    """Very large numbers are printed with few digits, and the partial result can be exported."""
     done = flexcam("run", "case.toml", "-o", "out", *DIVERGING)
     assert done.code == 3
     for word in ("not-finite", "t = ", "cam angle", "smaller step"):
@@ -101,20 +101,20 @@ def test_a_diverging_run_fails_and_is_kept(flexcam, case, tmp_path):
 
 
 @pytest.mark.parametrize("verb", ["run", "compare"])
-def test_a_diverging_run_in_json(verb, flexcam, case):
+def test_diverging_run_reports_status_as_json(verb, flexcam, case):
     done = flexcam(verb, "case.toml", *DIVERGING, "--json")
     assert done.code == 3
     assert done.json["status"] == "not-finite"
     assert done.err.count("\n") <= 1
 
 
-def in_process(monkeypatch, capsys, words, fault):
-    """Run the command here, with its preparation raising."""
+def run_with_fault(monkeypatch, capsys, words, fault):
+    """Run the command in this process with a fault raised during its preparation."""
 
-    def broken(*_, **__):
+    def raise_fault(*_, **__):
         raise fault
 
-    monkeypatch.setattr("flexcam.cli.case_files.prepare_without_periodic_search", broken)
+    monkeypatch.setattr("flexcam.cli.case_files.prepare_without_periodic_search", raise_fault)
     monkeypatch.setattr(signal, "signal", lambda *_: None)
     with pytest.raises(SystemExit) as end:
         main.main(words)
@@ -122,9 +122,9 @@ def in_process(monkeypatch, capsys, words, fault):
 
 
 @pytest.mark.parametrize("as_json", [False, True])
-def test_a_run_that_cannot_start(as_json, monkeypatch, capsys, case):
+def test_singular_model_has_exit_code_3(as_json, monkeypatch, capsys, case):
     fault = RunFailedError(Status(Cause.SINGULAR, "nothing holds cam.ux", "support it"))
-    code, out, err = in_process(monkeypatch, capsys, ["check", str(case), *["--json"] * as_json], fault)
+    code, out, err = run_with_fault(monkeypatch, capsys, ["check", str(case), *["--json"] * as_json], fault)
     assert code == 3
     assert "nothing holds cam.ux" in err
     assert "support it" in err
@@ -133,59 +133,63 @@ def test_a_run_that_cannot_start(as_json, monkeypatch, capsys, case):
 
 
 @pytest.fixture
-def crashes(tmp_path, monkeypatch):
-    """Give crash files a folder of their own."""
+def crash_folder(tmp_path, monkeypatch):
+    """Provide a separate folder for crash files."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     return tmp_path
 
 
-def test_a_fault_of_flexcam_itself(monkeypatch, capsys, case, crashes):
-    code, out, err = in_process(monkeypatch, capsys, ["check", str(case)], ZeroDivisionError("of our own"))
+def test_internal_error_writes_crash_file(monkeypatch, capsys, case, crash_folder):
+    code, out, err = run_with_fault(monkeypatch, capsys, ["check", str(case)], ZeroDivisionError("of our own"))
     assert code == 70
     assert out == ""
     assert "Traceback" not in err
     assert "report" in err
-    (file,) = crashes.glob("flexcam-crash-*")
+    (file,) = crash_folder.glob("flexcam-crash-*")
     assert str(file) in err
     assert "ZeroDivisionError: of our own" in file.read_text()
     assert str(case) in file.read_text()
 
 
-def test_a_fault_of_flexcam_itself_in_json(monkeypatch, capsys, case, crashes):
-    code, out, err = in_process(monkeypatch, capsys, ["check", str(case), "--json"], ZeroDivisionError("of our own"))
+def test_internal_error_prints_json(monkeypatch, capsys, case, crash_folder):
+    code, out, err = run_with_fault(
+        monkeypatch, capsys, ["check", str(case), "--json"], ZeroDivisionError("of our own")
+    )
     assert code == 70
     assert json.loads(out)["status"], "one JSON object, also for errors"
     assert "Traceback" not in err + out
 
 
-def test_exhausted_memory_is_no_fault_of_flexcam(monkeypatch, capsys, case, crashes):
-    code, _, err = in_process(monkeypatch, capsys, ["check", str(case)], MemoryError())
+def test_exhausted_memory_is_no_internal_error(monkeypatch, capsys, case, crash_folder):
+    code, _, err = run_with_fault(monkeypatch, capsys, ["check", str(case)], MemoryError())
     assert code == 3
     assert "memory is exhausted" in err
-    assert not list(crashes.glob("flexcam-crash-*"))
+    assert not list(crash_folder.glob("flexcam-crash-*"))
 
 
 @pytest.mark.parametrize("as_json", [False, True])
-def test_interrupted_before_the_run(as_json, monkeypatch, capsys, case):
-    code, out, err = in_process(monkeypatch, capsys, ["check", str(case), *["--json"] * as_json], KeyboardInterrupt())
+def test_interrupt_before_run_has_exit_code_130(as_json, monkeypatch, capsys, case):
+    code, out, err = run_with_fault(
+        monkeypatch, capsys, ["check", str(case), *["--json"] * as_json], KeyboardInterrupt()
+    )
     assert code == 130
     assert "interrupted" in err
     assert not as_json or json.loads(out)["status"] == "interrupted"
 
 
 @pytest.mark.parametrize("words", ["check {} --json", pytest.param("--help", marks=pytest.mark.slow)])
-def test_a_reader_that_goes_away(words, case, crashes):
-    """``flexcam check CASE | head -1`` is no fault of flexcam."""
+def test_closed_output_pipe_is_no_error(words, case, crash_folder):
+    """``flexcam check CASE | head -1`` is not an error."""
     command = f"{sys.executable} -m flexcam {words.format(case)} | true; exit ${{PIPESTATUS[0]}}"
-    environment = {"PATH": "/usr/bin:/bin", "TMPDIR": str(crashes)}
+    environment = {"PATH": "/usr/bin:/bin", "TMPDIR": str(crash_folder)}
     done = subprocess.run(["/bin/bash", "-c", command], capture_output=True, text=True, timeout=60, env=environment)
     assert done.returncode == 0
     assert "Traceback" not in done.stderr
     assert "BrokenPipe" not in done.stderr
-    assert not list(Path(crashes).glob("flexcam-crash-*"))
+    assert not list(Path(crash_folder).glob("flexcam-crash-*"))
 
 
-def test_a_full_disk_is_no_fault_of_flexcam(case, flexcam, monkeypatch):
+def test_full_disk_is_no_internal_error(case, flexcam, monkeypatch):
     def write(self, block):
         raise OSError(28, "No space left on device")
 

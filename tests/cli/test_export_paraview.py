@@ -1,4 +1,4 @@
-"""`flexcam export --paraview`: the collection with its macro, both or none."""
+"""`flexcam export --paraview` writes the collection and its macro, or neither of them."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ import pytest
 
 
 @pytest.fixture
-def run(flexcam, case):
+def result_path(flexcam, case):
     assert flexcam("run", case, "-o", ".", "--set", "run.revolutions=0.1").code == 0
     return Path("case.vtkhdf")
 
 
-def test_collection_and_macro(flexcam, run):
-    made = flexcam("export", run, "--paraview", "--every", "4", "--json").json
-    assert made["files"][:2] == ["case.pvd", "case.paraview.py"]
-    assert all(Path(one).is_file() for one in made["files"])
-    assert flexcam("export", run, "--paraview").code == 2
-    ended = flexcam("export", run, "--paraview", "--overwrite")
-    assert ended.code == 0
-    assert "paraview --script=case.paraview.py" in ended.out
+def test_paraview_export_writes_collection_and_macro(flexcam, result_path):
+    report = flexcam("export", result_path, "--paraview", "--every", "4", "--json").json
+    assert report["files"][:2] == ["case.pvd", "case.paraview.py"]
+    assert all(Path(file).is_file() for file in report["files"])
+    assert flexcam("export", result_path, "--paraview").code == 2
+    done = flexcam("export", result_path, "--paraview", "--overwrite")
+    assert done.code == 0
+    assert "paraview --script=case.paraview.py" in done.out
 
 
-def test_where_the_macro_may_not_be_the_collection_is_not_written(flexcam, run):
+def test_existing_macro_prevents_export_of_collection(flexcam, result_path):
     Path("case.paraview.py").write_text("mine")
-    assert flexcam("export", run, "--paraview").code == 2
+    assert flexcam("export", result_path, "--paraview").code == 2
     assert not Path("case.pvd").exists()
     assert Path("case.paraview.py").read_text() == "mine"
 
@@ -38,8 +38,8 @@ def test_where_the_macro_may_not_be_the_collection_is_not_written(flexcam, run):
         (("--field", "displacement", "--field", "no"), "--field: got 'no'"),
     ],
 )
-def test_what_does_not_fit_is_refused(words, told, flexcam, run):
-    refused = flexcam("export", run, "--paraview", *words)
+def test_unsuitable_paraview_options_are_refused(words, told, flexcam, result_path):
+    refused = flexcam("export", result_path, "--paraview", *words)
     assert refused.code == 2
     assert told in refused.err
     assert not Path("case.pvd").exists()
@@ -53,7 +53,7 @@ def test_what_does_not_fit_is_refused(words, told, flexcam, run):
         (("--format", "csv", "--instants", "1"), "from 2 to"),
     ],
 )  # fmt: skip
-def test_an_option_of_another_format_is_not_passed_over(words, told, flexcam, run):
-    refused = flexcam("export", run, *words)
+def test_options_of_other_format_are_refused(words, told, flexcam, result_path):
+    refused = flexcam("export", result_path, *words)
     assert refused.code == 2
     assert told in refused.err

@@ -1,4 +1,4 @@
-"""`flexcam export` of solids: STL, VTM and GLB of results and cases, and options that do not fit."""
+"""`flexcam export` of solids: STL, VTM and GLB files of results and cases, and unsuitable options."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.slow
-def test_the_command_writes_solids_of_a_case_and_a_result(flexcam, intake):
-    made = flexcam("export", intake, "--format", "stl", "--at", "90deg", "-o", ".", "--json").json["files"]
-    assert "intake-solids/lobe-intake.stl" in made
-    assert all(Path(one).is_file() for one in made)
+def test_export_solids_of_case_and_result(flexcam, intake):
+    files = flexcam("export", intake, "--format", "stl", "--at", "90deg", "-o", ".", "--json").json["files"]
+    assert "intake-solids/lobe-intake.stl" in files
+    assert all(Path(file).is_file() for file in files)
     assert flexcam("export", intake, "--format", "stl", "-o", ".").code == 2
     words = ("export", intake, "--format", "vtm", "--instants", "4", "--field", "stress_von_mises", "-o", ".")
-    made = flexcam(*words, "--json").json["files"]
-    assert made[0] == "intake-solids.pvd"
+    files = flexcam(*words, "--json").json["files"]
+    assert files[0] == "intake-solids.pvd"
     rod = pyvista.read("intake-solids/member-pushrod_000002.vtp")
     assert rod["stress von mises, MPa"].max() > 1.0
     assert flexcam("export", intake, "--format", "glb", "--instants", "4", "-o", ".").out == "intake.glb\n"
     case = ROOT / "cases/direct-acting/finger.toml"
-    for form, file in (("stl", "finger-solids/valve.stl"), ("glb", "finger.glb")):
-        ended = flexcam("export", case, "--format", form, "-o", ".")
+    for extension, name in (("stl", "finger-solids/valve.stl"), ("glb", "finger.glb")):
+        ended = flexcam("export", case, "--format", extension, "-o", ".")
         assert ended.code == 0, ended.err
-        assert Path(file).is_file()
-        assert "Use --overwrite" in flexcam("export", case, "--format", form, "-o", ".").err
+        assert Path(name).is_file()
+        assert "Use --overwrite" in flexcam("export", case, "--format", extension, "-o", ".").err
 
 
 REFUSED = {
@@ -44,7 +44,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("words", REFUSED, ids=" ".join)
-def test_what_does_not_fit_is_refused(words, flexcam, tmp_path):
+def test_unsuitable_options_are_refused(words, flexcam, tmp_path):
     refused = flexcam("export", ROOT / "cases/direct-acting/finger.toml", *words, "-o", tmp_path / "out")
     assert refused.code == 2
     assert REFUSED[words] in refused.err

@@ -1,4 +1,4 @@
-"""Command fit: a case fitted to an export of a run with other values, its files, and refused measurements."""
+"""Command fit: a case fitted to the exported result of a run with other values, its files, and refused measurements."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ VARIED = ("--vary", "springs.one.stiffness=30:60kN/m", "--vary", "springs.one.da
 
 @pytest.fixture
 def files(tmp_path, flexcam):
-    """Write a case and the export of a run with other values; return both paths."""
+    """Write a case and the exported result of a run with other values; return both paths."""
     case, export = tmp_path / "case.toml", tmp_path / "out/case.csv"
     case.write_text(CASE, encoding="utf-8")
-    laid = ("--set", "springs.one.stiffness=44kN/m", "--set", "springs.one.damping=7N s/m")
-    assert flexcam("run", case, "-o", "out", *laid).code == 0
+    overrides = ("--set", "springs.one.stiffness=44kN/m", "--set", "springs.one.damping=7N s/m")
+    assert flexcam("run", case, "-o", "out", *overrides).code == 0
     assert flexcam("export", "out/case.vtkhdf", "--format", "csv").code == 0
     return case, export
 
 
-def test_fit_to_an_export(flexcam, files, tmp_path):
-    """The export has no noise, so that the fit finds the values of its run; the fitted case has them."""
+def test_fit_recovers_values_of_exported_run(flexcam, files, tmp_path):
+    """The exported result has no noise, so the fit finds the values of its run; the fitted case contains them."""
     case, export = files
     column = ("--column", "mass.uy velocity")
-    told = ("fit", case, "--to", export, *VARIED, *column)
-    done = flexcam(*told, "-o", "best.toml", "--csv", "f.csv", "--plot", "f.svg", "--json")
+    args = ("fit", case, "--to", export, *VARIED, *column)
+    done = flexcam(*args, "-o", "best.toml", "--csv", "f.csv", "--plot", "f.svg", "--json")
     assert done.code == 0
-    found = {one["key"]: one["value"] for one in done.json["values"]}
+    found = {value["key"]: value["value"] for value in done.json["values"]}
     assert found == pytest.approx({"springs.one.stiffness": 44.0, "springs.one.damping": 7.0}, rel=1e-4)
     (curve,) = done.json["curves"]
     assert curve["rms_after"] < 1e-3 * curve["rms_before"]
@@ -51,45 +51,47 @@ def test_fit_to_an_export(flexcam, files, tmp_path):
     assert (best.stiffness, best.damping) == pytest.approx((44e3, 7.0), rel=1e-4)
     assert (tmp_path / "f.csv").read_text(encoding="utf-8").startswith("time [s],")
     assert "measured" in (tmp_path / "f.svg").read_text(encoding="utf-8")
-    shown = flexcam(*told).out
+    shown = flexcam(*args).out
     assert "springs.one.stiffness, kN/m" in shown
     assert "±" in shown
 
 
 @pytest.mark.slow
-def test_warnings_of_a_fit(flexcam, files):
-    """Mass, stiffness, damping and force act only together on a position; an interval ends before the true value."""
+def test_fit_warns_of_undetermined_values(flexcam, files):
+    """Mass, stiffness, damping and force affect a position only together; one interval excludes the true value."""
     case, export = files
-    told = ("fit", case, "--to", export, "--column", "mass.uy displacement")
+    args = ("fit", case, "--to", export, "--column", "mass.uy displacement")
     keys = {"springs.one.stiffness": "20:80kN/m", "springs.one.damping": "1:20N s/m", "masses.mass.mass": "50:200g",
             "loads.push.force": "-300:-50N"}  # fmt: skip
-    shown = flexcam(*told, *(word for key, ends in keys.items() for word in ("--vary", f"{key}={ends}"))).out
+    shown = flexcam(*args, *(word for key, ends in keys.items() for word in ("--vary", f"{key}={ends}"))).out
     assert f"The curves do not determine {' and '.join(keys)}: fix some of them" in " ".join(shown.split())
-    shown = flexcam(*told, "--vary", "springs.one.damping=1:5.5 N s/m").out
+    shown = flexcam(*args, "--vary", "springs.one.damping=1:5.5 N s/m").out
     assert "springs.one.damping is at an end of its interval" in shown
     assert "Successive residuals of mass.uy displacement are correlated" in shown
 
 
-def test_an_interval_wider_than_the_range(flexcam, tmp_path):
-    """Four points with a scatter of their size allow any damping between the ends."""
+def test_fit_reports_interval_wider_than_range(flexcam, tmp_path):
+    """Four points with scatter of their own magnitude permit any damping within the range."""
     (tmp_path / "case.toml").write_text(CASE, encoding="utf-8")
     (tmp_path / "m.csv").write_text("time [s],mass.uy [mm]\n0,3\n0.005,-9\n0.01,4\n0.02,-3\n", encoding="utf-8")
     varied = ("--vary", "springs.one.damping=3:20 N s/m")
     shown = " ".join(flexcam("fit", "case.toml", "--to", "m.csv", *varied).out.split())
-    said = "springs.one.damping: its 95 % interval is wider than its range, 3 to 20 N s/m; fix it, or fit more curves"
-    assert f"The curves hardly determine {said}" in shown
+    expected = (
+        "springs.one.damping: its 95 % interval is wider than its range, 3 to 20 N s/m; fix it, or fit more curves"
+    )
+    assert f"The curves hardly determine {expected}" in shown
 
 
-def test_angles_times_and_units(flexcam, files, tmp_path):
-    """The same curve over crank angle in mm of the last revolution, and over time in m, gives the same values."""
+def test_fit_over_angle_or_time_in_other_units(flexcam, files, tmp_path):
+    """A curve over crank angle in mm of the last revolution, or over time in m, gives the same values."""
     case, export = files
     head, *rows = export.read_text(encoding="utf-8").splitlines()
     names = head.split(",")
     time, angle, place = (names.index(name) for name in ("time [s]", "cam angle [deg]", "mass.uy displacement [m]"))
     cells = [[float(cell) for cell in row.split(",")] for row in rows]
-    crank = [f"{2.0 * c[angle]!r},{1e3 * c[place]!r}" for c in cells if c[angle] >= 360.0]
+    crank = [f"{2.0 * cell_row[angle]!r},{1e3 * cell_row[place]!r}" for cell_row in cells if cell_row[angle] >= 360.0]
     (tmp_path / "crank.csv").write_text("\n".join(["crank angle [deg],mass.uy [mm]", *crank]), encoding="utf-8")
-    seconds = [f"{c[time]!r},{c[place]!r}" for c in cells]
+    seconds = [f"{cell_row[time]!r},{cell_row[place]!r}" for cell_row in cells]
     (tmp_path / "time.csv").write_text("\n".join(["# bench", "time [s],mass.uy displacement [m]", *seconds]))
     for name in ("crank.csv", "time.csv"):
         found = flexcam("fit", case, "--to", name, *VARIED, "--json").json
@@ -109,7 +111,7 @@ def test_angles_times_and_units(flexcam, files, tmp_path):
     ("time [s],mass.uy [m]\n0,1\n", ("--noise", "mass.uy=-1"), "--noise"),
     ("time [s],mass.uy [m]\n0,1\n", ("-o", "best.csv"), "a name that ends in .toml"),
 ])  # fmt: skip
-def test_refused_measurements(flexcam, tmp_path, content, options, message):
+def test_invalid_measurements_are_refused(flexcam, tmp_path, content, options, message):
     (tmp_path / "case.toml").write_text(CASE, encoding="utf-8")
     (tmp_path / "m.csv").write_text(content, encoding="utf-8")
     done = flexcam("fit", "case.toml", "--to", "m.csv", *VARIED, *options)
@@ -127,8 +129,8 @@ def write_mdf(path, *groups):
         file.save(path, overwrite=True)
 
 
-def test_mdf_file(flexcam, files, tmp_path):
-    """An MDF4 file gives the values of the CSV file: crank angle, another unit and rate, and a foreign channel."""
+def test_fit_to_mdf_file(flexcam, files, tmp_path):
+    """An MDF4 file gives the values of the CSV file: crank angle, another unit and rate, and an unrelated channel."""
     case, export = files
     head, *rows = export.read_text(encoding="utf-8").splitlines()
     cells = np.array([[float(cell) for cell in row.split(",")] for row in rows])
@@ -151,7 +153,7 @@ def test_mdf_file(flexcam, files, tmp_path):
     ([("cam angle", ""), ("mass.uy", "m")], (), "--to, column 'cam angle'"),
     ([], (), "a readable MDF file"),
 ])  # fmt: skip
-def test_refused_mdf_files(flexcam, tmp_path, channels, options, message):
+def test_invalid_mdf_files_are_refused(flexcam, tmp_path, channels, options, message):
     (tmp_path / "case.toml").write_text(CASE, encoding="utf-8")
     (tmp_path / "m.mf4").write_bytes(b"angle,lift")
     if channels:
@@ -161,7 +163,7 @@ def test_refused_mdf_files(flexcam, tmp_path, channels, options, message):
     assert message in done.err
 
 
-def test_mdf_file_without_asammdf(flexcam, tmp_path, monkeypatch):
+def test_mdf_file_requires_asammdf(flexcam, tmp_path, monkeypatch):
     (tmp_path / "case.toml").write_text(CASE, encoding="utf-8")
     (tmp_path / "m.mf4").touch()
     monkeypatch.setattr("flexcam.core.errors.find_spec", lambda name: None)

@@ -1,4 +1,4 @@
-"""Inactive degrees of freedom: `check` names them, `run` counts them, and results contain them."""
+"""Inactive degrees of freedom: `check` lists them, `run` prints their number, and results contain them."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from flexcam.analysis.run import run
 SIDEWAYS = 'loads.side={ at = "cam", direction = "uz", force = "100 N" }'
 
 
-def words(flexcam, *more):
-    found = flexcam("check", *more, "--json").json
-    return found["dof"], found["integrated"], found["left_out"]
+def check_dofs(flexcam, *more):
+    report = flexcam("check", *more, "--json").json
+    return report["dof"], report["integrated"], report["left_out"]
 
 
-def test_check_says_what_is_left_out_and_why(flexcam, tayeb):
-    dof, integrated, said = words(flexcam, tayeb(3))
+def test_check_lists_inactive_dofs_with_reasons(flexcam, tayeb):
+    dof, integrated, inactive = check_dofs(flexcam, tayeb(3))
     assert (dof, integrated) == (47, 24)
-    assert said[:2] == [
+    assert inactive[:2] == [
         "camshaft: axial motion (ux): nothing holds or loads it",
         "camshaft: bending in x-z (uz, ry): nothing loads it",
     ]
@@ -30,24 +30,24 @@ def test_check_says_what_is_left_out_and_why(flexcam, tayeb):
     assert "inactive camshaft: axial motion (ux): nothing holds or loads it; camshaft: bending in x-z" in table
 
 
-def test_a_load_brings_its_unknowns_back(flexcam, tayeb):
-    dof, integrated, said = words(flexcam, tayeb(3), "--set", SIDEWAYS)
+def test_load_activates_its_dofs(flexcam, tayeb):
+    dof, integrated, inactive = check_dofs(flexcam, tayeb(3), "--set", SIDEWAYS)
     assert (dof, integrated) == (47, 37)
-    assert not any("x-z" in one for one in said)
+    assert not any("x-z" in group for group in inactive)
 
 
-def test_a_constant_load_in_balance_moves_nothing(flexcam, tayeb):
-    dof, integrated, said = words(flexcam, tayeb(3), "--set", SIDEWAYS, "--set", "run.start=equilibrium")
+def test_constant_load_at_equilibrium_leaves_dofs_inactive(flexcam, tayeb):
+    dof, integrated, inactive = check_dofs(flexcam, tayeb(3), "--set", SIDEWAYS, "--set", "run.start=equilibrium")
     assert (dof, integrated) == (47, 24)
-    still = "its loads are constant and in static equilibrium, so it does not move"
-    assert f"camshaft: bending in x-z (uz, ry): {still}" in said
+    reason = "its loads are constant and in static equilibrium, so it does not move"
+    assert f"camshaft: bending in x-z (uz, ry): {reason}" in inactive
 
 
-def test_nothing_is_left_out_where_that_is_not_wanted(flexcam, tayeb):
-    assert words(flexcam, tayeb(3), "--set", "fidelity.prune=false") == (47, 47, [])
+def test_prune_false_keeps_all_dofs_active(flexcam, tayeb):
+    assert check_dofs(flexcam, tayeb(3), "--set", "fidelity.prune=false") == (47, 47, [])
 
 
-def test_run_counts_both(flexcam, tayeb, tmp_path):
+def test_run_prints_total_and_active_unknowns(flexcam, tayeb, tmp_path):
     done = flexcam("run", tayeb(3), "--set", "run.revolutions=0.1")
     assert "of 47 unknowns, of which 24 are integrated" in done.out
     result = read_result(tmp_path / "results/model-3-shm.vtkhdf").response
@@ -55,7 +55,7 @@ def test_run_counts_both(flexcam, tayeb, tmp_path):
 
 
 @pytest.mark.parametrize("start", ["rest", "equilibrium", "periodic"])
-def test_results_hold_every_unknown_as_if_all_were_integrated(start, tayeb):
+def test_pruned_result_equals_unpruned_result(start, tayeb):
     more = [
         SIDEWAYS,
         f"run.start={start}",
@@ -63,33 +63,35 @@ def test_results_hold_every_unknown_as_if_all_were_integrated(start, tayeb):
         "run.revolutions=0.5",
         "run.damping.beta=1e-6",
     ]
-    pruned, whole = (run(read_case(tayeb(3), [*more, f"fidelity.prune={prune}"])) for prune in ("true", "false"))
-    assert pruned.outline == whole.outline
+    pruned, unpruned = (run(read_case(tayeb(3), [*more, f"fidelity.prune={prune}"])) for prune in ("true", "false"))
+    assert pruned.outline == unpruned.outline
     assert pruned.stats.unknowns == (37 if start == "rest" else 24)
     for kind in ("displacement", "velocity"):
-        one, other = (getattr(found.fields, kind) for found in (pruned, whole))
-        assert one.shape == other.shape == (len(whole.field_time), 47)
-        np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-9 * np.abs(other).max())
-    side = [i for i, name in enumerate(whole.outline.unknowns) if name == "cam.uz"]
+        pruned_values, unpruned_values = (getattr(response.fields, kind) for response in (pruned, unpruned))
+        assert pruned_values.shape == unpruned_values.shape == (len(unpruned.field_time), 47)
+        np.testing.assert_allclose(pruned_values, unpruned_values, rtol=0.0, atol=1e-9 * np.abs(unpruned_values).max())
+    side = [i for i, name in enumerate(unpruned.outline.unknowns) if name == "cam.uz"]
     assert pruned.fields.displacement[-1, side] != 0.0
 
 
-def test_a_run_goes_on_from_a_pruned_result(flexcam, case, tmp_path):
-    """From a result a run goes on as if it had never stopped: the file holds also what was left out."""
+def test_run_continues_from_pruned_result(flexcam, case, tmp_path):
+    """The continued run equals the uninterrupted run: the result also contains the inactive unknowns."""
     short = ("--set", "run.steps_per_revolution=720", "--set", SIDEWAYS, "--set", "run.start=equilibrium")
-    for out, turned in (("half", 0.25), ("whole", 0.5)):
-        told = flexcam("run", case, *short, "--set", f"run.revolutions={turned}", "-o", out, "--json").json
-        assert told["integrated"] < told["dof"]
-    onward = 'run.start={ result = "half/case.vtkhdf" }'
-    told = flexcam("run", case, *short, "--set", onward, "--set", "run.revolutions=0.25", "-o", "on", "--json").json
-    assert told["integrated"] < told["dof"]
-    on, whole = (read_result(tmp_path / out / "case.vtkhdf").response.fields for out in ("on", "whole"))
+    for out, revolutions in (("half", 0.25), ("whole", 0.5)):
+        report = flexcam("run", case, *short, "--set", f"run.revolutions={revolutions}", "-o", out, "--json").json
+        assert report["integrated"] < report["dof"]
+    start_option = 'run.start={ result = "half/case.vtkhdf" }'
+    report = flexcam(
+        "run", case, *short, "--set", start_option, "--set", "run.revolutions=0.25", "-o", "on", "--json"
+    ).json
+    assert report["integrated"] < report["dof"]
+    continued, uninterrupted = (read_result(tmp_path / out / "case.vtkhdf").response.fields for out in ("on", "whole"))
     for kind in ("displacement", "velocity"):
-        one, other = (getattr(found, kind)[-1] for found in (on, whole))
-        np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-9 * np.abs(other).max())
+        continued_values, expected = (getattr(fields, kind)[-1] for fields in (continued, uninterrupted))
+        np.testing.assert_allclose(continued_values, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
 
 
-def test_modes_are_those_of_the_whole_structure(tayeb):
-    pruned, whole = (modes(read_case(tayeb(3), [f"fidelity.prune={prune}"])) for prune in ("true", "false"))
+def test_modes_include_inactive_dofs(tayeb):
+    pruned, unpruned = (modes(read_case(tayeb(3), [f"fidelity.prune={prune}"])) for prune in ("true", "false"))
     assert pruned.modes.rigid == 1
-    np.testing.assert_array_equal(pruned.modes.frequencies, whole.modes.frequencies)
+    np.testing.assert_array_equal(pruned.modes.frequencies, unpruned.modes.frequencies)

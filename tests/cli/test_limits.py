@@ -18,14 +18,14 @@ from flexcam.valvetrain import separation_by_flank
 
 CASE = Path(__file__).resolve().parents[2] / "cases/pushrod-engine/intake.toml"
 QUICK = ("--set", "run.steps_per_revolution=360")
-ALONE = ("--workers", "1")
-"""Speeds are run in this process: a worker takes longer to start than they do."""
+ONE_WORKER = ("--workers", "1")
+"""Run all speeds in this process: starting a worker takes longer than the runs."""
 
 
-def test_limits_name_every_limit_and_the_rigid_speed(flexcam, one_mass):
-    """Without seat, coils and members nothing of these is met; a stiff train parts where inertia meets its spring."""
+def test_limits_report_every_limit_and_rigid_speed(flexcam, one_mass):
+    """Without seat, coils and members only contact loss occurs, when the inertia exceeds the spring force."""
     case = one_mass()
-    answer = flexcam("limits", case, "--lowest", "3000rpm", "--highest", "5000rpm", *ALONE, "--json").json
+    answer = flexcam("limits", case, "--lowest", "3000rpm", "--highest", "5000rpm", *ONE_WORKER, "--json").json
     assert answer["first"] == "loss_of_contact"
     assert [answer[f"{name}_rpm"] for name in ("bounce", "coil_clash", "buckling")] == [None] * 3
     z = np.linspace(0.0, 1.0, 20001)
@@ -34,37 +34,37 @@ def test_limits_name_every_limit_and_the_rigid_speed(flexcam, one_mass):
     falls = bend < 0.0
     rigid = np.sqrt(((300.0 + 40e3 * lift[falls]) / (0.1 * -bend[falls])).min()) * 30.0 / np.pi
     assert answer["rigid_loss_of_contact_rpm"] == pytest.approx(rigid, rel=1e-5)
-    assert answer["loss_of_contact_rpm"] == pytest.approx(rigid, rel=0.06)  # it swings a little on its contact
+    assert answer["loss_of_contact_rpm"] == pytest.approx(rigid, rel=0.06)  # the contact is slightly flexible
 
 
 @pytest.mark.slow
-def test_limits_do_not_depend_on_the_range(flexcam, one_mass):
-    """Nor on the revolution in which contact is lost; what is lost is lost over the nose, and remains so."""
+def test_limits_are_independent_of_speed_range(flexcam, one_mass):
+    """The revolution of contact loss does not matter; contact is lost over the nose at every higher speed."""
     case = one_mass()
-    one, other = (
-        flexcam("limits", case, "--lowest", low, "--highest", high, *ALONE, "--json").json
+    first_range, second_range = (
+        flexcam("limits", case, "--lowest", low, "--highest", high, *ONE_WORKER, "--json").json
         for low, high in (("3000rpm", "5000rpm"), ("3170rpm", "4400rpm"))
     )
     for name in ("loss_of_contact", "float"):
-        assert one[f"{name}_rpm"] == other[f"{name}_rpm"]
-        assert one[f"{name}_bands_rpm"] == [[one[f"{name}_rpm"], None]]
-    assert one["loss_of_contact_rpm"] == one["float_rpm"]
-    said = " ".join(flexcam("limits", case, "--lowest", "3170rpm", "--highest", "4400rpm", *ALONE).out.split())
-    assert "the follower leaves its cam for over 0.5 deg above 0.3 mm of lift (k, nose)" in said
+        assert first_range[f"{name}_rpm"] == second_range[f"{name}_rpm"]
+        assert first_range[f"{name}_bands_rpm"] == [[first_range[f"{name}_rpm"], None]]
+    assert first_range["loss_of_contact_rpm"] == first_range["float_rpm"]
+    output = " ".join(flexcam("limits", case, "--lowest", "3170rpm", "--highest", "4400rpm", *ONE_WORKER).out.split())
+    assert "the follower leaves its cam for over 0.5 deg above 0.3 mm of lift (k, nose)" in output
 
 
 @pytest.mark.slow
-def test_a_limit_below_the_range_is_not_below_its_lowest_speed(flexcam, one_mass):
-    range_ = ("--lowest", "4400rpm", "--highest", "4500rpm", *QUICK, *ALONE)
-    row = next(one for one in flexcam("limits", one_mass(), *range_).out.splitlines() if one.startswith("float"))
+def test_limit_below_range_is_reported_at_lowest_speed(flexcam, one_mass):
+    range_ = ("--lowest", "4400rpm", "--highest", "4500rpm", *QUICK, *ONE_WORKER)
+    row = next(line for line in flexcam("limits", one_mass(), *range_).out.splitlines() if line.startswith("float"))
     assert "4400 or below" in row
     assert "4400 to at least" in row
     answer = flexcam("limits", one_mass(), *range_, "--json").json
     assert answer["float_rpm"] == answer["float_bands_rpm"][0][0] == pytest.approx(4400.0)
 
 
-def test_a_limit_between_the_speeds_around_the_lowest_one_is_not_below_it(one_mass):
-    """Contact is lost at 385 rad/s; the speeds around 400 rad/s, 292 and 438 rad/s, show it at the second only."""
+def test_limit_near_lowest_speed_is_not_below_it(one_mass):
+    """Contact is lost at 385 rad/s; of the speeds 292 and 438 rad/s around 400 rad/s only the second shows it."""
     search = Search(400.0, 450.0, tolerance=10.0, spacing=0.5)
     limit = find_limits(read_case(one_mass(), QUICK[1:2]), search, among=("float",)).limits["float"]
     assert (limit.rpm, limit.tolerance_rpm) == (pytest.approx(400.0 / RPM), np.inf)
@@ -74,7 +74,7 @@ def test_a_limit_between_the_speeds_around_the_lowest_one_is_not_below_it(one_ma
 @pytest.mark.parametrize(
     ("part", "begin", "end"), [("opening flank", 50, 60), ("nose", 90, 100), ("closing flank", 145, 155)]
 )
-def test_contact_loss_is_told_apart_by_flanks(one_mass, part, begin, end):
+def test_contact_loss_is_assigned_to_flanks(one_mass, part, begin, end):
     """The cycloidal rise from 34 to 97 deg and the return to 172 deg have their maximum velocities at half."""
     ready = prepare(read_case(one_mass(), ["run.steps_per_revolution=3600", "run.revolutions=1"]))
     response = solve(ready.problem, ready.scheme)
@@ -86,8 +86,8 @@ def test_contact_loss_is_told_apart_by_flanks(one_mass, part, begin, end):
     assert lost[part] == pytest.approx(np.radians(10.0), rel=0.02)  # a step at an end
 
 
-def test_a_low_pass_leaves_chatter_out(one_mass):
-    """A force that vanishes for 4 deg is lost at any frequency, one with bursts of 20 kHz not below 5 kHz."""
+def test_low_pass_filter_ignores_chatter(one_mass):
+    """Zero force over 4 deg is a loss at any cutoff frequency; bursts of 20 kHz are none below 5 kHz."""
     ready = prepare(read_case(one_mass(), ["run.steps_per_revolution=7200", "run.revolutions=2", "run.speed=3000rpm"]))
     response = solve(ready.problem, ready.scheme)
     force, nose = response.channels["contacts.k.force"], np.abs(np.degrees(response.angle) - 455.0) < 5.0
@@ -109,8 +109,8 @@ def test_a_low_pass_leaves_chatter_out(one_mass):
         (lambda rpm: rpm > 4000.0 or 3970.0 < rpm < 3974.0, 4000.0, (0.993, 1.0)),
     ],
 )
-def test_range_of_a_condition_that_comes_and_goes(one_mass, is_met, limit, scatter):
-    """The examined speeds lie 0.3 and 0.7 % below and above the limit."""
+def test_scatter_of_intermittent_limit(one_mass, is_met, limit, scatter):
+    """The examined speeds are 0.3 and 0.7 % below and above the limit."""
 
     def begin(speeds):
         return [lambda speed=speed: {"float": ["k"] * is_met(speed / RPM)} for speed in speeds]
@@ -129,7 +129,7 @@ def test_range_of_a_condition_that_comes_and_goes(one_mass, is_met, limit, scatt
         (lambda rpm: 4000.0 < rpm < 4300.0 or rpm > 4600.0, [(4000.0, 4252.4), (4688.3, None)]),
     ],
 )
-def test_bands_in_which_an_event_occurs(one_mass, is_met, bands):
+def test_speed_bands_of_event(one_mass, is_met, bands):
     """The speeds of the search above 4000 rpm are 4050, 4252, 4465 and 4688 rpm, the powers of 1.05 in rad/s."""
 
     def begin(speeds):
@@ -142,17 +142,17 @@ def test_bands_in_which_an_event_occurs(one_mass, is_met, bands):
 
 
 @pytest.mark.parametrize("ahead", [1, 3])
-def test_limits_share_their_runs(one_mass, ahead):
-    """Two limits run the speeds of both, each once; as many runs as asked are begun while one of them is awaited."""
-    asked, running, begun = [], set(), []
+def test_limits_share_runs(one_mass, ahead):
+    """Two limits share each run; the requested number of runs is active while the search awaits one result."""
+    requested_speeds, running, active_counts = [], set(), []
 
     def begin(speeds):
-        asked.extend(speeds)
+        requested_speeds.extend(speeds)
         running.update(speeds)
         return [partial(result, speed) for speed in speeds]
 
     def result(speed):
-        begun.append(len(running))
+        active_counts.append(len(running))
         running.remove(speed)
         return {"loss_of_contact": ["k"] * (speed > 200.0), "float": ["k"] * (speed > 260.0)}
 
@@ -160,24 +160,24 @@ def test_limits_share_their_runs(one_mass, ahead):
     found = find_limits(case, search, names, start=begin, ahead=ahead).limits
     assert found["loss_of_contact"].rpm == pytest.approx(200.0 / RPM, abs=1.0)
     assert found["float"].rpm == pytest.approx(260.0 / RPM, abs=1.0)
-    assert len(asked) == len(set(asked))
-    assert max(asked) < 260.0 * 1.05 ** (4 + ahead)
-    assert set(begun) == ({1, 2} if ahead == 1 else {3})  # two limits need two runs at a time
+    assert len(requested_speeds) == len(set(requested_speeds))
+    assert max(requested_speeds) < 260.0 * 1.05 ** (4 + ahead)
+    assert set(active_counts) == ({1, 2} if ahead == 1 else {3})  # two limits need two runs at a time
 
 
-def test_lift_deviation_over_the_nose():
-    """A valve loft of 0.3 mm exceeds a threshold of 0.25 mm, and not one of 0.5 mm."""
+def test_valve_loft_is_compared_with_threshold():
+    """A valve loft of 0.3 mm exceeds a threshold of 0.25 mm, but not one of 0.5 mm."""
     ready = prepare(read_case(CASE, ["run.steps_per_revolution=360", "run.crank_speed=1000rpm"]))
     response = solve(ready.problem, ready.scheme)
     assert _lofted_valves(response, ready, 0.25e-3) == []
-    response.channels["contacts.seat.gap"][response.angle > 2.0 * np.pi] += 0.4e-3  # 0.1 mm less: the train gives way
+    response.channels["contacts.seat.gap"][response.angle > 2.0 * np.pi] += 0.4e-3  # 0.1 mm less: the train is flexible
     assert _lofted_valves(response, ready, 0.25e-3) == ["seat"]
     assert _lofted_valves(response, ready, 0.5e-3) == []
 
 
 @pytest.mark.slow
-def test_limits_asked_for_and_those_of_a_bilateral_contact(flexcam, one_mass):
-    """Float and filtered loss are asked for; a follower that cannot leave its cam has other limits only."""
+def test_optional_limits_and_limits_of_bilateral_contact(flexcam, one_mass):
+    """Float and filtered loss are optional; a bilateral contact has no contact loss."""
     few = (
         "--lowest",
         "3000rpm",
@@ -188,23 +188,23 @@ def test_limits_asked_for_and_those_of_a_bilateral_contact(flexcam, one_mass):
         "--set",
         "run.revolutions=1",
         *QUICK,
-        *ALONE,
+        *ONE_WORKER,
     )
-    found = flexcam("limits", CASE, *few, "--lift-deviation", "1 mm", "--low-pass", "2kHz", "--json").json
-    assert {"lift_deviation_rpm", "filtered_loss_rpm"} <= set(found)
-    assert {"loss_of_contact_rpm", "bounce_rpm", "buckling_rpm", "spring_margin"} <= set(found)
-    assert (found["shaft"], found["first"]) == ("crank", None)
-    assert found["buckling_margins"]["pushrod"] > 1.0
-    held = ("--set", 'contacts.intake={ model="bilateral", cam="intake", follower="tappet", stiffness="50 MN/m" }')
-    told = flexcam("limits", CASE, *few, *held).out
-    assert "buckling" in told
-    assert "loss of contact of the rigid train" in told
-    assert "float" not in told
+    report = flexcam("limits", CASE, *few, "--lift-deviation", "1 mm", "--low-pass", "2kHz", "--json").json
+    assert {"lift_deviation_rpm", "filtered_loss_rpm"} <= set(report)
+    assert {"loss_of_contact_rpm", "bounce_rpm", "buckling_rpm", "spring_margin"} <= set(report)
+    assert (report["shaft"], report["first"]) == ("crank", None)
+    assert report["buckling_margins"]["pushrod"] > 1.0
+    bilateral = ("--set", 'contacts.intake={ model="bilateral", cam="intake", follower="tappet", stiffness="50 MN/m" }')
+    output = flexcam("limits", CASE, *few, *bilateral).out
+    assert "buckling" in output
+    assert "loss of contact of the rigid train" in output
+    assert "float" not in output
 
 
-def test_limits_that_no_case_has_or_no_option_can_ask_for(flexcam, one_mass):
+def test_limits_refuse_unsuitable_case_or_options(flexcam, one_mass):
     case = one_mass(('model = "unilateral"', 'model = "bilateral"'))
-    assert "no part that has a limit" in flexcam("limits", case, *QUICK, *ALONE).err
+    assert "no part that has a limit" in flexcam("limits", case, *QUICK, *ONE_WORKER).err
     assert "one of them" in flexcam("limits", CASE, "--low-pass", "2kHz", "--over", "a=1", "--and", "b=2").err
     assert flexcam("limits", CASE, "--low-pass", "5").code == 2
 
@@ -221,15 +221,15 @@ MIDDLE, WIDTH = 0.5 * (1.5**14 + 1.5**15), 1.5**15 - 1.5**14
         (450.0, MIDDLE, 1.5**15 / RPM, "(k); the run at camshaft 3484.6"),
     ],
 )
-def test_failed_runs_leave_a_limit_not_known(highest, failed, rpm, words, one_mass, monkeypatch):
-    """Contact is lost at 385 rad/s, between the speeds 292 rad/s and 438 rad/s of the search."""
+def test_failed_run_makes_limit_unknown(highest, failed, rpm, words, one_mass, monkeypatch):
+    """Contact is lost at 385 rad/s, between 292 rad/s and 438 rad/s of the search."""
 
-    def failing(problem, *given, **options):
+    def solve_or_fail(problem, *given, **options):
         response = solve(problem, *given, **options)
-        bad = Status(Cause.NO_CONVERGENCE, "it broke")
-        return replace(response, status=bad) if problem.drive.speed == pytest.approx(failed) else response
+        failed_status = Status(Cause.NO_CONVERGENCE, "it broke")
+        return replace(response, status=failed_status) if problem.drive.speed == pytest.approx(failed) else response
 
-    monkeypatch.setattr(sys.modules["flexcam.analysis.limits"], "solve", failing)
+    monkeypatch.setattr(sys.modules["flexcam.analysis.limits"], "solve", solve_or_fail)
     search = Search(200.0, highest, tolerance=30.0, spacing=0.5)
     limit = find_limits(read_case(one_mass(), QUICK[1:2]), search, among=("float",)).limits["float"]
     assert words in limit.words
@@ -238,8 +238,8 @@ def test_failed_runs_leave_a_limit_not_known(highest, failed, rpm, words, one_ma
 
 
 @pytest.mark.parametrize(("lift", "told"), [("6 mm", "0.1 mm"), ("0.2 mm", "0.004 mm")])
-def test_a_small_valve_bounces_from_less(lift, told, one_mass):
-    """From 0.1 mm, or from 2 % of a small lift."""
+def test_bounce_threshold_depends_on_lift(lift, told, one_mass):
+    """The threshold is 0.1 mm, or 2 % of a small lift."""
     seat = 'seat = { at = "mass", direction = "-uz", model = "seat", stiffness = "50 MN/m" }\n[run]'
     case = one_mass(('lift = "6 mm"', f'lift = "{lift}"'), ("[run]", seat))
     search = Search(100.0, 101.0, tolerance=10.0, spacing=1.0)
@@ -248,8 +248,8 @@ def test_a_small_valve_bounces_from_less(lift, told, one_mass):
 
 
 @pytest.mark.parametrize(("highest", "rpm"), [(4500.0, 4030.0), (4000.0, None)])
-def test_a_run_that_fails_above_a_limit(one_mass, highest, rpm):
-    """The limit lies at 4030 rpm, and runs above 4300 rpm fail: the limit is known, and a lower range has none."""
+def test_failed_run_above_limit_keeps_limit(one_mass, highest, rpm):
+    """The limit is 4030 rpm, and runs above 4300 rpm fail: the limit is known, and a lower range has none."""
 
     def begin(speeds):
         return [

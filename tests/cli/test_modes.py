@@ -1,4 +1,4 @@
-"""The command modes: files for ParaView, prestress, modal assurance criterion."""
+"""The command modes: files for ParaView, prestress and modal assurance criterion."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 
-def test_modes_for_paraview(flexcam, case, tmp_path):
+def test_modes_writes_paraview_files(flexcam, case, tmp_path):
     reading = pytest.importorskip("vtkmodules.vtkIOHDF")
     files = flexcam("modes", "case.toml", "--count", "4", "-o", "out", "--json").json["files"]
     assert files[:3] == [f"out/case-modes.{kind}" for kind in ("vtkhdf", "vtp", "pvd")]
@@ -28,39 +28,39 @@ def test_modes_for_paraview(flexcam, case, tmp_path):
     assert all(data.GetArray(name).GetNumberOfComponents() == 3 for name in shapes)
 
 
-def test_modes_are_not_overwritten(flexcam, case):
+def test_modes_files_require_overwrite(flexcam, case):
     assert flexcam("modes", "case.toml", "-o", "out").code == 0
     assert flexcam("modes", "case.toml", "-o", "out").code == 2
     assert flexcam("modes", "case.toml", "-o", "out", "--overwrite").code == 0
 
 
 def test_modes_with_closed_contacts(flexcam, one_mass):
-    """The mass is on its spring alone, also on cam and seat, or on the cam at full lift; rpm are of the crankshaft."""
+    """Frequencies on the spring alone, with cam and seat, and with the cam at full lift; rpm of the crankshaft."""
     seat = 'seat = { at = "mass", direction = "-uz", model = "seat", stiffness = "50 MN/m" }\n[run]'
     case = one_mass(("500 MN/m", "5 MN/m"), ("[run]", seat), ('speed = "3500', 'crank_speed = "3500'))
-    found = flexcam("modes", case, "--json").json
+    report = flexcam("modes", case, "--json").json
     hertz = {
         name: math.sqrt(k / 0.1) / (2 * math.pi) for name, k in (("open", 4e4), ("base", 55.04e6), ("full", 5.04e6))
     }
-    assert found["frequencies_hz"] == [pytest.approx(hertz["open"])]
-    assert found["closed"]["k"]["base_circle_hz"] == [pytest.approx(hertz["base"])]
-    assert found["closed"]["k"]["full_lift_hz"] == [pytest.approx(hertz["full"])]
-    said = flexcam("modes", case).out
-    assert "modes, contacts open" in said
-    assert re.search(rf"1 +{hertz['open']:.2f} +{120 * hertz['open']:.0f} ", said)
-    assert "crank rpm" in said
+    assert report["frequencies_hz"] == [pytest.approx(hertz["open"])]
+    assert report["closed"]["k"]["base_circle_hz"] == [pytest.approx(hertz["base"])]
+    assert report["closed"]["k"]["full_lift_hz"] == [pytest.approx(hertz["full"])]
+    output = flexcam("modes", case).out
+    assert "modes, contacts open" in output
+    assert re.search(rf"1 +{hertz['open']:.2f} +{120 * hertz['open']:.0f} ", output)
+    assert "crank rpm" in output
     for place in ("base", "full"):
-        assert re.search(rf" {hertz[place]:.2f} +{120 * hertz[place]:.0f} ", said)
+        assert re.search(rf" {hertz[place]:.2f} +{120 * hertz[place]:.0f} ", output)
     assert "contacts open" in flexcam("check", case).out
 
 
-def test_columns_and_numbers_are_explained(flexcam, tayeb):
-    """A shaft in radial bearings is free along its axis, so the first mode above zero is the second one."""
-    said = re.sub(r"\s+", " ", flexcam("modes", tayeb(3)).out)
-    assert "ux, uy, uz kg: effective mass of the mode for base excitation along x, y, z" in said
-    assert "frequency.1 is no. 2" in said
+def test_output_explains_columns_and_mode_numbers(flexcam, tayeb):
+    """A shaft in radial bearings is free along its axis, so the first mode above zero has number 2."""
+    output = re.sub(r"\s+", " ", flexcam("modes", tayeb(3)).out)
+    assert "ux, uy, uz kg: effective mass of the mode for base excitation along x, y, z" in output
+    assert "frequency.1 is no. 2" in output
     value = flexcam("sensitivity", tayeb(3), "--of", "frequency.1", "--to", "masses.valve.mass").out
-    assert re.search(r"2 +67\.11", said)
+    assert re.search(r"2 +67\.11", output)
     assert "67.1" in value
 
 
@@ -102,8 +102,8 @@ def column(tmp_path):
 
 
 @pytest.mark.parametrize(("share", "factor"), [(0.5, 0.5), (0.9, 0.1), (-1.0, 2.0)])
-def test_prestress_of_a_pinned_pushrod(flexcam, column, share, factor):
-    """F sqrt(1 - P/P_cr); at 16 elements their own error, (pi/16)^4/720 = 2e-6 of P_cr, is 2e-5 of 1 - 0.9."""
+def test_frequency_of_prestressed_pinned_pushrod(flexcam, column, share, factor):
+    """F sqrt(1 - P/P_cr); the error of 16 elements, (pi/16)^4/720 = 2e-6 of P_cr, is 2e-5 of 1 - 0.9."""
     name = column(share * EULER)
     plain, rest, loaded = (
         flexcam("modes", name, "--json", *more).json["frequencies_hz"][0]
@@ -120,26 +120,26 @@ def test_prestress_beyond_buckling_fails(flexcam, column):
     assert "the force in members.pushrod pushes" in done.err
 
 
-def test_mac_with_itself(flexcam, column):
-    """Unequal Iy and Iz part all frequencies, and a uniform mesh makes the shapes of a plane orthogonal by points."""
+def test_mac_of_case_with_itself(flexcam, column):
+    """Unequal Iy and Iz separate all frequencies; on a uniform mesh shapes of a plane are orthogonal at nodes."""
     name = column(0.0001)
-    told = flexcam("modes", name, "--count", "4", "--mac", name, "--json").json
-    found = np.array(told["mac"])
-    assert np.diff(told["frequencies_hz"]).min() > 1.0
+    report = flexcam("modes", name, "--count", "4", "--mac", name, "--json").json
+    found = np.array(report["mac"])
+    assert np.diff(report["frequencies_hz"]).min() > 1.0
     assert np.abs(np.diag(found) - 1.0).max() <= 1e-12
     assert np.abs(found - np.eye(4)).max() <= 1e-9  # sums of sines over equal parts, rounding of the shapes
 
 
-def test_mac_of_a_mode_that_moves_no_compared_node(flexcam):
-    """The second mode is the surge of the valve spring, whose points are no nodes of the mesh."""
+def test_mac_is_undefined_without_moving_compared_node(flexcam):
+    """The second mode is the surge of the valve spring, whose coils are not nodes of the mesh."""
     flexcam("new", "pushrod-engine")
-    told = ("modes", "pushrod-engine.toml", "--count", "2", "--mac", "pushrod-engine.toml")
-    assert flexcam(*told, "--json").json["mac"] == [[pytest.approx(1.0), None], [None, None]]
-    assert "-: the mode moves no such node" in flexcam(*told).out
+    args = ("modes", "pushrod-engine.toml", "--count", "2", "--mac", "pushrod-engine.toml")
+    assert flexcam(*args, "--json").json["mac"] == [[pytest.approx(1.0), None], [None, None]]
+    assert "-: the mode moves no such node" in flexcam(*args).out
 
 
-def test_mac_says_at_how_many_nodes_it_compares(flexcam, column, tmp_path):
-    """Elements of other lengths share few nodes; there, shapes of one plane look alike."""
+def test_mac_reports_few_common_nodes(flexcam, column, tmp_path):
+    """Meshes of different element lengths share few nodes, at which the shapes of one plane are similar."""
     text = (tmp_path / (name := column(0.0001))).read_text(encoding="utf-8")
     finer = re.sub(r"elements = (\d+)", lambda found: f"elements = {int(found[1]) + 1}", text)
     assert finer != text
@@ -148,8 +148,8 @@ def test_mac_says_at_how_many_nodes_it_compares(flexcam, column, tmp_path):
     assert "fewer than the modes" not in flexcam("modes", name, "--count", "4", "--mac", name).out
 
 
-def test_bending_planes_of_modes_are_named_by_global_axes_as_in_check(flexcam):
-    """The pushrod lies along y; its second bending moves along z, where its effective mass is."""
+def test_modes_and_check_name_bending_planes_by_global_axes(flexcam):
+    """The pushrod is parallel to y; its second bending mode moves along z, the direction of its effective mass."""
     case = flexcam("new", "pushrod-engine", "--json").json["files"][0]
     found = flexcam("modes", case, "--count", "4", "--json").json
     assert found["moves"][2:] == ["pushrod bending in x-y 100 %", "pushrod bending in y-z 100 %"]
@@ -158,10 +158,10 @@ def test_bending_planes_of_modes_are_named_by_global_axes_as_in_check(flexcam):
     assert "local:" not in flexcam("modes", case, "--count", "4").out
 
 
-def test_effective_masses_of_a_train_with_a_rocker(flexcam, case):
-    """(phi' M r)^2 / (phi' M phi) of the train as one body on the valve spring: the pushrod is stiff to 0.1 %.
+def test_effective_mass_of_train_with_rocker(flexcam, case):
+    """(phi' M r)^2 / (phi' M phi) of the train as one body on the valve spring: the pushrod is rigid to 0.1 %.
 
-    The valve moves 1.6 times the follower. The rocker does not rotate with the base: it counts in the denominator only.
+    The valve moves 1.6 times the follower. The rocker does not rotate with the base: it enters the denominator only.
     """
     found = flexcam("modes", "case.toml", "--count", "2", "--json").json
     pushrod = 7800.0 * math.pi / 4.0 * (8e-3**2 - 5e-3**2) * 0.25
@@ -170,9 +170,9 @@ def test_effective_masses_of_a_train_with_a_rocker(flexcam, case):
     assert found["effective_masses"][1][1] == pytest.approx(expected, rel=3e-3)
 
 
-def test_bending_planes_of_an_oblique_member_are_local_and_explained(flexcam):
+def test_oblique_member_has_local_bending_planes(flexcam):
     case = flexcam("new", "pushrod-engine", "--json").json["files"][0]
     inclined = 'nodes.pushrod-top=["150 mm", "274 mm", "0 mm"]'
-    said = re.sub(r"\s+", " ", flexcam("modes", case, "--count", "4", "--set", inclined).out)
-    assert "pushrod bending in local x-z" in said
-    assert "local: axes of a member that is not along a global axis: x along it, y towards its `orientation`" in said
+    output = re.sub(r"\s+", " ", flexcam("modes", case, "--count", "4", "--set", inclined).out)
+    assert "pushrod bending in local x-z" in output
+    assert "local: axes of a member that is not along a global axis: x along it, y towards its `orientation`" in output

@@ -1,4 +1,4 @@
-"""Starter cases: listed, commented key by key, checked and run, and never written over what is there."""
+"""Starter cases: list, comments of keys, check and run, and no overwriting of existing files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ NAMES = sorted(templates())
 KEY = re.compile(r"^[A-Za-z_][\w-]* = ")
 
 
-def test_all_are_there(flexcam):
+def test_new_lists_all_starters(flexcam):
     wanted = {
         "published-model", "pushrod-engine", "direct-acting", "exhaust-valve", "finger-follower", "lumped-train",
         "measured-lift", "dohc-16-valve", "v8-bank", "packaging-cam", "desmodromic", "roller-tappet", "valve-bridge",
@@ -23,13 +23,13 @@ def test_all_are_there(flexcam):
     assert set(NAMES) == wanted
     assert flexcam("new", "--json").json["templates"] == templates()
     for words in (("new",), ("new", "--list")):
-        told = flexcam(*words).out
-        assert all(name in told for name in wanted)
+        output = flexcam(*words).out
+        assert all(name in output for name in wanted)
     assert "--list alone" in flexcam("new", "v8-bank", "--list").err
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_key_has_a_comment(name):
+def test_every_key_of_starter_has_comment(name):
     text = (files("flexcam") / "templates" / f"{name}.toml").read_text(encoding="utf-8")
     bare = [line for line in text.splitlines() if KEY.match(line) and " # " not in line]
     assert not bare
@@ -38,18 +38,18 @@ def test_every_key_has_a_comment(name):
 
 
 QUICK = ("published-model", "pushrod-engine", "lumped-train", "packaging-cam", "desmodromic")
-"""Others are checked in `test_doubtful_numbers`, too."""
+"""`test_doubtful_numbers` also checks the others."""
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name not in QUICK)) for name in NAMES])
-def test_it_passes_the_check_and_runs(name, flexcam):
-    """Without a warning: a beginner's first case must not begin with one."""
-    made = flexcam("new", name, "-o", "cases/mine.toml", "--json").json
-    assert made["files"][0] == "cases/mine.toml"
+def test_starter_passes_check_and_run(name, flexcam):
+    """The first case of a beginner must not begin with a warning."""
+    created = flexcam("new", name, "-o", "cases/mine.toml", "--json").json
+    assert created["files"][0] == "cases/mine.toml"
     checked = flexcam("check", "cases/mine.toml", "--json")
     assert checked.code == 0
     assert checked.json["warnings"] == []
-    oil = name in ("finger-follower", "v8-bank", "roller-tappet")  # as long as the starter says, until it is steady
+    oil = name in ("finger-follower", "v8-bank", "roller-tappet")  # the revolutions of the starter, up to steady state
     short = () if oil else ("--set", f"run.revolutions={0.02 if name == 'dohc-16-valve' else 0.6}")
     run = flexcam("run", "cases/mine.toml", "--json", *short)
     assert run.code == 0
@@ -57,25 +57,25 @@ def test_it_passes_the_check_and_runs(name, flexcam):
     assert run.json["warnings"] == []
 
 
-def test_the_check_shows_loads_and_friction(flexcam):
+def test_check_shows_loads_and_friction(flexcam):
     flexcam("new", "exhaust-valve", "-o", "mine.toml")
     shown = " ".join(flexcam("check", "mine.toml").out.split())
     assert "friction guide 5 N at stem-top" in shown
     assert "load gas -18.45 to 3382 N at head along (0, 1, 0), table every 360 deg of cam angle" in shown
 
 
-def test_a_measured_lift_comes_with_its_table(flexcam, tmp_path):
-    made = flexcam("new", "measured-lift", "-o", "mine.toml", "--json").json
-    assert made["files"] == ["mine.toml", "measured-lift.csv"]
+def test_measured_lift_starter_includes_table(flexcam, tmp_path):
+    created = flexcam("new", "measured-lift", "-o", "mine.toml", "--json").json
+    assert created["files"] == ["mine.toml", "measured-lift.csv"]
     assert (tmp_path / "measured-lift.csv").read_text(encoding="utf-8").startswith("crank_deg, lift_mm")
 
 
-def test_a_superelement_comes_with_its_matrices(flexcam):
-    made = flexcam("new", "solid-rocker", "-o", "mine.toml", "--json").json
-    assert made["files"] == ["mine.toml", "rocker-stiffness.mtx", "rocker-mass.mtx"]
+def test_superelement_starter_includes_matrices(flexcam):
+    created = flexcam("new", "solid-rocker", "-o", "mine.toml", "--json").json
+    assert created["files"] == ["mine.toml", "rocker-stiffness.mtx", "rocker-mass.mtx"]
 
 
-def test_nothing_is_written_over(flexcam, tmp_path):
+def test_new_does_not_overwrite_files(flexcam, tmp_path):
     (tmp_path / "measured-lift.csv").write_text("mine")
     refused = flexcam("new", "measured-lift")
     assert refused.code == 2
@@ -86,12 +86,12 @@ def test_nothing_is_written_over(flexcam, tmp_path):
     assert flexcam("new", "measured-lift", "--overwrite").code == 0
 
 
-def test_a_misspelled_name_is_told(flexcam):
+def test_misspelled_starter_is_refused_with_suggestion(flexcam):
     refused = flexcam("new", "pushrod-engin")
     assert refused.code == 2
     assert "Did you mean 'pushrod-engine'" in refused.err
 
 
-def test_a_case_file_ends_in_toml(flexcam, tmp_path):
+def test_case_name_without_toml_suffix_is_refused(flexcam, tmp_path):
     assert flexcam("new", "pushrod-engine", "-o", "mine").code == 2
     assert not list(tmp_path.iterdir())

@@ -1,4 +1,4 @@
-"""Options that contradict each other, repeat, miss another option or are too large are refused or reported."""
+"""Contradictory, repeated, incomplete or excessive options are refused or reported."""
 
 from __future__ import annotations
 
@@ -83,15 +83,15 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("what", mostly_slow(REFUSED, 2))
-def test_refused_before_anything_is_computed(flexcam, what):
-    words, said = REFUSED[what]
+def test_invalid_options_are_refused_without_output_files(flexcam, what):
+    words, expected = REFUSED[what]
     done = flexcam(*words)
     assert done.code == 2
-    assert said in done.err
+    assert expected in done.err
     assert not [path for path in Path().rglob("*") if path.is_file()]
 
 
-TWO = {
+SEVERAL_FAULTS = {
     "run": (("run", "none.toml", "-o", "x.h5", "--time-limit", "5"), ["case file", "--time-limit", "folder"]),
     "trade": (("trade", INLINE, "--set", "run.speed=-1", "--repeats", "0", "--plot", "x.bmp"),
               ["run.speed", "--repeats", "picture"]),
@@ -104,13 +104,13 @@ TWO = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("command", TWO)
-def test_faults_of_a_case_and_of_options_are_told_together(flexcam, command):
-    words, wheres = TWO[command]
+@pytest.mark.parametrize("command", SEVERAL_FAULTS)
+def test_faults_of_case_and_options_are_reported_together(flexcam, command):
+    words, locations = SEVERAL_FAULTS[command]
     done = flexcam(*words)
     assert done.code == 2
     lines = [line for line in done.err.splitlines() if not line.startswith("Note:")]
-    assert [line.partition(":")[0].partition(" (")[0] for line in lines] == wheres
+    assert [line.partition(":")[0].partition(" (")[0] for line in lines] == locations
     assert not [path for path in Path().rglob("*") if path.is_file()]
 
 
@@ -120,7 +120,7 @@ def result(flexcam):
     return Path("results/inline.vtkhdf")
 
 
-def test_what_is_laid_over_results_is_refused(flexcam, result):
+def test_override_of_result_is_refused(flexcam, result):
     done = flexcam("compare", result, "--against", result, "--set", "run.speed=1rpm")
     assert done.code == 2
     assert "--set: got run.speed=1rpm, expected --set only with a case" in done.err
@@ -128,23 +128,23 @@ def test_what_is_laid_over_results_is_refused(flexcam, result):
     assert flexcam("compare", result, "--against", INLINE, *few).code == 0
 
 
-def test_instants_beyond_all_tables(flexcam, result):
+def test_too_many_instants_are_refused(flexcam, result):
     done = flexcam("export", result, "--format", "csv", "--instants", HUGE)
     assert done.code == 2
     assert "2 to 10000000" in done.err
 
 
-def test_a_result_that_is_there_is_told_before_a_model_is_chosen(flexcam, result, monkeypatch):
-    def choosing(*asked):
+def test_existing_result_is_refused_before_choice_of_model(flexcam, result, monkeypatch):
+    def fail_on_choice(*asked):
         raise AssertionError
 
-    monkeypatch.setattr("flexcam.analysis.model_choice.select_case", choosing)
+    monkeypatch.setattr("flexcam.analysis.model_choice.select_case", fail_on_choice)
     done = flexcam("run", INLINE, "--set", "fidelity.tolerance=1%")
     assert done.code == 2
     assert "result: results/inline.vtkhdf already exists" in done.err
 
 
-def test_a_key_laid_over_twice_is_told(flexcam):
+def test_repeated_override_causes_note(flexcam):
     done = flexcam(
         "check", INLINE, "--set", "run.speed=1000rpm", "--set", "run.revolutions=1", "--set", "run.speed=2rpm"
     )
@@ -153,7 +153,7 @@ def test_a_key_laid_over_twice_is_told(flexcam):
 
 
 @pytest.mark.parametrize("words", [("--contact", "nope"), ("--contact=nope",), ("--response", "--probe", "nope")])
-def test_a_wrong_name_is_reported_at_its_option(flexcam, words):
+def test_unknown_name_is_reported_with_its_option(flexcam, words):
     refused = flexcam("campbell", ROOT / "cases/tayeb/model-3-shm.toml", *words)
     assert refused.code == 2
     assert refused.err.startswith(f"{words[-2] if words[-1] == 'nope' else words[0].partition('=')[0]}: got 'nope'")
@@ -166,7 +166,7 @@ def test_a_wrong_name_is_reported_at_its_option(flexcam, words):
         (("polydyn",), "choose one of new, check, "),
     ],
 )
-def test_an_unknown_command_is_refused_with_the_choices(flexcam, words, remedy):
+def test_unknown_command_is_refused_with_choices(flexcam, words, remedy):
     refused = flexcam(*words)
     assert refused.code == 2
     assert remedy in " ".join(refused.err.split()).replace("Choose", "choose")

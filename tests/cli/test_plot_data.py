@@ -1,4 +1,4 @@
-"""flexcam plot: the numbers that its curves, marks and maps show."""
+"""flexcam plot: the values of its curves, markers and maps."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ SPEEDS, PRESSURE = ("1000", "2000"), "contacts.intake.pressure.largest"
 
 
 @pytest.fixture
-def drawn(flexcam, monkeypatch):
-    """Return the figure that `flexcam plot` would write."""
+def draw_figure(flexcam, monkeypatch):
+    """Return a function that creates the figure of `flexcam plot`."""
 
     def draw(*words, overrides=()):
-        kept = []
-        monkeypatch.setattr(figures, "save_figure", lambda figure, *_, **__: kept.append(figure))
-        given = [word for one in overrides for word in ("--set", one)]
-        ended = flexcam("plot", *words, *given)
-        assert (ended.code, ended.err) == (0, "")
-        (figure,) = kept
+        figures_drawn = []
+        monkeypatch.setattr(figures, "save_figure", lambda figure, *_, **__: figures_drawn.append(figure))
+        set_options = [word for override in overrides for word in ("--set", override)]
+        done = flexcam("plot", *words, *set_options)
+        assert (done.code, done.err) == (0, "")
+        (figure,) = figures_drawn
         figure.draw_without_rendering()
         return figure
 
@@ -51,32 +51,32 @@ def engine(intake, tmp_path):
     return read_result(intake).response
 
 
-def legend_of(legend):
+def legend_texts(legend):
     return [text.get_text() for text in legend.get_texts()]
 
 
-def spans(area):
+def shaded_intervals(area):
     """Return the intervals of a shaded area."""
     return [(path.vertices[:, 0].min(), path.vertices[:, 0].max()) for path in area.get_paths()]
 
 
-def test_last_revolution_from_a_dead_centre(engine):
+def test_last_revolution_from_dead_centre(engine):
     zero = math.radians(120.0)
     last = last_revolution(engine, zero, -math.pi)
     assert (np.diff(last.angle) > 0.0).all()
     assert last.angle[0] == pytest.approx(-math.pi, abs=1e-6)
     assert len(last.angle) == 720
-    at = np.searchsorted(last.angle, math.radians(60.0) - 1e-6)  # cam angle 180 deg
-    for values, whole in ((last.channels["contacts.intake.force"], engine.channels["contacts.intake.force"]),
+    index = np.searchsorted(last.angle, math.radians(60.0) - 1e-6)  # cam angle 180 deg
+    for values, full_history in ((last.channels["contacts.intake.force"], engine.channels["contacts.intake.force"]),
                           (last["valve"].displacement, engine["valve"].displacement)):  # fmt: skip
-        assert values[at] == whole[360]
+        assert values[index] == full_history[360]
 
 
 @pytest.mark.slow
-def test_difference_from_the_rigid_train_and_lost_contact(drawn):
-    """The last panel has the difference of the lift; where the cam force is zero on the lift, every panel is shaded."""
+def test_rigid_difference_and_contact_loss_are_plotted(draw_figure):
+    """The last panel shows the lift difference; zero cam force during the lift is shaded in every panel."""
     fast = [*FEW, "run.crank_speed=6500rpm", "run.engine=kernel"]
-    figure = drawn(ENGINE, "--rigid", overrides=fast)
+    figure = draw_figure(ENGINE, "--rigid", overrides=fast)
     case = read_case(ENGINE, fast)
     flexible, rigid = run(case), run(case, rigid=True)
     *others, panel = figure.axes
@@ -86,8 +86,8 @@ def test_difference_from_the_rigid_train_and_lost_contact(drawn):
         line.get_ydata(), 1e3 * (flexible["valve"].displacement - rigid["valve"].displacement), atol=1e-12
     )
     assert panel.get_ylabel() == "flexible\nminus rigid\nmm"
-    assert legend_of(figure.legends[-1]) == ["contact lost on the lift"]
-    shaded = [part for part in spans(others[0].collections[0]) if part[1] - part[0] > 1.0]
+    assert legend_texts(figure.legends[-1]) == ["contact lost on the lift"]
+    shaded = [part for part in shaded_intervals(others[0].collections[0]) if part[1] - part[0] > 1.0]
     assert shaded
     for begin, end in shaded:
         inside = (np.degrees(flexible.angle) > begin + 0.1) & (np.degrees(flexible.angle) < end - 0.1)
@@ -95,53 +95,55 @@ def test_difference_from_the_rigid_train_and_lost_contact(drawn):
 
 
 @pytest.mark.slow
-def test_several_runs_are_drawn_over_their_last_revolution(drawn, flexcam, tmp_path):
+def test_several_runs_are_plotted_over_last_revolution(draw_figure, flexcam, tmp_path):
     for folder, rpm in (("a", 3000), ("b", 4000)):
-        given = (FEW[0], KERNEL, f"run.crank_speed={rpm}rpm", "run.revolutions=1.5")
-        words = [part for one in given for part in ("--set", one)]
+        overrides = (FEW[0], KERNEL, f"run.crank_speed={rpm}rpm", "run.revolutions=1.5")
+        words = [part for override in overrides for part in ("--set", override)]
         assert flexcam("run", ENGINE, "-o", folder, *words).code == 0
-    figure = drawn("a/intake.vtkhdf", "b/intake.vtkhdf")
-    assert legend_of(figure.legends[0]) == ["intake, crank 3000 rpm", "intake, crank 4000 rpm"]
+    figure = draw_figure("a/intake.vtkhdf", "b/intake.vtkhdf")
+    assert legend_texts(figure.legends[0]) == ["intake, crank 3000 rpm", "intake, crank 4000 rpm"]
     for line, folder in zip(figure.axes[0].lines, "ab", strict=True):
-        whole = read_result(tmp_path / folder / "intake.vtkhdf").response
-        last = last_revolution(whole)
+        response = read_result(tmp_path / folder / "intake.vtkhdf").response
+        last = last_revolution(response)
         np.testing.assert_allclose(line.get_xdata(), np.degrees(last.angle))
         np.testing.assert_allclose(line.get_ydata(), 1e3 * last["valve"].displacement)
     assert figure.axes[-1].get_xlim() == pytest.approx((0.0, 360.0), abs=1e-6)
 
 
-def test_the_crank_angle_without_a_dead_centre_counts_from_cam_angle_zero(drawn, engine):
-    figure = drawn("intake.vtkhdf", "--over", "crank")
+def test_crank_angle_without_dead_centre_starts_at_cam_zero(draw_figure, engine):
+    figure = draw_figure("intake.vtkhdf", "--over", "crank")
     assert figure.axes[-1].get_xlabel() == "crank angle from cam angle 0, deg"
     assert figure.axes[0].lines[0].get_xdata()[[0, 360]] == pytest.approx([0.0, 360.0], abs=1e-6)
 
 
 @pytest.mark.slow
-def test_crank_angle_with_dead_centres_and_overlap(drawn, flexcam):
-    """Of two trains with one dead centre each lift has its place; both are open within the shaded angles."""
+def test_crank_angle_plot_shows_dead_centres_and_overlap(draw_figure, flexcam):
+    """Two trains with one dead centre have separate lifts; both valves are open within the shaded angles."""
     assert flexcam("new", "exhaust-valve", "-o", "exhaust.toml").code == 0
     quick = ("run.steps_per_revolution=720", "run.revolutions=1", "fidelity.model=rigid")
-    figure = drawn(BUCKET, "exhaust.toml", "--over", "crank", overrides=quick)
+    figure = draw_figure(BUCKET, "exhaust.toml", "--over", "crank", overrides=quick)
     lift, *_ = figure.axes
     assert figure.axes[-1].get_xlim() == (-360.0, 360.0)
     assert [text.get_text() for text in lift.texts] == ["firing TDC", "BDC", "TDC", "BDC", "firing TDC"]
     intake, exhaust = (line.get_xydata() for line in lift.lines[:2])
     assert intake[np.argmax(intake[:, 1]), 0] == pytest.approx(108.0, abs=1.0), "the centreline of its cam card"
     assert exhaust[np.argmax(exhaust[:, 1]), 0] < 0.0
-    assert legend_of(figure.legends[-1]) == ["valve overlap, both open by 0.1 mm"]
-    ((begin, end),) = spans(lift.collections[0])
+    assert legend_texts(figure.legends[-1]) == ["valve overlap, both open by 0.1 mm"]
+    ((begin, end),) = shaded_intervals(lift.collections[0])
     for place in (begin, end):
         assert min(np.interp(place, *curve.T) for curve in (intake, exhaust)) == pytest.approx(0.1, abs=0.02)
     assert [axes.get_ylabel() for axes in figure.axes[-2:]] == ["intake force\nN", "exhaust force\nN"]
 
 
-def test_overlap_behind_a_phaser(drawn, flexcam):
-    """The intake opens 40 deg of the crankshaft earlier than without it; no contact seems lost on the lift."""
+def test_valve_overlap_with_phaser(draw_figure, flexcam):
+    """The intake opens 40 deg of the crankshaft earlier than without the phaser; no contact loss is marked."""
     assert flexcam("new", "cam-phaser", "-o", "phaser.toml").code == 0
-    figure = drawn("phaser.toml", "--over", "crank", overrides=("run.steps_per_revolution=720", "fidelity.model=rigid"))
+    figure = draw_figure(
+        "phaser.toml", "--over", "crank", overrides=("run.steps_per_revolution=720", "fidelity.model=rigid")
+    )
     lift, *_ = figure.axes
-    assert legend_of(figure.legends[-1]) == ["valve overlap, both open by 0.1 mm"]
-    ((begin, end),) = spans(lift.collections[0])
+    assert legend_texts(figure.legends[-1]) == ["valve overlap, both open by 0.1 mm"]
+    ((begin, end),) = shaded_intervals(lift.collections[0])
     curve = lift.lines[0].get_xydata()
     assert curve[np.argmax(curve[:, 1]), 0] == pytest.approx(80.0, abs=1.0)
     assert np.interp(begin, *curve.T) == pytest.approx(0.1, abs=0.02)
@@ -151,26 +153,28 @@ def test_overlap_behind_a_phaser(drawn, flexcam):
 
 
 @pytest.mark.slow
-def test_torque_with_its_mean(drawn, engine, tmp_path):
-    figure = drawn("intake.vtkhdf", "--what", "torque")
+def test_torque_plot_shows_mean(draw_figure, engine, tmp_path):
+    figure = draw_figure("intake.vtkhdf", "--what", "torque")
     ready = prepare(read_case(ENGINE, [*FEW, "run.engine=kernel"]))
-    means = {one.name: one.value for one in compute_metrics(ready, engine) if one.name.endswith("torque.mean")}
+    means = {
+        metric.name: metric.value for metric in compute_metrics(ready, engine) if metric.name.endswith("torque.mean")
+    }
     assert len(figure.axes) == len(means) == 2
     for axes, (name, mean) in zip(figure.axes, means.items(), strict=True):
         curve, level = axes.lines
         np.testing.assert_allclose(curve.get_ydata(), engine.channels[name.removesuffix(".mean")])
         assert list(level.get_ydata()) == [mean, mean]
-        assert legend_of(axes.get_legend()) == [f"mean {mean:.4g} N m"]
+        assert legend_texts(axes.get_legend()) == [f"mean {mean:.4g} N m"]
 
 
 @pytest.mark.slow
-def test_spring_curve_with_its_marks(drawn, engine):
-    """50 kN/m and 400 N: full lift at the rigid lift of the valve, coil bind at the given travel, Wahl's stress."""
-    figure = drawn("intake.vtkhdf", "--what", "spring", "--channel", "springs.valve.force")
+def test_spring_plot_marks_installation_lift_and_coil_bind(draw_figure, engine):
+    """50 kN/m and 400 N: full lift at the rigid valve lift, coil bind at the given travel, stress by Wahl."""
+    figure = draw_figure("intake.vtkhdf", "--what", "spring", "--channel", "springs.valve.force")
     force, stress = figure.axes
     lift = 1e3 * run(read_case(ENGINE, FEW), rigid=True)["valve"].displacement.max()
-    curve, *marks = force.lines
-    assert [(float(mark.get_xdata()[0]), float(mark.get_ydata()[0])) for mark in marks[:3]] == [
+    curve, *markers = force.lines
+    assert [(float(marker.get_xdata()[0]), float(marker.get_ydata()[0])) for marker in markers[:3]] == [
         (0.0, 400.0), (pytest.approx(lift), pytest.approx(400.0 + 50.0 * lift)), (13.0, pytest.approx(1050.0))
     ]  # fmt: skip
     x, y = curve.get_data()
@@ -182,9 +186,9 @@ def test_spring_curve_with_its_marks(drawn, engine):
 
 
 @pytest.mark.slow
-def test_goodman_diagram(drawn):
+def test_goodman_diagram_values(draw_figure):
     strong = [*FEW, KERNEL, "materials.steel.ultimate_strength=900 MPa", "materials.steel.endurance_limit=350 MPa"]
-    figure = drawn(ENGINE, "--what", "goodman", overrides=strong)
+    figure = draw_figure(ENGINE, "--what", "goodman", overrides=strong)
     (axes,) = figure.axes
     case = read_case(ENGINE, strong)
     found = member_strength(prepare(case), run(case)).members()
@@ -199,7 +203,7 @@ def test_goodman_diagram(drawn):
 
 
 @pytest.mark.slow
-def test_map_over_angle_and_speed(drawn, flexcam, tmp_path):
+def test_map_over_angle_and_speed_values(draw_figure, flexcam, tmp_path):
     for rpm in SPEEDS:
         words = (
             "--set",
@@ -213,35 +217,35 @@ def test_map_over_angle_and_speed(drawn, flexcam, tmp_path):
         )
         assert flexcam("run", ENGINE, "-o", rpm, *words).code == 0
     files = [f"{rpm}/intake.vtkhdf" for rpm in reversed(SPEEDS)]
-    figure = drawn(*files, "--what", "map", "--channel", "contacts.intake.force")
-    (mesh,) = (one for one in figure.axes[0].collections if isinstance(one, QuadMesh))
+    figure = draw_figure(*files, "--what", "map", "--channel", "contacts.intake.force")
+    (mesh,) = (collection for collection in figure.axes[0].collections if isinstance(collection, QuadMesh))
     values = np.asarray(mesh.get_array()).reshape(2, -1)
     for row, rpm in zip(values, SPEEDS, strict=True):
         response = read_result(tmp_path / rpm / "intake.vtkhdf").response
         np.testing.assert_allclose(row[2::2], response.channels["contacts.intake.force"][1:], atol=1e-9)
     assert figure.axes[1].get_ylabel() == "intake force\nN"
-    case = drawn(ENGINE, "--what", "map", "--count", "3", overrides=[*FEW, "fidelity.model=rigid"])
+    case = draw_figure(ENGINE, "--what", "map", "--count", "3", overrides=[*FEW, "fidelity.model=rigid"])
     assert case.axes[0].get_ylabel() == "crank speed, rpm"
 
 
 @pytest.fixture
 def table(tmp_path):
-    """Write a sweep of speeds and stiffnesses with one failed variant, and return it."""
-    speed, stiffness = (one.ravel() for one in np.meshgrid([1000.0, 2000.0, 3000.0], [40.0, 50.0], indexing="ij"))
+    """Write a sweep of speeds and stiffnesses with one failed variant and return its table."""
+    speed, stiffness = (grid.ravel() for grid in np.meshgrid([1000.0, 2000.0, 3000.0], [40.0, 50.0], indexing="ij"))
     force = speed / stiffness
     force[3] = np.nan
     statuses = [Status()] * 6
     statuses[3] = Status(Cause.NOT_FINITE, "it left", "a smaller step")
     inputs = Column("run.speed", "rpm", speed), Column("springs.valve.stiffness", "kN/m", stiffness)
-    found = SweepTable(inputs, {PRESSURE: 1e6 * force}, {PRESSURE: "Pa"}, tuple(statuses), (3, 2))
-    for ending in (".h5", ".csv"):
-        write_table(found, tmp_path / f"case.sweep{ending}")
-    return found
+    sweep = SweepTable(inputs, {PRESSURE: 1e6 * force}, {PRESSURE: "Pa"}, tuple(statuses), (3, 2))
+    for suffix in (".h5", ".csv"):
+        write_table(sweep, tmp_path / f"case.sweep{suffix}")
+    return sweep
 
 
 @pytest.mark.parametrize("file", ["case.sweep.h5", "case.sweep.csv"])
-def test_sweep_as_lines_and_as_a_map(file, drawn, table):
-    figure = drawn(file, "--x", "run.speed", "--y", "contacts.intake.pressure.largest")
+def test_sweep_plot_as_lines_and_map(file, draw_figure, table):
+    figure = draw_figure(file, "--x", "run.speed", "--y", "contacts.intake.pressure.largest")
     (axes,) = figure.axes
     soft, stiff, failed = axes.lines
     assert (soft.get_label(), stiff.get_label()) == (
@@ -251,17 +255,19 @@ def test_sweep_as_lines_and_as_a_map(file, drawn, table):
     np.testing.assert_allclose(stiff.get_xydata(), [[1000.0, 20.0], [2000.0, np.nan], [3000.0, 60.0]])
     assert (list(failed.get_xdata()), failed.get_label()) == ([2000.0], "failed variant")
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("run.speed, rpm", "contacts.intake.pressure.largest\nMPa")
-    contours = drawn(file, "--y", "contacts.intake.pressure.largest", "--map", "--x", "springs.valve.stiffness").axes[0]
+    contours = draw_figure(
+        file, "--y", "contacts.intake.pressure.largest", "--map", "--x", "springs.valve.stiffness"
+    ).axes[0]
     assert (contours.get_xlabel(), contours.get_ylabel()) == ("springs.valve.stiffness, kN/m", "run.speed, rpm")
     assert contours.lines[-1].get_xydata().tolist() == [[50.0, 2000.0]], "the failed variant"
 
 
-def test_a_table_as_csv_is_that_of_hdf5(table, tmp_path):
-    one, other = (read_table(tmp_path / f"case.sweep{ending}") for ending in (".h5", ".csv"))
-    assert (one.shape, one.failed) == (other.shape, other.failed)
+def test_csv_table_equals_hdf5_table(table, tmp_path):
+    hdf5_table, csv_table = (read_table(tmp_path / f"case.sweep{suffix}") for suffix in (".h5", ".csv"))
+    assert (hdf5_table.shape, hdf5_table.failed) == (csv_table.shape, csv_table.failed)
     for name in ("run.speed", "springs.valve.stiffness", "contacts.intake.pressure.largest"):
-        assert (one.column(name).unit, other.column(name).unit) == (table.column(name).unit,) * 2
-        np.testing.assert_allclose(other.column(name).values, one.column(name).values)
+        assert (hdf5_table.column(name).unit, csv_table.column(name).unit) == (table.column(name).unit,) * 2
+        np.testing.assert_allclose(csv_table.column(name).values, hdf5_table.column(name).values)
 
 
 @pytest.mark.parametrize(
@@ -284,14 +290,14 @@ def test_a_table_as_csv_is_that_of_hdf5(table, tmp_path):
         (["case.toml", "--what", "sweep", "--y", "a"], "one table of a sweep"),
     ],
 )
-def test_refusals(words, said, flexcam, table, case, tmp_path):
+def test_data_plots_refuse_invalid_arguments(words, said, flexcam, table, case, tmp_path):
     (tmp_path / "other.csv").write_text("a,b\n1,2\n")
-    told = flexcam("plot", *words)
-    assert told.code == 2
-    assert said.lower() in told.err.lower()
+    done = flexcam("plot", *words)
+    assert done.code == 2
+    assert said.lower() in done.err.lower()
 
 
-def test_waterfall_lines_stand_at_their_speeds():
+def test_waterfall_lines_start_at_their_speeds():
     sizes = np.array([[0.0, 1.0, 2.0], [0.0, 4.0, 1.0]])
     found = Waterfall(
         Signal("contacts.intake.force"), "N", np.array([1000.0, 2000.0]), sizes, np.zeros(2), (Status(),) * 2
@@ -302,20 +308,20 @@ def test_waterfall_lines_stand_at_their_speeds():
     np.testing.assert_allclose(heights[1] - 4000.0, 150.0 * sizes[1, 1:])
 
 
-def test_ends_of_lines_in_a_campbell_diagram_are_marked():
-    """Mode 1 appears at the second speed and mode 2 ends there; mode 3 has every speed."""
+def test_campbell_diagram_marks_ends_of_lines():
+    """Mode 1 appears at the second speed, mode 2 ends there, and mode 3 exists at every speed."""
     nan = math.nan
     frequencies = np.array([[nan, 30.0, 40.0], [20.0, 30.0, 40.0], [20.0, nan, 40.0]])
     found = Campbell("intake", np.array([1000.0, 2000.0, 3000.0]), frequencies, (True,) * 3, ("a", "b", "c"), {1: 1e-3},
                      np.full((3, 1), nan), (), (Status(),) * 3)  # fmt: skip
     (axes,) = campbell_figure(found, 1.0, "camshaft").axes
-    (marks,) = (line for line in axes.lines if line.get_label() == "line ends: a contact opens or closes")
-    assert sorted(map(tuple, marks.get_xydata().tolist())) == [(2000.0, 20.0), (2000.0, 30.0)]
+    (end_markers,) = (line for line in axes.lines if line.get_label() == "line ends: a contact opens or closes")
+    assert sorted(map(tuple, end_markers.get_xydata().tolist())) == [(2000.0, 20.0), (2000.0, 30.0)]
 
 
-def test_modes_are_drawn_along_members_that_move(drawn, engine):
+def test_mode_shapes_are_plotted_along_moving_members(draw_figure, engine):
     """The second mode is that of the valve on its spring, in which no member moves."""
-    figure = drawn("intake.vtkhdf", "--what", "modes", "--count", "3")
+    figure = draw_figure("intake.vtkhdf", "--what", "modes", "--count", "3")
     assert [axes.get_xlabel() for axes in figure.axes] == ["along pushrod, mm"] * 2
     assert [part.get_suptitle().startswith(f"mode {i}, ") for i, part in enumerate(figure.subfigs, start=1)] == [
         True

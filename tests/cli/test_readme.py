@@ -1,7 +1,7 @@
-"""README keeps its word: every command and line of Python in it runs, and prints what it shows.
+"""README commands and Python lines run and print the output that the README shows.
 
-A newcomer copies the commands from above to below, so they run in that order in one folder that has the cases. Commands
-that take many seconds run there with fewer steps or variants, and as they stand in the slow test.
+A new user copies the commands from top to bottom, so they run in this order in one folder with the cases. Commands
+that take many seconds run there with fewer steps or variants, and unchanged in the slow test.
 """
 
 from __future__ import annotations
@@ -29,28 +29,28 @@ FEWER = {
     "sweep": ("--set", "run.speed=1000,2000rpm", "--workers", "0"),
     "stability": ("--set", "run.steps_per_revolution=180"),
 }
-"""What a command that takes long gets besides its own words, to take less."""
+"""Additional options that shorten slow commands."""
 
 LONG = ("limits", "selftest")
-"""Commands that nothing shortens: the slow test runs them, and CI runs that."""
+"""Slow commands without an option that shortens them: only the slow test, which CI runs, executes them."""
 
 
 @pytest.fixture
 def clone(tmp_path, flexcam):
-    """Return the command, in a folder with the cases, as a fresh clone has them."""
+    """Return the command in a folder with the cases and meshes, as in a fresh clone."""
     for name in ("cases", "meshes"):
         shutil.copytree(ROOT / name, tmp_path / name)
     return flexcam
 
 
-def test_every_line_of_shell_is_looked_at():
+def test_every_shell_line_is_parsed():
     assert len(COMMANDS) > 15
     assert len(COMMANDS) + len(TARGETS) == len([line for line in SHELL if line.strip()])
 
 
 @pytest.mark.slow  # CI runs the slow tests of this file
-def test_commands_from_above_to_below(clone):
-    """And the first of them prints what README shows."""
+def test_commands_run_in_order(clone):
+    """The first command prints the output that the README shows."""
     printed = []
     for words in (words for words in COMMANDS if words[0] not in LONG):
         done = clone(*words, *FEWER.get(words[0], ()))
@@ -65,30 +65,30 @@ def test_commands_from_above_to_below(clone):
 @pytest.mark.parametrize(
     "words", [words for words in COMMANDS if words[0] in (*FEWER, *LONG)], ids=lambda words: words[0]
 )
-def test_command_as_it_stands(clone, words):
+def test_unchanged_slow_command(clone, words):
     done = clone(*words)
     assert done.code == 0, done.err
 
 
 @pytest.mark.usefixtures("clone")
-def test_lines_of_python(capsys):
+def test_python_lines(capsys):
     (block,) = [block for kind, block in FENCES if kind == "python"]
     exec(block, {})  # noqa: S102 - what users copy
     assert float(capsys.readouterr().out) == pytest.approx(0.02149, abs=5e-6)
 
 
-def test_what_is_said_of_speed_is_what_was_measured():
+def test_readme_speed_claims_match_measurements():
     measured = json.loads((ROOT / "docs/performance-peers.json").read_text(encoding="utf-8"))["solvers"]
-    took = {one["title"].partition(" (")[0]: one.get("us_per_step") for one in measured}
+    took = {solver["title"].partition(" (")[0]: solver.get("us_per_step") for solver in measured}
     words = " ".join(README.split())
     assert "flexcam's two solvers in modal coordinates are the fastest and Exudyn's tuned solver is third" in words
     assert "flexcam's direct solver takes about as long as the scipy loop" in words
-    others = {title: one for title, one in took.items() if one and not title.startswith("flexcam")}
+    others = {title: time for title, time in took.items() if time and not title.startswith("flexcam")}
     assert max(took["flexcam"], took["flexcam, kernel solver"]) < min(others.values()) == others["Exudyn, tuned"]
     assert took["flexcam, direct solver"] == pytest.approx(others["scipy `splu`, Python loop"], rel=0.2)
 
 
-def test_what_is_said_of_contact_is_what_was_measured():
+def test_readme_contact_claims_match_measurements():
     spec = importlib.util.spec_from_file_location("make_performance", ROOT / "docs/make_performance.py")
     maker = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(maker)
@@ -109,6 +109,6 @@ def test_what_is_said_of_contact_is_what_was_measured():
             assert time > 1.4 * own
 
 
-def test_targets_stand_in_the_makefile():
+def test_make_targets_exist():
     known = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M))
     assert {"demo", "test"} == set(TARGETS) <= known

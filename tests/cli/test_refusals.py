@@ -1,4 +1,4 @@
-"""Exit code 2: refused input, with --json too; existing results are not written over."""
+"""Exit code 2: refused input, also with --json; existing results are not overwritten."""
 
 # ruff: noqa: E501 - tables, a row to a line
 
@@ -8,7 +8,7 @@ import pytest
 
 from tests.thinning import mostly_slow
 
-FIVE = {"where", "given", "allowed", "why", "remedy"}
+ERROR_KEYS = {"where", "given", "allowed", "why", "remedy"}
 COMMANDS = {
     "no case": ["check", "nosuch.toml"],
     "bad case": ["check", "bad.toml"],
@@ -51,7 +51,7 @@ def files(flexcam, case, tmp_path):
 
 
 @pytest.mark.parametrize("name", mostly_slow(COMMANDS))
-def test_refused_in_json(name, flexcam, files):
+def test_refused_command_prints_errors_as_json(name, flexcam, files):
     (files / "out/case.vtkhdf").write_text("mine")
     before = sorted(files.rglob("*"))
     done = flexcam(*COMMANDS[name], "--json")
@@ -59,21 +59,22 @@ def test_refused_in_json(name, flexcam, files):
     assert done.json["status"] == "refused"
     assert done.json["errors"]
     assert all(
-        set(error) == FIVE and error["given"] and (error["allowed"] or error["why"]) for error in done.json["errors"]
+        set(error) == ERROR_KEYS and error["given"] and (error["allowed"] or error["why"])
+        for error in done.json["errors"]
     )
     assert sorted(files.rglob("*")) == before, "a refused command leaves nothing behind"
 
 
-def test_a_result_where_a_case_is_wanted(flexcam, files):
-    """Its bytes are no text, which is not what helps."""
+def test_result_given_as_case_is_refused(flexcam, files):
+    """The message names the result, not its invalid text encoding."""
     (files / "out/case.vtkhdf").write_bytes(b"\x89HDF")
     (fault,) = flexcam("run", "out/case.vtkhdf", "--json").json["errors"]
     assert fault["why"] == "it is a result"
     assert "flexcam info, plot, report" in fault["remedy"]
 
 
-def test_speeds_are_refused_in_those_of_the_shaft_they_were_given_for(flexcam, files):
-    """A crank speed is not answered by one of the camshaft, which is half of it."""
+def test_refused_speeds_refer_to_given_shaft(flexcam, files):
+    """A refused crank speed is not printed as the camshaft speed, which is half of it."""
     flexcam("new", "pushrod-engine", "-o", "engine.toml")
     engine = ("limits", "engine.toml", "--set", "run.crank_speed=4000rpm")
     (fault,) = flexcam(*engine, "--lowest", "9000rpm", "--highest", "2000rpm", "--json").json["errors"]
@@ -84,7 +85,7 @@ def test_speeds_are_refused_in_those_of_the_shaft_they_were_given_for(flexcam, f
 
 
 @pytest.mark.parametrize("name", ["bad case", "unknown option", "result exists", "folder of an export is a file"])
-def test_refused_in_words(name, flexcam, files):
+def test_refused_command_prints_errors_to_stderr(name, flexcam, files):
     (files / "out/case.vtkhdf").write_text("mine")
     done = flexcam(*COMMANDS[name])
     assert done.code == 2
@@ -92,15 +93,15 @@ def test_refused_in_words(name, flexcam, files):
     assert len(done.err.splitlines()) >= 1
 
 
-def test_all_faults_at_once(flexcam, files):
+def test_all_faults_of_case_are_reported(flexcam, files):
     errors = flexcam("check", "bad.toml", "--json").json["errors"]
-    assert {"materials.steel.densty", "run.speed"} <= {e["where"].split(" (")[0] for e in errors}
-    assert any("did you mean 'density'" in e["remedy"] for e in errors)
+    assert {"materials.steel.densty", "run.speed"} <= {error["where"].split(" (")[0] for error in errors}
+    assert any("did you mean 'density'" in error["remedy"] for error in errors)
 
 
 @pytest.mark.parametrize("first", [["run", "case.toml", "-o", "out"], ["export", "out/case.vtkhdf"], ["export", "case.toml", "--format", "msh", "-o", "out"]],
                          ids=["run", "pvd", "msh"])  # fmt: skip
-def test_existing_results_are_kept_unless_told(first, flexcam, case, tmp_path):
+def test_existing_results_require_overwrite(first, flexcam, case, tmp_path):
     flexcam("run", "case.toml", "-o", "out")
     target = (
         tmp_path

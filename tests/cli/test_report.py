@@ -1,4 +1,4 @@
-"""flexcam report: complete, failed and several results; with the case gone; hostile strings; refusals."""
+"""flexcam report: complete, failed and several results; without the case file; malicious strings; refusals."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ from flexcam.io.hdf5 import write_texts
 from tests.thinning import mostly_slow
 
 ROOT = Path(__file__).parents[2]
-ROOM = 6_000_000
-"""Bytes of a page."""
+MAX_PAGE_SIZE = 6_000_000
+"""Maximum size of a page in bytes."""
 
 
-def data_of(text):
+def page_data(text):
     return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.S)[1])
 
 
-def without_programs(page):
+def remove_scripts(page):
     return re.sub(r"<(script|style)>.*?</\1>", "", page, flags=re.S)
 
 
-def text_of(page):
-    """Return a page without its programs and tags, as a reader reads it."""
-    return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", without_programs(page)))
+def page_text(page):
+    """Return the visible text of a page, without scripts and tags."""
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", remove_scripts(page)))
 
 
-def test_a_report(flexcam, result, case):
-    """It is the same out of the result alone, once the case is gone."""
-    told = flexcam("report", result, "--json")
-    assert (told.code, told.err) == (0, "")
-    assert told.json["file"] == str(result.with_suffix(".html"))
-    assert told.json["warnings"] == {str(result): []}
+def test_report_content_without_case_file(flexcam, result, case):
+    """The report from the result alone, after the case file is deleted, is identical."""
+    done = flexcam("report", result, "--json")
+    assert (done.code, done.err) == (0, "")
+    assert done.json["file"] == str(result.with_suffix(".html"))
+    assert done.json["warnings"] == {str(result): []}
     page = result.with_suffix(".html").read_text(encoding="utf-8")
-    assert len(page.encode()) < ROOM
-    text = text_of(page)
+    assert len(page.encode()) < MAX_PAGE_SIZE
+    text = page_text(page)
     wanted = [
         "Nodes in the file, camshaft 3000 rpm", "The flexible result differs significantly", "deviates by up to",
         "Modelled with flexible beams: 2 members, 3 masses, 1 spring, 1 rocker, 1 cam, 1 contact",
@@ -50,10 +50,10 @@ def test_a_report(flexcam, result, case):
         "what moves", "numpy", "members]", "[contacts.intake]",
     ]  # fmt: skip
     assert [words for words in wanted if words not in text] == []
-    data = data_of(page)
+    data = page_data(page)
     assert [album["title"] for album in data["albums"]] == ["Motion", "Forces and more", "Energy"]
     assert data["albums"][0]["charts"][0]["name"] == "valve"
-    assert [one["name"] for one in data["scenes"][0]["shapes"]][-1] == "the run"
+    assert [shape["name"] for shape in data["scenes"][0]["shapes"]][-1] == "the run"
     assert list(data["scenes"][0]["lines"]) == ["camshaft", "pushrod"]
     case.unlink()
     write_text(result.with_suffix(".html"), "another", overwrite=True)
@@ -62,37 +62,37 @@ def test_a_report(flexcam, result, case):
 
 
 @pytest.mark.slow
-def test_what_cannot_be_had_is_said(flexcam, case, tmp_path):
-    """A lift table that is gone, also from the result: curves and lines remain; the page says what is left out."""
+def test_report_lists_parts_without_data(flexcam, case, tmp_path):
+    """The lift table is missing, also in the result: curves and lines remain; the page lists the omitted parts."""
     text = case.read_text(encoding="utf-8")
-    old = 'law = "shm"\nlift = "6 mm"\nrise = "180 deg"\nreturn = "180 deg"'
-    assert old in text
+    law_lines = 'law = "shm"\nlift = "6 mm"\nrise = "180 deg"\nreturn = "180 deg"'
+    assert law_lines in text
     lift = 'lift_table = { file = "lift.csv", unit = "mm" }'
     shutil.copy(ROOT / "tests/data/lift.csv", tmp_path)
-    case.write_text(text.replace(old, lift), encoding="utf-8")
+    case.write_text(text.replace(law_lines, lift), encoding="utf-8")
     assert flexcam("run", "case.toml", "-o", "out").code == 0
     (tmp_path / "lift.csv").unlink()
-    whole = flexcam("report", "out/case.vtkhdf", "-o", "whole.html", "--json")
-    assert "Not in this report" not in str(whole.json["warnings"]), "the result has the table"
-    with h5py.File(tmp_path / "out/case.vtkhdf", "r+") as file:  # as an older version wrote it
+    complete = flexcam("report", "out/case.vtkhdf", "-o", "whole.html", "--json")
+    assert "Not in this report" not in str(complete.json["warnings"]), "the result has the table"
+    with h5py.File(tmp_path / "out/case.vtkhdf", "r+") as file:  # as in a result of an older version
         del file["about/files"]
         write_digest(file)
-    told = flexcam("report", "out/case.vtkhdf", "--json")
-    assert told.code == 0
-    (warnings,) = told.json["warnings"].values()
+    done = flexcam("report", "out/case.vtkhdf", "--json")
+    assert done.code == 0
+    (warnings,) = done.json["warnings"].values()
     assert "Not in this report" in warnings[0]
     assert "lift.csv" in warnings[0]
     page = (tmp_path / "out/case.html").read_text(encoding="utf-8")
-    assert warnings[0].partition(";")[0] in text_of(page)
-    data = data_of(page)
+    assert warnings[0].partition(";")[0] in page_text(page)
+    data = page_data(page)
     assert "valve" in [chart["name"] for chart in data["albums"][0]["charts"]]
-    assert [one["name"] for one in data["scenes"][0]["shapes"]] == ["the run"]
+    assert [shape["name"] for shape in data["scenes"][0]["shapes"]] == ["the run"]
 
 
 @pytest.mark.parametrize(
     ("name", "text"), mostly_slow([("overrides", "[3]"), ("files", "no JSON"), ("files", '{"a.csv": null}')])
 )
-def test_texts_about_the_case_that_are_damaged(flexcam, case, name, text, tmp_path):
+def test_damaged_case_texts_of_result_are_refused(flexcam, case, name, text, tmp_path):
     assert flexcam("run", case, "--set", "run.revolutions=0.02").code == 0
     path = tmp_path / "results/case.vtkhdf"
     with h5py.File(path, "r+") as file:
@@ -105,69 +105,69 @@ def test_texts_about_the_case_that_are_damaged(flexcam, case, name, text, tmp_pa
 
 
 @pytest.mark.slow
-def test_a_run_that_diverged(flexcam, case, tmp_path):
+def test_report_of_diverged_run(flexcam, case, tmp_path):
     assert flexcam("run", "case.toml", "-o", "out", "--set", "run.integrator.beta=0.01").code == 3
     assert flexcam("report", "out/case.partial.vtkhdf", "-o", "early.html").code == 0
-    text = text_of((tmp_path / "early.html").read_text(encoding="utf-8"))
+    text = page_text((tmp_path / "early.html").read_text(encoding="utf-8"))
     assert "The run did not reach its end. not-finite" in text
     assert "The flexible result" not in text, "no verdict of half a run"
 
 
 @pytest.mark.slow
-def test_several_results(flexcam, case, result, tmp_path):
+def test_report_of_several_results(flexcam, case, result, tmp_path):
     assert flexcam("run", "case.toml", "-o", "fast", "--set", "run.speed=4000rpm").code == 0
     assert flexcam("report", result, "fast/case.vtkhdf", "--probe", "cam.rx", "-o", "both.html").code == 0
     page = (tmp_path / "both.html").read_text(encoding="utf-8")
-    assert len(page.encode()) < ROOM
-    first = data_of(page)["albums"][0]["charts"][0]
+    assert len(page.encode()) < MAX_PAGE_SIZE
+    first = page_data(page)["albums"][0]["charts"][0]
     assert first["name"] == "cam.rx"
     names = [curve["name"] for curve in first["panels"][0]["curves"]]
-    assert [one for one in names if "rigid" not in one] == ["case, camshaft 3000 rpm", "case, camshaft 4000 rpm"]
-    assert "run.speed=4000rpm" in text_of(page)
+    assert [name for name in names if "rigid" not in name] == ["case, camshaft 3000 rpm", "case, camshaft 4000 rpm"]
+    assert "run.speed=4000rpm" in page_text(page)
 
 
 @pytest.mark.slow
-def test_hostile_cases(flexcam, case, tmp_path):
-    """A title and a comment that would be programs."""
+def test_report_escapes_scripts_in_case(flexcam, case, tmp_path):
+    """The title and a comment of the case contain scripts."""
     text = case.read_text(encoding="utf-8")
-    evil = "</title><script>alert(1)</script>"
-    text = text.replace('title = "Nodes in the file"', f"title = '{evil}'") + f"\n# </pre></script>{evil}\n"
+    script = "</title><script>alert(1)</script>"
+    text = text.replace('title = "Nodes in the file"', f"title = '{script}'") + f"\n# </pre></script>{script}\n"
     case.write_text(text, encoding="utf-8")
     assert flexcam("run", "case.toml", "-o", "out").code == 0
     assert flexcam("report", "out/case.vtkhdf").code == 0
     page = (tmp_path / "out/case.html").read_text(encoding="utf-8")
-    assert evil not in page
-    bare = without_programs(page)
-    assert bare.count("</title>") == bare.count("</pre>") == bare.count("</script>") == 1
-    assert bare.count("&lt;script&gt;alert(1)") >= 3
+    assert script not in page
+    visible = remove_scripts(page)
+    assert visible.count("</title>") == visible.count("</pre>") == visible.count("</script>") == 1
+    assert visible.count("&lt;script&gt;alert(1)") >= 3
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("model", ["rigid", "sdof"])
-def test_coarser_models(model, flexcam, case, tmp_path):
+def test_report_of_reduced_models(model, flexcam, case, tmp_path):
     assert flexcam("run", "case.toml", "-o", "out", "--set", f"fidelity.model={model}").code == 0
-    told = flexcam("report", "out/case.vtkhdf", "--json")
-    assert told.code == 0
-    assert {"rigid": "no stresses", "sdof": "no stresses and section forces"}[model] in str(told.json["warnings"])
-    text = text_of((tmp_path / "out/case.html").read_text(encoding="utf-8"))
+    done = flexcam("report", "out/case.vtkhdf", "--json")
+    assert done.code == 0
+    assert {"rigid": "no stresses", "sdof": "no stresses and section forces"}[model] in str(done.json["warnings"])
+    text = page_text((tmp_path / "out/case.html").read_text(encoding="utf-8"))
     assert ("The flexible result" in text) == (model != "rigid")
     assert "saved instants" not in text
 
 
 @pytest.mark.slow
-def test_what_is_asked_for_beside(flexcam, case, tmp_path):
-    """Errors, the trade and limits run the case again; in few steps here.
+def test_report_with_errors_trade_and_limits(flexcam, case, tmp_path):
+    """Errors, trade and limits run the case again, here with few steps.
 
-    A published load loses no contact: buckling is its only limit, and is not met.
+    A published load has no contact loss: buckling is the only limit, and it is not reached.
     """
     assert flexcam("run", "case.toml", "-o", "out", "--set", "run.steps_per_revolution=60").code == 0
     assert flexcam("report", "out/case.vtkhdf", "--errors", "--trade", "--limits").code == 0
     page = (tmp_path / "out/case.html").read_text(encoding="utf-8")
-    text = text_of(page)
+    text = page_text(page)
     wanted = ["Estimated errors", "±", "Cost and error of models", "Best models in both",
               "No speed limit was found up to twice the speed"]  # fmt: skip
     assert [words for words in wanted if words not in text] == []
-    assert without_programs(page).count('src="data:image/png') == 2
+    assert remove_scripts(page).count('src="data:image/png') == 2
 
 
 @pytest.mark.parametrize(
@@ -183,18 +183,18 @@ def test_what_is_asked_for_beside(flexcam, case, tmp_path):
         ([], "results"),
     ],
 )
-def test_refusals(words, said, flexcam, result, tmp_path):
+def test_report_refuses_invalid_arguments(words, said, flexcam, result, tmp_path):
     write_text(tmp_path / "taken.html", "mine")
     before = sorted(tmp_path.rglob("*"))
-    told = flexcam("report", *words)
-    assert told.code == 2
-    assert said in told.err
+    done = flexcam("report", *words)
+    assert done.code == 2
+    assert said in done.err
     assert sorted(tmp_path.rglob("*")) == before, "nothing is written"
 
 
 @pytest.mark.slow
-def test_no_display_and_no_gl_library_is_needed(spawned, result, monkeypatch):
+def test_report_needs_no_display(spawn, result, monkeypatch):
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    done = spawned("report", result)
+    done = spawn("report", result)
     assert (done.code, done.err) == (0, "")

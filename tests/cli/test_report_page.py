@@ -1,6 +1,6 @@
-"""A report in a browser: nothing fetched, no fault, a curve zoomed, a probe switched, a mode animated, by keys alone.
+"""A report in a browser: no network access, no errors, zoomed curves, changed probes, animation of modes, keyboard use.
 
-Debian's Chromium, driven by playwright. Set FLEXCAM_REQUIRE_PARAVIEW=1 where it must run.
+The browser is Debian's Chromium, controlled by playwright. FLEXCAM_REQUIRE_PARAVIEW=1 makes a missing browser an error.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from flexcam.analysis.run import open_result_file
 from flexcam.report.content import load_subject
 from flexcam.report.page import build_report, render_page
 
-NAMES = ("chromium", "chromium-browser", "google-chrome")
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
 @pytest.fixture(scope="module")
 def browser():
-    """Return a browser that has no network."""
-    found = next(filter(None, map(shutil.which, NAMES)), None)
+    """Return a browser without network access."""
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
     if found is None and os.environ.get("FLEXCAM_REQUIRE_PARAVIEW") == "1":
         pytest.fail("FLEXCAM_REQUIRE_PARAVIEW=1, but chromium cannot be found")
     if found is None:
@@ -29,14 +29,14 @@ def browser():
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as play:
-        opened = play.chromium.launch(executable_path=found, args=["--no-sandbox"])
-        yield opened
-        opened.close()
+        chromium = play.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        yield chromium
+        chromium.close()
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory, tayeb):
-    """Return the page of two results of a published case."""
+def report_file(tmp_path_factory, tayeb):
+    """Return the report of two results of a published case."""
     folder = tmp_path_factory.mktemp("report")
     paths = []
     for speed in (3000, 3300):
@@ -50,160 +50,162 @@ def written(tmp_path_factory, tayeb):
 
 
 @pytest.fixture(scope="module")
-def opened(browser, written):
-    """Open the page; at the end it has fetched nothing but itself and complained of nothing."""
+def open_page(browser, report_file):
+    """Open the report and record its messages and requests."""
     tab = browser.new_page(viewport={"width": 1280, "height": 900})
-    said, fetched = [], []
-    tab.on("console", lambda one: said.append(one.text))
-    tab.on("pageerror", lambda fault: said.append(str(fault)))
-    tab.on("request", lambda one: fetched.append(one.url))
-    tab.goto(written.as_uri())
+    messages, fetched = [], []
+    tab.on("console", lambda event: messages.append(event.text))
+    tab.on("pageerror", lambda fault: messages.append(str(fault)))
+    tab.on("request", lambda event: fetched.append(event.url))
+    tab.goto(report_file.as_uri())
     tab.wait_for_selector("#chart-0 .main-svg")
-    yield tab, said, fetched
+    yield tab, messages, fetched
     tab.close()
 
 
 @pytest.fixture
-def seen(opened, written):
-    """Return the page as it opens; after a test it has fetched nothing but itself and complained of nothing."""
-    tab, said, fetched = opened
+def page(open_page, report_file):
+    """Return the open report in its initial state; check afterwards that it loaded only itself and raised no error."""
+    tab, messages, fetched = open_page
     tab.select_option("#pick-0", index=0)
     tab.check("#rigid")
     tab.click("#whole")
     yield tab
     tab.emulate_media(media="screen")
     tab.set_viewport_size({"width": 1280, "height": 900})
-    assert said == []
-    assert [url for url in fetched if not url.startswith(("data:", "blob:"))] == [written.as_uri()]
+    assert messages == []
+    assert [url for url in fetched if not url.startswith(("data:", "blob:"))] == [report_file.as_uri()]
 
 
-def until(seen, question):
-    """Wait until an expression is true; the page's policy lets playwright itself evaluate no text that stays."""
+def wait_until(page, question):
+    """Wait until an expression is true; the page's policy forbids the evaluation of text by playwright itself."""
     for _ in range(200):
-        if seen.evaluate(question):
+        if page.evaluate(question):
             return
-        seen.wait_for_timeout(25)
+        page.wait_for_timeout(25)
     pytest.fail(f"not within 5 s: {question}")
 
 
-def shown(seen, chart="chart-0"):
-    """Return the cam angles that a chart shows, deg."""
-    return [round(end, 3) for end in seen.evaluate(f"document.getElementById('{chart}')._fullLayout.xaxis.range")]
+def visible_range(page, chart="chart-0"):
+    """Return the range of the cam angle in a chart, deg."""
+    return [round(end, 3) for end in page.evaluate(f"document.getElementById('{chart}')._fullLayout.xaxis.range")]
 
 
-def curve(seen):
-    """Return the name of the vertical axis and the largest value of the first curve of the first chart."""
-    return seen.evaluate(
+def first_curve(page):
+    """Return the label of the vertical axis and the maximum of the first curve in the first chart."""
+    return page.evaluate(
         "(() => { const c = document.getElementById('chart-0');"
         " return [c._fullLayout.yaxis.title.text, Math.max(...c._fullData[0].y)]; })()"
     )
 
 
-def drawn(seen):
-    return seen.evaluate("document.querySelector('canvas').toDataURL()")
+def canvas_image(page):
+    return page.evaluate("document.querySelector('canvas').toDataURL()")
 
 
-def test_a_curve_is_zoomed(seen):
-    """By numbers, by buttons and by mouse; all charts follow."""
-    assert shown(seen) == [0, 720]
-    seen.fill("#from", "90")
-    seen.fill("#to", "270")
-    seen.press("#to", "Enter")
-    assert shown(seen) == shown(seen, "chart-1") == [90, 270]
-    seen.click("#last")
-    assert shown(seen) == [360, 720]
-    box = seen.locator("#chart-0 .nsewdrag").first.bounding_box()
+def test_zoom_applies_to_all_charts(page):
+    """By numbers, buttons and mouse."""
+    assert visible_range(page) == [0, 720]
+    page.fill("#from", "90")
+    page.fill("#to", "270")
+    page.press("#to", "Enter")
+    assert visible_range(page) == visible_range(page, "chart-1") == [90, 270]
+    page.click("#last")
+    assert visible_range(page) == [360, 720]
+    box = page.locator("#chart-0 .nsewdrag").first.bounding_box()
     y = box["y"] + box["height"] / 2
-    seen.mouse.move(box["x"] + box["width"] / 4, y)
-    seen.mouse.down()
-    seen.mouse.move(box["x"] + box["width"] / 2, y, steps=5)
-    seen.mouse.up()
-    until(seen, "document.getElementById('chart-1')._fullLayout.xaxis.range[0] > 440")
-    first, last = shown(seen)
+    page.mouse.move(box["x"] + box["width"] / 4, y)
+    page.mouse.down()
+    page.mouse.move(box["x"] + box["width"] / 2, y, steps=5)
+    page.mouse.up()
+    wait_until(page, "document.getElementById('chart-1')._fullLayout.xaxis.range[0] > 440")
+    first, last = visible_range(page)
     assert (first, last) == pytest.approx((450, 540), abs=2)
-    assert float(seen.input_value("#from")) == pytest.approx(first, abs=1e-2)
-    seen.click("#whole")
-    assert shown(seen) == [0, 720]
+    assert float(page.input_value("#from")) == pytest.approx(first, abs=1e-2)
+    page.click("#whole")
+    assert visible_range(page) == [0, 720]
 
 
-def test_no_button_sends_a_chart_anywhere(seen):
-    """plotly.js would offer to upload it."""
-    titles = seen.evaluate("[...document.querySelectorAll('.modebar-btn')].map(b => b.dataset.title || b.ariaLabel)")
+def test_charts_have_no_upload_button(page):
+    """The default buttons of plotly.js include an upload."""
+    titles = page.evaluate("[...document.querySelectorAll('.modebar-btn')].map(b => b.dataset.title || b.ariaLabel)")
     assert titles
-    assert not [one for one in titles if any(word in one.lower() for word in ("share", "cloud", "upload", "edit"))]
+    assert not [
+        title for title in titles if any(word in title.lower() for word in ("share", "cloud", "upload", "edit"))
+    ]
 
 
-def test_a_probe_is_switched(seen):
-    assert curve(seen)[0] == "displacement<br>mm"
-    before = curve(seen)[1]
-    seen.select_option("#pick-0", label="cam.rx")
-    assert curve(seen)[0] == "displacement<br>deg"
-    assert curve(seen)[1] != before
-    seen.get_by_text("In words").first.click()
-    assert "deg at" in seen.inner_text("#words-0")
+def test_selected_probe_is_drawn(page):
+    assert first_curve(page)[0] == "displacement<br>mm"
+    before = first_curve(page)[1]
+    page.select_option("#pick-0", label="cam.rx")
+    assert first_curve(page)[0] == "displacement<br>deg"
+    assert first_curve(page)[1] != before
+    page.get_by_text("In words").first.click()
+    assert "deg at" in page.inner_text("#words-0")
 
 
-def test_the_rigid_train_comes_and_goes(seen):
+def test_rigid_curves_can_be_hidden(page):
     count = "document.getElementById('chart-0').data.length"
-    both = seen.evaluate(count)
-    seen.uncheck("#rigid")
-    assert seen.evaluate(count) == both / 2
+    both = page.evaluate(count)
+    page.uncheck("#rigid")
+    assert page.evaluate(count) == both / 2
 
 
-def test_a_mode_is_animated_by_keys_alone(seen):
-    """Tab leads to the drawing; space plays it, arrows turn it."""
-    seen.focus("figure.scene .size")
+def test_mode_animation_by_keyboard(page):
+    """Tab moves the focus to the drawing; space starts the animation, arrow keys rotate the view."""
+    page.focus("figure.scene .size")
     for _ in range(9):
-        if seen.evaluate("document.activeElement.tagName") == "CANVAS":
+        if page.evaluate("document.activeElement.tagName") == "CANVAS":
             break
-        seen.keyboard.press("Tab")
-    assert seen.evaluate("document.activeElement.tagName") == "CANVAS"
-    still = drawn(seen)
-    seen.keyboard.press("ArrowLeft")
-    turned = drawn(seen)
-    assert turned != still
-    seen.keyboard.press("Space")
-    assert seen.get_attribute("figure.scene .play", "aria-pressed") == "true"
-    until(seen, f"document.querySelector('canvas').toDataURL() !== '{turned}'")
-    seen.keyboard.press("Space")
-    halted = seen.get_attribute("figure.scene", "data-phase")
-    seen.wait_for_timeout(100)
-    assert seen.get_attribute("figure.scene", "data-phase") == halted
+        page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.tagName") == "CANVAS"
+    initial = canvas_image(page)
+    page.keyboard.press("ArrowLeft")
+    rotated = canvas_image(page)
+    assert rotated != initial
+    page.keyboard.press("Space")
+    assert page.get_attribute("figure.scene .play", "aria-pressed") == "true"
+    wait_until(page, f"document.querySelector('canvas').toDataURL() !== '{rotated}'")
+    page.keyboard.press("Space")
+    phase = page.get_attribute("figure.scene", "data-phase")
+    page.wait_for_timeout(100)
+    assert page.get_attribute("figure.scene", "data-phase") == phase
 
 
-def test_the_run_is_animated(seen):
-    seen.locator("figure.scene .shape").first.select_option(label="the run")
-    assert "Drawn" in seen.locator("figure.scene .words").first.inner_text()
-    before = drawn(seen)
-    seen.locator("figure.scene .play").first.click()
-    until(seen, "Number(document.querySelector('figure.scene').dataset.phase) > 0.02")
-    seen.locator("figure.scene .play").first.click()
-    assert drawn(seen) != before
+def test_animation_of_run(page):
+    page.locator("figure.scene .shape").first.select_option(label="the run")
+    assert "Drawn" in page.locator("figure.scene .words").first.inner_text()
+    before = canvas_image(page)
+    page.locator("figure.scene .play").first.click()
+    wait_until(page, "Number(document.querySelector('figure.scene').dataset.phase) > 0.02")
+    page.locator("figure.scene .play").first.click()
+    assert canvas_image(page) != before
 
 
 @pytest.mark.parametrize("width", [360, 1280])
-def test_nothing_hangs_over(width, seen):
-    """Only tables and the case scroll by themselves."""
-    seen.set_viewport_size({"width": width, "height": 800})
-    seen.wait_for_timeout(300)
-    assert seen.evaluate("document.documentElement.scrollWidth") <= width
+def test_page_fits_into_window_width(width, page):
+    """Only tables and the case have scroll bars."""
+    page.set_viewport_size({"width": width, "height": 800})
+    page.wait_for_timeout(300)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
 
 
-def test_paper(seen):
-    """The still picture stands for the charts, and nothing that only works on a screen is printed."""
-    seen.emulate_media(media="print")
+def test_printed_page_has_static_figure(page):
+    """The printed page shows the static figure in place of the charts and no interactive controls."""
+    page.emulate_media(media="print")
     visible = "e => e.getClientRects().length > 0"
-    assert seen.eval_on_selector(".still", visible)
-    assert seen.eval_on_selector_all(".controls, .album, nav", f"all => all.filter({visible}).length") == 0
-    assert seen.eval_on_selector("pre", "e => e.scrollHeight <= e.clientHeight + 1")
+    assert page.eval_on_selector(".still", visible)
+    assert page.eval_on_selector_all(".controls, .album, nav", f"all => all.filter({visible}).length") == 0
+    assert page.eval_on_selector("pre", "e => e.scrollHeight <= e.clientHeight + 1")
 
 
 @pytest.mark.slow
-def test_without_scripts(browser, written):
-    """What is left says everything but the curves, of which a picture remains."""
+def test_page_without_scripts_shows_static_figure(browser, report_file):
+    """Without scripts, a static figure replaces the curves; the other content remains."""
     context = browser.new_context(java_script_enabled=False)
     bare = context.new_page()
-    bare.goto(written.as_uri())
+    bare.goto(report_file.as_uri())
     assert bare.locator(".still img").is_visible()
     assert not bare.locator("canvas").first.is_visible()
     assert "scripts switched off" in bare.inner_text("#curves")

@@ -17,14 +17,14 @@ from flexcam import prepare, read_case, read_result
 from flexcam.valvetrain.springs import spring_curve
 
 
-def test_info(flexcam, result):
-    told = flexcam("info", result, "--json")
-    assert (told.code, told.err) == (0, "")
-    assert told.json["run"] == "done"
-    assert (told.json["saved_steps"], told.json["saved_fields"]) == (721, 37)
-    assert told.json["probes"]["valve"] == ["valve"]
-    assert told.json["channels"]["contacts.intake.force"] == "N"
-    assert told.json["case"]["run"]["speed"] == pytest.approx(100.0 * math.pi)
+def test_info_of_result(flexcam, result):
+    done = flexcam("info", result, "--json")
+    assert (done.code, done.err) == (0, "")
+    assert done.json["run"] == "done"
+    assert (done.json["saved_steps"], done.json["saved_fields"]) == (721, 37)
+    assert done.json["probes"]["valve"] == ["valve"]
+    assert done.json["channels"]["contacts.intake.force"] == "N"
+    assert done.json["case"]["run"]["speed"] == pytest.approx(100.0 * math.pi)
     words = flexcam("info", result).out
     assert [word for word in ("721", "37", "valve", "contacts.intake.force") if word not in words] == []
 
@@ -38,22 +38,22 @@ def references(node):
         yield from references(part)
 
 
-def test_schema(flexcam):
-    """Every reference leads somewhere, every table is closed, every key has a type or a reference."""
-    told = flexcam("schema")
-    assert (told.code, told.err) == (0, "")
-    schema = told.json
+def test_schema_is_closed_and_complete(flexcam):
+    """Every reference resolves, every table is closed, every key has a type or a reference."""
+    done = flexcam("schema")
+    assert (done.code, done.err) == (0, "")
+    schema = done.json
     assert schema["$schema"].startswith("https://json-schema.org/")
     assert {ref.removeprefix("#/$defs/") for ref in references(schema)} <= set(schema["$defs"])
     for name, table in schema["$defs"].items():
         if table.get("type") == "object":
             assert table["additionalProperties"] is False, name
             assert table.get("description"), name
-        for key, one in table.get("properties", {}).items():
-            assert one.keys() & {"type", "$ref", "anyOf", "oneOf", "allOf", "const", "enum"}, (name, key)
+        for key, definition in table.get("properties", {}).items():
+            assert definition.keys() & {"type", "$ref", "anyOf", "oneOf", "allOf", "const", "enum"}, (name, key)
 
 
-def test_schema_knows_the_keys_of_a_case(flexcam, case):
+def test_schema_contains_keys_of_case(flexcam, case):
     schema = flexcam("schema").json
     raw = tomllib.loads(case.read_text(encoding="utf-8"))
     assert set(raw) <= set(schema["properties"])
@@ -61,18 +61,18 @@ def test_schema_knows_the_keys_of_a_case(flexcam, case):
     assert set(raw["cams"]["intake"]) <= set(schema["$defs"]["CamRecord"]["properties"])
 
 
-def test_the_resolved_case_is_a_case(flexcam, case, result, tmp_path):
-    """Printed in SI with all defaults, read back it gives the same result bit for bit or to a rounded input."""
+def test_echoed_case_gives_same_result(flexcam, case, result, tmp_path):
+    """The case printed in SI units with all defaults gives the same result bit for bit or up to rounded input."""
     assert "# the case" not in flexcam("check", "case.toml").out
-    told = flexcam("check", "case.toml", "--echo")
-    (tmp_path / "again.toml").write_text(told.out[told.out.index("# the case") :], encoding="utf-8")
+    done = flexcam("check", "case.toml", "--echo")
+    (tmp_path / "again.toml").write_text(done.out[done.out.index("# the case") :], encoding="utf-8")
     assert "fidelity.masses" not in flexcam("check", "again.toml").out, "warned of its own defaults"
     assert flexcam("run", "again.toml", "-o", "out").code == 0
-    one, other = read_result(result).response, read_result(tmp_path / "out/again.vtkhdf").response
-    assert np.array_equal(one.time, other.time)
+    original, resolved = read_result(result).response, read_result(tmp_path / "out/again.vtkhdf").response
+    assert np.array_equal(original.time, resolved.time)
     for series in ("displacement", "velocity", "acceleration"):
-        a, b = getattr(one.probes, series), getattr(other.probes, series)
-        assert np.abs(a - b).max() <= 1e-12 * np.abs(a).max()
+        expected, actual = getattr(original.probes, series), getattr(resolved.probes, series)
+        assert np.abs(expected - actual).max() <= 1e-12 * np.abs(expected).max()
 
 
 def table(path):
@@ -81,34 +81,34 @@ def table(path):
     return dict(zip(head, np.array(rows, dtype=float).T, strict=True))
 
 
-def test_csv(flexcam, result):
+def test_csv_export_of_all_probes(flexcam, result):
     assert flexcam("export", result, "--format", "csv").code == 0
-    read, columns = read_result(result).response, table(result.with_suffix(".csv"))
-    assert np.array_equal(columns["time [s]"], read.time)
-    assert np.array_equal(columns["cam angle [deg]"], np.degrees(read.angle))
+    response, columns = read_result(result).response, table(result.with_suffix(".csv"))
+    assert np.array_equal(columns["time [s]"], response.time)
+    assert np.array_equal(columns["cam angle [deg]"], np.degrees(response.angle))
     units = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
     for quantity, unit in units.items():
-        assert np.array_equal(columns[f"valve {quantity} [{unit}]"], getattr(read["valve"], quantity))
-        assert np.array_equal(columns[f"cam.uy {quantity} [{unit}]"], getattr(read["cam.uy"], quantity))
-        turned = unit.replace("m", "rad", 1)
-        assert np.array_equal(columns[f"cam.rx {quantity} [{turned}]"], getattr(read["cam.rx"], quantity))
-    assert np.array_equal(columns["contacts.intake.torque [N m]"], read.channels["contacts.intake.torque"])
+        assert np.array_equal(columns[f"valve {quantity} [{unit}]"], getattr(response["valve"], quantity))
+        assert np.array_equal(columns[f"cam.uy {quantity} [{unit}]"], getattr(response["cam.uy"], quantity))
+        angular_unit = unit.replace("m", "rad", 1)
+        assert np.array_equal(columns[f"cam.rx {quantity} [{angular_unit}]"], getattr(response["cam.rx"], quantity))
+    assert np.array_equal(columns["contacts.intake.torque [N m]"], response.channels["contacts.intake.torque"])
 
 
-def test_csv_of_some_probes(flexcam, result):
+def test_csv_export_of_selected_probes(flexcam, result):
     assert flexcam("export", result, "--format", "csv", "--probe", "cam.uy", "--json").code == 0
-    named = {head.split(" ")[0] for head in table(result.with_suffix(".csv"))}
-    energies = {name for name in named if name.startswith("energy.")}
+    quantities = {head.split(" ")[0] for head in table(result.with_suffix(".csv"))}
+    energies = {name for name in quantities if name.startswith("energy.")}
     assert len(energies) == 7
     contact = {"contacts.intake.force", "contacts.intake.torque"}
     shaft = {"cams.intake.twist", "cams.intake.deflection", "supports.drive.torque"}
     assert (
-        named - energies - {"members.pushrod.compression", "members.pushrod.buckling_use"}
+        quantities - energies - {"members.pushrod.compression", "members.pushrod.buckling_use"}
         == {"time", "cam", "cam.uy"} | contact | shaft
     )
 
 
-def test_pvd_of_some_fields(flexcam, result):
+def test_pvd_export_of_selected_fields(flexcam, result):
     files = flexcam("export", result, "--every", "12", "--field", "displacement", "--json").json["files"]
     assert len(files) == 1 + 4  # 37 instants: 0, 12, 24, 36
     text = (result.parent.parent / files[1]).read_text(encoding="utf-8")
@@ -116,19 +116,19 @@ def test_pvd_of_some_fields(flexcam, result):
     assert 'Name="velocity"' not in text
 
 
-def test_version_names_what_computes(flexcam):
-    told = flexcam("--version").out
-    assert [one for one in ("numpy", "scipy", "h5py") if f"{one} {version(one)}" not in told] == []
-    assert told.startswith(f"flexcam {version('flexcam')}")
+def test_version_lists_numerical_packages(flexcam):
+    output = flexcam("--version").out
+    assert [package for package in ("numpy", "scipy", "h5py") if f"{package} {version(package)}" not in output] == []
+    assert output.startswith(f"flexcam {version('flexcam')}")
 
 
-def test_no_bar_where_nobody_looks(flexcam, case):
+def test_no_progress_bar_without_terminal(flexcam, case):
     done = flexcam("run", "case.toml", "-o", "out")
     assert done.err == ""
     assert "\x1b" not in done.out
 
 
-COUNTED = {
+STUDY_OPTIONS = {
     "response": ("campbell", "--response", "--count", "2"),
     "campbell": ("campbell", "--count", "2"),
     "sensitivity": ("sensitivity", "--of", "deviation.peak", "--to", "masses.valve.mass", "--method", "differences"),
@@ -136,33 +136,33 @@ COUNTED = {
 }
 
 
-@pytest.mark.parametrize("verb", COUNTED)
-def test_many_runs_are_counted_where_somebody_looks(verb, flexcam, case, monkeypatch):
+@pytest.mark.parametrize("verb", STUDY_OPTIONS)
+def test_studies_show_progress_on_terminal(verb, flexcam, case, monkeypatch):
     monkeypatch.setattr(sys.stderr.__class__, "isatty", lambda _: True)
-    command, *options = COUNTED[verb]
+    command, *options = STUDY_OPTIONS[verb]
     done = flexcam(command, case, *options, "--set", "run.steps_per_revolution=360")
     assert done.code == 0
     assert re.search(r"(speeds|variants) .*\d+/\d+", done.err)
 
 
-def test_name_of_a_result(flexcam, tmp_path):
-    """Two runs of a case in one folder, by name; a name with a path or a suffix of a partial result is refused."""
+def test_name_option_sets_result_name(flexcam, tmp_path):
+    """Two runs of a case in one folder have two names; a name with a path or the suffix `.partial` is refused."""
     case = Path(__file__).parents[1] / "data/inline.toml"
-    told = ("run", case, "-o", "out", "--set", "run.revolutions=0.1")
+    args = ("run", case, "-o", "out", "--set", "run.revolutions=0.1")
     for name in ((), ("--name", "fast 2")):
-        assert flexcam(*told, *name).code == 0
+        assert flexcam(*args, *name).code == 0
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["fast 2.vtkhdf", "inline.vtkhdf"]
-    assert flexcam(*told, "--name", "fast 2").code == 2
+    assert flexcam(*args, "--name", "fast 2").code == 2
     for name in ("../away", "", "a.partial"):
-        assert "--name" in flexcam(*told, "--name", name).err
+        assert "--name" in flexcam(*args, "--name", name).err
 
 
-def test_check_names_a_published_load(flexcam, tayeb):
+def test_check_lists_published_load(flexcam, tayeb):
     assert re.search(r"published load of intake\s+lifts tappet", flexcam("check", tayeb(3)).out)
 
 
-def test_check_prints_the_rate_of_a_coil_spring_as_installed(flexcam, tmp_path):
-    """It is the slope of its static force at the installed length, which the table of the spring begins with."""
+def test_check_prints_installed_rate_of_coil_spring(flexcam, tmp_path):
+    """The rate is the slope of the static force at the installed length, where the spring table begins."""
     case = tmp_path / "train.toml"
     assert flexcam("new", "finger-follower", "-o", case).code == 0
     curve = spring_curve(prepare(read_case(case)).model.springs["valve"])

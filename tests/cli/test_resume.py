@@ -1,4 +1,4 @@
-"""``flexcam run --resume``: runs that were stopped go on; everything else is refused, and nothing is touched."""
+"""``flexcam run --resume``: stopped runs continue; other cases are refused without changes of files."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from tests.sinks import Cut
 from tests.thinning import mostly_slow
 
 DATA = Path(__file__).parents[1] / "data"
-WALKED = ("--set", "run.engine=direct", "--set", "run.revolutions=12")
-"""A second of steps in Python."""
+SLOW_RUN = ("--set", "run.engine=direct", "--set", "run.revolutions=12")
+"""About one second of steps in Python."""
 
 SERIES = ("displacement", "velocity", "acceleration")
 
 
 def assert_same(path, other):
-    one, two = read_result(path).response, read_result(other).response
-    assert one.status.ok
-    assert replace(one.stats, seconds=0.0) == replace(two.stats, seconds=0.0)
-    assert all(np.array_equal(getattr(one.fields, name), getattr(two.fields, name)) for name in SERIES)
-    assert all(np.array_equal(values, two.channels[name]) for name, values in one.channels.items())
+    first, second = read_result(path).response, read_result(other).response
+    assert first.status.ok
+    assert replace(first.stats, seconds=0.0) == replace(second.stats, seconds=0.0)
+    assert all(np.array_equal(getattr(first.fields, name), getattr(second.fields, name)) for name in SERIES)
+    assert all(np.array_equal(values, second.channels[name]) for name, values in first.channels.items())
 
 
-def begun(folder, *words):
-    """Start a run in a process of its own and return it once it has saved some of its steps."""
+def start_run(folder, *words):
+    """Start a run in its own process and return it after it has saved some of its steps."""
     process = start(["run", "case.toml", "-o", "out", *words], folder, OFTEN)
     partial, sizes, until = folder / "out/case.partial.vtkhdf", set(), time.monotonic() + 30.0
     while len(sizes) < 2:
@@ -48,9 +48,9 @@ def begun(folder, *words):
 
 
 @pytest.mark.slow
-def test_after_kill_and_terminate(flexcam, case, tried, tmp_path):
-    """Killed, resumed, terminated, resumed again."""
-    process, partial = begun(tmp_path, *WALKED)
+def test_resume_after_sigkill_and_sigterm(flexcam, case, tried, tmp_path):
+    """Kill, resume, terminate and resume the run again."""
+    process, partial = start_run(tmp_path, *SLOW_RUN)
     process.send_signal(signal.SIGKILL)
     process.communicate()
     killed = read_result(partial).response
@@ -60,14 +60,14 @@ def test_after_kill_and_terminate(flexcam, case, tried, tmp_path):
     assert f"{first - 1} of {size} unknowns\n" in "\n".join(
         line.rstrip() for line in flexcam("info", partial).out.splitlines()
     )
-    process, partial = begun(tmp_path, *WALKED, "--resume")
+    process, partial = start_run(tmp_path, *SLOW_RUN, "--resume")
     process.send_signal(signal.SIGTERM)
     assert "interrupted" in process.communicate()[1]
     assert process.returncode == 143
     assert len(read_result(partial).response.time) > first
-    ended = flexcam("run", "case.toml", "-o", "out", *WALKED, "--resume")
+    ended = flexcam("run", "case.toml", "-o", "out", *SLOW_RUN, "--resume")
     assert ended.code == 0
-    assert flexcam("run", "case.toml", "-o", "whole", *WALKED).out.splitlines()[:8] == ended.out.splitlines()[:8]
+    assert flexcam("run", "case.toml", "-o", "whole", *SLOW_RUN).out.splitlines()[:8] == ended.out.splitlines()[:8]
     assert_same(tmp_path / "out/case.vtkhdf", tmp_path / "whole/case.vtkhdf")
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["case.vtkhdf"]
     assert flexcam("info", tmp_path / "out/case.vtkhdf", "--verify").code == 0
@@ -75,10 +75,10 @@ def test_after_kill_and_terminate(flexcam, case, tried, tmp_path):
 
 
 @pytest.fixture
-def broken(case, tmp_path):
-    """Leave the partial result of a run that ended for some cause after so many blocks of 640 instants."""
+def write_partial_result(case, tmp_path):
+    """Return a function that writes the partial result of a run which ended after some blocks of 640 instants."""
 
-    def leave(cause=Cause.INTERRUPTED, *, blocks=1, overrides=("run.revolutions=3",)):
+    def write(cause=Cause.INTERRUPTED, *, blocks=1, overrides=("run.revolutions=3",)):
         ready = prepare(read_case(case, overrides))
         file = open_result_file(ready, tmp_path / "out")
         close = file.close
@@ -86,17 +86,17 @@ def broken(case, tmp_path):
         solve(ready.problem, ready.scheme, save=ready.save, sinks=[Cut(blocks), file])
         return file.partial
 
-    return leave
+    return write
 
 
-SAME = ("--set", "run.revolutions=3", "--resume")
-NEEDED = ("checkpoint", "history/time", "history/probes/cam/velocity", "VTKHDF/PointData/displacement")
-"""Datasets without which a run cannot go on as it was."""
+RESUME = ("--set", "run.revolutions=3", "--resume")
+REQUIRED_DATASETS = ("checkpoint", "history/time", "history/probes/cam/velocity", "VTKHDF/PointData/displacement")
+"""Datasets that a continued run requires."""
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory):
-    """Return the result of the same run, left alone."""
+def complete_result(tmp_path_factory):
+    """Return the result of the same run without an interruption."""
     ready = prepare(read_case(DATA / "inline.toml", ["run.revolutions=3"]))
     file = open_result_file(ready, tmp_path_factory.mktemp("whole"))
     assert solve(ready.problem, ready.scheme, save=ready.save, sinks=[file]).status.ok
@@ -104,25 +104,25 @@ def whole(tmp_path_factory):
 
 
 @pytest.mark.parametrize("cause", mostly_slow([Cause.INTERRUPTED, Cause.TIME_LIMIT, Cause.NOT_SAVED], 2))
-def test_causes_that_go_on(cause, broken, flexcam):
-    broken(cause)
-    assert flexcam("run", "case.toml", "-o", "out", *SAME).code == 0
+def test_resume_continues_interrupted_run(cause, write_partial_result, flexcam):
+    write_partial_result(cause)
+    assert flexcam("run", "case.toml", "-o", "out", *RESUME).code == 0
 
 
 @pytest.mark.parametrize("cause", [Cause.NOT_FINITE, Cause.NO_CONVERGENCE, Cause.STEP_TOO_SMALL])
-def test_causes_that_would_come_again(cause, broken, flexcam, refused):
-    refused(broken(cause), SAME, str(cause), "same way", "Do this")
+def test_resume_refuses_run_with_numerical_failure(cause, write_partial_result, flexcam, assert_refused):
+    assert_refused(write_partial_result(cause), RESUME, str(cause), "same way", "Do this")
 
 
 @pytest.fixture
-def refused(flexcam, tmp_path):
-    """Refuse to resume with certain words, and leave the partial result untouched and nothing else."""
+def assert_refused(flexcam, tmp_path):
+    """Check that --resume is refused with the expected words and changes no file."""
 
-    def check(partial, words, *told):
+    def check(partial, words, *expected):
         before = {path: path.read_bytes() for path in partial.parent.iterdir()} if partial.parent.exists() else {}
         ended = flexcam("run", "case.toml", "-o", "out", *words)
         assert ended.code == 2
-        for word in told:
+        for word in expected:
             assert word in ended.err
         after = {path: path.read_bytes() for path in partial.parent.iterdir()} if partial.parent.exists() else {}
         assert after == before
@@ -130,43 +130,49 @@ def refused(flexcam, tmp_path):
     return check
 
 
-def test_nothing_to_resume(case, refused, tmp_path):
-    refused(tmp_path / "out/case.partial.vtkhdf", SAME, "there is no partial result", "Leave out --resume")
+def test_resume_without_partial_result_is_refused(case, assert_refused, tmp_path):
+    assert_refused(tmp_path / "out/case.partial.vtkhdf", RESUME, "there is no partial result", "Leave out --resume")
 
 
-def test_complete_already(case, flexcam, refused, tmp_path):
+def test_resume_of_complete_run_is_refused(case, flexcam, assert_refused, tmp_path):
     assert flexcam("run", "case.toml", "-o", "out").code == 0
-    refused(tmp_path / "out/case.partial.vtkhdf", ["--resume"], "is complete", "Leave out --resume")
+    assert_refused(tmp_path / "out/case.partial.vtkhdf", ["--resume"], "is complete", "Leave out --resume")
 
 
-def test_cut_off_before_the_first_block(broken, refused):
-    refused(broken(blocks=0), SAME, "before its first steps", "--overwrite")
+def test_resume_without_saved_steps_is_refused(write_partial_result, assert_refused):
+    assert_refused(write_partial_result(blocks=0), RESUME, "before its first steps", "--overwrite")
 
 
-def test_another_override(broken, refused):
-    refused(broken(), ("--set", "run.revolutions=4", "--resume"), "--set", "run.revolutions=4", "run.revolutions=3")
+def test_resume_with_other_override_is_refused(write_partial_result, assert_refused):
+    assert_refused(
+        write_partial_result(),
+        ("--set", "run.revolutions=4", "--resume"),
+        "--set",
+        "run.revolutions=4",
+        "run.revolutions=3",
+    )
 
 
-def test_another_case(broken, case, refused):
-    partial = broken()
+def test_resume_with_changed_case_is_refused(write_partial_result, case, assert_refused):
+    partial = write_partial_result()
     case.write_text(case.read_text().replace("6 mm", "7 mm"))
-    line = next(i for i, one in enumerate(case.read_text().splitlines(), start=1) if "7 mm" in one)
-    refused(
-        partial, SAME, f'the text of the case, line {line}: got lift = "7 mm", expected lift = "6 mm"', "--overwrite",
+    line = next(i for i, text in enumerate(case.read_text().splitlines(), start=1) if "7 mm" in text)
+    assert_refused(
+        partial, RESUME, f'the text of the case, line {line}: got lift = "7 mm", expected lift = "6 mm"', "--overwrite",
     )  # fmt: skip
 
 
 @pytest.mark.parametrize("package", ["flexcam", "numpy"])
-def test_another_version(package, broken, refused, monkeypatch):
+def test_resume_with_other_version_is_refused(package, write_partial_result, assert_refused, monkeypatch):
     from flexcam.analysis import run
 
-    partial, known = broken(), run._version
-    monkeypatch.setattr(run, "_version", lambda name: "99.0" if name == package else known(name))
-    refused(partial, SAME, f"--resume: {package}: got 99.0", known(package))
+    partial, original = write_partial_result(), run._version
+    monkeypatch.setattr(run, "_version", lambda name: "99.0" if name == package else original(name))
+    assert_refused(partial, RESUME, f"--resume: {package}: got 99.0", original(package))
 
 
-def test_another_table_beside_the_case(flexcam, case, refused, broken, tmp_path):
-    """The text of the case is the same, the lift it names is not."""
+def test_resume_with_changed_lift_table_is_refused(flexcam, case, assert_refused, write_partial_result, tmp_path):
+    """The text of the case is unchanged; its lift table is not."""
     rows = [(a, 3.0 * (1.0 - np.cos(np.radians(a)))) for a in range(0, 361, 5)]
 
     def write(scale):
@@ -177,69 +183,71 @@ def test_another_table_beside_the_case(flexcam, case, refused, broken, tmp_path)
     old = 'law = "shm"\nlift = "6 mm"\nrise = "180 deg"\nreturn = "180 deg"'
     assert old in case.read_text()
     case.write_text(case.read_text().replace(old, 'lift_table = "lift.csv"'))
-    partial = broken()
+    partial = write_partial_result()
     write(1.01)
-    refused(partial, SAME, "a mesh or a table of the case", "Restore the old value")
+    assert_refused(partial, RESUME, "a mesh or a table of the case", "Restore the old value")
 
 
 @pytest.mark.slow
-def test_a_damaged_partial_result(flexcam, broken, whole, tried, tmp_path):
-    """Refused, or what was damaged does not count: then the run goes on to the right end."""
-    partial = broken()
-    sound = partial.read_bytes()
+def test_resume_from_damaged_result_is_refused_or_exact(
+    flexcam, write_partial_result, complete_result, tried, tmp_path
+):
+    """If the damaged bytes are not needed, the continued run equals the complete one."""
+    partial = write_partial_result()
+    original = partial.read_bytes()
     with h5py.File(partial) as file:
-        chunks = [file[name].id.get_chunk_info(0) for name in NEEDED]
-    needed = [chunk.byte_offset + chunk.size // 2 for chunk in chunks]
-    spread = [int(place * len(sound)) for place in (0.05, 0.2, 0.35, 0.95)]
+        chunks = [file[name].id.get_chunk_info(0) for name in REQUIRED_DATASETS]
+    required_places = [chunk.byte_offset + chunk.size // 2 for chunk in chunks]
+    other_places = [int(place * len(original)) for place in (0.05, 0.2, 0.35, 0.95)]
     codes = []
-    for place in needed + spread:
-        content = bytearray(sound)
+    for place in required_places + other_places:
+        content = bytearray(original)
         for i in range(64):
             content[place + i] ^= 0x5A
         partial.write_bytes(content)
-        codes.append(flexcam("run", "case.toml", "-o", "out", *SAME).code)
+        codes.append(flexcam("run", "case.toml", "-o", "out", *RESUME).code)
         if codes[-1] == 0:
-            assert_same(tmp_path / "out/case.vtkhdf", whole)
+            assert_same(tmp_path / "out/case.vtkhdf", complete_result)
             (tmp_path / "out/case.vtkhdf").unlink()
     assert set(codes) <= {0, 2}
-    assert codes[: len(needed)] == [2] * len(needed)
+    assert codes[: len(required_places)] == [2] * len(required_places)
     tried(
         "damaged", "--resume from a partial result with 64 bytes flipped", len(codes), "refused, or the correct result"
     )
 
 
 @pytest.mark.slow
-def test_a_result_that_is_there_already_needs_overwrite(flexcam, broken, refused, tmp_path):
-    """A run that was to replace a result broke off: going on asks for the same permission."""
-    partial = broken()
+def test_resume_over_existing_result_requires_overwrite(flexcam, write_partial_result, assert_refused, tmp_path):
+    """The interrupted run was to replace a result: its continuation requires the same permission."""
+    partial = write_partial_result()
     old = tmp_path / "out/case.vtkhdf"
     old.write_bytes(b"the result before")
-    refused(partial, SAME, "--overwrite")
-    assert flexcam("run", "case.toml", "-o", "out", *SAME, "--overwrite").code == 0
+    assert_refused(partial, RESUME, "--overwrite")
+    assert flexcam("run", "case.toml", "-o", "out", *RESUME, "--overwrite").code == 0
     assert read_result(old).response.status.ok
 
 
 @pytest.mark.parametrize("after", [pytest.param(1, marks=pytest.mark.slow), 2])
-def test_what_stops_before_its_next_block_loses_nothing(after, broken, case, flexcam, whole, tmp_path):
-    """While earlier blocks are read back (1), and before another one is finished (2)."""
+def test_interrupted_resume_loses_no_steps(after, write_partial_result, case, flexcam, complete_result, tmp_path):
+    """An interruption while earlier blocks are read (1) and before the next block is complete (2)."""
     words = ("run.revolutions=3",)
-    partial = broken(blocks=2)
-    held = len(read_result(partial).response.time)
+    partial = write_partial_result(blocks=2)
+    saved_steps = len(read_result(partial).response.time)
     ready = prepare(read_case(case, words))
     earlier = open_partial_result(ready, partial.parent)
     file = open_result_file(ready, partial.parent, resume=earlier)
-    again = solve(ready.problem, ready.scheme, save=ready.save, sinks=[Cut(after), file], resume=earlier)
-    assert again.status.cause is Cause.INTERRUPTED
-    assert len(read_result(partial).response.time) == held
+    response = solve(ready.problem, ready.scheme, save=ready.save, sinks=[Cut(after), file], resume=earlier)
+    assert response.status.cause is Cause.INTERRUPTED
+    assert len(read_result(partial).response.time) == saved_steps
     assert open_partial_result(ready, partial.parent).checkpoint.steps == earlier.checkpoint.steps
     assert [path.name for path in partial.parent.iterdir()] == [partial.name]
-    assert flexcam("run", "case.toml", "-o", "out", *SAME).code == 0
-    assert_same(tmp_path / "out/case.vtkhdf", whole)
+    assert flexcam("run", "case.toml", "-o", "out", *RESUME).code == 0
+    assert_same(tmp_path / "out/case.vtkhdf", complete_result)
 
 
-def test_another_problem_from_python(broken, case):
-    """Nothing but `solve` stands between what was left and another lift."""
-    partial = broken()
+def test_resume_with_other_problem_is_refused_in_python(write_partial_result, case):
+    """In Python, only `solve` compares the saved problem with the new one."""
+    partial = write_partial_result()
     earlier = open_partial_result(prepare(read_case(case, ("run.revolutions=3",))), partial.parent)
     other = read_case(case, ("run.revolutions=3", "run.steps_per_revolution=3599"))
     with pytest.raises(InputError, match="run of another problem"):

@@ -1,4 +1,4 @@
-"""Runs that would be too large are refused, and those that take too long end with what they have."""
+"""Runs that are too large are refused, and runs beyond the time limit end with a partial result."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from flexcam.dynamics import Cause
 HUGE = ("--set", "run.revolutions=1e9")
 
 
-def test_a_result_beyond_the_disk_is_refused(flexcam, case):
+def test_result_larger_than_disk_is_refused(flexcam, case):
     ended = flexcam("run", case, *HUGE)
     assert ended.code == 2
     assert "disk: got a result file of" in ended.err
@@ -28,14 +28,14 @@ def test_a_result_beyond_the_disk_is_refused(flexcam, case):
     assert not Path("results").exists()
 
 
-def test_in_json_it_has_five_facts(flexcam, case):
+def test_disk_refusal_in_json(flexcam, case):
     ended = flexcam("run", case, *HUGE, "--json")
     assert ended.code == 2
     (error,) = ended.json["errors"]
     assert error["where"] == "disk"
 
 
-def test_it_may_be_tried_all_the_same(flexcam, case, monkeypatch):
+def test_allow_large_permits_large_run(flexcam, case, monkeypatch):
     monkeypatch.setattr(resources, "free_memory", lambda: 100_000)
     assert "memory: got a run of" in flexcam("run", case, "-o", "out").err
     assert flexcam("run", case, "-o", "out", "--allow-large").code == 0
@@ -48,7 +48,7 @@ MANY = [
 
 
 @pytest.mark.parametrize("words", MANY, ids=lambda words: words[0])
-def test_many_runs_are_refused_before_the_first(flexcam, case, monkeypatch, words):
+def test_studies_check_memory_before_first_run(flexcam, case, monkeypatch, words):
     monkeypatch.setattr(resources, "free_memory", lambda: 100_000)
     ended = flexcam(words[0], case, *words[1:])
     assert ended.code == 2
@@ -56,41 +56,41 @@ def test_many_runs_are_refused_before_the_first(flexcam, case, monkeypatch, word
     assert flexcam(words[0], case, *words[1:], "--allow-large").code == 0
 
 
-def test_frequencies_need_no_room_for_a_run(flexcam, case, monkeypatch):
+def test_frequency_study_needs_no_memory_of_run(flexcam, case, monkeypatch):
     monkeypatch.setattr(resources, "free_memory", lambda: 100_000)
     ended = flexcam("sensitivity", case, "--of", "frequency.1", "--to", "springs.valve.stiffness")
     assert ended.code == 0
 
 
-def test_check_tells_what_a_run_takes(flexcam, case):
+def test_check_prints_memory_and_disk_of_run(flexcam, case):
     assert "of disk space" in flexcam("check", case).out
-    told = flexcam("check", case, "--json").json
+    report = flexcam("check", case, "--json").json
     needs = estimate_case_resources(prepare(read_case(case)), "revolution")
-    assert (told["memory_bytes"], told["result_bytes"]) == (needs.memory, needs.file)
+    assert (report["memory_bytes"], report["result_bytes"]) == (needs.memory, needs.file)
 
 
 @pytest.mark.parametrize("path", ["direct", "modal", "kernel"])
-def test_a_run_ends_when_its_time_is_over(flexcam, case, path, monkeypatch):
-    """By a clock that jumps after it has been looked at some times, wherever the machine is by then."""
-    looks = itertools.count()
-    monkeypatch.setattr("time.monotonic", lambda: 0.0 if next(looks) < 20 else 1e6)
+def test_time_limit_ends_run(flexcam, case, path, monkeypatch):
+    """The clock jumps after 20 calls, independent of the speed of the machine."""
+    calls = itertools.count()
+    monkeypatch.setattr("time.monotonic", lambda: 0.0 if next(calls) < 20 else 1e6)
     endless = ("--set", "run.revolutions=1e6", "--allow-large")
     ended = flexcam("run", case, *endless, "--set", f"run.engine={path}", "--time-limit", "1 h", "--json")
     assert ended.code == 3
     assert ended.json["status"] == "time-limit"
-    kept = read_result(ended.json["result"]).response
-    assert kept.status.cause is Cause.TIME_LIMIT
-    assert kept.stats.steps == ended.json["steps"] == len(kept.time) - 1 > 0
+    response = read_result(ended.json["result"]).response
+    assert response.status.cause is Cause.TIME_LIMIT
+    assert response.stats.steps == ended.json["steps"] == len(response.time) - 1 > 0
 
 
-def test_time_passes(flexcam, case):
-    begun = time.perf_counter()
+def test_time_limit_in_real_time(flexcam, case):
+    start = time.perf_counter()
     ended = flexcam("run", case, "--set", "run.revolutions=1e6", "--allow-large", "--time-limit", "0.3 s")
     assert ended.code == 3
-    assert 0.3 < time.perf_counter() - begun < 20.0  # a busy machine
+    assert 0.3 < time.perf_counter() - start < 20.0  # a busy machine
 
 
-def test_a_run_without_a_checkpoint_is_not_offered_for_resuming(flexcam, case):
+def test_run_without_checkpoint_cannot_resume(flexcam, case):
     late = flexcam("run", case, "--time-limit", "1 ms")
     assert late.code == 3
     assert "the run ended before its first checkpoint" in late.err
@@ -98,7 +98,7 @@ def test_a_run_without_a_checkpoint_is_not_offered_for_resuming(flexcam, case):
     assert flexcam("run", case, "--overwrite").code == 0
 
 
-def test_the_search_for_a_start_ends_too(flexcam, case):
+def test_time_limit_ends_periodic_search(flexcam, case):
     ended = flexcam("run", case, "--set", "run.start=periodic", "--time-limit", "1 ms", "--json")
     assert ended.code == 3
     assert ended.json["status"] == "time-limit"
@@ -106,7 +106,7 @@ def test_the_search_for_a_start_ends_too(flexcam, case):
     assert not list(Path().rglob("*.vtkhdf"))
 
 
-def test_a_short_run_has_time(flexcam, case):
+def test_short_run_completes_within_time_limit(flexcam, case):
     assert flexcam("run", case, "--time-limit", "10 min").code == 0
 
 
@@ -114,7 +114,7 @@ TIMES = ["5", "5 mm", "soon", "-1 s", "0 s", "1h30", "5min -3s", "", "1e400s", "
 
 
 @pytest.mark.parametrize("given", TIMES)
-def test_times_have_a_unit_and_are_not_over_yet(flexcam, case, given):
+def test_invalid_time_limits_are_refused(flexcam, case, given):
     ended = flexcam("run", case, f"--time-limit={given}", "--json")
     assert ended.code == 2
     (error,) = ended.json["errors"]
@@ -124,18 +124,18 @@ def test_times_have_a_unit_and_are_not_over_yet(flexcam, case, given):
     assert error["remedy"]
 
 
-def test_a_value_that_begins_with_a_dash(flexcam, case):
-    told = flexcam("run", case, "--time-limit", "-1s").err
-    assert "begins with - as --time-limit=VALUE" in told
+def test_value_starting_with_dash_gets_hint(flexcam, case):
+    stderr = flexcam("run", case, "--time-limit", "-1s").err
+    assert "begins with - as --time-limit=VALUE" in stderr
 
 
 @pytest.mark.parametrize(("given", "seconds"), [("5min30s", 330.0), ("1 h 30 min", 5400.0), (".5h", 1800.0)])
-def test_times_may_have_several_units(given, seconds):
+def test_durations_with_several_units(given, seconds):
     assert parse_duration("--time-limit", given) == pytest.approx(seconds, rel=1e-15)
 
 
 @pytest.mark.slow
-def test_the_choice_of_a_model_ends_too(flexcam, case):
+def test_time_limit_ends_choice_of_model(flexcam, case):
     ended = flexcam("run", case, "--set", "fidelity.tolerance=0.01", "--time-limit", "1 ms", "--json")
     assert ended.code == 3
     assert ended.json["status"] == "time-limit"
@@ -144,20 +144,20 @@ def test_the_choice_of_a_model_ends_too(flexcam, case):
 
 
 @pytest.mark.parametrize("fault", [None, KeyboardInterrupt])
-def test_the_estimate_of_errors_ends_too(fault, flexcam, case, monkeypatch):
-    """The run before it is complete, and stays so."""
-    known, late = estimate_errors, []
+def test_time_limit_ends_error_estimate(fault, flexcam, case, monkeypatch):
+    """The preceding run remains complete."""
+    original, started = estimate_errors, []
 
-    def after_the_run(*words):
-        late.append(True)
+    def estimate_after_run(*words):
+        started.append(True)
         if fault:
             raise fault
-        return known(*words)
+        return original(*words)
 
-    monkeypatch.setattr("flexcam.cli.run.estimate_errors", after_the_run)
-    monkeypatch.setattr("time.monotonic", lambda: 1e6 if late else 0.0)
+    monkeypatch.setattr("flexcam.cli.run.estimate_errors", estimate_after_run)
+    monkeypatch.setattr("time.monotonic", lambda: 1e6 if started else 0.0)
     ended = flexcam("run", case, "--set", "fidelity.estimate=true", "--time-limit", "1 h", "--json")
     assert ended.code == 0
     assert ended.json["status"] == "done"
-    assert [one for one in ended.json["warnings"] if "no errors are estimated" in one]
+    assert [warning for warning in ended.json["warnings"] if "no errors are estimated" in warning]
     assert read_result(ended.json["result"]).response.status.ok

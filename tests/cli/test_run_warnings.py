@@ -1,4 +1,4 @@
-"""Warnings of a run: contact loss, bounce, coil clash and buckling, with place and value."""
+"""Warnings of a run: contact loss, bounce, coil clash and buckling, with location and value."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from flexcam.report.tables import describe_contacts
 from flexcam.valvetrain import Metric
 from flexcam.valvetrain.resolution import contact_duration
 
-FIGURES = (
+METRICS = (
     Metric("contacts.intake.open_on_the_lift", math.radians(81.6), "rad"),
     Metric("contacts.seat.bounces", 4.0, "1"),
     Metric("contacts.seat.bounce_height", 0.1643e-3, "m"),
@@ -27,12 +27,12 @@ FIGURES = (
     Metric("contacts.intake.pressure.largest", 3.0391e9, "Pa"),
     Metric("springs.valve.stress.largest", 1.6e9, "Pa"),
 )
-WELL = (math.radians(0.4), 4.0, 0.09e-3, 0.0, 1.001, 2.49e9, 1.49e9)
-"""What is not told: a step without contact, ringing on the seat, coils that close, a load below that of buckling."""
+HARMLESS_VALUES = (math.radians(0.4), 4.0, 0.09e-3, 0.0, 1.001, 2.49e9, 1.49e9)
+"""Values without a warning: one open step, ringing on the seat, closing coils, a load below the buckling load."""
 
 
-def test_every_mishap_is_told_with_number_and_place():
-    assert check_events(FIGURES) == [
+def test_event_warnings_name_value_and_location():
+    assert check_events(METRICS) == [
         (
             "Warning: the follower of 'intake' loses contact with its cam for 81.6 deg of the lift: "
             "do not use the motion after the loss for design"
@@ -45,8 +45,11 @@ def test_every_mishap_is_told_with_number_and_place():
     ]
 
 
-def test_a_train_that_keeps_together_is_told_of_nothing():
-    assert check_events([replace(one, value=value) for one, value in zip(FIGURES, WELL, strict=True)]) == []
+def test_harmless_values_cause_no_warning():
+    assert (
+        check_events([replace(metric, value=value) for metric, value in zip(METRICS, HARMLESS_VALUES, strict=True)])
+        == []
+    )
 
 
 @pytest.fixture
@@ -55,31 +58,31 @@ def engine(tmp_path):
 
 
 @pytest.mark.parametrize(("steps", "told"), [(400, True), (800, False)])
-def test_steps_too_coarse_for_the_usual_method_are_told(engine, flexcam, steps, told):
-    said = flexcam("run", engine, "--set", f"run.steps_per_revolution={steps}").out
-    assert ("With 800 steps, for example, flexcam uses collocation" in " ".join(said.split())) is told
+def test_coarse_steps_recommend_collocation(engine, flexcam, steps, told):
+    output = flexcam("run", engine, "--set", f"run.steps_per_revolution={steps}").out
+    assert ("With 800 steps, for example, flexcam uses collocation" in " ".join(output.split())) is told
     assert "Newmark" not in flexcam("run", engine, "--set", "run.integrator={method='newmark'}", "--name", "other").out
 
 
 @pytest.mark.parametrize(("rpm", "told"), [(60_000, True), (5000, False)])
-def test_a_valve_that_does_not_close_is_told(engine, flexcam, rpm, told):
-    said = flexcam("run", engine, "--set", f"run.crank_speed={rpm}rpm").out
-    assert ("the valve does not close at 'seat'" in said) is told
-    assert ("seating velocity  " in said) is not told
+def test_valve_that_does_not_close_causes_warning(engine, flexcam, rpm, told):
+    output = flexcam("run", engine, "--set", f"run.crank_speed={rpm}rpm").out
+    assert ("the valve does not close at 'seat'" in output) is told
+    assert ("seating velocity  " in output) is not told
 
 
-def test_the_word_on_the_contact_tells_a_follower_that_left_its_cam(engine):
+def test_contact_description_states_contact_loss(engine):
     case = read_case(engine)
     assert describe_contacts(case)[0].endswith("contact can be lost.")
-    assert describe_contacts(case, FIGURES)[0].endswith("contact can be lost: 'intake' lost contact for 81.6 deg.")
+    assert describe_contacts(case, METRICS)[0].endswith("contact can be lost: 'intake' lost contact for 81.6 deg.")
 
 
 @pytest.mark.slow
-def test_a_run_too_fast_keeps_it_with_its_result_and_its_report(flexcam, engine, tmp_path):
+def test_warnings_are_saved_in_result_and_report(flexcam, engine, tmp_path):
     fast = ("--set", "run.crank_speed=8000rpm", "--set", "run.steps_per_revolution=720")
     warnings = flexcam("run", engine, "-o", tmp_path, *fast, "--json").json["warnings"]
     for word in ("loses contact with its cam", "bounces", "coils of 'valve' touch", "buckling"):
-        assert sum(word in one for one in warnings) == 1
+        assert sum(word in message for message in warnings) == 1
     assert list(read_result(tmp_path / "engine.vtkhdf").warnings) == warnings
     assert flexcam("report", tmp_path / "engine.vtkhdf", "-o", tmp_path / "page.html").code == 0
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
@@ -90,28 +93,28 @@ def test_a_run_too_fast_keeps_it_with_its_result_and_its_report(flexcam, engine,
 
 
 @pytest.mark.slow
-def test_lashes_that_nothing_closes(flexcam, tmp_path):
-    """A cap between two lashes is told of until a spring holds it; a lash against the motion after the run."""
+def test_lash_that_stays_open_causes_warning(flexcam, tmp_path):
+    """A cap between two lashes causes a warning without a spring; a reversed lash causes one after the run."""
     case = new_case("direct-acting", tmp_path / "case.toml")[0]
     cap = [
         'nodes.cap=["55 mm", "-20.1 mm", "0 mm"]', 'supports.cap=["ux", "uz", "rx", "ry", "rz"]',
         'masses.cap={ at = "cap", mass = "5 g" }', 'contacts.lash.to="cap"', 'contacts.lash.gap="0.1 mm"',
         'contacts.shim={ from = "cap", to = "stem-top", direction = "-uy", model = "lash", gap = "0.1 mm" }',
     ]  # fmt: skip
-    given = [word for one in cap for word in ("--set", one)]
-    (warning,) = flexcam("check", case, *given, "--json").json["warnings"]
+    set_options = [word for override in cap for word in ("--set", override)]
+    (warning,) = flexcam("check", case, *set_options, "--json").json["warnings"]
     assert warning.startswith("Warning: masses.cap: only the lashes lash and shim touch it")
     spring = ("--set", 'springs.cap={ at = "cap", direction = "-uy", stiffness = "1 N/mm" }')
-    assert flexcam("check", case, *given, *spring, "--json").json["warnings"] == []
+    assert flexcam("check", case, *set_options, *spring, "--json").json["warnings"] == []
     coarse = ("--set", "run.steps_per_revolution=360", "--set", "run.revolutions=1", "--json")
     wrong = flexcam("run", case, *coarse, "--name", "wrong", "--set", 'contacts.lash.direction="uy"').json["warnings"]
     right = flexcam("run", case, *coarse).json["warnings"]
-    said = "Warning: lash 'lash' stays open over the revolution: check its gap and the sign of its direction"
-    assert (said in wrong, said in right) == (True, False)
+    expected = "Warning: lash 'lash' stays open over the revolution: check its gap and the sign of its direction"
+    assert (expected in wrong, expected in right) == (True, False)
 
 
-def test_words_of_a_desmodromic_pair(flexcam, tmp_path):
-    """The gap of 9.03 mm is a running clearance of 0.03 mm beyond the lift; no spring and no nose force is told of."""
+def test_output_of_desmodromic_pair(flexcam, tmp_path):
+    """The gap of 9.03 mm is a running clearance of 0.03 mm above the lift; spring and nose force are not printed."""
     case = new_case("desmodromic", tmp_path / "case.toml")[0]
     card = " ".join(flexcam("cam", case).out.partition("Cam closing")[2].split())
     assert "lift 9 mm lobe" in card
@@ -120,21 +123,21 @@ def test_words_of_a_desmodromic_pair(flexcam, tmp_path):
     assert "lash" not in card
     checked = " ".join(flexcam("check", case).out.split())
     assert "gap of 9.03 mm from closer to stem-top with both cams on the base circle" in checked
-    told = flexcam("run", case, "--set", "run.steps_per_revolution=360", "--set", "run.revolutions=1").out
-    assert "Opposed cams drive the follower in turn" in told
-    assert "Springs press" not in told
-    assert "nose" not in told
+    output = flexcam("run", case, "--set", "run.steps_per_revolution=360", "--set", "run.revolutions=1").out
+    assert "Opposed cams drive the follower in turn" in output
+    assert "Springs press" not in output
+    assert "nose" not in output
 
 
-def test_desmodromic_pair(flexcam, tmp_path):
-    """The rigid train of a pair is no measure of valve loft; a follower that left one cam is on the other."""
+def test_metrics_of_desmodromic_pair(flexcam, tmp_path):
+    """The rigid train of a pair gives no valve loft; a follower that leaves one cam is in contact with the other."""
     pair = Path(__file__).parents[1] / "golden/models/desmodromic.toml"
     seat = 'contacts.seat={ at = "lower", direction = "uy", model = "seat", stiffness = "50 MN/m" }'
-    found = flexcam("run", pair, "-o", tmp_path, "--set", seat, "--json").json
-    assert found["train"]["contacts.seat.seating_velocity"] > 0.0
-    assert "contacts.seat.valve_loft" not in found["train"]
-    assert not [one for one in found["warnings"] if "loses contact" in one]
-    assert SPRING_MARGIN not in {one["name"] for one in found["figures_of_merit"]}
+    report = flexcam("run", pair, "-o", tmp_path, "--set", seat, "--json").json
+    assert report["train"]["contacts.seat.seating_velocity"] > 0.0
+    assert "contacts.seat.valve_loft" not in report["train"]
+    assert not [message for message in report["warnings"] if "loses contact" in message]
+    assert SPRING_MARGIN not in {figure["name"] for figure in report["figures_of_merit"]}
 
 
 @pytest.fixture
@@ -143,18 +146,20 @@ def direct(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_lash_that_takes_up_most_of_the_lift_hides_no_contact_loss(flexcam, direct, tmp_path):
-    """The valve spring presses the valve alone; the bucket flies as long as the lash is open."""
+def test_large_lash_does_not_hide_contact_loss(flexcam, direct, tmp_path):
+    """The valve spring acts on the valve only; the bucket is free while the lash is open."""
     words = ("--set", "contacts.lash.gap=8.4mm", "--set", "run.crank_speed=6500rpm", "--set", "run.revolutions=1")
     train = flexcam("run", direct, "-o", tmp_path, *words, "--json").json["train"]
     assert math.degrees(train["contacts.intake.open_on_the_lift"]) > 50.0
 
 
-def test_a_spring_that_opens_the_valve_is_told(flexcam, direct):
+def test_spring_that_opens_valve_causes_warning(flexcam, direct):
     text = direct.read_text(encoding="utf-8")
     at = text.index('direction = "-uy"', text.index("[springs.valve]"))
     direct.write_text(text[:at] + text[at:].replace('"-uy"', '"uy"', 1), encoding="utf-8")
-    (warning,) = (one for one in flexcam("check", direct, "--json").json["warnings"] if "contacts.seat" in one)
+    (warning,) = (
+        message for message in flexcam("check", direct, "--json").json["warnings"] if "contacts.seat" in message
+    )
     assert "nothing holds the valve on its seat" in warning
     assert "the temperature" not in warning
 
@@ -163,19 +168,21 @@ def test_a_spring_that_opens_the_valve_is_told(flexcam, direct):
     (['materials.steel.expansion="12e-6 1/K"', "members.pushrod.temperature=80K"], "the temperature of the members"),
     (['loads.gas={ at = "valve", direction = "uy", force = "900 N" }'], "the direction of the loads"),
 ])  # fmt: skip
-def test_what_else_opens_the_seat_is_named(overrides, cause, flexcam, tmp_path):
-    """By 1.6 * 250 mm * 12e-6/K * 80 K = 0.38 mm, of which the lash takes 0.2 mm; 900 N against 400 N."""
+def test_warning_names_cause_of_open_seat(overrides, cause, flexcam, tmp_path):
+    """1.6 * 250 mm * 12e-6/K * 80 K = 0.38 mm, reduced by the lash of 0.2 mm; 900 N against 400 N."""
     (case,) = new_case("pushrod-engine", tmp_path / "engine.toml")
-    words = [word for one in overrides for word in ("--set", one)]
-    (warning,) = (one for one in flexcam("check", case, *words, "--json").json["warnings"] if "contacts.seat" in one)
+    words = [word for override in overrides for word in ("--set", override)]
+    (warning,) = (
+        message for message in flexcam("check", case, *words, "--json").json["warnings"] if "contacts.seat" in message
+    )
     assert cause in warning
 
 
 @pytest.mark.parametrize(("override", "told"), [
     ("run.revolutions=1", True), ("run.revolutions=2", False), ("fidelity.model=rigid", False),
 ])  # fmt: skip
-def test_the_start_of_a_short_run_is_told(override, told, flexcam, tmp_path):
-    """A rigid train follows the cam angle, whatever its start."""
+def test_short_run_warns_of_start_transient(override, told, flexcam, tmp_path):
+    """A rigid train follows the cam angle for any start."""
     new_case("lumped-train", tmp_path / "train.toml")
     quick = ("--set", "run.revolutions=1", "--set", "run.steps_per_revolution=360", "--set", override)
     out = flexcam("run", tmp_path / "train.toml", "-o", tmp_path, *quick).out
@@ -183,17 +190,19 @@ def test_the_start_of_a_short_run_is_told(override, told, flexcam, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_transient_of_an_adjuster_is_told(flexcam):
-    """One revolution from rest reports the transient; a periodic start does not. Several say how far they are."""
+def test_adjuster_transient_causes_warning(flexcam):
+    """One revolution from rest causes the warning, a periodic start does not; two revolutions give their difference."""
     case = Path(__file__).parents[2] / "cases/direct-acting/finger.toml"
     quick = ("--set", "run.steps_per_revolution=360", "--overwrite", "--json")
     once = flexcam("run", case, *quick, "--set", "run.revolutions=1").json
     assert "revolution_change" not in once
-    assert any("may still be in a transient: the run has only one revolution" in one for one in once["warnings"])
+    assert any(
+        "may still be in a transient: the run has only one revolution" in message for message in once["warnings"]
+    )
     twice = flexcam("run", case, *quick, "--set", "run.revolutions=2").json
     assert 0.0 < twice["revolution_change"]["motion"] < 1e-3
     assert twice["revolution_change"]["contact"] == "intake"
-    assert not any("transient" in one for one in twice["warnings"])
+    assert not any("transient" in message for message in twice["warnings"])
     few = ("--set", "run.steps_per_revolution=360", "--set", "run.revolutions=2")
     assert "Difference between the last two revolutions:" in flexcam("run", case, *few, "--overwrite").out
     pumping = check_transient(prepare(read_case(case)), RevolutionChange(0.02, 0.1, "intake"))
@@ -201,17 +210,18 @@ def test_a_transient_of_an_adjuster_is_told(flexcam):
     assert words in pumping[0]
 
 
-def test_steps_too_long_for_the_seat_are_told(flexcam):
-    """The seat of 60 MN/m under 90 g rises to its maximum in 60 us, two of 720 steps at 4142 rpm."""
+def test_steps_too_long_for_seat_impact_cause_warning(flexcam):
+    """The force of a 60 MN/m seat under 90 g has its maximum after 60 us, two of 720 steps at 4142 rpm."""
     case = Path(__file__).parents[2] / "cases/pushrod-engine/intake.toml"
     quick = ("--set", "run.crank_speed=4142rpm", "--set", "run.steps_per_revolution=720", "--json")
     warnings = flexcam("run", case, *quick).json["warnings"]
     assert any(
-        re.search(r"force of contact seat comes from an impact that lasts only \d time steps?", one) for one in warnings
+        re.search(r"force of contact seat comes from an impact that lasts only \d time steps?", message)
+        for message in warnings
     )
 
 
-def test_an_impact_on_a_contact_that_stays_closed_has_twice_its_rise():
+def test_contact_duration_of_permanently_closed_contact():
     closed = np.array([False, False, True, True, True, True])
     assert contact_duration(closed, 3) == 3
     assert contact_duration(np.append(closed, False), 3) == 3
@@ -222,28 +232,28 @@ def test_an_impact_on_a_contact_that_stays_closed_has_twice_its_rise():
 @pytest.mark.parametrize(
     ("friction", "name"), [("0", "mean drive power (model without friction)"), ("0.1", "mean drive power")]
 )
-def test_a_drive_power_without_friction_says_so(flexcam, engine, friction, name):
+def test_drive_power_without_friction_is_labelled(flexcam, engine, friction, name):
     few = ["run.steps_per_revolution=360", "run.revolutions=1", f"contacts.intake.friction={friction}"]
-    out = flexcam("run", engine, *(word for one in few for word in ("--set", one))).out
+    out = flexcam("run", engine, *(word for override in few for word in ("--set", override))).out
     assert f"\n{name}    " in out
 
 
 @pytest.mark.slow
-def test_figures_of_merit_are_printed_once(flexcam, engine, tmp_path):
-    """They are metrics of the run in words of the trade; the table of metrics has the others."""
+def test_figures_of_merit_are_not_repeated_as_metrics(flexcam, engine, tmp_path):
+    """They are metrics of the run with the names used in practice; the table of metrics lists the others."""
     options = ("--set", "run.steps_per_revolution=1440", "-o", tmp_path, "--overwrite")
-    found = flexcam("run", engine, *options, "--json").json
-    merit = {one["metric"]: one for one in found["figures_of_merit"]}
+    report = flexcam("run", engine, *options, "--json").json
+    merit = {figure["metric"]: figure for figure in report["figures_of_merit"]}
     margin = merit.pop("")
     assert (margin["name"], margin["part"], margin["unit"]) == ("spring margin of the rigid train", "", "1")
-    assert {name: one["value"] for name, one in merit.items()}.items() <= found["train"].items()
+    assert {name: figure["value"] for name, figure in merit.items()}.items() <= report["train"].items()
     assert merit["contacts.seat.valve_loft"]["unit"] == "m"
     response = run(read_case(engine, ["run.steps_per_revolution=1440"]))  # the same in Python
-    assert response.metrics == found["train"]
+    assert response.metrics == report["train"]
     with pytest.raises(InputError, match=r"Did you mean 'contacts\.seat\.bounces'"):
         assert response.metrics["contacts.seat.bounce"]
     with pytest.raises(InputError, match="without its model"):
-        assert read_result(found["result"]).response.metrics
+        assert read_result(report["result"]).response.metrics
     out = flexcam("run", engine, *options).out
     table, others = out.split("Figures of merit")[1].split("Metrics of the last revolution")
     for words in (
@@ -258,9 +268,9 @@ def test_figures_of_merit_are_printed_once(flexcam, engine, tmp_path):
     assert "contact intake: max force" in others
 
 
-SPRING_OF_COILS = 'springs.valve={ at = "valve", direction = "uy", installed_force = 400, '
-SPRING_OF_COILS += "wire = { diameter = 4.6e-3, shear_modulus = 79e9 }, "
-SPRING_OF_COILS += "coils = [{ turns = 6, diameter = 28e-3, pitch = 8e-3 }] }"
+COIL_SPRING = 'springs.valve={ at = "valve", direction = "uy", installed_force = 400, '
+COIL_SPRING += "wire = { diameter = 4.6e-3, shear_modulus = 79e9 }, "
+COIL_SPRING += "coils = [{ turns = 6, diameter = 28e-3, pitch = 8e-3 }] }"
 
 
 @pytest.mark.parametrize(
@@ -270,7 +280,7 @@ SPRING_OF_COILS += "coils = [{ turns = 6, diameter = 28e-3, pitch = 8e-3 }] }"
             "springs.valve.clash_travel=9mm",
             "spring 'valve' reaches coil bind before full lift: full lift needs 0.88 mm more clash_travel",
         ),
-        (SPRING_OF_COILS, "mm more travel; give its coils more turns or pitch"),
+        (COIL_SPRING, "mm more travel; give its coils more turns or pitch"),
         ("contacts.lash.gap=0.6mm", "the lash of 0.375 mm at the follower exceeds the ramp height of 0.3 mm"),
         ("contacts.lash.gap=0.2m", "the lash of 125 mm at the follower exceeds the lift of 6.3 mm"),
         (
@@ -281,7 +291,7 @@ SPRING_OF_COILS += "coils = [{ turns = 6, diameter = 28e-3, pitch = 8e-3 }] }"
         ("run.speed=2500rpm", "run.speed is the speed of the camshaft; the crankshaft turns at 5000 rpm"),
     ],
 )
-def test_warning_of_a_check(override, warning, flexcam):
+def test_check_warnings(override, warning, flexcam):
     """Full lift: 1.6 * 6.3 mm - 0.2 mm = 9.88 mm; lash at the follower: 0.6 mm / 1.6 = 0.375 mm."""
     new_case("pushrod-engine", Path("engine.toml"))
     done = flexcam("check", "engine.toml", "--set", override)
@@ -290,13 +300,13 @@ def test_warning_of_a_check(override, warning, flexcam):
 
 
 @pytest.mark.parametrize(("every", "low"), [(200, True), (1, False)])
-def test_stresses_at_instants_that_miss_the_maximum_are_called_too_low(flexcam, tayeb, every, low):
-    """The saved instants are steps 0, 200 and 360: none is near the nose, where the compression is largest."""
+def test_coarse_saved_instants_warn_of_missed_peak_stress(flexcam, tayeb, every, low):
+    """The run saves steps 0, 200 and 360, none near the nose, where the compression has its maximum."""
     few = ["run.steps_per_revolution=360", "run.revolutions=1", f"output.field_every={every}"]
-    done = flexcam("run", tayeb(3), *(word for one in few for word in ("--set", one)))
-    said = re.sub(r"\s+", " ", done.out)
-    assert ("They may miss the peak: at these instants the " in said) == low
-    assert "Stresses at 3 saved" in said or not low
+    done = flexcam("run", tayeb(3), *(word for override in few for word in ("--set", override)))
+    output = re.sub(r"\s+", " ", done.out)
+    assert ("They may miss the peak: at these instants the " in output) == low
+    assert "Stresses at 3 saved" in output or not low
 
 
 @pytest.mark.parametrize(
@@ -307,18 +317,18 @@ def test_stresses_at_instants_that_miss_the_maximum_are_called_too_low(flexcam, 
         ('cam = ["120 mm"', 'cam = ["150 mm"', "node tappet is 30 mm from the cam along the shaft"),
     ],
 )
-def test_a_soft_seat_and_a_follower_beside_its_cam(engine, flexcam, old, new, warning):
+def test_check_warns_of_soft_seat_and_offset_follower(engine, flexcam, old, new, warning):
     text = engine.read_text(encoding="utf-8")
     assert warning not in " ".join(flexcam("check", engine).out.split())
     engine.write_text(text.replace(old, new), encoding="utf-8")
     assert warning in " ".join(flexcam("check", engine).out.split())
 
 
-def test_a_growing_stress_names_the_mode_that_decays_slowly(engine, flexcam):
+def test_stress_warning_names_slowly_decaying_mode(engine, flexcam):
     """Rayleigh damping: the amplitude decays by exp(-beta omega^2 t / 2); a camshaft revolution takes 24 ms."""
-    said = " ".join(flexcam("run", engine, "--set", "run.revolutions=2").out.split())
+    output = " ".join(flexcam("run", engine, "--set", "run.revolutions=2").out.split())
     pattern = r"member pushrod \(bending in x-y, (\S+) Hz\) decays to 37 % of its amplitude in (\S+) rev"
-    hertz, turns = map(float, re.search(pattern, said).groups())
+    hertz, turns = map(float, re.search(pattern, output).groups())
     assert hertz == pytest.approx(305.3, abs=0.1)
     assert turns == pytest.approx(2.0 / (1e-7 * (2.0 * math.pi * hertz) ** 2) / 24e-3, rel=5e-3)
     damped = flexcam(

@@ -1,4 +1,4 @@
-"""A train of a watch: millimetres and milligrams, whose figures are none of them zero."""
+"""A valve train of watch size, in millimetres and milligrams: no printed value is rounded to zero. Units of tables."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ output.probes = ["g", "cam"]
 """
 
 
-def test_its_figures_are_told(flexcam, tmp_path):
+def test_small_values_are_printed_with_enough_digits(flexcam, tmp_path):
     (tmp_path / "watch.toml").write_text(WATCH, encoding="utf-8")
     run = flexcam("run", "watch.toml").out
     assert re.search(r"g\.ux +-?0\.0000 mm +0\.1[45]\d+ mm", run)
-    least, largest = map(float, re.search(r"cam\.ux +(-[\d.]+) mm +(-[\d.]+) mm", run).groups())
-    assert -5e-5 < least < largest < -1e-7
+    minimum, maximum = map(float, re.search(r"cam\.ux +(-[\d.]+) mm +(-[\d.]+) mm", run).groups())
+    assert -5e-5 < minimum < maximum < -1e-7
     masses = re.search(r"^1 +[\d.]+ +\d+ +([\d.]+)", flexcam("modes", "watch.toml", "--count", "2").out, re.MULTILINE)
     assert 2e-6 < float(masses[1]) < 3e-6, "of pointer and rod"
-    told = flexcam("compare", "watch.toml").out
-    assert 0.0 < float(re.search(r"deviates by up to (\S+) % of the range", told)[1]) < 5e-2
+    output = flexcam("compare", "watch.toml").out
+    assert 0.0 < float(re.search(r"deviates by up to (\S+) % of the range", output)[1]) < 5e-2
 
 
-def test_units_of_tables(flexcam, tmp_path):
-    """Imperial where asked, metric in the next command of the same process."""
+def test_imperial_units_of_run_tables(flexcam, tmp_path):
+    """Imperial units on request; the next command of the same process prints metric units."""
     (tmp_path / "watch.toml").write_text(WATCH, encoding="utf-8")
     metric = flexcam("run", "watch.toml").out
     imperial = flexcam("run", "watch.toml", "--units", "imperial", "--overwrite").out
@@ -52,22 +52,22 @@ def test_units_of_tables(flexcam, tmp_path):
 
 
 @pytest.mark.parametrize("command", ["check", "cam", "modes", pytest.param("limits", marks=pytest.mark.slow)])
-def test_units_of_tables_without_a_run(flexcam, tmp_path, command):
-    """No table prints a metric unit where imperial ones are asked for; 24 mm and 52 kN/m by hand."""
+def test_imperial_units_of_tables_without_run(flexcam, tmp_path, command):
+    """No table prints a metric unit if imperial units are requested; 24 mm and 52 kN/m by hand."""
     flexcam("new", "pushrod-engine", "-o", "engine.toml")
     fast = ("--lowest", "4900 rpm", "--highest", "5100 rpm", "--set", "run.steps_per_revolution=360")
     options = (*fast, "--lift-deviation", "1 in") if command == "limits" else ()
     done = flexcam(command, "engine.toml", *options, "--units", "imperial")
     assert (done.code, done.err) == (0, "")
     assert not re.findall(r"[\d )](mm\S*|N|N/m+|kg|m/s\S*|MPa)\b", done.out.replace("above 1 mm", ""))
-    said = {"check": "valve 285.507 lbf/in", "cam": "in; below 0.75", "modes": "ux lb", "limits": "more than 1 in"}
-    assert said[command] in " ".join(done.out.split())
+    expected = {"check": "valve 285.507 lbf/in", "cam": "in; below 0.75", "modes": "ux lb", "limits": "more than 1 in"}
+    assert expected[command] in " ".join(done.out.split())
 
 
-def test_units_of_figures_without_a_run(flexcam, tmp_path):
+def test_imperial_units_of_figures_without_run(flexcam, tmp_path):
     flexcam("new", "pushrod-engine", "-o", "engine.toml")
-    for what, said in (("spring", "force, lbf"), ("svaj", "in/rad²"), ("profile", "x, in")):
+    for what, expected in (("spring", "force, lbf"), ("svaj", "in/rad²"), ("profile", "x, in")):
         assert flexcam("plot", "engine.toml", "--what", what, "--units", "imperial", "-o", f"{what}.svg").code == 0
         picture = (tmp_path / f"{what}.svg").read_text()
-        assert said in picture
+        assert expected in picture
         assert not re.search(r"\bmm\b", picture)

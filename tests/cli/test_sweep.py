@@ -1,4 +1,4 @@
-"""flexcam sweep as a user runs it: tables, journal, signals, resuming after a crash."""
+"""flexcam sweep: tables, journal, signals, and resuming after a crash."""
 
 from __future__ import annotations
 
@@ -26,26 +26,26 @@ SPEEDS = ("--set", "run.speed=1000:2500:500rpm")
 NAMES = ("case.sweep.h5", "case.sweep.csv")
 
 
-def journal(folder):
+def read_journal(folder):
     path = folder / "case.sweep.jsonl"
     return path.read_bytes().splitlines(keepends=True) if path.exists() else []
 
 
-def test_tables_journal_and_summary(flexcam, case, tmp_path):
+def test_sweep_writes_tables_journal_and_summary(flexcam, case, tmp_path):
     done = flexcam("sweep", case, *QUICK, *SPEEDS, "--set", "springs.valve.stiffness=30,40kN/m", "--workers", "0")
     assert done.code == 0
     assert "8 variants over run.speed, springs.valve.stiffness" in done.out
     assert "deviation.peak" in done.out
     table = read_table(tmp_path / "results/case.sweep.h5")
     assert table.shape == (4, 2)
-    assert len(journal(tmp_path / "results")) == 1 + 8
+    assert len(read_journal(tmp_path / "results")) == 1 + 8
     assert "run.speed [rpm],springs.valve.stiffness [kN/m]" in (tmp_path / "results/case.sweep.csv").read_text()
-    told = flexcam("info", tmp_path / "results/case.sweep.h5")
-    assert told.code == 2
-    assert "It is the table of a sweep" in told.err
+    completed = flexcam("info", tmp_path / "results/case.sweep.h5")
+    assert completed.code == 2
+    assert "It is the table of a sweep" in completed.err
 
 
-def test_json_and_chosen_scalars(flexcam, case):
+def test_sweep_json_with_selected_scalars(flexcam, case):
     words = ("--workers", "0", "--scalars", "deviation,probes.valve", "--json", "--sample", "sobol:2", "--seed", "3")
     done = flexcam("sweep", case, *QUICK, "--set", "run.speed=1000:2000rpm", *words)
     assert done.json["variants"] == 2
@@ -54,25 +54,25 @@ def test_json_and_chosen_scalars(flexcam, case):
     assert all(Path(path).exists() for path in done.json["files"])
 
 
-def test_a_variant_beyond_the_time_limit_fails_alone(flexcam, case, tmp_path):
-    """A resumed sweep runs it again, and keeps the others."""
+def test_time_limit_fails_only_slow_variant(flexcam, case, tmp_path):
+    """A resumed sweep repeats this variant and keeps the others."""
     words = ("sweep", case, "--set", "run.revolutions=0.1,1e6", "--workers", "0", "--time-limit", "0.5s", "--json")
     done = flexcam(*words)
     assert done.json["failed"] == {"time-limit": [2]}
     assert read_table(tmp_path / "results/case.sweep.h5").statuses[0].ok
     flexcam(*words, "--resume")
-    assert [json.loads(line)["chunk"] for line in journal(tmp_path / "results")[1:]] == [0, 1, 1]
+    assert [json.loads(line)["chunk"] for line in read_journal(tmp_path / "results")[1:]] == [0, 1, 1]
     assert "--time-limit" in flexcam(*words[:-2], "1 parsec", "--overwrite").err
 
 
-def test_variants_that_are_all_alike_are_told_so(flexcam, case, tmp_path):
+def test_identical_variants_are_reported(flexcam, case, tmp_path):
     done = flexcam("sweep", case, "--set", "title=one,other", "--set", "run.revolutions=0.1", "--workers", "0",
                    "-o", tmp_path / "out")  # fmt: skip
     assert done.code == 0
     assert "every scalar has the same value in all variants" in done.out
 
 
-def test_the_table_of_the_case_counts_and_the_command_lays_over_it(flexcam, case, tmp_path):
+def test_command_overrides_sweep_table_of_case(flexcam, case, tmp_path):
     sweep = '\n[sweep]\nset = { "run.speed" = "1000,2000rpm", "springs.valve.stiffness" = "30,40kN/m" }\n'
     case.write_text(case.read_text() + sweep + 'scalars = ["deviation"]\n')
     done = flexcam("sweep", case, *QUICK, "--set", "run.speed=1500,1600,1700rpm", "--workers", "0", "--json")
@@ -83,7 +83,7 @@ def test_the_table_of_the_case_counts_and_the_command_lays_over_it(flexcam, case
 
 
 @pytest.mark.slow
-def test_histories_are_results(flexcam, case, tmp_path):
+def test_sweep_histories_are_result_files(flexcam, case, tmp_path):
     done = flexcam("sweep", case, *QUICK, "--set", "run.speed=1000,2000rpm", "--workers", "1", "--histories")
     assert done.code == 0
     table = read_table(tmp_path / "results/case.sweep.h5")
@@ -92,25 +92,25 @@ def test_histories_are_results(flexcam, case, tmp_path):
         assert abs(response["valve"].displacement).max() == table["probes.valve.displacement.largest"][i]
 
 
-def test_histories_of_an_earlier_sweep_are_not_written_over_and_not_mixed_in(flexcam, case, tmp_path):
-    told = ("--set", "run.revolutions=0.1", "--histories", "--workers", "0")
-    out, kept = tmp_path / "out", tmp_path / "out/case.sweep"
-    assert flexcam("sweep", case, "--set", "run.speed=1000:3000#3rpm", *told, "-o", out).code == 0
-    before = {path.name: path.read_bytes() for path in kept.iterdir()}
+def test_histories_of_earlier_sweep_require_overwrite(flexcam, case, tmp_path):
+    args = ("--set", "run.revolutions=0.1", "--histories", "--workers", "0")
+    out, histories = tmp_path / "out", tmp_path / "out/case.sweep"
+    assert flexcam("sweep", case, "--set", "run.speed=1000:3000#3rpm", *args, "-o", out).code == 0
+    before = {path.name: path.read_bytes() for path in histories.iterdir()}
     for path in out.glob("case.sweep.*"):
         path.unlink()
-    other = ("sweep", case, "--set", "run.speed=2000,4000rpm", *told, "-o", out)
+    other = ("sweep", case, "--set", "run.speed=2000,4000rpm", *args, "-o", out)
     refused = flexcam(*other)
     assert refused.code == 2
-    assert refused.err.startswith(f"--histories: got 3 in {kept}, expected none from an earlier sweep")
-    assert {path.name: path.read_bytes() for path in kept.iterdir()} == before
+    assert refused.err.startswith(f"--histories: got 3 in {histories}, expected none from an earlier sweep")
+    assert {path.name: path.read_bytes() for path in histories.iterdir()} == before
     assert flexcam(*other, "--overwrite").code == 0
-    assert sorted(path.name for path in kept.iterdir()) == ["variant-00001.vtkhdf", "variant-00002.vtkhdf"]
+    assert sorted(path.name for path in histories.iterdir()) == ["variant-00001.vtkhdf", "variant-00002.vtkhdf"]
     assert flexcam(*other, "--resume").code == 0
-    assert len(list(kept.iterdir())) == 2
+    assert len(list(histories.iterdir())) == 2
 
 
-def test_existing_files_are_kept_unless_asked(flexcam, case, tmp_path):
+def test_sweep_does_not_overwrite_existing_files(flexcam, case, tmp_path):
     words = ("sweep", case, *QUICK, "--set", "run.speed=1000,2000rpm", "--workers", "0", "-o", tmp_path / "out")
     assert flexcam(*words).code == 0
     before = {path: path.read_bytes() for path in (tmp_path / "out").iterdir()}
@@ -125,7 +125,7 @@ def test_existing_files_are_kept_unless_asked(flexcam, case, tmp_path):
     assert flexcam(*words, "--set", "cams.intake.lift=7mm", "--overwrite").code == 0
 
 
-def test_misspelt_scalars_are_refused_before_anything_runs(flexcam, case, tmp_path):
+def test_misspelled_scalars_are_refused_before_first_run(flexcam, case, tmp_path):
     words = ("sweep", case, *QUICK, "--set", "run.speed=1000,2000rpm", "--workers", "0")
     wrong = flexcam(*words, "--scalars", "deviaton,probes.valve.acceleration.larges,energy")
     assert wrong.code == 2
@@ -135,8 +135,8 @@ def test_misspelt_scalars_are_refused_before_anything_runs(flexcam, case, tmp_pa
     assert not (tmp_path / "results").exists()
 
 
-def test_scalars_that_one_variant_alone_can_have(flexcam, case):
-    """A rigid train has no deviation from itself, and a chain has one; whichever comes first."""
+def test_scalars_available_in_some_variants_only(flexcam, case):
+    """A rigid train has no deviation from itself, a flexible model has one; the order of the variants is irrelevant."""
     words = ("sweep", case, *QUICK, "--workers", "0", "--scalars", "deviation", "--json", "--overwrite")
     for models in ("rigid,beams", "beams,rigid"):
         done = flexcam(*words, "--set", f"fidelity.model={models}")
@@ -144,44 +144,44 @@ def test_scalars_that_one_variant_alone_can_have(flexcam, case):
     assert flexcam(*words, "--set", "fidelity.model=rigid", "--set", "run.revolutions=1,2").code == 2
 
 
-def test_scalars_that_no_run_had_can_be_mended_without_running_again(flexcam, tmp_path):
-    """The member is never compressed, so it has no margin: that is seen only when all is done."""
+def test_resume_with_corrected_scalars_repeats_no_run(flexcam, tmp_path):
+    """The member is never compressed, so it has no buckling margin: this is known only after all runs."""
     words = ("sweep", ROOT / "cases/checks/cantilever.toml", "--set", "loads.push.force=100,200N", "--workers", "0")
     wrong = flexcam(*words, "--scalars", "members.beam.buckling_margin")
     assert wrong.code == 2
     assert "--resume" in wrong.err
-    before = journal(tmp_path / "results")
+    before = read_journal(tmp_path / "results")
     assert flexcam(*words, "--scalars", "probes.tip", "--resume").code == 0
-    assert journal(tmp_path / "results") == before
+    assert read_journal(tmp_path / "results") == before
 
 
-def test_the_motion_of_the_probes_alone(flexcam, case, tmp_path):
-    """Nothing else is computed, and the journal knows; one that has everything serves every choice."""
+def test_sweep_of_probe_scalars_computes_no_other_scalars(flexcam, case, tmp_path):
+    """The journal records the selection; a journal with all scalars serves every selection."""
     words = ("sweep", case, *QUICK, *SPEEDS, "--workers", "0")
     assert flexcam(*words, "--scalars", "deviation,probes.valve").code == 0
-    _, *rows = journal(tmp_path / "results")
+    _, *rows = read_journal(tmp_path / "results")
     assert not any(b"contacts." in row or b"energy." in row for row in rows)
-    before = journal(tmp_path / "results")
+    before = read_journal(tmp_path / "results")
     refused = flexcam(*words, "--scalars", "probes,contacts", "--resume")
     assert refused.code == 2
     assert "whether scalars other than those of the probes are computed" in refused.err
-    assert journal(tmp_path / "results") == before
+    assert read_journal(tmp_path / "results") == before
     assert flexcam(*words, "--scalars", "probes", "--resume").code == 0
     assert flexcam(*words, "--overwrite").code == 0
-    everything = journal(tmp_path / "results")
+    everything = read_journal(tmp_path / "results")
     (tmp_path / "results/case.sweep.jsonl").write_bytes(b"".join(everything[:-1]))  # as a crash leaves it
     assert flexcam(*words, "--scalars", "probes", "--resume").code == 0
-    assert b"contacts." in journal(tmp_path / "results")[-1]
+    assert b"contacts." in read_journal(tmp_path / "results")[-1]
     assert flexcam(*words, "--scalars", "contacts", "--resume").code == 0
 
 
-def test_failing_variants_stop_nothing(flexcam, case):
-    good, bad = (f"{{ method = 'newmark', beta = {beta} }}" for beta in (0.25, 0.001))
+def test_failed_variants_do_not_stop_sweep(flexcam, case):
+    stable, unstable = (f"{{ method = 'newmark', beta = {beta} }}" for beta in (0.25, 0.001))
     words = ("sweep", case, "--set", "run.steps_per_revolution=360", "--workers", "0")
-    done = flexcam(*words, "--set", f"run.integrator={good},{bad}", "--set", "run.revolutions=20")
+    done = flexcam(*words, "--set", f"run.integrator={stable},{unstable}", "--set", "run.revolutions=20")
     assert done.code == 0
     assert "1 of 2 failed (not-finite): variant 2. The first:" in done.out
-    failing = ("--set", f"run.integrator={bad}", "--set", "run.revolutions=20,21")
+    failing = ("--set", f"run.integrator={unstable}", "--set", "run.revolutions=20,21")
     done = flexcam(*words, *failing, "--json", "--overwrite")
     assert done.code == 3
     assert done.json["status"] == "not-finite"
@@ -190,8 +190,8 @@ def test_failing_variants_stop_nothing(flexcam, case):
 
 
 @contextmanager
-def nobody(listening):
-    """Yield an address where nobody answers; somebody may take the call and say nothing."""
+def unanswered_address(listening):
+    """Yield an address without a scheduler; with `listening`, connections are accepted but not answered."""
     with socket.socket() as server:
         server.bind(("127.0.0.1", 0))
         if listening:
@@ -200,9 +200,9 @@ def nobody(listening):
 
 
 @pytest.mark.parametrize("listening", [False, True])
-def test_a_scheduler_that_does_not_answer(flexcam, case, tmp_path, monkeypatch, listening):
+def test_scheduler_without_answer_is_refused(flexcam, case, tmp_path, monkeypatch, listening):
     monkeypatch.setattr("flexcam.studies.executors._TIMEOUT", 0.5)
-    with nobody(listening) as address:
+    with unanswered_address(listening) as address:
         done = flexcam("sweep", "case.toml", *SPEEDS, "--scheduler", address)
     assert done.code == 2
     assert "None answers there within 0.5 s" in done.err
@@ -213,16 +213,16 @@ def test_a_scheduler_that_does_not_answer(flexcam, case, tmp_path, monkeypatch, 
 @pytest.mark.parametrize(
     ("address", "why"),
     [
-        ("tcp://nobody.invalid:8786", "Name or service not known"),  # RFC 2606: never one
+        ("tcp://nobody.invalid:8786", "Name or service not known"),  # RFC 2606: never exists
         ("tcp://127.0.0.1", "missing port number"),
         ("http://127.0.0.1:8786", "unknown address scheme"),
     ],
 )
-def test_an_address_that_is_none(flexcam, case, monkeypatch, address, why):
-    def unknown(*asked, **more):
+def test_invalid_scheduler_address_is_refused(flexcam, case, monkeypatch, address, why):
+    def raise_unknown_name(*asked, **more):
         raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
 
-    monkeypatch.setattr(socket, "getaddrinfo", unknown)  # some networks take long to say so
+    monkeypatch.setattr(socket, "getaddrinfo", raise_unknown_name)  # slow in some networks
     monkeypatch.setattr("flexcam.studies.executors._TIMEOUT", 3.0)  # time for one attempt on a busy machine
     done = flexcam("sweep", "case.toml", *SPEEDS, "--scheduler", address)
     assert done.code == 2
@@ -232,33 +232,33 @@ def test_an_address_that_is_none(flexcam, case, monkeypatch, address, why):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("listening", [False, True])
-def test_a_scheduler_that_does_not_answer_is_refused_within_ten_seconds(spawned, case, listening):
-    begun = time.monotonic()
-    with nobody(listening) as address:
-        done = spawned("sweep", "case.toml", *SPEEDS, "--scheduler", address)
+def test_scheduler_timeout_is_below_ten_seconds(spawn, case, listening):
+    start_time = time.monotonic()
+    with unanswered_address(listening) as address:
+        done = spawn("sweep", "case.toml", *SPEEDS, "--scheduler", address)
     assert done.code == 2
     assert "None answers there" in done.err
-    assert time.monotonic() - begun < 10.0
+    assert time.monotonic() - start_time < 10.0
 
 
-def test_something_else_that_answers(flexcam, case):
+def test_other_server_at_scheduler_address_is_refused(flexcam, case):
     with socket.socket() as server:
         server.bind(("127.0.0.1", 0))
         server.listen()
 
-        def answered():
+        def send_http_error():
             with server.accept()[0] as call:
                 call.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
 
-        answer = threading.Thread(target=answered)
-        answer.start()
+        server_thread = threading.Thread(target=send_http_error)
+        server_thread.start()
         done = flexcam("sweep", case, *SPEEDS, "--scheduler", f"tcp://127.0.0.1:{server.getsockname()[1]}")
-        answer.join()
+        server_thread.join()
     assert done.code == 2
     assert "None answers there" in done.err
 
 
-def test_options_that_do_not_fit(flexcam, case):
+def test_incompatible_sweep_options_are_refused(flexcam, case):
     assert flexcam("sweep", case, *SPEEDS, "--workers", "-1").code == 2
     assert flexcam("sweep", case, *SPEEDS, "--workers", "2", "--scheduler", "tcp://127.0.0.1:1").code == 2
     assert flexcam("sweep", case).code == 2
@@ -275,7 +275,7 @@ def test_options_that_do_not_fit(flexcam, case):
         (("--workers", "0", "--scheduler", "local"), "--workers: got 0, expected a whole number, at least 1"),
     ],
 )
-def test_options_that_would_be_ignored_or_mean_nothing(words, where, flexcam, case, tmp_path):
+def test_unused_or_invalid_sweep_options_are_refused(words, where, flexcam, case, tmp_path):
     done = flexcam("sweep", case, *SPEEDS, *words, "-o", tmp_path / "out")
     assert (done.code, done.out) == (2, "")
     assert done.err.startswith(where)
@@ -285,14 +285,14 @@ def test_options_that_would_be_ignored_or_mean_nothing(words, where, flexcam, ca
 MANY = ("--set", "run.speed=1000:4000#20rpm", "--set", "run.revolutions=1")
 
 
-def begun(folder, *words):
+def start_sweep(folder, *words):
     return start(["sweep", "case.toml", *MANY, "-o", "out", *words], folder)
 
 
-def with_rows(process, folder, count):
-    """Wait until so many rows are kept."""
+def wait_for_rows(process, folder, count):
+    """Wait until the journal contains the given number of rows."""
     until = time.monotonic() + 60.0
-    while len(journal(folder)) <= count:
+    while len(read_journal(folder)) <= count:
         if process.poll() is not None or time.monotonic() > until:
             process.kill()
             pytest.fail(f"no rows: {process.communicate()}")
@@ -303,49 +303,51 @@ def with_rows(process, folder, count):
     ("number", "code", "workers"),
     [pytest.param(signal.SIGINT, 130, 2, marks=pytest.mark.slow), (signal.SIGTERM, 143, 0)],
 )
-def test_a_stopped_sweep_says_what_it_kept(case, tmp_path, number, code, workers):
-    process = begun(tmp_path, "--workers", str(workers), "--json")
-    with_rows(process, tmp_path / "out", 3)
+def test_stopped_sweep_reports_saved_variants(case, tmp_path, number, code, workers):
+    process = start_sweep(tmp_path, "--workers", str(workers), "--json")
+    wait_for_rows(process, tmp_path / "out", 3)
     process.send_signal(number)
     out, err = process.communicate(timeout=30)
     assert process.returncode == code
     assert "Traceback" not in out + err
-    told = json.loads(out)
-    assert told["status"] == "interrupted"
-    assert f"{len(journal(tmp_path / 'out')) - 1} of 20 variants are kept" in told["message"]
-    assert "--resume" in told["remedy"]
+    report = json.loads(out)
+    assert report["status"] == "interrupted"
+    assert f"{len(read_journal(tmp_path / 'out')) - 1} of 20 variants are kept" in report["message"]
+    assert "--resume" in report["remedy"]
     assert not (tmp_path / "out/case.sweep.h5").exists()
 
 
-def killed_and_resumed(flexcam, folder, kills, seed, workers):
-    """Kill a sweep so many times at random moments, and finish it; compare it with one that nobody disturbed."""
+def check_killed_and_resumed_sweep(flexcam, folder, kills, seed, workers):
+    """Kill a sweep repeatedly at random moments, finish it, and compare it with an uninterrupted sweep."""
     chance, before = random.Random(seed), list[bytes]()
     for _ in range(kills):
-        process = begun(folder, "--workers", workers, "--resume")
+        process = start_sweep(folder, "--workers", workers, "--resume")
         if chance.random() < 0.7:
-            with_rows(process, folder / "out", min(len(before) + chance.randrange(8), 16))
+            wait_for_rows(process, folder / "out", min(len(before) + chance.randrange(8), 16))
         time.sleep(chance.random())
         process.kill()
         process.communicate()
-        after = journal(folder / "out")
-        whole = [line for line in before if line.endswith(b"\n")]
-        assert after[: len(whole)] == whole  # what was finished stays as it was
+        after = read_journal(folder / "out")
+        complete_lines = [line for line in before if line.endswith(b"\n")]
+        assert after[: len(complete_lines)] == complete_lines  # complete rows are unchanged
         before = after
     for words in (("out", "--resume"), ("untouched",)):
         assert flexcam("sweep", "case.toml", *MANY, "--workers", "0", "-o", *words).code == 0
-    chunks = [json.loads(line)["chunk"] for line in journal(folder / "out")[1:]]
-    assert sorted(chunks) == list(range(20))  # each once
-    one, other = ([(folder / where / name).read_bytes() for name in NAMES] for where in ("out", "untouched"))
-    assert one == other
+    chunks = [json.loads(line)["chunk"] for line in read_journal(folder / "out")[1:]]
+    assert sorted(chunks) == list(range(20))  # each chunk once
+    resumed, uninterrupted = (
+        [(folder / where / name).read_bytes() for name in NAMES] for where in ("out", "untouched")
+    )
+    assert resumed == uninterrupted
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("kills", "workers"), [(1, 0), (20, 2)])
-def test_a_sweep_killed_and_resumed_is_the_one_nobody_disturbed(kills, workers, flexcam, case, tmp_path):
-    killed_and_resumed(flexcam, tmp_path, kills, seed=kills, workers=workers)
+def test_killed_and_resumed_sweep_equals_uninterrupted_sweep(kills, workers, flexcam, case, tmp_path):
+    check_killed_and_resumed_sweep(flexcam, tmp_path, kills, seed=kills, workers=workers)
 
 
-def test_a_table_of_another_format_is_refused(flexcam, case, tmp_path):
+def test_sweep_table_of_other_format_is_refused(flexcam, case, tmp_path):
     assert flexcam("sweep", case, *QUICK, *SPEEDS, "--workers", "0").code == 0
     path = tmp_path / "results/case.sweep.h5"
     with h5py.File(path, "r+") as file:

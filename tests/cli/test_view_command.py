@@ -1,8 +1,8 @@
-"""Pictures, movies and pages of mechanisms, and what is said where none can be drawn.
+"""Pictures, movies and pages of mechanisms, and the messages if rendering is impossible.
 
-Pictures are compared by perceptual hash (16 x 16 bits, the words at the top left out) with small reference pictures.
-Measured on them: 0 between Mesa's EGL and GLX, 0 after softening by resampling, up to 4 at nine tenths of the
-brightness; 14 and more 30 deg of the cam away, 60 and more for another case. Eight bits tell the one from the other.
+The tests compare pictures with small reference pictures by perceptual hash (16 x 16 bits, without the text at the
+top). Measured distances: 0 between Mesa's EGL and GLX, 0 after softening by resampling, up to 4 at 90 % of the
+brightness; 14 and more for cam angles 30 deg apart, 60 and more for another case. The limit is 8 bits.
 """
 
 from __future__ import annotations
@@ -45,15 +45,15 @@ PICTURES = {
 }
 TITLE = "Roller finger follower with hydraulic lash adjuster: rigid mechanism"
 SIZE = ("--size", "400x300")
-WORDS = 30
-"""Pixels at the top that words may take: fonts differ between machines."""
-ALIKE = 8
-"""Bits of 256 by which pictures of one scene may differ."""
+TEXT_HEIGHT = 30
+"""Pixels of the text at the top: fonts differ between machines."""
+MAX_HASH_DISTANCE = 8
+"""Permitted differing bits, of 256, between pictures of one scene."""
 
 
 @pytest.fixture(scope="module")
 def drawing():
-    """Skip where nothing can be drawn, but not where everything must run."""
+    """Skip the test if rendering is impossible, unless FLEXCAM_REQUIRE_PARAVIEW=1."""
     try:
         rendering.select_renderer(off_screen=True)
     except RunFailedError as failure:
@@ -62,89 +62,89 @@ def drawing():
         pytest.skip(f"NOTHING WAS DRAWN: {failure}")
 
 
-def opened(path, mode="L"):
+def open_picture(path, mode="L"):
     with Image.open(path) as picture:
         return picture.convert(mode)
 
 
-def seen(path):
-    picture = opened(path)
-    return imagehash.phash(picture.crop((0, WORDS, *picture.size)), hash_size=16)
+def image_hash(path):
+    picture = open_picture(path)
+    return imagehash.phash(picture.crop((0, TEXT_HEIGHT, *picture.size)), hash_size=16)
 
 
 @pytest.mark.usefixtures("drawing")
 @pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n != "finger")) for n in PICTURES])
-def test_a_picture_looks_like_its_reference(name, flexcam):
-    ended = flexcam("view", *PICTURES[name], *SIZE, "--save", "made.png")
-    assert ended.code == 0, ended.err
-    assert "Sizes chosen for the drawing:" in ended.out
-    assert opened("made.png").size == (400, 300)
-    assert seen("made.png") - seen(ROOT / f"tests/data/pictures/{name}.png") <= ALIKE
+def test_picture_matches_reference(name, flexcam):
+    done = flexcam("view", *PICTURES[name], *SIZE, "--save", "made.png")
+    assert done.code == 0, done.err
+    assert "Sizes chosen for the drawing:" in done.out
+    assert open_picture("made.png").size == (400, 300)
+    assert image_hash("made.png") - image_hash(ROOT / f"tests/data/pictures/{name}.png") <= MAX_HASH_DISTANCE
 
 
 @pytest.mark.usefixtures("drawing")
-def test_the_measure_tells_another_instant_and_another_case(flexcam):
+def test_hash_distinguishes_angles_and_cases(flexcam):
     flexcam("view", INTAKE, "--at", "150deg", *SIZE, "--save", "made.png")
-    assert seen("made.png") - seen(ROOT / "tests/data/pictures/intake.png") > ALIKE
-    assert seen("made.png") - seen(ROOT / "tests/data/pictures/finger.png") > 5 * ALIKE
+    assert image_hash("made.png") - image_hash(ROOT / "tests/data/pictures/intake.png") > MAX_HASH_DISTANCE
+    assert image_hash("made.png") - image_hash(ROOT / "tests/data/pictures/finger.png") > 5 * MAX_HASH_DISTANCE
 
 
 @pytest.mark.usefixtures("drawing")
-def test_a_result_is_saved_at_full_lift(flexcam, intake):
+def test_result_is_drawn_at_full_lift(flexcam, intake):
     read = read_result(intake)
-    open_ = read.response["valve"].displacement
-    top = math.degrees(read.response.angle[np.argmax(np.abs(open_))])
+    displacement = read.response["valve"].displacement
+    full_lift = math.degrees(read.response.angle[np.argmax(np.abs(displacement))])
     assert flexcam("view", intake, *SIZE, "--save", "plain.png").code == 0
-    assert flexcam("view", intake, *SIZE, "--at", f"{top}deg", "--save", "top.png").code == 0
+    assert flexcam("view", intake, *SIZE, "--at", f"{full_lift}deg", "--save", "top.png").code == 0
     assert flexcam("view", intake, *SIZE, "--at", "0deg", "--save", "start.png").code == 0
-    assert np.array_equal(opened("plain.png"), opened("top.png"))
-    assert not np.array_equal(opened("plain.png"), opened("start.png"))
+    assert np.array_equal(open_picture("plain.png"), open_picture("top.png"))
+    assert not np.array_equal(open_picture("plain.png"), open_picture("start.png"))
 
 
 @pytest.mark.parametrize(
     ("first", "told"), [(0.0, "cam angle 10.0 deg"), (1080.0, "cam angle 10.0 deg of the last revolution")]
 )
-def test_the_angle_is_counted_within_its_revolution(first, told):
+def test_title_shows_angle_within_revolution(first, told):
     motion = case_motion(build_structure(build_model(read_case(FINGER))), 100.0, count=36)
     later = replace(motion, angle=motion.angle + np.radians(first))
     assert later.words(1, "A title", 2.0) == f"A title\n{told}\nelastic part x 2"
 
 
 @pytest.mark.usefixtures("drawing")
-def test_colours_of_a_still_span_its_own_values():
-    """A movie keeps the range of the whole motion; the scale of an image ends at the maximum of its instant."""
+def test_colour_range_of_still_picture():
+    """A movie has the range of the complete motion; a picture has the range up to the maximum at its instant."""
     from flexcam.plotting.rendering import MechanismView
 
     structure = build_structure(build_model(read_case(INTAKE)))
     motion = case_motion(structure, 100.0, "displacement", count=36)
-    own, whole = float(motion.values[12].max()), float(motion.values.max())
-    assert 0.0 < own < 0.7 * whole
+    still_maximum, motion_maximum = float(motion.values[12].max()), float(motion.values.max())
+    assert 0.0 < still_maximum < 0.7 * motion_maximum
     stage = MechanismView(build_mechanism(structure), motion, off_screen=True, size=(200, 150))
     (bar,) = stage.plotter.scalar_bars.values()
-    for show, largest in ((stage.show, whole), (stage.show_alone, own)):
+    for show, maximum in ((stage.show, motion_maximum), (stage.show_alone, still_maximum)):
         show(12)
-        assert bar.lookup_table.GetTableRange() == pytest.approx((0.0, largest), rel=1e-12)  # VTK stores doubles
+        assert bar.lookup_table.GetTableRange() == pytest.approx((0.0, maximum), rel=1e-12)  # VTK stores doubles
     stage.plotter.close()
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("drawing")
-def test_a_result_is_coloured_by_its_stress(flexcam, intake, tmp_path):
-    """As its picture says: the same scene, coloured apart from the rest, at the instant asked for."""
-    moved = shutil.copy(intake, tmp_path / "elsewhere.vtkhdf")
-    plain = ("view", moved, *SIZE, "--at", "180deg")
+def test_result_coloured_by_stress(flexcam, intake, tmp_path):
+    """The picture shows the same scene at the given angle, with coloured members."""
+    copied_result = shutil.copy(intake, tmp_path / "elsewhere.vtkhdf")
+    plain = ("view", copied_result, *SIZE, "--at", "180deg")
     assert flexcam(*plain, "--save", "plain.png").code == 0
-    told = flexcam(*plain, "--save", "stress.png", "--color", "stress_von_mises", "--json").json
-    assert told["files"] == ["stress.png"]
-    assert any("valve head" in line for line in told["drawn"])
-    assert seen("plain.png") - seen(ROOT / "tests/data/pictures/intake.png") <= ALIKE
-    assert colours("plain.png", members=False) > 500
-    assert colours("stress.png", members=True) > 500
+    report = flexcam(*plain, "--save", "stress.png", "--color", "stress_von_mises", "--json").json
+    assert report["files"] == ["stress.png"]
+    assert any("valve head" in line for line in report["drawn"])
+    assert image_hash("plain.png") - image_hash(ROOT / "tests/data/pictures/intake.png") <= MAX_HASH_DISTANCE
+    assert count_colours("plain.png", members=False) > 500
+    assert count_colours("stress.png", members=True) > 500
 
 
-def colours(path, *, members):
-    """Count the pixels of viridis' green and purple right of the middle, or of the lobe's orange."""
-    pixels = np.asarray(opened(path, "RGB")).reshape(-1, 3).astype(int).tolist()
+def count_colours(path, *, members):
+    """Count the pixels in green and purple of viridis right of its middle, or in the orange of the lobe."""
+    pixels = np.asarray(open_picture(path, "RGB")).reshape(-1, 3).astype(int).tolist()
     if members:
         return sum(g > r + 40 or b > g + 25 for r, g, b in pixels)
     return sum(r > 100 and r > 2 * b and g < 0.6 * r for r, g, b in pixels)
@@ -152,24 +152,24 @@ def colours(path, *, members):
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("drawing")
-def test_a_movie_turns_the_cam(flexcam, intake, monkeypatch):
+def test_movie_shows_motion_of_cam(flexcam, intake, monkeypatch):
     monkeypatch.setattr("flexcam.plotting.rendering.FRAMES", 5)
     for name in ("train.gif", "train.mp4"):
-        ended = flexcam("view", intake, "--size", "320x240", "--save", name)
-        assert ended.code == 0, ended.err
+        done = flexcam("view", intake, "--size", "320x240", "--save", name)
+        assert done.code == 0, done.err
     with Image.open("train.gif") as film:
         assert (film.n_frames, film.size) == (5, (320, 240))
         for i in range(5):
             film.seek(i)
             film.save(f"{i}.png")
-    hashes = [seen(f"{i}.png") for i in range(5)]
-    assert any(one - hashes[0] > 0 for one in hashes)
+    hashes = [image_hash(f"{i}.png") for i in range(5)]
+    assert any(frame_hash - hashes[0] > 0 for frame_hash in hashes)
     assert Path("train.mp4").read_bytes()[4:8] == b"ftyp"
     assert Path("train.mp4").stat().st_size > 2000
 
 
-def test_a_page_stands_alone(flexcam, tmp_path):
-    """The motion lies in the page, within a 65535th of its box; nothing is fetched, and the title is escaped."""
+def test_page_is_self_contained(flexcam, tmp_path):
+    """The page contains the motion, to 1/65535 of its box; it loads no other file, and the title is escaped."""
     case = tmp_path / "case.toml"
     text = FINGER.read_text(encoding="utf-8").replace('title = "Roller finger', 'title = "<b>&Roller finger')
     case.write_text(text, encoding="utf-8")
@@ -197,21 +197,21 @@ def test_a_page_stands_alone(flexcam, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_page_moves(flexcam):
-    """In Chromium: without a fault; another instant, and a turn by the arrow keys, give another picture."""
+def test_page_animation_in_browser(flexcam):
+    """In Chromium, without errors: another instant and a rotation by the arrow keys change the picture."""
     found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
     if found is None:
         pytest.skip("NO BROWSER WAS TRIED: no chromium; apt-get install chromium")
     from playwright.sync_api import sync_playwright
 
     assert flexcam("view", INTAKE, "--save", "page.html").code == 0
-    said, drawn = [], []
+    messages, drawn = [], []
     software = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
     with sync_playwright() as play:
-        opened = play.chromium.launch(executable_path=found, args=software)
-        tab = opened.new_page(viewport={"width": 400, "height": 300})
-        tab.on("console", lambda one: said.append(one.text))
-        tab.on("pageerror", lambda fault: said.append(str(fault)))
+        chromium = play.chromium.launch(executable_path=found, args=software)
+        tab = chromium.new_page(viewport={"width": 400, "height": 300})
+        tab.on("console", lambda event: messages.append(event.text))
+        tab.on("pageerror", lambda fault: messages.append(str(fault)))
         tab.goto(Path("page.html").resolve().as_uri())
         tab.click("#play")
         for i in (0, 36):
@@ -221,16 +221,16 @@ def test_a_page_moves(flexcam):
         for _ in range(5):
             tab.keyboard.press("ArrowLeft")
         drawn.append(Image.open(io.BytesIO(tab.screenshot())))
-        opened.close()
-    assert said == []
-    colours = [len(one.crop((0, 40, 400, 260)).convert("RGB").getcolors(100000)) for one in drawn]
-    assert min(colours) > 100
-    first, second, turned = (np.asarray(one.convert("L"), dtype=float) for one in drawn)
+        chromium.close()
+    assert messages == []
+    colour_counts = [len(screenshot.crop((0, 40, 400, 260)).convert("RGB").getcolors(100000)) for screenshot in drawn]
+    assert min(colour_counts) > 100
+    first, second, rotated = (np.asarray(screenshot.convert("L"), dtype=float) for screenshot in drawn)
     assert np.abs(second - first).max() > 50
-    assert np.abs(turned - second).max() > 50
+    assert np.abs(rotated - second).max() > 50
 
 
-def test_nothing_is_written_over(flexcam, tmp_path):
+def test_view_does_not_overwrite_picture(flexcam, tmp_path):
     (tmp_path / "made.png").write_text("mine")
     refused = flexcam("view", FINGER, "--save", "made.png")
     assert refused.code == 2
@@ -251,14 +251,14 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("words", REFUSED, ids=" ".join)
-def test_what_cannot_be_shown_is_refused(words, flexcam, tmp_path):
+def test_view_refuses_unsuitable_options(words, flexcam, tmp_path):
     refused = flexcam("view", FINGER, *words)
     assert refused.code == 2
     assert REFUSED[words] in refused.err
     assert not list(tmp_path.iterdir())
 
 
-def test_a_result_knows_its_fields_and_its_case(flexcam, intake):
+def test_view_of_result_refuses_unknown_field_and_override(flexcam, intake):
     refused = flexcam("view", intake, "--color", "stress_von_mise", "--save", "a.png")
     assert refused.code == 2
     assert "Did you mean 'stress_von_mises'" in refused.err
@@ -269,17 +269,19 @@ EXTRAS = [("a.gif", "imageio", "movie"), ("a.mp4", "imageio_ffmpeg", "movie")]
 
 
 @pytest.mark.parametrize(("name", "module", "extra"), EXTRAS)
-def test_a_missing_extra_is_named(name, module, extra, flexcam, monkeypatch):
+def test_missing_extra_is_named(name, module, extra, flexcam, monkeypatch):
     from importlib.util import find_spec
 
-    monkeypatch.setattr("flexcam.core.errors.find_spec", lambda one: None if one == module else find_spec(one))
+    monkeypatch.setattr(
+        "flexcam.core.errors.find_spec", lambda package: None if package == module else find_spec(package)
+    )
     refused = flexcam("view", FINGER, "--save", name)
     assert refused.code == 2
     assert f"annot import {module}" in refused.err
     assert f"pip install 'flexcam[{extra}]'" in refused.err
 
 
-def test_no_display_and_no_file_is_refused(flexcam, monkeypatch):
+def test_view_without_display_and_file_is_refused(flexcam, monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.setattr(rendering.sys, "platform", "linux")
     refused = flexcam("view", FINGER)
@@ -288,8 +290,8 @@ def test_no_display_and_no_file_is_refused(flexcam, monkeypatch):
 
 
 @pytest.mark.parametrize("words", [("--save", "a.png"), ()], ids=["off-screen", "window"])
-def test_a_renderer_that_ends_its_process_ends_only_that(words, flexcam, monkeypatch, tmp_path):
-    """What VTK does without libEGL or libGL, for which a process that aborts stands here."""
+def test_crash_of_renderer_is_reported(words, flexcam, monkeypatch, tmp_path):
+    """Without libEGL or libGL, VTK aborts its process; here a process that aborts replaces it."""
     monkeypatch.setattr(
         rendering, "_PROBE", "import os, sys; sys.stderr.write('(12s) [7F] x: 150 WARN| no GL\\n'); os.abort()"
     )
@@ -329,8 +331,8 @@ stage.plotter.screenshot(sys.argv[2])
 
 
 @pytest.mark.slow
-def test_the_slider_of_the_window_turns_the_cam(on_a_screen, tmp_path):
-    """In a window of a virtual display, as a user drags it."""
+def test_window_slider_sets_cam_angle(on_a_screen, tmp_path):
+    """In a window on a virtual display, as if the user moves the slider."""
     if shutil.which("xvfb-run") is None:
         if os.environ.get("FLEXCAM_REQUIRE_PARAVIEW") == "1":
             pytest.fail("FLEXCAM_REQUIRE_PARAVIEW=1, but xvfb-run cannot be found")
@@ -340,14 +342,14 @@ def test_the_slider_of_the_window_turns_the_cam(on_a_screen, tmp_path):
     environment = {name: value for name, value in os.environ.items() if name != "VTK_DEFAULT_OPENGL_WINDOW"}
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment)
     assert done.returncode == 0, done.stderr
-    assert seen(made) - seen(ROOT / "tests/data/pictures/finger.png") <= ALIKE
+    assert image_hash(made) - image_hash(ROOT / "tests/data/pictures/finger.png") <= MAX_HASH_DISTANCE
 
 
 @pytest.mark.parametrize(
     ("option", "given", "said"),
     [("--at", "nan", "180 deg"), ("--scale", "inf", "finite"), ("--mode", "0", "at least 1")],
 )
-def test_numbers_that_cannot_be_shown(flexcam, tmp_path, option, given, said):
+def test_view_refuses_invalid_numbers(flexcam, tmp_path, option, given, said):
     case = tmp_path / "train.toml"
     assert flexcam("new", "lumped-train", "-o", case).code == 0
     done = flexcam("view", case, option, given, "--save", tmp_path / "x.png")
