@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flexcam.analysis.natural_modes import campbell
 
 from flexcam import read_case
+from flexcam.analysis.natural_modes import campbell
 from flexcam.cli.modes import modes_over_speed
 from flexcam.dynamics import NOT_POSITIVE, RunFailedError
 from flexcam.plotting.spectra import campbell_figure
@@ -71,15 +71,9 @@ def test_campbell_of_engine_with_spring_surge(flexcam):
         assert crossing["frequency"] == pytest.approx(454.9, abs=0.5)
 
 
-<<<<<<< HEAD
-def test_a_speed_at_which_the_train_stands_unstable_leaves_the_others(monkeypatch):
-    """No modes are known where the state at full lift is unstable: that speed says so, the others stay."""
-    module = sys.modules["flexcam.analysis.natural_modes"]
-=======
 def test_unstable_equilibrium_at_one_speed_keeps_other_speeds(monkeypatch):
     """An unstable equilibrium at full lift has no modes: only that speed has the status of the failure."""
-    module = sys.modules["flexcam.analysis.campbell"]
->>>>>>> wt-cli
+    module = sys.modules["flexcam.analysis.natural_modes"]
     real, calls = module.contact_modes, []
 
     def fail_at_second_call(*given):
@@ -118,13 +112,8 @@ def test_failed_start_at_one_speed_keeps_other_speeds(monkeypatch):
     assert warning.startswith("Warning: no result at 1909.86 camshaft rpm")
 
 
-<<<<<<< HEAD
-def test_a_dash_is_a_missing_mode_and_a_failed_speed_says_so(monkeypatch, flexcam):
-    module = sys.modules["flexcam.analysis.natural_modes"]
-=======
 def test_failed_speed_is_printed_as_failed_not_dash(monkeypatch, flexcam):
-    module = sys.modules["flexcam.analysis.campbell"]
->>>>>>> wt-cli
+    module = sys.modules["flexcam.analysis.natural_modes"]
     real, calls = module.contact_modes, []
 
     def fail_at_first_call(*given):

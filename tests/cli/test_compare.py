@@ -46,7 +46,7 @@ def test_compare_models_over_speed_with_plot(flexcam, tmp_path):
     assert picture.read_text(encoding="utf-8").count("<path") > 10
     assert flexcam("compare", CASE, *options).code == 2  # the picture exists
     output = " ".join(flexcam("compare", CASE, *options, "--overwrite").out.split())
-    assert "From 7000 crank rpm upward, the bilateral and unilateral forces differ by more than 5%." in output
+    assert "The bilateral and unilateral forces differ by more than 5% from 7000 crank rpm upward." in output
 
 
 def test_compare_over_speed_refuses_invalid_options(flexcam):

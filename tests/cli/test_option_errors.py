@@ -42,7 +42,7 @@ REFUSED = {
         ("limits", ENGINE, "--accuracy", "5foo"), "got '5foo', expected a speed such as '3000 rpm'. The unit",
     ),
     "an unknown result": (
-        ("sensitivity", INLINE, "--of", "nonsense", "--to", STIFF), "multiplier.N, with N from 1. Speed limits are",
+        ("sensitivity", INLINE, "--of", "nonsense", "--to", STIFF), "multiplier.N (Floquet) with N from 1; limits.NAME",
     ),
     "orbits without oil films": (
         ("plot", INLINE, "--what", "orbits"), "got orbits, expected a run of the flexible model with an oil film",

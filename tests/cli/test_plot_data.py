@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flexcam.analysis.natural_modes import Campbell
 from matplotlib.collections import QuadMesh
 
 from flexcam import prepare, read_case, read_result, run
+from flexcam.analysis.natural_modes import Campbell
 from flexcam.analysis.orders import Signal, Waterfall
 from flexcam.analysis.run import member_strength
 from flexcam.analysis.run_metrics import compute_metrics
