@@ -74,12 +74,12 @@ def harmonic_event():
 def slope():
     """Return a function that differentiates equally spaced samples of one revolution by Fourier series."""
 
-    def of(values):
+    def evaluate(values):
         order = np.fft.fftfreq(len(values), 1.0 / len(values))
         derived = np.fft.ifft(1j * order * np.fft.fft(values))
         return derived if np.iscomplexobj(values) else derived.real
 
-    return of
+    return evaluate
 
 
 def _arm_angle(follower, lift):
@@ -125,7 +125,7 @@ def centre():
 def gap():
     """Return the distance of points of the fixed frame from the follower, m; negative inside of it."""
 
-    def of(follower, lift, point):
+    def evaluate(follower, lift, point):
         if isinstance(follower, RollerFollower | SwingRollerFollower):
             return np.abs(point - _centre(follower, lift)) - follower.roller_radius
         normal = _face_normal(follower, lift)
@@ -133,26 +133,26 @@ def gap():
             return follower.base_radius + lift - (point * np.conj(normal)).real
         return follower.face - ((point - follower.distance) * np.conj(normal)).real
 
-    return of
+    return evaluate
 
 
 @pytest.fixture(scope="session")
 def outward():
     """Return the unit normal from the cam into the follower at contact points, in the fixed frame."""
 
-    def of(follower, lift, point):
+    def evaluate(follower, lift, point):
         if isinstance(follower, RollerFollower | SwingRollerFollower):
             return (_centre(follower, lift) - point) / follower.roller_radius
         return _face_normal(follower, lift)
 
-    return of
+    return evaluate
 
 
 @pytest.fixture(scope="session")
 def lift_on_circle():
     """Return the lift of a follower on a circle by closed form, from the circle's centre in the fixed frame."""
 
-    def of(follower, middle, radius):
+    def evaluate(follower, middle, radius):
         if isinstance(follower, FlatFollower):
             return middle.imag + radius - follower.base_radius
         if isinstance(follower, RollerFollower):
@@ -167,7 +167,7 @@ def lift_on_circle():
             psi = np.angle(away) + np.arcsin((radius - follower.face) / np.abs(away))
         return follower.arm * (psi - _arm_angle(follower, 0.0))
 
-    return of
+    return evaluate
 
 
 def panel_error(curve, order, start, end):

@@ -23,7 +23,7 @@ ONES = (1.0, 1.0, 1.0)
     ("name", "coefficients"),
     [("3-4-5", (0, 0, 0, 1, 1, 1)), ("4-5-6-7", (0,) * 4 + (1,) * 4), ("5-6-7-8-9", (0,) * 5 + (1,) * 5)],
 )
-def test_rest_to_rest_polynomials_are_steps_of_bernstein_coefficients(name, coefficients, order):
+def test_rest_to_rest_polynomials_have_step_coefficients(name, coefficients, order):
     law = BSplineLaw(tuple(map(float, coefficients)), degree=len(coefficients) - 1)
     expected = LAWS[name](Z, order)
     np.testing.assert_allclose(law(Z, order), expected, rtol=0, atol=1e-12 * (1 + np.abs(expected).max()))

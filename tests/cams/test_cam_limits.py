@@ -40,7 +40,7 @@ def find_undercuts(profile):
 
 
 @pytest.mark.parametrize(("base", "cut"), [(2 * M * 0.999, True), (2 * M * 1.001, False)])
-def test_undercut_under_a_flat_face(base, cut, turn):
+def test_undercut_under_flat_face(base, cut, turn):
     """The radius r0 + m + 3 m cos 2 theta has its minimum r0 - 2 m at the top."""
     found = find_undercuts(cam_profile(SECOND_HARMONIC, FlatFollower(base), turn=turn))
     assert bool(found) == cut
@@ -51,7 +51,7 @@ def test_undercut_under_a_flat_face(base, cut, turn):
 
 
 @pytest.mark.parametrize(("part", "cut"), [(1.001, True), (0.999, False)])
-def test_undercut_under_a_roller(part, cut, turn):
+def test_undercut_under_roller(part, cut, turn):
     """At the top the radius of the pitch curve is (R + s)^2/(R + s - s''); the roller must be smaller."""
     reach = 0.020
     pitch = (reach + 2 * M) ** 2 / (reach + 6 * M)
@@ -73,7 +73,7 @@ def test_hollow_is_undercut_for_flat_face_only(turn):
 
 
 @pytest.mark.parametrize(("part", "steep"), [(0.999, True), (1.001, False)])
-def test_pressure_angle_of_an_eccentric(part, steep, turn):
+def test_pressure_angle_of_eccentric(part, steep, turn):
     """The ratio s'/(R + s) = m sin t/(R + m - m cos t) has its maximum at cos t = m/(R + m): sin phi = m/(R + m)."""
     follower, k = RollerFollower(0.002, 0.004), M / (0.006 + M)
     made = cam_profile(FIRST_HARMONIC, follower, turn=turn, count=12)

@@ -76,7 +76,7 @@ class TestPeriodicSpline:
         here, there = spline(GRID, order), spline(GRID + turns * TURN, order)
         np.testing.assert_allclose(here, there, rtol=0, atol=1e-12 * float(n) ** (order + 1))
 
-    def test_fourth_derivative_is_continuous_at_the_knots(self):
+    def test_fourth_derivative_is_continuous_at_knots(self):
         spline = PeriodicSpline(np.random.default_rng(1).standard_normal(20))
         knots = TURN / 20 * np.arange(20)
         np.testing.assert_allclose(

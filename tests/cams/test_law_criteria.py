@@ -67,7 +67,7 @@ def test_reversed_law_has_same_criteria_with_opposite_signs(law):
     assert one.symmetric == other.symmetric
 
 
-def test_cm_is_an_absolute_value():
+def test_cm_is_absolute_value():
     """The larger moment of the new law is negative."""
     found = criteria(LAWS["pavlovic-new"])
     assert found.Cm == -found.moment[0].value > found.moment[1].value

@@ -25,14 +25,14 @@ def angles(spacing, start=0.0, uneven=0.0, seed=3):
     return even + uneven * spacing * DEGREE * np.random.default_rng(seed).uniform(-1, 1, len(even))
 
 
-def noisy(theta, seed=0):
+def noisy_lift(theta, seed=0):
     return LOBE(theta) + NOISE * np.random.default_rng(seed).standard_normal(len(theta))
 
 
 @pytest.fixture(scope="module")
-def measured():
+def measured_table():
     theta = angles(1.0)
-    return theta, noisy(theta), *lift_table(theta, noisy(theta))
+    return theta, noisy_lift(theta), *lift_table(theta, noisy_lift(theta))
 
 
 @pytest.mark.parametrize(("spacing", "uneven"), [(0.5, 0.3), (1.0, 0.0), (1.0, 0.3), (2.0, 0.3)])
@@ -76,9 +76,9 @@ def test_repeated_first_row_at_end_is_ignored():
 
 
 @pytest.mark.parametrize("first", [60])
-def test_first_row_does_not_matter(first, measured):
+def test_first_row_does_not_matter(first, measured_table):
     """The first row may be in the middle of the lobe (40 to 170 deg), with angles beyond one revolution."""
-    theta, lift, event, report = measured
+    theta, lift, event, report = measured_table
     turned = np.concatenate([theta[first:], theta[:first] + TURN])
     other, again = lift_table(turned, np.roll(lift, -first))
     np.testing.assert_allclose(other(FINE, 2), event(FINE, 2), rtol=0, atol=1e-9 * np.abs(event(FINE, 2)).max())
@@ -87,8 +87,8 @@ def test_first_row_does_not_matter(first, measured):
 
 
 @pytest.mark.parametrize("turns", [-2])
-def test_full_turns_do_not_matter(turns, measured):
-    theta, lift, event, _ = measured
+def test_full_turns_do_not_matter(turns, measured_table):
+    theta, lift, event, _ = measured_table
     other, _ = lift_table(theta + turns * TURN, lift)
     np.testing.assert_allclose(other(FINE, 2), event(FINE, 2), rtol=0, atol=1e-9 * np.abs(event(FINE, 2)).max())
 
@@ -112,8 +112,10 @@ def test_zero_of_angle_does_not_matter(rows, part):
 @pytest.mark.parametrize(("scale", "tolerance"), [(1e-3, None), (1e3, 1.5 * NOISE)])
 def test_fit_scales_with_unit_of_lift(scale, tolerance):
     theta = angles(1.0)
-    one, first = lift_table(theta, noisy(theta), tolerance=tolerance)
-    other, second = lift_table(theta, scale * noisy(theta), tolerance=None if tolerance is None else scale * tolerance)
+    one, first = lift_table(theta, noisy_lift(theta), tolerance=tolerance)
+    other, second = lift_table(
+        theta, scale * noisy_lift(theta), tolerance=None if tolerance is None else scale * tolerance
+    )
     for order in (0, 2, 4):
         size = np.abs(one(FINE, order)).max()
         np.testing.assert_allclose(other(FINE, order) / scale, one(FINE, order), rtol=0, atol=1e-6 * size)
@@ -127,29 +129,29 @@ def test_fit_scales_with_unit_of_lift(scale, tolerance):
 def test_rms_change_equals_tolerance(spacing, tolerance):
     """The fit uses all of the tolerance, because less smoothing is rougher than necessary."""
     theta = angles(spacing)
-    event, report = lift_table(theta, noisy(theta), tolerance=tolerance)
-    changed = np.sqrt(np.mean((event(theta) - noisy(theta)) ** 2))
+    event, report = lift_table(theta, noisy_lift(theta), tolerance=tolerance)
+    changed = np.sqrt(np.mean((event(theta) - noisy_lift(theta)) ** 2))
     assert report.rms_change == pytest.approx(changed, rel=1e-9)
     assert 0.999 * tolerance <= changed <= tolerance * (1 + 1e-9)
 
 
 def test_larger_tolerance_is_smoother():
     theta = angles(1.0)
-    found = [lift_table(theta, noisy(theta), tolerance=t) for t in (0.5e-6, 2e-6, 8e-6)]
+    found = [lift_table(theta, noisy_lift(theta), tolerance=t) for t in (0.5e-6, 2e-6, 8e-6)]
     assert [report.smoothing for _, report in found] == sorted(report.smoothing for _, report in found)
     roughness = [np.mean(event(FINE, 3) ** 2) for event, _ in found]
     assert roughness == sorted(roughness, reverse=True)
 
 
-def test_default_tolerance_estimates_noise(measured):
-    *_, report = measured
+def test_default_tolerance_estimates_noise(measured_table):
+    *_, report = measured_table
     assert report.rms_change == pytest.approx(NOISE, rel=0.15)  # 5 % is chance, 10 % is noise that the curve can follow
 
 
 def test_report_names_worst_point():
     """One reading of a smooth table is 60 um too high."""
     theta = angles(1.0)
-    lift = noisy(theta)
+    lift = noisy_lift(theta)
     lift[137] += 60e-6
     event, report = lift_table(theta, lift, tolerance=6e-6)
     assert report.at == theta[137]
@@ -167,8 +169,8 @@ def test_report_of_acceleration_before_fit():
     assert report.acceleration_after[0] < -a < a < report.acceleration_after[1]  # a spline overshoots a step
 
 
-def test_report_of_acceleration_after_fit(measured):
-    _, _, event, report = measured
+def test_report_of_acceleration_after_fit(measured_table):
+    _, _, event, report = measured_table
     found = event(np.linspace(0.0, TURN, 20_001), 2)
     assert report.acceleration_after == pytest.approx((found.min(), found.max()), rel=1e-4)
 

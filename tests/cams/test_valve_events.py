@@ -108,7 +108,7 @@ def test_longest_opening_is_returned():
     assert found.closes / 2 == pytest.approx(longest[-1], abs=1e-4)
 
 
-def test_lash_within_the_ramp():
+def test_lash_within_ramp():
     """A lash equal to the ramp height opens at the start of the main lift."""
     ramp = Ramp(0.2e-3, 0.26)
     event = LiftEvent(LAWS["3-4-5"], 0.008, 1.0, 1.0, phase=1.0, ramp=ramp)
