@@ -32,14 +32,14 @@ def triplets():
     )  # with repeated positions
 
 
-def dense_of(t):
+def dense_matrix(t):
     full = np.zeros((t.size, t.size))
     np.add.at(full, (t.rows, t.cols), t.values)
     return full
 
 
 def test_triplets_match_dense_matrix(triplets):
-    full, x = dense_of(triplets), np.arange(7.0)
+    full, x = dense_matrix(triplets), np.arange(7.0)
     np.testing.assert_allclose(triplets.dense(), full, atol=1e-15)
     np.testing.assert_allclose(triplets.csr().toarray(), full, atol=1e-15)
     np.testing.assert_allclose(triplets.times(x), full @ x, atol=1e-14)

@@ -95,7 +95,7 @@ def test_plain_number_is_si():
         assert {kind: parse(number, kind) for kind, number in wanted.items()} == wanted
 
 
-def test_symbol_of_the_si_unit_has_factor_one():
+def test_symbol_of_si_unit_has_factor_one():
     middle = {kind.name: size(kind.name, 0.5) for kind in DIMENSIONS.values() if kind.si}
     assert {kind: parse(f"{number!r} {DIMENSIONS[kind].si}", kind) for kind, number in middle.items()} == middle
 
