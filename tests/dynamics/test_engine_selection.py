@@ -68,7 +68,7 @@ def masses(n, *, law=None, damping=0.0, stiffness=None):
     return System(*matrices, names, (Load("push", eye[0], sine),), local, (Probe("all", names, eye, (None,) * n),))
 
 
-def problem_of(system, engine="auto", steps=20, **options):
+def make_problem(system, engine="auto", steps=20, **options):
     return Problem(system, ConstantSpeed(3.0), 0.01, steps, engine=engine, **options)
 
 
@@ -88,15 +88,15 @@ def engine_error(problem, method=None):
     ({}, bathe(), "only with newmark, hht and generalized-alpha"),
 ])  # fmt: skip
 def test_adaptive_steps_and_bathe_need_direct_engine(path, options, method, words):
-    assert words in engine_error(problem_of(masses(2), path, **options), method)
-    assert select_engine(problem_of(masses(2), steps=2000, **options), method, DEFAULT_SAVE).engine == "direct"
+    assert words in engine_error(make_problem(masses(2), path, **options), method)
+    assert select_engine(make_problem(masses(2), steps=2000, **options), method, DEFAULT_SAVE).engine == "direct"
 
 
 @pytest.mark.parametrize("path", FORCED)
 def test_size_limit_of_engines(path):
-    assert "501 unknowns" in engine_error(problem_of(masses(501), path))
-    assert select_engine(problem_of(masses(501), steps=100_000), newmark(), DEFAULT_SAVE).engine == "direct"
-    assert select_engine(problem_of(masses(250), path), newmark(), DEFAULT_SAVE).engine == path
+    assert "501 unknowns" in engine_error(make_problem(masses(501), path))
+    assert select_engine(make_problem(masses(501), steps=100_000), newmark(), DEFAULT_SAVE).engine == "direct"
+    assert select_engine(make_problem(masses(250), path), newmark(), DEFAULT_SAVE).engine == path
 
 
 @pytest.mark.parametrize(("n", "steps", "path"), [
@@ -104,13 +104,13 @@ def test_size_limit_of_engines(path):
 ])  # fmt: skip
 def test_engine_depends_on_size(n, steps, path):
     """A modal analysis costs the cube of the unknowns and saves a time per step nearly independent of them."""
-    assert select_engine(problem_of(masses(n), steps=steps), newmark(), DEFAULT_SAVE).engine == path
+    assert select_engine(make_problem(masses(n), steps=steps), newmark(), DEFAULT_SAVE).engine == path
 
 
 def test_engine_errors_name_local_forces_and_damping():
-    assert "bumper depends on the motion" in engine_error(problem_of(masses(2, law=elastic_stop(1e3)), "modal"))
-    assert "the law of bumper is a Python object" in engine_error(problem_of(masses(2, law=PythonLaw()), "kernel"))
-    assert "the damping couples the modes" in engine_error(problem_of(masses(2, damping=1.0), "modal"))
+    assert "bumper depends on the motion" in engine_error(make_problem(masses(2, law=elastic_stop(1e3)), "modal"))
+    assert "the law of bumper is a Python object" in engine_error(make_problem(masses(2, law=PythonLaw()), "kernel"))
+    assert "the damping couples the modes" in engine_error(make_problem(masses(2, damping=1.0), "modal"))
 
 
 @pytest.mark.parametrize("path", FORCED)
@@ -119,8 +119,10 @@ def test_engine_errors_name_local_forces_and_damping():
 ])  # fmt: skip
 def test_indefinite_or_unsymmetric_stiffness_needs_direct_engine(path, K):
     """Buckled or with a follower force: growing motions that no natural mode represents."""
-    assert "not symmetric and positive" in engine_error(problem_of(masses(2, stiffness=K), path))
-    automatic, general = (solve(problem_of(masses(2, stiffness=K), one, 2000), newmark()) for one in ("auto", "direct"))
+    assert "not symmetric and positive" in engine_error(make_problem(masses(2, stiffness=K), path))
+    automatic, general = (
+        solve(make_problem(masses(2, stiffness=K), one, 2000), newmark()) for one in ("auto", "direct")
+    )
     assert automatic.stats.engine == "direct"
     np.testing.assert_array_equal(automatic.probes.displacement, general.probes.displacement)
 
@@ -132,17 +134,17 @@ def test_undetermined_unknown_fails_run(path, damping):
     M, C = Triplets.from_dense(np.diag([1.0, 0.0])), Triplets.from_dense(np.diag([0.0, damping]))
     K = Triplets.from_dense(np.diag([1.0, 0.0]))
     with pytest.raises(RunFailedError, match="nothing determines the motion"):
-        solve(problem_of(replace(system, mass=M, damping=C, stiffness=K), path, 2000), newmark())
+        solve(make_problem(replace(system, mass=M, damping=C, stiffness=K), path, 2000), newmark())
 
 
 def test_engine_without_compiler(monkeypatch):
     monkeypatch.setattr("flexcam.dynamics.engine_selection.is_available", lambda: False)
-    assert "numba is not installed" in engine_error(problem_of(masses(2), "kernel"))
+    assert "numba is not installed" in engine_error(make_problem(masses(2), "kernel"))
     assert (
-        select_engine(problem_of(masses(2, law=elastic_stop(1e3)), steps=10_000), newmark(), DEFAULT_SAVE).engine
+        select_engine(make_problem(masses(2, law=elastic_stop(1e3)), steps=10_000), newmark(), DEFAULT_SAVE).engine
         == "direct"
     )
-    assert select_engine(problem_of(masses(2), steps=400_000), newmark(), DEFAULT_SAVE).engine == "modal"
+    assert select_engine(make_problem(masses(2), steps=400_000), newmark(), DEFAULT_SAVE).engine == "modal"
 
 
 @pytest.mark.parametrize(("law", "steps", "runs", "path"), [
@@ -153,7 +155,7 @@ def test_engine_without_compiler(monkeypatch):
 def test_engine_depends_on_total_steps(law, steps, runs, path):
     for method in (newmark(), hht(), generalized_alpha()):
         assert (
-            select_engine(problem_of(masses(3, law=law), steps=steps, runs=runs), method, DEFAULT_SAVE).engine == path
+            select_engine(make_problem(masses(3, law=law), steps=steps, runs=runs), method, DEFAULT_SAVE).engine == path
         )
 
 
@@ -162,7 +164,7 @@ def test_engine_depends_on_total_steps(law, steps, runs, path):
 ])  # fmt: skip
 def test_engine_with_coupled_damping(steps, runs, path):
     """No mode is uncoupled: the kernel engine is used, or the direct engine for short runs."""
-    problem = problem_of(masses(2, damping=1.0), steps=steps, runs=runs)
+    problem = make_problem(masses(2, damping=1.0), steps=steps, runs=runs)
     assert select_engine(problem, newmark(), DEFAULT_SAVE).engine == path
 
 
@@ -173,11 +175,11 @@ def test_engine_depends_on_pruned_system():
         "far", (AngleVector.constant(far),), (AngleVector.constant(-far),), PythonLaw(), (constant(0.0),)
     )
     system = replace(masses(3), local_forces=(force,))
-    assert select_engine(problem_of(system, steps=2000, prune=True), newmark(), DEFAULT_SAVE).engine in (
+    assert select_engine(make_problem(system, steps=2000, prune=True), newmark(), DEFAULT_SAVE).engine in (
         "direct",
         "modal",
     )
-    whole, pruned = (solve(problem_of(system, steps=2000, prune=prune), newmark()) for prune in (False, True))
+    whole, pruned = (solve(make_problem(system, steps=2000, prune=prune), newmark()) for prune in (False, True))
     assert whole.stats.engine == "direct"
     np.testing.assert_allclose(
         pruned.probes.displacement, whole.probes.displacement, rtol=0.0,
@@ -190,7 +192,7 @@ def test_engines_agree_on_reduced_basis(path):
     """All engines integrate amplitudes of shapes: one rigid shape, and two."""
     system = masses(3)
     for T in (np.array([[1.0], [0.5], [0.2]]), np.array([[1.0, 0.0], [0.5, 1.0], [0.2, -1.0]])):
-        problem = problem_of(system, "direct", 300, basis=ModeBasis(T))
+        problem = make_problem(system, "direct", 300, basis=ModeBasis(T))
         general, found = (solve(replace(problem, engine=one), newmark()) for one in ("direct", path))
         assert found.stats.engine == path
         for kind, most in (("displacement", 1e-12), ("velocity", 1e-12), ("acceleration", 1e-11)):
@@ -200,7 +202,7 @@ def test_engines_agree_on_reduced_basis(path):
 
 @pytest.mark.parametrize(("path", "law"), [("modal", None), ("kernel", None), ("kernel", elastic_stop(1e4, 1.0))])
 def test_repeated_run_is_bit_identical(path, law):
-    problem = problem_of(masses(6, law=law), path, 700)
+    problem = make_problem(masses(6, law=law), path, 700)
     one, other = (solve(problem, hht()) for _ in range(2))
     assert one.fields.acceleration.tobytes() == other.fields.acceleration.tobytes()
     assert np.array(list(one.channels.values())).tobytes() == np.array(list(other.channels.values())).tobytes()
@@ -208,7 +210,7 @@ def test_repeated_run_is_bit_identical(path, law):
 
 def digest(path):
     law = elastic_stop(1e4, 1.0) if path == "kernel" else None
-    run = solve(problem_of(masses(6, law=law), path, 700), hht())
+    run = solve(make_problem(masses(6, law=law), path, 700), hht())
     return hashlib.sha256(run.probes.acceleration.tobytes()).hexdigest()
 
 
@@ -257,7 +259,7 @@ def test_free_motion_with_massless_unknown_is_not_indefinite(soft):
     stiff = 2.0823e7
     K = np.array([[stiff, 0.0, -stiff], [0.0, soft, -soft], [-stiff, -soft, stiff + soft]])
     for path in FORCED:
-        general, found = (solve(problem_of(massless_system(K), one, 200), newmark()) for one in ("direct", path))
+        general, found = (solve(make_problem(massless_system(K), one, 200), newmark()) for one in ("direct", path))
         one, other = general.probes.displacement, found.probes.displacement
         # The soft spring is small against the rounding of the stiff one: eps stiff/soft of its force.
         np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-5 * np.abs(one).max())
@@ -266,7 +268,7 @@ def test_free_motion_with_massless_unknown_is_not_indefinite(soft):
 @pytest.mark.parametrize("push", [-1e-3, -1e3])
 def test_negative_stiffness_behind_massless_unknown(push):
     K = np.array([[10.0, 0.0, -10.0], [0.0, 10.0 + push, -10.0], [-10.0, -10.0, 20.0]])
-    assert "not symmetric and positive" in engine_error(problem_of(massless_system(K), "modal"))
+    assert "not symmetric and positive" in engine_error(make_problem(massless_system(K), "modal"))
 
 
 @pytest.mark.parametrize(("stiffness", "options", "method"), [
@@ -278,4 +280,4 @@ def test_negative_stiffness_behind_massless_unknown(push):
 ])  # fmt: skip
 def test_default_integration_method(stiffness, options, method):
     law = None if stiffness is None else elastic_stop(stiffness)
-    assert default_method(problem_of(masses(2, law=law), **options)) == method
+    assert default_method(make_problem(masses(2, law=law), **options)) == method

@@ -65,7 +65,7 @@ def trains(shaft: float) -> System:
     return System(*matrices, names, (), tuple(forces), (probe,))
 
 
-def forces_of(shaft, method, engine="kernel"):
+def run_trains(shaft, method, engine="kernel"):
     problem = Problem(trains(shaft), ConstantSpeed(100.0), 1e-5, 1200, engine=engine)
     response = solve(problem, method, save=SaveAt(energies=False))
     assert response.status.ok
@@ -84,9 +84,9 @@ def test_blocks_and_single_matrix_give_same_forces(method, shaft, monkeypatch):
         return found
 
     monkeypatch.setattr(kernel_step, "divide_laws", count_blocks)
-    divided, iterations = forces_of(shaft, method)
+    divided, iterations = run_trains(shaft, method)
     monkeypatch.setattr(kernel_step, "_STRONG", -1.0)
-    together, usual = forces_of(shaft, method)
+    together, usual = run_trains(shaft, method)
     assert blocks == [TRAINS, 1]
     np.testing.assert_allclose(divided, together, rtol=0.0, atol=1e-8 * np.abs(together).max())
     assert iterations < 1.5 * usual
@@ -95,8 +95,8 @@ def test_blocks_and_single_matrix_give_same_forces(method, shaft, monkeypatch):
 @pytest.mark.parametrize("shaft", [1e6, 5e8])
 def test_blocks_include_forces_of_other_blocks(shaft):
     """The direct engine uses the complete compliance; at 5e8 N/m trains move each other by 1 % within a step."""
-    divided, _ = forces_of(shaft, newmark())
-    complete, _ = forces_of(shaft, newmark(), "direct")
+    divided, _ = run_trains(shaft, newmark())
+    complete, _ = run_trains(shaft, newmark(), "direct")
     np.testing.assert_allclose(divided, complete, rtol=0.0, atol=1e-7 * np.abs(complete).max())
 
 

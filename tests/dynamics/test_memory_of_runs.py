@@ -20,7 +20,7 @@ CASE = Path(__file__).parents[1] / "data/inline.toml"
 RARE_FIELDS = SaveAt(field_every=36_000)
 
 
-def ready_of(revolutions, *settings):
+def prepare_case(revolutions, *settings):
     return prepare(flexcam.read_case(CASE, [f"run.revolutions={revolutions}", *settings]))
 
 
@@ -31,7 +31,7 @@ def run_problem(ready, **options):
 @pytest.fixture(scope="module")
 def pair():
     """Return a run in complete memory, and the same run with summary memory and its extremes."""
-    ready = ready_of(4)
+    ready = prepare_case(4)
     few = summary_sink(ready)
     seen = ExtremesSink(few.outline)
     return ready, run_problem(ready), run_problem(ready, memory=few, sinks=[seen]), seen
@@ -50,7 +50,7 @@ def test_summary_memory_holds_last_revolution(pair):
 
 def test_memory_grows_with_completed_steps():
     """The run requests more steps than fit in memory, as with `stop` or `until`; memory grows with the steps."""
-    ready = ready_of(0.1)
+    ready = prepare_case(0.1)
     whole = run_problem(ready)
     other = MemorySink(whole.outline, instants=10**14, fields=10**14)
     kept = run_problem(ready, memory=other)
@@ -139,7 +139,7 @@ def run_and_measure(ready, peaks, tmp_path):
 
 def test_memory_does_not_grow_with_run_length(tmp_path):
     """The run has 1e5 steps, with histories of 30 MB."""
-    ready = ready_of(139)
+    ready = prepare_case(139)
     run_problem(replace(ready, problem=replace(ready.problem, steps=100, engine="kernel")))  # memory of the compiler
     tracemalloc.start()
     try:
@@ -158,7 +158,7 @@ def test_ten_million_steps_need_memory_of_one_million(tmp_path):
 
     Freed memory that the allocator retains reaches its maximum after some million steps: one per cent.
     """
-    ready = ready_of(13_900)
+    ready = prepare_case(13_900)
     assert ready.problem.steps > 1e7
     peaks = run_and_measure(ready, _ResidentMemorySink(ready.problem.steps), tmp_path)
     assert max(peaks[2:]) < 1.03 * peaks[1]

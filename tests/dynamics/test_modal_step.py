@@ -15,7 +15,7 @@ OMEGA = np.array([0.0, 1e-5, 1e-3, 0.1, 1.0, 10.0, 1e3, 1e6])
 """Angular frequencies times a step of 1 s: from a free motion to one that follows its load quasi-statically."""
 
 
-def steps_of(scheme, ratio=0.0, omega=OMEGA):
+def modal_step(scheme, ratio=0.0, omega=OMEGA):
     rows = np.ones_like(omega), 2.0 * ratio * omega, omega**2
     mass, damping, stiffness = (Triplets.from_dense(np.diag(row)) for row in rows)
     return ModalStep.of(scheme, System(mass, damping, stiffness, ("",) * len(omega)), 1.0)
@@ -33,7 +33,7 @@ def single_steps(steps, begin, loads):
 @pytest.mark.parametrize("length", [1, 20, 33])
 def test_block_equals_single_steps(name, ratio, length):
     """Loads, states and their responses within and after blocks, to some roundings per step."""
-    steps, rng, count = steps_of(SCHEMES[name], ratio), np.random.default_rng(1), 3
+    steps, rng, count = modal_step(SCHEMES[name], ratio), np.random.default_rng(1), 3
     stride, n = StepBlock.of(steps, length), len(OMEGA)
     begin, loads = rng.normal(size=(3, n)), rng.normal(size=(count * length + 1, n))
     push = steps.light * loads
@@ -73,7 +73,7 @@ PARAMETERS = ("beta", "gamma", "alpha_m", "alpha_f")
 @pytest.mark.parametrize("name", SCHEMES)
 def test_block_of_slow_mode_is_accurate(name, omega):
     """The change within a block is a small part of the state; it has all digits, unlike the difference of states."""
-    steps = steps_of(SCHEMES[name], omega=np.array([omega]))
+    steps = modal_step(SCHEMES[name], omega=np.array([omega]))
     stride = StepBlock.of(steps, 32)
     found = stride.change[:, :, 0] * [-steps.stiff[0], 1.0, 1.0]  # a displacement acts like a negative load
     np.testing.assert_allclose(found, exact_change(SCHEMES[name], omega, 32), rtol=1e-12, atol=1e-300)
@@ -81,13 +81,13 @@ def test_block_of_slow_mode_is_accurate(name, omega):
 
 def test_unstable_mode_has_no_block():
     """Newmark's method with beta 1/12 above its stability limit, sqrt(6)."""
-    assert StepBlock.of(steps_of(newmark(beta=1.0 / 12.0), omega=np.array([2.4])), 32) is not None
-    assert StepBlock.of(steps_of(newmark(beta=1.0 / 12.0), omega=np.array([3.0])), 32) is None
+    assert StepBlock.of(modal_step(newmark(beta=1.0 / 12.0), omega=np.array([2.4])), 32) is not None
+    assert StepBlock.of(modal_step(newmark(beta=1.0 / 12.0), omega=np.array([3.0])), 32) is None
 
 
 def test_decayed_state_is_zero():
     """The state does not decay to subnormal numbers, which are a hundred times slower; checked after every block."""
-    steps = steps_of(newmark(), 0.9, np.array([1.0]))
+    steps = modal_step(newmark(), 0.9, np.array([1.0]))
     stride, state = StepBlock.of(steps, 32), np.ones((3, 1))
     for _ in range(12):
         state = drop_vanished(state)
