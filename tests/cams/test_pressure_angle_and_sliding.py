@@ -37,7 +37,7 @@ def test_offset_to_rising_side_reduces_pressure_angle(turn, smooth_event):
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_pressure_angle_of_swinging_roller(side, turn, smooth_event, arm_angle):
-    """The formula tan alpha = (l (1 +- psi') - a cos psi)/(a sin psi): minus where cam and follower rotate alike."""
+    """Formula tan alpha = (l (1 +- psi') - a cos psi)/(a sin psi): minus for equal sense of rotation."""
     follower = SwingRollerFollower(0.020, 0.009, 0.055, 0.060, side)
     made = cam_profile(smooth_event, follower, turn=turn)
     psi, rate = arm_angle(follower, smooth_event(made.angle)), smooth_event(made.angle, 1) / 0.055

@@ -27,7 +27,7 @@ Record = dict[str, object]
 """Quantity to a word, an integer, or a row of numbers: maximum, minimum, root mean square, samples."""
 
 FULL, LIGHT, BARE = 28, 4, 0
-"""Samples of a history: of the main run of a model, of the same run with another engine, and of a short record."""
+"""Samples of a history: main run of a model, same run with another engine, and run without histories."""
 
 DROPPED = {
     "seconds", "message", "remedy", "text", "result", "files", "file", "title", "about", "given", "allowed", "why",
