@@ -44,7 +44,7 @@ SCHEMES = {name: one for name, one in integrators.SCHEMES.items() if name in (*i
 SCHEMES_OF_ONE = ("newmark", "generalized-alpha")
 STEPS = 60
 FORCE_TOLERANCE = 1e-12
-"""Relative tolerance of the forces in `settle` and in the compiled step."""
+"""Tolerance of the forces relative to the maximum, as in `local_newton` and in the compiled step."""
 
 TOLERANCE_FACTORS = (-3.0, 1.0, 5.0)
 DIVERGED = 1e-6
