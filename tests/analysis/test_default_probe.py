@@ -1,4 +1,4 @@
-"""The probe that stands for a case is one that a cam moves, along the way it moves it."""
+"""The default probe of a case is at a point that a cam moves, along its motion."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ ENGINE = "cases/pushrod-engine/intake.toml"
         2,
     ),
 )
-def test_the_probe_that_stands_for_a_case(path, probes, wanted):
-    """A rocker's point, else what a cam moves; where no cam moves any, the first."""
+def test_default_probe(path, probes, wanted):
+    """A rocker's point, else a point that a cam moves, else the first probe."""
     assert scalar_probe(prepare(read_case(path, [f"output.probes={probes}"]))) == wanted
 
 
-def test_a_valve_that_opens_downwards_has_a_positive_lift(tmp_path):
+def test_lift_of_downward_opening_valve_is_positive(tmp_path):
     found = driven_probe(prepare(read_case("flexcam/templates/measured-lift.toml")))
     assert (found.component, found.sign, found.contact) == ("retainer.uy", -1.0, "intake")
     assert driven_probe(prepare(read_case(ENGINE)), "valve").sign == 1.0
 
 
-def test_a_case_without_probes_has_none():
+def test_case_without_probes_raises_error():
     with pytest.raises(InputError, match="at least one point"):
         scalar_probe(prepare(read_case(ENGINE, ["output.probes=[]"])))
 
 
-def test_a_held_component_stands_for_no_case():
-    """The tip of the cantilever is held along x and swings along y."""
+def test_supported_component_is_not_default_probe():
+    """The tip of the cantilever is supported along x and vibrates along y."""
     case = read_case("cases/checks/cantilever.toml", ['output.probes=["tip"]', 'supports.tip=["ux"]'])
     assert scalar_probe(prepare(case)) == "tip.uy"

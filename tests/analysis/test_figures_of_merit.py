@@ -1,4 +1,4 @@
-"""Figures of merit of a run against closed forms: one mass on a spring under a harmonic cam, and the energy balance."""
+"""Figures of merit of a run against closed forms: one mass on a spring under a harmonic cam, and energy balances."""
 
 from __future__ import annotations
 
@@ -48,9 +48,9 @@ start = "equilibrium"
 
 @pytest.fixture
 def merit(tmp_path):
-    """Return the figures of merit of the case at a speed, by metric; the spring margin has its name."""
+    """Return a function for the figures of merit of the case at a speed, by metric, or name for the spring margin."""
 
-    def found(rpm, *overrides, text=CASE):
+    def compute_merit(rpm, *overrides, text=CASE):
         (tmp_path / "one.toml").write_text(text, encoding="utf-8")
         case = read_case(tmp_path / "one.toml", [f"run.speed={rpm}rpm", *overrides])
         ready = prepare(case)
@@ -58,17 +58,17 @@ def merit(tmp_path):
         assert response.status.ok
         return {one.metric or one.name: one.value for one in figures_of_merit(case, compute_metrics(ready, response))}
 
-    return found
+    return compute_merit
 
 
 @pytest.mark.parametrize("rpm", [300.0, 3000.0])
-def test_rigid_train_in_closed_form(merit, rpm):
+def test_rigid_train_matches_closed_form(merit, rpm):
     """Lift h/2 (1 - cos t): F = F0 + k s + c s' w + m s'' w^2, torque s' F, work of the damper c w (h/2)^2 pi."""
     found, speed = merit(rpm, 'fidelity.model="rigid"'), rpm * RPM
     nose = np.linspace(0.5 * math.pi, 1.5 * math.pi, 18_001)
     lift, slope, bend = 0.5 * LIFT * np.array([1.0 - np.cos(nose), np.sin(nose), np.cos(nose)])
     force = INSTALLED + SPRING * lift + DAMPING * slope * speed + MASS * bend * speed**2
-    assert found["contacts.one.nose_force.least"] == pytest.approx(force.min(), rel=5e-4)  # an instant beside it
+    assert found["contacts.one.nose_force.least"] == pytest.approx(force.min(), rel=5e-4)  # the nearest instant
     mean = DAMPING * speed * LIFT**2 / 8.0
     assert found["contacts.one.torque.mean"] == pytest.approx(mean, rel=1e-9)
     assert found["contacts.one.power.mean"] == pytest.approx(mean * speed, rel=1e-9)
@@ -76,15 +76,15 @@ def test_rigid_train_in_closed_form(merit, rpm):
     assert found[SPRING_MARGIN] == pytest.approx(margin, rel=1e-6)
 
 
-def test_spring_margin_of_a_nose_between_coarse_angles(merit):
-    """Angles near the least margin are 0.05 deg apart: 0.025 deg from it the force differs by 1e-7."""
+def test_spring_margin_between_coarse_angles(merit):
+    """Angles near the minimum margin are 0.05 deg apart: 0.025 deg from it the force differs by 1e-7."""
     found = merit(3000.0, 'fidelity.model="rigid"', 'cams.one.phase="1.23 deg"')
     margin = (INSTALLED + SPRING * LIFT) / (0.5 * MASS * LIFT * (3000.0 * RPM) ** 2) - 1.0
     assert found[SPRING_MARGIN] == pytest.approx(margin, rel=1e-6)
 
 
-def test_cam_angle_of_an_extreme(tmp_path):
-    """At low speed the rigid train presses hardest at full lift, half a revolution after the base circle."""
+def test_cam_angle_of_extreme(tmp_path):
+    """At low speed the rigid contact force is maximum at full lift, half a revolution after the base circle."""
     (tmp_path / "one.toml").write_text(CASE, encoding="utf-8")
     ready = prepare(read_case(tmp_path / "one.toml", ["run.speed=60rpm", 'fidelity.model="rigid"']))
     found = {one.name: one for one in compute_metrics(ready, solve(ready.problem, ready.scheme, save=ready.save))}
@@ -92,8 +92,8 @@ def test_cam_angle_of_an_extreme(tmp_path):
     assert found["contacts.one.torque.mean"].angle is None
 
 
-def test_a_stiff_train_does_not_float(merit):
-    """The valve stays below the rigid lift by the compression of the contact, which is least where its force is."""
+def test_stiff_train_has_no_valve_loft(merit):
+    """The valve is below the rigid lift by the compression of the contact, which is minimum where its force is."""
     found = merit(60.0)
     pressed = found["contacts.one.nose_force.least"] / CONTACT
     assert found["contacts.seat.valve_loft"] == pytest.approx(-pressed, rel=2e-2)
@@ -101,8 +101,8 @@ def test_a_stiff_train_does_not_float(merit):
     assert found["springs.coil.clearance.least"] == pytest.approx(0.01 - LIFT, abs=1e-6)
 
 
-def test_a_valve_that_leaves_its_cam_floats(merit):
-    """Above the speed at which the inertia exceeds the spring the valve flies over the nose: m u'' = -(F0 + k u)."""
+def test_valve_loft_above_limit_speed(merit):
+    """Where the inertia exceeds the spring force, the valve leaves the cam at the nose: m u'' = -(F0 + k u)."""
     found = merit(9000.0, "run.revolutions=1")
     assert found[SPRING_MARGIN] < 0.0
     assert found["contacts.one.nose_force.least"] == 0.0
@@ -112,8 +112,8 @@ def test_a_valve_that_leaves_its_cam_floats(merit):
 ENERGIES = ("work", "dissipated", "numerical")
 
 
-def test_drive_power_is_what_the_train_dissipates():
-    """Over a periodic revolution the work of the drive is that of the energy balance; friction is a part of it."""
+def test_drive_power_equals_dissipation():
+    """Over a periodic revolution the work of the drive equals that of the energy balance; friction is a part of it."""
     words = ['run.start="periodic"', "run.steps_per_revolution=1440"]
     case = read_case("tests/golden/models/friction.toml", words)
     ready = prepare(case)
@@ -127,8 +127,8 @@ def test_drive_power_is_what_the_train_dissipates():
     assert found["supports.drive.torque.mean"] == pytest.approx(work / math.tau, rel=1e-9)
 
 
-def test_rigid_friction_and_damping_are_the_power():
-    """Friction and the damper at the valve, c (1.6 s' w)^2, of a rigid train take all that the cam gives."""
+def test_rigid_cam_power_is_friction_and_damping():
+    """Friction and the damper at the valve, c (1.6 s' w)^2, of a rigid train dissipate all work of the cam."""
     case = read_case("tests/golden/models/friction.toml", ['fidelity.model="rigid"', "run.damping.beta=0"])
     ready = prepare(case)
     response = solve(ready.problem, ready.scheme, save=ready.save)
@@ -140,38 +140,38 @@ def test_rigid_friction_and_damping_are_the_power():
     assert rubbed > damped > 0.0
 
 
-def test_the_spring_margin_is_that_of_the_limits(merit, tmp_path):
+def test_spring_margin_matches_compute_margins(merit, tmp_path):
     found = merit(2000.0)
     case = read_case(tmp_path / "one.toml", ["run.speed=2000rpm"])
     assert found[SPRING_MARGIN] == compute_margins(case).spring_margin
 
 
-def test_friction_does_not_count_in_the_spring_margin(merit):
-    """It is the excess of the springs over the inertia, at any speed."""
+def test_friction_does_not_change_spring_margin(merit):
+    """The margin is the excess of the spring force over the inertia, at any speed."""
     guide = 'friction.guide={ at = "valve", direction = "uy", force = 20, breakaway_force = 60, damping = 30 }'
     assert merit(2000.0, guide)[SPRING_MARGIN] == pytest.approx(merit(2000.0)[SPRING_MARGIN], rel=1e-9)
 
 
 @pytest.mark.parametrize("travel", ["0.01", "0.005"])
-def test_touching_coils_do_not_count_in_the_spring_margin(merit, travel):
-    """A spring that becomes solid under the lift of 8 mm holds the follower no better."""
+def test_coil_bind_does_not_change_spring_margin(merit, travel):
+    """A spring that becomes solid below the lift of 8 mm does not increase the margin."""
     margin = (INSTALLED + SPRING * LIFT) / (0.5 * MASS * LIFT * (2000.0 * RPM) ** 2) - 1.0
     solid = CASE.replace("clash_travel = 0.01", f"clash_travel = {travel}")
     assert merit(2000.0, text=solid)[SPRING_MARGIN] == pytest.approx(margin, rel=1e-6)
 
 
-def test_no_margin_under_a_load_over_time(merit, tmp_path):
+def test_no_spring_margin_with_load_over_time(merit, tmp_path):
     (tmp_path / "push.csv").write_text("time [s],force [N]\n0,0\n1,100\n")
     assert SPRING_MARGIN not in merit(2000.0, 'loads.push={ at = "valve", direction = "-uy", table = "push.csv" }')
 
 
-def test_no_margin_of_a_follower_that_cannot_leave(merit):
+def test_no_spring_margin_with_bilateral_contact(merit):
     found = merit(600.0, text=CASE.replace("unilateral", "bilateral"))
     assert SPRING_MARGIN not in found
     assert "contacts.one.nose_force.least" in found
 
 
-def test_margins_of_a_case_that_starts_at_another_cam_angle(tmp_path):
+def test_margins_do_not_depend_on_initial_state(tmp_path):
     """The margins of the rigid train do not depend on the initial state, here at the opposite cam angle."""
     (tmp_path / "one.toml").write_text(CASE, encoding="utf-8")
     overrides = ["run.steps_per_revolution=360", "run.revolutions=1.5"]
@@ -182,24 +182,24 @@ def test_margins_of_a_case_that_starts_at_another_cam_angle(tmp_path):
     assert compute_margins(other).rigid_rpm == pytest.approx(compute_margins(own).rigid_rpm, rel=1e-9)
 
 
-def test_margins_of_a_shaft_within_its_backlash(tmp_path):
-    """No static equilibrium exists at full lift; the margins of the rigid train are known all the same."""
+def test_margins_without_static_equilibrium(tmp_path):
+    """There is no static equilibrium at full lift, but the margins of the rigid train exist."""
     case = read_case(new_case("gear-drive", tmp_path / "gear.toml")[0])
     found = compute_margins(case)
     assert found.rigid_rpm is not None
     assert (dict(found.buckling_margins), found.unknown[:29]) == ({}, "the stiffness is not positive")
 
 
-def test_harmonics_that_matter_in_the_acceleration(tmp_path):
-    """Order 24 has 2e-4 of the largest lift, and 5 % of the largest acceleration; order 16 has 0.9 %."""
+def test_significant_harmonics_of_acceleration(tmp_path):
+    """Order 24 has 2e-4 of the maximum lift and 5 % of the maximum acceleration; order 16 has 0.9 %."""
     model = build_model(read_case(new_case("pushrod-engine", tmp_path / "engine.toml")[0]))
     kept = lift_harmonics(model.cams["intake"].event, 24)
     assert 24 in kept
     assert 16 not in kept
 
 
-def test_an_opening_valve_does_not_bounce(tmp_path):
-    """The lash closes with a hop of 4 um before the valve opens; it comes down without a bounce."""
+def test_closing_lash_is_not_counted_as_bounce(tmp_path):
+    """The lash closes with a jump of 4 um before the valve opens, and the valve closes without a bounce."""
     ready = prepare(read_case(new_case("pushrod-engine", tmp_path / "engine.toml")[0]))
     response = solve(ready.problem, ready.scheme, save=ready.save)
     found = {one.name: one.value for one in compute_metrics(ready, response)}

@@ -1,4 +1,4 @@
-"""A start given at the nodes of one mesh, seen at those of another."""
+"""Mapping of an initial state from the nodes of one mesh to those of another."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ TIP = (
 )
 
 
-def motions(case):
-    """Return displacements and velocities that a case starts with, and the heights of its nodes along z."""
+def initial_motions(case):
+    """Return displacements and velocities of the initial state of a case, and the z coordinates of its nodes."""
     dofs, start = build_structure(build_model(case)).dofs, prepare(case).problem.start
     return dofs.nodal(start.displacement), dofs.nodal(start.velocity), build_model(case).mesh.nodes[:, 2]
 
 
 @pytest.mark.parametrize("own", [1, 2])
-def test_a_bar_is_bent_between_its_nodes(own):
-    """Clamped at one end: a cubic with the deflection and the slope of the tip; stretch and twist are linear."""
+def test_inner_nodes_follow_cubic_of_initial_state(own):
+    """A cubic with the deflection and the slope of the tip, clamped at one end; axial motion and twist are linear."""
     case = read_case(CANTILEVER, [f"members.beam.elements={own}", TIP])
-    moved, moving, z = motions(with_elements(case, factor=6 // own))
-    middle = z / 0.5 if own == 1 else np.maximum(z / 0.25 - 1.0, 0.0)  # the node in the middle is given at rest
+    moved, moving, z = initial_motions(with_elements(case, factor=6 // own))
+    middle = z / 0.5 if own == 1 else np.maximum(z / 0.25 - 1.0, 0.0)  # the initial state has the middle node at rest
     length, slope = 0.5 / own, np.radians(1.0)
     # v(x) = a x^2 + b x^3 with v(1) = 2 mm and v'(1) = slope L
     b = slope * length - 2.0 * 2e-3
@@ -44,14 +44,14 @@ def test_a_bar_is_bent_between_its_nodes(own):
     assert not moved[:, [1, 3, 5]].any()
 
 
-def test_fewer_elements_and_the_same():
-    """Nodes of fewer elements are among those of more; names of inner nodes are those of their own mesh."""
+def test_mapping_to_fewer_or_equal_elements():
+    """Nodes of fewer elements are a subset; inner nodes are named as in their own mesh."""
     finest = with_elements(read_case(CANTILEVER, ["members.beam.elements=1", TIP]), factor=8)
     for each in (1, 2, 4, 8):
         coarser = with_elements(finest, each=each)
-        for own, fine in zip(motions(coarser)[:2], motions(finest)[:2], strict=True):
-            heights = motions(coarser)[2]
-            at = [int(np.argmin(np.abs(motions(finest)[2] - height))) for height in heights]
+        for own, fine in zip(initial_motions(coarser)[:2], initial_motions(finest)[:2], strict=True):
+            heights = initial_motions(coarser)[2]
+            at = [int(np.argmin(np.abs(initial_motions(finest)[2] - height))) for height in heights]
             np.testing.assert_allclose(own, fine[at], atol=1e-16)
     assert (
         read_case(CANTILEVER, [TIP]).record.run.start
@@ -59,8 +59,8 @@ def test_fewer_elements_and_the_same():
     )
 
 
-def test_more_elements_begin_without_a_blow():
-    """Buckets that are given on the move: nodes between their ends move with them, and the mesh is no error of note."""
+def test_mapping_to_more_elements_is_smooth():
+    """Moving buckets as initial state: nodes between their ends move with them, and the mesh error is small."""
     places = {"exhaust-2": -3.912, "intake-3": -3.914, "exhaust-4": -0.383, "intake-4": -0.382}
     speeds = {"exhaust-2": -2.544, "intake-3": 2.544, "exhaust-4": 0.661, "intake-4": -0.661}
     every = [f"{kind}-{n}" for kind in ("intake", "exhaust") for n in (1, 2, 3, 4)]
@@ -73,11 +73,11 @@ def test_more_elements_begin_without_a_blow():
     for name in ("displacement", "velocity"):
         given, own = (getattr(one.record.run.start, name) for one in (with_elements(case, factor=3), case))
         assert {round(x, 12) for x in given.values()} == {round(x, 12) for x in own.values()}
-        assert len(given) == 2 * len(own)  # two nodes between those of every bucket
+        assert len(given) == 2 * len(own)  # two nodes between the ends of every bucket
     lift = next(one for one in estimate_errors(case, "intake-4-follower.uy") if one.quantity == "lift")
     assert lift.space < 1e-3 * lift.size
 
 
-def test_other_starts_stay():
+def test_initial_state_at_rest_is_unchanged():
     case = read_case(CAMSHAFT, ["run.start=rest"])
     assert with_elements(case, factor=2).record.run.start == "rest"

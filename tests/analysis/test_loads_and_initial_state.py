@@ -1,4 +1,4 @@
-"""Bearings, loads, weight, preloads and starts of a run, from the case file to the motion, against closed forms."""
+"""Bearings, loads, gravity, preloads and initial states, from the case file to the motion, against closed forms."""
 
 # ruff: noqa: E501 - lines of case files
 
@@ -45,12 +45,12 @@ field_every = 1
 """
 CLAMP = '[supports]\nroot = ["ux", "uy", "uz", "rx", "ry", "rz"]\n'
 HINGES = '[supports]\nroot = ["ux", "uy", "uz", "rx"]\ntip = ["uy", "uz"]\n'
-BALANCED = 'start = "equilibrium"'
+EQUILIBRIUM_START = 'start = "equilibrium"'
 
 
 @pytest.fixture
 def beam(tmp_path):
-    """Return a case of one straight rod from its [tables] and its lines of [run]."""
+    """Return a function for a case of one straight rod from its [tables] and its lines of [run]."""
 
     def make(parts, run="", *, tip=(LENGTH, 0.0, 0.0), elements=2, probes=("tip",), mass="consistent"):
         text = BEAM.format(
@@ -63,14 +63,14 @@ def beam(tmp_path):
     return make
 
 
-def assert_still(response):
-    """In balance from the first instant on: the residual of a direct solve moves nothing by 1e-9 of the deflection."""
+def assert_no_motion(response):
+    """Assert equilibrium from the first instant: the residual of a direct solve moves less than 1e-9 of the deflection."""
     fields = response.fields.displacement
     assert np.abs(fields - fields[0]).max() <= 1e-9 * np.abs(fields).max()
 
 
 POINT = '[loads.pull]\nat = "tip"\ndirection = "{}"\nforce = "{}"\n'
-SPREAD = '[loads.wind]\nmember = "rod"\ndirection = "{}"\nforce_per_length = "{}"\n'
+DISTRIBUTED = '[loads.wind]\nmember = "rod"\ndirection = "{}"\nforce_per_length = "{}"\n'
 
 
 @pytest.mark.parametrize(
@@ -83,20 +83,20 @@ SPREAD = '[loads.wind]\nmember = "rod"\ndirection = "{}"\nforce_per_length = "{}
         (POINT.format("rz", "5 N m"), "rz", 5.0 * LENGTH / EI),
         (POINT.format("ry", "5 N m"), "uz", -5.0 * LENGTH**2 / (2.0 * EI)),
         (POINT.format("rx", "5 N m"), "rx", 5.0 * LENGTH / (E / 2.58 * ROUND.J)),
-        (SPREAD.format("uy", "-100 N/m"), "uy", -100.0 * LENGTH**4 / (8.0 * EI)),
-        (SPREAD.format("ux", "1 kN/m"), "ux", 1000.0 * LENGTH**2 / (2.0 * E * ROUND.A)),
+        (DISTRIBUTED.format("uy", "-100 N/m"), "uy", -100.0 * LENGTH**4 / (8.0 * EI)),
+        (DISTRIBUTED.format("ux", "1 kN/m"), "ux", 1000.0 * LENGTH**2 / (2.0 * E * ROUND.A)),
     ],
 )
 @pytest.mark.parametrize("elements", [1, 4])
-def test_cantilever_in_equilibrium(beam, load, component, expected, elements):
+def test_equilibrium_of_loaded_cantilever(beam, load, component, expected, elements):
     """Cubic elements are exact at their nodes; rounding of K is eps n^4."""
-    response = run(beam(CLAMP + load, BALANCED, elements=elements))
+    response = run(beam(CLAMP + load, EQUILIBRIUM_START, elements=elements))
     assert response[f"tip.{component}"].displacement[0] == pytest.approx(expected, rel=1e-9)
-    assert_still(response)
+    assert_no_motion(response)
 
 
-def test_a_load_from_rest_swings(beam):
-    """Suddenly applied, it acts from the start of the run: nothing has moved yet, and F = m a begins."""
+def test_sudden_load_starts_from_rest(beam):
+    """A suddenly applied load acts from the start of the run: displacement zero and F = m a."""
     history = run(beam(CLAMP + POINT.format("uy", "50 N")))["tip.uy"]
     assert history.displacement[0] == 0.0
     assert history.acceleration[0] > 0.0
@@ -104,8 +104,8 @@ def test_a_load_from_rest_swings(beam):
 
 @pytest.mark.parametrize("start", ["equilibrium", "rest"])
 @pytest.mark.parametrize(("mass", "share"), [("consistent", 5.0 / 384.0), ("lumped", 19.0 / 384.0 / 4.0)])
-def test_sag_under_its_own_weight(beam, start, mass, share):
-    """5 q L^4/(384 EI), as installed too; lumped: qL/4 at each quarter point, 19 P L^3/(384 EI)."""
+def test_sag_of_beam_under_gravity(beam, start, mass, share):
+    """5 q L^4/(384 EI), also when installed; lumped: qL/4 at each quarter point, 19 P L^3/(384 EI)."""
     case = beam(HINGES, f'gravity = [0, "-9.81 m/s^2", 0]\nstart = "{start}"', elements=4, mass=mass)
     ready = prepare(case)
     middle = build_structure(ready.model).dofs.nodal(ready.problem.start.displacement)[
@@ -113,10 +113,10 @@ def test_sag_under_its_own_weight(beam, start, mass, share):
     ]
     expected = -share * DENSITY * ROUND.A * 9.81 * LENGTH**4 / EI
     assert middle == pytest.approx(expected, rel=1e-9)  # exact at nodes; rounding of K is eps n^4
-    assert_still(run(case))
+    assert_no_motion(run(case))
 
 
-HANGING = """
+HANGING_BODY = """
 format = 1
 nodes = { body = [0.0, 0.0, 0.0] }
 masses.body = { at = "body", mass = "0.2 kg" }
@@ -126,14 +126,14 @@ output = { probes = ["body"] }
 """
 
 
-def test_a_spring_bears_its_own_weight(tmp_path):
-    """What hangs on a spring stretches it by (m + m_s/2) g/k: half its weight is borne at its other end."""
+def test_weight_of_spring(tmp_path):
+    """A body on a spring extends it by (m + m_s/2) g/k: the other end of the spring carries half of its weight."""
     path = tmp_path / "hanging.toml"
-    path.write_text(HANGING, encoding="utf-8")
+    path.write_text(HANGING_BODY, encoding="utf-8")
     response = run(read_case(path))
     sunk = response["body"].displacement[0, :3] @ [0.0, 0.6, 0.8]
     assert sunk == pytest.approx(-(0.2 + 0.03) * 10.0 / 2e3, rel=1e-12)
-    assert_still(response)
+    assert_no_motion(response)
 
 
 BEARINGS = """
@@ -145,45 +145,45 @@ rear = { at = "tip", stiffness = "2 MN/m", damping = "100 N s/m" }
 
 @pytest.mark.parametrize("tip", [(LENGTH, 0.0, 0.0), (0.0, 0.0, LENGTH), (0.4, 0.2, -0.4)], ids=["x", "z", "skew"])
 @pytest.mark.parametrize("around", [0.0, 30.0, 90.0])
-def test_bearings_give_way_alike_in_every_direction_square_to_the_shaft(beam, tip, around):
-    """F at one end: F/k there, in its direction, whatever that is; sliding and turning stay free."""
+def test_bearings_are_isotropic_across_shaft(beam, tip, around):
+    """A force F at one end moves it by F/k in its own direction; sliding and rotation are free."""
     axis = np.array(tip) / LENGTH
     first = np.cross(axis, [0.3, 1.0, 0.2]) / np.linalg.norm(np.cross(axis, [0.3, 1.0, 0.2]))
     angle = math.radians(around)
     pull = math.cos(angle) * first + math.sin(angle) * np.cross(axis, first)
     load = f'[loads.pull]\nat = "tip"\ndirection = {pull.tolist()}\nforce = "100 N"\n'
-    case = beam(BEARINGS + load, BALANCED, tip=tip, probes=("tip", "root"))
+    case = beam(BEARINGS + load, EQUILIBRIUM_START, tip=tip, probes=("tip", "root"))
     response = run(case)
     across = np.eye(3) - np.outer(axis, axis)
     assert across @ response["tip"].displacement[0, :3] == pytest.approx(100.0 / 2e6 * pull, abs=1e-9 * 5e-5)  # eps n^4
     assert np.abs(across @ response["root"].displacement[0, :3]).max() <= 1e-9 * 5e-5
-    assert_still(response)
+    assert_no_motion(response)
     assert prepare(case).problem.system.free.shape[1] == 2
 
 
 @pytest.mark.parametrize("tip", [(LENGTH, 0.0, 0.0), (0.4, 0.2, -0.4)], ids=["x", "skew"])
-def test_what_nothing_loads_does_not_slide(beam, tip):
-    """A load square to the shaft has no share along it: the balance shows none, however the shaft lies in space."""
+def test_unloaded_axial_motion_is_zero(beam, tip):
+    """A load perpendicular to the shaft has no axial component, and neither has the equilibrium in any orientation."""
     axis = np.array(tip) / LENGTH
     pull = np.cross(axis, [0.3, 1.0, 0.2])
     load = f'[loads.pull]\nat = "tip"\ndirection = {pull.tolist()}\nforce = "100 N"\n'
-    moved = run(beam(BEARINGS + load, BALANCED, tip=tip))["tip"].displacement[0, :3]
+    moved = run(beam(BEARINGS + load, EQUILIBRIUM_START, tip=tip))["tip"].displacement[0, :3]
     assert abs(axis @ moved) <= 1e-9 * np.linalg.norm(moved)
 
 
-def test_a_given_start_takes_units(beam):
+def test_initial_state_with_units(beam):
     start = 'start = { displacement = { "tip.uy" = "1 mm", "tip.rz" = "2 deg" }, velocity = { "tip.uz" = "-0.5 m/s", "tip.rx" = "60 rpm" } }'
     tip = run(beam(CLAMP, start))["tip"]
     assert tip.displacement[0] == pytest.approx([0.0, 1e-3, 0.0, 0.0, 0.0, math.radians(2.0)], rel=1e-15)
     assert tip.velocity[0] == pytest.approx([0.0, 0.0, -0.5, 2.0 * math.pi, 0.0, 0.0], rel=1e-15)
 
 
-def test_a_given_start_at_a_held_component_is_refused(beam):
+def test_initial_state_of_supported_component_raises_error(beam):
     with pytest.raises(InputError, match=r"root\.uy"):
         run(beam(CLAMP, 'start = { displacement = { "root.uy" = "1 mm" } }'))
 
 
-def inline(folder, *pairs, name="case"):
+def inline_case(folder, *pairs, name="case"):
     """Return the inline case with parts of its text replaced."""
     text = INLINE.read_text(encoding="utf-8")
     for old, new in pairs:
@@ -195,32 +195,32 @@ def inline(folder, *pairs, name="case"):
 
 
 @pytest.fixture
-def restarted(tmp_path):
-    """Return two revolutions at once, and one that goes on from the result of one."""
-    first = prepare(inline(tmp_path, name="first"))
+def restart_cases(tmp_path):
+    """Return a case of two revolutions, and a case that continues from the result of one."""
+    first = prepare(inline_case(tmp_path, name="first"))
     solve(first.problem, first.scheme, save=first.save, sinks=[open_result_file(first, tmp_path)])
     return (
-        inline(tmp_path, ("revolutions = 1", "revolutions = 2"), name="whole"),
-        inline(tmp_path, ('start = "rest"', 'start = { result = "first.vtkhdf" }'), name="second"),
+        inline_case(tmp_path, ("revolutions = 1", "revolutions = 2"), name="whole"),
+        inline_case(tmp_path, ('start = "rest"', 'start = { result = "first.vtkhdf" }'), name="second"),
     )
 
 
 @pytest.mark.parametrize("start", ["rest", "equilibrium", "periodic"])
-def test_one_mass_goes_on_from_a_result(tmp_path, start):
-    """What the installed spring and the preload bend beside the mass's shape is in the result, and stays."""
+def test_sdof_run_continues_from_result(tmp_path, start):
+    """The result includes the deflection by installed spring and preload that the single shape does not represent."""
     few = ("[output]", '[fidelity]\nmodel = "sdof"\n\n[output]'), ('start = "rest"', f'start = "{start}"')
-    first = prepare(inline(tmp_path, *few, name="first"))
+    first = prepare(inline_case(tmp_path, *few, name="first"))
     one = solve(first.problem, first.scheme, save=first.save, sinks=[open_result_file(first, tmp_path)])
-    second = run(inline(tmp_path, few[0], (few[1][0], 'start = { result = "first.vtkhdf" }'), name="second"))
-    whole = run(inline(tmp_path, *few, ("revolutions = 1", "revolutions = 2"), name="whole"))
+    second = run(inline_case(tmp_path, few[0], (few[1][0], 'start = { result = "first.vtkhdf" }'), name="second"))
+    whole = run(inline_case(tmp_path, *few, ("revolutions = 1", "revolutions = 2"), name="whole"))
     late, again = whole["valve"].displacement[len(one.time) - 1 :], second["valve"].displacement
-    # The state is kept in double precision, and projected once more.
+    # The state has double precision and is projected once more.
     assert np.abs(again - late).max() <= 1e-9 * np.abs(late).max()
 
 
-def test_a_run_goes_on_from_a_result(restarted):
-    """State and cam angle are taken over; the acceleration follows from balance up to the residual of a solve."""
-    whole, second = (run(case) for case in restarted)
+def test_run_continues_from_result(restart_cases):
+    """The run continues state and cam angle; the acceleration follows from equilibrium up to the residual of a solve."""
+    whole, second = (run(case) for case in restart_cases)
     for name in ("valve", "cam"):
         for quantity in ("displacement", "velocity", "acceleration"):
             late, again = getattr(whole[name], quantity)[720:], getattr(second[name], quantity)
@@ -230,12 +230,12 @@ def test_a_run_goes_on_from_a_result(restarted):
     assert second.angle[0] == pytest.approx(2.0 * math.pi, rel=1e-12)
 
 
-def test_the_rigid_mechanism_goes_on_as_well(restarted):
-    second = restarted[1]
+def test_rigid_run_continues_from_result(restart_cases):
+    second = restart_cases[1]
     flexible, rigid = run(second), run(second, rigid=True)
     assert np.array_equal(flexible.time, rigid.time)
     found = compare(flexible, rigid, "valve", 3000.0)
-    assert found.lift == pytest.approx(0.006 * 40.0 / 25.0, rel=1e-6)  # the lift's peak falls on an instant
+    assert found.lift == pytest.approx(0.006 * 40.0 / 25.0, rel=1e-6)  # an instant is at the peak of the lift
     assert found.peak_deviation < 2.0
 
 
@@ -245,7 +245,7 @@ def preload(case):
 
 
 SPRING = 'stiffness = "40 kN/m"\n'
-FORCED = f'{SPRING}installed_force = "300 N"\n'
+INSTALLED_SPRING = f'{SPRING}installed_force = "300 N"\n'
 
 
 @pytest.mark.parametrize(
@@ -260,52 +260,56 @@ FORCED = f'{SPRING}installed_force = "300 N"\n'
     ],
     ids=["one", "two at the valve", "one at the tappet", "one without a force", "one on the shaft", "one at the cam"],
 )
-def test_preload_is_that_of_the_followers_springs(tmp_path, more, expected):
-    """Forces at the valve count by the rocker's ratio 40/25; those elsewhere than on the follower's train do not."""
-    case = inline(tmp_path, (SPRING, FORCED), ("[cams.intake]", f"{more}[cams.intake]"))
+def test_preload_is_sum_of_follower_springs(tmp_path, more, expected):
+    """Forces at the valve count with the rocker ratio 40/25; those outside of the follower's train do not count."""
+    case = inline_case(tmp_path, (SPRING, INSTALLED_SPRING), ("[cams.intake]", f"{more}[cams.intake]"))
     assert preload(case) == pytest.approx([expected], rel=1e-12)
 
 
-PULLING = '[springs.tappet]\nat = "tappet"\ndirection = "-uy"\nstiffness = 5e3\ninstalled_force = {}\n'
+PULLING_SPRING = '[springs.tappet]\nat = "tappet"\ndirection = "-uy"\nstiffness = 5e3\ninstalled_force = {}\n'
 
 
-def test_a_pulling_spring_counts_against_the_others(tmp_path):
-    case = inline(tmp_path, (SPRING, FORCED), ("[cams.intake]", f"{PULLING.format(80)}[cams.intake]"))
+def test_opposing_spring_reduces_preload(tmp_path):
+    case = inline_case(
+        tmp_path, (SPRING, INSTALLED_SPRING), ("[cams.intake]", f"{PULLING_SPRING.format(80)}[cams.intake]")
+    )
     assert preload(case) == pytest.approx([400.0], rel=1e-12)
 
 
-def test_springs_that_pull_the_follower_are_refused(tmp_path):
-    case = inline(tmp_path, (SPRING, FORCED), ("[cams.intake]", f"{PULLING.format(500)}[cams.intake]"))
+def test_preload_against_lift_raises_error(tmp_path):
+    case = inline_case(
+        tmp_path, (SPRING, INSTALLED_SPRING), ("[cams.intake]", f"{PULLING_SPRING.format(500)}[cams.intake]")
+    )
     with pytest.raises(InputError, match="a force against the lift"):
         prepare(case)
 
 
-def test_the_sense_of_a_load_at_a_rockers_point_counts(tmp_path):
-    """10 N along -uy is -10 N along uy, at the valve as anywhere."""
+def test_sign_of_load_at_rocker_point(tmp_path):
+    """10 N along -uy is -10 N along uy, also at the valve."""
     ends = []
     for given in ('direction = "-uy"\nforce = 10', 'direction = "uy"\nforce = -10'):
-        case = inline(tmp_path, ("[cams.intake]", f'[loads.gas]\nat = "valve"\n{given}\n[cams.intake]'))
+        case = inline_case(tmp_path, ("[cams.intake]", f'[loads.gas]\nat = "valve"\n{given}\n[cams.intake]'))
         system = prepare(case).problem.system
         ends.append(next(load.vector.min() + load.vector.max() for load in system.loads if load.name == "loads.gas"))
     assert ends == pytest.approx([-16.0, -16.0], rel=1e-12)  # the rocker's ratio 40/25 times 10 N
 
 
-def test_a_valve_spring_that_pulls_is_refused(tmp_path):
-    """Along -uy a spring's installed force drives the valve open."""
-    case = inline(tmp_path, (SPRING, FORCED), ('direction = "uy"', 'direction = "-uy"'))
+def test_opening_valve_spring_raises_error(tmp_path):
+    """An installed force along -uy opens the valve."""
+    case = inline_case(tmp_path, (SPRING, INSTALLED_SPRING), ('direction = "uy"', 'direction = "-uy"'))
     with pytest.raises(InputError, match="a force against the lift"):
         prepare(case)
 
 
-def test_without_a_force_the_preload_holds_the_rigid_train(tmp_path):
-    """2.5 times the moving mass at the tappet times h/2 omega^2, the largest deceleration of simple harmonic motion."""
+def test_default_preload_exceeds_rigid_inertia(tmp_path):
+    """2.5 times the moving mass at the tappet times h/2 omega^2, the maximum deceleration of simple harmonic motion."""
     rod = 7800.0 * math.pi / 4.0 * (0.008**2 - 0.005**2) * 0.250
     mass = 0.10 + rod + 1e-4 / 0.025**2 + 0.10 * 1.6**2
     expected = 2.5 * mass * 0.003 * (100.0 * math.pi) ** 2
-    assert preload(inline(tmp_path)) == pytest.approx([expected], rel=1e-9)
+    assert preload(inline_case(tmp_path)) == pytest.approx([expected], rel=1e-9)
 
 
-SECOND = """
+SECOND_TRAIN = """
 [rockers.second]
 model = "lumped"
 from = "top2"
@@ -331,8 +335,8 @@ model = "published-load"
 
 
 def two_trains(folder, phase):
-    """Return the inline case with a second, equal train on a shaft of its own, a metre aside."""
-    return inline(
+    """Return the inline case with a second, equal train on its own shaft at a distance of 1 m."""
+    return inline_case(
         folder,
         ("[nodes]", ('[nodes]\ndrive2 = [0, 0, 1.0]\nfront2 = ["60 mm", 0, 1.0]\nrear2 = ["120 mm", 0, 1.0]\nend2 = ["180 mm", 0, 1.0]\n'
          'tappet2 = ["120 mm", "18 mm", 1.0]\ntop2 = ["120 mm", "268 mm", 1.0]')),
@@ -342,15 +346,15 @@ def two_trains(folder, phase):
          'top2 = ["ux", "uz", "rx", "ry", "rz"]\ntappet2 = ["ux", "uz", "ry"]')),
         ("[masses]", ('[masses]\nlobe2 = { at = "rear2", mass = "0.15 kg" }\nfollower2 = { at = "tappet2", mass = "0.10 kg" }\n'
          'valve2 = { at = "valve2", mass = "0.10 kg" }')),
-        ("[contacts.intake]", SECOND.format(phase=phase) + "[contacts.intake]"),
+        ("[contacts.intake]", SECOND_TRAIN.format(phase=phase) + "[contacts.intake]"),
         ('probes = ["valve", "cam"]', 'probes = ["valve", "valve2"]'),
         name="two",
     )  # fmt: skip
 
 
-def test_two_trains_move_as_one_does(tmp_path):
-    """Two equal trains without a common part: each moves as the single one, up to the rounding of a larger solve."""
-    alone, both = run(inline(tmp_path)), run(two_trains(tmp_path, 0.0))
+def test_two_equal_trains_move_as_single_train(tmp_path):
+    """Two equal trains without a common part: each moves as a single one, up to the rounding of a larger solve."""
+    alone, both = run(inline_case(tmp_path)), run(two_trains(tmp_path, 0.0))
     for name in ("valve", "valve2"):
         for quantity in ("displacement", "velocity", "acceleration"):
             one, other = getattr(alone["valve"], quantity), getattr(both[name], quantity)
@@ -360,8 +364,8 @@ def test_two_trains_move_as_one_does(tmp_path):
         assert np.abs(other - one).max() <= 1e-8 * np.abs(one).max()
 
 
-def test_the_phase_of_one_cam_leaves_the_other_train_alone(tmp_path):
-    alone, both = run(inline(tmp_path)), run(two_trains(tmp_path, 90.0))
+def test_phase_of_cam_does_not_affect_other_train(tmp_path):
+    alone, both = run(inline_case(tmp_path)), run(two_trains(tmp_path, 90.0))
     one, other = alone["valve"].displacement, both["valve"].displacement
     assert np.abs(other - one).max() <= 1e-8 * np.abs(one).max()
     assert np.abs(both["valve2"].displacement - one).max() > 0.1 * np.abs(one).max()
@@ -373,25 +377,25 @@ BACKWARD = '["rear", "cam", "front", "drive"]', '["pushrod-top", "tappet"]'
 
 @pytest.mark.parametrize("swapped", [(0,), (1,), (0, 1)], ids=["camshaft", "pushrod", "both"])
 @pytest.mark.parametrize("deflection", ["false", "true"])
-def test_the_order_of_a_members_nodes_does_not_count(tmp_path, swapped, deflection):
-    """Same valve motion, same force, same torque with its sign; only rounding differs."""
+def test_order_of_member_nodes_does_not_matter(tmp_path, swapped, deflection):
+    """Same valve motion, force and torque with its sign, up to rounding."""
     felt = ('model = "published-load"', f'model = "published-load"\ncam_deflection = {deflection}')
     turned = [(FORWARD[i], BACKWARD[i]) for i in swapped]
-    one, other = run(inline(tmp_path, felt)), run(inline(tmp_path, felt, *turned, name="turned"))
+    one, other = run(inline_case(tmp_path, felt)), run(inline_case(tmp_path, felt, *turned, name="turned"))
     pairs = [
         (one["valve"].displacement, other["valve"].displacement),
         (one["cam"].displacement, other["cam"].displacement),
     ]
-    # What is left of the energy balance is rounding.
-    told = [name for name in one.channels if name not in ("energy.numerical", "energy.residual")]
-    pairs += [(one.channels[name], other.channels[name]) for name in told]
+    # The residual of the energy balance is rounding.
+    names = [name for name in one.channels if name not in ("energy.numerical", "energy.residual")]
+    pairs += [(one.channels[name], other.channels[name]) for name in names]
     for a, b in pairs:
         assert np.abs(b - a).max() <= 1e-8 * np.abs(a).max()
 
 
-def test_the_cam_turns_towards_positive_coordinates_whatever_the_order(tmp_path):
+def test_shaft_axis_does_not_depend_on_node_order(tmp_path):
     axes = []
     for pairs in ((), tuple(zip(FORWARD, BACKWARD, strict=True))):
-        model = build_model(inline(tmp_path, *pairs))
+        model = build_model(inline_case(tmp_path, *pairs))
         axes.append(model.contacts["intake"].shaft_axis.tolist())
     assert axes == [[1.0, 0.0, 0.0]] * 2

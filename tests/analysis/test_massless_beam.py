@@ -1,4 +1,4 @@
-"""A beam without mass that carries a body at an arm: two motions of bending and one along the axis."""
+"""A massless beam with a body at an offset: two bending modes and one axial mode."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ probes = ["tip"]
 
 @pytest.fixture
 def beam(tmp_path):
-    """Return the case of the beam in so many elements."""
+    """Return a function for the case of the beam with a number of elements."""
 
     def make(elements):
         path = tmp_path / "case.toml"
@@ -52,7 +52,7 @@ def beam(tmp_path):
 
 
 @pytest.mark.parametrize("elements", [1, 3, 120])
-def test_frequencies(beam, elements):
+def test_frequencies_of_massless_beam(beam, elements):
     """Bending of m on a rigid arm c: omega^2 = 1/(m (L^3/3 + L^2 c + L c^2)/EI), twice; axial EA/(L m).
 
     120 elements leave rounding eps n^4 = 4e-8 in K.
@@ -66,8 +66,8 @@ def test_frequencies(beam, elements):
 
 
 @pytest.mark.parametrize("elements", [1, 3, 120])
-def test_motion_under_a_sudden_load(beam, elements):
-    """It swings about the deflection: up to twice the static one of its mass's centre."""
+def test_motion_under_sudden_load(beam, elements):
+    """The tip oscillates about the static deflection, up to twice its value."""
     response = run(beam(elements))
     assert response.status.ok
     static = 10.0 * 0.3**3 / (3.0 * 207e9 * math.pi * 0.01**4 / 64.0)

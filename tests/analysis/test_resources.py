@@ -1,4 +1,4 @@
-"""What a run takes, estimated beforehand, against what it takes; and what there is, as systems tell it."""
+"""Estimated against actual resources of a run, and available resources of the system."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ SIZES = {
 
 
 @pytest.mark.parametrize("name", mostly_slow(SIZES, 2))
-def test_the_file_is_as_large_as_was_said(name, tmp_path):
-    """Within 5 %: counted, but for HDF5's own index and heads."""
+def test_file_size_matches_estimate(name, tmp_path):
+    """Within 5 %: the estimate omits the index and headers of HDF5."""
     case, settings = SIZES[name]
     ready = prepare(flexcam.read_case(case, settings))
     sink = open_result_file(ready, tmp_path)
@@ -43,7 +43,7 @@ def test_the_file_is_as_large_as_was_said(name, tmp_path):
     assert estimate_case_resources(ready).file == pytest.approx(sink.path.stat().st_size, rel=0.05)
 
 
-MEASURED = """
+MEASURE_SCRIPT = """
 import json, resource, sys
 from pathlib import Path
 import numba, scipy.linalg.lapack, scipy.sparse.linalg
@@ -79,24 +79,24 @@ RUNS = {
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="peaks of memory as Linux tells them")
 @pytest.mark.parametrize("name", RUNS)
-def test_memory_is_what_was_said(name, tmp_path):
-    """Within a factor of two, as the process has it."""
+def test_memory_matches_estimate(name, tmp_path):
+    """Within a factor of two of the resident memory of the process."""
     keep, settings = RUNS[name]
-    words = [sys.executable, "-c", MEASURED, keep, str(CASE), *settings]
+    words = [sys.executable, "-c", MEASURE_SCRIPT, keep, str(CASE), *settings]
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=True)
-    said, measured, path = json.loads(done.stdout)
+    estimate, measured, path = json.loads(done.stdout)
     assert (path == "kernel") == (name == "machine code")
-    assert 0.5 < said / measured < 2.0
+    assert 0.5 < estimate / measured < 2.0
 
 
-def test_histories_count_only_where_they_are_kept():
+def test_memory_estimate_includes_histories_in_memory():
     cases = [prepare(flexcam.read_case(CASE, [f"run.revolutions={n}"])) for n in (10, 100, 1000)]
     short, long, longest = (estimate_case_resources(one).memory for one in cases)
     assert longest - long == pytest.approx(10 * (long - short), rel=0.01)
     assert len({estimate_case_resources(one, "revolution").memory for one in cases}) == 1
 
 
-def test_too_large_a_run_is_refused_with_figures(monkeypatch):
+def test_too_large_run_error_states_sizes(monkeypatch):
     monkeypatch.setattr(within, "free_memory", lambda: 10_000_000)
     monkeypatch.setattr(within, "free_disk", lambda _: 2_000_000_000)
     large = ResourceEstimate(20_000_000, 5_000_000_000)
@@ -111,13 +111,13 @@ def test_too_large_a_run_is_refused_with_figures(monkeypatch):
     check_resources(ResourceEstimate(3_000_000, 1), Path("results"))
 
 
-def test_what_a_system_does_not_tell_refuses_nothing(monkeypatch):
+def test_unknown_free_resources_cause_no_error(monkeypatch):
     monkeypatch.setattr(within, "free_memory", lambda: None)
     monkeypatch.setattr(within, "free_disk", lambda _: None)
     check_resources(ResourceEstimate(10**18, 10**18), Path())
 
 
-def test_a_run_in_python_is_refused_too(monkeypatch):
+def test_too_large_run_in_python_raises_error(monkeypatch):
     monkeypatch.setattr(within, "free_memory", lambda: 1_000_000)
     case = flexcam.read_case(CASE)
     with pytest.raises(InputError, match="memory: got a run of"):
@@ -125,7 +125,7 @@ def test_a_run_in_python_is_refused_too(monkeypatch):
     assert flexcam.run(case, allow_large=True).status.ok
 
 
-def test_a_mesh_is_refused_before_its_matrices_are_made(monkeypatch):
+def test_too_large_mesh_raises_error_before_assembly(monkeypatch):
     monkeypatch.setattr(within, "free_memory", lambda: 1_000_000)
     case = flexcam.read_case(CASE, ["members.camshaft.elements=100"])
     with pytest.raises(InputError, match=r"301 elements, whose matrices need 2\.4 MB"):
@@ -133,7 +133,7 @@ def test_a_mesh_is_refused_before_its_matrices_are_made(monkeypatch):
     assert prepare(case, allow_large=True).problem.system.size > 1000
 
 
-def test_a_sweep_is_refused_for_its_first_variant(monkeypatch, tmp_path):
+def test_too_large_sweep_raises_error(monkeypatch, tmp_path):
     asked = make_sweep(CASE, ["run.speed=1000:3000:1000rpm"])
     needs = estimate_case_resources(prepare(flexcam.read_case(CASE)))
     monkeypatch.setattr(within, "free_memory", lambda: 2 * needs.memory)
@@ -145,13 +145,13 @@ def test_a_sweep_is_refused_for_its_first_variant(monkeypatch, tmp_path):
         check_sweep_resources(asked, tmp_path)
 
 
-def test_this_machine_has_room():
+def test_free_resources_are_positive():
     assert (free_memory() or 1) > 0
     assert (free_disk(Path("/no/such/folder")) or 1) > 0
 
 
-def test_limits_of_control_groups_count(tmp_path):
-    """Second version: the group's own limit and those above it; first version: that of the memory controller."""
+def test_control_group_memory(tmp_path):
+    """Version 2: limits of the group and of its parents; version 1: limit of the memory controller."""
     own = tmp_path / "cgroup"
     group = tmp_path / "root/batch/job"
     group.mkdir(parents=True)

@@ -1,4 +1,4 @@
-"""A restart goes on at the cam angle of the result, whatever the new speed."""
+"""A restart continues at the cam angle of the result, for any new speed."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ INLINE = Path(__file__).parents[1] / "data/inline.toml"
 
 
 @pytest.fixture
-def stopped(tmp_path):
-    """Return the path of a case beside its result, which ends at 450 deg."""
+def restart_path(tmp_path):
+    """Return the path of a case next to its result, which ends at 450 deg."""
     ready = prepare(read_case(INLINE, ["run.revolutions=1.25"]))
     sink = open_result_file(ready, tmp_path)
     solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
@@ -32,12 +32,12 @@ RESTART = ['run.start={ result = "inline.vtkhdf" }', "run.revolutions=0.25"]
 
 @pytest.mark.parametrize("rigid", [False, True])
 @pytest.mark.parametrize("rpm", mostly_slow([3000, 6000, 1234], 2))
-def test_angle_goes_on(stopped, rpm, rigid):
-    response = run(read_case(stopped, [*RESTART, f"run.speed={rpm}rpm"]), rigid=rigid)
+def test_restart_continues_cam_angle(restart_path, rpm, rigid):
+    response = run(read_case(restart_path, [*RESTART, f"run.speed={rpm}rpm"]), rigid=rigid)
     degrees = np.degrees(response.angle[[0, -1]])
     assert degrees == pytest.approx([450.0, 540.0], abs=1e-6)  # of the step count: a quarter turn in whole steps
 
 
-def test_other_supports_are_refused(stopped):
+def test_restart_with_other_supports_raises_error(restart_path):
     with pytest.raises(InputError, match="same supports"):
-        run(read_case(stopped, [*RESTART, 'supports.cam=["uy"]']))
+        run(read_case(restart_path, [*RESTART, 'supports.cam=["uy"]']))

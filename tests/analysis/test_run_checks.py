@@ -1,4 +1,4 @@
-"""Warnings about steps, elements and balance: what they are computed from, and that they come when they should."""
+"""Warnings about time steps, elements and equilibrium: their basis and their conditions."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from flexcam.valvetrain import Resolution, ResolutionSink, build_structure
 CASE = Path(__file__).parents[1] / "data/inline.toml"
 
 
-def watched(path, *settings):
+def monitored_run(path, *settings):
     ready = prepare(flexcam.read_case(path, settings))
     seen = RunMonitor.of(ready)
     response = solve(ready.problem, ready.scheme, save=ready.save, sinks=seen.sinks)
     return ready, seen, response
 
 
-def told(path, *settings):
-    ready, seen, response = watched(path, *settings)
+def run_warnings(path, *settings):
+    ready, seen, response = monitored_run(path, *settings)
     return check_run(ready, seen, [], response.stats)
 
 
-def test_the_frequency_is_that_of_the_accelerations():
-    """Of harmonic motion it is the motion's own; all unknowns follow one sine here."""
+def test_frequency_of_harmonic_motion():
+    """The frequency of a harmonic motion is its own; all unknowns follow one sine here."""
     ready = prepare(flexcam.read_case(CASE))
     seen = RunMonitor.of(ready)
     sink, w, n = seen.resolution, 700.0, ready.problem.system.size
@@ -50,9 +50,9 @@ def test_the_frequency_is_that_of_the_accelerations():
     assert found.steps == pytest.approx(2.0 * math.pi / (w * ready.problem.step), rel=1e-12)
 
 
-def test_elements_per_wave_are_those_of_the_beam():
-    """Of a shaft that bends: 2 pi/l (EI/(rho A w^2))^(1/4)."""
-    _, seen, _ = watched(CASE)
+def test_elements_per_wave_match_beam_theory():
+    """For a bending shaft: 2 pi/l (EI/(rho A w^2))^(1/4)."""
+    _, seen, _ = monitored_run(CASE)
     found = seen.resolution.found()
     radius, longest = 0.0125, 0.060
     rigidity, mass = 207e9 * math.pi / 4.0 * radius**4, 7800.0 * math.pi * radius**2
@@ -60,7 +60,7 @@ def test_elements_per_wave_are_those_of_the_beam():
     assert found.elements == {"camshaft": pytest.approx(wave / longest, rel=1e-9)}
 
 
-def test_impacts_are_counted_around_the_largest_force():
+def test_steps_of_impact_with_maximum_force():
     ready = prepare(flexcam.read_case(CASE))
     names = ["struck", "begins closed", "open"]
     channels = tuple((f"contacts.{name}.force", "N") for name in names)
@@ -73,38 +73,38 @@ def test_impacts_are_counted_around_the_largest_force():
     assert sink.found().impacts == {"struck": 1}
 
 
-def test_nothing_that_moves_is_fine_enough():
+def test_resolution_without_motion():
     ready = prepare(flexcam.read_case(CASE))
     assert RunMonitor.of(ready).resolution.found() == Resolution(0.0, math.inf, {}, {})
 
 
-def test_a_fine_run_is_not_doubted():
-    assert told(CASE) == []
+def test_fine_run_has_no_warnings():
+    assert run_warnings(CASE) == []
 
 
-def test_coarse_steps_are_told():
-    words = told(CASE, "run.steps_per_revolution=12")
+def test_coarse_steps_cause_warning():
+    words = run_warnings(CASE, "run.steps_per_revolution=12")
     assert any("time steps; use at least" in one for one in words)
 
 
 @dataclass(frozen=True)
-class Found:
-    """What the sink would have found."""
+class FixedResolution:
+    """Stand-in for a `ResolutionSink` with a given result."""
 
-    fineness: Resolution
+    resolution: Resolution
 
     def found(self):
-        return self.fineness
+        return self.resolution
 
 
-def test_what_is_coarse_is_told():
-    ready, seen, response = watched(CASE)
+def test_coarse_elements_and_impacts_cause_warnings():
+    ready, seen, response = monitored_run(CASE)
     coarse = Resolution(400.0, 30.0, {"shaft": 30.0, "camshaft": 1.9}, {"seat": 4, "tip": 5, "play": 1})
-    told = check_run(ready, replace(seen, resolution=Found(coarse)), [], response.stats)
+    run_warnings = check_run(ready, replace(seen, resolution=FixedResolution(coarse)), [], response.stats)
     longer = "use more steps per revolution"
     bend = "at 400 Hz a bending wave in member camshaft is only 1.9 elements long"
     elements = f"elements = {3 * ready.case.record.members['camshaft'].elements}"
-    assert told == [
+    assert run_warnings == [
         f"Warning: {bend}; set {elements} in {ready.case.place(('members', 'camshaft'))}",
         f"Warning: the largest force of contact seat comes from an impact that lasts only 4 time steps: {longer}",
         f"Warning: the largest force of contact play comes from an impact that lasts only 1 time step: {longer}",
@@ -112,43 +112,43 @@ def test_what_is_coarse_is_told():
 
 
 @pytest.mark.parametrize(("steps", "more"), [(19.9, 730), (7.0, 2060), (1.5, 9600)])
-def test_enough_steps_are_named(steps, more):
-    """A period needs 20 of the 720 steps of a revolution; the number of elements depends on its frequency."""
-    ready, seen, response = watched(CASE)
-    found = Found(Resolution(400.0, steps, {"camshaft": 1.9}, {}))
-    (told,) = check_run(ready, replace(seen, resolution=found), [], response.stats)
-    assert told.endswith(f"use at least {more} steps per revolution")
+def test_warning_states_sufficient_steps(steps, more):
+    """A period needs 20 of the 720 steps per revolution; the number of elements depends on its frequency."""
+    ready, seen, response = monitored_run(CASE)
+    found = FixedResolution(Resolution(400.0, steps, {"camshaft": 1.9}, {}))
+    (run_warnings,) = check_run(ready, replace(seen, resolution=found), [], response.stats)
+    assert run_warnings.endswith(f"use at least {more} steps per revolution")
 
 
-def test_the_same_is_told_of_a_result():
-    ready, seen, response = watched(CASE)
+def test_monitor_from_response_matches_run():
+    ready, seen, response = monitored_run(CASE)
     again = RunMonitor.from_response(ready, response)
     assert again.resolution.found().frequency == pytest.approx(seen.resolution.found().frequency, rel=1e-12)
     assert energy_residual(again.extremes) == energy_residual(seen.extremes)
 
 
 @pytest.mark.parametrize("path", ["direct", "modal", "kernel"])
-def test_forces_are_in_balance(path):
-    """To rounding, by whatever way; with HHT between the instants, where its step balances them."""
+def test_equilibrium_residual_is_small(path):
+    """Equilibrium holds to rounding with any engine; with HHT it holds between instants, and not at them."""
     ready = prepare(flexcam.read_case(CASE, [f"run.engine={path}"]))
     assert 0.0 < solve(ready.problem, ready.scheme).stats.imbalance < 1e-10
     between = solve(ready.problem, hht(alpha=-0.1)).stats.imbalance
     assert 1e-6 < between < 1e-2
 
 
-def test_a_missing_force_is_seen(system_of, monkeypatch):
-    """A load that the account does not know leaves all of itself out of balance."""
+def test_missing_force_increases_residual(system_of, monkeypatch):
+    """The residual of a load that the equilibrium omits is the complete load."""
     push = (np.ones(1), lambda motion: np.ones_like(motion.angle))
     problem = Problem(system_of([[1.0]], [[0.0]], [[49.0]], (push,)), ConstantSpeed(1.0), 1e-2, 400, State.rest(1))
     assert solve(problem, newmark()).stats.imbalance < 1e-12
     made = EquilibriumResidual.__init__
 
-    def blind(self, system, forces, step):
+    def omit_loads(self, system, forces, step):
         made(self, system, forces, step)
         self._vectors = 0.0 * self._vectors
 
-    monkeypatch.setattr(EquilibriumResidual, "__init__", blind)
-    # The largest force is that of the spring, twice the load; looked at every twentieth step.
+    monkeypatch.setattr(EquilibriumResidual, "__init__", omit_loads)
+    # The maximum force is that of the spring, twice the load; the residual is sampled every twentieth step.
     assert solve(problem, newmark()).stats.imbalance == pytest.approx(0.5, abs=0.02)
 
 
@@ -169,11 +169,11 @@ start = { displacement = { "ball.uy" = "100 mm" } }
 """
 
 
-def test_what_the_time_integration_dissipates_is_told(tmp_path):
-    """A ball that strikes a seat far too stiff for the steps; it falls there with 1 J."""
+def test_numerical_dissipation_causes_warning(tmp_path):
+    """A ball falls with 1 J on a seat that is much too stiff for the time steps."""
     path = tmp_path / "ball.toml"
     path.write_text(BALL, encoding="utf-8")
-    ready, seen, response = watched(path, 'run.integrator={method="bathe"}')
+    ready, seen, response = monitored_run(path, 'run.integrator={method="bathe"}')
     energy = response.channels
     share = energy["energy.numerical"].max() / max(np.ptp(energy[f"energy.{n}"]) for n in ("work", "kinetic", "strain"))
     assert share > 0.5
@@ -186,11 +186,11 @@ def test_what_the_time_integration_dissipates_is_told(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["", BALL], ids=["average acceleration", "collocation"])
-def test_what_the_time_integration_adds_is_told(text, tmp_path):
-    """A case without the key has the default method: there is no key to leave out."""
+def test_energy_added_by_integrator_causes_warning(text, tmp_path):
+    """A case without the integrator key uses the default method: the warning does not suggest to omit it."""
     path = tmp_path / "ball.toml"
     path.write_text(text, encoding="utf-8")
-    ready, seen, response = watched(path if text else CASE)
+    ready, seen, response = monitored_run(path if text else CASE)
     at = [name for name, _ in response.outline.channels].index("energy.numerical")
     largest = max(np.ptp(response.channels[f"energy.{name}"]) for name in ("work", "kinetic", "strain"))
     seen.extremes._channels.least[at] = -0.9 * largest
@@ -201,7 +201,7 @@ def test_what_the_time_integration_adds_is_told(text, tmp_path):
     assert words[0].endswith("use more steps per revolution")
 
 
-def test_units_of_unknowns_do_not_matter(system_of):
+def test_residual_is_independent_of_units(system_of):
     push = (np.array([1.0, 0.0]), lambda motion: np.ones_like(motion.angle))
     K, M = np.array([[50.0, -10.0], [-10.0, 40.0]]), np.diag([1.0, 2.0])
     shares = []
@@ -212,8 +212,8 @@ def test_units_of_unknowns_do_not_matter(system_of):
     assert shares[0] == pytest.approx(shares[1], rel=1e-6)
 
 
-def test_what_is_out_of_balance_is_told():
-    ready, seen, response = watched(CASE)
+def test_equilibrium_residual_causes_warning():
+    ready, seen, response = monitored_run(CASE)
     words = check_run(ready, seen, [], replace(response.stats, imbalance=0.02))
     assert words == [
         (
@@ -227,22 +227,22 @@ def test_what_is_out_of_balance_is_told():
 
 @pytest.mark.parametrize("path", ["direct", "modal", "kernel"])
 @pytest.mark.parametrize("steps", [1, 5, 19])
-def test_a_run_shorter_than_a_field_is_looked_at(path, steps, monkeypatch):
-    """At its last step; with the loads left out, which are most of what acts so early, it shows."""
+def test_residual_of_short_run_is_computed(path, steps, monkeypatch):
+    """The last step is sampled; without the loads, most of the early forces, the residual is large."""
     ready = prepare(flexcam.read_case(CASE, [f"run.engine={path}"]))
     short = replace(ready.problem, steps=steps)
     assert 0.0 < solve(short, ready.scheme).stats.imbalance < 1e-10
     look = EquilibriumResidual.evaluate
 
-    def blind(self, track, seen, schedule, rows):
+    def omit_loads(self, track, seen, schedule, rows):
         look(self, track, replace(seen, histories=0.0 * seen.histories), schedule, rows)
 
-    monkeypatch.setattr(EquilibriumResidual, "evaluate", blind)
+    monkeypatch.setattr(EquilibriumResidual, "evaluate", omit_loads)
     assert solve(short, ready.scheme).stats.imbalance > 0.1
 
 
-def test_what_was_not_looked_at_is_not_told_as_zero(tmp_path):
-    """A run that is stopped before the first saved field."""
+def test_unchecked_residual_is_not_reported_as_zero(tmp_path):
+    """The run stops before the first saved field."""
     asked = count()
     ready = prepare(flexcam.read_case(CASE, ["run.engine=direct"]))
     seen, sink = RunMonitor.of(ready), open_result_file(ready, tmp_path)
@@ -255,14 +255,14 @@ def test_what_was_not_looked_at_is_not_told_as_zero(tmp_path):
     assert flexcam.read_result(left).response.stats.imbalance < 0.0
 
 
-def test_members_far_from_their_place_are_told():
-    """Linear beams would compute any deflection."""
-    soft = told(CASE, "materials.steel.E=2 MPa")
+def test_large_displacements_cause_warning():
+    """Linear beams compute any deflection."""
+    soft = run_warnings(CASE, "materials.steel.E=2 MPa")
     assert any("member camshaft leaves the range of small displacements" in one for one in soft)
-    assert not any("small displacements" in one for one in told(CASE))
+    assert not any("small displacements" in one for one in run_warnings(CASE))
 
 
-def test_warnings_are_kept_with_the_result(tmp_path):
+def test_result_file_contains_warnings(tmp_path):
     ready = prepare(flexcam.read_case(CASE))
     asked = []
     sink = open_result_file(
@@ -275,7 +275,7 @@ def test_warnings_are_kept_with_the_result(tmp_path):
     assert read.response.stats.imbalance == pytest.approx(0.0, abs=1e-10)
 
 
-def test_contacts_are_in_balance_too():
+def test_equilibrium_residual_with_contacts_is_small():
     ready = prepare(flexcam.read_case(CASE.with_name("every-contact.toml"), ["run.revolutions=0.2"]))
     response = solve(ready.problem, ready.scheme)
     assert np.abs(response.channels["contacts.intake.force"]).max() > 1.0

@@ -1,7 +1,8 @@
-"""Cam followers of every kind, the plain geometry by which their cams are checked, and the error of derivatives.
+"""Followers of every kind, reference geometry of their cams, and the error of derivatives.
 
-The geometry is written anew from the words of the followers: a translating follower moves up; the pivot of a swinging
-one lies at (distance, 0), its arm at an angle to the line of centres, above it where ``side`` is 1.
+The geometry is derived independently from the definitions of the followers: a translating follower moves up; the
+pivot of a swinging follower is at (distance, 0), its arm at an angle to the line of centres, above it where ``side``
+is 1.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from flexcam.cams import (
 
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(16)
 ROUNDING = 1e-2
-"""Rounding of the curve below over that of the derivative's integral, in units of the bound: see `derivative_error`."""
+"""Weight of the rounding of the underlying curve relative to the derivative's integral: see `derivative_error`."""
 
 FOLLOWERS = {
     "flat": FlatFollower(0.018),
@@ -49,7 +50,7 @@ def turn(request):
 
 
 def pytest_itemcollected(item):
-    """Leave every follower with one sense of rotation in the normal suite."""
+    """Run every follower with one sense of rotation in the normal suite, and mark the other one as slow."""
     given = item.callspec.params if hasattr(item, "callspec") else {}
     if {"follower", "turn"} <= given.keys():
         first = list(FOLLOWERS.values()).index(given["follower"]) % 2
@@ -59,30 +60,30 @@ def pytest_itemcollected(item):
 
 @pytest.fixture(scope="session")
 def smooth_event():
-    """Return a lift whose rise and return differ, so that a mirrored answer is wrong; no cam of it is undercut."""
+    """Return a lift with different rise and return, so that a mirrored result is wrong; no cam of it is undercut."""
     return LiftEvent(LAWS["4-5-6-7"], lift=0.003, rise=1.5, fall=1.7, dwell=0.4, phase=0.3)
 
 
 @pytest.fixture(scope="session")
 def harmonic_event():
-    """Return a lift without joints and without symmetry: its curves have exact derivatives by Fourier series."""
+    """Return a smooth lift without symmetry, whose derivatives follow exactly from its Fourier series."""
     return HarmonicLift(0.003, (-0.0015, 0.0004, -0.0001), (0.0010, -0.0003, 0.0002))
 
 
 @pytest.fixture(scope="session")
 def slope():
-    """Return the derivative of a periodic curve by its Fourier series; values at even angles of one revolution."""
+    """Return a function that differentiates equally spaced samples of one revolution by Fourier series."""
 
-    def of(values):
+    def evaluate(values):
         order = np.fft.fftfreq(len(values), 1.0 / len(values))
         derived = np.fft.ifft(1j * order * np.fft.fft(values))
         return derived if np.iscomplexobj(values) else derived.real
 
-    return of
+    return evaluate
 
 
 def _arm_angle(follower, lift):
-    """Return the angle of the arm or face to the line of centres: on the base circle, and what the lift adds."""
+    """Return the angle of the arm or face to the line of centres at a lift, rad."""
     a, r, arm = follower.distance, follower.base_radius, follower.arm
     if isinstance(follower, SwingFlatFollower):
         # The cam's centre is the base radius away from the face and the pivot its offset: a sin psi = r - e.
@@ -122,9 +123,9 @@ def centre():
 
 @pytest.fixture(scope="session")
 def gap():
-    """Return how far points of the fixed frame are from the follower, m; negative inside of it."""
+    """Return the distance of points of the fixed frame from the follower, m; negative inside of it."""
 
-    def of(follower, lift, point):
+    def evaluate(follower, lift, point):
         if isinstance(follower, RollerFollower | SwingRollerFollower):
             return np.abs(point - _centre(follower, lift)) - follower.roller_radius
         normal = _face_normal(follower, lift)
@@ -132,26 +133,26 @@ def gap():
             return follower.base_radius + lift - (point * np.conj(normal)).real
         return follower.face - ((point - follower.distance) * np.conj(normal)).real
 
-    return of
+    return evaluate
 
 
 @pytest.fixture(scope="session")
 def outward():
-    """Return the unit normal from the cam into the follower at points where they touch, fixed frame."""
+    """Return the unit normal from the cam into the follower at contact points, in the fixed frame."""
 
-    def of(follower, lift, point):
+    def evaluate(follower, lift, point):
         if isinstance(follower, RollerFollower | SwingRollerFollower):
             return (_centre(follower, lift) - point) / follower.roller_radius
         return _face_normal(follower, lift)
 
-    return of
+    return evaluate
 
 
 @pytest.fixture(scope="session")
 def lift_on_circle():
-    """Return the lift of a follower on a circle, by closed form, from where its centre is in the fixed frame."""
+    """Return the lift of a follower on a circle by closed form, from the circle's centre in the fixed frame."""
 
-    def of(follower, middle, radius):
+    def evaluate(follower, middle, radius):
         if isinstance(follower, FlatFollower):
             return middle.imag + radius - follower.base_radius
         if isinstance(follower, RollerFollower):
@@ -166,13 +167,13 @@ def lift_on_circle():
             psi = np.angle(away) + np.arcsin((radius - follower.face) / np.abs(away))
         return follower.arm * (psi - _arm_angle(follower, 0.0))
 
-    return of
+    return evaluate
 
 
-def error_over(curve, order, start, end):
-    """Greatest difference of integral and rise over panels of one smooth piece, and what to measure it by."""
+def panel_error(curve, order, start, end):
+    """Return the maximum difference of integral and rise over panels of one smooth piece, and the scales of both."""
     edges = np.linspace(start, end, 2 + int(40 * (end - start)))
-    edges[-1] = np.nextafter(end, start)  # the last value before a joint, whose own value is that to the right
+    edges[-1] = np.nextafter(end, start)  # the left limit: the value at a joint is the right limit
     half = 0.5 * np.diff(edges)
     within = (edges[:-1] + half)[:, None] + half[:, None] * POINTS
     derivative, below = curve(within, order), curve(edges, order - 1)
@@ -182,15 +183,15 @@ def error_over(curve, order, start, end):
 
 @pytest.fixture(scope="session")
 def derivative_error():
-    """Return how far a derivative is from that of the curve below it, between joints, as part of its size.
+    """Return the relative error of a derivative against the next lower one, between joints.
 
-    The integral of the derivative over a short panel is the rise of the curve below, whatever the step: sixteen Gauss
-    points are exact to rounding for all laws here. A central difference would be good to six digits only. What is
-    left is rounding: 1e-16 of the curve below on each panel, hence 1e-14 in these units.
+    The integral of the derivative over a short panel is the rise of the lower derivative, independent of any step:
+    sixteen Gauss points are exact to rounding for all laws here. A central difference has six digits only. The
+    remaining error is rounding: 1e-16 of the lower derivative on each panel, hence 1e-14 in these units.
     """
 
     def error(curve, order, joints):
-        found = [error_over(curve, order, a, b) for a, b in pairwise(joints)]
+        found = [panel_error(curve, order, a, b) for a, b in pairwise(joints)]
         size = np.array([1.0, ROUNDING]) @ np.max([scale for _, scale in found], axis=0)
         return max(e for e, _ in found) / size if size else 0.0
 

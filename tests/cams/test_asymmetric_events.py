@@ -1,4 +1,4 @@
-"""Events whose return differs from their rise, of one dwell, in any phase; and those that are refused."""
+"""Events with a return that differs from the rise, with one dwell or in any phase, and invalid events."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def event(rise="3-4-5", fall="modified-sine", **changes):
 
 @settings(max_examples=40, deadline=None)
 @given(NAMES, NAMES, ANGLE, ANGLE, st.floats(0.0, 1.0), st.floats(-20.0, 20.0), st.integers(0, 4))
-def test_rise_and_return_are_their_laws(up, down, rise, fall, dwell, phase, order):
-    """The return is the law run backwards: h u(1 - z), derivatives with the sign of (-1)^order."""
+def test_rise_and_return_follow_their_laws(up, down, rise, fall, dwell, phase, order):
+    """The return is the reversed law: h u(1 - z), derivatives with the sign of (-1)^order."""
     one = LiftEvent(LAWS[up], LIFT, rise, fall, dwell=dwell, phase=phase, fall_law=LAWS[down])
     z = np.linspace(0.013, 0.987, 41)
     for law, start, span in ((LAWS[up], phase, rise), (LAWS[down], phase + rise + dwell, fall)):
@@ -39,12 +39,12 @@ def test_rise_and_return_are_their_laws(up, down, rise, fall, dwell, phase, orde
         np.testing.assert_allclose(found[clear], expected[clear], rtol=0, atol=1e-11 * np.abs(expected).max() + 1e-30)
 
 
-def test_the_law_of_the_rise_returns_where_no_other_is_given():
+def test_return_uses_rise_law_by_default():
     grid = np.linspace(0.0, TURN, 721)
     np.testing.assert_array_equal(event(fall_law=None)(grid, 2), event(fall_law=LAWS["3-4-5"])(grid, 2))
 
 
-def test_unequal_angles_scale_the_acceleration():
+def test_acceleration_scales_with_inverse_square_of_angle():
     """Same law up in 1.0 and down in 1.6 rad: peaks as the squares of the angles."""
     one = event(fall_law=None)
     up = one(PHASE + np.linspace(0, RISE, 2001), 2)
@@ -54,16 +54,16 @@ def test_unequal_angles_scale_the_acceleration():
 
 @settings(max_examples=40, deadline=None)
 @given(st.floats(-50.0, 50.0), st.floats(-10.0, 10.0), st.integers(0, 3))
-def test_phase_only_moves_the_event(phase, angle, order):
+def test_phase_shifts_event(phase, angle, order):
     moved, still = event(phase=phase), event(phase=0.0)
     here, there = moved(np.array([angle + phase]), order)[0], still(np.array([angle]), order)[0]
-    # Rounding of the angle, 1e-14, times the next derivative; a place within the snap of a joint may differ.
+    # Rounding of the angle, 1e-14, times the next derivative; points within the snap of a joint may differ.
     if min(abs((angle - at + math.pi) % TURN - math.pi) for at in still.joints) > 1e-8:
         assert here == pytest.approx(there, abs=1e-11 * LIFT * 60.0)
 
 
 @pytest.mark.parametrize("phase", [0.0, 0.9, -2.0, 6.0, 40.0])
-def test_a_shifted_event_is_one_of_another_phase(phase):
+def test_delayed_event_equals_event_with_phase(phase):
     shifted, moved = DelayedEvent(event(phase=0.0), phase), event(phase=phase)
     grid = np.linspace(-1.0, 7.0, 801)
     for order in range(3):
@@ -73,7 +73,7 @@ def test_a_shifted_event_is_one_of_another_phase(phase):
     assert shifted.height == moved.height
 
 
-def test_a_shifted_harmonic_lift_happens_later():
+def test_delayed_harmonic_lift():
     lift = HarmonicLift(0.003, (-0.003,), (0.0,))
     shifted = DelayedEvent(lift, 0.5)
     assert shifted.joints == ()
@@ -82,7 +82,7 @@ def test_a_shifted_harmonic_lift_happens_later():
 
 
 @pytest.mark.parametrize("phase", [0.0, -0.4, 6.1, 100.0])
-def test_joints_lie_within_a_revolution_and_ascend(phase):
+def test_joints_are_sorted_within_one_revolution(phase):
     found = event(phase=phase, ramp=Ramp(1e-4, 0.2)).joints
     assert all(0.0 <= at < TURN for at in found)
     assert list(found) == sorted(found)
@@ -90,7 +90,7 @@ def test_joints_lie_within_a_revolution_and_ascend(phase):
     assert len(found) == 10
 
 
-def test_segments_follow_each_other():
+def test_segments_are_contiguous():
     parts = event(ramp=Ramp(1e-4, 0.2), closing_ramp=Ramp(2e-4, 0.3)).segments
     assert all(isinstance(one, Segment) for one in parts)
     assert [one.backwards for one in parts] == [False, False, False, True, True]
@@ -100,8 +100,8 @@ def test_segments_follow_each_other():
     assert sum(one.span for one in parts) == pytest.approx(0.2 + RISE + DWELL + FALL + 0.3)
 
 
-def test_a_segment_by_itself():
-    """From 2 mm up by 3 mm within 0.5 rad, and back."""
+def test_segment_values():
+    """A rise from 2 mm by 3 mm within 0.5 rad, and its return."""
     up = Segment(1.0, 0.5, 0.002, 0.003, LAWS["3-4-5"])
     down = Segment(1.0, 0.5, 0.002, 0.003, LAWS["3-4-5"], backwards=True)
     at = np.array([1.0, 1.25, 1.5])
@@ -116,7 +116,7 @@ def test_a_segment_by_itself():
 class TestSingleDwell:
     LAW = quinquinomial(1)
 
-    def test_low_turns_both_laws(self):
+    def test_low_reverses_both_laws(self):
         one = LiftEvent(self.LAW, LIFT, RISE, FALL, single_dwell="low", fall_law=quinquinomial(2))
         z = np.linspace(0.01, 0.99, 50)
         np.testing.assert_allclose(one(z * RISE), LIFT * ReversedLaw(self.LAW)(z), rtol=0, atol=1e-16)
@@ -124,14 +124,14 @@ class TestSingleDwell:
             one(RISE + z * FALL), LIFT * ReversedLaw(quinquinomial(2))(1 - z), rtol=0, atol=1e-16
         )
 
-    def test_high_leaves_the_law_as_it_is(self):
+    def test_high_does_not_reverse_law(self):
         one = LiftEvent(self.LAW, LIFT, RISE, FALL, dwell=TURN - RISE - FALL, single_dwell="high")
         z = np.linspace(0.01, 0.99, 50)
         np.testing.assert_allclose(one(z * RISE), LIFT * self.LAW(z), rtol=0, atol=1e-16)
-        assert one(np.array([0.0]))[0] == 0.0  # no stretch on the base circle, one point of it
+        assert one(np.array([0.0]))[0] == 0.0  # a single point is on the base circle
         assert one(np.array([1e-3, TURN - 1e-3])).min() > 0.0
 
-    def test_low_rests_below(self):
+    def test_low_dwell_has_zero_lift(self):
         one = LiftEvent(self.LAW, LIFT, RISE, FALL, single_dwell="low")
         for order in range(5):
             assert not one(np.linspace(RISE + FALL, TURN - 1e-6, 50), order).any()
@@ -146,7 +146,7 @@ class TestSingleDwell:
              "no lower dwell to ramp from"),
         ],
     )  # fmt: skip
-    def test_misuse(self, given, where, reason):
+    def test_invalid_single_dwell_raises_error(self, given, where, reason):
         with pytest.raises(InputError, match=f"^{where}.*{reason}"):
             LiftEvent(self.LAW, LIFT, RISE, FALL, **given)
 
@@ -160,15 +160,15 @@ class TestSingleDwell:
         {"dwell": TURN - RISE - FALL, "closing_ramp": Ramp(1e-4, 0.05)},
     ],
 )
-def test_more_than_a_revolution(given):
+def test_event_longer_than_revolution_raises_error(given):
     with pytest.raises(
         InputError, match=r"deg in all, expected up to 360 deg of cam angle, ramps included. .* crank angle"
     ):
         event(**given)
 
 
-def test_a_full_revolution_is_taken():
-    """Rounding of the sum must not refuse it, and no angle falls into a crack at the end."""
+def test_full_revolution_is_valid():
+    """Rounding of the sum causes no error, and no gap remains at the end of the event."""
     for pieces in (7, 11, 13):
         rise, fall, dwell = (TURN * part / pieces for part in (3, 2, pieces - 5))
         one = LiftEvent(LAWS["cycloidal"], LIFT, rise, fall, dwell=dwell)
@@ -179,12 +179,12 @@ def test_a_full_revolution_is_taken():
     ("changes", "where"),
     [({"phase": math.nan}, "phase"), ({"phase": math.inf}, "phase"), ({"dwell": -0.1}, "dwell")],
 )
-def test_refused(changes, where):
+def test_invalid_phase_or_dwell_raises_error(changes, where):
     with pytest.raises(InputError, match=f"^{where}:"):
         event(**changes)
 
 
-def test_argument_untouched_and_shape_kept(readonly):
+def test_argument_is_unchanged_and_shape_preserved(readonly):
     one = event(ramp=Ramp(1e-4, 0.2))
     grid = readonly(np.linspace(-10.0, 10.0, 24).reshape(2, 3, 4))
     for order in range(5):

@@ -1,4 +1,4 @@
-"""Lifts that are periodic by themselves, and the harmonics of any lift."""
+"""Periodic lifts, and the harmonics of any lift."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ AMPLITUDES = st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)), min
 COEFFICIENTS = st.lists(st.floats(-1.0, 1.0), min_size=12, max_size=40)
 
 
-def smooth(**changes):
+def smooth_event(**changes):
     return LiftEvent(LAWS["4-5-6-7"], 0.008, 1.1, 1.3, **({"dwell": 0.2, "phase": 0.5} | changes))
 
 
@@ -43,7 +43,7 @@ class TestHarmonicLift:
         ("mean", "cosine", "sine"),
         [(0.0, (1.0,), ()), (0.0, (), ()), (math.nan, (1.0,), (1.0,)), (0.0, (math.inf,), (0.0,))],
     )
-    def test_refused(self, mean, cosine, sine):
+    def test_invalid_amplitudes_raise_error(self, mean, cosine, sine):
         with pytest.raises(InputError):
             HarmonicLift(mean, cosine, sine)
 
@@ -51,8 +51,8 @@ class TestHarmonicLift:
 class TestPeriodicSpline:
     @settings(max_examples=25, deadline=None)
     @given(COEFFICIENTS, st.integers(0, 4))
-    def test_is_the_periodic_spline_of_scipy(self, coefficients, order):
-        """Same coefficients, knots carried on over both ends."""
+    def test_equals_periodic_spline_of_scipy(self, coefficients, order):
+        """Same coefficients, with knots continued beyond both ends."""
         n = len(coefficients)
         knots = TURN / n * np.arange(-5, n + 6)
         reference = BSpline(knots, np.array(coefficients + coefficients[:5]), 5)
@@ -76,25 +76,25 @@ class TestPeriodicSpline:
         here, there = spline(GRID, order), spline(GRID + turns * TURN, order)
         np.testing.assert_allclose(here, there, rtol=0, atol=1e-12 * float(n) ** (order + 1))
 
-    def test_fourth_derivative_is_continuous_at_the_knots(self):
+    def test_fourth_derivative_is_continuous_at_knots(self):
         spline = PeriodicSpline(np.random.default_rng(1).standard_normal(20))
         knots = TURN / 20 * np.arange(20)
         np.testing.assert_allclose(
             spline(knots - 1e-9, 4), spline(knots + 1e-9, 4), rtol=0, atol=1e-6 * np.abs(spline(GRID, 4)).max()
         )
 
-    def test_coefficients_turned_by_one_turn_the_lift_by_one_knot(self):
+    def test_rolled_coefficients_shift_lift_by_one_knot(self):
         c = np.random.default_rng(2).standard_normal(24)
         np.testing.assert_allclose(
             PeriodicSpline(np.roll(c, 1))(GRID + TURN / 24), PeriodicSpline(c)(GRID), rtol=0, atol=1e-13
         )
 
     @pytest.mark.parametrize("values", [np.ones(11), np.full(20, np.nan), np.ones((12, 2)), []])
-    def test_refused(self, values):
+    def test_invalid_coefficients_raise_error(self, values):
         with pytest.raises(InputError, match=r"^coefficients"):
             PeriodicSpline(values)
 
-    def test_arguments_untouched_and_shape_kept(self, readonly):
+    def test_arguments_are_unchanged_and_shape_preserved(self, readonly):
         values = np.ones(12)
         spline = PeriodicSpline(values)
         values[:] = 7.0
@@ -103,15 +103,17 @@ class TestPeriodicSpline:
 
 
 EVENTS = {
-    "smooth": smooth(),
-    "asymmetric with ramps": smooth(fall_law=LAWS["modified-sine"], ramp=Ramp(2e-4, 0.3), closing_ramp=Ramp(3e-4, 0.4)),
+    "smooth": smooth_event(),
+    "asymmetric with ramps": smooth_event(
+        fall_law=LAWS["modified-sine"], ramp=Ramp(2e-4, 0.3), closing_ramp=Ramp(3e-4, 0.4)
+    ),
     "parabolic": LiftEvent(LAWS["parabolic"], 0.008, 1.1, 1.3, dwell=0.2, phase=0.5),
     "single dwell": LiftEvent(LAWS["quinquinomial-3"], 0.008, 1.2, 1.2, phase=6.0, single_dwell="low"),
 }
 
 
 @pytest.mark.parametrize("name", EVENTS)
-def test_harmonics_of_the_lift_against_the_fft(name):
+def test_harmonics_of_lift_match_fft(name):
     """65536 samples: aliasing of a lift whose acceleration is bounded is below C/N^2 = 1e-10 of the lift."""
     event, n = EVENTS[name], 65536
     samples = np.fft.rfft(event(np.arange(n) * (TURN / n)))[:41] * (2.0 / n)
@@ -121,7 +123,7 @@ def test_harmonics_of_the_lift_against_the_fft(name):
 
 @pytest.mark.parametrize("name", EVENTS)
 def test_parseval(name):
-    """The mean of the square is |c_0|^2 plus half the others', as far as they go: the rest falls as n^-6 and more."""
+    """The mean square is |c_0|^2 plus half the other squares; the neglected ones fall as n^-6 or faster."""
     event = EVENTS[name]
     grid = np.linspace(0.0, TURN, 100_001)[:-1]
     c = harmonics(event, 300)
@@ -130,8 +132,8 @@ def test_parseval(name):
 
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("name", EVENTS)
-def test_harmonics_of_a_derivative_are_those_of_the_lift_times_i_n(name, order):
-    """By parts, as lift and velocity are continuous; the quadrature is exact to rounding between the joints."""
+def test_harmonics_of_derivative_are_lift_harmonics_times_i_n(name, order):
+    """Integration by parts: lift and velocity are continuous. The quadrature is exact to rounding between joints."""
     event, n = EVENTS[name], np.arange(31)
     derived = harmonics(event, 30, order)
     np.testing.assert_allclose(
@@ -141,14 +143,14 @@ def test_harmonics_of_a_derivative_are_those_of_the_lift_times_i_n(name, order):
 
 @settings(max_examples=20, deadline=None)
 @given(AMPLITUDES)
-def test_harmonics_give_a_harmonic_lift_back(amplitudes):
+def test_harmonics_of_harmonic_lift_round_trip(amplitudes):
     a, b = (tuple(pair[k] for pair in amplitudes) for k in (0, 1))
     found = harmonics(HarmonicLift(0.2, a, b), len(amplitudes) + 2)
     expected = np.array([0.2, *(x - 1j * y for x, y in amplitudes), 0.0, 0.0])
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13)
 
 
-def test_simple_harmonic_up_and_down_is_one_harmonic():
+def test_simple_harmonic_event_has_one_harmonic():
     found = harmonics(LiftEvent(LAWS["shm"], 0.006, math.pi, math.pi), 6)
     np.testing.assert_allclose(found, [0.003, -0.003, 0, 0, 0, 0, 0], rtol=0, atol=1e-16)
 
@@ -166,8 +168,8 @@ def test_closed_form_of_parabolic_motion():
     assert found[0].real == pytest.approx(lift / 2, rel=1e-12)
 
 
-def test_many_harmonics_stay_exact():
-    """Panels follow the count: c_401 of a parabolic lift, 1e-8 of the lift in size, is as good as c_9."""
+def test_high_harmonics_are_exact():
+    """The number of panels follows the count: c_401 of a parabolic lift, 1e-8 of the lift, is as accurate as c_9."""
     n = 401
     found = harmonics(LiftEvent(LAWS["parabolic"], 1.0, math.pi, math.pi), n)
     expected = -16 / math.pi**3 / n**3 * math.sin(n * math.pi / 2)

@@ -1,4 +1,4 @@
-"""What the criteria say beside their numbers: shared places, plateaus, jumps, and what is broken."""
+"""Criteria of laws: shared extremes, plateaus, jumps and violations."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flexcam.cams import LAWS, CompoundCycloid, Harmonic, Polynomial, ReversedLa
 from flexcam.cams.law_criteria import stationary_points
 
 
-def test_shared_extremes_are_told_with_every_place():
+def test_shared_extremes_list_every_position():
     """Pure 3rd harmonic on a line: s' = 1 - cos 6 pi z is 2 three times and 0 four times."""
     found = criteria(Harmonic(((3, 1.0),)))
     top, bottom = found.velocity[1], found.velocity[0]
@@ -25,14 +25,14 @@ def test_shared_extremes_are_told_with_every_place():
     assert top.value == pytest.approx(2.0, rel=1e-15)
 
 
-def test_a_plateau_is_told_once():
+def test_plateau_is_listed_once():
     found = criteria(LAWS["modified-trapezoid"]).acceleration
     for extreme, start in zip(found, (5 / 8, 1 / 8), strict=True):
         assert extreme.also == ()
         assert extreme.at == pytest.approx(start, abs=1e-3)
 
 
-def test_a_single_extreme_stands_alone():
+def test_single_extreme_has_one_position():
     found = criteria(LAWS["cycloidal"])
     assert found.velocity[1].also == ()
     assert found.acceleration[1].at == pytest.approx(0.25, abs=1e-9)
@@ -41,7 +41,7 @@ def test_a_single_extreme_stands_alone():
 
 @settings(max_examples=15, deadline=None)
 @given(st.floats(0.1, 0.9))
-def test_extremes_of_a_compound_cycloid(split):
+def test_extremes_of_compound_cycloid(split):
     """Peaks A at p/2 and -A p/(1 - p) at the nose, velocity 2 A p/pi at p, jerk A pi/p at the start."""
     found = criteria(CompoundCycloid(split))
     peak = 1.0 / (split**2 / math.pi + 4 * split * (1 - split) / math.pi**2)
@@ -56,7 +56,7 @@ def test_extremes_of_a_compound_cycloid(split):
 @pytest.mark.parametrize(
     "law", [quinquinomial(2), CompoundCycloid(0.3), LAWS["pavlovic-new"], Polynomial((2, 9)), Scca(0.2, 0.5, 0.3)]
 )
-def test_a_turned_law_has_the_same_criteria_with_other_signs(law):
+def test_reversed_law_has_same_criteria_with_opposite_signs(law):
     one, other = criteria(law), criteria(ReversedLaw(law))
     for attribute in ("Cv", "Ca", "Cm"):
         assert getattr(one, attribute) == pytest.approx(getattr(other, attribute), rel=1e-11)
@@ -67,7 +67,7 @@ def test_a_turned_law_has_the_same_criteria_with_other_signs(law):
     assert one.symmetric == other.symmetric
 
 
-def test_cm_is_an_absolute_value():
+def test_cm_is_absolute_value():
     """The larger moment of the new law is negative."""
     found = criteria(LAWS["pavlovic-new"])
     assert found.Cm == -found.moment[0].value > found.moment[1].value
@@ -75,7 +75,7 @@ def test_cm_is_an_absolute_value():
 
 @pytest.mark.parametrize("order", [1, 2, 3])
 @pytest.mark.parametrize("name", ["3-4-5", "fb2", "modified-sine", "pavlovic-new", "quinquinomial-4"])
-def test_stationary_points_hold_the_largest_value(name, order):
+def test_stationary_points_include_maximum(name, order):
     law, z = LAWS[name], np.linspace(0.0, 1.0, 20_001)
     at = stationary_points(law, order)
     assert (np.diff(at) >= 0.0).all()
@@ -83,7 +83,7 @@ def test_stationary_points_hold_the_largest_value(name, order):
     assert grid * (1 - 1e-12) <= np.abs(law(at, order)).max() <= grid * (1 + 1e-3)
 
 
-SAID = {
+VIOLATIONS = {
     "cycloidal": ["jerk"],
     "4-5-6-7": [],
     "5-6-7-8-9": [],
@@ -98,18 +98,20 @@ SAID = {
 }
 
 
-@pytest.mark.parametrize("name", SAID)
-def test_what_is_broken_is_said(name):
+@pytest.mark.parametrize("name", VIOLATIONS)
+def test_violations_of_laws(name):
     found = criteria(LAWS[name])
     words = {
         "velocity": "next to a dwell the velocity jumps", "acceleration": "next to a dwell the acceleration jumps",
         "jerk": "next to a dwell the jerk jumps", "inside": "jumps inside the rise", "symmetric": "not symmetric",
     }  # fmt: skip
-    assert [re.split("[:,]", said)[0] for said in found.violations] == [words[key] for key in SAID[name]]
+    assert [re.split("[:,]", violation)[0] for violation in found.violations] == [
+        words[key] for key in VIOLATIONS[name]
+    ]
 
 
-class Short:
-    """A law that ends too low, as one of another package may."""
+class ShortLaw:
+    """Law that does not reach a lift of 1, as a law of another package may."""
 
     breaks = ()
 
@@ -117,8 +119,8 @@ class Short:
         return 0.1 * (order == 0) + 0.8 * LAWS["cycloidal"](z, order)
 
 
-def test_a_law_that_does_not_reach_its_lift_is_said():
-    broken = criteria(Short()).violations
+def test_wrong_end_values_are_violations():
+    broken = criteria(ShortLaw()).violations
     assert broken[0] == "s(0) = 0.1, not 0"
     assert broken[1] == "s(1) = 0.9, not 1"
 

@@ -1,4 +1,4 @@
-"""Lift events: periodic, in phase, still in the dwells, on the stated side of every jump."""
+"""Lift events: periodicity, phase, dwells, and one-sided values at jumps."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ def event(law="cycloidal", **changes):
 
 
 @pytest.mark.parametrize("law", sorted(LAWS))
-def test_periodic(law):
+def test_event_is_periodic(law):
     """The angle of turn 5000 rounds by 4e-12 rad, half a bit in the product and half in the sum.
 
-    What that may change is the next derivative times as much, which for exponents of 50 is large: its greatest value is
-    that of the steepest chord between joints, with a half more. The rest is rounding of the law itself, 1e-12 of the
-    curve. No angle of the grid but the joints, which are snapped to, is so near to a jump.
+    The resulting change is the next derivative times this rounding, which is large for exponents of 50: its maximum
+    is taken as the steepest chord between joints plus one half. The rest is rounding of the law itself, 1e-12 of the
+    curve. No angle of the grid is that close to a jump, except the joints, which are snapped to.
     """
     one = event(law)
     smooth = np.searchsorted(one.joints, FINE[:-1]) == np.searchsorted(one.joints, FINE[1:], side="right")
@@ -41,11 +41,11 @@ def test_periodic(law):
             assert difference <= 1.5 * slip * slope + 1e-12 * np.abs(here).max()
 
 
-def test_phase_shifts():
+def test_phase_shifts_lift():
     np.testing.assert_allclose(event()(ANGLES + 0.3), event(phase=PHASE - 0.3)(ANGLES), rtol=0, atol=1e-15)
 
 
-def test_parts():
+def test_lift_in_rise_dwell_and_return():
     at = PHASE + np.array(
         [0.0, RISE / 2, RISE, RISE + DWELL, RISE + DWELL + FALL / 2, RISE + DWELL + FALL, RISE + DWELL + FALL + 0.5]
     )
@@ -53,13 +53,13 @@ def test_parts():
 
 
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
-def test_dwells_are_still(order):
+def test_derivatives_are_zero_in_dwells(order):
     held = PHASE + RISE + np.linspace(1e-6, DWELL - 1e-6, 7)
     low = PHASE - np.linspace(1e-6, TURN - RISE - DWELL - FALL - 1e-6, 7)
     assert not event("shm")(np.concatenate([held, low]), order).any()
 
 
-def test_derivatives_scale_with_the_angles():
+def test_derivatives_scale_with_angles():
     up, down = PHASE + 0.25 * RISE, PHASE + RISE + DWELL + 0.75 * FALL  # the return at 3/4 is the law at 1/4
     for order in range(1, 5):
         law = LAWS["cycloidal"](np.array([0.25]), order)[0]
@@ -70,8 +70,8 @@ def test_derivatives_scale_with_the_angles():
 
 
 @pytest.mark.parametrize("slip", [-1e-12, 0.0, 1e-12])
-def test_jumps_show_their_right_side_whatever_the_rounding(slip):
-    """Parabolic rise-dwell-return: acceleration +a, -a | 0 | -b, +b | 0; at each joint the later value."""
+def test_value_at_jump_is_right_limit_despite_rounding(slip):
+    """Parabolic rise-dwell-return: acceleration +a, -a | 0 | -b, +b | 0; the value at a joint is the right limit."""
     a, b = 4 * LIFT / RISE**2, 4 * LIFT / FALL**2
     joints = PHASE + np.array([0.0, RISE / 2, RISE, RISE + DWELL, RISE + DWELL + FALL / 2, RISE + DWELL + FALL])
     for turns in (0, 1, 7):
@@ -80,8 +80,8 @@ def test_jumps_show_their_right_side_whatever_the_rounding(slip):
 
 
 @pytest.mark.parametrize("steps", [7, 360, 3600, 7919])
-def test_steps_never_choose_the_side(steps):
-    """Half a turn up, half down: k * step hits the joints with rounding, over ten revolutions."""
+def test_value_at_jump_is_independent_of_step(steps):
+    """Half a turn up and half down: k * step is at the joints up to rounding, over ten revolutions."""
     full = LiftEvent(LAWS["parabolic"], 1.0, math.pi, math.pi)
     first = full(np.arange(steps) * (TURN / steps), 2)
     for turn in range(1, 10):
@@ -91,6 +91,6 @@ def test_steps_never_choose_the_side(steps):
 @pytest.mark.parametrize(
     "changes", [{"rise": 0.0}, {"lift": -1.0}, {"dwell": 4.0}, {"fall": 180.0}, {"rise": math.nan}]
 )
-def test_refused(changes):
+def test_invalid_event_raises_error(changes):
     with pytest.raises(InputError):
         event(**changes)

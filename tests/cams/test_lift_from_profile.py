@@ -1,4 +1,4 @@
-"""From a profile back to the lift."""
+"""Lift of a follower from the points of a profile."""
 
 from __future__ import annotations
 
@@ -28,35 +28,35 @@ CIRCLE = 0.02 * np.column_stack([np.cos(AROUND), np.sin(AROUND)])
 RESOLUTIONS = [
     ("3-4-5", 720, 1e-9), ("4-5-6-7", 360, 1e-9), ("5-6-7-8-9", 720, 1e-13),
 ]  # fmt: skip
-"""Law, points, and what the spline of degree 5 leaves, m: the smoother the law and the more points, the less."""
+"""Law, points, and error of the spline of degree 5, m: smoother laws and more points reduce it."""
 
 
 @pytest.mark.parametrize(("law", "count", "left"), mostly_slow(RESOLUTIONS))
-def test_profile_and_back(law, count, left, follower, turn):
+def test_lift_round_trip_through_profile(law, count, left, follower, turn):
     event = LiftEvent(LAWS[law], lift=0.003, rise=1.5, fall=1.7, dwell=0.4, phase=0.3)
     points = cam_profile(event, follower, count=count, turn=turn).points
     np.testing.assert_allclose(read(points, follower, ANGLES, turn=turn), event(ANGLES), atol=left, rtol=0)
 
 
 @pytest.mark.parametrize("count", mostly_slow([90, 180]))
-def test_a_lift_without_joints_needs_few_points(count, follower, turn, harmonic_event):
+def test_smooth_lift_needs_few_points(count, follower, turn, harmonic_event):
     points = cam_profile(harmonic_event, follower, count=count, turn=turn).points
     np.testing.assert_allclose(read(points, follower, ANGLES, turn=turn), harmonic_event(ANGLES), atol=1e-9, rtol=0)
 
 
-def test_the_other_sense_of_rotation_is_another_lift(follower, turn, smooth_event):
+def test_opposite_rotation_gives_different_lift(follower, turn, smooth_event):
     points = cam_profile(smooth_event, follower, turn=turn).points
     assert np.abs(read(points, follower, ANGLES, turn=-turn) - smooth_event(ANGLES)).max() > 1e-3
 
 
-def test_order_and_beginning_of_the_points_do_not_matter(follower, turn, smooth_event):
+def test_order_and_start_of_points_do_not_matter(follower, turn, smooth_event):
     points = cam_profile(smooth_event, follower, count=360, turn=turn).points
     for same in (points[::-1], np.roll(points, 101, axis=0)):
         np.testing.assert_allclose(read(same, follower, ANGLES, turn=turn), smooth_event(ANGLES), atol=1e-9, rtol=0)
 
 
-def test_a_higher_base_circle_is_a_lift(follower, turn):
-    """A circle 2 mm larger than the base circle lifts by what its radius adds, without end."""
+def test_larger_base_circle_gives_constant_lift(follower, turn):
+    """A circle 2 mm larger than the base circle gives a constant lift, which its radius determines."""
     lift = read(CIRCLE / 0.02 * (follower.base_radius + 0.002), follower, ANGLES, turn=turn)
     assert np.ptp(lift) < 1e-9
     larger = follower.with_base(follower.base_radius + 0.002)
@@ -70,8 +70,8 @@ def test_a_higher_base_circle_is_a_lift(follower, turn):
         assert lift[0] == pytest.approx(follower.arm * (larger.start_angle - follower.start_angle), abs=1e-9)
 
 
-def highest(points, follower, turn):
-    """Lift over the points alone; 100 000 of them leave a gap of (spacing/2)^2/2 (1/r_cam + 1/r_roller) < 1e-9 m."""
+def lift_over_points(points, follower, turn):
+    """Return the lift over the points; the error of 100 000 is (spacing/2)^2/2 (1/r_cam + 1/r_roller) < 1e-9 m."""
     z, lift = points[:, 0] + 1j * points[:, 1], []
     for angle in ANGLES[::7]:
         x, y = (z * np.exp(1j * turn * angle)).view(float).reshape(-1, 2).T
@@ -86,9 +86,9 @@ def highest(points, follower, turn):
 
 
 DEEP = HarmonicLift(0.006, (0.0, -0.006), (0.0, 0.0))
-"""12 mm up and down twice a revolution: under a roller of 4 mm the cam is hollow."""
+"""A lift of 12 mm twice per revolution: under a roller of 4 mm the cam is hollow."""
 
-OTHERS = {
+OTHER_FOLLOWERS = {
     "a roller on a flat follower's cam": (HarmonicLift(0.003, (-0.0015, 0.0004), (0.001, -0.0003)), FlatFollower(0.018),
                                           RollerFollower(0.018, 0.006, 0.002)),
     "a flat face over a hollow": (DEEP, RollerFollower(0.018, 0.004), FlatFollower(0.018)),
@@ -96,16 +96,16 @@ OTHERS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("case", OTHERS)
-def test_another_follower_reads_what_lifts_it(case, turn):
-    event, made_for, other = OTHERS[case]
+@pytest.mark.parametrize("case", OTHER_FOLLOWERS)
+def test_lift_of_different_follower(case, turn):
+    event, made_for, other = OTHER_FOLLOWERS[case]
     coarse, fine = (cam_profile(event, made_for, count=n, turn=turn).points for n in (720, 100_000))
     lift = read(coarse, other, ANGLES[::7], turn=turn)
-    np.testing.assert_allclose(lift, highest(fine, other, turn), atol=1e-9, rtol=0)
-    assert np.abs(lift - event(ANGLES[::7])).max() > 1e-4  # it is not the lift that the cam was made for
+    np.testing.assert_allclose(lift, lift_over_points(fine, other, turn), atol=1e-9, rtol=0)
+    assert np.abs(lift - event(ANGLES[::7])).max() > 1e-4  # differs from the lift of the design follower
 
 
-def test_shape_of_the_angles(readonly):
+def test_shape_of_lift_follows_angles(readonly):
     flat, circle = FlatFollower(0.018), readonly(CIRCLE)
     assert read(circle, flat, 0.3).shape == ()
     assert read(circle, flat, readonly(np.zeros((2, 3)))).shape == (2, 3)
@@ -113,7 +113,7 @@ def test_shape_of_the_angles(readonly):
 
 
 REPEATED = np.insert(CIRCLE, 7, CIRCLE[7], axis=0)
-REFUSED = {
+INVALID_PROFILES = {
     "too few points": (CIRCLE[::9], FlatFollower(0.018), "10 points.*12 or more"),
     "not a number": (np.where(np.arange(180).reshape(90, 2) == 11, math.nan, CIRCLE), FlatFollower(0.018), r"5, 1\]"),
     "not finite": (np.where(np.arange(180).reshape(90, 2) == 4, math.inf, CIRCLE), FlatFollower(0.018), r"2, 0\]"),
@@ -126,8 +126,8 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("case", REFUSED)
-def test_refusals(case):
-    points, follower, says = REFUSED[case]
-    with pytest.raises(InputError, match=says):
+@pytest.mark.parametrize("case", INVALID_PROFILES)
+def test_invalid_profile_raises_error(case):
+    points, follower, message = INVALID_PROFILES[case]
+    with pytest.raises(InputError, match=message):
         read(points, follower, ANGLES)

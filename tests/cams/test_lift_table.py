@@ -1,4 +1,4 @@
-"""Lift tables: exact where they can be, and the same answer however the table is written down."""
+"""Lift tables: exact interpolation, and invariance to order, origin and unit of the table."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ FINE = np.linspace(0.0, TURN, 3601)
 NOISE = 2e-6
 
 
-def degrees(spacing, start=0.0, uneven=0.0, seed=3):
+def angles(spacing, start=0.0, uneven=0.0, seed=3):
     even = start + np.arange(round(360 / spacing)) * spacing * DEGREE
     return even + uneven * spacing * DEGREE * np.random.default_rng(seed).uniform(-1, 1, len(even))
 
 
-def noisy(theta, seed=0):
+def noisy_lift(theta, seed=0):
     return LOBE(theta) + NOISE * np.random.default_rng(seed).standard_normal(len(theta))
 
 
 @pytest.fixture(scope="module")
-def measured():
-    theta = degrees(1.0)
-    return theta, noisy(theta), *lift_table(theta, noisy(theta))
+def measured_table():
+    theta = angles(1.0)
+    return theta, noisy_lift(theta), *lift_table(theta, noisy_lift(theta))
 
 
 @pytest.mark.parametrize(("spacing", "uneven"), [(0.5, 0.3), (1.0, 0.0), (1.0, 0.3), (2.0, 0.3)])
-def test_tolerance_0_passes_through_the_points(spacing, uneven):
-    """A lobe whose fourth derivative jumps: between the points the error is of order 2 in the spacing."""
-    theta = degrees(spacing, uneven=uneven)
+def test_zero_tolerance_interpolates_points(spacing, uneven):
+    """The fourth derivative of the lobe jumps: between the points the error is of order 2 in the spacing."""
+    theta = angles(spacing, uneven=uneven)
     event, report = lift_table(theta, LOBE(theta), tolerance=0.0)
     np.testing.assert_allclose(event(theta), LOBE(theta), rtol=0, atol=1e-12 * LOBE.height)
     assert report.largest_change <= 1e-12 * LOBE.height
@@ -50,16 +50,16 @@ def test_tolerance_0_passes_through_the_points(spacing, uneven):
 
 @pytest.mark.parametrize("order", range(5))
 @pytest.mark.parametrize("points", [24, 72, 73, 360])
-def test_a_wave_comes_back_with_all_its_derivatives(points, order):
-    """Two harmonics through n points: a spline of degree 5 is wrong by less than (spacing in rad)^(6 - order)."""
+def test_derivatives_of_interpolated_harmonic_lift(points, order):
+    """Two harmonics through n points: the error of a spline of degree 5 is below (spacing in rad)^(6 - order)."""
     theta = np.arange(points) * TURN / points
     event, _ = lift_table(theta, WAVE(theta), tolerance=0.0)
     size = np.abs(WAVE(FINE, order)).max()
     assert np.abs(event(FINE, order) - WAVE(FINE, order)).max() < (TURN / points) ** (6 - order) * size
 
 
-def test_a_spline_on_the_knots_comes_back_itself():
-    """Sampled where its knots are: nothing to interpolate, only equations to solve."""
+def test_spline_round_trip_on_its_knots():
+    """The samples are at the knots: no interpolation error."""
     c = 0.004 + 0.003 * np.random.default_rng(2).random(60)
     spline = PeriodicSpline(c)
     theta = TURN / 60 * np.arange(60)
@@ -67,8 +67,8 @@ def test_a_spline_on_the_knots_comes_back_itself():
     np.testing.assert_allclose(event.event.coefficients, c, rtol=0, atol=1e-9)
 
 
-def test_a_last_row_that_repeats_the_first_changes_nothing():
-    theta = degrees(2.0)
+def test_repeated_first_row_at_end_is_ignored():
+    theta = angles(2.0)
     once, _ = lift_table(theta, LOBE(theta), tolerance=0.0)
     twice, report = lift_table([*theta, TURN], [*LOBE(theta), LOBE(np.zeros(1))[0]], tolerance=0.0)
     np.testing.assert_allclose(twice(FINE, 2), once(FINE, 2), rtol=0, atol=1e-12)
@@ -76,9 +76,9 @@ def test_a_last_row_that_repeats_the_first_changes_nothing():
 
 
 @pytest.mark.parametrize("first", [60])
-def test_the_row_a_table_starts_with_does_not_matter(first, measured):
-    """Also in the middle of the lobe (at 40 to 170 deg), with angles that go on beyond a revolution."""
-    theta, lift, event, report = measured
+def test_first_row_does_not_matter(first, measured_table):
+    """The first row may be in the middle of the lobe (40 to 170 deg), with angles beyond one revolution."""
+    theta, lift, event, report = measured_table
     turned = np.concatenate([theta[first:], theta[:first] + TURN])
     other, again = lift_table(turned, np.roll(lift, -first))
     np.testing.assert_allclose(other(FINE, 2), event(FINE, 2), rtol=0, atol=1e-9 * np.abs(event(FINE, 2)).max())
@@ -87,21 +87,21 @@ def test_the_row_a_table_starts_with_does_not_matter(first, measured):
 
 
 @pytest.mark.parametrize("turns", [-2])
-def test_nor_do_whole_turns(turns, measured):
-    theta, lift, event, _ = measured
+def test_full_turns_do_not_matter(turns, measured_table):
+    theta, lift, event, _ = measured_table
     other, _ = lift_table(theta + turns * TURN, lift)
     np.testing.assert_allclose(other(FINE, 2), event(FINE, 2), rtol=0, atol=1e-9 * np.abs(event(FINE, 2)).max())
 
 
 @settings(max_examples=10, deadline=None)
 @given(st.integers(-400, 400), st.floats(-0.4, 0.4))
-def test_the_zero_of_the_angle_does_not_matter(rows, part):
-    """The same points from another zero: the knots lie elsewhere, which moves the curve by its own small error only.
+def test_zero_of_angle_does_not_matter(rows, part):
+    """Another zero of the angle shifts the knots, which changes the curve by its own small error only.
 
-    Up to 0.4 of a spacing beside the knots: at half of it, passing through the points says nothing of the coefficients'
-    alternating part.
+    The shift is up to 0.4 of a spacing: at half a spacing, interpolation does not determine the alternating part of
+    the coefficients.
     """
-    theta, zero = degrees(2.0), (rows + part) * 2.0 * DEGREE
+    theta, zero = angles(2.0), (rows + part) * 2.0 * DEGREE
     here, _ = lift_table(theta, LOBE(theta), tolerance=0.0)
     there, _ = lift_table(theta + zero, LOBE(theta), tolerance=0.0)
     peak = np.abs(LOBE(FINE, 2)).max()
@@ -110,10 +110,12 @@ def test_the_zero_of_the_angle_does_not_matter(rows, part):
 
 
 @pytest.mark.parametrize(("scale", "tolerance"), [(1e-3, None), (1e3, 1.5 * NOISE)])
-def test_lift_and_noise_in_another_unit(scale, tolerance):
-    theta = degrees(1.0)
-    one, first = lift_table(theta, noisy(theta), tolerance=tolerance)
-    other, second = lift_table(theta, scale * noisy(theta), tolerance=None if tolerance is None else scale * tolerance)
+def test_fit_scales_with_unit_of_lift(scale, tolerance):
+    theta = angles(1.0)
+    one, first = lift_table(theta, noisy_lift(theta), tolerance=tolerance)
+    other, second = lift_table(
+        theta, scale * noisy_lift(theta), tolerance=None if tolerance is None else scale * tolerance
+    )
     for order in (0, 2, 4):
         size = np.abs(one(FINE, order)).max()
         np.testing.assert_allclose(other(FINE, order) / scale, one(FINE, order), rtol=0, atol=1e-6 * size)
@@ -124,32 +126,32 @@ def test_lift_and_noise_in_another_unit(scale, tolerance):
 
 @pytest.mark.parametrize("tolerance", mostly_slow([0.2e-6, 1e-6, 2e-6, 5e-6, 50e-6]))
 @pytest.mark.parametrize("spacing", [1.0, 2.0])
-def test_the_tolerance_is_kept_and_used(spacing, tolerance):
-    """All of it is used, as any smoothing less would be rougher than it need be."""
-    theta = degrees(spacing)
-    event, report = lift_table(theta, noisy(theta), tolerance=tolerance)
-    changed = np.sqrt(np.mean((event(theta) - noisy(theta)) ** 2))
+def test_rms_change_equals_tolerance(spacing, tolerance):
+    """The fit uses all of the tolerance, because less smoothing is rougher than necessary."""
+    theta = angles(spacing)
+    event, report = lift_table(theta, noisy_lift(theta), tolerance=tolerance)
+    changed = np.sqrt(np.mean((event(theta) - noisy_lift(theta)) ** 2))
     assert report.rms_change == pytest.approx(changed, rel=1e-9)
     assert 0.999 * tolerance <= changed <= tolerance * (1 + 1e-9)
 
 
-def test_more_tolerance_is_smoother():
-    theta = degrees(1.0)
-    found = [lift_table(theta, noisy(theta), tolerance=t) for t in (0.5e-6, 2e-6, 8e-6)]
+def test_larger_tolerance_is_smoother():
+    theta = angles(1.0)
+    found = [lift_table(theta, noisy_lift(theta), tolerance=t) for t in (0.5e-6, 2e-6, 8e-6)]
     assert [report.smoothing for _, report in found] == sorted(report.smoothing for _, report in found)
     roughness = [np.mean(event(FINE, 3) ** 2) for event, _ in found]
     assert roughness == sorted(roughness, reverse=True)
 
 
-def test_the_default_finds_the_noise(measured):
-    *_, report = measured
-    assert report.rms_change == pytest.approx(NOISE, rel=0.15)  # 5 % is chance, 10 % is what the curve can follow
+def test_default_tolerance_estimates_noise(measured_table):
+    *_, report = measured_table
+    assert report.rms_change == pytest.approx(NOISE, rel=0.15)  # 5 % is chance, 10 % is noise that the curve can follow
 
 
-def test_the_report_tells_the_worst_point():
-    """One reading 60 um too high in a smooth table."""
-    theta = degrees(1.0)
-    lift = noisy(theta)
+def test_report_names_worst_point():
+    """One reading of a smooth table is 60 um too high."""
+    theta = angles(1.0)
+    lift = noisy_lift(theta)
     lift[137] += 60e-6
     event, report = lift_table(theta, lift, tolerance=6e-6)
     assert report.at == theta[137]
@@ -157,25 +159,25 @@ def test_the_report_tells_the_worst_point():
     assert report.largest_change > 30e-6
 
 
-def test_the_report_of_the_bare_points():
-    """Parabolic motion: differences of uneven points are its +-4 lift/rise^2 wherever they lie within one piece."""
+def test_report_of_acceleration_before_fit():
+    """Parabolic motion: differences of uneven points are +-4 lift/rise^2 within each piece."""
     cam = LiftEvent(LAWS["parabolic"], 0.008, 1.1, 1.1, phase=0.3)
-    theta = degrees(1.0, uneven=0.3)
+    theta = angles(1.0, uneven=0.3)
     _, report = lift_table(theta, cam(theta), tolerance=0.0)
     a = 4 * 0.008 / 1.1**2
     assert report.acceleration_before == pytest.approx((-a, a), rel=1e-6)
     assert report.acceleration_after[0] < -a < a < report.acceleration_after[1]  # a spline overshoots a step
 
 
-def test_the_report_of_the_spline(measured):
-    _, _, event, report = measured
+def test_report_of_acceleration_after_fit(measured_table):
+    _, _, event, report = measured_table
     found = event(np.linspace(0.0, TURN, 20_001), 2)
     assert report.acceleration_after == pytest.approx((found.min(), found.max()), rel=1e-4)
 
 
 @pytest.mark.parametrize("spacing", [0.5, 1.0])
-def test_what_a_table_leaves_out_is_base_circle(spacing):
-    """From 2 deg before the lobe to 2 deg behind it."""
+def test_angles_outside_table_are_base_circle(spacing):
+    """The table covers 2 deg before the lobe to 2 deg after it."""
     theta = np.arange(LOBE.phase - 2 * DEGREE, LOBE.phase + 132 * DEGREE, spacing * DEGREE)
     event, report = lift_table(theta, LOBE(theta))
     rest = LOBE.phase + np.linspace(140 * DEGREE, 350 * DEGREE, 500)
@@ -186,8 +188,8 @@ def test_what_a_table_leaves_out_is_base_circle(spacing):
 
 
 @pytest.mark.parametrize("tolerance", [None, 0.0, 1e-6])
-def test_the_callers_arrays_stay(tolerance, readonly):
-    theta, lift = degrees(5.0), LOBE(degrees(5.0))
+def test_arguments_are_unchanged(tolerance, readonly):
+    theta, lift = angles(5.0), LOBE(angles(5.0))
     lift_table(readonly(theta), readonly(lift), tolerance=tolerance)
     kept = theta.copy(), lift.copy()
     event, _ = lift_table(theta, lift, tolerance=tolerance)
@@ -199,7 +201,7 @@ def test_the_callers_arrays_stay(tolerance, readonly):
     np.testing.assert_array_equal(event(FINE), before)
 
 
-def test_lists_and_whole_numbers_are_taken():
+def test_lists_of_integers_are_valid():
     theta = np.linspace(0, 6, 40).tolist()
     event, report = lift_table(theta, [0] * 15 + [1, 3, 6, 8, 9, 9, 8, 6, 3, 1] + [0] * 15, tolerance=0)
     assert report.points == 40

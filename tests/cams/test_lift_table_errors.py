@@ -1,4 +1,4 @@
-"""Lift tables that are refused, each with the row or angle and what to do."""
+"""Invalid lift tables: each error names the row or angle and a remedy."""
 
 from __future__ import annotations
 
@@ -19,31 +19,31 @@ def table(spacing=2.0, start=0.0, end=360.0):
     return theta, LOBE(theta)
 
 
-def changed(row, **columns):
+def modify(row, **columns):
     theta, lift = table()
     for name, value in columns.items():
         {"theta": theta, "lift": lift}[name][row] = value
     return theta, lift
 
 
-def without(first, last, spacing=2.0):
+def omit(first, last, spacing=2.0):
     theta, lift = table(spacing)
     keep = (theta < first * DEGREE + 1e-9) | (theta > last * DEGREE - 1e-9)
     return theta[keep], lift[keep]
 
 
-REFUSED = {
-    "the same angle twice": (changed(40, theta=78 * DEGREE), "angle, row 41", "of cam angle, then 78", "sort"),
-    "an angle that goes back": (changed(50, theta=60 * DEGREE), "angle, row 51", "98 deg of cam angle, then", "sort"),
+INVALID_TABLES = {
+    "the same angle twice": (modify(40, theta=78 * DEGREE), "angle, row 41", "of cam angle, then 78", "sort"),
+    "an angle that goes back": (modify(50, theta=60 * DEGREE), "angle, row 51", "98 deg of cam angle, then", "sort"),
     "descending": (tuple(column[::-1] for column in table()), "angle, row 2", "358 deg of cam angle, then 356", "sort"),
     "crank angles": ((np.arange(0, 720, 2) * DEGREE, np.repeat(LOBE(table()[0]), 2)), "angle", "718 deg of cam angle",
                      "crank angles"),
     "a little over a revolution": (table(end=363.0), "angle", "362 deg of cam angle", "shorten the table"),
     "eleven points": ((np.linspace(0, 6, 11), np.ones(11)), "lift table", "11 points", "measure at more angles"),
-    "below the base circle": (changed(30, lift=-0.2e-3), "lift, row 31", "-0.2 mm at 60 deg", "on the base circle"),
-    "a gap in the flank": (without(90, 100), "angle, row 47", "no point between 90 and 100 deg", "measure there"),
-    "a gap at the nose": (without(128, 150), "angle, row 66", "no point between 128 and 150 deg", "measure there"),
-    "a gap in a fine table": (without(80, 88, 0.5), "angle, row 162", "between 80 and 88 deg", "measure there"),
+    "below the base circle": (modify(30, lift=-0.2e-3), "lift, row 31", "-0.2 mm at 60 deg", "on the base circle"),
+    "a gap in the flank": (omit(90, 100), "angle, row 47", "no point between 90 and 100 deg", "measure there"),
+    "a gap at the nose": (omit(128, 150), "angle, row 66", "no point between 128 and 150 deg", "measure there"),
+    "a gap in a fine table": (omit(80, 88, 0.5), "angle, row 162", "between 80 and 88 deg", "measure there"),
     "the opening flank alone": (table(start=40.0, end=120.0), "lift", "mm at 118 deg", "measure the whole lift"),
     "the closing flank alone": (table(start=120.0, end=300.0), "lift", "mm at 120 deg", "measure the whole lift"),
     "a lift that does not come back": ((np.linspace(0, 360, 73) * DEGREE, np.linspace(0, 0.005, 73)), "lift",
@@ -51,9 +51,9 @@ REFUSED = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("case", REFUSED)
-def test_refused(case):
-    columns, where, given, remedy = REFUSED[case]
+@pytest.mark.parametrize("case", INVALID_TABLES)
+def test_invalid_table_raises_error(case):
+    columns, where, given, remedy = INVALID_TABLES[case]
     with pytest.raises(InputError) as refusal:
         lift_table(*columns)
     (fault,) = refusal.value.faults
@@ -66,9 +66,9 @@ def test_refused(case):
 @pytest.mark.parametrize(
     ("columns", "where"),
     [
-        (changed(7, lift=math.nan), "lift table, row 8"),
-        (changed(7, lift=math.inf), "lift table, row 8"),
-        (changed(7, theta=math.nan), "lift table, row 8"),
+        (modify(7, lift=math.nan), "lift table, row 8"),
+        (modify(7, lift=math.inf), "lift table, row 8"),
+        (modify(7, theta=math.nan), "lift table, row 8"),
         ((table()[0], table()[1][:-1]), "lift table"),
         ((table()[0][None], table()[1]), "angle"),
         ((table()[0], np.zeros(180)), "lift"),
@@ -77,46 +77,46 @@ def test_refused(case):
         ((["a", "b"], [1.0, 2.0]), "angle"),
     ],
 )
-def test_no_numbers_or_no_lift(columns, where):
+def test_non_numeric_or_zero_lift_raises_error(columns, where):
     with pytest.raises(InputError) as refusal:
         lift_table(*columns)
     assert refusal.value.faults[0].where == where
 
 
-def test_every_fault_is_told_at_once():
-    theta, lift = changed(30, lift=-0.2e-3)
+def test_all_faults_are_reported_at_once():
+    theta, lift = modify(30, lift=-0.2e-3)
     theta[50] = theta[10]
     with pytest.raises(InputError) as refusal:
         lift_table(theta, lift)
     assert [fault.where for fault in refusal.value.faults] == ["angle, row 51", "lift, row 31"]
 
 
-def test_a_lift_in_metres_that_was_meant_in_millimetres():
+def test_lift_in_metres_instead_of_millimetres_causes_remark():
     theta, lift = table()
-    (said,) = lift_table(theta, 1e3 * lift)[1].remarks
-    assert "8 m is unusual: did you mean 8 mm?" in said
+    (remark,) = lift_table(theta, 1e3 * lift)[1].remarks
+    assert "8 m is unusual: did you mean 8 mm?" in remark
 
 
 @pytest.mark.parametrize("tolerance", [-1e-6, math.nan, math.inf])
-def test_tolerances_refused(tolerance):
+def test_invalid_tolerance_raises_error(tolerance):
     with pytest.raises(InputError, match=r"^tolerance:"):
         lift_table(*table(), tolerance=tolerance)
 
 
-TAKEN = {
-    "a gap on the base circle": without(220, 300),
+VALID_TABLES = {
+    "a gap on the base circle": omit(220, 300),
     "a gap of 3 deg as wide as its neighbours": table(3.0),
     "a coarse table": table(6.0),
-    "a gap that hides nothing": without(90, 94, 0.5),
+    "a gap that hides nothing": omit(90, 94, 0.5),
     "angles above 360 deg": table(start=180.0, end=540.0),
     "negative angles": table(start=-180.0, end=180.0),
-    "a reading a little below zero": changed(5, lift=-5e-6),
+    "a reading a little below zero": modify(5, lift=-5e-6),
 }
 
 
-@pytest.mark.parametrize("case", TAKEN)
-def test_taken(case):
-    theta, lift = TAKEN[case]
+@pytest.mark.parametrize("case", VALID_TABLES)
+def test_unusual_table_is_valid(case):
+    theta, lift = VALID_TABLES[case]
     event, report = lift_table(theta, lift, tolerance=0.0)
     assert report.largest_change < 1e-9
     assert event.height == pytest.approx(0.008, rel=2e-3)

@@ -1,4 +1,4 @@
-"""Polynomials with conditions of one's own: met exactly, or refused with the reason."""
+"""Polynomials with user-defined conditions: satisfied exactly, or an error states the reason."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ EXPONENTS = st.lists(st.integers(1, 12), min_size=3, max_size=6, unique=True).ma
 
 @settings(max_examples=25, deadline=None)
 @given(EXPONENTS, st.data())
-def test_conditions_are_met(exponents, data):
+def test_polynomial_satisfies_conditions(exponents, data):
     places = CONDITION.filter(lambda c: (c[0], c[1]) != (1.0, 0))
     others = data.draw(st.lists(places, min_size=len(exponents) - 1, max_size=len(exponents) - 1))
     assume(all(order <= exponents[-1] for _, order, _ in others))
@@ -30,7 +30,7 @@ def test_conditions_are_met(exponents, data):
         assume("independent" not in str(refusal))
         raise
     for z, order, value in (END, *others):
-        # Rounding of the terms that are summed there.
+        # Rounding of the terms of the sum.
         terms = [abs(a) * max(1, p) ** order for a, p in zip(law.coefficients, exponents, strict=True)]
         assert law(np.array([z]), order)[0] == pytest.approx(value, abs=1e-13 * sum(terms))
 
@@ -61,19 +61,19 @@ def test_coefficients_are_exact_fractions():
     assert law.coefficients == (0.5, 2.0, -1.5)
 
 
-def test_order_of_the_conditions_does_not_matter():
+def test_order_of_conditions_does_not_matter():
     conditions = (END, (0.3, 0, 0.2), (1.0, 1, 0.0), (0.3, 1, 0.7))
     assert Polynomial((2, 3, 4, 7), conditions).coefficients == Polynomial((2, 3, 4, 7), conditions[::-1]).coefficients
 
 
 @pytest.mark.parametrize("exponents", [(3, 4, 5), (2, 9, 17), (5, 6, 7, 8, 9), (2, 14, 26, 38, 50)])
-def test_default_is_rest_at_the_end_as_conditions(exponents):
+def test_default_conditions_are_rest_at_end(exponents):
     rest = tuple((1.0, order, 0.0) for order in range(1, len(exponents)))
     assert Polynomial(exponents).coefficients == Polynomial(exponents, (END, *rest)).coefficients
 
 
 @pytest.mark.parametrize("exponents", [(3, 4, 5), (2, 3, 9)])
-def test_coefficients_by_the_product_formula(exponents):
+def test_coefficients_match_product_formula(exponents):
     """a_j = prod p_i/(p_i - p_j) over the other exponents."""
     expected = []
     for own in exponents:
@@ -84,7 +84,7 @@ def test_coefficients_by_the_product_formula(exponents):
     assert Polynomial(exponents).coefficients == tuple(expected)
 
 
-REFUSED = {
+INVALID_CONDITIONS = {
     "the same twice": ((3, 4, 5), (END, END, (1.0, 1, 0.0)), "independent"),
     "contradiction": ((3, 4, 5), (END, (0.5, 0, 0.4), (0.5, 0, 0.6)), "independent"),
     "met by every exponent": ((3, 4, 5), (END, (1.0, 1, 0.0), (0.0, 1, 0.0)), "independent"),
@@ -100,14 +100,14 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("case", REFUSED)
-def test_refused(case):
-    exponents, conditions, reason = REFUSED[case]
+@pytest.mark.parametrize("case", INVALID_CONDITIONS)
+def test_invalid_conditions_raise_error(case):
+    exponents, conditions, reason = INVALID_CONDITIONS[case]
     with pytest.raises(InputError, match=reason):
         Polynomial(exponents, conditions)
 
 
-def test_without_conditions_the_first_power_is_refused_because_it_starts_with_a_velocity():
+def test_first_power_without_conditions_raises_error():
     with pytest.raises(InputError, match="s and s' must vanish at z = 0"):
         Polynomial((1, 2, 3))
 
@@ -122,16 +122,16 @@ def test_without_conditions_the_first_power_is_refused_because_it_starts_with_a_
         ((5, 4, 3), "do not ascend"),
     ],
 )
-def test_exponents_are_refused_for_their_own_reason(exponents, reason):
+def test_invalid_exponents_raise_error(exponents, reason):
     with pytest.raises(InputError, match=reason):
         Polynomial(exponents)
 
 
-def test_a_broken_exponent_is_told_to_be_a_whole_number():
+def test_fractional_exponent_raises_error():
     with pytest.raises(InputError, match="A whole number is needed there"):
         parse_law({"id": "polynomial", "exponents": [2.5, 4, 5]})
 
 
-def test_a_parameter_that_is_none_is_told_so():
+def test_unknown_parameter_raises_error():
     with pytest.raises(InputError, match=r"There is no such key\. Did you mean 'exponents'"):
         parse_law({"id": "polynomial", "exponents": [3, 4, 5], "exponent": 3})

@@ -1,4 +1,4 @@
-"""Edges of cam geometry and synthesis where an earlier version went wrong."""
+"""Edge cases of cam geometry and synthesis that an earlier version got wrong."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ CIRCLE = 0.02 * np.column_stack([np.cos(AROUND), np.sin(AROUND)])
 WANTED = LiftEvent(LAWS["3-4-5"], lift=0.006, rise=1.5, fall=1.3, dwell=1.0, phase=0.4)
 
 
-def test_bound_over_all_with_one_free_end():
+def test_bound_over_all_laws_with_one_free_end():
     found = minimax(SplineFamily(degree=5, pieces=24, rest=1, symmetric=False), {"Cj": 1.0}, conditions=[(0.0, 2, 0.0)])
     assert found.bound_all is None or found.objective >= found.bound_all * (1 - 1e-9)
 
@@ -46,32 +46,32 @@ def test_bound_over_all_with_one_free_end():
         ("Cj", {"Ca": 4.3}, 1, 24),
     ],
 )
-def test_splines_come_down_to_the_bound_over_all_laws(least, bounds, rest, pieces):
-    """Velocity, or acceleration, as a trapezoid; within 2 %, because splines round off its corners."""
+def test_splines_approach_bound_over_all_laws(least, bounds, rest, pieces):
+    """The optimum is a trapezoid of velocity or acceleration; 2 % because splines round off its corners."""
     found = minimax(SplineFamily(degree=5, pieces=pieces, rest=rest), {least: 1.0}, bounds=bounds)
     assert 1.0 <= found.objective / found.bound_all <= 1.02
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("pieces", [48, 72])
-def test_moment_of_many_pieces(pieces):
-    """Splines of 24 pieces are among those of 72; and of these the moment is 2.55 at most."""
+def test_minimum_moment_with_many_pieces(pieces):
+    """Splines of 24 pieces are a subset of those of 72, whose moment is at most 2.55."""
     assert minimax(SplineFamily(degree=5, pieces=pieces), {"Cm": 1.0}).objective < 2.55
 
 
 @pytest.mark.slow
-def test_moment_with_free_ends_is_not_refused():
-    """Best nearby only: 16 pieces find 2.365, 24 pieces 2.325."""
+def test_minimum_moment_with_free_ends():
+    """A local optimum: 16 pieces reach 2.365, 24 pieces 2.325."""
     assert minimax(SplineFamily(degree=5, pieces=16, rest=1), {"Cm": 1.0}).objective < 2.37
 
 
-def test_root_mean_square_of_the_default_family():
+def test_minimum_rms_of_default_family():
     found = minimax(SplineFamily(), {"rms": 1.0})
     assert found.objective == pytest.approx(3.5063734769, rel=1e-7)  # linear least squares
     assert found.gap < 1e-6
 
 
-def test_resonance_missed_by_one_rounding():
+def test_resonance_within_rounding_is_detected():
     train, speed = SingleMass(2000.0), 2000.0 / 103  # 103*speed/2000 = 1 - 1.1e-16
     made = polydyne(LiftEvent(LAWS["4-5-6-7"], 0.008, 1.5, 1.5), train, speed, count=120)
     plain = Polydyne(made.wanted, made.wanted, 0.0)
@@ -79,7 +79,7 @@ def test_resonance_missed_by_one_rounding():
     assert np.isfinite(off_design_deviation(made, train, [speed])).all(), "which the cam leaves out"
 
 
-def test_strict_section_whose_end_lies_between_two_angles():
+def test_strict_section_ending_between_two_angles():
     fit = harmonic_fit(WANTED, 6, strict=[(6.0, 6.9)], tolerance=1e-6)
     angle = np.linspace(6.0, 6.9, 2001)
     worst = np.abs(fit.event(angle) - WANTED(angle)).max()
@@ -90,16 +90,16 @@ def test_strict_section_whose_end_lies_between_two_angles():
 @pytest.mark.parametrize(
     ("event", "tolerance"), [(WANTED, 1e-3), (LiftEvent(LAWS["3-4-5"], 0.006, math.pi, math.pi), 1e-5)]
 )
-def test_remedy_where_the_bound_is_what_cannot_be_met(event, tolerance):
+def test_unreachable_bound_is_named_with_valid_remedy(event, tolerance):
     with pytest.raises(InputError) as refusal:
         harmonic_fit(event, 3, tolerance=tolerance, bound=1e-7)
     fault = refusal.value.faults[0]
     assert "bound" in fault.where + fault.given
     assert "allow -0 um" not in fault.remedy
-    assert not fault.remedy.startswith("allow 6")  # less than the tolerance given
+    assert not fault.remedy.startswith("allow 6")  # less than the given tolerance
 
 
-def test_no_angles():
+def test_lift_from_profile_without_angles():
     assert lift_from_profile(CIRCLE, FlatFollower(0.018), []).shape == (0,)
 
 
@@ -109,8 +109,8 @@ def test_roller_between_two_points():
 
 
 @pytest.mark.parametrize("count", mostly_slow([90, 180, 360]))
-def test_two_contacts_almost_as_high(count):
-    """A flat face over a hollow, about the angle where the contact jumps from one flank to the other."""
+def test_two_contacts_of_almost_equal_height(count):
+    """A flat face over a hollow, near the angle where the contact jumps from one flank to the other."""
     p, m = 0.0031, 0.006
     event = HarmonicLift(m, (0.0, -m * math.cos(2 * p)), (0.0, -m * math.sin(2 * p)))
     coarse, fine = (cam_profile(event, RollerFollower(0.018, 0.004), count=n).points for n in (count, 200_000))
@@ -120,7 +120,7 @@ def test_two_contacts_almost_as_high(count):
     np.testing.assert_allclose(lift_from_profile(coarse, FlatFollower(0.018), angle), brute, atol=1e-9)
 
 
-def test_nothing_left_to_choose():
+def test_spline_family_without_free_coefficients_raises_error():
     with pytest.raises(InputError):
         SplineFamily(degree=6, pieces=1, rest=2, symmetric=True)  # size 0
 
@@ -128,23 +128,23 @@ def test_nothing_left_to_choose():
 @pytest.mark.parametrize(
     "condition", [(0.5, 7, 0.6), (1.5, 1, 0.6), (0.5, -1, 0.6), (math.nan, 0, 0.6), (0.3, 0, math.nan)]
 )
-def test_conditions_out_of_range(condition):
+def test_conditions_out_of_range_raise_error(condition):
     with pytest.raises(InputError):
         minimax(SplineFamily(degree=5, pieces=8), {"Ca": 1.0}, conditions=[condition])
 
 
-def test_static_answer_infinite():
+def test_infinite_static_response_raises_error():
     with pytest.raises(InputError, match="harmonic 0"):
         polydyne(WANTED, lambda omega: np.where(omega == 0.0, np.inf, 1.0 + 0j), 100.0)
 
 
-def test_cutter_is_looked_at_even_if_undercut():
+def test_cutter_is_checked_on_undercut_profile():
     with pytest.raises(InputError, match="cutter"):
         find_profile_faults(
             cam_profile(HarmonicLift(0.006, (0.0, -0.006), (0.0, 0.0)), FlatFollower(0.005)), cutter=-1.0
         )
 
 
-def test_angles_that_are_no_numbers():
+def test_nan_angle_raises_error():
     with pytest.raises(InputError, match="angle"):
         lift_from_profile(CIRCLE, FlatFollower(0.018), [math.nan])

@@ -1,4 +1,4 @@
-"""A mirrored mechanism has the mirrored cam; a larger one has a larger cam."""
+"""Mirror symmetry and scaling of cam profiles."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from tests.thinning import mostly_slow
 ANGLES = np.linspace(0.0, 6.2, 63)
 
 
-def mirrored(follower):
-    """Return the follower in a mirror, and the mirror: across the line of motion, or of centres."""
+def mirror_follower(follower):
+    """Return the mirrored follower and the mirror: across the line of motion, or of centres."""
     if isinstance(follower, FlatFollower):
         return follower, np.array([-1.0, 1.0])
     if isinstance(follower, RollerFollower):
@@ -30,14 +30,14 @@ def mirrored(follower):
     return replace(follower, side=-follower.side), np.array([1.0, -1.0])
 
 
-def scaled(follower, factor):
+def scale_follower(follower, factor):
     given = {field.name: getattr(follower, field.name) for field in fields(follower) if field.init}
     lengths = {name: value for name, value in given.items() if name != "side" and value is not None}
     return replace(follower, **{name: factor * value for name, value in lengths.items()})
 
 
-def test_mirror(follower, turn, smooth_event):
-    other, mirror = mirrored(follower)
+def test_mirrored_follower_has_mirrored_profile(follower, turn, smooth_event):
+    other, mirror = mirror_follower(follower)
     made = cam_profile(smooth_event, follower, turn=turn)
     image = cam_profile(smooth_event, other, turn=-turn)
     np.testing.assert_allclose(image.points, made.points * mirror, atol=1e-16)
@@ -54,8 +54,8 @@ def test_mirror(follower, turn, smooth_event):
 
 
 @pytest.mark.parametrize("factor", mostly_slow([1e-3, 1e3]))
-def test_scale(factor, follower, turn, smooth_event):
-    event, large = replace(smooth_event, lift=factor * smooth_event.lift), scaled(follower, factor)
+def test_profile_scales_with_follower(factor, follower, turn, smooth_event):
+    event, large = replace(smooth_event, lift=factor * smooth_event.lift), scale_follower(follower, factor)
     made = cam_profile(smooth_event, follower, turn=turn)
     other = cam_profile(event, large, turn=turn)
     np.testing.assert_allclose(other.points, factor * made.points, atol=1e-16 * factor)
@@ -72,11 +72,11 @@ def test_scale(factor, follower, turn, smooth_event):
 
 @pytest.mark.parametrize("factor", mostly_slow([1e-3, 1e3], 2))
 @pytest.mark.parametrize("kind", [FlatFollower(0.018), SwingFlatFollower(0.018, 0.05, 0.055)], ids=["flat", "swing"])
-def test_scale_of_limits(factor, kind, smooth_event):
-    event, large = replace(smooth_event, lift=factor * smooth_event.lift), scaled(kind, factor)
+def test_limits_scale_with_follower(factor, kind, smooth_event):
+    event, large = replace(smooth_event, lift=factor * smooth_event.lift), scale_follower(kind, factor)
     small = minimum_base_radius(smooth_event, kind, radius=0.004)
     assert minimum_base_radius(event, large, radius=0.004 * factor) == pytest.approx(factor * small, rel=1e-12)
-    # Half that base circle is undercut in either size.
+    # Half that base circle is undercut at both scales.
     found = [
         find_profile_faults(cam_profile(e, f.with_base(0.3 * size)))
         for e, f, size in ((smooth_event, kind, small), (event, large, factor * small))

@@ -1,4 +1,4 @@
-"""Ramps before and after the main lift: height, slope, and no step where the stretches meet."""
+"""Ramps before and after the main lift: height, slope, and continuity at the joints."""
 
 from __future__ import annotations
 
@@ -18,34 +18,34 @@ RAMP = Ramp(0.0002, math.radians(15), 0.3)
 CLOSING = Ramp(0.00035, math.radians(20), 0.6)
 RISE, FALL, DWELL, LIFT, PHASE = 1.05, 1.3, 0.2, 0.0053, 0.9
 
-# Without velocity and acceleration at both ends, so that nothing of the law itself steps.
+# Velocity and acceleration are zero at both ends, so that the law itself has no steps.
 SMOOTH = ("cycloidal", "3-4-5", "4-5-6-7", "modified-sine", "5-6-7-8-9", "gutman-1-3")
 
 TAKE_OFF = st.just(0.0) | st.floats(0.01, 1.0)
 HEIGHT, DURATION = st.floats(1e-5, 1e-3), st.floats(0.05, 0.8)
 
 
-def at(curve, angles, order=0):
+def evaluate(curve, angles, order=0):
     return curve(np.atleast_1d(np.asarray(angles, float)), order)
 
 
 @settings(max_examples=60, deadline=None)
 @given(HEIGHT, DURATION, TAKE_OFF)
-def test_height_and_slope(height, duration, take_off):
+def test_ramp_height_and_slope(height, duration, take_off):
     ramp = Ramp(height, duration, take_off)
     ends = np.array([0.0, 1.0])
     np.testing.assert_allclose(ramp(ends), [0.0, 1.0], rtol=0, atol=1e-14)
-    assert height / duration * at(ramp, 1.0, 1)[0] == pytest.approx(ramp.slope, rel=1e-12)
-    # The take-off gains 0.4 of what full velocity would, the rest of the ramp all of it.
+    assert height / duration * evaluate(ramp, 1.0, 1)[0] == pytest.approx(ramp.slope, rel=1e-12)
+    # The take-off gains 0.4 of the height at full velocity, the rest of the ramp all of it.
     assert ramp.slope * duration * (1 - 0.6 * take_off) == pytest.approx(height, rel=1e-12)
 
 
 @settings(max_examples=60, deadline=None)
 @given(st.floats(0.01, 1.0))
-def test_take_off_begins_at_rest_without_acceleration_and_never_turns_back(take_off):
+def test_take_off_starts_at_rest_and_is_monotonic(take_off):
     ramp = Ramp(1e-4, 0.3, take_off)
     for order in (1, 2):
-        assert at(ramp, 0.0, order)[0] == pytest.approx(0.0, abs=1e-12 / take_off**order)
+        assert evaluate(ramp, 0.0, order)[0] == pytest.approx(0.0, abs=1e-12 / take_off**order)
     z = np.linspace(0.0, 1.0, 501)
     assert ramp(z, 1).min() >= -1e-12
     assert (ramp(z[z >= take_off], 2) == 0.0).all()  # constant velocity after it
@@ -53,12 +53,12 @@ def test_take_off_begins_at_rest_without_acceleration_and_never_turns_back(take_
 
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 @pytest.mark.parametrize("take_off", [0.0, 0.1, 0.25, 0.5, 1.0])
-def test_derivatives(take_off, order, derivative_error):
+def test_ramp_derivatives(take_off, order, derivative_error):
     ramp = Ramp(1e-4, 0.3, take_off)
     assert derivative_error(ramp, order, [0.0, *ramp.breaks, 1.0]) < 1e-12
 
 
-def test_without_a_take_off_the_velocity_steps():
+def test_velocity_steps_without_take_off():
     ramp = Ramp(0.0002, 0.25, take_off=0.0)
     assert ramp.breaks == ()
     event = LiftEvent(LAWS["3-4-5"], LIFT, RISE, RISE, ramp=ramp)
@@ -69,16 +69,16 @@ def test_without_a_take_off_the_velocity_steps():
 
 @pytest.mark.parametrize("k", [0.0, 0.3, 1.0])
 @pytest.mark.parametrize("name", SMOOTH)
-def test_main_lift_goes_on_from_the_ramp(name, k):
-    """From velocity k without acceleration, to 1 at rest; law + gain keeps the law's own end."""
+def test_main_lift_continues_ramp(name, k):
+    """From velocity k without acceleration to 1 at rest; the correction preserves the end of the law."""
     law = RampTransition(LAWS[name], k)
-    np.testing.assert_allclose(at(law, [0.0, 1.0]), [0.0, 1.0], rtol=0, atol=1e-14)
-    np.testing.assert_allclose(at(law, [0.0, 1.0], 1), [k, 0.0], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(at(law, [0.0, 1.0], 2), [0.0, 0.0], rtol=0, atol=1e-11)
-    assert law(np.linspace(0, 1, 501), 1).min() >= -1e-12  # never turns back up to k = 1
+    np.testing.assert_allclose(evaluate(law, [0.0, 1.0]), [0.0, 1.0], rtol=0, atol=1e-14)
+    np.testing.assert_allclose(evaluate(law, [0.0, 1.0], 1), [k, 0.0], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(evaluate(law, [0.0, 1.0], 2), [0.0, 0.0], rtol=0, atol=1e-11)
+    assert law(np.linspace(0, 1, 501), 1).min() >= -1e-12  # monotonic up to k = 1
 
 
-def test_main_lift_by_the_formula():
+def test_main_lift_matches_formula():
     """It is (1 - 0.4 k) law + k g with g' = (1 - z)^3 (1 + 3 z), integrated by hand."""
     z, k = np.linspace(0.0, 1.0, 101), 0.35
     g = z - 2 * z**3 + 2 * z**4 - 0.6 * z**5
@@ -88,22 +88,22 @@ def test_main_lift_by_the_formula():
     np.testing.assert_allclose(law(z, 1), (1 - 0.4 * k) * LAWS["4-5-6-7"](z, 1) + k * slope, rtol=0, atol=1e-14)
 
 
-def ramped(name="4-5-6-7", **changes):
+def ramped_event(name="4-5-6-7", **changes):
     given = {"dwell": DWELL, "phase": PHASE, "ramp": RAMP, "closing_ramp": CLOSING} | changes
     return LiftEvent(LAWS[name], LIFT, RISE, FALL, **given)
 
 
 @pytest.mark.parametrize("dwell", [0.0, DWELL])
 @pytest.mark.parametrize("name", SMOOTH)
-def test_nothing_steps_up_to_the_acceleration(name, dwell):
-    for one in joints(ramped(name, dwell=dwell)):
+def test_acceleration_is_continuous_at_joints(name, dwell):
+    for one in joints(ramped_event(name, dwell=dwell)):
         assert one.steps[:3] == (0.0, 0.0, 0.0), one
 
 
 @pytest.mark.parametrize("name", SMOOTH)
-def test_each_joint_read_from_both_sides(name):
-    """As above, by plain values 1e-7 rad beside each joint: they differ by what the next derivative does there."""
-    event, beside = ramped(name), 1e-7
+def test_one_sided_values_agree_at_joints(name):
+    """Values 1e-7 rad on both sides of each joint differ by no more than the next derivative allows."""
+    event, beside = ramped_event(name), 1e-7
     grid = np.linspace(0, TURN, 3601)
     for angle in event.joints:
         for order in range(3):
@@ -111,9 +111,9 @@ def test_each_joint_read_from_both_sides(name):
             assert abs(right - left) <= 2.1 * beside * np.abs(event(grid, order + 1)).max()
 
 
-def test_heights():
-    """The ramp comes on top; the return falls from there to the closing ramp and that to the base circle."""
-    event = ramped()
+def test_heights_of_ramped_event():
+    """The ramp adds to the lift; the return falls from there to the closing ramp, which ends at the base circle."""
+    event = ramped_event()
     assert event.height == pytest.approx(LIFT + RAMP.height, rel=1e-15)
     opens, top = PHASE, PHASE + RISE
     falls, closes = top + DWELL, top + DWELL + FALL
@@ -124,28 +124,28 @@ def test_heights():
     assert event.start == pytest.approx(PHASE - RAMP.duration)
 
 
-def test_the_same_ramp_closes_where_none_is_given():
-    one, same = ramped(closing_ramp=None), ramped(closing_ramp=RAMP)
+def test_opening_ramp_is_default_closing_ramp():
+    one, same = ramped_event(closing_ramp=None), ramped_event(closing_ramp=RAMP)
     grid = np.linspace(0.0, TURN, 721)
     for order in range(4):
         np.testing.assert_array_equal(one(grid, order), same(grid, order))
 
 
-def test_with_equal_ramps_and_angles_the_return_mirrors_the_rise():
+def test_return_mirrors_rise_for_equal_ramps_and_angles():
     event = LiftEvent(LAWS["modified-sine"], LIFT, RISE, RISE, dwell=DWELL, ramp=RAMP)
     middle, away = RISE + DWELL / 2, np.linspace(0.0, 2.0, 301)
     np.testing.assert_allclose(event(middle - away), event(middle + away), rtol=0, atol=1e-17)
 
 
-def test_only_a_closing_ramp():
-    event = ramped(ramp=None)
+def test_event_with_closing_ramp_only():
+    event = ramped_event(ramp=None)
     assert event.height == LIFT
     assert event.start == PHASE
     assert all(one.steps[:3] == (0.0, 0.0, 0.0) for one in joints(event))
 
 
-def test_ramps_of_a_single_low_dwell():
-    """The turned law starts from the ramp; rise runs into return under acceleration, equal on both sides."""
+def test_ramps_of_single_low_dwell():
+    """The reversed law starts from the ramp; rise meets return under acceleration, equal on both sides."""
     event = LiftEvent(LAWS["quinquinomial"], LIFT, RISE, RISE, phase=PHASE, ramp=RAMP, single_dwell="low")
     assert all(one.steps[:3] == (0.0, 0.0, 0.0) for one in joints(event))
     k = RAMP.slope * RISE / LIFT
@@ -157,8 +157,8 @@ def test_ramps_of_a_single_low_dwell():
 
 @settings(max_examples=40, deadline=None)
 @given(st.floats(1e-5, 4e-4), st.floats(0.1, 0.5), TAKE_OFF, st.floats(0.8, 1.6), st.floats(-7.0, 7.0))
-def test_any_ramp_meets_its_main_lift(height, duration, take_off, rise, phase):
-    """Lift and velocity at both ends of the opening ramp; a steeper ramp is refused, with the slope it may have."""
+def test_lift_and_velocity_are_continuous_after_ramp(height, duration, take_off, rise, phase):
+    """Lift and velocity at both ends of the opening ramp; a steeper ramp is an error that states the valid slope."""
     ramp = Ramp(height, duration, take_off)
     if ramp.slope * max(rise, 1.2) > LIFT:
         with pytest.raises(InputError, match="cannot continue such a slope"):
@@ -174,7 +174,7 @@ def test_any_ramp_meets_its_main_lift(height, duration, take_off, rise, phase):
 @pytest.mark.parametrize(
     "changes", [{"height": 0.0}, {"duration": 0.0}, {"take_off": -0.1}, {"take_off": 1.1}, {"take_off": math.nan}]
 )
-def test_ramps_refused(changes):
+def test_invalid_ramp_raises_error(changes):
     (name,) = changes
     with pytest.raises(InputError, match=f"^ramps.{name}:"):
         Ramp(**({"height": 1e-4, "duration": 0.2} | changes))
@@ -188,13 +188,13 @@ def test_ramps_refused(changes):
         ({"closing_ramp": Ramp(0.002, 0.2)}, 1e3 * (LIFT + RAMP.height - 0.002) / FALL),
     ],
 )
-def test_too_steep(changes, allowed):
+def test_too_steep_ramp_raises_error(changes, allowed):
     with pytest.raises(InputError, match=f"of at most {allowed:.4g} mm/rad. The main lift"):
-        ramped(**changes)
+        ramped_event(**changes)
 
 
-def test_the_steepest_ramp_that_is_taken():
-    """Slope times rise equal to the lift is k = 1; a thousandth more is refused."""
+def test_steepest_valid_ramp():
+    """Slope times rise equal to the lift is k = 1; a thousandth more raises an error."""
     duration, take_off = 0.3, 0.25
     steepest = LIFT / RISE * duration * (1 - 0.6 * take_off)
     LiftEvent(LAWS["3-4-5"], LIFT, RISE, RISE, ramp=Ramp(steepest * 0.9999, duration, take_off))

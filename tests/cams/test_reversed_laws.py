@@ -1,4 +1,4 @@
-"""Laws turned about their middle."""
+"""Laws reversed about their middle."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ Z = np.linspace(0.0, 1.0, 1001)
 LAWS_AND_MORE = dict(LAWS) | {"fb2, dyadic split": CompoundCycloid(0.375), "trapezoid": Scca(0.5, 0.5, 0.0)}
 
 
-def away(law):
-    """Places not next to a jump, where a bit decides."""
+def points_off_breaks(law):
+    """Return points away from jumps, where rounding decides the side."""
     return np.array([z for z in Z if all(abs(z - at) > 1e-9 for at in law.breaks)])
 
 
 @pytest.mark.parametrize("name", sorted(LAWS_AND_MORE))
-def test_turned_is_one_minus_the_law_from_the_other_end(name):
+def test_reversed_law_is_one_minus_law_from_other_end(name):
     law = LAWS_AND_MORE[name]
-    z = away(ReversedLaw(law))
+    z = points_off_breaks(ReversedLaw(law))
     for order in range(5):
         expected = (order == 0) - (-1.0) ** order * law(1.0 - z, order)
         size = 1 + np.abs(expected).max()
@@ -27,9 +27,9 @@ def test_turned_is_one_minus_the_law_from_the_other_end(name):
 
 
 @pytest.mark.parametrize("name", sorted(LAWS_AND_MORE))
-def test_turned_twice_is_the_law(name):
+def test_reversed_twice_is_original_law(name):
     law = LAWS_AND_MORE[name]
-    z = away(law)
+    z = points_off_breaks(law)
     for order in range(5):
         expected = law(z, order)
         # 1 - (1 - z) differs from z by half a bit of 1, which the next derivative multiplies; sums of powers cancel.
@@ -40,8 +40,8 @@ def test_turned_twice_is_the_law(name):
 
 
 @pytest.mark.parametrize("name", ["fb2, dyadic split", "parabolic", "trapezoid", "modified-trapezoid"])
-def test_turned_twice_is_the_law_at_its_jumps_too(name):
-    """Breaks of few binary digits turn without rounding: there the value is that to the right, before and after."""
+def test_reversed_twice_is_original_law_at_jumps(name):
+    """Breaks of few binary digits are reversed without rounding: values there are right limits, before and after."""
     law = LAWS_AND_MORE[name]
     at = np.array(law.breaks)
     for order in range(5):
@@ -50,7 +50,7 @@ def test_turned_twice_is_the_law_at_its_jumps_too(name):
 
 
 @pytest.mark.parametrize("name", ["cycloidal", "modified-sine", "3-4-5", "shm"])
-def test_a_symmetric_law_is_its_own(name):
+def test_symmetric_law_equals_its_reverse(name):
     for order in range(4):
         expected = LAWS[name](Z, order)
         np.testing.assert_allclose(
@@ -59,8 +59,8 @@ def test_a_symmetric_law_is_its_own(name):
 
 
 @pytest.mark.parametrize("split", [0.3, 0.35, 0.1, 0.77])
-def test_the_side_at_a_turned_jump(split):
-    """Right of the turned break is what the law has left of its own, with the jerk's sign kept: -A pi/p."""
+def test_one_sided_limits_at_reversed_jump(split):
+    """The right limit at the reversed break is the left limit of the law, with the same sign of the jerk: -A pi/p."""
     law = CompoundCycloid(split)
     turned = ReversedLaw(law)
     (at,) = turned.breaks

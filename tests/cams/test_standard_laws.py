@@ -14,7 +14,7 @@ from flexcam.cams import LAWS, Polynomial, Scca
 from flexcam.core.errors import InputError
 
 PRINTED = 5e-5
-"""Of a number printed with five digits."""
+"""Relative tolerance of a number printed with five digits."""
 
 FB2 = 1.0 / (0.3**2 / math.pi + 4 * 0.3 * 0.7 / math.pi**2)
 """Peak acceleration of half a sine up to 0.3 and a quarter of a cosine after it: its velocity encloses an area of 1."""
@@ -41,7 +41,7 @@ PEAKS = {
     "harmonic-acceleration": ((2.0, 2 * math.pi, 4 * math.pi**2), 1e-12),
     "fb2": ((0.6 * FB2 / math.pi, FB2, FB2 * math.pi / 0.3), 1e-12),
 }
-"""C_v, C_a, C_j with a tolerance (closed forms: the peak lies between grid points); None: infinite or not held."""
+"""C_v, C_a, C_j with a tolerance (closed forms: the peak is between grid points); None: infinite or not known."""
 
 SPAN = {name: 4 * math.pi if name.startswith("modified") else 2 * math.pi for name in PEAKS} | {
     "pavlovic-new": 8 * math.pi,
@@ -51,13 +51,13 @@ SPAN = {name: 4 * math.pi if name.startswith("modified") else 2 * math.pi for na
     "quinquinomial-3": 38.0,
     "quinquinomial-4": 50.0,
 }
-"""Growth of a derivative over the one below, for the error of differences: fastest harmonic or highest exponent."""
+"""Ratio of a derivative to the next lower one, for the error of differences: fastest harmonic or highest exponent."""
 
-UNSYMMETRIC = {"pavlovic-new": 0.498047, "fb2": None} | {f"quinquinomial{row}": None for row in ("", "-2", "-3", "-4")}
-"""Laws that are not their own mirror image, with s(1/2) where it is given."""
+ASYMMETRIC = {"pavlovic-new": 0.498047, "fb2": None} | {f"quinquinomial{row}": None for row in ("", "-2", "-3", "-4")}
+"""Laws without mirror symmetry, with s(1/2) where it is known."""
 
-UNREST = {"pavlovic-trigonometric": 1 / 48}
-"""Velocity at both ends, where it is not zero."""
+END_VELOCITY = {"pavlovic-trigonometric": 1 / 48}
+"""Nonzero velocity at both ends."""
 
 Z = np.linspace(0.0, 1.0, 2001)
 FINE = np.linspace(0.0, 1.0, 200_001)
@@ -68,34 +68,34 @@ def name(request):
     return request.param
 
 
-def test_ends(name):
+def test_end_values(name):
     np.testing.assert_allclose(LAWS[name](np.array([0.0, 1.0])), [0.0, 1.0], rtol=0, atol=1e-14)
-    np.testing.assert_allclose(LAWS[name](np.array([0.0, 1.0]), 1), UNREST.get(name, 0.0), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(LAWS[name](np.array([0.0, 1.0]), 1), END_VELOCITY.get(name, 0.0), rtol=0, atol=1e-12)
 
 
-def test_peaks(name):
+def test_peak_values(name):
     peaks, tolerance = PEAKS[name]
     for order, peak in enumerate(peaks, start=1):
         if peak is not None:
             assert np.abs(LAWS[name](FINE, order)).max() == pytest.approx(peak, rel=tolerance)
 
 
-def test_every_law_has_its_peaks():
+def test_peak_table_covers_every_law():
     assert set(PEAKS) == set(LAWS)
 
 
-FAMILY = {"shm": (0, 0, 1), "cycloidal": (0.5, 0, 0.5), "parabolic": (0, 1, 0)}
+SCCA_PARTS = {"shm": (0, 0, 1), "cycloidal": (0.5, 0, 0.5), "parabolic": (0, 1, 0)}
 
 
-@pytest.mark.parametrize("name", FAMILY)
-def test_one_family_holds_three_laws(name):
+@pytest.mark.parametrize("name", SCCA_PARTS)
+def test_scca_family_contains_three_laws(name):
     for order in range(5):
         scale = (2 * math.pi) ** order
-        np.testing.assert_allclose(Scca(*FAMILY[name])(Z, order), LAWS[name](Z, order), rtol=0, atol=1e-13 * scale)
+        np.testing.assert_allclose(Scca(*SCCA_PARTS[name])(Z, order), LAWS[name](Z, order), rtol=0, atol=1e-13 * scale)
 
 
 QUINQUINOMIAL = {
-    # u' max, u'' max, u'' min, u''' max, u''' min of the four published rows, recomputed
+    # u' max, u'' max, u'' min, u''' max, u''' min of the four published rows, recalculated
     (2, 5, 8, 11, 14): (1.9568, 6.3374, -6.3086, 33.030, -35.859),
     (2, 8, 14, 20, 26): (1.8601, 3.7449, -8.3866, 75.520, -48.150),
     (2, 11, 20, 29, 38): (1.8476, 3.0793, -10.7692, 138.087, -73.249),
@@ -119,27 +119,27 @@ def test_end_conditions_of_polynomials(exponents):
 
 
 @pytest.mark.parametrize("order", [0, 1, 2, 3, 4])
-def test_both_sums_of_a_polynomial_meet(order):
-    """At 1 - z = 0.05 the sum in z gives way to that in 1 - z; each rounds by eps sum |a_j| j^order."""
+def test_both_sums_of_polynomial_agree(order):
+    """At 1 - z = 0.05 the sum in z changes to that in 1 - z; each rounds by eps sum |a_j| j^order."""
     law = Polynomial((2, 14, 26, 38, 50))
     below, above = law(np.array([0.95 - 1e-15, 0.95 + 1e-15]), order)
     assert abs(above - below) < 1e-12 * 50.0**order
 
 
 @pytest.mark.parametrize("parts", [(0.5, 0.6, 0.1), (-0.1, 0.6, 0.5)])
-def test_refused_parts(parts):
+def test_invalid_scca_parts_raise_error(parts):
     with pytest.raises(InputError):
         Scca(*parts)
 
 
 @pytest.mark.parametrize("exponents", [(3,), (1, 2), (3, 3), (5, 4)])
-def test_refused_exponents(exponents):
+def test_invalid_exponents_raise_error(exponents):
     with pytest.raises(InputError):
         Polynomial(exponents)
 
 
 def test_derivatives(name):
-    # Central differences of the derivative below, h = 1e-5: error h^2/6 of the second derivative above, and eps/h.
+    # Central differences of the next lower derivative, h = 1e-5: error h^2/6 of the second next derivative, and eps/h.
     h = 1e-5
     law = LAWS[name]
     smooth = np.all([np.abs(Z - jump) > 2 * h for jump in (0.0, 1.0, *law.breaks)], axis=0)
@@ -149,29 +149,29 @@ def test_derivatives(name):
         assert np.abs(law(z, order) - difference).max() <= 4e-6 * SPAN[name] ** order
 
 
-@pytest.mark.parametrize("name", sorted(set(LAWS) - set(UNSYMMETRIC)))
-def test_symmetry(name):
+@pytest.mark.parametrize("name", sorted(set(LAWS) - set(ASYMMETRIC)))
+def test_symmetric_laws(name):
     law = LAWS[name]
     np.testing.assert_allclose(law(Z) + law(1 - Z), 1.0, rtol=0, atol=1e-13)
     assert law(np.array([0.5]))[0] == pytest.approx(0.5, abs=1e-14)
 
 
-@pytest.mark.parametrize("name", sorted(UNSYMMETRIC))
-def test_the_others_are_not_symmetric(name):
+@pytest.mark.parametrize("name", sorted(ASYMMETRIC))
+def test_asymmetric_laws(name):
     middle = LAWS[name](np.array([0.5]))[0]
     assert abs(middle - 0.5) > 1e-3
-    if UNSYMMETRIC[name] is not None:
-        assert middle == pytest.approx(UNSYMMETRIC[name], abs=5e-7)  # six decimals given
+    if ASYMMETRIC[name] is not None:
+        assert middle == pytest.approx(ASYMMETRIC[name], abs=5e-7)  # six decimals given
 
 
-def test_jump_takes_the_right_side():
+def test_value_at_jump_is_right_limit():
     law = LAWS["parabolic"]
     assert law.breaks == (0.5,)
     np.testing.assert_array_equal(law(np.array([np.nextafter(0.5, 0), 0.5]), 2), [4.0, -4.0])
 
 
-def test_the_jerk_of_fb2_jumps_at_the_split():
-    """From -A pi/p, where half a sine ends, to -B pi/(2 q), where a quarter of a cosine begins; B = A p/q."""
+def test_jerk_of_fb2_jumps_at_split():
+    """From -A pi/p, the end of half a sine, to -B pi/(2 q), the start of a quarter of a cosine; B = A p/q."""
     law = LAWS["fb2"]
     assert law.breaks == (0.3,)
     p, q = 0.3, 0.7
@@ -179,6 +179,6 @@ def test_the_jerk_of_fb2_jumps_at_the_split():
     np.testing.assert_allclose(found, [-FB2 * math.pi / p, -FB2 * p / q * math.pi / (2 * q)], rtol=1e-12)
 
 
-def test_argument_untouched_and_shape_kept(name, readonly):
+def test_argument_is_unchanged_and_shape_preserved(name, readonly):
     z = readonly(Z.reshape(3, 667))
     assert {LAWS[name](z, order).shape for order in range(5)} == {(3, 667)}

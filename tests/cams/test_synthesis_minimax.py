@@ -1,4 +1,4 @@
-"""Minimax laws: optimal by other routes, within what was asked, and refused where there is none."""
+"""Minimax laws: optimality by independent methods, bounds and conditions, and infeasible problems."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ def family(request):
 
 
 @pytest.fixture(scope="module", params=ORDERS)
-def found(request, family):
+def optimum(request, family):
     return minimax(family, {request.param: 1.0})
 
 
 def grid_value(law, name):
-    """Return a criterion as seen on a grid: never above the true one."""
+    """Return a criterion on a grid, which never exceeds the exact value."""
     if name == "rms":
         return math.sqrt(np.trapezoid(law(Z, 2) ** 2, Z))
     if name == "Cm":
@@ -44,45 +44,45 @@ def grid_value(law, name):
 
 
 @pytest.mark.parametrize("order", [0, 1, 2, 3])
-def test_rows_of_a_family_are_its_laws(family, order):
+def test_rows_of_family_match_law(family, order):
     x = np.random.default_rng(1).uniform(0.2, 0.8, family.size)
     rows, offset = family.rows(Z, order)
     scale = np.abs(rows).max() * family.size
     np.testing.assert_allclose(rows @ x + offset, family.law(x)(Z, order), atol=1e-13 * scale)
 
 
-def test_ends_and_way_of_every_law_found(family, found):
-    """To 1e-12, as a cam between two dwells needs it; harmonics sum to 1 as the program of linear equations rounds."""
+def test_end_conditions_and_monotonicity_of_optimum(family, optimum):
+    """To 1e-12, as a cam between two dwells requires; harmonics sum to 1 within rounding of the linear program."""
     ends = np.array([0.0, 1.0])
-    np.testing.assert_allclose(found.law(ends), ends, atol=1e-12)
+    np.testing.assert_allclose(optimum.law(ends), ends, atol=1e-12)
     for order in range(1, 1 + getattr(family, "rest", 2)):
-        assert np.abs(found.law(ends, order)).max() < 1e-12 * 20**order
-    assert found.law(Z, 1).min() > -1e-7  # the program sees the velocity between its places through those it adds
+        assert np.abs(optimum.law(ends, order)).max() < 1e-12 * 20**order
+    assert optimum.law(Z, 1).min() > -1e-7  # the program adds points to limit the velocity between points
     if getattr(family, "symmetric", True):
-        np.testing.assert_allclose(found.law(Z) + found.law(1 - Z), 1.0, atol=1e-12)
+        np.testing.assert_allclose(optimum.law(Z) + optimum.law(1 - Z), 1.0, atol=1e-12)
 
 
-def test_the_gap_proves_the_optimum(found):
-    assert found.converged
-    assert -1e-7 <= found.gap <= 1e-6 * max(1.0, found.objective)
-    assert found.objective >= found.bound_all - 1e-12
-    assert found.objective == pytest.approx(found.gap + found.bound, rel=1e-15)
+def test_gap_proves_optimum(optimum):
+    assert optimum.converged
+    assert -1e-7 <= optimum.gap <= 1e-6 * max(1.0, optimum.objective)
+    assert optimum.objective >= optimum.bound_all - 1e-12
+    assert optimum.objective == pytest.approx(optimum.gap + optimum.bound, rel=1e-15)
 
 
 @given(st.data())
 @settings(max_examples=8, deadline=None)
-def test_no_law_of_the_family_beats_the_bound(found, family, data):
-    """Any coefficients, and any step from the optimum: seen on a grid, which may hide a little of a criterion."""
-    name = next(name for name in ORDERS if getattr(found.criteria, name) == found.objective)
-    best = fitted(family, found.law)
+def test_no_law_of_family_is_below_bound(optimum, family, data):
+    """Arbitrary coefficients and steps from the optimum; a grid may slightly underestimate a criterion."""
+    name = next(name for name in ORDERS if getattr(optimum.criteria, name) == optimum.objective)
+    best = fit_coefficients(family, optimum.law)
     step = np.array(data.draw(st.lists(st.floats(-1.0, 1.0), min_size=family.size, max_size=family.size)))
-    step -= step.mean() if isinstance(family, HarmonicFamily) else 0.0  # they sum to 1
+    step -= step.mean() if isinstance(family, HarmonicFamily) else 0.0  # the coefficients sum to 1
     law = family.law(best + data.draw(st.sampled_from([0.001, 0.01, 0.1])) * step)
     if law(Z, 1).min() >= 0.0:
-        assert grid_value(law, name) >= found.bound * (1 - 1e-4)
+        assert grid_value(law, name) >= optimum.bound * (1 - 1e-4)
 
 
-def fitted(family, law):
+def fit_coefficients(family, law):
     """Return the coefficients of a law of the family."""
     rows, offset = family.rows(Z, 0)
     return np.linalg.lstsq(rows, law(Z) - offset, rcond=None)[0]
@@ -92,8 +92,8 @@ def fitted(family, law):
     ("degree", "name"),
     [(7, "Cv"), (7, "Ca"), (7, "Cj"), (7, "rms"), pytest.param(7, "Cm", marks=pytest.mark.slow), (8, "Ca")],
 )
-def test_one_coefficient_by_search(name, degree):
-    """Symmetric polynomials of degree 7 and 8 at rest without acceleration have one: golden sections find the best."""
+def test_optimum_of_one_coefficient_matches_search(name, degree):
+    """Symmetric polynomials of degree 7 and 8 at rest without acceleration have one coefficient, found by search."""
     from scipy.optimize import minimize_scalar
 
     family = SplineFamily(degree=degree, pieces=1)
@@ -101,14 +101,14 @@ def test_one_coefficient_by_search(name, degree):
 
     def value(x):
         law = family.law(np.array([x]))
-        return grid_value(law, name) + 1e3 * max(0.0, -law(Z, 1).min())  # it must not turn back
+        return grid_value(law, name) + 1e3 * max(0.0, -law(Z, 1).min())  # the law must be monotonic
 
     searched = minimize_scalar(value, bounds=(-2.0, 2.0), method="bounded", options={"xatol": 1e-10})
     assert minimax(family, {name: 1.0}).objective == pytest.approx(searched.fun, rel=2e-6)  # the grid of 1/4000
 
 
 @pytest.mark.parametrize(("other", "name"), [(2, "Ca"), (3, "Cj"), (5, "rms")])
-def test_two_harmonics_by_search(other, name):
+def test_optimum_of_two_harmonics_matches_search(other, name):
     from scipy.optimize import minimize_scalar
 
     family = HarmonicFamily((1, other))
@@ -122,8 +122,8 @@ def test_two_harmonics_by_search(other, name):
 
 
 @pytest.mark.parametrize("pieces", [3, 6])
-def test_root_mean_square_by_least_squares(pieces):
-    """Without the sign of the velocity, which these laws keep by themselves, it is a linear least-squares problem."""
+def test_minimum_rms_matches_least_squares(pieces):
+    """Without the constraint on the velocity, inactive for these laws, it is a linear least-squares problem."""
     family = SplineFamily(degree=5, pieces=pieces)
     points, weights = np.polynomial.legendre.leggauss(8)
     edges = np.linspace(0.0, 1.0, pieces + 1)
@@ -132,19 +132,19 @@ def test_root_mean_square_by_least_squares(pieces):
     rows, offset = family.rows(z, 2)
     x = np.linalg.lstsq(weight[:, None] * rows, -weight * offset, rcond=None)[0]
     assert family.law(x)(Z, 1).min() >= 0.0
-    found = minimax(family, {"rms": 1.0})
+    optimum = minimax(family, {"rms": 1.0})
     exact = np.linalg.norm(weight * (rows @ x + offset))
-    assert found.objective == pytest.approx(exact, rel=1e-7)
-    assert -1e-9 <= found.gap <= 1e-6
-    assert found.bound <= exact * (1 + 1e-9)
+    assert optimum.objective == pytest.approx(exact, rel=1e-7)
+    assert -1e-9 <= optimum.gap <= 1e-6
+    assert optimum.bound <= exact * (1 + 1e-9)
 
 
-APPROACHED = {"Cj": (32.0, (6, 12, 24)), "rms": (math.sqrt(12), (3, 6, 10)), "Cm": (9 / 4, (4, 8, 16))}
+LOWER_BOUNDS = {"Cj": (32.0, (6, 12, 24)), "rms": (math.sqrt(12), (3, 6, 10)), "Cm": (9 / 4, (4, 8, 16))}
 
 
 @pytest.mark.parametrize("name", ["Cj", "rms", pytest.param("Cm", marks=pytest.mark.slow)])
-def test_more_pieces_come_closer_to_what_no_law_beats(name):
-    bound, pieces = APPROACHED[name]
+def test_more_pieces_approach_bound_over_all_laws(name):
+    bound, pieces = LOWER_BOUNDS[name]
     values = [minimax(SplineFamily(degree=5, pieces=n), {name: 1.0}) for n in pieces]
     assert [one.bound_all for one in values] == [pytest.approx(bound, rel=1e-15)] * 3
     excess = [one.objective - bound for one in values]
@@ -153,15 +153,15 @@ def test_more_pieces_come_closer_to_what_no_law_beats(name):
 
 
 @pytest.mark.slow
-def test_the_operating_moment_has_no_bound_of_its_family():
-    found = minimax(SplineFamily(degree=5, pieces=6), {"Cm": 1.0})
-    assert found.bound is None
-    assert found.gap is None
-    assert found.objective == pytest.approx(grid_value(found.law, "Cm"), rel=1e-5)
+def test_operating_moment_has_no_family_bound():
+    optimum = minimax(SplineFamily(degree=5, pieces=6), {"Cm": 1.0})
+    assert optimum.bound is None
+    assert optimum.gap is None
+    assert optimum.objective == pytest.approx(grid_value(optimum.law, "Cm"), rel=1e-5)
 
 
-def test_symmetry_costs_nothing():
-    """The mean of a law and its mirror image is symmetric and no worse."""
+def test_symmetry_does_not_change_optimum():
+    """The mean of a law and its mirror image is symmetric and no worse than the law."""
     values = [
         minimax(SplineFamily(degree=5, pieces=8, symmetric=which), {"Ca": 1.0}, bounds={"Cj": 52.5}).objective
         for which in (True, False)
@@ -169,7 +169,7 @@ def test_symmetry_costs_nothing():
     assert values[0] == pytest.approx(values[1], rel=1e-6)
 
 
-def test_weights():
+def test_weighted_criteria():
     family = SplineFamily(degree=5, pieces=8)
     once, twice = (minimax(family, {"Ca": w}) for w in (1.0, 2.0))
     assert twice.objective == pytest.approx(2 * once.objective, rel=1e-7)
@@ -182,16 +182,16 @@ def test_weights():
     assert both.bound_all == pytest.approx(4.0 + 3 * 1.0, rel=1e-15)
 
 
-def test_bounds_hold_and_cost():
+def test_bounds_hold_and_increase_objective():
     family = SplineFamily(degree=5, pieces=12)
     free = minimax(family, {"Ca": 1.0})
     last = free.objective
     for limit in (60.0, 40.0):
-        found = minimax(family, {"Ca": 1.0}, bounds={"Cj": limit, "Cv": 1.95})
-        assert limit * (1 - 1e-6) < found.criteria.Cj <= limit  # on the limit, and not above it
-        assert found.criteria.Cv <= 1.95
-        assert found.objective > last - 1e-7
-        last = found.objective
+        optimum = minimax(family, {"Ca": 1.0}, bounds={"Cj": limit, "Cv": 1.95})
+        assert limit * (1 - 1e-6) < optimum.criteria.Cj <= limit  # on the limit, and not above it
+        assert optimum.criteria.Cv <= 1.95
+        assert optimum.objective > last - 1e-7
+        last = optimum.objective
     loose = minimax(family, {"Ca": 1.0}, bounds={"Cj": 1.1 * free.criteria.Cj, "Cv": 3.0})
     assert loose.objective == pytest.approx(free.objective, rel=1e-7)
 
@@ -204,25 +204,25 @@ CONDITIONS = {
 
 
 @pytest.mark.parametrize(("case", "symmetric"), [("three at once", True), *((case, False) for case in CONDITIONS)])
-def test_conditions_are_met(case, symmetric):
+def test_optimum_satisfies_conditions(case, symmetric):
     family = SplineFamily(degree=5, pieces=12, symmetric=symmetric)
-    found = minimax(family, {"Ca": 1.0}, conditions=CONDITIONS[case])
+    optimum = minimax(family, {"Ca": 1.0}, conditions=CONDITIONS[case])
     for z, order, value in CONDITIONS[case]:
-        assert found.law(np.array([z]), order)[0] == pytest.approx(value, abs=1e-9)
-    assert -1e-7 <= found.gap <= 1e-6
-    assert found.objective > minimax(family, {"Ca": 1.0}).objective
-    assert found.law(Z, 1).min() >= -1e-7
+        assert optimum.law(np.array([z]), order)[0] == pytest.approx(value, abs=1e-9)
+    assert -1e-7 <= optimum.gap <= 1e-6
+    assert optimum.objective > minimax(family, {"Ca": 1.0}).objective
+    assert optimum.law(Z, 1).min() >= -1e-7
 
 
-def test_a_law_may_turn_back_if_it_is_let():
+def test_non_monotone_law_is_optional():
     backwards = [(0.2, 1, -0.1)]
     family = SplineFamily(degree=5, pieces=12)
     with pytest.raises(InputError):
         minimax(family, {"Ca": 1.0}, conditions=backwards)
-    found = minimax(family, {"Ca": 1.0}, conditions=backwards, monotone=False)
-    assert found.law(np.array([0.2]), 1)[0] == pytest.approx(-0.1, abs=1e-9)
-    assert -1e-7 <= found.gap <= 1e-6
-    # Where the sign of the velocity matters to no one, it changes nothing.
+    optimum = minimax(family, {"Ca": 1.0}, conditions=backwards, monotone=False)
+    assert optimum.law(np.array([0.2]), 1)[0] == pytest.approx(-0.1, abs=1e-9)
+    assert -1e-7 <= optimum.gap <= 1e-6
+    # An inactive constraint on the sign of the velocity changes nothing.
     either = [minimax(family, {"Ca": 1.0}, monotone=which).objective for which in (True, False)]
     assert either[0] == pytest.approx(either[1], rel=1e-7)
 
@@ -237,23 +237,23 @@ INFEASIBLE = {
 
 
 @pytest.mark.parametrize("case", INFEASIBLE)
-def test_infeasible(case):
+def test_infeasible_bounds_raise_error(case):
     bounds, conditions = INFEASIBLE[case]
     with pytest.raises(InputError, match=r"Use (a wider bound|other conditions)"):
         minimax(SplineFamily(degree=5, pieces=16), {"Ca": 1.0}, bounds=bounds, conditions=conditions)
 
 
-def test_conditions_that_need_a_negative_velocity_say_so():
+def test_error_suggests_non_monotone_law():
     with pytest.raises(InputError, match=r"Use a wider bound or other conditions, with laws that turn back"):
         minimax(SplineFamily(degree=5, pieces=8), {"Ca": 1.0}, bounds={"Cj": 500.0}, conditions=[(0.2, 1, -0.1)])
 
 
-def test_conditions_that_symmetry_forbids_say_so():
+def test_error_suggests_asymmetric_law():
     with pytest.raises(InputError, match=r"--asymmetric"):
         minimax(SplineFamily(degree=5, pieces=8), {"Ca": 1.0}, conditions=[(0.5, 0, 0.6)])
 
 
-REFUSED = {
+INVALID_CRITERIA = {
     "unknown criterion": ({"Cx": 1.0}, {}, "minimize: got 'Cx', expected Cv, Ca, Cj, rms, Cm"),
     "unknown bound": ({"Ca": 1.0}, {"Cx": 1.0}, "bounds: got 'Cx', expected Cv, Ca, Cj"),
     "bound on what is not linear": ({"Ca": 1.0}, {"Cm": 5.0}, "bounds: got 'Cm', expected Cv, Ca, Cj"),
@@ -264,10 +264,10 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("case", REFUSED)
-def test_refused(case):
-    weights, bounds, says = REFUSED[case]
-    with pytest.raises(InputError, match=says):
+@pytest.mark.parametrize("case", INVALID_CRITERIA)
+def test_invalid_criteria_raise_error(case):
+    weights, bounds, message = INVALID_CRITERIA[case]
+    with pytest.raises(InputError, match=message):
         minimax(SplineFamily(degree=5, pieces=8), weights, bounds=bounds)
 
 
@@ -279,13 +279,13 @@ def test_refused(case):
         lambda: HarmonicFamily((1, 1, 3)), lambda: HarmonicFamily((0, 1)),
     ],
 )  # fmt: skip
-def test_refused_families(make):
+def test_invalid_family_raises_error(make):
     with pytest.raises(InputError):
         make()
 
 
-def test_known_laws_are_within_their_families():
-    """The polynomials of degree 7 hold the 4-5-6-7 law, at rest to the third derivative the only one."""
+def test_spline_family_contains_known_law():
+    """The polynomials of degree 7 contain the 4-5-6-7 law, the only one at rest to the third derivative."""
     rows, offset = (family := SplineFamily(degree=7, pieces=1)).rows(Z, 0)
     x, miss, *_ = np.linalg.lstsq(rows, LAWS["4-5-6-7"](Z) - offset, rcond=None)
     assert miss[0] < 1e-24

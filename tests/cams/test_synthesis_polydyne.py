@@ -1,4 +1,4 @@
-"""Polydyne cams against the closed form of one mass and against its motion integrated in time."""
+"""Polydyne cams against the closed form of a single mass and its motion by time integration."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from flexcam.cams import LAWS, LiftEvent, SingleMass, harmonics, off_design_devi
 from flexcam.core.errors import InputError
 
 WANTED = LiftEvent(LAWS["5-6-7-8-9"], lift=0.008, rise=1.5, fall=1.3, dwell=0.5, phase=0.2)
-"""Smooth to the fourth derivative, so that sixty harmonics hold it to 1e-8 m."""
+"""Smooth to the fourth derivative, so that sixty harmonics represent it to 1e-8 m."""
 
 FREQUENCY, SPEED = 1000.0, 150.0
 GRID = np.linspace(0.0, 2 * math.pi, 721)
 
 
-def steady(cam, frequency, damping, speed):
-    """Steady motion of y'' + 2 D w0 (y' - s') + w0^2 (y - s) = 0 over the cam angle, integrated over one revolution.
+def steady_motion(cam, frequency, damping, speed):
+    """Return the steady motion of y'' + 2 D w0 (y' - s') + w0^2 (y - s) = 0 over the cam angle, by time integration.
 
-    With the state after a revolution linear in that before it, the periodic one follows from three runs.
+    The state after a revolution is linear in the initial state; three runs give the periodic one.
     """
     from scipy.integrate import solve_ivp
 
@@ -41,18 +41,18 @@ def steady(cam, frequency, damping, speed):
     return run(start)[0]
 
 
-def test_without_damping_it_is_stoddarts_cam():
+def test_undamped_cam_matches_stoddart():
     """The known form s = y + (w/w0)^2 y''."""
     made = polydyne(WANTED, SingleMass(FREQUENCY), SPEED)
     exact = made.wanted(GRID) + (SPEED / FREQUENCY) ** 2 * made.wanted(GRID, 2)
     np.testing.assert_allclose(made.event(GRID), exact, atol=1e-15)
-    # The harmonics left out of y'' weigh most: sixty of them hold it to a part of 1e-3 of its 0.07 m.
+    # The harmonics missing in y'' dominate: sixty harmonics represent it to 1e-3 of its 0.07 m.
     whole = WANTED(GRID) + (SPEED / FREQUENCY) ** 2 * WANTED(GRID, 2)
     np.testing.assert_allclose(made.event(GRID), whole, atol=2e-6)
     assert np.abs(made.event(GRID) - WANTED(GRID)).max() > 1e-4
 
 
-def test_what_is_left_out():
+def test_left_out_deviation():
     few, many = (polydyne(WANTED, SingleMass(FREQUENCY), SPEED, count=n) for n in (6, 60))
     for made in (few, many):
         assert made.left_out == pytest.approx(np.abs(made.wanted(GRID) - WANTED(GRID)).max(), rel=0.05)
@@ -62,17 +62,17 @@ def test_what_is_left_out():
 
 
 @pytest.mark.parametrize("damping", [0.02, 1.5])
-def test_the_mass_moves_as_wanted(damping):
+def test_mass_follows_wanted_lift(damping):
     made = polydyne(WANTED, SingleMass(FREQUENCY, damping), SPEED, count=30)
-    moved = steady(made.event, FREQUENCY, damping, SPEED)
+    moved = steady_motion(made.event, FREQUENCY, damping, SPEED)
     np.testing.assert_allclose(moved, made.wanted(GRID), atol=1e-9, rtol=0)
-    # A cam that lifts as wanted does not: it is the dynamics that make the difference.
-    assert np.abs(steady(made.wanted, FREQUENCY, damping, SPEED) - made.wanted(GRID)).max() > 1e-5
+    # A cam with the wanted lift does not: the dynamics make the difference.
+    assert np.abs(steady_motion(made.wanted, FREQUENCY, damping, SPEED) - made.wanted(GRID)).max() > 1e-5
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.1])
-def test_single_mass(damping):
-    """The answer to s = exp(i w t), put into y'' + 2 D w0 (y' - s') + w0^2 (y - s) = 0."""
+def test_single_mass_response(damping):
+    """The response to s = exp(i w t), inserted into y'' + 2 D w0 (y' - s') + w0^2 (y - s) = 0."""
     omega = np.array([0.0, 300.0, 999.0, 5000.0])
     y = SingleMass(FREQUENCY, damping)(omega)
     rest = -(omega**2) * y + 2j * damping * FREQUENCY * omega * (y - 1) + FREQUENCY**2 * (y - 1)
@@ -80,7 +80,7 @@ def test_single_mass(damping):
     assert y[0] == 1.0
 
 
-def test_off_design():
+def test_off_design_deviation():
     train = SingleMass(FREQUENCY, 0.05)
     made = polydyne(WANTED, train, SPEED, count=40)
     away = off_design_deviation(
@@ -90,23 +90,23 @@ def test_off_design():
     assert list(away[:4]) == sorted(away[:4], reverse=True)
     assert list(away[3:]) == sorted(away[3:])
     assert away[2] > 1e-6
-    worst = np.abs(steady(made.event, FREQUENCY, 0.05, 1.2 * SPEED) - made.wanted(GRID)).max()
+    worst = np.abs(steady_motion(made.event, FREQUENCY, 0.05, 1.2 * SPEED) - made.wanted(GRID)).max()
     assert away[-1] == pytest.approx(worst, rel=1e-3)  # each on its own grid
 
 
-def test_a_train_that_does_not_answer_is_refused():
-    def deaf(omega):
+def test_train_without_response_raises_error():
+    def no_response(omega):
         return np.where(np.abs(omega - 3 * SPEED) < 1.0, 0.0, 1.0 + 0j)
 
     with pytest.raises(InputError, match=r"does not respond to harmonic 3 at 1432\.39 rpm"):
-        polydyne(WANTED, deaf, SPEED)
-    assert polydyne(WANTED, deaf, SPEED, count=2).left_out > 0.0  # it is not asked for the third
+        polydyne(WANTED, no_response, SPEED)
+    assert polydyne(WANTED, no_response, SPEED, count=2).left_out > 0.0  # the third harmonic is not needed
     with pytest.raises(InputError, match="does not respond"):
         polydyne(WANTED, lambda omega: np.where(omega == 0.0, np.inf, 1.0), SPEED)
 
 
-def test_a_harmonic_in_resonance_is_not_in_the_cam():
-    """Undamped at w0 = 5 w: the mass swings so by itself; any such part of the cam would make it swing ever more."""
+def test_resonant_harmonic_is_not_in_cam():
+    """Undamped at w0 = 5 w: the mass oscillates freely; the fifth harmonic in the cam would grow without bound."""
     train = SingleMass(5 * SPEED)
     made = polydyne(WANTED, train, SPEED)
     wanted = harmonics(WANTED, 60)
@@ -115,13 +115,13 @@ def test_a_harmonic_in_resonance_is_not_in_the_cam():
     n = np.arange(1, 61)
     cam = wanted[1:] * (1 - (n / 5.0) ** 2)  # Stoddart's factor, zero for the fifth
     np.testing.assert_allclose(np.array(made.event.cosine) - 1j * np.array(made.event.sine), cam, atol=1e-16)
-    # What this cam leaves out is all that is missing at its speed; on a cam that holds it, the motion has no bound.
+    # The deviation at the design speed is the omitted harmonic; with the harmonic in the cam, the motion is unbounded.
     assert off_design_deviation(made, train, [SPEED]) == pytest.approx(abs(wanted[5]), rel=1e-3)
     assert off_design_deviation(made, train, [5 * SPEED / 3]).tolist() == [math.inf]
     assert np.isfinite(off_design_deviation(made, train, [1.01 * SPEED])).all()
 
 
-def test_refused():
+def test_invalid_polydyne_arguments_raise_error():
     with pytest.raises(InputError, match="speed"):
         polydyne(WANTED, SingleMass(FREQUENCY), 0.0)
     with pytest.raises(InputError, match="count"):

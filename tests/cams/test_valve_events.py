@@ -32,16 +32,16 @@ def simple_harmonic(rise, fall, dwell=0.0, phase=0.0):
     return LiftEvent(LAWS["shm"], LIFT, rise, fall, dwell=dwell, phase=phase)
 
 
-def reached(part):
-    """Place z where simple harmonic motion has gained this part of its lift: (1 - cos pi z)/2."""
+def inverse_simple_harmonic(part):
+    """Return z at which simple harmonic motion has gained this fraction of its lift, (1 - cos pi z)/2."""
     return math.acos(1 - 2 * part) / math.pi
 
 
 @settings(max_examples=20, deadline=None)
 @given(ANGLE, ANGLE, st.floats(0.0, 1.0), st.floats(-10.0, 10.0), st.floats(0.02, 0.98))
-def test_simple_harmonic_motion_in_closed_form(rise, fall, dwell, phase, part):
+def test_valve_event_matches_closed_form_of_simple_harmonic(rise, fall, dwell, phase, part):
     found = valve_event(simple_harmonic(rise, fall, dwell, phase), part * LIFT)
-    z = reached(part)
+    z = inverse_simple_harmonic(part)
     assert found.duration == pytest.approx(2 * (rise * (1 - z) + dwell + fall * (1 - z)), abs=1e-9)
     opens = 2 * (phase + rise * z) % CYCLE
     assert math.remainder(found.opens - opens, CYCLE) == pytest.approx(0.0, abs=1e-9)
@@ -51,16 +51,16 @@ def test_simple_harmonic_motion_in_closed_form(rise, fall, dwell, phase, part):
 
 @pytest.mark.parametrize("ratio", [0.5, 1.0, 1.6])
 @pytest.mark.parametrize("lash", [0.0, 0.25e-3])
-def test_ratio_and_lash(ratio, lash):
-    """The valve lifts ratio times the cam, less the play: 1 mm of it needs (1 mm + lash)/ratio at the cam."""
+def test_ratio_and_lash_change_duration(ratio, lash):
+    """The valve lifts ratio times the cam minus the lash: 1 mm requires (1 mm + lash)/ratio at the cam."""
     event = simple_harmonic(1.1, 1.1)
     found = valve_event(event, 1e-3, ratio=ratio, lash=lash)
-    z = reached((1e-3 + lash) / ratio / LIFT)
+    z = inverse_simple_harmonic((1e-3 + lash) / ratio / LIFT)
     assert found.duration == pytest.approx(4 * 1.1 * (1 - z), abs=1e-9)
     assert found.lift == 1e-3
 
 
-def test_the_centre_of_a_symmetric_event_is_its_nose():
+def test_centre_of_symmetric_event_is_nose():
     found = valve_event(simple_harmonic(1.0, 1.0, dwell=0.2, phase=0.5), THRESHOLDS["0.05 in"])
     assert found.centre == pytest.approx(2 * (0.5 + 1.0 + 0.1), abs=1e-9)
     beyond = valve_event(simple_harmonic(1.0, 1.0, phase=5.9), 1e-3)
@@ -69,13 +69,13 @@ def test_the_centre_of_a_symmetric_event_is_its_nose():
 
 @settings(max_examples=20, deadline=None)
 @given(ANGLE, ANGLE, st.sampled_from([0.0, 0.01, 0.7]), st.floats(-10.0, 10.0), st.sampled_from(["shm", "4-5-6-7"]))
-def test_centreline(rise, fall, dwell, phase, law):
+def test_centreline_is_middle_of_dwell(rise, fall, dwell, phase, law):
     event = LiftEvent(LAWS[law], LIFT, rise, fall, dwell=dwell, phase=phase, ramp=Ramp(0.2e-3, 0.26))
     assert math.remainder(centreline(event) - phase - rise - 0.5 * dwell, 0.5 * CYCLE) == pytest.approx(0, abs=1e-12)
 
 
 def test_centreline_of_harmonics():
-    """0.004 - 0.003 cos(t - 5): largest half a turn beyond 5."""
+    """The lift 0.004 - 0.003 cos(t - 5) has its maximum at 5 minus half a turn."""
     lift = HarmonicLift(0.004, (-0.003 * math.cos(5.0),), (-0.003 * math.sin(5.0),))
     assert centreline(lift) == pytest.approx(5.0 - math.pi, abs=1e-12)
 
@@ -84,19 +84,19 @@ def test_thresholds():
     assert dict(THRESHOLDS) == pytest.approx({"1 mm": 1e-3, "0.05 in": 1.27e-3}, rel=1e-15)
 
 
-def test_opens_in_one_cycle_and_closes_in_the_next():
+def test_event_across_end_of_cycle():
     found = valve_event(simple_harmonic(1.0, 1.0, phase=5.5), LIFT / 2)
     assert found.opens == pytest.approx(2 * 6.0, abs=1e-9)
     assert found.closes == pytest.approx(2 * 7.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("lift", [LIFT, 1.5 * LIFT])
-def test_never_opens_so_far(lift):
+def test_threshold_above_lift_returns_none(lift):
     assert valve_event(simple_harmonic(1.0, 1.0), lift) is None
 
 
-def test_the_longest_of_several_openings():
-    """Two lobes per revolution, one of which a first harmonic raises and the other lowers: the wider one is told."""
+def test_longest_opening_is_returned():
+    """Two lobes per revolution, one raised and one lowered by a first harmonic: the wider opening is returned."""
     lift = HarmonicLift(0.004, (0.001, -0.004), (0.0, 0.0))
     found = valve_event(lift, 0.004)
     grid = np.linspace(0, 2 * math.pi, 100_001)
@@ -108,8 +108,8 @@ def test_the_longest_of_several_openings():
     assert found.closes / 2 == pytest.approx(longest[-1], abs=1e-4)
 
 
-def test_lash_within_the_ramp():
-    """A lash of the ramp's height opens where the main lift begins."""
+def test_lash_within_ramp():
+    """A lash equal to the ramp height opens at the start of the main lift."""
     ramp = Ramp(0.2e-3, 0.26)
     event = LiftEvent(LAWS["3-4-5"], 0.008, 1.0, 1.0, phase=1.0, ramp=ramp)
     found = valve_event(event, 1e-9, lash=0.2e-3)
@@ -117,7 +117,7 @@ def test_lash_within_the_ramp():
     assert found.closes == pytest.approx(2.0 * 3.0, abs=1e-4)
 
 
-def test_a_spline_opens_where_it_passes_the_lift():
+def test_spline_opens_at_threshold():
     angles = 2 * math.pi / 72 * np.arange(72)
     spline = PeriodicSpline(0.004 * (1 - np.cos(angles)))
     found = valve_event(spline, 0.003)
@@ -127,7 +127,7 @@ def test_a_spline_opens_where_it_passes_the_lift():
 
 
 @pytest.mark.parametrize("given", [{"lift": 0.0}, {"lift": -1e-3}, {"ratio": 0.0}, {"lash": -1e-4}, {"lift": math.nan}])
-def test_refused(given):
+def test_invalid_valve_event_arguments_raise_error(given):
     with pytest.raises(InputError):
         valve_event(simple_harmonic(1.0, 1.0), **({"lift": 1e-3} | given))
 
@@ -136,8 +136,8 @@ OPEN = st.floats(0.0, CYCLE - 1e-6)
 SPAN = st.floats(0.1, CYCLE - 0.1)
 
 
-def counted(one, other, n=20_000):
-    """Return the overlap by counting places around the cycle."""
+def count_overlap(one, other, n=20_000):
+    """Return the overlap by counting points of the cycle."""
     place = (np.arange(n) + 0.5) * CYCLE / n
     inside = [np.mod(place - event.opens, CYCLE) < event.duration for event in (one, other)]
     return float(np.mean(inside[0] & inside[1]) * CYCLE)
@@ -145,27 +145,27 @@ def counted(one, other, n=20_000):
 
 @settings(max_examples=20, deadline=None)
 @given(OPEN, SPAN, OPEN, SPAN)
-def test_overlap_by_counting(one, first, other, second):
+def test_overlap_matches_count(one, first, other, second):
     a, b = ValveEvent(1e-3, one, one + first), ValveEvent(1e-3, other, other + second)
-    assert overlap(a, b) == pytest.approx(counted(a, b), abs=4 * CYCLE / 20_000)
+    assert overlap(a, b) == pytest.approx(count_overlap(a, b), abs=4 * CYCLE / 20_000)
     assert overlap(a, b) == pytest.approx(overlap(b, a), abs=1e-12)
 
 
 @pytest.mark.parametrize("turn", [0.0, 1.0, 5.0, 11.0, 12.0])
-def test_overlap_across_the_end_of_the_cycle(turn):
-    """Exhaust 4 to 8, intake 7 to 11, both moved on: the overlap of 1 stays, wherever the cycle ends."""
+def test_overlap_across_end_of_cycle(turn):
+    """Exhaust 4 to 8, intake 7 to 11, both shifted: the overlap of 1 is independent of the end of the cycle."""
     exhaust, intake = ((start + turn) % CYCLE for start in (4.0, 7.0))
     assert overlap(ValveEvent(1e-3, exhaust, exhaust + 4), ValveEvent(1e-3, intake, intake + 4)) == pytest.approx(1.0)
 
 
 def test_overlap_of_cams():
-    """Exhaust and intake lobes of 130 deg whose feet cross by 60 deg of cam angle, over the end of the revolution."""
+    """Exhaust and intake lobes of 130 deg overlap by 60 deg of cam angle across the end of the revolution."""
     half = math.radians(65)
     exhaust, intake = (simple_harmonic(half, half, phase=math.radians(p)) for p in (270.0, 340.0))
     one, other = (valve_event(cam, 1e-3) for cam in (exhaust, intake))
-    still = 2 * half * reached(1e-3 / LIFT)  # crank angle from the foot of a lobe to 1 mm
+    still = 2 * half * inverse_simple_harmonic(1e-3 / LIFT)  # crank angle from the foot of a lobe to 1 mm
     assert overlap(one, other) == pytest.approx(2 * math.radians(270 + 130 - 340) - 2 * still, abs=1e-9)
 
 
-def test_none_without_overlap():
+def test_overlap_of_separate_events_is_zero():
     assert overlap(ValveEvent(1e-3, 0.0, 3.0), ValveEvent(1e-3, 3.0, 6.0)) == 0.0

@@ -1,4 +1,4 @@
-"""Triplets, factorization, null space: against dense numpy, on both sides of the dense limit, in any unit."""
+"""Triplets, factorization and null space, against dense numpy, on both sides of the dense limit, in any unit."""
 
 from __future__ import annotations
 
@@ -26,17 +26,19 @@ STEEL = Material(2e11, 0.3, 7800.0)
 @pytest.fixture(scope="module")
 def triplets():
     rng = np.random.default_rng(2)
-    return Triplets(7, rng.integers(0, 7, 40), rng.integers(0, 7, 40), rng.standard_normal(40))  # places repeat
+    return Triplets(
+        7, rng.integers(0, 7, 40), rng.integers(0, 7, 40), rng.standard_normal(40)
+    )  # with repeated positions
 
 
-def dense_of(t):
+def dense_matrix(t):
     full = np.zeros((t.size, t.size))
     np.add.at(full, (t.rows, t.cols), t.values)
     return full
 
 
-def test_triplets_are_the_matrix(triplets):
-    full, x = dense_of(triplets), np.arange(7.0)
+def test_triplets_match_dense_matrix(triplets):
+    full, x = dense_matrix(triplets), np.arange(7.0)
     np.testing.assert_allclose(triplets.dense(), full, atol=1e-15)
     np.testing.assert_allclose(triplets.csr().toarray(), full, atol=1e-15)
     np.testing.assert_allclose(triplets.times(x), full @ x, atol=1e-14)
@@ -47,7 +49,7 @@ def test_triplets_are_the_matrix(triplets):
     np.testing.assert_allclose(Triplets.from_dense(full).dense(), full, atol=0)
 
 
-def test_outer():
+def test_outer_product_triplets():
     left, right = np.array([0.0, 2.0, 1.0]), np.array([1.0, 0.0, -1.0])
     np.testing.assert_array_equal(Triplets.outer(left, right, 3.0).dense(), 3 * np.outer(left, right))
 
@@ -61,7 +63,7 @@ def grounded_chain(n, unit=1.0):
 
 @pytest.mark.parametrize("n", [5, DENSE_LIMIT, DENSE_LIMIT + 1])
 @pytest.mark.parametrize("columns", [(), (3,)])
-def test_factorize(n, columns):
+def test_factorize_matches_dense_solution(n, columns):
     matrix, right = grounded_chain(n), np.random.default_rng(0).standard_normal((n, *columns))
     np.testing.assert_allclose(factorize(matrix).solve(right), np.linalg.solve(matrix.dense(), right), rtol=1e-9)
     np.testing.assert_allclose(select_storage(matrix) @ right, matrix.dense() @ right, atol=1e-13)
@@ -69,7 +71,7 @@ def test_factorize(n, columns):
 
 @pytest.mark.parametrize("n", [4, DENSE_LIMIT + 1], ids=["dense", "sparse"])
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
-def test_a_dead_unknown_is_named(n, unit):
+def test_unknown_without_stiffness_is_named(n, unit):
     matrix = grounded_chain(n, unit)
     alive = (matrix.rows != 2) & (matrix.cols != 2)
     dead = Triplets(n, matrix.rows[alive], matrix.cols[alive], matrix.values[alive])
@@ -79,7 +81,7 @@ def test_a_dead_unknown_is_named(n, unit):
 
 
 @pytest.mark.parametrize("n", [4, DENSE_LIMIT + 1], ids=["dense", "sparse"])
-def test_two_unknowns_that_only_move_together_are_named(n):
+def test_unknowns_of_rigid_pair_are_named(n):
     cut = grounded_chain(n).part(np.arange(2, n))
     floating = Triplets(2, np.array([0, 0, 1, 1]), np.array([0, 1, 0, 1]), np.array([1.0, -1.0, -1.0, 1.0]))
     whole = Triplets(
@@ -94,7 +96,7 @@ def test_two_unknowns_that_only_move_together_are_named(n):
 
 
 def frame(parts, seed=0, size=1.0):
-    """Return an L of two members, turned at random; nothing holds it."""
+    """Return an unsupported L of two members in a random orientation."""
     corner = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
     nodes = size * np.array([[0.0, 0, 0], [0.4, 0, 0], [0.4, 0.3, 0.1]]) @ corner.T
     mesh = refine(Mesh(nodes, {"a": [0, 1], "b": [1, 2]}, {}), {"a": parts, "b": parts})
@@ -105,7 +107,7 @@ def frame(parts, seed=0, size=1.0):
 @pytest.mark.parametrize("parts", [1, 8, 52], ids=["12-dof", "dense", "sparse"])
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1e6])
-def test_free_body_has_six_motions(parts, unit, size):
+def test_free_body_has_six_rigid_motions(parts, unit, size):
     mesh, elements = frame(parts, size=size)
     dofs = dof_map(mesh, [])
     assert (dofs.size > 2 * DENSE_LIMIT) == (parts == 52)
@@ -118,7 +120,7 @@ def test_free_body_has_six_motions(parts, unit, size):
 
 
 @pytest.mark.parametrize("bodies", [2, 4])
-def test_each_unconnected_body_has_six(bodies):
+def test_unconnected_bodies_have_six_motions_each(bodies):
     nodes = np.array([[[0.0, k, 0], [1.0, k, 0.3]] for k in range(bodies)]).reshape(-1, 3)
     lines = {f"bar{k}": [2 * k, 2 * k + 1] for k in range(bodies)}
     mesh = refine(Mesh(nodes, lines, {}), dict.fromkeys(lines, 30))
@@ -126,7 +128,7 @@ def test_each_unconnected_body_has_six(bodies):
     assert null_space(stiffness(elements, dof_map(mesh, []))).shape[1] == 6 * bodies
 
 
-def test_supported_body_has_none():
+def test_supported_body_has_no_rigid_motion():
     mesh, elements = frame(3)
     dofs = dof_map(Mesh(mesh.nodes, mesh.lines, {"root": [0]}), [("root", ("ux", "uy", "uz", "rx", "ry", "rz"))])
     assert null_space(stiffness(elements, dofs)).shape == (dofs.size, 0)
@@ -134,7 +136,7 @@ def test_supported_body_has_none():
 
 
 @pytest.mark.parametrize("parts", [400, 1500])
-def test_a_fine_mesh_is_not_a_mechanism(parts):
+def test_fine_mesh_has_no_rigid_motion(parts):
     # A clamped slender shaft: its softest scaled eigenvalue falls as the fourth power of the element's length.
     nodes = [[0.0, 0, 0], [1.0, 0, 0]]
     mesh = refine(Mesh(nodes, {"a": [0, 1]}, {"root": [0]}), {"a": parts})
@@ -143,15 +145,15 @@ def test_a_fine_mesh_is_not_a_mechanism(parts):
     assert null_space(stiffness(elements, dofs)).shape[1] == 0
 
 
-def test_pins_hold_every_motion_and_leave_the_array_alone(readonly):
+def test_select_constraints_fixes_every_motion(readonly):
     motions = np.linalg.qr(np.random.default_rng(3).standard_normal((12, 4)))[0]
     held = select_constraints(readonly(motions))
     assert len(set(held)) == 4
     assert np.linalg.matrix_rank(motions[held]) == 4
 
 
-def test_the_arrays_of_a_matrix_are_read_only():
-    """Systems share matrices; the array of the caller stays writable."""
+def test_arrays_of_matrix_are_read_only():
+    """Systems share matrices; the caller's array remains writable."""
     values = np.ones(2)
     matrix = Triplets(2, np.arange(2), np.arange(2), values)
     with pytest.raises(ValueError, match="read-only"):

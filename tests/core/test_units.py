@@ -1,4 +1,4 @@
-"""units.parse: every symbol and composed unit against pint, what is refused, and a round trip."""
+"""units.parse: every symbol and composed unit against pint, invalid values, and round trips."""
 
 # ruff: noqa: E501 - tables, a row to a line
 
@@ -17,7 +17,7 @@ from flexcam.core.errors import InputError
 from flexcam.core.units import DIMENSIONS, parse, set_unit_system, to_display_unit
 
 EXACT = 1e-15
-"""A few roundings of a double: the factor's, the product's, the text's."""
+"""Relative tolerance: a few roundings of a double, of the factor, the product and the text."""
 
 PREFIXES = ("", "G", "M", "k", "d", "c", "m", "u", "µ", "n")
 PREFIXED = {
@@ -52,18 +52,18 @@ FOR_PINT = {"mil": "thou", "°": "deg", "%": "percent", "rev": "turn", "rev/min"
 
 
 def size(kind, share):
-    """Return a size between the least and the most of a kind, in SI."""
+    """Return a value between the minimum and maximum of a kind, in SI."""
     least, most = DIMENSIONS[kind].least, DIMENSIONS[kind].most
     return least * (most / least) ** share
 
 
 def factor(unit, kind):
-    """Return the factor of a unit, by a number of it that is of an allowed size."""
-    number = 10.0 ** next(n for n in range(-30, 31) if allowed(f"1e{n} {unit}", kind))
+    """Return the factor of a unit from a number of that unit in the valid range."""
+    number = 10.0 ** next(n for n in range(-30, 31) if is_valid(f"1e{n} {unit}", kind))
     return parse(f"{number!r} {unit}", kind) / number
 
 
-def allowed(text, kind):
+def is_valid(text, kind):
     try:
         return parse(text, kind) > 0.0
     except InputError:
@@ -75,32 +75,32 @@ UNIT_FACTOR = {unit: factor(unit, kind) for unit, kind in [*SYMBOLS, *COMPOSED]}
 
 @pytest.fixture(scope="module")
 def pint_si():
-    """Return the SI number pint finds; it counts rev/min as rad/s and drops radians, as flexcam does."""
+    """Return a function that converts to SI with pint; it reads rev/min as rad/s and drops radians, as flexcam does."""
     pint = pytest.importorskip("pint")
     registry = pint.UnitRegistry()
     return lambda number, unit: registry.Quantity(number, FOR_PINT.get(unit, unit)).to_base_units().magnitude
 
 
 def test_agrees_with_pint(pint_si):
-    """At a size in the middle of the kind's range; pint multiplies in another order and has fewer digits of psi: 1e-12."""
+    """Values in the middle of the range; pint multiplies in another order and has fewer digits of psi: 1e-12."""
     numbers = {(unit, kind): size(kind, 0.5) / pint_si(1.0, unit) for unit, kind in [*SYMBOLS, *COMPOSED]}
     found = {row: parse(f"{number!r} {row[0]}", row[1]) for row, number in numbers.items()}
     assert found == pytest.approx({row: pint_si(number, row[0]) for row, number in numbers.items()}, rel=1e-12)
 
 
-def test_a_plain_number_is_si():
+def test_plain_number_is_si():
     middle = {kind: size(kind, 0.5) for kind in DIMENSIONS}
     for sign in (1.0, -1.0, 0.0):
         wanted = {kind: sign * number for kind, number in middle.items()}
         assert {kind: parse(number, kind) for kind, number in wanted.items()} == wanted
 
 
-def test_symbol_of_the_si_unit_has_factor_one():
+def test_symbol_of_si_unit_has_factor_one():
     middle = {kind.name: size(kind.name, 0.5) for kind in DIMENSIONS.values() if kind.si}
     assert {kind: parse(f"{number!r} {DIMENSIONS[kind].si}", kind) for kind, number in middle.items()} == middle
 
 
-def test_the_examples_in_messages_are_valid():
+def test_examples_in_messages_are_valid():
     assert [kind.name for kind in DIMENSIONS.values() if not math.isfinite(parse(kind.example, kind.name))] == []
 
 
@@ -109,7 +109,7 @@ def test_the_examples_in_messages_are_valid():
     [("25mm", "length", 0.025), (" 25  mm ", "length", 0.025), ("+2.5e1 mm", "length", 0.025), (".5 m", "length", 0.5),
      ("3000rpm", "speed", 100.0 * math.pi), ("1e-4 kg m^2", "inertia", 1e-4), ("2%", "number", 0.02), ("0.5", "number", 0.5)],
 )  # fmt: skip
-def test_ways_of_writing(text, kind, expected):
+def test_notations_of_quantity(text, kind, expected):
     assert parse(text, kind) == pytest.approx(expected, rel=EXACT)
 
 
@@ -123,15 +123,15 @@ DECIMAL = [
 
 
 @pytest.mark.parametrize(("unit", "kind", "size"), DECIMAL)
-def test_is_the_float_next_to_the_exact_number(unit, kind, size):
-    """So that 0.62 g/cm^3 is 620 kg/m^3, bit by bit, and is shown so: a product of two floats misses now and then."""
+def test_result_is_nearest_float(unit, kind, size):
+    """0.62 g/cm^3 is exactly 620 kg/m^3 and is shown so; a product of two floats may differ by one bit."""
     for hundredths in range(1, 3000, 7):
         text = f"{hundredths // 100}.{hundredths % 100:02d}"
         assert parse(f"{text} {unit}", kind) == float(Fraction(text) * size), text
 
 
-def test_what_follows_a_stroke_stays_below_it():
-    """As in print, N/mm mm is N/(mm mm); pint reads from left to right, which the other kind of quantity rules out."""
+def test_units_after_slash_are_in_denominator():
+    """As in print, N/mm mm is N/(mm mm); pint evaluates from left to right, which the second assertion excludes."""
     assert parse("207 N/mm mm", "stress") == pytest.approx(207e6, rel=EXACT)
     with pytest.raises(InputError):
         parse("207 N/mm mm", "force")
@@ -144,7 +144,7 @@ WRONG_DIMENSION = [
 
 
 @pytest.mark.parametrize(("text", "kind"), WRONG_DIMENSION)
-def test_refuses_a_unit_of_another_kind(text, kind):
+def test_unit_of_wrong_dimension_raises_error(text, kind):
     with pytest.raises(InputError) as refusal:
         parse(text, kind, "cams.intake.lift")
     fault = refusal.value.faults[0]
@@ -164,8 +164,8 @@ def test_refuses_a_unit_of_another_kind(text, kind):
         ("5 J K", "moment"),
     ],
 )
-def test_an_angle_has_no_place_in_a_force_or_mass(text, kind):
-    """Only moments and rotational stiffness and damping may be written without their radian."""
+def test_angle_in_force_or_mass_raises_error(text, kind):
+    """Only moments and rotational stiffness and damping may omit the radian."""
     with pytest.raises(InputError):
         parse(text, kind)
 
@@ -176,7 +176,7 @@ def test_an_angle_has_no_place_in_a_force_or_mass(text, kind):
                                ("50 N/mmm", "stiffness", "'mm'"), ("40 N/mM", "stiffness", "'mm'"), ("7800 kg/m3", "density", "kg/m^3"),
                                ("2 kNs/m", "damping", "kN s/m")],
 )  # fmt: skip
-def test_unknown_unit_with_what_was_meant(text, kind, near):
+def test_unknown_unit_error_suggests_unit(text, kind, near):
     with pytest.raises(InputError) as refusal:
         parse(text, kind)
     fault = refusal.value.faults[0]
@@ -185,43 +185,43 @@ def test_unknown_unit_with_what_was_meant(text, kind, near):
     assert near in fault.remedy
 
 
-def test_a_number_has_no_unit_to_write():
+def test_unit_on_dimensionless_number_raises_error():
     with pytest.raises(InputError) as refusal:
         parse("5x", "number")
     assert refusal.value.faults[0].remedy.startswith("leave the unit out")
 
 
 @pytest.mark.parametrize(("plain", "offered"), [(True, True), (False, False)])
-def test_a_number_in_si_is_offered_where_it_is_allowed(plain, offered):
+def test_error_offers_si_number_where_valid(plain, offered):
     with pytest.raises(InputError) as refusal:
         parse("5 xyz", "speed", plain=plain)
     assert ("or a number in rad/s" in refusal.value.faults[0].allowed) is offered
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, "1e400 mm", "nan", "inf mm", "nan mm"])
-def test_refuses_what_is_not_finite(value):
+def test_non_finite_value_raises_error(value):
     with pytest.raises(InputError):
         parse(value, "length")
 
 
-def test_refuses_a_whole_number_beyond_doubles():
+def test_integer_beyond_double_range_raises_error():
     with pytest.raises(InputError):
         parse(10**400, "length")
 
 
 @pytest.mark.parametrize("value", [True, False, None, [], {}, (1.0,), np.array([1.0]), 1j])
-def test_refuses_what_is_no_number(value):
+def test_non_numeric_value_raises_error(value):
     with pytest.raises(InputError):
         parse(value, "length")
 
 
 @pytest.mark.parametrize("text", ["", " ", "mm", "mm 25", "1,5 mm", "1 2 mm", "25 mm mm^", "25 /", "25 mm/", "25 (mm)", "--5 mm", "0x10 mm", "1_000 mm"])  # fmt: skip
-def test_refuses_text_that_is_no_quantity(text):
+def test_malformed_text_raises_error(text):
     with pytest.raises(InputError):
         parse(text, "length")
 
 
-def test_sizes_that_no_mechanism_has():
+def test_values_out_of_range_raise_error():
     for kind in DIMENSIONS.values():
         for number in (kind.least, -kind.most):
             assert parse(number, kind.name) == number
@@ -232,13 +232,13 @@ def test_sizes_that_no_mechanism_has():
 
 @given(share=st.floats(0.01, 0.99), row=st.sampled_from([*SYMBOLS, *COMPOSED]), sign=st.sampled_from([1, -1]))
 def test_round_trip(share, row, sign):
-    """Text to SI and back over the factor of the unit: a quotient of two rounded products."""
+    """Text to SI and back by the factor of the unit: a quotient of two rounded products."""
     unit, kind = row
     number = sign * size(kind, share) / UNIT_FACTOR[unit]
     assert parse(f"{number!r} {unit}", kind) / UNIT_FACTOR[unit] == pytest.approx(number, rel=EXACT, abs=0.0)
 
 
-def test_pounds_of_mass_in_the_place_of_a_force_are_told():
+def test_pound_mass_instead_of_force_raises_error():
     with pytest.raises(InputError, match="Use 'lbf/in', because 'lb' is a mass"):
         parse("320 lb/in", "stiffness")
     with pytest.raises(InputError, match="Use 'lbf', because 'lb' is a mass"):
@@ -248,7 +248,7 @@ def test_pounds_of_mass_in_the_place_of_a_force_are_told():
 
 
 @pytest.mark.parametrize(("given", "kind", "unit"), [("90 grams", "mass", "g"), ("0.25 inches", "length", "in")])
-def test_names_of_units_are_led_to_their_symbols(given, kind, unit):
+def test_unit_name_error_suggests_symbol(given, kind, unit):
     with pytest.raises(InputError, match=f"Write '{unit}'"):
         parse(given, kind)
 

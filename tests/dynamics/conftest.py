@@ -1,4 +1,4 @@
-"""A damped pair of masses, started in motion under a load that is there at once, with its exact solution."""
+"""Two damped masses with initial velocities under a suddenly applied load, with the exact solution."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ END = 2.0
 
 @pytest.fixture(autouse=True)
 def _selection(shipped_selection):
-    """Keep the direct engine for short runs: half of these tests are about it."""
+    """Use the direct engine for short runs, which half of these tests examine."""
 
 
 @pytest.fixture(scope="session")
 def pair(system_of):
-    """Return the pair as a System; `springs` off leaves its stiffness away, `local` adds forces."""
+    """Return a function that builds the two-mass system, with another stiffness or damping or with local forces."""
 
     def make(stiffness=K, damping=C, local=()):
         return system_of(M, damping, stiffness, [(PUSH, lambda motion: np.cos(motion.angle))], local)
@@ -33,22 +33,22 @@ def pair(system_of):
 
 @pytest.fixture(scope="session")
 def run():
-    """Return displacement and velocity at the end of a run of so many steps over 2 s."""
+    """Return a function that runs the system over 2 s in a number of steps and returns the probe."""
 
-    def go(system, scheme, steps):
+    def run_steps(system, scheme, steps):
         problem = Problem(system, ConstantSpeed(SPEED), END / steps, steps, State(START, SPEED0))
         response = solve(problem, scheme)
         assert response.status.ok, str(response.status)
         return response["all"]
 
-    return go
+    return run_steps
 
 
 @pytest.fixture(scope="session")
 def exact_end():
-    """Return the exact displacement and velocity: the exponential of the whole linear system, load included.
+    """Return the exact displacement and velocity by the matrix exponential of the linear system and its load.
 
-    `extra` holds the coupling of inner states z: rows of the acceleration by z, z' by u, z' by z.
+    `extra` holds the coupling of internal states z: rows of the acceleration by z, z' by u, z' by z.
     """
 
     def at_end(stiffness=K, damping=C, extra=None):
@@ -71,8 +71,8 @@ def exact_end():
     return at_end
 
 
-class Linear:
-    """f = k gamma + c gamma'."""
+class LinearLaw:
+    """Linear law f = k gamma + c gamma'."""
 
     def __init__(self, k, c=0.0):
         self.k, self.c = k, c
@@ -82,8 +82,8 @@ class Linear:
         return Reaction(self.k * gap + self.c * rate, self.k * one, self.c * one)
 
 
-class Cubic:
-    """f = k gamma + k3 gamma^3."""
+class CubicLaw:
+    """Cubic law f = k gamma + k3 gamma^3."""
 
     def __init__(self, k, k3):
         self.k, self.k3 = k, k3
@@ -96,4 +96,4 @@ class Cubic:
 @pytest.fixture(scope="session")
 def laws():
     """Return the two test laws by name."""
-    return {"linear": Linear, "cubic": Cubic}
+    return {"linear": LinearLaw, "cubic": CubicLaw}

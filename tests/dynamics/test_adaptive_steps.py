@@ -1,7 +1,7 @@
-"""Steps divided by their error, and motion between the instants.
+"""Adaptive steps and interpolation of the motion between the instants.
 
 O. C. Zienkiewicz and Y. M. Xie, Earthq. Eng. Struct. Dyn. 20 (1991): the local error of Newmark's method is
-h^2 (beta - 1/6) (a1 - a0), of third order, so the error of a run goes with tolerance^(2/3).
+h^2 (beta - 1/6) (a1 - a0), of third order, so the error of a run follows tolerance^(2/3).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def run(system, method, steps, adaptive=None):
 
 
 @pytest.mark.parametrize("method", WITH_CONTACTS.values(), ids=WITH_CONTACTS)
-def test_error_follows_the_tolerance(pair, exact_end, fitted_order, method):
+def test_error_follows_tolerance(pair, exact_end, fitted_order, method):
     d, _ = exact_end()
     tolerances = np.array([1e-4, 1e-5, 1e-6, 1e-7])
     errors = []
@@ -33,25 +33,25 @@ def test_error_follows_the_tolerance(pair, exact_end, fitted_order, method):
         assert response.status.ok
         assert len(response.time) == 21
         errors.append(np.linalg.norm(response["all"].displacement[-1] - d))
-    # Lengths are powers of two: each can be off by up to a factor 2, the fit over three decades by 0.15.
+    # Step lengths are powers of two: each may be off by a factor of up to 2, the fit over three decades by 0.15.
     assert fitted_order(tolerances, errors) == pytest.approx(2 / 3, abs=0.15)
     assert errors[-1] < 1e-4
 
 
 @pytest.mark.parametrize("beta", [1 / 6, 0.17, 1 / 12])
-def test_error_follows_the_tolerance_where_the_displacement_does_not_show_it(pair, exact_end, beta):
-    """The linear acceleration is the Taylor series that displacements are measured by: its velocity has the error."""
+def test_error_follows_tolerance_by_velocity_estimate(pair, exact_end, beta):
+    """The error estimate of displacements vanishes for linear acceleration, but not that of velocities."""
     d, _ = exact_end()
     response = run(pair(), newmark(beta=beta), 20, Adaptive(1e-7))
     reference = run(pair(), newmark(), 20, Adaptive(1e-7))
     assert response.status.ok
     assert np.linalg.norm(response["all"].displacement[-1] - d) < 1e-4
-    # The trapezoidal rule has the same error in the velocity: as many steps, but for those halved once more or less.
+    # The trapezoidal rule has the same velocity error: the number of steps is equal up to one halving.
     assert 0.5 < response.stats.substeps / reference.stats.substeps < 2.0
 
 
-def test_steps_beyond_what_the_method_stands_are_divided(system_of):
-    """Taken as given, a first revolution of the linear acceleration grows by 1e100, and would be no measure."""
+def test_unstable_steps_are_divided(system_of):
+    """With the given step, the first revolution of linear acceleration grows by 1e100 and gives no reference size."""
     system = system_of([[1.0]], [[0.0]], [[100.0]])
     problem = Problem(system, ConstantSpeed(0.02), 1.0, 300, State(np.ones(1), np.zeros(1)), Adaptive(1e-3))
     response = solve(problem, newmark(beta=1 / 6))
@@ -60,15 +60,15 @@ def test_steps_beyond_what_the_method_stands_are_divided(system_of):
     assert response.stats.substeps > 30 * problem.steps
 
 
-def test_a_loose_tolerance_takes_the_steps_as_given(pair):
+def test_loose_tolerance_uses_given_steps(pair):
     fixed, loose = run(pair(), newmark(), 50), run(pair(), newmark(), 50, Adaptive(0.5))
     np.testing.assert_array_equal(loose["all"].displacement, fixed["all"].displacement)
     assert (loose.stats.substeps, loose.stats.rejected) == (51, 0)
     assert (fixed.stats.substeps, fixed.stats.rejected) == (0, 0)
 
 
-def test_halved_steps_are_those_of_a_finer_run(pair):
-    """Between the one tolerance and the next every step is halved alike: the run is that of fixed smaller steps."""
+def test_halved_steps_match_finer_run(pair):
+    """Between two tolerances all steps are halved: the run equals one with fixed smaller steps."""
     finer = run(pair(), newmark(), 800)["all"].displacement
     found = run(pair(), newmark(), 50, Adaptive(1e-9, smallest=END / 800))
     assert found.status.cause is Cause.STEP_TOO_SMALL
@@ -77,18 +77,18 @@ def test_halved_steps_are_those_of_a_finer_run(pair):
     assert gap < 0.1 * np.abs(run(pair(), newmark(), 50)["all"].displacement - finer[::16]).max()
 
 
-def test_the_floor_says_where_and_what_to_do(pair):
+def test_minimum_step_status_states_position_and_remedy(pair):
     response = run(pair(), newmark(), 20, Adaptive(1e-12, smallest=END / 20 / 4))
     status = response.status
     assert status.cause is Cause.STEP_TOO_SMALL
     for part in ("the error of", "times the tolerance", "t = ", "cam angle", "0.025 s"):
         assert part in status.text
     assert "tolerance" in status.remedy
-    assert len(response.time) == 1  # the start is kept
+    assert len(response.time) == 1  # the initial state is saved
 
 
-class Jump:
-    """A load that sets in at once."""
+class StepLoad:
+    """Step load."""
 
     def __init__(self, at):
         self.at = at
@@ -98,9 +98,9 @@ class Jump:
 
 
 @pytest.mark.parametrize("at", [2.0, 2.0001, 2.1])
-def test_steps_are_short_where_the_load_jumps(system_of, at):
-    """On, just behind and off a step: only there is the step divided far, and the error is that of the tolerance."""
-    system = system_of([[1.0]], [[0.0]], [[4.0]], [(np.ones(1), Jump(at))])
+def test_steps_are_short_at_load_step(system_of, at):
+    """On, just after and off a step: only there is the step divided often, and the error follows the tolerance."""
+    system = system_of([[1.0]], [[0.0]], [[4.0]], [(np.ones(1), StepLoad(at))])
     problem = Problem(system, ConstantSpeed(1.0), 0.1, 40)
     exact = 0.25 * (1.0 - np.cos(2.0 * (4.0 - at)))
     fixed, found = (
@@ -111,8 +111,8 @@ def test_steps_are_short_where_the_load_jumps(system_of, at):
     assert abs(found - exact) < 0.2 * abs(fixed - exact)
 
 
-def test_a_free_mass_is_paced_too(system_of):
-    """Nothing holds it: the mass at the motion's own frequency is the measure."""
+def test_adaptive_steps_of_free_mass(system_of):
+    """Without stiffness, the reference size is the displacement at the frequency of the load."""
     system = system_of([[2.0]], [[0.0]], [[0.0]], [(np.ones(1), lambda motion: np.cos(motion.angle))])
     problem = Problem(system, ConstantSpeed(3.0), 0.1, 20, adaptive=Adaptive(1e-6))
     response = solve(problem, newmark())
@@ -121,8 +121,8 @@ def test_a_free_mass_is_paced_too(system_of):
     assert np.abs(response["all"].displacement - exact).max() < 2e-5
 
 
-def test_units_do_not_matter(system_of):
-    """Lengths times 1e-3, masses times 1e6: the same steps."""
+def test_adaptive_steps_are_independent_of_units(system_of):
+    """Lengths times 1e-3 and masses times 1e6 need the same steps."""
     counts = []
     for mass, length in ((1.0, 1.0), (1e6, 1e-3)):
         system = system_of([[mass]], [[0.0]], [[4.0 * mass]])
@@ -133,13 +133,13 @@ def test_units_do_not_matter(system_of):
 
 
 @pytest.mark.parametrize("given", [{"tolerance": 0.0}, {"tolerance": -1.0}, {"smallest": 0.0}, {"tolerance": np.nan}])
-def test_wrong_tolerances_are_refused(given):
+def test_invalid_tolerance_raises_error(given):
     with pytest.raises(InputError, match="adaptive"):
         Adaptive(**given)
 
 
-def test_between_the_instants_order_is_four_three_and_two(pair, fitted_order):
-    """Against a run of 6400 steps: what the cubics add is of higher order than what the integrator misses."""
+def test_order_of_interpolation_between_instants(pair, fitted_order):
+    """The reference has 6400 steps: interpolation errors are of higher order than integration errors."""
     fine = run(pair(), bathe(), 6400)
     errors = {"displacement": [], "velocity": [], "acceleration": []}
     steps = np.array([25, 50, 100])
@@ -149,13 +149,13 @@ def test_between_the_instants_order_is_four_three_and_two(pair, fitted_order):
         for name, values in errors.items():
             values.append(np.abs(getattr(between["all"], name) - getattr(fine["all"], name)).max())
     orders = {name: fitted_order(1 / steps, values) for name, values in errors.items()}
-    # Velocities are cubics through accelerations: fourth order too; straight accelerations second.
+    # Velocities are cubics of the accelerations, also of order four; linear accelerations are of order two.
     assert orders["displacement"] == pytest.approx(4, abs=0.2)
     assert orders["velocity"] == pytest.approx(4, abs=0.2)
     assert orders["acceleration"] == pytest.approx(2, abs=0.2)
 
 
-def test_at_its_own_instants_a_response_is_itself(pair):
+def test_interpolation_at_instants_is_exact(pair):
     response = run(pair(), newmark(), 40)
     again = response.at(response.time)
     np.testing.assert_allclose(again["all"].displacement, response["all"].displacement, rtol=1e-15)
@@ -165,13 +165,13 @@ def test_at_its_own_instants_a_response_is_itself(pair):
 
 
 @pytest.mark.parametrize("times", [[-0.1, 0.5], [0.5, 2.1], [0.5, 0.4], [], [np.nan]])
-def test_times_outside_the_run_are_refused(pair, times):
+def test_times_outside_run_raise_error(pair, times):
     with pytest.raises(InputError, match="times"):
         run(pair(), newmark(), 40).at(np.array(times))
 
 
-def test_the_error_is_that_of_the_source(system_of):
-    """h^2 (beta - 1/6) (a1 - a0) of Newmark's step, against the size of the motion; just above it stands."""
+def test_error_estimate_matches_literature(system_of):
+    """h^2 (beta - 1/6) (a1 - a0) of a Newmark step, relative to the motion; a slightly larger tolerance accepts it."""
     h, omega = 0.1, 2.0
     system = system_of([[1.0]], [[0.0]], [[omega**2]])
     problem = Problem(system, ConstantSpeed(1.0), h, 200, State(np.ones(1), np.zeros(1)))

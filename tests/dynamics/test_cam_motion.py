@@ -1,4 +1,4 @@
-"""What follows from the cam: evaluated once, put together where it is needed, told apart where it changes."""
+"""Cache of cam functions, and conservative force laws."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from flexcam.dynamics import CamFunctionCache, elastic_stop, hunt_crossley_conta
 from flexcam.dynamics.cam_motion import Derivative
 
 
-class Counted:
-    """The sine, and how many angles it was asked for."""
+class CountingSine:
+    """Sine that counts the angles it evaluates."""
 
     def __init__(self):
-        self.asked = 0
+        self.evaluations = 0
 
     def __call__(self, angle, order):
-        self.asked += len(angle)
+        self.evaluations += len(angle)
         return np.sin(angle + order * np.pi / 2.0)
 
 
-def test_a_function_is_computed_once():
-    sine, angle = Counted(), np.linspace(0.0, 1.0, 7)
+def test_cam_function_is_evaluated_once():
+    sine, angle = CountingSine(), np.linspace(0.0, 1.0, 7)
     known = CamFunctionCache(angle)
     slope = known(sine, 1)
     assert known(Derivative(sine), 0) is slope
-    assert sine.asked == 7
+    assert sine.evaluations == 7
 
 
-def test_what_is_made_once_stays():
+def test_lookup_returns_cached_object():
     known = CamFunctionCache(np.zeros(1))
     assert known.lookup("key", lambda: [1]) is known.lookup("key", lambda: [2])
 
@@ -46,5 +46,5 @@ def test_what_is_made_once_stays():
         (oil_column_law(1.0, 1.0, 1.0, 0.0), False),
     ],
 )
-def test_which_laws_are_lossless(law, lossless):
+def test_is_conservative_of_laws(law, lossless):
     assert law.is_conservative is lossless

@@ -1,4 +1,4 @@
-"""Checkpoints: what goes in comes out, and runs without a file go on as well."""
+"""Checkpoints: round trip of the state, and resumed runs without a file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flexcam.dynamics.step_state import StepState
 CASE = Path(__file__).parents[1] / "data/inline.toml"
 
 
-def moment(**more):
+def step_state(**more):
     n, c = np.arange(3.0) / 7.0, np.array([1.0, -2.0]) / 3.0
     return StepState(0.1, n, 2.0 * n, 3.0 * n, 4.0 * n, c, 2.0 * c, 3.0 * c, c[:1], **more)
 
@@ -24,9 +24,9 @@ def moment(**more):
 @pytest.mark.parametrize("more", [
     {}, {"pressed": np.array([True, False]), "impulse": np.array([0.0, 0.7]), "iterations": 3, "stride": 1e-7}
 ])  # fmt: skip
-def test_an_instant_comes_back_whole(more):
-    """Nothing of it is forgotten, whatever is added to it one day."""
-    before = moment(**more)
+def test_step_state_round_trip(more):
+    """All fields survive, including those added in the future."""
+    before = step_state(**more)
     arrays = {**flatten("last", before), "counts": np.zeros(2)}
     after = StepState.from_checkpoint("last", arrays)
     assert flatten("", after).keys() == flatten("", before).keys()
@@ -38,12 +38,12 @@ def test_an_instant_comes_back_whole(more):
         assert flatten("", after)[name].dtype == values.dtype, name
 
 
-def test_no_instant_comes_back_as_none():
+def test_missing_step_state_is_none():
     assert StepState.from_checkpoint("last", {"load": np.zeros(2)}) is None
 
 
-class Kept:
-    """A sink with the blocks and checkpoints of a run; what an interrupted one left, for `solve`."""
+class MemorySink:
+    """Sink that holds the blocks and checkpoints of an interrupted run in memory, for `solve`."""
 
     def __init__(self, stop=100):
         self.stop, self._blocks, self.checkpoint = stop, [], None
@@ -66,13 +66,13 @@ class Kept:
 @pytest.mark.parametrize("path", ["direct", "modal", "kernel"])
 @pytest.mark.parametrize("channels", [True, False])
 @pytest.mark.parametrize("every", [10, 5])
-def test_without_a_file(path, channels, every):
-    """Without channels the modal way keeps the probes alone: an engine of its own."""
+def test_resume_without_file(path, channels, every):
+    """Without channels, the modal engine computes the probes only."""
     ready = prepare(read_case(CASE, [f"run.engine={path}"]))
     problem = replace(ready.problem, steps=450)
     save = SaveAt(field_every=every, fields_per_block=100 // every, channels=channels)
     whole = solve(problem, ready.scheme, save=save)
-    earlier = Kept(stop=3)
+    earlier = MemorySink(stop=3)
     solve(problem, ready.scheme, save=save, sinks=[earlier])
     assert earlier.checkpoint.steps == 300
     later = solve(problem, ready.scheme, save=save, resume=earlier)
@@ -84,9 +84,9 @@ def test_without_a_file(path, channels, every):
         assert np.array_equal(later.channels[name], values), name
 
 
-def test_a_fingerprint_tells_problems_apart():
+def test_fingerprint_distinguishes_problems():
     ready = prepare(read_case(CASE))
-    told = {
+    fingerprints = {
         fingerprint(ready.problem, ready.scheme, ready.save),
         fingerprint(replace(ready.problem, steps=ready.problem.steps + 1), ready.scheme, ready.save),
         fingerprint(replace(ready.problem, step=np.nextafter(ready.problem.step, 1.0)), ready.scheme, ready.save),
@@ -97,6 +97,6 @@ def test_a_fingerprint_tells_problems_apart():
             "springs.valve.stiffness=41kN/m",
         )),
     }  # fmt: skip
-    assert len(told) == 9
+    assert len(fingerprints) == 9
     again = prepare(read_case(CASE))
-    assert fingerprint(again.problem, again.scheme, again.save) in told
+    assert fingerprint(again.problem, again.scheme, again.save) in fingerprints

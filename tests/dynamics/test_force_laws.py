@@ -102,8 +102,8 @@ CASES = {
 ANGLE = 0.7
 
 
-def stacked(law, *, compiled=False):
-    """Return the local force of a law on unknowns of its own, stacked, and its inputs at a cam angle."""
+def stack_law(law, *, compiled=False):
+    """Return the stacked local force of a law on its own unknowns, and its inputs at a cam angle."""
     rows = [AngleVector.constant(row) for row in np.eye(law.scalars)]
     acts = [AngleVector.constant(-row) for row in np.eye(law.scalars)]
     force = LocalForce("force", tuple(rows), tuple(acts), law, (constant(0.0),) * law.scalars)
@@ -113,7 +113,7 @@ def stacked(law, *, compiled=False):
     return forces, forces.prescribed_inputs(CamMotion(*(np.array([x]) for x in (ANGLE, 1.0, 0.0, 0.0))))
 
 
-def points(name, count=200):
+def sample_points(name, count=200):
     law, size, speed = CASES[name]
     rng = np.random.default_rng(11)
     spread = np.concatenate(
@@ -126,17 +126,17 @@ def points(name, count=200):
     )
 
 
-def test_every_law_of_the_table_has_a_case():
+def test_every_law_has_case():
     assert {law.kind for law, _, _ in CASES.values()} >= {kind for kind, row in LAWS.items() if row.name != "custom"}
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_tangent_is_the_derivative_of_the_force(name):
-    """Central differences; where two steps disagree, a corner of the law lies between."""
+def test_tangent_is_derivative_of_force(name):
+    """Central differences; where two step sizes disagree, the law has a corner in between."""
     law, size, speed = CASES[name]
-    forces, schedule = stacked(law)
+    forces, schedule = stack_law(law)
     checked = 0
-    for x, v, z in zip(*points(name, 60), strict=True):
+    for x, v, z in zip(*sample_points(name, 60), strict=True):
         answer = forces.respond(x, v, z, schedule)
         for which, tangent, h in ((0, answer.by_penetration, 1e-6 * size), (1, answer.by_rate, 1e-6 * max(speed, 1.0))):
             for i in range(law.scalars):
@@ -158,10 +158,10 @@ def test_tangent_is_the_derivative_of_the_force(name):
 @pytest.mark.parametrize(
     "name", [n for n, one in CASES.items() if "friction" not in n and not LAWS[one[0].kind].circulatory]
 )
-def test_elastic_force_is_the_derivative_of_the_energy(name):
+def test_elastic_force_is_derivative_of_energy(name):
     law, size, _ = CASES[name]
-    forces, schedule = stacked(law)
-    x, _, z = points(name)
+    forces, schedule = stack_law(law)
+    x, _, z = sample_points(name)
     functions = np.repeat(schedule.rows[:, schedule.functions :], len(x), axis=0)
     _, elastic, by_state = forces.evaluate(x, z, functions)
     h = 1e-6 * size
@@ -183,16 +183,16 @@ def test_elastic_force_is_the_derivative_of_the_energy(name):
 
 @pytest.mark.parametrize("name", CASES)
 def test_dissipated_power_is_never_negative(name):
-    """(f - f_elastic) v, and for an internal state the energy that its rate takes away."""
+    """Dissipated power is (f - f_elastic) v, plus the energy rate of an internal state."""
     law, _, _ = CASES[name]
-    forces, schedule = stacked(law)
-    for x, v, z in zip(*points(name), strict=True):
+    forces, schedule = stack_law(law)
+    for x, v, z in zip(*sample_points(name), strict=True):
         moving, still = forces.respond(x, v, z, schedule), forces.respond(x, 0.0 * v, z, schedule)
         power = float((moving.force - still.force) @ v)
         if law.states:
             _, _, by_state = forces.evaluate(x[None], z[None], schedule.rows[:, schedule.functions :])
             power -= float(by_state[0] @ moving.state_rate)
-        if law.kind == LEVER_KIND:  # the law holds what is beyond a linear spring and damper of the structure
+        if law.kind == LEVER_KIND:  # the law excludes the linear spring and damper of the structure
             damping, arm, driven, start = law.constants[1:]
             power += damping * (arm / driven * math.cos(start) * v[0] - v[1]) ** 2
         size = np.abs(moving.force).max() * np.abs(v).max()
@@ -200,18 +200,18 @@ def test_dissipated_power_is_never_negative(name):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_compiled_energies_and_forces_are_those_of_python(name):
+def test_compiled_and_python_laws_agree(name):
     law, _, _ = CASES[name]
-    x, _, z = points(name)
-    (python, schedule), (compiled, _) = stacked(law), stacked(law, compiled=True)
+    x, _, z = sample_points(name)
+    (python, schedule), (compiled, _) = stack_law(law), stack_law(law, compiled=True)
     functions = np.repeat(schedule.rows[:, schedule.functions :], len(x), axis=0)
     for one, other in zip(python.evaluate(x, z, functions), compiled.evaluate(x, z, functions), strict=True):
-        # a dozen roundings, which the compiler may take in another order
+        # a dozen roundings, which the compiler may reorder
         np.testing.assert_allclose(other, one, rtol=1e-12, atol=1e-13 * np.abs(one).max(initial=0.0))
 
 
 def chain(law):
-    """Return masses on springs, one per scalar of a law, that a constant load presses together."""
+    """Return masses on springs, one per scalar of a law, under a constant compressive load."""
     n = law.scalars
     sense = tuple(AngleVector.constant(row) for row in np.eye(n))
     act = tuple(AngleVector.constant(-row) for row in np.eye(n))
@@ -228,7 +228,7 @@ def chain(law):
     "name",
     ["bilateral", "stop", "hunt-crossley", "line contact", "table", "lever, point", "arch", "lift of a contact"],
 )
-def test_a_run_from_static_equilibrium_stays_there(name, path):
+def test_run_from_static_equilibrium_is_constant(name, path):
     law, _, _ = CASES[name]
     system, drive = chain(law), ConstantSpeed(1e-9)
     start = equilibrium(system, drive)
@@ -238,15 +238,15 @@ def test_a_run_from_static_equilibrium_stays_there(name, path):
         response["all"].displacement.shape), rtol=1e-8, atol=1e-13)  # fmt: skip
 
 
-def test_section_forces_of_an_arch_are_those_of_its_law():
-    forces, schedule = stacked(CASES["arch"][0])
-    values = points("arch")[0]
+def test_section_forces_of_arch_match_law():
+    forces, schedule = stack_law(CASES["arch"][0])
+    values = sample_points("arch")[0]
     law = [forces.respond(x, 0.0 * x, np.zeros(0), schedule).force for x in values]
     np.testing.assert_allclose(arch().forces(values[:, None])[:, 0], law, rtol=1e-12, atol=1e-12 * np.abs(law).max())
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_both_engines_give_the_same_motion(name):
+def test_direct_and_kernel_engine_agree(name):
     """The direct engine evaluates the laws in Python, the kernel engine in compiled code."""
     law, size, _ = CASES[name]
     system = chain(law)
@@ -260,10 +260,10 @@ def test_both_engines_give_the_same_motion(name):
     np.testing.assert_allclose(other, one, rtol=0, atol=1e-9 * np.abs(one).max())
 
 
-def test_a_table_goes_through_its_rows_and_on_along_its_ends():
-    """Also with one row between two others, where a search for the row must find either side."""
+def test_table_law_interpolates_and_extrapolates():
+    """Also with a row between two others, where the search for the interval must find both sides."""
     travel, force = [-1e-3, 1e-3, 2e-3, 5e-3], [-30.0, 10.0, 40.0, 60.0]
-    forces, schedule = stacked(force_table_law(travel, force))
+    forces, schedule = stack_law(force_table_law(travel, force))
     far = [-3e-3, *travel, 9e-3]
     found = [float(forces.respond(np.array([x]), np.zeros(1), np.zeros(0), schedule).force[0]) for x in far]
     np.testing.assert_allclose(found, [-70.0, *force, 60.0 + 4e-3 * 20.0 / 3e-3], rtol=1e-14)
@@ -275,8 +275,8 @@ def test_a_table_goes_through_its_rows_and_on_along_its_ends():
     begin=st.floats(-1e-3, 1e-3), travel=st.floats(-1e-3, 1e-3), pieces=st.sampled_from([2, 7]),
     step=st.sampled_from([1e-6, 1e-4, 1e-2]),
 )  # fmt: skip
-def test_oil_column_is_exact_for_a_linear_motion(begin, travel, pieces, step):
-    """One step of a linear motion ends where several parts of it do."""
+def test_oil_column_is_exact_for_linear_motion(begin, travel, pieces, step):
+    """One step of a linear motion gives the same end as several parts of it."""
     k, leak, refill = 2e7, 5e3, 60.0
     end, _, _ = oil_column(begin + travel, begin, 0.0, step, k, leak, refill)
     state, x = 0.0, begin
@@ -287,19 +287,19 @@ def test_oil_column_is_exact_for_a_linear_motion(begin, travel, pieces, step):
 
 
 @pytest.mark.parametrize(("begin", "travel"), [(1e-4, 2e-5), (1e-4, -3e-4), (-1e-4, 3e-4), (0.0, 1e-4), (0.0, -1e-4)])
-def test_oil_column_follows_the_motion_by_its_derivative(begin, travel):
+def test_oil_column_derivatives(begin, travel):
     h = 1e-10
     arguments = (begin, 0.0, 1e-4, 2e7, 5e3, 60.0)
     ends = [oil_column(begin + travel + side * h, *arguments)[0] for side in (1, -1)]
     assert oil_column(begin + travel, *arguments)[1] == pytest.approx((ends[0] - ends[1]) / (2 * h), rel=1e-4)
     ends = [oil_column(begin + side * h + travel, begin + side * h, *arguments[1:])[0] for side in (1, -1)]
-    # Rounding of 1e-20 in the compression, over the difference.
+    # Rounding of 1e-20 in the compression, over the step of the difference.
     found = oil_column(begin + travel, *arguments)[2]
     assert found == pytest.approx((ends[0] - ends[1]) / (2 * h), rel=1e-4, abs=1e-9)
 
 
-def test_oil_column_does_not_ring_in_long_steps():
-    """A force that pulls the plunger out is followed at once; the trapezoidal rule alternates about the solution."""
+def test_oil_column_does_not_oscillate_in_long_steps():
+    """The column follows an extending plunger at once; the trapezoidal rule would oscillate about the solution."""
     state, x = 0.0, 0.0
     for i in range(1, 20):
         new = -1e-6 * i
@@ -308,7 +308,7 @@ def test_oil_column_does_not_ring_in_long_steps():
         assert -1e-9 < pressed <= 0.0
 
 
-def test_line_load_is_smooth_where_it_becomes_linear():
+def test_line_load_is_smooth_at_linear_limit():
     give, rest, limit, depth = 1e-12, 1.4, 1e9, 0.02
     end = give * limit * (2.0 * math.log(depth / (give * limit)) - rest)
     below, above = (line_load(end * (1.0 + side * 1e-9), limit, give, rest, depth) for side in (-1, 1))

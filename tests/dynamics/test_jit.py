@@ -1,4 +1,4 @@
-"""Compiled code: where it is kept, and runs without a cache, with a spoiled one and in two processes."""
+"""Cache of compiled code: its folder, and runs with empty, damaged or missing cache and in two processes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 
 from flexcam.dynamics import jit
 
-RUN = """
+RUN_SCRIPT = """
 import numpy as np
 from flexcam.dynamics import Problem, newmark, solve
 from flexcam.core import Triplets
@@ -25,19 +25,19 @@ print(run.stats.engine, run.status.cause, run["x"].displacement[-1].hex())
 """
 
 
-def start(folder, run=RUN):
+def start_process(folder, run=RUN_SCRIPT):
     environment = {**os.environ, "FLEXCAM_CACHE": str(folder)}
     return subprocess.Popen([sys.executable, "-c", run], env=environment, stdout=subprocess.PIPE, text=True)
 
 
-def output(process):
+def read_output(process):
     out, _ = process.communicate(timeout=240)
     assert process.returncode == 0
     assert out.startswith("kernel done")
     return out
 
 
-def test_the_cache_is_in_the_folder_that_is_named(monkeypatch, tmp_path):
+def test_cache_folder_from_environment(monkeypatch, tmp_path):
     monkeypatch.setenv("FLEXCAM_CACHE", str(tmp_path))
     assert jit.cache_root() == tmp_path / "flexcam"
     monkeypatch.delenv("FLEXCAM_CACHE")
@@ -47,19 +47,19 @@ def test_the_cache_is_in_the_folder_that_is_named(monkeypatch, tmp_path):
 
 
 @pytest.mark.slow
-def test_fresh_cached_spoiled_and_missing_code_give_the_same_numbers(tmp_path):
-    together = [start(tmp_path), start(tmp_path)]  # both compile into an empty folder
-    fresh, other = map(output, together)
+def test_state_of_cache_does_not_change_results(tmp_path):
+    together = [start_process(tmp_path), start_process(tmp_path)]  # both compile into an empty folder
+    fresh, other = map(read_output, together)
     assert other == fresh
-    together = [start(tmp_path), start(tmp_path)]
-    assert [output(one) for one in together] == [fresh, fresh]
+    together = [start_process(tmp_path), start_process(tmp_path)]
+    assert [read_output(one) for one in together] == [fresh, fresh]
     for path in tmp_path.rglob("*.nb[ci]"):
         path.write_bytes(path.read_bytes()[:100])
-    assert output(start(tmp_path)) == fresh
-    assert output(start(Path("/dev/null"))) == fresh
+    assert read_output(start_process(tmp_path)) == fresh
+    assert read_output(start_process(Path("/dev/null"))) == fresh
 
 
-ENGINE = """
+ENGINE_SCRIPT = """
 import hashlib
 import flexcam
 case = flexcam.read_case("cases/pushrod-engine/intake.toml", ["run.revolutions=2", "run.crank_speed=6700rpm"])
@@ -71,13 +71,13 @@ print(run.stats.engine, run.status.cause, found)
 
 
 @pytest.mark.slow
-def test_an_engine_gives_the_same_bits_with_fresh_and_with_cached_code(tmp_path):
+def test_fresh_and_cached_code_are_bit_identical(tmp_path):
     """Contacts amplify a difference in the last bit to hundreds of newtons within a few revolutions."""
-    assert len({output(start(tmp_path, ENGINE)) for _ in range(3)}) == 1
+    assert len({read_output(start_process(tmp_path, ENGINE_SCRIPT)) for _ in range(3)}) == 1
 
 
 class SwallowingCompiler:
-    """Stands for an entry of numba, which loses an exception raised in a callback of LLVM."""
+    """Stand-in for a numba entry, which loses exceptions raised in a callback of LLVM."""
 
     compiled = False
 
@@ -89,7 +89,7 @@ class SwallowingCompiler:
         self.compiled = True
 
 
-def test_an_interrupt_is_raised_after_compilation():
+def test_interrupt_is_raised_after_compilation():
     compiler = SwallowingCompiler()
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a suite in the background ignores it
     try:
@@ -101,7 +101,7 @@ def test_an_interrupt_is_raised_after_compilation():
     assert compiler.compiled
 
 
-ANNOUNCED = """
+COMPILE_SCRIPT = """
 import logging
 import numpy as np
 from flexcam.dynamics.jit import compile_functions
@@ -114,8 +114,8 @@ compile_functions((eliminate,), ("eliminate",))["eliminate"](np.ones((1, 2)), 1,
 
 @pytest.mark.slow
 def test_compilation_is_announced_once_per_installation(tmp_path):
-    """The second process finds the compiled code."""
-    words, cache = [sys.executable, "-c", ANNOUNCED], {**os.environ, "FLEXCAM_CACHE": str(tmp_path)}
+    """The second process uses the cached code."""
+    words, cache = [sys.executable, "-c", COMPILE_SCRIPT], {**os.environ, "FLEXCAM_CACHE": str(tmp_path)}
     first, second = (subprocess.run(words, env=cache, capture_output=True, text=True).stderr for _ in range(2))
     assert "compiling" in first
     assert "compiling" not in second

@@ -1,4 +1,4 @@
-"""Models of many unknowns: other ways to solve agree, and memory goes with the unknowns, not with their square."""
+"""Large models: solvers agree, and memory is proportional to the number of unknowns."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from flexcam.fem.mesh import Mesh, refine
 from flexcam.fem.sections import Material, Section
 
 STEEL = Member(Material(2e11, 0.3, 7800.0), Section.circle(0.02))
-MANY = 70
-"""Elements of a member: more unknowns than the dense limit."""
+ELEMENTS = 70
+"""Elements of a member, so that the unknowns exceed the dense limit."""
 
 
-def made(nodes, lines, supports=("root",)):
-    mesh = refine(Mesh(nodes, lines, {"root": [0]}), dict.fromkeys(lines, MANY))
-    order = np.random.default_rng(1).permutation(len(mesh.nodes))  # the order of the nodes tells nothing
+def build_matrix(nodes, lines, supports=("root",)):
+    mesh = refine(Mesh(nodes, lines, {"root": [0]}), dict.fromkeys(lines, ELEMENTS))
+    order = np.random.default_rng(1).permutation(len(mesh.nodes))  # random order of the nodes
     place = np.argsort(order)
     shuffled = Mesh(mesh.nodes[order], {n: place[line] for n, line in mesh.lines.items()}, {"root": place[[0]]})
     dofs = dof_map(shuffled, [(point, ("ux", "uy", "uz", "rx", "ry", "rz")) for point in supports])
@@ -32,14 +32,14 @@ def made(nodes, lines, supports=("root",)):
     return mass(parts, dofs) + stiffness(parts, dofs).scale(1e-9)
 
 
-SHAFT = made([[0, 0, 0], [1, 0.3, 0.2]], {"shaft": [0, 1]})
-TREE = made([[0, 0, 0], [1, 0, 0], [0.5, 0.7, 0]], {"shaft": [0, 1], "arm": [1, 2]})
-TWO = made([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], {"one": [0, 1], "other": [2, 3]})
+SHAFT = build_matrix([[0, 0, 0], [1, 0.3, 0.2]], {"shaft": [0, 1]})
+TREE = build_matrix([[0, 0, 0], [1, 0, 0], [0.5, 0.7, 0]], {"shaft": [0, 1], "arm": [1, 2]})
+TWO_SHAFTS = build_matrix([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], {"one": [0, 1], "other": [2, 3]})
 
 
-@pytest.mark.parametrize("matrix", [SHAFT, TREE, TWO], ids=["shaft", "tree", "two shafts"])
+@pytest.mark.parametrize("matrix", [SHAFT, TREE, TWO_SHAFTS], ids=["shaft", "tree", "two shafts"])
 @pytest.mark.parametrize("shape", [(), (3,), (0,)])
-def test_a_band_solves_as_the_full_matrix(matrix, shape, readonly):
+def test_band_factor_matches_dense_solution(matrix, shape, readonly):
     right = readonly(np.random.default_rng(0).standard_normal((matrix.size, *shape)))
     factor = factorize(matrix)
     assert isinstance(factor, BandFactor)
@@ -51,8 +51,8 @@ def test_a_band_solves_as_the_full_matrix(matrix, shape, readonly):
     np.testing.assert_allclose((factor.solve(right).T / scale).T, exact, atol=1e-11 * np.abs(exact).max(initial=1.0))
 
 
-def changed(kind):
-    """Return a matrix that has no Cholesky factor with a narrow band."""
+def matrix_without_band(kind):
+    """Return a matrix without Cholesky factor or narrow band."""
     n = DENSE_LIMIT + 40
     rng = np.random.default_rng(3)
     dense = np.diag(4.0 + rng.random(n)) + np.diag(np.ones(n - 1), 1) + np.diag(np.ones(n - 1), -1)
@@ -68,8 +68,8 @@ def changed(kind):
 
 
 @pytest.mark.parametrize("kind", ["indefinite", "unsymmetric", "wide"])
-def test_what_has_no_band_is_solved_all_the_same(kind):
-    dense, right = changed(kind), np.ones(DENSE_LIMIT + 40)
+def test_matrix_without_band_is_solved(kind):
+    dense, right = matrix_without_band(kind), np.ones(DENSE_LIMIT + 40)
     factor = factorize(Triplets.from_dense(dense))
     assert not isinstance(factor, BandFactor)
     np.testing.assert_allclose(factor.solve(right), np.linalg.solve(dense, right), rtol=1e-11)
@@ -77,8 +77,8 @@ def test_what_has_no_band_is_solved_all_the_same(kind):
 
 @pytest.mark.parametrize("n", [20, DENSE_LIMIT + 20])
 @pytest.mark.parametrize("stiffness", [1e-3, 1e4])
-def test_held_motions_cost_no_full_matrix(n, stiffness):
-    """Two chains, of which one floats and one stands on a spring, each with a motion that is held softly."""
+def test_factorize_with_update_matches_dense_solution(n, stiffness):
+    """Two chains, one floating and one on a spring, each with a softly constrained motion."""
     dense = 2.0 * np.eye(n) - np.diag(np.ones(n - 1), 1) - np.diag(np.ones(n - 1), -1)
     half = n // 2
     dense[half - 1, half] = dense[half, half - 1] = 0.0
@@ -93,7 +93,7 @@ def test_held_motions_cost_no_full_matrix(n, stiffness):
     np.testing.assert_allclose(found, exact, atol=1e-9 * np.abs(exact).max())  # the condition is n^2
 
 
-def test_groups_are_listed_by_their_labels():
+def test_component_members_by_label():
     assert [group.tolist() for group in component_members(np.array([3, 0, 3, 0, 9]))] == [[1, 3], [0, 2], [4]]
     assert component_members(np.zeros(0, np.intp)) == []
 
@@ -127,8 +127,8 @@ probes = ["b"]
 """
 
 
-def test_memory_goes_with_the_unknowns(tmp_path):
-    """8400 unknowns: a square of numbers is 560 MB, a row per element is 94 MB."""
+def test_memory_is_proportional_to_unknowns(tmp_path):
+    """8400 unknowns: a dense matrix has 560 MB, a row per element 94 MB."""
     path = tmp_path / "long.toml"
     path.write_text(CASE)
     case = read_case(path)
@@ -147,10 +147,10 @@ def test_memory_goes_with_the_unknowns(tmp_path):
 
 
 @pytest.mark.parametrize("held", ['["ux", "rx"]', '["rx"]'], ids=["held along", "free along"])
-def test_a_fine_mesh_finds_the_balance_of_a_coarse_one(held, pytestconfig):
-    """50 elements on 30 mm: strain forces are sums of parts that round by more than a balance may be missed by.
+def test_equilibrium_of_fine_and_coarse_mesh_agree(held, pytestconfig):
+    """50 elements on 30 mm: the rounding of strain forces exceeds the tolerance of the equilibrium.
 
-    Beams are exact at their nodes in statics, so that the meshes agree but for that rounding.
+    Beams are exact at their nodes in statics, so that the meshes agree up to that rounding.
     """
     path = pytestconfig.rootpath / "cases" / "camshaft-4cyl" / "camshaft.toml"
     chosen = ['run.start="equilibrium"', "run.damping={alpha=10.0,beta=1e-6}", f"supports.sprocket={held}"]
@@ -165,8 +165,8 @@ def test_a_fine_mesh_finds_the_balance_of_a_coarse_one(held, pytestconfig):
     np.testing.assert_allclose(found[1], found[0], rtol=1e-5)  # some 1e-6 of a displacement is lost to rounding
 
 
-def test_parts_of_blocks_change_no_motion(pytestconfig, monkeypatch):
-    """A block of 640 steps in parts of 7, of which most hold no saved field."""
+def test_size_of_block_parts_does_not_change_motion(pytestconfig, monkeypatch):
+    """A block of 640 steps in parts of 7, most of them without a saved field."""
     case = read_case(
         pytestconfig.rootpath / "cases" / "pushrod-engine" / "intake.toml",
         ["run.revolutions=0.05", "run.integrator.method=newmark"],

@@ -1,4 +1,4 @@
-"""Local forces of several trains: Newton's method block by block finds what one matrix for all finds."""
+"""Local forces of several trains: Newton's method by blocks matches a single matrix."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ TRAINS, PARTS = 5, 3
 
 
 def trains(shaft: float) -> System:
-    """Masses that springs and dampers chain up, and that cams meet at different angles.
+    """Return chains of masses with springs and dampers, driven by cams at different angles.
 
-    The cams stand on one mass each, which springs of a given stiffness connect to a shaft: with zero nothing does.
+    Each cam is on its own mass; springs of the given stiffness couple the cam masses, or not if it is zero.
     """
     size = TRAINS * (PARTS + 1)
     M, K, C = np.eye(size), np.zeros((size, size)), np.zeros((size, size))
@@ -65,7 +65,7 @@ def trains(shaft: float) -> System:
     return System(*matrices, names, (), tuple(forces), (probe,))
 
 
-def forces_of(shaft, method, engine="kernel"):
+def run_trains(shaft, method, engine="kernel"):
     problem = Problem(trains(shaft), ConstantSpeed(100.0), 1e-5, 1200, engine=engine)
     response = solve(problem, method, save=SaveAt(energies=False))
     assert response.status.ok
@@ -74,34 +74,34 @@ def forces_of(shaft, method, engine="kernel"):
 
 @pytest.mark.parametrize("method", [newmark(), collocation()])
 @pytest.mark.parametrize("shaft", [0.0, 1e6, 5e8])
-def test_blocks_find_the_forces_of_one_matrix(method, shaft, monkeypatch):
+def test_blocks_and_single_matrix_give_same_forces(method, shaft, monkeypatch):
     blocks = list[int]()
     divide = kernel_step.divide_laws
 
-    def counted(laws, coupling):
+    def count_blocks(laws, coupling):
         found = divide(laws, coupling)
         blocks.append(len(found[1]) - 1)
         return found
 
-    monkeypatch.setattr(kernel_step, "divide_laws", counted)
-    divided, iterations = forces_of(shaft, method)
+    monkeypatch.setattr(kernel_step, "divide_laws", count_blocks)
+    divided, iterations = run_trains(shaft, method)
     monkeypatch.setattr(kernel_step, "_STRONG", -1.0)
-    together, usual = forces_of(shaft, method)
+    together, usual = run_trains(shaft, method)
     assert blocks == [TRAINS, 1]
     np.testing.assert_allclose(divided, together, rtol=0.0, atol=1e-8 * np.abs(together).max())
     assert iterations < 1.5 * usual
 
 
 @pytest.mark.parametrize("shaft", [1e6, 5e8])
-def test_blocks_sense_the_forces_of_other_blocks(shaft):
-    """The direct engine has the complete compliance; at 5e8 N/m trains move each other by 1 % within a step."""
-    divided, _ = forces_of(shaft, newmark())
-    complete, _ = forces_of(shaft, newmark(), "direct")
+def test_blocks_include_forces_of_other_blocks(shaft):
+    """The direct engine uses the complete compliance; at 5e8 N/m trains move each other by 1 % within a step."""
+    divided, _ = run_trains(shaft, newmark())
+    complete, _ = run_trains(shaft, newmark(), "direct")
     np.testing.assert_allclose(divided, complete, rtol=0.0, atol=1e-7 * np.abs(complete).max())
 
 
-def test_modes_of_a_train_stand_together():
-    """The vectors of a train without a common shaft then take one run of its own modes and one of its cam's."""
+def test_modes_of_train_are_contiguous():
+    """Without a common shaft, the vectors of a train use one run of its own modes and one of its cam's."""
     from flexcam.dynamics.local_forces import LocalForces
     from flexcam.dynamics.modal_coordinates import find_modal_coordinates, modal_problem
 
@@ -113,6 +113,6 @@ def test_modes_of_a_train_stand_together():
     assert int(np.diff(runs[TRAINS + 1 :].reshape(-1, 2)).sum()) == TRAINS * (PARTS + 1)
 
 
-def test_runs_of_rows():
+def test_list_runs_of_rows():
     rows = np.array([[0.0, 2.0, 3.0], [0.0, 0.0, 0.0], [1.0, 0.0, 4.0]])
     assert list_runs(rows).tolist() == [4, 6, 6, 10, 1, 3, 0, 1, 2, 3]

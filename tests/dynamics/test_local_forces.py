@@ -1,6 +1,6 @@
-"""Local forces: equal to the same spring in K, order 2 with inner state and with vectors that turn with the cam.
+"""Local forces: equivalence to a spring in K, and order 2 with internal states and with rotating vectors.
 
-Reference: DOP853 at 1e-12.
+The reference is DOP853 at 1e-12.
 """
 
 from __future__ import annotations
@@ -35,18 +35,18 @@ def scheme(request):
 
 
 @pytest.mark.parametrize(("k", "c"), mostly_slow([(SPRING, 0.0), (0.0, DAMPER), (SPRING, DAMPER), (1e5, 0.0)], 2))
-def test_same_as_in_the_matrices(pair, run, laws, local_force, scheme, k, c):
+def test_local_spring_equals_matrix_spring(pair, run, laws, local_force, scheme, k, c):
     outer = np.outer(ROW, ROW)
     inside = run(pair(K + k * outer, C + c * outer), scheme, 200)
     outside = run(pair(local=[local_force("spring", ROW, laws["linear"](k, c))]), scheme, 200)
-    # Rounding grows as (w dt)^2 eps a step on both sides, 1e-12 at 1e5 N/m: the unknown is the acceleration.
+    # Rounding grows as (w dt)^2 eps per step on both sides, 1e-12 at 1e5 N/m: the unknown is the acceleration.
     for field in ("displacement", "velocity", "acceleration"):
         one, other = getattr(inside, field), getattr(outside, field)
         assert np.abs(one - other).max() <= 1e-10 * np.abs(one).max()
 
 
-def test_a_law_of_two_scalars(pair, run, laws):
-    """One law that senses and acts on both unknowns, with coupling entries, is the same as K."""
+def test_law_of_two_scalars(pair, run, laws):
+    """A law that senses and acts on both unknowns, with coupling entries, equals a contribution to K."""
     vectors = tuple(AngleVector.constant(row) for row in np.eye(2))
     back = tuple(AngleVector.constant(-row) for row in np.eye(2))
     force = LocalForce("both", vectors, back, laws["linear"](50.0, 1.0), (constant(0.0), constant(0.0)))
@@ -55,7 +55,7 @@ def test_a_law_of_two_scalars(pair, run, laws):
     np.testing.assert_allclose(outside.displacement, inside.displacement, atol=1e-10)
 
 
-def test_forces_side_by_side(pair, run, laws, local_force):
+def test_two_local_forces(pair, run, laws, local_force):
     parts = [
         local_force("a", ROW, laws["linear"](SPRING)),
         local_force("b", np.array([0.0, 1.0]), laws["linear"](70.0, 2.0)),
@@ -64,7 +64,7 @@ def test_forces_side_by_side(pair, run, laws, local_force):
     np.testing.assert_allclose(run(pair(local=parts), newmark(), 100).displacement, inside.displacement, atol=1e-10)
 
 
-def fit(fitted_order, run, system, scheme, d, v):
+def fit_orders(fitted_order, run, system, scheme, d, v):
     ends = [run(system, scheme, n) for n in STEPS]
     return (
         fitted_order(1 / STEPS, [np.linalg.norm(e.displacement[-1] - d) for e in ends]),
@@ -72,8 +72,8 @@ def fit(fitted_order, run, system, scheme, d, v):
     )
 
 
-def integrated(system, gap_force):
-    """End state by DOP853 at 1e-12 of M u'' + C u' + K u = p cos(angle) + gap_force(t, u, v)."""
+def reference_end_state(system, gap_force):
+    """Return the end state of M u'' + C u' + K u = p cos(angle) + gap_force(t, u, v) by DOP853 at 1e-12."""
     M, C, K = (m.dense() for m in (system.mass, system.damping, system.stiffness))
     p = system.loads[0].vector
 
@@ -86,24 +86,26 @@ def integrated(system, gap_force):
     return end[:2], end[2:]
 
 
-def test_order_of_a_nonlinear_law(pair, run, laws, local_force, fitted_order, scheme):
+def test_order_with_nonlinear_law(pair, run, laws, local_force, fitted_order, scheme):
     system = pair(local=[local_force("cubic", ROW, laws["cubic"](20.0, 300.0))])
-    d, v = integrated(system, lambda t, u, v: -ROW * (20.0 * (ROW @ u) + 300.0 * (ROW @ u) ** 3))
-    assert fit(fitted_order, run, system, scheme, d, v) == pytest.approx((2.0, 2.0), abs=0.1)
+    d, v = reference_end_state(system, lambda t, u, v: -ROW * (20.0 * (ROW @ u) + 300.0 * (ROW @ u) ** 3))
+    assert fit_orders(fitted_order, run, system, scheme, d, v) == pytest.approx((2.0, 2.0), abs=0.1)
 
 
-def turning(order_sign=1.0):
-    """g(angle) = cos e0 + sin e1, and its derivatives by the angle."""
+def rotating_vector(order_sign=1.0):
+    """Return g(angle) = cos e0 + sin e1, with its derivatives by the angle."""
     return AngleVector(
         order_sign * np.eye(2),
         (lambda a, n: np.cos(a + n * np.pi / 2), lambda a, n: np.sin(a + n * np.pi / 2)),
     )
 
 
-def test_order_of_vectors_that_turn(pair, run, laws, fitted_order, scheme):
-    """Spring and damper along a direction that turns with the cam, and a prescribed part: gamma' holds g' u and g0'."""
+def test_order_with_rotating_vectors(pair, run, laws, fitted_order, scheme):
+    """Spring and damper along a direction rotating with the cam, plus a prescribed part: gamma' has g' u and g0'."""
     offset = lambda a, n: 0.1 * np.sin(2 * a + n * np.pi / 2) * 2.0**n  # noqa: E731
-    force = LocalForce("turning", (turning(),), (turning(-1.0),), laws["linear"](SPRING, DAMPER), (offset,))
+    force = LocalForce(
+        "turning", (rotating_vector(),), (rotating_vector(-1.0),), laws["linear"](SPRING, DAMPER), (offset,)
+    )
     system = pair(local=[force])
 
     def reaction(t, u, v):
@@ -112,13 +114,13 @@ def test_order_of_vectors_that_turn(pair, run, laws, fitted_order, scheme):
         gap, rate = g @ u + 0.1 * np.sin(2 * a), g @ v + slope @ u + 0.6 * np.cos(2 * a)
         return -g * (SPRING * gap + DAMPER * rate)
 
-    d, v = integrated(system, reaction)
-    assert fit(fitted_order, run, system, scheme, d, v) == pytest.approx((2.0, 2.0), abs=0.1)
+    d, v = reference_end_state(system, reaction)
+    assert fit_orders(fitted_order, run, system, scheme, d, v) == pytest.approx((2.0, 2.0), abs=0.1)
 
 
 @pytest.mark.parametrize("unit", [1e-6, 1e6])
-def test_units_change_nothing(system_of, laws, local_force, unit):
-    """Lengths times `unit`: forces follow, a cubic stiffness falls as its square; the run is the same, scaled."""
+def test_run_scales_with_units(system_of, laws, local_force, unit):
+    """Lengths times `unit`: forces scale with it, a cubic stiffness with its inverse square; runs are equal."""
 
     def run(scale):
         system = system_of([[1.0]], [[0.1]], [[9.0]], [([2.0 * scale], lambda m: np.cos(m.angle))],
@@ -131,14 +133,14 @@ def test_units_change_nothing(system_of, laws, local_force, unit):
 
 
 def test_equilibrium_with_local_forces(pair, laws, local_force):
-    """Static balance at an angle: K u + k row row.u = p cos(angle)."""
+    """Static equilibrium at an angle: K u + k row row.u = p cos(angle)."""
     system = pair(local=[local_force("spring", ROW, laws["linear"](SPRING))])
     found = equilibrium(system, ConstantSpeed(3.0), time=0.2).displacement
     expected = np.linalg.solve(K + SPRING * np.outer(ROW, ROW), system.loads[0].vector * np.cos(0.6))
     np.testing.assert_allclose(found, expected, rtol=1e-11)
 
 
-def test_a_start_in_equilibrium_stays(system_of, laws, local_force):
+def test_run_from_equilibrium_is_constant(system_of, laws, local_force):
     steady = ([4.0, -1.0], lambda motion: np.ones_like(motion.angle))
     system = system_of(np.eye(2), np.zeros((2, 2)), K, [steady], [local_force("cubic", ROW, laws["cubic"](10.0, 5.0))])
     drive = ConstantSpeed(1.0)

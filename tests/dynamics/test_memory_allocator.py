@@ -1,4 +1,4 @@
-"""A library leaves the memory allocator of its host alone: a run changes nothing about memory that is freed later."""
+"""A run does not change how the memory allocator of the process treats freed memory."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-FAULTS = """
+FAULTS_SCRIPT = """
 import resource, sys
 import numpy as np
 from flexcam.dynamics import Problem, newmark, solve
@@ -29,10 +29,14 @@ print(block() - first)
 
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="what glibc does with freed memory")
-def test_a_run_leaves_the_allocator_alone():
-    """Eight arrays of 1.6 MB are 3125 pages: glibc learns to keep them only from larger ones that were freed."""
+def test_run_does_not_change_memory_allocator():
+    """Eight arrays of 1.6 MB are 3125 pages; glibc retains such blocks only after larger ones were freed."""
     faults = {
-        way: int(subprocess.run([sys.executable, "-c", FAULTS, way], capture_output=True, check=True, text=True).stdout)
+        way: int(
+            subprocess.run(
+                [sys.executable, "-c", FAULTS_SCRIPT, way], capture_output=True, check=True, text=True
+            ).stdout
+        )
         for way in ("plain", "run")
     }
     assert faults["plain"] > 1000

@@ -1,4 +1,4 @@
-"""What of a run stays in memory: the last revolution and the extremes of all, however long the run is."""
+"""Memory of a run: last revolution and extremes only, independent of the length of the run."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ from flexcam.dynamics import SaveAt, turning_points
 from flexcam.dynamics.memory import ExtremesSink, MemorySink, RecentSink
 
 CASE = Path(__file__).parents[1] / "data/inline.toml"
-SELDOM = SaveAt(field_every=36_000)
+RARE_FIELDS = SaveAt(field_every=36_000)
 
 
-def ready_of(revolutions, *settings):
+def prepare_case(revolutions, *settings):
     return prepare(flexcam.read_case(CASE, [f"run.revolutions={revolutions}", *settings]))
 
 
-def solved(ready, **options):
+def run_problem(ready, **options):
     return flexcam.solve(ready.problem, ready.scheme, save=ready.save, **options)
 
 
 @pytest.fixture(scope="module")
 def pair():
-    """Return a run kept whole, and the same one kept for a summary, with its extremes."""
-    ready = ready_of(4)
+    """Return a run in complete memory, and the same run with summary memory and its extremes."""
+    ready = prepare_case(4)
     few = summary_sink(ready)
     seen = ExtremesSink(few.outline)
-    return ready, solved(ready), solved(ready, memory=few, sinks=[seen]), seen
+    return ready, run_problem(ready), run_problem(ready, memory=few, sinks=[seen]), seen
 
 
-def test_the_last_revolution_is_kept(pair):
+def test_summary_memory_holds_last_revolution(pair):
     ready, whole, few, _ = pair
     count = round(ready.revolution / ready.problem.step)
     assert count < len(few.time) <= count + 1 + ready.save.block
@@ -48,23 +48,23 @@ def test_the_last_revolution_is_kept(pair):
     assert few.status == whole.status
 
 
-def test_a_run_that_would_never_fit_is_kept_as_far_as_it_comes():
-    """More steps than there is memory for: such a run is ended by `stop` or `until`, and memory grows as it comes."""
-    ready = ready_of(0.1)
-    whole = solved(ready)
+def test_memory_grows_with_completed_steps():
+    """The run requests more steps than fit in memory, as with `stop` or `until`; memory grows with the steps."""
+    ready = prepare_case(0.1)
+    whole = run_problem(ready)
     other = MemorySink(whole.outline, instants=10**14, fields=10**14)
-    kept = solved(ready, memory=other)
+    kept = run_problem(ready, memory=other)
     np.testing.assert_array_equal(kept.time, whole.time)
     np.testing.assert_array_equal(kept.fields.displacement, whole.fields.displacement)
 
 
-def test_the_last_field_is_kept(pair):
+def test_summary_memory_holds_last_field(pair):
     _, whole, few, _ = pair
     np.testing.assert_array_equal(few.fields.displacement, whole.fields.displacement[-1:])
     np.testing.assert_array_equal(few.field_time, whole.field_time[-1:])
 
 
-def test_extremes_are_those_of_everything(pair):
+def test_extremes_cover_complete_run(pair):
     _, whole, _, seen = pair
     after = ExtremesSink.of(whole)
     for name, _ in whole.outline.channels:
@@ -80,7 +80,7 @@ def test_extremes_are_those_of_everything(pair):
     assert seen.steps == len(whole.time)
 
 
-def test_nothing_comes_of_nothing(pair):
+def test_empty_sinks_have_zero_extremes(pair):
     ready, whole, *_ = pair
     assert len(RecentSink(whole.outline, 1.0).response().time) == 0
     assert ExtremesSink(whole.outline).probe("valve")[0].tolist() == [0.0]
@@ -89,7 +89,7 @@ def test_nothing_comes_of_nothing(pair):
     del ready
 
 
-def test_run_keeps_what_it_is_told():
+def test_keep_option_of_run():
     case = flexcam.read_case(CASE, ["run.revolutions=2"])
     few, whole = flexcam.run(case, keep="revolution"), flexcam.run(case)
     assert len(few.time) < len(whole.time)
@@ -98,7 +98,7 @@ def test_run_keeps_what_it_is_told():
         flexcam.run(case, keep="some")
 
 
-def test_blocks_are_short_however_seldom_fields_are_saved():
+def test_block_length_is_limited_for_rare_fields():
     assert SaveAt().block == 640
     assert SaveAt(field_every=100).block == 3200
     assert SaveAt(field_every=1000).block == 8000
@@ -106,8 +106,8 @@ def test_blocks_are_short_however_seldom_fields_are_saved():
     assert SaveAt(field_every=20_000, fields_per_block=2).block == 40_000
 
 
-class _Peaks:
-    """A sink that looks how much memory is taken, in tenths of the run."""
+class _PeakMemorySink:
+    """Sink that records the peak memory in each tenth of the run."""
 
     def __init__(self, steps):
         self.steps, self.done, self.peaks = steps, 0, [0] * 11
@@ -115,51 +115,51 @@ class _Peaks:
     def write(self, block):
         self.done += len(block.time)
         tenth = 10 * self.done // (self.steps + 1)
-        self.peaks[tenth] = max(self.peaks[tenth], self.taken())
+        self.peaks[tenth] = max(self.peaks[tenth], self.memory())
 
-    def taken(self):
+    def memory(self):
         return tracemalloc.get_traced_memory()[0]
 
     def close(self, status, stats):
         pass
 
 
-class _Resident(_Peaks):
-    def taken(self):
+class _ResidentMemorySink(_PeakMemorySink):
+    def memory(self):
         return int(Path("/proc/self/statm").read_text().split()[1])
 
 
-def kept_of(ready, peaks, tmp_path):
-    ready = replace(ready, save=SELDOM)
-    response = solved(ready, memory=summary_sink(ready), sinks=[open_result_file(ready, tmp_path), peaks])
+def run_and_measure(ready, peaks, tmp_path):
+    ready = replace(ready, save=RARE_FIELDS)
+    response = run_problem(ready, memory=summary_sink(ready), sinks=[open_result_file(ready, tmp_path), peaks])
     assert response.status.ok
     assert response.stats.steps == ready.problem.steps
     return peaks.peaks
 
 
-def test_memory_does_not_grow_with_the_run(tmp_path):
-    """Over 1e5 steps, whose histories are 30 MB."""
-    ready = ready_of(139)
-    solved(replace(ready, problem=replace(ready.problem, steps=100, engine="kernel")))  # the compiler's own memory
+def test_memory_does_not_grow_with_run_length(tmp_path):
+    """The run has 1e5 steps, with histories of 30 MB."""
+    ready = prepare_case(139)
+    run_problem(replace(ready, problem=replace(ready.problem, steps=100, engine="kernel")))  # memory of the compiler
     tracemalloc.start()
     try:
-        peaks = kept_of(ready, _Peaks(ready.problem.steps), tmp_path)
+        peaks = run_and_measure(ready, _PeakMemorySink(ready.problem.steps), tmp_path)
     finally:
         tracemalloc.stop()
-    # A block of 8192 steps is what comes and goes: 3 MB, of which more or less is there when one looks.
+    # A block of 8192 steps is allocated and freed repeatedly: 3 MB, of which the measurement sees a varying part.
     assert max(peaks[5:10]) < 1.01 * max(peaks[1:5])
     assert max(peaks) < 20e6
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="resident memory as Linux tells it")
-def test_ten_million_steps_take_the_memory_of_one_million(tmp_path):
-    """As the process has it, result file (3 GB) and machine code included.
+def test_ten_million_steps_need_memory_of_one_million(tmp_path):
+    """Resident memory of the process, result file (3 GB) and machine code included.
 
-    What is freed and kept for what comes next takes some million steps to be as much as it will ever be: a per cent.
+    Freed memory that the allocator retains reaches its maximum after some million steps: one per cent.
     """
-    ready = ready_of(13_900)
+    ready = prepare_case(13_900)
     assert ready.problem.steps > 1e7
-    peaks = kept_of(ready, _Resident(ready.problem.steps), tmp_path)
+    peaks = run_and_measure(ready, _ResidentMemorySink(ready.problem.steps), tmp_path)
     assert max(peaks[2:]) < 1.03 * peaks[1]
     assert max(peaks[6:]) < 1.005 * max(peaks[1:6])

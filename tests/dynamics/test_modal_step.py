@@ -1,4 +1,4 @@
-"""Many steps at once: a stride is so many steps, for slow and stiff motions, under every scheme."""
+"""Blocks of modal steps equal single steps, for slow and stiff modes and all integrators."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from flexcam.dynamics.modal_engine import ModalStep, StepBlock, drop_vanished
 from tests.integrators import SCHEMES
 
 OMEGA = np.array([0.0, 1e-5, 1e-3, 0.1, 1.0, 10.0, 1e3, 1e6])
-"""Angular frequencies times a step of 1 s: from a free motion to one that only follows its spring."""
+"""Angular frequencies times a step of 1 s: from a free motion to one that follows its load quasi-statically."""
 
 
-def steps_of(scheme, ratio=0.0, omega=OMEGA):
+def modal_step(scheme, ratio=0.0, omega=OMEGA):
     rows = np.ones_like(omega), 2.0 * ratio * omega, omega**2
     mass, damping, stiffness = (Triplets.from_dense(np.diag(row)) for row in rows)
     return ModalStep.of(scheme, System(mass, damping, stiffness, ("",) * len(omega)), 1.0)
 
 
-def walked(steps, begin, loads):
+def single_steps(steps, begin, loads):
     pushed = steps.modal_forces(loads)
     found = np.empty((3, *pushed.shape))
     steps.walk(begin, pushed, found)
@@ -31,9 +31,9 @@ def walked(steps, begin, loads):
 @pytest.mark.parametrize("ratio", [0.0, 0.05])
 @pytest.mark.parametrize("name", SCHEMES)
 @pytest.mark.parametrize("length", [1, 20, 33])
-def test_strides_are_so_many_steps(name, ratio, length):
-    """What pushes, what moves and what both leave within strides and behind them; to some roundings per step."""
-    steps, rng, count = steps_of(SCHEMES[name], ratio), np.random.default_rng(1), 3
+def test_block_equals_single_steps(name, ratio, length):
+    """Loads, states and their responses within and after blocks, to some roundings per step."""
+    steps, rng, count = modal_step(SCHEMES[name], ratio), np.random.default_rng(1), 3
     stride, n = StepBlock.of(steps, length), len(OMEGA)
     begin, loads = rng.normal(size=(3, n)), rng.normal(size=(count * length + 1, n))
     push = steps.light * loads
@@ -43,22 +43,22 @@ def test_strides_are_so_many_steps(name, ratio, length):
     causes[0] = stride.causes(begin, push[0])
     stride.advance(begin, push[::length], causes, ends)
     within = np.einsum("sjcn,bcn->bsjn", stride.within, causes[:-1])
-    for step in range(length):  # what changes of the loads is answered from then on
+    for step in range(length):  # a change of the load acts from this step on
         change = rising[:, step + 1, None, None]
         within[:, :, step:] += change * stride.answer[:, : length - step]
     within[:, 0] += np.concatenate([begin[None], ends[:-1]])[:, 0, None]
-    expected = walked(steps, begin, loads)
+    expected = single_steps(steps, begin, loads)
     size = np.abs(expected).max(axis=1)
     allowed = 1e-13 * count * length * size + 1e-13 * np.abs(begin)
     assert (np.abs(np.concatenate(within, axis=1) - expected).max(axis=1) <= allowed).all()
     assert (np.abs(ends - expected[:, length - 1 :: length].swapaxes(0, 1)) <= allowed).all()
 
 
-def changed(scheme, omega, length):
-    """Return ``A^L - 1`` of an undamped motion, from fifty digits."""
+def exact_change(scheme, omega, length):
+    """Return ``A^L - 1`` of an undamped mode with fifty digits."""
     with mpmath.workdps(50):
         w, one = mpmath.mpf(omega) ** 2, mpmath.mpf(1)
-        beta, gamma, alpha_m, alpha_f = (mpmath.mpf(getattr(scheme, name)) for name in FAMILY)
+        beta, gamma, alpha_m, alpha_f = (mpmath.mpf(getattr(scheme, name)) for name in PARAMETERS)
         drift, speed = mpmath.matrix([[1, 1, one / 2 - beta]]), mpmath.matrix([[0, 1, 1 - gamma]])
         pull = 1 - alpha_m + (1 - alpha_f) * beta * w
         accel = -(mpmath.matrix([[alpha_f * w, 0, alpha_m]]) + (1 - alpha_f) * w * drift) / pull
@@ -66,28 +66,28 @@ def changed(scheme, omega, length):
         return np.array((A**length - mpmath.eye(3)).tolist(), dtype=float)
 
 
-FAMILY = ("beta", "gamma", "alpha_m", "alpha_f")
+PARAMETERS = ("beta", "gamma", "alpha_m", "alpha_f")
 
 
 @pytest.mark.parametrize("omega", [1e-6, 1e-3, 0.1])
 @pytest.mark.parametrize("name", SCHEMES)
-def test_slow_motions_keep_their_frequency(name, omega):
-    """What changes them in a stride is a small part of them: it has all digits, which a state behind it has not."""
-    steps = steps_of(SCHEMES[name], omega=np.array([omega]))
+def test_block_of_slow_mode_is_accurate(name, omega):
+    """The change within a block is a small part of the state; it has all digits, unlike the difference of states."""
+    steps = modal_step(SCHEMES[name], omega=np.array([omega]))
     stride = StepBlock.of(steps, 32)
-    found = stride.change[:, :, 0] * [-steps.stiff[0], 1.0, 1.0]  # a displacement pulls as a push would push
-    np.testing.assert_allclose(found, changed(SCHEMES[name], omega, 32), rtol=1e-12, atol=1e-300)
+    found = stride.change[:, :, 0] * [-steps.stiff[0], 1.0, 1.0]  # a displacement acts like a negative load
+    np.testing.assert_allclose(found, exact_change(SCHEMES[name], omega, 32), rtol=1e-12, atol=1e-300)
 
 
-def test_motions_that_grow_have_no_stride():
-    """Newmark with beta 1/12 beyond its limit of stability, sqrt(6)."""
-    assert StepBlock.of(steps_of(newmark(beta=1.0 / 12.0), omega=np.array([2.4])), 32) is not None
-    assert StepBlock.of(steps_of(newmark(beta=1.0 / 12.0), omega=np.array([3.0])), 32) is None
+def test_unstable_mode_has_no_block():
+    """Newmark's method with beta 1/12 above its stability limit, sqrt(6)."""
+    assert StepBlock.of(modal_step(newmark(beta=1.0 / 12.0), omega=np.array([2.4])), 32) is not None
+    assert StepBlock.of(modal_step(newmark(beta=1.0 / 12.0), omega=np.array([3.0])), 32) is None
 
 
-def test_what_dies_out_ends_at_zero():
-    """Not in the smallest numbers, which processors handle a hundred times slower: that is looked at group by group."""
-    steps = steps_of(newmark(), 0.9, np.array([1.0]))
+def test_decayed_state_is_zero():
+    """The state does not decay to subnormal numbers, which are a hundred times slower; checked after every block."""
+    steps = modal_step(newmark(), 0.9, np.array([1.0]))
     stride, state = StepBlock.of(steps, 32), np.ones((3, 1))
     for _ in range(12):
         state = drop_vanished(state)

@@ -1,7 +1,7 @@
-"""Modes of models above the limit of full matrices: as many digits as below it, the same refusals.
+"""Modes of models above the limit of dense matrices: same digits and same errors as below the limit.
 
-References: closed forms of beams. Rounding in K shifts omega^2 by up to about eps times the ratio of the largest to the
-lowest eigenvalue, which grows as n^4 with the number of elements: it sets the tolerances.
+References: closed forms of beams. Rounding in K shifts omega^2 by up to about eps times the ratio of the maximum to
+the minimum eigenvalue, which grows as n^4 with the number of elements: it sets the tolerances.
 """
 
 from __future__ import annotations
@@ -44,34 +44,34 @@ class Shaft:
 
 @pytest.fixture(params=["dense", "lanczos"])
 def path(request, monkeypatch):
-    """Solve a model of any size by either method; three masses alone are always condensed."""
+    """Set the dense limit to solve a model of any size by either method; three masses are always condensed."""
     limit = 10**6 if request.param == "dense" else 3
     monkeypatch.setattr(sys.modules["flexcam.dynamics.modes"], "DENSE_LIMIT", limit)
     return request.param
 
 
-def theory(steel, count):
-    """omega_n = n^2 pi^2/L^2 sqrt(EI/rho A)."""
+def bending_frequencies(steel, count):
+    """Return omega_n = n^2 pi^2/L^2 sqrt(EI/rho A)."""
     n = np.arange(1, count + 1)
     return (n * math.pi / LENGTH) ** 2 * math.sqrt(steel.E * ROUND.Iz / (steel.density * ROUND.A))
 
 
 @pytest.mark.parametrize("parts", [60, 102], ids=["360 unknowns", "612 unknowns"])
-def test_hinged_shaft(steel, path, parts):
-    """Eight modes in pairs; eps n^4 is 3e-8 at most, the elements' own error (4 pi/60)^4/1440 is 1.3e-6.
+def test_modes_of_hinged_shaft(steel, path, parts):
+    """Eight modes in pairs; eps n^4 is 3e-8 at most, the error of the elements (4 pi/60)^4/1440 is 1.3e-6.
 
-    Bending of a round shaft in two planes has one frequency up to the rounding of K.
+    Bending of a round shaft in two planes has equal frequencies up to the rounding of K.
     """
     shaft = Shaft(steel, parts, HINGED)
     omegas = modes(shaft.M, shaft.K, 8, free=shaft.free).omegas
-    assert np.allclose(omegas, np.repeat(theory(steel, 4), 2), rtol=2e-6, atol=0.0)
+    assert np.allclose(omegas, np.repeat(bending_frequencies(steel, 4), 2), rtol=2e-6, atol=0.0)
     pairs = omegas.reshape(4, 2)
     assert np.ptp(pairs, axis=1).max() <= 1e-7 * pairs.min()
 
 
 @pytest.mark.parametrize("parts", [40, 102])
-def test_free_shaft(steel, path, parts):
-    """Six zeros, and shapes orthonormal to 1e-10; first bending pair (4.730040745)^2 sqrt(EI/rho A)/L^2."""
+def test_modes_of_free_shaft(steel, path, parts):
+    """Six zeros, and shapes orthonormal to 1e-10; the first bending pair is (4.730040745)^2 sqrt(EI/rho A)/L^2."""
     shaft = Shaft(steel, parts, [])
     found = modes(shaft.M, shaft.K, 12, free=shaft.free)
     assert found.rigid == 6
@@ -83,8 +83,8 @@ def test_free_shaft(steel, path, parts):
 
 
 @pytest.mark.parametrize("count", mostly_slow([2, 6, None], 2))
-def test_extreme_mass_ratio(steel, path, count):
-    """A tip mass 1e12 times the shaft's: sqrt(3EI/L^3/m), rounding of K eps n^4 = 3e-8."""
+def test_modes_with_extreme_mass_ratio(steel, path, count):
+    """A tip mass 1e12 times the shaft's: sqrt(3EI/L^3/m), with rounding of K eps n^4 = 3e-8."""
     shaft = Shaft(steel, 102, FIXED)
     heavy = 1e12 * steel.density * ROUND.A * LENGTH
     found = modes(shaft.M + shaft.tip(heavy), shaft.K, count, free=shaft.free)
@@ -94,8 +94,8 @@ def test_extreme_mass_ratio(steel, path, count):
 
 @pytest.mark.parametrize("count", [2, 3])
 @pytest.mark.parametrize("parts", [40, 102])
-def test_massless_members(steel, path, parts, count):
-    """Only a tip mass: bending twice, sqrt(3EI/L^3/m), then axial, sqrt(EA/L/m)."""
+def test_modes_of_massless_members(steel, path, parts, count):
+    """With a tip mass only: two bending modes, sqrt(3EI/L^3/m), and an axial mode, sqrt(EA/L/m)."""
     shaft = Shaft(steel, parts, FIXED)
     found = modes(shaft.tip(2.0), shaft.K, count, free=shaft.free)
     bending, axial = math.sqrt(3.0 * steel.E * ROUND.Iz / LENGTH**3 / 2.0), math.sqrt(steel.E * ROUND.A / LENGTH / 2.0)
@@ -103,23 +103,23 @@ def test_massless_members(steel, path, parts, count):
 
 
 @pytest.mark.parametrize("parts", [40, 102])
-def test_massless_members_have_no_modes_of_their_own(steel, path, parts):
-    """Three masses, three modes, however many are asked for: none is made up from unknowns without mass."""
+def test_massless_members_add_no_modes(steel, path, parts):
+    """Three masses have three modes, for any requested number; massless unknowns add no spurious modes."""
     shaft = Shaft(steel, parts, FIXED)
     found = modes(shaft.tip(2.0), shaft.K, 10, free=shaft.free)
     assert len(found.omegas) == 3
 
 
-def critical(steel):
+def buckling_load(steel):
     return math.pi**2 * steel.E * ROUND.Iz / LENGTH**2
 
 
 @pytest.mark.parametrize("parts", [40, 102])
-def test_beyond_buckling_is_refused(steel, path, parts):
-    """Along the half sine, in one plane or between both: it alone loses its stiffness at Euler's load."""
+def test_modes_beyond_buckling_raise_error(steel, path, parts):
+    """The motion is the half sine, in any plane: only it loses its stiffness at Euler's load."""
     shaft = Shaft(steel, parts, HINGED)
     with pytest.raises(NotPositiveError, match="not positive") as refusal:
-        modes(shaft.M, shaft.axial(-1.01 * critical(steel)), 6, free=shaft.free)
+        modes(shaft.M, shaft.axial(-1.01 * buckling_load(steel)), 6, free=shaft.free)
     way = shaft.dofs.nodal(refusal.value.motion)
     deep = np.hypot(way[:, 1], way[:, 2])
     assert deep / deep.max() == pytest.approx(np.sin(math.pi * shaft.mesh.nodes[:, 0] / LENGTH), abs=1e-4)
@@ -127,21 +127,21 @@ def test_beyond_buckling_is_refused(steel, path, parts):
 
 @pytest.mark.parametrize("parts", [40, 102])
 @pytest.mark.parametrize("share", mostly_slow([0.5, 0.99], 2))
-def test_below_buckling(steel, path, parts, share):
-    """Omega sqrt(1 - P/P_cr); the elements' error (pi/40)^4/720 = 5e-8 of P_cr is 5e-6 of 1 - 0.99."""
+def test_modes_below_buckling(steel, path, parts, share):
+    """Omega sqrt(1 - P/P_cr); the error of the elements (pi/40)^4/720 = 5e-8 of P_cr is 5e-6 of 1 - 0.99."""
     shaft = Shaft(steel, parts, HINGED)
-    found = modes(shaft.M, shaft.axial(-share * critical(steel)), 2, free=shaft.free).omegas
-    assert found == pytest.approx([theory(steel, 1)[0] * math.sqrt(1.0 - share)] * 2, rel=2e-5)
+    found = modes(shaft.M, shaft.axial(-share * buckling_load(steel)), 2, free=shaft.free).omegas
+    assert found == pytest.approx([bending_frequencies(steel, 1)[0] * math.sqrt(1.0 - share)] * 2, rel=2e-5)
 
 
-def test_a_thousand_elements(steel):
-    """Plane bending, ten modes. Rounding of K: eps (n/k)^4, n = 1000, is 2e-4 for the lowest and 2e-8 for the tenth.
+def test_modes_of_thousand_elements(steel):
+    """Plane bending, ten modes. Rounding of K: eps (n/k)^4, n = 1000, is 2e-4 for the first and 2e-8 for the tenth.
 
-    Half of it is in omega; the elements' own error (10 pi/1000)^4/1440 is 1e-9.
+    Half of it appears in omega; the error of the elements (10 pi/1000)^4/1440 is 1e-9.
     """
     flat = ("uz", "rx", "ry")
     shaft = Shaft(steel, 1000, [("start", ("ux", "uy", *flat)), ("inner", flat), ("end", ("uy", *flat))])
     assert shaft.dofs.size > 600
-    found, exact = modes(shaft.M, shaft.K, 10, free=shaft.free).omegas, theory(steel, 10)
+    found, exact = modes(shaft.M, shaft.K, 10, free=shaft.free).omegas, bending_frequencies(steel, 10)
     allowed = 1e-4 / np.arange(1, 11) ** 4 + 1e-8
     assert (np.abs(found / exact - 1.0) <= allowed).all(), found / exact - 1.0

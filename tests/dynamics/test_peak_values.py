@@ -1,4 +1,4 @@
-"""Largest values between the instants of a history: cubics in closed form, sines, and every command that tells them."""
+"""Peak values between the instants of a history: cubics in closed form, sines, and all reports of peaks."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from flexcam.studies.evaluation import compute_scalars
 CASE = "cases/tayeb/model-1-cycloidal.toml"
 
 
-def test_turning_points_of_a_cubic():
-    """x^3 - 3 x turns at -1 and at 1, with 2 and -2, wherever its instants are."""
+def test_turning_points_of_cubic():
+    """x^3 - 3 x has its turning points at -1 and 1, with values 2 and -2, for any instants."""
     time = np.array([-3.0, 0.5, 0.7, 4.0])
     instants, values = turning_points(time, time**3 - 3.0 * time, 3.0 * time**2 - 3.0)
     turned = sorted((float(t), float(v)) for t, v in zip(instants, values, strict=True) if t not in time)
@@ -23,15 +23,15 @@ def test_turning_points_of_a_cubic():
 
 
 @pytest.mark.parametrize("slope", [0.0, 2.0, -1e-300])
-def test_straight_lines_do_not_turn(slope):
+def test_straight_lines_have_no_turning_points(slope):
     time = np.linspace(0.0, 1.0, 5)
     assert value_range(time, 1.0 + slope * time, np.full(5, slope)) == pytest.approx(abs(slope), rel=1e-15)
     assert peak(time, 1.0 + slope * time, np.full(5, slope))[0] == 1.0 + max(slope, 0.0)
 
 
 @pytest.mark.parametrize("steps", [8, 16, 46])
-def test_a_sine_of_few_steps(steps):
-    """The cubic misses the top by (2 pi/m)^4/384 at most, the instants by 1 - cos(pi/m)."""
+def test_peak_of_coarse_sine(steps):
+    """The error of the cubic is at most (2 pi/m)^4/384, that of the instants 1 - cos(pi/m)."""
     time = 2.0 * np.pi * (np.arange(steps + 1) - 0.5) / steps
     largest, at = peak(time, -np.cos(time), np.sin(time))
     assert abs(largest - 1.0) <= (2.0 * np.pi / steps) ** 4 / 384.0
@@ -39,15 +39,15 @@ def test_a_sine_of_few_steps(steps):
     assert min(abs(at - k * np.pi) for k in range(3)) < 1e-9
 
 
-def test_nothing_has_no_peak():
+def test_peak_of_empty_history_is_zero():
     nothing = np.zeros(0)
     assert peak(nothing, nothing, nothing) == (0.0, 0.0)
     assert value_range(nothing, nothing) == 0.0
     assert peak(np.ones(1), np.array([-2.0]), np.ones(1)) == (2.0, 1.0)
 
 
-def test_all_tell_the_same_largest_motion():
-    """Summary of a run, row of a sweep, comparison and estimate; that of 16 times the steps to a thousandth."""
+def test_all_reports_agree_on_peak_motion():
+    """Summary of a run, row of a sweep, comparison and estimate."""
     case = read_case(CASE, ["run.steps_per_revolution=45", "run.revolutions=1"])
     ready, response = prepare(case), run(case)
     rows = {one.name: one.value for one in compute_scalars(ready, response)}

@@ -1,4 +1,4 @@
-"""The integrator alone, on a toy of one unknown and on none: what it saves, hands out and leaves alone."""
+"""`solve` with one unknown and with none: saved instants, sinks, and unchanged arguments."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ W = 7.0
 
 
 @pytest.fixture
-def toy(system_of):
+def oscillator(system_of):
     return system_of([[1.0]], [[0.0]], [[W**2]])
 
 
-def free(toy, steps=400, **options):
-    return solve(Problem(toy, ConstantSpeed(1.0), 1e-3, steps, State([1.0], [0.0])), newmark(), **options)
+def run_free_vibration(oscillator, steps=400, **options):
+    return solve(Problem(oscillator, ConstantSpeed(1.0), 1e-3, steps, State([1.0], [0.0])), newmark(), **options)
 
 
-def test_free_vibration(toy):
-    response = free(toy)
+def test_free_vibration(oscillator):
+    response = run_free_vibration(oscillator)
     # Period error (w dt)^2/12 = 4e-6 over 2.8 rad.
     np.testing.assert_allclose(response["all"].displacement, np.cos(W * response.time), atol=1.2e-5)
     assert response.status.ok
@@ -46,8 +46,8 @@ def test_free_vibration(toy):
 
 
 @pytest.mark.parametrize("save", [SaveAt(1, 1), SaveAt(7, 3), SaveAt(20, 32), SaveAt(1000, 1)])
-def test_what_is_saved_does_not_change_the_run(toy, save):
-    one, other = free(toy), free(toy, save=save)
+def test_save_options_do_not_change_run(oscillator, save):
+    one, other = run_free_vibration(oscillator), run_free_vibration(oscillator, save=save)
     np.testing.assert_array_equal(one["all"].displacement, other["all"].displacement)
     np.testing.assert_array_equal(one.time, other.time)
     at = np.union1d(np.arange(0, 401, save.field_every), [400])
@@ -56,20 +56,22 @@ def test_what_is_saved_does_not_change_the_run(toy, save):
     np.testing.assert_array_equal(other.fields.acceleration[:, 0], one["all"].acceleration[at])
 
 
-def test_a_second_leg_goes_on(toy):
-    whole, first = free(toy), free(toy, 150)
+def test_second_run_continues_first(oscillator):
+    whole, first = run_free_vibration(oscillator), run_free_vibration(oscillator, 150)
     start = State(first["all"].displacement[-1:], first["all"].velocity[-1:], first.time[-1])
-    second = solve(Problem(toy, ConstantSpeed(1.0), 1e-3, 250, start), newmark())
+    second = solve(Problem(oscillator, ConstantSpeed(1.0), 1e-3, 250, start), newmark())
     np.testing.assert_allclose(second["all"].displacement, whole["all"].displacement[150:], atol=1e-13)
     np.testing.assert_allclose(second.time, whole.time[150:], rtol=1e-14)
 
 
-def test_same_run_twice_is_bit_identical(toy):
-    np.testing.assert_array_equal(free(toy)["all"].velocity, free(toy)["all"].velocity)
+def test_repeated_run_is_bit_identical(oscillator):
+    np.testing.assert_array_equal(
+        run_free_vibration(oscillator)["all"].velocity, run_free_vibration(oscillator)["all"].velocity
+    )
 
 
-class Listener:
-    """A sink that remembers."""
+class RecordingSink:
+    """Sink that records block lengths and the end."""
 
     def __init__(self):
         self.lengths, self.ends = [], []
@@ -81,23 +83,23 @@ class Listener:
         self.ends.append((status, stats))
 
 
-def test_sinks_get_every_step_once_and_the_end(toy):
-    listener = Listener()
-    response = free(toy, sinks=[listener], save=SaveAt(10, 4))
-    assert listener.lengths == [40] * 10 + [1]
-    assert listener.ends == [(response.status, response.stats)]
+def test_sinks_receive_every_step_and_end(oscillator):
+    sink = RecordingSink()
+    response = run_free_vibration(oscillator, sinks=[sink], save=SaveAt(10, 4))
+    assert sink.lengths == [40] * 10 + [1]
+    assert sink.ends == [(response.status, response.stats)]
 
 
-def test_arguments_are_left_alone(toy, readonly):
+def test_arguments_are_unchanged(oscillator, readonly):
     start = readonly([1.0])
-    for matrix in (toy.mass, toy.damping, toy.stiffness):
+    for matrix in (oscillator.mass, oscillator.damping, oscillator.stiffness):
         matrix.values.setflags(write=False)
-    solve(Problem(toy, ConstantSpeed(1.0), 1e-3, 5, State(start, readonly([0.0]))), newmark())
+    solve(Problem(oscillator, ConstantSpeed(1.0), 1e-3, 5, State(start, readonly([0.0]))), newmark())
     np.testing.assert_array_equal(start, [1.0])
 
 
-def test_no_unknowns_only_a_prescribed_probe():
-    """A rigid rung: the probe follows its function of the angle, with the rates of a turning cam."""
+def test_system_without_unknowns():
+    """The probe of a rigid model follows its function of the angle, with the rates of a rotating cam."""
     nothing, speed = Triplets.zeros(0), 3.0
     lift = lambda a, n: np.sin(2 * a + n * np.pi / 2) * 2.0**n  # noqa: E731
     system = System(
@@ -127,7 +129,7 @@ def test_no_unknowns_only_a_prescribed_probe():
     assert response.fields.displacement.shape == (len(response.field_time), 0)
 
 
-def test_a_probe_adds_its_prescribed_part(system_of):
+def test_probe_adds_prescribed_part(system_of):
     system = system_of([[1.0]], [[0.0]], [[W**2]])
     probe = Probe("sum", ("x",), np.array([[2.0]]), (lambda a, n: a if n == 0 else np.full_like(a, n == 1),))
     system = System(system.mass, system.damping, system.stiffness, system.names, probes=(*system.probes, probe))
@@ -139,7 +141,7 @@ def test_a_probe_adds_its_prescribed_part(system_of):
 
 
 def test_massless_unknown_follows_statically(system_of):
-    """Mass - spring - massless joint - spring - ground: the joint divides the stretch as the springs do."""
+    """Mass - spring - massless joint - spring - ground: the joint divides the elongation by the stiffnesses."""
     K = np.array([[3.0, -3.0], [-3.0, 3.0 + 6.0]])
     system = system_of([[1.0, 0.0], [0.0, 0.0]], np.zeros((2, 2)), K)
     response = solve(Problem(system, ConstantSpeed(1.0), 1e-3, 500, State([1.0, 0.0], [0.0, 0.0])), newmark())
@@ -148,7 +150,7 @@ def test_massless_unknown_follows_statically(system_of):
     np.testing.assert_allclose(d[:, 0], np.cos(np.sqrt(2.0) * response.time), atol=1e-6)
 
 
-def test_rest_counts_installed_loads_only(system_of):
+def test_installed_state_uses_installed_loads_only(system_of):
     system = system_of([[1.0]], [[0.0]], [[4.0]])
     steady = lambda m: np.ones_like(m.angle)  # noqa: E731
     loads = (Load("preload", np.array([8.0]), steady, installed=True), Load("other", np.array([1.0]), steady))
@@ -156,33 +158,33 @@ def test_rest_counts_installed_loads_only(system_of):
     np.testing.assert_allclose(installed_state(system, ConstantSpeed(1.0)).displacement, [2.0])
 
 
-def test_unknown_channel_is_refused(toy):
+def test_unknown_channel_raises_error(oscillator):
     with pytest.raises(InputError, match=r"'energy\.kinetik'.*Did you mean 'energy\.kinetic"):
-        free(toy, 10).channels["energy.kinetik"]
+        run_free_vibration(oscillator, 10).channels["energy.kinetik"]
 
 
 @pytest.mark.parametrize("wrong", ["al", "all.x1", ""])
-def test_unknown_probe_is_refused(toy, wrong):
+def test_unknown_probe_raises_error(oscillator, wrong):
     with pytest.raises(InputError):
-        free(toy, 2)[wrong]
+        run_free_vibration(oscillator, 2)[wrong]
 
 
 @pytest.mark.parametrize(
     ("step", "steps", "start"),
     [(0.0, 1, None), (-1.0, 1, None), (np.nan, 1, None), (1.0, 0, None), (1.0, 1, State([0.0, 0.0], [0.0, 0.0]))],
 )
-def test_impossible_problems_are_refused(toy, step, steps, start):
+def test_invalid_problem_raises_error(oscillator, step, steps, start):
     with pytest.raises(InputError):
-        Problem(toy, ConstantSpeed(1.0), step, steps, start)
+        Problem(oscillator, ConstantSpeed(1.0), step, steps, start)
 
 
-def test_start_velocity_of_another_size_is_refused(toy):
+def test_start_velocity_of_wrong_size_raises_error(oscillator):
     with pytest.raises(InputError):
-        Problem(toy, ConstantSpeed(1.0), 1.0, 1, State([0.0], [0.0, 0.0]))
+        Problem(oscillator, ConstantSpeed(1.0), 1.0, 1, State([0.0], [0.0, 0.0]))
 
 
-def test_small_systems_use_one_thread_of_the_linear_algebra(monkeypatch):
-    """The host's setting returns after the run."""
+def test_small_systems_use_one_blas_thread(monkeypatch):
+    """The setting of the host process is restored after the run."""
     monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
     control = importlib.import_module("threadpoolctl")
 

@@ -1,4 +1,4 @@
-"""Static displacement: exact nodal values, free motions tolerated where nothing loads them, else refused by name."""
+"""Static displacement: exact nodal values; unloaded free motions are valid, loaded ones are errors that name them."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ BEARINGS = [("start", ("uy", "uz", "rx")), ("end", ("uy", "uz"))]
 
 
 @pytest.mark.parametrize("parts", [4, 40, 140], ids=["24-dof", "dense", "sparse"])
-def test_axial_drift_is_no_fault(steel, parts):
-    # Simply supported, P at the middle: P L^3/(48 EI); ux is free everywhere and nothing loads it.
+def test_unloaded_axial_motion_is_valid(steel, parts):
+    # Simply supported, P at the middle: P L^3/(48 EI); ux is free everywhere and not loaded.
     _, dofs, K = shaft(steel, parts, BEARINGS)
     load = np.zeros(dofs.size)
     load[dofs.names.index(f"node {parts // 2}.uy")] = 100.0
@@ -35,7 +35,7 @@ def test_axial_drift_is_no_fault(steel, parts):
 
 
 @pytest.mark.parametrize("parts", [4, 140], ids=["dense", "sparse"])
-def test_a_driven_drift_is_refused_by_name(steel, parts):
+def test_loaded_axial_motion_raises_error(steel, parts):
     _, dofs, K = shaft(steel, parts, BEARINGS)
     load = np.zeros(dofs.size)
     load[dofs.names.index("end.ux")] = 1.0
@@ -46,7 +46,7 @@ def test_a_driven_drift_is_refused_by_name(steel, parts):
     assert ".uy" not in failure.value.status.text
 
 
-def test_a_driven_twist_is_refused_by_name(steel):
+def test_loaded_twist_raises_error(steel):
     _, dofs, K = shaft(steel, 3, [("start", ("ux", "uy", "uz")), ("end", ("uy", "uz"))])
     load = np.zeros(dofs.size)
     load[dofs.names.index("end.rx")] = 1.0
@@ -54,8 +54,8 @@ def test_a_driven_twist_is_refused_by_name(steel):
         static_displacement(K, load, dofs.names)
 
 
-def free_angle(steel, parts, unit):
-    """Two members at an angle, turned at random, held nowhere, under three random forces and moments in balance."""
+def deform_free_body(steel, parts, unit):
+    """Return the strained displacement of two unsupported members at an angle under random balanced loads."""
     turn = Rotation.random(rng=np.random.default_rng(5)).as_matrix()
     nodes = np.array([[0.0, 0, 0], [0.4, 0, 0], [0.4, 0.3, 0.1]]) @ turn.T
     mesh = refine(Mesh(nodes, {"a": [0, 1], "b": [1, 2]}, {}), {"a": parts, "b": parts})
@@ -73,13 +73,13 @@ def free_angle(steel, parts, unit):
 
 @pytest.mark.parametrize("parts", [20, 60, 200], ids=["dense", "sparse", "large"])
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
-def test_a_balanced_load_on_a_free_body(steel, parts, unit):
-    # One element a member is exact at its nodes, so refining changes nothing but rounding: (parts)^4 eps = 4e-7 at 200.
-    coarse, fine = free_angle(steel, 1, 1.0), free_angle(steel, parts, unit)
+def test_balanced_load_on_free_body(steel, parts, unit):
+    # One element per member is exact at its nodes, so refinement adds rounding only: (parts)^4 eps = 4e-7 at 200.
+    coarse, fine = deform_free_body(steel, 1, 1.0), deform_free_body(steel, parts, unit)
     assert np.abs(fine - coarse).max() <= 1e-5 * np.abs(coarse).max()
 
 
-def test_arguments_are_left_alone(steel, readonly):
+def test_arguments_are_unchanged(steel, readonly):
     _, dofs, K = shaft(steel, 2, [("start", COMPONENTS)])
     for part in (K.rows, K.cols, K.values):
         part.setflags(write=False)

@@ -1,4 +1,4 @@
-"""Rounding of the stiffness on very fine meshes: told, never passed on as an answer."""
+"""Rounding of the stiffness on very fine meshes causes an error instead of a wrong result."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ def deflection(stiffness, dofs, push):
 
 
 @pytest.mark.parametrize("elements", [10, 100, 1000])
-def test_what_is_answered_is_right_within_the_bound(cantilever, elements):
+def test_deflection_is_within_rounding_bound(cantilever, elements):
     _, stiffness, dofs, push = cantilever(elements)
     x = static_displacement(stiffness, push, dofs.names, np.zeros((dofs.size, 0)))
     bound = float(energy_rounding(stiffness, x[:, None])[0] / (x @ push))
     assert abs(float(push @ x) * 3 * EI / LENGTH**3 - 1.0) <= bound
 
 
-def test_a_mesh_too_fine_is_refused_in_statics(cantilever):
+def test_too_fine_mesh_raises_error_in_statics(cantilever):
     _, stiffness, dofs, push = cantilever(5000)
     with pytest.raises(RunFailedError, match="too many elements") as refusal:
         deflection(stiffness, dofs, push)
@@ -48,7 +48,7 @@ def test_a_mesh_too_fine_is_refused_in_statics(cantilever):
     assert refusal.value.status.remedy
 
 
-def test_and_in_modes(cantilever):
+def test_too_fine_mesh_raises_error_in_modes(cantilever):
     mass, stiffness, dofs, _ = cantilever(5000)
     with pytest.raises(RunFailedError) as refusal:
         modes(mass, stiffness, 4, free=np.zeros((dofs.size, 0)))
@@ -56,20 +56,20 @@ def test_and_in_modes(cantilever):
 
 
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
-def test_the_bound_has_no_units(cantilever, unit):
+def test_rounding_check_is_independent_of_units(cantilever, unit):
     _, stiffness, dofs, push = cantilever(20)
     assert deflection(stiffness.scale(unit), dofs, push) == pytest.approx(
         deflection(stiffness, dofs, push) / unit, rel=1e-9
     )
 
 
-def test_a_contact_passes_the_cause_on(published, monkeypatch):
-    """Rounding is no missing spring: only a motion that nothing resists is told as one."""
+def test_contact_load_preserves_rounding_status(published, monkeypatch):
+    """Rounding is not reported as a missing spring."""
 
-    def spoilt(*_):
+    def raise_rounding_error(*_):
         raise RunFailedError(ROUNDING_STATUS)
 
-    monkeypatch.setattr("flexcam.valvetrain.loads.static_displacement", spoilt)
+    monkeypatch.setattr("flexcam.valvetrain.loads.static_displacement", raise_rounding_error)
     with pytest.raises(RunFailedError) as refusal:
         build_system(published(1), 314.0)
     assert refusal.value.status.cause is Cause.ROUNDING

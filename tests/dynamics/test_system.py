@@ -1,4 +1,4 @@
-"""The seam's small values: cam motion, angle vectors, load tables."""
+"""Cam motion, angle vectors and load tables of a system."""
 
 from __future__ import annotations
 
@@ -34,6 +34,6 @@ def test_load_tables():
     )
 
 
-def test_no_loads():
+def test_system_without_loads():
     system = System(*(Triplets.zeros(3) for _ in range(3)), ("a", "b", "c"))
     assert (system.load_histories(ConstantSpeed(1.0).at(np.zeros(5))) @ system.load_vectors()).shape == (5, 3)

@@ -1,6 +1,6 @@
-"""The 12-DOF element: every entry of its matrices from the energies of a beam in space, all planes different.
+"""Matrices of the 12-DOF element against the energies of a beam in space, with different properties in each plane.
 
-Signs from the definitions alone: rz = dv/dx, ry = -dw/dx, right-hand rule.
+Signs follow from the definitions: rz = dv/dx, ry = -dw/dx, right-hand rule.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ def test_bar_and_torsion(bar):
 @pytest.mark.parametrize(
     ("axis", "inertia"), [(3, SECTION.Iy + SECTION.Iz), (4, SECTION.Iy), (5, SECTION.Iz)], ids=["rx", "ry", "rz"]
 )
-def test_rotation_energy_about_the_centre(bar, axis, inertia):
-    # Spin about the middle: rho A L^3/12 across the axis, and rho I L of the sections.
+def test_rotational_energy_about_centre(bar, axis, inertia):
+    # Rotation about the centre: rho A L^3/12 perpendicular to the axis, and rho I L of the sections.
     motion = np.zeros((2, 6))
     motion[:, axis] = 1.0
     motion[:, :3] = np.cross(motion[:, 3:], [[-LENGTH / 2, 0, 0], [LENGTH / 2, 0, 0]])

@@ -1,4 +1,4 @@
-"""Bending and axial matrices against Gauss integration of the shape functions, written out here a second time.
+"""Bending and axial matrices against Gauss integration of independently written shape functions.
 
 Interdependent interpolation of the Timoshenko beam: Z. Friedman, J. B. Kosmatka, Comput. Struct. 47 (1993), eqs. 12-15:
 with xi = x/L, deflection v = (f v1 + ...)/(1 + phi), rotation of the section r, shear strain v' - r.
@@ -55,7 +55,7 @@ def slope(phi):
     return np.hstack(parts) / (1 + phi)
 
 
-def close(matrix, reference):
+def is_close(matrix, reference):
     return np.abs(matrix - reference).max() <= TOLERANCE * np.abs(reference).max()
 
 
@@ -64,23 +64,23 @@ def phi(request):
     return request.param
 
 
-def test_stiffness(phi):
+def test_bending_stiffness(phi):
     strain = slope(phi) - rotation(phi)
     shear = 12 * EI / (phi * L**2) * integral(strain, strain) if phi else 0.0  # kappa A G = 12 E I/(phi L^2)
     expected = EI * integral(curvature(phi), curvature(phi)) + shear
-    assert close(bending.stiffness(np.array([EI]), np.array([L]), np.array([phi]))[0], expected)
+    assert is_close(bending.stiffness(np.array([EI]), np.array([L]), np.array([phi]))[0], expected)
 
 
 @pytest.mark.parametrize(("rho_A", "rho_I"), [(RHO_A, 0.0), (0.0, RHO_I), (RHO_A, RHO_I)])
 def test_consistent_mass(phi, rho_A, rho_I):
     expected = rho_A * integral(deflection(phi), deflection(phi)) + rho_I * integral(rotation(phi), rotation(phi))
     made = bending.consistent_mass(np.array([rho_A]), np.array([rho_I]), np.array([L]), np.array([phi]))[0]
-    assert close(made, expected)
+    assert is_close(made, expected)
 
 
-def test_geometric(phi):
+def test_geometric_stiffness(phi):
     expected = N * integral(slope(phi), slope(phi))
-    assert close(bending.geometric(np.array([N]), np.array([L]), np.array([phi]))[0], expected)
+    assert is_close(bending.geometric(np.array([N]), np.array([L]), np.array([phi]))[0], expected)
 
 
 def test_constant_curvature_is_reproduced(phi):
@@ -91,24 +91,24 @@ def test_constant_curvature_is_reproduced(phi):
 
 
 @pytest.mark.parametrize("lumped", [0.0, 1.0])
-def test_bar(lumped):
+def test_bar_stiffness_and_mass(lumped):
     shapes = np.column_stack([1 - XI, XI])
     strain = np.tile([-1 / L, 1 / L], (len(XI), 1))
-    assert close(bending.bar_stiffness(np.array([EI]), np.array([L]))[0], EI * integral(strain, strain))
+    assert is_close(bending.bar_stiffness(np.array([EI]), np.array([L]))[0], EI * integral(strain, strain))
     mass = bending.bar_mass(np.array([RHO_A]), np.array([L]), np.array([lumped]))[0]
     expected = RHO_A * integral(shapes, shapes)
-    assert close(mass, np.diag(expected.sum(axis=1)) if lumped else expected)
+    assert is_close(mass, np.diag(expected.sum(axis=1)) if lumped else expected)
 
 
-def test_lumped_mass_keeps_the_mass_and_hinton_s_ratio():
+def test_lumped_mass_follows_hrz_scaling():
     # HRZ: diagonal of the consistent matrix scaled to the total mass: rotations 4/(2 156) m L^2 = m L^2/78.
     lumped = bending.lumped_mass(np.array([RHO_A]), np.array([0.0]), np.array([L]))[0]
     consistent = bending.consistent_mass(np.array([RHO_A]), np.array([0.0]), np.array([L]), np.array([0.0]))[0]
     scale = RHO_A * L / (consistent[0, 0] + consistent[2, 2])
-    assert close(lumped, scale * np.diag(np.diag(consistent)))
+    assert is_close(lumped, scale * np.diag(np.diag(consistent)))
 
 
-def test_elements_do_not_mix():
+def test_elements_are_independent():
     both = np.array([EI, 2 * EI]), np.array([L, 3 * L]), np.array([0.0, 0.7])
     together = bending.stiffness(*both)
     for i in range(2):

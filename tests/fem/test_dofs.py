@@ -1,4 +1,4 @@
-"""Numbering of the free components, and meshes: refinement, ranges, connected nodes, refused input."""
+"""Numbering of the free components; refinement, element ranges, connected nodes and errors of meshes."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from flexcam.valvetrain import build_structure
 MESH = Mesh([[0, 0, 0], [1, 0, 0], [1, 2, 0], [9, 9, 9]], {"a": [0, 1], "b": [1, 2]}, {"root": [0], "ends": [0, 2]})
 
 
-def test_numbers_follow_the_nodes():
+def test_dof_numbers_follow_nodes():
     dofs = dof_map(MESH, [("root", ("ux", "rz")), ("ends", ("uy",))])
     assert dofs.size == 18 - 2 - 2
     assert dofs.names[0] == "root.uz"
     assert dofs.names[4] == "node 1.uy"
-    assert (dofs.numbers[3] == -1).all()  # no element reaches it
+    assert (dofs.numbers[3] == -1).all()  # not part of an element
     assert sorted(dofs.numbers[dofs.numbers >= 0]) == list(range(dofs.size))
 
 
-def test_row_and_nodal_agree(readonly):
+def test_vector_and_nodal_agree(readonly):
     dofs = dof_map(MESH, [("root", COMPONENTS)])
     unknowns = readonly(np.random.default_rng(0).standard_normal((3, dofs.size)))
     nodal = dofs.nodal(unknowns)
@@ -46,12 +46,12 @@ def test_rigid_motion_is_translation_plus_w_cross_r():
 
 
 @pytest.mark.parametrize("supports", [[("rot", ("ux",))], [("root", ("uxx",))]])
-def test_misspelled_names_are_refused_with_the_nearest(supports):
+def test_misspelled_support_error_suggests_name(supports):
     with pytest.raises(InputError, match="Did you mean"):
         dof_map(MESH, supports)
 
 
-def test_refined_keeps_old_nodes_and_the_line():
+def test_refinement_preserves_nodes_and_lines():
     fine = refine(MESH, {"b": 4})
     np.testing.assert_array_equal(fine.nodes[:4], MESH.nodes)
     np.testing.assert_allclose(
@@ -61,7 +61,7 @@ def test_refined_keeps_old_nodes_and_the_line():
     assert fine.element_ranges() == {"a": slice(0, 1), "b": slice(1, 5)}
 
 
-def test_refining_twice_is_refining_by_the_product():
+def test_repeated_refinement_multiplies():
     once, twice = refine(MESH, {"a": 6}), refine(refine(MESH, {"a": 2}), {"a": 3})
     np.testing.assert_allclose(twice.nodes[twice.lines["a"]], once.nodes[once.lines["a"]], atol=1e-15)
 
@@ -72,7 +72,7 @@ def test_connected_nodes():
     np.testing.assert_array_equal(mesh.connected_nodes(3), [3])
 
 
-def test_mesh_copies_and_freezes(readonly):
+def test_mesh_copies_are_read_only(readonly):
     nodes = np.array([[0.0, 0, 0], [1, 0, 0]])
     mesh = Mesh(nodes, {"a": [0, 1]}, {})
     nodes[1] = 5.0
@@ -88,12 +88,12 @@ def test_mesh_copies_and_freezes(readonly):
      ([[0, 0, 0], [1, 0, 0]], [0, 0], "length"), ([[0, 0, 0], [1, 0, 0], [0, 0, 0]], [0, 1], "one place"),
      ([[0, 0, 0], [np.nan, 0, 0]], [0, 1], "finite")],
 )  # fmt: skip
-def test_bad_meshes_are_refused(nodes, line, words):
+def test_invalid_mesh_raises_error(nodes, line, words):
     with pytest.raises(InputError, match=words):
         Mesh(nodes, {"a": line}, {})
 
 
-def test_chain():
+def test_chain_mesh():
     mesh = chain((0, 0, 0), (0, 0, 2), 4)
     np.testing.assert_array_equal(mesh.elements(), [[0, 1], [1, 2], [2, 3], [3, 4]])
     assert mesh.node("end") == 4
@@ -101,8 +101,8 @@ def test_chain():
         chain((0, 0, 0), (1, 0, 0), 0)
 
 
-def test_rounding_at_nodes_is_no_part_of_a_mode():
-    """Beside a rocker that moves by 1, 1e-14 at a node is rounding, 1e-6 is a motion, and so is a turn alone."""
+def test_nodal_modes_drop_rounding():
+    """Relative to a rocker motion of 1, 1e-14 at a node is rounding and 1e-6 is motion; a rotation alone is motion."""
     dofs = dof_map(MESH, [("root", COMPONENTS)]).extend(["valve"])
     turn = next(i for i, name in enumerate(dofs.names) if name.endswith(".rz"))
     shapes = np.zeros((3, dofs.size))
@@ -117,8 +117,8 @@ def test_rounding_at_nodes_is_no_part_of_a_mode():
     assert np.count_nonzero(seen[2]) == 1
 
 
-def test_modes_of_springs_leave_members_at_rest():
-    """In a finger train without contact the valve springs swing alone; solved densely, rounding moves every node."""
+def test_modes_of_springs_do_not_move_members():
+    """Valve springs of a finger train without contact vibrate alone; in dense solutions rounding moves every node."""
     case = read_case(Path(__file__).parents[2] / "cases/direct-acting/finger.toml")
     structure, found = build_structure(build_model(case)), modes(case, 6)
     shapes = found.modes.shapes.T

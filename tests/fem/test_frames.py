@@ -1,4 +1,4 @@
-"""Local axes: orthonormal, right-handed, local x along the member, the documented default."""
+"""Local axes: orthonormal, right-handed, local x along the member, documented default orientation."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def test_triads_are_rotations(random_axes):
     np.testing.assert_allclose(np.linalg.det(R), 1.0, rtol=1e-13)
 
 
-def test_x_along_and_y_towards_the_orientation(random_axes):
+def test_x_is_along_member_and_y_towards_orientation(random_axes):
     axes, orientations = random_axes
     R = triads(axes, orientations)
     np.testing.assert_array_equal(R[:, 0], axes)
@@ -39,11 +39,11 @@ def test_default_axes(axis, y, z):
     np.testing.assert_array_equal(triads(axis[None], default_orientation(axis)[None])[0], [axis, y, z])
 
 
-def test_orientation_along_the_member_is_refused():
+def test_orientation_along_member_raises_error():
     with pytest.raises(InputError, match="element 1"):
         triads(np.eye(3)[[0, 0]], np.array([[0.0, 1.0, 0.0], [2.0, 0.0, 0.0]]))
 
 
-def test_arguments_are_left_alone(readonly, random_axes):
+def test_arguments_are_unchanged(readonly, random_axes):
     axes, orientations = map(readonly, random_axes)
     triads(axes, orientations)

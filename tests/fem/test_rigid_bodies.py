@@ -1,4 +1,4 @@
-"""Concentrated parts: kinetic energy of a rigid body, springs on scalars."""
+"""Point masses and scalar springs: kinetic energy of a rigid body, stiffness matrices."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from flexcam.fem.mesh import chain
 from flexcam.fem.rigid_bodies import PointMass, mass_at, scalar_matrix
 
 
-def test_kinetic_energy_of_a_body_on_an_arm():
+def test_kinetic_energy_of_body_with_offset():
     # T = m |v + w x r|^2/2 + w J w/2, with v and w of the node and r to the centre.
     rng = np.random.default_rng(4)
     mass, inertia, r = 1.7, (0.4, 0.5, 0.3), (0.2, -0.6, 1.1)
@@ -23,8 +23,8 @@ def test_kinetic_energy_of_a_body_on_an_arm():
     np.testing.assert_array_equal(matrix, matrix.T)
 
 
-def test_products_of_a_body_are_those_of_its_parts():
-    """Four masses on arms about their centre, as one body and one by one."""
+def test_products_of_inertia_match_separate_masses():
+    """Four masses on arms about their centre, as one body and as separate masses."""
     rng = np.random.default_rng(8)
     masses, places = rng.uniform(0.1, 1.0, 4), rng.standard_normal((4, 3))
     centre = masses @ places / masses.sum()
@@ -36,15 +36,15 @@ def test_products_of_a_body_are_those_of_its_parts():
     np.testing.assert_allclose(body.matrix(), np.sum(parts, axis=0), atol=1e-13)
 
 
-def test_only_free_components_carry_mass():
+def test_mass_on_free_components_only():
     mesh = chain((0, 0, 0), (1, 0, 0), 1)
     dofs = dof_map(mesh, [("end", ("uy", "rx"))])
     matrix = mass_at(1, PointMass(2.0, offset=(0.0, 0.5, 0.0)), dofs).dense()
     assert matrix.shape == (10, 10)
-    assert np.trace(matrix) == pytest.approx(2.0 * 2 + 0.5)  # ux, uz; ry sees no arm along y, rz sees m y^2
+    assert np.trace(matrix) == pytest.approx(2.0 * 2 + 0.5)  # ux, uz; ry has no arm along y, rz has m y^2
 
 
-def test_spring_on_a_difference():
+def test_spring_on_difference_of_unknowns():
     row = np.array([1.0, 0.0, -2.0])
     np.testing.assert_array_equal(scalar_matrix(row, 3.0).dense(), 3.0 * np.outer(row, row))
 
@@ -58,6 +58,6 @@ def test_spring_on_a_difference():
         lambda: PointMass(1.0, (1.0, 1.0, 1.0), products=(0.9, 0.0, 0.0)),
     ],
 )
-def test_impossible_bodies_are_refused(make):
+def test_invalid_body_raises_error(make):
     with pytest.raises(InputError):
         make()

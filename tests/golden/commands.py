@@ -1,4 +1,4 @@
-"""The commands whose JSON goldens are kept of."""
+"""Commands whose JSON output is compared with goldens."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tests.golden.runs import MODELS, ROOT, cases
-from tests.golden.surface import LIGHT, Record, answered, digest, row
+from tests.golden.surface import LIGHT, Record, digest, json_record, row
 
 CASES = ROOT / "cases"
 TAYEB = str(CASES / "tayeb/model-3-shm.toml")
@@ -23,29 +23,29 @@ TEMPLATES = (
     "published-model", "pushrod-engine", "v8-bank",
 )  # fmt: skip
 
-Taken = Callable[[Sequence[str], Path], Record]
+RecordFunction = Callable[[Sequence[str], Path], Record]
 
 
 @dataclass(frozen=True)
 class Command:
-    """A command line: the golden it stands in, its name there, its words, and commands that go before it."""
+    """A command line with its golden, its name in it, its words, and preceding commands."""
 
     golden: str
     name: str
     words: tuple[str, ...]
     before: tuple[tuple[str, ...], ...] = ()
-    take: Taken = answered
+    take: RecordFunction = json_record
 
     def record(self, folder: Path) -> Record:
-        """Run what goes before and the command itself in a folder; return what it told."""
+        """Run the preceding commands and the command itself in a folder; return its record."""
         for words in self.before:
-            answered(words, folder)
+            json_record(words, folder)
         return self.take(self.words, folder)
 
 
 def _table(words: Sequence[str], folder: Path) -> Record:
-    """Return the columns of the CSV file that a command writes, too."""
-    record = answered(words, folder)
+    """Return the record of a command with the columns of the CSV files that it writes."""
+    record = json_record(words, folder)
     for path in sorted(folder.rglob("*.csv")):
         with path.open(encoding="utf-8") as file:
             names, *lines = list(csv.reader(line for line in file if not line.startswith("#")))
@@ -53,12 +53,12 @@ def _table(words: Sequence[str], folder: Path) -> Record:
         record |= {
             f"csv/{name}": row([float(value) for value in values], LIGHT)
             for name, values in zip(names, columns, strict=True)
-            if _numbers(values)
+            if _are_numbers(values)
         }
     return record
 
 
-def _numbers(values: Sequence[str]) -> bool:
+def _are_numbers(values: Sequence[str]) -> bool:
     try:
         [float(value) for value in values]
     except ValueError:
@@ -67,8 +67,8 @@ def _numbers(values: Sequence[str]) -> bool:
 
 
 def _files(words: Sequence[str], folder: Path) -> Record:
-    """Return how many files of each kind a command leaves, too."""
-    record = answered(words, folder)
+    """Return the record of a command with the number of files of each kind that it writes."""
+    record = json_record(words, folder)
     endings = [path.suffix for path in folder.rglob("*") if path.is_file()]
     return record | {f"files/{ending}": endings.count(ending) for ending in sorted(set(endings))}
 
@@ -106,27 +106,27 @@ def _laws() -> list[Command]:
 
 
 def _results() -> list[Command]:
-    ran = ("run", LINEAR, "-o", "out", *COARSE)
+    run = ("run", LINEAR, "-o", "out", *COARSE)
     result = "out/linear-train.vtkhdf"
     choice = ("run", TAYEB, "-o", "out", *COARSE, "--set")
     return [
-        Command("commands-results", "info", ("info", result, "--verify"), (ran,)),
-        Command("commands-results", "export csv", ("export", result, "--format", "csv"), (ran,), _table),
+        Command("commands-results", "info", ("info", result, "--verify"), (run,)),
+        Command("commands-results", "export csv", ("export", result, "--format", "csv"), (run,), _table),
         Command(
             "commands-results",
             "export instants",
             ("export", result, "--format", "csv", "--instants", "50"),
-            (ran,),
+            (run,),
             _table,
         ),
         Command(
-            "commands-results", "export pvd", ("export", result, "--format", "pvd", "--every", "5"), (ran,), _files
+            "commands-results", "export pvd", ("export", result, "--format", "pvd", "--every", "5"), (run,), _files
         ),
         Command("commands-results", "export inp", ("export", LINEAR, "--format", "inp", "-o", "out"), (), _files),
-        Command("commands-results", "report", ("report", result, "-o", "out/page.html"), (ran,), _files),
-        Command("commands-results", "plot", ("plot", result, "--rigid", "-o", "out/motion.svg"), (ran,), _files),
-        Command("commands-results", "compare results", ("compare", result, "--against", result), (ran,)),
-        Command("commands-results", "run twice", ran, (ran,)),
+        Command("commands-results", "report", ("report", result, "-o", "out/page.html"), (run,), _files),
+        Command("commands-results", "plot", ("plot", result, "--rigid", "-o", "out/motion.svg"), (run,), _files),
+        Command("commands-results", "compare results", ("compare", result, "--against", result), (run,)),
+        Command("commands-results", "run twice", run, (run,)),
         Command("commands-results", "run estimate", (*choice, "fidelity.estimate=true")),
         Command("commands-results", "run tolerance", (*choice, 'fidelity.tolerance="20 %"')),
     ]
@@ -197,4 +197,4 @@ def _studies() -> list[Command]:
 
 
 COMMANDS = (*_checks(), *_cams(), *_laws(), *_results(), *_speeds(), *_models(), *_studies())
-"""Every command that goldens are kept of."""
+"""All commands with goldens."""

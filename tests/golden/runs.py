@@ -1,4 +1,4 @@
-"""The runs that goldens are kept of: every case and every small model, on each rung of the ladder and each engine."""
+"""Runs with goldens: every case and every small model, with each model of the ladder and each engine."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[2]
 MODELS = Path(__file__).parent / "models"
 
 SHORT = ("run.revolutions=1", "run.steps_per_revolution=720")
-"""One revolution: longer trajectories with contacts multiply rounding until nothing can be compared."""
+"""One revolution: longer trajectories with contacts amplify rounding until results cannot be compared."""
 
 LADDER: dict[str, tuple[tuple[str, ...], dict[str, int]]] = {
     "beams": ((), {"auto": BARE, "direct": FULL, "modal": LIGHT, "kernel": LIGHT}),
@@ -21,7 +21,7 @@ LADDER: dict[str, tuple[tuple[str, ...], dict[str, int]]] = {
     "modes": (("fidelity.modes=5",), {"direct": LIGHT, "kernel": BARE}),
     "craig-bampton": (("fidelity.modes=3", "fidelity.reduction=craig-bampton"), {"direct": LIGHT, "kernel": BARE}),
 }
-"""Rung to what is laid over the case, and its engines with the samples that are kept of each."""
+"""Model of the ladder to its overrides, and its engines with the number of samples of each."""
 
 BEAMS = {"direct": LIGHT, "kernel": LIGHT}
 LINEAR = {"direct": LIGHT, "modal": LIGHT, "kernel": LIGHT}
@@ -29,7 +29,7 @@ LINEAR = {"direct": LIGHT, "modal": LIGHT, "kernel": LIGHT}
 
 @dataclass(frozen=True)
 class Run:
-    """One run: the golden file it stands in, its name there, the case, what is laid over it, the samples kept."""
+    """One run: its golden file, its name in it, the case, its overrides, and the number of samples."""
 
     golden: str
     name: str
@@ -39,9 +39,9 @@ class Run:
 
     @property
     def words(self) -> list[str]:
-        """Words of `flexcam run` but for the folder of the results."""
-        laid = [word for override in self.overrides for word in ("--set", override)]
-        return [str(self.case), *laid]
+        """Words of `flexcam run` except the folder of the results."""
+        settings = [word for override in self.overrides for word in ("--set", override)]
+        return [str(self.case), *settings]
 
 
 OWN: dict[str, tuple[str, ...]] = {
@@ -56,7 +56,7 @@ OWN: dict[str, tuple[str, ...]] = {
     "data/every-engine": ("run.revolutions=0.1", "run.steps_per_revolution=2880"),
     "data/every-contact": ("run.steps_per_revolution=720",),
 }
-"""Cases that are not run over `SHORT`."""
+"""Overrides of cases that do not use `SHORT`."""
 
 METHODS = {
     "hht": ('run.integrator={ method = "hht" }',),
@@ -68,7 +68,7 @@ METHODS = {
 
 VARIANTS: dict[str, dict[str, tuple[tuple[str, ...], dict[str, int]]]] = {
     "models/linear-train": {
-        **{name: (laid, LINEAR) for name, laid in METHODS.items()},
+        **{name: (settings, LINEAR) for name, settings in METHODS.items()},
         "radau": (('run.integrator={ method = "radau" }', "run.steps_per_revolution=90"), {"auto": LIGHT}),
         "rayleigh": (('run.damping={ alpha = "20 1/s", beta = "1e-6 s" }',), LINEAR),
         "modal-damping": (("run.damping={ modal = 0.02 }",), LINEAR),
@@ -80,7 +80,7 @@ VARIANTS: dict[str, dict[str, tuple[tuple[str, ...], dict[str, int]]]] = {
     },
     "models/lever-rocker": {
         "collocation": (('run.integrator={ method = "collocation" }',), {"kernel": LIGHT}),
-        **{name: (laid, BEAMS) for name, laid in METHODS.items()},
+        **{name: (settings, BEAMS) for name, settings in METHODS.items()},
         "periodic": (('run.start="periodic"',), BEAMS),
         "rest": (('run.start="rest"',), BEAMS),
         "chain-2": (("fidelity.model=chain", "fidelity.masses=2"), {"direct": LIGHT}),
@@ -103,17 +103,17 @@ VARIANTS: dict[str, dict[str, tuple[tuple[str, ...], dict[str, int]]]] = {
         "consistent": (("members.post.mass=consistent", "members.arm.mass=consistent"), {"direct": LIGHT}),
     },
     "cases/pushrod-engine/intake": {"fast": (("run.crank_speed=\"6500 rpm\"",), BEAMS)},
-    # Few modes of an engine of fingers, levers and oil columns: rounding moves whole touchdowns.
-    "data/every-engine": {rung: (LADDER[rung][0], {}) for rung in ("modes", "craig-bampton")},
-    # The few modes of a finger on oil that strikes its seat multiply rounding to hundredths.
+    # Few modes of an engine with fingers, levers and oil columns: rounding shifts complete touchdowns.
+    "data/every-engine": {model: (LADDER[model][0], {}) for model in ("modes", "craig-bampton")},
+    # Few modes of a finger on oil with impacts on its seat amplify rounding to hundredths.
     "cases/direct-acting/finger": {"modes": (LADDER["modes"][0], {"direct": BARE})},
     "cases/tayeb/model-3-shm": {"deflection": (("contacts.intake.cam_deflection=true",), BEAMS)},
 }  # fmt: skip
-"""Further runs of some cases: what is laid over them, and the engines."""
+"""Further runs of some cases: overrides and engines."""
 
 
 def cases() -> dict[str, Path]:
-    """Return every case by name: those that are shipped, the small models, and the data of other tests."""
+    """Return every case by name: shipped cases, small models, and the data of other tests."""
     folders = {"cases": ROOT / "cases", "models": MODELS}
     found = {
         f"{start}/{path.relative_to(folder).with_suffix('').as_posix()}": path
@@ -123,35 +123,35 @@ def cases() -> dict[str, Path]:
     return found | {f"data/{path.stem}": path for path in sorted((ROOT / "tests/data").glob("*.toml"))}
 
 
-def _own(name: str) -> tuple[str, ...]:
+def _own_overrides(name: str) -> tuple[str, ...]:
     short = name.removeprefix("cases/")
-    return next((laid for start, laid in OWN.items() if short.startswith(start)), SHORT)
+    return next((settings for start, settings in OWN.items() if short.startswith(start)), SHORT)
 
 
-def _engine(engine: str, laid: tuple[str, ...]) -> list[str]:
-    """Return the overrides that select an engine, with one method for all of them."""
-    named = any(override.startswith("run.integrator") for override in laid)
+def _engine(engine: str, settings: tuple[str, ...]) -> list[str]:
+    """Return the overrides that select an engine, with the same integrator for all of them."""
+    named = any(override.startswith("run.integrator") for override in settings)
     return [f"run.engine={engine}", *([] if named else ["run.integrator.method=newmark"])]
 
 
-def _of(name: str, path: Path) -> list[Run]:
-    golden, base = name.replace("/", "-"), _own(name)
-    rungs = LADDER | VARIANTS.get(name, {})
+def _runs_of(name: str, path: Path) -> list[Run]:
+    golden, base = name.replace("/", "-"), _own_overrides(name)
+    models = LADDER | VARIANTS.get(name, {})
     if "/cams/" in name or name == "data/every-cam":
-        rungs = {"beams": ((), {"auto": BARE})}
+        models = {"beams": ((), {"auto": BARE})}
     return [
         Run(
             golden,
-            f"{rung}/{engine}",
+            f"{model}/{engine}",
             path,
-            (*base, *laid, *([] if engine == "auto" else _engine(engine, laid))),
-            kept,
+            (*base, *settings, *([] if engine == "auto" else _engine(engine, settings))),
+            samples,
         )
-        for rung, (laid, engines) in rungs.items()
-        for engine, kept in engines.items()
+        for model, (settings, engines) in models.items()
+        for engine, samples in engines.items()
     ]
 
 
 def runs() -> list[Run]:
     """Return every run."""
-    return [run for name, path in cases().items() for run in _of(name, path)]
+    return [run for name, path in cases().items() for run in _runs_of(name, path)]

@@ -1,6 +1,6 @@
-"""The outermost surfaces of flexcam, taken down as plain records: the command line, its JSON and its result files.
+"""Records of the public interfaces of flexcam: the command line, its JSON and its result files.
 
-Nothing inside the package is imported, so that a rewrite of it leaves these records comparable.
+No internal module is imported, so that records remain comparable after a rewrite of the package.
 """
 
 from __future__ import annotations
@@ -24,27 +24,27 @@ import h5py
 import numpy as np
 
 Record = dict[str, object]
-"""Quantity to a word, a whole number, or a row of numbers: maximum, minimum, root mean square, samples."""
+"""Quantity to a word, an integer, or a row of numbers: maximum, minimum, root mean square, samples."""
 
 FULL, LIGHT, BARE = 28, 4, 0
-"""Samples of a history: of the run that stands for a model, of the same another way, of one that only has to end."""
+"""Samples of a history: main run of a model, same run with another engine, and run without histories."""
 
 DROPPED = {
     "seconds", "message", "remedy", "text", "result", "files", "file", "title", "about", "given", "allowed", "why",
     "memory_bytes", "result_bytes", "bytes", "cpu_seconds", "time", "times", "measured_seconds", "case",
     "multipliers", "reached", "installed", "rounding", "figures_of_merit",
 }  # fmt: skip
-"""Keys of JSON whose values are prose, paths, versions or times, or stand in an order that rounding chooses;
-figures of merit stand under `train`, too."""
+"""Keys of JSON whose values are prose, paths, versions or times, or in an order that depends on rounding; figures of
+merit are also in `train`."""
 
 COUNTED = {"warnings", "doubts", "notes", "left_out", "sentences"}
-"""Keys of JSON whose values are lists of sentences: only their number is kept."""
+"""Keys of JSON whose values are lists of sentences: only their number is recorded."""
 
 ROUNDING = {"energy_lost", "imbalance", "periodicity"}
-"""Keys of JSON that hold what rounding leaves: kept as zero while they are below `NEGLIGIBLE`."""
+"""Keys of JSON whose values are rounding: recorded as zero below `NEGLIGIBLE`."""
 
 UNSIGNED = {"mean"}
-"""Keys of JSON whose sign rounding chooses: a section in bending bears both."""
+"""Keys of JSON whose sign depends on rounding: a section in bending has both."""
 
 NEGLIGIBLE = 1e-7
 
@@ -52,7 +52,7 @@ WORD = re.compile(r"[\w.\-+#]{1,60}")
 """A code or a name; other text is prose."""
 
 
-def called(words: Sequence[str], folder: Path) -> tuple[int, str]:
+def run_command(words: Sequence[str], folder: Path) -> tuple[int, str]:
     """Run the command in this process within a folder; return its exit code and its standard output."""
     sys.modules.pop("flexcam.__main__", None)
     out = io.StringIO()
@@ -69,20 +69,20 @@ def called(words: Sequence[str], folder: Path) -> tuple[int, str]:
     return code, out.getvalue()
 
 
-def answered(words: Sequence[str], folder: Path) -> Record:
-    """Return the record of a command that speaks JSON."""
-    code, out = called([*words, "--json"], folder)
+def json_record(words: Sequence[str], folder: Path) -> Record:
+    """Return the record of a command with JSON output."""
+    code, out = run_command([*words, "--json"], folder)
     try:
-        told = json.loads(out)
+        content = json.loads(out)
     except ValueError:
         return {"code": code, "json": "none"}
-    return {"code": code, **dict(_flat(told, ""))}
+    return {"code": code, **dict(_flatten(content, ""))}
 
 
 def run_record(words: Sequence[str], folder: Path, samples: int) -> Record:
-    """Return the record of `flexcam run`: what it told, and the histories of its result file where it wrote one."""
-    record = answered(["run", *words, "-o", "out", "--overwrite"], folder)
-    if samples < FULL:  # figures of the same histories
+    """Return the record of `flexcam run`: its output, and the histories of its result file if there is one."""
+    record = json_record(["run", *words, "-o", "out", "--overwrite"], folder)
+    if samples < FULL:  # metrics of the same histories
         record = {key: value for key, value in record.items() if key.partition("/")[0] not in ("train", "strength")}
     found = sorted((folder / "out").glob("*.vtkhdf"))
     if not found:
@@ -96,8 +96,8 @@ def run_record(words: Sequence[str], folder: Path, samples: int) -> Record:
 
 
 def digest(words: Sequence[str], folder: Path) -> Record:
-    """Return the record of a command whose JSON is long and fixed: a checksum over its keys and values but prose."""
-    code, out = called([*words, "--json"], folder)
+    """Return the record of a command with long constant JSON: a checksum over its keys and values without prose."""
+    code, out = run_command([*words, "--json"], folder)
     kept = json.dumps(_without_prose(json.loads(out)), sort_keys=True)
     return {"code": code, "sha256": sha256(kept.encode()).hexdigest()}
 
@@ -108,39 +108,39 @@ def _without_prose(value: object) -> object:
     return [_without_prose(inner) for inner in value] if isinstance(value, list) else value
 
 
-def _flat(value: object, path: str) -> Iterator[tuple[str, object]]:
-    """Yield what a JSON value holds, one quantity per path."""
+def _flatten(value: object, path: str) -> Iterator[tuple[str, object]]:
+    """Yield the content of a JSON value, one quantity per path."""
     name = path.rpartition("/")[2]
-    if name in DROPPED or path.endswith("smoothing/at"):  # several angles tie there
+    if name in DROPPED or path.endswith("smoothing/at"):  # several angles are equal there
         return
     if name in COUNTED and isinstance(value, list):
         yield f"{path}#", len(value)
     elif isinstance(value, dict):
         for key, inner in value.items():
-            yield from _flat(inner, f"{path}/{key}" if path else key)
+            yield from _flatten(inner, f"{path}/{key}" if path else key)
     elif isinstance(value, list):
-        yield from _listed(value, path)
+        yield from _flatten_list(value, path)
     elif (kept := _scalar(value, name)) is not None:
         yield path, kept
 
 
-def _listed(values: list[object], path: str) -> Iterator[tuple[str, object]]:
+def _flatten_list(values: list[object], path: str) -> Iterator[tuple[str, object]]:
     if values and all(_is_number(value) for value in values):
         yield path, row([float(value) for value in values], FULL)
     elif values and all(isinstance(value, dict) for value in values) and len({tuple(value) for value in values}) == 1:
         for key in values[0]:
-            yield from _flat([value[key] for value in values], f"{path}/{key}")
+            yield from _flatten([value[key] for value in values], f"{path}/{key}")
     elif values and all(isinstance(value, bool) for value in values):
         yield path, "".join("FT"[value] for value in values)
     elif all(isinstance(value, str) for value in values):
-        yield from _worded(values, path)
+        yield from _flatten_words(values, path)
     else:
         for number, value in enumerate(values):
-            yield from _flat(value, f"{path}/{number}")
+            yield from _flatten(value, f"{path}/{number}")
 
 
-def _worded(values: list[str], path: str) -> Iterator[tuple[str, object]]:
-    """Yield a list of words as they are, places of refused input without their lines, and of prose the number."""
+def _flatten_words(values: list[str], path: str) -> Iterator[tuple[str, object]]:
+    """Yield a list of words unchanged, places of invalid input without their lines, and the number of prose texts."""
     if path.endswith("/where"):
         yield path, [re.sub(r" \(line \d+\)", "", value) for value in values]
     elif values and all(WORD.fullmatch(value) for value in values):
@@ -154,7 +154,7 @@ def _is_number(value: object) -> bool:
 
 
 def _scalar(value: object, name: str) -> object:
-    """Return a scalar as it is kept, or None for prose."""
+    """Return the recorded form of a scalar, or None for prose."""
     if isinstance(value, str):
         return value if WORD.fullmatch(value) else None
     if value is None or isinstance(value, bool | int):
@@ -165,7 +165,7 @@ def _scalar(value: object, name: str) -> object:
 
 
 def row(values: Sequence[float] | np.ndarray, samples: int) -> list[float]:
-    """Return maximum, minimum and root mean square of a history, then samples evenly through it; all of a short one."""
+    """Return maximum, minimum and root mean square of a history, then even samples, or all values of a short one."""
     array = np.asarray(values, dtype=float).ravel()
     if not len(array):
         return []
@@ -177,7 +177,7 @@ def row(values: Sequence[float] | np.ndarray, samples: int) -> list[float]:
 
 
 def _result(path: Path, samples: int) -> Record:
-    """Return status, figures and histories of a result file."""
+    """Return status, metrics and histories of a result file."""
     with h5py.File(path) as file:
         status = file["status"]
         record: Record = {
@@ -220,11 +220,11 @@ def _text(value: object) -> str:
 
 
 def _fields(fields: h5py.Group) -> Record:
-    """Return rows of the saved fields as magnitudes: of two sides of a node that bear alike, rounding shows either."""
+    """Return rows of the saved fields as magnitudes: for equally loaded sides of a node, rounding selects either."""
     return {f"fields/{name}": row(np.abs(fields[name][()]), LIGHT) for name in fields if name != "node"}
 
 
 def environment() -> None:
-    """Let the commands find what they need without touching what the user has: one thread, a plain terminal."""
+    """Set the environment of the commands independent of the user's: one thread, a plain terminal."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.pop("COLUMNS", None)

@@ -1,4 +1,4 @@
-"""A frame in space on which every invariant is tried: two members at an angle, two planes of bending unlike."""
+"""A frame in space for all invariants: two members at an angle, with different bending planes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ORIENTATION = np.array([0.2, 0.3, 1.0])
 
 
 class Frame:
-    """The frame, turned by `rotation`, scaled, its members run through backwards where asked."""
+    """Frame that may be rotated by `rotation`, scaled, and have its members reversed."""
 
     def __init__(self, material, rotation, *, size=1.0, backwards=False, parts=3, held=True, **member):
         order = (lambda line: line[::-1]) if backwards else (lambda line: line)
@@ -33,7 +33,7 @@ class Frame:
 
 @pytest.fixture(scope="session")
 def frame(steel):
-    """Return a frame for a rotation and options."""
+    """Return a function that builds a frame for a rotation and options."""
 
     def make(rotation=None, **options):
         return Frame(options.pop("material", steel), np.eye(3) if rotation is None else rotation, **options)

@@ -1,7 +1,7 @@
-"""One physics: the general, the modal and the compiled way through time give the same motion of linear systems.
+"""Direct, modal and kernel engine give the same motion of linear systems.
 
-How far two ways may lie apart is not chosen but measured: by general runs of the same system with its unknowns in other
-orders and units. What those differ by is rounding of the system itself.
+The allowed difference is measured: direct runs of the same system with its unknowns in other orders and units differ
+by the rounding of the system itself.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def steady(motion):
 
 
 def chain(rng, n, decades, *, free, copies):
-    """Return masses and springs in a row, stiffnesses over some decades; copies side by side repeat all frequencies."""
+    """Return matrices of a chain of masses and springs over some decades; copies repeat all frequencies."""
     k = 10.0 ** (2.0 + rng.uniform(0.0, decades, n))
     K = np.zeros((n, n))
     for i in range(n):
@@ -49,7 +49,7 @@ def chain(rng, n, decades, *, free, copies):
     return np.kron(np.eye(copies), M), np.kron(np.eye(copies), K)
 
 
-def damping_of(kind, rng, M, K, light):
+def damping_matrix(kind, rng, M, K, light):
     n = len(M)
     if kind == "Rayleigh":
         return 0.3 * M + 1e-4 * K
@@ -59,8 +59,8 @@ def damping_of(kind, rng, M, K, light):
     return np.diag(light.astype(float)) if kind == "massless" else np.zeros((n, n))
 
 
-def some_system(seed, n, decades, kind, *, free=False, copies=1, massless=0):
-    """Return a system, and a start."""
+def random_system(seed, n, decades, kind, *, free=False, copies=1, massless=0):
+    """Return a random system and an initial state."""
     rng = np.random.default_rng(seed)
     M, K = chain(rng, n, decades, free=free, copies=copies)
     n = len(M)
@@ -71,13 +71,13 @@ def some_system(seed, n, decades, kind, *, free=False, copies=1, massless=0):
     loads = tuple(
         Load(history.__name__, rng.normal(size=n) * (rng.random(n) < 0.5), history) for history in (sine, ramp, steady)
     )
-    matrices = [Triplets.from_dense(one) for one in (M, damping_of(kind, rng, M, K, light), K)]
+    matrices = [Triplets.from_dense(one) for one in (M, damping_matrix(kind, rng, M, K, light), K)]
     system = System(*matrices, names, loads, probes=(Probe("all", names, np.eye(n), (None,) * n),))
     return system, State(0.01 * rng.normal(size=n), rng.normal(size=n))
 
 
-def rewritten(system, start, rng):
-    """Return the same system and start with the unknowns in another order and units; its probes are those of before."""
+def permute_and_scale(system, start, rng):
+    """Return the same system and start with the unknowns in another order and units, but equal probes."""
     n = system.size
     T = (np.eye(n) * rng.uniform(0.5, 2.0, n))[:, rng.permutation(n)]
     M, C, K = (Triplets.from_dense(T.T @ one.dense() @ T) for one in (system.mass, system.damping, system.stiffness))
@@ -91,15 +91,15 @@ def rewritten(system, start, rng):
     )
 
 
-def step_of(system):
-    """Return a step that resolves some motions and leaves the faster ones to the scheme."""
+def choose_step(system):
+    """Return a step that resolves some modes and not the faster ones."""
     stiff, heavy = system.stiffness.diagonal(), system.mass.diagonal().max()
     middle = np.exp(np.log(np.maximum(stiff, 1.0)).mean())
     return float(0.5 * np.sqrt(heavy / middle))
 
 
-def apart(one, other):
-    """Return by how much two runs differ in each kind of motion, as parts of the largest, and of the energy."""
+def relative_differences(one, other):
+    """Return the relative differences of two runs in each kind of motion and in the energies."""
     motions = [(getattr(one.probes, kind), getattr(other.probes, kind)) for kind in SERIES]
     energies = ([run.channels[name] for name in one.channels if name.startswith("energy.")] for run in (one, other))
     pairs = [*motions, tuple(np.array(list(its)) for its in energies)]
@@ -107,20 +107,20 @@ def apart(one, other):
 
 
 ROUNDING = np.array([1e-13, 1e-13, 1e-12, 1e-12])
-"""What every run may differ by where two general ones agree by chance: some hundred roundings of as many steps."""
+"""Minimum tolerance if two direct runs agree by chance: some hundred roundings of as many steps."""
 
 
-def spread_of(problem, scheme, reference):
+def rounding_spread(problem, scheme, reference):
     found = ROUNDING
     for seed in range(3):
-        system, start = rewritten(problem.system, problem.start, np.random.default_rng(seed))
+        system, start = permute_and_scale(problem.system, problem.start, np.random.default_rng(seed))
         other = solve(replace(problem, system=system, start=start), scheme)
-        found = np.maximum(found, apart(reference, other))
+        found = np.maximum(found, relative_differences(reference, other))
     return found
 
 
-def ways(problem, scheme, paths=("modal", "kernel")):
-    """Return the general run and those of the other ways that take the problem."""
+def run_engines(problem, scheme, paths=("modal", "kernel")):
+    """Return the direct run and the runs, or errors, of the other engines."""
     general = solve(replace(problem, engine="direct"), scheme)
     others = {}
     for path in paths:
@@ -131,10 +131,10 @@ def ways(problem, scheme, paths=("modal", "kernel")):
     return general, others
 
 
-def assert_one_physics(problem, scheme, *, modal=True):
-    general, others = ways(problem, scheme)
+def assert_engines_agree(problem, scheme, *, modal=True):
+    general, others = run_engines(problem, scheme)
     assert general.status.ok
-    allowed = 10.0 * spread_of(replace(problem, engine="direct"), scheme, general)
+    allowed = 10.0 * rounding_spread(replace(problem, engine="direct"), scheme, general)
     for path, run in others.items():
         if path == "modal" and not modal:
             assert "damping couples" in str(run)
@@ -144,7 +144,11 @@ def assert_one_physics(problem, scheme, *, modal=True):
         assert run.outline == general.outline
         np.testing.assert_array_equal(run.time, general.time)
         np.testing.assert_array_equal(run.field_time, general.field_time)
-        assert (apart(general, run) <= allowed).all(), (path, apart(general, run), allowed)
+        assert (relative_differences(general, run) <= allowed).all(), (
+            path,
+            relative_differences(general, run),
+            allowed,
+        )
 
 
 @settings(max_examples=12, deadline=None, derandomize=True)
@@ -152,16 +156,16 @@ def assert_one_physics(problem, scheme, *, modal=True):
     seed=st.integers(0, 2**16), n=st.integers(1, 10), decades=st.floats(0.0, 10.0), free=st.booleans(),
     copies=st.integers(1, 3), kind=st.sampled_from(["none", "Rayleigh"]), scheme=st.sampled_from(sorted(SCHEMES)),
 )  # fmt: skip
-def test_random_systems_that_damping_does_not_couple(seed, n, decades, free, copies, kind, scheme):
-    system, start = some_system(seed, n, decades, kind, free=free, copies=copies)
-    assert_one_physics(Problem(system, ConstantSpeed(3.0), step_of(system), STEPS, start), SCHEMES[scheme])
+def test_random_systems_with_uncoupled_damping(seed, n, decades, free, copies, kind, scheme):
+    system, start = random_system(seed, n, decades, kind, free=free, copies=copies)
+    assert_engines_agree(Problem(system, ConstantSpeed(3.0), choose_step(system), STEPS, start), SCHEMES[scheme])
 
 
 @pytest.mark.parametrize("kind", ["none", "Rayleigh"])
-def test_hundreds_of_unknowns(kind):
-    """Natural motions of which products in slices found the last digits."""
-    system, start = some_system(4, 120, 6.0, kind, copies=2)
-    assert_one_physics(Problem(system, ConstantSpeed(3.0), step_of(system), STEPS, start), SCHEMES["newmark"])
+def test_systems_with_hundreds_of_unknowns(kind):
+    """Modes whose last digits come from sliced products."""
+    system, start = random_system(4, 120, 6.0, kind, copies=2)
+    assert_engines_agree(Problem(system, ConstantSpeed(3.0), choose_step(system), STEPS, start), SCHEMES["newmark"])
 
 
 @settings(max_examples=10, deadline=None, derandomize=True)
@@ -170,23 +174,23 @@ def test_hundreds_of_unknowns(kind):
     kind=st.sampled_from(DAMPING), scheme=st.sampled_from(sorted(SCHEMES)),
 )  # fmt: skip
 def test_random_systems_with_massless_unknowns(seed, n, decades, massless, kind, scheme):
-    """Massless unknowns, alone and in groups; arbitrary damping, which couples, goes the compiled way alone."""
-    system, start = some_system(seed, n, decades, kind, massless=massless)
-    problem = Problem(system, ConstantSpeed(3.0), step_of(system), STEPS, start)
+    """Massless unknowns, alone and in groups; the kernel engine alone supports coupled damping."""
+    system, start = random_system(seed, n, decades, kind, massless=massless)
+    problem = Problem(system, ConstantSpeed(3.0), choose_step(system), STEPS, start)
     if kind in ("none", "Rayleigh"):
-        assert_one_physics(problem, SCHEMES[scheme])
+        assert_engines_agree(problem, SCHEMES[scheme])
         return
-    general, others = ways(problem, SCHEMES[scheme], ("kernel",))
-    allowed = 10.0 * spread_of(replace(problem, engine="direct"), SCHEMES[scheme], general)
-    off = apart(general, others["kernel"])
+    general, others = run_engines(problem, SCHEMES[scheme], ("kernel",))
+    allowed = 10.0 * rounding_spread(replace(problem, engine="direct"), SCHEMES[scheme], general)
+    off = relative_differences(general, others["kernel"])
     assert (off <= allowed).all(), (off, allowed)
 
 
 @pytest.mark.parametrize(("kind", "scheme"), mostly_slow([(kind, s) for kind in DAMPING for s in sorted(SCHEMES)], 5))
-def test_massless_unknowns_that_begin_at_speed(kind, scheme):
-    """They follow their springs from the first instant, whatever pushes on them: no way has a start of its own."""
+def test_massless_unknowns_with_initial_velocity(kind, scheme):
+    """Massless unknowns follow their springs from the first instant; all engines use the same initial state."""
     M, K = np.diag([1.0, 0.0, 2.0]), 10.0 * np.array([[3.0, -2.0, 0.0], [-2.0, 3.0, -1.0], [0.0, -1.0, 2.0]])
-    C = damping_of(kind, np.random.default_rng(1), M, K, np.array([False, True, False]))
+    C = damping_matrix(kind, np.random.default_rng(1), M, K, np.array([False, True, False]))
     names = ("a", "b", "c")
     loads = tuple(
         Load(f.__name__, v, f) for f, v in ((sine, np.array([1.0, 0.0, 0.0])), (steady, np.array([0, 1.0, 0])))
@@ -195,35 +199,35 @@ def test_massless_unknowns_that_begin_at_speed(kind, scheme):
     system = System(*matrices, names, loads, probes=(Probe("all", names, np.eye(3), (None,) * 3),))
     start = State(np.array([0.1, 0.2, 0.3]), np.array([1.0, -1.0, 2.0]))
     problem = Problem(system, ConstantSpeed(3.0), 0.01, 200, start)
-    assert_one_physics(problem, SCHEMES[scheme], modal=kind in ("none", "Rayleigh"))
+    assert_engines_agree(problem, SCHEMES[scheme], modal=kind in ("none", "Rayleigh"))
 
 
 @pytest.mark.parametrize("path", ["direct", "modal", "kernel"])
-def test_a_massless_unknown_is_accelerated_as_what_it_hangs_between(path):
-    """Between two springs of one mass that starts at rest under a load: the share of its acceleration at once."""
+def test_initial_acceleration_of_massless_unknown(path):
+    """A massless unknown between two springs has its share of the initial acceleration of a loaded mass."""
     M, K = np.diag([1.0, 0.0]), np.array([[3.0, -1.0], [-1.0, 2.0]])
     system = System(*(Triplets.from_dense(one) for one in (M, 0.0 * M, K)), ("heavy", "light"),
                     (Load("push", np.array([1.0, 0.0]), steady),))  # fmt: skip
     found = solve(Problem(system, ConstantSpeed(1.0), 0.01, 50, engine=path), newmark(), save=SaveAt(field_every=1))
     a = found.fields.acceleration
-    # K a = 0 in the massless row at every instant; Newmark keeps what the start has of it, and rounding over step^2.
+    # K a = 0 in the massless row at every instant; Newmark keeps the initial error, and rounding over step^2.
     np.testing.assert_allclose(2.0 * a[:, 1], a[:, 0], rtol=0.0, atol=1e-9)
     assert a[0, 0] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("scheme", ["newmark", "hht", "generalized-alpha 0"])
 @pytest.mark.parametrize("path", ["modal", "kernel"])
-def test_going_on_from_a_result_of_another_way(path, scheme):
-    """Half a run the general way and half another is the general run; what is between them is a `State`."""
-    system, start = some_system(5, 6, 4.0, "Rayleigh")
-    problem = Problem(system, ConstantSpeed(3.0), step_of(system), STEPS, start, engine="direct")
+def test_run_continues_with_other_engine(path, scheme):
+    """Half a run with the direct engine and half with another one equals the direct run; a `State` connects them."""
+    system, start = random_system(5, 6, 4.0, "Rayleigh")
+    problem = Problem(system, ConstantSpeed(3.0), choose_step(system), STEPS, start, engine="direct")
     every = SaveAt(field_every=20)
     whole = solve(problem, SCHEMES[scheme], save=every)
     first = solve(replace(problem, steps=60), SCHEMES[scheme], save=every)
     middle = State(*(getattr(first.fields, kind)[-1] for kind in SERIES[:2]), float(first.time[-1]),
                    acceleration=first.fields.acceleration[-1])  # fmt: skip
     later = solve(replace(problem, steps=60, start=middle, engine=path), SCHEMES[scheme], save=every)
-    allowed = 10.0 * spread_of(problem, SCHEMES[scheme], whole)
+    allowed = 10.0 * rounding_spread(problem, SCHEMES[scheme], whole)
     for kind, most in zip(SERIES, allowed, strict=False):
         one, other = getattr(whole.probes, kind), getattr(later.probes, kind)
         assert np.abs(other - one[60:]).max() <= most * np.abs(one).max()
@@ -231,15 +235,15 @@ def test_going_on_from_a_result_of_another_way(path, scheme):
 
 @pytest.mark.parametrize("steps", [100_000, pytest.param(1_000_000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("path", ["modal", "kernel"])
-def test_energy_is_kept_over_a_long_run(path, steps):
-    """Average acceleration, no damping, stiffness ratios of 1e6: 1e5 steps add no more than their roundings.
+def test_energy_is_constant_over_long_run(path, steps):
+    """Average acceleration, no damping, stiffness ratios of 1e6: the error of 1e5 steps is rounding.
 
-    A step keeps the energy of a motion exactly; roundings add up as a random walk, sqrt(1e5) eps = 7e-14, and by at
-    most 1e5 eps = 2e-11 if they all had one sign.
+    A step preserves the energy of a motion exactly; roundings add up as a random walk, sqrt(1e5) eps = 7e-14, and to at
+    most 1e5 eps = 2e-11 if all have one sign.
     """
-    system, start = some_system(3, 6, 6.0, "none")
+    system, start = random_system(3, 6, 6.0, "none")
     still = replace(system, loads=())
-    problem = Problem(still, ConstantSpeed(1.0), step_of(system), steps, start, engine=path)
+    problem = Problem(still, ConstantSpeed(1.0), choose_step(system), steps, start, engine=path)
     found = solve(problem, newmark(), save=SaveAt(field_every=100_000))
     energy = found.channels["energy.kinetic"] + found.channels["energy.strain"]
     assert found.stats.engine == path
@@ -248,13 +252,13 @@ def test_energy_is_kept_over_a_long_run(path, steps):
 
 @pytest.mark.parametrize("path", ["direct", "modal", "kernel"])
 @pytest.mark.parametrize("save", [SaveAt(1, 1), SaveAt(1, 2), SaveAt(7, 1), SaveAt(1000), SaveAt(10, 3)])
-def test_what_is_saved_changes_no_history(path, save):
-    """Blocks of one instant, of two, longer than the run: the same histories to rounding, the asked fields exactly."""
-    system, start = some_system(8, 4, 2.0, "Rayleigh")
-    problem = Problem(system, ConstantSpeed(3.0), step_of(system), 45, start, engine=path)
+def test_save_options_do_not_change_histories(path, save):
+    """Blocks of one instant, of two, and longer than the run: equal histories to rounding, exact saved fields."""
+    system, start = random_system(8, 4, 2.0, "Rayleigh")
+    problem = Problem(system, ConstantSpeed(3.0), choose_step(system), 45, start, engine=path)
     plain, found = solve(problem, newmark()), solve(problem, newmark(), save=save)
-    assert (apart(plain, found) <= 10.0 * ROUNDING).all()
+    assert (relative_differences(plain, found) <= 10.0 * ROUNDING).all()
     np.testing.assert_array_equal(found.field_time, found.time[np.unique([*range(0, 46, save.field_every), 45])])
     picked = np.isin(found.time, found.field_time)
-    # A saved field is spread from the same amounts as a probe, in other sums.
+    # A saved field is computed from the same amplitudes as a probe, but in other sums.
     np.testing.assert_allclose(found.fields.displacement, found.probes.displacement[picked], rtol=1e-12, atol=1e-14)

@@ -1,6 +1,6 @@
-"""What no change of axes, numbering or units may change, on a frame in space with I_y unlike I_z.
+"""Invariance to rotation, numbering and units, for a frame in space with I_y different from I_z.
 
-A rotation on the wrong side of the element matrices shows only off the global axes: hence random rotations.
+A rotation on the wrong side of the element matrices shows only in skew axes: hence random rotations.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def frequencies(frame, count=12):
 
 
 def tip_displacements(frame, rotation):
-    """Displacements of all nodes under a force and a moment at the tip that turn with the frame."""
+    """Return the displacements of all nodes under a force and a moment at the tip that rotate with the frame."""
     push = np.concatenate([rotation @ [10.0, -3.0, 5.0], rotation @ [1.0, 2.0, -0.5]])
     load = frame.dofs.vector(frame.mesh.node("tip"), push)
     return frame.dofs.nodal(static_displacement(stiffness(frame.beams, frame.dofs), load, frame.dofs.names))
@@ -46,7 +46,7 @@ def tip_displacements(frame, rotation):
 
 @settings(max_examples=15, deadline=None)
 @given(rotation=rotations)
-def test_everything_turns_with_the_structure(frame, theory, rotation):
+def test_results_rotate_with_structure(frame, theory, rotation):
     still, turned = frame(**theory), frame(rotation, **theory)
     np.testing.assert_allclose(frequencies(turned), frequencies(still), rtol=1e-9)
     expected = tip_displacements(still, np.eye(3)).reshape(-1, 2, 3) @ rotation.T
@@ -54,8 +54,8 @@ def test_everything_turns_with_the_structure(frame, theory, rotation):
     assert np.abs(found - expected).max() <= 1e-9 * np.abs(expected).max()
 
 
-def test_the_planes_are_unlike(frame):
-    """The frame can tell its planes apart: turning the orientation alone changes the frequencies."""
+def test_bending_planes_differ(frame):
+    """The frame distinguishes its planes: another orientation of the members changes the frequencies."""
     quarter = Rotation.from_rotvec([0.0, 0.0, np.pi / 2]).as_matrix()
     one, other = frame(), frame(quarter)
     assert np.abs(frequencies(one) / frequencies(other) - 1).max() < 1e-9
@@ -68,7 +68,7 @@ def test_the_planes_are_unlike(frame):
 
 @settings(max_examples=5, deadline=None)
 @given(rotation=rotations)
-def test_members_may_run_backwards(frame, theory, rotation):
+def test_direction_of_members_does_not_matter(frame, theory, rotation):
     ahead, back = frame(rotation, **theory), frame(rotation, backwards=True, **theory)
     np.testing.assert_allclose(frequencies(back), frequencies(ahead), rtol=1e-9)
     one, other = tip_displacements(ahead, rotation)[:3], tip_displacements(back, rotation)[:3]
@@ -77,7 +77,7 @@ def test_members_may_run_backwards(frame, theory, rotation):
 
 @settings(max_examples=10, deadline=None)
 @given(rotation=rotations)
-def test_rigid_motions_cost_no_energy(frame, theory, rotation):
+def test_rigid_motions_have_no_strain_energy(frame, theory, rotation):
     body = frame(rotation, held=False, **theory)
     K = stiffness(body.beams, body.dofs)
     for unit in np.eye(6):
@@ -91,8 +91,8 @@ def test_rigid_motions_cost_no_energy(frame, theory, rotation):
 
 @settings(max_examples=10, deadline=None)
 @given(rotation=rotations)
-def test_mass_and_inertia_of_the_body(frame, theory, rotation):
-    """Translations weigh rho A L each way; rotations weigh the body's tensor, but for lumping."""
+def test_mass_and_inertia_of_body(frame, theory, rotation):
+    """Translations have mass rho A L in each direction; rotations have the inertia tensor, except for lumping."""
     body = frame(rotation, held=False, **theory)
     M = mass(body.beams, body.dofs)
     motions = np.column_stack([body.dofs.rigid_motion(body.mesh, e) for e in np.eye(6)])
@@ -100,12 +100,12 @@ def test_mass_and_inertia_of_the_body(frame, theory, rotation):
     total = float(np.sum(body.beams.rho_A * body.beams.length))
     np.testing.assert_allclose(inertia[:3, :3], total * np.eye(3), atol=1e-12 * total)
     if theory.get("mass") != "lumped":
-        expected = body_tensor(body)
+        expected = inertia_tensor(body)
         np.testing.assert_allclose(inertia[3:, 3:], expected, atol=1e-11 * np.abs(expected).max())
 
 
-def body_tensor(body):
-    """Inertia tensor about the origin: slender rods, and the sections' own inertia."""
+def inertia_tensor(body):
+    """Return the inertia tensor about the origin: slender rods plus the inertia of the sections."""
     tensor = np.zeros((3, 3))
     b = body.beams
     ends = body.mesh.nodes[b.nodes]
@@ -132,8 +132,8 @@ def test_matrices_are_symmetric_and_positive(frame, theory):
 
 @pytest.mark.parametrize("length", [1e-6, 1e6])
 @pytest.mark.parametrize("weight", [1e-6, 1.0, 1e6])
-def test_units_change_nothing(frame, theory, length, weight):
-    """Lengths in um or Mm and masses in mg or kt (E and rho follow): the same frequencies, displacements to scale."""
+def test_results_scale_with_units(frame, theory, length, weight):
+    """Lengths in um or Mm and masses in mg or kt (E and rho follow): equal frequencies, scaled displacements."""
     unit = Material(207e9 * weight / length, 0.29, 7800.0 * weight / length**3)
     one, other = frame(**theory), frame(material=unit, size=length, **theory)
     np.testing.assert_allclose(frequencies(other), frequencies(one), rtol=1e-9)
@@ -145,7 +145,7 @@ def test_units_change_nothing(frame, theory, length, weight):
     np.testing.assert_allclose(other.dofs.nodal(u)[:, :3], length * one.dofs.nodal(u1)[:, :3], rtol=1e-9)
 
 
-def test_caller_s_arrays_are_left_alone(frame, readonly):
+def test_arguments_are_unchanged(frame, readonly):
     body = frame()
     force = readonly(np.ones(len(body.beams)))
     for name in ("length", "triads", "EA", "rho_A", "phi_y", "lumped"):

@@ -1,7 +1,7 @@
 """The geometric stiffness is the tangent of the axial-bending energy EA/2 (u' + (v'^2 + w'^2)/2)^2 (von Karman).
 
-J. S. Przemieniecki, Theory of Matrix Structural Analysis (1968), sec. 15.2. The mean axial strain of the element is
-used, (u2 - u1)/L + (1/2L) int (v'^2 + w'^2) dx, with v' integrated here by Gauss points from the Hermite functions.
+J. S. Przemieniecki, Theory of Matrix Structural Analysis (1968), sec. 15.2. The energy uses the mean axial strain of
+the element, (u2 - u1)/L + (1/2L) int (v'^2 + w'^2) dx, with Gauss integration of v' from Hermite functions.
 """
 
 from __future__ import annotations
@@ -46,21 +46,21 @@ def second_difference(f, h):
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0], ids=["tension", "compression"])
-def test_tangent(bar, sign):
+def test_geometric_stiffness_is_tangent_of_energy(bar, sign):
     start = np.zeros(12)
     start[6] = sign * STRETCH * L
     force = sign * bar.EA * STRETCH
     tangent = second_difference(lambda u: energy(bar, start + u), 1e-5)
     expected = beam.geometric(bar, force)[0]
     expected[np.ix_([0, 6], [0, 6])] += bar.EA[0] / L * np.array([[1, -1], [-1, 1]])
-    # Differences with h = 1e-5: quartic terms h^2 EA/L^3 = 2e-2 N/m beside 1e4 N/m, rounding of energies 1e-16/h^2.
+    # Differences with h = 1e-5: quartic terms h^2 EA/L^3 = 2e-2 N/m against 1e4 N/m, rounding of energies 1e-16/h^2.
     rows = np.ix_(XY + XZ, XY + XZ)
     assert np.abs(tangent[rows] - expected[rows]).max() <= 1e-4 * np.abs(expected[rows]).max()
     assert np.abs(tangent - expected).max() <= 1e-4 * np.abs(expected).max()
 
 
-def test_rigid_rotation_gives_the_string_s_couple(bar):
-    # A bar under N turned by a small angle about z: end forces +-N v' across it.
+def test_rigid_rotation_gives_couple_of_axial_force(bar):
+    # A bar under N rotated by a small angle about z: end forces +-N v' across it.
     turn = np.zeros(12)
     turn[[5, 7, 11]] = 1.0, L, 1.0
     forces = beam.geometric(bar, np.array([100.0]))[0] @ turn

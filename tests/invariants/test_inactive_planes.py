@@ -1,4 +1,4 @@
-"""A plane in which a strut is straight and nothing bends it is left out, until something does: no result changes."""
+"""Inactive bending planes of a straight strut are removed until something excites them, without change of results."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ PLANES = {"y": {"uy", "rz"}, "z": {"uz", "ry"}, "along": {"ux"}}
 
 @pytest.fixture
 def rod(tmp_path):
-    """Return what is to be solved of a tube that is squeezed, with a bow in its x-y plane and loads across it."""
+    """Return a function that prepares a compressed tube with a bow in its x-y plane and lateral loads."""
 
     def make(bow=2e-4, *aside):
         path = tmp_path / "rod.toml"
         path.write_text(pinned_rod(bow, push(-200.0), elements=2, rotary_inertia=True, run=FASTER), encoding="utf-8")
         ready = prepare(read_case(path))
         pushes = [("tip.ux", -150.0), *((f"mid.{one}", size) for one, size in aside)]
-        return replace(ready, problem=loaded(ready.problem, pushes, wave))
+        return replace(ready, problem=add_loads(ready.problem, pushes, wave))
 
     return make
 
@@ -35,15 +35,15 @@ def wave(motion):
     return np.sin(motion.angle)
 
 
-def loaded(problem, pushes, history, *, steady=False):
+def add_loads(problem, pushes, history, *, steady=False):
     """Return a problem with loads on unknowns by name, N, over time."""
     names = problem.system.names
     loads = [Load(name, size * np.eye(len(names))[names.index(name)], history, steady) for name, size in pushes]
     return replace(problem, system=replace(problem.system, loads=(*problem.system.loads, *loads)))
 
 
-def moving(problem):
-    """Return which kinds of unknowns can move."""
+def active_components(problem):
+    """Return the components of the active unknowns."""
     found = active_dofs_of(problem).moving
     return {name.rpartition(".")[2] for name, one in zip(problem.system.names, found, strict=True) if one}
 
@@ -53,10 +53,10 @@ def moving(problem):
     (0.0, (("uy", 1.0),), ("along", "y")), (2e-4, (("uz", 1e-9),), ("along", "y", "z")),
     (0.0, (("uy", 1.0), ("uz", 1.0)), ("along", "y", "z")),
 ])  # fmt: skip
-def test_only_planes_that_something_bends_move(rod, bow, across, planes):
+def test_only_excited_planes_are_active(rod, bow, across, planes):
     ready = rod(bow, *across)
-    assert moving(ready.problem) == set().union(*(PLANES[one] for one in planes))
-    if len(planes) == 3:  # both runs would be the same
+    assert active_components(ready.problem) == set().union(*(PLANES[one] for one in planes))
+    if len(planes) == 3:  # both runs would be equal
         return
     whole, pruned = (
         solve(replace(ready.problem, prune=prune), ready.scheme, save=ready.save) for prune in (False, True)
@@ -64,68 +64,68 @@ def test_only_planes_that_something_bends_move(rod, bow, across, planes):
     assert pruned.stats.unknowns < whole.stats.unknowns
     for kind in ("displacement", "velocity"):
         one, other = (getattr(run.probes, kind) for run in (whole, pruned))
-        # rounding of a matrix whose axial entries are 1e4 times those of bending; a velocity has it by a step
+        # rounding of a matrix whose axial entries are 1e4 times those of bending; divided by the step for a velocity
         np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-9 * np.abs(one).max())
 
 
 @pytest.mark.parametrize("kind", ["displacement", "velocity"])
-def test_a_start_across_wakes_a_plane(rod, kind):
+def test_lateral_initial_state_activates_plane(rod, kind):
     problem = rod().problem
     begun = np.zeros(problem.system.size)
     begun[problem.system.names.index("mid.uz")] = 1e-6
     start = problem.start or State.rest(problem.system.size)
-    assert moving(problem) == PLANES["along"] | PLANES["y"]
+    assert active_components(problem) == PLANES["along"] | PLANES["y"]
     problem = replace(problem, start=replace(start, **{kind: getattr(start, kind) + begun}))
-    assert moving(problem) == PLANES["along"] | PLANES["y"] | PLANES["z"]
+    assert active_components(problem) == PLANES["along"] | PLANES["y"] | PLANES["z"]
 
 
-def test_rounding_across_wakes_no_plane(rod):
-    """Where nothing acts, some solutions of the equilibrium are not exactly zero."""
+def test_rounding_does_not_activate_plane(rod):
+    """Some equilibrium solutions are not exactly zero in unloaded unknowns."""
     problem = rod().problem
     rounding = np.zeros(problem.system.size)
     rounding[problem.system.names.index("mid.uz")] = 1e-40
     problem = replace(problem, start=replace(problem.start, displacement=problem.start.displacement + rounding))
-    assert moving(problem) == PLANES["along"] | PLANES["y"]
+    assert active_components(problem) == PLANES["along"] | PLANES["y"]
 
 
-def test_a_bow_bends_from_rest(rod):
-    """Nothing is bent at the start, but the squeeze bends it."""
+def test_bow_activates_plane_from_rest(rod):
+    """The tube is straight at the start, but the axial force bends it."""
     problem = rod().problem
-    assert moving(replace(problem, start=State.rest(problem.system.size))) == PLANES["along"] | PLANES["y"]
+    assert active_components(replace(problem, start=State.rest(problem.system.size))) == PLANES["along"] | PLANES["y"]
 
 
-def test_bending_wakes_what_it_shortens(rod):
-    """What is pushed across alone bends, and its ends come nearer."""
+def test_bending_activates_axial_motion(rod):
+    """A lateral load alone bends the tube and moves its ends."""
     plain = rod(0.0).problem
     plain = replace(plain, system=replace(plain.system, loads=plain.system.loads[:-1]))
-    assert moving(plain) == set()
-    assert moving(loaded(plain, [("mid.uz", 1.0)], wave)) == PLANES["along"] | PLANES["z"]
+    assert active_components(plain) == set()
+    assert active_components(add_loads(plain, [("mid.uz", 1.0)], wave)) == PLANES["along"] | PLANES["z"]
 
 
-def test_a_steady_push_across_wakes_a_plane(rod):
-    """It rests in balance while the squeeze is steady; what changes the squeeze changes the bending."""
-    pushed = loaded(rod(0.0).problem, [("mid.uz", 1.0)], lambda motion: np.ones_like(motion.angle), steady=True)
+def test_steady_lateral_load_activates_plane(rod):
+    """A lateral load is in equilibrium under constant axial force; a change of this force changes the bending."""
+    pushed = add_loads(rod(0.0).problem, [("mid.uz", 1.0)], lambda motion: np.ones_like(motion.angle), steady=True)
     resting = replace(pushed, start=equilibrium(pushed.system, pushed.drive))
     assert np.abs(resting.start.displacement[resting.system.names.index("mid.uz")]) > 0.0
-    assert moving(resting) == PLANES["along"] | PLANES["z"]
+    assert active_components(resting) == PLANES["along"] | PLANES["z"]
 
 
 @pytest.mark.parametrize(("across", "scalars"), [((), 4), ((("uz", 1.0),), 7)])
-def test_machine_code_skips_the_plane_and_agrees(rod, across, scalars):
+def test_kernel_engine_skips_inactive_plane(rod, across, scalars):
     ready = rod(2e-4, *across)
     general, compiled = (solve(replace(ready.problem, engine=path), ready.scheme) for path in ("direct", "kernel"))
-    way = select_engine(replace(ready.problem, engine="kernel"), ready.scheme, ready.save)
-    assert set(LocalForces(way.problem.system).table.laws[:, 2].tolist()) == {scalars}
+    selection = select_engine(replace(ready.problem, engine="kernel"), ready.scheme, ready.save)
+    assert set(LocalForces(selection.problem.system).table.laws[:, 2].tolist()) == {scalars}
     for kind in ("displacement", "velocity"):
         one, other = (getattr(run.probes, kind) for run in (general, compiled))
         np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-9 * np.abs(one).max())
 
 
-def test_machine_code_has_a_straight_strut(rod):
-    """Nothing bends it: its stretch alone is left of an element, and no force beyond that of a bar."""
+def test_kernel_engine_reduces_straight_strut_to_bar(rod):
+    """Without bending, only the elongation of an element remains, and no force beyond that of a bar."""
     ready = rod(0.0)
-    way = select_engine(replace(ready.problem, engine="kernel"), ready.scheme, ready.save)
-    assert set(LocalForces(way.problem.system).table.laws[:, 2].tolist()) == {1}
+    selection = select_engine(replace(ready.problem, engine="kernel"), ready.scheme, ready.save)
+    assert set(LocalForces(selection.problem.system).table.laws[:, 2].tolist()) == {1}
     general, compiled = (solve(replace(ready.problem, engine=path), ready.scheme) for path in ("direct", "kernel"))
     one, other = general.probes.displacement, compiled.probes.displacement
     np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-9 * np.abs(one).max())

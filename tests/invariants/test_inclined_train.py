@@ -1,4 +1,4 @@
-"""A pushrod train in a bank at 45 deg, guided by stiff springs, moves as the upright one with supports."""
+"""A pushrod train inclined by 45 deg with stiff guide springs moves as the upright train with supports."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ WORDS = "run.revolutions=0.4", "run.steps_per_revolution=1800"
 
 
 @pytest.fixture
-def inclined(tmp_path):
+def inclined_path(tmp_path):
     text = PATH.read_text(encoding="utf-8")
     for old, new in CHANGES.items():
         assert text.count(old) == 1
@@ -39,23 +39,23 @@ def inclined(tmp_path):
 
 
 @pytest.mark.parametrize(("model", "tolerance"), [("beams", 2e-3), ("rigid", 1e-6)])
-def test_guides_of_springs_in_an_inclined_bank(inclined, model, tolerance):
-    """Guides of 1 GN/m give way by less than a thousandth of the motion of the pushrod."""
+def test_inclined_train_matches_upright_train(inclined_path, model, tolerance):
+    """Guides of 1 GN/m deflect by less than a thousandth of the motion of the pushrod."""
     lines = [f"springs.{name}.direction={ALONG}" for name in ("valve", "tappet")]
-    cases = ((PATH, WORDS), (inclined, [*WORDS, *lines]))
+    cases = ((PATH, WORDS), (inclined_path, [*WORDS, *lines]))
     runs = [run(read_case(path, [*words, f"fidelity.model={model}"])) for path, words in cases]
     for read in (lambda one: one["valve"].displacement, lambda one: one.channels["contacts.intake.force"]):
         upright, bank = (read(one) for one in runs)
         np.testing.assert_allclose(bank, upright, atol=tolerance * np.abs(upright).max())
 
 
-def test_a_spring_across_the_line_of_a_rockers_point_is_reported(inclined):
-    (warning,) = check_oblique_springs(build_model(read_case(inclined)))
+def test_oblique_spring_at_rocker_causes_warning(inclined_path):
+    (warning,) = check_oblique_springs(build_model(read_case(inclined_path)))
     assert "springs.valve: its direction is at 45 deg" in warning
     assert "[0.0, 0.7071, 0.7071]" in warning
     assert not list(check_oblique_springs(build_model(read_case(PATH))))
 
 
-def test_a_support_in_another_direction_is_refused_with_its_substitute(inclined):
+def test_oblique_support_error_suggests_spring(inclined_path):
     with pytest.raises(InputError, match="stiff spring with this direction"):
-        read_case(inclined, ['supports.tappet=["ux", [0, 1, -1]]'])
+        read_case(inclined_path, ['supports.tappet=["ux", [0, 1, -1]]'])

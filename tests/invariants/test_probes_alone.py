@@ -1,4 +1,4 @@
-"""A run that keeps the probes alone keeps the same ones, whichever way it takes."""
+"""Runs that save only probes give the same probes as complete runs, with every engine."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ def published():
 
 @pytest.mark.parametrize("every", [10, 37, 5000])
 @pytest.mark.parametrize("scheme", [newmark(), hht(alpha=-0.1)], ids=["newmark", "hht"])
-def test_probes_and_saved_fields_are_those_of_the_whole_run(published, every, scheme):
-    """The motions are walked within blocks, or the probes see them in a product of matrices, by longer blocks.
+def test_probes_and_fields_match_complete_run(published, every, scheme):
+    """Modes are integrated within blocks, or probes follow from a matrix product over longer blocks.
 
-    An acceleration has the rounding of a displacement by the step's square: that of both is some 1e-13 of it here.
+    An acceleration has the rounding of a displacement divided by the square of the step, some 1e-13 of it here.
     """
     problem = replace(published.problem, engine="modal", steps=1500)
     whole, few = (solve(problem, scheme, save=SaveAt(every, channels=kept)) for kept in (True, False))
@@ -43,18 +43,18 @@ def test_probes_and_saved_fields_are_those_of_the_whole_run(published, every, sc
         np.testing.assert_allclose(others, fields, rtol=0.0, atol=most * np.abs(fields).max())
 
 
-def test_every_way_keeps_them(published):
+def test_all_engines_give_same_probes(published):
     problem = replace(published.problem, steps=1500)
     found = [
         solve(replace(problem, engine=path), newmark(), save=SaveAt(100, channels=False))
         for path in ("direct", "modal", "kernel")
     ]
-    for other in found[1:]:  # by another order of operations
+    for other in found[1:]:  # different order of operations
         np.testing.assert_allclose(other.probes.displacement, found[0].probes.displacement, rtol=0.0, atol=1e-10 * 0.01)
 
 
-def test_what_leaves_the_range_is_cut_at_the_same_step():
-    """Newmark with beta 1/12 beyond its limit: the last good step is that of a run that looks at every step."""
+def test_diverging_run_ends_at_same_step():
+    """Newmark's method with beta 1/12 above its limit: the last finite step equals that of a complete run."""
     one = Triplets.from_dense([[1.0]])
     push = Load("push", np.ones(1), lambda motion: np.ones_like(motion.angle))
     watch = Probe("x", ("x",), np.eye(1), (None,))
@@ -68,13 +68,13 @@ def test_what_leaves_the_range_is_cut_at_the_same_step():
     assert np.isfinite(few.probes.displacement).all()
 
 
-def test_what_nothing_pushes_is_seen_too():
-    """Without any load there are no histories: what is set free swings."""
+def test_probes_of_unloaded_system():
+    """Without a load there are no load histories; the free vibration is still computed."""
     one = Triplets.from_dense([[1.0]])
     watch = Probe("x", ("x",), np.eye(1), (None,))
     system = System(one, Triplets.zeros(1), one, ("x",), probes=(watch,))
     problem = Problem(system, ConstantSpeed(1.0), step=0.01, steps=1500, start=State(np.ones(1), np.zeros(1)))
     whole, few = (solve(problem, newmark(), save=SaveAt(100, channels=kept)) for kept in (True, False))
     assert few.stats.engine == "modal"
-    most = 1e-14  # of the largest, one: the rounding of a product of matrices
+    most = 1e-14  # relative to the maximum of one: rounding of a matrix product
     np.testing.assert_allclose(few.probes.displacement, whole.probes.displacement, rtol=0.0, atol=most)

@@ -1,4 +1,4 @@
-"""What cannot move is left out of the integration, and no result changes: random systems, trains in space, starts."""
+"""Removal of inactive unknowns does not change results: random systems, shafts in space, initial states."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from flexcam.core import Triplets
-from flexcam.core import connected_components as groups
+from flexcam.core import connected_components as label_components
 from flexcam.dynamics import (
     AngleVector,
     Channel,
@@ -42,17 +42,17 @@ from flexcam.fem.mesh import Mesh, refine
 from flexcam.fem.sections import Material, Section
 
 STEEL = Material(207e9, 0.29, 7800.0)
-SAME = {"displacement": 1e-12, "velocity": 1e-12, "acceleration": 1e-12}
-"""Part of the largest."""
+TOLERANCES = {"displacement": 1e-12, "velocity": 1e-12, "acceleration": 1e-12}
+"""Tolerances relative to the maximum."""
 
-STIFF = {"displacement": 1e-10, "velocity": 1e-9, "acceleration": 1e-7}
-"""The same for beams in long steps: rounding of a matrix whose axial entries are 1e4 times those of bending, and that a
-velocity has by 1/step, an acceleration by 1/step^2. Renumbering the unknowns changes as much; a shaft along (1, 1, 0)
-under a push along z differs by 5e-11."""
+BEAM_TOLERANCES = {"displacement": 1e-10, "velocity": 1e-9, "acceleration": 1e-7}
+"""Tolerances for beams with long steps: rounding of a matrix whose axial entries are 1e4 times those of bending;
+divided by the step for a velocity and by its square for an acceleration. Another order of the unknowns changes as
+much; a shaft along (1, 1, 0) under a load along z differs by 5e-11."""
 
 
-class Stiff:
-    """A cubic spring that senses and acts."""
+class CubicForce:
+    """Cubic spring that senses and acts."""
 
     def respond(self, gap, rate, angle):
         return Reaction(-100.0 * gap**3, np.diag(-300.0 * gap**2), np.zeros((len(gap), len(gap))))
@@ -82,7 +82,7 @@ def chains(sizes, rng, *, mixed=True):
     return System(*matrices, tuple(f"x{i}" for i in range(n))), np.argsort(order)
 
 
-def watched(system):
+def observe_all(system):
     """Return a system with every unknown as a probe and as a channel."""
     n = system.size
     probes = (Probe("all", system.names, np.eye(n), (None,) * n),)
@@ -92,12 +92,12 @@ def watched(system):
     return replace(system, probes=probes, channels=channels)
 
 
-def both(system, start=None, steps=60, step=0.05):
-    problem = Problem(watched(system), ConstantSpeed(1.0), step, steps, start)
+def run_both(system, start=None, steps=60, step=0.05):
+    problem = Problem(observe_all(system), ConstantSpeed(1.0), step, steps, start)
     return [solve(replace(problem, prune=prune), newmark()) for prune in (False, True)]
 
 
-def assert_same(whole, pruned, *, parts=SAME):
+def assert_equal_runs(whole, pruned, *, parts=TOLERANCES):
     assert whole.status.ok
     assert whole.outline == pruned.outline
     for group in ("probes", "fields"):
@@ -113,10 +113,10 @@ def assert_same(whole, pruned, *, parts=SAME):
 
 
 @given(st.integers(0, 30), st.lists(st.tuples(st.integers(0, 29), st.integers(0, 29)), max_size=40))
-def test_groups_are_the_connected_components(more, pairs):
+def test_labels_match_scipy_connected_components(more, pairs):
     size = 30 + more
     rows, cols = (np.array([pair[i] for pair in pairs], dtype=np.intp) for i in (0, 1))
-    labels = groups(size, rows, cols)
+    labels = label_components(size, rows, cols)
     count, known = connected_components(
         coo_array((np.ones(len(rows)), (rows, cols)), shape=(size, size)), directed=False
     )
@@ -133,37 +133,41 @@ def test_groups_are_the_connected_components(more, pairs):
     linked=st.booleans(),
     begun=st.booleans(),
 )
-def test_pruned_is_unpruned(seed, sizes, loaded, linked, begun):
+def test_pruned_run_equals_complete_run(seed, sizes, loaded, linked, begun):
     rng = np.random.default_rng(seed)
     system, place = chains(sizes, rng)
     n, ends = system.size, np.cumsum(sizes) - 1
     loads = tuple(Load(str(c), unit(n, place[ends[c]]), wave) for c in sorted(loaded) if c < len(sizes))
     link = unit(n, place[0]) - unit(n, place[ends[-1]])
-    force = LocalForce("link", (AngleVector.constant(link),), (AngleVector.constant(link),), Stiff(), (constant(0.0),))
+    force = LocalForce(
+        "link", (AngleVector.constant(link),), (AngleVector.constant(link),), CubicForce(), (constant(0.0),)
+    )
     system = replace(system, loads=loads, local_forces=(force,) if linked else ())
     start = State(np.zeros(n), 0.1 * unit(n, place[ends[0]])) if begun else None
     moved = {c for c in loaded if c < len(sizes)} | ({0} if begun else set())
     if linked and moved & {0, len(sizes) - 1}:
         moved |= {0, len(sizes) - 1}
-    whole, pruned = both(system, start)
+    whole, pruned = run_both(system, start)
     assert pruned.stats.unknowns == sum(sizes[c] for c in moved)
-    assert_same(whole, pruned)
+    assert_equal_runs(whole, pruned)
 
 
-def test_what_acts_couples_as_what_senses_does():
-    """A force that senses one part and acts on another moves the other: both sides belong to the graph."""
+def test_acting_side_of_force_couples_unknowns():
+    """A force that senses one part and acts on another one moves the latter: the graph contains both sides."""
     system, _ = chains([1, 1, 1], np.random.default_rng(1), mixed=False)
     sense, act = unit(3, 0), unit(3, 1)
-    force = LocalForce("push", (AngleVector.constant(sense),), (AngleVector.constant(act),), Stiff(), (constant(0.0),))
+    force = LocalForce(
+        "push", (AngleVector.constant(sense),), (AngleVector.constant(act),), CubicForce(), (constant(0.0),)
+    )
     system = replace(system, local_forces=(force,), loads=(Load("wave", sense, wave),))
     assert find_active_dofs(system).moving.tolist() == [True, True, False]
-    whole, pruned = both(system)
+    whole, pruned = run_both(system)
     assert pruned.probes.displacement[:, 1].any()
-    assert_same(whole, pruned)
+    assert_equal_runs(whole, pruned)
 
 
 @pytest.mark.parametrize("what", ["offset", "vector", "preload", "load", "velocity", "displacement"])
-def test_what_excites_brings_its_unknowns_back(what):
+def test_excitation_activates_unknowns(what):
     system, _ = chains([1, 2], np.random.default_rng(2), mixed=False)
     n, row, start = 3, unit(3, 2), None
     assert find_active_dofs(replace(system, loads=(Load("wave", unit(n, 0), wave),))).moving.tolist() == [
@@ -173,7 +177,7 @@ def test_what_excites_brings_its_unknowns_back(what):
     ]
     sense = AngleVector.constant(row) if what != "vector" else AngleVector(row[None, :], (lambda a, k: np.cos(a),))
     offset = {"offset": lambda angle, order: np.sin(angle), "preload": constant(0.5)}.get(what, constant(0.0))
-    force = LocalForce("force", (sense,), (AngleVector.constant(row),), Stiff(), (offset,))
+    force = LocalForce("force", (sense,), (AngleVector.constant(row),), CubicForce(), (offset,))
     system = replace(system, loads=(Load("wave", unit(n, 0), wave),))
     if what in ("offset", "vector", "preload"):
         system = replace(system, local_forces=(force,))
@@ -182,17 +186,19 @@ def test_what_excites_brings_its_unknowns_back(what):
     else:
         moved = 1e-6 * row
         start = State(moved, 0.0 * row) if what == "displacement" else State(0.0 * row, moved)
-    whole, pruned = both(system, start)
+    whole, pruned = run_both(system, start)
     assert pruned.stats.unknowns == 3
-    assert_same(whole, pruned)
+    assert_equal_runs(whole, pruned)
 
 
-def test_what_hangs_in_balance_stays_where_it_hangs():
-    """Under its weight a chain is displaced but never moves; its strain energy and forces are still told."""
+def test_statically_loaded_chain_stays_inactive():
+    """A chain under its weight is displaced but does not move; its strain energy and forces are still computed."""
     system, _ = chains([2, 3], np.random.default_rng(3), mixed=False)
     weight = Load("weight", np.array([0.0, 0.0, 1.0, 2.0, 3.0]), lambda motion: np.ones_like(motion.angle), steady=True)
     row = unit(5, 4)
-    force = LocalForce("spring", (AngleVector.constant(row),), (AngleVector.constant(row),), Stiff(), (constant(0.0),))
+    force = LocalForce(
+        "spring", (AngleVector.constant(row),), (AngleVector.constant(row),), CubicForce(), (constant(0.0),)
+    )
     system = replace(system, loads=(Load("wave", unit(5, 0), wave), weight), local_forces=(force,))
     still = replace(system, local_forces=())
     start = equilibrium(still, ConstantSpeed(1.0))
@@ -202,23 +208,23 @@ def test_what_hangs_in_balance_stays_where_it_hangs():
     assert found.held[4] == start.displacement[4] != 0.0
     rounded = replace(still, free=np.array([[1.0], [1.0], [1e-17], [1e-17], [1e-17]]))
     assert not find_active_dofs(rounded, start.displacement).still[0].free
-    whole, pruned = both(still, start)
+    whole, pruned = run_both(still, start)
     assert pruned.stats.unknowns == 2
-    assert_same(whole, pruned)
-    # A start that hangs without its weight's stretch swings, and a force that the stretch wakes does too.
+    assert_equal_runs(whole, pruned)
+    # A start without the static deflection causes vibration, and so does a force that the deflection activates.
     assert find_active_dofs(still).moving.all()
     assert find_active_dofs(system, start.displacement).moving.all()
 
 
-def test_a_soft_spring_between_stiff_parts_couples():
-    """Its entry is far below rounding of the diagonals, and yet it is all that moves the second part."""
+def test_soft_spring_between_stiff_parts_couples():
+    """The coupling is far below the rounding of the diagonals, but it alone moves the second part."""
     K = np.array([[1e12, -1e-4], [-1e-4, 1e12]])
     system = System(Triplets.from_dense(np.eye(2)), Triplets.zeros(2), Triplets.from_dense(K), ("a", "b"))
     assert find_active_dofs(replace(system, loads=(Load("wave", unit(2, 0), wave),))).moving.all()
 
 
 def shaft(axis, *, tilt=0.0):
-    """Return a shaft along an axis between bearings, under a load across it."""
+    """Return a shaft along an axis between bearings, under a lateral load."""
     nodes = np.linspace(0.0, 0.4, 5)[:, None] * axis
     nodes[:, 1] += tilt * nodes[:, 0]
     mesh = refine(Mesh(nodes, {"shaft": [0, 1, 2, 3, 4]}, {"a": [0], "b": [4], "cam": [2]}), {"shaft": 1})
@@ -233,8 +239,8 @@ def shaft(axis, *, tilt=0.0):
 
 
 @pytest.mark.parametrize("tilt", [0.0, 1e-16, 1e-9])
-def test_a_shaft_along_an_axis(tilt):
-    """Only its plane of bending moves; a hair off the axis the planes couple by rounding, and all are kept or right."""
+def test_shaft_along_coordinate_axis(tilt):
+    """Only the bending plane is active; for a slightly inclined axis, rounding couples the planes."""
     system, dofs, mesh = shaft(np.array([1.0, 0.0, 0.0]), tilt=tilt)
     push = dofs.vector(mesh.node("cam"), np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0]))
     system = replace(system, loads=(Load("push", 1e3 * push, wave),))
@@ -242,33 +248,35 @@ def test_a_shaft_along_an_axis(tilt):
         name.rpartition(".")[2] for name, one in zip(system.names, find_active_dofs(system).moving, strict=True) if one
     }
     assert kept == {"uy", "rz"} if tilt == 0.0 else kept >= {"uy", "rz"}
-    assert_same(*both(system, step=1e-3), parts=STIFF)
+    assert_equal_runs(*run_both(system, step=1e-3), parts=BEAM_TOLERANCES)
 
 
 @settings(max_examples=15, deadline=None)
 @example([1.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 @given(st.lists(st.floats(-1.0, 1.0), min_size=6, max_size=6).filter(lambda v: np.linalg.norm(v[:3]) > 0.1))
-def test_a_shaft_along_any_axis(numbers):
+def test_shaft_along_any_axis(numbers):
     axis = np.array(numbers[:3]) / np.linalg.norm(numbers[:3])
     system, dofs, mesh = shaft(axis)
     push = dofs.vector(mesh.node("cam"), np.array([*numbers[3:], 0.0, 0.0, 0.0]))
     system = replace(system, loads=(Load("push", 1e3 * push, wave),))
-    assert_same(*both(system, step=1e-3), parts=STIFF)
+    assert_equal_runs(*run_both(system, step=1e-3), parts=BEAM_TOLERANCES)
 
 
-def test_shapes_that_span_everything_change_nothing():
+def test_complete_mode_basis_does_not_change_run():
     rng = np.random.default_rng(4)
     system, _ = chains([3, 2], rng)
     row = unit(5, 0) - unit(5, 3)
-    force = LocalForce("link", (AngleVector.constant(row),), (AngleVector.constant(row),), Stiff(), (constant(0.1),))
-    system = watched(replace(system, local_forces=(force,), loads=(Load("wave", unit(5, 2), wave),)))
+    force = LocalForce(
+        "link", (AngleVector.constant(row),), (AngleVector.constant(row),), CubicForce(), (constant(0.1),)
+    )
+    system = observe_all(replace(system, local_forces=(force,), loads=(Load("wave", unit(5, 2), wave),)))
     start = State(rng.normal(size=5), rng.normal(size=5))
     problem = Problem(system, ConstantSpeed(1.0), 0.05, 60, start)
     basis = ModeBasis(np.linalg.qr(rng.normal(size=(5, 5)))[0] * rng.uniform(0.5, 2.0, 5))
-    assert_same(solve(problem, newmark()), solve(replace(problem, basis=basis), newmark()), parts=STIFF)
+    assert_equal_runs(solve(problem, newmark()), solve(replace(problem, basis=basis), newmark()), parts=BEAM_TOLERANCES)
 
 
-def test_fewer_shapes_are_a_projection():
+def test_incomplete_mode_basis_is_projection():
     rng = np.random.default_rng(5)
     system, _ = chains([4], rng)
     T = rng.normal(size=(4, 2))
@@ -276,14 +284,14 @@ def test_fewer_shapes_are_a_projection():
     np.testing.assert_allclose(small.stiffness.dense(), T.T @ system.stiffness.dense() @ T)
     np.testing.assert_allclose(small.loads[0].vector, T[1])
     assert small.names == ("shape 1", "shape 2")
-    # The nearest motion by kinetic energy: what is missed has no momentum along the shapes.
+    # The nearest motion by kinetic energy: the error has no momentum along the shapes.
     motion = rng.normal(size=4)
     missed = motion - ModeBasis(T).spread(ModeBasis(T).within(motion, system.mass))
     np.testing.assert_allclose(T.T @ system.mass.times(missed), 0.0, atol=1e-12)
 
 
-def test_free_motions_of_a_choice():
-    """Axial drift and another free motion: the part that is kept stays free, the other is gone."""
+def test_free_motions_of_dof_subset():
+    """Axial motion and another free motion: the active part remains free, the other one is removed."""
     free = np.array([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     found = DofSubset(np.array([0, 1]), np.zeros(3)).free(free)
     assert found.shape == (2, 1)

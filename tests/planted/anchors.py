@@ -1,7 +1,7 @@
-"""Locate the code that a planted fault changes, by the symbol that holds it and by its syntax tree.
+"""Locate the code that a planted fault changes, by its symbol and its syntax tree.
 
-`symbol` is the qualified name of a function, class, constant or import ("Scheme.step", "outer.inner"), in whatever file
-of the package it stands. `old` and `new` are both
+`symbol` is the qualified name of a function, class, constant or import ("Scheme.step", "outer.inner"), in any file of
+the package. `old` and `new` are both
 
 - expressions, or
 - headers of compound statements, written with the body "..." ("def f(x): ...", "for x in y: ..."), or
@@ -44,12 +44,12 @@ class Edit:
     end: int
     new: str
 
-    def changed(self, content: bytes) -> bytes:
+    def replace_in(self, content: bytes) -> bytes:
         return content[: self.begin] + self.new.encode() + content[self.end :]
 
     def apply(self, tree: Path) -> None:
         path = tree / self.path
-        path.write_bytes(self.changed(path.read_bytes()))
+        path.write_bytes(self.replace_in(path.read_bytes()))
 
 
 class Source:
@@ -64,23 +64,23 @@ class Source:
         self._starts = [0, *accumulate(lengths)]
 
     def start(self, node: ast.AST) -> int:
-        """Return the byte at which a node begins, without its decorators."""
+        """Return the byte offset of the start of a node, without its decorators."""
         return self._starts[node.lineno - 1] + node.col_offset
 
     def begin(self, node: ast.AST) -> int:
-        """Return the byte at which a node begins, with its decorators."""
+        """Return the byte offset of the start of a node, with its decorators."""
         decorators = getattr(node, "decorator_list", [])
         return self.content.rindex(b"@", 0, self.start(decorators[0])) if decorators else self.start(node)
 
     def end(self, node: ast.AST) -> int:
-        """Return the byte behind a node."""
+        """Return the byte offset after a node."""
         return self._starts[node.end_lineno - 1] + node.end_col_offset
 
     def text(self, node: ast.AST) -> str:
         return self.content[self.begin(node) : self.end(node)].decode()
 
     def indent(self, node: ast.AST) -> str:
-        """Return what a line is indented by that begins with the node."""
+        """Return the indentation of a line that starts with the node."""
         return " " * node.col_offset
 
 
@@ -115,7 +115,7 @@ class Package:
         """Return the replacement that plants the fault."""
         edit = self._by_symbol(fault) if "symbol" in fault else self._by_text(fault)
         if edit.path.endswith(".py"):
-            _refuse_invalid(fault, edit.changed((self.tree / edit.path).read_bytes()))
+            _check_syntax(fault, edit.replace_in((self.tree / edit.path).read_bytes()))
         return edit
 
     def _by_symbol(self, fault: Fault) -> Edit:
@@ -129,7 +129,7 @@ class Package:
         found = {edit: one for one in named for edit in find(one)}
         if len(found) == 1:
             return next(iter(found))
-        raise AnchorError(self._told(fault, named, list(found.values()), find))
+        raise AnchorError(self._describe_mismatch(fault, named, list(found.values()), find))
 
     def _by_text(self, fault: Fault) -> Edit:
         path = self.tree / fault["file"]
@@ -140,15 +140,15 @@ class Package:
         begin = content.index(old)
         return Edit(fault["file"], begin, begin + len(old), fault["new"])
 
-    def _told(self, fault: Fault, named: list[Definition], found: list[Definition], find: Finder) -> str:
-        """Say how often the anchor matches, and which definitions may be meant."""
+    def _describe_mismatch(self, fault: Fault, named: list[Definition], found: list[Definition], find: Finder) -> str:
+        """Describe how often the anchor matches, and which definitions may be meant."""
         place = fault["symbol"] + (f" of {fault['module']}" if "module" in fault else "")
-        said = f"{fault['name']}: {fault['old']!r} occurs {len(found)} times in {place}"
+        text = f"{fault['name']}: {fault['old']!r} occurs {len(found)} times in {place}"
         if found:
-            return f"{said}: {', '.join(map(str, found))}"
-        said += f" (defined as {', '.join(map(str, named))})" if named else ", which is not defined"
+            return f"{text}: {', '.join(map(str, found))}"
+        text += f" (defined as {', '.join(map(str, named))})" if named else ", which is not defined"
         others = [str(one) for several in self.symbols.values() for one in several if any(find(one))]
-        return f"{said}; it occurs in {', '.join(others[:MOST_CANDIDATES]) or 'no other definition'}"
+        return f"{text}; it occurs in {', '.join(others[:MOST_CANDIDATES]) or 'no other definition'}"
 
 
 def finder(fault: Fault) -> Finder:
@@ -157,7 +157,7 @@ def finder(fault: Fault) -> Finder:
     for read, replacements in ((_expression, _expressions), (_header, _headers), (_block, _blocks)):
         before, after = read(old), read(new)
         if before is not None and after is not None:
-            if same(before, after):
+            if is_equal_tree(before, after):
                 message = f"{fault['name']}: `new` says the same as `old`"
                 raise AnchorError(message)
             return lambda one: replacements(one, before, new)
@@ -165,14 +165,14 @@ def finder(fault: Fault) -> Finder:
     raise AnchorError(message)
 
 
-def same(one: object, other: object) -> bool:
-    """Tell whether two syntax trees are equal, wherever they stand."""
+def is_equal_tree(one: object, other: object) -> bool:
+    """Return whether two syntax trees are equal, independent of their positions."""
     if type(one) is not type(other):
         return False
     if isinstance(one, ast.AST):
-        return all(same(value, getattr(other, field, None)) for field, value in ast.iter_fields(one))
+        return all(is_equal_tree(value, getattr(other, field, None)) for field, value in ast.iter_fields(one))
     if isinstance(one, list):
-        return len(one) == len(other) and all(map(same, one, other))
+        return len(one) == len(other) and all(map(is_equal_tree, one, other))
     return one == other
 
 
@@ -196,7 +196,7 @@ def _header(text: str) -> ast.stmt | None:
     if block is None or len(block) != 1 or not isinstance(block[0], COMPOUND):
         return None
     (node,) = block
-    return _without_body(node) if text.endswith("...") and same(node.body, _block("...")) else None
+    return _without_body(node) if text.endswith("...") and is_equal_tree(node.body, _block("...")) else None
 
 
 def _without_body(node: ast.stmt) -> ast.stmt:
@@ -207,29 +207,31 @@ def _without_body(node: ast.stmt) -> ast.stmt:
 
 
 def _expressions(place: Definition, old: ast.expr, new: str) -> Iterator[Edit]:
-    """Yield the replacements of an expression; parentheses keep the new one whole."""
+    """Yield the replacements of an expression; parentheses group the new one."""
     source = place.source
     for node in ast.walk(place.node):
-        if same(node, old) and same(_expression(source.text(node)), old):  # positions inside f-strings may be wrong
+        if is_equal_tree(node, old) and is_equal_tree(
+            _expression(source.text(node)), old
+        ):  # positions inside f-strings may be wrong
             yield Edit(source.path, source.begin(node), source.end(node), f"({new})")
 
 
 def _headers(place: Definition, old: ast.stmt, new: str) -> Iterator[Edit]:
-    """Yield the replacements of all that stands before the body of a compound statement."""
+    """Yield the replacements of everything before the body of a compound statement."""
     source = place.source
     for node in ast.walk(place.node):
-        if isinstance(node, COMPOUND) and same(_without_body(node), old):
+        if isinstance(node, COMPOUND) and is_equal_tree(_without_body(node), old):
             header = textwrap.indent(new.removesuffix("...").rstrip(), source.indent(node)).lstrip()
             first = node.body[0]
             yield Edit(source.path, source.start(node), source.begin(first), f"{header}\n{source.indent(first)}")
 
 
 def _blocks(place: Definition, old: list[ast.stmt], new: str) -> Iterator[Edit]:
-    """Yield the replacements of statements that follow each other."""
+    """Yield the replacements of consecutive statements."""
     source, count = place.source, len(old)
     for block in ([place.node], *_blocks_in(place.node)):
         for i in range(len(block) - count + 1):
-            if same(block[i : i + count], old):
+            if is_equal_tree(block[i : i + count], old):
                 text = textwrap.indent(new, source.indent(block[i])).lstrip()
                 yield Edit(source.path, source.begin(block[i]), source.end(block[i + count - 1]), text)
 
@@ -240,23 +242,23 @@ def _blocks_in(node: ast.AST) -> Iterator[list[ast.stmt]]:
     )
 
 
-def _refuse_invalid(fault: Fault, changed: bytes) -> None:
-    """Refuse a replacement that is a syntax error."""
+def _check_syntax(fault: Fault, replace_in: bytes) -> None:
+    """Raise an error for a replacement that is a syntax error."""
     try:
-        compile(changed, fault["name"], "exec", dont_inherit=True)
+        compile(replace_in, fault["name"], "exec", dont_inherit=True)
     except SyntaxError as error:
         message = f"{fault['name']}: the file with the fault is not Python: {error}"
         raise AnchorError(message) from error
 
 
 def _definitions(owner: ast.AST, prefix: str = "") -> Iterator[tuple[str, ast.stmt]]:
-    """Yield the qualified name and the statement of every definition; names assigned inside functions are none."""
+    """Yield the qualified name and the statement of every definition, except names assigned inside functions."""
     for node in _statements(owner):
         if isinstance(node, NAMED):
             yield f"{prefix}{node.name}", node
             yield from _definitions(node, f"{prefix}{node.name}.")
         elif not isinstance(owner, FUNCTIONS):
-            yield from ((f"{prefix}{name}", node) for name in _bound(node))
+            yield from ((f"{prefix}{name}", node) for name in _bound_names(node))
 
 
 def _statements(owner: ast.AST) -> Iterator[ast.stmt]:
@@ -268,7 +270,7 @@ def _statements(owner: ast.AST) -> Iterator[ast.stmt]:
             yield from _statements(node)
 
 
-def _bound(node: ast.stmt) -> Iterator[str]:
+def _bound_names(node: ast.stmt) -> Iterator[str]:
     """Yield the names that an assignment or import binds."""
     if isinstance(node, (ast.Import, ast.ImportFrom)):
         yield from (alias.asname or alias.name.partition(".")[0] for alias in node.names)

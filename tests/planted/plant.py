@@ -1,4 +1,4 @@
-"""Plant every fault of ``faults.toml`` in a copy of the tree; fail if the suite stays green under any of them.
+"""Plant every fault of ``faults.toml`` in a copy of the tree; fail if the suite passes with any of them.
 
 Run as ``python -m tests.planted.plant`` from the root of the repository.
 """
@@ -23,13 +23,13 @@ COPIED = (
     "flexcam", "tests", "docs", "meshes", "cases", "examples", "benchmarks", "pyproject.toml", "Makefile",
     "CITATION.cff", ".pre-commit-config.yaml", *(page.name for page in ROOT.glob("*.md")),
 )  # fmt: skip
-"""What the tests look at."""
+"""Files and folders that the tests need."""
 WORKERS = os.cpu_count() or 1
 FAULTS = tomllib.loads((ROOT / "tests/planted/faults.toml").read_text(encoding="utf-8"))["fault"]
 
 
 def copy_tree(source: Path, target: Path) -> None:
-    """Copy a tree with what Python has compiled of it; what is changed in the copy is compiled anew."""
+    """Copy a tree with its compiled Python files; changed files are compiled again."""
     for name in COPIED:
         if (source / name).is_dir():
             shutil.copytree(source / name, target / name)
@@ -37,15 +37,15 @@ def copy_tree(source: Path, target: Path) -> None:
             shutil.copy(source / name, target / name)
 
 
-def failures(tree: Path, tests: list[str], kept: Path, workers: int = 0) -> str:
-    """Run the tests on the tree; return what pytest says if one fails (a suite that cannot even run proves nothing).
+def run_tests(tree: Path, tests: list[str], cache: Path, workers: int = 0) -> str:
+    """Run the tests on the tree; return the output of pytest if a test fails, else an empty string.
 
-    Machine code is kept for all of them in one folder: it is found by the text it was made from, so that a tree with a
-    fault in this text has its own.
+    Raise SystemExit if the suite cannot run. The cache of machine code is common to all trees: its key is the source
+    text, so that a tree with a fault in this text has separate code.
     """
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-n", str(workers), *tests]
     environment = {
-        **os.environ, "PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "", "FLEXCAM_CACHE": str(kept),
+        **os.environ, "PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "", "FLEXCAM_CACHE": str(cache),
         "FLEXCAM_PLANTED": "1",
         "FLEXCAM_VERIFICATION_JSON": str(tree / "verification.json"),
     }  # fmt: skip
@@ -57,8 +57,8 @@ def failures(tree: Path, tests: list[str], kept: Path, workers: int = 0) -> str:
     return done.stdout if done.returncode == 1 else ""
 
 
-def refusals(faults: list[Fault], tree: Path) -> list[str]:
-    """Return what is wrong with the places of the faults and the tests that they name."""
+def find_invalid_faults(faults: list[Fault], tree: Path) -> list[str]:
+    """Return errors in the places of the faults and in the tests that they name."""
     package, found = Package(tree), []
     for fault in faults:
         try:
@@ -70,36 +70,36 @@ def refusals(faults: list[Fault], tree: Path) -> list[str]:
     return found
 
 
-def control(faults: list[Fault], sound: Path, kept: Path) -> None:
-    """Every selection of tests must be green before a fault is planted, or its failing would prove nothing."""
+def check_suite(faults: list[Fault], sound: Path, cache: Path) -> None:
+    """Check that all selected tests pass before a fault is planted; otherwise their failure would prove nothing."""
     everything = sorted({test for fault in faults for test in fault["tests"]})
-    if said := failures(sound, everything, kept, WORKERS):
-        message = f"{said}\nthe suite fails without any fault planted"
+    if output := run_tests(sound, everything, cache, WORKERS):
+        message = f"{output}\nthe suite fails without any fault planted"
         raise SystemExit(message)
 
 
-def caught(fault: Fault, edit: Edit, sound: Path, kept: Path) -> bool:
-    """Tell whether the tests of a fault fail on a tree that has it."""
+def is_caught(fault: Fault, edit: Edit, sound: Path, cache: Path) -> bool:
+    """Return whether the tests of a fault fail on a tree with the fault."""
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder)
         copy_tree(sound, tree)
         edit.apply(tree)
-        return bool(failures(tree, fault["tests"], kept))
+        return bool(run_tests(tree, fault["tests"], cache))
 
 
-def survivors(faults: list[Fault]) -> list[str]:
-    """Plant the faults one by one, tell how each ends, and return the names of those that no test catches."""
+def find_survivors(faults: list[Fault]) -> list[str]:
+    """Plant the faults one by one, print the outcomes, and return the names of faults that no test catches."""
     survived = []
-    # Each thread waits for a process of its own.
+    # Each thread waits for a separate process.
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(WORKERS) as threads:
-        sound, kept = Path(folder) / "sound", Path(folder) / "machine-code"
+        sound, cache = Path(folder) / "sound", Path(folder) / "machine-code"
         sound.mkdir()
         copy_tree(ROOT, sound)
         package = Package(sound)
         edits = [package.edit(fault) for fault in faults]
-        control(faults, sound, kept)
+        check_suite(faults, sound, cache)
         for fault, seen in zip(
-            faults, threads.map(partial(caught, sound=sound, kept=kept), faults, edits), strict=True
+            faults, threads.map(partial(is_caught, sound=sound, cache=cache), faults, edits), strict=True
         ):
             sys.stdout.write(f"{'caught' if seen else 'SURVIVED'}: {fault['name']}\n")
             sys.stdout.flush()
@@ -113,17 +113,17 @@ def main() -> int:
     parser.add_argument(
         "--only", metavar="SUBSTRING", action="append", help="only faults with this in their name; may be repeated"
     )
-    asked = parser.parse_args()
-    faults = [fault for fault in FAULTS if any(some in fault["name"] for some in asked.only or [""])]
+    options = parser.parse_args()
+    faults = [fault for fault in FAULTS if any(some in fault["name"] for some in options.only or [""])]
     if not faults:
-        parser.error(f"no fault has {' or '.join(asked.only)} in its name")
-    if refused := refusals(faults, ROOT):
-        sys.stderr.write("".join(f"{one}\n" for one in refused))
+        parser.error(f"no fault has {' or '.join(options.only)} in its name")
+    if invalid := find_invalid_faults(faults, ROOT):
+        sys.stderr.write("".join(f"{one}\n" for one in invalid))
         return 1
-    if asked.check:
+    if options.check:
         sys.stdout.write(f"{len(faults)} faults have their places\n")
         return 0
-    survived = survivors(faults)
+    survived = find_survivors(faults)
     sys.stdout.write(f"{len(faults) - len(survived)} of {len(faults)} faults caught\n")
     sys.stdout.write("".join(f"no test catches: {name}\n" for name in survived))
     return 1 if survived else 0

@@ -1,4 +1,4 @@
-"""Every fault has exactly one place in the tree, and places are found whatever the layout and the file."""
+"""Every fault has exactly one place in the tree, and anchors do not depend on layout and file."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import re
 import pytest
 
 from tests.planted.anchors import AnchorError, Package
-from tests.planted.plant import FAULTS, ROOT, refusals
+from tests.planted.plant import FAULTS, ROOT, find_invalid_faults
 
 SOURCE = '''
 import math
@@ -52,8 +52,8 @@ def outer(x):
 
 
 @pytest.fixture
-def planted(tmp_path):
-    """Return the source, without its layout, with a fault planted into it."""
+def plant_fault(tmp_path):
+    """Return a function that plants a fault into the source and returns it with normalized layout."""
     (tmp_path / "flexcam" / "part").mkdir(parents=True)
     (tmp_path / "flexcam" / "part" / "law.py").write_text(SOURCE, encoding="utf-8")
     (tmp_path / "flexcam" / "other.py").write_text("LIMIT = 2.0\n\n\ndef outer(z):\n    return z\n", encoding="utf-8")
@@ -67,8 +67,8 @@ def planted(tmp_path):
     return plant
 
 
-def test_every_fault_has_one_place_and_its_tests():
-    assert not refusals(FAULTS, ROOT)
+def test_every_fault_has_one_place_and_existing_tests():
+    assert not find_invalid_faults(FAULTS, ROOT)
 
 
 def test_names_of_faults_are_unique():
@@ -91,24 +91,24 @@ def test_names_of_faults_are_unique():
         ("Law.at", "for one in (1, 2): ...", "while True: ...", "while True:"),
     ],
 )
-def test_code_is_replaced_within_its_symbol(planted, symbol, old, new, line):
+def test_code_is_replaced_within_its_symbol(plant_fault, symbol, old, new, line):
     before = ast.unparse(ast.parse(SOURCE)).splitlines()
-    after = planted(symbol, old, new).splitlines()
+    after = plant_fault(symbol, old, new).splitlines()
     assert len(after) == len(before)
     assert [one.strip() for one, other in zip(after, before, strict=True) if one != other] == [line]
 
 
-def test_statements_that_follow_each_other_are_replaced(planted):
-    said = planted("Law.at", "x += one\nprint(x)", "if one:\n    x = one")
-    assert "            if one:\n                x = one\n            print('ä'" in said
+def test_consecutive_statements_are_replaced(plant_fault):
+    expected = plant_fault("Law.at", "x += one\nprint(x)", "if one:\n    x = one")
+    assert "            if one:\n                x = one\n            print('ä'" in expected
 
 
-def test_a_module_tells_equal_names_apart(planted):
-    assert "LIMIT, SHARE = (1.0, 0.5)" in planted("LIMIT", "2.0", "1.0", module="part.law")
+def test_module_selects_among_equal_symbols(plant_fault):
+    assert "LIMIT, SHARE = (1.0, 0.5)" in plant_fault("LIMIT", "2.0", "1.0", module="part.law")
 
 
 @pytest.mark.parametrize(
-    ("symbol", "old", "new", "said"),
+    ("symbol", "old", "new", "expected"),
     [
         ("LIMIT", "2.0", "1.0", "2 times in LIMIT: LIMIT (flexcam/other.py:1), LIMIT (flexcam/part/law.py:5)"),
         ("Law.gone", "math.sin(x)", "x", "0 times in Law.gone, which is not defined; it occurs in Law (flexcam/"),
@@ -119,12 +119,12 @@ def test_a_module_tells_equal_names_apart(planted):
         ("Law.at", "return math.sin(x)", "break", "is not Python"),
     ],
 )
-def test_a_place_that_is_missing_ambiguous_or_no_python_is_refused(planted, symbol, old, new, said):
-    with pytest.raises(AnchorError, match=f"the fault: .*{re.escape(said)}"):
-        planted(symbol, old, new)
+def test_invalid_anchor_raises_error(plant_fault, symbol, old, new, expected):
+    with pytest.raises(AnchorError, match=f"the fault: .*{re.escape(expected)}"):
+        plant_fault(symbol, old, new)
 
 
-def test_text_of_a_named_file_must_occur_once(planted):
-    assert "return y" in planted("", "return z", "return y", file="flexcam/other.py")
+def test_text_of_named_file_must_occur_once(plant_fault):
+    assert "return y" in plant_fault("", "return z", "return y", file="flexcam/other.py")
     with pytest.raises(AnchorError, match=r"'inner' occurs 0 times in flexcam/other\.py"):
-        planted("", "inner", "y", file="flexcam/other.py")
+        plant_fault("", "inner", "y", file="flexcam/other.py")

@@ -1,4 +1,4 @@
-"""Scenes: closed solids of the right volume, real profiles, centre lines through nodes, parts where they belong."""
+"""Scenes: closed solids of correct volume, exact profiles, centre lines through nodes, positions of parts."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ from tests.thinning import mostly_slow
 ROOT = Path(__file__).parents[2]
 STEEL = Material(E=207e9, nu=0.29, density=7800.0)
 FACETS = CIRCLE_POINTS / math.pi * math.sin(math.pi / CIRCLE_POINTS) * math.cos(math.pi / CIRCLE_POINTS)
-"""Area of the polygon of a circle by that of the circle: what facets take of a volume, exactly."""
+"""Area of the polygon of a circle relative to the circle: exact volume reduction by facets."""
 
 NO_TRAIN = (0, None, 0.0, 0.0)
-"""Node, contact and sizes of a cam that is drawn alone."""
+"""Node, contact and sizes of a cam without train."""
 
 
 def volume(solid):
@@ -54,7 +54,7 @@ def volume(solid):
 
 
 def is_closed(solid):
-    """Return whether every edge belongs to two triangles with opposite directions."""
+    """Return True if every edge belongs to two triangles with opposite directions."""
     edges = np.concatenate([solid.faces[:, [i, (i + 1) % 3]] for i in range(3)]).tolist()
     seen = {(a, b) for a, b in edges}
     return len(seen) == len(edges) and all((b, a) in seen for a, b in seen)
@@ -65,7 +65,7 @@ CASES = ["pushrod-engine/intake", "pushrod-engine/lever", "direct-acting/bucket"
          "checks/mathieu"]  # fmt: skip
 
 
-def structure_of(name):
+def load_structure(name):
     return build_structure(build_model(read_case(ROOT / f"cases/{name}.toml")))
 
 
@@ -84,8 +84,8 @@ def bar(section, moved=None, length=0.3, direction=(1.0, 2.0, -0.5), shear=False
      (Section.rectangle(0.02, 0.01), 2e-4), (Section(A=3e-4, Iy=2e-9, Iz=8e-9, J=1e-9), 3e-4)],
     ids=["circle", "tube", "rectangle", "given"],
 )  # fmt: skip
-def test_a_straight_member_has_the_volume_of_its_section(section, area):
-    """To rounding: the facets of a circle are counted exactly."""
+def test_straight_member_has_volume_of_section(section, area):
+    """The volume is exact to rounding, including the facets of a circle."""
     _, _, line = bar(section)
     rings = [sweep_outline(outline, line) for outline in section_outlines(section)]
     there_and_back = rings[0] if len(rings) == 1 else np.concatenate([rings[0], rings[1][::-1]])
@@ -94,7 +94,7 @@ def test_a_straight_member_has_the_volume_of_its_section(section, area):
     assert volume(solid) == pytest.approx(0.3 * area, rel=1e-12)
 
 
-def test_a_rectangle_lies_with_its_sides_in_the_local_axes():
+def test_rectangle_sides_follow_local_axes():
     section = Section.rectangle(0.02, 0.01)
     mesh, made, line = bar(section)
     corners = (sweep_outline(section_outlines(section)[0], line)[0] - mesh.nodes[0]) @ made.triads[0].T
@@ -102,8 +102,8 @@ def test_a_rectangle_lies_with_its_sides_in_the_local_axes():
 
 
 @pytest.mark.parametrize("shear", [False, True])
-def test_the_centre_line_passes_through_the_nodes_with_their_rotations(shear, rng):
-    """Slopes are those of the nodes where nothing shears; sections stand as the nodes turn, with shear too."""
+def test_centre_line_passes_through_nodes_with_rotations(shear, rng):
+    """Slopes equal the nodal rotations without shear; sections rotate with the nodes, also with shear."""
     moved = 1e-3 * rng.standard_normal((4, 6))
     mesh, made, line = bar(Section.circle(0.05), moved, shear=shear)
     at_nodes = np.flatnonzero(line.part == np.round(line.part))
@@ -114,11 +114,11 @@ def test_the_centre_line_passes_through_the_nodes_with_their_rotations(shear, rn
         fine = centre_line(made, slice(0, 3), mesh.nodes, moved, parts=4096)
         step = np.diff(fine.points[:2], axis=0)[0] @ made.triads[0].T * 4096 / made.length[0]
         slope = moved[0, 3:] @ made.triads[0].T
-        assert step[1:] == pytest.approx([slope[2], -slope[1]], abs=3e-5)  # a chord of 1/4096 of an element
+        assert step[1:] == pytest.approx([slope[2], -slope[1]], abs=3e-5)  # chord of 1/4096 of an element
 
 
-def test_a_cantilever_bends_as_the_closed_form_with_and_without_shear():
-    """One element under an end load: v = F x^2 (3L - x)/6EI + F x/kappa A G, which is in the element's space."""
+def test_cantilever_deflection_matches_closed_form():
+    """One element under an end load: v = F x^2 (3L - x)/6EI + F x/kappa A G, which the element represents exactly."""
     for shear in (False, True):
         section = Section.circle(0.05)
         mesh, made, _ = bar(section, length=0.3, direction=(1, 0, 0), shear=shear, elements=1)
@@ -130,7 +130,9 @@ def test_a_cantilever_bends_as_the_closed_form_with_and_without_shear():
         x = line.points[:, 0]
         assert line.points[:, 1] == pytest.approx(F * x**2 * (3 * L - x) / (6 * EI) + sheared * x, abs=1e-15)
         turned = np.arcsin(line.triads[:, 0, 1])
-        assert turned == pytest.approx(F * (L * x - x**2 / 2) / EI, abs=1e-6 * turned.max())  # sections stay in place
+        assert turned == pytest.approx(
+            F * (L * x - x**2 / 2) / EI, abs=1e-6 * turned.max()
+        )  # the sections do not move along the axis
         assert shear == bool(phi)
 
 
@@ -139,7 +141,7 @@ def rng():
     return np.random.default_rng(20240)
 
 
-def test_rotations_are_rotations(rng):
+def test_rotation_matrices_are_orthogonal(rng):
     made = rotation_matrices(rng.standard_normal((20, 3)))
     assert np.allclose(made @ np.swapaxes(made, 1, 2), np.eye(3), atol=1e-14)
     assert np.linalg.det(made) == pytest.approx(1.0)
@@ -153,8 +155,8 @@ FOLLOWERS = [FlatFollower(0.024), RollerFollower(0.02, 0.009, 0.003), SwingRolle
 
 @pytest.mark.parametrize("cam_turn", [1, -1])
 @pytest.mark.parametrize("follower", FOLLOWERS)
-def test_a_lobe_is_the_profile(follower, cam_turn):
-    """Points of the solid are those of the profile at the same angles, and none lies inside the follower."""
+def test_lobe_matches_profile(follower, cam_turn):
+    """Points of the solid are those of the profile at the same angles, and no point is inside the follower."""
     lift, axis = np.array([0.0, 0.6, 0.8]), np.array([-1.0, 0.0, 0.0])
     profile = cam_profile(EVENT, follower, count=360, turn=cam_turn)
     frame = CamPlacement(profile, np.zeros(3), lift, axis, 0.012, *NO_TRAIN)
@@ -177,7 +179,7 @@ def test_a_lobe_is_the_profile(follower, cam_turn):
 
 
 @pytest.mark.parametrize("follower", FOLLOWERS)
-def test_a_cam_turns_in_the_sense_of_its_axis(follower):
+def test_cam_rotates_about_its_axis(follower):
     axis = np.array([0.0, 0.0, 1.0])
     frame = CamPlacement(cam_profile(EVENT, follower), np.zeros(3), np.array([0.0, 1.0, 0.0]), axis, 0.01, *NO_TRAIN)
     contours = (frame.contour(angle) for angle in (0.2, 0.2 + 1e-6))
@@ -186,7 +188,7 @@ def test_a_cam_turns_in_the_sense_of_its_axis(follower):
     assert (turned > 0.0).all()
 
 
-def test_a_follower_begins_to_move_along_the_lift():
+def test_follower_starts_along_lift_direction():
     for follower in FOLLOWERS:
         lift, axis = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])
         frame = CamPlacement(cam_profile(EVENT, follower), np.zeros(3), lift, axis, 0.01, *NO_TRAIN)
@@ -194,7 +196,7 @@ def test_a_follower_begins_to_move_along_the_lift():
         assert abs(step - 1j) < 1e-5
 
 
-def test_bodies_of_closed_form():
+def test_volumes_match_closed_form():
     zero, axis = np.zeros(3), np.array([0.0, 0.0, 1.0])
     assert volume(cylinder("a", zero, 0.1 * axis, 0.02)) == pytest.approx(math.pi * 4e-5 * FACETS)
     assert volume(ring("a", zero, axis, (0.01, 0.02), 0.03)) == pytest.approx(math.pi * 3e-4 * 0.03 * FACETS)
@@ -208,14 +210,14 @@ def test_bodies_of_closed_form():
         assert is_closed(solid)
 
 
-def test_an_open_or_inside_out_surface_is_told():
+def test_open_or_inverted_surface_is_detected():
     cube = cylinder("a", np.zeros(3), np.array([0.0, 0.0, 1.0]), 1.0)
     assert not is_closed(Solid("a", cube.points, cube.faces[1:]))
     assert volume(Solid("a", cube.points, cube.faces[:, ::-1])) < 0.0
 
 
-def test_a_coil_follows_the_ends_and_the_parts_of_its_spring():
-    """Wire of the volume of its length; both ends where the spring's ends are; the middle where its middle moved."""
+def test_coil_follows_ends_and_parts_of_spring():
+    """The wire has the volume of its length; its ends follow those of the spring, and its middle the inner parts."""
     sizes, axis = CoilSizes(0.03, 0.004, 0.06, 6.0), np.array([0.0, 1.0, 0.0])
     at_rest = coil_solid(sizes, np.zeros(3), axis, np.zeros(2))
     assert is_closed(at_rest)
@@ -225,13 +227,13 @@ def test_a_coil_follows_the_ends_and_the_parts_of_its_spring():
     assert (at_rest.points[:, 1].min(), at_rest.points[:, 1].max()) == pytest.approx((0.0, 0.06), abs=2e-4)  # facets
     pressed = coil_solid(sizes, np.zeros(3), axis, np.array([0.0, 0.004, -0.01]))
     assert pressed.points[:, 1].max() == pytest.approx(0.05, abs=1e-3)
-    # Parts move on their own: the middle by 4 mm, where no straight line between the ends goes.
+    # The parts move individually: the middle by 4 mm, off the straight line between the ends.
     assert (pressed.points - at_rest.points)[:, 1].max() == pytest.approx(0.004, rel=0.02)
 
 
 @pytest.mark.parametrize("name", mostly_slow(CASES))
-def test_every_case_is_drawn_with_closed_solids(name):
-    structure = structure_of(name)
+def test_solids_of_every_case_are_closed(name):
+    structure = load_structure(name)
     motion, drawn = case_motion(structure, 100.0), build_mechanism(structure)
     kinds = []
     for i in (0, 60):
@@ -255,16 +257,16 @@ PARTS = {
 
 
 @pytest.mark.parametrize("name", PARTS)
-def test_a_train_has_its_parts(name):
-    structure = structure_of(name)
+def test_number_of_parts_by_kind(name):
+    structure = load_structure(name)
     solids = build_mechanism(structure).solids(case_motion(structure, 100.0).instant(0))
     counts = {kind: sum(solid.kind == kind for solid in solids) for kind in PARTS[name]}
     assert counts == PARTS[name]
 
 
-def test_springs_of_a_head_lie_inside_each_other():
-    """The springs of valve and bucket stand on one seat, with space between their coils, also where it is chosen."""
-    structure = structure_of("direct-acting/bucket")
+def test_nested_springs_do_not_intersect():
+    """The springs of valve and bucket are on one seat with clearance between their coils, also with default sizes."""
+    structure = load_structure("direct-acting/bucket")
     drawn = build_mechanism(structure)
     outer, inner, light = ({one.name: one for one in drawn.springs}[name] for name in ("outer", "inner", "bucket"))
     for around, inside in ((outer, inner), (inner, light)):
@@ -280,9 +282,9 @@ TRAINS = ["pushrod-engine/intake", "pushrod-engine/lever", "direct-acting/bucket
 
 
 @pytest.mark.parametrize("name", TRAINS)
-def test_cam_follower_and_valve_stay_together_as_the_train_turns(name):
-    """The lobe touches its follower all the way round, the valve opens by its lift, away from its seat."""
-    structure = structure_of(name)
+def test_cam_follower_and_valve_stay_in_contact(name):
+    """The lobe touches its follower at all angles, and the valve opens by its lift, away from its seat."""
+    structure = load_structure(name)
     motion, drawn = case_motion(structure, 100.0, count=24), build_mechanism(structure)
     gaps, opened = [], []
     for i in range(24):
@@ -306,8 +308,8 @@ def test_cam_follower_and_valve_stay_together_as_the_train_turns(name):
 
 @pytest.mark.parametrize("name", ["pushrod-engine/intake", "pushrod-engine/lever", "direct-acting/finger"])
 def test_rocker_valve_and_spring_move_together(name):
-    """The rocker's end lies on the valve at full lift; the spring is pressed by the lift and stands on the ground."""
-    structure = structure_of(name)
+    """The rocker's end touches the valve at full lift; the lift compresses the spring against the ground."""
+    structure = load_structure(name)
     motion, drawn = case_motion(structure, 100.0, count=360), build_mechanism(structure)
     (frame,), valve = drawn.levers.values(), drawn.valves[0]
     rocker, along = frame.rocker, drawn.valves[0].away
@@ -324,9 +326,9 @@ def test_rocker_valve_and_spring_move_together(name):
     assert after.min() - before.min() == pytest.approx(max(lifts), abs=1e-4)
 
 
-def test_the_scale_leaves_the_lift_alone():
-    """A mode swings about the mechanism as installed; exaggeration touches the elastic part only."""
-    structure = structure_of("pushrod-engine/intake")
+def test_scale_does_not_change_lift():
+    """A mode vibrates about the installed mechanism; the scale changes the elastic part only."""
+    structure = load_structure("pushrod-engine/intake")
     motion = case_motion(structure, 100.0)
     assert np.array_equal(motion.instant(80, 1000.0).unknowns, motion.instant(80).unknowns)
     shape = np.zeros(structure.dofs.size)
@@ -339,9 +341,9 @@ def test_the_scale_leaves_the_lift_alone():
     assert swing.instant(12).unknowns == pytest.approx(-swing.instant(0).unknowns)
 
 
-def test_colours_lie_where_the_points_are():
-    """A value per point of the polylines: linear between them, exact at the ends of members."""
-    structure = structure_of("pushrod-engine/intake")
+def test_colours_follow_points():
+    """Values per point of the polylines: linear in between, exact at the ends of members."""
+    structure = load_structure("pushrod-engine/intake")
     count = sum(len(line) for line in structure.model.mesh.lines.values())
     values = np.arange(count, dtype=float)
     instant = SceneState(structure, 0.0, np.zeros(structure.dofs.size), values)

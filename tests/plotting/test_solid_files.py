@@ -1,4 +1,4 @@
-"""Files of solids: closed STL of the right volume, GLB with the positions of the scene, named blocks in ParaView."""
+"""Files of solids: closed STL of correct volume, GLB with the positions of the scene, named blocks in ParaView."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ ROOT = Path(__file__).parents[2]
 CASES = ["pushrod-engine/intake", "direct-acting/bucket", "direct-acting/finger", "li/valve-train", "checks/cantilever"]
 
 
-def scene(name, count):
+def build_scene(name, count):
     structure = build_structure(build_model(read_case(ROOT / f"cases/{name}.toml")))
     drawn = build_mechanism(structure)
     return drawn, collect_parts(drawn, case_motion(structure, 100.0, count=count))
 
 
-def test_a_cylinder_has_its_volume(tmp_path):
-    """In mm, to single precision; the facets of a circle are counted exactly."""
+def test_volume_of_cylinder(tmp_path):
+    """Values in mm, to single precision, with exact facets of a circle."""
     solid = cylinder("mass", np.array([0.1, 0.2, 0.3]), np.array([0.1, 0.25, 0.3]), 0.02)
     (path,) = write_stl(tmp_path, [Part("mass-a", "mass", solid.faces, solid.points[None], None)])
     mesh = pyvista.read(path)
@@ -45,7 +45,7 @@ def test_a_cylinder_has_its_volume(tmp_path):
 
 @pytest.mark.parametrize("name", mostly_slow(CASES, 2))
 def test_every_part_is_watertight(name, tmp_path):
-    _, parts = scene(name, 1)
+    _, parts = build_scene(name, 1)
     for path, part in zip(write_stl(tmp_path, parts), parts, strict=True):
         mesh = pyvista.read(path).clean()
         assert (mesh.is_manifold, mesh.n_open_edges) == (True, 0), path.name
@@ -55,7 +55,7 @@ def test_every_part_is_watertight(name, tmp_path):
         assert volume > 0.0
 
 
-def chunks(path):
+def read_glb(path):
     """Return the content of a GLB file and its binary part, after a check of all lengths."""
     data = path.read_bytes()
     magic, version, length = struct.unpack_from("<4sII", data)
@@ -67,7 +67,7 @@ def chunks(path):
     return content, data[28 + size :]
 
 
-def values(content, binary, number):
+def read_accessor(content, binary, number):
     """Return the numbers of an accessor, after a check of its bounds."""
     accessor = content["accessors"][number]
     view = content["bufferViews"][accessor["bufferView"]]
@@ -83,24 +83,24 @@ def values(content, binary, number):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["direct-acting/finger"])
-def test_targets_and_weights_move_the_points(name, tmp_path):
-    """Base and weighted displacements give the points of the scene at every keyframe; parts have their names."""
-    drawn, parts = scene(name, 8)
-    content, binary = chunks(write_glb(tmp_path / "a.glb", parts, drawn.upwards, "A train"))
+def test_targets_and_weights_give_points(name, tmp_path):
+    """Base points plus weighted displacements give the points of the scene at every keyframe, with names of parts."""
+    drawn, parts = build_scene(name, 8)
+    content, binary = read_glb(write_glb(tmp_path / "a.glb", parts, drawn.upwards, "A train"))
     assert [node["name"] for node in content["nodes"]] == [*(part.name for part in parts), "A train"]
     (animation,) = content["animations"]
     (sampler,) = animation["samplers"]
-    weights = values(content, binary, sampler["output"]).reshape(8, 7)
-    assert values(content, binary, sampler["input"]).ravel() == pytest.approx(np.arange(8) / 24.0)
+    weights = read_accessor(content, binary, sampler["output"]).reshape(8, 7)
+    assert read_accessor(content, binary, sampler["input"]).ravel() == pytest.approx(np.arange(8) / 24.0)
     animated = {channel["target"]["node"] for channel in animation["channels"]}
     for i, part in enumerate(parts):
         mesh = content["meshes"][content["nodes"][i]["mesh"]]
         (primitive,) = mesh["primitives"]
         material = content["materials"][primitive["material"]]
         assert material["name"] == part.kind
-        assert np.array_equal(values(content, binary, primitive["indices"]).reshape(-1, 3), part.faces)
-        base = values(content, binary, primitive["attributes"]["POSITION"])
-        targets = [values(content, binary, target["POSITION"]) for target in primitive.get("targets", [])]
+        assert np.array_equal(read_accessor(content, binary, primitive["indices"]).reshape(-1, 3), part.faces)
+        base = read_accessor(content, binary, primitive["attributes"]["POSITION"])
+        targets = [read_accessor(content, binary, target["POSITION"]) for target in primitive.get("targets", [])]
         assert len(targets) == len(mesh.get("weights", [])) == (7 if i in animated else 0)
         for k in range(8):
             moved = base + (np.tensordot(weights[k], targets, 1) if targets else 0.0)
@@ -108,20 +108,20 @@ def test_targets_and_weights_move_the_points(name, tmp_path):
     assert any(part.name == "valve" or part.name.startswith("valve-") for part in parts)
 
 
-def test_the_root_turns_the_lift_to_y(tmp_path):
-    _, parts = scene("checks/cantilever", 1)
+def test_root_rotates_lift_to_y(tmp_path):
+    _, parts = build_scene("checks/cantilever", 1)
     upwards = np.array([0.0, 0.6, 0.8])
-    content, _ = chunks(write_glb(tmp_path / "a.glb", parts, upwards))
+    content, _ = read_glb(write_glb(tmp_path / "a.glb", parts, upwards))
     x, y, z, w = content["nodes"][-1]["rotation"]
     turned = upwards + 2.0 * np.cross([x, y, z], np.cross([x, y, z], upwards) + w * upwards)
     assert turned == pytest.approx([0.0, 1.0, 0.0], abs=1e-15)
     assert "animations" not in content
 
 
-def test_the_reader_of_vtk_shows_the_motion(tmp_path):
-    """VTK's own reader of glTF, with its animation, gives the bounds of every moving part at every instant."""
+def test_vtk_reader_reproduces_motion(tmp_path):
+    """The glTF reader of VTK, with animation, gives the bounds of all parts at every instant."""
     vtk = pytest.importorskip("vtk")
-    drawn, parts = scene("pushrod-engine/intake", 6)
+    drawn, parts = build_scene("pushrod-engine/intake", 6)
     reader = vtk.vtkGLTFReader()
     reader.SetFileName(str(write_glb(tmp_path / "a.glb", parts, drawn.upwards)))
     reader.SetApplyDeformationsToGeometry(True)
@@ -137,8 +137,8 @@ def test_the_reader_of_vtk_shows_the_motion(tmp_path):
         assert blocks[0] == pytest.approx(ends.tolist(), abs=1e-6)
 
 
-def test_blocks_have_names_and_parts_at_rest_are_written_once(tmp_path):
-    _, parts = scene("pushrod-engine/intake", 3)
+def test_named_blocks_with_fixed_parts_written_once(tmp_path):
+    _, parts = build_scene("pushrod-engine/intake", 3)
     collection, *files = write_vtm(tmp_path / "a-solids.pvd", parts, np.array([0.0, 0.5, 1.0]))
     assert sum(path.suffix == ".vtm" for path in files) == 3
     assert sum(path.name.startswith("lobe-intake_") for path in files) == 3
@@ -171,14 +171,14 @@ print("TOLD " + json.dumps([list(source.TimestepValues), found]))
 
 
 def test_paraview_shows_named_blocks(pvbatch, tmp_path):
-    _, parts = scene("direct-acting/finger", 3)
+    _, parts = build_scene("direct-acting/finger", 3)
     collection = write_vtm(tmp_path / "a-solids.pvd", parts, np.array([0.0, 0.5, 1.0]))[0]
     (tmp_path / "look.py").write_text(SCRIPT, encoding="utf-8")
     words = [*pvbatch, str(tmp_path / "look.py"), str(collection)]
     run = subprocess.run(words, capture_output=True, text=True, timeout=240)
-    told = [line.removeprefix("TOLD ") for line in run.stdout.splitlines() if line.startswith("TOLD ")]
-    assert told, f"pvbatch ended with {run.returncode}\n{run.stdout}\n{run.stderr}"
-    times, found = json.loads(told[0])
+    lines = [line.removeprefix("TOLD ") for line in run.stdout.splitlines() if line.startswith("TOLD ")]
+    assert lines, f"pvbatch ended with {run.returncode}\n{run.stdout}\n{run.stderr}"
+    times, found = json.loads(lines[0])
     assert times == [0.0, 0.5, 1.0]
     for k, blocks in enumerate(found):
         assert list(blocks) == [part.name for part in parts]

@@ -1,4 +1,4 @@
-"""A variant written as a case file: the text of the case with other values, its comments kept."""
+"""Case text of a variant: changed values with the comments of the original file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ VALUES = (
 )  # fmt: skip
 
 
-def test_comments_survive_changed_values(tmp_path):
+def test_comments_are_preserved_with_changed_values(tmp_path):
     case = read_case(CASE, VALUES)
     text = case_text(case, tmp_path / "best.toml", ["Best variant"])
     old, new = CASE.read_text(encoding="utf-8").splitlines(), text.splitlines()
@@ -29,8 +29,8 @@ def test_comments_survive_changed_values(tmp_path):
 
 
 @pytest.mark.parametrize("words", [["run.speed=100"], ["contacts.lash.gap=0.3 mm", "rockers.rocker.arms=[0.02, 0.03]"]])
-def test_a_written_case_has_the_tables_of_its_variant(tmp_path, words):
-    """One key that replaces another leaves only its tables, without comments."""
+def test_written_case_has_tables_of_variant(tmp_path, words):
+    """A key that replaces another one gives the tables only, without comments."""
     case = read_case(CASE, words)
     text = case_text(case, tmp_path / "best.toml")
     (tmp_path / "best.toml").write_text(text, encoding="utf-8")

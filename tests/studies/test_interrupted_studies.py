@@ -1,4 +1,4 @@
-"""Many runs of one case: each is told of as it ends, and a Ctrl-C inside one of them ends all of them."""
+"""Studies with many runs of one case: progress is reported after each run, and Ctrl-C in a run ends the study."""
 
 from __future__ import annotations
 
@@ -39,15 +39,15 @@ STUDIES = {
 
 
 @pytest.mark.parametrize("study", STUDIES)
-def test_a_stopped_run_stops_what_asked_for_it(study, monkeypatch):
+def test_interrupted_run_ends_study(study, monkeypatch):
     calls = []
 
-    def stopped(*given, **options):
+    def solve_interrupted(*given, **options):
         calls.append(1)
         return replace(solve(*given, **options), status=Status(Cause.INTERRUPTED, "stopped by a signal"))
 
     module, path, ask = STUDIES[study]
-    monkeypatch.setattr(sys.modules[f"flexcam.analysis.{module}"], "solve", stopped)
+    monkeypatch.setattr(sys.modules[f"flexcam.analysis.{module}"], "solve", solve_interrupted)
     with pytest.raises(KeyboardInterrupt):
         ask(read_case(path, SHORT))
     assert len(calls) == 1
@@ -60,36 +60,36 @@ def test_a_stopped_run_stops_what_asked_for_it(study, monkeypatch):
         ("flexcam.studies.evaluation", lambda case: quantity_row(case, ["deviation.peak"])),
     ],
 )
-def test_a_run_behind_another_is_heeded_too(where, ask, monkeypatch):
-    """Those that make a sentence of a failure, or a row, do not make one of a Ctrl-C."""
+def test_interrupted_inner_run_ends_study(where, ask, monkeypatch):
+    """Studies that turn failures into messages or rows do not do so with Ctrl-C."""
 
-    def stopped(*given, **options):
+    def solve_interrupted(*given, **options):
         return replace(solve(*given, **options), status=Status(Cause.INTERRUPTED, "stopped by a signal"))
 
-    monkeypatch.setattr(sys.modules[where], "solve", stopped)
+    monkeypatch.setattr(sys.modules[where], "solve", solve_interrupted)
     with pytest.raises(KeyboardInterrupt):
         ask(read_case(TAYEB, SHORT))
 
 
 @pytest.mark.parametrize("study", STUDIES)
-def test_each_is_told_of(study):
+def test_progress_is_reported_for_each_run(study):
     _, path, ask = STUDIES[study]
-    told = []
-    found = ask(read_case(path, SHORT), advance=told.append)
-    assert told == [1] * (len(found[1]) if study == "trade" else 2)
+    progress = []
+    found = ask(read_case(path, SHORT), advance=progress.append)
+    assert progress == [1] * (len(found[1]) if study == "trade" else 2)
 
 
 @pytest.mark.parametrize("study", ["limits", "orders", "models", "campbell"])
-def test_the_runs_to_come_count(study, monkeypatch):
-    """Machine code pays for many short runs where it would not for one."""
+def test_engine_selection_uses_number_of_runs(study, monkeypatch):
+    """Compiled code is worthwhile for many short runs, though not for one."""
     runs = []
 
-    def counted(problem, *_, **__):
+    def count_runs(problem, *_, **__):
         runs.append(problem.runs)
         raise KeyboardInterrupt
 
     module, path, ask = STUDIES[study]
-    monkeypatch.setattr(sys.modules[f"flexcam.analysis.{module}"], "solve", counted)
+    monkeypatch.setattr(sys.modules[f"flexcam.analysis.{module}"], "solve", count_runs)
     with pytest.raises(KeyboardInterrupt):
         ask(read_case(path, SHORT))
     assert runs == [2]

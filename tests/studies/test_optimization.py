@@ -1,4 +1,4 @@
-"""Designs of problems whose answer is known: evolution, trust region and front, without a case behind them."""
+"""Optimization of problems with known solution, without a case: evolution, trust region, gradient and front."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from flexcam.studies.variables import PointEvaluator, Variable, WorstCase
 
 
 @dataclass
-class Known:
-    """Points of functions in closed form, in place of a case's runs."""
+class KnownFunctions:
+    """Evaluator of closed-form functions in place of the runs of a case."""
 
     functions: dict
     variables: tuple = (Variable("x", 0.0, 4.0), Variable("y", 0.0, 4.0))
@@ -47,11 +47,11 @@ class Known:
 
 
 CORNER = {"sum": lambda x, y: x + 2.0 * y, "product": lambda x, y: x * y}
-"""Least x + 2 y with x y >= 2: x = 2, y = 1, value 4 (Lagrange)."""
+"""Minimum of x + 2 y with x y >= 2: x = 2, y = 1, value 4 (Lagrange)."""
 
 
-def test_optimum_at_a_bound():
-    known = Known(CORNER)
+def test_optimum_at_bound():
+    known = KnownFunctions(CORNER)
     design = OptimizationProblem(known, (Goal("sum"),), parse_constraints(["product >= 2 N"]))
     found = optimize(design, evaluations=200)
     best = found.best
@@ -63,18 +63,19 @@ def test_optimum_at_a_bound():
     assert len(found.points) <= 230
 
 
-def test_most_and_variants_that_fail():
-    """Most of a hill whose top fails: the best is found beside what fails, and nothing breaks."""
-    known = Known({"hill": lambda x, y: -((x - 3.0) ** 2) - (y - 1.0) ** 2, "fails": lambda x, y: x > 2.5})
+def test_maximum_with_failing_variants():
+    """Maximum of a hill whose top fails: the optimum is at the border of the failing range."""
+    known = KnownFunctions({"hill": lambda x, y: -((x - 3.0) ** 2) - (y - 1.0) ** 2, "fails": lambda x, y: x > 2.5})
     found = optimize(OptimizationProblem(known, (Goal("hill", most=True),)), evaluations=250)
     assert found.best is not None
     np.testing.assert_allclose(found.points[found.best], [2.5, 1.0], atol=0.03)
     assert any(not row.status.ok for row in found.rows)
 
 
-def test_no_variant_within_the_bounds():
+def test_infeasible_constraints_have_no_best_variant():
     found = optimize(
-        OptimizationProblem(Known(CORNER), (Goal("sum"),), parse_constraints(["product >= 20 N"])), evaluations=60
+        OptimizationProblem(KnownFunctions(CORNER), (Goal("sum"),), parse_constraints(["product >= 20 N"])),
+        evaluations=60,
     )
     assert found.best is None
     np.testing.assert_allclose(found.points[found.nearest], [4.0, 4.0], atol=0.1)
@@ -82,13 +83,13 @@ def test_no_variant_within_the_bounds():
 
 @pytest.fixture
 def fractions(monkeypatch):
-    """Return a function that returns variables from 0 to 1 with their start."""
+    """Return a function that creates variables from 0 to 1 with given starts."""
     monkeypatch.setattr(gradients, "interval_widths", lambda _case, variables: np.ones(len(variables)))
     return lambda **starts: tuple(Variable(name, 0.0, 1.0, "", start) for name, start in starts.items())
 
 
-class Polygon(Known):
-    """The sum x + 0.7 y within a polygon of 24 sides, whose largest excess is one of 24 extremes."""
+class Polygon(KnownFunctions):
+    """The sum x + 0.7 y within a polygon of 24 sides, whose maximum excess is one of 24 extremes."""
 
     normals = np.stack([np.cos(np.pi * np.arange(24) / 12.0), np.sin(np.pi * np.arange(24) / 12.0)], axis=1)
 
@@ -101,8 +102,8 @@ class Polygon(Known):
         return Row(Status(), scalars, units, derivatives=slopes, extremes={"excess": tuple(others)})
 
 
-def test_a_search_by_gradient_knows_all_extremes(monkeypatch):
-    """The corner at 37.5 deg in four variants; a search that only has the largest extreme is 9e-5 away then.
+def test_gradient_search_uses_all_extremes(monkeypatch):
+    """The search finds the corner at 37.5 deg in four variants; with the maximum only, the error is then 9e-5.
 
     A step keeps 1e-6 of a bound: tolerance 1e-5.
     """
@@ -113,28 +114,28 @@ def test_a_search_by_gradient_knows_all_extremes(monkeypatch):
     assert -found.costs[found.best, 0] == pytest.approx(best, abs=1e-5)
 
 
-def test_a_search_by_gradient_ends_where_its_goal_is_zero(fractions):
-    """A goal of zero without a slope, as the force of a lost contact."""
+def test_gradient_search_ends_at_zero_goal(fractions):
+    """A goal of zero with zero slope, such as the force of an open contact."""
 
-    class Zero(Known):
+    class ZeroForce(KnownFunctions):
         def _row(self, _point):
             return Row(Status(), {"force": 0.0}, {"force": "N"}, derivatives={"force": (0.0,)})
 
-    points = Zero({}, fractions(x=0.5))
+    points = ZeroForce({}, fractions(x=0.5))
     design = OptimizationProblem(points, (Goal("force", most=True),), parse_constraints(["force >= 1 N"]))
     found = gradients.optimize_by_gradient(design, evaluations=5)
     assert found.costs[found.nearest, 0] == 0.0
     assert found.is_flat
 
 
-def test_a_search_by_gradient_ends_within_a_curved_constraint(fractions):
-    """Least 1 + x + y within an ellipse about (0.5, 0.5), with a half axis of 0.1 or less.
+def test_gradient_search_with_curved_constraint(fractions):
+    """Minimum of 1 + x + y within an ellipse about (0.5, 0.5), with a half axis of 0.1 or less.
 
     The search ends with a box of a thousandth of the intervals: tolerance 1e-3.
     """
     H = np.array([[1.0 + 16.0 * 0.3**2, -16.0 * 0.3], [-16.0 * 0.3, 16.0]]) / 0.1**2
 
-    class Ellipse(Known):
+    class Ellipse(KnownFunctions):
         def _row(self, point):
             d = np.array(point) - 0.5
             slopes = {"sum": (1.0, 1.0), "square": tuple(2.0 * H @ d)}
@@ -148,30 +149,30 @@ def test_a_search_by_gradient_ends_within_a_curved_constraint(fractions):
     assert found.costs[found.best, 0] == pytest.approx(least, abs=1e-3)
 
 
-def test_a_search_by_gradient_ends_with_a_wrong_slope(fractions, monkeypatch):
-    """Two points whose order depends on the price of a violation do not alternate without end."""
+def test_gradient_search_ends_with_wrong_slope(fractions, monkeypatch):
+    """Two points whose order depends on the penalty of a violation do not alternate endlessly."""
     lowest, steps = gradients._lowest, list[object]()
 
-    def counted(*given):
+    def count_steps(*given):
         steps.append(None)
         assert len(steps) < 200
         return lowest(*given)
 
-    class Wrong(Known):
+    class WrongSlope(KnownFunctions):
         def _row(self, point):
             slopes = {"cost": (1.0,), "lift": (0.1,)}
             return Row(Status(), dict.fromkeys(slopes, point[0]), dict.fromkeys(slopes, "1"), derivatives=slopes)
 
-    monkeypatch.setattr(gradients, "_lowest", counted)
-    points = Wrong({}, fractions(x=0.2))
+    monkeypatch.setattr(gradients, "_lowest", count_steps)
+    points = WrongSlope({}, fractions(x=0.2))
     design = OptimizationProblem(points, (Goal("cost"),), parse_constraints(["lift >= 0.6"]))
     assert gradients.optimize_by_gradient(design, evaluations=80).best is not None
 
 
 def test_front_of_two_parabolas():
-    """(x - 1)^2 + y^2 against (x - 3)^2 + y^2: the front is y = 0, 1 <= x <= 3, where sqrt f1 + sqrt f2 = 2."""
+    """(x - 1)^2 + y^2 against (x - 3)^2 + y^2: the front is y = 0, 1 <= x <= 3, with sqrt f1 + sqrt f2 = 2."""
     pytest.importorskip("pymoo")
-    known = Known({"left": lambda x, y: (x - 1.0) ** 2 + y**2, "right": lambda x, y: (x - 3.0) ** 2 + y**2})
+    known = KnownFunctions({"left": lambda x, y: (x - 1.0) ** 2 + y**2, "right": lambda x, y: (x - 3.0) ** 2 + y**2})
     found = find_pareto_front(OptimizationProblem(known, (Goal("left"), Goal("right"))), evaluations=960)
     best = pareto_indices(found)
     assert len(best) > 20
@@ -201,15 +202,15 @@ def test_constraints_with_units():
 
 
 @pytest.mark.parametrize("text", ["", "x", "x < 3", "x <= ", "<= 3", "x <= many", "x == 3", "x <= 3 parsec"])
-def test_refused_constraints(text):
+def test_invalid_constraints_raise_error(text):
     with pytest.raises(InputError):
         parse_constraint(text)
 
 
-def test_only_the_worst_conditions_are_derived():
-    """Of three conditions the largest force is at the second, the smallest gap at the third, the cost equal at all."""
+def test_only_worst_conditions_are_differentiated():
+    """The maximum force is at the second of three conditions, the minimum gap at the third; the cost is constant."""
     names, values = ("force", "gap", "cost"), {"1": (5.0, 3.0, 4.0), "2": (9.0, 2.0, 4.0), "3": (7.0, 1.0, 4.0)}
-    more = {"2": {"gap": ((-1.0, 5.0),)}, "3": {"force": ((-0.5, 7.0),)}}  # a smaller gap would be the least one
+    more = {"2": {"gap": ((-1.0, 5.0),)}, "3": {"force": ((-0.5, 7.0),)}}  # a smaller gap would be the minimum
     derived = list[tuple[str, ...]]()
 
     def runs(variants):
@@ -225,5 +226,8 @@ def test_only_the_worst_conditions_are_derived():
     assert row.scalars == {"force": 9.0, "gap": 1.0, "cost": 4.0}
     assert (row.derivatives["force"], row.derivatives["gap"]) == ((2.0,), (3.0,))
     assert derived == [("x", "2"), ("x", "3")]
-    assert set(row.extremes["force"]) == {(-2.0, 3.0), (-2.5, 7.0)}  # at the third condition, and its local extreme
+    assert set(row.extremes["force"]) == {
+        (-2.0, 3.0),
+        (-2.5, 7.0),
+    }  # value at the third condition and its local extreme
     assert set(row.extremes["gap"]) == {(1.0, 2.0)}

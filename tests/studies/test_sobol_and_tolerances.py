@@ -1,4 +1,4 @@
-"""Sobol indices of a function whose indices are known, and the scatter of parts."""
+"""Sobol indices of a function with known indices, and tolerance analysis of parts."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ A, B = 7.0, 0.1
 
 
 def ishigami(x):
-    """T. Ishigami and T. Homma (1990), over -pi to pi."""
+    """Ishigami function over -pi to pi, T. Ishigami and T. Homma (1990)."""
     one, two, three = (2.0 * math.pi * x - math.pi).T
     return (np.sin(one) + A * np.sin(two) ** 2 + B * three**4 * np.sin(one))[:, None]
 
 
-def test_ishigami():
-    """Closed form: A. Saltelli et al., Sensitivity Analysis (2000), ch. 2. 0.03: the estimator's own spread at 1024."""
+def test_sobol_indices_of_ishigami_function():
+    """Closed form: A. Saltelli et al., Sensitivity Analysis (2000), ch. 2. 0.03: scatter of the estimator at 1024."""
     variances = {
         "1": 0.5 * (1.0 + B * math.pi**4 / 5.0) ** 2, "2": A**2 / 8.0,
         "13": B**2 * math.pi**8 * (1.0 / 18.0 - 1.0 / 50.0),
@@ -39,7 +39,7 @@ def test_ishigami():
     assert found.used == found.asked == 1024
 
 
-def test_same_seed_same_indices_and_points_that_fail_are_left_out():
+def test_seed_repeats_indices_and_failed_points_are_excluded():
     def failing(x):
         values = ishigami(x)
         values[x[:, 0] > 0.97] = np.nan
@@ -53,26 +53,26 @@ def test_same_seed_same_indices_and_points_that_fail_are_left_out():
         sobol_indices(lambda x: np.full((len(x), 1), np.nan), 3, 16)
 
 
-def test_a_single_variable_has_all_of_it():
+def test_single_variable_has_full_index():
     (found,) = sobol_indices(lambda x: 2.0 * x, 1, 256)
     np.testing.assert_allclose([found.first, found.total], 1.0, atol=0.03)
     assert found.first_interval.shape == (2, 1)
 
 
-def test_a_constant_has_no_indices():
+def test_constant_has_zero_indices():
     constant, other = sobol_indices(lambda x: np.column_stack([np.ones(len(x)), x[:, 0]]), 2, 64)
     assert constant.variance == 0.0
     assert not constant.total.any()
-    np.testing.assert_allclose(other.total, [1.0, 0.0], atol=0.05)  # the estimator's own spread at 64
+    np.testing.assert_allclose(other.total, [1.0, 0.0], atol=0.05)  # scatter of the estimator at 64
 
 
-def test_count_must_be_a_power_of_two():
+def test_count_must_be_power_of_two():
     with pytest.raises(InputError):
         sobol_indices(ishigami, 3, 100)
 
 
-def test_linear_scatter():
-    """Of y = 3 a + b: variances add; uniform h/sqrt 3, normal h/3. Two percent: what a hypercube of 500 leaves."""
+def test_scatter_of_linear_function():
+    """For y = 3 a + b variances add; uniform h/sqrt 3, normal h/3. Two percent: error of a hypercube of 500."""
     parts = (PartScatter("a", 10.0, 0.6, "uniform"), PartScatter("b", 5.0, 0.9, "normal"))
     points = sample_parts(parts, 500)
     found = scalar_distribution(points, 3.0 * points[:, 0] + points[:, 1])
@@ -85,7 +85,7 @@ def test_linear_scatter():
     np.testing.assert_array_equal(points, sample_parts(parts, 500))
 
 
-def test_what_has_no_number_is_counted():
+def test_missing_values_are_counted():
     values = np.array([1.0, 2.0, np.nan, 3.0])
     found = scalar_distribution(np.arange(4.0)[:, None], values)
     assert (found.missing, found.mean, found.deviation) == (1, 2.0, 1.0)

@@ -1,4 +1,4 @@
-"""Axes and plans of sweeps: what a text stands for, value by value."""
+"""Axes and plans of sweeps: parsed text and resulting values."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ STEPS = st.decimals(min_value="0.001", max_value=100, places=3)
 UNITS = st.sampled_from(["", "rpm", "kN/m", " kN/m", "N s/m", "mm^2", " 1/s"])
 
 
-def texts(spec):
+def axis_texts(spec):
     return [value.text for value in parse_axis("key", spec).values]
 
 
-@settings(deadline=None)  # other work on the machine is no fault
+@settings(deadline=None)  # independent of the load of the machine
 @given(NUMBERS, STEPS, st.integers(0, 300), UNITS, st.booleans())
-def test_a_range_with_a_step_has_its_stop_where_it_falls_on_the_grid(start, step, count, unit, down):
+def test_range_by_step_includes_stop_on_grid(start, step, count, unit, down):
     step = -step if down else step
     stop = start + count * step
     found = parse_axis("key", f"{start}:{stop}:{step}{unit}")
@@ -35,9 +35,9 @@ def test_a_range_with_a_step_has_its_stop_where_it_falls_on_the_grid(start, step
     assert beyond.values == found.values
 
 
-@settings(deadline=None)  # other work on the machine is no fault
+@settings(deadline=None)  # independent of the load of the machine
 @given(NUMBERS, NUMBERS, st.integers(2, 300), UNITS)
-def test_a_range_by_count_is_even_and_keeps_both_ends(start, stop, count, unit):
+def test_range_by_count_is_even_with_both_ends(start, stop, count, unit):
     if start == stop:
         stop += 1
     found = parse_axis("key", f"{start}:{stop}#{count}{unit}")
@@ -47,18 +47,18 @@ def test_a_range_by_count_is_even_and_keeps_both_ends(start, stop, count, unit):
     assert steps == pytest.approx([float(stop - start) / (count - 1)] * (count - 1), rel=1e-6, abs=1e-9)
 
 
-@settings(deadline=None)  # other work on the machine is no fault
+@settings(deadline=None)  # independent of the load of the machine
 @given(st.lists(NUMBERS, min_size=1, max_size=20), UNITS)
-def test_a_unit_at_the_end_of_a_list_is_that_of_all(numbers, unit):
+def test_unit_at_end_of_list_applies_to_all(numbers, unit):
     found = parse_axis("key", ",".join(map(str, numbers)) + unit)
     assert [value.number for value in found.values] == [float(number) for number in numbers]
     assert all(value.text.endswith(unit.strip()) for value in found.values)
     assert found.is_numeric
 
 
-@settings(deadline=None)  # other work on the machine is no fault
+@settings(deadline=None)  # independent of the load of the machine
 @given(NUMBERS, STEPS, st.floats(0, 1, exclude_max=True))
-def test_an_interval_is_sampled_inside(low, width, part):
+def test_interval_is_sampled_inside(low, width, part):
     found = parse_axis("key", f"{low}:{low + width} kN/m")
     value = found.at(part)
     assert found.interval
@@ -67,9 +67,9 @@ def test_an_interval_is_sampled_inside(low, width, part):
     assert value.text.endswith("kN/m")
 
 
-@settings(deadline=None)  # other work on the machine is no fault
+@settings(deadline=None)  # independent of the load of the machine
 @given(st.text(max_size=40))
-def test_any_text_is_an_axis_or_is_refused(spec):
+def test_any_text_is_axis_or_input_error(spec):
     with suppress(InputError):
         assert parse_axis("key", spec).values
 
@@ -85,16 +85,16 @@ def test_any_text_is_an_axis_or_is_refused(spec):
         ('"a,b",c', ['"a,b"', "c"]),
         ("2.0", ["2.0"]),
         ("4000 rpm", ["4000 rpm"]),
-        ("360:1080:360", ["360", "720", "1080"]),  # whole numbers stay whole: some keys take no others
+        ("360:1080:360", ["360", "720", "1080"]),  # integers stay integers, which some keys require
         ("1e3:2e3#3rpm", ["1000rpm", "1500rpm", "2000rpm"]),
         ("1rpm:2rpm:1rpm", ["1rpm", "2rpm"]),
     ],
 )  # fmt: skip
-def test_values_as_texts(spec, values):
-    assert texts(spec) == values
+def test_axis_values_as_text(spec, values):
+    assert axis_texts(spec) == values
 
 
-def test_a_grid_runs_its_last_axis_fastest_and_lays_single_values_over_all():
+def test_grid_order_and_single_values():
     plan = make_plan(parse_axes(["a.b=1,2", "c=5", "d=x,y,z"]))
     assert plan.shape == (2, 3)
     assert plan.variants[0] == ("c=5", "a.b=1", "d=x")
@@ -102,7 +102,7 @@ def test_a_grid_runs_its_last_axis_fastest_and_lays_single_values_over_all():
 
 
 @pytest.mark.parametrize("how", ["lhs:16", "sobol:16"])
-def test_a_sample_fills_every_stratum_once_and_repeats_by_its_seed(how):
+def test_sample_is_stratified_and_repeatable_by_seed(how):
     made = parse_axes(["a=0:16 m", "b=w,x,y,z", "c=1:8:1"])
     plan = make_plan(made, parse_sample(how, 3))
     assert (
@@ -115,5 +115,5 @@ def test_a_sample_fills_every_stratum_once_and_repeats_by_its_seed(how):
     assert {int(point[2].number) for point in plan.points} == set(range(1, 9))
 
 
-def test_a_plan_of_one_value_each_has_one_variant():
+def test_plan_of_single_values_has_one_variant():
     assert Plan(parse_axes(["a=1", "b=2"])).variants == (("a=1", "b=2"),)

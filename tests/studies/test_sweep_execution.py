@@ -1,4 +1,4 @@
-"""The same table whoever runs it, and whatever happens to whom: workers killed, chunks that kill, rows that fail."""
+"""Sweep execution: identical tables from all executors, also with killed workers, failed rows and resumed journals."""
 
 from __future__ import annotations
 
@@ -34,24 +34,24 @@ QUICK = ["run.revolutions=0.25", "run.steps_per_revolution=720"]
 VARIED = [*QUICK, "run.speed=1000:2000:250rpm", "springs.valve.stiffness=30,40kN/m"]
 
 
-def written(table, folder, name):
+def table_bytes(table, folder, name):
     path = folder / f"{name}.h5"
     write_hdf5(table, path)
     return path.read_bytes()
 
 
 @pytest.fixture(scope="module")
-def asked():
+def sweep():
     return make_sweep(TAYEB, VARIED)
 
 
 @pytest.fixture(scope="module")
-def alone(asked, tmp_path_factory):
-    return written(run_sweep(asked, SerialWorkers()), tmp_path_factory.mktemp("alone"), "here")
+def serial_bytes(sweep, tmp_path_factory):
+    return table_bytes(run_sweep(sweep, SerialWorkers()), tmp_path_factory.mktemp("alone"), "here")
 
 
-def killing(pid_of):
-    """Return what kills a worker when the first rows have come."""
+def kill_worker_once(pid_of):
+    """Return a progress callback that kills a worker after the first rows, and the list of killed processes."""
     killed = []
 
     def advance(count):
@@ -66,9 +66,9 @@ def worker_process():
     return next(p.pid for p in multiprocessing.active_children() if p.name.startswith("SpawnProcess"))
 
 
-def test_processes_give_the_table_of_one_with_one_killed_in_the_middle(asked, alone, tmp_path):
-    advance, killed = killing(worker_process)
-    assert written(run_sweep(asked, ProcessWorkers(2), advance=advance), tmp_path, "two") == alone
+def test_processes_give_same_table_with_killed_worker(sweep, serial_bytes, tmp_path):
+    advance, killed = kill_worker_once(worker_process)
+    assert table_bytes(run_sweep(sweep, ProcessWorkers(2), advance=advance), tmp_path, "two") == serial_bytes
     assert killed
     assert not [p for p in multiprocessing.active_children() if p.name.startswith("SpawnProcess")]
 
@@ -80,17 +80,17 @@ def dask_worker():
 
 
 @pytest.mark.slow
-def test_a_local_cluster_gives_the_same_table_with_one_worker_killed(asked, alone, tmp_path):
-    advance, killed = killing(dask_worker)
-    assert written(run_sweep(asked, ClusterWorkers("local", 2), advance=advance), tmp_path, "dask") == alone
+def test_local_cluster_gives_same_table_with_killed_worker(sweep, serial_bytes, tmp_path):
+    advance, killed = kill_worker_once(dask_worker)
+    assert table_bytes(run_sweep(sweep, ClusterWorkers("local", 2), advance=advance), tmp_path, "dask") == serial_bytes
     assert killed
 
 
-class Scripted:
-    """Workers of which a variant with the key ``poison`` kills the one that runs it, and breaks its pool."""
+class ScriptedWorkers:
+    """Workers in which a variant with the key ``poison`` kills its worker and breaks the pool."""
 
     def __init__(self):
-        self.ran = []
+        self.submitted = []
 
     @contextmanager
     def open_pool(self, source, evaluate):
@@ -100,7 +100,7 @@ class Scripted:
             future = Future()
             if broken:
                 raise BrokenProcessPool
-            self.ran.append(variants)
+            self.submitted.append(variants)
             if any("poison" in key for variant in variants for key in variant):
                 broken.append(True)
                 future.set_exception(BrokenProcessPool())
@@ -111,20 +111,20 @@ class Scripted:
         yield workers_of.Pool(submit, 3, (BrokenProcessPool,))
 
 
-def test_a_variant_that_kills_its_worker_is_a_row_and_costs_no_other():
+def test_variant_that_kills_worker_is_failed_row():
     plan = Plan(parse_axes(["key=a,b,poison,d,e,f,g,h"]))
-    chunks, workers = divide_variants(plan.variants, 3), Scripted()
+    chunks, workers = divide_variants(plan.variants, 3), ScriptedWorkers()
     with open_runner(workers, Bundle("", "", {}), evaluate_chunk) as run:
         rows = {chunk.index: some for chunk, some in run(chunks)}
     found = [row.status for _, some in sorted(rows.items()) for row in some]
     assert [status.cause for status in found] == [Cause.WORKER_LOST if i == 2 else Cause.DONE for i in range(8)]
     assert [status.text for status in found if status.ok] == [f"key={letter}" for letter in "abdefgh"]
-    assert workers.ran.count((("key=poison",),)) == 1
-    assert workers.ran.count(chunks[2].variants) == 1  # what was not under way is not run twice
+    assert workers.submitted.count((("key=poison",),)) == 1
+    assert workers.submitted.count(chunks[2].variants) == 1  # chunks that were not running are not repeated
 
 
-def test_a_cluster_without_workers_ends_the_sweep(asked, monkeypatch):
-    """Nothing would ever finish there."""
+def test_cluster_without_workers_ends_sweep(sweep, monkeypatch):
+    """Otherwise the sweep would wait forever."""
     monkeypatch.setattr(workers_of, "_PATIENCE", 0.01)
 
     class Empty:
@@ -134,12 +134,12 @@ def test_a_cluster_without_workers_ends_the_sweep(asked, monkeypatch):
 
     with (
         pytest.raises(RunFailedError, match="no workers left"),
-        open_runner(Empty(), asked.bundle, asked.evaluate()) as run,
+        open_runner(Empty(), sweep.bundle, sweep.evaluate()) as run,
     ):
-        list(run(asked.chunks))
+        list(run(sweep.chunks))
 
 
-def test_what_fails_is_a_row_with_its_cause():
+def test_failed_run_is_row_with_cause():
     # Newmark with beta near 0 is stable up to omega dt = 2 only
     methods = ",".join(f"{{ method = 'newmark', beta = {beta} }}" for beta in (0.25, 0.001))
     table = run_sweep(make_sweep(TAYEB, ["run.steps_per_revolution=360", f"run.integrator={methods}"]))
@@ -150,22 +150,22 @@ def test_what_fails_is_a_row_with_its_cause():
     assert table["deviation.peak"][1] != table["deviation.peak"][1]  # NaN
 
 
-def test_a_refusal_after_reading_and_a_fault_are_rows(monkeypatch):
+def test_input_error_and_program_error_are_rows(monkeypatch):
     row = evaluate(read_case(TAYEB, ["run.revolutions=0.0001"]))
     assert row.status.cause is Cause.REFUSED
     assert "at least one step" in row.status.text
 
-    def broken(ready, response, names=None):
+    def raise_error(ready, response, names=None):
         raise ZeroDivisionError("nothing")
 
-    monkeypatch.setattr(sys.modules["flexcam.studies.evaluation"], "compute_scalars", broken)
+    monkeypatch.setattr(sys.modules["flexcam.studies.evaluation"], "compute_scalars", raise_error)
     row = evaluate(read_case(TAYEB, QUICK))
     assert row.status.cause is Cause.FAULT
     assert "ZeroDivisionError: nothing (test_sweep_execution.py:" in row.status.text
 
 
-def test_files_of_a_case_come_along(tmp_path):
-    """A worker needs nothing but plain data: mesh above the case, lift table beside it, both unpacked elsewhere."""
+def test_bundle_contains_files_of_case(tmp_path):
+    """A worker needs plain data only: the mesh above the case and the lift table next to it are unpacked elsewhere."""
     law = 'law = "shm"\nlift = "6 mm"\nrise = "180 deg"\nreturn = "180 deg"'
     text = TAYEB.read_text(encoding="utf-8").replace(law, 'lift_table = "lift.csv"')
     home = tmp_path / "home/cases"
@@ -191,29 +191,29 @@ def thread_counts(case, variants):
     return [one["num_threads"] for one in threadpool_info()]
 
 
-def test_worker_processes_have_one_thread_of_linear_algebra(asked, monkeypatch):
+def test_worker_processes_use_one_blas_thread(sweep, monkeypatch):
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
-    with ProcessWorkers(1).open_pool(asked.bundle, thread_counts) as pool:
+    with ProcessWorkers(1).open_pool(sweep.bundle, thread_counts) as pool:
         assert set(pool.submit([()]).result()) == {1}
 
 
 @pytest.mark.slow
-def test_a_script_that_worker_processes_cannot_read_is_told_so(tmp_path):
+def test_unguarded_script_causes_worker_error(tmp_path):
     script = (
         "from flexcam.studies import executors, sweep\n"
         f"sweep.run_sweep(sweep.make_sweep({str(TAYEB)!r}, {VARIED!r}), executors.ProcessWorkers(2))\n"
     )
     (tmp_path / "script.py").write_text(script, encoding="utf-8")
     done = subprocess.run([sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, timeout=60)
-    told = "flexcam.dynamics.status.RunFailedError: worker-lost: no worker process could"
-    assert [line for line in done.stderr.splitlines() if line.startswith(told)]  # Python may add its own words behind
+    expected = "flexcam.dynamics.status.RunFailedError: worker-lost: no worker process could"
+    assert [line for line in done.stderr.splitlines() if line.startswith(expected)]  # Python may add lines after it
 
 
-def test_chunks_do_not_depend_on_who_runs_them():
+def test_chunks_do_not_depend_on_executor():
     case = read_case(TAYEB)
     many, few = Plan(parse_axes(["run.speed=1:5000:1rpm"])), Plan(parse_axes(["run.speed=1:50:1rpm"]))
     assert (chunk_size(many, case), chunk_size(few, case)) == (16, 1)
-    assert chunk_size(many, case.with_run({"revolutions": 100.0})) == 1  # a long run is a chunk of its own
+    assert chunk_size(many, case.with_run({"revolutions": 100.0})) == 1  # a long run is a separate chunk
     assert [one for chunk in divide_variants(many.variants, 16) for one in chunk.variants] == list(many.variants)
 
 
@@ -224,7 +224,7 @@ ROWS = [
 ]
 
 
-def kept(path, chunks, **how):
+def write_journal(path, chunks, **how):
     journal = Journal(path, HEAD, **how)
     for index in chunks:
         journal.add(index, ROWS)
@@ -232,23 +232,23 @@ def kept(path, chunks, **how):
     return journal.rows
 
 
-def test_a_journal_cut_off_anywhere_goes_on_from_its_last_whole_line(tmp_path):
+def test_truncated_journal_resumes_from_last_complete_line(tmp_path):
     path = tmp_path / "j.jsonl"
-    kept(path, [0, 1])
+    write_journal(path, [0, 1])
     whole = path.read_bytes()
     ends = [i + 1 for i, byte in enumerate(whole) if byte == ord("\n")]
     for length in range(0, len(whole) + 1, 7):
         path.write_bytes(whole[:length])
-        found = kept(path, [], resume=True)
+        found = write_journal(path, [], resume=True)
         assert set(found) == set(range(sum(end <= length for end in ends[1:])))
         assert all(rows == ROWS for rows in found.values())
-        kept(path, [i for i in (0, 1) if i not in found], resume=True)
+        write_journal(path, [i for i in (0, 1) if i not in found], resume=True)
         assert path.read_bytes() == whole
 
 
-def test_a_journal_of_another_sweep_or_in_use_is_refused_and_left_alone(tmp_path):
+def test_foreign_or_locked_journal_raises_error(tmp_path):
     path = tmp_path / "j.jsonl"
-    kept(path, [0])
+    write_journal(path, [0])
     whole = path.read_bytes()
     for words, change in (("version", {"flexcam": "2"}), ("a file it names", {"case": "d"}), ("values", {"plan": "q"})):
         with pytest.raises(InputError, match=words):
@@ -259,7 +259,7 @@ def test_a_journal_of_another_sweep_or_in_use_is_refused_and_left_alone(tmp_path
     with pytest.raises(InputError, match="Another sweep is running here"):
         Journal(path, HEAD, resume=True)
     first.close()
-    Journal(path, HEAD, overwrite=True).close()  # nothing was kept yet
+    Journal(path, HEAD, overwrite=True).close()  # the journal is still empty
     path.write_bytes(whole[:-40] + b"}\n")
     with pytest.raises(InputError, match="damaged"):
         Journal(path, HEAD, resume=True)
@@ -267,14 +267,14 @@ def test_a_journal_of_another_sweep_or_in_use_is_refused_and_left_alone(tmp_path
     assert json.loads(path.read_bytes().splitlines()[0]).items() >= HEAD.items()
 
 
-def test_a_journal_with_a_flipped_bit_gives_no_other_numbers(tmp_path):
+def test_flipped_bit_in_journal_gives_no_wrong_numbers(tmp_path):
     path = tmp_path / "j.jsonl"
-    kept(path, [0, 1])
+    write_journal(path, [0, 1])
     whole = path.read_bytes()
     for position in range(0, len(whole), 3):
         path.write_bytes(whole[:position] + bytes([whole[position] ^ 1]) + whole[position + 1 :])
         with suppress(InputError):
-            assert all(rows == ROWS for rows in kept(path, [], resume=True).values())
+            assert all(rows == ROWS for rows in write_journal(path, [], resume=True).values())
 
 
 def no_locks(*_):
@@ -286,26 +286,26 @@ def no_module(monkeypatch):
 
 
 @pytest.mark.parametrize("without", [lambda patch: patch.setattr("fcntl.flock", no_locks), no_module])
-def test_where_there_are_no_locks_a_sweep_goes_on(without, tmp_path, monkeypatch):
-    """Some network drives have none; that nobody else may be kept out is no reason to refuse the sweep."""
+def test_journal_without_file_locks(without, tmp_path, monkeypatch):
+    """Some network drives do not support locks; the sweep runs without exclusive access."""
     without(monkeypatch)
-    kept(tmp_path / "j.jsonl", [0])
-    assert kept(tmp_path / "j.jsonl", [], resume=True) == {0: ROWS}
+    write_journal(tmp_path / "j.jsonl", [0])
+    assert write_journal(tmp_path / "j.jsonl", [], resume=True) == {0: ROWS}
 
 
-def test_a_refused_journal_leaves_no_file(tmp_path):
+def test_empty_journal_leaves_no_file(tmp_path):
     Journal(tmp_path / "new/j.jsonl", HEAD).close()
     assert not list((tmp_path / "new").iterdir())
 
 
-def test_fault_in_a_variant(tmp_path):
-    """A fault of flexcam ends a search, and costs a sweep one row."""
+def test_program_error_in_variant(tmp_path):
+    """A program error in flexcam ends a search, and is one row of a sweep."""
 
-    def broken(case):
+    def raise_error(case):
         raise TypeError("planted")
 
     with pytest.raises(TypeError, match="planted"):
-        evaluate_each(TAYEB, [()], broken)
-    row = catch_all_errors(lambda: broken(None))
+        evaluate_each(TAYEB, [()], raise_error)
+    row = catch_all_errors(lambda: raise_error(None))
     assert row.status.cause is Cause.FAULT
     assert "TypeError: planted" in row.status.text

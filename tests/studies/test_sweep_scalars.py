@@ -1,4 +1,4 @@
-"""Scalars of a row are what the other commands say of the same run."""
+"""Scalars of a sweep row equal the results of the other commands for the same run."""
 
 from __future__ import annotations
 
@@ -26,41 +26,41 @@ CASES = {
 
 CAMSHAFT = {"cams.intake.twist.largest", "cams.intake.deflection.largest", "supports.drive.torque.largest"}
 
-DRIVE = {"supports.drive.torque.mean", "supports.drive.power.mean"}  # of either sign
+DRIVE = {"supports.drive.torque.mean", "supports.drive.power.mean"}  # of any sign
 
 PUSHROD = {"members.pushrod.compression.largest", "members.pushrod.buckling_margin"}
 
 
-def test_one_mass_has_no_camshaft():
-    """Its twist would be zero; where few masses feel their cam through a contact, they know it.
+def test_single_mass_has_no_camshaft_scalars():
+    """Its twist would be zero; models with few masses have a camshaft if they sense the cam through a contact.
 
-    A pushrod before which the one mass lies bears no more of it than its springs, and is not told either.
+    The force of a pushrod next to the single mass is that of the springs, and is not a scalar either.
     """
     rows = {model: evaluate(read_case("cases/tayeb/model-1-shm.toml", [f"fidelity.model={model}"])).scalars
             for model in ("sdof", "beams")}  # fmt: skip
     assert set(rows["beams"]) - set(rows["sdof"]) == CAMSHAFT | DRIVE | PUSHROD
     assert all(rows["beams"][name] > 0.0 for name in CAMSHAFT)
-    felt = evaluate(
+    with_contact = evaluate(
         read_case(
             "cases/pushrod-engine/intake.toml", [*CASES["cases/pushrod-engine/intake.toml"], "fidelity.model=sdof"]
         )
     )
-    assert set(felt.scalars) >= CAMSHAFT | DRIVE
+    assert set(with_contact.scalars) >= CAMSHAFT | DRIVE
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("asked", "cause"), [(0.01, Cause.DONE), (1e-9, Cause.TOLERANCE)])
-def test_a_row_says_which_model_was_chosen(asked, cause):
+def test_row_states_chosen_model(asked, cause):
     row = evaluate(read_case("tests/data/inline.toml", ["run.steps_per_revolution=120", f"fidelity.tolerance={asked}"]))
     assert row.status.cause is cause
-    assert row.scalars  # those of the closest model where none is within the tolerance
+    assert row.scalars  # those of the closest model if no model is within the tolerance
     named = r"chosen within the tolerance: sdof, \d+ steps" if row.status.ok else r"that is [a-z0-9 ]+, \d+ steps"
     assert re.search(named + " per revolution", row.status.message)
     assert not evaluate(read_case("tests/data/inline.toml", ["run.steps_per_revolution=120"])).status.message
 
 
 @pytest.mark.parametrize("path", CASES)
-def test_a_row_is_what_run_and_compare_say(path):
+def test_row_matches_run_and_compare(path):
     case = read_case(path, CASES[path])
     row, ready = evaluate(case), prepare(case)
     assert row.status.ok
@@ -73,10 +73,10 @@ def test_a_row_is_what_run_and_compare_say(path):
     deviations = [row.scalars["deviation.peak"], row.scalars["deviation.rms"]]
     assert deviations == pytest.approx(
         [found.peak_deviation, found.rms_deviation], rel=1e-12
-    )  # other blocks of instants
+    )  # different blocks of instants
     turns = min(
         case.record.run.revolutions, 1.0
-    )  # an instant per step of the last revolution; a shorter run as a whole
+    )  # an instant per step of the last revolution; all instants of a shorter run
     steps = round(turns * ready.revolution / ready.problem.step) + (turns < 1.0)
     for series, unit in (("displacement", "m"), ("velocity", "m/s"), ("acceleration", "m/s^2")):
         name = f"probes.{probe}.{series}.largest"
@@ -91,8 +91,8 @@ def test_a_row_is_what_run_and_compare_say(path):
 @pytest.mark.parametrize(
     ("path", "runs"), mostly_slow([*((path, 100) for path in CASES), ("cases/tayeb/model-1-shm.toml", 1)], 2)
 )
-def test_without_channels_a_row_has_the_motion_of_the_probes(path, runs):
-    """Equal to rounding: 1e-9 is some hundred roundings of an acceleration of stiff parts."""
+def test_row_without_channels_has_probe_scalars(path, runs):
+    """Equal to rounding: 1e-9 is about a hundred roundings of an acceleration of stiff parts."""
     case = read_case(path, CASES[path])
     whole, row = evaluate(case, runs=runs), evaluate(case, runs=runs, channels=False)
     assert row.status.ok
@@ -104,37 +104,35 @@ def test_without_channels_a_row_has_the_motion_of_the_probes(path, runs):
         assert abs(value - whole.scalars[name]) <= 1e-9 * size, name
 
 
-def test_a_result_file_is_whole(tmp_path):
-    """Whatever the row keeps."""
+def test_result_file_is_complete(tmp_path):
+    """Independent of the scalars of the row."""
     case = read_case("cases/li/valve-train.toml", ["run.steps_per_revolution=720"])
     assert evaluate(case, folder=tmp_path, channels=False).scalars == evaluate(case).scalars
     assert read_result(next(tmp_path.iterdir())).response.channels
 
 
-def test_rotations_have_their_units():
+def test_units_of_rotations():
     row = evaluate(read_case("cases/tayeb/model-1-shm.toml", ["run.revolutions=0.1"]))
     assert row.units["probes.cam.rx.velocity.largest"] == "rad/s"
     assert row.units["contacts.intake.force.largest"] == "N"
 
 
-def test_a_rigid_case_keeps_no_account_of_energy():
-    """Its unknowns would hold them: there are none, while the cam's torque does work."""
+def test_rigid_case_has_no_energy_scalars():
+    """A rigid case has no unknowns with energy, while the torque of the cam does work."""
     case = read_case("cases/tayeb/model-1-shm.toml", ["fidelity.model=rigid", "run.revolutions=0.1"])
     assert not any(name.startswith("energy.") for name in [*scalar_names(case), *run(case).channels])
 
 
-def test_a_rigid_case_has_no_deviation():
+def test_rigid_case_has_no_deviation_scalars():
     row = evaluate(read_case("cases/tayeb/model-1-shm.toml", ["fidelity.model=rigid", "run.revolutions=0.1"]))
     assert row.status.ok
     assert not any(name.startswith("deviation") for name in row.scalars)
 
 
-def test_largest_values_are_those_of_the_last_revolution():
+def test_maxima_are_those_of_last_revolution():
     start = 'run.start={ velocity = { "tappet.uy" = "5 m/s" } }'
     words = [start, "run.damping.modal=0.3", "run.steps_per_revolution=720", "run.revolutions=2"]
     row = evaluate(read_case("tests/data/inline.toml", words))
     one = evaluate(read_case("tests/data/inline.toml", [*words, "run.revolutions=1"]))
     name = "probes.valve.acceleration.largest"
-    assert (
-        row.scalars[name] < 0.5 * one.scalars[name]
-    )  # struck at the start, at rest but for the cam a revolution later
+    assert row.scalars[name] < 0.5 * one.scalars[name]  # initial velocity, decayed a revolution later

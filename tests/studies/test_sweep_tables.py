@@ -1,4 +1,4 @@
-"""Tables of sweeps: what is written is read back, the same bytes every time, no NaN in any file."""
+"""Tables of sweeps: round trips, reproducible bytes, no NaN in files."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from flexcam.studies.plan import Plan, Row, make_plan, parse_axes, parse_sample
 FAILED = Status(Cause.NOT_FINITE, 'it left, "far"\nµm', "a smaller step")
 
 
-def rows(count):
+def make_rows(count):
     units = {"contacts.a.force.largest": "N", "deviation.peak": "1", "late": "m"}
     found = [
         Row(Status(), {"contacts.a.force.largest": 1.0 / (i + 1), "deviation.peak": 0.1 * i}) for i in range(count)
@@ -39,10 +39,10 @@ def rows(count):
 @pytest.fixture
 def table():
     plan = make_plan(parse_axes(["run.speed=1000:3000:1000rpm", "run.integrator.method=newmark,bathe"]))
-    return make_table(plan, rows(6), {"case": "title = 'ä'", "plan": "{}"})
+    return make_table(plan, make_rows(6), {"case": "title = 'ä'", "plan": "{}"})
 
 
-def same(one, other):
+def assert_equal_tables(one, other):
     assert [c.name for c in one.inputs] == [c.name for c in other.inputs]
     assert all(
         list(a.values) == list(b.values) and a.unit == b.unit for a, b in zip(one.inputs, other.inputs, strict=True)
@@ -52,22 +52,22 @@ def same(one, other):
     assert (one.units, one.statuses, one.shape, one.about) == (other.units, other.statuses, other.shape, other.about)
 
 
-def test_hdf5_gives_back_everything(table, tmp_path):
-    same(read_table(write_table(table, tmp_path / "t.h5")), table)
-    sampled = make_table(Plan(parse_axes(["a=0:1 m", "b=x,y"]), parse_sample("lhs:6")), rows(6))
-    same(read_table(write_table(sampled, tmp_path / "s.h5")), sampled)
+def test_hdf5_round_trip(table, tmp_path):
+    assert_equal_tables(read_table(write_table(table, tmp_path / "t.h5")), table)
+    sampled = make_table(Plan(parse_axes(["a=0:1 m", "b=x,y"]), parse_sample("lhs:6")), make_rows(6))
+    assert_equal_tables(read_table(write_table(sampled, tmp_path / "s.h5")), sampled)
     nothing = make_table(Plan(parse_axes(["a=1,2"])), [Row(FAILED), Row(FAILED)])
-    same(read_table(write_table(nothing, tmp_path / "n.h5")), nothing)
+    assert_equal_tables(read_table(write_table(nothing, tmp_path / "n.h5")), nothing)
 
 
 @pytest.mark.parametrize("end", ["h5", "csv", "parquet"])
-def test_the_same_table_is_the_same_bytes(table, tmp_path, end):
+def test_equal_tables_give_equal_bytes(table, tmp_path, end):
     one, other = (write_table(table, tmp_path / f"{name}.{end}").read_bytes() for name in "ab")
     assert one == other
     assert not list(tmp_path.glob("*partial*"))
 
 
-def test_no_file_holds_a_nan(table, tmp_path):
+def test_files_contain_no_nan(table, tmp_path):
     with h5py.File(write_table(table, tmp_path / "t.h5")) as file:
         for name, values in file["scalars"].items():
             assert np.isfinite(values[()]).all()
@@ -76,7 +76,7 @@ def test_no_file_holds_a_nan(table, tmp_path):
     assert "nan" not in format_csv(table).lower()
 
 
-def test_csv(table):
+def test_csv_columns_and_values(table):
     read = list(csv.DictReader(format_csv(table).splitlines(keepends=True)))
     assert [row["variant"] for row in read] == list("123456")
     assert [float(row["run.speed [rpm]"]) for row in read] == [1000, 1000, 2000, 2000, 3000, 3000]
@@ -87,7 +87,7 @@ def test_csv(table):
     assert float(read[5]["late [mm]"]) == 1e3 * table["late"][5]
 
 
-def test_frames(table):
+def test_table_frame_and_dataset(table):
     frame = table_frame(table)
     assert frame.loc[4, "deviation.peak"] == table["deviation.peak"][3]
     assert frame.loc[2].isna()["deviation.peak"]
@@ -96,19 +96,19 @@ def test_frames(table):
     assert dict(data.sizes) == {"run.speed": 3, "run.integrator.method": 2}
     assert float(data["deviation.peak"].sel({"run.speed": 2000.0, "run.integrator.method": "bathe"})) == 0.1 * 3
     assert np.array_equal(table["deviation.peak"].reshape(table.shape), data["deviation.peak"].values, equal_nan=True)
-    sampled = table_dataset(make_table(Plan(parse_axes(["a=0:1 m", "b=x,y"]), parse_sample("lhs:6")), rows(6)))
+    sampled = table_dataset(make_table(Plan(parse_axes(["a=0:1 m", "b=x,y"]), parse_sample("lhs:6")), make_rows(6)))
     assert dict(sampled.sizes) == {"variant": 6}
     assert sampled["a"].dims == ("variant",)
 
 
-def test_parquet_has_nulls(table, tmp_path):
+def test_parquet_has_nulls_for_missing_values(table, tmp_path):
     from pyarrow import parquet
 
     column = parquet.read_table(write_table(table, tmp_path / "t.parquet"))["deviation.peak"]
     assert column.null_count == 1
 
 
-def test_histories_as_frames():
+def test_histories_as_frame_and_dataset():
     response = run(read_case("tests/data/inline.toml", ["run.revolutions=0.1"]))
     frame, data = response.to_frame(), history_dataset(response)
     assert np.array_equal(frame["valve.displacement"], response["valve"].displacement)
@@ -119,7 +119,7 @@ def test_histories_as_frames():
     assert np.array_equal(data["cam_angle"].values, response.angle)
 
 
-def test_data_frame_without_pandas(monkeypatch):
+def test_data_frame_without_pandas_raises_error(monkeypatch):
     response = run(read_case("tests/data/inline.toml", ["run.revolutions=0.1"]))
     monkeypatch.setattr("flexcam.core.errors.find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"flexcam\[tables\]"):
@@ -127,7 +127,7 @@ def test_data_frame_without_pandas(monkeypatch):
 
 
 def test_tables_in_notebooks():
-    """Case, model and response show a table with the names of their parts, escaped."""
+    """Case, model and response have an HTML table with the escaped names of their parts."""
     case = read_case("tests/data/inline.toml", ["run.revolutions=0.1", "title='a < b'"])
     shown = case._repr_html_()
     assert "a &lt; b" in shown
@@ -139,7 +139,7 @@ def test_tables_in_notebooks():
     assert "done: the run is complete" in response._repr_html_()
 
 
-def test_refusals(table, tmp_path):
+def test_invalid_files_and_names_raise_error(table, tmp_path):
     path = write_table(table, tmp_path / "t.h5")
     with pytest.raises(InputError, match="Use --overwrite"):
         write_table(table, path)
@@ -157,7 +157,7 @@ def test_refusals(table, tmp_path):
     assert list(table.select(["late", "contacts"]).scalars) == ["late", "contacts.a.force.largest"]
 
 
-def test_scalars_are_chosen_by_the_beginning_of_their_names():
+def test_scalars_are_selected_by_prefix():
     assert is_scalar_prefix("contacts.", ["contacts.seat.force"])
     assert is_scalar_prefix("contacts.seat", ["contacts.seat.force"])
     assert not is_scalar_prefix("contacts.se.", ["contacts.seat.force"])

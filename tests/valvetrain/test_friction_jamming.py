@@ -1,4 +1,4 @@
-"""Friction that carries all of the force of a rigid follower: it jams, and no force of the contact balances it."""
+"""Jamming of a rigid follower: friction carries the complete force, and no contact force gives equilibrium."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ speed = "60 rpm"
     ("friction", "turn", "jams"),
     [(0.9, "counterclockwise", False), (1.6, "counterclockwise", True), (1.6, "clockwise", False)],
 )
-def test_a_face_jams_where_friction_alone_holds_it(tmp_path, friction, turn, jams):
-    """The force is what the train needs over 1 - mu face/q at the distance q of the contact from the pivot."""
+def test_follower_jams_by_friction(tmp_path, friction, turn, jams):
+    """The contact force is that of the train over 1 - mu face/q at the distance q of the contact from the pivot."""
     path = tmp_path / "finger.toml"
     path.write_text(FINGER.format(friction=friction, turn=turn), encoding="utf-8")
     model = build_model(read_case(path))

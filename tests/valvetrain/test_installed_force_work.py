@@ -1,4 +1,4 @@
-"""What `energy.work` counts: the torque that the cam takes, and the installed force of the spring on its way."""
+"""`energy.work` is the work of the cam torque and of the installed force of the spring."""
 
 import numpy as np
 import pytest
@@ -30,10 +30,12 @@ probes = ["mass"]
 """
 
 
-def test_work_is_that_of_torque_and_installed_force(tmp_path):
+def test_work_of_torque_and_installed_force(tmp_path):
     (tmp_path / "one.toml").write_text(CASE, encoding="utf-8")
     response = run(read_case(tmp_path / "one.toml"))
     torque, moved = response.channels["contacts.one.torque"], response["mass.uy"].displacement
     steps = 0.5 * (torque[1:] + torque[:-1]) * np.diff(response.angle)
     wanted = np.append(0.0, np.cumsum(steps)) - 300.0 * (moved - moved[0])
-    assert response.channels["energy.work"] == pytest.approx(wanted, abs=1e-5 * np.abs(wanted).max())  # the trapezoids'
+    assert response.channels["energy.work"] == pytest.approx(
+        wanted, abs=1e-5 * np.abs(wanted).max()
+    )  # error of the trapezoidal rule

@@ -1,4 +1,4 @@
-"""The rigid model as a whole: the power of the cam balances, and cams on one train each have their lift."""
+"""Rigid model: power balance of the cam, and separate lifts of several cams on one train."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ MODELS = Path(__file__).parents[1] / "golden" / "models"
 @pytest.mark.parametrize(
     "name", mostly_slow(["lever-rocker", "adjuster", "hertz-train", "linear-train", "massless"], 2)
 )
-def test_the_cam_does_the_work_of_the_train(name):
-    """Torque times speed is the rate of kinetic and elastic energy plus what the dampers take, by differences."""
+def test_cam_power_equals_power_of_train(name):
+    """Torque times speed is the rate of kinetic and elastic energy plus damping power, by differences."""
     case = read_case(MODELS / f"{name}.toml", {"run.steps_per_revolution": 7200, "run.revolutions": 1})
     ready = prepare(case, rigid=True)
     system, response = ready.problem.system, solve(ready.problem, ready.scheme)
@@ -33,15 +33,15 @@ def test_the_cam_does_the_work_of_the_train(name):
     power = np.gradient(energy, response.time) + np.einsum("mi,ij,mj->m", v, C, v)
     torque = sum(values for channel, values in response.channels.items() if channel.endswith(".torque"))
     smooth = np.ones(len(power), dtype=bool)
-    for train in system.prescribed_motion.trains:  # a closing lash and a seat change the velocity at once
+    for train in system.prescribed_motion.trains:  # a closing lash and a seat cause velocity jumps
         for _, rows in train.solve(motion.cam).branches:
             smooth[rows[np.diff(rows, prepend=-9) > 1]] = smooth[rows[np.diff(rows, append=10**9) > 1]] = False
     worst = np.abs(power - torque * case.speed)[smooth].max()
-    assert worst < 2e-3 * np.abs(power[smooth]).max()  # differences over 0.05 deg, where the jerk of the cam jumps
+    assert worst < 2e-3 * np.abs(power[smooth]).max()  # differences over 0.05 deg at jerk discontinuities of the cam
 
 
-def test_both_followers_of_a_desmodromic_train_have_the_lift_of_their_cam():
-    """The closing cam is 10 um away from closing its lash, so that neither moves the follower of the other."""
+def test_desmodromic_followers_have_lift_of_their_cams():
+    """The lash of the closing cam has 10 um left, so that neither cam moves the follower of the other one."""
     case = read_case(MODELS / "desmodromic.toml")
     ready = prepare(case, rigid=True)
     motion = ConstantSpeed(1.0).at(np.linspace(0.0, 2.0 * np.pi, 361))
@@ -52,7 +52,7 @@ def test_both_followers_of_a_desmodromic_train_have_the_lift_of_their_cam():
     np.testing.assert_allclose(closed, -cams["closing"].event(motion.angle, 0), atol=1e-15)
 
 
-IDLE = """
+IDLE_VALVE = """
 format = 1
 nodes = { valve = [0.0, 0.0, 0.0], other = [0.1, 0.0, 0.0], cam = [0.0, -0.1, 0.0] }
 supports = { valve = ["ux", "uz"], other = ["ux", "uz"] }
@@ -76,31 +76,31 @@ steps_per_revolution = 90
 """
 
 
-def test_the_seat_of_a_valve_without_a_cam_carries_its_spring(tmp_path):
+def test_seat_of_idle_valve_carries_spring_force(tmp_path):
     path = tmp_path / "idle.toml"
-    path.write_text(IDLE, encoding="utf-8")
+    path.write_text(IDLE_VALVE, encoding="utf-8")
     response = run(read_case(path), rigid=True)
     np.testing.assert_allclose(response.channels["contacts.seat.force"], 250.0, rtol=1e-12)
 
 
-def test_a_contact_that_a_nonlinear_spring_would_lift_is_told(tmp_path):
-    """The spring between follower and valve, soft as installed, would open the seat long before full lift."""
+def test_pulling_contacts_with_nonlinear_spring(tmp_path):
+    """The spring between follower and valve, soft as installed, would open the seat before full lift."""
     path = tmp_path / "inner.toml"
     inner = 'inner = { at = "valve", to = "other", direction = "uy", force_table = TABLE, installed_force = 10 }'
     bent, straight = "[[0, 0], [0.001, 20], [0.02, 4000]]", "[[0, 0], [0.02, 400]]"
     pulls: list[dict[str, float]] = []
     for table in (bent, straight):
         path.write_text(
-            IDLE.replace("[cams.intake]", f"{inner.replace('TABLE', table)}\n[cams.intake]"), encoding="utf-8"
+            IDLE_VALVE.replace("[cams.intake]", f"{inner.replace('TABLE', table)}\n[cams.intake]"), encoding="utf-8"
         )
         pulls.append(pulling_contacts(build_model(read_case(path))))
     (pull,) = pulls[0].values()
-    # The spring is compressed by 0.5 mm as installed and by 10 mm more; the other spring holds the seat with 250 N.
+    # The spring is compressed by 0.5 mm as installed and by 10 mm more; the other spring loads the seat with 250 N.
     assert pull == pytest.approx(np.interp(0.0105, [0.001, 0.02], [20.0, 4000.0]) - 10.0 - 240.0, rel=1e-3)
     assert pulls[1] == {}
 
 
-LEAF = """
+LEAF_FOLLOWER = """
 format = 1
 nodes = { cam = [0.0, 0.0, 0.0], pivot = [-0.04, 0.02, 0.0], pad = [0.0, 0.02, 0.0] }
 materials.steel = { E = 207e9, nu = 0.29, density = 7800 }
@@ -127,10 +127,10 @@ steps_per_revolution = 90
 """
 
 
-def test_a_follower_that_only_bends_has_no_rigid_model(tmp_path):
-    """Its flexible run has a default probe and a picture all the same."""
+def test_bending_follower_has_no_rigid_model(tmp_path):
+    """Its flexible run still has a default probe and a picture."""
     path = tmp_path / "leaf.toml"
-    path.write_text(LEAF, encoding="utf-8")
+    path.write_text(LEAF_FOLLOWER, encoding="utf-8")
     case = read_case(path)
     with pytest.raises(InputError, match=r"contacts\.intake\.follower.*without bending.*fidelity\.model = beams"):
         run(case, rigid=True)

@@ -1,4 +1,4 @@
-"""What the channels of a spring hold: the force of its part at the moving end, a moment where it turns."""
+"""Spring channels: force of the part at the moving end, or moment of a rotational spring."""
 
 import json
 
@@ -10,7 +10,7 @@ from flexcam.analysis.natural_modes import modes
 from flexcam.case.input_checks import check_values
 from flexcam.report.tables import model_table
 
-SURGING = """
+SURGE_SPRING = """
 format = 1
 [nodes]
 mass = [0, 0, 0]
@@ -28,7 +28,7 @@ start = { displacement = { "mass.uy" = "1 mm" } }
 [output]
 probes = ["mass"]
 """
-TURNING = """
+ROTATIONAL_SPRING = """
 format = 1
 [nodes]
 disc = [0, 0, 0]
@@ -60,19 +60,19 @@ def case(tmp_path):
     return read
 
 
-def test_force_is_that_of_the_part_at_the_moving_end(case):
-    """It moves the mass and its share of the last part, of 15 g and spread linearly between the part's ends."""
-    response = run(case(SURGING))
+def test_force_is_that_of_part_at_moving_end(case):
+    """The force accelerates the mass and a share of the last part, 15 g with linear motion between its ends."""
+    response = run(case(SURGE_SPRING))
     end, before = (response[name].acceleration for name in ("mass.uy", "springs.coil.3"))
     wanted = -(0.1 + 0.015 / 3.0) * end - 0.015 / 6.0 * before
     force = response.channels["springs.coil.force"]
     assert np.abs(force - wanted).max() < 1e-9 * np.abs(force).max()  # the equation of motion of the mass
 
 
-def test_force_includes_that_of_touching_coils(case):
-    """0.2 mm of travel for a start at 1 mm: the equation of motion of the mass holds while the last coils touch."""
+def test_force_includes_coil_contact(case):
+    """0.2 mm of travel, initial displacement 1 mm: the equation of motion of the mass holds during coil contact."""
     clash = 'elements = 4, damping = 0.0, clash_travel = "0.2 mm", clash_stiffness = "400 kN/m"'
-    response = run(case(SURGING.replace("elements = 4, damping = 0.0", clash)))
+    response = run(case(SURGE_SPRING.replace("elements = 4, damping = 0.0", clash)))
     end, before = (response[name].acceleration for name in ("mass.uy", "springs.coil.3"))
     wanted = -(0.1 + 0.015 / 3.0) * end - 0.015 / 6.0 * before
     force = response.channels["springs.coil.force"]
@@ -90,16 +90,16 @@ BEEHIVE += (
 
 @pytest.fixture
 def beehive(case):
-    """Return the case with a beehive spring that swings by 6 mm about its place in balance with a weight."""
-    text = SURGING.replace(
+    """Return the case of a beehive spring that oscillates by 6 mm about its equilibrium with a weight."""
+    text = SURGE_SPRING.replace(
         'stiffness = "40 kN/m", mass = "60 g", elements = 4, damping = 0.0', f"elements = 4, {BEEHIVE}"
     )
     load = '[loads]\nweight = { at = "mass", direction = "uy", force = "400 N" }\n[run]'
     return case(text.replace("[run]", load).replace('"1 mm"', '"0 mm"').replace("0.02", "0.01"))
 
 
-def test_coils_that_close_by_design_are_no_clash(beehive):
-    """The coils at the narrow end close far from coil bind, and the equation of motion of the mass holds."""
+def test_progressive_coil_closing_is_not_clash(beehive):
+    """The coils at the narrow end close before coil bind, and the equation of motion of the mass holds."""
     response = run(beehive)
     clearance, clash = (response.channels[f"springs.coil.{name}"] for name in ("clearance", "clash"))
     spring = build_model(beehive).springs["coil"]
@@ -117,10 +117,10 @@ def test_coils_that_close_by_design_are_no_clash(beehive):
     assert np.abs(force - wanted).max() < 1e-9 * np.abs(force).max()
 
 
-def test_check_shows_the_curve(beehive, flexcam):
-    """From the installed length to coil bind: the stiffness grows at each corner, and so does the natural frequency."""
-    told = flexcam("check", str(beehive.path))
-    assert "Spring coil" in told.out
+def test_check_shows_spring_curve(beehive, flexcam):
+    """From the installed length to coil bind, stiffness and natural frequency increase at each corner."""
+    output = flexcam("check", str(beehive.path))
+    assert "Spring coil" in output.out
     curve = json.loads(flexcam("check", str(beehive.path), "--json").out)["spring_curves"]["coil"]
     travel, force, stiffness = (
         np.array([row[key] for row in curve]) for key in ("travel_m", "force_n", "stiffness_n_per_m")
@@ -133,22 +133,22 @@ def test_check_shows_the_curve(beehive, flexcam):
     assert (np.diff([row["frequencies_hz"][0] for row in curve]) > 0.0).all()
 
 
-def test_a_spring_that_turns_has_a_moment(case):
-    made = case(TURNING)
+def test_rotational_spring_has_moment(case):
+    made = case(ROTATIONAL_SPRING)
     response = run(made)
     assert dict(response.outline.channels)["springs.wound.force"] == "N m"
     moment = response.channels["springs.wound.force"]
-    assert moment == pytest.approx(0.5, rel=1e-9)  # in balance with the load
+    assert moment == pytest.approx(0.5, rel=1e-9)  # equilibrium with the load
     angle = 0.6 * response["disc.ry"].displacement + 0.8 * response["disc.rz"].displacement
     assert angle == pytest.approx((0.5 - 2.0) / 30.0, rel=1e-9)
 
 
-def test_check_tells_its_unit(case):
-    made = case(TURNING)
+def test_unit_of_rotational_spring_in_tables(case):
+    made = case(ROTATIONAL_SPRING)
     table = model_table(prepare(made), modes(made, 2))
-    told = "".join(str(cell) for column in table.columns for cell in column.cells)
-    assert "wound 30 N m/rad" in told
-    assert not [one for one in check_values(made) if "springs.wound" in one]  # 30 N/m were hardly a spring
+    output = "".join(str(cell) for column in table.columns for cell in column.cells)
+    assert "wound 30 N m/rad" in output
+    assert not [one for one in check_values(made) if "springs.wound" in one]  # 30 N/m would be implausible
     assert [one for one in check_values(made) if "0.0001 N m/rad" in one]
 
 
@@ -157,8 +157,8 @@ PUSHROD = "cases/pushrod-engine/intake.toml"
 SLOW = ("run.crank_speed=200rpm", "run.revolutions=1", "run.steps_per_revolution=1800")
 
 
-def test_force_in_the_rigid_train():
-    """Installed force plus rate times rigid lift; a spring that a cam does not move keeps its installed force."""
+def test_spring_force_of_rigid_model():
+    """Installed force plus rate times rigid lift; a spring that no cam moves has its installed force."""
     idle = "springs.idle={ at='cam', direction='ux', stiffness=1.0, installed_force=7.0 }"
     case = read_case(PUSHROD, [f'springs.valve={{ {BASE}, stiffness = "50 kN/m" }}', idle])
     response = run(case, rigid=True)
@@ -172,7 +172,7 @@ def test_force_in_the_rigid_train():
     'stiffness = "50 kN/m", clash_travel = "8 mm", clash_stiffness = "0.1 MN/m", mass = "60 g"',
     'stiffness = "50 kN/m", pulsation = { order = 3, amplitude = 0.2 }',
 ])  # fmt: skip
-def test_force_in_the_rigid_train_is_the_slow_limit(more):
+def test_rigid_spring_force_is_low_speed_limit(more):
     case = read_case(PUSHROD, [f"springs.valve={{ {BASE}, {more} }}", *SLOW])
     rigid, slow = (run(case, rigid=one).channels["springs.valve.force"] for one in (True, False))
     assert np.abs(rigid - slow).max() < 0.03 * slow.max()

@@ -1,4 +1,4 @@
-"""Parts of springs with mass: the rule against closed forms, what a case says itself, and the error of too few."""
+"""Number of parts of springs with mass: rule against closed forms, user-defined numbers, and discretization error."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ FAST = ['run.crank_speed="7000rpm"', "run.steps_per_revolution=720"]
 
 
 @pytest.fixture
-def untold(tmp_path):
-    """Return the finger case without a word on the parts of its spring."""
+def case_without_parts(tmp_path):
+    """Return the path of the finger case without the number of parts of its spring."""
     path = tmp_path / "finger.toml"
     text = FINGER.read_text(encoding="utf-8")
     path.write_text(text.replace("\nelements = 8\n", "\n"), encoding="utf-8")
@@ -34,8 +34,8 @@ def untold(tmp_path):
     return path
 
 
-def test_four_parts_in_half_a_wave_are_off_by_what_the_rule_says():
-    """Bar held at both ends, p parts in half a wave of its mode j: (pi/p)^2/24 of the frequency, to the next power."""
+def test_frequency_error_of_four_parts_per_half_wave():
+    """Bar fixed at both ends, p parts per half wave of its mode j: frequency error (pi/p)^2/24, to leading order."""
     for mode in (1, 2, 4):
         parts = 4 * mode
         inner = np.eye(parts - 1)
@@ -50,8 +50,8 @@ def test_four_parts_in_half_a_wave_are_off_by_what_the_rule_says():
 @pytest.mark.parametrize(
     ("harmonic", "parts"), mostly_slow([(1, 4), (4, 4), (6, 6), (7, 7), (13, 13), (16, 16), (40, 16)])
 )
-def test_parts_for_a_lift_of_one_harmonic(harmonic, parts):
-    """At a quarter of the surge's speed the harmonic n has n/4 half waves in the spring, and four parts in each."""
+def test_number_of_parts_for_single_harmonic(harmonic, parts):
+    """At a quarter of the surge speed harmonic n has n/4 half waves in the spring, with four parts each."""
     speed = 2.0 * math.pi * surge_frequency(SPRING) / 4.0
     lift = HarmonicLift(5e-3, (*[0.0] * (harmonic - 1), 5e-3), (0.0,) * harmonic)
     assert count_spring_parts(SPRING, [lift], speed) == parts
@@ -59,32 +59,32 @@ def test_parts_for_a_lift_of_one_harmonic(harmonic, parts):
     assert count_spring_parts(SPRING, [lift], 1e-3 * speed) == 4
 
 
-def test_without_waves_there_are_no_parts():
+def test_spring_without_surge_has_one_part():
     for spring in (Spring("valve", UP, 32e3), Spring("valve", UP, 0.0, mass=0.04)):
         assert count_spring_parts(spring, [], 100.0) == 1
 
 
-def test_only_springs_with_mass_that_say_nothing_are_divided(untold):
+def test_default_parts_of_springs_with_mass(case_without_parts):
     def parts(path, *overrides):
         return read_case(path, overrides).record.springs["valve"].elements
 
-    assert [parts(untold, f'run.crank_speed="{n}rpm"') for n in (700, 3500, 7000)] == [4, 5, 16]
-    assert [parts(untold, f"springs.valve.elements={n}") for n in (1, 3)] == [1, 3]
+    assert [parts(case_without_parts, f'run.crank_speed="{n}rpm"') for n in (700, 3500, 7000)] == [4, 5, 16]
+    assert [parts(case_without_parts, f"springs.valve.elements={n}") for n in (1, 3)] == [1, 3]
     assert parts(FINGER) == 8
     assert parts("cases/tayeb/model-1-shm.toml") == 1
-    assert build_model(read_case(untold, FAST)).springs["valve"].elements == 16
+    assert build_model(read_case(case_without_parts, FAST)).springs["valve"].elements == 16
 
 
-def test_the_default_is_near_the_wave_equation(untold):
-    """Cam and adjuster within half a percent of their largest force of 32 parts; one part is off by 14 %."""
-    true = run_histories(read_case(untold, [*FAST, "springs.valve.elements=32"]), "valve")
+def test_default_parts_approximate_wave_equation(case_without_parts):
+    """Cam and adjuster force within half a percent of the maximum with 32 parts; one part has an error of 14 %."""
+    true = run_histories(read_case(case_without_parts, [*FAST, "springs.valve.elements=32"]), "valve")
     for overrides, most, least in (([], 5e-3, 0.0), (["springs.valve.elements=1"], 0.2, 0.1)):
-        found = distance(run_histories(read_case(untold, [*FAST, *overrides]), "valve"), true)
+        found = distance(run_histories(read_case(case_without_parts, [*FAST, *overrides]), "valve"), true)
         for name in ("force intake", "force adjuster"):
             assert least < found[name] / true.size(name) < most
 
 
-def test_the_estimate_covers_a_spring_in_one_part():
+def test_error_estimate_covers_spring_with_one_part():
     case = read_case(FINGER, [*FAST, "springs.valve.elements=1"])
     finer = read_case(FINGER, [*FAST, "springs.valve.elements=16", "run.steps_per_revolution=1440"])
     true = distance(*(run_histories(one, "valve") for one in (case, finer)))
@@ -92,8 +92,8 @@ def test_the_estimate_covers_a_spring_in_one_part():
         assert one.total >= true.get(one.quantity, 0.0)
 
 
-def test_a_start_within_a_spring_is_carried_to_its_other_parts():
-    """Linear between the ends of its parts, as the parts are: 8 of them begin as 2 do."""
+def test_initial_state_of_spring_is_mapped_to_parts():
+    """The initial state is interpolated linearly within the parts: 8 parts start as 2 do."""
     start = 'run.start={ displacement = { "valve" = "4 mm", "springs.valve.1" = "1 mm" }, velocity = {} }'
     case = read_case(FINGER, ["springs.valve.elements=2", start])
     finer = with_elements(case, factor=4)

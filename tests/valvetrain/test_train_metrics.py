@@ -1,4 +1,4 @@
-"""Figures of what a train did in a run are named by what they belong to, whatever its name is."""
+"""Names of the metrics of a train."""
 
 from __future__ import annotations
 
@@ -6,6 +6,6 @@ from flexcam.fem.mesh import chain
 from flexcam.valvetrain import Model, train_metric_names
 
 
-def test_a_name_that_holds_the_end_of_a_channel_stays_as_it_is():
+def test_metric_of_member_named_like_channel():
     model = Model(chain((0, 0, 0), (1, 0, 0), 1), {})
     assert train_metric_names(model, ["members.house use.buckling_use"]) == ["members.house use.buckling_margin"]

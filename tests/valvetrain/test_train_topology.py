@@ -1,4 +1,4 @@
-"""What belongs to a cam: the play of its own train is taken up by its lift, that of another is not."""
+"""Topology of trains: lash, moved nodes, ratios and opposed contacts of each cam."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from flexcam.valvetrain import (
 from flexcam.valvetrain.rigid_kinematics import moved_nodes
 
 ROOT = Path(__file__).parents[2]
-TWO = """
+TWO_CAMS = """
 format = 1
 [nodes]
 shaft = [0, 0, 0]
@@ -58,18 +58,18 @@ revolutions = 0.1
 @pytest.fixture
 def model(tmp_path):
     path = tmp_path / "two.toml"
-    path.write_text(TWO, encoding="utf-8")
+    path.write_text(TWO_CAMS, encoding="utf-8")
     return prepare(read_case(path)).model
 
 
-def test_a_play_is_that_of_its_own_train(model):
+def test_lash_belongs_to_its_train(model):
     assert largest_lashes(model)["one"] == pytest.approx(0.3e-3)
     assert largest_lashes(model)["two"] == 0.0
     assert main_lift(model, "one") == pytest.approx(0.05 * 6e-3 + 0.3e-3)
     assert main_lift(model, "two") == pytest.approx(0.05 * 6e-3)
 
 
-def test_a_follower_moves_what_is_behind_its_play(model):
+def test_follower_moves_nodes_behind_lash(model):
     names = {
         name: [model.mesh.node_name(node) for node in moved_nodes(model, model.cam_contacts[name])]
         for name in ("first", "second")
@@ -82,18 +82,18 @@ FAR = 'far = { from = "tip", to = "other", direction = "uy", model = "lash", gap
 
 
 @pytest.fixture(params=[(NEAR, FAR), (FAR, NEAR)], ids=["near first", "far first"])
-def in_series(request, tmp_path):
-    """Return the case of a train with two plays in series, in either order."""
+def lashes_in_series(request, tmp_path):
+    """Return the case of a train with two lashes in series, in either order."""
     path = tmp_path / "series.toml"
-    lines = [one for one in TWO.splitlines() if not one.startswith(("play", "second", "two"))]
+    lines = [one for one in TWO_CAMS.splitlines() if not one.startswith(("play", "second", "two"))]
     text = "\n".join(lines).replace("[run]", "\n".join([*request.param, "[run]"]))
     text = text.replace('"600 rpm"', '"60 rpm"') + '\n[output]\nprobes = ["tappet", "tip", "other"]\n'
     path.write_text(text, encoding="utf-8")
     return read_case(path)
 
 
-def test_plays_in_series_are_followed_in_any_order(in_series):
-    model = prepare(in_series).model
+def test_moved_nodes_behind_lashes_in_series(lashes_in_series):
+    model = prepare(lashes_in_series).model
     reached = [model.mesh.node_name(node) for node in moved_nodes(model, model.cam_contacts["first"])]
     assert reached == ["tappet", "tip", "other"]
     found = build_chain(model, 60.0, 3)
@@ -106,32 +106,34 @@ SEATS = [f"contacts.{one}-seat={{ at = '{one}', direction = 'uy', model = 'seat'
 
 
 @pytest.mark.parametrize("seats", [SEATS, []], ids=["seats", "no seats"])
-def test_plays_in_series_add_up(in_series, seats):
-    """Held by seats, the last body lags by both plays; without them its spring has closed them before the lift begins.
+def test_lashes_in_series_add_up(lashes_in_series, seats):
+    """With seats, the last body lags by both lashes; without seats its spring closes them before the lift starts.
 
-    Either way the cam bears at its nose all three springs at their strokes.
+    In both cases the cam carries all three spring forces at the nose.
     """
-    model = prepare(in_series).model
+    model = prepare(lashes_in_series).model
     assert largest_lashes(model)["one"] == pytest.approx(0.5e-3)
     more = ["run.revolutions=1", "run.steps_per_revolution=360", *seats]
-    response = run(read_case(in_series.path, more), rigid=True)
+    response = run(read_case(lashes_in_series.path, more), rigid=True)
     lifts = [response[f"{name}.uy"].displacement for name in ("tappet", "tip", "other")]
     for lift, gap in zip(lifts, (0.0, 0.3e-3, 0.5e-3), strict=True):
         np.testing.assert_allclose(lift, np.maximum(lifts[0] - gap, 0.0 if seats else -gap), atol=1e-12)
     at = int(np.argmax(lifts[0]))
     springs = 10.0 + 1e3 * 6e-3 + 200.0 + 20e3 * 5.7e-3 + 200.0 + 20e3 * 5.5e-3
-    inertia = 0.3 * 7.52 * 6e-3 * (2.0 * math.pi / math.radians(80.0)) ** 2  # the law's largest acceleration is 7.51
+    inertia = (
+        0.3 * 7.52 * 6e-3 * (2.0 * math.pi / math.radians(80.0)) ** 2
+    )  # the maximum acceleration of the law is 7.51
     assert abs(response.channels["contacts.first.force"][at] - springs) <= inertia
 
 
-def test_ratio_behind_an_adjuster(tmp_path):
-    """The rocker is driven through a hydraulic element between two nodes."""
+def test_valve_ratio_behind_adjuster(tmp_path):
+    """A hydraulic element between two nodes drives the rocker."""
     model = build_model(read_case(new_case("roller-tappet", tmp_path / "case.toml")[0]))
     assert valve_ratio(model, "intake") == pytest.approx(40.0 / 25.0, rel=1e-12)
 
 
-def test_opposed_cams_hold_the_follower(tmp_path):
-    """No spring holds the followers of a desmodromic pair, so that contact loss is no result of such a train."""
+def test_opposed_contacts_of_desmodromic_train(tmp_path):
+    """No spring loads the followers of a desmodromic pair, so that contact loss is not a result of the train."""
     model = build_model(read_case(new_case("desmodromic", tmp_path / "case.toml")[0]))
     assert opposed_contacts(model) == {"opening": "closing", "closing": "opening"}
     assert spring_held_contacts(model) == []
@@ -146,8 +148,8 @@ def test_opposed_cams_hold_the_follower(tmp_path):
         ("cases/pushrod-engine/lever.toml", 40.0 / 25.0, 0.2e-3 / 1.6),
     ],
 )
-def test_the_valve_ratio_of_any_rocker(case, ratio, lash):
-    """A superelement, rigid bodies and a lever: the ratio of the arms, and the lash at the valve reduced to the cam."""
+def test_valve_ratio_and_lash_of_rocker_models(case, ratio, lash):
+    """A superelement, rigid bodies and a lever: ratio of the arms, and valve lash reduced to the cam."""
     model = build_model(read_case(ROOT / case))
     assert valve_ratio(model, "intake") == pytest.approx(ratio, rel=1e-9)
     assert largest_lashes(model)["intake"] == pytest.approx(lash, rel=1e-9)

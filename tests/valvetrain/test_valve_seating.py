@@ -1,4 +1,4 @@
-"""How a valve comes down does not depend on where the revolution is cut."""
+"""Seating of a valve: velocity and bounces, independent of the start of the revolution."""
 
 import math
 
@@ -20,7 +20,7 @@ def revolution():
 
 
 @pytest.mark.parametrize("cut", [0, 90, 101, 130, 174, 175, 176, 200, 249, 251, 255, 260, 300])
-def test_a_cut_anywhere_changes_nothing(cut):
+def test_seating_is_independent_of_start_of_revolution(cut):
     gap, velocity = revolution()
     whole = seating(gap, velocity, ANGLE)
     shifted = seating(np.roll(gap, -cut), np.roll(velocity, -cut), ANGLE)
@@ -31,47 +31,47 @@ def test_a_cut_anywhere_changes_nothing(cut):
 
 
 @pytest.mark.parametrize("size", [1.0, 1e-2, 1e-3, 1e2])
-def test_a_watch_bounces_as_an_engine_does(size):
+def test_seating_is_independent_of_size(size):
     gap, velocity = revolution()
-    told = seating(size * gap, size * velocity, ANGLE)
-    assert told is not None
-    assert (told.bounces, told.height / size) == (1, pytest.approx(2.02e-4, rel=1e-3))
+    found = seating(size * gap, size * velocity, ANGLE)
+    assert found is not None
+    assert (found.bounces, found.height / size) == (1, pytest.approx(2.02e-4, rel=1e-3))
 
 
 @pytest.mark.parametrize("last", [120, 200, 256])
-def test_a_short_record_that_ends_with_the_valve_open_tells_nothing(last):
+def test_record_ending_with_open_valve_has_no_seating(last):
     gap, velocity = revolution()
     assert seating(gap[:last], velocity[:last], ANGLE[:last]) is None
 
 
-def test_a_short_record_from_lift_into_a_bounce_tells_nothing():
+def test_record_from_lift_into_bounce_has_no_seating():
     gap, velocity = revolution()
     assert seating(gap[180:256], velocity[180:256], ANGLE[180:256]) is None
 
 
-def test_a_revolution_that_begins_shut_and_ends_open_tells_nothing():
-    """Its end does not meet its begin: the lift it ends with has not come down."""
+def test_revolution_ending_with_open_valve_has_no_seating():
+    """The end does not match the start: the valve has not closed at the end."""
     gap, velocity = revolution()
     gap[300:] = np.linspace(0.0, 9e-3, 60)
     assert seating(gap, velocity, ANGLE) is None
 
 
-def test_velocity_is_that_of_the_touch():
-    """A body that falls from 3 mm passes the seat within a step: sqrt(2 g h), at any phase of the steps."""
+def test_seating_velocity_is_that_at_touchdown():
+    """A body falling from 3 mm passes the seat within a step: sqrt(2 g h), for any phase of the steps."""
     for phase in (0.1, 0.5, 0.9):
         time = (np.arange(-200, 123) + phase) * 2e-4
         fall = np.clip(time, 0.0, None)
         gap, velocity = 3e-3 - 0.5 * 9.81 * fall**2, -9.81 * fall
         angle = np.linspace(0.0, 2.0 * np.pi, len(time))
         gap, velocity = np.append(gap, np.full(100, -1e-6)), np.append(velocity, np.zeros(100))
-        gap[0] = -1e-6  # the revolution begins on the seat
-        told = seating(gap, velocity, np.append(angle, angle[-1] + angle[1] * np.arange(1, 101)))
-        assert told is not None
-        assert told.velocity == pytest.approx(np.sqrt(2.0 * 9.81 * 3e-3), rel=1e-9)
+        gap[0] = -1e-6  # the revolution starts on the seat
+        found = seating(gap, velocity, np.append(angle, angle[-1] + angle[1] * np.arange(1, 101)))
+        assert found is not None
+        assert found.velocity == pytest.approx(np.sqrt(2.0 * 9.81 * 3e-3), rel=1e-9)
 
 
-def test_a_seat_with_restitution():
-    """A valve thrown up 1 mm and falling on a seat with e = 0.3, by hand: sqrt(2 g h), then heights of e^2, e^4 h."""
+def test_seating_with_restitution():
+    """A valve rises 1 mm and falls on a seat with e = 0.3; closed form sqrt(2 g h), then heights e^2 h, e^4 h."""
     g, height, e = 9.81, 1e-3, 0.3
     speed = np.sqrt(2.0 * g * height)
     time = np.arange(0.0, 4.0 * speed / g, 7.3e-5)
@@ -85,13 +85,13 @@ def test_a_seat_with_restitution():
         begin, up = begin + flight, e * up
     found = seating(gap, velocity, 100.0 * time)
     assert found is not None
-    assert found.velocity == pytest.approx(speed, rel=1e-3)  # the last instants before the touch are extrapolated
+    assert found.velocity == pytest.approx(speed, rel=1e-3)  # the touchdown is extrapolated from the last instants
     assert found.height == pytest.approx(e**2 * height, rel=1e-3)
     assert found.bounces >= 2
 
 
-def test_the_seat_of_a_rigid_train():
-    """A rigid valve ends on its seat without a bounce, but for rounding, at the velocity of the ramp."""
+def test_seating_of_rigid_train():
+    """A rigid valve closes without bounce, except for rounding, at the velocity of the ramp."""
     angle = np.linspace(0.0, 2.0 * np.pi, 721)[:-1]
     gap = np.maximum(1e-3 * (1.0 - np.abs(angle - 3.0) / 0.7), 0.0)
     velocity = np.where(gap > 0.0, -1e-3 / 0.7 * np.sign(angle - 3.0), 0.0)
@@ -102,26 +102,26 @@ def test_the_seat_of_a_rigid_train():
     assert found.velocity == pytest.approx(1e-3 / 0.7, rel=1e-6)
 
 
-def test_several_rebounds_within_a_step():
+def test_several_rebounds_within_step():
     """The velocity after the step is again towards the seat, but much smaller than before."""
     angle = np.linspace(0.0, 1.0, 101)[:-1]
     gap = np.maximum(1e-3 * (1.0 - np.abs(angle - 0.4) / 0.3), 1e-9)
     velocity = np.where(angle < 0.4, 1e-3 / 0.3, -1e-3 / 0.3) * (gap > 1e-9)
-    velocity[70:] = -1e-6  # small falls at the end of each step
+    velocity[70:] = -1e-6  # small drops at the end of each step
     found = seating(gap, velocity, angle)
     assert found is not None
     assert found.velocity == pytest.approx(1e-3 / 0.3, rel=1e-6)
 
 
-def test_a_touch_while_the_cam_opens_the_valve_is_no_bounce():
+def test_touch_during_opening_is_not_bounce():
     gap, velocity = revolution()
-    gap[96:99] = 1e-5  # it leaves the seat, and touches it again before the lift
+    gap[96:99] = 1e-5  # the valve leaves the seat and touches it again before the lift
     assert seating(gap, velocity, ANGLE).bounces == 2
     assert seating(gap, velocity, ANGLE, (math.radians(90.0) < ANGLE) & (math.radians(175.0) > ANGLE)).bounces == 1
 
 
-def test_a_revolution_that_ends_in_a_bounce_has_its_seating():
-    """The valve came down, and is thrown up until the end."""
+def test_revolution_ending_in_bounce_has_seating():
+    """The valve closed, and then rebounds until the end."""
     gap, velocity = revolution()
     gap[300:] = 3e-3 * np.sin(np.linspace(0.0, 2.0, 60))
     found = seating(gap, velocity, ANGLE)
