@@ -139,7 +139,9 @@ def check_lobes(model: Model) -> list[str]:
 def _check_lobe(model: Model, name: str, cam: Cam, follower: Follower) -> Iterator[str]:
     with suppress(InputError):  # no profile exists: code that needs it raises the error
         if undercut(profile_at(cam.event, follower, _ANGLES, cam.turn).radius, follower).any():
-            why = "its profile crosses itself (undercut), so a cam with this base circle cannot produce this lift"
+            sizes = (format_quantity("m", size, digits=3) for size in (follower.base_radius, cam.event.height))
+            what = "a base circle of {} radius cannot produce a lift of {}".format(*sizes)
+            why = f"its profile crosses itself (undercut), because {what}"
             yield f"Warning: cams.{name}: {why}; flexcam cam prints the minimum base-circle radius"
     if isinstance(follower, FlatFollower) and not abs(beside := follower.lobe_contact) <= 0.5 * (cam.width or math.inf):
         place = "at the edge of the lobe" if math.isinf(beside) else f"{1e3 * abs(beside):.3g} mm from its middle"

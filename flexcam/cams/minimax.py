@@ -149,7 +149,10 @@ class Program:
         given = " with ".join(filter(None, (bounds, conditions)))
         where = " and ".join(["bounds"] * bool(bounds) + ["conditions"] * bool(conditions))
         remedy = " or ".join(["a wider bound"] * bool(bounds) + ["other conditions"] * bool(conditions))
-        if self.monotone and any(order == 1 and value < 0.0 for _, order, value in self.conditions):
+        rest = self.family.rest if isinstance(self.family, SplineFamily) else 0
+        if any(z in (0.0, 1.0) and 0 < order <= rest and value for z, order, value in self.conditions):
+            remedy += f"; at both ends the first {rest} derivatives are zero (--rest)"
+        elif self.monotone and any(order == 1 and value < 0.0 for _, order, value in self.conditions):
             remedy += ", with laws that turn back (--turning-back)"
         elif isinstance(self.family, SplineFamily) and self.conditions and self.family.symmetric:
             remedy += ", perhaps with asymmetric laws (--asymmetric)"

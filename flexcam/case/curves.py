@@ -28,7 +28,7 @@ from flexcam.case.fault_report import parse_toml
 from flexcam.case.schema.base import Record, Unit, convert_error, describe_type_error, value_error
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, format_value, positive, refuse, suggest_name, system_message
-from flexcam.core.units import conversion_factor, unit_of
+from flexcam.core.units import conversion_factor, is_convertible, unit_of
 from flexcam.io import NodalMatrix, read_lift, read_matrix, read_text, resolve_file
 from flexcam.io.files import ABSCISSAS, find_abscissa
 from flexcam.io.number_tables import read_columns
@@ -76,10 +76,12 @@ class LoadDefinition:
             factor = conversion_factor(self.unit, wanted, where)
         except InputError:
             given = f"{self.name} [{self.unit}]" if self.unit else f"{self.name}, without a unit"
-            allowed, why, remedy = unit_of(wanted), "", "give the load an area if it is a pressure"
+            allowed, why = unit_of(wanted), ""
             if area:
                 allowed, why = "a unit of pressure such as bar", "the load has an area"
-                remedy = "name the column of the pressure, or leave area out if it is a force"
+            remedy = "check that this is the right file and column"
+            if is_convertible(self.unit, "N" if area else "Pa"):
+                remedy = "leave area out to apply a force" if area else "give the load an area to apply a pressure"
             raise refuse(where, given, allowed, why, remedy) from None
         repeats = not self.over_time if repeat is None else repeat
         period = self._period(where, asked=repeat is not None) if repeats else None

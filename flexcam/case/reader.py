@@ -182,7 +182,7 @@ class CaseFile:
             raise refuse("case file", str(source), "", f"{source} does not exist", near) from None
         except OSError as fault:
             if source.suffix == ".vtkhdf":
-                remedy = "give its case file; flexcam compare RESULT --against OTHER compares two results"
+                remedy = "give the case file of this result"
                 raise refuse("case file", str(source), "a case file (.toml)", "it is a result", remedy) from None
             raise refuse("case file", str(source), "a readable UTF-8 text file", system_message(fault)) from None
 

@@ -55,14 +55,13 @@ def get_number(case: Case, key: str, where: str) -> Number:
         given = f"{known[different[0]]!r} for {different[0]} and {value!r} for {copies[0]}"
         raise refuse(where, given, "a number that all copies share", "one value replaces all", "name one of the copies")
     if not isinstance(value, float):
-        given = f"{key} = {value!r}" if value is not None else f"{key}, which the case does not give"
-        why = "" if value is None else "whole numbers and texts cannot be varied here"
-        remedy = "give it a number in the case" if value is None else "compare its values with flexcam sweep"
-        table, _, last = key.rpartition(".")
-        for other in REPLACED_KEYS.get(last, ()) if value is None else ():
-            if known.get(f"{table}.{other}") is not None:
-                remedy = f"the case gives {table}.{other}: use this key"
-        raise refuse(where, given, "the key of a number with a continuous value", why, remedy)
+        if value is None:
+            table, _, last = key.rpartition(".")
+            others = [f"{table}.{other}" for other in REPLACED_KEYS.get(last, ())]
+            near = [f"use {other}, which the case gives" for other in others if known.get(other) is not None]
+            raise refuse(where, key, "a number that the case gives", "", [*near, "give it a value in the case"][0])
+        why, remedy = "whole numbers and texts cannot be varied here", "compare its values with flexcam sweep"
+        raise refuse(where, f"{key} = {value!r}", "the key of a number with a continuous value", why, remedy)
     unit = find_unit(case.record, copies[0].split("."))
     return Number(key, value, "SI" if unit is None else unit)
 

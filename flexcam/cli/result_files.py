@@ -89,7 +89,7 @@ def export(
 ) -> cli.CommandOutput:  # fmt: skip
     """Convert a result to CSV, ParaView files or solids, or the mesh of a case to Gmsh, Abaqus or CalculiX format.
 
-    stl, vtm and glb contain the parts that flexcam view shows. From a case they show the motion of the rigid mechanism.
+    stl, vtm and glb contain the parts that flexcam view shows. From a case they show the rigid mechanism.
     """
     for option, forms, given, why in (
         ("--paraview", ("pvd",), macro, "the macro opens that collection"),

@@ -288,8 +288,7 @@ class RunRecord(Record):
         "rest", description="at rest as installed, in static equilibrium, in the periodic state, or from a given state"
     )
     gravity: Gravity = Field(
-        (0.0, 0.0, 0.0),
-        description="along the global axes x, y, z; it does not act on masses and springs at a rocker's point",
+        (0.0, 0.0, 0.0), description="along the global axes x, y, z; not on masses at the output points of rockers"
     )
     integrator: IntegratorRecord | None = Field(
         None,
