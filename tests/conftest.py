@@ -2,8 +2,8 @@
 
 `record` compares a computed number with its reference and stores a row. The rows of a session, from all xdist workers,
 go to ``build/verification.json`` (or the path in FLEXCAM_VERIFICATION_JSON), the source of the verification manual; so
-the manual names only existing tests. Rows of `tests/extremes` go to ``build/extremes.json`` (FLEXCAM_EXTREMES_JSON), and
-rows of the fixture `tried`, about bad input and injected faults, to ``build/trust.json`` (FLEXCAM_TRUST_JSON).
+the manual names only existing tests. Rows of `tests/extremes` go to ``build/extremes.json`` (FLEXCAM_EXTREMES_JSON),
+and rows of the fixture `tried`, about bad input and injected faults, to ``build/trust.json`` (FLEXCAM_TRUST_JSON).
 
 ``build/flexcam`` caches compiled code by a hash of its source, unless FLEXCAM_CACHE names another folder.
 """
@@ -102,7 +102,7 @@ def _write(page, rows):
     path.write_text(json.dumps(ordered, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
-def _rounded(value):
+def _round(value):
     """Return ten significant digits; the others may differ between machines."""
     return float(f"{float(value):.10g}")
 
@@ -116,8 +116,8 @@ def record(request):
         deviation = abs(float(computed) - float(reference))
         passed = bool(deviation <= allowed)  # False for NaN
         row = {
-            "source": source, "case": case, "quantity": quantity, "unit": unit, "reference": _rounded(reference),
-            "computed": _rounded(computed), "tolerance": _rounded(tolerance), "absolute": absolute, "reason": reason,
+            "source": source, "case": case, "quantity": quantity, "unit": unit, "reference": _round(reference),
+            "computed": _round(computed), "tolerance": _round(tolerance), "absolute": absolute, "reason": reason,
             "passed": passed, "test": request.node.nodeid,
         }  # fmt: skip
         request.config.stash[ROWS]["verification"].append(row)
