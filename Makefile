@@ -71,13 +71,13 @@ prose: | $(VENV)/.dev
 bench: $(VENV)/.dev
 	$(BIN)/python -m pytest benchmarks --benchmark-only
 
-# flexcam beside other solvers; those that are not installed are named and left out.
+# Comparison of flexcam with other solvers; solvers that are not installed are named and skipped.
 bench-peers: $(VENV)/.dev
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[peers]'
-	$(BIN)/python -m benchmarks.peers.compare
+	$(BIN)/python -m benchmarks.peers.comparison
 	$(BIN)/python docs/make_performance.py
 
-# The page of speed, measured anew on this machine.
+# The performance page, measured on this machine.
 performance: $(VENV)/.dev
 	$(BIN)/python docs/make_performance.py --measure
 
@@ -98,7 +98,7 @@ clean:
 wheel-check: $(VENV)/.dev
 	$(BIN)/python tests/wheel_check.py dist
 
-# Each benchmark once, so that none rots.
+# Each benchmark once, to find errors.
 bench-smoke: $(VENV)/.dev
 	$(BIN)/python -m pytest benchmarks --benchmark-disable -q
 

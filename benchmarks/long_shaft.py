@@ -4,11 +4,11 @@ from __future__ import annotations
 
 E, NU, DENSITY = 207e9, 0.29, 7800.0
 SPAN, SPANS = 0.5, 99
-"""Distance of the bearings, m, and how many spans there are between them."""
+"""Distance of the bearings, m, and number of spans."""
 
 
-def text(elements: int) -> str:
-    """Return the case file with so many elements per span."""
+def case_text(elements: int) -> str:
+    """Return the text of the case with a number of elements per span."""
     names = [f"b{i}" for i in range(SPANS + 1)]
     nodes = "\n".join(f"{name} = [{SPAN * i}, 0, 0]" for i, name in enumerate(names))
     bearings = "\n".join(f'{name} = {{ at = "{name}", stiffness = "100 kN/mm" }}' for name in names)

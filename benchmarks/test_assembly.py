@@ -1,10 +1,10 @@
-"""From a mesh to matrices."""
+"""Assembly of matrices from a mesh."""
 
 from __future__ import annotations
 
 import pytest
 
-from benchmarks.measure.assembly import assembled
+from benchmarks.measure.assembly import assemble
 from flexcam.fem.assembly import Member, stiffness
 from flexcam.fem.assembly import beams as fem_beams
 from flexcam.fem.dofs import COMPONENTS, dof_map
@@ -21,5 +21,5 @@ def test_stiffness(benchmark, elements):
 
 
 @pytest.mark.parametrize("elements", [1_000, 10_000])
-def test_from_nothing(benchmark, elements):
-    assert benchmark(assembled, elements) == 6 * elements
+def test_mesh_and_matrices(benchmark, elements):
+    assert benchmark(assemble, elements) == 6 * elements

@@ -1,4 +1,4 @@
-"""What measures the page of speed, on the smallest of each kind, and the page made of it."""
+"""Measurements of `docs/performance.md` with the smallest models, and the page that they generate."""
 
 from __future__ import annotations
 
@@ -10,26 +10,25 @@ from benchmarks import machine
 from benchmarks.measure import (
     accuracy,
     assembly,
-    bounds,
-    compiler,
+    commands,
     contact,
     derivatives,
     gradients,
     linear,
+    memory,
     modes,
-    peaks,
-    process,
     saving,
     searches,
     sweep,
 )
+from benchmarks.measure.__main__ import TABLES
 from benchmarks.processes import ROOT
 
 
 @pytest.fixture
-def smallest(monkeypatch):
-    monkeypatch.setattr(bounds, "LENGTH", 1000)
-    monkeypatch.setattr(bounds, "ORDER", 50)
+def small_models(monkeypatch):
+    monkeypatch.setattr(machine, "LENGTH", 1000)
+    monkeypatch.setattr(machine, "ORDER", 50)
     monkeypatch.setattr(linear, "SHAFTS", linear.SHAFTS[:2])
     monkeypatch.setattr(linear, "STEPS", 1200)
     monkeypatch.setattr(contact, "CASES", (("petrescu/valve-spring", ()),))
@@ -44,29 +43,27 @@ def smallest(monkeypatch):
     monkeypatch.setattr(derivatives, "CHECKS", derivatives.CHECKS[:1])
     monkeypatch.setattr(derivatives, "REPEATS", 1)
     monkeypatch.setattr(searches, "VARIED", searches.VARIED[:2])
-    monkeypatch.setattr(searches, "GRADIENT", 2)
-    monkeypatch.setattr(searches, "GLOBAL", 24)
+    monkeypatch.setattr(searches, "GRADIENT_EVALUATIONS", 2)
+    monkeypatch.setattr(searches, "GLOBAL_EVALUATIONS", 24)
     monkeypatch.setattr(assembly, "ELEMENTS", (10,))
     monkeypatch.setattr(modes, "SHAFTS", modes.SHAFTS[:1])
-    monkeypatch.setattr(peaks, "WORKS", {"Python": "pass"})
+    monkeypatch.setattr(memory, "STATEMENTS", {"Python": "pass"})
     monkeypatch.setattr(saving, "STEPS", 100)
-    monkeypatch.setattr(compiler, "CASE", ROOT / "cases/tayeb/model-1-shm.toml")
-    monkeypatch.setattr(compiler, "REPEATS", 1)
-    monkeypatch.setattr(process, "COMMANDS", {"Python alone": ["-c", "pass"]})
+    monkeypatch.setattr(commands, "COMPILED_CASE", ROOT / "cases/tayeb/model-1-shm.toml")
+    monkeypatch.setattr(commands, "COMPILED_REPEATS", 1)
+    monkeypatch.setattr(commands, "COMMANDS", {"Python alone": ["-c", "pass"]})
 
 
-@pytest.mark.usefixtures("smallest")
-def test_the_page_is_made_of_what_is_measured():
-    rooms = (
-        bounds, linear, contact, accuracy, sweep, gradients, derivatives, searches, assembly, modes, peaks, saving,
-        process, compiler,
-    )  # fmt: skip
-    tables = {room.__name__.rpartition(".")[2]: room.measured() for room in rooms}
-    found = {"machine": machine.described(), "date": machine.today(), "versions": machine.versions("flexcam")}
+@pytest.mark.usefixtures("small_models")
+def test_page_has_all_tables():
+    tables = {"bounds": machine.measure_limits()} | {name: measure() for name, measure in TABLES.items()}
+    packages = machine.package_versions("flexcam")
+    labels = {"machine": machine.describe(), "date": machine.today(), "versions": packages}
     spec = importlib.util.spec_from_file_location("make_performance", ROOT / "docs/make_performance.py")
     maker = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(maker)
-    text = maker.page(found | {"tables": tables}, {})
+    text = maker.page(labels | {"tables": tables}, {})
     assert [line for line in text.splitlines() if line.startswith("| 60 | **")]
     assert "missing" not in text
-    assert text.count("\n## ") == len(maker.SECTIONS)  # and the machine; both tables of derivatives share a heading
+    # One more heading for the machine; both tables of derivatives share a heading.
+    assert text.count("\n## ") == len(maker.SECTIONS)

@@ -1,4 +1,4 @@
-"""What a process costs: Python alone, the import, commands as a user calls them."""
+"""Time of processes: Python alone, the import, and commands."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from pathlib import Path
 
 import pytest
 
-MODEL = Path(__file__).parents[1] / "cases" / "tayeb" / "model-3-shm.toml"
-CALLS = {
+CASE = Path(__file__).parents[1] / "cases" / "tayeb" / "model-3-shm.toml"
+ARGUMENTS = {
     "python": ["-c", "pass"],
     "numpy": ["-c", "import numpy"],
     "import flexcam": ["-c", "import flexcam"],
     "all of run": ["-c", "import flexcam; flexcam.run, flexcam.read_case"],
     "help": ["-m", "flexcam", "--help"],
-    "check": ["-m", "flexcam", "check", str(MODEL)],
-    "run": ["-m", "flexcam", "run", str(MODEL), "-o", ".", "--overwrite"],
+    "check": ["-m", "flexcam", "check", str(CASE)],
+    "run": ["-m", "flexcam", "run", str(CASE), "-o", ".", "--overwrite"],
 }
-"""Words after ``python``; the last is 7200 steps of published model 3 with a result file."""
+"""Arguments of ``python``; the last runs 7200 steps of published model 3 and writes a result file."""
 
 
-@pytest.mark.parametrize("words", CALLS.values(), ids=CALLS)
-def test_process(benchmark, words, tmp_path):
-    call = [sys.executable, *words]
-    assert benchmark(subprocess.run, call, cwd=tmp_path, check=True, capture_output=True).returncode == 0
+@pytest.mark.parametrize("arguments", ARGUMENTS.values(), ids=ARGUMENTS)
+def test_process(benchmark, arguments, tmp_path):
+    command = [sys.executable, *arguments]
+    assert benchmark(subprocess.run, command, cwd=tmp_path, check=True, capture_output=True).returncode == 0

@@ -8,7 +8,7 @@ from pathlib import Path
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent), str(HERE), str(HERE / "extensions")]
 
-from flexcam import __version__  # noqa: E402 - found by the path above
+from flexcam import __version__  # noqa: E402 - needs the path above
 
 project = "flexcam"
 author = "The flexcam developers"
@@ -37,7 +37,7 @@ exclude_patterns = ["gallery/**/*.ipynb", "**/*.py", "extensions"]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 nitpicky = True
 
-# Markdown: formulas in dollars, headings that links may point to.
+# Markdown: formulas in dollars, and links to headings.
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist", "attrs_block"]
 myst_heading_anchors = 4
 html_math_renderer = "mathml"
@@ -46,7 +46,7 @@ bibtex_bibfiles = ["references.bib"]
 bibtex_default_style = "sources"
 bibtex_reference_style = "author_year"
 
-# Names in single quotes in a docstring are names of the code, linked where they are public.
+# Names in single backquotes in a docstring are names of the code; public names become links.
 default_role = "name"
 autodoc_member_order = "bysource"
 autodoc_typehints_format = "short"
@@ -60,7 +60,7 @@ autosummary_generate = False
 numpydoc_show_class_members = False
 numpydoc_xref_param_type = False
 nitpick_ignore_regex = [
-    (r"py:.*", r"(?!flexcam).*"),  # types of other packages: the build asks no network for their inventories
+    (r"py:.*", r"(?!flexcam).*"),  # types of other packages: the build does not download their inventories
 ]
 
 sphinx_gallery_conf = {

@@ -44,19 +44,19 @@ user names the entries of *tables*: `[materials.steel]`.
 """
 
 EXAMPLES = {kind.example: kind for kind in DIMENSIONS.values()}
-"""Quantities by their examples, by which the schema names them."""
+"""Quantities by their examples, which identify them in the schema."""
 
 
-def kind(schema: dict) -> str:
-    """Return type, unit and range of a key in a few words."""
+def type_text(schema: dict) -> str:
+    """Return a short text with type, unit and range of a key."""
     if "$ref" in schema:
         return link(schema["$ref"])
-    if found := next((EXAMPLES[e] for e in schema.get("examples", ()) if e in EXAMPLES), None):
+    if quantity := next((EXAMPLES[e] for e in schema.get("examples", ()) if e in EXAMPLES), None):
         number = next((s for s in schema.get("anyOf", ()) if s.get("type") == "number"), {})
-        return (found.si or "number") + limits(number | schema)
+        return (quantity.si or "number") + range_text(number | schema)
     if "anyOf" in schema or "oneOf" in schema:
         parts = [s for s in schema.get("anyOf") or schema["oneOf"] if s.get("type") != "null"]
-        words = [link(s["$ref"]) if "$ref" in s else kind(s) for s in parts]
+        words = [link(s["$ref"]) if "$ref" in s else type_text(s) for s in parts]
         if words == ["number", "string"]:
             return "quantity"
         return (", " if len(words) > 2 else " or ").join(dict.fromkeys(words))
@@ -72,33 +72,33 @@ def kind(schema: dict) -> str:
         )
     inner = next(iter(schema.get("patternProperties", {}).values()), schema.get("additionalProperties"))
     if schema.get("type") == "object" and isinstance(inner, dict):
-        return f"tables: {kind(inner)}" if "Record" in str(inner) else f"by name: {kind(inner)}"
+        return f"tables: {type_text(inner)}" if "Record" in str(inner) else f"by name: {type_text(inner)}"
     if schema.get("type") == "array":
-        inside = schema.get("prefixItems") or [schema.get("items", {})]
-        first, *others = dict.fromkeys(map(several, inside))
-        count = f"{len(inside)}" if len(inside) > 1 else "list of"
+        items = schema.get("prefixItems") or [schema.get("items", {})]
+        first, *others = dict.fromkeys(map(element_text, items))
+        count = f"{len(items)}" if len(items) > 1 else "list of"
         return f"pairs of {first} and {others[0]}" if others else f"{count} {first}"
     names = {"string": "string", "integer": "integer", "number": "number", "boolean": "true or false"}
-    return names.get(schema.get("type", ""), "value") + limits(schema)
+    return names.get(schema.get("type", ""), "value") + range_text(schema)
 
 
-def several(schema: dict) -> str:
-    """Return the type of the elements of a list in a few words."""
-    words = kind(schema)
+def element_text(schema: dict) -> str:
+    """Return a short text with the type of the elements of a list."""
+    words = type_text(schema)
     if "examples" in schema:
         return words.replace("number", "numbers") if words.startswith("number") else f"values in {words}"
     return {"string": "strings", "number": "numbers"}.get(words, words)
 
 
-def limits(schema: dict) -> str:
+def range_text(schema: dict) -> str:
     """Return the range of a number."""
-    least, most = schema.get("minimum"), schema.get("maximum", schema.get("le"))
-    if least is not None and least == most:
-        return f" {least}"
-    if least is not None and most is not None:
-        return f", {least} to {most:g}"
-    if least is not None:
-        return f" ≥ {least}"
+    minimum, maximum = schema.get("minimum"), schema.get("maximum", schema.get("le"))
+    if minimum is not None and minimum == maximum:
+        return f" {minimum}"
+    if minimum is not None and maximum is not None:
+        return f", {minimum} to {maximum:g}"
+    if minimum is not None:
+        return f" ≥ {minimum}"
     return f" > {schema['exclusiveMinimum']:g}" if "exclusiveMinimum" in schema else ""
 
 
@@ -110,15 +110,15 @@ def link(reference: str) -> str:
     return f"[{title(reference)}](#{title(reference).lower()})"
 
 
-def about(schema: dict) -> str:
-    """Return the description of a key; that of its kind says nothing more, and an example is shown if no quantity's."""
+def description(schema: dict) -> str:
+    """Return the description of a key, without that of its quantity, and an example unless it is that of a quantity."""
     text = schema.get("description", "")
     examples = [json.dumps(e) for e in schema.get("examples", []) if e not in EXAMPLES]
     return "; ".join(t for t in ["" if "SI number" in text else text, *(f"such as `{e}`" for e in examples[:1])] if t)
 
 
-def default(name: str, key: dict, required: list[str]) -> str:
-    """Return whether a key is required, or its default."""
+def default_text(name: str, key: dict, required: list[str]) -> str:
+    """Return a text that the key is required, or its default."""
     if name in required:
         return ", required"
     value = key.get("default")
@@ -126,12 +126,12 @@ def default(name: str, key: dict, required: list[str]) -> str:
 
 
 def rows(schema: dict) -> list[str]:
-    """Return a row per key, without the one that selects the record."""
+    """Return a row per key, except for the key that selects the record."""
     lines = list[str]()
     for name, key in schema["properties"].items():
         if "const" in key:
             continue
-        cells = [f"`{name}`", kind(key) + default(name, key, schema.get("required", [])), about(key)]
+        cells = [f"`{name}`", type_text(key) + default_text(name, key, schema.get("required", [])), description(key)]
         lines.append(f"| {' | '.join(cells)} |".replace("\n", " "))
     return lines
 
@@ -141,15 +141,15 @@ def table(lines: list[str]) -> list[str]:
 
 
 SHARED = 3
-"""Number of keys from which a section refers to the section of another record that has the same."""
+"""Minimum number of shared keys for a reference to the section of another record."""
 
 
 def section(name: str, record: dict, earlier: dict[str, list[str]]) -> list[str]:
-    """Return the section of a record: the key that selects it, its description, its keys, and those of an earlier one."""
+    """Return the section of a record: selecting key, description, keys, and keys shared with an earlier record."""
     constants = [f'`{key} = "{value["const"]}"`:' for key, value in record["properties"].items() if "const" in value]
     text = " ".join([*constants, record.get("description", "").strip()])
     own = rows(record)
-    shared = {one: len(set(own) & set(lines)) for one, lines in earlier.items()}
+    shared = {title: len(set(own) & set(lines)) for title, lines in earlier.items()}
     other = max(shared, key=shared.__getitem__, default="")
     earlier[name] = own
     if shared.get(other, 0) < SHARED:
@@ -177,11 +177,11 @@ FORMULAS = {
     "fb2": r"rise of a valve cam without dwell: $s'' = A \sin(\pi z/p)$ up to $z = p$, then $-B \sin(\pi (z - p)/(2 (1 - p)))$",
     "bspline": r"$s = \sum_i c_i B_i(z)$ on clamped knots",
 }
-"""Formulas of laws; the others are described by the first line of their docstrings."""
+"""Formulas of laws; other laws have the first line of their docstring."""
 
 
 def laws() -> list[str]:
-    """Return the laws by name and the kinds with their parameters."""
+    """Return the section of the motion laws: names, and kinds with their parameters."""
     lines = ["## Motion laws", "", "By name alone: " + ", ".join(f"`{name}`" for name in LAWS) + ".", ""]
     lines += ["With parameters, `law = { id = ..., ... }`:", "", "| id | parameters | law |", "|---|---|---|"]
     for name, make in KINDS.items():

@@ -1,7 +1,7 @@
-"""Make ``docs/extremes.md`` from ``docs/extremes.csv``, first brought up to date from the last test run.
+"""Update ``docs/extremes.csv`` from the last test run and make ``docs/extremes.md`` from it.
 
-``python docs/make_extremes.py``: rows of tests that ran replace the earlier ones; those of tests that did not run (the
-slow ones, on most days) are kept, and those of tests that no longer exist are dropped.
+``python docs/make_extremes.py``: rows of tests that ran replace the earlier ones. Rows of tests that did not run (often
+slow ones) remain, and rows of tests that no longer exist are removed.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ EXTREMES = (
     "ratio of stiffnesses", "slenderness of a beam", "elements per span", "axial load", "damping",
     "jumps of the parabolic law", "restart", "scale of the units", "a run that diverges",
 )  # fmt: skip
-"""Their order on the page."""
+"""Extremes in the order of the page."""
 
 PARTS = {
     "right": ("Right", "The result agrees with theory."),
@@ -35,9 +35,9 @@ PARTS = {
     "not yet": ("Not yet", "The expected behaviour is missing; the tests are marked."),
 }
 SHOWN = 4
-"""Rows of a test up to which its line shows the values of all; otherwise it shows the first."""
+"""Maximum number of rows whose values a line shows; with more rows it shows the first one."""
 WORDS = 8
-"""Words of a message that a line shows."""
+"""Maximum number of words of a message in a line."""
 
 
 def sort_rows(rows: list[Row]) -> list[Row]:
@@ -57,12 +57,12 @@ def shorten(message: str) -> str:
 
 
 def line(rows: list[Row]) -> list[str]:
-    """Return the cells of the line that sums up the rows of a test."""
+    """Return the cells of a line that summarizes the rows of a test."""
     first, more = rows[0], f" and {len(rows) - 1} more" if len(rows) > 1 else ""
-    every = len(rows) <= SHOWN
-    given = join_texts([row["given"] for row in rows]) if every else first["given"] + more
+    show_all = len(rows) <= SHOWN
+    given = join_texts([row["given"] for row in rows]) if show_all else first["given"] + more
     messages = shorten(first["happens"]) + (f" (first of {len(rows)})" if more else "")
-    happens = join_texts([row["happens"] for row in rows]) if every and section(first) == "right" else messages
+    happens = join_texts([row["happens"] for row in rows]) if show_all and section(first) == "right" else messages
     return [first["extreme"], given, happens]
 
 
@@ -76,8 +76,8 @@ def page(rows: list[Row]) -> str:
     """Return the text of the page."""
     parts = [HEAD.format(count=len(rows))]
     for part, (head, words) in PARTS.items():
-        its = [row for row in rows if section(row) == part]
-        lines = [line(list(group)) for _, group in groupby(its, lambda row: (row["extreme"], function(row)))]
+        selected = [row for row in rows if section(row) == part]
+        lines = [line(list(group)) for _, group in groupby(selected, lambda row: (row["extreme"], function(row)))]
         if lines:
             lines = merge_lines(lines)
             parts.append(f"## {head}\n\n{words}\n")

@@ -1,4 +1,4 @@
-"""Make docs/pictures/film.svg: the motion of both surfaces past the contact of a cam, and the film over the cam angle."""
+"""Make docs/pictures/film.svg: the velocities of both surfaces at a cam contact, and the oil film over the cam angle."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from flexcam.valvetrain.lubrication import cam_surface_velocity
 
 DOCS = Path(__file__).parent
 OIL = 'contacts.intake.lubrication={viscosity="10 mPa s",pressure_viscosity="15 1/GPa"}'
-AT = math.radians(212.0)
-"""Cam angle of the drawing, where the surfaces move past the contact in opposite directions."""
+ANGLE = math.radians(212.0)
+"""Cam angle of the drawing, at which both surfaces move in opposite directions relative to the contact."""
 
 
 def draw_geometry(axes: Axes, cam: Cam) -> None:
-    """Draw a cam under its face, with the velocities of both surfaces relative to the contact point."""
+    """Draw a cam under a flat face, with the velocities of both surfaces relative to the contact point."""
     assert cam.follower is not None
     around = cam_profile(cam.event, cam.follower, turn=cam.turn)
-    touch = profile_at(cam.event, cam.follower, np.array([AT]), cam.turn)
-    points = 1e3 * (around.points @ np.array([1.0, 1j])) * np.exp(1j * cam.turn * AT)
+    touch = profile_at(cam.event, cam.follower, np.array([ANGLE]), cam.turn)
+    points = 1e3 * (around.points @ np.array([1.0, 1j])) * np.exp(1j * cam.turn * ANGLE)
     axes.fill(points.real, points.imag, facecolor="0.9", edgecolor=COLOURS[0], linewidth=1.5)
     contact = complex(1e3 * touch.touch.point[0])
     axes.plot([contact.real - 16.0, contact.real + 16.0], [contact.imag] * 2, color=COLOURS[1], linewidth=2.0)

@@ -1,4 +1,4 @@
-"""Make pictures of laws and joints between parts: friction, backlash and rigid-link in docs/pictures."""
+"""Make pictures of friction, backlash and joints: friction.svg, backlash.svg and rigid-link.svg in docs/pictures."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 
 import numpy as np
-from make_physics import BLUE, FACE, GREEN, PICTURES, RED, arrow, clear, hatch, turn
+from make_physics import BLUE, FACE, GREEN, PICTURES, RED, draw_arrow, draw_ground, draw_rotation, prepare_axes
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle, Polygon, Rectangle
@@ -21,17 +21,17 @@ GEAR = Path(flexcam.__file__).parent / "templates" / "gear-drive.toml"
 
 
 def friction() -> Figure:
-    """Return the picture of the places of friction, and of its law over the sliding velocity."""
+    """Return the picture of the friction points, and of the friction law over the sliding velocity."""
     figure = Figure(figsize=(9.0, 4.0), layout="constrained")
-    places, curve = figure.subplots(1, 2)
-    draw_sliding_parts(places)
+    drawing, curve = figure.subplots(1, 2)
+    draw_sliding_parts(drawing)
     speeds = np.linspace(-0.5, 0.5, 2001)
-    shown = {
+    parameters = {
         "Coulomb, $F$ = 8 N": (8.0, 0.0),
         "breakaway force $F_0$ = 15 N": (15.0, 0.0),
         "and damping $c$ = 6 N s/m": (15.0, 6.0),
     }
-    for (name, (breakaway, damping)), (colour, dashes) in zip(shown.items(), line_styles(), strict=False):
+    for (name, (breakaway, damping)), (colour, dashes) in zip(parameters.items(), line_styles(), strict=False):
         forces = [sliding_friction(v, 8.0, breakaway, 0.1, damping, 0.01)[0] for v in speeds.tolist()]
         curve.plot(speeds, forces, label=name, color=colour, linestyle=dashes)
     for speed, name in ((0.01, "$v_0$"), (0.1, "$v_s$")):
@@ -46,7 +46,7 @@ def friction() -> Figure:
 
 def draw_sliding_parts(axes: Axes) -> None:
     """Draw a valve in its guide, a tappet in its bore and a rocker on its pivot, with the friction on each."""
-    clear(axes, "friction on the moving part", (-26.0, 92.0), (-46.0, 44.0))
+    prepare_axes(axes, "friction on the moving part", (-26.0, 92.0), (-46.0, 44.0))
     for side in (-1.0, 1.0):  # guide and seal
         axes.add_patch(Rectangle((side * 6.5 - 3.5, -22.0), 7.0, 34.0, **FACE))
         axes.add_patch(Rectangle((side * 5.0 - 2.0, 13.0), 4.0, 6.0, facecolor=GREEN, alpha=0.5, edgecolor="0.3"))
@@ -56,28 +56,28 @@ def draw_sliding_parts(axes: Axes) -> None:
     axes.add_patch(Rectangle((30.0, -20.0), 24.0, 22.0, facecolor="white", edgecolor="0.2"))
     axes.plot([72.0, 78.0, 88.0], [22.0, 26.0, 20.0], color="0.45", linewidth=5.0, solid_capstyle="round")
     axes.add_patch(Circle((78.0, 26.0), 3.4, facecolor="white", edgecolor="0.2", zorder=4))
-    hatch(axes, (74.0, 10.0), 8.0, 3.0)
+    draw_ground(axes, (74.0, 10.0), 8.0, 3.0)
     axes.plot([78.0, 78.0], [13.0, 23.0], color="0.3", linewidth=3.0)
     line = {"arrowstyle": "-", "color": "0.6"}
-    for text, at, shown in (
+    for text, point, position in (
         ("seal", (-5.0, 16.0), (-26.0, 22.0)),
         ("guide", (-7.0, -6.0), (-26.0, -6.0)),
         ("bore", (57.0, -14.0), (64.0, -14.0)),
         ("pivot", (79.0, 29.0), (82.0, 36.0)),
     ):
-        axes.annotate(text, at, shown, arrowprops=line, color="0.3", va="center")
-    arrow(axes, (0.0, 33.0), (0.0, 43.0), "$v$", BLUE, (4.0, -6.0))
-    arrow(axes, (42.0, 3.0), (42.0, 15.0), "$v$", BLUE, (4.0, -6.0))
+        axes.annotate(text, point, position, arrowprops=line, color="0.3", va="center")
+    draw_arrow(axes, (0.0, 33.0), (0.0, 43.0), "$v$", BLUE, (4.0, -6.0))
+    draw_arrow(axes, (42.0, 3.0), (42.0, 15.0), "$v$", BLUE, (4.0, -6.0))
     for x in (-3.0, 3.0):
-        arrow(axes, (x, 8.0), (x, -4.0), "$f$" if x > 0.0 else "", RED, (5.0, -4.0))
+        draw_arrow(axes, (x, 8.0), (x, -4.0), "$f$" if x > 0.0 else "", RED, (5.0, -4.0))
     for x in (30.0, 54.0):
-        arrow(axes, (x, -4.0), (x, -16.0), "$f$" if x > 50.0 else "", RED, (-11.0, 2.0))
-    turn(axes, (78.0, 30.0), True, "", BLUE)
-    turn(axes, (78.0, 17.0), False, "", RED)
+        draw_arrow(axes, (x, -4.0), (x, -16.0), "$f$" if x > 50.0 else "", RED, (-11.0, 2.0))
+    draw_rotation(axes, (78.0, 30.0), True, "", BLUE)
+    draw_rotation(axes, (78.0, 17.0), False, "", RED)
 
 
 def backlash() -> Figure:
-    """Return the picture of a tooth between two flanks, and of the torque of both over the relative angle."""
+    """Return the picture of a tooth between two flanks, and of their torque over the relative angle."""
     figure = Figure(figsize=(9.0, 4.0), layout="constrained")
     mesh, curve = figure.subplots(1, 2)
     draw_tooth(mesh)
@@ -108,7 +108,7 @@ def backlash() -> Figure:
 
 def draw_tooth(axes: Axes) -> None:
     """Draw a tooth of the gear between two teeth of the wheel on the shaft."""
-    clear(axes, "", (-46.0, 46.0), (-24.0, 50.0))
+    prepare_axes(axes, "", (-46.0, 46.0), (-24.0, 50.0))
     axes.add_patch(Polygon([(-46, 50), (-46, 34), (-12, 34), (-6, 8), (6, 8), (12, 34), (46, 34), (46, 50)], **FACE))
     wheel = [(-46, -24), (-46, 30), (-22, 30), (-16, 4), (16, 4), (22, 30), (46, 30), (46, -24)]
     axes.add_patch(Polygon(wheel, facecolor="white", edgecolor=RED, linewidth=1.4))
@@ -121,20 +121,20 @@ def draw_tooth(axes: Axes) -> None:
         axes.annotate(name, (side * 33.0, 8.0), ha="center", color="0.3", fontsize="small")
     axes.annotate("gear", (0.0, 42.0), ha="center")
     axes.annotate("wheel on the shaft", (0.0, -8.0), ha="center", color=RED)
-    arrow(axes, (-16.0, 39.0), (-4.0, 39.0), "", BLUE)
+    draw_arrow(axes, (-16.0, 39.0), (-4.0, 39.0), "", BLUE)
     axes.annotate(r"$\varphi$", (-22.0, 38.0), color=BLUE)
     axes.annotate("gap: $j/(2r)$, rad", (0.0, -19.0), ha="center")
 
 
-LEADER, PUSHED, VALVE = (0.0, 0.0), (-30.0, -8.0), (44.0, 6.0)
+LEADING, PUSHED, VALVE = (0.0, 0.0), (-30.0, -8.0), (44.0, 6.0)
 
 
 def rigid_link() -> Figure:
     """Return the picture of nodes that follow a leading node, and of a ball joint between two members."""
     figure = Figure(figsize=(9.0, 3.4), layout="constrained")
     body, joint = figure.subplots(1, 2)
-    clear(body, "all components: one rigid body", (-42.0, 58.0), (-24.0, 30.0))
-    nodes = np.array([(*place, 0.0) for place in (LEADER, PUSHED, VALVE)])
+    prepare_axes(body, "all components: one rigid body", (-42.0, 58.0), (-24.0, 30.0))
+    nodes = np.array([(*place, 0.0) for place in (LEADING, PUSHED, VALVE)])
     mesh = flexcam.Mesh(nodes, {}, {}, links={"link": np.arange(3)})
     ties = rigid_ties(mesh, {"link": ("ux", "uy", "uz", "rx", "ry", "rz")})
     assert ties is not None
@@ -144,9 +144,9 @@ def rigid_link() -> Figure:
         for end in (1, 2):
             body.plot(*places[[0, end], :2].T, color=colour, linestyle=dashes, linewidth=3.0, solid_capstyle="round")
         body.plot(*places[:, :2].T, "o", color="black" if colour == "0.45" else BLUE)
-    arrow(body, (0.0, 0.0), (44.0, 6.0), r"$\mathbf{r}$", "black", (-70.0, -20.0))
+    draw_arrow(body, (0.0, 0.0), (44.0, 6.0), r"$\mathbf{r}$", "black", (-70.0, -20.0))
     for start, end, name in zip(nodes, moved, ("from", "to", "to"), strict=True):
-        arrow(body, tuple(start[:2]), tuple(end[:2]), "", RED)
+        draw_arrow(body, tuple(start[:2]), tuple(end[:2]), "", RED)
         body.annotate(name, start[:2], (0.0, -15.0), textcoords="offset points", ha="center")
     body.annotate(r"$\mathbf{u}_{from}$", moved[0, :2], (-6.0, 8.0), textcoords="offset points", color=RED, ha="right")
     body.annotate(r"$\mathbf{u}_{to}$", moved[2, :2], (6.0, -14.0), textcoords="offset points", color=RED)
@@ -154,15 +154,15 @@ def rigid_link() -> Figure:
     body.plot([4.0, 4.0 + VALVE[0]], [6.0, 6.0 + VALVE[1]], color=BLUE, linestyle=":", linewidth=1.0)
     body.add_patch(Arc((4.0, 6.0), 66.0, 66.0, theta1=old, theta2=new, color=BLUE))
     body.annotate(r"$\theta$", (39.0, 14.0), color=BLUE)
-    clear(joint, 'components = ["ux", "uy", "uz"]: ball joint', (-50.0, 50.0), (-24.0, 30.0))
+    prepare_axes(joint, 'components = ["ux", "uy", "uz"]: ball joint', (-50.0, 50.0), (-24.0, 30.0))
     x = np.linspace(0.0, 1.0, 41)
     bent = 12.0 * x**2 * (3.0 - x) / 2.0  # two cantilevers under a force at their common end
     for side in (-1.0, 1.0):
-        hatch(joint, (side * 45.0 - 2.0, -10.0), 4.0, 20.0)
+        draw_ground(joint, (side * 45.0 - 2.0, -10.0), 4.0, 20.0)
         joint.plot(side * 43.0 * (1.0 - x), 0.0 * x, color="0.7", linewidth=2.0)
         joint.plot(side * 43.0 * (1.0 - x), bent, color=BLUE, linewidth=2.5)
     joint.plot(0.0, 12.0, "wo", markeredgecolor="black", markersize=9.0, zorder=5)
-    arrow(joint, (0.0, -2.0), (0.0, 10.0), "", RED)
+    draw_arrow(joint, (0.0, -2.0), (0.0, 10.0), "", RED)
     joint.annotate(r"$\mathbf{u}_{to} = \mathbf{u}_{from}$", (0.0, 16.0), ha="center")
     joint.annotate(r"$\theta_{to} \neq \theta_{from}$", (0.0, 22.0), ha="center")
     joint.annotate("member", (-30.0, 6.0), ha="center", color=BLUE)

@@ -1,4 +1,4 @@
-"""Make docs/pictures/methods.svg: spectral radius, period error and damping of the integrators."""
+"""Make docs/pictures/methods.svg: spectral radius, period error and damping ratio of the integrators."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ def method_figure(methods: Mapping[str, Method], damping: float = 0.0) -> Figure
     labels = ("spectral radius", "period error, %", "damping ratio, %")
     figure, (radius, period, ratio) = create_stacked_axes(labels, "angular frequency times step")
     for (name, method), (colour, dashes) in zip(methods.items(), line_styles(), strict=False):
-        inside = _STEPS[min(method.stability_limit(damping), _STEPS[-1]) >= _STEPS]
-        low = inside[inside <= math.pi]
+        stable = _STEPS[min(method.stability_limit(damping), _STEPS[-1]) >= _STEPS]
+        low = stable[stable <= math.pi]
         curves = (
-            (radius, inside, _to_array([method.spectral_radius(x, damping) for x in inside.tolist()])),
+            (radius, stable, _to_array([method.spectral_radius(x, damping) for x in stable.tolist()])),
             (period, low, 100.0 * _to_array([method.period_error(x, damping) for x in low.tolist()])),
             (ratio, low, 100.0 * _to_array([method.damping_ratio(x, damping) for x in low.tolist()])),
         )
-        for axis, at, values in curves:
-            axis.semilogx(at, values, label=name, color=colour, linestyle=dashes)
+        for axis, steps, values in curves:
+            axis.semilogx(steps, values, label=name, color=colour, linestyle=dashes)
     period.set_ylim(-20.0, 60.0)
     ratio.set_ylim(-0.5, 6.0)
     add_legend(figure, radius, len(methods))
@@ -47,9 +47,9 @@ def method_figure(methods: Mapping[str, Method], damping: float = 0.0) -> Figure
 
 
 def _to_array(values: list[float]) -> FloatArray:
-    """Return values as an array with NaN for missing values."""
-    found = np.array(values, dtype=float)
-    return np.where(np.isfinite(found), found, math.nan)
+    """Return values as an array with NaN for missing and infinite values."""
+    array = np.array(values, dtype=float)
+    return np.where(np.isfinite(array), array, math.nan)
 
 
 def main() -> None:

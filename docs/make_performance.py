@@ -1,7 +1,7 @@
 """Make ``docs/performance.md`` and a picture from ``docs/performance.json`` and ``docs/performance-peers.json``.
 
-``python docs/make_performance.py --measure`` first measures the former anew, which takes some minutes; the latter is
-made by ``make bench-peers``. A table is a function here and a file in ``benchmarks/measure``.
+With ``--measure``, the script first measures the former file again, which takes some minutes; ``make bench-peers`` writes
+the latter. Each table has a function here and one in ``benchmarks/measure``.
 """
 
 from __future__ import annotations
@@ -42,33 +42,34 @@ B1 = (
 def page(measured: dict, peers: dict) -> str:
     """Return the text of the page."""
     tables = measured.get("tables", {})
-    lines = [HEAD, *_peers(peers), *_train(peers.get("train", {})), *_machine(measured)]
+    lines = [HEAD, *_shaft_comparison(peers), *_train_comparison(peers.get("train", {})), *_machine(measured)]
     for name, make in SECTIONS.items():
         if name in tables:
             lines += make(tables)
     return "\n".join(lines)
 
 
-def _peers(found: dict) -> list[str]:
+def _shaft_comparison(found: dict) -> list[str]:
     """Return the comparison with other solvers."""
     if not found:
         return []
-    own, rows = found["solvers"][0], []
-    for one in found["solvers"]:
-        if one["missing"]:
-            rows.append(f"| {one['title']} | {one['missing']} | | | | | |")
+    first, rows = found["solvers"][0], []
+    for solver in found["solvers"]:
+        if solver["missing"]:
+            rows.append(f"| {solver['title']} | {solver['missing']} | | | | | |")
             continue
-        few = "" if one["b5_speeds"] == 100 else f" (from {one['b5_speeds']})"
+        step, b5 = solver["us_per_step"], solver["b5_s"]
+        few = "" if solver["b5_speeds"] == 100 else f" (from {solver['b5_speeds']})"
+        errors = ", ".join(f"{error:.0e}" if error else "reference" for error in solver["agreement"].values())
         rows.append(
-            f"| {one['title']} | {_number(one['us_per_step'])} | {_number(one['us_per_step'] / own['us_per_step'])} | "
-            f"{one['process_s']:.2f} | {_number(one['b5_s'])}{few} | {_number(one['b5_s'] / own['b5_s'])} | "
-            f"{_agreement(one)} |"
+            f"| {solver['title']} | {_number(step)} | {_number(step / first['us_per_step'])} | {solver['process_s']:.2f} | "
+            f"{_number(b5)}{few} | {_number(b5 / first['b5_s'])} | {errors} |"
         )
-    allowed = ", ".join(f"{limit:g} on {work}" for work, limit in found["tolerance"].items())
+    allowed = ", ".join(f"{limit:g} on {name}" for name, limit in found["tolerance"].items())
     return [
         "## Comparison with other solvers",
         "",
-        fill(_on(found), WIDTH),
+        fill(_conditions(found), WIDTH),
         "",
         "| work | definition |",
         "|---|---|",
@@ -87,29 +88,29 @@ def _peers(found: dict) -> list[str]:
 
 
 ERRORS = (1e-2, 1e-3, 1e-4)
-"""Errors at which times are compared."""
+"""Errors of the cam force for the comparison of times."""
 
 
-def _train(found: dict) -> list[str]:
-    """Return the comparison in contact, and the time by number of valves."""
+def _train_comparison(found: dict) -> list[str]:
+    """Return the comparison in contact, and the times by number of valves."""
     if not found:
         return []
     methods, rows, faster = group_methods(found), [], []
-    own = [time_at(next(iter(methods.values())), error) for error in ERRORS]
+    first_times = [time_at(next(iter(methods.values())), error) for error in ERRORS]
     for method, settings in methods.items():
         times = [time_at(settings, error) for error in ERRORS]
-        ratios = [time / ref if time and ref else None for time, ref in zip(times, own, strict=True)]
+        ratios = [time / ref if time and ref else None for time, ref in zip(times, first_times, strict=True)]
         if ratios[1] and ratios[1] < 1.0:
             faster.append(method)
-        runs = " ".join(f"{_number(one['ms'])}/{_power(one['error'])}" for one in settings)
+        runs = " ".join(f"{_number(setting['ms'])}/{_power(setting['error'])}" for setting in settings)
         name = settings[0]["name"].removeprefix("tolerance ").replace("e-0", "e-")
         cell = ", ".join("-" if ratio is None else _number(ratio) for ratio in ratios)
         rows.append(f"| {method} | {name} | {runs} | {cell} |")
-    rows += [f"| {one['title']} | {one['missing']} | | |" for one in found["solvers"] if one["missing"]]
-    differences = " and ".join(f"{name} by {_power(off)}" for name, off in found["references"].items())
-    base = ", ".join("-" if time is None else _number(time) for time in own)
+    rows += [f"| {solver['title']} | {solver['missing']} | | |" for solver in found["solvers"] if solver["missing"]]
+    differences = " and ".join(f"{name} by {_power(error)}" for name, error in found["references"].items())
+    base = ", ".join("-" if time is None else _number(time) for time in first_times)
     first = ", ".join(
-        f"{solver['title']} {_number(max(one['first_s'] for one in solver['settings']))}"
+        f"{solver['title']} {_number(max(setting['first_s'] for setting in solver['settings']))}"
         for solver in found["solvers"]
         if solver["settings"]
     )
@@ -124,7 +125,7 @@ def _train(found: dict) -> list[str]:
     return [
         "## Comparison in contact",
         "",
-        fill(f"{text} {_on(found, short=True)}", WIDTH),
+        fill(f"{text} {_conditions(found, short=True)}", WIDTH),
         "",
         "| solver | first setting | ms/error | ratio |",
         "|---|---|---|---|",
@@ -137,14 +138,14 @@ def _train(found: dict) -> list[str]:
 
 
 def _power(value: float) -> str:
-    """Return one digit and a short exponent."""
+    """Return a number with one digit and a short exponent."""
     return f"{value:.0e}".replace("e-0", "e-")
 
 
 def group_methods(found: dict) -> dict[str, list[dict]]:
     """Return the settings by method."""
-    settings = [one for solver in found["solvers"] for one in solver["settings"]]
-    return {name: list(its) for name, its in groupby(settings, key=lambda one: one["method"])}
+    settings = [setting for solver in found["solvers"] for setting in solver["settings"]]
+    return {name: list(group) for name, group in groupby(settings, key=lambda setting: setting["method"])}
 
 
 def time_at(settings: list[dict], error: float) -> float | None:
@@ -153,9 +154,9 @@ def time_at(settings: list[dict], error: float) -> float | None:
     A method whose fastest setting has a smaller error takes the time of this setting; None if no setting is as accurate.
     """
     best = [
-        (one["error"], one["ms"])
-        for one in settings
-        if not any(other["error"] < one["error"] and other["ms"] <= one["ms"] for other in settings)
+        (setting["error"], setting["ms"])
+        for setting in settings
+        if not any(other["error"] < setting["error"] and other["ms"] <= setting["ms"] for other in settings)
     ]
     errors, times = np.log(sorted(best)).T
     return None if np.log(error) < errors[0] else float(np.exp(np.interp(np.log(error), errors, times)))
@@ -179,14 +180,14 @@ def _valves(rows: list[dict]) -> list[str]:
 
 
 def draw(found: dict) -> None:
-    """Write the picture of error over time."""
+    """Write the figure of error over processor time."""
     from flexcam.plotting.figures import add_legend, create_axes, line_styles, save_figure
 
     figure, (axes,) = create_axes((7.0, 5.2))
     methods = group_methods(found)
     for (name, settings), (colour, dashes) in zip(methods.items(), line_styles(), strict=False):
-        pairs = [(one["ms"], one["error"]) for one in settings]
-        own = 2.5 if name.startswith("flexcam") else 1.2
+        pairs = [(setting["ms"], setting["error"]) for setting in settings]
+        width = 2.5 if name.startswith("flexcam") else 1.2
         axes.loglog(
             *zip(*pairs, strict=True),
             dashes,
@@ -194,7 +195,7 @@ def draw(found: dict) -> None:
             color=colour,
             marker="o",
             markersize=3,
-            linewidth=own,
+            linewidth=width,
         )
     axes.set_xlabel("processor time per revolution, ms")
     axes.set_ylabel("relative rms error of the cam force")
@@ -204,30 +205,28 @@ def draw(found: dict) -> None:
 
 
 def _machine(measured: dict) -> list[str]:
-    """Return what the tables below were measured on."""
+    """Return the description and limits of the machine."""
     if not measured:
         return []
-    top = measured["tables"]["bounds"]
-    peak = (
-        f" Its matrix product reaches {top['GFlop/s']:.0f} GFlop/s, `a = b + c` on long arrays {top['GB/s']:.0f} GB/s."
-    )
+    limits = measured["tables"]["bounds"]
+    text = f" Its matrix product reaches {limits['GFlop/s']:.0f} GFlop/s, `a = b + c` on long arrays {limits['GB/s']:.0f} GB/s."
     return [
         "## Machine of the tables below",
         "",
-        fill(_on(measured) + peak, WIDTH),
+        fill(_conditions(measured) + text, WIDTH),
         "",
     ]
 
 
 def _linear(tables: dict) -> list[str]:
-    """Return Newmark steps by size."""
+    """Return times of Newmark steps by number of unknowns."""
     rows = []
-    shown = [row for row in tables["linear"] if row["unknowns"] not in ONLY_FITTED]
-    for unknowns, its in groupby(shown, key=lambda row: row["unknowns"]):
-        engines = {name: list(pair) for name, pair in groupby(its, key=lambda row: row["path"])}
-        cells = [_pair(*engines[name]) if name in engines else "" for name in ENGINES]
+    shown = [row for row in tables["linear"] if row["unknowns"] not in OMITTED]
+    for unknowns, group in groupby(shown, key=lambda row: row["unknowns"]):
+        engines = {name: list(pair) for name, pair in groupby(group, key=lambda row: row["path"])}
+        cells = [_times_cell(*engines[name]) if name in engines else "" for name in ENGINES]
         selected = next(probes for probes, _ in engines.values() if probes["automatic"])
-        rows.append(f"| {unknowns} | {' | '.join(cells)} | {_ms(selected)} |")
+        rows.append(f"| {unknowns} | {' | '.join(cells)} | {_start_time(selected)} |")
     return [
         "## Linear transient",
         "",
@@ -242,65 +241,25 @@ def _linear(tables: dict) -> list[str]:
 
 
 ENGINES = ("modal", "kernel", "direct")
-ONLY_FITTED = (118, 3018, 29988)
-"""Unknowns of shafts that are not in the table, but in the fit."""
+OMITTED = (118, 3018, 29988)
+"""Unknowns of measured shafts that the table omits."""
 
 
-def _pair(probes: dict, full: dict) -> str:
+def _times_cell(probes: dict, full: dict) -> str:
     """Return the times of a step with the probes and with all unknowns saved; bold for the selected engine."""
     if "missing" in probes:
         return probes["missing"]
-    text = f"{_cost(probes)}/{_cost(full)}"
+    text = f"{_step_time(probes)}/{_step_time(full)}"
     return f"**{text}**" if probes["automatic"] else text
 
 
-def _model(rows: list[dict]) -> list[str]:
-    """Return the cost of a step as a function of the unknowns, fitted."""
-    lines = []
-    for part, name in _parts([row for row in rows if row["saved"] == "probes" and "missing" not in row]):
-        n, cost = (np.array([row[key] for row in part], dtype=float) for key in ("unknowns", "us_per_step"))
-        power, (a, b), off = min((_fitted(n, cost, power) for power in (1, 2)), key=lambda found: found[2])
-        words = f"{_number(a)} + {b:.2g} n{'²' if power == 2 else ''}"
-        lines.append(f"{name} {words} ({100.0 * off:.0f} %)")
-    if not lines:
-        return []
-    text = f"Step in µs with probes saved, fitted with n unknowns (maximum error): {'; '.join(lines)}."
-    return [fill(text, WIDTH), ""]
-
-
-DENSE = 300
-"""Unknowns up to which the direct engine is dense (`flexcam.core.DENSE_LIMIT`)."""
-
-
-def _parts(rows: list[dict]) -> list[tuple[list[dict], str]]:
-    """Return the rows by engine, the direct one dense and sparse apart; three at least make a fit."""
-
-    def kind(row: dict) -> str:
-        dense = "dense" if row["unknowns"] <= DENSE else "sparse"
-        return f"direct, {dense}" if row["path"] == "direct" else row["path"]
-
-    found = {name: [row for row in rows if kind(row) == name] for name in dict.fromkeys(map(kind, rows))}
-    return [(its, name) for name, its in found.items() if len(its) >= 3]
-
-
-def _fitted(n: np.ndarray, cost: np.ndarray, power: int) -> tuple[int, np.ndarray, float]:
-    """Return power, both coefficients of ``a + b n^power``, none below zero, and the largest relative error."""
-    columns = np.column_stack([np.ones_like(n), n**power]) / cost[:, None]
-    found = np.linalg.lstsq(columns, np.ones_like(n), rcond=None)[0]
-    if found.min() < 0.0:
-        kept = int(np.argmax(found))
-        found = np.zeros(2)
-        found[kept] = columns[:, kept].sum() / (columns[:, kept] ** 2).sum()
-    return power, found, float(np.abs(columns @ found - 1.0).max())
-
-
 def _contact(tables: dict) -> list[str]:
-    """Return whole trains in contact."""
+    """Return times of complete trains in contact."""
     rows = []
-    for _, pair in groupby(tables["contact"], lambda row: (row["case"], row["overrides"])):
-        engines = {row["path"]: row for row in pair}
+    for _, group in groupby(tables["contact"], lambda row: (row["case"], row["overrides"])):
+        engines = {row["path"]: row for row in group}
         first = next(iter(engines.values()))
-        times = {name: _pair(row | {"us_per_step": row["us_probes"]}, row) for name, row in engines.items()}
+        times = {name: _times_cell(row | {"us_per_step": row["us_probes"]}, row) for name, row in engines.items()}
         rows.append(
             f"| `{first['case']}`{', straight' if first['overrides'] else ''} | {first['unknowns']} | {first['forces']} | "
             f"{first['events']} | {first['iterations']:.1f} | {times.get('kernel', '')} | {times.get('direct', '')} |"
@@ -320,7 +279,7 @@ def _contact(tables: dict) -> list[str]:
 
 
 def _accuracy(tables: dict) -> list[str]:
-    """Return errors of two methods in contact."""
+    """Return the errors of two methods in contact."""
     found = tables["accuracy"]
     methods, steps = (dict.fromkeys(row[name] for row in found) for name in ("method", "steps"))
     rows = [
@@ -342,7 +301,7 @@ def _accuracy(tables: dict) -> list[str]:
 
 
 def _sweep(tables: dict) -> list[str]:
-    """Return what a speed costs among many."""
+    """Return the time per speed of a sweep."""
     found = tables["sweep"]
     return [
         "## Many speeds",
@@ -359,7 +318,7 @@ def _sweep(tables: dict) -> list[str]:
 
 
 def _gradients(tables: dict) -> list[str]:
-    """Return what derivatives of a run cost."""
+    """Return the times of gradients of a run."""
     rows = [
         f"| `{row['case']}` | {row['parameters']} | {row['exact_runs']:.1f} | {row['differences_runs']:.1f} |"
         for row in tables["gradients"]
@@ -397,7 +356,7 @@ def _derivatives(tables: dict) -> list[str]:
 
 
 def _searches(tables: dict) -> list[str]:
-    """Return what searches by gradient and without derivatives cost."""
+    """Return the cost of searches with and without gradients."""
     searched = tables["searches"]
     rows = [
         f"| `{row['method']}` | {row['variants']} | {row['seconds']:.0f} | {row['best_rpm']:.0f} | "
@@ -419,7 +378,7 @@ def _searches(tables: dict) -> list[str]:
 
 
 def _assembly(tables: dict) -> list[str]:
-    """Return the way from a mesh to matrices."""
+    """Return the times of the assembly."""
     times = ", ".join(f"{row['elements']}: {_number(1e3 * row['seconds'])}" for row in tables["assembly"])
     return [
         "## Assembly",
@@ -432,7 +391,7 @@ def _assembly(tables: dict) -> list[str]:
 
 
 def _modes(tables: dict) -> list[str]:
-    """Return natural modes."""
+    """Return the times of natural modes."""
     rows = [f"| {row['unknowns']} | {row['bearings']} | {_number(row['seconds'])} |" for row in tables["modes"]]
     return [
         "## Modes",
@@ -447,7 +406,7 @@ def _modes(tables: dict) -> list[str]:
 
 
 def _peaks(tables: dict) -> list[str]:
-    """Return the most memory of some processes."""
+    """Return the peak memory of processes."""
     rows = [f"| {row['work']} | {row['mb']} |" for row in tables["peaks"]]
     return [
         "## Memory",
@@ -462,10 +421,11 @@ def _peaks(tables: dict) -> list[str]:
 
 
 def _saving(tables: dict) -> list[str]:
-    """Return what result files cost."""
+    """Return the times to write result files."""
     found = tables["saving"]
     rows = [
-        f"| `{one['case']}` | {' | '.join(f'{1e3 * part:.0f}' for part in one['steps_s'])} |" for one in found["runs"]
+        f"| `{run['case']}` | {' | '.join(f'{1e3 * seconds:.0f}' for seconds in run['steps_s'])} |"
+        for run in found["runs"]
     ]
     return [
         "## Saving",
@@ -481,7 +441,7 @@ def _saving(tables: dict) -> list[str]:
 
 
 def _compiler(tables: dict) -> list[str]:
-    """Return what the compiler takes."""
+    """Return the time of compilation."""
     found = tables["compiler"]
     return [
         "## Compilation",
@@ -496,7 +456,7 @@ def _compiler(tables: dict) -> list[str]:
 
 
 def _process(tables: dict) -> list[str]:
-    """Return whole commands."""
+    """Return the times of complete commands."""
     rows = [f"| {row['command']} | {row['seconds']:.2f} |" for row in tables["process"]]
     return [
         "## Whole processes",
@@ -515,15 +475,11 @@ SECTIONS: dict[str, Callable[[dict], list[str]]] = {
     "derivatives": _derivatives, "searches": _searches, "assembly": _assembly, "modes": _modes, "peaks": _peaks,
     "saving": _saving, "process": _process, "compiler": _compiler,
 }  # fmt: skip
-"""Their order on the page, by the table of the JSON each shows."""
+"""Sections of the page in order, by table of the JSON file."""
 
 
-def _agreement(one: dict) -> str:
-    return ", ".join(f"{off:.0e}" if off else "reference" for off in one["agreement"].values())
-
-
-def _on(found: dict, *, short: bool = False) -> str:
-    """Return machine, day and versions; in short without those of Python and numpy."""
+def _conditions(found: dict, *, short: bool = False) -> str:
+    """Return machine, versions and date; if short, without system, Python and numpy."""
     machine = found["machine"]
     cores = f"{machine['cores']} core{'s' if machine['cores'] > 1 else ''}"
     packages = ", ".join(f"{package} {number}" for package, number in found["versions"].items() if package != "numpy")
@@ -535,16 +491,16 @@ def _on(found: dict, *, short: bool = False) -> str:
     return f"{machine['processor']}, {cores}{base}, {packages}; {found['date']}."
 
 
-def _cost(row: dict) -> str:
+def _step_time(row: dict) -> str:
     return row["missing"] if "missing" in row else _number(row["us_per_step"])
 
 
-def _ms(row: dict) -> str:
+def _start_time(row: dict) -> str:
     return "" if "missing" in row else _number(row["before_ms"])
 
 
 def _number(value: float) -> str:
-    """Return two or three digits without an exponent."""
+    """Return a number with two or three digits and no exponent."""
     if value == 0.0:
         return "0"
     digits = max(0, 1 - int(np.floor(np.log10(abs(value)))))
@@ -556,9 +512,9 @@ def read(path: Path) -> dict:
 
 
 def main() -> None:
-    asked = argparse.ArgumentParser(description="make docs/performance.md")
-    asked.add_argument("--measure", action="store_true", help="measure docs/performance.json anew first")
-    if asked.parse_args().measure:
+    parser = argparse.ArgumentParser(description="make docs/performance.md")
+    parser.add_argument("--measure", action="store_true", help="measure docs/performance.json first")
+    if parser.parse_args().measure:
         command = [sys.executable, "-m", "benchmarks.measure"]
         subprocess.run(command, cwd=ROOT, env=os.environ | {"OPENBLAS_NUM_THREADS": "1"}, check=True)
     peers = read(PEERS)

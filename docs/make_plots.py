@@ -1,4 +1,4 @@
-"""Make docs/pictures/plot-*.png: the figures of `flexcam plot` on pages of the documentation, from shipped cases."""
+"""Make docs/pictures/plot-*.png: figures of `flexcam plot` and other commands for the documentation."""
 
 from __future__ import annotations
 
@@ -32,23 +32,23 @@ plot films.toml --what orbits --set bearings.front={FRONT} --set bearings.rear={
 """
 FILM = 'film = { diameter = "26 mm", length = "15 mm", radial_clearance = "30 um", viscosity = "8 mPa s" }'
 """Bearing of docs/topics/journal-bearings.md."""
-FILMS = {f"{{{name.upper()}}}": shlex.quote(f'{{ at = "{name}", {FILM} }}') for name in ("front", "rear")}
+BEARINGS = {f"{{{name.upper()}}}": shlex.quote(f'{{ at = "{name}", {FILM} }}') for name in ("front", "rear")}
 STRENGTH = '[materials.steel]\nultimate_strength = "900 MPa"\nendurance_limit = "350 MPa"\n'
 
 
 def run_command(command: str) -> None:
     """Run a command of flexcam."""
-    for mark, film in FILMS.items():
-        command = command.replace(mark, film)
+    for placeholder, bearing in BEARINGS.items():
+        command = command.replace(placeholder, bearing)
     try:
         main(shlex.split(command))
-    except SystemExit as ended:
-        if ended.code:
+    except SystemExit as error:
+        if error.code:
             raise
 
 
 def make_pictures() -> None:
-    """Run the commands in a temporary folder, and store their pictures with few colours."""
+    """Run the commands in a temporary folder and store their pictures with few colours."""
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
         for case in CASES:
             shutil.copy(DOCS.parent / "cases" / case, Path(case).name)
@@ -56,9 +56,9 @@ def make_pictures() -> None:
         Path("strong.toml").write_text(text.replace("[materials.steel]\n", STRENGTH), encoding="utf-8")
         for command in COMMANDS.strip().splitlines():
             run_command(command)
-        for drawn in Path().glob("plot-*.png"):
-            with Image.open(drawn) as image:
-                image.convert("RGB").quantize(COLOURS).save(DOCS / "pictures" / drawn.name, optimize=True)
+        for picture in Path().glob("plot-*.png"):
+            with Image.open(picture) as image:
+                image.convert("RGB").quantize(COLOURS).save(DOCS / "pictures" / picture.name, optimize=True)
 
 
 if __name__ == "__main__":

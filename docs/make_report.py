@@ -1,4 +1,4 @@
-"""Make docs/pictures/report.png: the top of a report, as Chromium shows it."""
+"""Make docs/pictures/report.png: a screenshot of the top of a report in Chromium."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ COLOURS = 64
 
 
 def main() -> None:
-    """Run the pushrod engine, report on it, and take its picture."""
+    """Run the pushrod engine, write its report and take a screenshot."""
     from PIL import Image
     from playwright.sync_api import sync_playwright
 
-    with tempfile.TemporaryDirectory() as folder, sync_playwright() as play:
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         ready = prepare(read_case(ROOT / "cases/pushrod-engine/intake.toml"))
         sink = open_result_file(ready, folder)
         solve(ready.problem, ready.scheme, save=ready.save, sinks=[sink])
-        written = Path(folder) / "report.html"
-        written.write_text(render_page(build_report([load_subject(sink.path)])), encoding="utf-8")
-        browser = play.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        path = Path(folder) / "report.html"
+        path.write_text(render_page(build_report([load_subject(sink.path)])), encoding="utf-8")
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
         tab = browser.new_page(viewport=SIZE)
-        tab.goto(written.as_uri())
+        tab.goto(path.as_uri())
         tab.wait_for_selector("#chart-0 .main-svg")
         with Image.open(io.BytesIO(tab.screenshot())) as image:
             image.convert("RGB").quantize(COLOURS).save(ROOT / "docs/pictures/report.png", optimize=True)

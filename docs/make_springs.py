@@ -24,7 +24,7 @@ TRAVELS = np.linspace(0.0, 20e-3, 401)
 
 
 def free_spring(coils: Sequence[Coils]) -> Spring:
-    """Return a spring of some coils in ten parts per entry, at its free length."""
+    """Return a spring at its free length, with ten elements per entry of coils."""
     spring = coil_spring(Spring("valve", direction("uy"), 0.0, elements=10), coils, WIRE, SHEAR_MODULUS, DENSITY)
     contact = 50.0 * max(part.stiffness for part in spring.parts)
     return install_spring(replace(spring, clash_stiffness=contact), None, None)
@@ -42,8 +42,8 @@ def spring_figure() -> Figure:
             [1e-3 * curve.stiffness_at(x) for x in travel.tolist()],
             [spring_frequencies(spring, x)[0] for x in travel.tolist()],
         )
-        for axis, one in zip(axes, values, strict=True):
-            axis.plot(1e3 * travel, one, label=name, color=colour, linestyle=dashes)
+        for axis, curve_values in zip(axes, values, strict=True):
+            axis.plot(1e3 * travel, curve_values, label=name, color=colour, linestyle=dashes)
     add_legend(figure, axes[0], len(SPRINGS))
     return figure
 

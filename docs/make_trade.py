@@ -1,7 +1,7 @@
-"""Make docs/trade.md: error and cost of simpler models of the published cases and of the pushrod engine.
+"""Make docs/trade.md: error and cost of simpler models of the published cases and the pushrod engine.
 
-Run it after a change of the models or of the integration; it takes some minutes. Work and errors are the same on every
-machine, processor times are not.
+Run the script after a change of models or time integration; it takes some minutes. Processor times depend on the machine,
+work and errors do not.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ ROOT = Path(__file__).parents[1]
 PUBLISHED = {
     f"model-{n}": [f"cases/tayeb/model-{n}-{law}.toml" for law in ("shm", "parabolic", "cycloidal")] for n in (1, 2, 3)
 }
-FLAGSHIP = "cases/pushrod-engine/intake.toml"
-SHORTER = ["run.crank_speed=4000rpm", "run.steps_per_revolution=1440", "run.revolutions=1"]
+ENGINE = "cases/pushrod-engine/intake.toml"
+ENGINE_OVERRIDES = ["run.crank_speed=4000rpm", "run.steps_per_revolution=1440", "run.revolutions=1"]
 TOLERANCES = (0.1, 0.01, 0.001)
 KINDS = ("lift", "velocity", "acceleration")
 
 
 def main() -> None:
     """Write the page."""
-    lines = [*HEAD, *_cheapest(), *_ladder("cases/tayeb/model-3-shm.toml", []), *_ladder(FLAGSHIP, SHORTER), ""]
+    lines = [*HEAD, *_cheapest(), *_ladder("cases/tayeb/model-3-shm.toml", []), *_ladder(ENGINE, ENGINE_OVERRIDES), ""]
     (ROOT / "docs" / "trade.md").write_text("\n".join(lines), encoding="utf-8")
 
 
@@ -47,7 +47,7 @@ HEAD = [
 ]
 
 
-def _traded(path: str, overrides: list[str]) -> tuple[Case, Reference, list[ModelEvaluation]]:
+def _evaluate(path: str, overrides: list[str]) -> tuple[Case, Reference, list[ModelEvaluation]]:
     case = read_case(ROOT / path, overrides)
     return case, *evaluate_ladder(case, "valve", repeats=3)
 
@@ -56,57 +56,57 @@ def _cheapest() -> list[str]:
     rows: list[str] = []
     for name, paths, overrides in [
         *((name, paths, list[str]()) for name, paths in PUBLISHED.items()),
-        ("intake", [FLAGSHIP], SHORTER),
+        ("intake", [ENGINE], ENGINE_OVERRIDES),
     ]:
-        runs = [_traded(path, overrides)[1:] for path in paths]
-        own = [against.errors["lift"] / against.size["lift"] for against, _ in runs]
+        runs = [_evaluate(path, overrides)[1:] for path in paths]
+        errors = [reference.errors["lift"] / reference.size["lift"] for reference, _ in runs]
         cells = [
-            _largest([_first(found, tolerance - error) for (_, found), error in zip(runs, own, strict=True)])
+            _maximum([_first(models, tolerance - error) for (_, models), error in zip(runs, errors, strict=True)])
             for tolerance in TOLERANCES
         ]
-        rows.append(f"| {name} | {100 * max(own):.1g} % | {' | '.join(cells)} |")
+        rows.append(f"| {name} | {100 * max(errors):.1g} % | {' | '.join(cells)} |")
     return [*rows, ""]
 
 
-def _first(found: list[ModelEvaluation], tolerance: float) -> tuple[str, float]:
+def _first(models: list[ModelEvaluation], tolerance: float) -> tuple[str, float]:
     """Return the first model within a tolerance of the lift, with its error."""
-    for one in found:
-        if one.errors.get("lift", 1.0) <= tolerance:
-            return f"{one.rung}, {one.steps} steps", one.errors["lift"]
+    for model in models:
+        if model.errors.get("lift", 1.0) <= tolerance:
+            return f"{model.rung}, {model.steps} steps", model.errors["lift"]
     return "none", 0.0
 
 
-def _largest(found: list[tuple[str, float]]) -> str:
-    """Return the model or models, with the largest error."""
+def _maximum(found: list[tuple[str, float]]) -> str:
+    """Return the model or models with the maximum error."""
     return f"{' or '.join(dict.fromkeys(model for model, _ in found))}: {100 * max(error for _, error in found):.2g} %"
 
 
 def _ladder(path: str, overrides: list[str]) -> list[str]:
-    case, against, found = _traded(path, overrides)
-    kinds = [*KINDS, *(kind for kind in against.errors if kind not in KINDS)]
+    case, reference, models = _evaluate(path, overrides)
+    kinds = [*KINDS, *(kind for kind in reference.errors if kind not in KINDS)]
     rows = [
-        f"| {one.rung} | {one.steps} | {one.unknowns} | {one.work:.3g} | {one.seconds:.2g} | "
-        f"{' | '.join(_percent(one.errors.get(kind)) for kind in kinds)} |"
-        for one in found
-        if one.best or (one.rung == "beams" and one.steps == case.record.run.steps_per_revolution)
+        f"| {model.rung} | {model.steps} | {model.unknowns} | {model.work:.3g} | {model.seconds:.2g} | "
+        f"{' | '.join(_percent(model.errors.get(kind)) for kind in kinds)} |"
+        for model in models
+        if model.best or (model.rung == "beams" and model.steps == case.record.run.steps_per_revolution)
     ]
-    own = " | ".join(_percent(against.errors[kind] / against.size[kind]) for kind in kinds)
-    given = f" with {', '.join(f'`{one}`' for one in overrides)}" if overrides else ""
+    errors = " | ".join(_percent(reference.errors[kind] / reference.size[kind]) for kind in kinds)
+    suffix = f" with {', '.join(f'`{override}`' for override in overrides)}" if overrides else ""
     return [
         f"## {case.record.title}",
         "",
-        f"`{path}`{given}.",
+        f"`{path}`{suffix}.",
         "",
         "| model | steps/rev | unknowns | work | cpu s | " + " | ".join(kinds) + " |",
         "|---|---|---|---|---|" + "---|" * len(kinds),
         *rows,
-        f"| reference | {against.steps} | | | | {own} |",
+        f"| reference | {reference.steps} | | | | {errors} |",
         "",
     ]
 
 
-def _percent(share: float | None) -> str:
-    return "" if share is None else f"{float(f'{100.0 * share:.2g}'):g}"
+def _percent(ratio: float | None) -> str:
+    return "" if ratio is None else f"{float(f'{100.0 * ratio:.2g}'):g}"
 
 
 if __name__ == "__main__":

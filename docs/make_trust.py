@@ -1,7 +1,7 @@
-"""Make ``docs/trust.md`` from ``docs/trust.csv``, first brought up to date from the last test run.
+"""Update ``docs/trust.csv`` from the last test run and make ``docs/trust.md`` from it.
 
-``python docs/make_trust.py``: rows of tests that ran replace the earlier ones; those of tests that did not run (the
-slow ones, on most days) are kept, and those of tests that no longer exist are dropped.
+``python docs/make_trust.py``: rows of tests that ran replace the earlier ones. Rows of tests that did not run (often
+slow ones) remain, and rows of tests that no longer exist are removed.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ KINDS = {
     "machine": ("Disks, folders, memory, time", "The message and the remaining files."),
     "together": ("Concurrent processes", "Threads and processes that run or write at the same time."),
 }  # fmt: skip
-"""Parts of the page, in order: heading and words."""
+"""Parts of the page in order, with heading and text."""
 
 SHOWN = 3
-"""Inputs or faults of one outcome up to which their line names all; otherwise it names the first two."""
+"""Maximum number of inputs or faults with one outcome that a line names; with more it names the first two."""
 
 
 def sort_rows(rows: list[Row]) -> list[Row]:
@@ -57,7 +57,7 @@ def sort_rows(rows: list[Row]) -> list[Row]:
 
 
 def line(rows: list[Row]) -> list[str]:
-    """Return the cells of the line that sums up rows of one test and one outcome."""
+    """Return the cells of a line that summarizes the rows of one test with one outcome."""
     count = f"{sum(row['count'] for row in rows):,}".replace(",", " ")
     shown = rows if len(rows) <= SHOWN else rows[: SHOWN - 1]
     more = f"; {len(rows) - len(shown)} more" if len(shown) < len(rows) else ""
@@ -68,23 +68,23 @@ def page(rows: list[Row]) -> str:
     """Return the text of the page."""
     parts = [HEAD]
     for kind, (head, words) in KINDS.items():
-        its = [row for row in rows if row["kind"] == kind]
-        lines = [line(list(group)) for _, group in groupby(its, lambda row: (function(row), row["outcome"]))]
+        selected = [row for row in rows if row["kind"] == kind]
+        lines = [line(list(group)) for _, group in groupby(selected, lambda row: (function(row), row["outcome"]))]
         if lines:
             parts.append(f"## {head}\n\n{words}\n")
             parts.append(markdown_table(("input or fault", "count", "outcome"), lines) + "\n")
     return "\n".join(parts)
 
 
-def existing() -> set[str]:
+def collect_tests() -> set[str]:
     """Return the ids of all tests."""
-    words = ["-m", "pytest", "--collect-only", "-q", "-m", "slow or not slow", "tests"]
-    listed = subprocess.run([sys.executable, *words], cwd=ROOT, capture_output=True, text=True, check=True)
-    return set(listed.stdout.splitlines())
+    arguments = ["-m", "pytest", "--collect-only", "-q", "-m", "slow or not slow", "tests"]
+    output = subprocess.run([sys.executable, *arguments], cwd=ROOT, capture_output=True, text=True, check=True)
+    return set(output.stdout.splitlines())
 
 
 if __name__ == "__main__":
-    ids = existing()
+    ids = collect_tests()
     kept = [row for row in read(KEPT) if row["test"] in ids]
     rows = sort_rows(merge_rows(kept, read_recorded(RECORDED), ROOT / "tests", lambda row: row["test"]))
     write(rows, KEPT)

@@ -1,4 +1,4 @@
-"""Make the pictures of the tutorials, docs/pictures/tutorial-*.svg; the camera needs OpenGL for tutorial-tayeb.png."""
+"""Make the pictures of the tutorials, docs/pictures/tutorial-*.svg."""
 
 from __future__ import annotations
 
@@ -35,29 +35,29 @@ BLUE, RED, GREEN = COLOURS[:3]
 
 
 def cantilever() -> dict[str, Figure]:
-    """Return the deflection and the modes of the bar, and its tip under a step force."""
+    """Return the deflection and modes of the bar, and the motion of its tip under a step force."""
     steel, circle = flexcam.Material(E=207e9, nu=0.29, density=7800.0), flexcam.Section.circle(0.020)
     mesh = refine(flexcam.Mesh([[0, 0, 0], [0.5, 0, 0]], {"bar": [0, 1]}, {"root": [0], "tip": [1]}), {"bar": 10})
     beams = fem_beams(mesh, {"bar": flexcam.Member(steel, circle, rotary_inertia=False)})
     dofs = dof_map(mesh, [("root", COMPONENTS)])
     m, k = mass(beams, dofs), stiffness(beams, dofs)
-    push = 100.0 * dofs.vector(mesh.node("tip"), direction("uy"))
+    force = 100.0 * dofs.vector(mesh.node("tip"), direction("uy"))
     x = np.asarray(mesh.nodes)[:, 0]
     order = np.argsort(x)
 
     def deflection(values: FloatArray) -> FloatArray:
         return dofs.nodal_modes(values[None, :], 0.5)[0].reshape(len(x), -1)[order, 1]
 
-    pushed, (bent,) = create_stacked_axes(("deflection, mm",), "x, mm", height=1.9)
-    free, (shapes,) = create_stacked_axes(("mode shape, 1",), "x, mm", height=1.9)
+    static_figure, (static_axes,) = create_stacked_axes(("deflection, mm",), "x, mm", height=1.9)
+    mode_figure, (mode_axes,) = create_stacked_axes(("mode shape, 1",), "x, mm", height=1.9)
     fine, EI = np.linspace(0.0, 0.5, 201), steel.E * circle.Iz
     theory = 100.0 * fine**2 * (1.5 - fine) / (6.0 * EI)
-    static = static_displacement(k, push, dofs.names)
+    static = static_displacement(k, force, dofs.names)
     tip = static[dofs.names.index("tip.uy")]
-    at = deflection(static)
-    bent.plot(1e3 * fine, 1e3 * theory, color=BLUE, label="theory")
-    bent.plot(1e3 * x[order], 1e3 * at * tip / at[-1], "o", color=RED, markersize=4, label="nodes")
-    bent.legend(fontsize="small")
+    nodal = deflection(static)
+    static_axes.plot(1e3 * fine, 1e3 * theory, color=BLUE, label="theory")
+    static_axes.plot(1e3 * x[order], 1e3 * nodal * tip / nodal[-1], "o", color=RED, markersize=4, label="nodes")
+    static_axes.legend(fontsize="small")
     found = modes(m, k, 6)
     for number, (colour, dashes) in zip((0, 2, 4), line_styles(), strict=False):
         pair = [
@@ -65,10 +65,10 @@ def cantilever() -> dict[str, Figure]:
         ]
         shape = pair[0][:, 1] if abs(pair[0][-1, 1]) > abs(pair[1][-1, 1]) else pair[1][:, 1]
         name = f"{found.frequencies[number]:.1f} Hz"
-        shapes.plot(1e3 * x[order], shape / shape[-1], color=colour, linestyle=dashes, marker=".", label=name)
-    shapes.legend(fontsize="small")
+        mode_axes.plot(1e3 * x[order], shape / shape[-1], color=colour, linestyle=dashes, marker=".", label=name)
+    mode_axes.legend(fontsize="small")
 
-    load, tip_row = Load("push", push, lambda motion: np.ones_like(motion.angle)), dofs.names.index("tip.uy")
+    load, tip_row = Load("push", force, lambda motion: np.ones_like(motion.angle)), dofs.names.index("tip.uy")
     probe = Probe("tip", ("uy",), np.eye(dofs.size)[[tip_row]], (None,))
     system = flexcam.System(m, Triplets.zeros(dofs.size), k, dofs.names, loads=(load,), probes=(probe,))
     exact = ROOTS**2 * np.sqrt(EI / (steel.density * circle.A * 0.5**4))
@@ -76,44 +76,46 @@ def cantilever() -> dict[str, Figure]:
     response = flexcam.solve(
         flexcam.Problem(system, flexcam.ConstantSpeed(1.0), step=step, steps=600), flexcam.newmark()
     )
-    wanted = 400.0 * 0.5**3 / EI * (1.0 - np.cos(np.outer(response.time, exact))) @ ROOTS**-4.0
-    moved = response["tip"].displacement
-    stepped, (motion, apart) = create_stacked_axes(("tip, mm", "difference, mm"), "time, ms")
-    motion.plot(1e3 * response.time, 1e3 * wanted, color=BLUE, label="theory")
-    motion.plot(1e3 * response.time, 1e3 * moved, color=RED, linestyle="--", label="Newmark, 200 steps per period")
-    apart.plot(1e3 * response.time, 1e3 * (moved - wanted), color="black")
-    add_legend(stepped, motion, 2)
-    return {"cantilever-force": pushed, "cantilever-modes": free, "cantilever-step": stepped}
+    theory = 400.0 * 0.5**3 / EI * (1.0 - np.cos(np.outer(response.time, exact))) @ ROOTS**-4.0
+    displacement = response["tip"].displacement
+    step_figure, (motion, difference) = create_stacked_axes(("tip, mm", "difference, mm"), "time, ms")
+    motion.plot(1e3 * response.time, 1e3 * theory, color=BLUE, label="theory")
+    motion.plot(
+        1e3 * response.time, 1e3 * displacement, color=RED, linestyle="--", label="Newmark, 200 steps per period"
+    )
+    difference.plot(1e3 * response.time, 1e3 * (displacement - theory), color="black")
+    add_legend(step_figure, motion, 2)
+    return {"cantilever-force": static_figure, "cantilever-modes": mode_figure, "cantilever-step": step_figure}
 
 
 def published_cam() -> dict[str, Figure]:
     """Return flexible and rigid motion of the published model, the motion over speed, and the beat at 4000 rpm."""
     flexible, rigid = run(TAYEB), run(TAYEB, rigid=True)
-    both, axes = create_stacked_axes(("valve, mm", "velocity, m/s", "cam force, N"), "cam angle, deg")
-    for name, one, colour, dashes in (("flexible", flexible, BLUE, "-"), ("rigid", rigid, RED, "--")):
-        valve = one["valve"]
-        force = one.channels["contacts.intake.force"]
+    motions, axes = create_stacked_axes(("valve, mm", "velocity, m/s", "cam force, N"), "cam angle, deg")
+    for name, response, colour, dashes in (("flexible", flexible, BLUE, "-"), ("rigid", rigid, RED, "--")):
+        valve = response["valve"]
+        force = response.channels["contacts.intake.force"]
         for axis, values in zip(axes, (1e3 * valve.displacement, valve.velocity, force), strict=True):
-            draw(axis, one, values, name, colour, dashes)
-    add_legend(both, axes[0], 2)
-    over, (speeds,) = create_stacked_axes(("valve, mm",), "cam angle, deg", height=2.6)
+            draw(axis, response, values, name, colour, dashes)
+    add_legend(motions, axes[0], 2)
+    speed_figure, (speeds,) = create_stacked_axes(("valve, mm",), "cam angle, deg", height=2.6)
     for rpm, (colour, dashes) in zip((1000, 2000, 3000, 4000), line_styles(), strict=False):
-        one = run(TAYEB, f"run.speed={rpm}rpm")
-        draw(speeds, one, 1e3 * one["valve"].displacement, f"{rpm} rpm", colour, dashes)
+        response = run(TAYEB, f"run.speed={rpm}rpm")
+        draw(speeds, response, 1e3 * response["valve"].displacement, f"{rpm} rpm", colour, dashes)
     draw(speeds, rigid, 1e3 * rigid["valve"].displacement, "rigid", "black", "-")
-    add_legend(over, speeds, 5, columns=5)
+    add_legend(speed_figure, speeds, 5, columns=5)
     beat, (upper, lower) = create_stacked_axes(("no damping:\nvalve, mm", "10 % of critical:\nvalve, mm"), "revolution")
     for axis, damping in ((upper, "0"), (lower, "0.1")):
-        one = run(
+        response = run(
             TAYEB,
             "run.speed=4000rpm",
             "run.revolutions=160",
             "run.steps_per_revolution=720",
             f"run.damping.modal={damping}",
         )
-        peaks = 1e3 * one["valve"].displacement[1:].reshape(160, 720)
+        peaks = 1e3 * response["valve"].displacement[1:].reshape(160, 720)
         axis.fill_between(np.arange(160), peaks.min(axis=1), peaks.max(axis=1), color=BLUE, step="mid")
-    return {"published-motion": both, "published-speeds": over, "published-beat": beat}
+    return {"published-motion": motions, "published-speeds": speed_figure, "published-beat": beat}
 
 
 def pushrod_engine(folder: Path) -> dict[str, Figure]:
@@ -124,14 +126,14 @@ def pushrod_engine(folder: Path) -> dict[str, Figure]:
     model = flexcam.build_model(case)
     points = Figure(figsize=(5.0, 5.0), layout="constrained")
     axes = points.subplots()
-    places = 1e3 * np.asarray(model.mesh.nodes)
+    positions = 1e3 * np.asarray(model.mesh.nodes)
     for name, nodes in model.mesh.lines.items():
-        axes.plot(*places[list(nodes)][:, :2].T, "-", linewidth=4.0, color="0.6", zorder=1)
+        axes.plot(*positions[list(nodes)][:, :2].T, "-", linewidth=4.0, color="0.6", zorder=1)
         axes.annotate(
-            name, places[list(nodes)[:2]][:, :2].mean(axis=0), (8, 8), textcoords="offset points", color="0.4"
+            name, positions[list(nodes)[:2]][:, :2].mean(axis=0), (8, 8), textcoords="offset points", color="0.4"
         )
     for name, nodes in model.mesh.points.items():
-        x, y, _ = places[nodes[0]]
+        x, y, _ = positions[nodes[0]]
         axes.plot(x, y, "o", color=BLUE)
         axes.annotate(name, (x, y), (6, -14), textcoords="offset points", fontsize="small")
     axes.set(xlabel="x, mm", ylabel="y, mm", xlim=(-15.0, 230.0), ylim=(-25.0, 295.0), aspect="equal")
@@ -152,34 +154,36 @@ def pushrod_engine(folder: Path) -> dict[str, Figure]:
     right.grid(alpha=0.3)
 
     flexible, rigid = run(path), run(path, rigid=True)
-    ran, rows = create_stacked_axes(("valve lift, mm", "cam force, kN", "spring, N"), "cam angle, deg")
-    for name, one, colour, dashes in (("flexible", flexible, BLUE, "-"), ("rigid", rigid, RED, "--")):
-        force = 1e-3 * one.channels["contacts.intake.force"]
-        for axis, values in zip(rows, (1e3 * one["valve"].displacement, force), strict=False):
-            draw(axis, one, values, name, colour, dashes)
+    run_figure, rows = create_stacked_axes(("valve lift, mm", "cam force, kN", "spring, N"), "cam angle, deg")
+    for name, response, colour, dashes in (("flexible", flexible, BLUE, "-"), ("rigid", rigid, RED, "--")):
+        force = 1e-3 * response.channels["contacts.intake.force"]
+        for axis, values in zip(rows, (1e3 * response["valve"].displacement, force), strict=False):
+            draw(axis, response, values, name, colour, dashes)
     draw(rows[2], flexible, flexible.channels["springs.valve.force"], "flexible", BLUE, "-")
-    add_legend(ran, rows[0], 2)
+    add_legend(run_figure, rows[0], 2)
     speeds, (nose,) = create_stacked_axes(("cam force of the\nrigid train, kN",), "cam angle, deg", height=2.4)
     for rpm, (colour, dashes) in zip((5000, 5602, 6348), line_styles(), strict=False):
-        one = run(path, f"run.crank_speed={rpm}rpm", rigid=True)
-        draw(nose, one, 1e-3 * one.channels["contacts.intake.force"], f"{rpm} rpm", colour, dashes)
+        response = run(path, f"run.crank_speed={rpm}rpm", rigid=True)
+        draw(nose, response, 1e-3 * response.channels["contacts.intake.force"], f"{rpm} rpm", colour, dashes)
     add_legend(speeds, nose, 3)
-    lost, ways = create_stacked_axes(("50 kN/m:\ncam force, kN", "70 kN/m:\ncam force, kN"), "cam angle, deg")
-    for axis, rate in zip(ways, (50, 70), strict=True):
-        one = run(
+    loss_figure, rows = create_stacked_axes(("50 kN/m:\ncam force, kN", "70 kN/m:\ncam force, kN"), "cam angle, deg")
+    for axis, rate in zip(rows, (50, 70), strict=True):
+        response = run(
             path, "run.crank_speed=6000rpm", "run.steps_per_revolution=1800", f"springs.valve.stiffness={rate}kN/m"
         )
-        force, degrees = one.channels["contacts.intake.force"], np.degrees(one.angle)
-        draw(axis, one, 1e-3 * force, "force", BLUE, "-")
-        open_ = (force == 0.0) & (degrees > 105.0) & (degrees < 255.0)
-        axis.fill_between(degrees, 0.0, 1.0, where=open_, transform=axis.get_xaxis_transform(), color=RED, alpha=0.25)
+        force, degrees = response.channels["contacts.intake.force"], np.degrees(response.angle)
+        draw(axis, response, 1e-3 * force, "force", BLUE, "-")
+        open_contact = (force == 0.0) & (degrees > 105.0) & (degrees < 255.0)
+        axis.fill_between(
+            degrees, 0.0, 1.0, where=open_contact, transform=axis.get_xaxis_transform(), color=RED, alpha=0.25
+        )
         axis.set_xlim(75.0, 285.0)
     return {
         "engine-points": points,
         "engine-cam": shape,
-        "engine-run": ran,
+        "engine-run": run_figure,
         "engine-limits": speeds,
-        "engine-loss": lost,
+        "engine-loss": loss_figure,
     }
 
 
@@ -190,32 +194,44 @@ def measured_lift(folder: Path) -> dict[str, Figure]:
     angle = np.degrees(table.angle)
     inside = (angle > 150.0) & (angle < 320.0)
     event, _ = lift_table(table.angle, table.lift)
-    through, _ = lift_table(table.angle, table.lift, tolerance=0.0)
-    much, _ = lift_table(table.angle, table.lift, tolerance=5e-6)
-    read, (lift, bend) = create_stacked_axes(("lift, mm", "second difference,\nmm/rad²"), "cam angle, deg")
+    interpolated, _ = lift_table(table.angle, table.lift, tolerance=0.0)
+    smoother, _ = lift_table(table.angle, table.lift, tolerance=5e-6)
+    table_figure, (lift, differences) = create_stacked_axes(
+        ("lift, mm", "second difference,\nmm/rad²"), "cam angle, deg"
+    )
     lift.plot(angle, 1e3 * table.lift, ".", markersize=2.5, color=BLUE)
-    bend.plot(
+    differences.plot(
         angle[1:-1], 1e3 * np.diff(table.lift, 2) / (table.angle[1] - table.angle[0]) ** 2, color=BLUE, linewidth=0.9
     )
-    smooth, (accelerations,) = create_stacked_axes(("acceleration, mm/rad²",), "cam angle, deg", height=2.6)
+    smooth_figure, (accelerations,) = create_stacked_axes(("acceleration, mm/rad²",), "cam angle, deg", height=2.6)
     fine = np.linspace(0.0, 2.0 * np.pi, 721)
     accelerations.plot(
-        np.degrees(fine), 1e3 * through(fine, 2), color="0.65", linewidth=0.9, label="through every point"
+        np.degrees(fine), 1e3 * interpolated(fine, 2), color="0.65", linewidth=0.9, label="through every point"
     )
     accelerations.plot(np.degrees(fine), 1e3 * event(fine, 2), color=BLUE, label="noise estimated")
-    add_legend(smooth, accelerations, 2)
-    rest, rows = create_stacked_axes(("estimated noise:\nresidual, µm", "5 µm:\nresidual, µm"), "cam angle, deg")
-    for axis, one in zip(rows, (event, much), strict=True):
+    add_legend(smooth_figure, accelerations, 2)
+    residual_figure, rows = create_stacked_axes(
+        ("estimated noise:\nresidual, µm", "5 µm:\nresidual, µm"), "cam angle, deg"
+    )
+    for axis, smoothed in zip(rows, (event, smoother), strict=True):
         axis.plot(
-            angle[inside], 1e6 * (table.lift - one(table.angle))[inside], ".-", linewidth=0.7, markersize=3, color=BLUE
+            angle[inside],
+            1e6 * (table.lift - smoothed(table.angle))[inside],
+            ".-",
+            linewidth=0.7,
+            markersize=3,
+            color=BLUE,
         )
-    ran, (force,) = create_stacked_axes(("cam force, N",), "cam angle, deg", height=2.6)
+    force_figure, (force,) = create_stacked_axes(("cam force, N",), "cam angle, deg", height=2.6)
     raw = 'cams.intake.lift_table={file="measured-lift.csv",tolerance="0 um"}'
-    for name, change, colour in (("through every point", [raw], "0.65"), ("smoothed", [], BLUE)):
-        one = run(folder / "lift.toml", *change)
-        draw(force, one, one.channels["contacts.intake.force"], name, colour, "-")
-    add_legend(ran, force, 2)
-    return {"lift-table": read, "lift-smooth": smooth, "lift-residuals": rest, "lift-force": ran}
+    for name, overrides, colour in (("through every point", [raw], "0.65"), ("smoothed", [], BLUE)):
+        response = run(folder / "lift.toml", *overrides)
+        draw(force, response, response.channels["contacts.intake.force"], name, colour, "-")
+    add_legend(force_figure, force, 2)
+    return {
+        "lift-table": table_figure, "lift-smooth": smooth_figure, "lift-residuals": residual_figure,
+        "lift-force": force_figure,
+    }  # fmt: skip
 
 
 BSPLINE = '{{ id = "bspline", degree = 11, coefficients = [0, 0, 0, 0, {}, 1, 1, 1, 1] }}'
@@ -236,26 +252,28 @@ def redesign(folder: Path) -> dict[str, Figure]:
     subprocess.run(
         [sys.executable, "-m", "flexcam", *table, "-o", str(folder / "polydyne.toml")], check=True, capture_output=True
     )
-    laws, (lift, bent) = create_stacked_axes(("lift, mm", "acceleration, mm/rad²"), "cam angle, deg")
-    over, (force, above) = create_stacked_axes(("min force over\nthe nose, N", "valve loft, mm"), "crank speed, rpm")
+    law_figure, (lift, acceleration) = create_stacked_axes(("lift, mm", "acceleration, mm/rad²"), "cam angle, deg")
+    speed_figure, (force, loft) = create_stacked_axes(
+        ("min force over\nthe nose, N", "valve loft, mm"), "crank speed, rpm"
+    )
     angle, speeds = np.linspace(0.0, 2.0 * np.pi, 1441), range(4000, 6601, 200)
     file = CaseFile.open(case)
-    for name, changes, colour, dashes in (
+    for name, overrides, colour, dashes in (
         ("4-5-6-7", (), BLUE, "-"), ("polydyne", POLYDYNE, GREEN, "--"), ("redesigned", REDESIGN, RED, "-")
     ):  # fmt: skip
-        event = build_model(file.read(changes)).cams["intake"].event
-        for axis, order in ((lift, 0), (bent, 2)):
+        event = build_model(file.read(overrides)).cams["intake"].event
+        for axis, order in ((lift, 0), (acceleration, 2)):
             axis.plot(np.degrees(angle), 1e3 * event(angle, order), label=name, color=colour, linestyle=dashes)
         rows = [
-            evaluate(file.read([*changes, "run.revolutions=2", f"run.crank_speed={n}rpm"]), runs=99).scalars
+            evaluate(file.read([*overrides, "run.revolutions=2", f"run.crank_speed={n}rpm"]), runs=99).scalars
             for n in speeds
         ]
-        for axis, key, scale in ((force, "intake.nose_force.least", 1.0), (above, "seat.valve_loft", 1e3)):
+        for axis, key, scale in ((force, "intake.nose_force.least", 1.0), (loft, "seat.valve_loft", 1e3)):
             values = [scale * row[f"contacts.{key}"] for row in rows]
             axis.plot(speeds, values, ".", label=name, color=colour, linestyle=dashes)
-    add_legend(laws, lift, 3)
-    add_legend(over, force, 3)
-    return {"redesign-laws": laws, "redesign-speed": over}
+    add_legend(law_figure, lift, 3)
+    add_legend(speed_figure, force, 3)
+    return {"redesign-laws": law_figure, "redesign-speed": speed_figure}
 
 
 def run(path: Path, *overrides: str, rigid: bool = False) -> Response:
@@ -266,7 +284,7 @@ def run(path: Path, *overrides: str, rigid: bool = False) -> Response:
 def draw(
     axis: Axes, response: Response, values: Sequence[float] | FloatArray, name: str, colour: str, dashes: str
 ) -> None:
-    """Draw values over the cam angle, thinned to some hundred points."""
+    """Draw at most some hundred points of values over the cam angle."""
     every = max(1, len(response.angle) // 900)
     degrees = np.degrees(response.angle)[::every]
     axis.plot(degrees, np.asarray(values)[::every], label=name, color=colour, linestyle=dashes, linewidth=1.2)
@@ -275,9 +293,9 @@ def draw(
 def main() -> None:
     """Write the pictures."""
     with tempfile.TemporaryDirectory() as folder:
-        made = cantilever() | published_cam() | pushrod_engine(Path(folder)) | measured_lift(Path(folder))
-        made |= redesign(Path(folder))
-        for name, figure in made.items():
+        figures = cantilever() | published_cam() | pushrod_engine(Path(folder)) | measured_lift(Path(folder))
+        figures |= redesign(Path(folder))
+        for name, figure in figures.items():
             save_figure(figure, DOCS / "pictures" / f"tutorial-{name}.svg", overwrite=True)
 
 

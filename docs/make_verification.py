@@ -1,8 +1,8 @@
-"""Make the verification manual, ``docs/verification/``, from the rows kept in ``docs/verification/rows.csv``.
+"""Make the verification manual, ``docs/verification/``, from ``docs/verification/rows.csv``.
 
-``python docs/make_verification.py`` writes pages and figures; ``--take`` first takes in the rows of the last test run
-(``build/verification.json``; rows of tests that did not run are kept, those of tests that no longer exist dropped);
-``--check`` writes nothing and fails if that test run differs from the manual.
+``python docs/make_verification.py`` writes pages and figures. With ``--take`` it first updates the rows from the last
+test run, ``build/verification.json``: rows of tests that did not run remain, and rows of tests that no longer exist are
+removed. ``--check`` writes nothing and fails if the last test run differs from the manual.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from manual.rows import RECORDED, Row, differences, merge_rows, read, read_recor
 FOLDER = Path(__file__).parent / "verification"
 
 
-def take() -> None:
-    """Bring the kept rows up to date from the last test run."""
+def update_rows() -> None:
+    """Update the rows from the last test run."""
     recorded = read_recorded(RECORDED)
     if names := [row["test"] for row in recorded if not row["passed"]]:
         message = f"these tests failed; the manual shows assertions that hold: {names}"
@@ -24,7 +24,7 @@ def take() -> None:
     write(sort_rows(merge_rows(read(), recorded)))
 
 
-def check() -> None:
+def check_rows() -> None:
     """Fail if the last test run differs from the manual."""
     recorded = read_recorded(RECORDED)
     if not recorded:
@@ -35,7 +35,7 @@ def check() -> None:
         raise SystemExit(message)
 
 
-def make(rows: list[Row], folder: Path = FOLDER) -> None:
+def write_manual(rows: list[Row], folder: Path = FOLDER) -> None:
     """Write all pages and figures."""
     from manual.figures import FIGURES, figure_text
     from manual.pages import pages
@@ -49,8 +49,8 @@ def make(rows: list[Row], folder: Path = FOLDER) -> None:
 
 if __name__ == "__main__":
     if "--check" in sys.argv[1:]:
-        check()
+        check_rows()
     else:
         if "--take" in sys.argv[1:]:
-            take()
-        make(read())
+            update_rows()
+        write_manual(read())

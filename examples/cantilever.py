@@ -2,8 +2,8 @@
 A cantilever against theory
 ===========================
 
-Mesh, matrices, statics and modes by hand. Two-node beams give the static answer exactly at their nodes; frequencies
-converge with the fourth power of the element's length.
+Mesh, matrices, static deflection and modes from the basic functions. Two-node beams are exact in statics at their
+nodes; frequencies converge with the fourth power of the element length.
 """
 
 import numpy as np
@@ -23,7 +23,7 @@ bar, length = Section.circle(0.020), 0.5
 
 
 def cantilever(elements: int) -> tuple[Beams, DofMap]:
-    """Return the bar, clamped at its root, and its unknowns."""
+    """Return the elements of a bar with a clamped root, and their degrees of freedom."""
     line = Mesh([[0, 0, 0], [length, 0, 0]], {"bar": [0, 1]}, {"root": [0], "tip": [1]})
     mesh = refine(line, {"bar": elements})
     beams = fem_beams(mesh, {"bar": Member(steel, bar, rotary_inertia=False)})
@@ -35,13 +35,13 @@ def cantilever(elements: int) -> tuple[Beams, DofMap]:
 beams, dofs = cantilever(10)
 mass, stiffness = fem_mass(beams, dofs), fem_stiffness(beams, dofs)
 load = 100.0 * dofs.vector(1, direction("uy"))  # node 1 of the line is the tip
-bent = static_displacement(stiffness, load, dofs.names)
-deflection = bent[dofs.names.index("tip.uy")]
+displacement = static_displacement(stiffness, load, dofs.names)
+deflection = displacement[dofs.names.index("tip.uy")]
 np.testing.assert_allclose(deflection, 100.0 * length**3 / (3.0 * steel.E * bar.Iz), rtol=1e-9)
 
 # %%
 # Bending frequencies: :math:`\omega = b^2 \sqrt{E I/(\rho A L^4)}` with the roots of :math:`\cos b \cosh b = -1`.
-# Every frequency of a round bar comes twice, once in each plane.
+# Every frequency of a round bar occurs twice, once in each plane.
 roots = np.array([1.875104068711961, 4.694091132974175, 7.854757438237613])
 theory = roots**2 * np.sqrt(steel.E * bar.Iz / (steel.density * bar.A * length**4))
 np.testing.assert_allclose(modes(mass, stiffness, 2).omegas, theory[0], rtol=1e-5)
@@ -54,7 +54,7 @@ for row, count in zip(errors, counts, strict=True):
     row[:] = bending / theory - 1.0
 
 # %%
-# Halving the elements divides the error by sixteen.
+# Half the element length divides the error by sixteen.
 figure = Figure(figsize=(7.0, 4.0), layout="constrained")
 axes = figure.add_subplot()
 for number, column in enumerate(errors.T, 1):

@@ -2,8 +2,8 @@
 Motion laws side by side
 ========================
 
-Lift, velocity, acceleration and jerk of four laws from rest to rest, over the same rise. What is gained in one of
-them is paid for in another: the parabolic law has the least acceleration there can be, and infinite jerk.
+Lift, velocity, acceleration and jerk of four laws from rest to rest over the same rise. No law has the smallest values
+of all: the parabolic law has the minimum possible acceleration and infinite jerk.
 """
 
 import math
@@ -12,18 +12,20 @@ from flexcam import LAWS
 from flexcam.cams import criteria
 from flexcam.plotting.curves import law_figure
 
-chosen = {name: LAWS[name] for name in ("parabolic", "shm", "cycloidal", "4-5-6-7")}
-figure = law_figure(chosen)
+laws = {name: LAWS[name] for name in ("parabolic", "shm", "cycloidal", "4-5-6-7")}
+figure = law_figure(laws)
 
 # %%
-# The largest accelerations, by lift and rise angle, are closed forms. ``criteria`` finds the extremes of every
-# derivative piece by piece, also where it steps.
+# The maximum accelerations for unit lift and rise angle have closed forms. ``criteria`` finds the extremes of every
+# derivative, also at its jumps.
 peaks = {}
-for name, law in chosen.items():
+for name, law in laws.items():
     found = criteria(law)
-    peaks[name], jerk = (max(abs(one.value) for one in ends) for ends in (found.acceleration, found.jerk))
+    peaks[name], jerk = (
+        max(abs(extreme.value) for extreme in extremes) for extremes in (found.acceleration, found.jerk)
+    )
     steps = ", its acceleration steps in the middle" if 2 in found.jumps else ""
     print(f"{name:10s} acceleration up to {peaks[name]:.4f}, jerk between steps up to {jerk:.2f}{steps}")
 
-for name, known in {"parabolic": 4.0, "shm": 0.5 * math.pi**2, "cycloidal": 2.0 * math.pi}.items():
-    assert math.isclose(peaks[name], known, rel_tol=1e-9)
+for name, exact in {"parabolic": 4.0, "shm": 0.5 * math.pi**2, "cycloidal": 2.0 * math.pi}.items():
+    assert math.isclose(peaks[name], exact, rel_tol=1e-9)

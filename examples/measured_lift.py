@@ -2,8 +2,8 @@
 A measured lift
 ===============
 
-Lift read at every half degree by a gauge that scatters by a micrometre. Its second differences are noise; the spline
-that generalized cross-validation chooses gives the acceleration back, and says by how much it changed the points.
+A gauge measures the lift at every half degree with a noise of one micrometre, which dominates the second differences. A
+smoothing spline by generalized cross-validation recovers the acceleration and reports the changes of the points.
 """
 
 import numpy as np
@@ -17,13 +17,13 @@ angle = np.radians(np.arange(0.0, 360.0, 0.5))
 measured = true(angle) + 1e-6 * np.random.default_rng(1).standard_normal(len(angle))
 event, report = lift_table(angle, np.maximum(measured, 0.0))
 
-rms, largest = 1e6 * report.rms_change, 1e6 * report.largest_change
-print(f"{report.points} points, changed by {rms:.2f} um (rms), {largest:.1f} um at most")
-assert 0.4e-6 < report.rms_change < 1.2e-6  # of the size of the scatter, not of the lift
+rms, maximum = 1e6 * report.rms_change, 1e6 * report.largest_change
+print(f"{report.points} points, changed by {rms:.2f} um (rms), {maximum:.1f} um at most")
+assert 0.4e-6 < report.rms_change < 1.2e-6  # about the noise
 assert not report.remarks
 
 # %%
-# Grey points are second differences of the readings.
+# Grey points are second differences of the measured lift.
 fine = np.linspace(0.9, 3.5, 1200)
 raw = np.diff(measured, 2) / (angle[1] - angle[0]) ** 2
 figure = Figure(figsize=(7.0, 5.0), layout="constrained")
@@ -39,7 +39,7 @@ acceleration.legend()
 
 # %%
 # The smoothed acceleration is within a few percent of the true one.
-apart = np.abs(event(fine, 2) - true(fine, 2)).max() / np.abs(true(fine, 2)).max()
-scattered = np.abs(raw - true(angle[1:-1], 2)).max() / np.abs(true(fine, 2)).max()
-print(f"acceleration: smoothed {apart:.1%} off, by differences {scattered:.0%}")
-assert apart < 0.06 < scattered
+error = np.abs(event(fine, 2) - true(fine, 2)).max() / np.abs(true(fine, 2)).max()
+noise = np.abs(raw - true(angle[1:-1], 2)).max() / np.abs(true(fine, 2)).max()
+print(f"acceleration: error {error:.1%} of the spline, {noise:.0%} of the differences")
+assert error < 0.06 < noise

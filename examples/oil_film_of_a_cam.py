@@ -2,7 +2,7 @@
 Oil film of a cam
 =================
 
-The contact of an overhead cam and its flat bucket with oil: minimum film over roughness, drawn on the profile.
+The lubricated contact of an overhead cam and a flat bucket: ratio of minimum film and roughness along the profile.
 """
 
 import numpy as np
@@ -21,8 +21,8 @@ profile = cam_profile(cam.event, cam.follower, turn=cam.turn)
 figure = profile_figure(profile, angle=np.radians(230.0), coloured=(contact, ratio, "film over roughness"))
 
 # %%
-# The flanks draw oil in at more than 20 m/s. On the nose the entrainment velocity is small and of the other sign; where
-# it changes its sign, the film of the steady formula vanishes.
+# On the flanks the entrainment velocity exceeds 20 m/s. On the nose it is small and has the opposite sign. At the
+# change of sign the film of the steady formula is zero.
 velocity = response.channels["contacts.intake.entrainment"]
 nose = int(np.argmax(cam.event(response.angle)))
 print(f"flank: {np.abs(velocity).max():.1f} m/s, film over roughness {ratio.max():.1f}")

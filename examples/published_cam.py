@@ -2,9 +2,9 @@
 The published cam mechanism
 ===========================
 
-The camshaft, pushrod, rocker and valve of :cite:t:`tayeb`, with flexible members and with rigid ones. Under
-the published load the cam drives the follower by a force, so the train is a mass on its spring: the faster it turns,
-the further the flexible valve leaves the rigid one.
+The camshaft, pushrod, rocker and valve of :cite:t:`tayeb` with flexible and with rigid members. The published load is a
+force on the follower, so the train is a mass on a spring: the deviation of the flexible from the rigid motion increases
+with speed.
 """
 
 import math

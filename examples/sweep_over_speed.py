@@ -2,8 +2,8 @@
 Many speeds, one table
 ======================
 
-A sweep varies any key of a case and returns a table with a row per variant. Here the published mechanism turns at
-thirteen speeds; the further below its resonance at 4027 rpm, the nearer it is to the rigid one.
+A sweep varies any key of a case and returns a table with a row per variant. Here the published mechanism runs at
+thirteen speeds. Its deviation from the rigid mechanism decreases with the distance from the resonance at 4027 rpm.
 """
 
 import numpy as np
@@ -26,7 +26,7 @@ axes.set(xlabel="camshaft speed, rpm", ylabel="peak deviation of the valve, part
 axes.legend()
 
 # %%
-# Far below the resonance the deviation is that of one mass in its steady state, within a tenth; nearer to it two
-# revolutions from rest are too few for it to build up.
+# Far below the resonance the deviation agrees within 10 % with the steady state of one mass. Near the resonance, two
+# revolutions from rest are not enough to reach the steady state.
 np.testing.assert_allclose(deviation[rpm <= 2000.0], (ratio / (1.0 - ratio))[rpm <= 2000.0], rtol=0.1)
 assert deviation[-1] < 0.9 * (ratio / (1.0 - ratio))[-1]

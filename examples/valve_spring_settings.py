@@ -48,16 +48,16 @@ class SingleMassModel:
 
     @property
     def opens_valve(self) -> bool:
-        """Whether the train can push more than the preload at full lift: otherwise a seated valve stays closed."""
+        """True if the force of the train at full lift exceeds the preload; otherwise the valve stays closed."""
         return self.train_stiffness * self.event.height > self.spring_stiffness * self.compression
 
     def motion(self, angle: np.ndarray, speed: np.ndarray, order: int = 0) -> np.ndarray:
         """Return x, or its first or second derivative by the cam angle."""
         s, s1, s2, s3 = (self.event(angle, k) for k in range(4))
         K, k = self.train_stiffness, self.spring_stiffness
-        both = K + k
-        inertia, square, linear = both * self.mass * speed**2, k * (k + 2.0 * K), 2.0 * k * self.compression * both
-        N, D, scale = inertia * s1**2 + square * s**2 + linear * s, s + self.preload_deflection, 2.0 * both**2
+        total = K + k
+        inertia, square, linear = total * self.mass * speed**2, k * (k + 2.0 * K), 2.0 * k * self.compression * total
+        N, D, scale = inertia * s1**2 + square * s**2 + linear * s, s + self.preload_deflection, 2.0 * total**2
         if order == 0:
             return s - N / (scale * D)
         N1 = 2.0 * inertia * s1 * s2 + 2.0 * square * s * s1 + linear * s1
@@ -86,37 +86,37 @@ def read_setting(speed: str, stiffness: str, compression: str) -> tuple[SingleMa
     case = flexcam.read_case(CASE, overrides)
     model, drive = flexcam.build_model(case), case.record.run.free_running
     cam, spring = model.cams["valve"], model.springs["valve"]
-    one = SingleMassModel(
+    mass_model = SingleMassModel(
         cam.event, model.masses["tappet"].body.mass, model.cam_contacts["train"].stiffness,
         spring.stiffness, spring.installed_force / spring.stiffness,
     )  # fmt: skip
-    return one, free_speed(cam.event, cam.follower.base_radius, case.speed, drive.cam_mass, drive.follower_mass)
+    return mass_model, free_speed(cam.event, cam.follower.base_radius, case.speed, drive.cam_mass, drive.follower_mass)
 
 
 models = {name: read_setting(*setting) for name, setting in SETTINGS.items()}
 angle = np.linspace(0.0, 0.5 * np.pi * (1.0 - 1e-7), 1001)  # the rise
 results = {}
-for name, (one, omega) in models.items():
-    lift, valve = one.accelerations(angle, omega)
-    opening = one.motion(angle, omega(angle, 0)).max()
+for name, (setting, omega) in models.items():
+    lift, valve = setting.accelerations(angle, omega)
+    opening = setting.motion(angle, omega(angle, 0)).max()
     results[name] = {"lift": (lift.max(), lift.min()), "valve": (valve.max(), valve.min()), "opening": opening}
     print(
         f"{name}: acceleration of the lift {lift.min():.0f} to {lift.max():.0f} m/s^2, of the valve {valve.min():.0f} "
-        f"to {valve.max():.0f} m/s^2; opens {1e3 * opening:.2f} of {1e3 * one.event.height:g} mm"
+        f"to {valve.max():.0f} m/s^2; opens {1e3 * opening:.2f} of {1e3 * setting.event.height:g} mm"
     )
 
 # %%
-# The more the acceleration is limited, the less the valve opens: in figure 7 by 0.32 mm of 6 mm. The train deflects
-# under the preload instead, and at full lift it cannot even lift the valve off a seat.
+# A lower acceleration means a smaller opening: in figure 7 it is 0.32 mm of 6 mm. The preload deflects the train
+# instead, and even at full lift the train does not lift the valve off its seat.
 assert results["figure 7"]["valve"][0] < 0.04 * results["figure 7"]["lift"][0]
 assert results["figure 7"]["opening"] < 0.06 * models["figure 7"][0].event.height
-assert [one.opens_valve for one, _ in models.values()] == [True, True, False, False, False, False]
+assert [setting.opens_valve for setting, _ in models.values()] == [True, True, False, False, False, False]
 
 figure, (upper, lower) = create_stacked_axes(("opening\nmm", "acceleration\nkm/s²"), "cam angle, deg", height=2.4)
 shown = ("figure 2", "figure 4", "figure 7")
 for name, (colour, dashes) in zip(shown, line_styles(), strict=False):
-    one, omega = models[name]
-    opening, acceleration = one.motion(angle, omega(angle, 0)), one.accelerations(angle, omega)[1]
+    setting, omega = models[name]
+    opening, acceleration = setting.motion(angle, omega(angle, 0)), setting.accelerations(angle, omega)[1]
     upper.plot(np.degrees(angle), 1e3 * opening, label=name, color=colour, linestyle=dashes)
     lower.plot(np.degrees(angle), 1e-3 * acceleration, color=colour, linestyle=dashes)
 add_legend(figure, upper, len(shown))

@@ -17,9 +17,9 @@ _CAM_X, _BASE_RADIUS, _PUSHROD_LENGTH = 0.120, 0.018, 0.250
 def published_model(model: int) -> Mesh:
     """Return the mesh of model 1, 2 or 3 of Tayeb and Sliman as reconstructed for flexcam.
 
-    The drawings are not available; this is the only arrangement with three bearings and axial-only inner pushrod nodes
-    that has the printed numbers of elements and unknowns (4/21, 8/25, 10/47). Nodes are numbered in the order of the
-    printed load vector (26): shaft from the drive end, pushrod top, inner nodes downwards, tappet.
+    The drawings are not available. This is the only arrangement with three bearings and axial motion of the inner
+    pushrod nodes that has the published numbers of elements and unknowns (4/21, 8/25, 10/47). The order of the nodes is
+    that of the published load vector (26): shaft from the drive end, pushrod top, inner nodes downwards, tappet.
     """
     x = np.array(_SHAFT_X[model])
     y = _BASE_RADIUS + np.linspace(_PUSHROD_LENGTH, 0.0, _PUSHROD_ELEMENTS[model] + 1)

@@ -1,4 +1,4 @@
-"""The command in a process of its own, where that is what is tested; the fixture `flexcam` runs it in this one."""
+"""The command in a separate process; the fixture `flexcam` runs it in the process of the test."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ result_writer._MAX_COPY_TIME = float("inf")
 main()
 """,
 )
-"""The command, with a copy after every block, so that no busy machine makes the first one late."""
+"""The command with a copy of the result after every block, so that a slow machine does not delay the first copy."""
 
 
 @dataclass(frozen=True)
 class Ended:
-    """A command that ended: exit code, both streams."""
+    """Exit code and output of a command."""
 
     code: int
     out: str
@@ -36,7 +36,7 @@ class Ended:
 
 
 def default_signals():
-    """Undo what a test run in the background inherits: interrupts ignored."""
+    """Restore the default action of interrupts, which a process in the background ignores."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
@@ -49,7 +49,7 @@ def start(words, folder, program=PROGRAM):
 
 
 def facts(run, *words):
-    """Return the JSON of a command that succeeds."""
-    done = run(*words, "--json")
-    assert (done.code, done.err) == (0, "")
-    return done.json
+    """Return the JSON output of a successful command."""
+    result = run(*words, "--json")
+    assert (result.code, result.err) == (0, "")
+    return result.json

@@ -1,12 +1,11 @@
-"""Fixtures of all tests: the record of verification, read-only arrays, small models and systems.
+"""Fixtures of all tests: rows of the generated pages, read-only arrays, small models and systems.
 
-`record` asserts a computed number against its reference and keeps the row; all rows of a session, from every xdist
-worker, go to ``build/verification.json`` (or the path in FLEXCAM_VERIFICATION_JSON), from which the page of
-verification is made. A page can thus name no test that does not exist. The rows of `tests/extremes` go the same way to
-``build/extremes.json`` (FLEXCAM_EXTREMES_JSON); those that `tried` keeps, of bad input and injected faults, to
-``build/trust.json`` (FLEXCAM_TRUST_JSON).
+`record` compares a computed number with its reference and stores a row. The rows of a session, from all xdist workers,
+go to ``build/verification.json`` (or the path in FLEXCAM_VERIFICATION_JSON), the source of the verification manual; so
+the manual names only existing tests. Rows of `tests/extremes` go to ``build/extremes.json`` (FLEXCAM_EXTREMES_JSON),
+and rows of the fixture `tried`, about bad input and injected faults, to ``build/trust.json`` (FLEXCAM_TRUST_JSON).
 
-Machine code is kept in ``build/flexcam``, by a digest of its source text, unless FLEXCAM_CACHE names another folder.
+``build/flexcam`` caches compiled code by a hash of its source, unless FLEXCAM_CACHE names another folder.
 """
 
 from __future__ import annotations
@@ -39,32 +38,30 @@ from tests.command import Ended
 MESHES = Path(__file__).parents[1] / "meshes"
 
 ROWS = pytest.StashKey[dict[str, list[dict[str, object]]]]()
-"""Rows by the page they stand on."""
+"""Rows by page."""
 
 ORDER = {
     "verification": ("source", "case", "quantity", "test"),
     "extremes": ("extreme", "test", "place"),
     "trust": ("kind", "what", "test"),
 }
-"""Pages, and what their rows are ordered by."""
+"""Pages with the sort keys of their rows."""
 
 ROOT = Path(__file__).parents[1]
 
 COMPILER = engine_selection._COMPILER
-"""Time of the direct engine above which a user's run has the kernel engine."""
+"""Default of the estimated time of the direct engine above which flexcam selects the kernel engine."""
 
 
 def pytest_configure(config):
     config.stash[ROWS] = {page: [] for page in ORDER}
-    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # else every process that is started compiles all of flexcam anew
-    sys.dont_write_bytecode = False  # else every worker rewrites the assertions of all tests anew
-    os.environ.setdefault("FLEXCAM_FILES", str(ROOT))  # cases in temporary folders name the meshes of the repository
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # otherwise every process compiles flexcam
+    sys.dont_write_bytecode = False  # otherwise every worker rewrites all assertions
+    os.environ.setdefault("FLEXCAM_FILES", str(ROOT))  # meshes for cases in temporary folders
     if os.environ.get("FLEXCAM_PLANTED"):
-        _without_shrinking()
-    os.environ.setdefault(
-        "FLEXCAM_CACHE", str(ROOT / "build")
-    )  # workers and commands find it set, and compile nothing twice
-    engine_selection._COMPILER = 0.0  # runs with contacts in the kernel engine, however short
+        _disable_shrinking()
+    os.environ.setdefault("FLEXCAM_CACHE", str(ROOT / "build"))  # shared by workers and commands
+    engine_selection._COMPILER = 0.0  # the kernel engine also for short runs with contacts
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -73,8 +70,8 @@ def pytest_testnodedown(node, error):
         node.config.stash[ROWS][page].extend(rows)
 
 
-def _without_shrinking():
-    """Let hypothesis stop at the first example that fails: under a planted fault it does not matter which."""
+def _disable_shrinking():
+    """Stop hypothesis at the first failing example, which is sufficient for a planted fault."""
     from hypothesis import Phase, settings
 
     settings.register_profile("planted", phases=(Phase.explicit, Phase.generate))
@@ -82,7 +79,7 @@ def _without_shrinking():
 
 
 def pytest_collection_finish():
-    """Take what stays to the end out of what Python's collector walks through again and again."""
+    """Exclude long-lived objects from garbage collection."""
     gc.collect()
     gc.freeze()
     gc.set_threshold(100_000, 50, 1000)
@@ -93,9 +90,9 @@ def pytest_sessionfinish(session):
     if hasattr(session.config, "workeroutput"):
         session.config.workeroutput["rows"] = json.dumps(rows)
         return
-    for page, its in rows.items():
-        if its:
-            _write(page, its)
+    for page, page_rows in rows.items():
+        if page_rows:
+            _write(page, page_rows)
 
 
 def _write(page, rows):
@@ -105,22 +102,22 @@ def _write(page, rows):
     path.write_text(json.dumps(ordered, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
-def _digits(value):
-    """Ten significant digits: the last six bits differ between machines and are no news."""
+def _round(value):
+    """Return ten significant digits; the others may differ between machines."""
     return float(f"{float(value):.10g}")
 
 
 @pytest.fixture
 def record(request):
-    """Assert |computed - reference| <= tolerance |reference| (or tolerance, where absolute) and keep the row."""
+    """Assert |computed - reference| <= tolerance |reference| (or tolerance, if absolute) and store a row."""
 
-    def keep(*, source, case, quantity, unit, reference, computed, tolerance, reason, absolute=False):
+    def store(*, source, case, quantity, unit, reference, computed, tolerance, reason, absolute=False):
         allowed = tolerance if absolute else tolerance * abs(reference)
         deviation = abs(float(computed) - float(reference))
         passed = bool(deviation <= allowed)  # False for NaN
         row = {
-            "source": source, "case": case, "quantity": quantity, "unit": unit, "reference": _digits(reference),
-            "computed": _digits(computed), "tolerance": _digits(tolerance), "absolute": absolute, "reason": reason,
+            "source": source, "case": case, "quantity": quantity, "unit": unit, "reference": _round(reference),
+            "computed": _round(computed), "tolerance": _round(tolerance), "absolute": absolute, "reason": reason,
             "passed": passed, "test": request.node.nodeid,
         }  # fmt: skip
         request.config.stash[ROWS]["verification"].append(row)
@@ -128,33 +125,33 @@ def record(request):
             f"{case}, {quantity}: {computed:.10g} {unit}, reference {reference:.10g}, allowed +-{allowed:.3g}"
         )
 
-    return keep
+    return store
 
 
 @pytest.fixture
 def tried(request):
-    """Keep a row of the page of trust: what was done to flexcam, how often, and how it ended every time.
+    """Store a row of the robustness page: kind and description of inputs or faults, their number and the outcome.
 
-    To be called after the assertions, so that only what held is kept. `kind` is one of the parts of
-    `docs/make_trust.py`, `count` how many inputs or faults, `outcome` the words of what happened.
+    Call it after the assertions, so that a row exists only if they pass. `kind` is one of the parts in
+    `docs/make_trust.py`.
     """
 
-    def keep(kind, what, count, outcome):
+    def store(kind, what, count, outcome):
         row = {"kind": kind, "what": what, "count": int(count), "outcome": outcome, "test": request.node.nodeid}
         request.config.stash[ROWS]["trust"].append(row)
 
-    return keep
+    return store
 
 
 @pytest.fixture
 def page_rows(request):
-    """Return the list that the rows of a page are kept in, by the page's name."""
+    """Return a function that returns the list of the rows of a page."""
     return lambda page: request.config.stash[ROWS][page]
 
 
 @pytest.fixture(scope="session")
 def readonly():
-    """Return a copy of an array that nobody can write to."""
+    """Return a function that makes a read-only copy of an array."""
 
     def make(values):
         array = np.array(values, dtype=float)
@@ -166,13 +163,13 @@ def readonly():
 
 @pytest.fixture(scope="session")
 def steel():
-    """Return the documented steel of the published models."""
+    """Return the steel of the published models."""
     return Material(E=207e9, nu=0.29, density=7800.0)
 
 
 @pytest.fixture(scope="session")
 def published(steel):
-    """Return model 1, 2 or 3 of Tayeb and Sliman with flexcam's documented data."""
+    """Return a function that makes model 1, 2 or 3 of Tayeb and Sliman with the data of the documentation."""
     uy = direction("uy")
 
     def make(model=3, law="shm", event=None, **contact):
@@ -202,7 +199,7 @@ def published(steel):
 
 @pytest.fixture(scope="session")
 def system_of():
-    """Return a System from dense matrices, with a probe on every unknown."""
+    """Return a function that makes a System from dense matrices, with a probe on every unknown."""
 
     def make(M, C, K, loads=(), local=()):
         n = len(M)
@@ -219,7 +216,7 @@ def system_of():
 
 @pytest.fixture(scope="session")
 def local_force():
-    """Return a local force that senses and acts on one scalar through one law."""
+    """Return a function that makes a local force on one scalar with one law."""
     from flexcam.dynamics import AngleVector, constant
 
     def make(name, row, law):
@@ -231,49 +228,49 @@ def local_force():
 
 @pytest.fixture(scope="session")
 def on_a_screen():
-    """Return how a command begins that needs a screen; every process looks for one from a number of its own on.
+    """Return the first arguments of a command that needs a screen; each process searches from its own display number.
 
-    A server that resets when its last client leaves is not there for the next one: hence `-noreset`.
+    Without `-noreset`, the server would reset after its last client and be unavailable to the next one.
     """
     return ["xvfb-run", "-a", "-n", str(100 + os.getpid() % 30_000), "-s", "-screen 0 800x600x24 -noreset"]
 
 
 @pytest.fixture
 def shipped_selection(monkeypatch):
-    """Choose engines as a user's run does: the direct engine for short runs with contacts."""
+    """Use the default engine selection: the direct engine for short runs with contacts."""
     monkeypatch.setattr(engine_selection, "_COMPILER", COMPILER)
 
 
 @pytest.fixture(scope="session")
 def fitted_order():
-    """Return the slope of log(error) over log(step), by least squares."""
+    """Return a function for the least-squares slope of log(error) over log(step)."""
     return lambda steps, errors: float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
 
 
 @pytest.fixture(scope="session")
 def pvbatch(on_a_screen):
-    """Return how ParaView is called; where it is not there, its tests are skipped in plain words."""
-    lacking = [name for name in ("pvbatch", "xvfb-run") if shutil.which(name) is None]
-    if lacking and os.environ.get("FLEXCAM_REQUIRE_PARAVIEW") == "1":
-        pytest.fail(f"FLEXCAM_REQUIRE_PARAVIEW=1, but {' and '.join(lacking)} cannot be found")
-    if lacking:
-        pytest.skip(f"PARAVIEW WAS NOT TRIED: no {' and '.join(lacking)}; apt-get install paraview xvfb xauth")
+    """Return the command of ParaView; skip the test if it is not installed."""
+    missing = [name for name in ("pvbatch", "xvfb-run") if shutil.which(name) is None]
+    if missing and os.environ.get("FLEXCAM_REQUIRE_PARAVIEW") == "1":
+        pytest.fail(f"FLEXCAM_REQUIRE_PARAVIEW=1, but {' and '.join(missing)} cannot be found")
+    if missing:
+        pytest.skip(f"PARAVIEW WAS NOT TRIED: no {' and '.join(missing)}; apt-get install paraview xvfb xauth")
     return [*on_a_screen, "pvbatch"]
 
 
 @pytest.fixture
 def flexcam(tmp_path, monkeypatch, capsys):
-    """Run the command in this process, which a start of Python would take four times as long as most commands do."""
+    """Return a function that runs the command in this process, without the time to start Python."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("COLUMNS", raising=False)
     monkeypatch.setattr(signal, "signal", lambda *_: None)
 
     def run(*words):
         monkeypatch.setattr(run_state, "solving", False)
-        with pytest.raises(SystemExit) as ended:
+        with pytest.raises(SystemExit) as exit_info:
             main([str(word) for word in words])
         out, err = capsys.readouterr()
         assert "Traceback" not in out + err
-        return Ended(ended.value.code, out, err)
+        return Ended(exit_info.value.code, out, err)
 
     return run

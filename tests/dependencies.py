@@ -1,7 +1,7 @@
 """Run the suite with the lowest and the newest dependencies: ``python tests/dependencies.py [lowest|newest] [PYTHON]``.
 
-The lowest are the floors of pyproject.toml, those of the tests included, on the oldest Python; the newest are what pip
-selects, on every Python that is found. Each combination has an environment in ``build/dependencies``.
+The lowest dependencies are the minimum versions in pyproject.toml, also of the tests, on the oldest Python. The newest
+are those that pip selects, on every installed Python. Each combination has an environment in ``build/dependencies``.
 """
 
 from __future__ import annotations
@@ -18,30 +18,32 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 PYTHONS = [
-    f"python3.{one[1]}" for one in map(re.compile(r".* :: Python :: 3\.(\d+)").fullmatch, PROJECT["classifiers"]) if one
+    f"python3.{match[1]}"
+    for match in map(re.compile(r".* :: Python :: 3\.(\d+)").fullmatch, PROJECT["classifiers"])
+    if match
 ]
 UNUSED = ("dev", "peers")
-"""Extras that the suite does not install."""
+"""Extras that the test suite does not need."""
 
 
 def floors() -> list[str]:
-    """Return a constraint ``package==floor`` for every dependency with a floor."""
+    """Return a constraint ``package==version`` for every dependency with a minimum version."""
     extras = [group for extra, group in PROJECT["optional-dependencies"].items() if extra not in UNUSED]
-    wanted = [*PROJECT["dependencies"], *(one for group in extras for one in group)]
-    found = (re.match(r"([\w.-]+)>=([\w.]+)", one) for one in wanted)
-    return [f"{one[1]}=={one[2]}" for one in found if one]
+    requirements = [*PROJECT["dependencies"], *(requirement for group in extras for requirement in group)]
+    matches = (re.match(r"([\w.-]+)>=([\w.]+)", requirement) for requirement in requirements)
+    return [f"{match[1]}=={match[2]}" for match in matches if match]
 
 
 def combinations(which: str, python: str) -> Iterator[tuple[str, str]]:
-    """Yield what is asked for: which dependencies, and on which Python."""
-    pythons = [python] if python else [one for one in PYTHONS if starts(one)]
+    """Yield the requested combinations of dependencies, `lowest` or `newest`, and Python."""
+    pythons = [python] if python else [name for name in PYTHONS if is_installed(name)]
     if which in ("", "lowest"):
         yield "lowest", pythons[0]
     if which in ("", "newest"):
-        yield from (("newest", one) for one in pythons)
+        yield from (("newest", name) for name in pythons)
 
 
-def starts(python: str) -> bool:
+def is_installed(python: str) -> bool:
     """Return whether a Python is installed and runs."""
     return (
         bool(shutil.which(python))
@@ -50,7 +52,7 @@ def starts(python: str) -> bool:
 
 
 def run(which: str, python: str) -> int:
-    """Make the environment and return the exit code of its suite."""
+    """Create an environment, run the test suite in it and return the exit code."""
     folder = ROOT / "build/dependencies" / f"{which}-{Path(python).name}"
     shutil.rmtree(folder, ignore_errors=True)
     subprocess.run([python, "-m", "venv", folder], check=True)
@@ -60,15 +62,15 @@ def run(which: str, python: str) -> int:
     subprocess.run([*pip, "install", "--constraint", constraints, "--editable", f"{ROOT}[test,docs]"], check=True)
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "FLEXCAM_CACHE": str(folder)}
     suite = [folder / "bin/python", "-m", "pytest", "-q", "-n", os.environ.get("JOBS", "2"), "--dist", "worksteal"]
-    if which == "lowest":  # old packages warn of newer ones that they themselves need
+    if which == "lowest":  # old packages cause deprecation warnings in others
         suite += ["-W", "default"]
     return subprocess.run(suite, cwd=ROOT, env=environment, check=False).returncode
 
 
 def main(which: str = "", python: str = "") -> int:
-    codes = {one: run(*one) for one in combinations(which, python)}
-    for (chosen, its), code in codes.items():
-        sys.stdout.write(f"{chosen} dependencies, {Path(its).name}: {'failed' if code else 'passed'}\n")
+    codes = {combination: run(*combination) for combination in combinations(which, python)}
+    for (dependencies, python_name), code in codes.items():
+        sys.stdout.write(f"{dependencies} dependencies, {Path(python_name).name}: {'failed' if code else 'passed'}\n")
     return int(any(codes.values()))
 
 

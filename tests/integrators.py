@@ -1,6 +1,6 @@
-"""The integrators that tests try, in one table: whoever adds one adds a row, and the tests take those that fit them.
+"""Table of integrators for tests; a new integrator needs a row here.
 
-What papers give in closed form stands in `verification/test_newmark_properties.py`, with their parameters.
+`verification/test_newmark_properties.py` has the closed forms and parameters of publications.
 """
 
 from __future__ import annotations
@@ -12,51 +12,37 @@ from flexcam.dynamics import Method, Scheme, bathe, central_difference, generali
 
 
 @dataclass(frozen=True)
-class Tried:
-    """An integrator as tests try it.
-
-    Parameters
-    ----------
-    method
-        The integrator.
-    title
-        What recorded rows call it.
-    order
-        Of its error in the step.
-    contacts
-        Whether it takes local forces.
-    setting
-        Whether it is another setting of one that stands above.
-    """
+class IntegratorCase:
+    """An integrator and its properties in tests."""
 
     method: Method
-    title: str
-    order: int = 2
-    contacts: bool = True
-    setting: bool = False
+    title: str  #: in recorded rows
+    order: int = 2  #: of the error in the step
+    contacts: bool = True  #: supports local forces
+    setting: bool = False  #: another setting of an integrator above
 
 
 INTEGRATORS = {
-    "newmark": Tried(newmark(), "Newmark"),
-    "newmark damped": Tried(newmark(beta=0.3025, gamma=0.6), "Newmark 0.3025, 0.6", order=1, setting=True),
-    "linear acceleration": Tried(newmark(beta=1 / 6), "linear acceleration", setting=True),
-    "hht": Tried(hht(alpha=-0.1), "HHT -0.1"),
-    "hht -1/3": Tried(hht(alpha=-1 / 3), "HHT -1/3", setting=True),
-    "generalized-alpha": Tried(generalized_alpha(rho_inf=0.8), "generalized-alpha 0.8"),
-    "generalized-alpha 0": Tried(generalized_alpha(rho_inf=0.0), "generalized-alpha 0", setting=True),
-    "bathe": Tried(bathe(), "Bathe"),
-    "central-difference": Tried(central_difference(), "central difference", contacts=False),
+    "newmark": IntegratorCase(newmark(), "Newmark"),
+    "newmark damped": IntegratorCase(newmark(beta=0.3025, gamma=0.6), "Newmark 0.3025, 0.6", order=1, setting=True),
+    "linear acceleration": IntegratorCase(newmark(beta=1 / 6), "linear acceleration", setting=True),
+    "hht": IntegratorCase(hht(alpha=-0.1), "HHT -0.1"),
+    "hht -1/3": IntegratorCase(hht(alpha=-1 / 3), "HHT -1/3", setting=True),
+    "generalized-alpha": IntegratorCase(generalized_alpha(rho_inf=0.8), "generalized-alpha 0.8"),
+    "generalized-alpha 0": IntegratorCase(generalized_alpha(rho_inf=0.0), "generalized-alpha 0", setting=True),
+    "bathe": IntegratorCase(bathe(), "Bathe"),
+    "central-difference": IntegratorCase(central_difference(), "central difference", contacts=False),
 }
 
-METHODS = {name: one.method for name, one in INTEGRATORS.items() if not one.setting}
-"""One of each, by name."""
+METHODS = {name: case.method for name, case in INTEGRATORS.items() if not case.setting}
+"""Integrators in one setting each, by name."""
 
-WITH_CONTACTS = {one.title: one.method for one in INTEGRATORS.values() if one.contacts and not one.setting}
-"""One of each that takes local forces and steps of any length, by its title."""
+WITH_CONTACTS = {case.title: case.method for case in INTEGRATORS.values() if case.contacts and not case.setting}
+"""Integrators with local forces and steps of any length, in one setting each, by title."""
 
 SCHEMES = {
-    name: one.method
-    for name, one in INTEGRATORS.items()
-    if isinstance(one.method, Scheme) and one.method.stability_limit() == math.inf
+    name: case.method
+    for name, case in INTEGRATORS.items()
+    if isinstance(case.method, Scheme) and case.method.stability_limit() == math.inf
 }
-"""Those that go every way through time, in all settings."""
+"""Integrators for all solver engines, in all settings."""

@@ -1,4 +1,4 @@
-"""A pinned tube with geometric stiffness, free to shorten, as a case: columns, bows, idle planes are tried on it."""
+"""Case of a pinned tube with geometric stiffness and free axial motion, for tests of columns, bows and planes."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ _SHORT = 'speed = "60 rpm"\nstep = "10 us"\nrevolutions = 3e-5'
 
 
 def push(force: float) -> str:
-    """Return the lines of a load along the tube at its tip, N; below zero it presses."""
+    """Return the case text of an axial load at the tip, N, negative for compression."""
     return _load("push", "tip", "ux", force)
 
 
 def across(force: float) -> str:
-    """Return the lines of a load across the tube at its middle, N."""
+    """Return the case text of a transverse load in the middle, N."""
     return _load("across", "mid", "uy", force)
 
 
@@ -56,6 +56,6 @@ def _load(name: str, at: str, direction: str, force: float) -> str:
 def pinned_rod(
     bow: float, loads: str = "", *, elements: int = 4, rotary_inertia: bool = False, run: str = _SHORT
 ) -> str:
-    """Return the text of the case: bow in m, elements from an end to the middle, lines of loads and of its run."""
+    """Return the case text, with bow in m, number of elements per half, and texts of loads and run."""
     rotary = str(rotary_inertia).lower()
     return _ROD.format(bow=bow, loads=loads, elements=elements, rotary=rotary, run=run)

@@ -1,17 +1,17 @@
-"""Sinks that tests hand to `solve`."""
+"""Sinks for tests of `solve`."""
 
 from __future__ import annotations
 
 
 class Cut:
-    """A sink whose write is interrupted after so many blocks."""
+    """A sink that raises `KeyboardInterrupt` after a number of blocks."""
 
     def __init__(self, after):
-        self.left = after
+        self.remaining = after
 
     def write(self, block):
-        self.left -= 1
-        if self.left < 0:
+        self.remaining -= 1
+        if self.remaining < 0:
             raise KeyboardInterrupt
 
     def close(self, status, stats):

@@ -1,4 +1,4 @@
-"""Run the slow tests file by file for a given time, beginning at another file every day."""
+"""Run the slow tests file by file for a given time, with a different first file every day."""
 
 from __future__ import annotations
 
@@ -7,36 +7,36 @@ import sys
 import time
 from datetime import UTC, datetime
 
-LEAST = 10.0
-"""Seconds without which no further file is begun."""
+MIN_SECONDS = 10.0
+"""Minimum remaining time to start another file."""
 
 
 def slow_files() -> list[str]:
     command = [sys.executable, "-m", "pytest", "--collect-only", "-q", "-m", "slow", "tests"]
-    listed = subprocess.run(command, capture_output=True, text=True, check=False)
-    if listed.returncode not in (0, 5):  # 5: nothing was selected
-        raise SystemExit(listed.stdout + listed.stderr)
-    return sorted({line.partition("::")[0] for line in listed.stdout.splitlines() if "::" in line})
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    if result.returncode not in (0, 5):  # 5: nothing was selected
+        raise SystemExit(result.stdout + result.stderr)
+    return sorted({line.partition("::")[0] for line in result.stdout.splitlines() if "::" in line})
 
 
 def main(seconds: float) -> int:
     files = slow_files()
     first = datetime.now(UTC).timetuple().tm_yday % max(len(files), 1)
     end = time.monotonic() + seconds
-    done = 0
+    completed = 0
     for name in files[first:] + files[:first]:
-        left = end - time.monotonic()
-        if left < LEAST:
+        remaining = end - time.monotonic()
+        if remaining < MIN_SECONDS:
             break
         try:
             if subprocess.run(
-                [sys.executable, "-m", "pytest", "-q", "-m", "slow", name], check=False, timeout=left
+                [sys.executable, "-m", "pytest", "-q", "-m", "slow", name], check=False, timeout=remaining
             ).returncode:
                 return 1
         except subprocess.TimeoutExpired:
             break
-        done += 1
-    sys.stdout.write(f"{done} of {len(files)} slow files run to their end\n")
+        completed += 1
+    sys.stdout.write(f"{completed} of {len(files)} slow files completed\n")
     return 0
 
 

@@ -1,4 +1,4 @@
-"""Parameters of which the normal suite takes a part."""
+"""Selection of parameters for the normal test suite."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ import pytest
 
 
 def mostly_slow(values: Iterable[object], every: int = 3):
-    """Return parameters of which every third, or another part, is of the normal suite and the rest of the slow one.
+    """Return parameters with the mark `slow`, except for every third or `every`-th one.
 
-    For parameters that prove the same at many places; a row of several values is a tuple or a `pytest.param`.
+    It is for many similar parameters. A row of several values is a tuple or a `pytest.param`.
     """
-    made = []
+    parameters = []
     for i, value in enumerate(values):
         row = value if isinstance(value, tuple) else (value,)
-        one = value if hasattr(value, "marks") else pytest.param(*row)
-        made.append(pytest.param(*one.values, id=one.id, marks=[*one.marks, *[pytest.mark.slow] * (i % every > 0)]))
-    return made
+        parameter = value if hasattr(value, "marks") else pytest.param(*row)
+        marks = [*parameter.marks, *[pytest.mark.slow] * (i % every > 0)]
+        parameters.append(pytest.param(*parameter.values, id=parameter.id, marks=marks))
+    return parameters

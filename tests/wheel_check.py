@@ -1,6 +1,6 @@
-"""Build wheel and source archive, install the wheel where nothing of the tree is, and use it there as a stranger would.
+"""Build wheel and source archive, install the wheel in a separate environment, and run commands there.
 
-``python tests/wheel_check.py [FOLDER]``; archives go to FOLDER (default ``dist``). See docs/release.md.
+``python tests/wheel_check.py [FOLDER]`` writes the archives to FOLDER (default ``dist``). See docs/release.md.
 """
 
 from __future__ import annotations
@@ -36,69 +36,69 @@ SOURCES = (
     MESH,
     "docs/architecture.md",
 )
-"""What the source archive must hold, among all else: it is built from, tested and cited without the repository."""
+"""Files that the source archive must contain for build, tests and citation without the repository."""
 
 
 def versions() -> set[str]:
-    """Return the version as each place says it; they must be one."""
+    """Return the versions in all files; they must agree."""
     places = {
         "pyproject.toml": r'^version = "(.+)"',
         "flexcam/__init__.py": r'^__version__ = "(.+)"',
         "CITATION.cff": r"^version: (.+)",
     }
-    return {re.findall(found, (ROOT / name).read_text(encoding="utf-8"), re.M)[0] for name, found in places.items()}
+    return {re.findall(pattern, (ROOT / name).read_text(encoding="utf-8"), re.M)[0] for name, pattern in places.items()}
 
 
 def call(*words: object, folder: Path) -> str:
-    """Run a command apart from this tree and its environment; end with what it said if it fails."""
-    apart = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "VIRTUAL_ENV"))}
-    done = subprocess.run([str(w) for w in words], cwd=folder, env=apart, capture_output=True, text=True, check=False)
-    if done.returncode:
-        message = f"{' '.join(map(str, words))} ended with {done.returncode}\n{done.stdout}{done.stderr}"
+    """Run a command without the Python environment of this process and return its output; exit if it fails."""
+    env = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "VIRTUAL_ENV"))}
+    process = subprocess.run([str(w) for w in words], cwd=folder, env=env, capture_output=True, text=True, check=False)
+    if process.returncode:
+        message = f"{' '.join(map(str, words))} ended with {process.returncode}\n{process.stdout}{process.stderr}"
         raise SystemExit(message)
-    return done.stdout
+    return process.stdout
 
 
-def built(into: Path) -> tuple[Path, Path]:
-    """Return wheel and source archive; the wheel is built from the archive, which so proves complete."""
+def build(into: Path) -> tuple[Path, Path]:
+    """Build wheel and source archive; the build of the wheel from the archive tests that the archive is complete."""
     shutil.rmtree(into, ignore_errors=True)
     call(sys.executable, "-m", "build", "--outdir", into, ROOT, folder=ROOT)
     return next(into.glob("*.whl")), next(into.glob("*.tar.gz"))
 
 
-def lacking(archive: Path) -> list[str]:
-    with tarfile.open(archive) as packed:
-        names = {name.partition("/")[2] for name in packed.getnames()}
+def missing_files(archive: Path) -> list[str]:
+    with tarfile.open(archive) as file:
+        names = {name.partition("/")[2] for name in file.getnames()}
     return [name for name in SOURCES if name not in names]
 
 
-def used(wheel: Path, away: Path) -> None:
+def check_wheel(wheel: Path, folder: Path) -> None:
     """Install the wheel in an empty environment and run the demo there."""
-    venv.create(away / "venv", with_pip=True)
-    scripts = away / "venv/bin"
-    call(scripts / "python", "-m", "pip", "install", "--quiet", "--disable-pip-version-check", wheel, folder=away)
-    where = call(scripts / "python", "-c", "import flexcam; print(flexcam.__file__)", folder=away).strip()
-    if not Path(where).is_relative_to(away):
-        message = f"{where} is not what was installed"
+    venv.create(folder / "venv", with_pip=True)
+    scripts = folder / "venv/bin"
+    call(scripts / "python", "-m", "pip", "install", "--quiet", "--disable-pip-version-check", wheel, folder=folder)
+    location = call(scripts / "python", "-c", "import flexcam; print(flexcam.__file__)", folder=folder).strip()
+    if not Path(location).is_relative_to(folder):
+        message = f"{location} is not the installed wheel"
         raise SystemExit(message)
     for name in (CASE, MESH):
-        (away / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(ROOT / name, away / name)
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, folder / name)
     for words in (("--version",), ("selftest",), *DEMO):
-        sys.stdout.write(f"flexcam {' '.join(words)}\n{call(scripts / 'flexcam', *words, folder=away)}\n")
+        sys.stdout.write(f"flexcam {' '.join(words)}\n{call(scripts / 'flexcam', *words, folder=folder)}\n")
 
 
 def main(into: Path) -> None:
     if len(found := versions()) != 1:
-        message = f"the version is said in several ways: {sorted(found)}"
+        message = f"the versions differ: {sorted(found)}"
         raise SystemExit(message)
-    wheel, archive = built(into.resolve())
-    if names := lacking(archive):
+    wheel, archive = build(into.resolve())
+    if names := missing_files(archive):
         message = f"{archive.name} lacks {', '.join(names)}"
         raise SystemExit(message)
-    with tempfile.TemporaryDirectory(prefix="flexcam-wheel-") as away:
-        used(wheel, Path(away))
-    sys.stdout.write(f"{wheel.name} and {archive.name} hold; both lie in {into}\n")
+    with tempfile.TemporaryDirectory(prefix="flexcam-wheel-") as folder:
+        check_wheel(wheel, Path(folder))
+    sys.stdout.write(f"{wheel.name} and {archive.name} are complete, in {into}\n")
 
 
 if __name__ == "__main__":

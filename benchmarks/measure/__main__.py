@@ -1,6 +1,6 @@
 """Measure the tables of ``docs/performance.md``: ``python -m benchmarks.measure [linear contact ...]``.
 
-Writes ``docs/performance.json``; tables that are not named are kept as they were, if the machine is the same.
+The command writes ``docs/performance.json``. On the same machine, tables that are not named keep their values.
 """
 
 from __future__ import annotations
@@ -15,62 +15,58 @@ from benchmarks import machine
 from benchmarks.measure import (
     accuracy,
     assembly,
-    bounds,
-    compiler,
+    commands,
     contact,
     derivatives,
     gradients,
     linear,
+    memory,
     modes,
-    peaks,
-    process,
     saving,
     searches,
     sweep,
 )
 from benchmarks.processes import ROOT
 
-KEPT = ROOT / "docs/performance.json"
+FIGURES = ROOT / "docs/performance.json"
 TABLES: dict[str, Callable[[], object]] = {
-    "linear": linear.measured,
-    "contact": contact.measured,
-    "accuracy": accuracy.measured,
-    "sweep": sweep.measured,
-    "gradients": gradients.measured,
-    "derivatives": derivatives.measured,
-    "searches": searches.measured,
-    "assembly": assembly.measured,
-    "modes": modes.measured,
-    "peaks": peaks.measured,
-    "saving": saving.measured,
-    "process": process.measured,
-    "compiler": compiler.measured,
+    "linear": linear.measure_table,
+    "contact": contact.measure_table,
+    "accuracy": accuracy.measure_table,
+    "sweep": sweep.measure_table,
+    "gradients": gradients.measure_table,
+    "derivatives": derivatives.measure_table,
+    "searches": searches.measure_table,
+    "assembly": assembly.measure_table,
+    "modes": modes.measure_table,
+    "peaks": memory.measure_table,
+    "saving": saving.measure_table,
+    "process": commands.measure_table,
+    "compiler": commands.measure_compilation,
 }
-"""Another table of the page: a file here with ``measured``, a line here, a function in ``docs/make_performance.py``."""
+"""A new table needs a file here with ``measure_table``, a line here and a function in ``docs/make_performance.py``."""
 
 
 def main() -> None:
-    """Measure what is asked for."""
-    asked = argparse.ArgumentParser(description="figures of docs/performance.md")
-    asked.add_argument(
-        "tables",
-        nargs="*",
-        choices=[[], *TABLES],
-        metavar="table",
-        help=f"of {', '.join(TABLES)}; all if none is named",
+    """Measure the tables that the command line names."""
+    parser = argparse.ArgumentParser(description="figures of docs/performance.md")
+    parser.add_argument(
+        "tables", nargs="*", choices=[[], *TABLES], metavar="table", help=f"of {', '.join(TABLES)}; default: all"
     )
-    names = asked.parse_args().tables or list(TABLES)
+    names = parser.parse_args().tables or list(TABLES)
     if os.environ.get("OPENBLAS_NUM_THREADS") != "1":
-        raise SystemExit("the page tells of one thread of linear algebra: set OPENBLAS_NUM_THREADS=1")
-    here = machine.described()
-    old = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
-    tables = old.get("tables", {}) if old.get("machine") == here else {}
+        raise SystemExit("the page has times of one thread of linear algebra: set OPENBLAS_NUM_THREADS=1")
+    description = machine.describe()
+    old = json.loads(FIGURES.read_text(encoding="utf-8")) if FIGURES.exists() else {}
+    tables = old.get("tables", {}) if old.get("machine") == description else {}
     for name in names:
         sys.stderr.write(f"measuring {name}\n")
         tables[name] = TABLES[name]()
-    content = {"machine": here, "date": machine.today(), "versions": machine.versions("flexcam", "scipy", "numba")}
-    content["tables"] = {"bounds": bounds.measured(), **{name: tables[name] for name in TABLES if name in tables}}
-    KEPT.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    packages = machine.package_versions("flexcam", "scipy", "numba")
+    content = {"machine": description, "date": machine.today(), "versions": packages}
+    named = {name: tables[name] for name in TABLES if name in tables}
+    content["tables"] = {"bounds": machine.measure_limits(), **named}
+    FIGURES.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

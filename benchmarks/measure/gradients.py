@@ -1,11 +1,11 @@
-"""Derivatives of contact runs: one run with its tangent against differences of runs."""
+"""Gradients of runs with contacts: one run with its tangent against central differences."""
 
 from __future__ import annotations
 
 from functools import partial
 
 from benchmarks.processes import ROOT
-from benchmarks.timing import least_processor_times
+from benchmarks.timing import minimum_cpu_times
 from flexcam.case.reader import CaseFile
 from flexcam.studies.evaluation import evaluate
 from flexcam.studies.gradients import compute_gradient, make_neighbours
@@ -22,15 +22,15 @@ NUMBERS = {
                              "contacts.adjuster.stiffness", "masses.valve.mass", "springs.valve.stiffness",
                              "springs.valve.installed_force", "contacts.seat.stiffness"),
 }  # fmt: skip
-"""Numbers by case, of which 1, 3 and 8 are taken."""
+"""Parameters by case; a gradient has the first 1, 3 and 8 of them."""
 COUNTS = (1, 3, 8)
 SCALARS = ("contacts.intake.force.largest", "contacts.seat.seating_velocity")
 FIXED = ("run.revolutions=1", "run.engine=kernel", "run.integrator.method=newmark")
 REPEATS = 5
 
 
-def measured() -> list[dict[str, object]]:
-    """Return what a gradient and central differences take, in runs, by case and number of parameters."""
+def measure_table() -> list[dict[str, object]]:
+    """Return the time of a gradient and of central differences, in runs, by case and number of parameters."""
     return [row for name in NUMBERS for row in _rows(name)]
 
 
@@ -41,12 +41,12 @@ def _rows(name: str) -> list[dict[str, object]]:
 
     def differences(count: int) -> None:
         for number in numbers[:count]:
-            for one in make_neighbours(case, number, (-1e-3 * number.value, 1e-3 * number.value)):
-                evaluate(file.read((*FIXED, *one)), names=SCALARS)
+            for overrides in make_neighbours(case, number, (-1e-3 * number.value, 1e-3 * number.value)):
+                evaluate(file.read((*FIXED, *overrides)), names=SCALARS)
 
-    works = [partial(differences, count) for count in COUNTS]
-    works += [partial(compute_gradient, case, SCALARS, numbers[:count]) for count in COUNTS]
-    run, *times = least_processor_times([lambda: evaluate(file.read(FIXED), names=SCALARS), *works], REPEATS)
+    calls = [partial(differences, count) for count in COUNTS]
+    calls += [partial(compute_gradient, case, SCALARS, numbers[:count]) for count in COUNTS]
+    run, *times = minimum_cpu_times([lambda: evaluate(file.read(FIXED), names=SCALARS), *calls], REPEATS)
     return [
         {
             "case": name,

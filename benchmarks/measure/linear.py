@@ -1,58 +1,59 @@
-"""Newmark steps of shafts from ten to a hundred thousand unknowns."""
+"""Time of Newmark steps of shafts with ten to a hundred thousand unknowns."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
 
-from benchmarks.paths import solved, ways
-from benchmarks.peers.with_flexcam import shaft
-from benchmarks.peers.work import Work
-from benchmarks.timing import least
+from benchmarks.engines import available_engines, run_engine
+from benchmarks.peers.shaft import Shaft
+from benchmarks.peers.shaft_flexcam import shaft_system
+from benchmarks.timing import minimum_time
 from flexcam.dynamics import ConstantSpeed, Problem, SaveAt
 
-SHAFTS = (Work(elements=2), *(Work(spans=spans) for spans in (1, 2, 4, 17, 52, 172, 517, 1724)))
+SHAFTS = (Shaft(elements=2), *(Shaft(spans=spans) for spans in (1, 2, 4, 17, 52, 172, 517, 1724)))
 """From 12 to 99994 unknowns; the second is B1."""
-STEPS, FEWEST = 7200, 48
+STEPS, MIN_STEPS = 7200, 48
 
 
-def measured() -> list[dict[str, object]]:
-    """Return time per step and before the first one, by size, path and what is saved."""
+def measure_table() -> list[dict[str, object]]:
+    """Return time per step and before the first step, by size, engine and saved quantities."""
     rows = []
-    for few, many in map(_problems, SHAFTS):
-        for path, automatic in ways(many).items():
-            about = {"unknowns": many.system.size, "steps": many.steps, "path": path, "automatic": automatic}
-            rows += [about | {"saved": saved} | _row(few, many, path, saved) for saved in ("probes", "all")]
+    for short, long in map(_problems, SHAFTS):
+        for engine, automatic in available_engines(long).items():
+            labels = {"unknowns": long.system.size, "steps": long.steps, "path": engine, "automatic": automatic}
+            rows += [labels | {"saved": saved} | _row(short, long, engine, saved) for saved in ("probes", "all")]
     return rows
 
 
-def steps(work: Work) -> None:
-    """Walk through the long run of a shaft, its probes saved."""
-    _, many = _problems(work)
-    solved(many, save=_save("probes", many))
+def run_shaft(shaft: Shaft) -> None:
+    """Run the long problem of a shaft with its probes saved."""
+    _, problem = _problems(shaft)
+    run_engine(problem, save=_save("probes", problem))
 
 
-def _problems(work: Work) -> tuple[Problem, Problem]:
+def _problems(shaft: Shaft) -> tuple[Problem, Problem]:
     """Return a short and a long run of a shaft; the longer the shaft, the fewer steps."""
-    system = shaft(work)
-    steps = max(FEWEST, min(STEPS, 7_200_000 // system.size // 12 * 12))
-    drive, step = ConstantSpeed(2.0 * math.pi * 25.0), work.step(25.0)
-    many = Problem(system, drive, step=step, steps=steps)
-    return replace(many, steps=steps // 4), many
+    system = shaft_system(shaft)
+    steps = max(MIN_STEPS, min(STEPS, 7_200_000 // system.size // 12 * 12))
+    drive, step = ConstantSpeed(2.0 * math.pi * 25.0), shaft.step(25.0)
+    long = Problem(system, drive, step=step, steps=steps)
+    return replace(long, steps=steps // 4), long
 
 
-def _row(few: Problem, many: Problem, path: str, saved: str) -> dict[str, float | str]:
-    """Return figures of a short and a long run by one path; their difference is steps and nothing else."""
+def _row(short: Problem, long: Problem, engine: str, saved: str) -> dict[str, float | str]:
+    """Return the times of an engine; the difference of a short and a long run is the time of the additional steps."""
     try:
-        short, long = (_seconds(one, path, _save(saved, one)) for one in (few, many))
+        short_time, long_time = (_seconds(run, engine, _save(saved, run)) for run in (short, long))
     except MemoryError:
         return {"missing": "more memory than there is"}
-    each = (long - short) / (many.steps - few.steps)
-    return {"us_per_step": 1e6 * each, "before_ms": 1e3 * max(short - few.steps * each, 0.0), "seconds": long}
+    per_step = (long_time - short_time) / (long.steps - short.steps)
+    before = max(short_time - short.steps * per_step, 0.0)
+    return {"us_per_step": 1e6 * per_step, "before_ms": 1e3 * before, "seconds": long_time}
 
 
-def _seconds(problem: Problem, path: str, save: SaveAt) -> float:
-    return least(lambda: solved(problem, path, save), 5 if problem.system.size < 1000 else 3)
+def _seconds(problem: Problem, engine: str, save: SaveAt) -> float:
+    return minimum_time(lambda: run_engine(problem, engine, save), 5 if problem.system.size < 1000 else 3)
 
 
 def _save(saved: str, problem: Problem) -> SaveAt:

@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-from benchmarks.peers.with_flexcam import shaft
-from benchmarks.peers.work import Work
-from benchmarks.timing import least
+from benchmarks.peers.shaft import Shaft
+from benchmarks.peers.shaft_flexcam import shaft_system
+from benchmarks.timing import minimum_time
 from flexcam.dynamics import modes
 
-SHAFTS = (Work(), Work(spans=17), Work(spans=172), Work(spans=99, elements=168), Work(spans=1724))
+SHAFTS = (Shaft(), Shaft(spans=17), Shaft(spans=172), Shaft(spans=99, elements=168), Shaft(spans=1724))
 COUNT, REPEATS = 20, 3
 
 
-def measured() -> list[dict[str, float]]:
-    """Return the time of the search, by shaft."""
+def measure_table() -> list[dict[str, float]]:
+    """Return the time of the eigenvalue solver, by shaft."""
     rows = []
-    for work in SHAFTS:
-        system = shaft(work)
-        took = least(lambda one=system: modes(one.mass, one.stiffness, COUNT), REPEATS)
-        rows.append({"unknowns": system.size, "bearings": work.spans + 1, "seconds": took})
+    for shaft in SHAFTS:
+        system = shaft_system(shaft)
+        seconds = minimum_time(lambda system=system: modes(system.mass, system.stiffness, COUNT), REPEATS)
+        rows.append({"unknowns": system.size, "bearings": shaft.spans + 1, "seconds": seconds})
     return rows
 
 
-def lowest(work: Work) -> None:
-    """Find the modes of a shaft."""
-    system = shaft(work)
+def find_modes(shaft: Shaft) -> None:
+    """Find the lowest modes of a shaft."""
+    system = shaft_system(shaft)
     modes(system.mass, system.stiffness, COUNT)

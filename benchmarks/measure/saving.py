@@ -1,4 +1,4 @@
-"""What saving costs: a full field written, and runs with their result files beside those without."""
+"""Time to write result files: a full field, and runs with and without their result file."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.processes import ROOT
-from benchmarks.timing import least
+from benchmarks.timing import minimum_time
 from flexcam import prepare, read_case
 from flexcam.analysis.preparation import PreparedRun
 from flexcam.analysis.run import open_result_file
@@ -19,64 +19,65 @@ RUNS = ("tayeb/model-1-shm", "tayeb/model-3-shm", "li/valve-train", "pushrod-eng
 STEPS, ELEMENTS = 2000, 10
 
 
-class Kept:
-    """Sink that keeps the blocks as they come."""
+class BlockList:
+    """Sink that stores all blocks."""
 
     def __init__(self) -> None:
-        self.blocks: list[Block] = []
+        self.items: list[Block] = []
 
     def write(self, block: Block) -> None:
-        """Keep a block."""
-        self.blocks.append(block)
+        """Store a block."""
+        self.items.append(block)
 
     def close(self, status: Status, stats: Stats) -> None:
-        """Keep how the run ended."""
-        self.end = status, stats
+        """Store the final status."""
+        self.final = status, stats
 
 
-def full_field() -> tuple[PreparedRun, Kept]:
-    """Return a run of the model on 102 nodes, every step of 2000 saved, with its blocks."""
-    turns = f"run.revolutions={STEPS / 3600:.12f}"
-    ready = prepare(with_elements(read_case(CASE, [turns, "output.field_every=1"]), ELEMENTS))
-    kept = Kept()
-    assert solve(ready.problem, ready.scheme, save=ready.save, sinks=[kept]).stats.steps == STEPS
-    return ready, kept
+def run_full_field() -> tuple[PreparedRun, BlockList]:
+    """Run the model with 102 nodes and all of 2000 steps saved, and return it with its blocks."""
+    revolutions = f"run.revolutions={STEPS / 3600:.12f}"
+    ready = prepare(with_elements(read_case(CASE, [revolutions, "output.field_every=1"]), ELEMENTS))
+    blocks = BlockList()
+    assert solve(ready.problem, ready.scheme, save=ready.save, sinks=[blocks]).stats.steps == STEPS
+    return ready, blocks
 
 
-def saved(ready: PreparedRun, kept: Kept, folder: Path) -> Path:
+def write_blocks(ready: PreparedRun, blocks: BlockList, folder: Path) -> Path:
     """Write blocks into a result file."""
     file = open_result_file(ready, folder, overwrite=True)
-    for block in kept.blocks:
+    for block in blocks.items:
         file.write(block)
-    file.close(*kept.end)
+    file.close(*blocks.final)
     return file.path
 
 
-def ran(ready: PreparedRun, folders: Sequence[Path]) -> Response:
-    """Run a case, with its result file in each folder."""
+def run_case(ready: PreparedRun, folders: Sequence[Path]) -> Response:
+    """Run a case with a result file in each folder."""
     files = [open_result_file(ready, folder, overwrite=True) for folder in folders]
     return solve(ready.problem, ready.scheme, save=ready.save, sinks=files)
 
 
-def beside(name: str, folder: Path) -> dict[str, object]:
-    """Return seconds of a case's steps, and of all from reading it to the end, without and with the result file."""
+def _times(name: str, folder: Path) -> dict[str, object]:
+    """Return times of the steps and of reading, preparing and running a case, s, without and with a result file."""
     path = ROOT / f"cases/{name}.toml"
     ready = prepare(read_case(path))
 
-    def whole(folders: Sequence[Path]) -> float:
-        return least(lambda: ran(prepare(read_case(path)), folders))
+    def complete(folders: Sequence[Path]) -> float:
+        return minimum_time(lambda: run_case(prepare(read_case(path)), folders))
 
-    steps = [least(lambda: ran(ready, [])), least(lambda: ran(ready, [folder]))]
-    return {"case": name, "steps_s": steps, "run_s": [whole([]), whole([folder])]}
+    steps = [minimum_time(lambda: run_case(ready, [])), minimum_time(lambda: run_case(ready, [folder]))]
+    return {"case": name, "steps_s": steps, "run_s": [complete([]), complete([folder])]}
 
 
-def measured() -> dict[str, object]:
-    """Return seconds of a full field, and of runs with and without their files."""
-    ready, kept = full_field()
+def measure_table() -> dict[str, object]:
+    """Return times of a full field, and of runs with and without their files, s."""
+    ready, blocks = run_full_field()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         return {
             "nodes": len(ready.model.mesh.nodes), "steps": STEPS,
-            "field_s": least(lambda: saved(ready, kept, folder)), "mb": saved(ready, kept, folder).stat().st_size / 1e6,
-            "runs": [beside(one, folder) for one in RUNS],
+            "field_s": minimum_time(lambda: write_blocks(ready, blocks, folder)),
+            "mb": write_blocks(ready, blocks, folder).stat().st_size / 1e6,
+            "runs": [_times(case, folder) for case in RUNS],
         }  # fmt: skip

@@ -1,4 +1,4 @@
-"""Variants and processor time of the search by gradient and of the global search for the same goal."""
+"""Variants and processor time of the gradient search and the global search for the same goal."""
 
 from __future__ import annotations
 
@@ -32,44 +32,44 @@ VARIED = (
 )  # fmt: skip
 GOAL = Goal("run.crank_speed", most=True)
 BOUNDS = ("contacts.intake.nose_force.least >= 50 N", "springs.valve.stress.largest <= 0.856 GPa")
-GRADIENT, GLOBAL = 30, 500  # evaluations of both searches
-SHARE = 0.99  # part of the result of the search by gradient that counts as reached
+GRADIENT_EVALUATIONS, GLOBAL_EVALUATIONS = 30, 500
+SHARE = 0.99  # of the speed that the gradient search finds: the speed to which both are timed
 
 
-def measured() -> list[dict[str, object]]:
-    """Return variants and times of both searches, in all and until a speed that both reach, and their results."""
+def measure_table() -> list[dict[str, object]]:
+    """Return variants and times of both searches, in total and to `SHARE` of the gradient search, and their results."""
     found = {method: _search(method) for method in ("gradient", "evolution")}
-    reached = SHARE * _best(found["gradient"][0])[-1]
+    target = SHARE * _best(found["gradient"][0])[-1]
     rows = list[dict[str, object]]()
     for method, (evaluations, seconds) in found.items():
         best = _best(evaluations)
-        until = int(np.argmax(best >= reached)) + 1 if best[-1] >= reached else None
+        until = int(np.argmax(best >= target)) + 1 if best[-1] >= target else None
         rows.append({
             "method": method, "variants": len(best), "seconds": seconds, "best_rpm": float(best[-1]) / RPM,
-            "reached_rpm": reached / RPM, "until": until, "until_s": until and seconds * until / len(best),
+            "reached_rpm": target / RPM, "until": until, "until_s": until and seconds * until / len(best),
         })  # fmt: skip
     return rows
 
 
 def _best(found: Evaluations) -> FloatArray:
-    """Return the highest speed so far within the bounds, rad/s."""
+    """Return the highest feasible speed up to each evaluation, rad/s."""
     return np.maximum.accumulate(np.where(is_feasible(found.violations), -found.costs[:, 0], 0.0))
 
 
 def _search(method: str) -> tuple[Evaluations, float]:
     file, bounds = CaseFile.open(CASE), parse_constraints(BOUNDS)
-    case, names = file.read(FIXED), (GOAL.name, *(one.name for one in bounds))
+    case, names = file.read(FIXED), (GOAL.name, *(bound.name for bound in bounds))
     variables = variables_of(case, VARIED, "--vary")
-    begun = time.process_time()
+    start = time.process_time()
     by_gradient = method == "gradient"
     with (
         gradient_evaluator(file, FIXED, names, variables)
         if by_gradient
-        else create_evaluator(file, FIXED, names, runs=GLOBAL)
+        else create_evaluator(file, FIXED, names, runs=GLOBAL_EVALUATIONS)
     ) as runs:
         design = OptimizationProblem(PointEvaluator(case, variables, runs), (GOAL,), bounds)
         if by_gradient:
-            found = optimize_by_gradient(design, evaluations=GRADIENT)
+            found = optimize_by_gradient(design, evaluations=GRADIENT_EVALUATIONS)
         else:
-            found = optimize(design, evaluations=GLOBAL)
-    return found, time.process_time() - begun
+            found = optimize(design, evaluations=GLOBAL_EVALUATIONS)
+    return found, time.process_time() - start

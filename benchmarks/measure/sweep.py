@@ -1,4 +1,4 @@
-"""Many speeds of the published model: what a run costs when it is one of many."""
+"""Time per speed in a sweep over many speeds of a published model."""
 
 from __future__ import annotations
 
@@ -10,50 +10,50 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.processes import ROOT, seconds
+from benchmarks.processes import ROOT, time_command
 from flexcam import prepare, read_case
 from flexcam.core.units import RPM
 from flexcam.dynamics import SaveAt, solve
 from flexcam.studies.evaluation import evaluate
 
 CASE = ROOT / "cases/tayeb/model-3-shm.toml"
-SPEEDS, COMMANDED = 200, 1000
+SPEEDS, COMMAND_SPEEDS = 200, 1000
 
 
-def measured(count: int = 0) -> dict[str, float]:
-    """Return milliseconds per speed of rows of a sweep and of bare runs, and seconds of the whole command."""
-    speeds, case = count or SPEEDS, read_case(CASE)
+def measure_table(count: int = 0) -> dict[str, float]:
+    """Return ms per speed of complete rows, of the motion and of the probes alone, and the time of the command in s."""
+    case = read_case(CASE)
     model = prepare(case).model
-    each = (np.linspace(1000.0, 6000.0, speeds) * RPM).tolist()
+    speeds = (np.linspace(1000.0, 6000.0, count or SPEEDS) * RPM).tolist()
 
     def row(speed: float, *, channels: bool) -> bool:
-        return evaluate(case.at_speed(speed), model=model, runs=speeds, channels=channels).status.ok
+        return evaluate(case.at_speed(speed), model=model, runs=len(speeds), channels=channels).status.ok
 
     def probes(speed: float) -> bool:
         ready = prepare(case.at_speed(speed), model=model)
-        few = SaveAt(field_every=ready.problem.steps, channels=False)
-        return solve(replace(ready.problem, runs=speeds), ready.scheme, save=few).status.ok
+        minimal = SaveAt(field_every=ready.problem.steps, channels=False)
+        return solve(replace(ready.problem, runs=len(speeds)), ready.scheme, save=minimal).status.ok
 
-    assert row(each[0], channels=True)  # what is imported and made once
+    assert row(speeds[0], channels=True)  # warm-up: imports and caches
     return {
-        "speeds": speeds, "steps": prepare(case).problem.steps,
-        "row_ms": _each(lambda speed: row(speed, channels=True), each),
-        "motion_ms": _each(lambda speed: row(speed, channels=False), each),
-        "probes_ms": _each(probes, each),
-        "commanded": count or COMMANDED, "command_s": _command(count or COMMANDED),
+        "speeds": len(speeds), "steps": prepare(case).problem.steps,
+        "row_ms": _time_per_speed(lambda speed: row(speed, channels=True), speeds),
+        "motion_ms": _time_per_speed(lambda speed: row(speed, channels=False), speeds),
+        "probes_ms": _time_per_speed(probes, speeds),
+        "commanded": count or COMMAND_SPEEDS, "command_s": _time_sweep(count or COMMAND_SPEEDS),
     }  # fmt: skip
 
 
-def _each(run: Callable[[float], bool], speeds: list[float]) -> float:
+def _time_per_speed(run: Callable[[float], bool], speeds: list[float]) -> float:
     """Return milliseconds per speed."""
-    begun = time.perf_counter()
+    start = time.perf_counter()
     assert all(run(speed) for speed in speeds)
-    return (time.perf_counter() - begun) * 1e3 / len(speeds)
+    return (time.perf_counter() - start) * 1e3 / len(speeds)
 
 
-def _command(count: int) -> float:
-    """Return how long the command takes for the motion of the probes at so many speeds, in two processes."""
+def _time_sweep(count: int) -> float:
+    """Return the time of the command for the motion of the probes at `count` speeds in two processes, s."""
     spec = f"run.speed=1000:6000#{count}rpm"
     with tempfile.TemporaryDirectory() as folder:
         options = ("--set", spec, "--scalars", "probes", "--workers", "2", "--output", folder)
-        return seconds([sys.executable, "-m", "flexcam", "sweep", CASE, *options])
+        return time_command([sys.executable, "-m", "flexcam", "sweep", CASE, *options])

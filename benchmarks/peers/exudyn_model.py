@@ -1,4 +1,4 @@
-"""The shaft in Exudyn: one body with our matrices, loads as compiled expressions, all that its variants share."""
+"""The shaft in Exudyn: one body with the given matrices, and loads as compiled expressions."""
 
 from __future__ import annotations
 
@@ -11,33 +11,44 @@ import numpy as np
 from exudyn.itemInterface import LoadCoordinate, MarkerNodeCoordinate, NodeGenericODE2, ObjectGenericODE2, SensorNode
 from exudyn.utilities import CreateSymbolicUserFunction
 
-from benchmarks.peers.work import FloatArray, Result, Work, matrices
+from benchmarks.peers.shaft import FloatArray, Shaft, ShaftResult, matrices
 
 
-def at_all_speeds(
-    work: Work,
-    tune: Callable[[exu.SimulationSettings], None],
-    stored: Callable[[FloatArray], FloatArray | exu.MatrixContainer] = np.asarray,
-) -> Result:
-    """Integrate at all speeds, a new system for each, its matrices stored in some way."""
-    started, loop, moved = time.perf_counter(), 0.0, []
-    M, K, watched = matrices(work)
-    for frequency in work.frequencies:
+def run_speeds(shaft: Shaft, variant: str) -> ShaftResult:
+    """Integrate at all speeds with a new system for each: `default`, `tuned` or `full` (Newton)."""
+    start, loop, displacements = time.perf_counter(), 0.0, []
+    store = _sparse if variant == "tuned" else np.asarray
+    M, K, observed = matrices(shaft)
+    for frequency in shaft.frequencies:
         container = exu.SystemContainer()
         system = container.AddSystem()
-        node = _body(system, stored(M), stored(K), len(M))
-        loads = zip(watched, _loads(work, frequency), strict=True)
+        node = _body(system, store(M), store(K), len(M))
+        loads = zip(observed, _loads(shaft, frequency), strict=True)
         compiled = [_load(system, node, int(at), *load) for at, load in loads]
         sensor = system.AddSensor(_sensor(node))
         system.Assemble()
-        settings = _settings(work, work.step(frequency))
-        tune(settings)
-        begun = time.perf_counter()
+        settings = _settings(shaft, shaft.step(frequency))
+        _select_solver(settings, variant)
+        loop_start = time.perf_counter()
         system.SolveDynamic(settings)
-        loop += time.perf_counter() - begun
-        moved.append(system.GetSensorStoredData(sensor)[:, 1 + watched])
-        del compiled  # the expressions had to live as long as the run
-    return Result(np.array(moved), loop, time.perf_counter() - started)
+        loop += time.perf_counter() - loop_start
+        displacements.append(system.GetSensorStoredData(sensor)[:, 1 + observed])
+        del compiled  # Exudyn does not keep the expressions alive during the run
+    return ShaftResult(np.array(displacements), loop, time.perf_counter() - start)
+
+
+def _select_solver(settings: exu.SimulationSettings, variant: str) -> None:
+    if variant != "default":
+        settings.timeIntegration.newton.useModifiedNewton = variant == "tuned"
+    if variant == "tuned":
+        settings.linearSolver.solverType = exu.LinearSolverType.EigenSparse
+
+
+def _sparse(matrix: FloatArray) -> exu.MatrixContainer:
+    rows, cols = np.nonzero(matrix)
+    stored = exu.MatrixContainer()
+    stored.SetWithSparseMatrix(np.column_stack([rows, cols, matrix[rows, cols]]), *matrix.shape)
+    return stored
 
 
 def _sensor(node: object) -> SensorNode:
@@ -56,12 +67,12 @@ def _body(system: exu.MainSystem, M: object, K: object, size: int) -> object:
     return node
 
 
-def _loads(work: Work, frequency: float) -> tuple[tuple[float, Callable[..., object]], ...]:
-    """Return size and history of force and torque."""
+def _loads(shaft: Shaft, frequency: float) -> tuple[tuple[float, Callable[..., object]], ...]:
+    """Return amplitude and history of force and torque."""
     speed, symbolic = 2.0 * math.pi * frequency, exu.symbolic
     return (
-        (work.force, lambda mbs, t, load: load * (1.0 - symbolic.cos(speed * t))),
-        (work.torque, lambda mbs, t, load: load * symbolic.sin(speed * t)),
+        (shaft.force, lambda mbs, t, load: load * (1.0 - symbolic.cos(speed * t))),
+        (shaft.torque, lambda mbs, t, load: load * symbolic.sin(speed * t)),
     )
 
 
@@ -73,10 +84,10 @@ def _load(system: exu.MainSystem, node: object, at: int, size: float, history: C
     return compiled
 
 
-def _settings(work: Work, step: float) -> exu.SimulationSettings:
+def _settings(shaft: Shaft, step: float) -> exu.SimulationSettings:
     settings = exu.SimulationSettings()
-    settings.timeIntegration.numberOfSteps = work.steps
-    settings.timeIntegration.endTime = work.steps * step
+    settings.timeIntegration.numberOfSteps = shaft.steps
+    settings.timeIntegration.endTime = shaft.steps * step
     settings.timeIntegration.generalizedAlpha.useNewmark = True  # 1/4 and 1/2 are its defaults
     settings.timeIntegration.verboseMode = 0
     settings.solution.file.write = False

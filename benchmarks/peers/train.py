@@ -1,7 +1,7 @@
 """The contact benchmark C1: a valve train of three masses in one axis, in numpy alone.
 
-The cam pushes a follower, an elastic push rod connects it to the mass of the rocker, and lash separates this from the
-valve, which a spring presses on its seat. Every solver gets these equations and integrates one cam revolution.
+The cam pushes a follower, an elastic push rod connects it to the mass of the rocker, and lash separates the rocker from
+the valve, which a spring presses on its seat. Every solver gets these equations and integrates one cam revolution.
 """
 
 from __future__ import annotations
@@ -15,18 +15,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.timing import repeated_cpu_time
+
 FloatArray = NDArray[np.float64]
 Scalar = Any
-"""A number, or what stands for one in the expressions of a solver."""
+"""A number or a symbolic expression of a solver."""
 
 
 @dataclass(frozen=True)
 class Train:
-    """Displacements x1 (follower), x2 (rocker) and x3 (valve) in the direction of the opening valve; SI.
+    """A train with displacements x1 (follower), x2 (rocker) and x3 (valve) in the opening direction of the valve; SI.
 
     The penetrations are ``s(angle) - x1`` at the cam, ``x2 - x3 - lash`` and ``-x3`` at the seat. All three contacts
     follow Hunt and Crossley, ``N = k x max(1 + chi x', 0)`` for x > 0. The angle starts at zero on the base circle, and
-    the lift s is a 4-5-6-7 polynomial up to the nose at half a turn and down again.
+    the lift s is a 4-5-6-7 polynomial up to the nose at half a revolution and back to zero.
     """
 
     frequency: float = 25.0
@@ -47,7 +49,7 @@ class Train:
 
     @property
     def speed(self) -> float:
-        """Of the cam, rad/s."""
+        """Speed of the cam, rad/s."""
         return 2.0 * math.pi * self.frequency
 
     @property
@@ -61,8 +63,8 @@ class Train:
         return np.arange(self.instants + 1) * (self.period / self.instants)
 
     @property
-    def longest(self) -> float:
-        """Longest step of the adaptive solvers, s: 4 degrees, so that none of them steps over the lift."""
+    def max_step(self) -> float:
+        """Maximum step of the adaptive solvers, s: 4 degrees, so that no solver skips the lift."""
         return self.period / 90.0
 
     @property
@@ -73,28 +75,28 @@ class Train:
     @property
     def start(self) -> FloatArray:
         """Displacements and velocities of equilibrium on the base circle, shape (6,)."""
-        pressed = -self.follower_spring[2] / (self.follower_spring[0] + self.cam[0])
-        seated = -self.valve_spring[2] / (self.valve_spring[0] + self.seat[0])
-        return np.array([pressed, pressed, seated, 0.0, 0.0, 0.0])
+        follower = -self.follower_spring[2] / (self.follower_spring[0] + self.cam[0])
+        valve = -self.valve_spring[2] / (self.valve_spring[0] + self.seat[0])
+        return np.array([follower, follower, valve, 0.0, 0.0, 0.0])
 
     def matrices(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return mass, damping and stiffness of all but the contacts, shape (3, 3) each."""
+        """Return mass, damping and stiffness without the contacts, shape (3, 3) each."""
         pair = np.array([[1.0, -1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 0.0]])
         C, K = (self.rod[i] * pair + np.diag([self.follower_spring[i], 0.0, self.valve_spring[i]]) for i in (1, 0))
         return np.diag(self.masses), C, K
 
     def lift_at(self, angle: FloatArray, order: int = 0) -> FloatArray:
-        """Return the lift of the cam, m, or its first or second derivative by the angle (rad)."""
-        beside = np.asarray(angle) - math.pi
-        u = np.clip(1.0 - np.abs(beside) / self.half_width, 0.0, 1.0)
+        """Return the lift of the cam, m, or its first or second derivative with respect to the angle (rad)."""
+        offset = np.asarray(angle) - math.pi
+        u = np.clip(1.0 - np.abs(offset) / self.half_width, 0.0, 1.0)
         if order == 0:
             return self.lift * u**4 * (35.0 + u * (-84.0 + u * (70.0 - 20.0 * u)))
         if order == 1:
-            return -np.sign(beside) * self.lift / self.half_width * 140.0 * (u * (1.0 - u)) ** 3
+            return -np.sign(offset) * self.lift / self.half_width * 140.0 * (u * (1.0 - u)) ** 3
         return self.lift / self.half_width**2 * 420.0 * (u * (1.0 - u)) ** 2 * (1.0 - 2.0 * u)
 
     def cam_force(self, times: FloatArray, motion: FloatArray) -> FloatArray:
-        """Return the cam force at some instants, shape (n,), of displacements and velocities, shape (n, 6)."""
+        """Return the cam force (n,) at times (n,) for displacements and velocities (n, 6)."""
         angle = self.speed * times
         x = self.lift_at(angle) - motion[:, 0]
         v = self.lift_at(angle, 1) * self.speed - motion[:, 3]
@@ -106,24 +108,24 @@ C1 = Train()
 
 @dataclass(frozen=True)
 class Equations:
-    """Functions of one train, of numbers or of the expressions of a solver."""
+    """Functions of a train for numbers or symbolic expressions."""
 
     cam_motion: Callable[[Scalar], tuple[Scalar, Scalar]]
     """Lift (m) and its rate (m/s) at a time (s)."""
     contact: Callable[[Scalar, Scalar, float, float], Scalar]
-    """Force of a penetration and its rate with stiffness and dissipation, N."""
+    """Contact force of penetration, its rate, stiffness and dissipation, N."""
     forces: Callable[..., tuple[Scalar, Scalar, Scalar]]
     """Forces on the masses at a time by x1, x2, x3, v1, v2, v3, N."""
 
 
 def equations(
     train: Train,
-    larger: Callable[..., Scalar] = max,
+    maximum: Callable[..., Scalar] = max,
     absolute: Callable[..., Scalar] = abs,
     sign: Callable[..., Scalar] = np.sign,
     wrap: Callable[[Any], Any] = lambda function: function,
 ) -> Equations:
-    """Return the equations in the functions of a solver, `wrap` being its compiler."""
+    """Return the equations in the functions of a solver; `wrap` compiles them."""
     lift, width, lash, speed, half = train.lift, train.half_width, train.lash, train.speed, math.pi
     slope = 140.0 * lift / width * speed
     (k_rod, c_rod), (k_f, c_f, p_f), (k_v, c_v, p_v) = train.rod, train.follower_spring, train.valve_spring
@@ -131,15 +133,15 @@ def equations(
 
     @wrap
     def cam_motion(t: Scalar) -> tuple[Scalar, Scalar]:
-        beside = speed * t - half
-        u = larger(1.0 - absolute(beside) / width, 0.0)
-        square, both = u * u, u * (1.0 - u)
-        lifted = lift * (square * square) * (35.0 + u * (u * (70.0 - 20.0 * u) - 84.0))
-        return lifted, -slope * sign(beside) * (both * both * both)
+        offset = speed * t - half
+        u = maximum(1.0 - absolute(offset) / width, 0.0)
+        square, product = u * u, u * (1.0 - u)
+        s = lift * (square * square) * (35.0 + u * (u * (70.0 - 20.0 * u) - 84.0))
+        return s, -slope * sign(offset) * (product * product * product)
 
     @wrap
     def contact(x: Scalar, v: Scalar, k: float, chi: float) -> Scalar:
-        return k * larger(x, 0.0) * larger(1.0 + chi * v, 0.0)
+        return k * maximum(x, 0.0) * maximum(1.0 + chi * v, 0.0)
 
     @wrap
     def forces(
@@ -164,7 +166,7 @@ class Setting:
     """A method of a solver with its steps or tolerance.
 
     `prepare` returns a function that integrates the revolution and returns displacements and velocities at the output
-    instants, shape (instants + 1, 6), or with the time before them, shape (instants + 1, 7).
+    instants, shape (instants + 1, 6), or these after a column of times, shape (instants + 1, 7).
     """
 
     method: str
@@ -174,43 +176,29 @@ class Setting:
 
 @dataclass(frozen=True, eq=False)
 class TrainResult:
-    """What a solver gives back, a row per setting."""
+    """Motion and times of a solver, one row per setting."""
 
     methods: list[str]
     names: list[str]
     motion: FloatArray  #: time, displacements and velocities, shape (settings, instants + 1, 7)
-    seconds: FloatArray  #: least processor time of a run
-    first_seconds: FloatArray  #: that of preparation and first run, with any compilation
+    seconds: FloatArray  #: minimum processor time of a run
+    first_seconds: FloatArray  #: processor time of preparation and first run, with compilation
 
 
-ENOUGH, _MOST = 0.5, 20
-"""Seconds of repeats of a run, and their largest number."""
+REPEAT_SECONDS = 0.5
+"""Total time of the repeats of a run."""
 
 
-def least_time(run: Callable[[], object], enough: float = ENOUGH) -> float:
-    """Return the least processor time of a run that is warm, s.
-
-    It is that of all threads of the process: other processes delay it less than the time on the clock.
-    """
-    least, spent, count = math.inf, 0.0, 0
-    while count < 1 or (spent < enough and count < _MOST):
-        began = time.process_time()
-        run()
-        took = time.process_time() - began
-        least, spent, count = min(least, took), spent + took, count + 1
-    return least
-
-
-def measure(settings: Iterable[Setting], train: Train, *, enough: float = ENOUGH) -> TrainResult:
-    """Run all settings one after the other."""
-    methods, names, motions, seconds, first = [], [], [], [], []
+def measure(settings: Iterable[Setting], train: Train, *, seconds: float = REPEAT_SECONDS) -> TrainResult:
+    """Run all settings in sequence, each repeatedly for some seconds."""
+    methods, names, motions, times, first_times = [], [], [], [], []
     for setting in settings:
-        began = time.process_time()
+        start = time.process_time()
         run = setting.prepare()
         motion = run()
-        first.append(time.process_time() - began)
-        seconds.append(least_time(run, enough))
+        first_times.append(time.process_time() - start)
+        times.append(repeated_cpu_time(run, seconds))
         methods.append(setting.method)
         names.append(setting.name)
         motions.append(motion if motion.shape[1] == 7 else np.column_stack([train.times, motion]))
-    return TrainResult(methods, names, np.array(motions), np.array(seconds), np.array(first))
+    return TrainResult(methods, names, np.array(motions), np.array(times), np.array(first_times))

@@ -1,4 +1,4 @@
-"""The train C1 by CVODES of SUNDIALS in CasADi: BDF and Adams methods; its expressions are run by CasADi itself."""
+"""C1 by CVODES of SUNDIALS in CasADi, with BDF and Adams methods; CasADi evaluates its own expressions."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ def _prepare(train: Train, options: dict[str, str], tolerance: float) -> Callabl
     forces = equations(train, ca.fmax, ca.fabs, ca.sign).forces(t, *(y[i] for i in range(6)))
     rates = [force / mass for force, mass in zip(forces, train.masses, strict=True)]
     equation = {"x": y, "t": t, "ode": ca.vertcat(y[3:], *rates)}
-    given = {
+    tolerances = {
         "reltol": tolerance,
         "abstol": 1e-3 * tolerance,
-        "max_step_size": train.longest,
+        "max_step_size": train.max_step,
         "max_num_steps": 1_000_000,
     }
-    integrate = ca.integrator("train", "cvodes", equation, 0.0, train.times[1:], given | options)
+    integrate = ca.integrator("train", "cvodes", equation, 0.0, train.times[1:], tolerances | options)
     start = train.start
     return lambda: np.vstack([start, np.array(integrate(x0=start)["xf"]).T])

@@ -1,4 +1,4 @@
-"""The train C1 by diffrax on the processor, compiled by XLA: two explicit methods."""
+"""C1 by two explicit methods of diffrax on the processor, compiled by XLA."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ METHODS = {
     "diffrax, Tsit5": (diffrax.Tsit5(), (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)),
     "diffrax, Dopri8": (diffrax.Dopri8(), (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)),
 }
-FIRST, MOST = 1e-6, 1_000_000
-"""First step, s, and the largest number of steps."""
+FIRST_STEP, MAX_STEPS = 1e-6, 1_000_000
+"""First step, s, and maximum number of steps."""
 
 
 def settings(train: Train) -> Iterator[Setting]:
-    """Yield the methods; a method is compiled once for all of its tolerances."""
+    """Yield the methods; one compilation serves all tolerances of a method."""
     for title, (solver, tolerances) in METHODS.items():
         compiled = jax.jit(partial(_integrate, train, solver))
         for tolerance in tolerances:
@@ -37,14 +37,14 @@ def _integrate(train: Train, solver: diffrax.AbstractSolver, start: jax.Array, t
     def rates(t: jax.Array, y: jax.Array, _: None) -> jax.Array:
         return jnp.concatenate([y[3:], jnp.stack(forces(t, *y)) * inverse])
 
-    control = diffrax.PIDController(rtol=tolerance, atol=1e-3 * tolerance, dtmax=train.longest)
+    control = diffrax.PIDController(rtol=tolerance, atol=1e-3 * tolerance, dtmax=train.max_step)
     save = diffrax.SaveAt(ts=jnp.array(train.times))
-    found = diffrax.diffeqsolve(
-        diffrax.ODETerm(rates), solver, 0.0, train.period, FIRST, start, saveat=save, stepsize_controller=control,
-        max_steps=MOST,
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(rates), solver, 0.0, train.period, FIRST_STEP, start, saveat=save, stepsize_controller=control,
+        max_steps=MAX_STEPS,
     )  # fmt: skip
-    assert found.ys is not None
-    return found.ys
+    assert solution.ys is not None
+    return solution.ys
 
 
 def _prepare(train: Train, compiled: Callable[..., jax.Array], tolerance: float) -> Callable[[], FloatArray]:

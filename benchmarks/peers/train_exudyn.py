@@ -1,4 +1,4 @@
-"""The train C1 in Exudyn: one body with our matrices, and connectors whose contact laws are compiled expressions."""
+"""C1 by Exudyn: one body with the given matrices, and connectors with contact laws as compiled expressions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.peers.train import FloatArray, Setting, Train, equations
 
-sys.exudynFast = True  # asked for before the import
+sys.exudynFast = True  # has to be set before the import
 
 import exudyn as exu  # noqa: E402
 from exudyn.itemInterface import (  # noqa: E402
@@ -61,11 +61,11 @@ def _prepare(train: Train, solver: exu.DynamicSolverType, steps: int, tolerance:
     settings.solution.sensors.writePeriod = train.period / train.instants
 
     def run() -> FloatArray:
-        assert compiled  # they have to live as long as the run
+        assert compiled  # Exudyn does not keep them alive during the run
         assert container
         system.SolveDynamic(settings, solverType=solver)
-        displaced, moving = (system.GetSensorStoredData(sensor) for sensor in sensors)
-        return np.column_stack([displaced, moving[:, 1:]])  # DOPRI5 does not stop at the output instants
+        displacements, velocities = (system.GetSensorStoredData(sensor) for sensor in sensors)
+        return np.column_stack([displacements, velocities[:, 1:]])  # DOPRI5 does not stop at the output instants
 
     return run
 
@@ -88,7 +88,7 @@ def _body(system: exu.MainSystem, train: Train) -> object:
 
 
 def _contacts(system: exu.MainSystem, train: Train, node: object) -> list[object]:
-    """Add springs between coordinates; a law gets the difference u of the second and the first one, and its rate v."""
+    """Add springs between coordinates; a law gets their difference u (second minus first) and its rate v."""
     symbolic = exu.symbolic
     laws = equations(train, symbolic.max, symbolic.abs, symbolic.sign)
     ground = MarkerNodeCoordinate(nodeNumber=system.AddNode(NodePointGround()), coordinate=0)

@@ -1,4 +1,4 @@
-"""The train C1 in flexcam: its default for contacts, and Newmark's method."""
+"""C1 by flexcam: the default method for contacts, and Newmark's method."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ METHODS: dict[str, tuple[Method, tuple[int, ...]]] = {
     "flexcam, `collocation`": (collocation(), (900, 1800, 3600, 7200, 14400, 28800)),
     "flexcam, `newmark`": (newmark(), (1800, 3600, 7200, 14400, 28800, 57600)),
 }
-"""With their numbers of steps per revolution."""
+"""Methods with their numbers of steps per revolution."""
 FINE_STEPS = 460_800
-"""Steps of a reference."""
+"""Steps of a reference solution."""
 
 
 def settings(train: Train) -> Iterator[Setting]:
@@ -44,16 +44,16 @@ def settings(train: Train) -> Iterator[Setting]:
             yield Setting(title, f"{steps} steps", partial(_prepare, train, method, steps))
 
 
-def motion(train: Train, method: Method, steps: int) -> FloatArray:
+def integrate(train: Train, method: Method, steps: int) -> FloatArray:
     """Return time, displacements and velocities at the output instants, shape (instants + 1, 7)."""
     return np.column_stack([train.times, _prepare(train, method, steps)()])
 
 
-def problem(train: Train, steps: int, copies: int = 1) -> Problem:
-    """Return a revolution of equal trains that share nothing, in one system, by the kernel solver engine."""
+def train_problem(train: Train, steps: int, copies: int = 1) -> Problem:
+    """Return one revolution of equal, independent trains in one system, for the kernel solver engine."""
     start = train.start
     return Problem(
-        system(train, copies),
+        train_system(train, copies),
         ConstantSpeed(train.speed),
         step=train.period / steps,
         steps=steps,
@@ -62,8 +62,8 @@ def problem(train: Train, steps: int, copies: int = 1) -> Problem:
     )
 
 
-def system(train: Train, copies: int = 1) -> System:
-    """Return the equations of some equal trains; the first one is observed."""
+def train_system(train: Train, copies: int = 1) -> System:
+    """Return the equations of equal trains, with a probe on the first one."""
     size = 3 * copies
     M, C, K = (Triplets.from_dense(np.kron(np.eye(copies), matrix).tolist()) for matrix in train.matrices())
     forces: list[LocalForce] = []
@@ -86,12 +86,12 @@ def system(train: Train, copies: int = 1) -> System:
 
 
 def _prepare(train: Train, method: Method, steps: int) -> partial[FloatArray]:
-    return partial(_run, problem(train, steps), method, steps // train.instants)
+    return partial(_run, train_problem(train, steps), method, steps // train.instants)
 
 
 def _run(problem: Problem, method: Method, every: int) -> FloatArray:
     response = solve(problem, method, save=SaveAt(field_every=problem.steps, channels=False))
     if not response.status.ok:
         raise RuntimeError(str(response.status))
-    moved = response["train"]
-    return np.hstack([moved.displacement[::every], moved.velocity[::every]])
+    motion = response["train"]
+    return np.hstack([motion.displacement[::every], motion.velocity[::every]])

@@ -1,6 +1,6 @@
-"""The train C1 in MuJoCo, RK4: slide joints, and all forces as a passive force compiled by numba.
+"""C1 by the Runge-Kutta method of MuJoCo: slide joints, and all forces as a passive force compiled by numba.
 
-MuJoCo's own contacts have another force law. A hinge that turns at constant speed tells the time within a step.
+MuJoCo's own contacts have a different force law. A hinge that rotates at constant speed provides the time in a step.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _MASS = """<body><joint type="slide" axis="1 0 0"/><inertial pos="0 0 0" mass="{
 
 
 def settings(train: Train) -> Iterator[Setting]:
-    """Yield its Runge-Kutta method."""
+    """Yield the Runge-Kutta method with its numbers of steps."""
     for steps in STEPS:
         yield Setting("MuJoCo, RK4", f"{steps} steps", partial(_prepare, train, steps))
 
@@ -43,13 +43,13 @@ def _prepare(train: Train, steps: int) -> Callable[[], FloatArray]:
         mujoco.set_mjcb_passive(force.ctypes)
         mujoco.mj_resetData(model, data)
         data.qpos[1:], data.qvel[0], data.qvel[1:] = start[:3], speed, start[3:]
-        found, place, rate = np.empty((count + 1, 6)), data.qpos, data.qvel
-        found[0] = start
+        motion, position, velocity = np.empty((count + 1, 6)), data.qpos, data.qvel
+        motion[0] = start
         for i in range(1, count + 1):
             mujoco.mj_step(model, data, every)
-            found[i, :3], found[i, 3:] = place[1:], rate[1:]
+            motion[i, :3], motion[i, 3:] = position[1:], velocity[1:]
         mujoco.set_mjcb_passive(None)
-        return found
+        return motion
 
     return run
 
@@ -58,7 +58,7 @@ def _passive_force(train: Train, data: mujoco.MjData) -> Any:
     """Return the forces on the joints as a function in C that reads and writes the arrays of `data`."""
     laws, speed = equations(train, wrap=numba.njit), train.speed
     forces = laws.forces
-    places, rates, passive = (array.ctypes.data for array in (data.qpos, data.qvel, data.qfrc_passive))
+    positions, velocities, passive = (array.ctypes.data for array in (data.qpos, data.qvel, data.qfrc_passive))
 
     @numba.extending.intrinsic
     def pointer(_: object, address: types.Integer) -> object:
@@ -69,9 +69,8 @@ def _passive_force(train: Train, data: mujoco.MjData) -> Any:
 
     @numba.cfunc(types.void(types.voidptr, types.voidptr))
     def passive_force(model: object, data: object) -> None:
-        q, v, f = (
-            numba.carray(pointer(places), 4), numba.carray(pointer(rates), 4), numba.carray(pointer(passive), 4),
-        )  # fmt: skip
+        q, v = numba.carray(pointer(positions), 4), numba.carray(pointer(velocities), 4)
+        f = numba.carray(pointer(passive), 4)
         f[1], f[2], f[3] = forces(q[0] / speed, q[1], q[2], q[3], v[1], v[2], v[3])
 
     return passive_force

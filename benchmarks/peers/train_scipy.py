@@ -1,4 +1,4 @@
-"""The train C1 by scipy's `solve_ivp` with a right-hand side compiled by numba, and the reference."""
+"""C1 by scipy's `solve_ivp` with a right-hand side compiled by numba, and the reference solution."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ TOLERANCES = {
     "DOP853": (1e-3, 1e-4, 1e-5, 1e-6),
 }
 ABSOLUTE = 1e-3
-"""Absolute tolerance as a part of the relative one, for displacements in m and velocities in m/s."""
-FINE = 1e-12
+"""Ratio of the absolute to the relative tolerance, for displacements in m and velocities in m/s."""
+REFERENCE_TOLERANCE = 1e-12
 
 
 def settings(train: Train) -> Iterator[Setting]:
@@ -31,30 +31,30 @@ def settings(train: Train) -> Iterator[Setting]:
 
 
 def right_hand_side(train: Train) -> Callable[[float, FloatArray], FloatArray]:
-    """Return the compiled rates of displacements and velocities."""
+    """Return the compiled time derivatives of displacements and velocities."""
     forces = equations(train, wrap=numba.njit).forces
     m1, m2, m3 = train.masses
 
     @numba.njit
     def rates(t: float, y: FloatArray) -> FloatArray:
         f1, f2, f3 = forces(t, y[0], y[1], y[2], y[3], y[4], y[5])
-        found = np.empty(6)
-        found[:3] = y[3:]
-        found[3], found[4], found[5] = f1 / m1, f2 / m2, f3 / m3
-        return found
+        derivatives = np.empty(6)
+        derivatives[:3] = y[3:]
+        derivatives[3], derivatives[4], derivatives[5] = f1 / m1, f2 / m2, f3 / m3
+        return derivatives
 
     return rates
 
 
-def reference(train: Train, method: str = "DOP853", tolerance: float = FINE) -> OdeSolution:
+def reference(train: Train, method: str = "DOP853", tolerance: float = REFERENCE_TOLERANCE) -> OdeSolution:
     """Return a solution with a tight tolerance as a function of time, shape (6, n)."""
-    found = solve_ivp(
+    solution = solve_ivp(
         right_hand_side(train), (0.0, train.period), train.start, method, rtol=tolerance, atol=tolerance * ABSOLUTE,
-        max_step=train.longest, dense_output=True,
+        max_step=train.max_step, dense_output=True,
     )  # fmt: skip
-    if not found.success:
-        raise RuntimeError(found.message)
-    return found.sol
+    if not solution.success:
+        raise RuntimeError(solution.message)
+    return solution.sol
 
 
 def _prepare(
@@ -63,12 +63,12 @@ def _prepare(
     times, start = train.times, train.start
 
     def run() -> FloatArray:
-        found = solve_ivp(
+        solution = solve_ivp(
             function, (0.0, train.period), start, method, t_eval=times, rtol=tolerance, atol=tolerance * ABSOLUTE,
-            max_step=train.longest,
+            max_step=train.max_step,
         )  # fmt: skip
-        if not found.success:
-            raise RuntimeError(found.message)
-        return found.y.T
+        if not solution.success:
+            raise RuntimeError(solution.message)
+        return solution.y.T
 
     return run

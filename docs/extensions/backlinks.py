@@ -1,4 +1,4 @@
-"""Links from shown code back to its description: to the name under which a package exports it, not that of its file."""
+"""Links from source code to documentation: to the name that a package exports, not to that of the file."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from sphinx.application import Sphinx
 _BACK = re.compile(r'<a class="viewcode-back" href="(?P<page>[^"#]*)#(?P<name>[^"]*)">.*?</a>')
 
 
-def described(link: re.Match[str], names: dict[str, tuple[str, str]]) -> str:
-    """Return a link as it is, or mended, or nothing where its page describes no such name.
+def correct_link(link: re.Match[str], names: dict[str, tuple[str, str]]) -> str:
+    """Return a link to the anchor of its page, or an empty string if the page has no such name.
 
-    Sphinx knows one module per file, but several modules may export a name of one file.
+    Sphinx assumes one module per file, but several modules may export a name of one file.
 
     Parameters
     ----------
     link
-        As Sphinx writes it.
+        Link of Sphinx.
     names
-        Page and anchor of all described names.
+        Page and anchor of all documented names.
     """
     name, home = link["name"], link["page"].removesuffix(".html").lstrip("./")
     parts = name.split(".")
@@ -31,13 +31,13 @@ def described(link: re.Match[str], names: dict[str, tuple[str, str]]) -> str:
     return link[0].replace(f"#{name}", f"#{found[0]}") if found else ""
 
 
-def mend(app: Sphinx, page: str, template: str, context: dict[str, Any], tree: nodes.Node | None) -> None:
+def correct_links(app: Sphinx, page: str, template: str, context: dict[str, Any], tree: nodes.Node | None) -> None:
     if page.startswith("_modules/"):
-        told = app.env.domains["py"].objects  # pyright: ignore[reportAttributeAccessIssue]
-        names = {name: (entry.docname, entry.node_id) for name, entry in told.items()}
-        context["body"] = _BACK.sub(lambda link: described(link, names), context["body"])
+        documented = app.env.domains["py"].objects  # pyright: ignore[reportAttributeAccessIssue]
+        names = {name: (entry.docname, entry.node_id) for name, entry in documented.items()}
+        context["body"] = _BACK.sub(lambda link: correct_link(link, names), context["body"])
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    app.connect("html-page-context", mend)
+    app.connect("html-page-context", correct_links)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,4 +1,4 @@
-"""The look of the list of sources: as BibTeX's ``unsrt``, but a volume without pages is shown too."""
+"""Style of the bibliography: BibTeX's ``unsrt``, and a volume also without pages."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pybtex.style.formatting.unsrt import date
 from pybtex.style.template import Node, field, join, optional, sentence, tag
 from sphinx.application import Sphinx
 
-PLACE = join[
+VOLUME = join[
     field("volume"),
     optional["(", field("number"), ")"],
     optional[":", field("pages")],
@@ -16,13 +16,13 @@ PLACE = join[
 
 
 class Sources(Unsrt):
-    """Style of the list; labels are of names and years."""
+    """Style of the bibliography; labels have names and years."""
 
     default_label_style = "alpha"
 
     def get_article_template(self, e: object) -> Node:
-        """Return author, title, journal with volume, number and pages where they are known, year."""
-        journal = sentence[tag("em")[field("journal")], optional[PLACE], optional[date]]
+        """Return author, title, journal with known volume, number and pages, and year."""
+        journal = sentence[tag("em")[field("journal")], optional[VOLUME], optional[date]]
         return join(sep=" ")[
             self.format_names("author"), self.format_title(e, "title"), journal, self.format_web_refs(e)
         ]

@@ -1,4 +1,4 @@
-"""Classes of table cells for the style sheet: numbers do not break, an empty head is hidden."""
+"""Classes of table cells for the style sheet: number cells do not wrap, and empty headers are hidden."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from docutils import nodes
 from sphinx.application import Sphinx
 
 NUMBER = re.compile(r"[<>±+\N{MINUS SIGN}-]{0,2}\s?\d[\d.,]*(e[+-]?\d+)?(\s?(%|[\w/^²³·]{1,8}))?")
-"""A number, with a unit or without."""
+"""A number with or without a unit."""
 
 
-def marked(app: Sphinx, tree: nodes.document) -> None:
-    """Give classes to cells and tables, for the style sheet."""
+def add_classes(app: Sphinx, tree: nodes.document) -> None:
+    """Add classes to number cells and to tables without header texts."""
     for cell in tree.findall(nodes.entry):
         if NUMBER.fullmatch(cell.astext().strip()):
             cell["classes"].append("number")
@@ -23,5 +23,5 @@ def marked(app: Sphinx, tree: nodes.document) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    app.connect("doctree-read", marked)
+    app.connect("doctree-read", add_classes)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,4 +1,4 @@
-"""Pictures of the gallery: every `Metric` that a block of a script has made. Scripts open no window and need no pyplot."""
+"""Pictures of the gallery: every matplotlib `Figure` that a block of a script creates, without pyplot."""
 
 from __future__ import annotations
 
@@ -14,22 +14,11 @@ ORDER = (
     "cantilever", "camshaft_modes", "laws_side_by_side", "measured_lift", "published_cam", "campbell_diagram",
     "loss_of_contact", "oil_film_of_a_cam", "valve_spring_settings", "sweep_over_speed", "speed_against_accuracy",
 )  # fmt: skip
-"""Scripts in the order in which they are best read; others follow."""
+"""Scripts in the order of the gallery; others follow."""
 
 
 def order(file: str) -> tuple[int, str]:
-    """Return the place of a script in the gallery.
-
-    Parameters
-    ----------
-    file
-        Its name.
-
-    Returns
-    -------
-    tuple
-        To sort by.
-    """
+    """Return the sort key of a script, given its file name."""
     name = file.removesuffix(".py")
     return (ORDER.index(name) if name in ORDER else len(ORDER), name)
 
@@ -42,9 +31,9 @@ def figures(block: tuple[str, str, int], values: dict[str, Any], settings: dict[
     block
         Kind, text and first line; not used.
     values
-        What the gallery knows of the script.
+        Data of the script: variables and image paths.
     settings
-        Of the gallery.
+        Settings of the gallery.
 
     Returns
     -------
@@ -62,17 +51,17 @@ def figures(block: tuple[str, str, int], values: dict[str, Any], settings: dict[
 
 
 def thumbnails(app: Sphinx) -> None:
-    """Draw the small pictures anew with lines twice as broad: scaled down as they are, they turn pale."""
+    """Make thumbnails with thicker lines, which are otherwise too pale after scaling."""
     images = Path(app.srcdir) / "gallery/images"
-    for small in images.glob("thumb/sphx_glr_*_thumb.png"):
-        large = images / small.name.replace("_thumb", "_001")
+    for thumbnail in images.glob("thumb/sphx_glr_*_thumb.png"):
+        large = images / thumbnail.name.replace("_thumb", "_001")
         if large.exists():
             with Image.open(large) as picture:
-                bold = picture.convert("RGB").filter(ImageFilter.MinFilter(3))
-            bold.thumbnail(app.config.sphinx_gallery_conf["thumbnail_size"])
-            bold.save(small)
+                scaled = picture.convert("RGB").filter(ImageFilter.MinFilter(3))
+            scaled.thumbnail(app.config.sphinx_gallery_conf["thumbnail_size"])
+            scaled.save(thumbnail)
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    app.connect("builder-inited", thumbnails, priority=900)  # the gallery has run by then
+    app.connect("builder-inited", thumbnails, priority=900)  # after the gallery
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,4 +1,4 @@
-"""Links of the reference: names in docstrings and types in signatures lead to their entries."""
+"""Links of names in docstrings and types in signatures to their entries in the reference."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from sphinx.ext.autosummary import AutoLink, ImportExceptionGroup, import_by_nam
 
 
 def resolve(app: Sphinx, env: BuildEnvironment, node: pending_xref, content: nodes.Node) -> nodes.Node | None:
-    """Link a name of flexcam to its entry; a name that is not public stays plain text."""
+    """Return a link from a name of flexcam to its entry; a name that is not public remains plain text."""
     target = node.get("reftarget", "")
     if node.get("refdomain") != "py" or not target.startswith("flexcam"):
         return None
@@ -26,7 +26,7 @@ def resolve(app: Sphinx, env: BuildEnvironment, node: pending_xref, content: nod
 
 
 class Name(AutoLink):
-    """A name in single quotes: a link where it is public, code wherever it is not; the name of a package links to its page."""
+    """Role of a name in single backquotes: a link for a public name or package, otherwise code."""
 
     def run(self) -> tuple[list[nodes.Node], list[nodes.system_message]]:
         """Return the link, or the name as code."""
@@ -37,13 +37,13 @@ class Name(AutoLink):
         return plain, messages
 
 
-def without_call(app: Sphinx, what: str, name: str, value: object, *rest: object) -> tuple[str, str] | None:
-    """Return an empty signature for a protocol, which is not called."""
+def hide_protocol_signature(app: Sphinx, what: str, name: str, value: object, *rest: object) -> tuple[str, str] | None:
+    """Return an empty signature for a protocol."""
     return ("", "") if what == "class" and getattr(value, "_is_protocol", False) else None
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
     app.add_role("name", Name())
-    app.connect("autodoc-process-signature", without_call)
+    app.connect("autodoc-process-signature", hide_protocol_signature)
     app.connect("missing-reference", resolve)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

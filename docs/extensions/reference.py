@@ -1,4 +1,4 @@
-"""Write the pages of the reference that follow from the code: one per package or module, one per command."""
+"""Generate pages of the reference from the code: one per package or module, and one per command."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ GROUPS = {
     "Many runs": ("studies", "io.sweep_table"),
     "Pictures and reports": ("plotting", "report"),
 }
-"""Packages by subject. A package that exports no names has a page per module behind it, see `modules_of`."""
+"""Packages by subject. A package without exported names also has a page per module, see `modules_of`."""
 
 OWN = frozenset({"cli"})
-"""The package that is used by commands only."""
+"""Packages for commands only."""
 
 INTERNAL = frozenset(
     {
@@ -44,7 +44,7 @@ INTERNAL = frozenset(
         "report.fidelity_tables", "report.figures", "report.tables", "report.terminal",
     }
 )  # fmt: skip
-"""Modules without a page: they serve their own package and the commands."""
+"""Modules without a page, for internal use of their package and the commands."""
 
 INDEX = """API
 ===
@@ -57,7 +57,7 @@ package: ``from flexcam import dynamics``, ``from flexcam.cams import Polynomial
 
 @cache
 def modules_of(package: str) -> tuple[str, ...]:
-    """Return the modules of a package that have pages; none for a package that exports names itself."""
+    """Return the modules of a package with pages; none for a package with exported names."""
     module = module_of(package)
     if hasattr(module, "__all__") or not hasattr(module, "__path__"):
         return ()
@@ -67,7 +67,7 @@ def modules_of(package: str) -> tuple[str, ...]:
 
 @cache
 def groups() -> dict[str, tuple[str, ...]]:
-    """Return all pages by subject."""
+    """Return the names of all pages by subject."""
     known = {name for names in GROUPS.values() for name in names}
     missing = {m.name for m in pkgutil.iter_modules(flexcam.__path__)} - known - OWN - {"__main__"}
     if missing:
@@ -88,19 +88,19 @@ def module_of(name: str) -> ModuleType:
 
 
 def names_of(module: ModuleType) -> list[str]:
-    """Return the public names of a package or module: ``__all__``, or what a module defines."""
+    """Return the public names of a package or module: ``__all__``, or else its own definitions."""
     if hasattr(module, "__all__"):
         return [name for name in module.__all__ if not inspect.ismodule(getattr(module, name))]
     own = {name: value for name, value in vars(module).items() if getattr(value, "__module__", None) == module.__name__}
     return sorted(name for name, value in own.items() if not name.startswith("_") and not isinstance(value, TypeVar))
 
 
-def words_of(module: ModuleType, name: str) -> str:
-    """Return the text below a constant, in the file that defines it."""
-    for known in (module.__name__, *(m for m in _files(module) if hasattr(importlib.import_module(m), name))):
-        if words := ModuleAnalyzer.for_module(known).find_attr_docs().get(("", name)):
-            return " ".join(words).strip()
-    message = f"{module.__name__}.{name} has no words below it"
+def constant_text(module: ModuleType, name: str) -> str:
+    """Return the docstring of a constant, in the file that defines it."""
+    for source in (module.__name__, *(m for m in _files(module) if hasattr(importlib.import_module(m), name))):
+        if lines := ModuleAnalyzer.for_module(source).find_attr_docs().get(("", name)):
+            return " ".join(lines).strip()
+    message = f"{module.__name__}.{name} has no docstring below it"
     raise ValueError(message)
 
 
@@ -118,25 +118,25 @@ def entry(module: ModuleType, name: str) -> str:
         return f".. autoclass:: {full}\n   :members:\n"
     if inspect.isroutine(value):
         return f".. autofunction:: {full}\n"
-    return f".. py:data:: {name}\n   :module: {module.__name__}\n\n   {words_of(module, name)}\n"
+    return f".. py:data:: {name}\n   :module: {module.__name__}\n\n   {constant_text(module, name)}\n"
 
 
 @cache
 def homes() -> dict[int, str]:
-    """Return the page of each public object, by its id: the first page that has it."""
-    told: dict[int, str] = {}
+    """Return the full name of each public object on its first page, by the id of the object."""
+    found: dict[int, str] = {}
     for page in pages():
         module = module_of(page)
         for name in names_of(module):
-            told.setdefault(id(getattr(module, name)), f"{module.__name__}.{name}")
-    return told
+            found.setdefault(id(getattr(module, name)), f"{module.__name__}.{name}")
+    return found
 
 
-def module_page(page: str, told: dict[int, str]) -> str:
-    """Return a page: the purpose of the module, a table of its names, and each name that is described here."""
+def module_page(page: str, entries: dict[int, str]) -> str:
+    """Return a page: docstring of the module, table of its names, and the entries of names without an earlier one."""
     module = module_of(page)
     title, names = module.__name__, names_of(module)
-    full = {name: told[id(getattr(module, name))] for name in names}
+    full = {name: entries[id(getattr(module, name))] for name in names}
     own = [name for name in names if full[name] == f"{title}.{name}"]
     calls = [
         name for name in names if inspect.isclass(getattr(module, name)) or inspect.isroutine(getattr(module, name))
@@ -150,23 +150,23 @@ def module_page(page: str, told: dict[int, str]) -> str:
 
 def module_pages() -> dict[str, str]:
     """Return all pages of packages and modules by name."""
-    told = homes()
-    return {page: module_page(page, told) for page in pages()}
+    entries = homes()
+    return {page: module_page(page, entries) for page in pages()}
 
 
 def module_index() -> str:
     parts = [
-        f".. toctree::\n   :caption: {title}\n\n   " + "\n   ".join(f"{page} <{page}>" for page in some)
-        for title, some in groups().items()
+        f".. toctree::\n   :caption: {title}\n\n   " + "\n   ".join(f"{page} <{page}>" for page in names)
+        for title, names in groups().items()
     ]
     return INDEX + "\n\n".join(parts) + "\n"
 
 
 def command_page(name: str, app: App) -> str:
-    """Return what ``flexcam NAME --help`` says, as a page."""
-    told = generate_rst_docs(app, command_chain=["flexcam", name], generate_toc=False)
-    usage, _, rest = told.partition("::\n")[2].strip().partition("\n")
-    usage = re.sub(r" -m \S+", "", usage.strip())  # cyclopts takes how Python was started for a part of the usage
+    """Return the help of a command as a page."""
+    text = generate_rst_docs(app, command_chain=["flexcam", name], generate_toc=False)
+    usage, _, rest = text.partition("::\n")[2].strip().partition("\n")
+    usage = re.sub(r" -m \S+", "", usage.strip())  # cyclopts includes the Python option -m in the usage
     title, examples = f"flexcam {name}", (app.help_prologue or "").strip().splitlines()
     block = [".. code-block:: text", "", f"   {usage}", ""]
     if examples:
@@ -180,7 +180,7 @@ def command_pages() -> dict[str, str]:
 
 
 def command_list() -> str:
-    """Return all commands with what they do, as ``flexcam --help`` lists them, in Markdown."""
+    """Return a Markdown table of all commands, as in ``flexcam --help``."""
     lines = ["| command | |", "|---|---|"]
     for panel, commands in COMMANDS.items():
         lines.append(f"| **{panel}** | |")
@@ -190,12 +190,12 @@ def command_list() -> str:
 
 def purpose(command: App) -> str:
     """Return the first sentence of a command's help."""
-    said = " ".join((command.help or "").split("\n\n")[0].split())
-    return said.replace("``", "`").replace("|", "\\|")
+    sentence = " ".join((command.help or "").split("\n\n")[0].split())
+    return sentence.replace("``", "`").replace("|", "\\|")
 
 
 def write(folder: Path, pages: dict[str, str]) -> None:
-    """Write pages, leaving those alone that have not changed, so that Sphinx need not read them again."""
+    """Write changed pages and remove old ones; Sphinx reads unchanged files only once."""
     folder.mkdir(exist_ok=True)
     for old in folder.glob("*.rst"):
         if old.stem not in pages:

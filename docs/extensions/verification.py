@@ -1,4 +1,4 @@
-"""Directive ``verification``: tests and rows of a source of the verification manual, and reasons of the tolerances."""
+"""Directive ``verification``: tests, rows and reasons of tolerances of a source in the verification manual."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from sphinx.util.docutils import SphinxDirective
 
 
 @cache
-def kept() -> list[Row]:
+def manual_rows() -> list[Row]:
     return read(KEPT)
 
 
 class Verification(SphinxDirective):
-    """Rows of the source that is the title of the section."""
+    """Rows of the source that the title of the section names."""
 
     def run(self) -> list[nodes.Node]:
         """Return the names of the tests, the table and the reasons."""
         self.env.note_dependency(str(KEPT))
         source = self.state_machine.node[0].astext()
-        rows = [row for row in kept() if row["source"] == source]
+        rows = [row for row in manual_rows() if row["source"] == source]
         if not rows:
             message = f"no rows of {source!r}"
             raise self.error(message)
@@ -38,7 +38,7 @@ class Verification(SphinxDirective):
 
 
 def table(head: tuple[str, ...], rows: list[list[str]]) -> nodes.table:
-    """Return a table of texts."""
+    """Return a table with a head row."""
 
     def line(texts: list[str] | tuple[str, ...]) -> nodes.row:
         return nodes.row("", *(nodes.entry("", nodes.paragraph("", text)) for text in texts))

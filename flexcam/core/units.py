@@ -291,6 +291,14 @@ def conversion_factor(unit: str, si: str, where: str) -> float:
     return float(_EXACT.divide(factor, divisor))
 
 
+def is_convertible(unit: str, si: str) -> bool:
+    """Return whether a unit is one of the quantity of an SI unit."""
+    try:
+        return conversion_factor(unit, si, "") > 0.0
+    except InputError:
+        return False
+
+
 def unit_of(si: str) -> str:
     """Return the allowed units of a quantity for messages, such as ``a unit of length such as mm``."""
     kind = next((one for one in DIMENSIONS.values() if one.si == si), None)

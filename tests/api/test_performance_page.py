@@ -41,7 +41,7 @@ def test_page_states_missing_solvers_and_cases(maker, figures):
     rows = [row | {"missing": "more memory than there is"} for row in measured["tables"]["linear"]]
     text = maker.page(measured | {"tables": measured["tables"] | {"linear": rows}}, {})
     assert "| more memory than there is |" in text
-    assert "## Beside other solvers" not in text
+    assert "## Comparison with other solvers" not in text
 
 
 def test_page_states_missing_contact_solvers(maker, figures):

@@ -267,5 +267,5 @@ def test_rigid_model_with_lever_is_finite(angles, write_case):
     [(ARMS, 'arms = ["2.5 mm", "4 mm"]'), (ANGLES, 'angles = ["76 deg", "-6 deg"]'), (ANGLES, 'angles = ["90 deg", 0]')],
 )  # fmt: skip
 def test_rigid_model_with_infeasible_lever_is_refused(change, write_case):
-    with pytest.raises(InputError, match="rockers.rocker"):
+    with pytest.raises(InputError, match=r"rockers\.rocker"):
         run(read_case(write_case([change])), rigid=True)

@@ -7,12 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from flexcam.analysis.natural_modes import campbell
 
 from flexcam import read_case
 from flexcam.analysis.comparison import compare_models_over_speed
 from flexcam.analysis.limits import Search, find_limits
 from flexcam.analysis.model_choice import evaluate_ladder
+from flexcam.analysis.natural_modes import campbell
 from flexcam.analysis.orders import Signal, waterfall
 from flexcam.analysis.stability import stability_over_speeds
 from flexcam.dynamics import Cause, Status, solve

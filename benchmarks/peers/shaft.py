@@ -1,7 +1,7 @@
-"""What every solver is given: a driven shaft as numbers and as matrices, in numpy alone.
+"""Linear benchmarks B1 and B5: a driven shaft as numbers and as matrices, in numpy alone.
 
-B1 is one run at 1500 rpm, B5 the same shaft at 100 speeds. The elements are written out here once more, independently
-of flexcam: solvers with elements of their own build the shaft from the numbers, the others take the matrices.
+B1 is one run at 1500 rpm, B5 the same shaft at 100 speeds. The elements are implemented here independently of flexcam:
+solvers with their own elements build the shaft from the numbers, the others get the matrices.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Work:
-    """A steel shaft between bearings, a mass at its middle, a force and a torque that turn there; undamped, from rest.
+class Shaft:
+    """A steel shaft between bearings with a mass, a force and a torque at its middle; undamped, from rest.
 
     ``Fy = force (1 - cos w t)``, ``Tx = torque sin w t``; Newmark's method with beta = 1/4, gamma = 1/2. The first
-    node is held in ux, uy, uz, rx, the last one in uy, uz. A longer shaft is the same one again, span by span, with
-    a bearing (uy, uz) between spans; mass and loads stay in the first. Lengths and elements are those of a span. SI.
+    node is fixed in ux, uy, uz, rx, the last one in uy, uz. A longer shaft has several equal spans with a bearing
+    (uy, uz) between them, and mass and loads in the first span. Length and elements are those of a span. SI units.
     """
 
     frequencies: tuple[float, ...] = (25.0,)
@@ -45,7 +45,7 @@ class Work:
 
     @property
     def area(self) -> float:
-        """Of the section, m^2."""
+        """Area of the section, m^2."""
         return math.pi * self.diameter**2 / 4.0
 
     @property
@@ -60,17 +60,17 @@ class Work:
 
     @property
     def last(self) -> int:
-        """Number of the last node, which is that of elements in all spans."""
+        """Number of the last node, equal to the number of elements of all spans."""
         return self.spans * self.elements
 
     @property
-    def held(self) -> dict[int, tuple[int, ...]]:
-        """Held components (0 to 5: ux, uy, uz, rx, ry, rz) by node."""
+    def fixed(self) -> dict[int, tuple[int, ...]]:
+        """Fixed components (0 to 5: ux, uy, uz, rx, ry, rz) by node."""
         bearings = range(self.elements, self.last + 1, self.elements)
         return {0: (0, 1, 2, 3), **dict.fromkeys(bearings, (1, 2))}
 
     def step(self, frequency: float) -> float:
-        """Return the step at a speed, s: all speeds take as many steps per revolution."""
+        """Return the time step at a speed, s; all speeds have the same number of steps per revolution."""
         return 1.0 / (frequency * self.steps_per_revolution)
 
     def loads(self, frequency: float) -> FloatArray:
@@ -80,55 +80,58 @@ class Work:
 
 
 @dataclass(frozen=True, eq=False)
-class Result:
-    """What every solver gives back.
+class ShaftResult:
+    """Displacements and times of a solver.
 
     Parameters
     ----------
     displacement
         uy and rx of the middle node at all instants, shape (speeds, steps + 1, 2).
     loop_seconds
-        Spent in the call that integrates, factorization and first acceleration included.
-    whole_seconds
-        Spent in all, from numbers to displacements, without imports.
+        Time of the integration, with factorization and initial acceleration.
+    total_seconds
+        Time from numbers to displacements, without imports.
     """
 
     displacement: FloatArray
     loop_seconds: float
-    whole_seconds: float
+    total_seconds: float
 
 
-B1 = Work()
-B5 = Work(frequencies=tuple(np.linspace(500.0, 5000.0, 100) / 60.0))
+B1 = Shaft()
+B5 = Shaft(frequencies=tuple(np.linspace(500.0, 5000.0, 100) / 60.0))
 
 
-def matrices(work: Work) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
-    """Return mass and stiffness of the free unknowns, dense, and the places of the middle node's uy and rx in them."""
-    count = 6 * (work.last + 1)
+def matrices(shaft: Shaft) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
+    """Return mass and stiffness of the free unknowns, dense, and the indices of the middle node's uy and rx."""
+    count = 6 * (shaft.last + 1)
     M, K = np.zeros((count, count)), np.zeros((count, count))
-    m, k = _element(work)
-    for i in range(work.last):
+    m, k = _element(shaft)
+    for i in range(shaft.last):
         at = slice(6 * i, 6 * i + 12)
         M[at, at] += m
         K[at, at] += k
     for i in range(3):
-        M[6 * work.middle + i, 6 * work.middle + i] += work.mass
-    held = [6 * node + i for node, components in work.held.items() for i in components]
-    free = np.setdiff1d(np.arange(count), held)
-    watched = np.searchsorted(free, [6 * work.middle + 1, 6 * work.middle + 3])
-    return M[np.ix_(free, free)], K[np.ix_(free, free)], watched
+        M[6 * shaft.middle + i, 6 * shaft.middle + i] += shaft.mass
+    fixed = [6 * node + i for node, components in shaft.fixed.items() for i in components]
+    free = np.setdiff1d(np.arange(count), fixed)
+    observed = np.searchsorted(free, [6 * shaft.middle + 1, 6 * shaft.middle + 3])
+    return M[np.ix_(free, free)], K[np.ix_(free, free)], observed
 
 
-def _element(work: Work) -> tuple[FloatArray, FloatArray]:
+def _element(shaft: Shaft) -> tuple[FloatArray, FloatArray]:
     """Return consistent mass (without rotary inertia) and stiffness of an Euler-Bernoulli beam along x, 12 x 12."""
-    length = work.length / work.elements
+    length = shaft.length / shaft.elements
     M, K = np.zeros((12, 12)), np.zeros((12, 12))
-    mass, polar = work.density * work.area * length, 2.0 * work.density * work.inertia * length
-    for at, inertia, rigidity in (([0, 6], mass, work.E * work.area), ([3, 9], polar, 2.0 * work.G * work.inertia)):
+    mass, polar = shaft.density * shaft.area * length, 2.0 * shaft.density * shaft.inertia * length
+    for at, inertia, rigidity in (([0, 6], mass, shaft.E * shaft.area), ([3, 9], polar, 2.0 * shaft.G * shaft.inertia)):
         M[np.ix_(at, at)] = inertia / 6.0 * np.array([[2.0, 1.0], [1.0, 2.0]])
         K[np.ix_(at, at)] = rigidity / length * np.array([[1.0, -1.0], [-1.0, 1.0]])
-    for at, sign in (([1, 5, 7, 11], 1.0), ([2, 4, 8, 10], -1.0)):  # a rotation about y lifts against z
-        M[np.ix_(at, at)], K[np.ix_(at, at)] = _bending(mass, work.E * work.inertia, length, sign)
+    for at, sign in (
+        ([1, 5, 7, 11], 1.0),
+        ([2, 4, 8, 10], -1.0),
+    ):  # a rotation about y is a negative slope in z
+        M[np.ix_(at, at)], K[np.ix_(at, at)] = _bending(mass, shaft.E * shaft.inertia, length, sign)
     return M, K
 
 
