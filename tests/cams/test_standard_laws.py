@@ -43,16 +43,6 @@ PEAKS = {
 }
 """C_v, C_a, C_j with a tolerance (closed forms: the peak is between grid points); None: infinite or not known."""
 
-SPAN = {name: 4 * math.pi if name.startswith("modified") else 2 * math.pi for name in PEAKS} | {
-    "pavlovic-new": 8 * math.pi,
-    "fb2": math.pi / 0.3,
-    "quinquinomial": 14.0,
-    "quinquinomial-2": 26.0,
-    "quinquinomial-3": 38.0,
-    "quinquinomial-4": 50.0,
-}
-"""Ratio of a derivative to the next lower one, for the error of differences: fastest harmonic or highest exponent."""
-
 ASYMMETRIC = {"pavlovic-new": 0.498047, "fb2": None} | {f"quinquinomial{row}": None for row in ("", "-2", "-3", "-4")}
 """Laws without mirror symmetry, with s(1/2) where it is known."""
 
@@ -136,17 +126,6 @@ def test_invalid_scca_parts_raise_error(parts):
 def test_invalid_exponents_raise_error(exponents):
     with pytest.raises(InputError):
         Polynomial(exponents)
-
-
-def test_derivatives(name):
-    # Central differences of the next lower derivative, h = 1e-5: error h^2/6 of the second next derivative, and eps/h.
-    h = 1e-5
-    law = LAWS[name]
-    smooth = np.all([np.abs(Z - jump) > 2 * h for jump in (0.0, 1.0, *law.breaks)], axis=0)
-    z = Z[smooth]
-    for order in (1, 2, 3, 4):
-        difference = (law(z + h, order - 1) - law(z - h, order - 1)) / (2 * h)
-        assert np.abs(law(z, order) - difference).max() <= 4e-6 * SPAN[name] ** order
 
 
 @pytest.mark.parametrize("name", sorted(set(LAWS) - set(ASYMMETRIC)))

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from flexcam import InputError, prepare, read_case, run
-from tests.errors.reports import LIBRARY_WORDS, is_at
+from tests.errors.fault_helpers import LIBRARY_WORDS, is_at
 from tests.thinning import mostly_slow
 
 ENGINE = Path(__file__).parents[1] / "data/every-engine.toml"

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from tests.golden.records import LIGHT, Record, digest, json_record, row
 from tests.golden.runs import MODELS, ROOT, cases
-from tests.golden.surface import LIGHT, Record, digest, json_record, row
 
 CASES = ROOT / "cases"
 TAYEB = str(CASES / "tayeb/model-3-shm.toml")

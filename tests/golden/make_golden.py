@@ -20,8 +20,8 @@ if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from tests.golden.commands import COMMANDS, Command
+from tests.golden.records import Record, environment, run_record
 from tests.golden.runs import Run, runs
-from tests.golden.surface import Record, environment, run_record
 
 DATA = Path(__file__).parent / "data"
 

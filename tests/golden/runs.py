@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.golden.surface import BARE, FULL, LIGHT
+from tests.golden.records import BARE, FULL, LIGHT
 
 ROOT = Path(__file__).parents[2]
 MODELS = Path(__file__).parent / "models"

@@ -60,7 +60,7 @@ def test_non_smooth_function_is_detected(function):
 def test_constant_is_smooth():
     """Also with rounding noise."""
     rounding = 1.0 + 1e-14 * np.array([1.0, -1.0, 2.0, 0.0])
-    assert central_derivative(1.0, np.ones(4), 0.01) == central_derivative(1.0, np.ones(4), 0.01)
+    assert central_derivative(1.0, np.ones(4), 0.01).smooth
     assert central_derivative(1.0, rounding, 0.01).smooth
     assert central_derivative(0.0, np.zeros(4), 0.01).smooth
 

@@ -16,7 +16,7 @@ from flexcam import InputError, read_case
 from flexcam.cams import lift_table
 from flexcam.case.reader import read_cams
 from flexcam.io import read_lift
-from tests.errors.reports import LIBRARY_WORDS, is_at
+from tests.errors.fault_helpers import LIBRARY_WORDS, is_at
 from tests.thinning import mostly_slow
 
 EVENT = 'law = "3-4-5"\nlift = "6 mm"\nrise = "100 deg"\nreturn = "100 deg"\n'

@@ -8,7 +8,7 @@ import re
 
 import pytest
 
-from tests.errors.reports import LIBRARY_WORDS, is_at
+from tests.errors.fault_helpers import LIBRARY_WORDS, is_at
 from tests.thinning import mostly_slow
 
 SPRING = '[springs.side]\nat = "cam"\ndirection = "{}"\nstiffness = "{}"\n[springs.valve]'
