@@ -197,8 +197,11 @@ def prepare(
         try:
             problem = set_initial_state(case, model, plain, until, near and near.problem.start)
         except RunFailedError as failure:  # an unusual value, such as 207 Pa, is the probable cause
-            unusual = [f"Possible cause: {warning.removeprefix('Warning: ')}" for warning in check_values(case)]
-            raise RunFailedError(replace(failure.status, remedy=". ".join([failure.status.remedy, *unusual]))) from None
+            remedy = failure.status.remedy
+            for warning in check_values(case):
+                end = "" if remedy.endswith("?") else "."
+                remedy = f"{remedy}{end} Possible cause: {warning.removeprefix('Warning: ')}"
+            raise RunFailedError(replace(failure.status, remedy=remedy)) from None
         problem = replace(problem, basis=reduced_basis(case, problem, chain))
         scheme = integration_method(case, problem)
         if refusal := method_refusal(problem, scheme):

@@ -351,6 +351,8 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
         super()._check()
         spread = self.force_per_length is not None
         sizes = sum(one is not None for one in (self.force, self.table, self.force_per_length))
+        if self.at is not None and not sizes:
+            raise value_error("'force' or 'table' together with 'at'", "they give the size of the load")
         if sizes != 1 or (self.member is not None) != spread or (self.at is None) != spread:
             allowed = "either 'at' with one of 'force' and 'table', or 'member' with 'force_per_length'"
             raise value_error(allowed, "a load acts at a point or along a member")
