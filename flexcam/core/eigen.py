@@ -31,10 +31,10 @@ def long_product(A: LongArray, B: LongArray) -> LongArray:
         return A @ B
     bits = (53 - math.ceil(math.log2(_SLICES * n))) // 2
     left, right = _split(A, bits, axis=1), _split(B, bits, axis=0)
-    found = np.zeros((len(A), B.shape[1]), dtype=np.longdouble)
+    product = np.zeros((len(A), B.shape[1]), dtype=np.longdouble)
     for last in reversed(range(_SLICES)):  # sum the smallest terms first
-        found += np.hstack(left[: last + 1]) @ np.vstack(right[last::-1])
-    return found
+        product += np.hstack(left[: last + 1]) @ np.vstack(right[last::-1])
+    return product
 
 
 def _split(matrix: LongArray, bits: int, *, axis: int) -> list[FloatArray]:
@@ -50,11 +50,11 @@ def _split(matrix: LongArray, bits: int, *, axis: int) -> list[FloatArray]:
 
 def multiply_sparse(matrix: FloatArray, columns: LongArray) -> LongArray:
     """Return the product of a mostly zero matrix with columns, in extended precision."""
-    found = np.zeros((len(matrix), columns.shape[1]), dtype=np.longdouble)
+    product = np.zeros((len(matrix), columns.shape[1]), dtype=np.longdouble)
     for i, row in enumerate(matrix):
-        held = np.flatnonzero(row)
-        found[i] = row[held].astype(np.longdouble) @ columns[held]
-    return found
+        cols = np.flatnonzero(row)
+        product[i] = row[cols].astype(np.longdouble) @ columns[cols]
+    return product
 
 
 _TWO = np.longdouble(2.0)
@@ -111,10 +111,10 @@ def _refine(M: FloatArray, K: FloatArray, vectors: FloatArray) -> tuple[FloatArr
         if (np.bincount(labels) > 1).any():
             X = _diagonalize_clusters(X, labels, heavy, stiff)
             heavy, stiff = _project(X, M, K)
-        mixed = _correction(labels, heavy, stiff).astype(float)
-        X = X + X.astype(float) @ mixed
+        correction = _correction(labels, heavy, stiff).astype(float)
+        X = X + X.astype(float) @ correction
         X = X / np.sqrt(np.sum(X * multiply_sparse(M, X), axis=0))
-        if np.abs(mixed).max(initial=0.0) < _SMALL:
+        if np.abs(correction).max(initial=0.0) < _SMALL:
             break
     values = np.sum(X * multiply_sparse(K, X), axis=0)
     order = np.argsort(values)
@@ -131,26 +131,26 @@ def _cluster(heavy: LongArray, stiff: LongArray) -> IntArray:
     """Return groups of vectors whose eigenvalues are too close to be separated by a first correction."""
     values = np.diag(stiff) / np.diag(heavy)
     rounding = np.finfo(np.longdouble).eps * np.abs(values).max(initial=0.0)
-    mixing, apart = np.abs(stiff - values * heavy) + rounding, np.abs(values[None, :] - values[:, None])
-    return connected_components(len(values), *np.nonzero(np.maximum(mixing, mixing.T) >= _MIXING_LIMIT * apart))
+    mixing, differences = np.abs(stiff - values * heavy) + rounding, np.abs(values[None, :] - values[:, None])
+    return connected_components(len(values), *np.nonzero(np.maximum(mixing, mixing.T) >= _MIXING_LIMIT * differences))
 
 
 def _diagonalize_clusters(X: LongArray, labels: IntArray, heavy: LongArray, stiff: LongArray) -> LongArray:
     """Return the vectors, each group rotated within its own space into eigenvectors."""
-    turned = X.copy()
+    rotated = X.copy()
     for label in np.flatnonzero(np.bincount(labels) > 1).tolist():
         group = np.flatnonzero(labels == label)
         sizes = np.sqrt(np.diag(heavy)[group])
         _, turn = np.linalg.eigh((stiff[np.ix_(group, group)] / np.outer(sizes, sizes)).astype(float))
-        turned[:, group] = X[:, group] @ turn
-    return turned
+        rotated[:, group] = X[:, group] @ turn
+    return rotated
 
 
 def _correction(labels: IntArray, heavy: LongArray, stiff: LongArray) -> LongArray:
     """Return the correction by the other vectors: the residual along them over the eigenvalue differences."""
     values = np.diag(stiff) / np.diag(heavy)
     same = labels[:, None] == labels
-    apart = np.where(same, 1.0, values[None, :] - values[:, None])
-    mixed = np.where(same, -0.5 * heavy, (stiff - values * heavy) / apart)
-    np.fill_diagonal(mixed, 0.0)
-    return mixed
+    differences = np.where(same, 1.0, values[None, :] - values[:, None])
+    correction = np.where(same, -0.5 * heavy, (stiff - values * heavy) / differences)
+    np.fill_diagonal(correction, 0.0)
+    return correction

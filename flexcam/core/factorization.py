@@ -43,9 +43,9 @@ class BandFactor:
         if not right.size:
             return np.zeros(right.shape)
         scale = self.scale if right.ndim == 1 else self.scale[:, None]
-        within, _ = dpbtrs(self.upper, scale * right[self.order], overwrite_b=True)
+        solution, _ = dpbtrs(self.upper, scale * right[self.order], overwrite_b=True)
         answer = np.empty(right.shape)
-        answer[self.order] = scale * within
+        answer[self.order] = scale * solution
         return answer
 
 
@@ -160,8 +160,8 @@ def _largest(motion: FloatArray) -> tuple[int, ...]:
 def _sparse(matrix: Triplets, scale: FloatArray) -> Factor:
     from scipy.sparse import diags_array
 
-    spread = diags_array(scale)
-    scaled = (spread @ matrix.csr() @ spread).tocsr()
+    scaling = diags_array(scale)
+    scaled = (scaling @ matrix.csr() @ scaling).tocsr()
     return band_factor(scaled, scale) or _sparse_lu(scaled.tocsc(), scale)
 
 
@@ -223,8 +223,8 @@ def _lanczos_motions(matrix: Triplets, scale: FloatArray) -> FloatArray:
     from scipy.sparse import diags_array
     from scipy.sparse.linalg import eigsh
 
-    spread = diags_array(scale)
-    scaled = (spread @ matrix.csr() @ spread).tocsc()
+    scaling = diags_array(scale)
+    scaled = (scaling @ matrix.csr() @ scaling).tocsc()
     start = np.random.default_rng(0).standard_normal(matrix.size)
     shift = -1e-10
     values, vectors = eigsh(scaled, k=min(_MAX_DIMENSION, matrix.size - 2), sigma=shift, v0=start)
@@ -236,13 +236,13 @@ def select_constraints(motions: FloatArray) -> list[int]:
 
     Gaussian elimination with row pivots.
     """
-    held: list[int] = []
+    unknowns: list[int] = []
     rest = motions.copy()
     for _ in range(motions.shape[1]):
-        held.append(int(np.argmax(np.linalg.norm(rest, axis=1))))
-        along = rest[held[-1]] / np.linalg.norm(rest[held[-1]])
-        rest -= np.outer(rest @ along, along)
-    return held
+        unknowns.append(int(np.argmax(np.linalg.norm(rest, axis=1))))
+        direction = rest[unknowns[-1]] / np.linalg.norm(rest[unknowns[-1]])
+        rest -= np.outer(rest @ direction, direction)
+    return unknowns
 
 
 @dataclass(frozen=True, eq=False)

@@ -157,10 +157,10 @@ def connected_components(size: int, rows: IntArray, cols: IntArray) -> IntArray:
     """
     labels = np.arange(size)
     while (labels[rows] != labels[cols]).any():
-        one, other = labels[rows], labels[cols]
-        low = np.minimum(one, other)
-        np.minimum.at(labels, one, low)
-        np.minimum.at(labels, other, low)
+        first, second = labels[rows], labels[cols]
+        low = np.minimum(first, second)
+        np.minimum.at(labels, first, low)
+        np.minimum.at(labels, second, low)
         while (labels != labels[labels]).any():
             labels = labels[labels]
     return labels
