@@ -33,18 +33,18 @@ def section_forces(
     the nodal loads, exactly as in the equations of motion. Modal damping couples all unknowns and has no element
     matrix: its force is treated as a nodal load.
     """
-    strained = local = _local(beams, nodal)
-    pushed = None if acceleration is None else _local(beams, acceleration)
+    u = local = _local(beams, nodal)
+    a = None if acceleration is None else _local(beams, acceleration)
     if velocity is not None and (damping.alpha or damping.beta):
-        moving = _local(beams, velocity)
-        strained = local + damping.beta * moving
-        pushed = damping.alpha * moving + (0.0 if pushed is None else pushed)
-    on_nodes = np.einsum("eij,...ej->...ei", beam.stiffness(beams), strained) + _arch_forces(beams, local)
-    if pushed is not None:
-        on_nodes += np.einsum("eij,...ej->...ei", beam.mass(beams), pushed)
+        v = _local(beams, velocity)
+        u = local + damping.beta * v
+        a = damping.alpha * v + (0.0 if a is None else a)
+    forces = np.einsum("eij,...ej->...ei", beam.stiffness(beams), u) + _arch_forces(beams, local)
+    if a is not None:
+        forces += np.einsum("eij,...ej->...ei", beam.mass(beams), a)
     if spread is not None:
-        on_nodes -= spread
-    return on_nodes.reshape(*on_nodes.shape[:-1], 2, 6) * np.array([-1.0, 1.0])[:, None]
+        forces -= spread
+    return forces.reshape(*forces.shape[:-1], 2, 6) * np.array([-1.0, 1.0])[:, None]
 
 
 def _arch_forces(beams: Beams, local: FloatArray) -> FloatArray:
