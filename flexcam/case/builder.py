@@ -329,8 +329,8 @@ class _Geometry:
         """Return the stops of a plunger, which can hold it back but not the part that it pushes."""
         if record.travel is None:
             return None
-        weighed, on_members = {mass.at for mass in self.case.masses.values()}, self.mesh.on_members()
-        nodes = [end for end in record.ends or () if end in weighed and end in self.mesh.points]
+        with_mass, on_members = {mass.at for mass in self.case.masses.values()}, self.mesh.on_members()
+        nodes = [end for end in record.ends or () if end in with_mass and end in self.mesh.points]
         if all(on_members[self.mesh.node(end)] for end in nodes):
             given = f"an adjuster from {' to '.join(record.ends or ())}"
             why = "the retaining ring holds the plunger and not the part that it pushes"

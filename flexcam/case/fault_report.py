@@ -132,9 +132,9 @@ def correct_keys(
         path = _path(error, raw)
         holder = value_at(tables, path[:-1])
         if error["type"] == "extra_forbidden" and isinstance(holder, dict):
-            table, meant = cast("dict[str, Any]", holder), _meant_key(path, root)
-            if meant and meant not in table:
-                table[meant] = table.pop(path[-1])
+            table, key = cast("dict[str, Any]", holder), _meant_key(path, root)
+            if key and key not in table:
+                table[key] = table.pop(path[-1])
                 misspelt.append(error)
     return tables, misspelt
 

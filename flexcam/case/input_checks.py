@@ -187,9 +187,9 @@ def _bare_number_warnings(case: Case) -> Iterator[str]:
             yield _bare_number(case, path, value, "rad", "deg", math.radians(1.0))
 
 
-def _bare_number(case: Case, path: tuple[str, ...], value: float, si: str, meant: str, size: float) -> str:
-    hint = f"did you mean {value:g} {meant}? Write the unit"
-    return f"{case.place(path)}: {value:g} without a unit is in {si}, {value / size:.6g} {meant}: {hint}"
+def _bare_number(case: Case, path: tuple[str, ...], value: float, si: str, unit: str, size: float) -> str:
+    hint = f"did you mean {value:g} {unit}? Write the unit"
+    return f"{case.place(path)}: {value:g} without a unit is in {si}, {value / size:.6g} {unit}: {hint}"
 
 
 def _numbers(value: object, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], float]]:

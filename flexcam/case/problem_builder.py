@@ -120,8 +120,8 @@ def _residual_start(case: Case, problem: Problem, shapes: FloatArray) -> FloatAr
     """
     if problem.start is None or isinstance(case.record.run.start, GivenStartRecord):
         return None
-    initial, stiff = problem.start.displacement, problem.system.stiffness.multiply(shapes)
-    return initial - shapes @ np.linalg.lstsq(shapes.T @ stiff, stiff.T @ initial)[0]
+    initial, forces = problem.start.displacement, problem.system.stiffness.multiply(shapes)
+    return initial - shapes @ np.linalg.lstsq(shapes.T @ forces, forces.T @ initial)[0]
 
 
 _SAME_ANGLE = 1e-9  # tolerance for equal cam angles, rad: rounding of speed times time

@@ -69,8 +69,8 @@ class Repetition:
             yield name, part
             return
         for copy, offset, phase in self.repeats[mark].copies():
-            moved = _shift(kind, map_texts(part, methodcaller("replace", f"{{{mark}}}", copy)), offset, phase)
-            yield from self._copies(kind, name.replace(f"{{{mark}}}", copy), moved)
+            shifted = _shift(kind, map_texts(part, methodcaller("replace", f"{{{mark}}}", copy)), offset, phase)
+            yield from self._copies(kind, name.replace(f"{{{mark}}}", copy), shifted)
 
     def _expand_lists(self, value: object) -> object:
         """Return a value with the marks in its lists of names expanded."""

@@ -50,7 +50,7 @@ def _capitalize(text: str) -> str:
     return text[:1].upper() + text[1:] if _PLAIN_START.match(text) else text
 
 
-def _end(text: str) -> str:
+def _end_sentence(text: str) -> str:
     return text.rstrip(".") + "." if text[-1] not in "?!" and not text.endswith("...") else text
 
 
@@ -73,7 +73,7 @@ class Fault:
         if allowed:
             actual = "missing" if given == "nothing" else f"got {given}"
             head = f"{where}: {actual}, expected {allowed}. {_capitalize(why)}"
-        text = " ".join(_end(part.strip()) for part in (head, _capitalize(remedy)) if part.strip())
+        text = " ".join(_end_sentence(part.strip()) for part in (head, _capitalize(remedy)) if part.strip())
         return printable(text.replace("\n", "\\n"))
 
     def as_dict(self) -> dict[str, str]:
@@ -152,15 +152,15 @@ def format_value(value: object) -> str:
         return "nothing" if value is None else str(value).lower()
     if isinstance(value, dict):
         pairs = cast("dict[object, object]", value).items()
-        return "{ " + ", ".join(f"{key} = {_inner(item)}" for key, item in pairs) + " }" if pairs else "{}"
+        return "{ " + ", ".join(f"{key} = {_format_inner(item)}" for key, item in pairs) + " }" if pairs else "{}"
     if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(map(_inner, cast("list[object]", value))) + "]"
+        return "[" + ", ".join(map(_format_inner, cast("list[object]", value))) + "]"
     if isinstance(value, (np.ndarray, np.generic)):
         return format_value(cast("Any", value).tolist())
     return str(value) if isinstance(value, (PurePath, date, time)) else repr(value)
 
 
-def _inner(value: object) -> str:
+def _format_inner(value: object) -> str:
     return f'"{value}"' if isinstance(value, str) else format_value(value)
 
 

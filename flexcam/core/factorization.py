@@ -44,9 +44,9 @@ class BandFactor:
             return np.zeros(right.shape)
         scale = self.scale if right.ndim == 1 else self.scale[:, None]
         solution, _ = dpbtrs(self.upper, scale * right[self.order], overwrite_b=True)
-        answer = np.empty(right.shape)
-        answer[self.order] = scale * solution
-        return answer
+        x = np.empty(right.shape)
+        x[self.order] = scale * solution
+        return x
 
 
 def band_factor(scaled: csr_array, scale: FloatArray) -> BandFactor | None:
@@ -149,10 +149,10 @@ def _dense_inverse(scaled: FloatArray, scale: FloatArray) -> _Inverse:
 
 def _null_unknowns(scaled: FloatArray) -> tuple[int, ...]:
     """Return the unknowns with the largest motion in the null vector of the matrix."""
-    return _largest(np.linalg.svd(scaled)[2][-1])
+    return _largest_unknowns(np.linalg.svd(scaled)[2][-1])
 
 
-def _largest(motion: FloatArray) -> tuple[int, ...]:
+def _largest_unknowns(motion: FloatArray) -> tuple[int, ...]:
     size = np.abs(motion)
     return tuple(np.flatnonzero(size > 0.5 * size.max()).tolist())
 
@@ -181,7 +181,7 @@ def _sparse_lu(scaled: csc_array, scale: FloatArray) -> _SparseLU:
         motion = np.random.default_rng(0).standard_normal(len(scale))
         for _ in range(3):
             motion = shifted.solve(motion / np.linalg.norm(motion))
-        raise SingularMatrixError(_largest(motion))
+        raise SingularMatrixError(_largest_unknowns(motion))
     return _SparseLU(lu.solve, scale)
 
 

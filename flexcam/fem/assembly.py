@@ -148,14 +148,14 @@ def _assemble_blocks(beams: Beams, local: Callable[[slice], FloatArray], dofs: D
 
 def to_global(beams: Beams, local: FloatArray) -> FloatArray:
     """Return element matrices, shape (e, 12, 12), transformed from local to global axes, ``T^T k T``."""
-    rows_turned = _rotate_rows(beams, local)
-    return _rotate_rows(beams, rows_turned.swapaxes(1, 2)).swapaxes(1, 2)
+    rotated = _rotate_rows(beams, local)
+    return _rotate_rows(beams, rotated.swapaxes(1, 2)).swapaxes(1, 2)
 
 
 def _rotate_rows(beams: Beams, matrices: FloatArray) -> FloatArray:
     """Return ``T^T m``; each group of three rows is a vector at one end."""
-    back = np.swapaxes(beams.triads, -1, -2)[:, None]
-    return (back @ matrices.reshape(-1, 4, 3, 12)).reshape(-1, 12, 12)
+    R_T = np.swapaxes(beams.triads, -1, -2)[:, None]
+    return (R_T @ matrices.reshape(-1, 4, 3, 12)).reshape(-1, 12, 12)
 
 
 def stiffness(beams: Beams, dofs: DofMap) -> Triplets:

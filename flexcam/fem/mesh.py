@@ -176,8 +176,8 @@ class Mesh:
     @cached_property
     def _linked_parts(self) -> tuple[list[IntArray], list[IntArray]]:
         """Node numbers of the parts that links connect too: all of them, and those with all rotations."""
-        stiff = {name: nodes for name, nodes in self.links.items() if name not in self.joints}
-        return self._connect({**self.bodies, **self.links}), self._connect({**self.bodies, **stiff})
+        rigid = {name: nodes for name, nodes in self.links.items() if name not in self.joints}
+        return self._connect({**self.bodies, **self.links}), self._connect({**self.bodies, **rigid})
 
     def _connect(self, bodies: Mapping[str, IntArray]) -> list[IntArray]:
         pairs = [np.column_stack([nodes[:-1], nodes[1:]]) for nodes in bodies.values()]

@@ -158,8 +158,8 @@ def _interpolate_bending(
     rise = (3.0 * x**2 - 2.0 * x**3 + phi * x) / (1.0 + phi)
     at_start = (x**3 - (2.0 + phi / 2.0) * x**2 + (1.0 + phi / 2.0) * x) / (1.0 + phi)
     at_end = (x**3 - (1.0 - phi / 2.0) * x**2 - phi / 2.0 * x) / (1.0 + phi)
-    deflected = v1 + rise * (v2 - v1) + L * (at_start * r1 + at_end * r2)
+    v = v1 + rise * (v2 - v1) + L * (at_start * r1 + at_end * r2)
     bump = 6.0 * (x - x**2) / (1.0 + phi)
     first = (3.0 * x**2 - (4.0 + phi) * x + 1.0 + phi) / (1.0 + phi)
     second = (3.0 * x**2 - (2.0 - phi) * x) / (1.0 + phi)
-    return deflected, bump * (v2 - v1) / L + first * r1 + second * r2
+    return v, bump * (v2 - v1) / L + first * r1 + second * r2
