@@ -56,11 +56,11 @@ def parse_follower(follower: str, base_radius: str | None = None, *, clockwise: 
     except ValidationError as refusal:
         faults = convert_errors(refusal.errors(include_url=False), raw, KeyLocations({}), _FollowerRecord)
         raise InputError(faults) from None
-    found = record.follower.build(record.base_radius)
-    if found is None:
+    result = record.follower.build(record.base_radius)
+    if result is None:
         allowed, why = "the radius of the base circle", "the lift starts there"
         raise refuse("base_radius", "nothing", allowed, why, "add base_radius")
-    return found, -1 if clockwise else 1
+    return result, -1 if clockwise else 1
 
 
 In = TypeVar("In")
@@ -96,38 +96,38 @@ def build_model(case: Case, similar: tuple[Case, valvetrain.Model] | None = None
     geometry = _Geometry(record, mesh)
     faults: list[Fault] = list(mesh_faults(case.record, case.places, mesh))
 
-    def each(kind: str, table: Mapping[str, In], make: Callable[[In], Out]) -> dict[str, Out]:
-        found: dict[str, Out] = {}
+    def build_all(kind: str, table: Mapping[str, In], make: Callable[[In], Out]) -> dict[str, Out]:
+        result: dict[str, Out] = {}
         for name, part in table.items():
             try:
-                found[name] = make(part)
+                result[name] = make(part)
             except InputError as refusal:
                 where = case.place((kind, name))
-                faults.extend(replace(one, where=f"{where}: {one.where}") for one in refusal.faults)
-        return found
+                faults.extend(replace(fault, where=f"{where}: {fault.where}") for fault in refusal.faults)
+        return result
 
     elastic, films = dict[str, valvetrain.Spring](), dict[str, valvetrain.FilmBearing]()
-    for name, bearing in each("bearings", record.bearings, geometry.bearing).items():
+    for name, bearing in build_all("bearings", record.bearings, geometry.bearing).items():
         if isinstance(bearing, valvetrain.FilmBearing):
             films[name] = bearing
         else:
-            elastic |= {f"bearing {name}, {which} direction": one for which, one in bearing.items()}
-    phasers: dict[str, Phaser | None] = {cam: one.part for one in record.phasers.values() for cam in one.cams}
+            elastic |= {f"bearing {name}, {label} direction": spring for label, spring in bearing.items()}
+    phasers: dict[str, Phaser | None] = {cam: phaser.part for phaser in record.phasers.values() for cam in phaser.cams}
     if similar is not None and similar[0].record.phasers == record.phasers:  # one object for all cams of a shaft
         phasers = {name: cam.phaser for name, cam in similar[1].cams.items()}
     model = valvetrain.Model(
         mesh=mesh,
         members={name: geometry.member(member) for name, member in record.members.items()},
-        superelements=each("superelements", record.superelements, geometry.superelement),
-        rigid_links={name: tuple(one.components) for name, one in record.rigid_links.items()},
+        superelements=build_all("superelements", record.superelements, geometry.superelement),
+        rigid_links={name: tuple(link.components) for name, link in record.rigid_links.items()},
         supports={point: tuple(components) for point, components in record.supports.items()},
-        masses={name: one.part for name, one in record.masses.items()},
-        springs={name: one.part for name, one in record.springs.items()} | elastic,
-        rockers=each("rockers", record.rockers, geometry.rocker),
+        masses={name: mass.part for name, mass in record.masses.items()},
+        springs={name: spring.part for name, spring in record.springs.items()} | elastic,
+        rockers=build_all("rockers", record.rockers, geometry.rocker),
         cams={name: _cam(case, name, phasers.get(name), similar) for name in record.cams},
-        contacts=each("contacts", record.contacts, geometry.contact),
-        friction=each("friction", record.friction, geometry.friction),
-        loads={name: one.part for name, one in record.loads.items()},
+        contacts=build_all("contacts", record.contacts, geometry.contact),
+        friction=build_all("friction", record.friction, geometry.friction),
+        loads={name: load.part for name, load in record.loads.items()},
         gravity=record.run.gravity,
         damping=record.run.damping.part,
         probes=tuple(record.output.probes),
@@ -142,11 +142,11 @@ def build_model(case: Case, similar: tuple[Case, valvetrain.Model] | None = None
 def _cam(case: Case, name: str, phaser: Phaser | None, similar: tuple[Case, valvetrain.Model] | None) -> valvetrain.Cam:
     """Return a cam, that of a similar case if both are equal."""
     if similar is not None:
-        other, model = similar[0].record, similar[1]
-        if other.cams.get(name) == case.record.cams[name] and other.phasers == case.record.phasers:
+        record, model = similar[0].record, similar[1]
+        if record.cams.get(name) == case.record.cams[name] and record.phasers == case.record.phasers:
             return model.cams[name]
-    own = case.record.cams[name].part
-    return replace(own, event=unique_event(own.event), phaser=phaser)
+    cam = case.record.cams[name].part
+    return replace(cam, event=unique_event(cam.event), phaser=phaser)
 
 
 def _mesh(case: Case) -> Mesh:
@@ -156,12 +156,12 @@ def _mesh(case: Case) -> Mesh:
     def numbers(names: Iterable[str]) -> IntArray:
         return np.concatenate([points[name] for name in names])
 
-    bodies = {name: numbers(one.nodes.values()) for name, one in record.superelements.items()}
-    links = {name: numbers((one.start, *one.to)) for name, one in record.rigid_links.items()}
-    joints = frozenset(name for name, one in record.rigid_links.items() if not {*ROTATIONS} <= {*one.components})
+    bodies = {name: numbers(body.nodes.values()) for name, body in record.superelements.items()}
+    links = {name: numbers((link.start, *link.to)) for name, link in record.rigid_links.items()}
+    joints = frozenset(name for name, link in record.rigid_links.items() if not {*ROTATIONS} <= {*link.components})
     try:
         if mesh is None:
-            lines = {name: numbers(one.nodes or []) for name, one in record.members.items()}
+            lines = {name: numbers(member.nodes or []) for name, member in record.members.items()}
             mesh = Mesh(np.array(list(record.nodes.values())), lines, points, bodies, links, joints)
         else:
             mesh = replace(mesh, bodies=bodies, links=links, joints=joints)
@@ -202,18 +202,18 @@ class _Geometry:
             axis = self._tangent(node)
         else:  # the axis of rotation of the cams on its shaft
             shaft = self.mesh.connected_nodes(node, turning=True)
-            own = [name for name, cam in self.case.cams.items() if self.mesh.node(cam.at, "at") in shaft]
-            if not own:
+            cams = [name for name, cam in self.case.cams.items() if self.mesh.node(cam.at, "at") in shaft]
+            if not cams:
                 allowed, why = "a node of a member with a cam", "the cams of a shaft define its rotation"
                 raise refuse("film", f"a film at {self.mesh.node_name(node)!r}", allowed, why, "use stiffness")
-            axis = self._rotation_axis(own[0])
+            axis = self._rotation_axis(cams[0])
         first = _direction_to_follower(default_orientation(axis), axis)
-        across = {"first": _six_components(first), "second": _six_components(np.cross(axis, first))}
+        directions = {"first": _six_components(first), "second": _six_components(np.cross(axis, first))}
         if film is not None:
             size = film.diameter, film.length, film.radial_clearance, film.viscosity
-            return valvetrain.FilmBearing(record.at, np.array(list(across.values())), *size)
+            return valvetrain.FilmBearing(record.at, np.array(list(directions.values())), *size)
         size = record.stiffness or 0.0, record.damping
-        return {which: valvetrain.Spring(record.at, along, *size) for which, along in across.items()}
+        return {label: valvetrain.Spring(record.at, vector, *size) for label, vector in directions.items()}
 
     def rocker(self, record: parts.LumpedRecord | parts.LeverRecord) -> valvetrain.Rocker:
         """Return a rocker with the direction in which it is driven."""
@@ -224,15 +224,15 @@ class _Geometry:
             allowed = f"a named node, or the follower of a cam's contact: {', '.join(known)}"
             hint = suggest_name(record.start, known)
             raise refuse("from", repr(record.start), allowed, "nothing would drive the lever", hint)
-        along = _finger_direction(record) if finger else self._rocker_direction(record)
-        common = record.start, record.to, record.arms, record.inertia, along
+        vector = _finger_direction(record) if finger else self._rocker_direction(record)
+        common = record.start, record.to, record.arms, record.inertia, vector
         if isinstance(record, parts.LumpedRecord):
             return valvetrain.Rocker(*common)
         stiffness = record.drive_stiffness or record.stiffness, record.stiffness
         return valvetrain.Lever(*common, finger, record.angles, stiffness, (record.drive_damping, record.damping))
 
     def _cam_contacts(self) -> list[contacts.CamContactRecord]:
-        return [one for one in self.case.contacts.values() if isinstance(one, contacts.CamContactRecord)]
+        return [contact for contact in self.case.contacts.values() if isinstance(contact, contacts.CamContactRecord)]
 
     def _rocker_direction(self, record: parts.LumpedRecord | parts.LeverRecord) -> FloatArray:
         """Return the direction in which a rocker is driven: given, or along the member, away from the cam."""
@@ -240,32 +240,32 @@ class _Geometry:
             return direction(record.direction)
         start = self.mesh.node(record.start, "from")
         tangent, train = self._tangent(start), self.mesh.connected_nodes(start)
-        own = [one for one in self._cam_contacts() if one.follower in self.mesh.points]
-        against = False
-        for contact in own:
+        cam_contacts = [contact for contact in self._cam_contacts() if contact.follower in self.mesh.points]
+        opposite = False
+        for contact in cam_contacts:
             if self.mesh.node(contact.follower, "follower") in train:
                 with suppress(InputError):  # the fault of the contact
-                    against |= float(self._lift_direction(contact)[:3] @ tangent) < 0.0
-        return _six_components(-tangent if against else tangent)
+                    opposite |= float(self._lift_direction(contact)[:3] @ tangent) < 0.0
+        return _six_components(-tangent if opposite else tangent)
 
     def contact(self, record: contacts.ContactRecord) -> valvetrain.Contact:
         """Return a contact with its directions and default stiffness."""
         match record:
             case contacts.SeatRecord():
-                along = np.zeros(6) if record.direction is None else direction(record.direction)
-                resisting = record.stiffness, record.damping, record.restitution, record.damping_depth
-                return valvetrain.Seat(record.at, along, *resisting)
+                vector = np.zeros(6) if record.direction is None else direction(record.direction)
+                values = record.stiffness, record.damping, record.restitution, record.damping_depth
+                return valvetrain.Seat(record.at, vector, *values)
             case contacts.LashRecord() | contacts.AdjusterRecord():
-                along = None if record.direction is None else direction(record.direction)
+                vector = None if record.direction is None else direction(record.direction)
                 if isinstance(record, contacts.LashRecord):
-                    resisting = self._lash_stiffness(record), record.damping
-                    return valvetrain.Lash(record.at, record.gap, *resisting, record.ends, along, record.damping_depth)
+                    values = self._lash_stiffness(record), record.damping
+                    return valvetrain.Lash(record.at, record.gap, *values, record.ends, vector, record.damping_depth)
                 size = *record.column, record.refill, record.plunger_force
                 chamber = record.oil and record.oil.part
                 if chamber is not None and not chamber.follows_pressure:
                     chamber = None
                 travel = self._plunger_travel(record)
-                return valvetrain.Adjuster(record.at, *size, record.ends, along, chamber, travel)
+                return valvetrain.Adjuster(record.at, *size, record.ends, vector, chamber, travel)
             case _:
                 pass
         between = record.cam, record.follower, self._lift_direction(record), self._rotation_axis(record.cam)
@@ -298,7 +298,7 @@ class _Geometry:
         """Return the names of the inner and the outer spring of a nest."""
         inner, outer = (self.case.springs[name].part for name in names)
         nested = names[0] != names[1] and valvetrain.share_ends(inner, outer) and not inner.turns
-        if not nested or any(one.mass == 0.0 or one.elements == 1 for one in (inner, outer)):
+        if not nested or any(spring.mass == 0.0 or spring.elements == 1 for spring in (inner, outer)):
             why, allowed = "coils rub on those of another spring at the same height", "two springs of a nest"
             remedy = "give both the same at, to and direction along a line, a mass, and two elements or more"
             raise refuse("spring", f"{names[0]!r} inside {names[1]!r}", allowed, why, remedy)
@@ -313,7 +313,7 @@ class _Geometry:
                 remedy = f"add coil_diameter, active_coils and shear_modulus to springs.{name}.wire, or give force"
                 raise refuse(key, f"{name!r} without such coils", allowed, why, remedy)
         inner, outer = (spring.part for spring in springs)
-        diameters = [one.wire.coil_diameter for one in (inner, outer) if one.wire is not None]
+        diameters = [s.wire.coil_diameter for s in (inner, outer) if s.wire is not None]
         if diameters[0] >= diameters[1]:
             given = f"coils of {diameters[0]:.6g} m inside coils of {diameters[1]:.6g} m"
             raise refuse("spring", given, "a spring narrower than that around it", "", "exchange spring and inside")
@@ -322,15 +322,15 @@ class _Geometry:
         if by_diameters < -_SAME_LENGTH or not interference > 0.0:
             given, why = f"a radial clearance of {-by_diameters:.3g} m", "by their diameters the coils do not touch"
             raise refuse("coefficient", given, "coils with interference", why, "correct the diameters, or give force")
-        compliance = sum(1.0 / valvetrain.radial_stiffness(one.part, one.active_coils or 0.0) for one in springs)
+        compliance = sum(1.0 / valvetrain.radial_stiffness(s.part, s.active_coils or 0.0) for s in springs)
         return (record.coefficient or 0.0) * interference / compliance
 
     def _plunger_travel(self, record: contacts.AdjusterRecord) -> valvetrain.PlungerTravel | None:
         """Return the stops of a plunger, which can hold it back but not the part that it pushes."""
         if record.travel is None:
             return None
-        weighed, on_members = {mass.at for mass in self.case.masses.values()}, self.mesh.on_members()
-        nodes = [end for end in record.ends or () if end in weighed and end in self.mesh.points]
+        with_mass, on_members = {mass.at for mass in self.case.masses.values()}, self.mesh.on_members()
+        nodes = [end for end in record.ends or () if end in with_mass and end in self.mesh.points]
         if all(on_members[self.mesh.node(end)] for end in nodes):
             given = f"an adjuster from {' to '.join(record.ends or ())}"
             why = "the retaining ring holds the plunger and not the part that it pushes"
@@ -393,11 +393,11 @@ class _Geometry:
                 given, why = f"nothing, for a cam at {cam.at!r} on no member", "the case has no shaft that defines it"
                 raise refuse("axis", given, "a vector along the axis of rotation", why, "add axis = [1, 0, 0]")
             return np.array(cam.axis) / np.linalg.norm(cam.axis)
-        along = self._tangent(node)
-        side = np.array(cam.axis) if cam.axis is not None else np.sign(along[np.argmax(np.abs(along))]) * along
-        if abs(float(side @ along)) <= 0.5 * float(np.linalg.norm(side)):
+        tangent = self._tangent(node)
+        side = np.array(cam.axis) if cam.axis is not None else np.sign(tangent[np.argmax(np.abs(tangent))]) * tangent
+        if abs(float(side @ tangent)) <= 0.5 * float(np.linalg.norm(side)):
             raise refuse("axis", side.tolist(), "a vector along the shaft", "the cam turns with the shaft")
-        return along if float(side @ along) > 0.0 else -along
+        return tangent if float(side @ tangent) > 0.0 else -tangent
 
     def _tangent(self, node: int) -> FloatArray:
         """Return the unit vector along the member at a node, from the member's first node to its last."""
@@ -419,12 +419,12 @@ def _finger_direction(record: parts.LumpedRecord | parts.LeverRecord) -> FloatAr
 
 def _direction_to_follower(span: FloatArray, axis: FloatArray) -> FloatArray:
     """Return the unit vector from cam to follower, perpendicular to the shaft."""
-    across = span - (span @ axis) * axis
-    length = float(np.linalg.norm(across))
+    normal = span - (span @ axis) * axis
+    length = float(np.linalg.norm(normal))
     if length < 1e-9 * max(float(np.linalg.norm(span)), np.finfo(float).tiny):
         why = "the follower is on the axis of its cam, so that the lift has no direction"
         raise refuse("direction", "nothing", "", why, 'correct the key "at" of the cam, or add direction = "uy"')
-    return across / length
+    return normal / length
 
 
 def _six_components(translation: FloatArray) -> FloatArray:

@@ -139,9 +139,9 @@ def find_unit(record: CaseRecord, path: Sequence[str]) -> str | None:
     Some units depend on other keys of the table: a spring stiffness is N/m along a line and N m/rad about an axis. The
     table is then validated with the number in each possible unit: it accepts only the right one.
     """
-    known = si_unit(tuple(path))
-    if known is not None and not any(unit.axis for units in _units_at(tuple(path)) for unit in units):
-        return known
+    si = si_unit(tuple(path))
+    if si is not None and not any(unit.axis for units in _units_at(tuple(path)) for unit in units):
+        return si
     table, rest = _enclosing_table(record, path)
     # Moments may omit the radian, so rotational stiffness is tried first.
     kinds = sorted(DIMENSIONS.values(), key=lambda kind: path[-1] not in kind.name)
@@ -151,22 +151,22 @@ def find_unit(record: CaseRecord, path: Sequence[str]) -> str | None:
 
 def _enclosing_table(record: BaseModel, path: Sequence[str]) -> tuple[BaseModel, Sequence[str]]:
     """Return the innermost table of a key and the remaining path."""
-    found, value = (record, path), cast("object", record)
+    innermost, value = (record, path), cast("object", record)
     for i, step in enumerate(path):
         if isinstance(value, BaseModel):
-            found = value, path[i:]
+            innermost = value, path[i:]
             names = {field.alias or name: name for name, field in type(value).model_fields.items()}
             value = getattr(value, names.get(step, step), None)
         elif isinstance(value, dict):
             value = cast("dict[str, object]", value).get(step)
-    return found
+    return innermost
 
 
 def _accepts_unit(table: BaseModel, path: Sequence[str], unit: str) -> bool:
     """Return whether a table keeps its values with a number in a given unit."""
     try:
-        given = _set_unit(table.model_dump(mode="json", by_alias=True), path, unit)
-        return type(table).model_validate(given) == table
+        candidate = _set_unit(table.model_dump(mode="json", by_alias=True), path, unit)
+        return type(table).model_validate(candidate) == table
     except (ValidationError, InputError, KeyError, IndexError):
         return False
 
@@ -180,8 +180,8 @@ def _set_unit(value: object, path: Sequence[str], unit: str) -> object:
         row = [*cast("list[object]", value)]
         row[int(step)] = _set_unit(row[int(step)], rest, unit)
         return row
-    named = cast("dict[str, object]", value)
-    return {**named, step: _set_unit(named[step], rest, unit)}
+    table = cast("dict[str, object]", value)
+    return {**table, step: _set_unit(table[step], rest, unit)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -308,8 +308,8 @@ class Case:
 
     def with_stable_method(self) -> Case:
         """Return the same case if its method is stable at any time step, otherwise with the average acceleration."""
-        given = self.record.run.integrator
-        limited = given is not None and given.part.stability_limit() < math.inf
+        integrator = self.record.run.integrator
+        limited = integrator is not None and integrator.part.stability_limit() < math.inf
         return self.with_newmark() if limited else self
 
     def with_newmark(self) -> Case:

@@ -61,7 +61,7 @@ class RawTables:
     def exclusive_key_faults(self) -> Iterator[Fault]:
         """Yield missing tables and keys that exclude each other."""
         yield from _exclusive_keys(self.raw, ("mesh", "nodes"), 1, "case file", "the geometry comes from one place")
-        with_mass = any("mass" in table for _, table in self._each("springs"))
+        with_mass = any("mass" in table for _, table in self._parts("springs"))
         if not with_mass and not {"members", "masses", "superelements"} & set(self.raw):
             allowed = "[members], [masses], [superelements] or a spring with mass"
             why = "a mechanism consists of beams, of masses at points, or of coils"
@@ -75,7 +75,7 @@ class RawTables:
         """Yield coincident nodes, and members that contain a node twice."""
         first: dict[tuple[float, ...], str] = {}
         leaders = {
-            str(node): link.get("from") for _, link in self._each("rigid_links") for node in _as_list(link.get("to"))
+            str(node): link.get("from") for _, link in self._parts("rigid_links") for node in _as_list(link.get("to"))
         }
         for name, place in self._table("nodes").items():
             try:
@@ -87,7 +87,7 @@ class RawTables:
                 remedy = f"use {other!r} instead of {name!r}, move it, or join both by a rigid link"
                 given, why = f"the coordinates of {other!r}", "members are connected only at a shared node"
                 yield self._fault(("nodes", name), given, "other coordinates", why, remedy)
-        for name, table in self._each("members"):
+        for name, table in self._parts("members"):
             nodes = [node for node in _as_list(table.get("nodes")) if isinstance(node, str)]
             for node in dict.fromkeys(node for node in nodes if nodes.count(node) > 1):
                 allowed, why = "a chain that contains each node once", "a closed member has no end to start from"
@@ -100,7 +100,7 @@ class RawTables:
         table = self.raw.get(kind)
         return cast("Table", table) if isinstance(table, Mapping) else {}
 
-    def _each(self, kind: str) -> Iterator[tuple[str, Table]]:
+    def _parts(self, kind: str) -> Iterator[tuple[str, Table]]:
         for name, table in self._table(kind).items():
             if isinstance(table, Mapping):
                 yield name, cast("Table", table)
@@ -117,7 +117,7 @@ class RawTables:
             yield self._fault(path, repr(name), "a point of one node", why, remedy)
 
     def _part_faults(self) -> Iterator[Fault]:
-        for name, table in self._each("contacts"):
+        for name, table in self._parts("contacts"):
             if table.get("model") in ("lash", "lash-adjuster"):
                 rockers = list(self._table("rockers"))
                 yield from self._check_name(("contacts", name, "at"), table.get("at"), rockers, "a rocker")
@@ -126,19 +126,19 @@ class RawTables:
         if self._table("phasers") and value_at(self.raw, ("run", "free_running")) is not None:
             yield self._fault(("phasers",), "a phaser", "no phaser with run.free_running", "the shaft has no drive")
         first: dict[object, str] = {}
-        for name, table in self._each("phasers"):
+        for name, table in self._parts("phasers"):
             for cam in _as_list(table.get("cams")):
                 yield from self._check_name(("phasers", name, "cams"), cam, list(self._table("cams")), "a cam")
                 if first.setdefault(cam, name) != name:
                     given, why = repr(cam), f"phasers.{first[cam]} turns it"
                     yield self._fault(("phasers", name, "cams"), given, "other cams", why)
         for kind, key, target, what in _PART_REFERENCES:
-            for name, table in self._each(kind):
+            for name, table in self._parts(kind):
                 yield from self._check_name((kind, name, key), table.get(key), list(self._table(target)), what)
 
     def _lift_faults(self) -> Iterator[Fault]:
         """Yield missing keys of cams, and keys that conflict with a lift file."""
-        for name, table in self._each("cams"):
+        for name, table in self._parts("cams"):
             if "lift_table" not in table:
                 for key in [key for key in LAW_KEYS if key not in table]:
                     why = "the key is required without a lift_table"
@@ -153,7 +153,7 @@ class RawTables:
     def _member_node_faults(self) -> Iterator[Fault]:
         """Yield members without named nodes, and members and line groups of a mesh without each other."""
         named = list(self._table("nodes"))
-        for name, table in self._each("members"):
+        for name, table in self._parts("members"):
             if self.mesh is not None:
                 yield from self._check_name(("members", name), name, list(self.mesh.lines), "a line group of the mesh")
                 if "nodes" in table:
@@ -172,7 +172,7 @@ class RawTables:
     def _same_end_faults(self) -> Iterator[Fault]:
         """Yield springs and lashes with both ends at one point."""
         for kind, first, last in (("springs", "at", "to"), ("contacts", "from", "to")):
-            for name, table in self._each(kind):
+            for name, table in self._parts(kind):
                 if first in table and table.get(last) == table[first]:
                     why = "between a point and itself it has no effect"
                     yield self._fault((kind, name, last), repr(table[last]), "another point", why)
@@ -181,8 +181,8 @@ class RawTables:
         counts = dict.fromkeys(self._table("nodes"), 1)
         if self.mesh is not None:
             counts = {name: len(index) for name, index in self.mesh.points.items()}
-        outputs = {name: to for name, rocker in self._each("rockers") if isinstance(to := rocker.get("to"), str)}
-        fingers = [str(rocker.get("from")) for _, rocker in self._each("rockers") if _is_finger(rocker, counts)]
+        outputs = {name: to for name, rocker in self._parts("rockers") if isinstance(to := rocker.get("to"), str)}
+        fingers = [str(rocker.get("from")) for _, rocker in self._parts("rockers") if _is_finger(rocker, counts)]
         rocker_points = [*outputs.values(), *fingers]
         with_rockers = {**counts, **dict.fromkeys(rocker_points, 1)}
         for name, to in outputs.items():
@@ -190,25 +190,25 @@ class RawTables:
                 why = "a rocker defines a new point"
                 yield self._fault(("rockers", name, "to"), repr(to), "a new name", why, "choose another name")
         for kind, key, rocker_point_allowed in _POINT_REFERENCES:
-            for name, table in self._each(kind):
+            for name, table in self._parts(kind):
                 of_lash = kind == "contacts" and key == "at" and table.get("model") != "seat"
-                own = next((rocker for rocker, to in outputs.items() if to == table.get(key)), None)
-                if kind == "contacts" and key in ("to", "follower") and own is not None:
-                    remedy = f"write at = {own!r} for a lash or an adjuster there"
+                owner = next((rocker for rocker, to in outputs.items() if to == table.get(key)), None)
+                if kind == "contacts" and key in ("to", "follower") and owner is not None:
+                    remedy = f"write at = {owner!r} for a lash or an adjuster there"
                     remedy = "name the node that the cam moves" if key == "follower" else remedy
-                    why = f"it is the output point of rocker {own!r}"
+                    why = f"it is the output point of rocker {owner!r}"
                     yield self._fault((kind, name, key), repr(table.get(key)), "a node", why, remedy)
                 elif not of_lash and not (kind == "rockers" and _is_finger(table, counts)):
                     allowed = with_rockers if rocker_point_allowed else counts
                     yield from self._check_point((kind, name, key), table.get(key), allowed)
-        for name, table in self._each("superelements"):
+        for name, table in self._parts("superelements"):
             nodes = list(cast("Table", table["nodes"]).values()) if isinstance(table.get("nodes"), Mapping) else []
             for point in nodes:
                 yield from self._check_point(("superelements", name, "nodes"), point, counts)
             if len({*map(str, nodes)}) < len(nodes):
                 given, why = ", ".join(map(str, nodes)), "each interface node is another node of the case"
                 yield self._fault(("superelements", name, "nodes"), given, "different nodes", why)
-        for name, table in self._each("rigid_links"):
+        for name, table in self._parts("rigid_links"):
             yield from self._check_point(("rigid_links", name, "from"), table.get("from"), counts)
             for point in _as_list(table.get("to")):
                 yield from self._check_point(("rigid_links", name, "to"), point, counts)
@@ -220,10 +220,10 @@ class RawTables:
 
 
 def _exclusive_keys(table: Table, pair: tuple[str, str], minimum: int, where: str, why: str) -> Iterator[Fault]:
-    given = [key for key in pair if key in table]
-    if not minimum <= len(given) <= 1:
-        found = " and ".join(given) or f"neither {pair[0]} nor {pair[1]}"
-        yield Fault(where, found, f"either {pair[0]} or {pair[1]}", why if given else "one of them is required", "")
+    keys = [key for key in pair if key in table]
+    if not minimum <= len(keys) <= 1:
+        given = " and ".join(keys) or f"neither {pair[0]} nor {pair[1]}"
+        yield Fault(where, given, f"either {pair[0]} or {pair[1]}", why if keys else "one of them is required", "")
 
 
 def _as_list(value: object) -> list[object]:
@@ -265,10 +265,10 @@ def _shared_point_faults(record: CaseRecord, places: KeyLocations, mesh: Mesh) -
     for name, rocker in record.rockers.items():
         if isinstance(rocker, LeverRecord):
             users.append(("rockers", name, "from", rocker.start, "two levers cannot share a driven end"))
-    for table, name, key, owned, why in users:
-        other = owners.setdefault((table, key, owned), name)
+    for table, name, key, shared, why in users:
+        other = owners.setdefault((table, key, shared), name)
         if other != name:
-            given = repr(owned) if isinstance(owned, str) else "the same train"
+            given = repr(shared) if isinstance(shared, str) else "the same train"
             yield Fault(places.place((table, name, key)), f"{given}, as {table}.{other}", "another one", why, "")
 
 
@@ -280,8 +280,8 @@ def _link_faults(record: CaseRecord, places: KeyLocations) -> Iterator[Fault]:
     for name, link in record.rigid_links.items():
         for node in link.to:
             why = users.get(node, "")
-            if held := [one for one in record.supports.get(node, ()) if one in link.components and not why]:
-                why = f"supports.{node} holds {' '.join(held)}"
+            if fixed := [c for c in record.supports.get(node, ()) if c in link.components and not why]:
+                why = f"supports.{node} holds {' '.join(fixed)}"
             if why:
                 allowed, remedy = f"a node that only follows {link.start!r}", "choose another leading node"
                 yield Fault(places.place(("rigid_links", name, "to")), repr(node), allowed, why, remedy)
@@ -313,12 +313,12 @@ def _unsymmetric_shaft_faults(places: KeyLocations, model: Model) -> Iterator[Fa
         pairs = [(section.Iy, section.Iz, "Iy = {:.4g} m^4 and Iz = {:.4g} m^4") for section in ends]
         if member.shear:
             pairs += [(section.kappa_y, section.kappa_z, "kappa_y = {:.4g} and kappa_z = {:.4g}") for section in ends]
-        given = [text.format(a, b) for a, b, text in pairs if abs(a - b) > _ROUNDNESS_TOLERANCE * max(a, b)]
-        if given:
+        differences = [text.format(a, b) for a, b, text in pairs if abs(a - b) > _ROUNDNESS_TOLERANCE * max(a, b)]
+        if differences:
             why = f"it turns with cam {cam!r}, and flexcam models no stiffness that varies with the rotation"
             allowed = f"a section that is as stiff along y as along z, within {100.0 * _ROUNDNESS_TOLERANCE:g} %"
             remedy = "use a circle, a tube, or a custom section with the mean of both"
-            yield Fault(places.place(("members", name, "section")), "; ".join(given), allowed, why, remedy)
+            yield Fault(places.place(("members", name, "section")), "; ".join(differences), allowed, why, remedy)
 
 
 def _rotation_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
@@ -329,7 +329,7 @@ def _rotation_faults(places: KeyLocations, model: Model) -> Iterator[Fault]:
         shaft = int(model.mesh.connected_nodes(model.mesh.node(model.cams[name].at), turning=True)[0])
         other = first.setdefault(shaft, name)
         if float(axis @ axes[other]) < 0.0:
-            shown, against = (f"[{', '.join(f'{x:g}' for x in (one + 0.0).tolist())}]" for one in (axis, axes[other]))
+            shown, against = (f"[{', '.join(f'{x:g}' for x in (v + 0.0).tolist())}]" for v in (axis, axes[other]))
             given = f"{shown}, against cam {other!r} about {against}"
             where, why = places.place(("cams", name, "axis")), f"{name!r} and {other!r} are on one shaft"
             yield Fault(where, given, "one sense of rotation", why, "change the sign of one axis")
@@ -345,8 +345,8 @@ def _undriven_rocker_faults(places: KeyLocations, model: Model) -> Iterator[Faul
         if rocker.finger:
             continue
         node = model.mesh.node(rocker.start)
-        fixed = {c for point, held in model.supports.items() if node in model.mesh.points[point] for c in held}
-        if not np.delete(rocker.direction, [component(one) for one in fixed]).any():
+        fixed = {c for point, dofs in model.supports.items() if node in model.mesh.points[point] for c in dofs}
+        if not np.delete(rocker.direction, [component(c) for c in fixed]).any():
             given, why = f"{rocker.start!r}, fixed along the rocker's direction", "nothing could drive the rocker"
             allowed, remedy = "a node that can move along it", "give the direction in which the node moves, or free it"
             yield Fault(places.place(("rockers", name, "from")), given, allowed, why, remedy)

@@ -71,12 +71,12 @@ class LoadDefinition:
             raise refuse("area", f"{area:g} m^2", "no area", "a pressure acts as a force", "give a moment, or a force")
         if self.over_time and phase is not None:
             raise refuse("phase", f"{phase:g} rad", "no phase", "a table over time has no cam angle")
-        wanted, where = unit if area is None else "Pa", f"column {self.name!r} of its table"
+        target, where = unit if area is None else "Pa", f"column {self.name!r} of its table"
         try:
-            factor = conversion_factor(self.unit, wanted, where)
+            factor = conversion_factor(self.unit, target, where)
         except InputError:
             given = f"{self.name} [{self.unit}]" if self.unit else f"{self.name}, without a unit"
-            allowed, why = unit_of(wanted), ""
+            allowed, why = unit_of(target), ""
             if area:
                 allowed, why = "a unit of pressure such as bar", "the load has an area"
             remedy = "check that this is the right file and column"
@@ -84,7 +84,7 @@ class LoadDefinition:
                 remedy = "leave area out to apply a force" if area else "give the load an area to apply a pressure"
             raise refuse(where, given, allowed, why, remedy) from None
         repeats = not self.over_time if repeat is None else repeat
-        period = self._period(where, asked=repeat is not None) if repeats else None
+        period = self._period(where, explicit=repeat is not None) if repeats else None
         at, size = self.at + (phase or 0.0), self.values * factor * (area or 1.0)
         if period is not None and at[-1] - at[0] > period * (1.0 - _SAME_PLACE):
             if abs(size[-1] - size[0]) > _SAME_END * np.abs(size).max():
@@ -94,7 +94,7 @@ class LoadDefinition:
             at, size = at[:-1], size[:-1]
         return LoadTable(at, size, self.over_time, period)
 
-    def _period(self, where: str, *, asked: bool) -> float:
+    def _period(self, where: str, *, explicit: bool) -> float:
         """Return the period: a revolution of the camshaft, or the length in time.
 
         Unless the repetition is given, a table over an angle that ends early, such as one of an open valve, is refused.
@@ -102,14 +102,14 @@ class LoadDefinition:
         length = float(self.at[-1] - self.at[0])
         if self.over_time:
             return length
-        shown, period = f"{math.degrees(length):g}", 2.0 * math.pi
+        degrees, period = f"{math.degrees(length):g}", 2.0 * math.pi
         if length > period * (1.0 + _SAME_PLACE):
-            why, given = "the table repeats with each revolution of the camshaft", f"{shown} deg of cam angle"
+            why, given = "the table repeats with each revolution of the camshaft", f"{degrees} deg of cam angle"
             raise refuse(where, given, "up to 360 deg", why, "give one revolution, or repeat = false")
-        if not asked and period - length > max(_MAX_GAP * period, float(np.diff(self.at).max())):
+        if not explicit and period - length > max(_MAX_GAP * period, float(np.diff(self.at).max())):
             why, remedy = "a straight line would join the last row to the first", "add rows, or repeat = true"
             allowed = "a whole revolution of the camshaft"
-            raise refuse(where, f"{shown} of 360 deg of cam angle", allowed, why, remedy)
+            raise refuse(where, f"{degrees} of 360 deg of cam angle", allowed, why, remedy)
         return period
 
 
@@ -187,8 +187,8 @@ class _FromFile:
     properties: Callable[[], dict[str, Any]]  #: JSON schemas of the keys of its table, which requires the first one
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
-        written = core_schema.plain_serializer_function_ser_schema(lambda made: made.given)
-        return core_schema.with_info_plain_validator_function(self.validate, serialization=written)
+        serializer = core_schema.plain_serializer_function_ser_schema(lambda definition: definition.given)
+        return core_schema.with_info_plain_validator_function(self.validate, serialization=serializer)
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         keys = self.properties()
@@ -212,11 +212,11 @@ def read_force_table(value: object, info: ValidationInfo) -> object:
     if not isinstance(value, str):
         return value
     try:
-        found = _Files.of(info).read(value, "table", lambda path, text: read_columns(path, "table", text))
-        known, units = {name.lower(): column for name, column in found.items()}, {"travel": "m", "force": "N"}
+        columns = _Files.of(info).read(value, "table", lambda path, text: read_columns(path, "table", text))
+        known, units = {name.lower(): column for name, column in columns.items()}, {"travel": "m", "force": "N"}
         if missing := [name for name in units if name not in known]:
             given, allowed = f"{Path(value).name}, without {' and '.join(missing)}", "a table with the columns"
-            raise refuse("table", given, f"{allowed} travel and force", f"it has {', '.join(found)}")
+            raise refuse("table", given, f"{allowed} travel and force", f"it has {', '.join(columns)}")
         scaled = [known[name][1] * conversion_factor(known[name][0], units[name], f"column {name!r}") for name in units]
     except InputError as refusal:
         fault = refusal.faults[0]
@@ -274,7 +274,7 @@ def _make_law(name: str, parameters: Table) -> Law:
 
 def _is_numeric(value: object) -> bool:
     if isinstance(value, (list, tuple)):
-        return all(_is_numeric(one) for one in cast("list[object]", value))
+        return all(_is_numeric(item) for item in cast("list[object]", value))
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
@@ -301,13 +301,13 @@ def _validate(record: type[BaseModel], table: object, what: str, example: str) -
             known = re.findall(r"'([^']*)'", str(error.get("ctx", {})["expected"]))
             near = suggest_name(str(error["input"]), known)
             raise refuse(key, format_value(error["input"]), ", ".join(map(repr, known)), "", near) from None
-        own = record.model_fields.get(key.partition(".")[0])
+        info = record.model_fields.get(key.partition(".")[0])
         why = f"{describe_type_error(error)} is needed there"
         if error["type"] == "extra_forbidden":
             why = "there is no such key"
-        elif own is not None and own.annotation == tuple[tuple[int, float], ...]:
+        elif info is not None and info.annotation == tuple[tuple[int, float], ...]:
             why = "it is a list of pairs, a whole number and a number each: [[1, 0.9], [3, 0.1]]"
-        hint = suggest_name(key, record.model_fields) if own is None else ""
+        hint = suggest_name(key, record.model_fields) if info is None else ""
         raise refuse(key, format_value(error["input"]), allowed, why, hint) from None
     return {key: getattr(checked, key) for key in record.model_fields}
 
@@ -352,8 +352,8 @@ def _read_toml_table(path: Path, name: str, text: str | None, make: Callable[[Ta
 def _parse_lift_value(value: object, files: _Files) -> LiftDefinition:
     record = _file(_LiftFile, value, "lift_table")
     if Path(record.file).suffix == ".toml":
-        if beside := [key for key in ("angle", "unit", "tolerance", "column") if getattr(record, key) is not None]:
-            raise refuse(beside[0], str(getattr(record, beside[0])), "no such key", "files of harmonics are in m")
+        if extra := [key for key in ("angle", "unit", "tolerance", "column") if getattr(record, key) is not None]:
+            raise refuse(extra[0], str(getattr(record, extra[0])), "no such key", "files of harmonics are in m")
         event = files.read(record.file, "lift_table", read_harmonic_lift)
         return LiftDefinition(cast("str | dict[str, Any]", value), event, None)
     columns = files.read(
@@ -365,11 +365,11 @@ def _parse_lift_value(value: object, files: _Files) -> LiftDefinition:
         event, report = lift_table(columns.angle, columns.lift, tolerance=record.tolerance)
     except InputError as refusal:
         fault = refusal.faults[0]
-        also = [f"also {_place_with_line(one.where, columns.lines)}: {one.given}" for one in refusal.faults[1:]]
-        why = "; ".join(part for part in (fault.why, *also) if part)
+        notes = [f"also {_place_with_line(other.where, columns.lines)}: {other.given}" for other in refusal.faults[1:]]
+        why = "; ".join(part for part in (fault.why, *notes) if part)
         where = f"{Path(record.file).name}: {_place_with_line(fault.where, columns.lines)}"
         raise refuse(where, fault.given, fault.allowed, why, fault.remedy) from None
-    remarks = tuple(_place_with_line(f"{Path(record.file).name}, {one}", columns.lines) for one in report.remarks)
+    remarks = tuple(_place_with_line(f"{Path(record.file).name}, {remark}", columns.lines) for remark in report.remarks)
     return LiftDefinition(cast("str | dict[str, Any]", value), event, replace(report, remarks=remarks))
 
 
@@ -401,7 +401,7 @@ def _parse_matrix_value(value: object, files: _Files) -> MatrixDefinition:
 
 def _place_with_line(where: str, lines: Sequence[int]) -> str:
     """Return a position in a table with the line of the file in place of the row."""
-    return re.sub(r"\brow (\d+)", lambda found: f"line {lines[int(found[1]) - 1]}", where)
+    return re.sub(r"\brow (\d+)", lambda match: f"line {lines[int(match[1]) - 1]}", where)
 
 
 def read_harmonic_lift(path: Path, text: str | None = None) -> HarmonicLift:

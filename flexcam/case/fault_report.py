@@ -69,8 +69,8 @@ def sort_faults(faults: Iterable[Fault]) -> list[Fault]:
     """Return faults sorted by line; faults without a line come last."""
 
     def line(fault: Fault) -> float:
-        found = re.search(r" \(line (\d+)\)", fault.where)
-        return int(found[1]) if found else math.inf
+        match = re.search(r" \(line (\d+)\)", fault.where)
+        return int(match[1]) if match else math.inf
 
     return sorted(faults, key=line)
 
@@ -100,12 +100,12 @@ def parse_toml(text: str) -> dict[str, Any]:
     except RecursionError:
         raise ValueError(_TOO_DEEP) from None
     except tomllib.TOMLDecodeError as fault:
-        message = _TUPLE.sub(lambda found: ".".join(re.findall(r"'([^']*)'", found[0])), str(fault))
+        message = _TUPLE.sub(lambda match: ".".join(re.findall(r"'([^']*)'", match[0])), str(fault))
         raise tomllib.TOMLDecodeError(message) from None
     level: list[object] = [tables]
     for _ in range(_MAX_DEPTH):
-        rows = [cast("dict[str, object]", one).values() for one in level if isinstance(one, dict)]
-        rows += [cast("list[object]", one) for one in level if isinstance(one, list)]
+        rows = [cast("dict[str, object]", item).values() for item in level if isinstance(item, dict)]
+        rows += [cast("list[object]", item) for item in level if isinstance(item, list)]
         level = [inner for row in rows for inner in row]
         if not level:
             return tables
@@ -132,9 +132,9 @@ def correct_keys(
         path = _path(error, raw)
         holder = value_at(tables, path[:-1])
         if error["type"] == "extra_forbidden" and isinstance(holder, dict):
-            table, meant = cast("dict[str, Any]", holder), _meant_key(path, root)
-            if meant and meant not in table:
-                table[meant] = table.pop(path[-1])
+            table, key = cast("dict[str, Any]", holder), _meant_key(path, root)
+            if key and key not in table:
+                table[key] = table.pop(path[-1])
                 misspelt.append(error)
     return tables, misspelt
 
@@ -143,7 +143,7 @@ def convert_errors(
     errors: Iterable[ErrorDetails], raw: Mapping[str, Any], places: KeyLocations, root: type[BaseModel]
 ) -> list[Fault]:
     """Return pydantic's errors on some tables as faults, one per key path."""
-    found: dict[tuple[str, str], Fault] = {}
+    faults: dict[tuple[str, str], Fault] = {}
     located = [(_path(error, raw), error) for error in errors]
     missing = Counter(path for path, error in located if error["type"] == "missing")
     tables = {path[:depth] for path, _ in located for depth in range(len(path))}
@@ -156,10 +156,10 @@ def convert_errors(
             continue  # a table in the place of a number: only the faults of the table are reported
         fault = _fault(error, path, places, root)
         key = fault.where, fault.given
-        first = found.setdefault(key, fault)
+        first = faults.setdefault(key, fault)
         if fault.allowed not in first.allowed:  # the value matches neither of two allowed types
-            found[key] = replace(first, allowed=f"{first.allowed}, or {fault.allowed}", why=first.why or fault.why)
-    return list(found.values())
+            faults[key] = replace(first, allowed=f"{first.allowed}, or {fault.allowed}", why=first.why or fault.why)
+    return list(faults.values())
 
 
 def _path(error: ErrorDetails, raw: Mapping[str, Any]) -> Path:
@@ -204,11 +204,11 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
         case "missing" if path[-1].isdigit():  # an element of a row
             return Fault(places.place(path[:-1]), given, f"{int(path[-1]) + 1} values", "", "")
         case "too_long" | "too_short":
-            least, most = context.get("min_length"), context.get("max_length")
-            return Fault(where, given, f"{most} values" if most else f"{least} or more values", "", "")
+            minimum, maximum = context.get("min_length"), context.get("max_length")
+            return Fault(where, given, f"{maximum} values" if maximum else f"{minimum} or more values", "", "")
         case "model_type" | "model_attributes_type" | "dict_type":
-            own = len(path) > 1 and records_at(path, root) != records_at(path[:-1], root)  # no table of named parts
-            known = dict(fields_at(path, root)) if own else {}
+            keyed = len(path) > 1 and records_at(path, root) != records_at(path[:-1], root)  # no table of named parts
+            known = dict(fields_at(path, root)) if keyed else {}
             allowed = f"a table with keys among {', '.join(known)}" if known else "a table"
             return Fault(where, given, allowed, "", "write it as { key = value } or under a [header]")
         case "missing":
@@ -227,11 +227,11 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
                     remedy = f"did you mean {usual!r}?"
                 allowed = f"{variants} with this key" if "=" in variants else "this key only in another table"
                 return Fault(where, f"key {path[-1]!r}", allowed, "", remedy)
-            table = f"did you mean the table [{path[-1]}s]?" if f"{path[-1]}s" in root.model_fields else "remove it"
+            fallback = f"did you mean the table [{path[-1]}s]?" if f"{path[-1]}s" in root.model_fields else "remove it"
             if path[-1] == "radius" and "diameter" in known:
-                table = "give the diameter, twice the radius"
+                fallback = "give the diameter, twice the radius"
             meant = _meant_key(path, root)
-            hint = f"did you mean {meant!r}?" if meant else table
+            hint = f"did you mean {meant!r}?" if meant else fallback
             return Fault(where, f"key {path[-1]!r}", ", ".join(known), "there is no such key", hint)
         case "literal_error" | "union_tag_invalid":
             allowed = str(context.get("expected") or context.get("expected_tags"))
@@ -253,9 +253,9 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
                 return Fault(where, given, "a point of the case", why, f"write {point!r}")
             mark = re.search(r"\{([^{}]*)\}", path[-1] if path else "")
             return Fault(where, given, NAMES, f"there is no [repeat.{mark[1]}]" if mark else "", "")
-        case "list_type" | "tuple_type" if said := _describe_field(path, root, error["loc"]):
-            allowed, _, why = said.partition("; ")
-            allowed = allowed if "in brackets" in said else f"{describe_type_error(error)}: {allowed}"
+        case "list_type" | "tuple_type" if description := _describe_field(path, root, error["loc"]):
+            allowed, _, why = description.partition("; ")
+            allowed = allowed if "in brackets" in description else f"{describe_type_error(error)}: {allowed}"
             return Fault(where, given, allowed, why, "")
         case _:
             return Fault(where, given, describe_type_error(error), "", "")
@@ -274,18 +274,18 @@ def _locate_fault(
     first = next((i for i, step in enumerate(steps) if step in known), None)
     if first is None:
         return f"{places.place(path)}: {inside}", given
-    found = value_at(value, steps[first:])
+    inner = value_at(value, steps[first:])
     place = places.place((*path, *steps[first:]))
-    if found is None or (given and hasattr(found, "keys")):  # the fault concerns several keys of the table
+    if inner is None or (given and hasattr(inner, "keys")):  # the fault concerns several keys of the table
         return place, given
-    return place, _shorten(found, allowed)
+    return place, _shorten(inner, allowed)
 
 
 def _variants_with(path: Path, root: type[BaseModel], value: str = "") -> str:
     """Return the variants of a table that have a key, or a word as its value, such as ``model = 'unilateral'``."""
     records = records_at(path[:-1], root)
     tags, names = ("model", "type", "shape", "method"), list[str]()
-    tag = next((key for key in tags if all(key in one.model_fields for one in records)), "")
+    tag = next((key for key in tags if all(key in r.model_fields for r in records)), "")
     for record in records if tag else ():
         for key, info in record.model_fields.items():
             words = [word for part in get_args(info.annotation) for word in get_args(part)]
@@ -304,10 +304,10 @@ def _shorten(value: object, words: Sequence[str] = ()) -> str:
     """Return a value as text; of a table, the keys among the words of a message if there are any."""
     text = format_value(value)
     if isinstance(value, dict):
-        table = {key: format_value(one) for key, one in cast("dict[str, object]", value).items()}
+        table = {key: format_value(item) for key, item in cast("dict[str, object]", value).items()}
         named = {key: table[key] for key in words if key in table}
         if named:
-            return ", ".join(f"{key} = {one}" if len(one) <= 40 else key for key, one in named.items())
+            return ", ".join(f"{key} = {entry}" if len(entry) <= 40 else key for key, entry in named.items())
         if len(text) > 60:
             return f"the keys {', '.join(table)}"
     return text if len(text) <= 60 else text[:57] + "..."
@@ -322,14 +322,14 @@ def _describe_field(path: Path, root: type[BaseModel], steps: tuple[int | str, .
                 kinds, parts = [unit.description for unit in units[:1]], get_args(key.annotation)
                 if kinds and get_origin(key.annotation) is tuple and Ellipsis not in parts:
                     kinds = [f"{len(parts)} values in brackets, each {kinds[0]}"]
-                said = key.description or ""
-                if re.match("(of|from|above|about|before|at) ", said):  # what follows the name of the key in the manual
-                    said = f"{path[-1].replace('_', ' ')} {said}"
-                return ": ".join(filter(None, (*kinds, said)))
+                text = key.description or ""
+                if re.match("(of|from|above|about|before|at) ", text):  # what follows the name of the key in the manual
+                    text = f"{path[-1].replace('_', ' ')} {text}"
+                return ": ".join(filter(None, (*kinds, text)))
     return ""
 
 
 def _own_records(path: Path, root: type[BaseModel], steps: tuple[int | str, ...]) -> list[type[BaseModel]]:
     """Return the variants of the table of a key that the steps name."""
-    found = records_at(path[:-1], root)
-    return [r for r in found if any(x in steps for key in r.model_fields.values() for x in get_args(key.annotation))]
+    records = records_at(path[:-1], root)
+    return [r for r in records if any(x in steps for key in r.model_fields.values() for x in get_args(key.annotation))]

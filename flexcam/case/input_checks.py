@@ -122,31 +122,31 @@ TYPICAL_RANGES = (
 def check_values(case: Case) -> list[str]:
     """Return warnings about implausible values of a case, and about keys and parts without effect."""
     tables = resolve_record(case.record)
-    found = [warning for usual in TYPICAL_RANGES for warning in _range_warnings(case, tables, usual)]
+    warnings = [warning for usual in TYPICAL_RANGES for warning in _range_warnings(case, tables, usual)]
     checks = (
         _bare_number_warnings, _section_warnings, _fidelity_warnings, _lift_table_warnings, _unused_part_warnings,
         _support_warnings, _nest_warnings, _slenderness_warnings,
     )  # fmt: skip
-    found += [warning for check in checks for warning in check(case)]
-    return list(dict.fromkeys(f"Warning: {warning}" for warning in found))
+    warnings += [warning for check in checks for warning in check(case)]
+    return list(dict.fromkeys(f"Warning: {warning}" for warning in warnings))
 
 
 def _range_warnings(case: Case, tables: Mapping[str, Any], usual: TypicalRange) -> Iterator[str]:
     """Yield the values outside a typical range, one per key."""
     if usual.turns is not None:
         kind = usual.keys.split(".")[0]
-        own = {name: not direction(one.get("direction", "uy"))[:3].any() for name, one in tables[kind].items()}
-        tables = {kind: {name: one for name, one in tables[kind].items() if own[name] == usual.turns}}
+        rotary = {name: not direction(table.get("direction", "uy"))[:3].any() for name, table in tables[kind].items()}
+        tables = {kind: {name: table for name, table in tables[kind].items() if rotary[name] == usual.turns}}
     keys = usual.keys.split()
     for path, value in (pair for key in keys for pair in _matching_values(tables, tuple(key.split(".")), ())):
-        several = cast("list[object]", value) if isinstance(value, list) else [value]
-        numbers = [abs(float(x)) for x in several if isinstance(x, int | float) and not isinstance(x, bool)]
+        items = cast("list[object]", value) if isinstance(value, list) else [value]
+        numbers = [abs(float(x)) for x in items if isinstance(x, int | float) and not isinstance(x, bool)]
         outside = [x for x in numbers if (x or usual.zero) and not usual.least <= x <= usual.most]
         if outside:
             unit, x = si_unit(path) or usual.si, outside[0]
             bounds = (f"{usual.least:g} to " if usual.least else "up to ") + f"{usual.most:g} {unit}".rstrip()
-            given, written = f"{x:g} {unit}".rstrip(), value_at(case_tables(case), path)
-            text = cast("list[object]", written)[numbers.index(x)] if isinstance(written, list) else written
+            given, raw = f"{x:g} {unit}".rstrip(), value_at(case_tables(case), path)
+            text = cast("list[object]", raw)[numbers.index(x)] if isinstance(raw, list) else raw
             if isinstance(text, str) and (number := re.match(r"[-+]?([\d.]+([eE][-+]?\d+)?)", text)):
                 x = float(number[1])
                 given = text if text.lstrip("+-") == given else f"{text} ({given})"
@@ -167,7 +167,7 @@ def _matching_values(
         yield from _matching_values(rows, steps, path)
     elif isinstance(table, dict):
         inner = cast("dict[str, Any]", table)
-        for name in inner if steps[0] == "*" else [one for one in inner if one == steps[0]]:
+        for name in inner if steps[0] == "*" else [key for key in inner if key == steps[0]]:
             yield from _matching_values(inner[name], steps[1:], (*path, name))
 
 
@@ -178,27 +178,27 @@ _IMPLAUSIBLE_ANGLE = 2.0 * math.pi  # angle, rad, above which a bare number is u
 def _bare_number_warnings(case: Case) -> Iterator[str]:
     """Yield speeds and angles without unit that were probably meant in rpm and deg."""
     run = case_tables(case)["run"]
-    for key, most in (("speed", _MAX_SPEED), ("crank_speed", 2.0 * _MAX_SPEED)):  # above it is unusual in any unit
+    for key, maximum in (("speed", _MAX_SPEED), ("crank_speed", 2.0 * _MAX_SPEED)):  # above it is unusual in any unit
         speed = run.get(key)
-        if isinstance(speed, int | float) and _IMPLAUSIBLE_SPEED <= speed <= most and speed == round(speed):
+        if isinstance(speed, int | float) and _IMPLAUSIBLE_SPEED <= speed <= maximum and speed == round(speed):
             yield _bare_number(case, ("run", key), speed, "rad/s", "rpm", RPM)
     for path, value in (pair for tables in (template_tables(case), case_tables(case)) for pair in _numbers(tables, ())):
         if abs(value) > _IMPLAUSIBLE_ANGLE and si_unit(path) == "rad":
             yield _bare_number(case, path, value, "rad", "deg", math.radians(1.0))
 
 
-def _bare_number(case: Case, path: tuple[str, ...], value: float, si: str, meant: str, size: float) -> str:
-    hint = f"did you mean {value:g} {meant}? Write the unit"
-    return f"{case.place(path)}: {value:g} without a unit is in {si}, {value / size:.6g} {meant}: {hint}"
+def _bare_number(case: Case, path: tuple[str, ...], value: float, si: str, unit: str, size: float) -> str:
+    hint = f"did you mean {value:g} {unit}? Write the unit"
+    return f"{case.place(path)}: {value:g} without a unit is in {si}, {value / size:.6g} {unit}: {hint}"
 
 
 def _numbers(value: object, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], float]]:
     """Yield path and value of the numbers of nested tables and lists."""
     if isinstance(value, list):
-        value = {str(i): one for i, one in enumerate(cast("list[object]", value))}
+        value = {str(i): item for i, item in enumerate(cast("list[object]", value))}
     if isinstance(value, dict):
-        for name, one in cast("dict[str, object]", value).items():
-            yield from _numbers(one, (*path, name))
+        for name, item in cast("dict[str, object]", value).items():
+            yield from _numbers(item, (*path, name))
     elif isinstance(value, int | float):
         yield path, float(value)
 
@@ -225,18 +225,18 @@ def _lift_table_warnings(case: Case) -> Iterator[str]:
     """Yield outliers of lift tables, and changes by smoothing that are larger than their scatter."""
     for name, cam in case.record.cams.items():
         if cam.lift_table is not None and cam.lift_table.report is not None:
-            yield from (f"{case.place(('cams', name, 'lift_table'))}: {said}" for said in cam.lift_table.report.remarks)
+            yield from (f"{case.place(('cams', name, 'lift_table'))}: {text}" for text in cam.lift_table.report.remarks)
 
 
 def _fidelity_warnings(case: Case) -> Iterator[str]:
     """Yield keys of a model that is not run."""
-    asked = case.record.fidelity
-    if "masses" in asked.model_fields_set and asked.model != "chain":
-        yield f"{case.place(('fidelity', 'masses'))}: it counts the masses of a chain, and the model is {asked.model}"
-    if asked.modes is not None and asked.tolerances:
+    record = case.record.fidelity
+    if "masses" in record.model_fields_set and record.model != "chain":
+        yield f"{case.place(('fidelity', 'masses'))}: it counts the masses of a chain, and the model is {record.model}"
+    if record.modes is not None and record.tolerances:
         yield f"{case.place(('fidelity', 'modes'))}: it has no effect, because fidelity.tolerance chooses the model"
     for name, member in case.record.members.items():
-        if asked.model == "rigid" and member.temperature:
+        if record.model == "rigid" and member.temperature:
             where = case.place(("members", name, "temperature"))
             yield f"{where}: it has no effect, because rigid members do not expand"
 
@@ -263,17 +263,17 @@ def _support_warnings(case: Case) -> Iterator[str]:
         for node, component in product(_nodes(case, point), components)
     }
     for name, spring in case.record.springs.items():
-        along = spring.direction.lstrip("+-") if isinstance(spring.direction, str) else ""
+        component = spring.direction.lstrip("+-") if isinstance(spring.direction, str) else ""
         nodes = _nodes(case, spring.at)
-        if spring.to is None and along and nodes and all((node, along) in fixed for node in nodes):
+        if spring.to is None and component and nodes and all((node, component) in fixed for node in nodes):
             place = case.place(("springs", name))
-            yield f"{place}: a support fixes {along} of {spring.at!r}, so that the spring acts on nothing"
+            yield f"{place}: a support fixes {component} of {spring.at!r}, so that the spring acts on nothing"
 
 
 def _nest_warnings(case: Case) -> Iterator[str]:
     """Yield springs whose coils overlap those of a spring around them, without friction between both."""
-    nests = {(one.spring, one.inside) for one in case.record.friction.values()}
-    springs = {name: one.part for name, one in case.record.springs.items() if one.part.wire is not None}
+    nests = {(friction.spring, friction.inside) for friction in case.record.friction.values()}
+    springs = {name: spring.part for name, spring in case.record.springs.items() if spring.part.wire is not None}
     for (name, inner), (around, outer) in permutations(springs.items(), 2):
         same = share_ends(inner, outer)
         narrower = inner.wire and outer.wire and inner.wire.coil_diameter < outer.wire.coil_diameter
@@ -303,14 +303,14 @@ def _slenderness_warnings(case: Case) -> Iterator[str]:
             points = case.mesh.nodes[case.mesh.lines[name]]
         length, size = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()), 2.0 * section.at(0.5).radius
         ends = [section.at(share) for share in (0.0, 1.0)]
-        change = max(max(pair) / min(pair) for pair in zip(*((one.Iy, one.Iz) for one in ends), strict=True))
+        change = max(max(pair) / min(pair) for pair in zip(*((end.Iy, end.Iz) for end in ends), strict=True))
         count = member.elements * (len(points) - 1)
         per_element = change ** (1.0 / count)
         if per_element > _SECTION_CHANGE:
-            wanted = math.ceil(math.log(change) / math.log(_SECTION_CHANGE) / (len(points) - 1))
+            elements = math.ceil(math.log(change) / math.log(_SECTION_CHANGE) / (len(points) - 1))
             share = f"{100.0 * (per_element - 1.0):.3g} %"
             why = f"its second moment changes by {share} per element, which has one section"
-            yield f"{place}: {why}; use elements = {wanted}"
+            yield f"{place}: {why}; use elements = {elements}"
         if not _MIN_SLENDERNESS <= length / size <= _MAX_SLENDERNESS:
             sizes = f"{length:g} m long and {size:g} m thick, {length / size:.2g} to one"
             yield f"{place}: {sizes}: do lengths and sections have the same unit?"
@@ -346,8 +346,8 @@ _IMPACT_LIFT = 1e-3  # lift relative to its maximum from which a start causes an
 
 def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
     """Yield warnings about contacts on the base circle at the start: open cam contacts and seats, closed lashes."""
-    contacts = {name: one for name, one in model.contacts.items() if isinstance(one, CamContact) and one.unilateral}
-    seats = [name for name, one in model.contacts.items() if isinstance(one, Seat)]
+    contacts = {name: c for name, c in model.contacts.items() if isinstance(c, CamContact) and c.unilateral}
+    seats = [name for name, contact in model.contacts.items() if isinstance(contact, Seat)]
     lashes = [] if seats else _cam_lashes(model)
     if not (contacts or seats or lashes) or problem.system.is_kinematic or problem.system.size > _MAX_DOFS:
         return
@@ -397,7 +397,7 @@ def _cam_lashes(model: Model) -> list[str]:
     opposed = {model.cam_contacts[contact].cam for contact in opposed_contacts(model)}  # their lash is the lift
     if not any(lash for name, lash in largest_lashes(model).items() if name not in opposed):
         return []
-    return [name for name, one in model.contacts.items() if isinstance(one, Lash) and not one.turns]
+    return [name for name, contact in model.contacts.items() if isinstance(contact, Lash) and not contact.turns]
 
 
 def check_overshoot(problem: Problem, scheme: Method) -> Iterator[str]:
@@ -412,9 +412,9 @@ def check_overshoot(problem: Problem, scheme: Method) -> Iterator[str]:
         first = solve(replace(problem, steps=1, engine="direct", adaptive=None), scheme, save=SaveAt(field_every=1))
     except RunFailedError:
         return  # the run reports it
-    beyond = scheme.overshoot * problem.step**2 * np.abs(first.fields.acceleration[0])
-    if float(beyond.max()) > _OVERSHOOT_TOLERANCE * scale:
-        size, name = f"{100.0 * float(beyond.max()) / scale:.3g} %", system.names[int(np.argmax(beyond))]
+    overshoot = scheme.overshoot * problem.step**2 * np.abs(first.fields.acceleration[0])
+    if float(overshoot.max()) > _OVERSHOOT_TOLERANCE * scale:
+        size, name = f"{100.0 * float(overshoot.max()) / scale:.3g} %", system.names[int(np.argmax(overshoot))]
         what = f"the first step overshoots at {name} by {size} of the largest motion of the start"
         yield f"Warning: {what}: the step does not resolve its damping; use newmark, bathe or smaller steps"
 
@@ -505,11 +505,11 @@ def _check_pulling_contacts(model: Model) -> Iterator[str]:
 
 def check_coil_bind(model: Model, speed: float) -> list[str]:
     """Return warnings about springs that the rigid train compresses to solid length."""
-    said, why = list[str](), "reaches coil bind before full lift: full lift needs"
-    for name, beyond in touching_coils(model, speed).items():
+    warnings, why = list[str](), "reaches coil bind before full lift: full lift needs"
+    for name, excess in touching_coils(model, speed).items():
         key = "travel; give its coils more turns or pitch" if model.springs[name].coils else "clash_travel"
-        said.append(f"Warning: spring {name!r} {why} {1e3 * beyond:.3g} mm more {key}")
-    return said
+        warnings.append(f"Warning: spring {name!r} {why} {1e3 * excess:.3g} mm more {key}")
+    return warnings
 
 
 # Crank angle of lift above a tenth of its maximum from which cam angles of a valve may be crank angles, rad.
@@ -518,26 +518,26 @@ _MAX_OPENING = math.radians(400.0)
 
 def _check_valve_angles(model: Model) -> Iterator[str]:
     """Yield warnings about cams that hold a valve open for so long that their angles may be crank angles."""
-    driven = [driving_contact(model, seat.at) for seat in model.contacts.values() if isinstance(seat, Seat)]
+    drivers = [driving_contact(model, seat.at) for seat in model.contacts.values() if isinstance(seat, Seat)]
     opposed = opposed_contacts(model)
-    for name in dict.fromkeys(model.cam_contacts[one].cam for one in driven if one and one not in opposed):
+    for name in dict.fromkeys(model.cam_contacts[driver].cam for driver in drivers if driver and driver not in opposed):
         event = model.cams[name].event
-        opened = valve_event(event, 0.1 * event.height)
-        if opened and opened.duration > _MAX_OPENING:
-            span = f"{math.degrees(opened.duration):.4g} deg of the crank"
+        opening = valve_event(event, 0.1 * event.height)
+        if opening and opening.duration > _MAX_OPENING:
+            span = f"{math.degrees(opening.duration):.4g} deg of the crank"
             why = "did you give crank angles? Angles of a cam are those of the camshaft, half as large"
             yield f"Warning: cams.{name}: it holds its valve open for {span}: {why}"
 
 
 def _check_loose_masses(model: Model) -> Iterator[str]:
     """Yield warnings about masses between lashes that no spring or other part holds."""
-    others = {name: part for name, part in model.contacts.items() if not isinstance(part, Lash)}
-    held = set(_connection_points(replace(model, supports={}, contacts=others)))
+    contacts = {name: part for name, part in model.contacts.items() if not isinstance(part, Lash)}
+    points = set(_connection_points(replace(model, supports={}, contacts=contacts)))
     for name, mass in model.masses.items():
-        lashes = {lash: one for lash, one in model.contacts.items() if isinstance(one, Lash)}
-        own = [lash for lash, one in lashes.items() if one.ends and mass.at in one.ends]
-        if len(own) > 1 and mass.at not in held and len(connected_nodes(model, model.mesh.node(mass.at))) == 1:
-            what = f"only the lashes {' and '.join(own)} touch it, and it moves freely while they are open"
+        lashes = {lash: contact for lash, contact in model.contacts.items() if isinstance(contact, Lash)}
+        touching = [lash for lash, contact in lashes.items() if contact.ends and mass.at in contact.ends]
+        if len(touching) > 1 and mass.at not in points and len(connected_nodes(model, model.mesh.node(mass.at))) == 1:
+            what = f"only the lashes {' and '.join(touching)} touch it, and it moves freely while they are open"
             yield f"Warning: masses.{name}: {what}; hold it with a soft spring"
 
 
@@ -557,6 +557,6 @@ def _check_lash(model: Model) -> Iterator[str]:
 
 def _check_drives(model: Model) -> Iterator[str]:
     """Yield warnings about camshafts whose rotation is free: no support, spring or lash ties it to the drive."""
-    for cams, along in undriven_shafts(build_structure(model)):
-        remedy = f"add {along} to the support of its drive end, or a spring about its axis"
+    for cams, component in undriven_shafts(build_structure(model)):
+        remedy = f"add {component} to the support of its drive end, or a spring about its axis"
         yield f"Warning: cams.{', cams.'.join(cams)}: nothing drives the shaft, and contact forces turn it; {remedy}"

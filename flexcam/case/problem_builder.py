@@ -54,8 +54,8 @@ def revolution_time(case: Case, drive: Drive) -> float:
 
 def integration_method(case: Case, problem: Problem) -> Method:
     """Return the integrator of a case, by default the one that suits its problem."""
-    given = case.record.run.integrator
-    return default_method(problem) if given is None else given.part
+    integrator = case.record.run.integrator
+    return default_method(problem) if integrator is None else integrator.part
 
 
 # arguments of a chain, and the keys of a case that set them
@@ -71,7 +71,7 @@ def build_equations(case: Case, model: Model, kind: str) -> tuple[Model, System,
     try:
         chain = build_chain(model, case.speed, MASS_CHAINS[kind] or case.record.fidelity.masses)
     except InputError as refusal:
-        raise InputError(replace(one, where=_CHAIN_KEYS.get(one.where, one.where)) for one in refusal.faults) from None
+        raise InputError(replace(f, where=_CHAIN_KEYS.get(f.where, f.where)) for f in refusal.faults) from None
     return model, without_compression(system, chain.unfelt), chain
 
 
@@ -81,9 +81,9 @@ def locate_run_faults(case: Case, refusal: InputError) -> InputError:
     if run.step is None:
         count = run.steps_per_revolution or f"{DEFAULT_STEPS_PER_REVOLUTION} by default"
         faults = [
-            replace(one, where="run.steps_per_revolution", given=f"{count}, which is a step of {one.given}",
-                    allowed=f"steps of {one.allowed}") if one.where == "run.step" else one
-            for one in faults
+            replace(fault, where="run.steps_per_revolution", given=f"{count}, which is a step of {fault.given}",
+                    allowed=f"steps of {fault.allowed}") if fault.where == "run.step" else fault
+            for fault in faults
         ]  # fmt: skip
     return InputError(map(case.places.locate, faults))
 
@@ -120,8 +120,8 @@ def _residual_start(case: Case, problem: Problem, shapes: FloatArray) -> FloatAr
     """
     if problem.start is None or isinstance(case.record.run.start, GivenStartRecord):
         return None
-    begun, stiff = problem.start.displacement, problem.system.stiffness.multiply(shapes)
-    return begun - shapes @ np.linalg.lstsq(shapes.T @ stiff, stiff.T @ begun)[0]
+    initial, forces = problem.start.displacement, problem.system.stiffness.multiply(shapes)
+    return initial - shapes @ np.linalg.lstsq(shapes.T @ forces, forces.T @ initial)[0]
 
 
 _SAME_ANGLE = 1e-9  # tolerance for equal cam angles, rad: rounding of speed times time
@@ -182,16 +182,16 @@ def steps_per_revolution(case: Case, problem: Problem) -> int:
 def excitation_without_period(case: Case) -> dict[str, str]:
     """Return the excitations that do not repeat with a revolution of the camshaft: what is given, by key."""
     speed = case.record.run.fluctuation
-    broken = [order for order in speed.orders if order % 1.0] if speed else []
-    found = {"run.fluctuation.orders": f"order {broken[0]:g}"} if broken else {}
-    found |= {f"phasers.{name}": "a shaft that turns against its drive" for name in case.record.phasers}
+    fractional = [order for order in speed.orders if order % 1.0] if speed else []
+    excitations = {"run.fluctuation.orders": f"order {fractional[0]:g}"} if fractional else {}
+    excitations |= {f"phasers.{name}": "a shaft that turns against its drive" for name in case.record.phasers}
     for name, spring in case.record.springs.items():
         if spring.pulsation is not None and spring.pulsation.order % 1.0:
-            found[f"springs.{name}.pulsation.order"] = f"order {spring.pulsation.order:g}"
+            excitations[f"springs.{name}.pulsation.order"] = f"order {spring.pulsation.order:g}"
     for name, load in case.record.loads.items():
         if load.table is not None and (load.table.over_time or load.repeat is False):
-            found[f"loads.{name}.table"] = "a load over time or without repetition"
-    return found
+            excitations[f"loads.{name}.table"] = "a load over time or without repetition"
+    return excitations
 
 
 def _given_state(case: Case, system: System, start: GivenStartRecord) -> State:
@@ -235,5 +235,5 @@ def _last_state(case: Case, model: Model, system: System, name: str) -> tuple[St
     inner, states = response.inner, sum(force.states for force in system.local_forces)
     if len(inner) != states:
         raise refuse(where, name, "a result of the same contacts", f"it has {len(inner)} of {states} internal states")
-    moved, moving, pushed = fields.displacement[-1], fields.velocity[-1], fields.acceleration[-1]
-    return State(moved, moving, time, inner if states else None, acceleration=pushed), angle
+    u, v, a = fields.displacement[-1], fields.velocity[-1], fields.acceleration[-1]
+    return State(u, v, time, inner if states else None, acceleration=a), angle

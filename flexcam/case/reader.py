@@ -93,9 +93,9 @@ def _toml_text(value: object, where: str) -> str:
         value = cast("object", value.tolist())
     if isinstance(value, Mapping):
         table = cast("Mapping[str, object]", value)
-        return f"{{ {', '.join(f'{json.dumps(key)} = {_toml_text(one, where)}' for key, one in table.items())} }}"
+        return f"{{ {', '.join(f'{json.dumps(key)} = {_toml_text(item, where)}' for key, item in table.items())} }}"
     if isinstance(value, list | tuple):
-        return f"[{', '.join(_toml_text(one, where) for one in cast('Sequence[object]', value))}]"
+        return f"[{', '.join(_toml_text(item, where) for item in cast('Sequence[object]', value))}]"
     if isinstance(value, str | PurePath):
         return json.dumps(str(value), ensure_ascii=False)
     if not isinstance(value, int | float) or not math.isfinite(value):
@@ -107,16 +107,16 @@ def replace_values(case: Case, values: Mapping[str, object]) -> Case:
     """Return a case with other values by table and key; changes of its record by `Case.with_run` remain."""
     file = CaseFile.of(case)
     changes = dict(_changed_values(file.complete(case.overrides)[0], values, ""))
-    before, after = (_read_with_values(file, case.overrides, one) for one in ({}, changes))
-    given = set(changes)
-    given |= {f"run.{other}" for path in changes for other in REPLACED_KEYS.get(path.removeprefix("run."), ())}
+    before, after = (_read_with_values(file, case.overrides, changed) for changed in ({}, changes))
+    keys = set(changes)
+    keys |= {f"run.{other}" for path in changes for other in REPLACED_KEYS.get(path.removeprefix("run."), ())}
 
-    def kept(name: str) -> dict[str, object]:
-        read = getattr(before.record, name)
-        own = ((key, value) for key, value in getattr(case.record, name) if f"{name}.{key}" not in given)
-        return {key: value for key, value in own if value != getattr(read, key)}
+    def edits(name: str) -> dict[str, object]:
+        record = getattr(before.record, name)
+        items = ((key, value) for key, value in getattr(case.record, name) if f"{name}.{key}" not in keys)
+        return {key: value for key, value in items if value != getattr(record, key)}
 
-    return replace(after.with_run(kept("run")).with_fidelity(kept("fidelity")), result_name=case.result_name)
+    return replace(after.with_run(edits("run")).with_fidelity(edits("fidelity")), result_name=case.result_name)
 
 
 def _changed_values(
@@ -124,9 +124,9 @@ def _changed_values(
 ) -> Iterator[tuple[str, object]]:
     """Yield the dotted key and the value of each change; a table that the case has changes key by key."""
     for key, value in values.items():
-        own = tables.get(key)
-        if isinstance(own, Mapping) and isinstance(value, Mapping):
-            inner = cast("Mapping[str, object]", own), cast("Mapping[str, object]", value)
+        table = tables.get(key)
+        if isinstance(table, Mapping) and isinstance(value, Mapping):
+            inner = cast("Mapping[str, object]", table), cast("Mapping[str, object]", value)
             yield from _changed_values(*inner, f"{path}{key}.")
         else:
             yield f"{path}{key}", value
@@ -138,24 +138,24 @@ def case_from_result(result: Result) -> Case:
     source, text = Path(about["case_file"]), about["case"]
     file = CaseFile(source, text, files=json.loads(about.get("files", "{}")))
     case = file.read(json.loads(about["overrides"]), mesh=result.mesh)
-    named = ((case.record.nodes, result.mesh.points), (case.record.members, result.mesh.lines))
-    if lacking := [name for names, found in named for name in names if name not in found]:
-        raise refuse("result", f"a mesh without {', '.join(lacking)}", "the mesh of its case", "", "compute it again")
-    members = {name: one.model_copy(update={"elements": 1}) for name, one in case.record.members.items()}
+    pairs = ((case.record.nodes, result.mesh.points), (case.record.members, result.mesh.lines))
+    if missing := [name for names, known in pairs for name in names if name not in known]:
+        raise refuse("result", f"a mesh without {', '.join(missing)}", "the mesh of its case", "", "compute it again")
+    members = {name: member.model_copy(update={"elements": 1}) for name, member in case.record.members.items()}
     return replace(case, record=case.record.model_copy(update={"members": members}), mesh=result.mesh)
 
 
 def _with_spring_parts(case: Case) -> Case:
     """Return a case with the springs that have mass divided into parts, unless the case gives the number of parts."""
     springs = case.record.springs
-    heavy = {name: one for name, one in springs.items() if one.part.mass and "elements" not in one.model_fields_set}
+    heavy = {name: s for name, s in springs.items() if s.part.mass and "elements" not in s.model_fields_set}
     if not heavy:
         return case
     lifts = [cam.part.event for cam in case.record.cams.values()]
-    counts = {name: count_spring_parts(one.part, lifts, case.speed) for name, one in heavy.items()}
+    counts = {name: count_spring_parts(s.part, lifts, case.speed) for name, s in heavy.items()}
     divided = {
-        name: one.model_copy(update={"elements": math.ceil(counts[name] / len(one.coils or [0]))})
-        for name, one in heavy.items()
+        name: s.model_copy(update={"elements": math.ceil(counts[name] / len(s.coils or [0]))})
+        for name, s in heavy.items()
     }
     return replace(case, record=case.record.model_copy(update={"springs": springs | divided}))
 
@@ -177,7 +177,7 @@ class CaseFile:
             return cls(source, read_text(source))
         except FileNotFoundError:
             below = next(source.parent.glob(f"*/{source.stem}.toml"), None)
-            near = suggest_name(source.name, [other.name for other in source.parent.glob("*.toml")])
+            near = suggest_name(source.name, [file.name for file in source.parent.glob("*.toml")])
             near = near or (f"did you mean {str(below)!r}?" if below else "")
             raise refuse("case file", str(source), "", f"{source} does not exist", near) from None
         except OSError as fault:
@@ -201,11 +201,11 @@ class CaseFile:
         try:
             return parse_toml(self.text)
         except ValueError as fault:
-            if twice := re.match(r"Cannot (?:overwrite|declare).*line (\d+)", str(fault)):
-                line = self.text.split("\n")[int(twice[1]) - 1].strip()
+            if match := re.match(r"Cannot (?:overwrite|declare).*line (\d+)", str(fault)):
+                line = self.text.split("\n")[int(match[1]) - 1].strip()
                 table, key = line.partition("#")[0].strip(), repr(line.partition("=")[0].strip())
                 name, given = (table, table) if line.startswith("[") else (key, f"key {key}")
-                where, why = f"{self.path}, line {twice[1]}", f"{name} is given twice"
+                where, why = f"{self.path}, line {match[1]}", f"{name} is given twice"
                 raise refuse(where, given, "every key and table only once", why, "delete one of the two") from None
             if self.path.suffix != ".toml":
                 why = f"it is not a TOML document: {fault}"
@@ -215,32 +215,32 @@ class CaseFile:
 
     def read(self, overrides: Sequence[str] = (), *, mesh: Mesh | None = None) -> Case:
         """Return the checked case with overrides."""
-        raw, places, found = self.complete(overrides)
+        raw, places, file_faults = self.complete(overrides)
         if mesh is None or "mesh" not in raw:
             mesh, mesh_faults = self._mesh(raw, places)
-            found += mesh_faults
-        case, faults, others = self._check(raw, mesh, places, overrides)
-        if case is None or found or faults or others:
+            file_faults += mesh_faults
+        case, faults, cross_faults = self._check(raw, mesh, places, overrides)
+        if case is None or file_faults or faults or cross_faults:
             raise self.complete_refusal(InputError(()), overrides)
         return _with_spring_parts(case)
 
     def complete_refusal(self, refusal: InputError, overrides: Sequence[str] = ()) -> InputError:
         """Return an error with the faults of all other parts added: faulty ones are left out until none is found."""
-        raw, places, first = self.complete(overrides)
+        raw, places, file_faults = self.complete(overrides)
         tables = self._correct_keys(raw)
         mesh, mesh_faults = self._mesh(tables, places)
-        _, faults, others = self._check(raw, mesh, places)
-        found = dict.fromkeys([*refusal.faults, *first, *mesh_faults, *faults, *others])
+        _, part_faults, cross_faults = self._check(raw, mesh, places)
+        faults = dict.fromkeys([*refusal.faults, *file_faults, *mesh_faults, *part_faults, *cross_faults])
         valid = ValidParts(tables, mesh)
         valid.leave_out(self._mesh(tables, KeyLocations({}))[1])
-        while len(found) <= _MAX_FAULTS and "repeat" not in raw:
-            case, faults, others = self._check(valid.tables(), mesh, KeyLocations({}))
-            if case is not None and not others:
-                faults = _case_faults(case, valid)
-            found |= dict.fromkeys(places.locate(fault) for fault in faults if not valid.follows(fault))
-            if not valid.leave_out([*faults, *others]):
+        while len(faults) <= _MAX_FAULTS and "repeat" not in raw:
+            case, part_faults, cross_faults = self._check(valid.tables(), mesh, KeyLocations({}))
+            if case is not None and not cross_faults:
+                part_faults = _case_faults(case, valid)
+            faults |= dict.fromkeys(places.locate(fault) for fault in part_faults if not valid.follows(fault))
+            if not valid.leave_out([*part_faults, *cross_faults]):
                 break
-        return InputError(sort_faults(dict.fromkeys(_name_unknown_part(fault, found, raw, places) for fault in found)))
+        return InputError(sort_faults(dict.fromkeys(_name_unknown_part(f, faults, raw, places) for f in faults)))
 
     def _correct_keys(self, raw: Mapping[str, Any]) -> dict[str, Any]:
         """Return tables in which keys that are meant replace misspelt ones."""
@@ -253,18 +253,18 @@ class CaseFile:
         """Return the case of some tables, the faults of their values, and those of their references."""
         record, faults = _record(CaseRecord, raw, places, self.path, self.files)
         tables = RawTables(raw if record else self._correct_keys(raw), mesh, places)
-        others = [*tables.exclusive_key_faults()]
+        cross_faults = [*tables.exclusive_key_faults()]
         if "repeat" not in raw:  # otherwise names and places of the copies are unknown
-            others += [*tables.reference_faults(), *tables.coincident_node_faults()]
+            cross_faults += [*tables.reference_faults(), *tables.coincident_node_faults()]
         if record is None:
-            return None, faults, others
+            return None, faults, cross_faults
         case = Case(self.path, self.text, tuple(overrides), record, mesh, places, self.files, replace_values)
-        return case, faults, others
+        return case, faults, cross_faults
 
     def templates(self, overrides: Sequence[str]) -> tuple[list[str], dict[str, Any], KeyLocations, list[Fault]]:
         """Return the overrides of templates, the tables with them but without copies, the sources and the faults."""
         tables, places = deepcopy(dict(self.raw)), KeyLocations.of_text(self.text)
-        first = [one for one in overrides if one.startswith("repeat.") or "{" in one.partition("=")[0]]
+        first = [entry for entry in overrides if entry.startswith("repeat.") or "{" in entry.partition("=")[0]]
         return first, tables, *_apply_overrides(tables, places, first)
 
     def complete(self, overrides: Sequence[str]) -> tuple[dict[str, Any], KeyLocations, list[Fault]]:
@@ -272,17 +272,17 @@ class CaseFile:
 
         If `repeat` is faulty, it remains in the tables, with one copy of each part for the checks of its values.
         """
-        first, tables, places, found = self.templates(overrides)
-        given = tables.get("repeat", {})
-        record, faults = _record(RepeatFileRecord, {"repeat": given}, places, self.path)
-        marks = [mark.strip("{}") for mark in cast("dict[str, Any]", given)] if isinstance(given, dict) else []
+        first, tables, places, first_faults = self.templates(overrides)
+        repeat = tables.get("repeat", {})
+        record, faults = _record(RepeatFileRecord, {"repeat": repeat}, places, self.path)
+        marks = [mark.strip("{}") for mark in cast("dict[str, Any]", repeat)] if isinstance(repeat, dict) else []
         repeats = record.repeat if record else dict.fromkeys(marks, RepeatRecord.model_validate({"names": ["1"]}))
-        faulty: dict[str, Any] = {} if record else {"repeat": given}
+        faulty: dict[str, Any] = {} if record else {"repeat": repeat}
         copies = Repetition.of(tables, repeats)
         places = replace(places, templates=copies.templates)
-        later = [one for one in overrides if one not in first and not faulty]
-        places, more = _apply_overrides(copies.tables, places, later)
-        return copies.tables | faulty, places, [*found, *faults, *copies.faults(places), *more]
+        later = [entry for entry in overrides if entry not in first and not faulty]
+        places, later_faults = _apply_overrides(copies.tables, places, later)
+        return copies.tables | faulty, places, [*first_faults, *faults, *copies.faults(places), *later_faults]
 
     @property
     def sweep(self) -> SweepRecord | None:
@@ -290,9 +290,9 @@ class CaseFile:
         if "sweep" not in self.raw:
             return None
         places = KeyLocations.of_text(self.text)
-        record, found = _record(SweepFileRecord, {"sweep": self.raw["sweep"]}, places, self.path)
+        record, faults = _record(SweepFileRecord, {"sweep": self.raw["sweep"]}, places, self.path)
         if record is None:
-            raise InputError(found)
+            raise InputError(faults)
         return record.sweep
 
     def _mesh(self, raw: Mapping[str, Any], places: KeyLocations) -> tuple[Mesh | None, list[Fault]]:
@@ -316,12 +316,12 @@ def _name_unknown_part(fault: Fault, faults: Iterable[Fault], raw: Mapping[str, 
     new = fault.given == "nothing" and places.notes.get(part, "").startswith("new table")
     if not new or records_at(part, CaseRecord) != records_at(part[:1], CaseRecord):  # an optional table is no part
         return fault
-    others = ", ".join(name for name in raw[part[0]] if name != part[1])
+    allowed = ", ".join(name for name in raw[part[0]] if name != part[1])
     name = ".".join(part)
-    missing = [one.where.partition(" (")[0] for one in faults if one.given == "nothing"]
+    missing = [f.where.partition(" (")[0] for f in faults if f.given == "nothing"]
     missing = [key for key in dict.fromkeys(missing) if key.startswith(f"{name}.")]
     remedy = f"to create it, set at least {', '.join(missing)} as well"
-    return Fault(places.place(part), repr(part[1]), others, f"the case has no {name}", remedy)
+    return Fault(places.place(part), repr(part[1]), allowed, f"the case has no {name}", remedy)
 
 
 # tables whose values decide whether a rigid train can move
@@ -337,10 +337,10 @@ def _case_faults(case: Case, valid: ValidParts) -> Sequence[Fault]:
         if len(model.mesh.nodes) > _MAX_NODES:
             return ()
         if not valid.connected:  # published loads and Rayleigh damping need a whole train
-            loads = {name: one for name, one in model.contacts.items() if isinstance(one, PublishedLoad)}
+            loads = {name: load for name, load in model.contacts.items() if isinstance(load, PublishedLoad)}
             contacts = {
-                name: CamContact(one.cam, one.follower, one.direction, one.shaft_axis, 1e6, unilateral=False)
-                for name, one in loads.items()
+                name: CamContact(load.cam, load.follower, load.direction, load.shaft_axis, 1e6, unilateral=False)
+                for name, load in loads.items()
             }
             model = replace(model, contacts={**model.contacts, **contacts}, damping=Damping())
         possible = valid.connected and (kind != "rigid" or valid.keeps(_RIGID))
@@ -381,24 +381,24 @@ def complete_case_tables(case: Case) -> dict[str, Any]:
 
 
 def _add_defaults(
-    given: Mapping[str, Any], defaults: Mapping[str, Any], path: tuple[str, ...], record: CaseRecord
+    tables: Mapping[str, Any], defaults: Mapping[str, Any], path: tuple[str, ...], record: CaseRecord
 ) -> dict[str, Any]:
-    found = dict(given)
+    result = dict(tables)
     for key, value in defaults.items():
-        own: object = found.get(key, {})
+        current: object = result.get(key, {})
         inner = (*path, key)
-        if isinstance(value, dict) and isinstance(own, dict) and not (key == "law" and own):
-            table = _add_defaults(cast("dict[str, Any]", own), cast("dict[str, Any]", value), inner, record)
-            found |= {key: table} if table else {}
-        elif key not in found:
+        if isinstance(value, dict) and isinstance(current, dict) and not (key == "law" and current):
+            table = _add_defaults(cast("dict[str, Any]", current), cast("dict[str, Any]", value), inner, record)
+            result |= {key: table} if table else {}
+        elif key not in result:
             unit = si_unit(inner) and find_unit(record, inner)
-            found[key] = _with_unit(cast("object", value), unit)
-    return {key: found[key] for key in dict.fromkeys([*defaults, *given]) if key in found}
+            result[key] = _with_unit(cast("object", value), unit)
+    return {key: result[key] for key in dict.fromkeys([*defaults, *tables]) if key in result}
 
 
 def _with_unit(value: object, unit: str | None) -> object:
     if isinstance(value, list):
-        return [_with_unit(one, unit) for one in cast("list[object]", value)]
+        return [_with_unit(item, unit) for item in cast("list[object]", value)]
     return f"{value!r} {unit}" if isinstance(value, float) and unit else value
 
 
@@ -436,17 +436,17 @@ def has_mechanism(path: Path) -> bool:
 def read_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamsRecord:
     """Read and check a file that contains only cams."""
     file = CaseFile.open(path)
-    raw, places, found = file.complete(overrides)
+    raw, places, faults = file.complete(overrides)
     record, record_faults = _record(CamsRecord, raw, places, file.path)
-    found += [*record_faults, *RawTables(raw, None, places).reference_faults()]
-    if found or record is None:
-        raise InputError(found)
+    faults += [*record_faults, *RawTables(raw, None, places).reference_faults()]
+    if faults or record is None:
+        raise InputError(faults)
     return record
 
 
 _EXCLUSIVE = (("speed", "crank_speed"), ("steps_per_revolution", "step"), ("phase", "centreline", "timing"))
 # Keys of `[run]` and of cams, and the keys they replace.
-REPLACED_KEYS = {key: [one for one in keys if one != key] for keys in _EXCLUSIVE for key in keys}
+REPLACED_KEYS = {key: [other for other in keys if other != key] for keys in _EXCLUSIVE for key in keys}
 _OPTIONAL_TABLES = {"adaptive", "damping", "fluctuation", "free_running", "integrator"}  # optional nested tables
 
 
@@ -503,9 +503,9 @@ def _apply_override(raw: dict[str, Any], path: KeyPath, override: str) -> Fault 
             cast("dict[str, Any]", target).setdefault(step, {})
         target = cast("Any", target)[key]
         if not isinstance(target, dict | list):
-            whole = ".".join(path[: depth + 1])
+            prefix = ".".join(path[: depth + 1])
             given, allowed = f"key {path[depth + 1]!r}", f"no key inside {step!r}"
-            return Fault(where, given, allowed, "it holds one value, no table", f"write --set {whole}=...")
+            return Fault(where, given, allowed, "it holds one value, no table", f"write --set {prefix}=...")
     return None
 
 

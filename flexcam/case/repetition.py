@@ -44,16 +44,16 @@ class Repetition:
     def of(cls, raw: Mapping[str, Any], repeats: Mapping[str, RepeatRecord]) -> Repetition:
         """Return the tables of a case with all copies of its parts."""
         tables = {name: table for name, table in raw.items() if name != "repeat"}
-        found = cls(tables, repeats)
+        repetition = cls(tables, repeats)
         for kind, table in tables.items():
             if isinstance(table, dict):
                 tables[kind] = dict[str, Any]()
                 for name, part in cast("dict[str, Any]", table).items():
-                    for copied, value in found._copies(kind, name, part):
-                        tables[kind][copied] = found._expand_lists(value)
-                        if copied != name:
-                            found.templates[kind, copied] = (kind, name)
-        return found
+                    for new_name, value in repetition._copies(kind, name, part):
+                        tables[kind][new_name] = repetition._expand_lists(value)
+                        if new_name != name:
+                            repetition.templates[kind, new_name] = (kind, name)
+        return repetition
 
     def faults(self, places: KeyLocations) -> Iterator[Fault]:
         """Yield the marks that no part has in its name."""
@@ -69,38 +69,38 @@ class Repetition:
             yield name, part
             return
         for copy, offset, phase in self.repeats[mark].copies():
-            moved = _shift(kind, map_texts(part, methodcaller("replace", f"{{{mark}}}", copy)), offset, phase)
-            yield from self._copies(kind, name.replace(f"{{{mark}}}", copy), moved)
+            shifted = _shift(kind, map_texts(part, methodcaller("replace", f"{{{mark}}}", copy)), offset, phase)
+            yield from self._copies(kind, name.replace(f"{{{mark}}}", copy), shifted)
 
     def _expand_lists(self, value: object) -> object:
         """Return a value with the marks in its lists of names expanded."""
         if isinstance(value, dict):
-            return {name: self._expand_lists(one) for name, one in cast("dict[str, object]", value).items()}
+            return {name: self._expand_lists(item) for name, item in cast("dict[str, object]", value).items()}
         if isinstance(value, list):
             names = cast("list[object]", value)
-            return self._expand_names(names) if all(isinstance(one, str) for one in names) else names
+            return self._expand_names(names) if all(isinstance(name, str) for name in names) else names
         return value
 
     def _expand_names(self, names: list[Any], marks: tuple[str, ...] | None = None) -> list[Any]:
         """Return names with every run of names that share a mark repeated; the first mark is outermost."""
-        if not (left := tuple(self.repeats) if marks is None else marks):
+        if not (remaining := tuple(self.repeats) if marks is None else marks):
             return names
-        mark, *inner = left
-        found: list[Any] = []
+        mark, *inner = remaining
+        result: list[Any] = []
         for marked, run in groupby(names, lambda name: f"{{{mark}}}" in name):
-            each = list(run)
+            group = list(run)
             for copy in self.repeats[mark].copy_names if marked else ("",):
-                copied = [name.replace(f"{{{mark}}}", copy) for name in each]
-                found += self._expand_names(copied, tuple(inner))
-        return found
+                copies = [name.replace(f"{{{mark}}}", copy) for name in group]
+                result += self._expand_names(copies, tuple(inner))
+        return result
 
 
 def map_texts(value: object, change: Callable[[str], str]) -> object:
     """Return a value of raw tables with all its texts changed."""
     if isinstance(value, dict):
-        return {name: map_texts(one, change) for name, one in cast("dict[str, object]", value).items()}
+        return {name: map_texts(item, change) for name, item in cast("dict[str, object]", value).items()}
     if isinstance(value, list):
-        return [map_texts(one, change) for one in cast("list[object]", value)]
+        return [map_texts(item, change) for item in cast("list[object]", value)]
     return change(value) if isinstance(value, str) else value
 
 
@@ -110,8 +110,8 @@ def iterate_texts(value: object) -> Iterator[str]:
         yield value
     elif isinstance(value, dict | list):
         inner = cast("dict[str, object] | list[object]", value)
-        for one in inner.values() if isinstance(inner, dict) else inner:
-            yield from iterate_texts(one)
+        for item in inner.values() if isinstance(inner, dict) else inner:
+            yield from iterate_texts(item)
 
 
 def _shift(kind: str, part: object, offset: Sequence[float], phase: float) -> object:
@@ -129,8 +129,8 @@ def _shift(kind: str, part: object, offset: Sequence[float], phase: float) -> ob
     timing = table.get("timing")
     if isinstance(timing, dict):
         inner = cast("dict[str, object]", timing)
-        moved = {key: _add(inner[key], phase, "angle") for key in _TIMING_ANGLES if key in inner}
-        table["timing"] = inner | moved
+        angles = {key: _add(inner[key], phase, "angle") for key in _TIMING_ANGLES if key in inner}
+        table["timing"] = inner | angles
     return table
 
 

@@ -29,13 +29,13 @@ def new_case(template: str, path: Path | None = None, *, overwrite: bool = False
     if target.suffix != ".toml":
         raise refuse("-o", str(target), "a name that ends in .toml", "the output is a case file")
     tables = [name for name in iterate_texts(tomllib.loads(text)) if name.endswith((".csv", ".mtx"))]
-    written = {target: text, **{target.with_name(name): _read_template(name) for name in tables}}
-    for one, content in written.items():
-        same = one != target and one.is_file() and one.read_bytes() == content.encode()  # of another starter case
-        check_writable("starter case", one, overwrite=overwrite or same)
-    for one, content in written.items():
-        write_text(one, content, overwrite=True)
-    return list(written)
+    contents = {target: text, **{target.with_name(name): _read_template(name) for name in tables}}
+    for file, content in contents.items():
+        same = file != target and file.is_file() and file.read_bytes() == content.encode()  # of another starter case
+        check_writable("starter case", file, overwrite=overwrite or same)
+    for file, content in contents.items():
+        write_text(file, content, overwrite=True)
+    return list(contents)
 
 
 def _read_template(name: str) -> str:

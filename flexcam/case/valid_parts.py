@@ -65,15 +65,15 @@ class ValidParts:
 
     def tables(self) -> dict[str, Any]:
         """Return the tables; if parts are missing, with masses that let every point move."""
-        found, nodes = deepcopy(self.given) | {"format": 1}, self._table("nodes")
+        tables, nodes = deepcopy(self.given) | {"format": 1}, self._table("nodes")
         if self.mesh is None and not nodes:
-            found["nodes"] = nodes = {"stand-in": [0.0, 0.0, 0.0]}
-        own: dict[str, dict[str, Any]] = {kind: {"stand-in": _STAND_INS[kind]} for kind in ("materials", "sections")}
-        own["members"] = {name: {"material": "stand-in", "section": "stand-in"} for name in self._lines}
+            tables["nodes"] = nodes = {"stand-in": [0.0, 0.0, 0.0]}
+        extra: dict[str, dict[str, Any]] = {kind: {"stand-in": _STAND_INS[kind]} for kind in ("materials", "sections")}
+        extra["members"] = {name: {"material": "stand-in", "section": "stand-in"} for name in self._lines}
         if not self.connected:
-            points = nodes if self.mesh is None else [one for one, n in self.mesh.points.items() if len(n) == 1]
-            own["masses"] = {f"at {one}": {"at": one, "mass": 1.0, "inertia": [1.0, 1.0, 1.0]} for one in points}
-        return found | {kind: parts | self._table(kind) for kind, parts in own.items()}
+            points = nodes if self.mesh is None else [name for name, n in self.mesh.points.items() if len(n) == 1]
+            extra["masses"] = {f"at {name}": {"at": name, "mass": 1.0, "inertia": [1.0, 1.0, 1.0]} for name in points}
+        return tables | {kind: parts | self._table(kind) for kind, parts in extra.items()}
 
     @property
     def _lines(self) -> Iterable[str]:
@@ -94,10 +94,10 @@ class ValidParts:
         parts: dict[Path, list[Fault]] = {}
         for fault in faults:
             parts.setdefault(_path(fault)[:2], []).append(fault)
-        changes = [[self._cure(fault) for fault in own] for own in parts.values()]
-        left = [part for part, cured in zip(parts, changes, strict=True) if not any(cured)]
-        replaced = [self._replace(*part) for part in left]
-        return len(left) < len(parts) or any(replaced)
+        changes = [[self._cure(fault) for fault in part_faults] for part_faults in parts.values()]
+        uncured = [part for part, cured in zip(parts, changes, strict=True) if not any(cured)]
+        replaced = [self._replace(*part) for part in uncured]
+        return len(uncured) < len(parts) or any(replaced)
 
     def _table(self, *path: str) -> dict[str, Any]:
         table = value_at(self.given, path)
@@ -121,19 +121,19 @@ class ValidParts:
 
     def _replace(self, kind: str, name: str = "") -> bool:
         """Replace a part by its stand-in, or remove it; return whether this changed it."""
-        alone = not name or kind in _OPTIONAL
-        holder, key = (self.given, kind) if alone else (self._table(kind), name)
-        part, stand_in = kind if alone else f"{kind}.{name}", _STAND_INS.get(kind)
+        entire = not name or kind in _OPTIONAL
+        holder, key = (self.given, kind) if entire else (self._table(kind), name)
+        part, stand_in = kind if entire else f"{kind}.{name}", _STAND_INS.get(kind)
         self.changed.add(part)
         if stand_in is None or part in self.replaced:
             if name not in self._lines:
                 self.changed.add(kind)
             return holder.pop(key, None) is not None
-        kept = self._table(*part.split("."))
-        found = {at: kept.get(at) if one is None else one for at, one in stand_in.items()}
-        if isinstance(nodes := found.get("nodes"), list):
-            named = (one for one in cast("list[object]", nodes) if isinstance(one, str) and one in self._table("nodes"))
-            found["nodes"] = list(dict.fromkeys(named))
+        table = self._table(*part.split("."))
+        new = {at: table.get(at) if value is None else value for at, value in stand_in.items()}
+        if isinstance(nodes := new.get("nodes"), list):
+            named = (n for n in cast("list[object]", nodes) if isinstance(n, str) and n in self._table("nodes"))
+            new["nodes"] = list(dict.fromkeys(named))
         self.replaced.add(part)
-        holder[key] = {at: one for at, one in found.items() if one is not None}
+        holder[key] = {at: value for at, value in new.items() if value is not None}
         return True

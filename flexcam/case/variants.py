@@ -70,41 +70,41 @@ def _iterate_values(value: object, path: str) -> Iterator[tuple[str, object]]:
     if isinstance(value, dict):
         inner = cast("dict[str, object]", value)
     elif isinstance(value, list):
-        inner = {str(i): one for i, one in enumerate(cast("list[object]", value))}
+        inner = {str(i): item for i, item in enumerate(cast("list[object]", value))}
     else:
         yield path, value
         return
-    for name, one in inner.items():
-        yield from _iterate_values(one, f"{path}.{name}".lstrip("."))
+    for name, item in inner.items():
+        yield from _iterate_values(item, f"{path}.{name}".lstrip("."))
 
 
 def make_overrides(case: Case, values: Mapping[str, str]) -> tuple[str, ...]:
     """Return the overrides that set values of a case; a list is written in full with its other elements."""
     record = case.record.model_dump(mode="json", by_alias=True)
     lists: dict[str, list[Any]] = {}
-    found: dict[str, str] = {}
+    overrides: dict[str, str] = {}
     for key, text in values.items():
         parent, _, last = key.rpartition(".")
-        if not (last.isdigit() and isinstance(there := value_at(record, parent.split(".")), list)):
-            found[key] = text
+        if not (last.isdigit() and isinstance(items := value_at(record, parent.split(".")), list)):
+            overrides[key] = text
             continue
-        changed = lists.setdefault(parent, [*cast("list[Any]", there)])
+        changed = lists.setdefault(parent, [*cast("list[Any]", items)])
         changed[int(last)] = text
         with suppress(ValueError):
             changed[int(last)] = float(text)
-        found[parent] = json.dumps(changed, ensure_ascii=False)
-    return tuple(f"{key}={text}" for key, text in found.items())
+        overrides[parent] = json.dumps(changed, ensure_ascii=False)
+    return tuple(f"{key}={text}" for key, text in overrides.items())
 
 
 def number_after_override(case: Case, key: str, text: str, where: str) -> float:
     """Return the number of a case after replacing it by a text."""
     try:
-        there = CaseFile.of(case).read((*case.overrides, *make_overrides(case, {key: text})))
+        variant = CaseFile.of(case).read((*case.overrides, *make_overrides(case, {key: text})))
     except InputError as refusal:
         plain = f"{PLAIN_NUMBER}[^,]+"  # which the options refuse
-        found = [replace(one, where=where, allowed=re.sub(plain, "", one.allowed)) for one in refusal.faults]
-        raise InputError(found) from None
-    return get_number(there, key, where).value
+        faults = [replace(fault, where=where, allowed=re.sub(plain, "", fault.allowed)) for fault in refusal.faults]
+        raise InputError(faults) from None
+    return get_number(variant, key, where).value
 
 
 def case_text(case: Case, target: Path, comments: Sequence[str] = ()) -> str:
@@ -113,8 +113,8 @@ def case_text(case: Case, target: Path, comments: Sequence[str] = ()) -> str:
     def relocate(text: str) -> str:
         """Return a text, adapted to the other folder if it is a relative file name."""
         named = Path(text).suffix and not os.path.isabs(text)
-        old = find_referenced_file(case.path, text) if named else None
-        return text if old is None else Path(os.path.relpath(old, target.parent)).as_posix()
+        source = find_referenced_file(case.path, text) if named else None
+        return text if source is None else Path(os.path.relpath(source, target.parent)).as_posix()
 
     record = cast("dict[str, Any]", map_texts(case_tables(case), relocate))
     head = "".join(f"# {line}\n" for line in comments)
@@ -125,17 +125,17 @@ def case_text(case: Case, target: Path, comments: Sequence[str] = ()) -> str:
 _VALUE = r"""("[^"\n]*"|'[^'\n]*'|\[[^\]\n]*\]|[^\s,#"'\[\]{}]+)"""
 
 
-def _edit_text(text: str, wanted: Mapping[str, Any]) -> str | None:
+def _edit_text(text: str, tables: Mapping[str, Any]) -> str | None:
     """Return the text of a case with given tables, edited by value; None if this needs more than single values."""
-    left = list(_changed_keys(tomllib.loads(text), wanted))
-    while left:
-        keys, left = left[0], left[1:]
-        value = reduce(getitem, keys, cast("Any", wanted)) if keys else None
+    pending = list(_changed_keys(tomllib.loads(text), tables))
+    while pending:
+        keys, pending = pending[0], pending[1:]
+        value = reduce(getitem, keys, cast("Any", tables)) if keys else None
         texts = () if value is None or isinstance(value, dict) else _edits(text, keys[-1], value)
-        found = next((one for one in texts if list(_changed_keys(tomllib.loads(one), wanted)) == left), None)
-        if found is None:
+        edited = next((new for new in texts if list(_changed_keys(tomllib.loads(new), tables)) == pending), None)
+        if edited is None:
             return None
-        text = found
+        text = edited
     return text
 
 
@@ -156,7 +156,7 @@ def _edits(text: str, key: str, value: object) -> Iterator[str]:
     name, _, new = entry.partition(" = ")
     values = re.finditer(rf"(?:^|[\s{{,.]){re.escape(name)}\s*=\s*{_VALUE}", text, re.MULTILINE)
     heads = re.finditer(r"^\[[^\n]*\n", text, re.MULTILINE)
-    changes = [(*one.span(1), new) for one in values] + [(one.end(), one.end(), entry + "\n") for one in heads]
+    changes = [(*m.span(1), new) for m in values] + [(m.end(), m.end(), entry + "\n") for m in heads]
     for start, end, inserted in changes:
         edited = text[:start] + inserted + text[end:]
         with suppress(ValueError):  # a table that already has the key
@@ -174,58 +174,58 @@ def map_initial_state(case: Case, other: Case) -> Case:
     start = case.record.run.start
     if not isinstance(start, GivenStartRecord):
         return other
-    structure, its = (build_structure(build_model(one)) for one in (case, other))
-    parts = {name: (one.elements, other.record.members[name].elements) for name, one in case.record.members.items()}
-    seen = [_map_nodal_values(structure, its, parts, values) for values in (start.displacement, start.velocity)]
-    return other.with_run({"start": GivenStartRecord(displacement=seen[0], velocity=seen[1])})
+    structure, new = (build_structure(build_model(variant)) for variant in (case, other))
+    parts = {name: (m.elements, other.record.members[name].elements) for name, m in case.record.members.items()}
+    states = [_map_nodal_values(structure, new, parts, values) for values in (start.displacement, start.velocity)]
+    return other.with_run({"start": GivenStartRecord(displacement=states[0], velocity=states[1])})
 
 
 def _map_nodal_values(
-    structure: Structure, its: Structure, parts: Mapping[str, tuple[int, int]], values: Mapping[str, float]
+    structure: Structure, new: Structure, parts: Mapping[str, tuple[int, int]], values: Mapping[str, float]
 ) -> dict[str, float]:
     """Map named values from one mesh to another; values that do not belong to nodes are unchanged."""
     names, mesh = structure.dofs.names, structure.model.mesh
     on_nodes = names[: int((structure.dofs.numbers >= 0).sum())]
     row = np.array([values.get(name, 0.0) if name in on_nodes else 0.0 for name in names])
     nodal = structure.dofs.nodal(row)
-    found, given = np.zeros((len(its.model.mesh.nodes), 6)), len(mesh.nodes)
+    rows, count = np.zeros((len(new.model.mesh.nodes), 6)), len(mesh.nodes)
     for name, elements in mesh.element_ranges().items():
-        found[its.model.mesh.lines[name]] = _interpolate_member(structure, nodal, elements, *parts[name])
-        given -= (elements.stop - elements.start) // parts[name][0] * (parts[name][0] - 1)
-    found[:given] = nodal[:given]  # the nodes of the case come first in all its meshes
-    free = its.dofs.numbers >= 0
-    pairs: list[tuple[int, float]] = list(zip(its.dofs.numbers[free].tolist(), found[free].tolist(), strict=True))
-    moved = {its.dofs.names[i]: x for i, x in pairs if x}
-    beside = {name: value for name, value in values.items() if name not in on_nodes}
-    return moved | _map_spring_values(structure, its, values, beside)
+        rows[new.model.mesh.lines[name]] = _interpolate_member(structure, nodal, elements, *parts[name])
+        count -= (elements.stop - elements.start) // parts[name][0] * (parts[name][0] - 1)
+    rows[:count] = nodal[:count]  # the nodes of the case come first in all its meshes
+    free = new.dofs.numbers >= 0
+    pairs: list[tuple[int, float]] = list(zip(new.dofs.numbers[free].tolist(), rows[free].tolist(), strict=True))
+    mapped = {new.dofs.names[i]: x for i, x in pairs if x}
+    off_nodes = {name: value for name, value in values.items() if name not in on_nodes}
+    return mapped | _map_spring_values(structure, new, values, off_nodes)
 
 
 def _map_spring_values(
-    structure: Structure, its: Structure, values: Mapping[str, float], beside: Mapping[str, float]
+    structure: Structure, new: Structure, values: Mapping[str, float], off_nodes: Mapping[str, float]
 ) -> dict[str, float]:
     """Map values of internal spring nodes to springs with another number of parts."""
-    found, row = dict(beside), np.array([values.get(name, 0.0) for name in structure.dofs.names])
+    result, row = dict(off_nodes), np.array([values.get(name, 0.0) for name in structure.dofs.names])
     for name, spring in structure.model.springs.items():
-        own, parts = spring.elements, its.model.springs[name].elements
-        if own == parts:
+        old, parts = spring.elements, new.model.springs[name].elements
+        if old == parts:
             continue
         ends = spring_parts(structure, name, spring)
         line = [float(ends[0][0] @ row), *(float(high @ row) for _, high in ends)]
         for inner in structure.model.inner_unknowns[f"springs.{name}"]:
-            found.pop(inner, None)
-        moved = np.interp(np.arange(1, parts) / parts, np.arange(own + 1) / own, line).tolist()
-        pairs = zip(its.model.inner_unknowns[f"springs.{name}"], moved, strict=True)
-        found |= {inner: value for inner, value in pairs if value}
-    return found
+            result.pop(inner, None)
+        motion = np.interp(np.arange(1, parts) / parts, np.arange(old + 1) / old, line).tolist()
+        pairs = zip(new.model.inner_unknowns[f"springs.{name}"], motion, strict=True)
+        result |= {inner: value for inner, value in pairs if value}
+    return result
 
 
 def _interpolate_member(structure: Structure, nodal: FloatArray, elements: slice, parts: int, other: int) -> FloatArray:
     """Return the motion at the nodes of a member that has `other` elements per segment instead of `parts`."""
     local = deflection(structure.beams, nodal, other, elements)
     triads = structure.beams.triads[elements]
-    turned = [np.einsum("eji,epj->epi", triads, local[..., kind]) for kind in (slice(0, 3), slice(3, 6))]
-    whole = np.concatenate(turned, axis=-1)
-    line = np.concatenate([whole[:, :-1].reshape(-1, 6), whole[-1:, -1]])
+    vectors = [np.einsum("eji,epj->epi", triads, local[..., kind]) for kind in (slice(0, 3), slice(3, 6))]
+    motion = np.concatenate(vectors, axis=-1)
+    line = np.concatenate([motion[:, :-1].reshape(-1, 6), motion[-1:, -1]])
     return line[::parts]
 
 
@@ -242,8 +242,8 @@ def with_elements(case: Case, factor: int | None = None, each: int | None = None
     for name, spring in springs.items():
         if spring.part.mass or spring.elements > 1:
             springs[name] = spring.model_copy(update={"elements": spring.elements * (factor or 1)})
-    made = replace(case, record=case.record.model_copy(update={"members": members, "springs": springs}))
-    return map_initial_state(case, made)
+    variant = replace(case, record=case.record.model_copy(update={"members": members, "springs": springs}))
+    return map_initial_state(case, variant)
 
 
 def with_beam_model(case: Case) -> Case:

@@ -31,10 +31,10 @@ def long_product(A: LongArray, B: LongArray) -> LongArray:
         return A @ B
     bits = (53 - math.ceil(math.log2(_SLICES * n))) // 2
     left, right = _split(A, bits, axis=1), _split(B, bits, axis=0)
-    found = np.zeros((len(A), B.shape[1]), dtype=np.longdouble)
+    product = np.zeros((len(A), B.shape[1]), dtype=np.longdouble)
     for last in reversed(range(_SLICES)):  # sum the smallest terms first
-        found += np.hstack(left[: last + 1]) @ np.vstack(right[last::-1])
-    return found
+        product += np.hstack(left[: last + 1]) @ np.vstack(right[last::-1])
+    return product
 
 
 def _split(matrix: LongArray, bits: int, *, axis: int) -> list[FloatArray]:
@@ -50,11 +50,11 @@ def _split(matrix: LongArray, bits: int, *, axis: int) -> list[FloatArray]:
 
 def multiply_sparse(matrix: FloatArray, columns: LongArray) -> LongArray:
     """Return the product of a mostly zero matrix with columns, in extended precision."""
-    found = np.zeros((len(matrix), columns.shape[1]), dtype=np.longdouble)
+    product = np.zeros((len(matrix), columns.shape[1]), dtype=np.longdouble)
     for i, row in enumerate(matrix):
-        held = np.flatnonzero(row)
-        found[i] = row[held].astype(np.longdouble) @ columns[held]
-    return found
+        cols = np.flatnonzero(row)
+        product[i] = row[cols].astype(np.longdouble) @ columns[cols]
+    return product
 
 
 _TWO = np.longdouble(2.0)
@@ -93,28 +93,28 @@ def solve_eigenproblem(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatA
 def _solve_part(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the eigenvalues and eigenvectors of connected unknowns."""
     scale = np.exp2(-np.round(0.5 * np.log2(np.diag(M))))  # exact: no rounding
-    heavy, stiff = (scale[:, None] * matrix * scale for matrix in (M, K))
-    L = np.linalg.cholesky(heavy)
-    half = np.linalg.solve(L, stiff)
+    mass, stiffness = (scale[:, None] * matrix * scale for matrix in (M, K))
+    L = np.linalg.cholesky(mass)
+    half = np.linalg.solve(L, stiffness)
     values, vectors = np.linalg.eigh(np.linalg.solve(L, half.T))
     shapes: FloatArray = np.linalg.solve(L.T, vectors).astype(float)
     if len(M) <= _REFINEMENT_SIZE:
-        values, shapes = _refine(heavy, stiff, shapes)
+        values, shapes = _refine(mass, stiffness, shapes)
     return np.maximum(values, 0.0), scale[:, None] * shapes
 
 
 def _refine(M: FloatArray, K: FloatArray, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
     X = vectors.astype(np.longdouble)
     for _ in range(_PASSES):  # each pass squares the error
-        heavy, stiff = _project(X, M, K)
-        labels = _cluster(heavy, stiff)
+        mass, stiffness = _project(X, M, K)
+        labels = _cluster(mass, stiffness)
         if (np.bincount(labels) > 1).any():
-            X = _diagonalize_clusters(X, labels, heavy, stiff)
-            heavy, stiff = _project(X, M, K)
-        mixed = _correction(labels, heavy, stiff).astype(float)
-        X = X + X.astype(float) @ mixed
+            X = _diagonalize_clusters(X, labels, mass, stiffness)
+            mass, stiffness = _project(X, M, K)
+        correction = _correction(labels, mass, stiffness).astype(float)
+        X = X + X.astype(float) @ correction
         X = X / np.sqrt(np.sum(X * multiply_sparse(M, X), axis=0))
-        if np.abs(mixed).max(initial=0.0) < _SMALL:
+        if np.abs(correction).max(initial=0.0) < _SMALL:
             break
     values = np.sum(X * multiply_sparse(K, X), axis=0)
     order = np.argsort(values)
@@ -123,34 +123,34 @@ def _refine(M: FloatArray, K: FloatArray, vectors: FloatArray) -> tuple[FloatArr
 
 def _project(X: LongArray, M: FloatArray, K: FloatArray) -> tuple[LongArray, LongArray]:
     """Return the projections of both matrices on the vectors, exactly symmetric to preserve orthogonality."""
-    heavy, stiff = (long_product(X.T, multiply_sparse(matrix, X)) for matrix in (M, K))
-    return (heavy + heavy.T) / _TWO, (stiff + stiff.T) / _TWO
+    mass, stiffness = (long_product(X.T, multiply_sparse(matrix, X)) for matrix in (M, K))
+    return (mass + mass.T) / _TWO, (stiffness + stiffness.T) / _TWO
 
 
-def _cluster(heavy: LongArray, stiff: LongArray) -> IntArray:
+def _cluster(mass: LongArray, stiffness: LongArray) -> IntArray:
     """Return groups of vectors whose eigenvalues are too close to be separated by a first correction."""
-    values = np.diag(stiff) / np.diag(heavy)
+    values = np.diag(stiffness) / np.diag(mass)
     rounding = np.finfo(np.longdouble).eps * np.abs(values).max(initial=0.0)
-    mixing, apart = np.abs(stiff - values * heavy) + rounding, np.abs(values[None, :] - values[:, None])
-    return connected_components(len(values), *np.nonzero(np.maximum(mixing, mixing.T) >= _MIXING_LIMIT * apart))
+    mixing, differences = np.abs(stiffness - values * mass) + rounding, np.abs(values[None, :] - values[:, None])
+    return connected_components(len(values), *np.nonzero(np.maximum(mixing, mixing.T) >= _MIXING_LIMIT * differences))
 
 
-def _diagonalize_clusters(X: LongArray, labels: IntArray, heavy: LongArray, stiff: LongArray) -> LongArray:
+def _diagonalize_clusters(X: LongArray, labels: IntArray, mass: LongArray, stiffness: LongArray) -> LongArray:
     """Return the vectors, each group rotated within its own space into eigenvectors."""
-    turned = X.copy()
+    rotated = X.copy()
     for label in np.flatnonzero(np.bincount(labels) > 1).tolist():
         group = np.flatnonzero(labels == label)
-        sizes = np.sqrt(np.diag(heavy)[group])
-        _, turn = np.linalg.eigh((stiff[np.ix_(group, group)] / np.outer(sizes, sizes)).astype(float))
-        turned[:, group] = X[:, group] @ turn
-    return turned
+        sizes = np.sqrt(np.diag(mass)[group])
+        _, rotation = np.linalg.eigh((stiffness[np.ix_(group, group)] / np.outer(sizes, sizes)).astype(float))
+        rotated[:, group] = X[:, group] @ rotation
+    return rotated
 
 
-def _correction(labels: IntArray, heavy: LongArray, stiff: LongArray) -> LongArray:
+def _correction(labels: IntArray, mass: LongArray, stiffness: LongArray) -> LongArray:
     """Return the correction by the other vectors: the residual along them over the eigenvalue differences."""
-    values = np.diag(stiff) / np.diag(heavy)
+    values = np.diag(stiffness) / np.diag(mass)
     same = labels[:, None] == labels
-    apart = np.where(same, 1.0, values[None, :] - values[:, None])
-    mixed = np.where(same, -0.5 * heavy, (stiff - values * heavy) / apart)
-    np.fill_diagonal(mixed, 0.0)
-    return mixed
+    differences = np.where(same, 1.0, values[None, :] - values[:, None])
+    correction = np.where(same, -0.5 * mass, (stiffness - values * mass) / differences)
+    np.fill_diagonal(correction, 0.0)
+    return correction

@@ -27,7 +27,7 @@ OtherValue = TypeVar("OtherValue")
 
 def printable(text: str) -> str:
     r"""Return a text with control characters escaped, so that text from a file cannot control a terminal."""
-    return _CONTROL.sub(lambda found: f"\\x{ord(found[0]):02x}", text)
+    return _CONTROL.sub(lambda match: f"\\x{ord(match[0]):02x}", text)
 
 
 NAME = r"^[A-Za-z0-9_][A-Za-z0-9_ -]*$"
@@ -50,7 +50,7 @@ def _capitalize(text: str) -> str:
     return text[:1].upper() + text[1:] if _PLAIN_START.match(text) else text
 
 
-def _end(text: str) -> str:
+def _end_sentence(text: str) -> str:
     return text.rstrip(".") + "." if text[-1] not in "?!" and not text.endswith("...") else text
 
 
@@ -71,9 +71,9 @@ class Fault:
         )
         head = f"{where}: {why}"
         if allowed:
-            found = "missing" if given == "nothing" else f"got {given}"
-            head = f"{where}: {found}, expected {allowed}. {_capitalize(why)}"
-        text = " ".join(_end(part.strip()) for part in (head, _capitalize(remedy)) if part.strip())
+            actual = "missing" if given == "nothing" else f"got {given}"
+            head = f"{where}: {actual}, expected {allowed}. {_capitalize(why)}"
+        text = " ".join(_end_sentence(part.strip()) for part in (head, _capitalize(remedy)) if part.strip())
         return printable(text.replace("\n", "\\n"))
 
     def as_dict(self) -> dict[str, str]:
@@ -109,8 +109,8 @@ class InputError(FlexcamError, ValueError):
 
 def refuse(where: str, given: object, allowed: str, why: str = "", remedy: str = "") -> InputError:
     """Return the error for a single invalid value, to be raised by the caller."""
-    shown = given if isinstance(given, str) else format_value(given)
-    return InputError([Fault(where, shown, allowed, why, remedy)])
+    text = given if isinstance(given, str) else format_value(given)
+    return InputError([Fault(where, text, allowed, why, remedy)])
 
 
 def require_packages(where: str, given: str, extra: str, *names: str) -> None:
@@ -122,28 +122,28 @@ def require_packages(where: str, given: str, extra: str, *names: str) -> None:
 
 def parse_all(read: Callable[[str], ParsedValue], given: Iterable[str]) -> tuple[list[ParsedValue], list[Fault]]:
     """Return the values read from texts, and the faults of those that cannot be read."""
-    found, faults = list[ParsedValue](), list[Fault]()
-    for one in given:
+    values, faults = list[ParsedValue](), list[Fault]()
+    for text in given:
         try:
-            found.append(read(one))
+            values.append(read(text))
         except InputError as refusal:
             faults += refusal.faults
-    return found, faults
+    return values, faults
 
 
 def collect_errors(
     first: Callable[[], ParsedValue], second: Callable[[], OtherValue], *others: Callable[[], object]
 ) -> tuple[ParsedValue, OtherValue]:
     """Run several checks, collect their faults, and return the results of the first two."""
-    found, faults = list[Any](), list[Fault]()
+    results, faults = list[Any](), list[Fault]()
     for check in (first, second, *others):
         try:
-            found.append(check())
+            results.append(check())
         except InputError as refusal:
             faults += refusal.faults
     if faults:
         raise InputError(faults)
-    return found[0], found[1]
+    return results[0], results[1]
 
 
 def format_value(value: object) -> str:
@@ -152,15 +152,15 @@ def format_value(value: object) -> str:
         return "nothing" if value is None else str(value).lower()
     if isinstance(value, dict):
         pairs = cast("dict[object, object]", value).items()
-        return "{ " + ", ".join(f"{key} = {_inner(one)}" for key, one in pairs) + " }" if pairs else "{}"
+        return "{ " + ", ".join(f"{key} = {_format_inner(item)}" for key, item in pairs) + " }" if pairs else "{}"
     if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(map(_inner, cast("list[object]", value))) + "]"
+        return "[" + ", ".join(map(_format_inner, cast("list[object]", value))) + "]"
     if isinstance(value, (np.ndarray, np.generic)):
         return format_value(cast("Any", value).tolist())
     return str(value) if isinstance(value, (PurePath, date, time)) else repr(value)
 
 
-def _inner(value: object) -> str:
+def _format_inner(value: object) -> str:
     return f'"{value}"' if isinstance(value, str) else format_value(value)
 
 
@@ -229,10 +229,10 @@ def suggest_name(name: str, known: Iterable[str]) -> str:
     part, dot, ending = rest.partition(".")
     if name in names:
         return ""
-    alike = [one for one in names if dot and one.startswith(f"{kind}.") and one.split(".", 2)[2:] == [ending]]
+    alike = [other for other in names if dot and other.startswith(f"{kind}.") and other.split(".", 2)[2:] == [ending]]
     near = similar_name(name, names)
     if alike:
-        near = similar_name(part, [one.split(".")[1] for one in alike])
+        near = similar_name(part, [other.split(".")[1] for other in alike])
         near = f"{kind}.{near}.{ending}" if near else ""
         if not near and len(alike) <= _MAX_ALIKE:
             return f"did you mean {' or '.join(map(repr, alike))}?"

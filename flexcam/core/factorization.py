@@ -43,10 +43,10 @@ class BandFactor:
         if not right.size:
             return np.zeros(right.shape)
         scale = self.scale if right.ndim == 1 else self.scale[:, None]
-        within, _ = dpbtrs(self.upper, scale * right[self.order], overwrite_b=True)
-        answer = np.empty(right.shape)
-        answer[self.order] = scale * within
-        return answer
+        solution, _ = dpbtrs(self.upper, scale * right[self.order], overwrite_b=True)
+        x = np.empty(right.shape)
+        x[self.order] = scale * solution
+        return x
 
 
 def band_factor(scaled: csr_array, scale: FloatArray) -> BandFactor | None:
@@ -149,10 +149,10 @@ def _dense_inverse(scaled: FloatArray, scale: FloatArray) -> _Inverse:
 
 def _null_unknowns(scaled: FloatArray) -> tuple[int, ...]:
     """Return the unknowns with the largest motion in the null vector of the matrix."""
-    return _largest(np.linalg.svd(scaled)[2][-1])
+    return _largest_unknowns(np.linalg.svd(scaled)[2][-1])
 
 
-def _largest(motion: FloatArray) -> tuple[int, ...]:
+def _largest_unknowns(motion: FloatArray) -> tuple[int, ...]:
     size = np.abs(motion)
     return tuple(np.flatnonzero(size > 0.5 * size.max()).tolist())
 
@@ -160,8 +160,8 @@ def _largest(motion: FloatArray) -> tuple[int, ...]:
 def _sparse(matrix: Triplets, scale: FloatArray) -> Factor:
     from scipy.sparse import diags_array
 
-    spread = diags_array(scale)
-    scaled = (spread @ matrix.csr() @ spread).tocsr()
+    scaling = diags_array(scale)
+    scaled = (scaling @ matrix.csr() @ scaling).tocsr()
     return band_factor(scaled, scale) or _sparse_lu(scaled.tocsc(), scale)
 
 
@@ -181,7 +181,7 @@ def _sparse_lu(scaled: csc_array, scale: FloatArray) -> _SparseLU:
         motion = np.random.default_rng(0).standard_normal(len(scale))
         for _ in range(3):
             motion = shifted.solve(motion / np.linalg.norm(motion))
-        raise SingularMatrixError(_largest(motion))
+        raise SingularMatrixError(_largest_unknowns(motion))
     return _SparseLU(lu.solve, scale)
 
 
@@ -223,8 +223,8 @@ def _lanczos_motions(matrix: Triplets, scale: FloatArray) -> FloatArray:
     from scipy.sparse import diags_array
     from scipy.sparse.linalg import eigsh
 
-    spread = diags_array(scale)
-    scaled = (spread @ matrix.csr() @ spread).tocsc()
+    scaling = diags_array(scale)
+    scaled = (scaling @ matrix.csr() @ scaling).tocsc()
     start = np.random.default_rng(0).standard_normal(matrix.size)
     shift = -1e-10
     values, vectors = eigsh(scaled, k=min(_MAX_DIMENSION, matrix.size - 2), sigma=shift, v0=start)
@@ -236,13 +236,13 @@ def select_constraints(motions: FloatArray) -> list[int]:
 
     Gaussian elimination with row pivots.
     """
-    held: list[int] = []
+    unknowns: list[int] = []
     rest = motions.copy()
     for _ in range(motions.shape[1]):
-        held.append(int(np.argmax(np.linalg.norm(rest, axis=1))))
-        along = rest[held[-1]] / np.linalg.norm(rest[held[-1]])
-        rest -= np.outer(rest @ along, along)
-    return held
+        unknowns.append(int(np.argmax(np.linalg.norm(rest, axis=1))))
+        direction = rest[unknowns[-1]] / np.linalg.norm(rest[unknowns[-1]])
+        rest -= np.outer(rest @ direction, direction)
+    return unknowns
 
 
 @dataclass(frozen=True, eq=False)

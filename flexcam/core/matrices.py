@@ -103,8 +103,8 @@ class Triplets:
 
     def diagonal(self) -> FloatArray:
         """Return the diagonal, shape (size,)."""
-        on = self.rows == self.cols
-        return _sum_duplicates(self.rows[on], self.values[on], self.size)
+        mask = self.rows == self.cols
+        return _sum_duplicates(self.rows[mask], self.values[mask], self.size)
 
     def scale(self, factor: float) -> Self:
         """Return the matrix times a number."""
@@ -157,10 +157,10 @@ def connected_components(size: int, rows: IntArray, cols: IntArray) -> IntArray:
     """
     labels = np.arange(size)
     while (labels[rows] != labels[cols]).any():
-        one, other = labels[rows], labels[cols]
-        low = np.minimum(one, other)
-        np.minimum.at(labels, one, low)
-        np.minimum.at(labels, other, low)
+        first, second = labels[rows], labels[cols]
+        lower = np.minimum(first, second)
+        np.minimum.at(labels, first, lower)
+        np.minimum.at(labels, second, lower)
         while (labels != labels[labels]).any():
             labels = labels[labels]
     return labels

@@ -172,19 +172,19 @@ def is_unit(symbol: str) -> bool:
     return _unit(symbol) is not None
 
 
-def _suggest_unit(text: str, symbol: str, wanted: Exponents) -> str:
+def _suggest_unit(text: str, symbol: str, expected: Exponents) -> str:
     """Return a suggestion for the unknown symbol of a text, of the same dimension if any is close, or an empty text."""
     letters = _letters(text)
-    for dimensions in ({wanted}, {kind.exponents for kind in DIMENSIONS.values()}):
-        bases = [one for one, (_, exponents) in _PREFIXED.items() if exponents in dimensions]
+    for dimensions in ({expected}, {kind.exponents for kind in DIMENSIONS.values()}):
+        bases = [base for base, (_, exponents) in _PREFIXED.items() if exponents in dimensions]
         bases += [kind.si for kind in DIMENSIONS.values() if kind.exponents in dimensions and kind.si[:1] not in "1"]
         prefixed = [prefix + base for base in bases if base != "kg" for prefix in ("", "k", "M", "G", "c", "m", "u")]
-        known = [one for one in _PLAIN if _PLAIN[one][1] in dimensions] + prefixed
+        known = [unit for unit in _PLAIN if _PLAIN[unit][1] in dimensions] + prefixed
         if text == symbol:
-            alike = [one for one in known if len(one) == len(text) == 2 and one[0] == text[0]]  # "mn": "mm"
+            alike = [unit for unit in known if len(unit) == len(text) == 2 and unit[0] == text[0]]  # "mn": "mm"
             hint = f"did you mean {alike[0]!r}?" if alike else suggest_name(text, known)
         else:  # a compound of other units would change the quantity
-            hint = next((f"did you mean {one!r}?" for one in known if _letters(one) == letters), "")
+            hint = next((f"did you mean {unit!r}?" for unit in known if _letters(unit) == letters), "")
         if hint:
             return hint
     if symbol[0].isdigit():
@@ -196,31 +196,31 @@ def _letters(unit: str) -> str:
     return re.sub(r"[\s*^]", "", unit).lower()
 
 
-def _unit_product(text: str, where: str, wanted: Exponents) -> tuple[Decimal, Exponents]:
+def _unit_product(text: str, where: str, expected: Exponents) -> tuple[Decimal, Exponents]:
     factor, exponents, position, divide = Decimal(1), _NONE, 0, False
     while position < len(text):
         match = _FACTOR.match(text, position)
-        found = _unit(match[2]) if match else None
-        if match is None or found is None:
+        unit = _unit(match[2]) if match else None
+        if match is None or unit is None:
             symbol = match[2] if match else text[position:]
-            hint = _FOREIGN.get(symbol) or _suggest_unit(text.strip(), symbol, wanted)
-            like = (kind.example.partition(" ")[2] for kind in DIMENSIONS.values() if kind.exponents == wanted)
-            example = next(filter(None, like), "mm")
+            hint = _FOREIGN.get(symbol) or _suggest_unit(text.strip(), symbol, expected)
+            examples = (kind.example.partition(" ")[2] for kind in DIMENSIONS.values() if kind.exponents == expected)
+            example = next(filter(None, examples), "mm")
             given, why = f"unit {symbol!r} in {text!r}", f"the unit {symbol!r} is unknown"
             raise refuse(where, given, _UNITS, why, hint or f"write its symbol, such as {example}")
         # As in print, a '/' applies to all factors up to the next '*' or '/': N s/m, kg/(m s) is kg/m/s.
         divide = match[1] == "/" or (match[1] == "" and divide)
         power = int(match[3] or 1) * (-1 if divide else 1)
-        factor = _EXACT.multiply(factor, _EXACT.power(found[0], power))
-        exponents = tuple(a + power * b for a, b in zip(exponents, found[1], strict=True))
+        factor = _EXACT.multiply(factor, _EXACT.power(unit[0], power))
+        exponents = tuple(a + power * b for a, b in zip(exponents, unit[1], strict=True))
         position = match.end()
     return factor, exponents  # pyright: ignore[reportReturnType]
 
 
-def _equal_dimension(found: Exponents, wanted: Exponents) -> bool:
+def _equal_dimension(actual: Exponents, expected: Exponents) -> bool:
     """Return whether two dimensions agree; the radian may be omitted only in moments and derived quantities."""
-    of_moments = wanted[:2] == (2, 1)
-    return found[:4] == wanted[:4] if of_moments else found == wanted
+    of_moments = expected[:2] == (2, 1)
+    return actual[:4] == expected[:4] if of_moments else actual == expected
 
 
 def parse(
@@ -271,8 +271,8 @@ def parse(
     if noise and abs(si) < kind.least:
         return 0.0
     if si != 0.0 and not kind.least <= abs(si) <= kind.most:
-        least, most = (limit / float(factor) for limit in (kind.least, kind.most))
-        why = f"between {least:g} and {most:g} {text or kind.si}".rstrip()
+        minimum, maximum = (limit / float(factor) for limit in (kind.least, kind.most))
+        why = f"between {minimum:g} and {maximum:g} {text or kind.si}".rstrip()
         raise refuse(
             where, repr(value), allowed, f"no mechanism has such {article} {kind.name}: {why}", "check the unit"
         )
@@ -281,9 +281,9 @@ def parse(
 
 def conversion_factor(unit: str, si: str, where: str) -> float:
     """Return the factor from a unit, such as ``kN``, to an SI unit of the same quantity, such as ``N``."""
-    divisor, wanted = _unit_product(si, where, _NONE) if si not in ("", "1") else (Decimal(1), _NONE)
-    factor, exponents = _unit_product(unit, where, wanted) if unit not in ("", "1") else (Decimal(1), _NONE)
-    if exponents != wanted:
+    divisor, expected = _unit_product(si, where, _NONE) if si not in ("", "1") else (Decimal(1), _NONE)
+    factor, exponents = _unit_product(unit, where, expected) if unit not in ("", "1") else (Decimal(1), _NONE)
+    if exponents != expected:
         given, remedy = (
             (repr(unit), "") if unit else ("no unit", f"write it in brackets after the name, such as [{si}]")
         )
@@ -301,7 +301,7 @@ def is_convertible(unit: str, si: str) -> bool:
 
 def unit_of(si: str) -> str:
     """Return the allowed units of a quantity for messages, such as ``a unit of length such as mm``."""
-    kind = next((one for one in DIMENSIONS.values() if one.si == si), None)
+    kind = next((dimension for dimension in DIMENSIONS.values() if dimension.si == si), None)
     if kind is None or not si:
         return f"a unit of the same quantity as {si}" if si not in ("", "1") else "no unit"
     return f"a unit of {kind.name} such as {kind.example.partition(' ')[2]}"
@@ -314,8 +314,8 @@ def shaft_name(turns: float) -> str:
 
 def shaft_speed(speed: float, turns: float) -> str:
     """Format the speed of the reference shaft; for the crankshaft also that of the camshaft."""
-    own = f"camshaft {round(speed / RPM, 9):g} rpm"
-    return own if turns == 1.0 else f"crankshaft {round(turns * speed / RPM, 9):g} rpm ({own})"
+    camshaft = f"camshaft {round(speed / RPM, 9):g} rpm"
+    return camshaft if turns == 1.0 else f"crankshaft {round(turns * speed / RPM, 9):g} rpm ({camshaft})"
 
 
 _DISPLAY_UNITS = {
@@ -345,9 +345,9 @@ def to_display_unit(unit: str, *, thin: bool = False) -> tuple[float, str]:
 
     Thin lengths, such as those of oil films, are shown in micrometres.
     """
-    shown = "µm" if thin and unit == "m" else _DISPLAY_UNITS[_unit_system.get()].get(unit, unit)
-    factor = 1.0 if shown == unit else 1.0 / conversion_factor(shown, unit, "unit")
-    return factor, "" if shown == "1" else shown.replace("^2", "²").replace("^3", "³")
+    symbol = "µm" if thin and unit == "m" else _DISPLAY_UNITS[_unit_system.get()].get(unit, unit)
+    factor = 1.0 if symbol == unit else 1.0 / conversion_factor(symbol, unit, "unit")
+    return factor, "" if symbol == "1" else symbol.replace("^2", "²").replace("^3", "³")
 
 
 def format_quantity(unit: str, *values: float, digits: int = 6, separator: str = " to ") -> str:

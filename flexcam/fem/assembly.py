@@ -62,40 +62,40 @@ def beams(mesh: Mesh, members: Mapping[str, Member]) -> Beams:
     for name in mesh.lines:
         if name not in members:
             raise refuse(f"members.{name}", "nothing", "data for every line group", remedy=suggest_name(name, members))
-    chosen = [members[name] for name in mesh.lines]
+    ordered = [members[name] for name in mesh.lines]
     repeats = [len(line) - 1 for line in mesh.lines.values()]
     middles = [0.5 * (shares[1:] + shares[:-1]) for shares in (_shares(mesh, name) for name in mesh.lines)]
-    sections = [section for m, at in zip(chosen, middles, strict=True) for section in map(m.section.at, at.tolist())]
+    sections = [section for m, at in zip(ordered, middles, strict=True) for section in map(m.section.at, at.tolist())]
     ends = mesh.nodes[mesh.elements()]
     span = ends[:, 1] - ends[:, 0]
     length = np.linalg.norm(span, axis=1)
     axes = span / length[:, None]
     orientations, bow = default_orientation(axes), np.zeros((len(length), 6))
-    for member, part in zip(chosen, mesh.element_ranges().values(), strict=True):
+    for member, part in zip(ordered, mesh.element_ranges().values(), strict=True):
         bow[part] = _initial_bow(member.bow, length[part])
         if member.orientation is not None:
             orientations[part] = member.orientation
 
-    def each(values: list[float]) -> FloatArray:
+    def repeat(values: list[float]) -> FloatArray:
         return np.repeat(np.array(values, dtype=float), np.array(repeats, dtype=np.intp))
 
     def of_sections(key: str) -> FloatArray:
         return np.array([getattr(section, key) for section in sections], dtype=float)
 
-    E, G = each([m.material.E for m in chosen]), each([m.material.G for m in chosen])
-    rho, A = each([m.material.density for m in chosen]), of_sections("A")
+    E, G = repeat([m.material.E for m in ordered]), repeat([m.material.G for m in ordered])
+    rho, A = repeat([m.material.density for m in ordered]), of_sections("A")
     Iy, Iz = of_sections("Iy"), of_sections("Iz")
-    shear, rotary = each([float(m.shear) for m in chosen]), each([float(m.rotary_inertia) for m in chosen])
+    shear, rotary = repeat([float(m.shear) for m in ordered]), repeat([float(m.rotary_inertia) for m in ordered])
     kappa_y, kappa_z = of_sections("kappa_y"), of_sections("kappa_z")
-    expansion = each([m.material.expansion * m.temperature for m in chosen])
+    expansion = repeat([m.material.expansion * m.temperature for m in ordered])
     return Beams(
         nodes=mesh.elements(), length=length, triads=triads(axes, orientations),
         EA=E * A, GJ=G * of_sections("J"), EIy=E * Iy, EIz=E * Iz,
         rho_A=rho * A, rho_Ip=rho * (Iy + Iz), rho_Iy=rotary * rho * Iy, rho_Iz=rotary * rho * Iz,
         phi_y=shear * 12.0 * E * Iz / (kappa_y * A * G * length**2),
         phi_z=shear * 12.0 * E * Iy / (kappa_z * A * G * length**2),
-        lumped=each([float(m.mass == "lumped") for m in chosen]),
-        arched=each([float(m.geometric_stiffness) for m in chosen]), bow=bow,
+        lumped=repeat([float(m.mass == "lumped") for m in ordered]),
+        arched=repeat([float(m.geometric_stiffness) for m in ordered]), bow=bow,
         thermal=E * A * expansion,
     )  # fmt: skip
 
@@ -129,8 +129,8 @@ def _assemble_blocks(beams: Beams, local: Callable[[slice], FloatArray], dofs: D
 
     The triplets are written in place; memory for full element matrices is reserved but not touched.
     """
-    most = (144 if dofs.ties is None else 576) * len(beams)
-    rows, cols, values = np.empty(most, np.intp), np.empty(most, np.intp), np.empty(most)
+    capacity = (144 if dofs.ties is None else 576) * len(beams)
+    rows, cols, values = np.empty(capacity, np.intp), np.empty(capacity, np.intp), np.empty(capacity)
     end = 0
     for first in range(0, len(beams), _BLOCK_SIZE):
         part = slice(first, first + _BLOCK_SIZE)
@@ -139,23 +139,23 @@ def _assemble_blocks(beams: Beams, local: Callable[[slice], FloatArray], dofs: D
         free = unknowns >= 0
         keep = (matrices != 0.0) & free[:, :, None] & free[:, None, :]
         pairs = np.broadcast_arrays(unknowns[:, :, None], unknowns[:, None, :])
-        found = pairs[0][keep], pairs[1][keep], matrices[keep]
-        begin, end = end, end + len(found[0])
-        for whole, one in zip((rows, cols, values), found, strict=True):
-            whole[begin:end] = one
+        entries = pairs[0][keep], pairs[1][keep], matrices[keep]
+        begin, end = end, end + len(entries[0])
+        for array, data in zip((rows, cols, values), entries, strict=True):
+            array[begin:end] = data
     return Triplets(dofs.size, rows[:end], cols[:end], values[:end])
 
 
 def to_global(beams: Beams, local: FloatArray) -> FloatArray:
     """Return element matrices, shape (e, 12, 12), transformed from local to global axes, ``T^T k T``."""
-    rows_turned = _rotate_rows(beams, local)
-    return _rotate_rows(beams, rows_turned.swapaxes(1, 2)).swapaxes(1, 2)
+    rotated = _rotate_rows(beams, local)
+    return _rotate_rows(beams, rotated.swapaxes(1, 2)).swapaxes(1, 2)
 
 
 def _rotate_rows(beams: Beams, matrices: FloatArray) -> FloatArray:
     """Return ``T^T m``; each group of three rows is a vector at one end."""
-    back = np.swapaxes(beams.triads, -1, -2)[:, None]
-    return (back @ matrices.reshape(-1, 4, 3, 12)).reshape(-1, 12, 12)
+    R_T = np.swapaxes(beams.triads, -1, -2)[:, None]
+    return (R_T @ matrices.reshape(-1, 4, 3, 12)).reshape(-1, 12, 12)
 
 
 def stiffness(beams: Beams, dofs: DofMap) -> Triplets:
@@ -183,15 +183,15 @@ def distributed_load(beams: Beams, elements: slice, per_length: FloatArray) -> F
     x, y, z = (beams.triads[elements] @ per_length).T
     half, moment = [x * L / 2.0, y * L / 2.0, z * L / 2.0], [0.0 * L, -z * L**2 / 12.0, y * L**2 / 12.0]
     loads = np.zeros((len(beams), 12))
-    loads[elements] = np.stack([*half, *moment, *half, *(-one for one in moment)], axis=-1)
+    loads[elements] = np.stack([*half, *moment, *half, *(-m for m in moment)], axis=-1)
     return loads
 
 
 def element_weight(beams: Beams, gravity: FloatArray) -> FloatArray:
     """Return the element loads of the weight: the mass matrix times the acceleration."""
-    pulled = beams.triads @ gravity
-    still = np.zeros_like(pulled)
-    return np.einsum("eij,ej->ei", beam.mass(beams), np.hstack([pulled, still, pulled, still]))
+    acceleration = beams.triads @ gravity
+    zero = np.zeros_like(acceleration)
+    return np.einsum("eij,ej->ei", beam.mass(beams), np.hstack([acceleration, zero, acceleration, zero]))
 
 
 def thermal_load(beams: Beams) -> FloatArray:
@@ -206,8 +206,8 @@ def thermal_load(beams: Beams) -> FloatArray:
 
 def assemble_loads(beams: Beams, loads: FloatArray, dofs: DofMap) -> FloatArray:
     """Assemble the load vector of element loads."""
-    turned = np.einsum("eji,ekj->eki", beams.triads, loads.reshape(-1, 4, 3))
-    return dofs.gather(beams.nodes, turned.reshape(-1, 2, 6))
+    global_loads = np.einsum("eji,ekj->eki", beams.triads, loads.reshape(-1, 4, 3))
+    return dofs.gather(beams.nodes, global_loads.reshape(-1, 2, 6))
 
 
 @dataclass(frozen=True)
@@ -251,5 +251,5 @@ def modal_damping(mass: Triplets, shapes: FloatArray, omegas: FloatArray, ratio:
     C = M Phi diag(2 zeta omega) Phi^T M with Phi^T M Phi = I; the matrix is full. Reference: R. W. Clough and J.
     Penzien, Dynamics of Structures, 3rd ed. (2003), eq. 12-56.
     """
-    spread = np.column_stack([mass.times(shape) for shape in shapes.T]) if shapes.size else shapes
-    return Triplets.from_dense((spread * (2.0 * ratio * omegas)) @ spread.T)
+    M_Phi = np.column_stack([mass.times(shape) for shape in shapes.T]) if shapes.size else shapes
+    return Triplets.from_dense((M_Phi * (2.0 * ratio * omegas)) @ M_Phi.T)

@@ -41,12 +41,12 @@ def direction(value: str | FloatArray | Sequence[float], where: str = "direction
         unit[COMPONENTS.index(name)] = -1.0 if value.startswith("-") else 1.0
         return unit
     entries = value if isinstance(value, np.ndarray | list | tuple) else [None]
-    if any(isinstance(one, bool) or not isinstance(one, int | float) for one in entries):
+    if any(isinstance(entry, bool) or not isinstance(entry, int | float) for entry in entries):
         raise refuse(where, value, _DIRECTIONS)
-    six, given = np.zeros(6), finite_array(where, value, (None,))
-    if len(given) not in (3, 6) or not given.any():
-        raise refuse(where, given.tolist(), f"{_DIRECTIONS}, not all zero")
-    six[: len(given)] = given
+    six, vector = np.zeros(6), finite_array(where, value, (None,))
+    if len(vector) not in (3, 6) or not vector.any():
+        raise refuse(where, vector.tolist(), f"{_DIRECTIONS}, not all zero")
+    six[: len(vector)] = vector
     for part in (six[:3], six[3:]):
         length = np.linalg.norm(part)
         if length > 0.0:
@@ -89,16 +89,16 @@ def triads(axes: FloatArray, orientations: FloatArray) -> FloatArray:
     Local x runs along the element, local y lies in the plane of x and the orientation vector, on the side of the
     vector, and z = x cross y. With R the triad, ``u_local = R u_global``.
     """
-    along = np.sum(axes * orientations, axis=1, keepdims=True)
-    across = orientations - along * axes
-    length = np.linalg.norm(across, axis=1)
+    axial = np.sum(axes * orientations, axis=1, keepdims=True)
+    transverse = orientations - axial * axes
+    length = np.linalg.norm(transverse, axis=1)
     bad = np.flatnonzero(length <= _PARALLEL * np.linalg.norm(orientations, axis=1))
     if bad.size:
         raise refuse(
             f"orientation of element {bad[0]}", orientations[bad[0]].tolist(), "a vector that is not along the member",
             "the vector defines local y", "choose a vector across the member",
         )  # fmt: skip
-    y = across / length[:, None]
+    y = transverse / length[:, None]
     z = np.cross(axes, y).astype(float, copy=False)
     return np.stack([axes, y, z], axis=1) + 0.0  # + 0.0 changes -0.0 to 0.0
 
@@ -126,7 +126,7 @@ def rigid_ties(mesh: Mesh, links: Mapping[str, Iterable[str]]) -> Ties | None:
     leader, matrices = np.arange(len(mesh.nodes)), np.zeros((len(mesh.nodes), 6, 6))
     for name, components in links.items():
         first, nodes = int(mesh.links[name][0]), mesh.links[name][1:]
-        follow = [component(one) for one in components]
+        follow = [component(c) for c in components]
         leader[nodes] = first
         matrices[nodes[:, None], follow] = rigid_motions(mesh.nodes[nodes] - mesh.nodes[first])[:, follow]
     return Ties(leader, matrices)
@@ -151,11 +151,11 @@ class DofMap:
 
     def gather(self, nodes: IntArray, forces: FloatArray) -> FloatArray:
         """Return the forces on the unknowns, shape (size,), of forces and moments at nodes, shape (..., 6)."""
-        found = np.zeros(self.size)
-        for acted, acting in self.lead(nodes, forces):
-            numbers = self.numbers[acted].ravel()
-            np.add.at(found, numbers[numbers >= 0], acting.ravel()[numbers >= 0])
-        return found
+        result = np.zeros(self.size)
+        for index, values in self.lead(nodes, forces):
+            numbers = self.numbers[index].ravel()
+            np.add.at(result, numbers[numbers >= 0], values.ravel()[numbers >= 0])
+        return result
 
     def lead(self, nodes: IntArray, forces: FloatArray) -> list[tuple[IntArray, FloatArray]]:
         """Return nodes and forces that do the same work as forces at nodes, shape (...) and (..., 6).
@@ -164,8 +164,8 @@ class DofMap:
         """
         if self.ties is None:
             return [(nodes, forces)]
-        carried = np.einsum("...c,...cj->...j", forces, self.ties.matrices[nodes])
-        return [(nodes, forces), (self.ties.leader[nodes], carried)]
+        on_leader = np.einsum("...c,...cj->...j", forces, self.ties.matrices[nodes])
+        return [(nodes, forces), (self.ties.leader[nodes], on_leader)]
 
     def congruence(self, nodes: IntArray, matrices: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return the number of each row and the matrices, shape (e, r) and (e, r, r), in the unknowns of k nodes.
@@ -179,8 +179,8 @@ class DofMap:
         T[:, np.arange(size), np.arange(size)] = 1.0
         for k in range(nodes.shape[1]):
             T[:, 6 * k : 6 * k + 6, size + 6 * k : size + 6 * k + 6] = self.ties.matrices[nodes[:, k]]
-        both = np.concatenate([nodes, self.ties.leader[nodes]], axis=1)
-        return self.numbers[both].reshape(len(nodes), -1), T.swapaxes(1, 2) @ matrices @ T
+        all_nodes = np.concatenate([nodes, self.ties.leader[nodes]], axis=1)
+        return self.numbers[all_nodes].reshape(len(nodes), -1), T.swapaxes(1, 2) @ matrices @ T
 
     @property
     def moving(self) -> NDArray[np.bool_]:
@@ -210,12 +210,12 @@ class DofMap:
     def nodal(self, unknowns: FloatArray) -> FloatArray:
         """Return unknowns expanded to all nodes, zero where constrained."""
         padded = np.concatenate([unknowns, np.zeros((*unknowns.shape[:-1], 1))], axis=-1)
-        found = padded[..., self.numbers]
+        values = padded[..., self.numbers]
         if self.ties is not None:
             nodes = np.flatnonzero(self.ties.tied.any(axis=1))
-            led = found[..., self.ties.leader[nodes], :]
-            found[..., nodes, :] += np.einsum("ncj,...nj->...nc", self.ties.matrices[nodes], led)
-        return found
+            leading = values[..., self.ties.leader[nodes], :]
+            values[..., nodes, :] += np.einsum("ncj,...nj->...nc", self.ties.matrices[nodes], leading)
+        return values
 
     def nodal_modes(self, shapes: FloatArray, size: float) -> FloatArray:
         """Return modes expanded to all nodes, with zeros where the motion of a node is only rounding.
@@ -243,8 +243,8 @@ def dof_map(
 ) -> DofMap:  # fmt: skip
     """Return the numbering of the free components of a mesh; leading nodes of ties have those that move others."""
     free = np.repeat(mesh.on_members()[:, None], 6, axis=1)
-    for node, moved in single:
-        free[node] |= moved != 0.0
+    for node, motion in single:
+        free[node] |= motion != 0.0
     if ties is not None:
         np.logical_or.at(free, ties.leader, ties.matrices.any(axis=1))
         free &= ~ties.tied
@@ -253,9 +253,9 @@ def dof_map(
             free[mesh.select(point, f"supports.{point}"), component(name, f"supports.{point}")] = False
     numbers = np.full(free.shape, -1, dtype=np.intp)
     numbers[free] = np.arange(np.count_nonzero(free))
-    called = [f"node {n}" for n in range(len(mesh.nodes))]
+    labels = [f"node {n}" for n in range(len(mesh.nodes))]
     for point, index in reversed(list(mesh.points.items())):
         if len(index) == 1:
-            called[index[0]] = point
+            labels[index[0]] = point
     pairs = zip(*(part.tolist() for part in np.nonzero(free)), strict=True)
-    return DofMap(numbers, tuple(f"{called[node]}.{COMPONENTS[i]}" for node, i in pairs), ties)
+    return DofMap(numbers, tuple(f"{labels[node]}.{COMPONENTS[i]}" for node, i in pairs), ties)

@@ -20,10 +20,10 @@ _GROUPS = ("lines", "points", "bodies", "links")
 
 
 def _frozen_index(values: ArrayLike) -> IntArray:
-    given = np.array(values)
-    index = given.astype(np.intp)
-    if given.size and not (given == index).all():
-        raise refuse("node numbers", given.tolist(), "whole numbers")
+    array = np.array(values)
+    index = array.astype(np.intp)
+    if array.size and not (array == index).all():
+        raise refuse("node numbers", array.tolist(), "whole numbers")
     index.setflags(write=False)
     return index
 
@@ -176,8 +176,8 @@ class Mesh:
     @cached_property
     def _linked_parts(self) -> tuple[list[IntArray], list[IntArray]]:
         """Node numbers of the parts that links connect too: all of them, and those with all rotations."""
-        stiff = {name: nodes for name, nodes in self.links.items() if name not in self.joints}
-        return self._connect({**self.bodies, **self.links}), self._connect({**self.bodies, **stiff})
+        rigid = {name: nodes for name, nodes in self.links.items() if name not in self.joints}
+        return self._connect({**self.bodies, **self.links}), self._connect({**self.bodies, **rigid})
 
     def _connect(self, bodies: Mapping[str, IntArray]) -> list[IntArray]:
         pairs = [np.column_stack([nodes[:-1], nodes[1:]]) for nodes in bodies.values()]
@@ -215,9 +215,9 @@ def refine(mesh: Mesh, divisions: Mapping[str, int]) -> Mesh:
         share = np.arange(1, parts) / parts
         start, end = mesh.nodes[line[:-1], None], mesh.nodes[line[1:], None]
         nodes.append((start + share[:, None] * (end - start)).reshape(-1, 3))
-        fresh = count + np.arange((len(line) - 1) * (parts - 1)).reshape(len(line) - 1, parts - 1)
-        lines[name] = np.append(np.column_stack([line[:-1], fresh]).ravel(), line[-1])
-        count += fresh.size
+        inner = count + np.arange((len(line) - 1) * (parts - 1)).reshape(len(line) - 1, parts - 1)
+        lines[name] = np.append(np.column_stack([line[:-1], inner]).ravel(), line[-1])
+        count += inner.size
     return replace(mesh, nodes=np.concatenate(nodes), lines=lines)
 
 
@@ -250,9 +250,9 @@ def _duplicate_faults(mesh: Mesh) -> Iterator[Fault]:
     leader = np.arange(len(nodes))
     for index in mesh.links.values():
         leader[index[1:]] = index[0]
-    apart = leader[order[1:]] != leader[order[:-1]]
-    same = np.flatnonzero((nodes[1:] == nodes[:-1]).all(axis=1) & apart)
-    for i in same[:_MAX_FAULTS].tolist():
+    separate = leader[order[1:]] != leader[order[:-1]]
+    coincident = np.flatnonzero((nodes[1:] == nodes[:-1]).all(axis=1) & separate)
+    for i in coincident[:_MAX_FAULTS].tolist():
         where = f"nodes {mesh.node_name(int(order[i]))!r} and {mesh.node_name(int(order[i + 1]))!r}"
         why = "members meet only at a shared node"
         yield Fault(

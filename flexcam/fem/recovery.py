@@ -33,18 +33,18 @@ def section_forces(
     the nodal loads, exactly as in the equations of motion. Modal damping couples all unknowns and has no element
     matrix: its force is treated as a nodal load.
     """
-    strained = local = _local(beams, nodal)
-    pushed = None if acceleration is None else _local(beams, acceleration)
+    u = local = _local(beams, nodal)
+    a = None if acceleration is None else _local(beams, acceleration)
     if velocity is not None and (damping.alpha or damping.beta):
-        moving = _local(beams, velocity)
-        strained = local + damping.beta * moving
-        pushed = damping.alpha * moving + (0.0 if pushed is None else pushed)
-    on_nodes = np.einsum("eij,...ej->...ei", beam.stiffness(beams), strained) + _arch_forces(beams, local)
-    if pushed is not None:
-        on_nodes += np.einsum("eij,...ej->...ei", beam.mass(beams), pushed)
+        v = _local(beams, velocity)
+        u = local + damping.beta * v
+        a = damping.alpha * v + (0.0 if a is None else a)
+    forces = np.einsum("eij,...ej->...ei", beam.stiffness(beams), u) + _arch_forces(beams, local)
+    if a is not None:
+        forces += np.einsum("eij,...ej->...ei", beam.mass(beams), a)
     if spread is not None:
-        on_nodes -= spread
-    return on_nodes.reshape(*on_nodes.shape[:-1], 2, 6) * np.array([-1.0, 1.0])[:, None]
+        forces -= spread
+    return forces.reshape(*forces.shape[:-1], 2, 6) * np.array([-1.0, 1.0])[:, None]
 
 
 def _arch_forces(beams: Beams, local: FloatArray) -> FloatArray:
@@ -158,8 +158,8 @@ def _interpolate_bending(
     rise = (3.0 * x**2 - 2.0 * x**3 + phi * x) / (1.0 + phi)
     at_start = (x**3 - (2.0 + phi / 2.0) * x**2 + (1.0 + phi / 2.0) * x) / (1.0 + phi)
     at_end = (x**3 - (1.0 - phi / 2.0) * x**2 - phi / 2.0 * x) / (1.0 + phi)
-    deflected = v1 + rise * (v2 - v1) + L * (at_start * r1 + at_end * r2)
+    v = v1 + rise * (v2 - v1) + L * (at_start * r1 + at_end * r2)
     bump = 6.0 * (x - x**2) / (1.0 + phi)
     first = (3.0 * x**2 - (4.0 + phi) * x + 1.0 + phi) / (1.0 + phi)
     second = (3.0 * x**2 - (2.0 - phi) * x) / (1.0 + phi)
-    return deflected, bump * (v2 - v1) / L + first * r1 + second * r2
+    return v, bump * (v2 - v1) / L + first * r1 + second * r2

@@ -100,23 +100,23 @@ _RANK_TOLERANCE = 1e-10  # singular values of the constraints below this are rou
 def free_motions(mesh: Mesh, dofs: DofMap, springs: Iterable[FloatArray]) -> FloatArray:
     """Return a basis of the motions without strain energy."""
     joined = np.isin(np.arange(len(mesh.nodes)), np.concatenate([*mesh.parts, np.zeros(0, np.intp)]))
-    moved = joined | (dofs.numbers >= 0).any(axis=1)
-    single = np.flatnonzero(moved & ~joined)
+    movable = joined | (dofs.numbers >= 0).any(axis=1)
+    single = np.flatnonzero(movable & ~joined)
     rigid = _rigid_motions(mesh, [*mesh.parts, *single[:, None]])
     nodal = int(np.count_nonzero(dofs.numbers >= 0))
     further = dofs.size - nodal  # additional unknowns after those of the nodes: each is free
-    still = (
+    relative = (
         rigid if dofs.ties is None else rigid - np.einsum("ncj,njm->ncm", dofs.ties.matrices, rigid[dofs.ties.leader])
     )
-    held = np.pad(still[moved[:, None] & (dofs.numbers < 0)], ((0, 0), (0, further)))
+    constraints = np.pad(relative[movable[:, None] & (dofs.numbers < 0)], ((0, 0), (0, further)))
     free = np.zeros((dofs.size, rigid.shape[-1] + further))
     free[dofs.numbers[dofs.numbers >= 0], : rigid.shape[-1]] = rigid[dofs.numbers >= 0]
     free[nodal:, rigid.shape[-1] :] = np.eye(further)
-    rows = np.concatenate([held, *(_row_product(row, free) for row in springs)])
+    rows = np.concatenate([constraints, *(_row_product(row, free) for row in springs)])
     size = np.abs(rows).max(axis=1, initial=0.0)
     rows = rows[size > 0.0] / size[size > 0.0, None]
-    small = np.linalg.qr(rows, mode="r")  # the same null space with few rows
-    _, values, vectors = np.linalg.svd(small)
+    R = np.linalg.qr(rows, mode="r")  # the same null space with few rows
+    _, values, vectors = np.linalg.svd(R)
     rank = int(np.count_nonzero(values > _RANK_TOLERANCE * max(1.0, float(values.max(initial=0.0)))))
     return free @ vectors[rank:].T
 

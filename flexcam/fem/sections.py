@@ -266,6 +266,6 @@ def _rectangle_torsion(side: float, other: float) -> tuple[float, float]:
     """
     a, b = max(side, other), min(side, other)
     terms = [(n, n * math.pi * a / (2.0 * b)) for n in range(1, 15, 2)]
-    small = math.fsum((1.0 - math.tanh(x)) / n**5 for n, x in terms)
-    J = a * b**3 * (1.0 / 3.0 - 64.0 * b / (math.pi**5 * a) * (_ODD_FIFTH_POWERS - small))
+    correction = math.fsum((1.0 - math.tanh(x)) / n**5 for n, x in terms)
+    J = a * b**3 * (1.0 / 3.0 - 64.0 * b / (math.pi**5 * a) * (_ODD_FIFTH_POWERS - correction))
     return J, b * (1.0 - 8.0 / math.pi**2 * math.fsum(1.0 / (n**2 * math.cosh(min(x, 700.0))) for n, x in terms))

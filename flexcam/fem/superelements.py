@@ -48,18 +48,18 @@ def reduce_superelement(
     rigid-body motions of the nodes at their positions (m, shape (k, 3)), or a seventh motion does not.
     """
     names = ("mass", "stiffness", "damping")
-    mass, stiffness, damping = (_symmetric(name, one) for name, one in zip(names, matrices, strict=True))
+    mass, stiffness, damping = (_symmetric(name, matrix) for name, matrix in zip(names, matrices, strict=True))
     outer = 6 * len(nodes)
     internal = len(stiffness) - outer
-    kept = internal if modes is None else min(modes, internal)
-    if kept > INTERNAL_LIMIT:
-        given, why = f"{kept} modes", "each becomes an unknown of the run"
+    count = internal if modes is None else min(modes, internal)
+    if count > INTERNAL_LIMIT:
+        given, why = f"{count} modes", "each becomes an unknown of the run"
         raise refuse("modes", given, f"up to {INTERNAL_LIMIT}", why, "add modes = 20, or another number of modes")
-    basis = np.zeros((len(stiffness), outer + kept))
+    basis = np.zeros((len(stiffness), outer + count))
     basis[:outer, :outer] = np.eye(outer)
     if internal:
-        basis[outer:, :outer], basis[outer:, outer:] = _internal_shapes(mass, stiffness, outer, kept)
-    reduced = [basis.T @ one @ basis for one in (mass, stiffness, damping)]
+        basis[outer:, :outer], basis[outer:, outer:] = _internal_shapes(mass, stiffness, outer, count)
+    reduced = [basis.T @ matrix @ basis for matrix in (mass, stiffness, damping)]
     reduced[1][:outer, outer:] = reduced[1][outer:, :outer] = 0.0  # static shapes have no energy with the modes
     reduced[1][:outer, :outer] = _free_of_rigid_motions(reduced[1][:outer, :outer], positions)
     return Superelement(nodes, reduced[0], reduced[1], reduced[2])
@@ -75,27 +75,27 @@ def _symmetric(name: str, matrix: FloatArray) -> FloatArray:
         raise refuse(name, given, "a symmetric matrix", "action and reaction are equal")
     even = 0.5 * (matrix + matrix.T)
     scale = np.where(size > 0.0, size, 1.0)
-    least = float(np.linalg.eigvalsh(even / np.outer(scale, scale)).min())
-    if least < -_SYMMETRY:
-        raise refuse(name, f"a motion with negative energy ({least:.3g} scaled)", "a positive semi-definite matrix")
+    minimum = float(np.linalg.eigvalsh(even / np.outer(scale, scale)).min())
+    if minimum < -_SYMMETRY:
+        raise refuse(name, f"a motion with negative energy ({minimum:.3g} scaled)", "a positive semi-definite matrix")
     return even
 
 
-def _internal_shapes(mass: FloatArray, stiffness: FloatArray, outer: int, kept: int) -> tuple[FloatArray, FloatArray]:
+def _internal_shapes(mass: FloatArray, stiffness: FloatArray, outer: int, count: int) -> tuple[FloatArray, FloatArray]:
     """Return the static shapes and the lowest modes of the internal unknowns with fixed interface."""
     from scipy.linalg import LinAlgError, eigh
 
-    own, across = stiffness[outer:, outer:], stiffness[outer:, :outer]
+    internal, coupling = stiffness[outer:, outer:], stiffness[outer:, :outer]
     try:
-        np.linalg.cholesky(own)
+        np.linalg.cholesky(internal)
     except np.linalg.LinAlgError:
         why = "with fixed interface nodes an internal motion has no stiffness"
         raise refuse("stiffness", "a singular matrix of the internal unknowns", "a regular one", why) from None
-    static = np.asarray(-np.linalg.solve(own, across), dtype=np.float64)
-    if not kept:
-        return static, np.zeros((len(own), 0))
+    static = np.asarray(-np.linalg.solve(internal, coupling), dtype=np.float64)
+    if not count:
+        return static, np.zeros((len(internal), 0))
     try:
-        shapes = eigh(own, mass[outer:, outer:], subset_by_index=[0, kept - 1])[1]
+        shapes = eigh(internal, mass[outer:, outer:], subset_by_index=[0, count - 1])[1]
     except LinAlgError:
         why = "modes need a mass for every internal unknown"
         raise refuse("mass", "internal unknowns without mass", "a consistent mass", why, "use modes = 0") from None

@@ -143,8 +143,8 @@ def _line(value: Any) -> Any:  # noqa: ANN401
     return value
 
 
-def _direction_schema(kind: str, most: int) -> WithJsonSchema:
-    array = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": most}
+def _direction_schema(kind: str, maximum: int) -> WithJsonSchema:
+    array = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": maximum}
     return WithJsonSchema({"anyOf": [{"type": "string", "pattern": f"^[+-]?{kind}[xyz]$"}, array]})
 
 
@@ -232,9 +232,9 @@ class PartRecord(Record, Generic[Part]):
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """Return a copy with other values, which describes another part."""
-        copied = super().model_copy(update=update, deep=deep)
-        vars(copied).pop("part", None)
-        return copied
+        copy = super().model_copy(update=update, deep=deep)
+        vars(copy).pop("part", None)
+        return copy
 
     def _check(self) -> None:
         _ = self.part
@@ -244,7 +244,7 @@ def records_at(path: tuple[str, ...], root: type[BaseModel]) -> list[type[BaseMo
     """Return the tables allowed at a key path: several for a table with variants."""
     records = [root]
     for step in path:
-        found = [
+        matches = [
             inner
             for record in records
             for name, field in record.model_fields.items()
@@ -252,7 +252,7 @@ def records_at(path: tuple[str, ...], root: type[BaseModel]) -> list[type[BaseMo
             for inner in _records_in(field.annotation)
         ]
         # A step that is not a field is a user-defined name in a table of names.
-        records = found or records
+        records = matches or records
     return records
 
 

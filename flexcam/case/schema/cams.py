@@ -78,19 +78,19 @@ class TimingRecord(Record):
     )
 
     def _check(self) -> None:
-        given = [key for key in ("opening", "closing", "centre") if getattr(self, key) is not None]
-        if len(given) != 1:
-            raise value_error("one of opening, closing, centre", given=" and ".join(given) or "none of them")
+        keys = [key for key in ("opening", "closing", "centre") if getattr(self, key) is not None]
+        if len(keys) != 1:
+            raise value_error("one of opening, closing, centre", given=" and ".join(keys) or "none of them")
 
     def phase_of(self, event: Event) -> float:
         """Return the phase, rad, that places a lift event of phase zero."""
-        found = valve_event(event, self.lift)
-        if found is None:
+        valve = valve_event(event, self.lift)
+        if valve is None:
             allowed = f"a lift below the maximum, {1e3 * event_extremes(event)[1].value:g} mm"
             raise refuse("timing.lift", f"{1e3 * self.lift:g} mm", allowed, "the follower never passes it")
         if self.centre is not None:
-            return self.centre - 0.5 * found.centre
-        return (self.opening or 0.0) - 0.5 * found.opens if self.closing is None else self.closing - 0.5 * found.closes
+            return self.centre - 0.5 * valve.centre
+        return (self.opening or 0.0) - 0.5 * valve.opens if self.closing is None else self.closing - 0.5 * valve.closes
 
 
 class FlatRecord(Record):
@@ -229,8 +229,8 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
     @property
     def missing_keys(self) -> list[str]:
         """Missing keys of the lift."""
-        named = (("law", self.law), ("lift", self.lift), ("rise", self.rise), ("return", self.fall))
-        return [key for key, value in named if value is None and self.lift_table is None]
+        pairs = (("law", self.law), ("lift", self.lift), ("rise", self.rise), ("return", self.fall))
+        return [key for key, value in pairs if value is None and self.lift_table is None]
 
     @property
     def start_angle(self) -> float:
@@ -242,10 +242,10 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
     def _check(self) -> None:
         """Check the cam; missing keys are reported with the references of all tables."""
         places = {"phase": self.phase or None, "centreline": self.centreline, "timing": self.timing}
-        given = [key for key, value in places.items() if value is not None]
-        if len(given) > 1:
+        keys = [key for key, value in places.items() if value is not None]
+        if len(keys) > 1:
             why = "each of them places the cam on its shaft"
-            raise refuse(given[1], " and ".join(given), f"one of {', '.join(places)}", why, "leave the others out")
+            raise refuse(keys[1], " and ".join(keys), f"one of {', '.join(places)}", why, "leave the others out")
         if not self.missing_keys:
             super()._check()
         elif self.follower is not None:

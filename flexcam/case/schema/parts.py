@@ -83,14 +83,14 @@ class _SectionRecord(PartRecord[Section | Taper]):
     def build(self) -> Section | Taper:
         """Build the section, with the given torsion constant and shear factors."""
         keys = (key for key in type(self).model_fields if key not in ("J", "kappa_y", "kappa_z", "shape"))
-        given: list[float | tuple[float, float]] = [getattr(self, key) for key in keys]
-        start, end = (tuple(one[i] if isinstance(one, tuple) else one for one in given) for i in (0, 1))
-        known = {key: value for key in ("J", "kappa_y", "kappa_z") if (value := getattr(self, key)) is not None}
+        sizes: list[float | tuple[float, float]] = [getattr(self, key) for key in keys]
+        start, end = (tuple(size[i] if isinstance(size, tuple) else size for size in sizes) for i in (0, 1))
+        properties = {key: value for key in ("J", "kappa_y", "kappa_z") if (value := getattr(self, key)) is not None}
         if start == end:
-            return replace(self.kind(*start), **known)
+            return replace(self.kind(*start), **properties)
         if self.J is not None:
             raise refuse("J", f"{self.J:g} m^4", "no J of a tapered section", "it varies over the length")
-        return Taper(self.kind, start, end, known)
+        return Taper(self.kind, start, end, properties)
 
 
 class CircleRecord(_SectionRecord):
@@ -220,8 +220,8 @@ class SuperelementRecord(Record):
 
     def matrices(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return mass, stiffness and damping in SI, the rows of the interface nodes first."""
-        given = [one.matrix for one in (self.mass, self.stiffness, self.damping) if one is not None]
-        rows = sorted({label for matrix in given for label in matrix.labels})
+        matrices = [file.matrix for file in (self.mass, self.stiffness, self.damping) if file is not None]
+        rows = sorted({label for matrix in matrices for label in matrix.labels})
         known, interface = {node for node, _ in rows}, [int(node) for node in self.nodes]
         if missing := [str(node) for node in interface if node not in known]:
             allowed = f"nodes of the matrices, {min(known)} to {max(known)}"
@@ -231,7 +231,7 @@ class SuperelementRecord(Record):
         # in mm-t-s a displacement has 1000 times its number of metres, and an energy of 1 is a millijoule
         length, energy = (1e3, 1e-3) if self.units == "mm-t-s" else (1.0, 1.0)
         scale = np.array([length if dof <= 3 else 1.0 for _, dof in order])
-        mass, stiffness, *damping = (energy * np.outer(scale, scale) * one.ordered(order) for one in given)
+        mass, stiffness, *damping = (energy * np.outer(scale, scale) * matrix.ordered(order) for matrix in matrices)
         return mass, stiffness, damping[0] if damping else 0.0 * mass
 
 
@@ -305,8 +305,8 @@ class FrictionRecord(Record):
 
     def _check(self) -> None:
         slide, coils = (self.at, self.direction), (self.spring, self.inside)
-        given, other = (slide, coils) if self.at is not None else (coils, (*slide, self.to))
-        if None in given or any(one is not None for one in other):
+        required, excluded = (slide, coils) if self.at is not None else (coils, (*slide, self.to))
+        if None in required or any(value is not None for value in excluded):
             why = "friction acts at a point or between the coils of two springs"
             raise value_error("either the keys 'at' and 'direction', or 'spring' and 'inside'", why)
         if self.force is None and (self.coefficient is None or self.spring is None):
@@ -349,11 +349,11 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
 
     def _check(self) -> None:
         super()._check()
-        spread = self.force_per_length is not None
-        sizes = sum(one is not None for one in (self.force, self.table, self.force_per_length))
+        distributed = self.force_per_length is not None
+        sizes = sum(value is not None for value in (self.force, self.table, self.force_per_length))
         if self.at is not None and not sizes:
             raise value_error("'force' or 'table' together with 'at'", "they give the size of the load")
-        if sizes != 1 or (self.member is not None) != spread or (self.at is None) != spread:
+        if sizes != 1 or (self.member is not None) != distributed or (self.at is None) != distributed:
             allowed = "either 'at' with one of 'force' and 'table', or 'member' with 'force_per_length'"
             raise value_error(allowed, "a load acts at a point or along a member")
         for key in ("area", "phase", "repeat") if self.table is None else ():
@@ -363,13 +363,13 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
 
     def build(self) -> valvetrain.GivenLoad:
         """Build the load."""
-        along = direction(self.direction)
+        vector = direction(self.direction)
         if self.table is not None:
-            unit = "N" if along[:3].any() else "N m"
+            unit = "N" if vector[:3].any() else "N m"
             table = self.table.build(unit, self.area, self.phase, self.repeat)
-            return valvetrain.GivenLoad(table, along, self.at)
+            return valvetrain.GivenLoad(table, vector, self.at)
         size = self.force if self.force is not None else self.force_per_length
-        return valvetrain.GivenLoad(size or 0.0, along, self.at, self.member)
+        return valvetrain.GivenLoad(size or 0.0, vector, self.at, self.member)
 
 
 _DefinedPoint = Annotated[Name, Field(description="the name of the point that it defines")]
@@ -456,12 +456,12 @@ class RepeatRecord(Record):
     def copies(self) -> list[tuple[str, Point, float]]:
         """Return name, offset, m, and delay, rad of cam angle, of every copy."""
         step, order = self.spacing or (0.0, 0.0, 0.0), self._order
-        found: list[tuple[str, Point, float]] = []
+        copies: list[tuple[str, Point, float]] = []
         for i, name in enumerate(self.copy_names):
             offset = self.offsets[i] if self.offsets else (i * step[0], i * step[1], i * step[2])
             phase = self.phases[i] if self.phases else tau * order.index(name) / len(order) if order else 0.0
-            found.append((name, offset, phase))
-        return found
+            copies.append((name, offset, phase))
+        return copies
 
     @property
     def _order(self) -> list[str]:

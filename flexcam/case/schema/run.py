@@ -194,8 +194,8 @@ class GivenStartRecord(Record):
         table = cast("dict[str, object]", value)
         units = {"displacement": ("length", "angle"), "velocity": ("velocity", "speed")}[info.field_name or ""]
         return {
-            name: Unit(units[name.rpartition(".")[2] in ("rx", "ry", "rz")], signed=True).validate(one)
-            for name, one in table.items()
+            name: Unit(units[name.rpartition(".")[2] in ("rx", "ry", "rz")], signed=True).validate(item)
+            for name, item in table.items()
         }
 
 

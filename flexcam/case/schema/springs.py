@@ -226,12 +226,12 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
             allowed, why = "rows of increasing travel and force", "a spring pushes back more the more it is compressed"
             raise value_error(allowed, why, "sort them, and smooth their noise", inside="force_table")
         start, force = self.installed_compression or 0.0, self.installed_force
-        (least, weakest), (most, strongest) = rows[0], rows[-1]
-        if not (least <= start <= most if force is None else weakest <= force <= strongest):
+        (minimum, weakest), (maximum, strongest) = rows[0], rows[-1]
+        if not (minimum <= start <= maximum if force is None else weakest <= force <= strongest):
             place, why = f"the installed_force, {force:g} N", f"its forces reach from {weakest:g} to {strongest:g} N"
             if force is None:
                 place = f"the installed position, {1e3 * start:g} mm"
-                why = f"its travels reach from {1e3 * least:g} to {1e3 * most:g} mm"
+                why = f"its travels reach from {1e3 * minimum:g} to {1e3 * maximum:g} mm"
             raise value_error(f"a table that covers {place}", why, inside="force_table")
 
     def _check_force(self, key: str) -> None:
@@ -247,14 +247,14 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
 
     def build(self) -> valvetrain.Spring:
         """Build the spring."""
-        along = direction(self.direction)
+        vector = direction(self.direction)
         wire, stiffness = self.wire and self.wire.coil, self.stiffness or (self.wire and self.wire.rate) or 0.0
         clash = self.clash_stiffness or _COIL_CONTACT_RATIO * self.elements * stiffness
         force = self.installed_force
         if self.installed_compression is not None:
             force = stiffness * self.installed_compression
         spring = valvetrain.Spring(
-            self.at, along, stiffness, self.damping, self.to, force, self.mass, self.elements,
+            self.at, vector, stiffness, self.damping, self.to, force, self.mass, self.elements,
             self.clash_travel, clash, wire, self.pulsation and self.pulsation.part, self.link,
         )  # fmt: skip
         place = self.installed_force, self.installed_compression

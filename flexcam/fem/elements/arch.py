@@ -68,8 +68,8 @@ class Arch:
         from_chord[:, 2, 0] = L
         g = np.zeros((len(L), 6, 6))
         for first, phi in ((0, beams.phi_y), (3, beams.phi_z)):
-            whole = bending.geometric(np.ones(len(L)), L, phi[elements])
-            g[:, first : first + 3, first : first + 3] = np.swapaxes(from_chord, 1, 2) @ whole @ from_chord
+            matrix = bending.geometric(np.ones(len(L)), L, phi[elements])
+            g[:, first : first + 3, first : first + 3] = np.swapaxes(from_chord, 1, 2) @ matrix @ from_chord
         return cls(beams.EA[elements] / L, g, beams.bow[elements])
 
     def forces(self, values: FloatArray) -> FloatArray:
@@ -77,10 +77,10 @@ class Arch:
 
         The same as `flexcam.dynamics.force_laws.arch`, for all instants and elements at once.
         """
-        y, found = values[..., 1:], np.empty_like(values)
-        pulled = np.einsum("eij,...ej->...ei", self.shortening, y + self.bow)
+        y, forces = values[..., 1:], np.empty_like(values)
+        gradient = np.einsum("eij,...ej->...ei", self.shortening, y + self.bow)
         start = np.einsum("eij,ej->ei", self.shortening, self.bow)
         # y.g.(y + 2 y0): the difference of both squares would leave rounding at zero bending.
-        found[..., 0] = 0.5 * self.axial * np.sum(y * (pulled + start), axis=-1)
-        found[..., 1:] = (self.axial * values[..., 0] + found[..., 0])[..., None] * pulled
-        return found
+        forces[..., 0] = 0.5 * self.axial * np.sum(y * (gradient + start), axis=-1)
+        forces[..., 1:] = (self.axial * values[..., 0] + forces[..., 0])[..., None] * gradient
+        return forces

@@ -61,12 +61,12 @@ class Beams:
 
 
 def _place(bar: FloatArray, twist: FloatArray, xy: FloatArray, xz: FloatArray) -> FloatArray:
-    full = np.zeros((len(xy), 12, 12))
-    full[:, AXIAL[:, None], AXIAL] = bar
-    full[:, TORSION[:, None], TORSION] = twist
-    full[:, PLANE_XY[:, None], PLANE_XY] = xy
-    full[:, PLANE_XZ[:, None], PLANE_XZ] = xz * _ROTATION_SIGNS
-    return full
+    matrix = np.zeros((len(xy), 12, 12))
+    matrix[:, AXIAL[:, None], AXIAL] = bar
+    matrix[:, TORSION[:, None], TORSION] = twist
+    matrix[:, PLANE_XY[:, None], PLANE_XY] = xy
+    matrix[:, PLANE_XZ[:, None], PLANE_XZ] = xz * _ROTATION_SIGNS
+    return matrix
 
 
 def stiffness(beams: Beams) -> FloatArray:
