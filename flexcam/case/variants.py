@@ -235,7 +235,7 @@ def with_steps(case: Case, per_revolution: int) -> Case:
 
 
 def with_elements(case: Case, factor: int | None = None, each: int | None = None) -> Case:
-    """Return a case with a multiple of the elements per segment of members and springs, or a number `each` of members."""
+    """Return a case with a multiple of the elements of members and springs per segment, or with `each` per member."""
     members, springs = dict(case.record.members), dict(case.record.springs)
     for name, member in members.items():
         members[name] = member.model_copy(update={"elements": each or member.elements * (factor or 1)})
