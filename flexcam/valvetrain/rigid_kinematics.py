@@ -137,7 +137,7 @@ def rigid_trains(structure: Structure) -> tuple[RigidTrain, ...]:
     ]  # fmt: skip
     links = [spring for spring in spring_stretches(structure) if spring.rigid]
     motions = strain_free_motions(structure, links)
-    rows = [*(item.row for item in (*drives, *stops, *links)), *(lever.path + lever.moved for lever in levers)]
+    rows = [*(item.row for item in (*drives, *stops, *links)), *(end.path + end.moved for end in levers)]
     stiffness = soft_stiffness(structure)
     trains = (
         _train(dofs, motions[dofs], stiffness.part(dofs).dense(), drives, stops, levers)
@@ -176,7 +176,7 @@ def _train(
     drives = [drive for drive in drives if np.abs(drive.row).max(initial=0.0) > RANK]
     stops = [stop for stop in stops if np.abs(stop.row).max(initial=0.0) > RANK]
     levers = [lever for lever in levers if np.abs(lever.path).max(initial=0.0) > RANK]
-    sensed = [*(item.row for item in (*drives, *stops)), *(row for lever in levers for row in (lever.path, lever.moved))]
+    sensed = [*(item.row for item in (*drives, *stops)), *(row for end in levers for row in (end.path, end.moved))]
     basis = np.array(sensed).reshape(len(sensed), len(free))
     basis = (
         np.linalg.svd(basis, full_matrices=False)[2][: int(np.linalg.matrix_rank(basis, rtol=RANK))]
