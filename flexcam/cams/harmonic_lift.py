@@ -216,9 +216,9 @@ def harmonic_fit(
     if x is None:
         raise _fit_error(rows, target, inside, tolerance, bound, lambda inner, outer: solve(inner, outer) is not None)
     event = HarmonicLift.of(_amplitudes(x))
-    miss = np.abs(rows @ x - target)
-    rms = 0.0 if inside.all() else float(np.sqrt(np.mean(miss[~inside] ** 2)))
-    return HarmonicFit(event, float(miss[inside].max(initial=0.0)), float(miss.max()), rms)
+    deviations = np.abs(rows @ x - target)
+    rms = 0.0 if inside.all() else float(np.sqrt(np.mean(deviations[~inside] ** 2)))
+    return HarmonicFit(event, float(deviations[inside].max(initial=0.0)), float(deviations.max()), rms)
 
 
 def harmonics_below(frequency: float, speed: float) -> int:

@@ -307,7 +307,7 @@ _MAX_REPEATS = 8  # number of repetitions of a step with more positions before i
 def _trust_region_descent(program: Program, x: FloatArray) -> FloatArray:
     """Return the coefficients of a local optimum."""
     law, radius, repeats = program.family.law(x), _FIRST, 0
-    best = program.objective(law)
+    lowest = program.objective(law)
     places: dict[int, FloatArray] = dict.fromkeys((1, 2, 3), np.linspace(0.0, 1.0, 401))
     for _ in range(_ROUNDS):
         places = {order: _merge(places[order], stationary_points(law, order)) for order in places}
@@ -325,8 +325,8 @@ def _trust_region_descent(program: Program, x: FloatArray) -> FloatArray:
             repeats += 1  # the positions just added may correct it
             continue
         repeats, value = 0, program.objective(trial)
-        if value < best * (1.0 - 1e-9) and program.is_feasible(trial, 0.5 * FEASIBILITY_TOLERANCE):
-            x, law, best, radius = step, trial, value, min(2.0 * radius, _LARGEST)
+        if value < lowest * (1.0 - 1e-9) and program.is_feasible(trial, 0.5 * FEASIBILITY_TOLERANCE):
+            x, law, lowest, radius = step, trial, value, min(2.0 * radius, _LARGEST)
         else:
             radius *= 0.5
         if radius < _SMALLEST:

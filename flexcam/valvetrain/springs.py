@@ -156,7 +156,7 @@ def coil_spring(
 
     Its mass is that of the wire, or the given one, divided by the length of the wire.
     """
-    pairs = [part for coil in coils for part in coil.parts(wire, shear_modulus, spring.elements)]
+    pairs = [pair for coil in coils for pair in coil.parts(wire, shear_modulus, spring.elements)]
     stiffness, length = 1.0 / sum(1.0 / part.stiffness for part, _ in pairs), sum(length for _, length in pairs)
     per_length = spring.mass / length if density is None else density * math.pi * wire**2 / 4.0
     parts = tuple(

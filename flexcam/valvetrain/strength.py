@@ -44,15 +44,15 @@ def stiff_struts(model: Model) -> dict[str, tuple[float, int]]:
     The values are the relative excess of the buckling load, infinite if no node is free to bend, and a sufficient
     number of elements.
     """
-    result: dict[str, tuple[float, int]] = {}
+    struts: dict[str, tuple[float, int]] = {}
     for name, member in model.members.items():
         count = len(model.mesh.lines[name]) - 1
         if not member.geometric_stiffness or 6 * count > DENSE_LIMIT or (parts := _parts(model, name)) == 1:
             continue
         coarse, fine = (_lowest_load(*_divide(model, name, n)) for n in (1, parts))
         if coarse > (1.0 + _EXCESS_LIMIT) * fine:
-            result[name] = coarse / fine - 1.0, parts * count
-    return result
+            struts[name] = coarse / fine - 1.0, parts * count
+    return struts
 
 
 _EXCESS_LIMIT = 0.05  # relative excess of the buckling load to report: two elements between supports stay below it

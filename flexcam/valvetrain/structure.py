@@ -94,8 +94,8 @@ def lever_ends(structure: Structure, lever: Lever) -> dict[int, tuple[FloatArray
 def find_node(model: Model, point: str, where: str) -> int:
     """Return the node of a named point."""
     if point not in model.mesh.points:
-        known = [*model.mesh.points, *(r.point for r in model.rockers.values())]
-        raise refuse(where, repr(point), f"a point: {', '.join(known)}", remedy=suggest_name(point, known))
+        names = [*model.mesh.points, *(r.point for r in model.rockers.values())]
+        raise refuse(where, repr(point), f"a point: {', '.join(names)}", remedy=suggest_name(point, names))
     return model.mesh.node(point, where)
 
 

@@ -201,17 +201,17 @@ def _extreme(model: Model, response: Response, name: str, unit: str, last: Bools
 
 def train_metric_names(model: Model, channels: Iterable[str]) -> list[str]:
     """Return the names of all metrics that `train_metrics` may return."""
-    known = list(channels)
-    seats = [name for name, c in model.contacts.items() if isinstance(c, Seat) and f"contacts.{name}.gap" in known]
+    available = list(channels)
+    seats = [name for name, c in model.contacts.items() if isinstance(c, Seat) and f"contacts.{name}.gap" in available]
     contacts = [name for name, c in model.cam_contacts.items() if isinstance(c, CamContact)]
-    lashes = [name for name, c in model.contacts.items() if isinstance(c, Lash) and f"contacts.{name}.gap" in known]
+    lashes = [name for name, c in model.contacts.items() if isinstance(c, Lash) and f"contacts.{name}.gap" in available]
     names = [f"contacts.{name}.{_OPEN}" for name in spring_held_contacts(model)]
     names += [f"contacts.{name}.{_NOSE_FORCE}" for name in contacts]
     names += [f"contacts.{name}.{metric}" for name in seats for metric in (*_SEATING, _LOFT)]
     names += [f"contacts.{name}.{_GAP}" for name in lashes]
-    names += [f"{where}.{mean}" for where in _parts_with(known, "torque") for mean in _DRIVE]
-    names += [f"{where}.{_FRICTION_POWER}" for kind in ("friction", "power") for where in _parts_with(known, kind)]
-    return [*names, *filter(None, map(_metric_name, known))]
+    names += [f"{where}.{mean}" for where in _parts_with(available, "torque") for mean in _DRIVE]
+    names += [f"{where}.{_FRICTION_POWER}" for kind in ("friction", "power") for where in _parts_with(available, kind)]
+    return [*names, *filter(None, map(_metric_name, available))]
 
 
 def _parts_with(channels: Iterable[str], quantity: str) -> list[str]:
