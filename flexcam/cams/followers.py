@@ -112,8 +112,8 @@ class FlatFollower(Follower):
         height = self.base_radius + lift
         point = _complex(turn * velocity + 1j * height)
         up = _complex(np.full(point.shape, 1j))
-        still = np.zeros(point.shape)
-        rates = -turn * height, -turn * velocity, still, 1.0 + still, still, still
+        zeros = np.zeros(point.shape)
+        rates = -turn * height, -turn * velocity, zeros, 1.0 + zeros, zeros, zeros
         return FollowerContact(point, up, height + acceleration, up, point, *rates)
 
     def lift_at(self, point: ComplexArray) -> FloatArray:
@@ -136,19 +136,19 @@ def _roller_contact(
     # In the frame of the cam, c exp(-i turn theta): its derivatives, without the common factor.
     speed = first - 1j * turn * trace
     bend = second - 2j * turn * first - trace
-    fast, curved = np.abs(speed), np.conj(speed) * bend
-    along = speed / fast
-    normal = 1j * turn * along
-    pitch = -turn * fast**3 / curved.imag
+    norm, curved = np.abs(speed), np.conj(speed) * bend
+    tangent = speed / norm
+    normal = 1j * turn * tangent
+    pitch = -turn * norm**3 / curved.imag
     point = trace - radius * normal
     # The material velocity of the cam at the contact minus that of the roller's centre, along the tangent.
     sliding = (np.conj(-1j * normal) * (1j * turn * point - first)).real
     # The normal follows the path velocity, which rotates in the frame of the cam and with the frame.
-    tilted = swing - turn - curved.imag / fast**2
+    pressure_rate = swing - turn - curved.imag / norm**2
     lean = motion * np.conj(normal)
     return FollowerContact(
-        point, normal, pitch - radius, motion, trace, sliding, -turn * curved.real / fast, tilted,
-        lean.real, -lean.imag * tilted, swing - tilted,
+        point, normal, pitch - radius, motion, trace, sliding, -turn * curved.real / norm, pressure_rate,
+        lean.real, -lean.imag * pressure_rate, swing - pressure_rate,
     )  # fmt: skip
 
 
@@ -182,9 +182,9 @@ class RollerFollower(Follower):
 
     def lift_at(self, point: ComplexArray) -> FloatArray:
         """Return the lift at which the roller would contact a point."""
-        beside = self.roller_radius**2 - (point.real - self.offset) ** 2
-        height = point.imag + np.sqrt(np.where(beside >= 0.0, beside, 0.0))
-        return np.where(beside >= 0.0, height - self._start, -math.inf)
+        square = self.roller_radius**2 - (point.real - self.offset) ** 2
+        height = point.imag + np.sqrt(np.where(square >= 0.0, square, 0.0))
+        return np.where(square >= 0.0, height - self._start, -math.inf)
 
 
 @dataclass(frozen=True)
@@ -245,9 +245,9 @@ class SwingRollerFollower(Follower):
     def lift_at(self, point: ComplexArray) -> FloatArray:
         """Return the lift at which the roller would contact a point: the larger of two triangle solutions."""
         span = np.abs(point - self.distance)
-        away = np.angle(-(point - self.distance)) * -self.side
+        direction = np.angle(-(point - self.distance)) * -self.side
         cosine = (self.arm**2 + span**2 - self.roller_radius**2) / (2.0 * self.arm * np.maximum(span, 1e-300))
-        angle = away + np.arccos(np.clip(cosine, -1.0, 1.0))
+        angle = direction + np.arccos(np.clip(cosine, -1.0, 1.0))
         return np.where(np.abs(cosine) <= 1.0, self.arm * (angle - self.start_angle), -math.inf)
 
 
@@ -286,33 +286,33 @@ class SwingFlatFollower(Follower):
         With the face's direction t = -exp(-i psi), its normal m = -i t and the cam's velocity i turn z, equal normal
         velocities at z = a + q t + e m give q = a cos(psi)/(1 + turn psi'). The lower side is the mirror image.
         """
-        way = turn * self.side
+        sense = turn * self.side
         psi = self.start_angle + lift / self.arm
         rate, bend = velocity / self.arm, acceleration / self.arm
-        a, e, slip = self.distance, self.face, 1.0 + way * velocity / self.arm
+        a, e, slip = self.distance, self.face, 1.0 + sense * velocity / self.arm
         q = a * np.cos(psi) / slip
-        q_rate = -a * np.sin(psi) * rate / slip - way * bend * q / slip
-        along = -np.exp(-1j * psi)
-        normal = -1j * along
-        point = a + q * along + e * normal
-        path = q_rate - (rate + way) * e - way * a * np.sin(psi)
-        sliding = (np.conj(along) * (1j * way * point + 1j * rate * (point - a))).real
+        q_rate = -a * np.sin(psi) * rate / slip - sense * bend * q / slip
+        tangent = -np.exp(-1j * psi)
+        normal = -1j * tangent
+        point = a + q * tangent + e * normal
+        path = q_rate - (rate + sense) * e - sense * a * np.sin(psi)
+        sliding = (np.conj(tangent) * (1j * sense * point + 1j * rate * (point - a))).real
         motion = -1j * (point - a) / np.abs(point - a)
-        fixed = [one if self.side > 0 else np.conj(one) for one in (point, normal, motion)]
-        # In full the sliding is way a sin(psi) + (way + psi') e, and the motion is inclined like q - i e.
-        slid = way * a * np.cos(psi) * rate + e * bend
-        tilted = self.side * e * q_rate / (q**2 + e**2)
+        fixed = [vector if self.side > 0 else np.conj(vector) for vector in (point, normal, motion)]
+        # In full the sliding is sense a sin(psi) + (sense + psi') e, and the motion is inclined like q - i e.
+        sliding_rate = sense * a * np.cos(psi) * rate + e * bend
+        pressure_rate = self.side * e * q_rate / (q**2 + e**2)
         # The tangent is the normal turned by -90 deg: along the face in the mirror image, against it otherwise.
         return FollowerContact(
-            fixed[0], fixed[1], -way * path / slip, fixed[2], fixed[0], -self.side * sliding, -self.side * slid, tilted,
-            q / self.arm, q_rate / self.arm, -self.side * rate,
+            fixed[0], fixed[1], -sense * path / slip, fixed[2], fixed[0], -self.side * sliding,
+            -self.side * sliding_rate, pressure_rate, q / self.arm, q_rate / self.arm, -self.side * rate,
         )  # fmt: skip
 
     def lift_at(self, point: ComplexArray) -> FloatArray:
         """Return the lift at which the face would contact a point."""
-        seen = point if self.side > 0 else np.conj(point)
-        span = np.abs(seen - self.distance)
-        away = -np.angle(-(seen - self.distance))
+        mirrored = point if self.side > 0 else np.conj(point)
+        span = np.abs(mirrored - self.distance)
+        direction = -np.angle(-(mirrored - self.distance))
         sine = self.face / np.maximum(span, 1e-300)
-        angle = away - np.arcsin(np.clip(sine, -1.0, 1.0))
+        angle = direction - np.arcsin(np.clip(sine, -1.0, 1.0))
         return np.where(np.abs(sine) <= 1.0, self.arm * (angle - self.start_angle), -math.inf)

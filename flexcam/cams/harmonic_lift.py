@@ -63,8 +63,8 @@ class HarmonicLift(Event):
         """Return the derivative of the given order (0 to 4) by the cam angle (rad), m/rad^order, shape as `angle`."""
         angle = np.asarray(angle, dtype=float)
         n, amplitude = self._amplitudes
-        turned = np.exp(1j * angle[..., None] * n) @ ((1j * n) ** order * amplitude)
-        return np.asarray(turned.real + (self.mean if order == 0 else 0.0), dtype=float)
+        value = np.exp(1j * angle[..., None] * n) @ ((1j * n) ** order * amplitude)
+        return np.asarray(value.real + (self.mean if order == 0 else 0.0), dtype=float)
 
 
 def harmonics(event: Event, count: int, order: int = 0) -> ComplexArray:
@@ -75,17 +75,17 @@ def harmonics(event: Event, count: int, order: int = 0) -> ComplexArray:
     half = 0.5 * np.diff(edges)
     angle = (edges[:-1] + half)[:, None] + half[:, None] * points
     values = (half[:, None] * weights * event(angle, order)).ravel()
-    parts = np.array_split(np.arange(count + 1), count // _AT_ONCE + 1)
-    swung = np.concatenate([np.exp(-1j * np.outer(n, angle.ravel())) @ values for n in parts])
-    amplitude = np.asarray(swung / math.pi, dtype=np.complex128)
+    blocks = np.array_split(np.arange(count + 1), count // _AT_ONCE + 1)
+    sums = np.concatenate([np.exp(-1j * np.outer(n, angle.ravel())) @ values for n in blocks])
+    amplitude = np.asarray(sums / math.pi, dtype=np.complex128)
     amplitude[0] *= 0.5
     return amplitude
 
 
 def harmonic_rows(angle: FloatArray, count: int) -> FloatArray:
     """Return 1, the cosines and the sines of the multiples of angles up to a count, shape (n, 2 count + 1)."""
-    turned = np.outer(angle, np.arange(1, count + 1))
-    return np.hstack([np.ones((len(angle), 1)), np.cos(turned), np.sin(turned)])
+    angles = np.outer(angle, np.arange(1, count + 1))
+    return np.hstack([np.ones((len(angle), 1)), np.cos(angles), np.sin(angles)])
 
 
 def _amplitudes(x: FloatArray) -> ComplexArray:
@@ -116,21 +116,21 @@ def order_spectrum(angle: ArrayLike, values: ArrayLike, count: int) -> OrderSpec
     polynomial, weighted by the angle of each sample. They are exact for a polynomial of degree `count` at any samples,
     and equal the discrete Fourier transform for equally spaced ones.
     """
-    at = finite_array("angle", angle, (None,))
-    history = finite_array("values", values, (len(at),))
+    angles = finite_array("angle", angle, (None,))
+    history = finite_array("values", values, (len(angles),))
     if count < 1:
         raise refuse("count", count, "a whole number, at least 1")
-    if len(at) < 2 * count + 2:
+    if len(angles) < 2 * count + 2:
         why = "each order needs two instants"
-        raise refuse("angle", f"{len(at)} instants", f"{2 * count + 2} or more for {count} orders", why)
-    steps, span = np.diff(at), float(at[-1] - at[0])
+        raise refuse("angle", f"{len(angles)} instants", f"{2 * count + 2} or more for {count} orders", why)
+    steps, span = np.diff(angles), float(angles[-1] - angles[0])
     if (steps <= 0.0).any() or abs(span - math.tau) > 1.5 * float(steps.max()):
         raise refuse("angle", f"{math.degrees(span):.6g} deg", "rising angles over one revolution, 360 deg")
     weights = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
-    waves = harmonic_rows(at, count)
-    heavy = waves * weights[:, None]
-    found = np.asarray(np.linalg.solve(heavy.T @ waves, heavy.T @ history), dtype=float)
-    return OrderSpectrum(_amplitudes(found), abs(float(history[-1] - history[0])))
+    waves = harmonic_rows(angles, count)
+    weighted = waves * weights[:, None]
+    coefficients = np.asarray(np.linalg.solve(weighted.T @ waves, weighted.T @ history), dtype=float)
+    return OrderSpectrum(_amplitudes(coefficients), abs(float(history[-1] - history[0])))
 
 
 PRECISE = 1e-10  # tolerance of linear programs
@@ -146,12 +146,12 @@ def constrained_least_squares(E: FloatArray, f: FloatArray, G: FloatArray, h: Fl
     from scipy.optimize import nnls
 
     Q, R = np.linalg.qr(E)
-    best = np.asarray(np.linalg.solve(R, Q.T @ f), dtype=float)
-    if not len(G) or bool((G @ best >= h).all()):
-        return best
-    # y = R (x - best): minimum norm of y with (G R^-1) y >= h - G best.
+    x0 = np.asarray(np.linalg.solve(R, Q.T @ f), dtype=float)
+    if not len(G) or bool((G @ x0 >= h).all()):
+        return x0
+    # y = R (x - x0): minimum norm of y with (G R^-1) y >= h - G x0.
     C = np.linalg.solve(R.T, G.T).T
-    d = h - G @ best
+    d = h - G @ x0
     size = max(float(np.abs(d).max()), np.finfo(float).tiny)
     d = d / size
     A = np.vstack([C.T, d])
@@ -160,11 +160,11 @@ def constrained_least_squares(E: FloatArray, f: FloatArray, G: FloatArray, h: Fl
     r = np.asarray(A @ u - right, dtype=float)
     if float(np.linalg.norm(r)) < _FEASIBLE or r[-1] >= 0.0:
         return None
-    return best + np.asarray(np.linalg.solve(R, -r[:-1] / r[-1] * size), dtype=float)
+    return x0 + np.asarray(np.linalg.solve(R, -r[:-1] / r[-1] * size), dtype=float)
 
 
-_MOST_FITTED = 200
-_POINTS_PER_HARMONIC, _LEAST_POINTS = 24, 720
+_MAX_FITTED = 200
+_POINTS_PER_HARMONIC, _MIN_POINTS = 24, 720
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,26 +187,26 @@ def harmonic_fit(
     C. Li, Cam motion simulation and optimization (2014), eqs. 5-6, with its dwells as constraints instead of weights.
     """
     positive("tolerance", tolerance, "m")
-    if not 1 <= count <= _MOST_FITTED:
+    if not 1 <= count <= _MAX_FITTED:
         remedy = "give more harmonics, or use a lower speed" if count < 1 else ""
-        raise refuse("count", count, f"a whole number from 1 to {_MOST_FITTED}", "", remedy)
-    points = max(_LEAST_POINTS, _POINTS_PER_HARMONIC * count)
+        raise refuse("count", count, f"a whole number from 1 to {_MAX_FITTED}", "", remedy)
+    points = max(_MIN_POINTS, _POINTS_PER_HARMONIC * count)
     ends = [end for section in strict or () for end in section] if strict is not None else list(wanted.joints)
     even = np.linspace(0.0, math.tau, points, endpoint=False)
     angle = np.unique(np.concatenate([even, np.mod(np.array(ends, dtype=float), math.tau)]))
     target = wanted(angle)
     if strict is None:  # the dwells
-        held = np.abs(wanted(angle, 1)) + np.abs(wanted(angle, 2)) < 1e-9 * wanted.height
+        inside = np.abs(wanted(angle, 1)) + np.abs(wanted(angle, 2)) < 1e-9 * wanted.height
     else:
-        held = np.zeros(len(angle), dtype=np.bool_)
+        inside = np.zeros(len(angle), dtype=np.bool_)
         for start, end in strict:
-            held |= np.mod(angle - start, math.tau) <= end - start
+            inside |= np.mod(angle - start, math.tau) <= end - start
     rows = harmonic_rows(angle, count)
     # Only the equally spaced angles measure the deviation; section ends between them are constraints.
     measured, lift = harmonic_rows(even, count), wanted(even)
 
     def solve(tolerance: float, bound: float | None) -> FloatArray | None:
-        limit = np.where(held, tolerance, math.inf if bound is None else bound)
+        limit = np.where(inside, tolerance, math.inf if bound is None else bound)
         bounded = np.isfinite(limit)
         G = np.vstack([rows[bounded], -rows[bounded]])
         h = np.concatenate([(target - limit)[bounded], (-target - limit)[bounded]])
@@ -214,11 +214,11 @@ def harmonic_fit(
 
     x = solve(tolerance, None if bound is None else positive("bound", bound, "m"))
     if x is None:
-        raise _fit_error(rows, target, held, tolerance, bound, lambda near, far: solve(near, far) is not None)
+        raise _fit_error(rows, target, inside, tolerance, bound, lambda inner, outer: solve(inner, outer) is not None)
     event = HarmonicLift.of(_amplitudes(x))
-    miss = np.abs(rows @ x - target)
-    rms = 0.0 if held.all() else float(np.sqrt(np.mean(miss[~held] ** 2)))
-    return HarmonicFit(event, float(miss[held].max(initial=0.0)), float(miss.max()), rms)
+    deviations = np.abs(rows @ x - target)
+    rms = 0.0 if inside.all() else float(np.sqrt(np.mean(deviations[~inside] ** 2)))
+    return HarmonicFit(event, float(deviations[inside].max(initial=0.0)), float(deviations.max()), rms)
 
 
 def harmonics_below(frequency: float, speed: float) -> int:
@@ -227,38 +227,38 @@ def harmonics_below(frequency: float, speed: float) -> int:
 
 
 def _fit_error(
-    rows: FloatArray, target: FloatArray, held: NDArray[np.bool_], tolerance: float, bound: float | None,
+    rows: FloatArray, target: FloatArray, inside: NDArray[np.bool_], tolerance: float, bound: float | None,
     attainable: Callable[[float, float | None], bool],
 ) -> InputError:  # fmt: skip
     """Return the error of a tolerance or bound that so few harmonics cannot meet, with values that they can meet."""
-    dwells, others, nothing = (rows[held], target[held]), (rows[~held], target[~held]), (rows[:0], target[:0])
-    most = float(np.ptp(target))  # a wider limit allows any lift
+    dwells, outside, empty = (rows[inside], target[inside]), (rows[~inside], target[~inside]), (rows[:0], target[:0])
+    widest = float(np.ptp(target))  # a wider limit allows any lift
 
-    def find_tolerance(far: float | None) -> float | None:
-        kept, limit = (nothing, tolerance) if far is None else (others, far)
-        least = _minimize_deviation(*dwells, *kept, limit, most)
-        return _round_up(least, tolerance, lambda near: attainable(near, far))
+    def find_tolerance(outer: float | None) -> float | None:
+        constraint, limit = (empty, tolerance) if outer is None else (outside, outer)
+        minimum = _minimize_deviation(*dwells, *constraint, limit, widest)
+        return _round_up(minimum, tolerance, lambda inner: attainable(inner, outer))
 
-    def find_bound(near: float, given: float) -> float | None:
-        least = _minimize_deviation(*others, *dwells, near, most)
-        return _round_up(least, given, lambda far: attainable(near, far))
+    def find_bound(inner: float, given: float) -> float | None:
+        minimum = _minimize_deviation(*outside, *dwells, inner, widest)
+        return _round_up(minimum, given, lambda outer: attainable(inner, outer))
 
-    near, far, how, count = find_tolerance(bound), None, " or ", (rows.shape[1] - 1) // 2
+    inner, outer, conjunction, count = find_tolerance(bound), None, " or ", (rows.shape[1] - 1) // 2
     given = f"{count} harmonic{'s' * (count != 1)} within {_micrometres(tolerance)} in the dwells"
     if bound is not None:
-        far = find_bound(tolerance, bound)
-        if near is None and far is None:  # neither alone helps
-            near, how = find_tolerance(None), " and "
-            far = None if near is None else find_bound(near, bound)
+        outer = find_bound(tolerance, bound)
+        if inner is None and outer is None:  # neither alone helps
+            inner, conjunction = find_tolerance(None), " and "
+            outer = None if inner is None else find_bound(inner, bound)
         given = f"{given} and {_micrometres(bound)} elsewhere"
-    wider = {"tolerance": near, "bound": far}
+    wider = {"tolerance": inner, "bound": outer}
     texts = [f"a {name} (--{name}) of at least {_micrometres(value)}" for name, value in wider.items() if value]
-    where = "bound" if far and how == " or " else "tolerance"
+    where = "bound" if outer and conjunction == " or " else "tolerance"
     remedy = "more harmonics (--count) allow smaller values"
-    return refuse(where, given, how.join(texts) or "attainable values", "", remedy)
+    return refuse(where, given, conjunction.join(texts) or "attainable values", "", remedy)
 
 
-_MOST_ROUNDED = 20  # number of tried values: just above the minimum the least squares may fail
+_MAX_ROUNDED = 20  # number of tried values: just above the minimum the least squares may fail
 
 
 def _round_up(minimum: float | None, given: float, attainable: Callable[[float], bool]) -> float | None:
@@ -266,8 +266,8 @@ def _round_up(minimum: float | None, given: float, attainable: Callable[[float],
     if minimum is None:
         return None
     exponent = math.floor(math.log10(1e6 * max(minimum, given))) - 2
-    first = math.ceil(1e6 * max(minimum, given) / 10.0**exponent)
-    values = (float(f"{number}e{exponent - 6}") for number in range(first, first + _MOST_ROUNDED))
+    mantissa = math.ceil(1e6 * max(minimum, given) / 10.0**exponent)
+    values = (float(f"{number}e{exponent - 6}") for number in range(mantissa, mantissa + _MAX_ROUNDED))
     return next((value for value in values if value > given and attainable(value)), None)
 
 
@@ -276,22 +276,22 @@ def _micrometres(value: float) -> str:
 
 
 def _minimize_deviation(
-    rows: FloatArray, target: FloatArray, kept: FloatArray, goal: FloatArray, tolerance: float, most: float
+    rows: FloatArray, target: FloatArray, bounded: FloatArray, goal: FloatArray, tolerance: float, widest: float
 ) -> float | None:
-    """Return the smallest maximum deviation, up to the most, with others within a tolerance: a linear program."""
+    """Return the smallest maximum deviation, up to `widest`, with others within a tolerance: a linear program."""
     from scipy.optimize import linprog
 
-    one, none = np.ones((len(rows), 1)), np.zeros((len(kept), 1))
-    A = np.block([[rows, -one], [-rows, -one], [kept, none], [-kept, none]])
-    b = np.concatenate([target, -target, goal + tolerance, tolerance - goal]) / most
+    ones, zeros = np.ones((len(rows), 1)), np.zeros((len(bounded), 1))
+    A = np.block([[rows, -ones], [-rows, -ones], [bounded, zeros], [-bounded, zeros]])
+    b = np.concatenate([target, -target, goal + tolerance, tolerance - goal]) / widest
     if not len(A):
         return None
     cost = np.append(np.zeros(rows.shape[1]), 1.0)
     box = [*[(None, None)] * rows.shape[1], (0.0, 1.0)]
-    found = linprog(cost, A, b, bounds=box, method="highs", options={
+    result = linprog(cost, A, b, bounds=box, method="highs", options={
         "primal_feasibility_tolerance": PRECISE, "dual_feasibility_tolerance": PRECISE,
     })  # fmt: skip
-    return None if found.x is None else most * float(np.asarray(found.x, dtype=float)[-1])
+    return None if result.x is None else widest * float(np.asarray(result.x, dtype=float)[-1])
 
 
 Transfer = Callable[[FloatArray], ComplexArray]
@@ -300,7 +300,7 @@ Transfer = Callable[[FloatArray], ComplexArray]
 
 _MIN_RESPONSE = 1e-9  # frequency response, relative to the static one, below which a harmonic cannot be prescribed
 _ROUNDING = 1e-12
-_MOST = 1000
+_MAX_HARMONICS = 1000
 _GRID = np.linspace(0.0, 2.0 * math.pi, 1441)
 
 
@@ -320,8 +320,8 @@ class SingleMass:
         r = omega / self.frequency
         drive = 1.0 + 2j * self.damping * r
         with np.errstate(divide="ignore", invalid="ignore"):
-            answer = drive / (drive - r**2)
-        return np.where(np.abs(drive - r**2) <= _ROUNDING * (1.0 + r**2), np.inf, answer)
+            gain = drive / (drive - r**2)
+        return np.where(np.abs(drive - r**2) <= _ROUNDING * (1.0 + r**2), np.inf, gain)
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,31 +336,31 @@ class Polydyne:
 def polydyne(wanted: Event, transfer: Transfer, speed: float, *, count: int = 60) -> Polydyne:
     """Return the cam that gives the end of a train a target motion at a design speed."""
     positive("speed", speed, "rad/s")
-    if not 1 <= count <= _MOST:
-        raise refuse("count", count, f"a whole number from 1 to {_MOST}")
+    if not 1 <= count <= _MAX_HARMONICS:
+        raise refuse("count", count, f"a whole number from 1 to {_MAX_HARMONICS}")
     amplitude = harmonics(wanted, count)
-    answer = transfer(speed * np.arange(count + 1.0))
-    silent = ~np.isfinite(answer[:1]) if not np.isfinite(answer[0]) else np.abs(answer) < _MIN_RESPONSE * abs(answer[0])
+    gain = transfer(speed * np.arange(count + 1.0))
+    silent = ~np.isfinite(gain[:1]) if not np.isfinite(gain[0]) else np.abs(gain) < _MIN_RESPONSE * abs(gain[0])
     if silent.any():
         given = f"a train that does not respond to harmonic {int(np.argmax(silent))} at {speed / RPM:g} rpm"
         raise refuse("speed", given, "a response to every harmonic", "", "choose another speed, or add damping")
     goal = HarmonicLift.of(amplitude)
     # A harmonic in resonance must be absent from the cam.
-    resonant = ~np.isfinite(answer)
-    cam = np.where(resonant, 0.0, amplitude / np.where(resonant, 1.0, answer))
+    resonant = ~np.isfinite(gain)
+    cam = np.where(resonant, 0.0, amplitude / np.where(resonant, 1.0, gain))
     return Polydyne(HarmonicLift.of(cam), goal, float(np.abs(goal(_GRID) - wanted(_GRID)).max()))
 
 
 def off_design_deviation(design: Polydyne, transfer: Transfer, speeds: Sequence[float]) -> FloatArray:
     """Return the largest deviation from the target motion at other speeds."""
-    count, wanted = len(design.event.cosine), design.wanted(_GRID)
+    count, target = len(design.event.cosine), design.wanted(_GRID)
 
-    def away(speed: float) -> float:
-        amplitude, answer = harmonics(design.event, count), transfer(speed * np.arange(count + 1.0))
+    def deviation(speed: float) -> float:
+        amplitude, gain = harmonics(design.event, count), transfer(speed * np.arange(count + 1.0))
         present = np.abs(amplitude) > _ROUNDING * np.abs(amplitude).max()
-        if (present & ~np.isfinite(answer)).any():  # in resonance
+        if (present & ~np.isfinite(gain)).any():  # in resonance
             return math.inf
-        moved = HarmonicLift.of(amplitude * np.where(np.isfinite(answer), answer, 0.0))
-        return float(np.abs(moved(_GRID) - wanted).max())
+        motion = HarmonicLift.of(amplitude * np.where(np.isfinite(gain), gain, 0.0))
+        return float(np.abs(motion(_GRID) - target).max())
 
-    return np.array([away(positive("speed", float(speed), "rad/s")) for speed in speeds])
+    return np.array([deviation(positive("speed", float(speed), "rad/s")) for speed in speeds])

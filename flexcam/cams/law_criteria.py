@@ -22,7 +22,7 @@ _POINTS = 2001  # samples per smooth piece: two extremes closer than 1/2000 of i
 _HALVINGS = 60
 _ZERO = 1e-9  # size of a derivative (normalized law) that counts as zero
 _SAME_CRITERIA = 1e-9  # relative difference of two extremes below which both positions are reported
-_MOST_PLACES = 40  # number of equal extremes above which only the first is reported, as on a plateau
+_MAX_POSITIONS = 40  # number of equal extremes above which only the first is reported, as on a plateau
 _HARMONICS = 12
 _STEPS = ((1, "velocity"), (2, "acceleration"), (3, "jerk"))
 
@@ -80,20 +80,20 @@ class Criteria:
     @property
     def rest_at_ends(self) -> int:
         """Order up to which all derivatives from the first vanish at both ends: 0 to 3."""
-        met = [all(abs(end[order]) < _ZERO for end in self.ends) for order in (1, 2, 3)]
-        return met.index(False) if False in met else 3
+        vanishing = [all(abs(end[order]) < _ZERO for end in self.ends) for order in (1, 2, 3)]
+        return vanishing.index(False) if False in vanishing else 3
 
     @property
     def violations(self) -> tuple[str, ...]:
         """Descriptions of the violated requirements of a rise between two dwells."""
-        said = [f"s({z}) = {end[0]:.6g}, not {z}" for z, end in enumerate(self.ends) if abs(end[0] - z) > _ZERO]
+        texts = [f"s({z}) = {end[0]:.6g}, not {z}" for z, end in enumerate(self.ends) if abs(end[0] - z) > _ZERO]
         for order, name in _STEPS:
             steps = ((0, self.ends[0][order]), (1, -self.ends[1][order]))  # right limit minus left limit
-            at = [f"by {step:+.6g} at z = {z}" for z, step in steps if abs(step) > _ZERO]
-            said += [f"next to a dwell the {name} jumps, {' and '.join(at)}"] if at else []
+            jumps = [f"by {step:+.6g} at z = {z}" for z, step in steps if abs(step) > _ZERO]
+            texts += [f"next to a dwell the {name} jumps, {' and '.join(jumps)}"] if jumps else []
         inside = [name for order, name in _STEPS if order in self.jumps]
-        said += [f"jumps inside the rise: {', '.join(inside)}"] if inside else []
-        return (*said, *([] if self.symmetric else [f"not symmetric: s(1/2) = {self.middle:.6g}"]))
+        texts += [f"jumps inside the rise: {', '.join(inside)}"] if inside else []
+        return (*texts, *([] if self.symmetric else [f"not symmetric: s(1/2) = {self.middle:.6g}"]))
 
 
 def criteria(law: Law) -> Criteria:
@@ -136,44 +136,44 @@ def root_mean_square(law: Law, order: int) -> float:
 
 
 def _largest(extremes: tuple[Extreme, Extreme]) -> float:
-    return max(abs(one.value) for one in extremes)
+    return max(abs(extreme.value) for extreme in extremes)
 
 
 def _extremes(curve: Curve, slope: Curve, breaks: tuple[float, ...]) -> tuple[Extreme, Extreme]:
-    places = _candidates(slope, breaks)
-    values = curve(places)
-    return _extreme(values, places, int(np.argmin(values))), _extreme(values, places, int(np.argmax(values)))
+    positions = _candidates(slope, breaks)
+    values = curve(positions)
+    return _extreme(values, positions, int(np.argmin(values))), _extreme(values, positions, int(np.argmax(values)))
 
 
-def _extreme(values: FloatArray, places: FloatArray, best: int) -> Extreme:
+def _extreme(values: FloatArray, positions: FloatArray, index: int) -> Extreme:
     """Return an extreme with all positions of the same value, unless they form a plateau."""
-    value = float(values[best])
-    at = places[np.abs(values - value) <= _SAME_CRITERIA * max(abs(value), _ZERO)]
-    apart = at[np.concatenate([[True], np.diff(at) > 1.0 / _POINTS])]
-    if len(at) > _MOST_PLACES:
-        return Extreme(value, float(at[0]))
-    return Extreme(value, float(apart[0]), tuple(apart[1:].tolist()))
+    value = float(values[index])
+    equal = positions[np.abs(values - value) <= _SAME_CRITERIA * max(abs(value), _ZERO)]
+    distinct = equal[np.concatenate([[True], np.diff(equal) > 1.0 / _POINTS])]
+    if len(equal) > _MAX_POSITIONS:
+        return Extreme(value, float(equal[0]))
+    return Extreme(value, float(distinct[0]), tuple(distinct[1:].tolist()))
 
 
 def _candidates(slope: Curve, breaks: tuple[float, ...]) -> FloatArray:
     """Return the ends of all smooth pieces and the zeros of the slope between them."""
-    found: list[FloatArray] = []
+    candidates: list[FloatArray] = []
     for start, end in pairwise([0.0, *breaks, 1.0]):
         # A piece ends just before its joint because a law's value there is the right limit.
         grid = np.linspace(start, end if end == 1.0 else float(np.nextafter(end, 0.0)), _POINTS)
         signs = np.sign(slope(grid))
-        left = np.flatnonzero(signs[:-1] * signs[1:] < 0.0)
-        zeros = bisect(lambda z, below=signs[left]: np.sign(slope(z)) != below, grid[left], grid[left + 1])
-        found += [grid[[0, -1]], grid[signs == 0.0], zeros]
-    return np.sort(np.concatenate(found))
+        i = np.flatnonzero(signs[:-1] * signs[1:] < 0.0)
+        zeros = bisect(lambda z, sign=signs[i]: np.sign(slope(z)) != sign, grid[i], grid[i + 1])
+        candidates += [grid[[0, -1]], grid[signs == 0.0], zeros]
+    return np.sort(np.concatenate(candidates))
 
 
 def bisect(beyond: Callable[[FloatArray], NDArray[np.bool_]], low: FloatArray, high: FloatArray) -> FloatArray:
     """Return the points between pairs of bounds at which a condition that holds at the upper bound begins to hold."""
     for _ in range(_HALVINGS if len(low) else 0):
         middle = 0.5 * (low + high)
-        found = beyond(middle)
-        low, high = np.where(found, low, middle), np.where(found, middle, high)
+        holds = beyond(middle)
+        low, high = np.where(holds, low, middle), np.where(holds, middle, high)
     return 0.5 * (low + high)
 
 
@@ -187,7 +187,7 @@ LIMIT_OFFSET = 1e-8
 """Distance from a joint for the left limit, rad: a closer angle counts as the joint."""
 
 _SPACING = math.radians(0.05)
-_LEAST_POINTS = 33
+_MIN_POINTS = 33
 _SAME = 1e-12  # relative difference of minima that count as equal; the first position is reported
 _VALLEYS = 24  # number of the deepest sampled minima that are refined
 _GRID_REFINEMENTS = 9  # number of refinements of the grid by four: 1e-8 rad, where a minimum is flat to rounding
@@ -195,21 +195,21 @@ _GRID_REFINEMENTS = 9  # number of refinements of the grid by four: 1e-8 rad, wh
 
 def curve_minimum(curve: Curve, joints: Sequence[float] = ()) -> Extreme:
     """Return the minimum of a curve over a revolution."""
-    edges = [0.0, *(at for at in joints if LIMIT_OFFSET < at < math.tau - LIMIT_OFFSET), math.tau]
+    edges = [0.0, *(joint for joint in joints if LIMIT_OFFSET < joint < math.tau - LIMIT_OFFSET), math.tau]
     pieces = [  # each ends just before its joint
-        np.linspace(start, end - LIMIT_OFFSET, max(_LEAST_POINTS, math.ceil((end - start) / _SPACING)))
+        np.linspace(start, end - LIMIT_OFFSET, max(_MIN_POINTS, math.ceil((end - start) / _SPACING)))
         for start, end in pairwise(edges)
     ]
     angles = np.concatenate(pieces)
     values = _finite_values(curve(angles))
     valleys = _sampled_minima(values, np.cumsum([len(piece) for piece in pieces]))
     low, high = angles[np.maximum(valleys - 1, 0)], angles[np.minimum(valleys + 1, len(angles) - 1)]
-    floors, at = refine_minima(lambda many: curve(many.ravel()).reshape(many.shape), low, high)
-    before = np.array(edges[1:])
-    extrapolated = _finite_values(2.0 * curve(before - LIMIT_OFFSET) - curve(before - 2.0 * LIMIT_OFFSET))
-    all_values, places = np.concatenate([values, floors, extrapolated]), np.concatenate([angles, at, before])
-    least = float(all_values.min())
-    return Extreme(least, float(places[all_values <= least + _SAME * abs(least)].min()))
+    floors, floor_angles = refine_minima(lambda grid: curve(grid.ravel()).reshape(grid.shape), low, high)
+    ends = np.array(edges[1:])
+    extrapolated = _finite_values(2.0 * curve(ends - LIMIT_OFFSET) - curve(ends - 2.0 * LIMIT_OFFSET))
+    all_values, positions = np.concatenate([values, floors, extrapolated]), np.concatenate([angles, floor_angles, ends])
+    minimum = float(all_values.min())
+    return Extreme(minimum, float(positions[all_values <= minimum + _SAME * abs(minimum)].min()))
 
 
 def _finite_values(values: FloatArray) -> FloatArray:
@@ -223,21 +223,21 @@ def _sampled_minima(values: FloatArray, sizes: IntArray) -> IntArray:
     left, right = around[:-2], around[2:]
     valley = (values <= left) & (values <= right) & ((values < left) | (values < right))
     valley[[0, *sizes[:-1], *(sizes - 1), int(np.argmin(values))]] = True
-    found = np.flatnonzero(valley)
-    return found[np.argsort(values[found], kind="stable")[:_VALLEYS]]
+    indices = np.flatnonzero(valley)
+    return indices[np.argsort(values[indices], kind="stable")[:_VALLEYS]]
 
 
 def refine_minima(curve: Curve, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the minima of a curve between pairs of bounds, shape (m,), and their positions; it takes shape (m, 9)."""
-    rows, parts = np.arange(len(low)), np.linspace(0.0, 1.0, 9)
-    at, values = low, np.full(len(low), np.inf)
+    rows, fractions = np.arange(len(low)), np.linspace(0.0, 1.0, 9)
+    positions, values = low, np.full(len(low), np.inf)
     for _ in range(_GRID_REFINEMENTS):
-        places = low[:, None] + (high - low)[:, None] * parts
-        seen = _finite_values(curve(places))
-        best = np.argmin(seen, axis=1)
-        at, values = places[rows, best], seen[rows, best]
-        low, high = places[rows, np.maximum(best - 1, 0)], places[rows, np.minimum(best + 1, len(parts) - 1)]
-    return values, at
+        grid = low[:, None] + (high - low)[:, None] * fractions
+        samples = _finite_values(curve(grid))
+        i = np.argmin(samples, axis=1)
+        positions, values = grid[rows, i], samples[rows, i]
+        low, high = grid[rows, np.maximum(i - 1, 0)], grid[rows, np.minimum(i + 1, len(fractions) - 1)]
+    return values, positions
 
 
 _LARGEST = 1e3

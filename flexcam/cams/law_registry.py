@@ -100,7 +100,7 @@ def law_kind(name: str) -> LawKind | None:
     """
     if name in KINDS:
         return KINDS[name]
-    point = next((one for one in entry_points(group=GROUP) if one.name == name), None)
+    point = next((entry for entry in entry_points(group=GROUP) if entry.name == name), None)
     if point is None:
         return None
     try:

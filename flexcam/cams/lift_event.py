@@ -32,8 +32,8 @@ class Event(ABC):
     @cached_property
     def height(self) -> float:
         """Largest lift, ramps included, m, with a relative accuracy of 1e-9."""
-        at = float(GRID[np.argmax(self(GRID))])
-        return float(self(at + np.linspace(-1.0, 1.0, 2001) * (GRID[1] - GRID[0])).max())
+        peak = float(GRID[np.argmax(self(GRID))])
+        return float(self(peak + np.linspace(-1.0, 1.0, 2001) * (GRID[1] - GRID[0])).max())
 
     @abstractmethod
     def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
@@ -134,7 +134,7 @@ class LiftEvent(Event):
         positive("dwell", self.dwell, "rad", zero=True)
         if not math.isfinite(self.phase):
             raise refuse("phase", self.phase, "a finite angle, rad")
-        total = sum(one.duration for one in self._ramps if one) + self.rise + self.dwell + self.fall
+        total = sum(ramp.duration for ramp in self._ramps if ramp) + self.rise + self.dwell + self.fall
         if total > math.tau + _SNAP:
             given = f"{math.degrees(total):g} deg in all"
             why = "the event repeats every revolution"
@@ -189,7 +189,7 @@ class LiftEvent(Event):
         rise_law = ReversedLaw(self.law) if self.single_dwell == "low" else self.law
         fall_law = self.fall_law or self.law
         fall_law = ReversedLaw(fall_law) if self.single_dwell == "low" else fall_law
-        low, end = (one.height if one else 0.0 for one in (opening, closing))
+        low, end = (ramp.height if ramp else 0.0 for ramp in (opening, closing))
         parts = [
             (opening.duration if opening else 0.0, 0.0, low, opening, False),
             (self.rise, low, self.lift, _from(rise_law, opening, self.rise / self.lift), False),
@@ -208,8 +208,8 @@ class LiftEvent(Event):
     @property
     def joints(self) -> tuple[float, ...]:
         """Cam angles, rad from 0 to 2 pi, where a derivative may jump."""
-        found = [self.start + at for segment in self.segments for at in segment.joints()]
-        return unique_angles(np.array(found))
+        angles = [self.start + angle for segment in self.segments for angle in segment.joints()]
+        return unique_angles(np.array(angles))
 
     def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the given order (0 to 4) by the cam angle (rad), m/rad^order, shape as `angle`."""
@@ -260,8 +260,8 @@ class DelayedEvent(Event):
 def unique_angles(angles: FloatArray) -> tuple[float, ...]:
     """Return unique angles, rad from 0 to 2 pi, ascending."""
     wrapped = np.sort(np.mod(angles + _SNAP, math.tau) - _SNAP)
-    fresh = np.concatenate([[True], np.diff(wrapped) > 2.0 * _SNAP])[: len(wrapped)]
-    return tuple((wrapped[fresh] + 0.0).tolist())
+    distinct = np.concatenate([[True], np.diff(wrapped) > 2.0 * _SNAP])[: len(wrapped)]
+    return tuple((wrapped[distinct] + 0.0).tolist())
 
 
 def _from(law: Law, ramp: Ramp | None, span_by_lift: float) -> Law:
@@ -277,8 +277,8 @@ def event_extremes(event: Event, order: int = 0) -> tuple[Extreme, Extreme]:
 
 
 def _extremes(event: Event, order: int) -> tuple[Extreme, Extreme]:
-    high = curve_minimum(lambda angle: -event(angle, order), event.joints)
-    return curve_minimum(lambda angle: event(angle, order), event.joints), Extreme(-high.value, high.at)
+    peak = curve_minimum(lambda angle: -event(angle, order), event.joints)
+    return curve_minimum(lambda angle: event(angle, order), event.joints), Extreme(-peak.value, peak.at)
 
 
 _cached_extremes = lru_cache(maxsize=64)(_extremes)  # cache of extremes, as the same cam is evaluated at every speed
@@ -293,15 +293,15 @@ def centreline(event: Event) -> float:
     """Return the cam angle of the maximum lift, rad from 0 to 2 pi: the middle of an upper dwell."""
     peak = event_extremes(event)[1]
     ends = event.joints
-    for start, end in zip(ends, (*ends[1:], *(at + math.tau for at in ends[:1])), strict=True):
+    for start, end in zip(ends, (*ends[1:], *(angle + math.tau for angle in ends[:1])), strict=True):
         middle = 0.5 * (start + end)
         if (event(np.array([start, middle, end])) >= peak.value * (1.0 - _DWELL_TOLERANCE)).all():
             return middle % math.tau
-    near = np.array([peak.at])  # to the square root of rounding: the velocity passes zero sharply
-    passed = bisect(lambda angle: event(angle, 1) <= 0.0, near - _PEAK_WIDTH, near + _PEAK_WIDTH)
-    found = float(passed[0])
-    joint = (at for at in ends if abs(math.remainder(at - found, math.tau)) <= _JOINT_TOLERANCE)
-    return next(joint, found) % math.tau
+    guess = np.array([peak.at])  # to the square root of rounding: the velocity passes zero sharply
+    crossing = bisect(lambda angle: event(angle, 1) <= 0.0, guess - _PEAK_WIDTH, guess + _PEAK_WIDTH)
+    crest = float(crossing[0])
+    joint = (angle for angle in ends if abs(math.remainder(angle - crest, math.tau)) <= _JOINT_TOLERANCE)
+    return next(joint, crest) % math.tau
 
 
 @dataclass(frozen=True)
@@ -363,17 +363,17 @@ def valve_event(event: Event, lift: float, *, ratio: float = 1.0, lash: float = 
     positive("ratio", ratio, "")
     positive("lash", lash, "m", zero=True)
     cam_lift = (lift + lash) / ratio
-    above = event(GRID[:-1]) > cam_lift
-    if not above.any() or above.all():
+    is_open = event(GRID[:-1]) > cam_lift
+    if not is_open.any() or is_open.all():
         return None
 
     def crossings(*, rising: bool) -> list[float]:
-        change = (above == rising) & (np.roll(above, 1) != rising)
+        change = (is_open == rising) & (np.roll(is_open, 1) != rising)
         low, high = GRID[:-1][change] - GRID[1], GRID[:-1][change]
         return bisect(lambda angle: (event(angle) > cam_lift) == rising, low, high).tolist()
 
-    opened, closed = crossings(rising=True), crossings(rising=False)
-    pairs = [(a, min((b - a) % (2.0 * math.pi) for b in closed)) for a in opened]
+    openings, closings = crossings(rising=True), crossings(rising=False)
+    pairs = [(a, min((b - a) % (2.0 * math.pi) for b in closings)) for a in openings]
     start, span = max(pairs, key=lambda pair: pair[1])
     start %= math.tau
     return ValveEvent(lift, 2.0 * start, 2.0 * (start + span))

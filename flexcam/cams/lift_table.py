@@ -135,29 +135,29 @@ def _fit_by_cross_validation(theta: FloatArray, s: FloatArray, count: int, noise
     fit = _Fit(theta, s, count, _KNOTS[0])
     weight = _minimize_cross_validation(fit)
     allowed = _FAR * noise + _SMALL * float(s.max())
-    for most in _KNOTS[1:]:
+    for knots in _KNOTS[1:]:
         if fit.largest_change(weight) <= allowed or fit.rows.shape[1] >= len(theta):
             break
-        finer = _Fit(theta, s, count, most)
-        found = _minimize_cross_validation(finer, near=math.log10(weight) + _WEIGHT_PER_HALVING)
-        if finer.largest_change(found) <= 0.5 * fit.largest_change(weight):
-            fit, weight = finer, found
+        finer = _Fit(theta, s, count, knots)
+        finer_weight = _minimize_cross_validation(finer, expected=math.log10(weight) + _WEIGHT_PER_HALVING)
+        if finer.largest_change(finer_weight) <= 0.5 * fit.largest_change(weight):
+            fit, weight = finer, finer_weight
     return fit, weight
 
 
 def _fit_within_tolerance(theta: FloatArray, s: FloatArray, count: int, tolerance: float) -> tuple[_Fit, float]:
     """Return the fit with the largest roughness weight and the fewest knots within a tolerance."""
     fit = _Fit(theta, s, count, _KNOTS[0])
-    least = fit.rms_change(_LEAST)
-    for most in _KNOTS[1:]:
-        if least <= tolerance or fit.rows.shape[1] >= len(theta):
+    rms = fit.rms_change(_MIN_WEIGHT)
+    for knots in _KNOTS[1:]:
+        if rms <= tolerance or fit.rows.shape[1] >= len(theta):
             break
-        fit = _Fit(theta, s, count, most)
-        least = fit.rms_change(_LEAST)
-    if least <= tolerance:
+        fit = _Fit(theta, s, count, knots)
+        rms = fit.rms_change(_MIN_WEIGHT)
+    if rms <= tolerance:
         low, high = _LOWEST, _HIGHEST
         if fit.rms_change(10.0**low) > tolerance:
-            return fit, _LEAST
+            return fit, _MIN_WEIGHT
         for _ in range(30):
             middle = 0.5 * (low + high)
             low, high = (middle, high) if fit.rms_change(10.0**middle) <= tolerance else (low, middle)
@@ -165,12 +165,12 @@ def _fit_within_tolerance(theta: FloatArray, s: FloatArray, count: int, toleranc
     if tolerance > 0.0:
         given = f"{1e6 * tolerance:.4g} um for {count} points"
         why = f"a spline of {_KNOTS[-1]} knots cannot follow them closer"
-        raise refuse("tolerance", given, f"{1e6 * least:.4g} um or more", why, "allow more, because the points scatter")
-    if len(theta) > _KNOTS[-1] and least > _INTERPOLATION_TOLERANCE * float(s.max()):
-        given, allowed = f"0 for {len(theta)} points", f"{1e6 * least:.4g} um or more, or up to {_KNOTS[-1]} points"
+        raise refuse("tolerance", given, f"{1e6 * rms:.4g} um or more", why, "allow more, because the points scatter")
+    if len(theta) > _KNOTS[-1] and rms > _INTERPOLATION_TOLERANCE * float(s.max()):
+        given, allowed = f"0 for {len(theta)} points", f"{1e6 * rms:.4g} um or more, or up to {_KNOTS[-1]} points"
         why = f"a spline of {_KNOTS[-1]} knots cannot pass through them all"
         raise refuse("tolerance", given, allowed, why, "allow some, or leave out points")
-    return fit, _LEAST
+    return fit, _MIN_WEIGHT
 
 
 def _add_base_circle(theta: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -178,12 +178,12 @@ def _add_base_circle(theta: FloatArray, s: FloatArray) -> tuple[FloatArray, Floa
     ends, lifts = np.append(theta, theta[0] + math.tau), np.append(s, s[0])
     spacing = max(min(_STEP, float(np.median(np.diff(theta)))), _MIN_STEP)
     angles, heights = [theta], [s]
-    low = np.maximum(lifts[:-1], lifts[1:]) <= base_level(theta, s)
-    for i in np.flatnonzero(wide_steps(theta) & low).tolist():
+    is_base = np.maximum(lifts[:-1], lifts[1:]) <= base_level(theta, s)
+    for i in np.flatnonzero(wide_steps(theta) & is_base).tolist():
         start, end = float(ends[i]), float(ends[i + 1])
-        new = np.linspace(start, end, math.ceil((end - start) / spacing) + 1)[1:-1]
-        angles.append(new)
-        heights.append(np.interp(new, ends[i : i + 2], lifts[i : i + 2]))
+        added = np.linspace(start, end, math.ceil((end - start) / spacing) + 1)[1:-1]
+        angles.append(added)
+        heights.append(np.interp(added, ends[i : i + 2], lifts[i : i + 2]))
     return np.concatenate(angles), np.concatenate(heights)
 
 
@@ -193,10 +193,10 @@ class _Fit:
     `third` holds third differences of the coefficients, which stand for the third derivative.
     """
 
-    def __init__(self, theta: FloatArray, s: FloatArray, count: int, most: int) -> None:
+    def __init__(self, theta: FloatArray, s: FloatArray, count: int, max_knots: int) -> None:
         from scipy.interpolate import BSpline
 
-        knots = min(most, max(len(theta), 2 * (_DEGREE + 1)))
+        knots = min(max_knots, max(len(theta), 2 * (_DEGREE + 1)))
         all_rows = BSpline.design_matrix(np.mod(theta, math.tau), _spline_knots(knots), _DEGREE).toarray()
         self.rows: FloatArray = all_rows[:, :knots]
         self.rows[:, :_DEGREE] += all_rows[:, knots:]
@@ -212,12 +212,12 @@ class _Fit:
     def coefficients(self, weight: float) -> FloatArray:
         """Return the coefficients of the spline at a roughness weight."""
         if weight > _ILL:
-            found = np.linalg.solve(self.square + weight * self.rough, self.rows.T @ self.lift)
+            solution = np.linalg.solve(self.square + weight * self.rough, self.rows.T @ self.lift)
         else:  # the normal equations would lose so small a weight
-            both = np.vstack([self.rows, math.sqrt(weight) * self.third])
+            matrix = np.vstack([self.rows, math.sqrt(weight) * self.third])
             right = np.concatenate([self.lift, np.zeros(len(self.third))])
-            found = np.linalg.lstsq(both, right, rcond=None)[0]
-        return np.asarray(found, dtype=float)
+            solution = np.linalg.lstsq(matrix, right, rcond=None)[0]
+        return np.asarray(solution, dtype=float)
 
     def changes(self, weight: float) -> FloatArray:
         """Return the changes of the measured points."""
@@ -250,7 +250,7 @@ class _Fit:
 
 
 _ILL = 1e-7
-_LEAST, _LOWEST, _HIGHEST = 1e-9, -7.0, 8.0
+_MIN_WEIGHT, _LOWEST, _HIGHEST = 1e-9, -7.0, 8.0
 """Roughness weight for interpolation, and the range of powers of ten of the search otherwise.
 
 The roughness is scaled to the square of the rows.
@@ -258,13 +258,13 @@ The roughness is scaled to the square of the rows.
 _WEIGHT_PER_HALVING = 6.0 * math.log10(2.0)  # of its power of ten when the knot spacing is halved
 
 
-def _minimize_cross_validation(fit: _Fit, near: float | None = None) -> float:
+def _minimize_cross_validation(fit: _Fit, expected: float | None = None) -> float:
     """Return the weight of minimum score; with many knots only weights near the expected one are evaluated."""
     powers = np.arange(_LOWEST + 1.0, _HIGHEST + 1.0)
-    if near is not None:
-        powers = np.maximum(near + np.arange(-2.0, 3.0), _LOWEST)
-    best = float(powers[np.argmin([fit.score(10.0**power) for power in powers])])
-    fine = best + (np.linspace(-1.0, 1.0, 9) if near is None else np.array([-0.5, 0.0, 0.5]))
+    if expected is not None:
+        powers = np.maximum(expected + np.arange(-2.0, 3.0), _LOWEST)
+    coarse = float(powers[np.argmin([fit.score(10.0**power) for power in powers])])
+    fine = coarse + (np.linspace(-1.0, 1.0, 9) if expected is None else np.array([-0.5, 0.0, 0.5]))
     return 10.0 ** float(fine[np.argmin([fit.score(10.0**power) for power in fine])])
 
 
@@ -277,31 +277,31 @@ def _remarks(
     if (rows := _find_outliers(theta, s, noise)).size:
         i = int(rows[0])
         given = f"a lift of {1e3 * s[i]:.4g} mm between {1e3 * s[i - 1]:.4g} and {1e3 * s[i + 1]:.4g} mm"
-        others = f", as are {rows.size - 1} further rows" if rows.size > 1 else ""
+        further = f", as are {rows.size - 1} further rows" if rows.size > 1 else ""
         place = f"row {i + 1}, at {math.degrees(theta[i]):.4g} deg of cam angle"
-        return [f"{place}: {given} is an outlier{others}: correct or remove it"]
+        return [f"{place}: {given} is an outlier{further}: correct or remove it"]
     change = np.abs(spline(theta) - s)
-    far = np.flatnonzero(change > _FAR * noise + _SMALL * top)
-    said: list[str] = []
-    if far.size:
-        at = int(far[np.argmax(change[far])])
-        points = "1 point" if far.size == 1 else f"{far.size} points"
+    changed = np.flatnonzero(change > _FAR * noise + _SMALL * top)
+    remarks: list[str] = []
+    if changed.size:
+        j = int(changed[np.argmax(change[changed])])
+        points = "1 point" if changed.size == 1 else f"{changed.size} points"
         estimate = f"the noise estimated from the table ({1e6 * noise:.2g} um)"
-        moved = f"smoothing moves {points} by more than {_FAR:g} times {estimate}"
-        worst = f"{1e6 * change[at]:.3g} um at {math.degrees(theta[at]):.4g} deg of cam angle"
+        text = f"smoothing moves {points} by more than {_FAR:g} times {estimate}"
+        worst = f"{1e6 * change[j]:.3g} um at {math.degrees(theta[j]):.4g} deg of cam angle"
         why = "outliers, a kink in the lift, or too few points on the lobe; check the table or set a tolerance"
         if tolerance is not None:
             why = f"reduce the tolerance of {1e6 * tolerance:.3g} um, or correct outliers"
-        said.append(f"{moved}, by up to {worst}: {why}")
+        remarks.append(f"{text}, by up to {worst}: {why}")
     smooth, lowest = spline(GRID), min(float(s.min()), 0.0)
     i = int(np.argmin(smooth))
     if smooth[i] < -max(_BELOW * top, -1.5 * lowest):
         dip = f"smoothing makes the lift dip {-1e6 * smooth[i]:.3g} um below the base circle"
-        beside = "below it" if lowest == 0.0 else f"more than {-1e6 * lowest:.3g} um below it"
+        level = "below it" if lowest == 0.0 else f"more than {-1e6 * lowest:.3g} um below it"
         remedy = f"reduce the tolerance of {1e6 * tolerance:.3g} um" if tolerance else "check the points there"
         place = f"at {math.degrees(GRID[i]):.4g} deg of cam angle"
-        said.append(f"{dip} {place}, although no point of the table is {beside}: {remedy}")
-    return said
+        remarks.append(f"{dip} {place}, although no point of the table is {level}: {remedy}")
+    return remarks
 
 
 def _find_outliers(theta: FloatArray, s: FloatArray, noise: float) -> NDArray[np.intp]:
@@ -313,17 +313,17 @@ def _find_outliers(theta: FloatArray, s: FloatArray, noise: float) -> NDArray[np
 
     differences, weights = _divided_differences(theta, s, 5)
     miss = differences / weights[:, 2]
-    far = np.abs(miss) > _FAR * np.maximum(noise, median_filter(np.abs(miss), _AROUND)) + _BASE * np.quantile(s, _HIGH)
-    beside = -np.stack([miss[:-2], miss[2:]]) / np.where(far, miss, np.inf)[1:-1]
-    return 3 + np.flatnonzero(far[1:-1] & (np.abs(beside - _SPOILED) < _BAND).all(axis=0))
+    mask = np.abs(miss) > _FAR * np.maximum(noise, median_filter(np.abs(miss), _AROUND)) + _BASE * np.quantile(s, _HIGH)
+    ratios = -np.stack([miss[:-2], miss[2:]]) / np.where(mask, miss, np.inf)[1:-1]
+    return 3 + np.flatnonzero(mask[1:-1] & (np.abs(ratios - _SPOILED) < _BAND).all(axis=0))
 
 
 _HIGH, _AROUND, _SPOILED, _BAND = 0.9, 17, 2.0 / 3.0, 0.1
 """Quantile of the lifts that a few outliers do not change, rows around an outlier, and share of its neighbours."""
 
 
-_LEAST_POINTS, _MOST_POINTS = 12, 20_000
-_MOST_FAULTS = 10
+_MIN_POINTS, _MAX_POINTS = 12, 20_000
+_MAX_FAULTS = 10
 _MIN_RANGE = math.radians(20.0)
 """Minimum cam angle that a table covers; a table of a shorter range usually has its angles in another unit."""
 
@@ -341,42 +341,42 @@ def find_table_faults(theta: FloatArray, s: FloatArray) -> list[Fault]:
     if len(theta) != len(s):
         given = f"{len(s)} lifts at {len(theta)} angles"
         return [Fault("lift table", given, "one lift per angle", "", "complete or remove the odd row")]
-    lost = np.flatnonzero(~(np.isfinite(theta) & np.isfinite(s)))
-    found: list[Fault] = []
-    for i in lost[:_MOST_FAULTS].tolist():
+    missing = np.flatnonzero(~(np.isfinite(theta) & np.isfinite(s)))
+    faults: list[Fault] = []
+    for i in missing[:_MAX_FAULTS].tolist():
         given = f"angle {math.degrees(theta[i]):g} deg, lift {1e3 * s[i]:g} mm"
-        found.append(Fault(f"lift table, row {i + 1}", given, "finite numbers", "", "correct or remove the row"))
-    if found:
-        return found
-    if len(theta) < _LEAST_POINTS:
-        return [Fault("lift table", f"{len(theta)} points", f"{_LEAST_POINTS} or more", "", "measure at more angles")]
-    if len(theta) > _MOST_POINTS:
-        return [Fault("lift table", f"{len(theta)} points", f"up to {_MOST_POINTS}", "", "keep every second row")]
-    back = np.flatnonzero(np.diff(theta) <= 0.0)
-    if back.size:
-        i = int(back[0])
+        faults.append(Fault(f"lift table, row {i + 1}", given, "finite numbers", "", "correct or remove the row"))
+    if faults:
+        return faults
+    if len(theta) < _MIN_POINTS:
+        return [Fault("lift table", f"{len(theta)} points", f"{_MIN_POINTS} or more", "", "measure at more angles")]
+    if len(theta) > _MAX_POINTS:
+        return [Fault("lift table", f"{len(theta)} points", f"up to {_MAX_POINTS}", "", "keep every second row")]
+    descending = np.flatnonzero(np.diff(theta) <= 0.0)
+    if descending.size:
+        i = int(descending[0])
         given = f"{math.degrees(theta[i]):g} deg of cam angle, then {math.degrees(theta[i + 1]):g} deg"
-        found.append(Fault(f"angle, row {i + 2}", given, "angles that ascend", "", "sort the rows, each angle once"))
+        faults.append(Fault(f"angle, row {i + 2}", given, "angles that ascend", "", "sort the rows, each angle once"))
     elif theta[-1] - theta[0] > math.tau + 1e-9:
         given = f"{math.degrees(theta[-1] - theta[0]):g} deg of cam angle"
         remedy = "shorten the table, or mark crank angles with angle = 'crank'"
-        found.append(Fault("angle", given, "360 deg at most", "the lift repeats every revolution", remedy))
+        faults.append(Fault("angle", given, "360 deg at most", "the lift repeats every revolution", remedy))
     elif theta[-1] - theta[0] < _MIN_RANGE:
         given, allowed = f"{math.degrees(theta[-1] - theta[0]):g} deg of cam angle", "20 deg or more"
         remedy = "check the unit of the angles: cam_deg, cam_rad, crank_deg or crank_rad"
-        found.append(Fault("angle", given, allowed, "it is the range of all rows", remedy))
+        faults.append(Fault("angle", given, allowed, "it is the range of all rows", remedy))
     top, length = float(s.max()), DIMENSIONS["length"]
     if not length.least <= np.abs(s).max() <= length.most or top <= 0.0:
         given, allowed = f"{top + 0.0:g} m as the largest lift", f"{length.least:g} to {length.most:g} m"
-        return [*found, Fault("lift", given, allowed, "", "check the column, its sign and its unit")]
-    low = base_level(theta, s) if not found else _BASE * top
-    below = np.flatnonzero(s < -low)
-    if below.size:
-        i = int(below[0])
+        return [*faults, Fault("lift", given, allowed, "", "check the column, its sign and its unit")]
+    level = base_level(theta, s) if not faults else _BASE * top
+    negative = np.flatnonzero(s < -level)
+    if negative.size:
+        i = int(negative[0])
         given = f"{1e3 * s[i]:g} mm at {math.degrees(theta[i]):g} deg"
-        found.append(Fault(f"lift, row {i + 1}", given, "zero or more", "a follower cannot enter the base circle",
+        faults.append(Fault(f"lift, row {i + 1}", given, "zero or more", "a follower cannot enter the base circle",
                            "subtract the reading on the base circle"))  # fmt: skip
-    return found or [*_gaps(theta, s, low), *_periodicity_fault(theta, s, low)]
+    return faults or [*_gaps(theta, s, level), *_periodicity_fault(theta, s, level)]
 
 
 def base_level(theta: FloatArray, s: FloatArray) -> float:
@@ -393,17 +393,17 @@ def scatter(theta: FloatArray, s: FloatArray) -> float:
 
 def _divided_differences(theta: FloatArray, s: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
     """Return the divided differences of successive points, shape (m,), and the weights of the points, (m, count)."""
-    places, values = sliding_window_view(theta, count), sliding_window_view(s, count)
-    apart = places[:, :, None] - places[:, None]
-    weights = 1.0 / np.where(np.eye(count, dtype=bool), 1.0, apart).prod(axis=2)
+    angles, values = sliding_window_view(theta, count), sliding_window_view(s, count)
+    distances = angles[:, :, None] - angles[:, None]
+    weights = 1.0 / np.where(np.eye(count, dtype=bool), 1.0, distances).prod(axis=2)
     return (weights * values).sum(axis=1), weights
 
 
-def _gaps(theta: FloatArray, s: FloatArray, low: float) -> list[Fault]:
+def _gaps(theta: FloatArray, s: FloatArray, level: float) -> list[Fault]:
     """Return the first gap on the lift; a missing range at the ends of a table is checked elsewhere."""
-    high = np.maximum(s[:-1], s[1:]) > low
-    bent = _max_curvature_deviation(theta, s) > _BASE * float(s.max())
-    gap = wide_steps(theta)[:-1] & high & (bent | (np.diff(theta) > _WIDE))
+    lifted = np.maximum(s[:-1], s[1:]) > level
+    curved = _max_curvature_deviation(theta, s) > _BASE * float(s.max())
+    gap = wide_steps(theta)[:-1] & lifted & (curved | (np.diff(theta) > _WIDE))
     if not gap.any():
         return []
     i = int(np.argmax(gap))
@@ -418,31 +418,31 @@ def _max_curvature_deviation(theta: FloatArray, s: FloatArray) -> FloatArray:
     Each slope is taken over the angle of the step itself, which reduces the effect of noise.
     """
     step, slope = np.diff(theta), np.diff(s) / np.diff(theta)
-    at = np.arange(len(step))
+    i = np.arange(len(step))
     before = np.maximum(np.searchsorted(theta, theta[:-1] - step, side="right") - 1, 0)
     after = np.minimum(np.searchsorted(theta, theta[1:] + step), len(theta) - 1)
-    left = np.where(before < at, (s[at] - s[before]) / np.where(before < at, theta[at] - theta[before], 1.0), slope)
-    inner = after > at + 1
-    right = np.where(inner, (s[after] - s[at + 1]) / np.where(inner, theta[after] - theta[at + 1], 1.0), slope)
+    left = np.where(before < i, (s[i] - s[before]) / np.where(before < i, theta[i] - theta[before], 1.0), slope)
+    inner = after > i + 1
+    right = np.where(inner, (s[after] - s[i + 1]) / np.where(inner, theta[after] - theta[i + 1], 1.0), slope)
     return np.maximum(np.abs(slope - left), np.abs(right - slope)) * step / 8.0
 
 
 def wide_steps(theta: FloatArray) -> NDArray[np.bool_]:
     """Return which steps to the next point, around the revolution, are wide compared with their neighbours."""
     step = np.diff(theta, append=theta[0] + math.tau)
-    beside = np.maximum(np.roll(step, 1), np.roll(step, -1))
-    return (step > _WIDE) | ((step > _GAP) & (step > _GAP_RATIO * beside))
+    neighbours = np.maximum(np.roll(step, 1), np.roll(step, -1))
+    return (step > _WIDE) | ((step > _GAP) & (step > _GAP_RATIO * neighbours))
 
 
-def _periodicity_fault(theta: FloatArray, s: FloatArray, low: float) -> list[Fault]:
+def _periodicity_fault(theta: FloatArray, s: FloatArray, level: float) -> list[Fault]:
     """Return the fault of a lift that does not return to its initial value."""
     jump = abs(float(s[-1] - s[0]))
     if theta[-1] - theta[0] > math.tau - 1e-9:  # the last row repeats the first
-        closes = jump <= low
+        closes = jump <= level
     elif wide_steps(theta)[-1]:  # the base circle is omitted
-        closes = max(float(s[0]), float(s[-1])) <= low
+        closes = max(float(s[0]), float(s[-1])) <= level
     else:
-        closes = jump <= low + _GAP_RATIO * float(np.abs(np.diff(s)).max())
+        closes = jump <= level + _GAP_RATIO * float(np.abs(np.diff(s)).max())
     if closes:
         return []
     start, end = (f"{1e3 * s[i]:g} mm at {math.degrees(theta[i]):g} deg" for i in (0, -1))

@@ -29,7 +29,7 @@ FEASIBILITY_TOLERANCE = 1e-7
 
 CRITERIA = (*ORDERS, "rms", "Cm")
 
-_MOST_ORDER = 4
+_MAX_ORDER = 4
 _LIMIT_MARGIN = 1e-8  # relative margin to a limit, so that rounding does not violate it
 _INFEASIBLE = 2  # status of `scipy.optimize.linprog`
 
@@ -59,28 +59,28 @@ class Program:
 
     def is_feasible(self, law: Law, slack: float) -> bool:
         """Return whether a law satisfies the bounds and does not reverse, within a slack."""
-        within = all(_criterion(law, name) <= limit * (1.0 + slack) for name, limit in self.limits.items())
-        return within and (not self.monotone or _slowest(law) >= -slack - _LIMIT_MARGIN)
+        bounded = all(_criterion(law, name) <= limit * (1.0 + slack) for name, limit in self.limits.items())
+        return bounded and (not self.monotone or _slowest(law) >= -slack - _LIMIT_MARGIN)
 
     def violations(self, law: Law, slack: float) -> list[str]:
         """Describe the violated bounds and conditions of a law, within a slack."""
         values = {name: _criterion(law, name) for name in self.limits}
-        said = [f"{name} is {values[name]:.9g}, its bound {limit:.9g}"
-                for name, limit in self.limits.items() if values[name] > limit * (1.0 + slack)]  # fmt: skip
+        texts = [f"{name} is {values[name]:.9g}, its bound {limit:.9g}"
+                 for name, limit in self.limits.items() if values[name] > limit * (1.0 + slack)]  # fmt: skip
         if self.monotone and (slowest := _slowest(law)) < -slack - _LIMIT_MARGIN:
-            said.append(f"the velocity falls to {slowest:.3g}, and must not be negative")
+            texts.append(f"the velocity falls to {slowest:.3g}, and must not be negative")
         for z, order, value in self.conditions:
-            off = abs(float(law(np.array([z]), order)[0]) - value)
-            if off > slack * max(1.0, abs(value)):
-                said.append(f"the condition {z:g},{order},{value:g} is missed by {off:.3g}")
-        return said
+            error = abs(float(law(np.array([z]), order)[0]) - value)
+            if error > slack * max(1.0, abs(value)):
+                texts.append(f"the condition {z:g},{order},{value:g} is missed by {error:.3g}")
+        return texts
 
     def tangent(self, x: FloatArray) -> TangentPlane:
         """Return the tangent plane of the rms at given coefficients."""
         rows, offset = self._weighted_acceleration()
-        bent = rows @ x + offset
-        rms = float(np.linalg.norm(bent))
-        slope = rows.T @ bent / rms
+        acceleration = rows @ x + offset
+        rms = float(np.linalg.norm(acceleration))
+        slope = rows.T @ acceleration / rms
         return slope, rms - float(slope @ x)
 
     def _weighted_acceleration(self) -> tuple[FloatArray, FloatArray]:
@@ -110,16 +110,16 @@ class Program:
                 "primal_feasibility_tolerance": PRECISE, "dual_feasibility_tolerance": PRECISE, "presolve": presolve,
             })  # fmt: skip
 
-        found = run(presolve=True)
-        if found.x is None and found.status != _INFEASIBLE:  # the solver occasionally fails after its presolve
-            found = run(presolve=False)
-        if found.status == _INFEASIBLE:
+        result = run(presolve=True)
+        if result.x is None and result.status != _INFEASIBLE:  # the solver occasionally fails after its presolve
+            result = run(presolve=False)
+        if result.status == _INFEASIBLE:
             raise self._impossible()
-        if found.x is None:
+        if result.x is None:
             why, remedy = "its linear program did not converge", "use wider bounds, a lower degree or fewer pieces"
             raise refuse("family", self.family.name, "a family that converges", why, remedy)
-        dual = float(b @ found.ineqlin.marginals + e @ found.eqlin.marginals)
-        return np.asarray(found.x[: self.family.size], dtype=float), dual
+        dual = float(b @ result.ineqlin.marginals + e @ result.eqlin.marginals)
+        return np.asarray(result.x[: self.family.size], dtype=float), dual
 
     def minimum_rms(self, places: Mapping[int, FloatArray]) -> tuple[FloatArray, float]:
         """Return the coefficients of minimum rms, by constrained least squares, and that rms."""
@@ -127,20 +127,20 @@ class Program:
         A, b = self._inequalities(places, (), None)
         E, e = self._equalities()
         free = slice(0, self.family.size)
-        # x = base + ways y satisfies the equalities for every y.
-        base, ways = np.zeros(self.family.size), np.eye(self.family.size)
+        # x = base + N y satisfies the equalities for every y.
+        base, N = np.zeros(self.family.size), np.eye(self.family.size)
         if len(E):
             from scipy.linalg import null_space
 
             base = np.asarray(np.linalg.lstsq(E[:, free], e, rcond=None)[0], dtype=float)
             if not np.allclose(E[:, free] @ base, e, rtol=0.0, atol=FEASIBILITY_TOLERANCE):
                 raise self._impossible()
-            ways = np.asarray(null_space(E[:, free], rcond=1e-12), dtype=float)
+            N = np.asarray(null_space(E[:, free], rcond=1e-12), dtype=float)
         f = -(rows @ base + offset)
-        y = constrained_least_squares(rows @ ways, f, -A[:, free] @ ways, A[:, free] @ base - b)
+        y = constrained_least_squares(rows @ N, f, -A[:, free] @ N, A[:, free] @ base - b)
         if y is None:
             raise self._impossible()
-        x = base + ways @ y
+        x = base + N @ y
         return x, float(np.linalg.norm(rows @ x + offset))
 
     def _impossible(self) -> InputError:
@@ -174,9 +174,9 @@ class Program:
             blocks.append((np.hstack([slopes, -self._pick("rms", len(cuts))]), -np.array([value for _, value in cuts])))
         if around is not None and "Cm" in self.weights:
             (V, v), (A, a), x = self.family.rows(places[2], 1), self.family.rows(places[2], 2), around[0]
-            first, second = V @ x + v, A @ x + a
-            rows = second[:, None] * V + first[:, None] * A  # s' s'' linearized about x
-            blocks.append(self._constraints("Cm", rows, first * second - rows @ x))
+            velocity, acceleration = V @ x + v, A @ x + a
+            rows = acceleration[:, None] * V + velocity[:, None] * A  # s' s'' linearized about x
+            blocks.append(self._constraints("Cm", rows, velocity * acceleration - rows @ x))
         blocks.append((np.zeros((0, self.family.size + len(self.weights))), np.zeros(0)))
         return np.vstack([A for A, _ in blocks]), np.concatenate([b for _, b in blocks])
 
@@ -188,16 +188,16 @@ class Program:
             right, columns = 0.0, self._pick(name, len(rows))
         else:
             rows, offset, right, columns = rows / limit, offset / limit, 1.0, np.zeros((len(rows), len(self.weights)))
-        both = np.vstack([np.hstack([rows, -columns]), np.hstack([-rows, -columns])])
-        return both, np.concatenate([right - offset, right + offset])
+        matrix = np.vstack([np.hstack([rows, -columns]), np.hstack([-rows, -columns])])
+        return matrix, np.concatenate([right - offset, right + offset])
 
     def _dense_rows(self, rows: FloatArray) -> FloatArray:
         return np.hstack([rows, np.zeros((len(rows), len(self.weights)))])
 
     def _pick(self, name: str, count: int) -> FloatArray:
-        picked = np.zeros((count, len(self.weights)))
-        picked[:, list(self.weights).index(name)] = 1.0
-        return picked
+        columns = np.zeros((count, len(self.weights)))
+        columns[:, list(self.weights).index(name)] = 1.0
+        return columns
 
     def _equalities(self) -> tuple[FloatArray, FloatArray]:
         matrix, right = self.family.equalities()
@@ -266,25 +266,25 @@ def minimax(
     if not weights:
         raise refuse("minimize", "nothing", f"one or more of {', '.join(CRITERIA)}")
     for z, order, value in conditions:
-        if not (0.0 <= z <= 1.0 and 0 <= order <= _MOST_ORDER and math.isfinite(value)):
-            allowed = f"[z from 0 to 1, order of the derivative from 0 to {_MOST_ORDER}, finite value]"
+        if not (0.0 <= z <= 1.0 and 0 <= order <= _MAX_ORDER and math.isfinite(value)):
+            allowed = f"[z from 0 to 1, order of the derivative from 0 to {_MAX_ORDER}, finite value]"
             raise refuse("conditions", [z, order, value], allowed)
     program = Program(family, weights, limits, tuple(conditions), monotone)
     if "Cm" in weights:
         starts = [_exchange(replace(program, weights={name: 1.0}))[0] for name in ("Ca", "rms")]
-        found = (_trust_region_descent(program, start) for start in starts)
-        x, bound = min(found, key=lambda x: program.objective(family.law(x))), None
+        optima = (_trust_region_descent(program, start) for start in starts)
+        x, bound = min(optima, key=lambda x: program.objective(family.law(x))), None
     else:
         x, bound = _exchange(program)
     law = family.law(x)
-    found = criteria(law)
-    least = universal_bound(weights, limits, free_ends=max(abs(end[2]) for end in found.ends) > 1e-9)
-    objective = sum(weight * _value(found, name) for name, weight in weights.items())
+    values = criteria(law)
+    bound_all = universal_bound(weights, limits, free_ends=max(abs(end[2]) for end in values.ends) > 1e-9)
+    objective = sum(weight * _value(values, name) for name, weight in weights.items())
     violations = program.violations(law, FEASIBILITY_TOLERANCE)
     if bound is not None and abs(objective - bound) > _OPTIMALITY_TOLERANCE * max(1.0, abs(bound)):
         side = "above" if objective > bound else "below"
         violations.append(f"the objective lies {abs(objective - bound):.2g} {side} the bound that is to prove it")
-    return Synthesis(law, objective, bound, least, found, family.name, tuple(violations))
+    return Synthesis(law, objective, bound, bound_all, values, family.name, tuple(violations))
 
 
 def _exchange(program: Program) -> tuple[FloatArray, float]:
@@ -297,7 +297,7 @@ def _exchange(program: Program) -> tuple[FloatArray, float]:
         law = program.family.law(x)
         if program.is_feasible(law, 0.0) and program.objective(law) - bound <= _GAP * abs(bound):
             break
-        places = {order: _with(places[order], stationary_points(law, order)) for order in places}
+        places = {order: _merge(places[order], stationary_points(law, order)) for order in places}
         cuts += [program.tangent(x)] if "rms" in program.weights else []
         x, bound = program.minimum_rms(places) if alone else program.solve(places, cuts)
     return x, bound
@@ -309,11 +309,11 @@ _MAX_REPEATS = 8  # number of repetitions of a step with more positions before i
 
 def _trust_region_descent(program: Program, x: FloatArray) -> FloatArray:
     """Return the coefficients of a local optimum."""
-    law, radius, stubborn = program.family.law(x), _FIRST, 0
-    best = program.objective(law)
+    law, radius, repeats = program.family.law(x), _FIRST, 0
+    lowest = program.objective(law)
     places: dict[int, FloatArray] = dict.fromkeys((1, 2, 3), np.linspace(0.0, 1.0, 401))
     for _ in range(_ROUNDS):
-        places = {order: _with(places[order], stationary_points(law, order)) for order in places}
+        places = {order: _merge(places[order], stationary_points(law, order)) for order in places}
         cuts = [program.tangent(x)] if "rms" in program.weights else []
         try:
             step, _ = program.solve(places, cuts, around=(x, radius))
@@ -322,14 +322,14 @@ def _trust_region_descent(program: Program, x: FloatArray) -> FloatArray:
             if radius > _LARGEST:
                 break
             continue
-        tried = program.family.law(step)
-        places = {order: _with(places[order], stationary_points(tried, order)) for order in places}
-        if not program.is_feasible(tried, 0.5 * FEASIBILITY_TOLERANCE) and stubborn < _MAX_REPEATS:
-            stubborn += 1  # the positions just added may correct it
+        trial = program.family.law(step)
+        places = {order: _merge(places[order], stationary_points(trial, order)) for order in places}
+        if not program.is_feasible(trial, 0.5 * FEASIBILITY_TOLERANCE) and repeats < _MAX_REPEATS:
+            repeats += 1  # the positions just added may correct it
             continue
-        stubborn, value = 0, program.objective(tried)
-        if value < best * (1.0 - 1e-9) and program.is_feasible(tried, 0.5 * FEASIBILITY_TOLERANCE):
-            x, law, best, radius = step, tried, value, min(2.0 * radius, _LARGEST)
+        repeats, value = 0, program.objective(trial)
+        if value < lowest * (1.0 - 1e-9) and program.is_feasible(trial, 0.5 * FEASIBILITY_TOLERANCE):
+            x, law, lowest, radius = step, trial, value, min(2.0 * radius, _LARGEST)
         else:
             radius *= 0.5
         if radius < _SMALLEST:
@@ -348,29 +348,29 @@ def pareto(
     def solve(minimize: Mapping[str, float], bounds: Mapping[str, float]) -> Synthesis:
         return minimax(family, minimize, bounds=bounds, conditions=conditions, monotone=monotone)
 
-    least = solve({second: 1.0}, {})
-    best = solve({first: 1.0}, {})
+    best_second = solve({second: 1.0}, {})
+    best_first = solve({first: 1.0}, {})
     # The optimum of one criterion alone is not unique: choose the one with the best other criterion.
-    low = _value(least.criteria, second) * (1.0 + 1e-6)
-    high = _value(solve({second: 1.0}, {first: best.objective * (1.0 + 1e-6)}).criteria, second) * (1.0 + 1e-6)
+    low = _value(best_second.criteria, second) * (1.0 + 1e-6)
+    high = _value(solve({second: 1.0}, {first: best_first.objective * (1.0 + 1e-6)}).criteria, second) * (1.0 + 1e-6)
     return [solve({first: 1.0}, {second: float(limit)}) for limit in np.geomspace(low, max(low, high), count)]
 
 
-def _check_weights(where: str, given: Mapping[str, float], known: Iterable[str]) -> dict[str, float]:
-    for name, value in given.items():
-        if name not in known:
-            raise refuse(where, repr(name), ", ".join(known))
+def _check_weights(where: str, weights: Mapping[str, float], allowed: Iterable[str]) -> dict[str, float]:
+    for name, value in weights.items():
+        if name not in allowed:
+            raise refuse(where, repr(name), ", ".join(allowed))
         if not (math.isfinite(value) and value > 0.0):
             raise refuse(f"{where}.{name}", value, "a finite number above zero")
-    return dict(given)
+    return dict(weights)
 
 
-def _value(found: Criteria, name: str) -> float:
+def _value(values: Criteria, name: str) -> float:
     if name == "rms":
-        return found.rms[1]
-    value: float | None = getattr(found, name)
+        return values.rms[1]
+    value: float | None = getattr(values, name)
     return math.inf if value is None else value
 
 
-def _with(places: FloatArray, more: FloatArray) -> FloatArray:
-    return np.unique(np.concatenate([places, more]).round(13))
+def _merge(places: FloatArray, added: FloatArray) -> FloatArray:
+    return np.unique(np.concatenate([places, added]).round(13))

@@ -67,15 +67,15 @@ class ReversedLaw:
     @property
     def breaks(self) -> tuple[float, ...]:
         """Positions of inner jumps."""
-        return tuple(sorted(1.0 - at for at in self.law.breaks))
+        return tuple(sorted(1.0 - joint for joint in self.law.breaks))
 
     def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the given order at z; at a jump the right limit, which is the left limit of u."""
         mirrored = 1.0 - z
-        for at in self.law.breaks:
-            mirrored = np.where(z == 1.0 - at, np.nextafter(at, 0.0), mirrored)
-        turned = (-1.0) ** (order + 1) * self.law(mirrored, order)
-        return 1.0 + turned if order == 0 else turned
+        for joint in self.law.breaks:
+            mirrored = np.where(z == 1.0 - joint, np.nextafter(joint, 0.0), mirrored)
+        value = (-1.0) ** (order + 1) * self.law(mirrored, order)
+        return 1.0 + value if order == 0 else value
 
 
 _SHORTEST = 1e-3

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _LARGEST = 60  # exponent above which too many digits are lost between the ends
 _NEAR_END = 0.05  # distance from z = 1 within which powers of 1 - z are evaluated, so that the end conditions are exact
-_LEAST_DEGREE = 5  # of a spline: below it the fourth derivative is not continuous
+_MIN_DEGREE = 5  # of a spline: below it the fourth derivative is not continuous
 
 
 @dataclass(frozen=True)
@@ -43,9 +43,9 @@ class Polynomial(SmoothLaw):
     conditions: tuple[tuple[float, int, float], ...] = ()
 
     def __post_init__(self) -> None:
-        p, least = self.exponents, 1 if self.conditions else 2
-        if why := _exponent_fault(p, least):
-            allowed = f"two or more ascending whole numbers from {least} to {_LARGEST}"
+        p, minimum = self.exponents, 1 if self.conditions else 2
+        if why := _exponent_fault(p, minimum):
+            allowed = f"two or more ascending whole numbers from {minimum} to {_LARGEST}"
             raise refuse("exponents", list(p), allowed, why)
         if not self.conditions:
             return
@@ -67,7 +67,7 @@ class Polynomial(SmoothLaw):
                 [math.perm(q, order) * Fraction(z) ** max(q - order, 0) for q in p] for z, order, _ in self.conditions
             ]
             return _solve_exact(rows, [Fraction(value) for _, _, value in self.conditions])
-        return tuple(math.prod((Fraction(q, q - own) for q in p if q != own), start=Fraction(1)) for own in p)
+        return tuple(math.prod((Fraction(q, q - r) for q in p if q != r), start=Fraction(1)) for r in p)
 
     @property
     def coefficients(self) -> tuple[float, ...]:
@@ -77,10 +77,10 @@ class Polynomial(SmoothLaw):
     def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the given order at z."""
         powers, powers_of_rest = self._derivatives[order]
-        near, from_start = 1.0 - z < _NEAR_END, np.asarray(polyval(z, powers), dtype=float)
-        if not near.any():
+        near_end, from_start = 1.0 - z < _NEAR_END, np.asarray(polyval(z, powers), dtype=float)
+        if not near_end.any():
             return from_start
-        return np.where(near, (-1.0) ** order * polyval(1.0 - z, powers_of_rest), from_start)
+        return np.where(near_end, (-1.0) ** order * polyval(1.0 - z, powers_of_rest), from_start)
 
     @cached_property
     def _derivatives(self) -> list[tuple[FloatArray, ...]]:
@@ -92,12 +92,12 @@ class Polynomial(SmoothLaw):
         return [tuple(np.asarray(polyder(c, n), dtype=float) for c in (from_start, from_end)) for n in range(5)]
 
 
-def _exponent_fault(p: tuple[int, ...], least: int) -> str:
+def _exponent_fault(p: tuple[int, ...], minimum: int) -> str:
     """Return why exponents do not define a law; empty if they do."""
     if len(p) < 2:
         return "one power alone does not come to rest"
-    if min(p) < least:
-        return "s must begin at 0" if least == 1 else "s and s' must vanish at z = 0"
+    if min(p) < minimum:
+        return "s must begin at 0" if minimum == 1 else "s and s' must vanish at z = 0"
     if max(p) > _LARGEST:
         return f"beyond {_LARGEST} too many digits are lost between the ends"
     if twice := [b for a, b in pairwise(sorted(p)) if a == b]:
@@ -157,12 +157,12 @@ class BSplineLaw(SmoothLaw):
     knots: tuple[float, ...] | None = None  #: inner knots, ascending between 0 and 1; None for even spacing
 
     def __post_init__(self) -> None:
-        if self.degree < _LEAST_DEGREE:
+        if self.degree < _MIN_DEGREE:
             why = "the fourth derivative would jump"
-            raise refuse("degree", self.degree, f"a whole number, at least {_LEAST_DEGREE}", why)
-        count, least = len(self.coefficients), self.degree + 1 + len(self.knots or ())
-        if count < least or (self.knots is not None and count > least):
-            allowed, why = f"{least}{' or more' * (self.knots is None)}", "degree and knots define their number"
+            raise refuse("degree", self.degree, f"a whole number, at least {_MIN_DEGREE}", why)
+        count, minimum = len(self.coefficients), self.degree + 1 + len(self.knots or ())
+        if count < minimum or (self.knots is not None and count > minimum):
+            allowed, why = f"{minimum}{' or more' * (self.knots is None)}", "degree and knots define their number"
             raise refuse("coefficients", f"{count} values", allowed, why)
         _check_ends("coefficients", self.coefficients)
         if not all(a < b for a, b in pairwise((0.0, *(self.knots or ()), 1.0))):
@@ -190,7 +190,7 @@ def spline_derivatives(inner_knots: FloatArray, coefficients: FloatArray, degree
 
     ends = np.ones(degree + 1)
     spline = BSpline(np.concatenate([0.0 * ends, inner_knots, ends]), coefficients, degree)
-    return tuple(spline.derivative(order) if order else spline for order in range(_LEAST_DEGREE))
+    return tuple(spline.derivative(order) if order else spline for order in range(_MIN_DEGREE))
 
 
 def _check_ends(name: str, values: tuple[float, ...]) -> None:
@@ -216,7 +216,7 @@ def through_points(z: tuple[float, ...], s: tuple[float, ...]) -> BSplineLaw:
     from scipy.interpolate import make_interp_spline
 
     interpolate: Any = make_interp_spline  # the type stubs accept the end conditions by name only
-    still = [(1, 0.0), (2, 0.0)]
-    spline = interpolate(np.array(z), np.array(s), k=5, bc_type=(still, still))
+    at_rest = [(1, 0.0), (2, 0.0)]
+    spline = interpolate(np.array(z), np.array(s), k=5, bc_type=(at_rest, at_rest))
     inner, middle = tuple(spline.t[6:-6].tolist()), tuple(spline.c[3:-3].tolist())
     return BSplineLaw((0.0, 0.0, 0.0, *middle, 1.0, 1.0, 1.0), 5, inner)

@@ -17,7 +17,7 @@ from flexcam.cams.lift_event import Event
 from flexcam.core import ComplexArray, FloatArray
 from flexcam.core.errors import InputError, finite_array, positive, refuse
 
-_MOST_POINTS = 1_000_000
+_MAX_POINTS = 1_000_000
 _STRAIGHT = 1e-9  # relative curvature of a roller's centre path, to that of the roller, that counts as zero
 
 
@@ -81,8 +81,8 @@ class CamProfile:
         return -(self.touch.point * np.conj(1j * self.touch.normal)).real
 
     def _to_cam_frame(self, fixed: ComplexArray) -> FloatArray:
-        own = fixed * np.exp(-1j * self.turn * self.angle)
-        return np.column_stack([own.real, own.imag])
+        z = fixed * np.exp(-1j * self.turn * self.angle)
+        return np.column_stack([z.real, z.imag])
 
     def cutter_path(self, radius: float) -> FloatArray:
         """Return the path of a cutter's or grinding wheel's centre, m, shape (n, 2), frame of the cam."""
@@ -91,8 +91,8 @@ class CamProfile:
 
 def cam_profile(event: Event, follower: Follower, *, count: int = 720, turn: Turn = 1) -> CamProfile:
     """Return the profile of a cam at equally spaced cam angles."""
-    if not 12 <= count <= _MOST_POINTS:
-        raise refuse("count", count, f"a whole number from 12 to {_MOST_POINTS}")
+    if not 12 <= count <= _MAX_POINTS:
+        raise refuse("count", count, f"a whole number from 12 to {_MAX_POINTS}")
     return profile_at(event, follower, np.linspace(0.0, math.tau, count, endpoint=False), turn)
 
 
@@ -129,28 +129,28 @@ def profile_extremes(event: Event, follower: Follower, turn: Turn = 1) -> Profil
     where the radius of the profile jumps.
     """
 
-    def seen(measure: Callable[[CamProfile], FloatArray], sign: float = 1.0) -> Extreme:
-        found = curve_minimum(lambda angle: sign * measure(profile_at(event, follower, angle, turn)), event.joints)
-        return Extreme(sign * found.value, found.at)
+    def extreme(measure: Callable[[CamProfile], FloatArray], sign: float = 1.0) -> Extreme:
+        minimum = curve_minimum(lambda angle: sign * measure(profile_at(event, follower, angle, turn)), event.joints)
+        return Extreme(sign * minimum.value, minimum.at)
 
     def largest(measure: Callable[[CamProfile], FloatArray]) -> Extreme:
-        ends = seen(measure), seen(measure, -1.0)
-        return max(ends, key=lambda one: abs(one.value))
+        ends = extreme(measure), extreme(measure, -1.0)
+        return max(ends, key=lambda end: abs(end.value))
 
-    def bend(made: CamProfile) -> FloatArray:
+    def bend(profile: CamProfile) -> FloatArray:
         with np.errstate(divide="ignore"):
-            return 1.0 / (made.radius + roller)
+            return 1.0 / (profile.radius + roller)
 
     roller, hollow = follower.roller_radius, None
     if math.isfinite(roller):
-        tight, deep = seen(bend, -1.0), seen(bend)
+        tight, deep = extreme(bend, -1.0), extreme(bend)
         convex = Extreme(1.0 / tight.value - roller, tight.at)
         if deep.value < -_STRAIGHT / roller:
             hollow = Extreme(roller - 1.0 / deep.value, deep.at)
     else:
-        convex = seen(lambda made: made.radius)
-    offset = seen(lambda made: made.offset), seen(lambda made: made.offset, -1.0)
-    steepest, fastest = largest(lambda made: made.pressure_angle), largest(lambda made: made.touch.sliding)
+        convex = extreme(lambda p: p.radius)
+    offset = extreme(lambda p: p.offset), extreme(lambda p: p.offset, -1.0)
+    steepest, fastest = largest(lambda p: p.pressure_angle), largest(lambda p: p.touch.sliding)
     return ProfileExtremes(convex, hollow, steepest, offset, fastest)
 
 
@@ -183,31 +183,31 @@ def find_profile_faults(
 
     The width of the cam, m, is part of the check for contact at the edge of a round face.
     """
-    found: list[ProfileFault] = []
+    faults: list[ProfileFault] = []
     if cutter is not None:
         positive("cutter", cutter, "m")
-    seen, follower = profile.extremes, profile.follower
-    cut = seen.convex.value <= 0.0
+    extremes, follower = profile.extremes, profile.follower
+    cut = extremes.convex.value <= 0.0
     if cut:
         what = "undercut: the radius of curvature is too small and the profile would cross itself"
         remedy = _remedy(["a smaller roller"] if math.isfinite(follower.roller_radius) else [], base_helps=base_helps)
-        found.append(ProfileFault(what, remedy, seen.convex.at, seen.convex.value, 0.0))
-    steep = seen.pressure_angle
+        faults.append(ProfileFault(what, remedy, extremes.convex.at, extremes.convex.value, 0.0))
+    steep = extremes.pressure_angle
     if abs(steep.value) > pressure_angle * (1.0 + _ROUNDING):
         what = "pressure angle too large"
-        other = "an offset" if isinstance(follower, RollerFollower) else "another pivot or arm"
-        remedy = _remedy([other], base_helps=base_helps)
-        found.append(ProfileFault(what, remedy, steep.at, abs(steep.value), pressure_angle, "angle"))
-    if cutter is not None and not cut and seen.hollow is not None and seen.hollow.value < cutter:
+        hint = "an offset" if isinstance(follower, RollerFollower) else "another pivot or arm"
+        remedy = _remedy([hint], base_helps=base_helps)
+        faults.append(ProfileFault(what, remedy, steep.at, abs(steep.value), pressure_angle, "angle"))
+    if cutter is not None and not cut and extremes.hollow is not None and extremes.hollow.value < cutter:
         what = "the concave radius is smaller than the cutter"
-        found.append(ProfileFault(what, "use a smaller cutter", seen.hollow.at, seen.hollow.value, cutter))
+        faults.append(ProfileFault(what, "use a smaller cutter", extremes.hollow.at, extremes.hollow.value, cutter))
     if isinstance(follower, FlatFollower) and follower.face_diameter is not None:
-        farthest = max(seen.offset, key=lambda end: abs(end.value))
-        left = 0.5 * follower.face_diameter - follower.face_radius(farthest.value, width)
-        if left < 0.0:
+        farthest = max(extremes.offset, key=lambda end: abs(end.value))
+        margin = 0.5 * follower.face_diameter - follower.face_radius(farthest.value, width)
+        if margin < 0.0:
             what = "the distance from the contact line to the edge of the face is negative"
-            found.append(ProfileFault(what, "use a larger face or a narrower cam", farthest.at, left, 0.0))
-    return found
+            faults.append(ProfileFault(what, "use a larger face or a narrower cam", farthest.at, margin, 0.0))
+    return faults
 
 
 def _remedy(others: list[str], *, base_helps: bool) -> str:
@@ -227,35 +227,35 @@ def minimum_base_radius(
     """Return the smallest base circle without undercut, within limits of pressure angle and convex radius."""
     high = 100.0 * positive("lift", event.height, "m")
     even = np.linspace(0.0, math.tau, 1440, endpoint=False)
-    angles = np.union1d(even, [*event.joints, *(at - LIMIT_OFFSET for at in event.joints)])
+    angles = np.union1d(even, [*event.joints, *(joint - LIMIT_OFFSET for joint in event.joints)])
     motion = event(angles), event(angles, 1), event(angles, 2)
 
     def fits(base: float) -> bool:
         try:
-            made = profile_at(event, follower.with_base(base), angles, turn, motion)
+            trial = profile_at(event, follower.with_base(base), angles, turn, motion)
         except InputError:  # the follower does not reach such a circle
             return False
-        if undercut(made.radius, made.follower).any() or float(np.abs(made.pressure_angle).max()) > pressure_angle:
+        if undercut(trial.radius, trial.follower).any() or float(np.abs(trial.pressure_angle).max()) > pressure_angle:
             return False
-        convex = made.radius > -made.follower.roller_radius
-        return bool((made.radius[convex] >= radius).all())
+        convex = trial.radius > -trial.follower.roller_radius
+        return bool((trial.radius[convex] >= radius).all())
 
     candidates = np.geomspace(1e-4 * high, high, 81)
     good = [fits(float(base)) for base in candidates]
     if not any(good):
         given = f"no base circle between {candidates[0]:.3g} and {high:.3g} m"
         raise refuse("base_radius", given, "a base circle within the limits", "", "use a longer event or wider limits")
-    first = good.index(True)
-    if first == 0:
+    index = good.index(True)
+    if index == 0:
         return 0.0
-    low, high = float(candidates[first - 1]), float(candidates[first])
-    least = _bisect(fits, low, high)
+    low, high = float(candidates[index - 1]), float(candidates[index])
+    minimum = _bisect(fits, low, high)
     # The worst angles lie between the samples and hardly move with the base circle, so one more pass suffices.
-    seen = profile_extremes(event, follower.with_base(least), turn)
-    worst = np.array([seen.convex.at, seen.pressure_angle.at])
+    extremes = profile_extremes(event, follower.with_base(minimum), turn)
+    worst = np.array([extremes.convex.at, extremes.pressure_angle.at])
     angles = np.union1d(angles, [worst, worst - LIMIT_OFFSET])
     motion = event(angles), event(angles, 1), event(angles, 2)
-    return least if fits(least) else _bisect(fits, least, high)
+    return minimum if fits(minimum) else _bisect(fits, minimum, high)
 
 
 def _bisect(fits: Callable[[float], bool], low: float, high: float) -> float:
@@ -279,33 +279,33 @@ def lift_from_profile(points: ArrayLike, follower: Follower, angle: ArrayLike, *
     xy = finite_array("points", points, (None, 2))
     if len(xy) < 12:
         raise refuse("points", f"{len(xy)} points", "12 or more")
-    closed = xy[:, 0] + 1j * xy[:, 1]
-    closed = np.append(closed, closed[0])
-    chord = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(closed)))])
+    outline = xy[:, 0] + 1j * xy[:, 1]
+    outline = np.append(outline, outline[0])
+    chord = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(outline)))])
     if (np.diff(chord) <= 0.0).any():
         raise refuse("points", "the same point twice", "different points, the first not repeated")
-    curve = make_interp_spline(chord, np.column_stack([closed.real, closed.imag]), k=5, bc_type="periodic")
-    turned = np.exp(1j * turn * finite_array("angle", np.ravel(angle), (None,)))
+    curve = make_interp_spline(chord, np.column_stack([outline.real, outline.imag]), k=5, bc_type="periodic")
+    phasor = np.exp(1j * turn * finite_array("angle", np.ravel(angle), (None,)))
     length = float(chord[-1])
 
-    def place(at: FloatArray) -> ComplexArray:
-        x, y = np.moveaxis(np.asarray(curve(np.mod(at, length)), dtype=float), -1, 0)
+    def curve_point(arc: FloatArray) -> ComplexArray:
+        x, y = np.moveaxis(np.asarray(curve(np.mod(arc, length)), dtype=float), -1, 0)
         return np.asarray(x + 1j * y, dtype=np.complex128)
 
-    def depth(at: FloatArray) -> FloatArray:
-        return -follower.lift_at(place(at) * turned[:, None])
+    def depth(arc: FloatArray) -> FloatArray:
+        return -follower.lift_at(curve_point(arc) * phasor[:, None])
 
-    if not len(turned):
+    if not len(phasor):
         return np.zeros(np.shape(angle))
     # Fine enough for a roller much smaller than the cam.
     needed = math.ceil(8.0 * length / min(follower.roller_radius, length))
-    count = min(_MOST_SAMPLES, max(len(xy), _LEAST_SAMPLES, needed))
-    at = np.linspace(0.0, length, count, endpoint=False)
-    starts = _find_highest_peaks(place(at), at, follower, turned)
-    found = -np.min([refine_minima(depth, start - at[1], start + at[1])[0] for start in starts.T], axis=0)
-    if not np.isfinite(found).all():
+    count = min(_MAX_SAMPLES, max(len(xy), _MIN_SAMPLES, needed))
+    arc = np.linspace(0.0, length, count, endpoint=False)
+    starts = _find_highest_peaks(curve_point(arc), arc, follower, phasor)
+    lift = -np.min([refine_minima(depth, start - arc[1], start + arc[1])[0] for start in starts.T], axis=0)
+    if not np.isfinite(lift).all():
         raise refuse("points", "a profile that the follower misses", "one within its reach", "", "check the unit")
-    return found.reshape(np.shape(angle))
+    return lift.reshape(np.shape(angle))
 
 
 @dataclass(frozen=True)
@@ -321,34 +321,34 @@ def find_bridges(points: ArrayLike, follower: Follower, *, turn: Turn = 1) -> Br
     angle = np.linspace(0.0, 2.0 * math.pi, _SAMPLE_ANGLES, endpoint=False)
     lift = lift_from_profile(points, follower, angle, turn=turn)
     xy = finite_array("points", points, (None, 2))
-    left, points = np.full(len(xy), math.inf), np.asarray(xy[:, 0] + 1j * xy[:, 1], dtype=np.complex128)
-    for rows, high in _lifts_at_points(points, follower, np.exp(1j * turn * angle)):
-        left = np.minimum(left, (lift[rows, None] - high).min(axis=0))
-    worst = int(np.argmax(np.where(np.isfinite(left), left, 0.0)))
-    depth = float(left[worst])
+    clearance, points = np.full(len(xy), math.inf), np.asarray(xy[:, 0] + 1j * xy[:, 1], dtype=np.complex128)
+    for rows, lifts in _lifts_at_points(points, follower, np.exp(1j * turn * angle)):
+        clearance = np.minimum(clearance, (lift[rows, None] - lifts).min(axis=0))
+    worst = int(np.argmax(np.where(np.isfinite(clearance), clearance, 0.0)))
+    depth = float(clearance[worst])
     return Bridge(depth, (float(xy[worst, 0]), float(xy[worst, 1]))) if depth > _CONTACT_TOLERANCE else None
 
 
 _SAMPLE_ANGLES = 2880
 _CONTACT_TOLERANCE = 1e-6  # m: between sampled cam angles, 1/8 deg apart, a contact is missed by a tenth of this
-_LEAST_SAMPLES, _MOST_SAMPLES = 360, 20_000
+_MIN_SAMPLES, _MAX_SAMPLES = 360, 20_000
 _CANDIDATES = 3  # peaks evaluated per angle: at a jump of the contact two are almost equal
 
 
 def _lifts_at_points(
-    points: ComplexArray, follower: Follower, turned: ComplexArray
+    points: ComplexArray, follower: Follower, phasor: ComplexArray
 ) -> Iterator[tuple[slice, FloatArray]]:
     """Yield slices of the angles with the lifts at which the follower would contact the points at each of them."""
     size = max(1, _AT_ONCE // len(points))
-    for i in range(0, len(turned), size):
-        yield slice(i, i + size), follower.lift_at(points * turned[i : i + size, None])
+    for i in range(0, len(phasor), size):
+        yield slice(i, i + size), follower.lift_at(points * phasor[i : i + size, None])
 
 
-def _find_highest_peaks(points: ComplexArray, at: FloatArray, follower: Follower, turned: ComplexArray) -> FloatArray:
+def _find_highest_peaks(points: ComplexArray, arc: FloatArray, follower: Follower, phasor: ComplexArray) -> FloatArray:
     """Return the positions of the highest peaks on the closed curve, shape (angles, candidates)."""
-    found: list[FloatArray] = []
-    for _, lift in _lifts_at_points(points, follower, turned):
+    peaks: list[FloatArray] = []
+    for _, lift in _lifts_at_points(points, follower, phasor):
         peak = (lift >= np.roll(lift, 1, axis=1)) & (lift >= np.roll(lift, -1, axis=1))
         highest = np.argpartition(-np.where(peak, lift, -math.inf), _CANDIDATES, axis=1)
-        found.append(at[highest[:, :_CANDIDATES]])
-    return np.concatenate(found)
+        peaks.append(arc[highest[:, :_CANDIDATES]])
+    return np.concatenate(peaks)

@@ -173,8 +173,8 @@ class Scca:
         """Return the derivative of the given order at z; the second half is the first one rotated about the middle."""
         second = (z > 0.5) | ((z == 0.5) & (self.d == 0.0))
         mirrored = np.where(second, 1.0 - z, z)
-        for part in (self.b, 1.0 - self.d):  # 1 - z at a joint is the other joint up to rounding
-            mirrored = np.where(z == 1.0 - 0.5 * part, 0.5 * part, mirrored)
+        for fraction in (self.b, 1.0 - self.d):  # 1 - z at a joint is the other joint up to rounding
+            mirrored = np.where(z == 1.0 - 0.5 * fraction, 0.5 * fraction, mirrored)
         # The first half; at a joint the right limit, or the left limit in the mirrored half.
         rising, flat = (
             (mirrored < joint) | (second & (mirrored == joint) & (joint > 0.0))
@@ -182,8 +182,8 @@ class Scca:
         )
         parts = [_sine(mirrored, self.b, order), _constant(mirrored, self.b, order)]
         half = self.peak * np.select([rising, flat], parts, _cosine(mirrored, self.b, self.c, self.d, order))
-        turned = (1.0 if order == 0 else 0.0) + (-1.0) ** (order + 1) * half
-        return np.where(second, turned, half)
+        rotated = (1.0 if order == 0 else 0.0) + (-1.0) ** (order + 1) * half
+        return np.where(second, rotated, half)
 
 
 def _sine(x: FloatArray, b: float, order: int) -> FloatArray:

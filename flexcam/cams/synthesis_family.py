@@ -27,25 +27,25 @@ def universal_bound(weights: Mapping[str, float], limits: Mapping[str, float], *
     acceleration is a trapezoid of slopes J, as in bang-bang control; a bound on C_a bounds C_j in the same way. Bounds
     on C_v and C_a raise each other: the limit is the law with a trapezoidal velocity, V - V^2/A = 1.
     """
-    least = {"Cv": 1.0, "Ca": 4.0, "Cj": 12.0 if free_ends else 32.0, "rms": math.sqrt(12.0), "Cm": 2.25}
+    minima = {"Cv": 1.0, "Ca": 4.0, "Cj": 12.0 if free_ends else 32.0, "rms": math.sqrt(12.0), "Cm": 2.25}
     if "Cj" in limits:
-        least["Ca"] = least_acceleration(limits["Cj"], free_ends=free_ends)
+        minima["Ca"] = least_acceleration(limits["Cj"], free_ends=free_ends)
     if 1.0 < limits.get("Cv", 2.0) < 2.0:
-        least["Ca"] = max(least["Ca"], limits["Cv"] ** 2 / (limits["Cv"] - 1.0))
+        minima["Ca"] = max(minima["Ca"], limits["Cv"] ** 2 / (limits["Cv"] - 1.0))
     if "Ca" in limits:
-        least["Cv"] = 2.0 / (1.0 + math.sqrt(max(1.0 - 4.0 / limits["Ca"], 0.0)))
-        least["Cj"] = max(least["Cj"], least_jerk(limits["Ca"], free_ends=free_ends))
-    if any(name not in least for name in weights):
+        minima["Cv"] = 2.0 / (1.0 + math.sqrt(max(1.0 - 4.0 / limits["Ca"], 0.0)))
+        minima["Cj"] = max(minima["Cj"], least_jerk(limits["Ca"], free_ends=free_ends))
+    if any(name not in minima for name in weights):
         return None
-    return sum(weight * least[name] for name, weight in weights.items())
+    return sum(weight * minima[name] for name, weight in weights.items())
 
 
 def least_jerk(acceleration: float, *, free_ends: bool) -> float:
     """Return the minimum C_j under a bound on C_a."""
     if not 4.0 < acceleration < (6.0 if free_ends else 8.0):
         return 0.0
-    above = acceleration - 4.0
-    return math.sqrt(4.0 * acceleration**3 / (3.0 * above)) if free_ends else 2.0 * acceleration**2 / above
+    excess = acceleration - 4.0
+    return math.sqrt(4.0 * acceleration**3 / (3.0 * excess)) if free_ends else 2.0 * acceleration**2 / excess
 
 
 def least_acceleration(jerk: float, *, free_ends: bool) -> float:
@@ -60,7 +60,7 @@ def least_acceleration(jerk: float, *, free_ends: bool) -> float:
     return acceleration
 
 
-_MOST_DEGREE, _MOST_PIECES = 40, 300
+_MAX_DEGREE, _MAX_PIECES = 40, 300
 
 
 class Family(ABC):
@@ -99,7 +99,7 @@ class SplineFamily(Family):
     symmetric: bool = True  #: whether s(z) + s(1 - z) = 1
 
     def __post_init__(self) -> None:
-        ranges = {"degree": (5, _MOST_DEGREE), "pieces": (1, _MOST_PIECES), "rest": (1, _MOST_PIECES)}
+        ranges = {"degree": (5, _MAX_DEGREE), "pieces": (1, _MAX_PIECES), "rest": (1, _MAX_PIECES)}
         for name, (low, high) in ranges.items():
             if not low <= getattr(self, name) <= high:
                 raise refuse(name, getattr(self, name), f"{low} to {high}")
@@ -121,15 +121,15 @@ class SplineFamily(Family):
     @cached_property
     def _map(self) -> tuple[FloatArray, FloatArray]:
         """Matrix and offset from the free coefficients to all coefficients."""
-        n, held = self._count, self.rest + 1
-        offset = np.repeat([0.0, 1.0], [n - held, held])
-        free = np.arange(held, n - held)
-        left = free[: len(free) // 2] if self.symmetric else free
-        matrix = np.zeros((n, len(left)))
-        matrix[left, np.arange(len(left))] = 1.0
+        n, fixed = self._count, self.rest + 1
+        offset = np.repeat([0.0, 1.0], [n - fixed, fixed])
+        free = np.arange(fixed, n - fixed)
+        independent = free[: len(free) // 2] if self.symmetric else free
+        matrix = np.zeros((n, len(independent)))
+        matrix[independent, np.arange(len(independent))] = 1.0
         if self.symmetric:
-            matrix[n - 1 - left, np.arange(len(left))] = -1.0
-            offset[n - 1 - left] = 1.0
+            matrix[n - 1 - independent, np.arange(len(independent))] = -1.0
+            offset[n - 1 - independent] = 1.0
             if len(free) % 2:
                 offset[n // 2] = 0.5
         return matrix, offset

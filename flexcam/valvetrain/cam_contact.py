@@ -95,11 +95,11 @@ class HertzLine:
 
         The law is linear above the load at which the half width is half the radius, ``pi E/(128 (1 - nu^2)) R``.
         """
-        give = 1.0 / (math.pi * self.plane_strain)
-        rest = 2.0 if self.rolls else 1.0 + self.poisson / (1.0 - self.poisson)
+        compliance = 1.0 / (math.pi * self.plane_strain)
+        term = 2.0 if self.rolls else 1.0 + self.poisson / (1.0 - self.poisson)
         limit = math.pi * self.plane_strain / 128.0
-        shape = (self.width, give, rest, self.depth, self.dissipation, limit)
-        return ForceLaw(LINE_CONTACT, shape, (self.radius, cosine))
+        constants = (self.width, compliance, term, self.depth, self.dissipation, limit)
+        return ForceLaw(LINE_CONTACT, constants, (self.radius, cosine))
 
     def pressure(self, force: FloatArray, radius: FloatArray) -> FloatArray:
         """Return the largest Hertz pressure, ``sqrt(p E*/(pi R))``."""
@@ -107,37 +107,37 @@ class HertzLine:
         return np.sqrt(p * 0.5 * self.plane_strain / (math.pi * radius))
 
 
-_SAME = 1e-6  # tolerance of lengths for rounding of input digits
-_NEAR = 1e-2  # tolerance between an arm and its member
+_LENGTH_TOLERANCE = 1e-6  # tolerance of lengths for rounding of input digits
+_ARM_TOLERANCE = 1e-2  # tolerance between an arm and its member
 
 
 def transverse_row(structure: Structure, contact: CamContact, cam: Cam) -> FloatArray:
     """Return the row of the cam motion relative to the follower, to the right in the plane of the profile."""
-    along = cam.turn * contact.across
-    own = structure.row(contact.follower, along) if structure.is_node(contact.follower) else 0.0
-    return structure.row(cam.at, along) - own
+    direction = cam.turn * contact.across
+    follower = structure.row(contact.follower, direction) if structure.is_node(contact.follower) else 0.0
+    return structure.row(cam.at, direction) - follower
 
 
 def check_arm_length(structure: Structure, contact: CamContact, cam: Cam, where: str) -> None:
     """Refuse a follower whose arm differs from that of its finger member."""
-    swinging = cam.follower
-    if not isinstance(swinging, SwingRollerFollower | SwingFlatFollower):
+    follower = cam.follower
+    if not isinstance(follower, SwingRollerFollower | SwingFlatFollower):
         return
     finger, key = structure.model.rocker_points.get(contact.follower), f"cams.{contact.cam}.follower"
-    given, why = f"{1e3 * swinging.arm:g} mm", "the cam's profile is made for the path of the finger"
+    given, why = f"{1e3 * follower.arm:g} mm", "the cam's profile is made for the path of the finger"
     if finger is not None:
-        if abs(swinging.arm - finger.arms[0]) > _SAME * finger.arms[0]:
+        if abs(follower.arm - finger.arms[0]) > _LENGTH_TOLERANCE * finger.arms[0]:
             allowed = f"{1e3 * finger.arms[0]:g} mm, that of the rocker"
             raise refuse(f"{key}.arm", given, allowed, why, f"see {where}")
         return
     for pivot in find_pivot(structure, contact):
         name = structure.model.mesh.node_name(pivot)
-        length, square = _arm(structure, contact, cam, pivot)
-        if min(abs(length - swinging.arm), abs(abs(square) - swinging.arm)) > _NEAR * swinging.arm:
+        length, normal = _arm(structure, contact, cam, pivot)
+        if min(abs(length - follower.arm), abs(abs(normal) - follower.arm)) > _ARM_TOLERANCE * follower.arm:
             allowed = f"{1e3 * length:g} mm, from {name} to {contact.follower}"
             raise refuse(f"{key}.arm", given, allowed, why, f"see {where}")
-        if swinging.side * square < 0.0:
-            given, allowed = ("clockwise", "counterclockwise")[:: swinging.side]
+        if follower.side * normal < 0.0:
+            given, allowed = ("clockwise", "counterclockwise")[:: follower.side]
             why = f"{name}, about which it turns, lies on the other side of the cam"
             raise refuse(f"{key}.rotation", given, allowed, why, f"or turn the cam, see {where}")
 
@@ -147,19 +147,19 @@ def find_pivot(structure: Structure, contact: CamContact) -> list[int]:
     mesh, vector = structure.model.mesh, structure.dofs.vector
     node = find_node(structure.model, contact.follower, "follower")
     plane = contact.direction, contact.across
-    held = [n for n in mesh.connected_nodes(node).tolist() if not any(vector(n, one).any() for one in plane)]
-    away = mesh.nodes[node] - mesh.nodes[held[:1]]
+    fixed = [n for n in mesh.connected_nodes(node).tolist() if not any(vector(n, axis).any() for axis in plane)]
+    arm = mesh.nodes[node] - mesh.nodes[fixed[:1]]
     # A node beyond the pivot only moves sideways.
-    lifts = abs(away @ contact.across[:3]) > _NEAR * np.linalg.norm(away, axis=1)
-    turns = [n for n in held if vector(n, contact.rotation).any()]
-    return turns if len(held) == 1 and lifts.all() else []
+    lifts = abs(arm @ contact.across[:3]) > _ARM_TOLERANCE * np.linalg.norm(arm, axis=1)
+    pivots = [n for n in fixed if vector(n, contact.rotation).any()]
+    return pivots if len(fixed) == 1 and lifts.all() else []
 
 
 def _arm(structure: Structure, contact: CamContact, cam: Cam, pivot: int) -> tuple[float, float]:
     """Return the distance of the follower from its pivot, m, and its component normal to the lift, inwards positive."""
     mesh = structure.model.mesh
-    away = mesh.nodes[pivot] - mesh.nodes[mesh.node(contact.follower)]
-    lift, right = (float(away @ one[:3]) for one in (contact.direction, cam.turn * contact.across))
+    arm = mesh.nodes[pivot] - mesh.nodes[mesh.node(contact.follower)]
+    lift, right = (float(arm @ axis[:3]) for axis in (contact.direction, cam.turn * contact.across))
     return float(np.hypot(lift, right)), right
 
 
@@ -190,16 +190,16 @@ def sliding_path(structure: Structure, name: str, contact: CamContact, cam: Cam)
 
 def _face_row(structure: Structure, contact: CamContact, cam: Cam, face: SwingFlatFollower) -> FloatArray:
     """Return the row of the motion of a swinging face along itself, to the right."""
-    along = face_sliding(cam.follower) * structure.row(contact.follower, contact.direction)
+    path = face_sliding(cam.follower) * structure.row(contact.follower, contact.direction)
     if not structure.is_node(contact.follower):
-        return along
-    own, turned = (structure.row(contact.follower, one) for one in (cam.turn * contact.across, contact.rotation))
-    if not turned.any():
-        return own + along
+        return path
+    across, rotation = (structure.row(contact.follower, axis) for axis in (cam.turn * contact.across, contact.rotation))
+    if not rotation.any():
+        return across + path
     mesh = structure.model.mesh
-    node, centre = (mesh.nodes[mesh.node(one)] for one in (contact.follower, cam.at))
+    node, centre = (mesh.nodes[mesh.node(point)] for point in (contact.follower, cam.at))
     height = face.base_radius - float((node - centre) @ contact.direction[:3])  # of the face above its node
-    return own - cam.turn * height * turned
+    return across - cam.turn * height * rotation
 
 
 def couple_cam(structure: Structure, name: str, contact: CamContact, *, twists: bool = True) -> Coupling:
@@ -215,21 +215,21 @@ def couple_cam(structure: Structure, name: str, contact: CamContact, *, twists: 
         offset.append(sliding_distance(cam))
     if twists and contact.restitution is None and has_elastic_drive(structure, contact):
         # The last scalar is the angle of the cam, at which the law takes the lift.
-        law, pressing = replace(law, lift=lift_polynomials(cam.event)), sense[0]
-        at = pressing.functions.index(derivative(cam.event))
-        others = AngleVector(
-            np.delete(pressing.vectors, at, axis=0), (*pressing.functions[:at], *pressing.functions[at + 1 :])
+        law, approach = replace(law, lift=lift_polynomials(cam.event)), sense[0]
+        i = approach.functions.index(derivative(cam.event))
+        remaining = AngleVector(
+            np.delete(approach.vectors, i, axis=0), (*approach.functions[:i], *approach.functions[i + 1 :])
         )
-        sense = [others, *sense[1:], AngleVector.constant(pressing.vectors[at])]
+        sense = [remaining, *sense[1:], AngleVector.constant(approach.vectors[i])]
         offset, torque = [constant(0.0), *offset[1:], cam_angle], force_sum(len(sense) - 1)
     if contact.friction:
         torque = observable_sum(torque, force_sum(1, factor=cam_sliding(cam)))
-    act = tuple(AngleVector(-one.vectors, one.functions) for one in sense)
+    act = tuple(AngleVector(-vector.vectors, vector.functions) for vector in sense)
     force = LocalForce(where, tuple(sense), act, law, tuple(offset), contact.restitution)
 
-    def gap(seen: Observation) -> FloatArray:
-        lift = law.lift(seen.penetrations[:, -1], 0) if law.lift else 0.0
-        return -seen.penetrations[:, 0] - lift
+    def gap(obs: Observation) -> FloatArray:
+        lift = law.lift(obs.penetrations[:, -1], 0) if law.lift else 0.0
+        return -obs.penetrations[:, 0] - lift
 
     return Coupling((), (force,), (
         Channel(f"{where}.force", "N", force_sum(0)),
@@ -257,8 +257,8 @@ def _penetration_rows(structure: Structure, contact: CamContact, cam: Cam, where
     functions: list[AngleFunction] = [constant(1.0), derivative(cam.event)]
     if swings:  # the normal rotates with the arm
         rows = [twist, structure.row(cam.at, lift), structure.row(cam.at, cam.turn * contact.across)]
-        more, by = zip(*_swing_rows(structure, contact, cam), strict=True)
-        return AngleVector(np.array([*rows, *more]), (functions[1], lift_ratio(cam), transverse_lift_ratio(cam), *by))
+        arm, funcs = zip(*_swing_rows(structure, contact, cam), strict=True)
+        return AngleVector(np.array([*rows, *arm]), (functions[1], lift_ratio(cam), transverse_lift_ratio(cam), *funcs))
     if rolls:
         rows.append(transverse_row(structure, contact, cam))
         functions.append(transverse_lift_ratio(cam))
@@ -274,26 +274,26 @@ def _swing_rows(structure: Structure, contact: CamContact, cam: Cam) -> list[tup
     Mechanics: Statics, ch. 2, force-couple systems): by lift, N and path are taken q/arm times. A roller's force passes
     through its centre; along the finger it is the tangent of the pressure angle, measured from the turned arm.
     """
-    away = -structure.row(contact.follower, contact.direction)
+    opening = -structure.row(contact.follower, contact.direction)
     if not structure.is_node(contact.follower):
-        return [(away, constant(1.0))]
+        return [(opening, constant(1.0))]
     if not isinstance(cam.follower, SwingFlatFollower):
         return [
-            (away, constant(1.0)),
+            (opening, constant(1.0)),
             (-structure.row(contact.follower, cam.turn * contact.across), pressure_tangent(cam)),
         ]
-    turned = structure.row(contact.follower, contact.rotation)
-    if not turned.any():
-        return [(away, constant(1.0))]
-    stiff = cam.follower.side * cam.turn * cam.follower.arm * turned  # motion by rotation about the pivot
-    return [(stiff, constant(1.0)), (away - stiff, normal_force_ratio(cam))]
+    rotation = structure.row(contact.follower, contact.rotation)
+    if not rotation.any():
+        return [(opening, constant(1.0))]
+    rigid = cam.follower.side * cam.turn * cam.follower.arm * rotation  # motion by rotation about the pivot
+    return [(rigid, constant(1.0)), (opening - rigid, normal_force_ratio(cam))]
 
 
 def fixed_follower_error(structure: Structure, follower: str, where: str) -> InputError:
     """Return the error of a follower that cannot move along the lift."""
     mesh = structure.model.mesh
-    held = follower in structure.model.supports
-    if structure.is_node(follower) and not held and not (structure.dofs.numbers[mesh.node(follower)] >= 0).any():
+    fixed = follower in structure.model.supports
+    if structure.is_node(follower) and not fixed and not (structure.dofs.numbers[mesh.node(follower)] >= 0).any():
         given, why = f"{follower!r}, a node with nothing that moves", "members, masses and springs give a node unknowns"
         allowed = "a node of a member, or one with a mass or a spring along the lift"
         if mesh.node(follower) not in mesh.elements():
@@ -321,21 +321,21 @@ def hertz_line(
     where, given = f"contacts.{name}.{key}", "hertz" if key == "stiffness" else "a table"
     if cam.follower is None or cam.width is None:
         missing = [*(cam.missing if cam.follower is None else ()), *(["width"] if cam.width is None else [])]
-        other = "or give a stiffness" if key == "stiffness" else "or leave lubrication out"
-        why, remedy = f"cams.{contact.cam} has no {' and no '.join(missing)}", f"add {' and '.join(missing)}, {other}"
+        hint = "or give a stiffness" if key == "stiffness" else "or leave lubrication out"
+        why, remedy = f"cams.{contact.cam} has no {' and no '.join(missing)}", f"add {' and '.join(missing)}, {hint}"
         raise refuse(where, given, "a cam with base_radius, follower and width", why, remedy)
     material = _cam_material(structure, cam)
     if material is None:
         given, why = f"{given}, of a cam at {cam.at!r} on no member", "the material is that of the member"
         raise refuse(where, given, "a number, or a cam on a member" if key == "stiffness" else "a cam on a member", why)
     follower, roller = cam.follower, cam.follower.roller_radius
-    own = profile_table(cam).radius
-    curvature = 1.0 / own + 1.0 / roller
-    if (crossed := undercut(own, follower) | (curvature < 0.0)).any():
-        at = f"first at {math.degrees(ANGLES[np.argmax(crossed)]):.4g} deg of cam angle"
-        why = f"the profile is undercut (it would cross itself), {at}"
-        if np.isfinite(roller) and not undercut(own, follower).any():
-            why = f"the profile has a hollow that is narrower than the roller, {at}"
+    cam_radius = profile_table(cam).radius
+    curvature = 1.0 / cam_radius + 1.0 / roller
+    if (crossed := undercut(cam_radius, follower) | (curvature < 0.0)).any():
+        place = f"first at {math.degrees(ANGLES[np.argmax(crossed)]):.4g} deg of cam angle"
+        why = f"the profile is undercut (it would cross itself), {place}"
+        if np.isfinite(roller) and not undercut(cam_radius, follower).any():
+            why = f"the profile has a hollow that is narrower than the roller, {place}"
         radius = f"{1e3 * follower.base_radius:g} mm"
         allowed = f"a larger base circle for a lift of {1e3 * cam.event.height:.4g} mm"
         remedy = "flexcam cam prints the minimum base-circle radius; a longer event also helps"
@@ -362,19 +362,19 @@ def _profile_channels(structure: Structure, name: str, contact: CamContact, cam:
     where = f"contacts.{name}"
     channels: list[Channel] = []
     follower = cam.follower
-    whole = not undercut(profile_table(cam).radius, follower).any()
+    regular = not undercut(profile_table(cam).radius, follower).any()
     on_member = structure.model.mesh.on_members()[find_node(structure.model, cam.at, f"cams.{contact.cam}.at")]
-    if cam.width is not None and whole and on_member:
+    if cam.width is not None and regular and on_member:
         line = hertz_line(structure, name, contact, cam)
 
-        def pressure(seen: Observation) -> FloatArray:
-            reach = cached_profile(cam, seen.cam).touch.reach
-            return line.pressure(seen.forces[:, 0] / reach, seen.cam(line.radius, 0))
+        def pressure(obs: Observation) -> FloatArray:
+            ratio = cached_profile(cam, obs.cam).touch.reach
+            return line.pressure(obs.forces[:, 0] / ratio, obs.cam(line.radius, 0))
 
         channels.append(Channel(f"{where}.pressure", "Pa", pressure))
     if not np.isfinite(follower.roller_radius):
         path = sliding_ratio(cam)
-        channels.append(Channel(f"{where}.sliding", "m/s", lambda seen: seen.cam(path, 0) * seen.motion.speed))
+        channels.append(Channel(f"{where}.sliding", "m/s", lambda obs: obs.cam(path, 0) * obs.motion.speed))
     if contact.friction:
         channels.append(Channel(f"{where}.friction", "N", force_sum(1, factor=normal_force_ratio(cam))))
     return channels
@@ -403,20 +403,20 @@ def lubrication_channels(
         key = f"{where}.lubrication.wear_coefficient"
         raise refuse(key, given, "a follower with a flat face", why, "leave wear_coefficient out")
 
-    def state(seen: Observation) -> tuple[CamProfile, FloatArray, FloatArray]:
+    def state(obs: Observation) -> tuple[CamProfile, FloatArray, FloatArray]:
         """Return profile, load per length (N/m) and relative radius of curvature (m)."""
-        profile = cached_profile(cam, seen.cam)
-        load = np.maximum(force(seen), 0.0) / (profile.touch.reach * line.width)
-        return profile, load, seen.cam(line.radius, 0)
+        profile = cached_profile(cam, obs.cam)
+        load = np.maximum(force(obs), 0.0) / (profile.touch.reach * line.width)
+        return profile, load, obs.cam(line.radius, 0)
 
-    def entrainment(seen: Observation) -> FloatArray:
-        return entrainment_velocity(cached_profile(cam, seen.cam)) * seen.motion.speed
+    def entrainment(obs: Observation) -> FloatArray:
+        return entrainment_velocity(cached_profile(cam, obs.cam)) * obs.motion.speed
 
-    def minimum_film(seen: Observation) -> FloatArray:
-        return film.minimum(entrainment(seen), *state(seen)[1:])
+    def minimum_film(obs: Observation) -> FloatArray:
+        return film.minimum(entrainment(obs), *state(obs)[1:])
 
-    def central_film(seen: Observation) -> FloatArray:
-        return film.central(entrainment(seen), *state(seen)[1:])
+    def central_film(obs: Observation) -> FloatArray:
+        return film.central(entrainment(obs), *state(obs)[1:])
 
     channels = [
         Channel(f"{where}.entrainment", "m/s", entrainment),
@@ -425,7 +425,7 @@ def lubrication_channels(
     ]
     if lubrication.roughness is not None:
         roughness = lubrication.roughness
-        channels.append(Channel(f"{where}.lambda", "1", lambda seen: minimum_film(seen) / roughness))
+        channels.append(Channel(f"{where}.lambda", "1", lambda obs: minimum_film(obs) / roughness))
     material = _cam_material(structure, cam)
     if contact.friction and material and lubrication.conductivity and lubrication.specific_heat:
         if not material.density:
@@ -433,20 +433,20 @@ def lubrication_channels(
             raise refuse(f"{where}.lubrication.conductivity", "no density", "a cam with a density", why, remedy)
         effusivity = math.sqrt(lubrication.conductivity * material.density * lubrication.specific_heat)
 
-        def temperature(seen: Observation) -> FloatArray:
-            profile, load, radius = state(seen)
-            first, sliding = (v * seen.motion.speed for v in (cam_surface_velocity(profile), profile.touch.sliding))
-            heat = np.abs(friction(seen) / profile.touch.reach * sliding) / line.width
+        def temperature(obs: Observation) -> FloatArray:
+            profile, load, radius = state(obs)
+            u1, sliding = (v * obs.motion.speed for v in (cam_surface_velocity(profile), profile.touch.sliding))
+            heat = np.abs(friction(obs) / profile.touch.reach * sliding) / line.width
             width = half_width(load, radius, line.plane_strain)
-            return flash_temperature(heat, width, effusivity, first, first - sliding)
+            return flash_temperature(heat, width, effusivity, u1, u1 - sliding)
 
         channels.append(Channel(f"{where}.flash_temperature", "K", temperature))
     if wear_coefficient is not None:
 
-        def wear(seen: Observation) -> FloatArray:
-            profile, load, _ = state(seen)
-            worn = wear_depth(wear_coefficient, load, profile.touch.sliding, cam_surface_velocity(profile))
-            return WEAR_REVOLUTIONS * worn
+        def wear(obs: Observation) -> FloatArray:
+            profile, load, _ = state(obs)
+            depth = wear_depth(wear_coefficient, load, profile.touch.sliding, cam_surface_velocity(profile))
+            return WEAR_REVOLUTIONS * depth
 
         channels.append(Channel(f"{where}.wear", "m", wear))
     return channels

@@ -80,11 +80,11 @@ def cached_profile(cam: Cam, at: CamFunctionCache) -> CamProfile:
     """Return the profile at cam angles, computed once for all cams of one shape and cached."""
     shape = _shape_of(cam)
 
-    def made() -> CamProfile:
+    def compute() -> CamProfile:
         event = cam.event
         return _profile(shape, at.angle, (at(event, 0), at(event, 1), at(event, 2)))
 
-    return at.lookup((cached_profile, shape), made)
+    return at.lookup((cached_profile, shape), compute)
 
 
 Values = Callable[[CamProfile], FloatArray]
@@ -101,9 +101,9 @@ def _profile_function(value: Values, slope: Values) -> Callable[[Cam], AngleFunc
     return function
 
 
-def _by_reach_rate(made: CamProfile, value: FloatArray | float, rate: FloatArray | float) -> FloatArray:
+def _by_reach_rate(profile: CamProfile, value: FloatArray | float, rate: FloatArray | float) -> FloatArray:
     """Return the derivative of a value by the reach."""
-    return (rate - value * made.touch.reach_rate / made.touch.reach) / made.touch.reach
+    return (rate - value * profile.touch.reach_rate / profile.touch.reach) / profile.touch.reach
 
 
 def face_sliding(follower: Follower | None) -> float:
@@ -111,43 +111,43 @@ def face_sliding(follower: Follower | None) -> float:
     return follower.side * follower.face / follower.arm if isinstance(follower, SwingFlatFollower) else 0.0
 
 
-def _along_face(made: CamProfile) -> FloatArray:
-    return made.touch.sliding + face_sliding(made.follower) * made.velocity
+def _along_face(profile: CamProfile) -> FloatArray:
+    return profile.touch.sliding + face_sliding(profile.follower) * profile.velocity
 
 
-def _along_face_rate(made: CamProfile) -> FloatArray:
-    return made.touch.sliding_rate + face_sliding(made.follower) * made.acceleration
+def _along_face_rate(profile: CamProfile) -> FloatArray:
+    return profile.touch.sliding_rate + face_sliding(profile.follower) * profile.acceleration
 
 
-lift_ratio = _profile_function(lambda made: made.push.real, lambda made: made.push_rate.real)
+lift_ratio = _profile_function(lambda p: p.push.real, lambda p: p.push_rate.real)
 """Lift per motion of the cam along the initial lift direction."""
 
-transverse_lift_ratio = _profile_function(lambda made: -made.push.imag, lambda made: -made.push_rate.imag)
+transverse_lift_ratio = _profile_function(lambda p: -p.push.imag, lambda p: -p.push_rate.imag)
 """Lift per motion of the cam to the right; for a translating follower the tangent of the pressure angle."""
 
 pressure_tangent = _profile_function(
-    lambda made: np.tan(made.pressure_angle), lambda made: made.touch.pressure_rate / made.touch.reach**2
+    lambda p: np.tan(p.pressure_angle), lambda p: p.touch.pressure_rate / p.touch.reach**2
 )
 """Tangent of the pressure angle relative to the rotated arm."""
 
-sliding_ratio = _profile_function(lambda made: made.touch.sliding, lambda made: made.touch.sliding_rate)
+sliding_ratio = _profile_function(lambda p: p.touch.sliding, lambda p: p.touch.sliding_rate)
 """Sliding path per cam angle, m, of the cam's surface to the right of a flat face."""
 
-normal_force_ratio = _profile_function(lambda made: 1.0 / made.touch.reach, lambda made: _by_reach_rate(made, 1.0, 0.0))
+normal_force_ratio = _profile_function(lambda p: 1.0 / p.touch.reach, lambda p: _by_reach_rate(p, 1.0, 0.0))
 """Force along the normal per force along the lift."""
 
-reach = _profile_function(lambda made: made.touch.reach, lambda made: made.touch.reach_rate)
+reach = _profile_function(lambda p: p.touch.reach, lambda p: p.touch.reach_rate)
 """Lift per motion along the normal."""
 
 cam_sliding = _profile_function(
-    lambda made: _along_face(made) / made.touch.reach,
-    lambda made: _by_reach_rate(made, _along_face(made), _along_face_rate(made)),
+    lambda p: _along_face(p) / p.touch.reach,
+    lambda p: _by_reach_rate(p, _along_face(p), _along_face_rate(p)),
 )
 """Path per cam angle, m, of the cam's surface along a flat face, divided by the reach."""
 
 _sliding_by_reach = _profile_function(
-    lambda made: made.touch.sliding / made.touch.reach,
-    lambda made: _by_reach_rate(made, made.touch.sliding, made.touch.sliding_rate),
+    lambda p: p.touch.sliding / p.touch.reach,
+    lambda p: _by_reach_rate(p, p.touch.sliding, p.touch.sliding_rate),
 )
 
 
@@ -156,10 +156,10 @@ def relative_radius(cam: Cam, most: float) -> AngleFunction:
     """Return the relative radius of curvature of cam and follower, m, up to a limit, without derivative."""
     roller = cam.follower.roller_radius if cam.follower else np.inf
 
-    def radius(made: CamProfile) -> FloatArray:
-        return 1.0 / np.maximum(1.0 / made.radius + 1.0 / roller, 1.0 / most)
+    def radius(profile: CamProfile) -> FloatArray:
+        return 1.0 / np.maximum(1.0 / profile.radius + 1.0 / roller, 1.0 / most)
 
-    return _OfProfile(cam, radius, lambda made: np.zeros_like(made.radius))
+    return _OfProfile(cam, radius, lambda profile: np.zeros_like(profile.radius))
 
 
 @_by_shape
@@ -171,33 +171,33 @@ def sliding_distance(cam: Cam) -> AngleFunction:
 class _SlidingDistance(DerivedCamFunction):
     """Sliding path since cam angle zero, m; `path` is its derivative.
 
-    The motion of the face itself, `off` times the lift, is added because it is part of the follower's motion.
+    The motion of the face itself, `face_ratio` times the lift, is added because it is part of the follower's motion.
     """
 
-    def __init__(self, path: AngleFunction, cam: Cam, off: float) -> None:
-        self._cam, self._off = cam, off
+    def __init__(self, path: AngleFunction, cam: Cam, face_ratio: float) -> None:
+        self._cam, self._face_ratio = cam, face_ratio
         width = ANGLES[1]
         x, w = np.polynomial.legendre.leggauss(4)
-        within = path((ANGLES[:-1, None] + 0.5 * width * (1.0 + x)).ravel(), 0).reshape(-1, 4)
+        values = path((ANGLES[:-1, None] + 0.5 * width * (1.0 + x)).ravel(), 0).reshape(-1, 4)
         self._path, self._slopes = path, path(ANGLES, 0)
-        self._sums = np.concatenate([[0.0], np.cumsum(0.5 * width * (within @ w))])
+        self._sums = np.concatenate([[0.0], np.cumsum(0.5 * width * (values @ w))])
 
     def of(self, cam: CamFunctionCache, order: int) -> FloatArray:
         """Return a derivative, see `DerivedCamFunction`."""
-        slid = cam(self._path, order - 1) if order else self._slid(cam.angle)
-        if not self._off:
-            return slid
-        made = cached_profile(self._cam, cam)
+        distance = cam(self._path, order - 1) if order else self._distance(cam.angle)
+        if not self._face_ratio:
+            return distance
+        profile = cached_profile(self._cam, cam)
         if order:
-            return slid + self._off * _by_reach_rate(made, made.lift, made.velocity)
-        return slid + self._off * made.lift / made.touch.reach
+            return distance + self._face_ratio * _by_reach_rate(profile, profile.lift, profile.velocity)
+        return distance + self._face_ratio * profile.lift / profile.touch.reach
 
-    def _slid(self, angle: FloatArray) -> FloatArray:
+    def _distance(self, angle: FloatArray) -> FloatArray:
         width, sums, slopes = ANGLES[1], self._sums, self._slopes
-        turns, rest = np.divmod(angle, 2.0 * np.pi)
-        i = np.minimum((rest / width).astype(int), len(ANGLES) - 2)
-        z = (rest - ANGLES[i]) / width
+        revolutions, remainder = np.divmod(angle, 2.0 * np.pi)
+        i = np.minimum((remainder / width).astype(int), len(ANGLES) - 2)
+        z = (remainder - ANGLES[i]) / width
         y = 1.0 - z
         # Hermite's cubic through sums and slopes.
         ends = y * y * (1.0 + 2.0 * z) * sums[i] + z * z * (3.0 - 2.0 * z) * sums[i + 1]
-        return turns * sums[-1] + ends + width * z * y * (y * slopes[i] - z * slopes[i + 1])
+        return revolutions * sums[-1] + ends + width * z * y * (y * slopes[i] - z * slopes[i + 1])

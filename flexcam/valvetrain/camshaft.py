@@ -40,13 +40,13 @@ def shaft_channels(structure: Structure) -> Coupling:
     channels: list[Channel] = []
     inertias: dict[int, Load] = {}
     for contact in model.cam_contacts.values():
-        at, nodes = model.cams[contact.cam].at, _shaft_nodes(model, contact.cam)
+        point, nodes = model.cams[contact.cam].at, _shaft_nodes(model, contact.cam)
         if int(nodes[0]) not in inertias:
             inertias[int(nodes[0])] = _inertia(structure, nodes, contact.rotation, model.cams[contact.cam].phaser)
-        if model.mesh.on_members()[model.mesh.node(at)]:
+        if model.mesh.on_members()[model.mesh.node(point)]:
             channels += [
-                Channel(f"cams.{contact.cam}.twist", "rad", row_of(structure.row(at, contact.rotation))),
-                Channel(f"cams.{contact.cam}.deflection", "m", row_of(structure.row(at, contact.direction))),
+                Channel(f"cams.{contact.cam}.twist", "rad", row_of(structure.row(point, contact.rotation))),
+                Channel(f"cams.{contact.cam}.deflection", "m", row_of(structure.row(point, contact.direction))),
             ]
     channels += [channel for name in model.springs for channel in _drive_torque(structure, name)]
     return Coupling(tuple(inertias.values()), (), tuple(channels))
@@ -63,25 +63,25 @@ def _drive_torque(structure: Structure, name: str) -> Iterator[Channel]:
     row = structure.row(spring.at, np.concatenate([np.zeros(3), axis]))[None]
     installed = math.copysign(spring.installed_force or 0.0, float(axis @ spring.direction[3:]))
 
-    def torque(seen: Observation) -> FloatArray:
-        twist, rate = (seen.moved.extract(row, order)[:, 0] for order in range(2))
+    def torque(obs: Observation) -> FloatArray:
+        twist, rate = (obs.moved.extract(row, order)[:, 0] for order in range(2))
         return -installed - spring.stiffness * twist - spring.damping * rate
 
     yield Channel(f"springs.{name}.torque", "N m", torque)
 
 
-def _inertia(structure: Structure, nodes: IntArray, turning: FloatArray, phaser: Phaser | None) -> Load:
+def _inertia(structure: Structure, nodes: IntArray, rotation: FloatArray, phaser: Phaser | None) -> Load:
     """Return the load of a shaft's rotary inertia at variable speed: unknowns are relative to the rotation."""
     dofs, mesh = structure.dofs, structure.model.mesh
     beams = structure.beams.part(np.flatnonzero(np.isin(structure.beams.nodes[:, 0], nodes)))
-    motion = np.tile(turning, (len(mesh.nodes), 1))
+    motion = np.tile(rotation, (len(mesh.nodes), 1))
     if dofs.ties is not None:  # a node beside the axis that follows the shaft moves on a circle
-        motion = np.where(dofs.ties.tied, dofs.ties.matrices @ turning, motion)
-    pulled = np.einsum("eij,ej->ei", to_global(beams, beam.mass(beams)), motion[beams.nodes].reshape(-1, 12))
-    vector = dofs.gather(beams.nodes, pulled.reshape(-1, 2, 6))
-    for part in structure.model.masses.values():
-        if structure.is_node(part.at) and (node := mesh.node(part.at)) in nodes:
-            vector += dofs.vector(node, part.body.matrix() @ motion[node])
+        motion = np.where(dofs.ties.tied, dofs.ties.matrices @ rotation, motion)
+    forces = np.einsum("eij,ej->ei", to_global(beams, beam.mass(beams)), motion[beams.nodes].reshape(-1, 12))
+    vector = dofs.gather(beams.nodes, forces.reshape(-1, 2, 6))
+    for mass in structure.model.masses.values():
+        if structure.is_node(mass.at) and (node := mesh.node(mass.at)) in nodes:
+            vector += dofs.vector(node, mass.body.matrix() @ motion[node])
 
     def rate(motion: CamMotion) -> FloatArray:
         return motion.rate if phaser is None else phaser.motion(motion).rate
@@ -107,30 +107,30 @@ class ShaftDrive:
 @lru_cache(maxsize=4)
 def find_shaft_drives(structure: Structure) -> tuple[ShaftDrive, ...]:
     """Return all nodes at which a shaft's rotation is prescribed."""
-    return tuple(_release_rotation(structure, *one) for one in rotation_supports(structure.model))
+    return tuple(_release_rotation(structure, *support) for support in rotation_supports(structure.model))
 
 
 @lru_cache(maxsize=4)
 def rotation_supports(model: Model) -> tuple[tuple[str, int, FloatArray], ...]:
     """Return name, node and axis of the supports that hold the rotation of a shaft."""
-    found, driven = list[tuple[str, int, FloatArray]](), shaft_axes(model)
-    for point, held in model.supports.items():
+    supports, axes = list[tuple[str, int, FloatArray]](), shaft_axes(model)
+    for point, components in model.supports.items():
         nodes = model.mesh.select(point).tolist()
         for node in nodes:
-            along = driven.get(node, np.zeros(3))
-            axis = int(np.argmax(np.abs(along)))
-            if abs(float(along[axis])) > PARALLEL and ROTATIONS[axis] in held:
+            direction = axes.get(node, np.zeros(3))
+            axis = int(np.argmax(np.abs(direction)))
+            if abs(float(direction[axis])) > PARALLEL and ROTATIONS[axis] in components:
                 name = point if len(nodes) == 1 else model.mesh.node_name(node)
-                found.append((name, node, along))
-    return tuple(found)
+                supports.append((name, node, direction))
+    return tuple(supports)
 
 
 def has_elastic_drive(structure: Structure, contact: CamPair) -> bool:
     """Return whether springs or lash, not a support, hold the rotation of a cam: it may then twist by degrees."""
-    model, at = structure.model, structure.model.cams[contact.cam].at
-    nodes = set(model.mesh.connected_nodes(model.mesh.node(at), turning=True).tolist())
-    held = any(node in nodes for _, node, _ in rotation_supports(model))
-    return not held and bool(structure.row(at, contact.rotation).any())
+    model, point = structure.model, structure.model.cams[contact.cam].at
+    nodes = set(model.mesh.connected_nodes(model.mesh.node(point), turning=True).tolist())
+    supported = any(node in nodes for _, node, _ in rotation_supports(model))
+    return not supported and bool(structure.row(point, contact.rotation).any())
 
 
 _ROUNDING = 1e-9
@@ -139,15 +139,15 @@ _ROUNDING = 1e-9
 
 def undriven_shafts(structure: Structure) -> list[tuple[list[str], str]]:
     """Return the cams and the rotation, such as ``rx``, of every shaft that can turn without deforming a part."""
-    model, found = structure.model, dict[tuple[int, ...], tuple[list[str], str]]()
+    model, shafts = structure.model, dict[tuple[int, ...], tuple[list[str], str]]()
     for contact in model.cam_contacts.values():
-        at = model.cams[contact.cam].at
-        shaft = tuple(model.mesh.connected_nodes(model.mesh.node(at), turning=True).tolist())
+        point = model.cams[contact.cam].at
+        shaft = tuple(model.mesh.connected_nodes(model.mesh.node(point), turning=True).tolist())
         geared = len(_shaft_nodes(model, contact.cam)) > len(shaft)
-        if not geared and np.abs(structure.row(at, contact.rotation) @ structure.free).max(initial=0.0) > _ROUNDING:
-            cams, _ = found.setdefault(shaft, ([], ROTATIONS[int(np.argmax(np.abs(contact.shaft_axis)))]))
+        if not geared and np.abs(structure.row(point, contact.rotation) @ structure.free).max(initial=0.0) > _ROUNDING:
+            cams, _ = shafts.setdefault(shaft, ([], ROTATIONS[int(np.argmax(np.abs(contact.shaft_axis)))]))
             cams += [contact.cam] if contact.cam not in cams else []
-    return list(found.values())
+    return list(shafts.values())
 
 
 def shaft_axes(model: Model) -> dict[int, FloatArray]:
@@ -166,29 +166,29 @@ def driven_cam(model: Model, torque: str) -> Cam | None:
         return model.cams[model.cam_contacts[name].cam]
     point = model.springs[name].at if kind == "springs" else name
     nodes = set(model.mesh.select(point).tolist()) if point in model.mesh.points else set[int]()
-    turned = (contact.cam for contact in model.cam_contacts.values())
-    return next((model.cams[cam] for cam in turned if nodes & set(_shaft_nodes(model, cam).tolist())), None)
+    cams = (contact.cam for contact in model.cam_contacts.values())
+    return next((model.cams[cam] for cam in cams if nodes & set(_shaft_nodes(model, cam).tolist())), None)
 
 
 def _shaft_nodes(model: Model, cam: str) -> IntArray:
     """Return the nodes that turn with a cam: those of its shaft, and those of its drive behind lash about an axis."""
     mesh = model.mesh
-    found = set(mesh.connected_nodes(mesh.node(model.cams[cam].at), turning=True).tolist())
-    lashes = (one.ends for one in model.contacts.values() if isinstance(one, Lash) and one.turns and one.ends)
+    nodes = set(mesh.connected_nodes(mesh.node(model.cams[cam].at), turning=True).tolist())
+    lashes = (lash.ends for lash in model.contacts.values() if isinstance(lash, Lash) and lash.turns and lash.ends)
     pairs = [{mesh.node(end) for end in ends} for ends in lashes]
-    while more := {node for pair in pairs if pair & found for node in pair} - found:
-        found.update(*(mesh.connected_nodes(node, turning=True).tolist() for node in more))
-    return np.array(sorted(found), dtype=np.intp)
+    while added := {node for pair in pairs if pair & nodes for node in pair} - nodes:
+        nodes.update(*(mesh.connected_nodes(node, turning=True).tolist() for node in added))
+    return np.array(sorted(nodes), dtype=np.intp)
 
 
-def _release_rotation(structure: Structure, name: str, node: int, along: FloatArray) -> ShaftDrive:
-    held = 3 + np.flatnonzero(~structure.dofs.moving[node, 3:])
-    dofs = structure.dofs.release(node, held, name)
-    new = dofs.numbers[node, held]
-    turned = np.zeros(dofs.size)
-    turned[new] = along[held - 3]
+def _release_rotation(structure: Structure, name: str, node: int, axis: FloatArray) -> ShaftDrive:
+    fixed = 3 + np.flatnonzero(~structure.dofs.moving[node, 3:])
+    dofs = structure.dofs.release(node, fixed, name)
+    released = dofs.numbers[node, fixed]
+    rotation = np.zeros(dofs.size)
+    rotation[released] = axis[fixed - 3]
     return ShaftDrive(
-        name, node, build_structure_in(structure.model, dofs), np.delete(np.arange(dofs.size), new), turned
+        name, node, build_structure_in(structure.model, dofs), np.delete(np.arange(dofs.size), released), rotation
     )
 
 
@@ -196,29 +196,29 @@ def inertia_torque(end: ShaftDrive) -> Observable:
     """Return the torque of mass, damping and stiffness on a constrained rotation, without modal damping."""
     freed, damping = end.freed, end.freed.model.damping
     damped = freed.dampers + rayleigh_damping(freed.mass, freed.stiffness, damping.alpha, damping.beta)
-    each = [matrix.times(end.turned)[end.kept][None] for matrix in (freed.stiffness, damped, freed.mass)]
+    rows = [matrix.times(end.turned)[end.kept][None] for matrix in (freed.stiffness, damped, freed.mass)]
 
-    def torque(seen: Observation) -> FloatArray:
-        return sum((seen.moved.extract(row, order)[:, 0] for order, row in enumerate(each)), np.zeros(1))
+    def torque(obs: Observation) -> FloatArray:
+        return sum((obs.moved.extract(row, order)[:, 0] for order, row in enumerate(rows)), np.zeros(1))
 
     return torque
 
 
 def reaction_torque(end: ShaftDrive, loads: tuple[Load, ...], forces: tuple[LocalForce, ...]) -> Observable:
     """Return the reaction of loads and local forces of the released structure on a constrained rotation."""
-    pushed = np.array([end.turned @ load.vector for load in loads])
-    acting = [one for force in forces for one in force.act]
-    turning = [(i, AngleVector((one.vectors @ end.turned)[:, None], one.functions)) for i, one in enumerate(acting)]
-    turning = [(i, one) for i, one in turning if one.vectors.any()]
+    factors = np.array([end.turned @ load.vector for load in loads])
+    acts = [act for force in forces for act in force.act]
+    terms = [(i, AngleVector((act.vectors @ end.turned)[:, None], act.functions)) for i, act in enumerate(acts)]
+    terms = [(i, act) for i, act in terms if act.vectors.any()]
 
-    def borne(seen: Observation) -> FloatArray:
-        found = -(seen.histories @ pushed)
-        for i, one in turning:
-            weights = [seen.cam(function, 0) for function in one.functions] or [np.ones(len(found))]
-            found -= seen.forces[:, i] * (one.vectors[:, 0] @ np.array(weights))
-        return found
+    def torque(obs: Observation) -> FloatArray:
+        total = -(obs.histories @ factors)
+        for i, act in terms:
+            weights = [obs.cam(function, 0) for function in act.functions] or [np.ones(len(total))]
+            total -= obs.forces[:, i] * (act.vectors[:, 0] @ np.array(weights))
+        return total
 
-    return borne
+    return torque
 
 
 def free_running(
@@ -249,7 +249,7 @@ def free_speed(event: Event, base_radius: float, speed: float, cam_mass: float, 
 
     def omega(angle: FloatArray, order: int) -> FloatArray:
         J, change = inertia(angle)
-        found = speed * np.sqrt(mean / J)
-        return found if order == 0 else -0.5 * found * change / J
+        value = speed * np.sqrt(mean / J)
+        return value if order == 0 else -0.5 * value * change / J
 
     return omega

@@ -45,8 +45,8 @@ def couple_seat(structure: Structure, name: str, seat: Seat) -> Coupling:
     force = conservative_force(f"contacts.{name}", AngleVector.constant(row), law, restitution=seat.restitution)
     return Coupling((), (force,), (
         Channel(f"contacts.{name}.force", "N", force_sum(0)),
-        Channel(f"contacts.{name}.gap", "m", lambda seen: -seen.penetrations[:, 0]),
-        Channel(f"contacts.{name}.velocity", "m/s", lambda seen: -seen.rates[:, 0]),
+        Channel(f"contacts.{name}.gap", "m", lambda obs: -obs.penetrations[:, 0]),
+        Channel(f"contacts.{name}.velocity", "m/s", lambda obs: -obs.rates[:, 0]),
     ))  # fmt: skip
 
 
@@ -62,7 +62,7 @@ def couple_lash(structure: Structure, name: str, lash: Lash) -> Coupling:
     force_unit, gap_unit = ("N m", "rad") if lash.turns else ("N", "m")
     return Coupling((), (force,), (
         Channel(f"{where}.force", force_unit, force_sum(0)),
-        Channel(f"{where}.gap", gap_unit, lambda seen: -seen.penetrations[:, 0]),
+        Channel(f"{where}.gap", gap_unit, lambda obs: -obs.penetrations[:, 0]),
     ))  # fmt: skip
 
 
@@ -75,18 +75,18 @@ def couple_adjuster(structure: Structure, name: str, part: Adjuster) -> Coupling
     forces = [conservative_force(where, row, law)]
     channels = [
         Channel(f"{where}.force", "N", force_sum(0)),
-        Channel(f"{where}.leak_down", "m", lambda seen: seen.states[:, 0]),
+        Channel(f"{where}.leak_down", "m", lambda obs: obs.states[:, 0]),
     ]
     if chamber is not None:
-        area, least = chamber.area, part.plunger_force
-        channels.append(Channel(f"{where}.pressure", "Pa", lambda seen: (seen.forces[:, 0] - least) / area))
+        area, preload = chamber.area, part.plunger_force
+        channels.append(Channel(f"{where}.pressure", "Pa", lambda obs: (obs.forces[:, 0] - preload) / area))
     if travel is not None:
         stop, outward = elastic_stop(travel.stiffness, travel.damping), AngleVector(-row.vectors, row.functions)
         forces += [
             conservative_force(f"{where}.bottom", row, stop, constant(-travel.compression)),
             conservative_force(f"{where}.ring", outward, stop, constant(-travel.extension)),
         ]
-        channels.append(Channel(f"{where}.stop_force", "N", lambda seen: seen.forces[:, 1] - seen.forces[:, 2]))
+        channels.append(Channel(f"{where}.stop_force", "N", lambda obs: obs.forces[:, 1] - obs.forces[:, 2]))
     return Coupling((), tuple(forces), tuple(channels))
 
 
@@ -98,14 +98,14 @@ def couple_friction(structure: Structure) -> Coupling:
     for name, part in structure.model.friction.items():
         where = f"friction.{name}"
         rows = _slide_row(structure, part, where)[None] if part.springs is None else nest_rows(structure, part.springs)
-        force, breakaway, damping = (one / len(rows) for one in (part.force, part.breakaway_force, part.damping))
+        force, breakaway, damping = (value / len(rows) for value in (part.force, part.breakaway_force, part.damping))
         law = ForceLaw(SLIDING_FRICTION, (force, breakaway, part.stribeck_speed, damping, part.friction_speed))
         forces.append(opposed_force(where, rows, law))
-        own = list(range(count, count + len(rows)))
+        scalars = list(range(count, count + len(rows)))
         count += len(rows)
         unit = "N" if part.direction[:3].any() else "N m"
-        channels.append(Channel(f"{where}.force", unit, force_sum(*own)))
-        channels.append(Channel(f"{where}.power", "W", _power(own)))
+        channels.append(Channel(f"{where}.force", unit, force_sum(*scalars)))
+        channels.append(Channel(f"{where}.power", "W", _power(scalars)))
     return Coupling((), tuple(forces), tuple(channels))
 
 
@@ -115,7 +115,7 @@ def couple_films(structure: Structure, speed: float) -> Coupling:
     channels: list[Channel] = []
     for i, (name, part) in enumerate(structure.model.bearings.items()):
         where = f"bearings.{name}"
-        rows = np.array([structure.row(part.at, along, f"{where}.at") for along in part.directions])
+        rows = np.array([structure.row(part.at, direction, f"{where}.at") for direction in part.directions])
         if not rows.any(axis=1).all():
             given, why = f"a film at {part.at!r}, which is held across the shaft", "the journal must move in its film"
             raise refuse(where, given, "a journal that is free across the shaft", why)
@@ -124,21 +124,21 @@ def couple_films(structure: Structure, speed: float) -> Coupling:
     return Coupling((), tuple(forces), tuple(channels))
 
 
-def _film_channels(where: str, clearance: float, own: slice) -> Iterator[Channel]:
+def _film_channels(where: str, clearance: float, scalars: slice) -> Iterator[Channel]:
     """Yield the channels of a film by the indices of its forces."""
 
-    def eccentricity(seen: Observation) -> FloatArray:
-        return np.hypot(*seen.penetrations[:, own].T) / clearance
+    def eccentricity(obs: Observation) -> FloatArray:
+        return np.hypot(*obs.penetrations[:, scalars].T) / clearance
 
-    yield Channel(f"{where}.force", "N", lambda seen: np.hypot(*seen.forces[:, own].T))
+    yield Channel(f"{where}.force", "N", lambda obs: np.hypot(*obs.forces[:, scalars].T))
     yield Channel(f"{where}.eccentricity", "1", eccentricity)
-    yield Channel(f"{where}.angle", "rad", lambda seen: np.arctan2(*seen.penetrations[:, own].T[::-1]))
-    yield Channel(f"{where}.film_thickness", "m", lambda seen: clearance * (1.0 - eccentricity(seen)))
+    yield Channel(f"{where}.angle", "rad", lambda obs: np.arctan2(*obs.penetrations[:, scalars].T[::-1]))
+    yield Channel(f"{where}.film_thickness", "m", lambda obs: clearance * (1.0 - eccentricity(obs)))
 
 
 def _power(scalars: list[int]) -> Observable:
     """Return the sum of some local forces times their rates."""
-    return lambda seen: (seen.forces[:, scalars] * seen.rates[:, scalars]).sum(axis=1)
+    return lambda obs: (obs.forces[:, scalars] * obs.rates[:, scalars]).sum(axis=1)
 
 
 def _slide_row(structure: Structure, part: Friction, where: str) -> FloatArray:
@@ -179,5 +179,5 @@ def check_lever_rotation(structure: Structure) -> None:
         train = follower_train(structure, contact, f"contacts.{name}.follower")
         event = model.cams[contact.cam].event
         for rocker, lever in model.levers.items():
-            driven = float(structure.row(lever.start, lever.direction) @ train.motion)
-            lever.path_at(np.array([driven * event.height]), f"rockers.{rocker}.arms")
+            ratio = float(structure.row(lever.start, lever.direction) @ train.motion)
+            lever.path_at(np.array([ratio * event.height]), f"rockers.{rocker}.arms")

@@ -66,20 +66,20 @@ def shift_coupling(coupling: Coupling, phaser: Phaser | None) -> Coupling:
     if phaser is None:
         return coupling
 
-    def functions(given: tuple[AngleFunction, ...]) -> tuple[AngleFunction, ...]:
-        return tuple(one if isinstance(one, Constant) else ShiftedFunction(one, phaser) for one in given)
+    def functions(unshifted: tuple[AngleFunction, ...]) -> tuple[AngleFunction, ...]:
+        return tuple(func if isinstance(func, Constant) else ShiftedFunction(func, phaser) for func in unshifted)
 
-    def vectors(given: tuple[AngleVector, ...]) -> tuple[AngleVector, ...]:
-        return tuple(AngleVector(one.vectors, functions(one.functions)) for one in given)
+    def vectors(unshifted: tuple[AngleVector, ...]) -> tuple[AngleVector, ...]:
+        return tuple(AngleVector(vector.vectors, functions(vector.functions)) for vector in unshifted)
 
-    def law(given: ForceLaw) -> ForceLaw:
-        return replace(given, functions=functions(given.functions))
+    def law(unshifted: ForceLaw) -> ForceLaw:
+        return replace(unshifted, functions=functions(unshifted.functions))
 
     def history(load: Load) -> Callable[[CamMotion], FloatArray]:
         return lambda motion: load.history(phaser.motion(motion))
 
     def value(channel: Channel) -> Observable:
-        return lambda seen: channel.value(replace(seen, motion=phaser.motion(seen.motion), cam=phaser.cache(seen.cam)))
+        return lambda obs: channel.value(replace(obs, motion=phaser.motion(obs.motion), cam=phaser.cache(obs.cam)))
 
     return Coupling(
         tuple(replace(load, history=history(load)) for load in coupling.loads),

@@ -50,13 +50,13 @@ def series_stiffness(structure: Structure, contact: PublishedLoad, where: str) -
     if not push.any():
         raise fixed_follower_error(structure, contact.follower, where)
     try:
-        give = float(push @ static_displacement(structure.stiffness, push, structure.dofs.names, structure.free))
+        compliance = float(push @ static_displacement(structure.stiffness, push, structure.dofs.names, structure.free))
     except RunFailedError as failure:
         if failure.status.cause is not Cause.SINGULAR:
             raise
         given, why = "a follower without a spring against the lift", str(failure.status.text)
         raise refuse(where, given, "a spring on the follower's train", why, "add it under [springs]") from None
-    return 1.0 / give
+    return 1.0 / compliance
 
 
 def preload(structure: Structure, contact: PublishedLoad, train: FollowerTrain, cam: Cam, speed: float) -> float:
@@ -104,18 +104,18 @@ def couple_published_load(structure: Structure, name: str, contact: PublishedLoa
         loads.append(Load(f"contacts.{name}.torque", twist, torque))
     local: tuple[LocalForce, ...] = ()
     if contact.cam_deflection:
-        felt = AngleVector.constant(push)
+        act = AngleVector.constant(push)
         if contact.cam_torque:
-            felt = AngleVector(np.array([push, twist]), (constant(1.0), arm))
-        sensed = AngleVector.constant(structure.row(cam.at, lift))
-        local = (LocalForce(f"contacts.{name}", (sensed,), (felt,), spring_damper(K), (constant(0.0),)),)
+            act = AngleVector(np.array([push, twist]), (constant(1.0), arm))
+        sense = AngleVector.constant(structure.row(cam.at, lift))
+        local = (LocalForce(f"contacts.{name}", (sense,), (act,), spring_damper(K), (constant(0.0),)),)
 
-    def seen(factor: AngleFunction | None = None) -> Observable:
+    def total(factor: AngleFunction | None = None) -> Observable:
         return observable_sum(load_sum(0, 1, factor=factor), *[force_sum(0, factor=factor)] if local else [])
 
     return Coupling(tuple(loads), local, (
-        Channel(f"contacts.{name}.force", "N", seen()),
-        Channel(f"contacts.{name}.torque", "N m", seen(arm)),
+        Channel(f"contacts.{name}.force", "N", total()),
+        Channel(f"contacts.{name}.torque", "N m", total(arm)),
     ))  # fmt: skip
 
 
@@ -146,9 +146,9 @@ def given_loads(structure: Structure) -> tuple[Load, ...]:
             vector = size * structure.row(load.at or "", load.direction, f"loads.{name}.at")
         loads.append(Load(f"loads.{name}", vector, table or constant_history(1.0), steady=table is None))
     published = [  # their preload includes the installed forces of the springs on their trains
-        follower_train(structure, one, f"contacts.{name}.follower")
-        for name, one in model.cam_contacts.items()
-        if isinstance(one, PublishedLoad)
+        follower_train(structure, contact, f"contacts.{name}.follower")
+        for name, contact in model.cam_contacts.items()
+        if isinstance(contact, PublishedLoad)
     ]
     for name, spring in model.springs.items():
         row = spring_row(structure, name, spring)
@@ -164,8 +164,8 @@ def given_loads(structure: Structure) -> tuple[Load, ...]:
 
 def steady_load(loads: Iterable[Load], size: int) -> FloatArray:
     """Return the sum of the constant ones of some loads, shape (size,)."""
-    still = ConstantSpeed(1.0).at(np.zeros(1))
-    return sum((float(one.history(still)[0]) * one.vector for one in loads if one.steady), np.zeros(size))
+    instant = ConstantSpeed(1.0).at(np.zeros(1))
+    return sum((float(load.history(instant)[0]) * load.vector for load in loads if load.steady), np.zeros(size))
 
 
 def _weight(structure: Structure) -> FloatArray:
@@ -175,18 +175,18 @@ def _weight(structure: Structure) -> FloatArray:
     """
     model, gravity = structure.model, np.array(structure.model.gravity)
     load = assemble_loads(structure.beams, element_weight(structure.beams, gravity), structure.dofs)
-    for name, part in model.masses.items():
-        if part.at not in model.rocker_points:
-            pull = part.body.matrix() @ np.concatenate([gravity, np.zeros(3)])
-            load = load + structure.dofs.vector(find_node(model, part.at, f"masses.{name}.at"), pull)
+    for name, mass in model.masses.items():
+        if mass.at not in model.rocker_points:
+            weight = mass.body.matrix() @ np.concatenate([gravity, np.zeros(3)])
+            load = load + structure.dofs.vector(find_node(model, mass.at, f"masses.{name}.at"), weight)
     for name, body in model.superelements.items():
-        fall = np.zeros(len(body.mass))
-        fall[: 6 * len(body.nodes)] = np.tile([*gravity, 0.0, 0.0, 0.0], len(body.nodes))
+        acceleration = np.zeros(len(body.mass))
+        acceleration[: 6 * len(body.nodes)] = np.tile([*gravity, 0.0, 0.0, 0.0], len(body.nodes))
         numbers = superelement_dofs(structure, name)
-        np.add.at(load, numbers[numbers >= 0], (body.mass @ fall)[numbers >= 0])
+        np.add.at(load, numbers[numbers >= 0], (body.mass @ acceleration)[numbers >= 0])
     for name, spring in model.springs.items():
         if spring.mass > 0.0 and spring.at not in model.rocker_points:
-            along = float(gravity @ spring.direction[:3])
+            component = float(gravity @ spring.direction[:3])
             parts = zip(spring.parts, spring_parts(structure, name, spring), strict=True)
-            load = load + sum(0.5 * (part.mass * along) * (low + high) for part, (low, high) in parts)
+            load = load + sum(0.5 * (part.mass * component) * (low + high) for part, (low, high) in parts)
     return load

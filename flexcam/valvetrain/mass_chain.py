@@ -19,7 +19,7 @@ from flexcam.valvetrain.strength import Bars, compressed_members, elements_of
 from flexcam.valvetrain.structure import Structure, build_structure
 from flexcam.valvetrain.system_builder import build_system
 
-_UNSEEN = 1e-9  # singular value below which a strain-free motion is independent of the kept motions
+_RANK = 1e-9  # singular value below which a strain-free motion is independent of the kept motions
 _ELONGATION_TOLERANCE = 1e-6  # elongation of an element per unit motion below which it is rounding
 
 
@@ -31,14 +31,14 @@ def static_shapes(system: System, rows: FloatArray) -> FloatArray:
         raise refuse("chain", given, allowed, "mode shapes are dense", "use fewer elements")
     basis = np.linalg.qr(np.zeros((n, 0)) if system.free is None else system.free)[0]
     _, values, vectors = np.linalg.svd(rows @ basis)
-    unseen = basis @ vectors[int(np.count_nonzero(values > _UNSEEN)) :].T  # motions without strain that no row senses
-    held = np.concatenate([rows, unseen.T])
+    unsensed = basis @ vectors[int(np.count_nonzero(values > _RANK)) :].T  # motions without strain that no row senses
+    constraints = np.concatenate([rows, unsensed.T])
     K = system.stiffness.dense()
     scale = float(np.abs(np.diagonal(K)).max(initial=0.0)) or 1.0
-    whole = np.block([[K / scale, held.T], [held, np.zeros((len(held), len(held)))]])
-    given = np.zeros((n + len(held), m))
-    given[n : n + m] = np.eye(m)
-    return np.asarray(np.linalg.solve(whole, given)[:n], dtype=np.float64)
+    matrix = np.block([[K / scale, constraints.T], [constraints, np.zeros((len(constraints), len(constraints)))]])
+    rhs = np.zeros((n + len(constraints), m))
+    rhs[n : n + m] = np.eye(m)
+    return np.asarray(np.linalg.solve(matrix, rhs)[:n], dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,40 +57,40 @@ def build_chain(model: Model, speed: float, count: int, *, contact: str | None =
     """Return the train of a model as a chain of masses."""
     model = straighten(model)
     structure, system = build_structure(model), build_system(model, speed)
-    driven = _contact(model, contact)
-    points = _train(structure, driven)
+    cam_contact = _contact(model, contact)
+    points = _train(structure, cam_contact)
     if not 1 <= count <= len(points):
         given, why = f"{count} masses", "a mass sits at a node of the train"
         raise refuse("count", given, f"1 to {len(points)}", why, "use more elements in its members")
     step = (len(points) - 1) / max(count - 1, 1)
-    picked = [points[round(i * step)] for i in range(count)]
-    names, rows = _kept_rows(system, picked)
+    chain_points = [points[round(i * step)] for i in range(count)]
+    names, rows = _kept_rows(system, chain_points)
     shapes = static_shapes(system, rows)
-    found = project_system(system, ModeBasis(shapes, tuple(names)))
-    moved = rows @ follower_train(structure, driven, "chain").motion
-    k = len(picked)
-    felt, lump = moved[:k], found.mass.dense().copy()
-    lump[:k, :k] = np.diag(lump[:k, :k] @ felt / felt)  # the same momentum in a rigid motion
+    reduced = project_system(system, ModeBasis(shapes, tuple(names)))
+    motions = rows @ follower_train(structure, cam_contact, "chain").motion
+    k = len(chain_points)
+    ratios, mass = motions[:k], reduced.mass.dense().copy()
+    mass[:k, :k] = np.diag(mass[:k, :k] @ ratios / ratios)  # the same momentum in a rigid motion
     if lumped:
-        found = replace(found, mass=Triplets.from_dense(lump))
-    between = -np.diagonal(found.stiffness.dense()[:k, :k], 1) * felt[:-1] * felt[1:]
+        reduced = replace(reduced, mass=Triplets.from_dense(mass))
+    stiffnesses = -np.diagonal(reduced.stiffness.dense()[:k, :k], 1) * ratios[:-1] * ratios[1:]
     bars = {name: Bars(structure, elements_of(structure, name)) for name in compressed_members(structure.model)}
-    stretched = {name: np.abs(one.tension(shapes[:, 1:].T)) / one.stiffness for name, one in bars.items()}
-    unfelt = tuple(name for name, one in stretched.items() if one.max(initial=0.0) < _ELONGATION_TOLERANCE)
-    found = without_compression(found, unfelt)
-    return Chain(found, tuple(names[:k]), np.diagonal(lump)[:k] * felt**2, between, shapes, unfelt)
+    elongations = {name: np.abs(bar.tension(shapes[:, 1:].T)) / bar.stiffness for name, bar in bars.items()}
+    unfelt = tuple(name for name, size in elongations.items() if size.max(initial=0.0) < _ELONGATION_TOLERANCE)
+    reduced = without_compression(reduced, unfelt)
+    return Chain(reduced, tuple(names[:k]), np.diagonal(mass)[:k] * ratios**2, stiffnesses, shapes, unfelt)
 
 
 def without_compression(system: System, members: Sequence[str]) -> System:
     """Return a system without the compression channels of some members."""
-    left = tuple(f"members.{name}." for name in members)
-    return replace(system, channels=tuple(one for one in system.channels if not one.name.startswith(left)))
+    names = tuple(f"members.{name}." for name in members)
+    return replace(system, channels=tuple(channel for channel in system.channels if not channel.name.startswith(names)))
 
 
 def straighten(model: Model) -> Model:
     """Return a model without bowing members and with springs of one part."""
-    members = {n: replace(one, geometric_stiffness=False, bow=0.0) for n, one in model.members.items()}
-    return replace(model, members=members, springs={n: condense_spring(one) for n, one in model.springs.items()})
+    members = {n: replace(member, geometric_stiffness=False, bow=0.0) for n, member in model.members.items()}
+    return replace(model, members=members, springs={n: condense_spring(spring) for n, spring in model.springs.items()})
 
 
 def _contact(model: Model, name: str | None) -> PublishedLoad | CamContact:
@@ -104,14 +104,14 @@ def _contact(model: Model, name: str | None) -> PublishedLoad | CamContact:
     return next(iter(model.cam_contacts.values()))
 
 
-def _kept_rows(system: System, picked: Sequence[tuple[str, FloatArray]]) -> tuple[list[str], FloatArray]:
+def _kept_rows(system: System, chain_points: Sequence[tuple[str, FloatArray]]) -> tuple[list[str], FloatArray]:
     """Return names and rows of the kept motions: points of the chain, then those of local forces."""
-    names, rows = [name for name, _ in picked], [row for _, row in picked]
+    names, rows = [name for name, _ in chain_points], [row for _, row in chain_points]
     for force in system.local_forces:
         for vector in (*force.sense, *force.act):
             for row in vector.vectors:
                 if is_independent(row, rows):
-                    names.append(f"{force.name}.{len(rows) - len(picked) + 1}")
+                    names.append(f"{force.name}.{len(rows) - len(chain_points) + 1}")
                     rows.append(row / np.linalg.norm(row))
     return names, np.array(rows)
 
@@ -122,12 +122,12 @@ def _train(structure: Structure, contact: PublishedLoad | CamContact) -> list[tu
     if not structure.is_node(contact.follower):
         return [(contact.follower, structure.row(contact.follower, direction))]
     nodes = moved_nodes(model, contact)
-    found = {model.mesh.node_name(node): structure.dofs.vector(node, direction) for node in nodes}
+    rows = {model.mesh.node_name(node): structure.dofs.vector(node, direction) for node in nodes}
     for rocker in model.rockers.values():
         if rocker.finger or model.mesh.node(rocker.start) not in nodes:
             continue
         point = structure.row(rocker.point, np.zeros(6))
-        if not is_independent(point, [row for row in found.values() if row.any()]):
-            del found[rocker.start]  # the point moves in proportion to it
-        found[rocker.point] = point
-    return [(name, row) for name, row in found.items() if row.any()]
+        if not is_independent(point, [row for row in rows.values() if row.any()]):
+            del rows[rocker.start]  # the point moves in proportion to it
+        rows[rocker.point] = point
+    return [(name, row) for name, row in rows.items() if row.any()]

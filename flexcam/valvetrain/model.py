@@ -81,11 +81,11 @@ class Model:
 
     def __reduce__(self) -> tuple[type[Model], tuple[object, ...]]:
         """Return the constructor and its arguments, for pickle and copy."""
-        values = (getattr(self, one.name) for one in fields(self))
-        return type(self), tuple(dict(one) if isinstance(one, Mapping) else one for one in values)  # pyright: ignore[reportUnknownArgumentType, reportUnknownVariableType]
+        values = (getattr(self, item.name) for item in fields(self))
+        return type(self), tuple(dict(value) if isinstance(value, Mapping) else value for value in values)  # pyright: ignore[reportUnknownArgumentType, reportUnknownVariableType]
 
     def __post_init__(self) -> None:
-        for name in (one.name for one in fields(self) if isinstance(getattr(self, one.name), Mapping)):
+        for name in (item.name for item in fields(self) if isinstance(getattr(self, item.name), Mapping)):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     def _repr_html_(self) -> str:
@@ -99,32 +99,32 @@ class Model:
     @property
     def cam_contacts(self) -> dict[str, PublishedLoad | CamContact]:
         """Cam-follower contacts by name."""
-        return {n: one for n, one in self.contacts.items() if isinstance(one, PublishedLoad | CamContact)}
+        return {n: contact for n, contact in self.contacts.items() if isinstance(contact, PublishedLoad | CamContact)}
 
     @property
     def rocker_lashes(self) -> dict[str, Lash | Adjuster]:
         """Lash and adjusters at rockers, by the name of the rocker."""
-        return {one.rocker: one for one in self.contacts.values() if isinstance(one, Lash | Adjuster) and one.rocker}
+        return {c.rocker: c for c in self.contacts.values() if isinstance(c, Lash | Adjuster) and c.rocker}
 
     @property
     def lashes(self) -> list[NodeLash]:
         """Lash and adjusters between nodes."""
         return [
-            NodeLash(one.ends, one.direction, one.gap if isinstance(one, Lash) and not one.turns else 0.0)
-            for one in self.contacts.values()
-            if isinstance(one, Lash | Adjuster) and one.ends and one.direction is not None
+            NodeLash(lash.ends, lash.direction, lash.gap if isinstance(lash, Lash) and not lash.turns else 0.0)
+            for lash in self.contacts.values()
+            if isinstance(lash, Lash | Adjuster) and lash.ends and lash.direction is not None
         ]
 
     @property
     def levers(self) -> dict[str, Lever]:
         """Rotating rockers (levers) by name."""
-        return {name: one for name, one in self.rockers.items() if isinstance(one, Lever)}
+        return {name: rocker for name, rocker in self.rockers.items() if isinstance(rocker, Lever)}
 
     @property
     def rocker_points(self) -> dict[str, Rocker]:
         """Rockers by the name of the points that they define: the driven one, and that of a finger at its cam."""
         rockers = self.rockers.values()
-        return {one.point: one for one in rockers} | {one.start: one for one in rockers if one.finger}
+        return {r.point: r for r in rockers} | {r.start: r for r in rockers if r.finger}
 
     @property
     def loose_points(self) -> list[str]:
@@ -135,12 +135,12 @@ class Model:
     @property
     def further_unknowns(self) -> list[str]:
         """Names of the unknowns of rockers: loose points, lever paths, and lever tips with lash."""
-        paths = [path_name(name) for name, one in self.levers.items() if not one.finger]
+        paths = [path_name(name) for name, lever in self.levers.items() if not lever.finger]
         return [*self.loose_points, *paths, *(tip_name(name) for name in self.levers if name in self.rocker_lashes)]
 
     @property
     def inner_unknowns(self) -> dict[str, list[str]]:
         """Names of the unknowns inside springs with several parts and superelements, by the path of the part."""
-        counts = {f"springs.{name}": one.elements - 1 for name, one in self.springs.items()}
-        counts |= {f"superelements.{name}": one.modes for name, one in self.superelements.items()}
+        counts = {f"springs.{name}": spring.elements - 1 for name, spring in self.springs.items()}
+        counts |= {f"superelements.{name}": body.modes for name, body in self.superelements.items()}
         return {part: [f"{part}.{i}" for i in range(1, count + 1)] for part, count in counts.items()}

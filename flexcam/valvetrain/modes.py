@@ -89,24 +89,24 @@ def model_modes(
         nodal = structure.dofs.nodal(loaded)
         force = section_forces(structure.beams, nodal, spread=thermal_load(structure.beams))[:, 0, 0]
     if held:
-        closed = Triplets.sum([part for _, part in held])
+        closed = Triplets.sum([matrix for _, matrix in held])
         stiffness, free = stiffness + closed, _unstressed_motions(free, closed, stiffness)
     if force is not None:
         geometric = fem_geometric(structure.beams, force, structure.dofs)
         stiffness, free = stiffness + geometric, _unstressed_motions(free, geometric, stiffness)
     try:
-        found = dynamics.modes(structure.mass, stiffness, count, free=free)
+        modes = dynamics.modes(structure.mass, stiffness, count, free=free)
     except NotPositiveError as failure:
         if failure.motion is None:
             raise
         parts = list(held)
         if force is not None:
-            for name, its in structure.model.mesh.element_ranges().items():
-                part = fem_geometric(structure.beams.part(its), force[its], structure.dofs)
-                parts.append((f"members.{name}", part))
+            for name, elements in structure.model.mesh.element_ranges().items():
+                matrix = fem_geometric(structure.beams.part(elements), force[elements], structure.dofs)
+                parts.append((f"members.{name}", matrix))
         raise RunFailedError(instability_status(structure.dofs.names, failure.motion, parts)) from None
-    effective = (found.shapes.T @ _base_inertia(structure)) ** 2
-    return ModelModes(found, effective, _shares(structure, found.shapes))
+    effective = (modes.shapes.T @ _base_inertia(structure)) ** 2
+    return ModelModes(modes, effective, _shares(structure, modes.shapes))
 
 
 def _base_inertia(structure: Structure) -> FloatArray:
@@ -117,11 +117,11 @@ def _base_inertia(structure: Structure) -> FloatArray:
     The frame and with it all pivots move. A rocker then does not rotate, and masses at its points translate.
     """
     motions = [structure.dofs.rigid_motion(structure.model.mesh, unit) for unit in np.eye(6)]
-    found = np.array([structure.mass.times(motion) for motion in motions]).T
-    for one in (one for parts in scalar_inertias(structure).values() for one in parts):
-        for axis, along in enumerate(one.direction.tolist()):
-            found[:, axis] += one.mass * one.row * (along - float(one.row @ motions[axis]))
-    return found
+    forces = np.array([structure.mass.times(motion) for motion in motions]).T
+    for inertia in (inertia for parts in scalar_inertias(structure).values() for inertia in parts):
+        for axis, component in enumerate(inertia.direction.tolist()):
+            forces[:, axis] += inertia.mass * inertia.row * (component - float(inertia.row @ motions[axis]))
+    return forces
 
 
 def _unstressed_motions(free: FloatArray, geometric: Triplets, stiffness: Triplets) -> FloatArray:
@@ -137,16 +137,16 @@ def _shares(structure: Structure, shapes: FloatArray) -> tuple[dict[str, float],
     """Return the kinetic energy of every part as a fraction, one dict per mode; shapes are mass-orthonormal."""
     model, nodal = structure.model, structure.dofs.nodal(shapes.T)
     shares = _member_shares(structure, nodal)
-    for name, part in model.masses.items():
-        if structure.is_node(part.at):
-            motion = nodal[:, model.mesh.node(part.at)]
-            shares[f"mass {name}"] = np.einsum("ki,ij,kj->k", motion, part.body.matrix(), motion)
+    for name, mass in model.masses.items():
+        if structure.is_node(mass.at):
+            motion = nodal[:, model.mesh.node(mass.at)]
+            shares[f"mass {name}"] = np.einsum("ki,ij,kj->k", motion, mass.body.matrix(), motion)
     for name, body in model.superelements.items():
         numbers = superelement_dofs(structure, name)
         motion = np.where(numbers[:, None] >= 0, shapes[numbers], 0.0)
         shares[f"superelement {name}"] = np.einsum("ik,ij,jk->k", motion, body.mass, motion)
     for name, parts in scalar_inertias(structure).items():
-        shares[name] = np.sum([one.mass * (one.row @ shapes) ** 2 for one in parts], axis=0)
+        shares[name] = np.sum([inertia.mass * (inertia.row @ shapes) ** 2 for inertia in parts], axis=0)
     rows = np.array([*shares.values()]).reshape(len(shares), len(nodal)).T.tolist()
     return tuple(dict(zip(shares, row, strict=True)) for row in rows)
 
@@ -157,12 +157,12 @@ def _member_shares(structure: Structure, nodal: FloatArray) -> dict[str, FloatAr
     local = np.einsum("eij,nekj->neki", beams.triads, ends).reshape(*ends.shape[:2], 2 * len(COMPONENTS))
     shares: dict[str, FloatArray] = {}
     energies = [
-        np.einsum("nei,eij,nej->ne", local[..., places], mass[:, places[:, None], places], local[..., places])
-        for places in (beam.AXIAL, beam.TORSION, beam.PLANE_XY, beam.PLANE_XZ)
+        np.einsum("nei,eij,nej->ne", local[..., dofs], mass[:, dofs[:, None], dofs], local[..., dofs])
+        for dofs in (beam.AXIAL, beam.TORSION, beam.PLANE_XY, beam.PLANE_XZ)
     ]
     for member, elements in structure.model.mesh.element_ranges().items():
-        along, y, z = (_global_axis(beams.triads[elements, k]) for k in range(3))
-        kinds = "axial", "torsion", _bending(along, y, "y"), _bending(along, z, "z")
+        x, y, z = (_global_axis(beams.triads[elements, k]) for k in range(3))
+        kinds = "axial", "torsion", _bending(x, y, "y"), _bending(x, z, "z")
         for kind, energy in zip(kinds, energies, strict=True):
             shares[f"{member} {kind}"] = energy[:, elements].sum(axis=1)
     return shares
@@ -175,11 +175,11 @@ def _global_axis(directions: FloatArray) -> int | None:
     return axis if (np.abs(sizes[:, axis] - 1.0) <= _ALONG).all() else None
 
 
-def _bending(along: int | None, across: int | None, local: str = "") -> str:
+def _bending(axis: int | None, deflection: int | None, local: str = "") -> str:
     """Return a plane of bending by the global axes of the member and of the deflection, otherwise by the local axes."""
-    if along is None or across is None:
+    if axis is None or deflection is None:
         return f"{_LOCAL}{local}"
-    first, second = sorted((along, across))
+    first, second = sorted((axis, deflection))
     return f"bending in {'xyz'[first]}-{'xyz'[second]}"
 
 
@@ -189,43 +189,43 @@ def explain_planes(words: Iterable[str]) -> list[str]:
         "local: axes of a member that is not along a global axis: x along it, y towards its `orientation`, by default "
         "global y (global -x if the member is within one degree of y)."
     )
-    return [note] if any(_LOCAL in one for one in words) else []
+    return [note] if any(_LOCAL in text for text in words) else []
 
 
 def modal_basis(problem: Problem, count: int, *, by_parts: bool = False) -> ModeBasis:
     """Return the lowest modes with the static response to all loads, local forces and probes."""
     n = problem.system.size
-    chosen = DofSubset(np.arange(n), np.zeros(n))
+    subset = DofSubset(np.arange(n), np.zeros(n))
     if problem.prune:
-        found = active_dofs_of(problem)
-        chosen = DofSubset(np.flatnonzero(found.moving), found.held)
-    if not chosen.size:
-        return ModeBasis(np.zeros((n, 0)), still=chosen.held)
-    own = project_system(problem.system, chosen)
-    places = _places(own)
+        active = active_dofs_of(problem)
+        subset = DofSubset(np.flatnonzero(active.moving), active.held)
+    if not subset.size:
+        return ModeBasis(np.zeros((n, 0)), still=subset.held)
+    reduced = project_system(problem.system, subset)
+    rows = _interface_rows(reduced)
     if by_parts:
-        boundary, parts = _parts(own, places)
-        vectors = dynamics.craig_bampton(own.mass, own.stiffness, boundary, parts, count)
+        boundary, parts = _parts(reduced, rows)
+        vectors = dynamics.craig_bampton(reduced.mass, reduced.stiffness, boundary, parts, count)
     else:
-        vectors = dynamics.corrected_modes(own.mass, own.stiffness, places, count, free=own.free)
-    return ModeBasis(chosen.spread(vectors.T).T, still=chosen.held)
+        vectors = dynamics.corrected_modes(reduced.mass, reduced.stiffness, rows, count, free=reduced.free)
+    return ModeBasis(subset.spread(vectors.T).T, still=subset.held)
 
 
-def _parts(system: System, places: FloatArray) -> tuple[IntArray, list[IntArray]]:
+def _parts(system: System, rows: FloatArray) -> tuple[IntArray, list[IntArray]]:
     """Return the interface unknowns (loaded, observed or otherwise free), and the other unknowns in groups."""
-    kept: NDArray[np.bool_] = np.array(places.any(axis=0))
-    held = np.flatnonzero(~kept)
-    while len(held) and (loose := null_space(system.stiffness.part(held))).shape[1]:
-        kept[held[select_constraints(loose)]] = True  # fix one more unknown for each free motion between kept unknowns
-        held = np.flatnonzero(~kept)
-    joined = system.stiffness.part(held) + system.mass.part(held)
-    labels = connected_components(len(held), joined.rows, joined.cols)
-    return np.flatnonzero(kept), [held[group] for group in component_members(labels)]
+    interface: NDArray[np.bool_] = np.array(rows.any(axis=0))
+    inner = np.flatnonzero(~interface)
+    while len(inner) and (free := null_space(system.stiffness.part(inner))).shape[1]:
+        interface[inner[select_constraints(free)]] = True  # fix one more unknown per free motion between these
+        inner = np.flatnonzero(~interface)
+    coupling = system.stiffness.part(inner) + system.mass.part(inner)
+    labels = connected_components(len(inner), coupling.rows, coupling.cols)
+    return np.flatnonzero(interface), [inner[group] for group in component_members(labels)]
 
 
-def _places(system: System) -> FloatArray:
+def _interface_rows(system: System) -> FloatArray:
     """Return the rows of all loads, local forces and probes, shape (k, n)."""
-    forces = [one.vectors for force in system.local_forces for one in (*force.sense, *force.act)]
+    forces = [vector.vectors for force in system.local_forces for vector in (*force.sense, *force.act)]
     rows = np.concatenate([system.load_vectors(), *forces, *(probe.rows for probe in system.probes)])
     return rows[rows.any(axis=1)]
 
@@ -255,12 +255,12 @@ class ContactModes:
 
 def contact_modes(structure: Structure, contact: str, held: Sequence[tuple[str, Triplets]]) -> ContactModes:
     """Return the modes of a train, and the modal force of a contact in each."""
-    part = structure.model.cam_contacts[contact]
-    found = model_modes(structure, held=held)
-    push = structure.row(part.follower, part.direction) - structure.row(
-        structure.model.cams[part.cam].at, part.direction
+    pair = structure.model.cam_contacts[contact]
+    modes = model_modes(structure, held=held)
+    push = structure.row(pair.follower, pair.direction) - structure.row(
+        structure.model.cams[pair.cam].at, pair.direction
     )
-    return ContactModes(found, np.abs(push @ found.modes.shapes))
+    return ContactModes(modes, np.abs(push @ modes.modes.shapes))
 
 
 def contact_stiffness(
@@ -268,7 +268,7 @@ def contact_stiffness(
 ) -> list[tuple[str, Triplets]]:
     """Return the stiffness of each local force at an instant."""
     tangents = Tangents(system, motion, displacement, velocity, inner)
-    return [(name, Triplets.from_dense(0.5 * (part + part.T))) for name, part in tangents.parts(0)]
+    return [(name, Triplets.from_dense(0.5 * (matrix + matrix.T))) for name, matrix in tangents.parts(0)]
 
 
 def modes_on_the_lift(model: Model, contact: str, speed: float, *, base_circle: bool = False) -> ContactModes:
@@ -281,49 +281,49 @@ def modes_on_the_lift(model: Model, contact: str, speed: float, *, base_circle: 
     drive = ConstantSpeed(speed, start=cam.drive_angle((lowest if base_circle else highest).at))
     state = equilibrium(system, drive)
     inner = None if state.inner is None else state.inner[None]
-    still = np.zeros((1, system.size))
+    velocity = np.zeros((1, system.size))
     return contact_modes(
-        structure, contact, contact_stiffness(system, drive.at(np.zeros(1)), state.displacement[None], still, inner)
+        structure, contact, contact_stiffness(system, drive.at(np.zeros(1)), state.displacement[None], velocity, inner)
     )
 
 
 def describe_inactive(structure: Structure, found: ActiveDofs) -> list[str]:
     """Describe the inactive degrees of freedom of a structure."""
-    said: list[str] = []
-    for still in found.still:
-        reason = "nothing holds or loads it" if still.free else "nothing loads it"
-        reason = "its loads are constant and in static equilibrium, so it does not move" if still.loaded else reason
-        said.append(f"{_place(structure, still.unknowns)}: {reason}")
-    return [f"{one} ({said.count(one)} times)" if said.count(one) > 1 else one for one in dict.fromkeys(said)]
+    texts: list[str] = []
+    for group in found.still:
+        reason = "nothing holds or loads it" if group.free else "nothing loads it"
+        reason = "its loads are constant and in static equilibrium, so it does not move" if group.loaded else reason
+        texts.append(f"{_place(structure, group.unknowns)}: {reason}")
+    return [f"{text} ({texts.count(text)} times)" if texts.count(text) > 1 else text for text in dict.fromkeys(texts)]
 
 
 def _place(structure: Structure, unknowns: IntArray) -> str:
     """Return members, motion and components of unknowns, or their names if not on a member."""
-    places = np.argwhere(structure.dofs.numbers >= 0)
-    nodes, components = places[unknowns[unknowns < len(places)]].T
-    touched: IntArray = np.flatnonzero(np.isin(structure.beams.nodes, nodes).any(axis=1))
-    if len(nodes) < len(unknowns) or not len(touched):
-        which: list[int] = unknowns.tolist()
-        return ", ".join(structure.dofs.names[i] for i in which)
+    positions = np.argwhere(structure.dofs.numbers >= 0)
+    nodes, components = positions[unknowns[unknowns < len(positions)]].T
+    elements: IntArray = np.flatnonzero(np.isin(structure.beams.nodes, nodes).any(axis=1))
+    if len(nodes) < len(unknowns) or not len(elements):
+        indices: list[int] = unknowns.tolist()
+        return ", ".join(structure.dofs.names[i] for i in indices)
     ranges = structure.model.mesh.element_ranges()
-    members = [name for name, part in ranges.items() if ((touched >= part.start) & (touched < part.stop)).any()]
-    shown: list[int] = np.unique(components).tolist()
-    motion = _motion(structure.beams.triads[touched, 0], shown)
-    return f"{' and '.join(members)}: {motion} ({', '.join(COMPONENTS[c] for c in shown)})"
+    members = [name for name, part in ranges.items() if ((elements >= part.start) & (elements < part.stop)).any()]
+    distinct: list[int] = np.unique(components).tolist()
+    motion = _motion(structure.beams.triads[elements, 0], distinct)
+    return f"{' and '.join(members)}: {motion} ({', '.join(COMPONENTS[c] for c in distinct)})"
 
 
 def _motion(axes: FloatArray, components: list[int]) -> str:
     """Return the kind of components for members along axes, shape (e, 3): axial, torsion or bending."""
-    along = _global_axis(axes)
-    return "motion" if along is None else " and ".join(dict.fromkeys(_kind(along, c) for c in components))
+    axis = _global_axis(axes)
+    return "motion" if axis is None else " and ".join(dict.fromkeys(_kind(axis, c) for c in components))
 
 
 def _kind(axis: int, component: int) -> str:
     """Return the kind of a component, ux to rz, for a member along axis x, y or z, by number."""
-    turns, direction = divmod(component, 3)
+    rotation, direction = divmod(component, 3)
     if direction == axis:
-        return "torsion" if turns else "axial motion"
-    return _bending(axis, 3 - axis - direction if turns else direction)
+        return "torsion" if rotation else "axial motion"
+    return _bending(axis, 3 - axis - direction if rotation else direction)
 
 
 _MAX_RESPONSE_UNKNOWNS = 3000  # number of unknowns up to which a dense solution per harmonic is reasonable
@@ -337,32 +337,32 @@ def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Calla
     if system.size > _MAX_RESPONSE_UNKNOWNS:
         allowed = f"up to {_MAX_RESPONSE_UNKNOWNS} for a polydyne cam"
         raise refuse("model", f"{system.size} unknowns", allowed, "", "use fewer elements")
-    structure, part = build_structure(model), model.cam_contacts[contact]
+    structure, pair = build_structure(model), model.cam_contacts[contact]
     where = f"contacts.{contact}.follower"
-    lift = part.direction
-    push = structure.row(part.follower, lift) - structure.row(model.cams[part.cam].at, lift)
+    lift = pair.direction
+    push = structure.row(pair.follower, lift) - structure.row(model.cams[pair.cam].at, lift)
     stiffness, free = system.stiffness, system.free
-    if isinstance(part, PublishedLoad):
-        force = series_stiffness(structure, part, where) * push
+    if isinstance(pair, PublishedLoad):
+        force = series_stiffness(structure, pair, where) * push
     else:
-        if part.stiffness is None:
+        if pair.stiffness is None:
             allowed, why = "a constant such as '50 MN/m'", "a polydyne cam needs a linear train"
             raise refuse(f"contacts.{contact}.stiffness", "hertz", allowed, why)
-        force = part.stiffness * push
-        stiffness, free = stiffness + scalar_matrix(push, part.stiffness), None
-    for name, play in model.contacts.items():  # lash is closed while the train is under compression
-        if isinstance(play, Lash | Adjuster):
-            closed = scalar_matrix(stop_row(structure, name, play), play.stiffness)
+        force = pair.stiffness * push
+        stiffness, free = stiffness + scalar_matrix(push, pair.stiffness), None
+    for name, lash in model.contacts.items():  # lash is closed while the train is under compression
+        if isinstance(lash, Lash | Adjuster):
+            closed = scalar_matrix(stop_row(structure, name, lash), lash.stiffness)
             stiffness, free = stiffness + closed, None
     row = structure.row(probe, np.zeros(6) if probe in model.rocker_points else lift, "probe")
     M, C, K = (np.asarray(matrix.dense()) for matrix in (system.mass, system.damping, stiffness))
-    still = float(row @ static_displacement(stiffness, force, system.names, free))
+    static = float(row @ static_displacement(stiffness, force, system.names, free))
 
-    def answer(omega: FloatArray) -> ComplexArray:
-        found: ComplexArray = np.full(omega.shape, still, dtype=np.complex128)
+    def response(omega: FloatArray) -> ComplexArray:
+        values: ComplexArray = np.full(omega.shape, static, dtype=np.complex128)
         for i in np.flatnonzero(omega > 0.0).tolist():
             w = float(omega[i])
-            found[i] = row @ np.linalg.solve(K + 1j * w * C - w**2 * M, force)
-        return found
+            values[i] = row @ np.linalg.solve(K + 1j * w * C - w**2 * M, force)
+        return values
 
-    return answer
+    return response

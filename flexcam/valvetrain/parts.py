@@ -181,8 +181,8 @@ class LoadTable:
 
     def __call__(self, motion: CamMotion) -> FloatArray:
         """Return the load at some instants."""
-        place = motion.time if self.over_time else motion.angle
-        return np.asarray(np.interp(place, self.at, self.size, period=self.period), dtype=float)
+        x = motion.time if self.over_time else motion.angle
+        return np.asarray(np.interp(x, self.at, self.size, period=self.period), dtype=float)
 
 
 @dataclass(frozen=True, eq=False)
@@ -432,9 +432,9 @@ Contact = PublishedLoad | CamContact | Seat | Lash | Adjuster
 """Types of contacts of a model."""
 
 
-_MOST = math.radians(75.0)  # largest angle between an arm and the normal to the motion of its end
+_MAX_ANGLE = math.radians(75.0)  # largest angle between an arm and the normal to the motion of its end
 
-_STEEP = math.sin(_MOST)
+_MAX_SINE = math.sin(_MAX_ANGLE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -470,17 +470,17 @@ class Lever(Rocker):
     damping: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        beyond = [f"{math.degrees(angle):g} deg" for angle in self.angles if abs(angle) > _MOST]
-        if beyond:
-            allowed = f"at most {math.degrees(_MOST):g} deg from the perpendicular to the motion"
+        excess = [f"{math.degrees(angle):g} deg" for angle in self.angles if abs(angle) > _MAX_ANGLE]
+        if excess:
+            allowed = f"at most {math.degrees(_MAX_ANGLE):g} deg from the perpendicular to the motion"
             why = "an arm nearly parallel to the motion of its end cannot move it"
-            raise refuse("angles", " and ".join(beyond), allowed, why)
+            raise refuse("angles", " and ".join(excess), allowed, why)
 
     @property
     def ratio(self) -> float:
         """Motion of the point per motion of the driven end, as installed."""
-        driven = 1.0 if self.finger else math.cos(self.angles[0])
-        return self.arms[1] / self.arms[0] * math.cos(self.angles[1]) / driven
+        cosine = 1.0 if self.finger else math.cos(self.angles[0])
+        return self.arms[1] / self.arms[0] * math.cos(self.angles[1]) / cosine
 
     def path_at(self, lift: FloatArray, where: str = "arms") -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the path of the driven end for a driving motion, m, and its first two derivatives."""
@@ -488,20 +488,20 @@ class Lever(Rocker):
             return lift, np.ones_like(lift), np.zeros_like(lift)
         arm, start = self.arms[0], self.angles[0]
         sine = math.sin(start) + lift / arm
-        if float(np.abs(sine).max(initial=0.0)) >= _STEEP:
+        if float(np.abs(sine).max(initial=0.0)) >= _MAX_SINE:
             given = f"a motion of {1e3 * float(np.abs(lift).max()):.4g} mm at an arm of {1e3 * arm:.4g} mm"
             why = "the lever would turn until its arm points along the motion"
             remedy = "use a longer arm, or other angles"
-            raise refuse(where, given, f"up to {math.degrees(_MOST):g} deg", why, remedy)
+            raise refuse(where, given, f"up to {math.degrees(_MAX_ANGLE):g} deg", why, remedy)
         cosine = np.sqrt(1.0 - sine**2)
         return arm * (np.arcsin(sine) - start), 1.0 / cosine, sine / (arm * cosine**3)
 
     def reach(self, path: FloatArray, end: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the motion of an end for a path of the driven end, m, and its first two derivatives."""
         arm, start, turn = self.arms[end], self.angles[end], path / self.arms[0]
-        there = start + turn
-        share = arm / self.arms[0]
-        return arm * (np.sin(there) - math.sin(start)), share * np.cos(there), -share / self.arms[0] * np.sin(there)
+        angle = start + turn
+        ratio = arm / self.arms[0]
+        return arm * (np.sin(angle) - math.sin(start)), ratio * np.cos(angle), -ratio / self.arms[0] * np.sin(angle)
 
 
 def path_name(lever: str) -> str:

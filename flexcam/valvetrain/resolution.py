@@ -38,7 +38,7 @@ class ResolutionSink:
         self._mass = system.mass.diagonal()
         self._spread = element_loads(structure)
         self._squares, self._blocks = np.zeros(2), 0
-        self._bent = np.zeros(len(structure.beams))
+        self._energy = np.zeros(len(structure.beams))
         names = [name for name, _ in outline.channels]
         contacts = [i for i, name in enumerate(names) if name.startswith("contacts.") and name.endswith(".force")]
         self._contacts = {names[i].split(".")[1]: i for i in contacts}
@@ -49,49 +49,49 @@ class ResolutionSink:
         """Update with a block."""
         for name, column in self._contacts.items() if len(block.channels) else ():
             force = block.channels[:, column]
-            at = int(np.argmax(force))
-            if force[at] > self._impacts[name][0]:
-                self._impacts[name] = float(force[at]), contact_duration(force > 0.0, at)
+            peak = int(np.argmax(force))
+            if force[peak] > self._impacts[name][0]:
+                self._impacts[name] = float(force[peak]), contact_duration(force > 0.0, peak)
         if not len(block.field_time):
             return
         fields = block.fields
         if fields.velocity.shape[1] == len(self._mass):
-            self._squares += [((one**2) @ self._mass).sum() for one in (fields.acceleration, fields.velocity)]
+            self._squares += [((field**2) @ self._mass).sum() for field in (fields.acceleration, fields.velocity)]
         if self._blocks < _BLOCK_INTERVAL or self._blocks % _BLOCK_INTERVAL == 0:
-            self._bend(block)
+            self._update_energy(block)
         self._blocks += 1
 
     def close(self, status: Status, stats: Stats) -> None:
         """Do nothing."""
 
-    def _bend(self, block: Block) -> None:
+    def _update_energy(self, block: Block) -> None:
         """Update the strain energy in bending with the last field of a block."""
         beams, nodal = self._structure.beams, self._structure.dofs.nodal
-        moved, pushed = (nodal(one[-1:]) for one in (block.fields.displacement, block.fields.acceleration))
-        moments = section_forces(beams, moved, acceleration=pushed, spread=self._spread)[0, :, :, 4:]
+        u, a = (nodal(field[-1:]) for field in (block.fields.displacement, block.fields.acceleration))
+        moments = section_forces(beams, u, acceleration=a, spread=self._spread)[0, :, :, 4:]
         rigidity = np.stack([beams.EIy, beams.EIz], axis=1)
         mean = (moments**2).sum(axis=1) + moments[:, 0] * moments[:, 1]  # of a moment that changes linearly
-        self._bent = np.maximum(self._bent, beams.length / 6.0 * (mean / rigidity).sum(axis=1))
+        self._energy = np.maximum(self._energy, beams.length / 6.0 * (mean / rigidity).sum(axis=1))
 
     def found(self) -> Resolution:
         """Return the resolution of the run."""
-        pushed, moving = self._squares
-        omega = math.sqrt(pushed / moving) if moving > 0.0 else 0.0
+        acceleration, velocity = self._squares
+        omega = math.sqrt(acceleration / velocity) if velocity > 0.0 else 0.0
         steps = _WAVE / (omega * self._step) if omega > 0.0 else math.inf
         impacts = {name: count for name, (_, count) in self._impacts.items() if count}
         return Resolution(omega / _WAVE, steps, self._waves(omega), impacts)
 
     def _waves(self, omega: float) -> dict[str, float]:
         beams = self._structure.beams
-        if not omega or not self._bent.any():
+        if not omega or not self._energy.any():
             return {}
         rigidity = np.minimum(beams.EIy, beams.EIz)
         with np.errstate(divide="ignore"):  # a member without mass has no waves
             lengths = _WAVE * (rigidity / (beams.rho_A * omega**2)) ** 0.25 / beams.length
         ranges = self._structure.model.mesh.element_ranges()
-        energies = {name: float(self._bent[part].sum()) for name, part in ranges.items()}
-        whole = sum(energies.values())
-        return {name: float(lengths[part].min()) for name, part in ranges.items() if energies[name] > _BENDS * whole}
+        energies = {name: float(self._energy[part].sum()) for name, part in ranges.items()}
+        total = sum(energies.values())
+        return {name: float(lengths[part].min()) for name, part in ranges.items() if energies[name] > _BENDS * total}
 
 
 def contact_duration(closed: NDArray[np.bool_], at: int) -> int:

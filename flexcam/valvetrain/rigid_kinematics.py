@@ -34,74 +34,74 @@ from flexcam.valvetrain.structure import (
 @lru_cache(maxsize=64)
 def moved_nodes(model: Model, contact: CamPair) -> tuple[int, ...]:
     """Return the nodes moved by a follower through members, links and lash."""
-    found = dict[int, None]()
+    nodes = dict[int, None]()
     if contact.follower in model.mesh.points:
-        found |= dict.fromkeys(connected_nodes(model, model.mesh.node(contact.follower)))
+        nodes |= dict.fromkeys(connected_nodes(model, model.mesh.node(contact.follower)))
 
-    plays = [(play.ends[0], model.mesh.node(play.ends[1])) for play in model.lashes]
-    while behind := [end for start, end in plays if end not in found and _is_driven(model, contact, start, found)]:
-        found |= dict.fromkeys(connected_nodes(model, behind[0]))
-    return tuple(found)
+    lashes = [(lash.ends[0], model.mesh.node(lash.ends[1])) for lash in model.lashes]
+    while driven := [end for start, end in lashes if end not in nodes and _is_driven(model, contact, start, nodes)]:
+        nodes |= dict.fromkeys(connected_nodes(model, driven[0]))
+    return tuple(nodes)
 
 
-def _is_driven(model: Model, contact: CamPair, start: str, moved: Collection[int]) -> bool:
+def _is_driven(model: Model, contact: CamPair, start: str, nodes: Collection[int]) -> bool:
     """Return whether a node or point of a rocker moves with a follower and the nodes that it moves."""
     rocker = model.rocker_points.get(start)
     end = start if rocker is None else rocker.start
-    return end == contact.follower or (end in model.mesh.points and model.mesh.node(end) in moved)
+    return end == contact.follower or (end in model.mesh.points and model.mesh.node(end) in nodes)
 
 
 def lashes_before(model: Model, node: int, plays: Sequence[NodeLash]) -> list[NodeLash]:
     """Return the lash elements in series between nodes before a node moves."""
-    found: list[NodeLash] = []
-    left = list(plays)
-    while before := [one for one in left if model.mesh.node(one.ends[1]) in connected_nodes(model, node)]:
-        found.insert(0, before[0])
-        left.remove(before[0])
-        if before[0].ends[0] not in model.mesh.points:  # a rocker's point
+    series: list[NodeLash] = []
+    remaining = list(plays)
+    while preceding := [lash for lash in remaining if model.mesh.node(lash.ends[1]) in connected_nodes(model, node)]:
+        series.insert(0, preceding[0])
+        remaining.remove(preceding[0])
+        if preceding[0].ends[0] not in model.mesh.points:  # a rocker's point
             break
-        node = model.mesh.node(before[0].ends[0])
-    return found
+        node = model.mesh.node(preceding[0].ends[0])
+    return series
 
 
 @lru_cache(maxsize=4)
 def _adjacency(model: Model) -> dict[int, list[int]]:
     """Return adjacency by members, superelements and links of both kinds."""
     points = model.mesh.points
-    ends = [(one.at, one.to) for one in model.springs.values() if one.link and one.to is not None]
+    ends = [(spring.at, spring.to) for spring in model.springs.values() if spring.link and spring.to is not None]
     links = [[model.mesh.node(a), model.mesh.node(b)] for a, b in ends if a in points and b in points]
-    found: dict[int, list[int]] = {}
+    neighbours: dict[int, list[int]] = {}
     groups = *model.mesh.bodies.values(), *model.mesh.links.values()
     bodies = [pair for nodes in groups for pair in pairwise(nodes.tolist())]
     for a, b in [*model.mesh.elements().tolist(), *links, *bodies]:
-        found.setdefault(a, []).append(b)
-        found.setdefault(b, []).append(a)
-    return found
+        neighbours.setdefault(a, []).append(b)
+        neighbours.setdefault(b, []).append(a)
+    return neighbours
 
 
 def connected_nodes(model: Model, node: int) -> list[int]:
     """Return the nodes connected to a node by members, superelements and links, nearest first, with the node itself."""
-    joined, reached = _adjacency(model), {node: None}
-    waiting = [node]
-    for near in waiting:  # grows as it goes
-        fresh = dict.fromkeys(one for one in joined.get(near, ()) if one not in reached)
-        waiting += fresh
-        reached |= fresh
-    return waiting
+    neighbours, visited = _adjacency(model), {node: None}
+    nodes = [node]
+    for current in nodes:  # grows as it goes
+        added = dict.fromkeys(neighbour for neighbour in neighbours.get(current, ()) if neighbour not in visited)
+        nodes += added
+        visited |= added
+    return nodes
 
 
 def rocker_of(model: Model, contact: CamPair) -> Rocker | None:
     """Return the rocker driven by or identical to a follower, or None."""
-    moved = moved_nodes(model, contact)
-    return next((one for one in model.rockers.values() if _is_driven(model, contact, one.start, moved)), None)
+    nodes = moved_nodes(model, contact)
+    return next((rocker for rocker in model.rockers.values() if _is_driven(model, contact, rocker.start, nodes)), None)
 
 
 def driving_contact(model: Model, point: str) -> str | None:
     """Return the contact of the cam that moves a point, through members, links, lash and a rocker; None without one."""
     for name, contact in model.cam_contacts.items():
         rocker = rocker_of(model, contact)
-        own = {contact.follower, rocker.point if rocker else ""}
-        if point in own or (point in model.mesh.points and model.mesh.node(point) in moved_nodes(model, contact)):
+        points = {contact.follower, rocker.point if rocker else ""}
+        if point in points or (point in model.mesh.points and model.mesh.node(point) in moved_nodes(model, contact)):
             return name
     return None
 
@@ -109,8 +109,8 @@ def driving_contact(model: Model, point: str) -> str | None:
 def is_in_train(model: Model, contact: CamPair, play: Lash | Adjuster) -> bool:
     """Return whether a lash or an adjuster is in the train of a contact, or carries the pivot of its finger."""
     if play.ends is not None:
-        moved = moved_nodes(model, contact)
-        return any(_is_driven(model, contact, end, moved) for end in play.ends[: 1 + isinstance(play, Adjuster)])
+        nodes = moved_nodes(model, contact)
+        return any(_is_driven(model, contact, end, nodes) for end in play.ends[: 1 + isinstance(play, Adjuster)])
     return play.rocker is not None and model.rockers[play.rocker] is rocker_of(model, contact)
 
 
@@ -121,11 +121,11 @@ def rigid_trains(structure: Structure) -> tuple[RigidTrain, ...]:
     drives = [
         Drive(
             name,
-            one,
-            model.cams[one.cam].lift,
-            structure.row(one.follower, one.direction, f"contacts.{name}.follower"),
+            contact,
+            model.cams[contact.cam].lift,
+            structure.row(contact.follower, contact.direction, f"contacts.{name}.follower"),
         )
-        for name, one in cam_contacts.items()
+        for name, contact in cam_contacts.items()
     ]
     stops = [
         Stop(name, part, stop_row(structure, name, part), part.gap if isinstance(part, Lash) else 0.0)
@@ -135,9 +135,9 @@ def rigid_trains(structure: Structure) -> tuple[RigidTrain, ...]:
         LeverEnd(lever, end, *rows)
         for lever in model.levers.values() for end, rows in lever_ends(structure, lever).items()
     ]  # fmt: skip
-    links = [one for one in spring_stretches(structure) if one.rigid]
+    links = [spring for spring in spring_stretches(structure) if spring.rigid]
     motions = strain_free_motions(structure, links)
-    rows = [*(one.row for one in (*drives, *stops, *links)), *(one.path + one.moved for one in levers)]
+    rows = [*(item.row for item in (*drives, *stops, *links)), *(end.path + end.moved for end in levers)]
     stiffness = soft_stiffness(structure)
     trains = (
         _train(dofs, motions[dofs], stiffness.part(dofs).dense(), drives, stops, levers)
@@ -148,19 +148,19 @@ def rigid_trains(structure: Structure) -> tuple[RigidTrain, ...]:
 
 def soft_stiffness(structure: Structure) -> Triplets:
     """Return the stiffness of the springs that are not rigid in the rigid model."""
-    soft = (scalar_matrix(one.row, one.stiffness) for one in spring_stretches(structure) if not one.rigid)
+    soft = (scalar_matrix(spring.row, spring.stiffness) for spring in spring_stretches(structure) if not spring.rigid)
     return Triplets.sum([Triplets.zeros(structure.dofs.size), *soft])
 
 
 def load_trains(structure: Structure, load: FloatArray) -> tuple[RigidTrain, ...]:
     """Return the trains under a constant load, N, shape (n,), with the adjusters extended on the base circle."""
-    driven = {drive.name for train in rigid_trains(structure) for drive in train.drives}
+    names = {drive.name for train in rigid_trains(structure) for drive in train.drives}
     for name, contact in structure.model.cam_contacts.items():
-        if name not in driven:
+        if name not in names:
             allowed, why = "a follower that moves along the lift without bending", "rigid members cannot yield"
             where, remedy = f"contacts.{name}.follower", "use fidelity.model = beams, or another support of its member"
             raise refuse(where, repr(contact.follower), allowed, why, remedy)
-    return tuple(_extend_adjusters(replace(one, force=one.motions @ load[one.dofs])) for one in rigid_trains(structure))
+    return tuple(_extend_adjusters(replace(t, force=t.motions @ load[t.dofs])) for t in rigid_trains(structure))
 
 
 def _train(
@@ -168,15 +168,15 @@ def _train(
     levers: Sequence[LeverEnd],
 ) -> RigidTrain:  # fmt: skip
     """Return the train of some coupled unknowns by their motions without strain, shape (k, r)."""
-    left, sizes, _ = np.linalg.svd(motions, full_matrices=False)
-    free = left[:, : int(np.count_nonzero(sizes > RANK))].T
-    drives = [replace(one, row=free @ one.row[dofs]) for one in drives]
-    stops = [replace(one, row=free @ one.row[dofs]) for one in stops]
-    levers = [replace(one, path=free @ one.path[dofs], moved=free @ one.moved[dofs]) for one in levers]
-    drives = [one for one in drives if np.abs(one.row).max(initial=0.0) > RANK]
-    stops = [one for one in stops if np.abs(one.row).max(initial=0.0) > RANK]
-    levers = [one for one in levers if np.abs(one.path).max(initial=0.0) > RANK]
-    sensed = [*(one.row for one in (*drives, *stops)), *(row for one in levers for row in (one.path, one.moved))]
+    vectors, values, _ = np.linalg.svd(motions, full_matrices=False)
+    free = vectors[:, : int(np.count_nonzero(values > RANK))].T
+    drives = [replace(drive, row=free @ drive.row[dofs]) for drive in drives]
+    stops = [replace(stop, row=free @ stop.row[dofs]) for stop in stops]
+    levers = [replace(lever, path=free @ lever.path[dofs], moved=free @ lever.moved[dofs]) for lever in levers]
+    drives = [drive for drive in drives if np.abs(drive.row).max(initial=0.0) > RANK]
+    stops = [stop for stop in stops if np.abs(stop.row).max(initial=0.0) > RANK]
+    levers = [lever for lever in levers if np.abs(lever.path).max(initial=0.0) > RANK]
+    sensed = [*(item.row for item in (*drives, *stops)), *(row for end in levers for row in (end.path, end.moved))]
     basis = np.array(sensed).reshape(len(sensed), len(free))
     basis = (
         np.linalg.svd(basis, full_matrices=False)[2][: int(np.linalg.matrix_rank(basis, rtol=RANK))]
@@ -186,9 +186,9 @@ def _train(
     shapes = _least_energy_motions(free @ stiffness @ free.T, basis)
     return RigidTrain(
         dofs, shapes @ free,
-        tuple(replace(one, row=shapes @ one.row) for one in drives),
-        tuple(replace(one, row=shapes @ one.row) for one in stops),
-        tuple(replace(one, path=shapes @ one.path, moved=shapes @ one.moved) for one in levers),
+        tuple(replace(drive, row=shapes @ drive.row) for drive in drives),
+        tuple(replace(stop, row=shapes @ stop.row) for stop in stops),
+        tuple(replace(lever, path=shapes @ lever.path, moved=shapes @ lever.moved) for lever in levers),
         shapes @ free @ stiffness @ free.T @ shapes.T, np.zeros(len(shapes)),
     )  # fmt: skip
 
@@ -205,9 +205,9 @@ def _extend_adjusters(train: RigidTrain) -> RigidTrain:
     """Return a train whose adjusters take up their clearance where the lifts are zero."""
     if not any(isinstance(stop.part, Adjuster) for stop in train.stops):
         return train
-    still = np.zeros(len(train.drives))
-    z = Branch(train, find_closed_stops(train, still)).positions(still[None])[0][0]
-    stops = (replace(one, gap=float(one.row @ z)) if isinstance(one.part, Adjuster) else one for one in train.stops)
+    lifts = np.zeros(len(train.drives))
+    z = Branch(train, find_closed_stops(train, lifts)).positions(lifts[None])[0][0]
+    stops = (replace(s, gap=float(s.row @ z)) if isinstance(s.part, Adjuster) else s for s in train.stops)
     return replace(train, stops=tuple(stops))
 
 
@@ -244,9 +244,9 @@ def valve_ratio(model: Model, cam: str) -> float:
     for name, contact in model.cam_contacts.items():
         if contact.cam == cam:
             ends = [
-                (one.at, one.direction)
-                for one in model.contacts.values()
-                if isinstance(one, Seat) and driving_contact(model, one.at) == name
+                (seat.at, seat.direction)
+                for seat in model.contacts.values()
+                if isinstance(seat, Seat) and driving_contact(model, seat.at) == name
             ]
             rocker = rocker_of(model, contact)
             ends += [] if rocker is None else [(rocker.point, np.zeros(6))]
@@ -278,6 +278,6 @@ def _reduced_lash(structure: Structure, motion: FloatArray, lash: Lash) -> float
         row, start = structure.row(lash.ends[0], lash.direction), lash.ends[0]
         rocker = model.rocker_points.get(start)
         start = rocker.start if rocker else start
-    before = lashes_before(model, model.mesh.node(start), model.lashes) if start in model.mesh.points else []
-    pairs = [(row, lash.gap), *((structure.row(one.ends[0], one.direction), one.gap) for one in before)]
-    return sum(gap / (abs(float(one @ motion)) or 1.0) for one, gap in pairs)
+    preceding = lashes_before(model, model.mesh.node(start), model.lashes) if start in model.mesh.points else []
+    pairs = [(row, lash.gap), *((structure.row(prior.ends[0], prior.direction), prior.gap) for prior in preceding)]
+    return sum(gap / (abs(float(row @ motion)) or 1.0) for row, gap in pairs)

@@ -72,83 +72,83 @@ class RigidTrains:
     @property
     def constraints(self) -> IntArray:
         """Scalars whose forces are those of constraints, see `flexcam.dynamics.PrescribedMotion`."""
-        names = {one.name for train in self.trains for one in (*train.drives, *train.stops)}
-        own = [self.contacts[name] for name in sorted(names)]
-        return np.array([i for one in own for i in (one.scalar, one.sliding) if i is not None], dtype=np.intp)
+        names = {part.name for train in self.trains for part in (*train.drives, *train.stops)}
+        forces = [self.contacts[name] for name in sorted(names)]
+        return np.array([i for force in forces for i in (force.scalar, force.sliding) if i is not None], dtype=np.intp)
 
     def at(self, motion: CamMotion) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return displacement, velocity and acceleration at some instants, shape (m, n) each."""
-        found = np.zeros((3, len(motion.angle), self.size))
+        result = np.zeros((3, len(motion.angle), self.size))
         speed, rate = motion.speed[:, None], motion.rate[:, None]
         for train in self.trains:
             z, slope, bend = train.solve(motion.cam).z
-            for moved, scalars in zip(found, (z, slope * speed, bend * speed**2 + slope * rate), strict=True):
-                moved[:, train.dofs] = scalars @ train.motions
-        return found[0], found[1], found[2]
+            for values, scalars in zip(result, (z, slope * speed, bend * speed**2 + slope * rate), strict=True):
+                values[:, train.dofs] = scalars @ train.motions
+        return result[0], result[1], result[2]
 
     def along(self, row: FloatArray, motion: CamMotion) -> FloatArray:
         """Return the displacement along a row of the unknowns, shape (n,), at some instants, shape (m,)."""
-        parts = [(train, train.motions @ row[train.dofs]) for train in self.trains]
-        moved = [train.solve(motion.cam).z[0] @ own for train, own in parts if own.any()]
-        return sum(moved, np.zeros(len(motion.angle)))
+        rows = [(train, train.motions @ row[train.dofs]) for train in self.trains]
+        displacements = [train.solve(motion.cam).z[0] @ reduced for train, reduced in rows if reduced.any()]
+        return sum(displacements, np.zeros(len(motion.angle)))
 
     def complete_forces(
         self, motion: CamMotion, residual: FloatArray, work: VirtualWork, rate: FloatArray, local: FloatArray
     ) -> FloatArray:
         """Return the local forces with those of the constraints, see `flexcam.dynamics.PrescribedMotion`."""
-        found = local.copy()
+        result = local.copy()
         for train in self.trains:
-            contacts = [one.name for one in (*train.drives, *train.stops)]
-            acting = {name: self._acting(train, name, work, rate) for name in contacts}
-            moved = train.solve(motion.cam)
-            for branch, rows in moved.branches:
-                left = residual[rows][:, train.dofs] @ train.motions.T
+            contacts = [part.name for part in (*train.drives, *train.stops)]
+            unit_forces = {name: self._unit_forces(train, name, work, rate) for name in contacts}
+            solution = train.solve(motion.cam)
+            for branch, rows in solution.branches:
+                remaining = residual[rows][:, train.dofs] @ train.motions.T
                 for stop, closed in zip(train.stops, branch.closed, strict=True):
                     if not closed and stop.push:
-                        found[rows, self.contacts[stop.name].scalar] = stop.push
-                        left -= stop.push * acting[stop.name][rows]
+                        result[rows, self.contacts[stop.name].scalar] = stop.push
+                        remaining -= stop.push * unit_forces[stop.name][rows]
                 names = [train.stops[i].name for i in branch.stops] + [train.drives[i].name for i in branch.drives]
                 if not names:
                     continue
-                A = np.stack([acting[name][rows] for name in names], axis=-1)
-                forces = _balance(branch.virtual_motions(moved.z[0, rows]), A, left)
+                A = np.stack([unit_forces[name][rows] for name in names], axis=-1)
+                forces = _balance(branch.virtual_motions(solution.z[0, rows]), A, remaining)
                 for contact, force in zip([self.contacts[name] for name in names], forces.T, strict=True):
-                    found[rows, contact.scalar] = force
+                    result[rows, contact.scalar] = force
                     if contact.sliding is not None:
-                        found[rows, contact.sliding] = contact.friction_ratio(rate[rows]) * force
-        return found
+                        result[rows, contact.sliding] = contact.friction_ratio(rate[rows]) * force
+        return result
 
-    def _acting(self, train: RigidTrain, name: str, work: VirtualWork, rate: FloatArray) -> FloatArray:
+    def _unit_forces(self, train: RigidTrain, name: str, work: VirtualWork, rate: FloatArray) -> FloatArray:
         """Return the forces on the scalars of a train per contact force, with its friction, shape (m, d)."""
         contact = self.contacts[name]
-        found = work(contact.scalar, train.dofs, train.motions)
+        forces = work(contact.scalar, train.dofs, train.motions)
         if contact.sliding is not None:
             sliding = work(contact.sliding, train.dofs, train.motions)
-            found = found + contact.friction_ratio(rate)[:, None] * sliding
-        return found
+            forces = forces + contact.friction_ratio(rate)[:, None] * sliding
+        return forces
 
     def jams(self, name: str, motion: CamMotion, work: VirtualWork, rate: FloatArray) -> bool:
         """Return whether friction carries all of the force of a cam contact at some instant."""
         for train in self.trains:
             for i, drive in enumerate(train.drives):
                 if drive.name == name:
-                    acting, moved = self._acting(train, name, work, rate), train.solve(motion.cam)
-                    return any(branch.drive_effect(i, moved.z[0, rows], acting[rows]).min(initial=1.0) <= 0.0
-                               for branch, rows in moved.branches)  # fmt: skip
+                    unit_forces, solution = self._unit_forces(train, name, work, rate), train.solve(motion.cam)
+                    return any(branch.drive_effect(i, solution.z[0, rows], unit_forces[rows]).min(initial=1.0) <= 0.0
+                               for branch, rows in solution.branches)  # fmt: skip
         return False
 
 
-def _balance(virtual: FloatArray, acting: FloatArray, residual: FloatArray) -> FloatArray:
+def _balance(virtual: FloatArray, vectors: FloatArray, residual: FloatArray) -> FloatArray:
     """Return the forces f with ``P^T A f = P^T r``, the smallest where several fit, shape (m, forces).
 
     The virtual motions P have the shape (m, d, c) or (1, d, c), the vectors A of the forces (m, d, forces), the
     residual r (m, d).
     """
     P = np.broadcast_to(virtual, (len(residual), *virtual.shape[1:])).transpose(0, 2, 1)
-    matrix, given = P @ acting, P @ residual[..., None]
+    matrix, right = P @ vectors, P @ residual[..., None]
     if matrix.shape[1] == matrix.shape[2]:
-        return np.linalg.solve(matrix, given)[..., 0].astype(np.float64)
-    return (np.linalg.pinv(matrix) @ given)[..., 0].astype(np.float64)
+        return np.linalg.solve(matrix, right)[..., 0].astype(np.float64)
+    return (np.linalg.pinv(matrix) @ right)[..., 0].astype(np.float64)
 
 
 @lru_cache(maxsize=4)
@@ -167,7 +167,7 @@ def build_rigid(model: Model, speed: float) -> System:
 @lru_cache(maxsize=2)
 def _build(model: Model, speed: float) -> tuple[System, RigidTrains]:
     structure = build_structure(_condense_coils(model))
-    dampers = [scalar_matrix(one.row, one.damping) for one in spring_stretches(structure) if not one.rigid]
+    dampers = [scalar_matrix(spring.row, spring.damping) for spring in spring_stretches(structure) if not spring.rigid]
     dampers.append(Triplets.zeros(structure.dofs.size))
     structure = replace(structure, stiffness=soft_stiffness(structure), dampers=Triplets.sum(dampers))
     check_lever_rotation(structure)
@@ -185,13 +185,13 @@ def _build(model: Model, speed: float) -> tuple[System, RigidTrains]:
 def omit_coil_stops(model: Model) -> Model:
     """Return a rigid train's model in which the coils of springs do not touch."""
     springs = _condense_coils(model).springs
-    return replace(model, springs={name: replace(one, clash_stiffness=0.0) for name, one in springs.items()})
+    return replace(model, springs={name: replace(spring, clash_stiffness=0.0) for name, spring in springs.items()})
 
 
 def _condense_coils(model: Model) -> Model:
     """Return a model in which springs with unequal coils have one part: their coils close statically."""
-    springs = {name: condense_spring(one) if one.coils else one for name, one in model.springs.items()}
-    return replace(model, springs=springs) if any(one.coils for one in model.springs.values()) else model
+    springs = {name: condense_spring(spring) if spring.coils else spring for name, spring in model.springs.items()}
+    return replace(model, springs=springs) if any(spring.coils for spring in model.springs.values()) else model
 
 
 def _couple_contact(structure: Structure, name: str, speed: float) -> Coupling:
@@ -208,41 +208,41 @@ def _couple_contact(structure: Structure, name: str, speed: float) -> Coupling:
     train = follower_train(structure, contact, f"{where}.follower")
     force = preload(structure, contact, train, cam, speed)
     follower = structure.row(contact.follower, contact.direction)
-    pressed = installed_load(f"{where}.preload", -spring_share(structure, train), force)
-    law = conservative_force(where, AngleVector.constant(-follower), spring_damper(1.0), cam.event)
-    found = Coupling((pressed,), (law,), (
+    load = installed_load(f"{where}.preload", -spring_share(structure, train), force)
+    local = conservative_force(where, AngleVector.constant(-follower), spring_damper(1.0), cam.event)
+    coupling = Coupling((load,), (local,), (
         Channel(f"{where}.force", "N", force_sum(0)),
         Channel(f"{where}.torque", "N m", force_sum(0, factor=derivative(cam.event))),
     ))  # fmt: skip
-    return shift_coupling(found, cam.phaser)
+    return shift_coupling(coupling, cam.phaser)
 
 
 def _constraint_forces(model: Model, system: System) -> dict[str, ConstraintForce]:
-    found: dict[str, ConstraintForce] = {}
-    first = 0
+    forces: dict[str, ConstraintForce] = {}
+    scalar = 0
     for force in system.local_forces:
         name = force.name.removeprefix("contacts.")
         if name != force.name and name in model.contacts:
             friction = force.law.friction if isinstance(force.law, ForceLaw) and len(force.sense) > 1 else None
-            found[name] = ConstraintForce(first, first + 1 if friction else None, friction or (0.0, 1.0))
-        first += len(force.sense)
-    return found
+            forces[name] = ConstraintForce(scalar, scalar + 1 if friction else None, friction or (0.0, 1.0))
+        scalar += len(force.sense)
+    return forces
 
 
 def _damping(structure: Structure, trains: Sequence[RigidTrain]) -> Triplets:
     """Return dampers, Rayleigh damping, and modal damping of the rigid bodies on their springs without contacts."""
-    given, found = structure.model.damping, structure.dampers
-    found += rayleigh_damping(structure.mass, structure.stiffness, given.alpha, given.beta)
-    if given.modal == 0.0:
-        return found
+    damping, matrix = structure.model.damping, structure.dampers
+    matrix += rayleigh_damping(structure.mass, structure.stiffness, damping.alpha, damping.beta)
+    if damping.modal == 0.0:
+        return matrix
     for train in trains:
         shapes = np.zeros((structure.dofs.size, len(train.motions)))
         shapes[train.dofs] = train.motions.T
         bodies = train.bodies(shapes.T @ structure.mass.multiply(shapes))
         mass = Triplets.from_dense(bodies @ shapes.T @ structure.mass.multiply(shapes @ bodies.T))
-        own = modes(mass, Triplets.from_dense(bodies @ train.stiffness @ bodies.T))
-        found += modal_damping(structure.mass, shapes @ bodies.T @ own.shapes, own.omegas, given.modal)
-    return found
+        body_modes = modes(mass, Triplets.from_dense(bodies @ train.stiffness @ bodies.T))
+        matrix += modal_damping(structure.mass, shapes @ bodies.T @ body_modes.shapes, body_modes.omegas, damping.modal)
+    return matrix
 
 
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 721)
@@ -282,10 +282,10 @@ def pulling_contacts(model: Model) -> dict[str, float]:
     system, trains = _build(model, _REST)
     motion, forces = ConstantSpeed(_REST).at(_ANGLES / _REST), LocalForces(system)
     local = reactions(system, trains, forces, motion, trains.at(motion))
-    least = -PULL * float(np.abs(local).max(initial=0.0))
+    limit = -PULL * float(np.abs(local).max(initial=0.0))
     stops = [stop.name for train in trains.trains for stop in train.stops]
     pulls = {name: float(local[:, trains.contacts[name].scalar].min()) for name in stops}
-    return {name: -force for name, force in pulls.items() if force < least}
+    return {name: -force for name, force in pulls.items() if force < limit}
 
 
 def cam_forces(model: Model, speed: float, motions: Iterable[CamMotion]) -> list[dict[str, FloatArray]]:
@@ -293,7 +293,7 @@ def cam_forces(model: Model, speed: float, motions: Iterable[CamMotion]) -> list
     system, trains = _build(model, speed)
     forces, names = LocalForces(system), [drive.name for train in trains.trains for drive in train.drives]
     local = [reactions(system, trains, forces, motion, trains.at(motion)) for motion in motions]
-    return [{name: one[:, trains.contacts[name].scalar] for name in names} for one in local]
+    return [{name: values[:, trains.contacts[name].scalar] for name in names} for values in local]
 
 
 def touching_coils(model: Model, speed: float) -> dict[str, float]:
@@ -302,10 +302,10 @@ def touching_coils(model: Model, speed: float) -> dict[str, float]:
     cams = [model.cams[contact.cam] for contact in model.cam_contacts.values()]
     tops = [cam.drive_angle(event_extremes(cam.event)[1].at) for cam in cams]
     motion, forces = ConstantSpeed(speed).at(np.array(tops) / speed), LocalForces(system)
-    pressed = forces.sense_motion(*trains.at(motion)[:2], forces.prescribed_inputs(motion))[0]
-    found: dict[str, float] = {}
-    for force, part, _ in forces.parts:
-        beyond = (part.stop - part.start) * float(pressed[:, part].max(initial=0.0))
-        if force.name.endswith(".clash") and beyond > 0.0:
-            found[force.name.split(".")[1]] = beyond
-    return found
+    penetrations = forces.sense_motion(*trains.at(motion)[:2], forces.prescribed_inputs(motion))[0]
+    compressions: dict[str, float] = {}
+    for force, scalars, _ in forces.parts:
+        compression = (scalars.stop - scalars.start) * float(penetrations[:, scalars].max(initial=0.0))
+        if force.name.endswith(".clash") and compression > 0.0:
+            compressions[force.name.split(".")[1]] = compression
+    return compressions

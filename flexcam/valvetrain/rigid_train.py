@@ -30,7 +30,7 @@ _HELD_BACK = 1e-7  # lift that stops may hold back, or overlap, m, above all rou
 PULL = 1e-6
 """Part of the largest force with which a closed stop may pull, above all rounding."""
 
-_MOST_TRIED = 10  # number of stops up to which all sets of closed ones are tried
+_MAX_TRIALS = 10  # number of stops up to which all sets of closed ones are tried
 _DEFLECTION = 1e-3  # largest deflection of the springs under the loads, m, by which stiffness and loads are scaled
 _COMPLIANCE = 1e-10  # compliance of stops, relative to the scaled springs, in the search for the closed ones
 # gap of a closed lash in this search, m, above its deflection: the load of a body goes to its seat first
@@ -121,12 +121,12 @@ class RigidTrain:
     def branches(self) -> tuple[Branch, ...]:
         """Branches over a revolution; where several fit, such as on the base circle, the one with most closed seats."""
         lifts = self._lifts(CamFunctionCache(np.linspace(0.0, 2.0 * np.pi, 721)), 0)
-        found = {branch.closed: branch for branch, _ in self._assign(lifts, ())}.values()
+        unique = {branch.closed: branch for branch, _ in self._assign(lifts, ())}.values()
 
         def order(branch: Branch) -> tuple[int, int]:
             return -sum(self.stops[i].is_seat for i in branch.stops), len(branch.stops)
 
-        return tuple(sorted(found, key=order))
+        return tuple(sorted(unique, key=order))
 
     def solve(self, cam: CamFunctionCache) -> RigidMotion:
         """Return the motion at the cam angles of a cache."""
@@ -148,19 +148,19 @@ class RigidTrain:
 
     def _assign(self, lifts: FloatArray, known: Sequence[Branch]) -> list[tuple[Branch, IntArray]]:
         """Return the branches of lifts, shape (m, cams), and the instants of each; known ones come first."""
-        found: list[tuple[Branch, IntArray]] = []
-        left, waiting = np.arange(len(lifts)), list(known)
-        while len(left):
-            branch = waiting.pop(0) if waiting else Branch(self, find_closed_stops(self, lifts[left[0]]))
-            z, forces = branch.positions(lifts[left])
-            good = branch.fits(z, forces, lifts[left])
+        assigned: list[tuple[Branch, IntArray]] = []
+        remaining, candidates = np.arange(len(lifts)), list(known)
+        while len(remaining):
+            branch = candidates.pop(0) if candidates else Branch(self, find_closed_stops(self, lifts[remaining[0]]))
+            z, forces = branch.positions(lifts[remaining])
+            good = branch.fits(z, forces, lifts[remaining])
             if branch not in known and not good[0]:  # rounding, or no equilibrium
-                branch.check(z[0], forces[0], lifts[left[0]])
+                branch.check(z[0], forces[0], lifts[remaining[0]])
                 good[0] = True
             if good.any():
-                found.append((branch, left[good]))
-            left = left[~good]
-        return found
+                assigned.append((branch, remaining[good]))
+            remaining = remaining[~good]
+        return assigned
 
     def unit_motion(self, contact: CamContact | PublishedLoad) -> FloatArray:
         """Return z per lift of one cam as installed, with all lash closed and all seats open, shape (d,)."""
@@ -177,17 +177,17 @@ class RigidTrain:
 
     def shared_forces(self) -> dict[str, float]:
         """Return the forces that cams and seats share where the lifts are zero, N: the seats carry them."""
-        still = np.zeros((1, len(self.drives)))
-        base = next((one for one in self.branches if one.fits(*one.positions(still), still)[0]), None)
+        lifts = np.zeros((1, len(self.drives)))
+        base = next((branch for branch in self.branches if branch.fits(*branch.positions(lifts), lifts)[0]), None)
         if base is None:
             return {}
-        gaps = [stop.gap - float(stop.row @ base.positions(still)[0][0]) for stop in self.stops]
+        gaps = [stop.gap - float(stop.row @ base.positions(lifts)[0][0]) for stop in self.stops]
         pairs = list(zip(self.stops, gaps, strict=True))
         touching = tuple(not isinstance(stop.part, Adjuster) and abs(gap) <= _CLOSED for stop, gap in pairs)
         seated = Branch(self, touching)
         lifted = Branch(self, tuple(on and not stop.is_seat for on, stop in zip(touching, self.stops, strict=True)))
         shared = {
-            drive.name: lifted.drive_force(i, still) - base.drive_force(i, still)
+            drive.name: lifted.drive_force(i, lifts) - base.drive_force(i, lifts)
             for i, drive in enumerate(self.drives) if i not in seated.drives and isinstance(drive.contact, CamContact)
         }  # fmt: skip
         return {name: force for name, force in shared.items() if force > 0.0}
@@ -200,29 +200,29 @@ class Branch:
         self.train, self.closed = train, closed
         self.stops = [i for i, on in enumerate(closed) if on]
         rows = [*(train.stops[i].row for i in self.stops), *(drive.row for drive in train.drives)]
-        taken = list(installed_rows(train.levers, len(train.force)))
-        self._levers, self.kept = len(taken), list[int]()  # of the closed stops, then the cams
+        independent = list(installed_rows(train.levers, len(train.force)))
+        self._levers, self.kept = len(independent), list[int]()  # of the closed stops, then the cams
         for i, row in enumerate(rows):
-            if is_independent(row, taken):
-                taken.append(row)
+            if is_independent(row, independent):
+                independent.append(row)
                 self.kept.append(i)
         self.drives = [i - len(self.stops) for i in self.kept if i >= len(self.stops)]
         self._rows = [rows[i] for i in self.kept]
         stiffness = train.stiffness / train.scale
-        free = null_space_of_rows(np.vstack([*taken, stiffness]))
+        free = null_space_of_rows(np.vstack([*independent, stiffness]))
         self._elastic = stiffness + free.T @ free  # a motion that nothing determines does not take place
 
     def positions(self, lift: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return z, shape (m, d), and the forces of levers and kept constraints over the scale, for lifts (m, cams)."""
         levers, d = self.train.levers, len(self._elastic)
-        wanted = self._constraint_values(np.array([self.train.stops[i].gap for i in self.stops]), lift)
+        values = self._constraint_values(np.array([self.train.stops[i].gap for i in self.stops]), lift)
         load = np.broadcast_to(self.train.load(self.closed), (len(lift), d))
         z, forces = np.zeros((len(lift), d)), np.zeros((len(lift), self._levers + len(self.kept)))
         for _ in range(_ITERATIONS):
             ends = [end.evaluate(z) for end in levers]
-            at = [(rows * z).sum(axis=1) - error for error, rows, _ in ends]
-            found = _solve(self._matrices(z), np.column_stack([load, *at, wanted]))
-            change, z, forces = np.abs(found[:, :d] - z).max(initial=0.0), found[:, :d], found[:, d:]
+            targets = [(rows * z).sum(axis=1) - error for error, rows, _ in ends]
+            solution = _solve(self._matrices(z), np.column_stack([load, *targets, values]))
+            change, z, forces = np.abs(solution[:, :d] - z).max(initial=0.0), solution[:, :d], solution[:, d:]
             if not levers or change < _SLACK:
                 break
         return z, forces
@@ -230,10 +230,10 @@ class Branch:
     def derivatives(self, z: FloatArray, slope: FloatArray, bend: FloatArray) -> FloatArray:
         """Return the derivatives of z by the cam angle for those of the lifts, shape (2, m, d)."""
         levers, d, matrices = self.train.levers, z.shape[1], self._matrices(z)
-        still, curved = np.zeros(len(self.stops)), [np.zeros(len(z))] * self._levers
-        first = _solve(matrices, np.column_stack([0.0 * z, *curved, self._constraint_values(still, slope)]))[:, :d]
+        zeros, curved = np.zeros(len(self.stops)), [np.zeros(len(z))] * self._levers
+        first = _solve(matrices, np.column_stack([0.0 * z, *curved, self._constraint_values(zeros, slope)]))[:, :d]
         curved = [-end.evaluate(z)[2] * (first @ end.path) ** 2 for end in levers]
-        second = _solve(matrices, np.column_stack([0.0 * z, *curved, self._constraint_values(still, bend)]))[:, :d]
+        second = _solve(matrices, np.column_stack([0.0 * z, *curved, self._constraint_values(zeros, bend)]))[:, :d]
         return np.array([first, second])
 
     def virtual_motions(self, z: FloatArray) -> FloatArray:
@@ -278,7 +278,7 @@ class Branch:
             column is not None and forces[column] < stop.push / train.scale - PULL * largest for stop, column in columns
         ]
         if max(*missing, *overlap, 0.0, 0.0) > _HELD_BACK or any(pulls):
-            names = [f"contacts.{one.name}" for one in (*train.drives, *train.stops)]
+            names = [f"contacts.{part.name}" for part in (*train.drives, *train.stops)]
             given = f"no position of the rigid train that suits {', '.join(names)}"
             why = "rigid members cannot yield"
             allowed = "followers at their lift, and seats and lashes that are open or press"
@@ -297,11 +297,11 @@ class Branch:
         """Return the matrices of equilibrium and constraints, one for all instants without levers."""
         levers, d = [end.evaluate(z)[1] for end in self.train.levers], z.shape[1]
         rows = [*levers, *self._rows]
-        found = np.zeros((len(z) if levers else 1, d + len(rows), d + len(rows)))
-        found[:, :d, :d] = self._elastic
+        matrices = np.zeros((len(z) if levers else 1, d + len(rows), d + len(rows)))
+        matrices[:, :d, :d] = self._elastic
         for i, row in enumerate(rows, start=d):
-            found[:, i, :d] = found[:, :d, i] = row
-        return found
+            matrices[:, i, :d] = matrices[:, :d, i] = row
+        return matrices
 
 
 def find_closed_stops(train: RigidTrain, lift: FloatArray) -> Closed:
@@ -314,36 +314,36 @@ def find_closed_stops(train: RigidTrain, lift: FloatArray) -> Closed:
     elastic = train.stiffness / train.scale + _COMPLIANCE * np.eye(d)
     gaps = [stop.gap + (0.0 if stop.is_seat else _SLACK) for stop in stops]
     z, closed = np.zeros(d), tuple(stop.is_seat for stop in stops)
-    tried: set[Closed] = set()
+    visited: set[Closed] = set()
     for _ in range(_ITERATIONS):
         ends = [end.evaluate(z[None]) for end in train.levers]
-        on = [i for i, one in enumerate(closed) if one]
-        rows = [*(rows[0] for _, rows, _ in ends), *(stops[i].row for i in on), *(one.row for one in train.drives)]
-        at = [*(float(rows[0] @ z - error[0]) for error, rows, _ in ends), *(gaps[i] for i in on), *lift.tolist()]
-        C, give = (
+        on = [i for i, is_closed in enumerate(closed) if is_closed]
+        rows = [*(rows[0] for _, rows, _ in ends), *(stops[i].row for i in on), *(drive.row for drive in train.drives)]
+        values = [*(float(rows[0] @ z - error[0]) for error, rows, _ in ends), *(gaps[i] for i in on), *lift.tolist()]
+        C, compliance = (
             np.array(rows).reshape(len(rows), d),
             np.repeat([0.0, _COMPLIANCE], [len(ends), len(rows) - len(ends)]),
         )
-        matrix = np.block([[elastic, C.T], [C, -np.diag(give)]])
-        found = np.linalg.lstsq(matrix, np.concatenate([train.load(closed), at]))[0]
-        change, z = float(np.abs(found[:d] - z).max()), found[:d].astype(np.float64)
-        force = dict(zip(on, found[d + len(ends) :].tolist(), strict=False))
-        pressed = tuple(
+        matrix = np.block([[elastic, C.T], [C, -np.diag(compliance)]])
+        solution = np.linalg.lstsq(matrix, np.concatenate([train.load(closed), values]))[0]
+        change, z = float(np.abs(solution[:d] - z).max()), solution[:d].astype(np.float64)
+        force = dict(zip(on, solution[d + len(ends) :].tolist(), strict=False))
+        pressing = tuple(
             force[i] > stop.push / train.scale if i in force else float(stop.row @ z) > gaps[i]
             for i, stop in enumerate(stops)
         )
-        if pressed == closed and (not ends or change < _SLACK):
+        if pressing == closed and (not ends or change < _SLACK):
             return closed
-        if pressed != closed and pressed in tried:
+        if pressing != closed and pressing in visited:
             break
-        closed = pressed
-        tried.add(closed)
+        closed = pressing
+        visited.add(closed)
     return _try_closed_stops(train, lift) or closed
 
 
 def _try_closed_stops(train: RigidTrain, lift: FloatArray) -> Closed | None:
     """Return the first set of closed stops that fits given lifts, by trial; None without one, or of too many."""
-    if len(train.stops) > _MOST_TRIED:
+    if len(train.stops) > _MAX_TRIALS:
         return None
     for closed in product(*((stop.is_seat, not stop.is_seat) for stop in train.stops)):
         branch = Branch(train, closed)
@@ -367,10 +367,10 @@ def is_independent(row: FloatArray, others: Sequence[FloatArray]) -> bool:
     """Return whether a row is linearly independent of others."""
     if not others or not row.any():
         return bool(row.any())
-    rest = row - np.linalg.lstsq(np.array(others).T, row)[0] @ np.array(others)
-    return bool(np.linalg.norm(rest) > RANK * np.linalg.norm(row))
+    remainder = row - np.linalg.lstsq(np.array(others).T, row)[0] @ np.array(others)
+    return bool(np.linalg.norm(remainder) > RANK * np.linalg.norm(row))
 
 
-def _solve(matrices: FloatArray, given: FloatArray) -> FloatArray:
+def _solve(matrices: FloatArray, right: FloatArray) -> FloatArray:
     """Return the solutions for given right sides, shape (m, n), of one or m matrices."""
-    return np.linalg.solve(matrices, given[..., None])[..., 0].astype(np.float64)
+    return np.linalg.solve(matrices, right[..., None])[..., 0].astype(np.float64)

@@ -22,8 +22,8 @@ from flexcam.valvetrain.structure import Structure, spring_parts
 def table_law(spring: Spring) -> ForceLaw:
     """Return the law of one part of a spring with a table, beyond its stiffness and installed force."""
     travel, force = np.array(spring.table).T
-    beyond = force - (spring.installed_force or 0.0) - spring.stiffness * travel
-    return force_table_law((travel / spring.elements).tolist(), beyond.tolist())
+    excess = force - (spring.installed_force or 0.0) - spring.stiffness * travel
+    return force_table_law((travel / spring.elements).tolist(), excess.tolist())
 
 
 def closed_forces(spring: Spring) -> list[float]:
@@ -59,8 +59,8 @@ class SpringCurve:
     @property
     def closing_last(self) -> list[int]:
         """Numbers of the parts that close last, as the spring becomes solid."""
-        last = self.parts[-2] - self.parts[-3]
-        return np.flatnonzero(last > _CLOSED * last.max()).tolist()
+        change = self.parts[-2] - self.parts[-3]
+        return np.flatnonzero(change > _CLOSED * change.max()).tolist()
 
     def row_at(self, travel: float) -> int:
         """Return the corner from which the curve is straight at a travel; at a corner, that corner."""
@@ -72,7 +72,7 @@ class SpringCurve:
 
     def compression(self, travel: FloatArray) -> FloatArray:
         """Return the compression of each part at given travels, m, shape (m, parts)."""
-        return np.array([np.interp(travel, self.travel, own) for own in self.parts.T], dtype=np.float64).T
+        return np.array([np.interp(travel, self.travel, part) for part in self.parts.T], dtype=np.float64).T
 
     def travel_of(self, compression: FloatArray) -> FloatArray:
         """Return the travel at which, at rest, one of the parts that close last is compressed as given, shape (m,).
@@ -80,7 +80,7 @@ class SpringCurve:
         Parts that closed before are stiff: the vibration of closed coils does not affect the remaining travel.
         """
         parts = [(compression[:, i], self.parts[:, i]) for i in self.closing_last]
-        return np.array([np.interp(x, own, self.travel) for x, own in parts], dtype=np.float64).max(axis=0)
+        return np.array([np.interp(x, curve, self.travel) for x, curve in parts], dtype=np.float64).max(axis=0)
 
 
 _CLOSED = 0.1  # compression of a closed part per that of the softest open one, above which it counts as open
@@ -92,9 +92,9 @@ def spring_curve(spring: Spring) -> SpringCurve:
     rows = [_part_curve(spring, part) for part in spring.parts]
     lowest, highest = max(float(force[0]) for _, force in rows), min(float(force[-1]) for _, force in rows)
     corners = np.unique(np.concatenate([force[1:-1] for _, force in rows]))
-    apart = np.diff(corners, prepend=-np.inf) > _SAME * np.abs(corners).max()
-    force = np.concatenate([[lowest], corners[apart], [highest]])
-    parts = np.column_stack([np.interp(force, own, travel) for travel, own in rows])
+    distinct = np.diff(corners, prepend=-np.inf) > _SAME * np.abs(corners).max()
+    force = np.concatenate([[lowest], corners[distinct], [highest]])
+    parts = np.column_stack([np.interp(force, forces, travel) for travel, forces in rows])
     return SpringCurve(parts.sum(axis=1), force, parts)
 
 
@@ -138,15 +138,15 @@ class Coils:
         The stiffness is ``G d^4/(8 n D^3)`` with the mean cube of the diameter.
         """
         bounds, turns = np.linspace(*self.ends, count + 1).tolist(), self.turns / count
-        found: list[tuple[SpringPart, float]] = []
-        for first, last in pairwise(bounds):
-            mean, cube = 0.5 * (first + last), 0.25 * (first + last) * (first**2 + last**2)
+        parts: list[tuple[SpringPart, float]] = []
+        for d1, d2 in pairwise(bounds):
+            mean, cube = 0.5 * (d1 + d2), 0.25 * (d1 + d2) * (d1**2 + d2**2)
             stiffness = shear_modulus * wire**4 / (8.0 * cube * turns)
             part = SpringPart(
                 stiffness, travel=turns * self.gap(wire), wire=Wire(wire, mean), length=turns * self.pitch
             )
-            found.append((part, turns * math.hypot(math.pi * mean, self.pitch)))
-        return found
+            parts.append((part, turns * math.hypot(math.pi * mean, self.pitch)))
+        return parts
 
 
 def coil_spring(
@@ -156,13 +156,13 @@ def coil_spring(
 
     Its mass is that of the wire, or the given one, divided by the length of the wire.
     """
-    made = [part for one in coils for part in one.parts(wire, shear_modulus, spring.elements)]
-    stiffness, length = 1.0 / sum(1.0 / part.stiffness for part, _ in made), sum(length for _, length in made)
+    pairs = [pair for coil in coils for pair in coil.parts(wire, shear_modulus, spring.elements)]
+    stiffness, length = 1.0 / sum(1.0 / part.stiffness for part, _ in pairs), sum(length for _, length in pairs)
     per_length = spring.mass / length if density is None else density * math.pi * wire**2 / 4.0
     parts = tuple(
-        replace(part, damping=spring.damping * part.stiffness / stiffness, mass=per_length * own) for part, own in made
+        replace(part, damping=spring.damping * part.stiffness / stiffness, mass=per_length * arc) for part, arc in pairs
     )
-    diameter = sum(0.5 * sum(one.ends) * one.turns for one in coils) / sum(one.turns for one in coils)
+    diameter = sum(0.5 * sum(coil.ends) * coil.turns for coil in coils) / sum(coil.turns for coil in coils)
     return replace(
         spring, stiffness=stiffness, mass=per_length * length, elements=len(parts), coils=parts,
         wire=Wire(wire, diameter),
@@ -181,12 +181,12 @@ def install_spring(spring: Spring, force: float | None, compression: float | Non
     else:
         start = float(np.interp(force, curve.force, curve.travel))
     if spring.table:
-        table = tuple((travel - start, own) for travel, own in spring.table)
+        table = tuple((travel - start, load) for travel, load in spring.table)
         return replace(spring, table=table, stiffness=curve.stiffness_at(start), installed_force=force)
-    moved = curve.compression(np.array([start]))[0].tolist()
+    shifts = curve.compression(np.array([start]))[0].tolist()
     coils = tuple(
-        replace(part, travel=(part.travel or 0.0) - own, length=part.length - own)
-        for part, own in zip(spring.coils, moved, strict=True)
+        replace(part, travel=(part.travel or 0.0) - shift, length=part.length - shift)
+        for part, shift in zip(spring.coils, shifts, strict=True)
     )
     return replace(spring, coils=coils, installed_force=force, clash_travel=float(curve.travel[-2]) - start)
 
@@ -240,15 +240,15 @@ def share_ends(one: Spring, other: Spring) -> bool:
 def nest_interference(inner: Spring, outer: Spring) -> float:
     """Return the largest radial interference by the diameters of two springs with wires at equal heights, m."""
     heights: list[float] = sorted({*inner.heights.tolist(), *outer.heights.tolist()})
-    found: list[float] = []
+    overlaps: list[float] = []
     for pair in pairwise(heights):
         inside, outside = (
-            one.parts[int(np.searchsorted(one.heights, sum(pair) / 2.0)) - 1].wire for one in (inner, outer)
+            spring.parts[int(np.searchsorted(spring.heights, sum(pair) / 2.0)) - 1].wire for spring in (inner, outer)
         )
         if inside is not None and outside is not None:
             radii = inside.coil_diameter + inside.diameter, outside.coil_diameter - outside.diameter
-            found.append(0.5 * (radii[0] - radii[1]))
-    return max(found, default=-math.inf)
+            overlaps.append(0.5 * (radii[0] - radii[1]))
+    return max(overlaps, default=-math.inf)
 
 
 _FINE = 64  # minimum number of parts for natural frequencies, with which the first one is 1e-4 too high
@@ -272,7 +272,7 @@ def spring_frequencies(spring: Spring, travel: float = 0.0, count: int = 3) -> F
 
 # parts per half wave, and minimum number of parts, as a valve that hits its seat excites surge at any speed
 _PER_HALF_WAVE = 4
-_MOST = 16  # default maximum number of parts; for longer waves the case must specify the number
+_MAX_PARTS = 16  # default maximum number of parts; for longer waves the case must specify the number
 _FORCE_FRACTION = 0.01  # fraction of the spring force by the lift below which waves of higher harmonics are neglected
 
 _HARMONICS = 256
@@ -289,11 +289,11 @@ def count_spring_parts(spring: Spring, lifts: Iterable[Event], speed: float) -> 
         return 1
     surge, orders, waves = 2.0 * math.pi * surge_frequency(spring) / speed, np.arange(_HARMONICS + 1), [1.0]
     for lift in lifts:
-        sent = math.pi / surge * orders * np.abs(harmonics(lift, _HARMONICS))  # W T = pi W / (2 pi f1)
-        beyond = np.cumsum(sent[::-1])[::-1]
-        last = int(np.count_nonzero(beyond > _FORCE_FRACTION * lift.height)) - 1  # relevant harmonic
-        waves.append(last / surge)
-    return min(math.ceil(_PER_HALF_WAVE * max(waves)), _MOST)
+        amplitude = math.pi / surge * orders * np.abs(harmonics(lift, _HARMONICS))  # W T = pi W / (2 pi f1)
+        tail = np.cumsum(amplitude[::-1])[::-1]
+        highest = int(np.count_nonzero(tail > _FORCE_FRACTION * lift.height)) - 1  # relevant harmonic
+        waves.append(highest / surge)
+    return min(math.ceil(_PER_HALF_WAVE * max(waves)), _MAX_PARTS)
 
 
 def is_bent(table: Sequence[tuple[float, float]]) -> bool:
@@ -328,17 +328,17 @@ def couple_springs(structure: Structure) -> Coupling:
 
 
 def _part_forces(where: str, spring: Spring, rows: FloatArray) -> dict[str, LocalForce]:
-    found: dict[str, LocalForce] = {}
+    forces: dict[str, LocalForce] = {}
     if spring.pulsation is not None:
         law = spring.pulsation.law(spring.parts[0].stiffness)
-        found["pulsation"] = opposed_force(f"{where}.pulsation", rows, law)
+        forces["pulsation"] = opposed_force(f"{where}.pulsation", rows, law)
     if is_bent(spring.table):
-        found["table"] = opposed_force(f"{where}.table", rows, table_law(spring))
+        forces["table"] = opposed_force(f"{where}.table", rows, table_law(spring))
     if spring.clash_travel is not None:
-        rooms = tuple(constant(-(part.travel or 0.0)) for part in spring.parts)
+        offsets = tuple(constant(-(part.travel or 0.0)) for part in spring.parts)
         clash = opposed_force(f"{where}.clash", rows, elastic_stop(spring.clash_stiffness))
-        found["clash"] = replace(clash, offset=rooms)
-    return found
+        forces["clash"] = replace(clash, offset=offsets)
+    return forces
 
 
 def has_channels(spring: Spring) -> bool:
@@ -354,44 +354,44 @@ def _channels(where: str, spring: Spring, rows: FloatArray, scalars: dict[str, l
     stress_factors = np.array([part.stress_factor for part in spring.parts])
     curve = spring_curve(spring) if spring.coils else None
 
-    def forces(seen: Observation) -> FloatArray:
+    def forces(obs: Observation) -> FloatArray:
         """Return the force in the wire of every part, N, shape (m, parts), compression positive."""
-        pulsating = 1.0 if spring.pulsation is None else 1.0 + spring.pulsation.part(seen.motion.angle)[:, None]
-        linear = installed + stiffness * pulsating * seen.moved.extract(rows)
-        return linear + seen.forces[:, table] if table else linear
+        pulsating = 1.0 if spring.pulsation is None else 1.0 + spring.pulsation.part(obs.motion.angle)[:, None]
+        linear = installed + stiffness * pulsating * obs.moved.extract(rows)
+        return linear + obs.forces[:, table] if table else linear
 
-    def end(seen: Observation) -> FloatArray:
-        wire = forces(seen)[:, -1]
-        return wire + seen.forces[:, clash[-1]] if clash else wire
+    def end(obs: Observation) -> FloatArray:
+        wire = forces(obs)[:, -1]
+        return wire + obs.forces[:, clash[-1]] if clash else wire
 
-    def surge(seen: Observation) -> FloatArray:
-        stretch = seen.moved.extract(rows)
+    def surge(obs: Observation) -> FloatArray:
+        stretch = obs.moved.extract(rows)
         travel = stretch.sum(axis=1, keepdims=True)
         equal = travel * spring.compliances / spring.compliances.sum()
-        still = equal if curve is None else curve.compression(travel[:, 0])
-        return np.abs(np.cumsum(stretch - still, axis=1)).max(axis=1)
+        static = equal if curve is None else curve.compression(travel[:, 0])
+        return np.abs(np.cumsum(stretch - static, axis=1)).max(axis=1)
 
-    def clearance(seen: Observation) -> FloatArray:
-        stretch = seen.moved.extract(rows)
+    def clearance(obs: Observation) -> FloatArray:
+        stretch = obs.moved.extract(rows)
         travel = len(rows) * stretch.max(axis=1) if curve is None else curve.travel_of(stretch)
         return (spring.clash_travel or 0.0) - travel
 
-    def stress(seen: Observation) -> FloatArray:
-        return (stress_factors * np.abs(forces(seen))).max(axis=1)
+    def stress(obs: Observation) -> FloatArray:
+        return (stress_factors * np.abs(forces(obs))).max(axis=1)
 
-    def touching(seen: Observation) -> FloatArray:
-        return seen.forces[:, bound].sum(axis=1)
+    def touching(obs: Observation) -> FloatArray:
+        return obs.forces[:, bound].sum(axis=1)
 
-    found: list[Channel] = []
+    channels: list[Channel] = []
     if has_channels(spring):
-        found.append(Channel(f"{where}.force", "N m" if spring.turns else "N", end))
+        channels.append(Channel(f"{where}.force", "N m" if spring.turns else "N", end))
         if spring.elements > 1:
-            found.append(Channel(f"{where}.surge", "rad" if spring.turns else "m", surge))
+            channels.append(Channel(f"{where}.surge", "rad" if spring.turns else "m", surge))
         if spring.wire is not None:
-            found.append(Channel(f"{where}.stress", "Pa", stress))
+            channels.append(Channel(f"{where}.stress", "Pa", stress))
         if clash:
-            found.append(Channel(f"{where}.clearance", "m", clearance))
+            channels.append(Channel(f"{where}.clearance", "m", clearance))
     if clash:
         bound = clash if curve is None else [clash[i] for i in curve.closing_last]
-        found.append(Channel(f"{where}.clash", "N", touching))
-    return found
+        channels.append(Channel(f"{where}.clash", "N", touching))
+    return channels

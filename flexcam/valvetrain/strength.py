@@ -44,33 +44,33 @@ def stiff_struts(model: Model) -> dict[str, tuple[float, int]]:
     The values are the relative excess of the buckling load, infinite if no node is free to bend, and a sufficient
     number of elements.
     """
-    found: dict[str, tuple[float, int]] = {}
+    struts: dict[str, tuple[float, int]] = {}
     for name, member in model.members.items():
         count = len(model.mesh.lines[name]) - 1
         if not member.geometric_stiffness or 6 * count > DENSE_LIMIT or (parts := _parts(model, name)) == 1:
             continue
-        borne, right = (_lowest_load(*_divide(model, name, each)) for each in (1, parts))
-        if borne > (1.0 + _EXCESS_LIMIT) * right:
-            found[name] = borne / right - 1.0, parts * count
-    return found
+        coarse, fine = (_lowest_load(*_divide(model, name, n)) for n in (1, parts))
+        if coarse > (1.0 + _EXCESS_LIMIT) * fine:
+            struts[name] = coarse / fine - 1.0, parts * count
+    return struts
 
 
 _EXCESS_LIMIT = 0.05  # relative excess of the buckling load to report: two elements between supports stay below it
 
 
-def _lowest_load(alone: Beams, dofs: DofMap) -> float:
-    K, G = stiffness(alone, dofs), geometric(alone, np.full(len(alone), -1.0), dofs)
-    numbers = dofs.numbers[np.unique(alone.nodes)]
+def _lowest_load(member: Beams, dofs: DofMap) -> float:
+    K, G = stiffness(member, dofs), geometric(member, np.full(len(member), -1.0), dofs)
+    numbers = dofs.numbers[np.unique(member.nodes)]
     used = np.unique(numbers[numbers >= 0])
-    K, squeezed = K.part(used), -G.part(used).dense()
+    K, softening = K.part(used), -G.part(used).dense()
     free = np.linalg.qr(null_space(K))[0]
-    kept = np.setdiff1d(np.arange(len(used)), select_constraints(free) if free.shape[1] else [])
-    if not len(kept):
+    remaining = np.setdiff1d(np.arange(len(used)), select_constraints(free) if free.shape[1] else [])
+    if not len(remaining):
         return math.inf
-    ends = np.isin(used, dofs.numbers[[alone.nodes[0, 0], alone.nodes[-1, 1]], :3])
-    pressed = _hinge_free_ends(squeezed, free, ends)[np.ix_(kept, kept)]
-    root = np.linalg.cholesky(K.part(kept).dense())
-    scaled = np.linalg.solve(root, np.linalg.solve(root, pressed).T)
+    ends = np.isin(used, dofs.numbers[[member.nodes[0, 0], member.nodes[-1, 1]], :3])
+    hinged = _hinge_free_ends(softening, free, ends)[np.ix_(remaining, remaining)]
+    root = np.linalg.cholesky(K.part(remaining).dense())
+    scaled = np.linalg.solve(root, np.linalg.solve(root, hinged).T)
     largest = float(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)).max())
     return 1.0 / largest if largest > 1e-12 * float(np.abs(scaled).max(initial=1.0)) else math.inf
 
@@ -81,10 +81,10 @@ _MANY = 100  # number of elements of a member up to which they are divided: thei
 
 def _parts(model: Model, member: str) -> int:
     line, points = model.mesh.lines[member], model.mesh.points
-    held = {node for point in model.supports for node in points[point].tolist()}
-    inner = [i for i in range(1, len(line) - 1) if int(line[i]) in held]
-    wanted = math.ceil(_SUFFICIENT_ELEMENTS / int(np.diff([0, *inner, len(line) - 1]).min()))
-    return min(wanted, max(2, _MANY // len(line)))
+    supported = {node for point in model.supports for node in points[point].tolist()}
+    inner = [i for i in range(1, len(line) - 1) if int(line[i]) in supported]
+    count = math.ceil(_SUFFICIENT_ELEMENTS / int(np.diff([0, *inner, len(line) - 1]).min()))
+    return min(count, max(2, _MANY // len(line)))
 
 
 def _divide(model: Model, member: str, parts: int) -> tuple[Beams, DofMap]:
@@ -95,15 +95,15 @@ def _divide(model: Model, member: str, parts: int) -> tuple[Beams, DofMap]:
     return beams(mesh, model.members), dof_map(mesh, model.supports.items())
 
 
-def _hinge_free_ends(pressed: FloatArray, free: FloatArray, ends: NDArray[np.bool_]) -> FloatArray:
+def _hinge_free_ends(matrix: FloatArray, free: FloatArray, ends: NDArray[np.bool_]) -> FloatArray:
     """Return a geometric stiffness in which free motions are added such that the ends stay in place.
 
     A free motion has no strain energy, so it can be chosen to minimize the motion of the ends. Twist does not move the
     ends; the pseudo-inverse omits it.
     """
-    seen = free * ends[:, None]
-    still = np.eye(len(free)) - free @ np.linalg.pinv(free.T @ seen, rcond=_MOTION_TOLERANCE, hermitian=True) @ seen.T
-    return still.T @ pressed @ still
+    tips = free * ends[:, None]
+    P = np.eye(len(free)) - free @ np.linalg.pinv(free.T @ tips, rcond=_MOTION_TOLERANCE, hermitian=True) @ tips.T
+    return P.T @ matrix @ P
 
 
 _MOTION_TOLERANCE = 1e-14  # relative square of the ends' motion that counts as zero
@@ -142,45 +142,45 @@ class Bars:
 
     def tension(self, moved: FloatArray) -> FloatArray:
         """Return the axial force, N, tension positive, shape (m, e), of displacements of all unknowns, shape (m, n)."""
-        found = np.zeros((len(moved), len(self.elements)))
-        for at, force in self._ends:
-            found += moved[:, at] * force
-        return found
+        tension = np.zeros((len(moved), len(self.elements)))
+        for numbers, force in self._ends:
+            tension += moved[:, numbers] * force
+        return tension
 
     def rows(self) -> FloatArray:
         """Return the tension by all unknowns, shape (e, n)."""
         rows = np.zeros((len(self.elements), self.structure.dofs.size))
-        for at, force in self._ends:
-            rows[np.arange(len(self.elements)), at] += force
+        for numbers, force in self._ends:
+            rows[np.arange(len(self.elements)), numbers] += force
         return rows
 
     @cached_property
     def _ends(self) -> list[tuple[IntArray, FloatArray]]:
         """Unknowns with an effect on the tension, shape (e,), and the tension per unit of each, shape (e,)."""
         beams, dofs = self.structure.beams.part(self.elements), self.structure.dofs
-        pulled = np.zeros((len(beams), 2, 6))
-        pulled[..., :3] = self.stiffness[:, None, None] * np.stack([-beams.triads[:, 0], beams.triads[:, 0]], axis=1)
-        found: list[tuple[IntArray, FloatArray]] = []
-        for nodes, forces in dofs.lead(beams.nodes, pulled):
+        weights = np.zeros((len(beams), 2, 6))
+        weights[..., :3] = self.stiffness[:, None, None] * np.stack([-beams.triads[:, 0], beams.triads[:, 0]], axis=1)
+        terms: list[tuple[IntArray, FloatArray]] = []
+        for nodes, forces in dofs.lead(beams.nodes, weights):
             numbers = dofs.numbers[nodes]
-            acting = np.where(numbers >= 0, forces, 0.0)
-            found += [(numbers[:, i, j], acting[:, i, j]) for i, j in np.argwhere(acting.any(axis=0)).tolist()]
-        return found
+            active = np.where(numbers >= 0, forces, 0.0)
+            terms += [(numbers[:, i, j], active[:, i, j]) for i, j in np.argwhere(active.any(axis=0)).tolist()]
+        return terms
 
 
 def linear_compression(bars: Bars) -> Observable:
     """Return the largest compression of some elements, N, from the motion of their ends along them."""
     thermal = bars.structure.beams.thermal[bars.elements]
     if bars.structure.dofs.size > DENSE_LIMIT:
-        return lambda seen: (thermal - bars.tension(seen.displacement)).max(axis=1)
+        return lambda obs: (thermal - bars.tension(obs.displacement)).max(axis=1)
     rows = bars.rows()
-    return lambda seen: (thermal - seen.moved.extract(rows)).max(axis=1)
+    return lambda obs: (thermal - obs.moved.extract(rows)).max(axis=1)
 
 
 def arch_laws(arch: Arch) -> list[ForceLaw]:
     """Return the laws of some shallow arches beyond their straight bars and beams, element by element."""
-    pulled = np.einsum("eij,ej->ei", arch.shortening, arch.bow)
-    parts = zip(arch.axial, arch.shortening, arch.bow, pulled, strict=True)
+    pulls = np.einsum("eij,ej->ei", arch.shortening, arch.bow)
+    parts = zip(arch.axial, arch.shortening, arch.bow, pulls, strict=True)
     return [ForceLaw(ARCH, (float(axial), *g.ravel().tolist(), *bow.tolist(), *pull.tolist()))
             for axial, g, bow, pull in parts]  # fmt: skip
 
@@ -190,7 +190,7 @@ def geometric_stiffness_forces(structure: Structure) -> Coupling:
     forces: list[LocalForce] = []
     channels: list[Channel] = []
     model = structure.model
-    first = 0
+    start = 0
     for name in compressed_members(model):
         elements = elements_of(structure, name)
         where = f"members.{name}"
@@ -200,16 +200,16 @@ def geometric_stiffness_forces(structure: Structure) -> Coupling:
             pairs = zip([D @ _local_rows(structure, e) for D, e in shapes], arch_laws(arch), strict=True)
             expansion = structure.beams.thermal[elements] / arch.axial  # a free elongation causes no force
             forces += [
-                replace(opposed_force(f"{where}.bending", part, law), offset=(constant(-free), *_NO_OFFSET))
-                for (part, law), free in zip(pairs, expansion.tolist(), strict=True)
+                replace(opposed_force(f"{where}.bending", rows, law), offset=(constant(-free), *_NO_OFFSET))
+                for (rows, law), free in zip(pairs, expansion.tolist(), strict=True)
             ]
-            pressed = _compression(arch, slice(first, first + SCALARS * len(elements)))
-            first += SCALARS * len(elements)
+            compression = _compression(arch, slice(start, start + SCALARS * len(elements)))
+            start += SCALARS * len(elements)
         else:
-            pressed = linear_compression(Bars(structure, elements))
-        channels.append(Channel(f"{where}.compression", "N", pressed))
-        if 6 * len(elements) <= DENSE_LIMIT and math.isfinite(bearable := buckling_load(structure, name)):
-            channels.append(Channel(f"{where}.buckling_use", "1", _quotient(pressed, bearable)))
+            compression = linear_compression(Bars(structure, elements))
+        channels.append(Channel(f"{where}.compression", "N", compression))
+        if 6 * len(elements) <= DENSE_LIMIT and math.isfinite(limit := buckling_load(structure, name)):
+            channels.append(Channel(f"{where}.buckling_use", "1", _quotient(compression, limit)))
     return Coupling((), tuple(forces), tuple(channels))
 
 
@@ -217,15 +217,15 @@ _NO_OFFSET = (constant(0.0),) * (SCALARS - 1)
 
 
 def _quotient(value: Observable, divisor: float) -> Observable:
-    return lambda seen: value(seen) / divisor
+    return lambda obs: value(obs) / divisor
 
 
-def _compression(arch: Arch, part: slice) -> Observable:
-    stretches = slice(part.start, part.stop, SCALARS)
+def _compression(arch: Arch, scalars: slice) -> Observable:
+    stretches = slice(scalars.start, scalars.stop, SCALARS)
 
-    def largest(seen: Observation) -> FloatArray:
+    def largest(obs: Observation) -> FloatArray:
         # The force on the elongation is the axial force beyond that of the linear bar.
-        return -(arch.axial * seen.penetrations[:, stretches] + seen.forces[:, stretches]).min(axis=-1)
+        return -(arch.axial * obs.penetrations[:, stretches] + obs.forces[:, stretches]).min(axis=-1)
 
     return largest
 
@@ -284,8 +284,8 @@ class StrengthSink:
         for node, axis in shaft_axes(structure.model).items():
             axes[node] = axis
         #: rotation of each element about its axis per cam angle: 1 or -1 of a camshaft, otherwise 0
-        along = (structure.beams.triads[:, 0] * axes[structure.beams.nodes[:, 0]]).sum(axis=1)
-        self._turns: FloatArray = np.where(np.abs(along) > PARALLEL, np.sign(along), 0.0)
+        cosine = (structure.beams.triads[:, 0] * axes[structure.beams.nodes[:, 0]]).sum(axis=1)
+        self._turns: FloatArray = np.where(np.abs(cosine) > PARALLEL, np.sign(cosine), 0.0)
 
     def write(self, block: Block) -> None:
         """Update with a block."""
@@ -314,8 +314,8 @@ class StrengthSink:
         largest = np.column_stack([stress[:, :0, 0], *(stress[:, part].max(axis=(1, 2)) for part in ranges)])
         recent = zip(self._recent, (block.field_angle, largest), strict=True)
         angle, values = (np.concatenate(pair) for pair in recent)
-        kept = angle >= angle[-1] - 4.0 * np.pi - _SAME_ANGLE
-        self._recent = angle[kept], values[kept]
+        mask = angle >= angle[-1] - 4.0 * np.pi - _SAME_ANGLE
+        self._recent = angle[mask], values[mask]
 
     def close(self, status: Status, stats: Stats) -> None:
         """Do nothing."""
@@ -334,10 +334,10 @@ class StrengthSink:
         angle, stress = self._recent
         passed = angle - angle[-1:] + 2.0 * np.pi
         last = passed > _SAME_ANGLE
-        before = (passed > _SAME_ANGLE - 2.0 * np.pi) & ~last
-        if last.sum() != before.sum() or (np.abs(passed[last] - passed[before] - 2.0 * np.pi) > _SAME_ANGLE).any():
+        prior = (passed > _SAME_ANGLE - 2.0 * np.pi) & ~last
+        if last.sum() != prior.sum() or (np.abs(passed[last] - passed[prior] - 2.0 * np.pi) > _SAME_ANGLE).any():
             return None
-        pairs = np.array([stress[before].max(axis=0, initial=0.0), stress[last].max(axis=0, initial=0.0)])
+        pairs = np.array([stress[prior].max(axis=0, initial=0.0), stress[last].max(axis=0, initial=0.0)])
         larger = pairs.max(axis=0)
         counts = larger > 0.1 * larger.max(initial=0.0)
         if not counts.any():
@@ -351,12 +351,12 @@ class StrengthSink:
             return {}
         (normal, swing), (shear, twist) = _halves(*self._normal), _halves(*self._shear)
         mean, alternating = _equivalent(normal, shear), _equivalent(swing, twist)
-        pulled = _equivalent(np.maximum(normal, 0.0), shear)
+        tensile = _equivalent(np.maximum(normal, 0.0), shear)
         ranges = self._structure.model.mesh.element_ranges()
-        return {name: self._member(name, part, mean, alternating, pulled) for name, part in ranges.items()}
+        return {name: self._member(name, part, mean, alternating, tensile) for name, part in ranges.items()}
 
     def _member(
-        self, name: str, part: slice, mean: FloatArray, alternating: FloatArray, pulled: FloatArray
+        self, name: str, part: slice, mean: FloatArray, alternating: FloatArray, tensile: FloatArray
     ) -> MemberStrength:
         model: Model = self._structure.model
         material = model.members[name].material
@@ -364,15 +364,15 @@ class StrengthSink:
         rated = bool(material.ultimate_strength and material.endurance_limit)
         use = np.zeros_like(m)
         if material.ultimate_strength and material.endurance_limit:
-            use = a / material.endurance_limit + pulled[part] / material.ultimate_strength
-        worst = float(use.max())
-        ranked = use if worst > 0.0 else a + np.abs(m)
+            use = a / material.endurance_limit + tensile[part] / material.ultimate_strength
+        maximum = float(use.max())
+        ranked = use if maximum > 0.0 else a + np.abs(m)
         element, end, fibre = np.unravel_index(int(np.argmax(ranked)), ranked.shape)
         return MemberStrength(
             von_mises=float(self._von_mises[part].max()),
             mean=float(m[element, end, fibre]),
             alternating=float(a[element, end, fibre]),
-            safety=1.0 / worst if worst > 0.0 else None,
+            safety=1.0 / maximum if maximum > 0.0 else None,
             place=model.mesh.node_name(int(model.mesh.lines[name][element + end])),
             rated=rated,
         )
@@ -383,19 +383,19 @@ _SAME_ANGLE = 1e-5  # difference of cam angles that is rounding, rad
 
 def _rotate_moments(forces: FloatArray, angle: FloatArray) -> FloatArray:
     """Return section forces whose bending moments are about axes rotated by an angle, rad."""
-    found, (y, z) = forces.copy(), (forces[..., 4], forces[..., 5])
-    found[..., 4] = y * np.cos(angle) + z * np.sin(angle)
-    found[..., 5] = z * np.cos(angle) - y * np.sin(angle)
-    return found
+    rotated, (y, z) = forces.copy(), (forces[..., 4], forces[..., 5])
+    rotated[..., 4] = y * np.cos(angle) + z * np.sin(angle)
+    rotated[..., 5] = z * np.cos(angle) - y * np.sin(angle)
+    return rotated
 
 
 def _extend_range(bounds: tuple[FloatArray, FloatArray] | None, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    least, largest = values.min(axis=0), values.max(axis=0)
-    return (least, largest) if bounds is None else (np.minimum(bounds[0], least), np.maximum(bounds[1], largest))
+    minimum, maximum = values.min(axis=0), values.max(axis=0)
+    return (minimum, maximum) if bounds is None else (np.minimum(bounds[0], minimum), np.maximum(bounds[1], maximum))
 
 
-def _halves(least: FloatArray, largest: FloatArray) -> tuple[FloatArray, FloatArray]:
-    return 0.5 * (largest + least), 0.5 * (largest - least)
+def _halves(minimum: FloatArray, maximum: FloatArray) -> tuple[FloatArray, FloatArray]:
+    return 0.5 * (maximum + minimum), 0.5 * (maximum - minimum)
 
 
 def _equivalent(normal: FloatArray, shear: FloatArray) -> FloatArray:

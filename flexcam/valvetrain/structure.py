@@ -43,15 +43,15 @@ class Structure:
         """Return the row that extracts the motion of a named point, shape (n,)."""
         rocker = self.model.rocker_points.get(point)
         if rocker is not None:
-            along = float(direction @ rocker.direction) if direction.any() else 1.0
-            if abs(along) < _ACROSS:
-                given, own = _format_direction(direction), _format_direction(rocker.direction)
-                why = f"{point!r} moves only along {own}, because a rocker defines it"
+            factor = float(direction @ rocker.direction) if direction.any() else 1.0
+            if abs(factor) < _ACROSS:
+                given, axis = _format_direction(direction), _format_direction(rocker.direction)
+                why = f"{point!r} moves only along {axis}, because a rocker defines it"
                 key = f"{where.rpartition('.')[0]}.direction" if "." in where else where
-                raise refuse(key, f"a direction along {given}", f"a direction along {own}", why)
+                raise refuse(key, f"a direction along {given}", f"a direction along {axis}", why)
             if point in self.model.loose_points:
-                return along * self.dofs.unit(point)
-            return along * self.reach(rocker)
+                return factor * self.dofs.unit(point)
+            return factor * self.reach(rocker)
         return self.dofs.vector(find_node(self.model, point, where), direction)
 
     def is_node(self, point: str) -> bool:
@@ -73,7 +73,7 @@ class Structure:
 
     def name_of(self, rocker: Rocker) -> str:
         """Return the name of a rocker of the model."""
-        return next(name for name, one in self.model.rockers.items() if one is rocker)
+        return next(name for name, candidate in self.model.rockers.items() if candidate is rocker)
 
 
 def _format_direction(direction: FloatArray) -> str:
@@ -94,8 +94,8 @@ def lever_ends(structure: Structure, lever: Lever) -> dict[int, tuple[FloatArray
 def find_node(model: Model, point: str, where: str) -> int:
     """Return the node of a named point."""
     if point not in model.mesh.points:
-        known = [*model.mesh.points, *(r.point for r in model.rockers.values())]
-        raise refuse(where, repr(point), f"a point: {', '.join(known)}", remedy=suggest_name(point, known))
+        names = [*model.mesh.points, *(r.point for r in model.rockers.values())]
+        raise refuse(where, repr(point), f"a point: {', '.join(names)}", remedy=suggest_name(point, names))
     return model.mesh.node(point, where)
 
 
@@ -128,7 +128,7 @@ def spring_row(structure: Structure, name: str, spring: Spring) -> FloatArray:
 def spring_parts(structure: Structure, name: str, spring: Spring) -> list[tuple[FloatArray, FloatArray]]:
     """Return the rows of the ends of each part of a spring, from its fixed to its moving end."""
     moving, other = spring_ends(structure, name, spring)
-    inner = [structure.dofs.unit(one) for one in structure.model.inner_unknowns[f"springs.{name}"]]
+    inner = [structure.dofs.unit(unknown) for unknown in structure.model.inner_unknowns[f"springs.{name}"]]
     return list(pairwise([other, *inner, moving]))
 
 
@@ -153,7 +153,7 @@ def build_structure(model: Model) -> Structure:
     inner = [name for names in model.inner_unknowns.values() for name in names]
     bare = build_structure_in(model, dofs.extend([*model.further_unknowns, *inner]))
     return replace(
-        bare, free=strain_free_motions(bare, (one for one in elastic_stretches(bare) if one.stiffness > 0.0))
+        bare, free=strain_free_motions(bare, (part for part in elastic_stretches(bare) if part.stiffness > 0.0))
     )
 
 
@@ -162,22 +162,22 @@ def strain_free_motions(structure: Structure, stretches: Iterable[Stretch]) -> F
     model = structure.model
     bodies = (model.inner_unknowns[f"superelements.{name}"] for name in model.superelements)
     modes = [structure.dofs.unit(name) for names in bodies for name in names]
-    return free_motions(model.mesh, structure.dofs, [*(one.row for one in stretches), *modes])
+    return free_motions(model.mesh, structure.dofs, [*(stretch.row for stretch in stretches), *modes])
 
 
 def build_structure_in(model: Model, dofs: DofMap) -> Structure:
     """Assemble the passive part of a model with given unknowns."""
-    beams, nothing = fem_beams(model.mesh, model.members), Triplets.zeros(dofs.size)
-    bare = Structure(model, beams, dofs, nothing, nothing, nothing, np.zeros((dofs.size, 0)))
-    mass, stiffness, dampers = [fem_mass(beams, dofs), *_masses(bare)], [fem_stiffness(beams, dofs)], [nothing]
-    for one in elastic_stretches(bare):
-        stiffness.append(scalar_matrix(one.row, one.stiffness))
-        dampers.append(scalar_matrix(one.row, one.damping))
+    beams, zero = fem_beams(model.mesh, model.members), Triplets.zeros(dofs.size)
+    bare = Structure(model, beams, dofs, zero, zero, zero, np.zeros((dofs.size, 0)))
+    mass, stiffness, dampers = [fem_mass(beams, dofs), *_masses(bare)], [fem_stiffness(beams, dofs)], [zero]
+    for stretch in elastic_stretches(bare):
+        stiffness.append(scalar_matrix(stretch.row, stretch.stiffness))
+        dampers.append(scalar_matrix(stretch.row, stretch.damping))
     for name, body in model.superelements.items():
         numbers = superelement_dofs(bare, name)
         parts = (mass, body.mass), (stiffness, body.stiffness), (dampers, body.damping)
-        for matrices, own in parts:
-            matrices.append(place_matrix(own, numbers, dofs.size))
+        for matrices, matrix in parts:
+            matrices.append(place_matrix(matrix, numbers, dofs.size))
     mass, stiffness, dampers = (Triplets.sum(parts) for parts in (mass, stiffness, dampers))
     return replace(bare, mass=mass, stiffness=stiffness, dampers=dampers)
 
@@ -196,7 +196,7 @@ def _masses(bare: Structure) -> Iterator[Triplets]:
         elif any((*part.body.inertia, *part.body.products, *part.body.offset)):
             given, why = "inertia or offset at a rocker's point", "a lumped rocker moves its point along one line"
             raise refuse(f"masses.{name}", given, "a mass alone", why, "leave them out")
-    yield from (scalar_matrix(one.row, one.mass) for parts in scalar_inertias(bare).values() for one in parts)
+    yield from (scalar_matrix(scalar.row, scalar.mass) for parts in scalar_inertias(bare).values() for scalar in parts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,26 +210,26 @@ class ScalarInertia:
 
 def scalar_inertias(structure: Structure) -> dict[str, list[ScalarInertia]]:
     """Return the masses on scalar motions by part, such as ``rocker intake``."""
-    model, still = structure.model, np.zeros(3)
-    found: dict[str, list[ScalarInertia]] = {}
+    model, zero = structure.model, np.zeros(3)
+    inertias: dict[str, list[ScalarInertia]] = {}
     for name, part in model.masses.items():
         if not structure.is_node(part.at):
-            along = model.rocker_points[part.at].direction[:3]
-            found[f"mass {name}"] = [ScalarInertia(structure.row(part.at, np.zeros(6)), part.body.mass, along)]
+            direction = model.rocker_points[part.at].direction[:3]
+            inertias[f"mass {name}"] = [ScalarInertia(structure.row(part.at, np.zeros(6)), part.body.mass, direction)]
     for name, rocker in model.rockers.items():
-        found[f"rocker {name}"] = [ScalarInertia(structure.path(rocker), rocker.inertia / rocker.arms[0] ** 2, still)]
+        inertias[f"rocker {name}"] = [ScalarInertia(structure.path(rocker), rocker.inertia / rocker.arms[0] ** 2, zero)]
     for name, spring in model.springs.items():
         if spring.mass > 0.0:
             parts = zip(spring.parts, spring_parts(structure, name, spring), strict=True)
-            found[f"spring {name}"] = [
-                one
+            inertias[f"spring {name}"] = [
+                inertia
                 for part, (low, high) in parts  # consistent: m/6 [2 1; 1 2]
-                for one in (
+                for inertia in (
                     ScalarInertia(0.5 * (low + high), part.mass, spring.direction[:3]),
-                    ScalarInertia(high - low, part.mass / 12.0, still),
+                    ScalarInertia(high - low, part.mass / 12.0, zero),
                 )
             ]
-    return found
+    return inertias
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,9 +246,9 @@ class Stretch:
 def elastic_stretches(structure: Structure) -> Iterator[Stretch]:
     """Yield the lever ends, as installed, and the parts of springs."""
     for lever in structure.model.levers.values():
-        for end, (path, moved) in lever_ends(structure, lever).items():
-            bent = float(lever.reach(np.zeros(1), end)[1][0]) * path - moved
-            yield Stretch(bent, lever.stiffness[end], lever.damping[end], rigid=True)
+        for end, (path, motion) in lever_ends(structure, lever).items():
+            row = float(lever.reach(np.zeros(1), end)[1][0]) * path - motion
+            yield Stretch(row, lever.stiffness[end], lever.damping[end], rigid=True)
     yield from spring_stretches(structure)
 
 
@@ -261,23 +261,23 @@ def spring_stretches(structure: Structure) -> Iterator[Stretch]:
 
 def _single(model: Model) -> list[tuple[int, FloatArray]]:
     """Return motions of nodes without members: where a mass has inertia, along springs, and of superelements."""
-    known, used = model.mesh.points, model.mesh.on_members()
-    moved = [(part.at, np.diag(part.body.matrix())) for part in model.masses.values()]
+    points, used = model.mesh.points, model.mesh.on_members()
+    motions = [(part.at, np.diag(part.body.matrix())) for part in model.masses.values()]
     for spring in model.springs.values():
-        moved += [(end, spring.direction) for end in (spring.at, spring.to) if end is not None]
-    nodes = [(int(node), size) for point, size in moved if point in known for node in known[point]]
+        motions += [(end, spring.direction) for end in (spring.at, spring.to) if end is not None]
+    nodes = [(int(node), size) for point, size in motions if point in points for node in points[point]]
     nodes += [(node, np.ones(6)) for body in model.mesh.bodies.values() for node in body.tolist()]
     return [(node, size) for node, size in nodes if not used[node]]
 
 
 def coupled_groups(structure: Structure, rows: Iterable[FloatArray] = ()) -> list[IntArray]:
     """Return the unknowns of each part that is coupled by mass, stiffness or rows."""
-    both = structure.mass + structure.stiffness
-    coupled = both.values != 0.0
-    pairs = [(both.rows[coupled], both.cols[coupled])]
-    pairs += [(np.full(len(at), at[0]), at) for at in map(np.flatnonzero, rows) if len(at)]
+    matrix = structure.mass + structure.stiffness
+    coupled = matrix.values != 0.0
+    pairs = [(matrix.rows[coupled], matrix.cols[coupled])]
+    pairs += [(np.full(len(dofs), dofs[0]), dofs) for dofs in map(np.flatnonzero, rows) if len(dofs)]
     first, second = (np.concatenate(part) for part in zip(*pairs, strict=True))
-    return component_members(connected_components(both.size, first, second))
+    return component_members(connected_components(matrix.size, first, second))
 
 
 def member_masses(model: Model) -> dict[str, float]:

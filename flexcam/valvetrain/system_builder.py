@@ -45,8 +45,8 @@ def build_system(model: Model, speed: float) -> System:
     """Return the system of the flexible mechanism."""
     structure = build_structure(model)
     contacts = couple_contacts(structure, lambda name: couple_contact(structure, name, model.contacts[name], speed))
-    damping, joined = _at_any_speed(structure)
-    couplings = [*contacts, *joined, Coupling(given_loads(structure), (), ()), couple_films(structure, speed)]
+    damping, joints = _at_any_speed(structure)
+    couplings = [*contacts, *joints, Coupling(given_loads(structure), (), ()), couple_films(structure, speed)]
     parts = split_observation(couplings)
     drives = [
         Channel(f"supports.{name}.torque", "N m", _build_lazily(partial(_torque, structure, i, contacts, parts, speed)))
@@ -67,9 +67,9 @@ def assemble_system(
     structure: Structure, damping: Triplets, couplings: Sequence[Coupling], further: Iterable[Channel] = ()
 ) -> System:
     """Return the system of a structure with some couplings; the further channels observe the whole system."""
-    shown = zip(couplings, split_observation(couplings), strict=True)
-    own = [
-        replace(one, value=_offset_positions(one.value, part)) for coupling, part in shown for one in coupling.channels
+    pairs = zip(couplings, split_observation(couplings), strict=True)
+    channels = [
+        replace(channel, value=_offset_positions(channel.value, part)) for c, part in pairs for channel in c.channels
     ]
     return System(
         mass=structure.mass,
@@ -79,7 +79,7 @@ def assemble_system(
         loads=tuple(load for c in couplings for load in c.loads),
         local_forces=tuple(force for c in couplings for force in c.forces),
         probes=_probes(structure),
-        channels=(*own, *further),
+        channels=(*channels, *further),
         free=structure.free,
     )
 
@@ -98,7 +98,7 @@ def _at_any_speed(structure: Structure) -> tuple[Triplets, tuple[Coupling, ...]]
 def _build_lazily(build: Callable[[], Observable]) -> Observable:
     """Return an observable that is built at its first use: that of a shaft drive takes a second structure."""
     built = cache(build)
-    return lambda seen: built()(seen)
+    return lambda obs: built()(obs)
 
 
 def _joints(structure: Structure) -> tuple[Coupling, ...]:
@@ -116,8 +116,8 @@ def _joints(structure: Structure) -> tuple[Coupling, ...]:
 def _reactions(end: ShaftDrive) -> list[Observable]:
     """Return the reactions of couplings other than contacts at a prescribed rotation, in coupling order."""
     freed = end.freed
-    given = Coupling(given_loads(freed), (), ())
-    return [reaction_torque(end, one.loads, one.forces) for one in (*_joints(freed), given)]
+    loads = Coupling(given_loads(freed), (), ())
+    return [reaction_torque(end, coupling.loads, coupling.forces) for coupling in (*_joints(freed), loads)]
 
 
 def _torque(
@@ -125,23 +125,23 @@ def _torque(
 ) -> Observable:
     """Return the torque of a shaft drive."""
     model, end = structure.model, find_shaft_drives(structure)[i]
-    each = [inertia_torque(end), *map(_offset_positions, _reactions(end), parts[len(contacts) :])]
+    torques = [inertia_torque(end), *map(_offset_positions, _reactions(end), parts[len(contacts) :])]
     for part, (name, contact), coupling in zip(parts, model.contacts.items(), contacts, strict=False):
         if isinstance(contact, PublishedLoad):  # its stiffness is that of the supported structure
             if contact.cam_torque and model.mesh.node(model.cams[contact.cam].at) == end.node:
-                each.append(_offset_positions(coupling.channels[1].value, part))
+                torques.append(_offset_positions(coupling.channels[1].value, part))
         else:
-            again = couple_contact(end.freed, name, contact, speed)
-            each.append(_offset_positions(reaction_torque(end, again.loads, again.forces), part))
-    return observable_sum(*each)
+            freed = couple_contact(end.freed, name, contact, speed)
+            torques.append(_offset_positions(reaction_torque(end, freed.loads, freed.forces), part))
+    return observable_sum(*torques)
 
 
 def couple_contact(structure: Structure, name: str, contact: Contact, speed: float) -> Coupling:
     """Return the coupling of a contact."""
     match contact:
         case PublishedLoad():
-            found = couple_published_load(structure, name, contact, speed)
-            return shift_coupling(found, structure.model.cams[contact.cam].phaser)
+            coupling = couple_published_load(structure, name, contact, speed)
+            return shift_coupling(coupling, structure.model.cams[contact.cam].phaser)
         case CamContact():
             return shift_coupling(couple_cam(structure, name, contact), structure.model.cams[contact.cam].phaser)
         case Seat():
@@ -153,55 +153,55 @@ def couple_contact(structure: Structure, name: str, contact: Contact, speed: flo
 
 
 def _damping(structure: Structure) -> Triplets:
-    given = structure.model.damping
-    matrix = rayleigh_damping(structure.mass, structure.stiffness, given.alpha, given.beta)
-    if given.modal == 0.0:
+    terms = structure.model.damping
+    matrix = rayleigh_damping(structure.mass, structure.stiffness, terms.alpha, terms.beta)
+    if terms.modal == 0.0:
         return matrix
     if structure.dofs.size > _MODAL_LIMIT:
         why = "every mode of the model takes part, and the matrix is full"
         given, remedy = f"modal damping of {structure.dofs.size} unknowns", "use damping = { alpha = ..., beta = ... }"
         raise refuse("run.damping.modal", given, f"up to {_MODAL_LIMIT} unknowns", why, remedy)
-    return Triplets.sum([matrix, *(_modal_damping(structure, one, given.modal) for one in coupled_groups(structure))])
+    return Triplets.sum([matrix, *(_modal_damping(structure, dofs, terms.modal) for dofs in coupled_groups(structure))])
 
 
-def _modal_damping(structure: Structure, part: IntArray, ratio: float) -> Triplets:
+def _modal_damping(structure: Structure, dofs: IntArray, ratio: float) -> Triplets:
     """Return the modal damping of one uncoupled part, so that rounding does not couple parts."""
-    size, chosen = structure.dofs.size, DofSubset(part, np.zeros(structure.dofs.size))
-    mass = structure.mass.part(part)
+    size, subset = structure.dofs.size, DofSubset(dofs, np.zeros(structure.dofs.size))
+    mass = structure.mass.part(dofs)
     if not mass.values.any():
         return Triplets.zeros(size)
-    modes = dynamics.modes(mass, structure.stiffness.part(part), free=chosen.free(structure.free))
-    own = modal_damping(mass, modes.shapes, modes.omegas, ratio)
-    return Triplets(size, part[own.rows], part[own.cols], own.values)
+    modes = dynamics.modes(mass, structure.stiffness.part(dofs), free=subset.free(structure.free))
+    matrix = modal_damping(mass, modes.shapes, modes.omegas, ratio)
+    return Triplets(size, dofs[matrix.rows], dofs[matrix.cols], matrix.values)
 
 
 def split_observation(couplings: Iterable[Coupling]) -> list[_Part]:
     """Return views of the observation for each coupling."""
-    found: list[_Part] = []
+    views: list[_Part] = []
     loads = scalars = states = 0
     for coupling in couplings:
         sizes = [(len(f.sense), f.states) for f in coupling.forces]
         ends = loads + len(coupling.loads), scalars + sum(c for c, _ in sizes), states + sum(s for _, s in sizes)
-        found.append(_Part(slice(loads, ends[0]), slice(scalars, ends[1]), slice(states, ends[2])))
+        views.append(_Part(slice(loads, ends[0]), slice(scalars, ends[1]), slice(states, ends[2])))
         loads, scalars, states = ends
-    return found
+    return views
 
 
 class _Part:
     """View of the observation for one coupling, cached for its channels."""
 
     def __init__(self, loads: slice, scalars: slice, states: slice) -> None:
-        self._own = loads, scalars, states
+        self._slices = loads, scalars, states
         self._last: tuple[Observation, Observation] | None = None
 
-    def __call__(self, seen: Observation) -> Observation:
-        if self._last is None or self._last[0] is not seen:
-            self._last = seen, seen.part(*self._own)
+    def __call__(self, obs: Observation) -> Observation:
+        if self._last is None or self._last[0] is not obs:
+            self._last = obs, obs.part(*self._slices)
         return self._last[1]
 
 
 def _offset_positions(value: Observable, part: _Part) -> Observable:
-    return lambda seen: value(part(seen))
+    return lambda obs: value(part(obs))
 
 
 def _inner_probes(structure: Structure) -> list[Probe]:
@@ -211,8 +211,8 @@ def _inner_probes(structure: Structure) -> list[Probe]:
     """
     model = structure.model
     groups = {name: [name] for name in model.further_unknowns if name not in model.loose_points} | model.inner_unknowns
-    loose = [probe_of(structure, point) for point in model.loose_points if point not in model.probes]
-    return loose + [
+    probes = [probe_of(structure, point) for point in model.loose_points if point not in model.probes]
+    return probes + [
         Probe(part, tuple(name.removeprefix(f"{part}.") for name in names),
               np.array([structure.dofs.unit(name) for name in names]), (None,) * len(names))
         for part, names in groups.items() if names

@@ -56,7 +56,7 @@ class Seating:
 def valve_seating(model: Model, response: Response, name: str, instants: Bools) -> Seating | None:
     """Return the seating of a valve at the instants of a revolution; contacts during its opening are no bounces."""
     seat, angle = model.contacts[name], response.angle[instants]
-    gap, velocity = (response.channels[f"contacts.{name}.{one}"][instants] for one in ("gap", "velocity"))
+    gap, velocity = (response.channels[f"contacts.{name}.{quantity}"][instants] for quantity in ("gap", "velocity"))
     contact = driving_contact(model, seat.at) if isinstance(seat, Seat) else None
     if contact is None:
         return seating(gap, velocity, angle)
@@ -72,17 +72,17 @@ def seating(gap: FloatArray, velocity: FloatArray, angle: FloatArray, opening: B
     order, is_cut = np.roll(np.arange(len(gap)), -top), is_open and not _continues(gap)
     if is_cut:  # nothing is known after the end
         order = order[: len(gap) - top]
-    height, speed, at = gap[order], velocity[order], angle[order]
+    height, speed, angles = gap[order], velocity[order], angle[order]
     shut = np.flatnonzero(_touches(height, speed))
     if not len(shut) or gap[top] <= _REOPENING_LIFT:
         return None
     first, last = int(shut[0]), len(order) - 1 if is_cut else int(shut[-1])
     rises = np.zeros(len(gap), dtype=bool) if opening is None else opening
-    between = np.where(rises[order], 0.0, height)[first : last + 1]
+    heights = np.where(rises[order], 0.0, height)[first : last + 1]
     touch = min(_REOPENING_LIFT, _TOUCH_PART * float(gap[top]))
-    rising = np.diff(np.concatenate([[0], (between > touch).astype(int)])) > 0
-    largest = float(between.max()) if between.max() > _GAP_ROUNDING * gap[top] else 0.0
-    return Seating(_touch_velocity(height[:first], speed[:first]), int(rising.sum()), largest, float(at[first]))
+    rising = np.diff(np.concatenate([[0], (heights > touch).astype(int)])) > 0
+    largest = float(heights.max()) if heights.max() > _GAP_ROUNDING * gap[top] else 0.0
+    return Seating(_touch_velocity(height[:first], speed[:first]), int(rising.sum()), largest, float(angles[first]))
 
 
 def _touches(gap: FloatArray, velocity: FloatArray) -> Bools:
@@ -112,8 +112,8 @@ def _touch_velocity(gap: FloatArray, velocity: FloatArray) -> float:
     if len(gap) < 2 or not gap[-2] > gap[-1] or velocity[-2] > 0.0:
         return speed
     gain = (speed**2 - float(velocity[-2]) ** 2) / float(gap[-2] - gap[-1])
-    found = math.sqrt(max(speed**2 + gain * float(gap[-1]), 0.0))
-    return min(max(found, 0.5 * speed), 1.5 * speed)  # beyond that the last instants are no guide
+    value = math.sqrt(max(speed**2 + gain * float(gap[-1]), 0.0))
+    return min(max(value, 0.5 * speed), 1.5 * speed)  # beyond that the last instants are no guide
 
 
 def _is_short(angle: FloatArray) -> bool:
@@ -154,8 +154,8 @@ def train_metrics(model: Model, response: Response, period: float, names: Sequen
         if isinstance(contact, Seat) and f"contacts.{name}.gap" in response.channels:  # the rigid model has no seat
             figures += _seat(model, response, name, last)
             if names is None or f"contacts.{name}.{_LOFT}" in names:
-                above = valve_loft(model, response, name, contact, last)
-                figures += [] if above is None else [Metric(f"contacts.{name}.{_LOFT}", above, "m")]
+                loft = valve_loft(model, response, name, contact, last)
+                figures += [] if loft is None else [Metric(f"contacts.{name}.{_LOFT}", loft, "m")]
         if isinstance(contact, Lash) and f"contacts.{name}.gap" in response.channels:
             gap = float(response.channels[f"contacts.{name}.gap"][last].max())
             figures.append(Metric(f"contacts.{name}.{_GAP}", gap, "rad" if contact.turns else "m"))
@@ -194,24 +194,24 @@ def _extreme(model: Model, response: Response, name: str, unit: str, last: Bools
     if history is None or not np.isfinite(history[last]).any():
         return []
     history, angle = history[last], response.angle[last]
-    at, sign = int(history.argmax()), -1.0 if name.endswith("least") else 1.0
-    turning = float(np.mod(angle[at], 2.0 * math.pi)) if np.ptp(history) and not name.endswith(_NOSE_FORCE) else None
-    return [Metric(name, sign * float(history[at]), unit, turning)]
+    index, sign = int(history.argmax()), -1.0 if name.endswith("least") else 1.0
+    place = float(np.mod(angle[index], 2.0 * math.pi)) if np.ptp(history) and not name.endswith(_NOSE_FORCE) else None
+    return [Metric(name, sign * float(history[index]), unit, place)]
 
 
 def train_metric_names(model: Model, channels: Iterable[str]) -> list[str]:
     """Return the names of all metrics that `train_metrics` may return."""
-    known = list(channels)
-    seats = [name for name, one in model.contacts.items() if isinstance(one, Seat) and f"contacts.{name}.gap" in known]
-    pressed = [name for name, one in model.cam_contacts.items() if isinstance(one, CamContact)]
-    lashes = [name for name, one in model.contacts.items() if isinstance(one, Lash) and f"contacts.{name}.gap" in known]
+    available = list(channels)
+    seats = [name for name, c in model.contacts.items() if isinstance(c, Seat) and f"contacts.{name}.gap" in available]
+    contacts = [name for name, c in model.cam_contacts.items() if isinstance(c, CamContact)]
+    lashes = [name for name, c in model.contacts.items() if isinstance(c, Lash) and f"contacts.{name}.gap" in available]
     names = [f"contacts.{name}.{_OPEN}" for name in spring_held_contacts(model)]
-    names += [f"contacts.{name}.{_NOSE_FORCE}" for name in pressed]
-    names += [f"contacts.{name}.{one}" for name in seats for one in (*_SEATING, _LOFT)]
+    names += [f"contacts.{name}.{_NOSE_FORCE}" for name in contacts]
+    names += [f"contacts.{name}.{metric}" for name in seats for metric in (*_SEATING, _LOFT)]
     names += [f"contacts.{name}.{_GAP}" for name in lashes]
-    names += [f"{where}.{mean}" for where in _parts_with(known, "torque") for mean in _DRIVE]
-    names += [f"{where}.{_FRICTION_POWER}" for kind in ("friction", "power") for where in _parts_with(known, kind)]
-    return [*names, *filter(None, map(_metric_name, known))]
+    names += [f"{where}.{mean}" for where in _parts_with(available, "torque") for mean in _DRIVE]
+    names += [f"{where}.{_FRICTION_POWER}" for kind in ("friction", "power") for where in _parts_with(available, kind)]
+    return [*names, *filter(None, map(_metric_name, available))]
 
 
 def _parts_with(channels: Iterable[str], quantity: str) -> list[str]:
@@ -233,8 +233,8 @@ def _metric_name(channel: str) -> str:
 
 def _nose(model: Model, contact: str, angle: FloatArray) -> int | None:
     cam = model.cams[model.cam_contacts[contact].cam]
-    near = np.cos(cam.angle(angle) - event_extremes(cam.event)[1].at)
-    return int(np.argmax(near)) if float(near.max()) > math.cos(_NOSE_TOLERANCE) else None
+    cosine = np.cos(cam.angle(angle) - event_extremes(cam.event)[1].at)
+    return int(np.argmax(cosine)) if float(cosine.max()) > math.cos(_NOSE_TOLERANCE) else None
 
 
 _NOSE_TOLERANCE = math.radians(2.0)  # cam angle within which an instant counts as that of maximum lift
@@ -253,11 +253,11 @@ _SIGNED = (".compression", ".leak_down")
 
 
 def _seat(model: Model, response: Response, name: str, last: Bools) -> list[Metric]:
-    came = valve_seating(model, response, name, last)
-    if came is None:
+    result = valve_seating(model, response, name, last)
+    if result is None:
         return []
-    told = (came.velocity, "m/s"), (float(came.bounces), "1"), (came.height, "m")
-    return [Metric(f"contacts.{name}.{suffix}", *one) for suffix, one in zip(_SEATING, told, strict=True)]
+    values = (result.velocity, "m/s"), (float(result.bounces), "1"), (result.height, "m")
+    return [Metric(f"contacts.{name}.{suffix}", *value) for suffix, value in zip(_SEATING, values, strict=True)]
 
 
 _LOFT, _NOSE_FORCE, _FRICTION_POWER = "valve_loft", "nose_force.least", "friction_power.mean"
@@ -277,14 +277,14 @@ def valve_loft(model: Model, response: Response, name: str, seat: Seat, instants
         motion, expansion = rigid_motion(model), _thermal_lift(model, contact, seat)
     except (InputError, RunFailedError):  # no rigid train or no equilibrium exists
         return None
-    over = _flanks(model.cams[model.cam_contacts[contact].cam], angle)["nose"]
-    if not over.any():
+    nose = _flanks(model.cams[model.cam_contacts[contact].cam], angle)["nose"]
+    if not nose.any():
         return None
-    moved = motion.along(build_structure(model).row(seat.at, seat.direction), ConstantSpeed(1.0).at(angle))
-    above = response.channels[f"contacts.{name}.gap"][instants] - moved
-    if float(np.abs(above[over]).max()) < _RIGID:  # the rigid model, in which nothing expands
-        return float(above[over].max())
-    return float(above[over].max()) - expansion
+    rigid = motion.along(build_structure(model).row(seat.at, seat.direction), ConstantSpeed(1.0).at(angle))
+    loft = response.channels[f"contacts.{name}.gap"][instants] - rigid
+    if float(np.abs(loft[nose]).max()) < _RIGID:  # the rigid model, in which nothing expands
+        return float(loft[nose].max())
+    return float(loft[nose].max()) - expansion
 
 
 _RIGID = 1e-9  # largest difference to the rigid train, m, that is rounding
@@ -293,9 +293,9 @@ _RIGID = 1e-9  # largest difference to the rigid train, m, that is rounding
 def _thermal_lift(model: Model, name: str, seat: Seat) -> float:
     """Return the change of a valve's static lift at the nose of its cam by the temperatures of the members, m."""
     contact = model.cam_contacts[name]
-    heated = any(one.temperature for one in model.members.values())
+    heated = any(member.temperature for member in model.members.values())
     if not heated or any(
-        isinstance(one, Adjuster) and is_in_train(model, contact, one) for one in model.contacts.values()
+        isinstance(part, Adjuster) and is_in_train(model, contact, part) for part in model.contacts.values()
     ):
         return 0.0  # an adjuster takes up the expansion
     cam = model.cams[contact.cam]
@@ -306,26 +306,26 @@ def _thermal_lift(model: Model, name: str, seat: Seat) -> float:
 @lru_cache(maxsize=32)
 def _expansion(model: Model, angle: float) -> FloatArray:
     """Return the change of the static displacement at an angle of the drive by the temperatures, shape (n,)."""
-    cold = replace(model, members={name: replace(one, temperature=0.0) for name, one in model.members.items()})
+    cold = replace(model, members={name: replace(member, temperature=0.0) for name, member in model.members.items()})
     drive = ConstantSpeed(1.0, start=angle)
-    hot, own = (equilibrium(build_system(one, 1.0), drive).displacement for one in (model, cold))
-    return hot - own
+    hot, reference = (equilibrium(build_system(variant, 1.0), drive).displacement for variant in (model, cold))
+    return hot - reference
 
 
 def opposed_contacts(model: Model) -> dict[str, str]:
     """Return the contacts of desmodromic pairs: each with one whose cam moves the same nodes in the opposite sense."""
-    moved = {name: set(moved_nodes(model, one)) for name, one in model.cam_contacts.items()}
-    directions = {name: one.direction[:3] for name, one in model.cam_contacts.items()}
+    nodes = {name: set(moved_nodes(model, contact)) for name, contact in model.cam_contacts.items()}
+    directions = {name: contact.direction[:3] for name, contact in model.cam_contacts.items()}
     return {
-        a: b for a, b in permutations(moved, 2) if float(directions[a] @ directions[b]) < 0.0 and moved[a] & moved[b]
+        a: b for a, b in permutations(nodes, 2) if float(directions[a] @ directions[b]) < 0.0 and nodes[a] & nodes[b]
     }
 
 
 def spring_held_contacts(model: Model) -> list[str]:
     """Return the unilateral contacts whose followers springs hold on their cams; opposed cams open in turn."""
     opposed = opposed_contacts(model)
-    cams = ((name, one) for name, one in model.cam_contacts.items() if name not in opposed)
-    return [name for name, one in cams if isinstance(one, CamContact) and one.unilateral]
+    contacts = ((name, contact) for name, contact in model.cam_contacts.items() if name not in opposed)
+    return [name for name, contact in contacts if isinstance(contact, CamContact) and contact.unilateral]
 
 
 def _drive(model: Model, response: Response, last: Bools) -> list[Metric]:
@@ -337,25 +337,25 @@ def _drive(model: Model, response: Response, last: Bools) -> list[Metric]:
     time, angle = response.time[begin:], response.angle[begin:]
     if len(time) < _MIN_INSTANTS:
         return []
-    found: list[Metric] = []
+    metrics: list[Metric] = []
     for where in _parts_with(response.channels, "torque"):
         cam = driven_cam(model, where)
-        turned = angle if cam is None else cam.angle(angle)
-        torque, span = response.channels[f"{where}.torque"][begin:], float(turned[-1] - turned[0])
-        work = float(np.trapezoid(torque, turned))
+        shaft_angle = angle if cam is None else cam.angle(angle)
+        torque, span = response.channels[f"{where}.torque"][begin:], float(shaft_angle[-1] - shaft_angle[0])
+        work = float(np.trapezoid(torque, shaft_angle))
         work = work if abs(work) > _ROUNDING * span * float(np.abs(torque).max()) else 0.0
         values = (work / span, "N m"), (work / float(time[-1] - time[0]), "W")
-        found += [Metric(f"{where}.{name}", *value) for name, value in zip(_DRIVE, values, strict=True)]
+        metrics += [Metric(f"{where}.{name}", *value) for name, value in zip(_DRIVE, values, strict=True)]
     for where in _parts_with(response.channels, "friction"):
         cam = model.cams[model.cam_contacts[where.removeprefix("contacts.")].cam]
-        turned = cam.angle(angle)
-        slid = response.channels[f"{where}.friction"][begin:] * sliding_ratio(cam)(turned, 0)
-        mean = float(np.trapezoid(np.abs(slid), turned)) / float(time[-1] - time[0])
-        found.append(Metric(f"{where}.{_FRICTION_POWER}", mean, "W"))
+        shaft_angle = cam.angle(angle)
+        loss = response.channels[f"{where}.friction"][begin:] * sliding_ratio(cam)(shaft_angle, 0)
+        mean = float(np.trapezoid(np.abs(loss), shaft_angle)) / float(time[-1] - time[0])
+        metrics.append(Metric(f"{where}.{_FRICTION_POWER}", mean, "W"))
     for where in _parts_with(response.channels, "power"):
         mean = float(np.trapezoid(response.channels[f"{where}.power"][begin:], time)) / float(time[-1] - time[0])
-        found.append(Metric(f"{where}.{_FRICTION_POWER}", mean, "W"))
-    return found
+        metrics.append(Metric(f"{where}.{_FRICTION_POWER}", mean, "W"))
+    return metrics
 
 
 _MIN_INSTANTS = 2
@@ -376,24 +376,24 @@ def separation_by_flank(model: Model, response: Response, contact: str, instants
     cam, angle = model.cams[model.cam_contacts[contact].cam], response.angle[instants]
     if len(angle) < _MIN_INSTANTS:
         return {}
-    off = contact_loss(model, response, contact, instants)
+    lost = contact_loss(model, response, contact, instants)
     step = float(angle[-1] - angle[0]) / (len(angle) - 1)
-    return {name: float((off & part).sum()) * step for name, part in _flanks(cam, angle).items()}
+    return {name: float((lost & flank).sum()) * step for name, flank in _flanks(cam, angle).items()}
 
 
 def contact_loss(model: Model, response: Response, contact: str, instants: Bools | None = None) -> Bools:
     """Return at which of some instants, by default all, a contact is open on the main lift of its cam."""
-    cam, chosen = model.cam_contacts[contact].cam, slice(None) if instants is None else instants
-    lifted = model.cams[cam].lift(response.angle[chosen], 0) > main_lift(model, cam)
-    return lifted & (response.channels[f"contacts.{contact}.force"][chosen] <= 0.0)
+    cam, selection = model.cam_contacts[contact].cam, slice(None) if instants is None else instants
+    lifted = model.cams[cam].lift(response.angle[selection], 0) > main_lift(model, cam)
+    return lifted & (response.channels[f"contacts.{contact}.force"][selection] <= 0.0)
 
 
 def _flanks(cam: Cam, angle: FloatArray) -> dict[str, Bools]:
     closing, opening = (end.at for end in event_extremes(cam.event, 1))
-    after, nose = np.mod(cam.angle(angle) - opening, 2.0 * math.pi), (closing - opening) % (2.0 * math.pi)
+    past, nose = np.mod(cam.angle(angle) - opening, 2.0 * math.pi), (closing - opening) % (2.0 * math.pi)
     middle = nose + 0.5 * (2.0 * math.pi - nose)
     return {
-        "opening flank": after >= middle, "nose": after <= nose, "closing flank": (after > nose) & (after < middle)
+        "opening flank": past >= middle, "nose": past <= nose, "closing flank": (past > nose) & (past < middle)
     }  # fmt: skip
 
 
@@ -401,5 +401,5 @@ def main_lift(model: Model, cam: str) -> float:
     """Return the lift above which ramps and lash are taken up."""
     event = model.cams[cam].event
     ramp = getattr(event, "ramp", None)
-    above = _MAIN_LIFT_FRACTION * event.height + max(largest_lashes(model)[cam], float(ramp.height) if ramp else 0.0)
-    return min(above, _LARGEST_MAIN_LIFT * event.height)
+    limit = _MAIN_LIFT_FRACTION * event.height + max(largest_lashes(model)[cam], float(ramp.height) if ramp else 0.0)
+    return min(limit, _LARGEST_MAIN_LIFT * event.height)
