@@ -77,7 +77,7 @@ def find_active_dofs(
         labels = _coupling_groups(system, idle)
         steady, moving = _constant_forces(system, d, inner, _spread_to_groups(excited, labels), labels)
         moving |= _spread_to_groups(_find_unbalanced(system, d, steady, labels), labels)
-        unmoved = [scalars for scalars in idle if not moving[scalars.unknowns].any()]
+        unmoved = [entry for entry in idle if not moving[entry.unknowns].any()]
         if len(unmoved) == len(idle):
             break
         idle = unmoved
@@ -119,8 +119,8 @@ def _coupling_groups(system: System, idle: list[_IdleScalars]) -> IntArray:
         (m.rows[m.values != 0.0], m.cols[m.values != 0.0]) for m in (system.mass, system.damping, system.stiffness)
     ]
     for force in system.local_forces:
-        unmoved = frozenset[int]().union(*(scalars.scalars for scalars in idle if scalars.force is force))
-        unknowns = np.flatnonzero(_force_unknowns(force, system.size, unmoved))
+        skipped = frozenset[int]().union(*(entry.scalars for entry in idle if entry.force is force))
+        unknowns = np.flatnonzero(_force_unknowns(force, system.size, skipped))
         pairs.append((np.repeat(unknowns[:1], len(unknowns)), unknowns))
     rows, cols = (np.concatenate(indices) for indices in zip(*pairs, strict=True))
     return connected_components(system.size, rows, cols)

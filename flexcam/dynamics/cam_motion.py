@@ -348,10 +348,10 @@ class SpeedByAngle:
     def at(self, time: FloatArray) -> CamMotion:
         """Return angle, speed and rate at the given times, s."""
         time = np.asarray(time, dtype=float)
-        turns, phase = np.divmod(time + self._first, self.period)
-        angle = np.interp(phase, self._times, self._angles)
+        turns, remainder = np.divmod(time + self._first, self.period)
+        angle = np.interp(remainder, self._times, self._angles)
         for _ in range(3):
-            angle = angle + (phase - self._time_at(angle)) * self._speed(angle, 0)
+            angle = angle + (remainder - self._time_at(angle)) * self._speed(angle, 0)
         speed = self._speed(angle, 0)
         total = angle + 2.0 * np.pi * (turns + np.floor(self._start / (2.0 * np.pi)))
         return CamMotion(total, speed, self._speed(angle, 1) * speed, time)

@@ -112,8 +112,8 @@ class Disturbances:
             count = 1
             if plain[i] and self._shift is None:
                 part = slice(i, i + self._max_steps)
-                same = plain[part] & (np.abs(lengths[part] / lengths[i] - 1.0) <= _SAME_TIME)
-                count = len(same) if same.all() else int(np.argmin(same))
+                equal = plain[part] & (np.abs(lengths[part] / lengths[i] - 1.0) <= _SAME_TIME)
+                count = len(equal) if equal.all() else int(np.argmin(equal))
                 blocks.append(self._propagate(motion, i, i + count, ends[i + 1 : i + count + 1]))
             else:
                 if lengths[i] > 0.0:
@@ -287,13 +287,13 @@ class Disturbances:
         rate = hit.sense @ old.v + hit.turning @ old.d + to.schedule.offset_rate[0][self._forces.switching[contacts]]
         return hit.velocity_change(rate, factor)
 
-    def _prescribed_rates(self, along: SensedTrajectory, instants: IntArray, depth: FloatArray) -> FloatArray:
+    def _prescribed_rates(self, sensed: SensedTrajectory, instants: IntArray, depth: FloatArray) -> FloatArray:
         """Return the rates of forces and of internal state rates due to the cam motion alone, per second.
 
         The shape is (e, 2n + s), with zeros in front. The sensed scalars `depth` at the instants, shape (e, c), are
         those of contacts on their side: the prescribed penetration rate is multiplied by their stiffness.
         """
-        delay, forces, track, n = _DELAY * self._problem.step, self._forces, along.track, self._problem.system.size
+        delay, forces, track, n = _DELAY * self._problem.step, self._forces, sensed.track, self._problem.system.size
         motion = self._problem.drive.at((track.time[instants, None] + delay * np.array([-1.0, 0.0, 1.0])).ravel())
         schedule, at = forces.prescribed_inputs(motion), np.repeat(instants, 3)
 
@@ -303,7 +303,7 @@ class Disturbances:
         histories = forces.sense_motion(track.d[at], track.v[at], schedule)
         by_penetration, by_rate = slope(histories[0]), slope(histories[1])
         depth, functions = np.repeat(depth, 3, axis=0), schedule.rows[:, schedule.functions :]
-        force, state_rows, narrow = forces.tangents(depth, along.rate[at], track.state[at], functions)
+        force, state_rows, narrow = forces.tangents(depth, sensed.rate[at], track.state[at], functions)
         (row, places, column), change = forces.coupled_scalars, slope(force)
         for i, rates in enumerate((by_penetration, by_rate)):
             change += (narrow[1::3, i][:, row, places] * rates[:, column]) @ (row[:, None] == np.arange(forces.count))

@@ -180,10 +180,10 @@ def massless_contact_error(system: System, method: str) -> InputError | None:
         return None
     why, remedy = "only springs determine the position of a point without mass", "give it a mass, or use newmark"
     forces = LocalForces(system)
-    massless = np.zeros(forces.count, dtype=bool)
+    affected = np.zeros(forces.count, dtype=bool)
     for stack in (forces.sense, forces.act):
-        massless |= (stack.owner[:, light.force_on_massless(stack.vectors) > FORCE_TOLERANCE] > 0.0).any(axis=1)
-    names = list(dict.fromkeys(forces.names[i] for i in np.flatnonzero(massless).tolist()))
+        affected |= (stack.owner[:, light.force_on_massless(stack.vectors) > FORCE_TOLERANCE] > 0.0).any(axis=1)
+    names = list(dict.fromkeys(forces.names[i] for i in np.flatnonzero(affected).tolist()))
     if names:
         return refuse("run.integrator", method, f"a method that allows {', '.join(names)} without mass", why, remedy)
     damping = np.abs(system.damping.multiply(light.motions))

@@ -263,7 +263,7 @@ class Kernel:
         if before is not None:
             self._parts[BEFORE, : len(before)] = before
         stage_sides = np.hstack([np.add(sides, [[stage * self.forces.count], [0]]) for stage in range(self.stages)])
-        how = self._march(
+        ending = self._march(
             *steps, self.stages, operator.lengths, operator.slopes, operator.scheme, operator.operator,
             operator.answers, self._answer_runs, operator.give, operator.hold, operator.inverse, system.coupled,
             self._mode_runs, self._vectors, self._runs, given, self._cuts, self._parts, table.laws, self._blocks,
@@ -272,7 +272,7 @@ class Kernel:
             work.tangent, work.active, self._compliance, work.matrix, stage_sides, found, count,
         )  # fmt: skip
         row, iterations = count.tolist()
-        return int(how), row, iterations
+        return int(ending), row, iterations
 
     def touches_between(self, now: StepState, new: StepState) -> bool:
         """Return whether in the last call a switching scalar had another side at the middle than at both ends."""

@@ -185,8 +185,8 @@ class LinearStep:
             if len(damping) == len(stiffness) == len(mass) == len(self.travel) == 1:
                 self._inverse = 1.0 / (mass + half * (damping + half * stiffness * self.travel))
             else:
-                pushed = self._stiffness @ _dense(self.travel)
-                matrix = self.mass + half * (self._damping + half * pushed)
+                product = self._stiffness @ _dense(self.travel)
+                matrix = self.mass + half * (self._damping + half * product)
                 self._inverse = np.linalg.inv(matrix).astype(np.float64)
             self._length = length
         return self._inverse

@@ -68,16 +68,16 @@ class ModalStep:
         damped, looks_back, lag = bool(np.any(slow)), bool(self.scheme.alpha_m or old), bool(len(self.slowed))
         for k, push in enumerate(pushed):
             right = push - old * (stiff * q + slow * v) - self.heavy * a if looks_back else push
-            q_new, v_new = predict(q, v, a, 1.0, self.beta, self.gamma)
-            np.multiply(stiff, q_new, out=internal)
+            q_free, v_free = predict(q, v, a, 1.0, self.beta, self.gamma)
+            np.multiply(stiff, q_free, out=internal)
             if damped:
-                internal += slow * v_new
+                internal += slow * v_free
             np.subtract(right, (1.0 - old) * internal if old else internal, out=a)
             np.multiply(self.beta, a, out=q)
-            q += q_new
+            q += q_free
             before = v[..., self.slowed] if lag else v
             np.multiply(self.gamma, a, out=v)
-            v += v_new
+            v += v_free
             if lag:
                 a[..., self.slowed] = v[..., self.slowed] - before
             found[:, k] = state
@@ -94,8 +94,8 @@ class ModalStep:
         by_a = heavy + new * ((0.5 - self.beta) * stiff + (1.0 - self.gamma) * slow)
         a = np.array([-stiff, -(new * stiff + slow), -by_a, ones])
         unit = np.array([[ones, zeros, zeros, zeros], [zeros, ones, zeros, zeros], [zeros, zeros, ones, zeros]])
-        q_new, v_new = predict(unit[0], unit[1], unit[2], 1.0, self.beta, self.gamma)
-        drift = [q_new - unit[0], v_new - unit[1], -unit[2]]
+        q_free, v_free = predict(unit[0], unit[1], unit[2], 1.0, self.beta, self.gamma)
+        drift = [q_free - unit[0], v_free - unit[1], -unit[2]]
         change = np.array([self.beta * a, self.gamma * a, a]) + np.array(drift)
         change[2][:, self.slowed] = (change[1] + np.array([zeros, zeros, -ones, zeros]))[:, self.slowed]
         return change
@@ -217,8 +217,8 @@ class ModalPropagator:
 
     def _by_history(self, stride: StepBlock) -> FloatArray:
         """Return states at the end of a block per unit of every history at every instant, shape (k (L + 1), 3 n)."""
-        late = np.concatenate([np.zeros((3, 1, len(stride.stiff))), stride.answer[:, ::-1]], axis=1)
-        parts = np.einsum("kn,sjn->kjsn", self.pushes, late)
+        responses = np.concatenate([np.zeros((3, 1, len(stride.stiff))), stride.answer[:, ::-1]], axis=1)
+        parts = np.einsum("kn,sjn->kjsn", self.pushes, responses)
         return parts.reshape(parts.shape[0] * parts.shape[1], self.state.size)
 
     def begin(self, first: Trajectory) -> None:
@@ -228,8 +228,8 @@ class ModalPropagator:
     def histories(self, last: int) -> FloatArray:
         """Return the load histories from the state up to a step, padded with zeros to the end of a block."""
         times = self._problem.times(np.arange(self.at, last + 1))
-        known = self._problem.system.load_histories(self._problem.drive.at(times))
-        return np.concatenate([known, np.zeros((self.length, known.shape[1]))])
+        values = self._problem.system.load_histories(self._problem.drive.at(times))
+        return np.concatenate([values, np.zeros((self.length, values.shape[1]))])
 
     def modal_forces(self, histories: FloatArray) -> FloatArray:
         """Return the modal forces of every step, shape (m, n), from load histories, shape (m + 1, k)."""
@@ -241,8 +241,8 @@ class ModalPropagator:
             return self._single(last, histories)
         length, steps = self.length, last - self.at
         count = -(-steps // length)
-        over = sliding_window_view(histories, length + 1, axis=0)[: count * length : length]
-        rising = (over - over[:, :, :1]).reshape(count, over.shape[1] * over.shape[2])
+        windows = sliding_window_view(histories, length + 1, axis=0)[: count * length : length]
+        rising = (windows - windows[:, :, :1]).reshape(count, windows.shape[1] * windows.shape[2])
         pushes = histories[: count * length + 1 : length] @ self.pushes
         state, causes = drop_vanished(self.state), np.empty((count + 1, *self.state.shape))
         causes[0] = self.stride.causes(state, pushes[0])

@@ -359,12 +359,12 @@ def corrected_modes(
 ) -> FloatArray:
     """Return the lowest modes with their static correction."""
     rigid = modes(mass, stiffness, 1, free=free).rigid if free is None else free.shape[1]
-    natural = modes(mass, stiffness, rigid + count, free=free)
-    shapes = natural.shapes
+    lowest = modes(mass, stiffness, rigid + count, free=free)
+    shapes = lowest.shapes
     loads = places.T - mass.multiply(shapes) @ (shapes.T @ places.T)
-    answers = _static_solutions(stiffness, loads, shapes[:, : natural.rigid])
+    answers = _static_solutions(stiffness, loads, shapes[:, : lowest.rigid])
     answers -= shapes @ (shapes.T @ mass.multiply(answers))
-    energy = (places @ shapes[:, natural.rigid :]) ** 2 @ natural.omegas[natural.rigid :] ** -2.0
+    energy = (places @ shapes[:, lowest.rigid :]) ** 2 @ lowest.omegas[lowest.rigid :] ** -2.0
     return np.hstack([shapes, _orthogonalize(mass, stiffness, answers, energy)])
 
 

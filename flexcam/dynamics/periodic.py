@@ -289,15 +289,15 @@ class _Newton:
         """True if the next revolution needs its derivative."""
         return self._change is None
 
-    def next(self, x: FloatArray, turn: PeriodMap) -> FloatArray | None:
+    def next(self, x: FloatArray, revolution: PeriodMap) -> FloatArray | None:
         """Return the next state after a revolution; None to stop."""
         w = self._weights
         if self._change is None:
-            self._change = np.eye(len(w)) - w[:, None] * turn.derivative / w
+            self._change = np.eye(len(w)) - w[:, None] * revolution.derivative / w
         if not np.isfinite(self._change).all():
             return None
         # Motions with any periodic amplitude are unchanged.
-        return x + np.linalg.lstsq(self._change, w * (turn.end - x), rcond=FREE)[0] / w
+        return x + np.linalg.lstsq(self._change, w * (revolution.end - x), rcond=FREE)[0] / w
 
 
 class _Anderson:
@@ -310,10 +310,10 @@ class _Anderson:
         self._points: list[FloatArray] = []
         self._residuals: list[FloatArray] = []
 
-    def next(self, x: FloatArray, turn: PeriodMap) -> FloatArray:
+    def next(self, x: FloatArray, revolution: PeriodMap) -> FloatArray:
         """Return the next state after a revolution."""
         points = self._points = [*self._points, x][-_MEMORY:]
-        residuals = self._residuals = [*self._residuals, turn.end - x][-_MEMORY:]
+        residuals = self._residuals = [*self._residuals, revolution.end - x][-_MEMORY:]
         if len(points) == 1:
             return points[0] + residuals[0]
         dx, df = np.diff(points, axis=0), np.diff(residuals, axis=0)

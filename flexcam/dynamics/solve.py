@@ -409,10 +409,10 @@ def _offset(probes: tuple[Probe, ...], series: Series, motion: CamMotion) -> Ser
 def prescribed_probes(system: System, motion: CamMotion) -> Series:
     """Return the motion of the probes of a system in prescribed motion."""
     if system.prescribed_motion is None:
-        moved = (np.zeros((len(motion.angle), system.size)),) * 3
+        motions = (np.zeros((len(motion.angle), system.size)),) * 3
     else:
-        moved = system.prescribed_motion.at(motion)
-    return _probe_series(system.probes, Series(*moved), motion)
+        motions = system.prescribed_motion.at(motion)
+    return _probe_series(system.probes, Series(*motions), motion)
 
 
 _TIME_UP = Status(Cause.TIME_LIMIT, "the run reached its time limit", CONTINUE)
