@@ -72,15 +72,15 @@ def find_active_dofs(
     v = np.zeros(n) if velocity is None else velocity
     vectors = [load.vector for load in system.loads if not load.steady]
     loaded = (np.array(vectors).reshape(len(vectors), n) != 0.0).any(axis=0)
-    idle, begun = _find_idle_scalars(system, d), loaded | _find_motion(v, system.mass.diagonal())
+    idle, excited = _find_idle_scalars(system, d), loaded | _find_motion(v, system.mass.diagonal())
     while True:
         labels = _coupling_groups(system, idle)
-        steady, moving = _constant_forces(system, d, inner, _spread_to_groups(begun, labels), labels)
-        moving |= _spread_to_groups(_find_imbalance(system, d, steady, labels), labels)
-        asleep = [one for one in idle if not moving[one.unknowns].any()]
-        if len(asleep) == len(idle):
+        steady, moving = _constant_forces(system, d, inner, _spread_to_groups(excited, labels), labels)
+        moving |= _spread_to_groups(_find_unbalanced(system, d, steady, labels), labels)
+        unmoved = [entry for entry in idle if not moving[entry.unknowns].any()]
+        if len(unmoved) == len(idle):
             break
-        idle = asleep
+        idle = unmoved
     loads = np.abs(system.load_vectors()).sum(axis=0) + np.abs(steady).sum(axis=0)
     sizes = np.zeros((n, 0)) if system.free is None else np.abs(system.free)
     free = (sizes > _FREE_TOLERANCE * sizes.max(axis=0, initial=0.0)).any(axis=1)
@@ -103,14 +103,14 @@ class _IdleScalars:
 
 def _find_idle_scalars(system: System, d: FloatArray) -> list[_IdleScalars]:
     """Return the sets of idle scalars that are zero within rounding in the initial state."""
-    found: list[_IdleScalars] = []
+    idle: list[_IdleScalars] = []
     d = np.where(_find_motion(d, system.stiffness.diagonal()), d, 0.0)
     for force in system.local_forces:
-        for held in force.idle_scalars():
-            if not any((force.sense[i].vectors @ d).any() or force.offset[i] != Constant(0.0) for i in held):
-                vectors = [one.vectors for i in held for one in (force.sense[i], force.act[i])]
-                found.append(_IdleScalars(force, frozenset(held), (np.concatenate(vectors) != 0.0).any(axis=0)))
-    return found
+        for scalars in force.idle_scalars():
+            if not any((force.sense[i].vectors @ d).any() or force.offset[i] != Constant(0.0) for i in scalars):
+                vectors = [vector.vectors for i in scalars for vector in (force.sense[i], force.act[i])]
+                idle.append(_IdleScalars(force, frozenset(scalars), (np.concatenate(vectors) != 0.0).any(axis=0)))
+    return idle
 
 
 def _coupling_groups(system: System, idle: list[_IdleScalars]) -> IntArray:
@@ -119,17 +119,17 @@ def _coupling_groups(system: System, idle: list[_IdleScalars]) -> IntArray:
         (m.rows[m.values != 0.0], m.cols[m.values != 0.0]) for m in (system.mass, system.damping, system.stiffness)
     ]
     for force in system.local_forces:
-        asleep = frozenset[int]().union(*(one.scalars for one in idle if one.force is force))
-        involved = np.flatnonzero(_force_unknowns(force, system.size, asleep))
-        pairs.append((np.repeat(involved[:1], len(involved)), involved))
-    rows, cols = (np.concatenate(one) for one in zip(*pairs, strict=True))
+        skipped = frozenset[int]().union(*(entry.scalars for entry in idle if entry.force is force))
+        unknowns = np.flatnonzero(_force_unknowns(force, system.size, skipped))
+        pairs.append((np.repeat(unknowns[:1], len(unknowns)), unknowns))
+    rows, cols = (np.concatenate(indices) for indices in zip(*pairs, strict=True))
     return connected_components(system.size, rows, cols)
 
 
-def _force_unknowns(force: LocalForce, size: int, asleep: frozenset[int] = frozenset()) -> NDArray[np.bool_]:
+def _force_unknowns(force: LocalForce, size: int, idle: frozenset[int] = frozenset()) -> NDArray[np.bool_]:
     """Return the unknowns that a local force senses or acts on, except through idle scalars."""
-    pairs = [pair for i, pair in enumerate(zip(force.sense, force.act, strict=True)) if i not in asleep]
-    vectors = [np.zeros((1, size)), *(one.vectors for pair in pairs for one in pair)]
+    pairs = [pair for i, pair in enumerate(zip(force.sense, force.act, strict=True)) if i not in idle]
+    vectors = [np.zeros((1, size)), *(vector.vectors for pair in pairs for vector in pair)]
     return (np.concatenate(vectors) != 0.0).any(axis=0)
 
 
@@ -138,42 +138,42 @@ def _constant_forces(
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Return the constant forces on inactive unknowns, shape (k, n), and the active unknowns, local forces included."""
     zero, moving = np.zeros(1), moving.copy()
-    still = CamMotion(zero, zero, zero, zero)
-    steady = [load.vector * load.history(still)[0] for load in system.loads if load.steady]
+    rest = CamMotion(zero, zero, zero, zero)
+    steady = [load.vector * load.history(rest)[0] for load in system.loads if load.steady]
     forces = LocalForces(system)
-    schedule = forces.prescribed_inputs(still)
+    schedule = forces.prescribed_inputs(rest)
     penetration = forces.sense_motion(d[None], np.zeros((1, system.size)), schedule)[0][0]
     state = forces.start_state if inner is None else inner
-    answer = forces.respond(penetration, np.zeros(forces.count), state, schedule)
+    reaction = forces.respond(penetration, np.zeros(forces.count), state, schedule)
     for force, part, states in forces.parts:
-        involved = _force_unknowns(force, system.size)
-        if moving[involved].any():
+        unknowns = _force_unknowns(force, system.size)
+        if moving[unknowns].any():
             continue
-        if _depends_on_angle(force, penetration[part]) or answer.state_rate[states].any():
-            moving |= _spread_to_groups(involved, labels)
+        if _depends_on_angle(force, penetration[part]) or reaction.state_rate[states].any():
+            moving |= _spread_to_groups(unknowns, labels)
         else:
-            pairs = zip(answer.force[part].tolist(), force.act, strict=True)
-            steady += [size * act.vectors[0] for size, act in pairs]
+            pairs = zip(reaction.force[part].tolist(), force.act, strict=True)
+            steady += [value * act.vectors[0] for value, act in pairs]
     return np.array(steady).reshape(len(steady), system.size), moving
 
 
 def _depends_on_angle(force: LocalForce, penetration: FloatArray) -> bool:
     """Return whether a force at rest depends on the cam angle through its vectors, offsets or law."""
-    if any(one.functions for one in (*force.sense, *force.act)):
+    if any(vector.functions for vector in (*force.sense, *force.act)):
         return True
     if not all(isinstance(offset, Constant) for offset in force.offset):
         return True
     return bool((not isinstance(force.law, ForceLaw) or force.law.functions) and penetration.any())
 
 
-def _find_imbalance(system: System, d: FloatArray, steady: FloatArray, labels: IntArray) -> NDArray[np.bool_]:
+def _find_unbalanced(system: System, d: FloatArray, steady: FloatArray, labels: IntArray) -> NDArray[np.bool_]:
     """Return the unknowns on which constant forces and stiffness are not in equilibrium within rounding."""
     K, scale = system.stiffness, diagonal_scale(system.stiffness)
     strained = np.bincount(K.rows, weights=np.abs(K.values * d[K.cols]), minlength=system.size)
-    missing = np.abs(steady.sum(axis=0) - K.times(d)) * scale
+    residual = np.abs(steady.sum(axis=0) - K.times(d)) * scale
     size = np.zeros(system.size)
     np.maximum.at(size, labels, (np.abs(steady).sum(axis=0) + strained) * scale)
-    return missing > np.maximum(_RESIDUAL_TOLERANCE * size[labels], _FORCE_TOLERANCE * size.max(initial=0.0))
+    return residual > np.maximum(_RESIDUAL_TOLERANCE * size[labels], _FORCE_TOLERANCE * size.max(initial=0.0))
 
 
 def _find_motion(motion: FloatArray, weights: FloatArray) -> NDArray[np.bool_]:
@@ -182,11 +182,11 @@ def _find_motion(motion: FloatArray, weights: FloatArray) -> NDArray[np.bool_]:
     return (sizes > _MOTION_TOLERANCE * sizes.max(initial=0.0)) | ((motion != 0.0) & (weights <= 0.0))
 
 
-def _spread_to_groups(one: NDArray[np.bool_], labels: IntArray) -> NDArray[np.bool_]:
+def _spread_to_groups(marked: NDArray[np.bool_], labels: IntArray) -> NDArray[np.bool_]:
     """Return the unknowns of groups with at least one marked member."""
-    found = np.zeros(len(labels), dtype=bool)
-    found[labels[one]] = True
-    return found[labels]
+    groups = np.zeros(len(labels), dtype=bool)
+    groups[labels[marked]] = True
+    return groups[labels]
 
 
 def active_dofs_of(problem: Problem) -> ActiveDofs:
@@ -199,8 +199,8 @@ def basis_of(problem: Problem) -> Basis | None:
     """Return the basis of the integration; None for the system's unknowns."""
     if problem.basis is not None or not problem.prune:
         return problem.basis
-    found = active_dofs_of(problem)
-    return None if found.moving.all() else DofSubset(np.flatnonzero(found.moving), found.held)
+    dofs = active_dofs_of(problem)
+    return None if dofs.moving.all() else DofSubset(np.flatnonzero(dofs.moving), dofs.held)
 
 
 def reduce_problem(problem: Problem, basis: Basis) -> Problem:
@@ -208,10 +208,10 @@ def reduce_problem(problem: Problem, basis: Basis) -> Problem:
     system = problem.system
     start = problem.start or State.rest(system.size)
     weight = _weight(system)
-    moved, moving = (basis.within(one, weight) for one in (start.displacement - basis.held, start.velocity))
-    pushed = None if start.acceleration is None else basis.within(start.acceleration, weight)
-    inside = replace(start, displacement=moved, velocity=moving, acceleration=pushed)
-    return replace(problem, system=project_system(system, basis), start=inside, basis=None, prune=False)
+    d, v = (basis.within(motion, weight) for motion in (start.displacement - basis.held, start.velocity))
+    a = None if start.acceleration is None else basis.within(start.acceleration, weight)
+    reduced = replace(start, displacement=d, velocity=v, acceleration=a)
+    return replace(problem, system=project_system(system, basis), start=reduced, basis=None, prune=False)
 
 
 def integrated_size(problem: Problem) -> int:
@@ -226,13 +226,13 @@ def method_refusal(problem: Problem, method: Method) -> InputError | None:
     """Return why a method cannot integrate the reduced problem; None if it can."""
     if problem.system.is_kinematic:
         return None
-    struck = any(force.restitution is not None for force in problem.system.local_forces)
-    if type(method).refusal is Method.refusal and not struck:
+    impacts = any(force.restitution is not None for force in problem.system.local_forces)
+    if type(method).refusal is Method.refusal and not impacts:
         return None  # it integrates any system in any unknowns
     basis = basis_of(problem)
     system = problem.system if basis is None else project_system(problem.system, basis)
-    light = massless_impact_error(LocalForces(system), MasslessMotions(system)) if struck else None
-    return light or method.refusal(system, problem.step)
+    error = massless_impact_error(LocalForces(system), MasslessMotions(system)) if impacts else None
+    return error or method.refusal(system, problem.step)
 
 
 def _weight(system: System) -> Triplets:
@@ -245,5 +245,5 @@ def _weight(system: System) -> Triplets:
 
 def expand_block(block: Block, basis: Basis) -> Block:
     """Return a block with fields expanded to all unknowns."""
-    moved, moving, rate = map(basis.spread, block.fields)
-    return replace(block, fields=Series(moved + basis.held if basis.held.any() else moved, moving, rate))
+    d, v, a = map(basis.spread, block.fields)
+    return replace(block, fields=Series(d + basis.held if basis.held.any() else d, v, a))

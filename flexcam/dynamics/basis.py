@@ -93,9 +93,9 @@ class DofSubset:
         """
         if motions is None or not motions.shape[1]:
             return None if motions is None else np.zeros((len(self.kept), 0))
-        along, sizes, _ = np.linalg.svd(motions[self.kept], full_matrices=False)
-        whole = float(np.linalg.norm(motions, 2))
-        return along[:, sizes > _ROUNDING * whole]
+        basis, sizes, _ = np.linalg.svd(motions[self.kept], full_matrices=False)
+        norm = float(np.linalg.norm(motions, 2))
+        return basis[:, sizes > _ROUNDING * norm]
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,12 +123,12 @@ class ModeBasis:
 
     def matrix(self, full: Triplets) -> Triplets:
         """Return ``T' A T`` with rounding removed: massless shapes then have zero mass."""
-        part = self.vectors.T @ full.multiply(self.vectors)
+        projected = self.vectors.T @ full.multiply(self.vectors)
         sizes = replace(full, values=np.abs(full.values)).multiply(np.abs(self.vectors))
         rounding = np.finfo(float).eps * np.sqrt(full.size) * (np.abs(self.vectors).T @ sizes)
-        part[np.abs(part) <= rounding] = 0.0
-        symmetric = np.abs(part - part.T) <= 2.0 * rounding
-        return Triplets.from_dense(np.where(symmetric, 0.5 * (part + part.T), part))
+        projected[np.abs(projected) <= rounding] = 0.0
+        symmetric = np.abs(projected - projected.T) <= 2.0 * rounding
+        return Triplets.from_dense(np.where(symmetric, 0.5 * (projected + projected.T), projected))
 
     def rows(self, full: FloatArray) -> FloatArray:
         """Return the rows times the shapes."""
@@ -154,7 +154,7 @@ _ROUNDING = 1e-9
 
 def project_system(system: System, basis: Basis) -> System:
     """Return the equations of a system in the coordinates of a basis."""
-    shown = _Expansion(basis)
+    expansion = _Expansion(basis)
     return System(
         mass=basis.matrix(system.mass),
         damping=basis.matrix(system.damping),
@@ -163,7 +163,7 @@ def project_system(system: System, basis: Basis) -> System:
         loads=tuple(replace(load, vector=basis.rows(load.vector)) for load in system.loads),
         local_forces=tuple(_local(force, basis) for force in system.local_forces),
         probes=tuple(_probe(probe, basis) for probe in system.probes),
-        channels=tuple(_channel(channel, shown) for channel in system.channels),
+        channels=tuple(_channel(channel, expansion) for channel in system.channels),
         free=basis.free(system.free),
         stored=system.stored + 0.5 * float(basis.held @ system.stiffness.times(basis.held)),
     )
@@ -171,42 +171,42 @@ def project_system(system: System, basis: Basis) -> System:
 
 def _local(force: LocalForce, basis: Basis) -> LocalForce:
     pairs = zip(force.offset, force.sense, strict=True)
-    offset = tuple(_offset_function(known, one.vectors @ basis.held, one.functions) for known, one in pairs)
+    offset = tuple(_offset_function(function, term.vectors @ basis.held, term.functions) for function, term in pairs)
     sense, act = (
-        tuple(replace(one, vectors=basis.rows(one.vectors)) for one in side) for side in (force.sense, force.act)
+        tuple(replace(term, vectors=basis.rows(term.vectors)) for term in side) for side in (force.sense, force.act)
     )
     return replace(force, sense=sense, act=act, offset=offset)
 
 
 def _probe(probe: Probe, basis: Basis) -> Probe:
     offset = tuple(
-        _offset_function(known, np.array([at])) if at != 0.0 else known
-        for known, at in zip(probe.offset, (probe.rows @ basis.held).tolist(), strict=True)
+        _offset_function(function, np.array([displacement])) if displacement != 0.0 else function
+        for function, displacement in zip(probe.offset, (probe.rows @ basis.held).tolist(), strict=True)
     )
     return replace(probe, rows=basis.rows(probe.rows), offset=offset)
 
 
 def _offset_function(
-    known: AngleFunction | None, amounts: FloatArray, functions: tuple[AngleFunction, ...] = ()
+    function: AngleFunction | None, amounts: FloatArray, functions: tuple[AngleFunction, ...] = ()
 ) -> AngleFunction:
     """Return a function of the cam angle plus multiples of others; a single constant stays a constant."""
-    begin = known or Constant(0.0)
+    begin = function or Constant(0.0)
     if not amounts.any():
         return begin
-    each = functions or (Constant(1.0),)
+    terms = functions or (Constant(1.0),)
     if isinstance(begin, Constant) and not functions:
         return Constant(begin.value + float(amounts[0]))
 
     def both(angle: FloatArray, order: int) -> FloatArray:
-        more = sum(amount * one(angle, order) for amount, one in zip(amounts.tolist(), each, strict=True))
-        return begin(angle, order) + more
+        addition = sum(amount * term(angle, order) for amount, term in zip(amounts.tolist(), terms, strict=True))
+        return begin(angle, order) + addition
 
     return both
 
 
-def _channel(channel: Channel, shown: _Expansion) -> Channel:
-    def value(seen: Observation) -> FloatArray:
-        return channel.value(shown(seen))
+def _channel(channel: Channel, expansion: _Expansion) -> Channel:
+    def value(observation: Observation) -> FloatArray:
+        return channel.value(expansion(observation))
 
     return replace(channel, value=value)
 
@@ -217,18 +217,18 @@ class _Expansion:
     def __init__(self, basis: Basis) -> None:
         self.basis, self.held = basis, basis.held
         self._last: tuple[Observation, Observation] | None = None  # all channels have the same observation
-        self._known: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}  # keeps the ids valid
+        self._projected: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}  # keeps the ids valid
 
-    def __call__(self, seen: Observation) -> Observation:
-        if self._last is None or self._last[0] is not seen:
-            self._last = seen, replace(seen, moved=_ExpandedMotion(seen.moved, self))
+    def __call__(self, observation: Observation) -> Observation:
+        if self._last is None or self._last[0] is not observation:
+            self._last = observation, replace(observation, moved=_ExpandedMotion(observation.moved, self))
         return self._last[1]
 
     def project(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the projected rows and their products with the offset."""
-        if id(rows) not in self._known:
-            self._known[id(rows)] = rows, self.basis.rows(rows), rows @ self.held
-        return self._known[id(rows)][1:]
+        if id(rows) not in self._projected:
+            self._projected[id(rows)] = rows, self.basis.rows(rows), rows @ self.held
+        return self._projected[id(rows)][1:]
 
 
 class _ExpandedMotion:
@@ -236,21 +236,21 @@ class _ExpandedMotion:
 
     def __init__(self, inside: MotionView, expansion: _Expansion) -> None:
         self._inside, self._expansion = inside, expansion
-        self._picked: dict[tuple[int, int], FloatArray] = {}
+        self._extracted: dict[tuple[int, int], FloatArray] = {}
         self._whole: dict[int, FloatArray] = {}
 
     def whole(self, order: int) -> FloatArray:
         """Return the motion of all unknowns, see `MotionView`."""
         if order not in self._whole:
-            spread = self._expansion.basis.spread(self._inside.whole(order))
-            self._whole[order] = spread + self._expansion.held if order == 0 else spread
+            motion = self._expansion.basis.spread(self._inside.whole(order))
+            self._whole[order] = motion + self._expansion.held if order == 0 else motion
         return self._whole[order]
 
     def extract(self, rows: FloatArray, order: int = 0) -> FloatArray:
         """Return scalars of the motion, see `MotionView`."""
         key = id(rows), order
-        if key not in self._picked:
-            own, still = self._expansion.project(rows)
-            found = self._inside.extract(own, order)
-            self._picked[key] = found + still if order == 0 else found
-        return self._picked[key]
+        if key not in self._extracted:
+            projected, offset = self._expansion.project(rows)
+            values = self._inside.extract(projected, order)
+            self._extracted[key] = values + offset if order == 0 else values
+        return self._extracted[key]

@@ -53,17 +53,17 @@ class _Stepper:
 
     def __init__(self, system: System, forces: LocalForces, step: float, at: At) -> None:
         self._dt, self._at = step, at
-        self._half = newmark().stepper(system, forces, 0.5 * step, at)
-        self._whole = ImplicitStage(system, forces, (step / 3.0) ** 2, step / 3.0, 0.5 * step)
+        self._first = newmark().stepper(system, forces, 0.5 * step, at)
+        self._second = ImplicitStage(system, forces, (step / 3.0) ** 2, step / 3.0, 0.5 * step)
 
     def advance(self, now: StepState, to: StepInputs) -> StepState:
         """Return the next instant, as `Stepper` says."""
-        half = self._half.advance(now, self._at(to.time - 0.5 * self._dt))
+        half = self._first.advance(now, self._at(to.time - 0.5 * self._dt))
         # a = (v0 - 4 vh + 3 v)/dt and v = (d0 - 4 dh + 3 d)/dt, solved for v and d.
         v = (4.0 * half.v - now.v) / 3.0
         d = (4.0 * half.d - now.d + self._dt * v) / 3.0
-        whole = self._whole.solve(d, v, half, to)
-        return replace(whole, iterations=half.iterations + whole.iterations)
+        new = self._second.solve(d, v, half, to)
+        return replace(new, iterations=half.iterations + new.iterations)
 
 
 def bathe() -> Bathe:

@@ -52,13 +52,13 @@ class Series(NamedTuple):
         length = (own[right] - own[left])[:, None]
         x = (times - own[left])[:, None] / length
         d, v, a = self
-        moved = _cubic(x, d[left], d[right], length * v[left], length * v[right])
-        moving = _cubic(x, v[left], v[right], length * a[left], length * a[right])
-        return Series(moved, moving, a[left] + x * (a[right] - a[left]))
+        d_new = _cubic(x, d[left], d[right], length * v[left], length * v[right])
+        v_new = _cubic(x, v[left], v[right], length * a[left], length * a[right])
+        return Series(d_new, v_new, a[left] + x * (a[right] - a[left]))
 
     def at(self, instants: NDArray[np.bool_] | IntArray | slice) -> Series:
         """Return selected instants by mask or index."""
-        return Series(*(one[instants] for one in self))
+        return Series(*(values[instants] for values in self))
 
 
 def _cubic(x: FloatArray, old: FloatArray, new: FloatArray, slope: FloatArray, new_slope: FloatArray) -> FloatArray:
@@ -170,8 +170,8 @@ Item = TypeVar("Item")
 
 def track_progress(things: Iterable[Item], advance: ProgressCallback | None) -> Iterator[Item]:
     """Yield items and report progress after each."""
-    for one in things:
-        yield one
+    for item in things:
+        yield item
         if advance is not None:
             advance(1)
 
@@ -217,7 +217,7 @@ def flatten(name: str, value: object) -> dict[str, NDArray[Any]]:
         return {}
     if not is_dataclass(value):
         return {name: np.asarray(value)}
-    parts = (flatten(f"{name}.{one.name}", getattr(value, one.name)) for one in fields(value))
+    parts = (flatten(f"{name}.{field.name}", getattr(value, field.name)) for field in fields(value))
     return {key: array for part in parts for key, array in part.items()}
 
 

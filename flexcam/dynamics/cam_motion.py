@@ -102,26 +102,26 @@ class CamFunctionCache:
 
     def __init__(self, angle: FloatArray) -> None:
         self.angle = angle
-        self._known: dict[tuple[int, int], tuple[AngleFunction, FloatArray]] = {}  # keeps the ids valid
-        self._made: dict[object, object] = {}
+        self._values: dict[tuple[int, int], tuple[AngleFunction, FloatArray]] = {}  # keeps the ids valid
+        self._lookups: dict[object, object] = {}
 
     def __call__(self, function: AngleFunction, order: int) -> FloatArray:
         """Return a function or its derivative."""
         while isinstance(function, Derivative):
             function, order = function.function, order + 1
-        found = self._known.get((id(function), order))
-        if found is None:
+        entry = self._values.get((id(function), order))
+        if entry is None:
             value = (
                 function.of(self, order) if isinstance(function, DerivedCamFunction) else function(self.angle, order)
             )
-            found = self._known[id(function), order] = function, value
-        return found[1]
+            entry = self._values[id(function), order] = function, value
+        return entry[1]
 
     def lookup(self, key: object, make: Callable[[], T]) -> T:
         """Return the cached value of a key at these angles, computed if missing."""
-        if key not in self._made:
-            self._made[key] = make()
-        return cast("T", self._made[key])
+        if key not in self._lookups:
+            self._lookups[key] = make()
+        return cast("T", self._lookups[key])
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,7 +230,7 @@ class FluctuatingSpeed:
         return CamMotion(angle, speed, rate, time)
 
 
-_BEYOND = 1e-9
+_AFTER_ROW = 1e-9
 """Angle, rad, above the rounding of an instant at a row of a phaser."""
 
 
@@ -262,8 +262,8 @@ class Phaser:
     shifts: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        fine = np.concatenate([np.linspace(one, later, 21) for one, later in pairwise(self.angles)])
-        slowest = float(self(fine, 1).min())
+        angles = np.concatenate([np.linspace(begin, end, 21) for begin, end in pairwise(self.angles)])
+        slowest = float(self(angles, 1).min())
         if slowest <= 0.0:
             given, why = f"a shaft at {slowest:.3g} times the speed of its drive", "the shaft must keep turning"
             raise refuse("phaser", given, "a speed above zero", why, "shift it slower")
@@ -278,17 +278,17 @@ class Phaser:
 
     def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
         """Return the angle of the shaft, rad, or a derivative by the angle of the drive."""
-        at = angle + _BEYOND if order > 1 else angle  # the second derivative jumps at rows: that after a row
-        inside = np.clip(at, self.angles[0], self.angles[-1])
-        shift = np.asarray(self._shift(inside, order), dtype=float)
-        return angle + shift if order == 0 else np.where(inside == at, shift, 0.0) + float(order == 1)
+        at = angle + _AFTER_ROW if order > 1 else angle  # the second derivative jumps at rows: that after a row
+        clipped = np.clip(at, self.angles[0], self.angles[-1])
+        shift = np.asarray(self._shift(clipped, order), dtype=float)
+        return angle + shift if order == 0 else np.where(clipped == at, shift, 0.0) + float(order == 1)
 
     def drive_angle(self, angle: float) -> float:
         """Return the angle of the drive at an angle of the shaft, rad."""
         from scipy.optimize import brentq
 
-        most = max(map(abs, self.shifts)) + 1.0
-        return float(brentq(lambda at: float(self(np.array([at]))[0]) - angle, angle - most, angle + most, xtol=1e-13))
+        span = max(map(abs, self.shifts)) + 1.0
+        return float(brentq(lambda at: float(self(np.array([at]))[0]) - angle, angle - span, angle + span, xtol=1e-13))
 
     def cache(self, cam: CamFunctionCache) -> CamFunctionCache:
         """Return the cache of functions of the angle of the shaft at the angles of another cache."""
@@ -296,9 +296,9 @@ class Phaser:
 
     def motion(self, drive: CamMotion) -> CamMotion:
         """Return the motion of the shaft."""
-        known, slope, bend = self.cache(drive.cam), self(drive.angle, 1), self(drive.angle, 2)
+        cache, slope, bend = self.cache(drive.cam), self(drive.angle, 1), self(drive.angle, 2)
         rate = slope * drive.rate + bend * drive.speed**2
-        return CamMotion(known.angle, slope * drive.speed, rate, drive.time, known)
+        return CamMotion(cache.angle, slope * drive.speed, rate, drive.time, cache)
 
 
 @dataclass(frozen=True)
@@ -348,13 +348,13 @@ class SpeedByAngle:
     def at(self, time: FloatArray) -> CamMotion:
         """Return angle, speed and rate at the given times, s."""
         time = np.asarray(time, dtype=float)
-        turns, within = np.divmod(time + self._first, self.period)
-        angle = np.interp(within, self._times, self._angles)
+        turns, remainder = np.divmod(time + self._first, self.period)
+        angle = np.interp(remainder, self._times, self._angles)
         for _ in range(3):
-            angle = angle + (within - self._time_at(angle)) * self._speed(angle, 0)
+            angle = angle + (remainder - self._time_at(angle)) * self._speed(angle, 0)
         speed = self._speed(angle, 0)
-        whole = angle + 2.0 * np.pi * (turns + np.floor(self._start / (2.0 * np.pi)))
-        return CamMotion(whole, speed, self._speed(angle, 1) * speed, time)
+        total = angle + 2.0 * np.pi * (turns + np.floor(self._start / (2.0 * np.pi)))
+        return CamMotion(total, speed, self._speed(angle, 1) * speed, time)
 
     def _time_at(self, angle: FloatArray) -> FloatArray:
         """Return the time of an angle within the revolution."""
@@ -365,8 +365,8 @@ class SpeedByAngle:
     def _travel_times(self, angle: FloatArray, width: FloatArray) -> FloatArray:
         """Return the times to advance by given widths from given angles, by four-point Gauss quadrature."""
         x, w = np.polynomial.legendre.leggauss(4)
-        at = angle[:, None] + 0.5 * width[:, None] * (1.0 + x)
-        return 0.5 * width * (w / self._speed(at.ravel(), 0).reshape(at.shape)).sum(axis=1)
+        points = angle[:, None] + 0.5 * width[:, None] * (1.0 + x)
+        return 0.5 * width * (w / self._speed(points.ravel(), 0).reshape(points.shape)).sum(axis=1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -56,15 +56,15 @@ class CentralDifference(Method):
 
     def refusal(self, system: System, step: float) -> InputError | None:
         """Return the refusal of contacts and dampers without mass, and of steps beyond the limit."""
-        if pushed := massless_contact_error(system, _NAME):
-            return pushed
+        if error := massless_contact_error(system, _NAME):
+            return error
         omega, names = highest_frequency(system)
         if step * omega <= _LIMIT:
             return None
         allowed = f"at most {_LIMIT / omega:.6g} s with {_NAME}"
         mode = f"the mode of {', '.join(names)} at {omega / (2.0 * np.pi):.5g} Hz"
-        why, more = f"with longer steps {mode} is unstable", math.ceil(100.0 * step * omega / _LIMIT) / 100.0
-        remedy = f"use {more:g} times as many steps, or an implicit method"
+        why, factor = f"with longer steps {mode} is unstable", math.ceil(100.0 * step * omega / _LIMIT) / 100.0
+        remedy = f"use {factor:g} times as many steps, or an implicit method"
         return refuse("run.step", f"{step:.6g} s", allowed, why, remedy)
 
 
@@ -92,15 +92,15 @@ def highest_frequency(system: System) -> tuple[float, list[str]]:
     light = MasslessMotions(system)
     if not len(light.kept):
         return 0.0, []
-    find = _highest_dense if len(light.kept) <= DENSE_LIMIT else _highest_sparse
-    square, shape = find(system, light)
+    solver = _highest_dense if len(light.kept) <= DENSE_LIMIT else _highest_sparse
+    square, shape = solver(system, light)
     order: list[int] = np.argsort(-np.abs(shape)).tolist()
     return float(np.sqrt(max(square, 0.0))), [system.names[light.kept[i]] for i in order[:3]]
 
 
 def _highest_dense(system: System, light: MasslessMotions) -> tuple[float, FloatArray]:
-    pulled = system.stiffness.multiply(light.spread(np.eye(len(light.kept))))
-    values, vectors = np.linalg.eig(light.inverse(system.mass).solve(pulled)[light.kept])
+    forces = system.stiffness.multiply(light.spread(np.eye(len(light.kept))))
+    values, vectors = np.linalg.eig(light.inverse(system.mass).solve(forces)[light.kept])
     squares, shapes = np.real(values), np.real(vectors)
     highest = int(np.argmax(squares))
     return float(squares[highest]), shapes[:, highest]
@@ -111,18 +111,18 @@ def _highest_sparse(system: System, light: MasslessMotions) -> tuple[float, Floa
 
     size, inverse = len(light.kept), light.inverse(system.mass)
 
-    def pull(kept: FloatArray) -> FloatArray:
-        return system.stiffness.multiply(light.spread(kept.reshape(size, -1)))[light.kept]
+    def pull(motion: FloatArray) -> FloatArray:
+        return system.stiffness.multiply(light.spread(motion.reshape(size, -1)))[light.kept]
 
-    def acceleration(push: FloatArray) -> FloatArray:
-        whole = np.zeros((system.size, 1))
-        whole[light.kept, 0] = push.ravel()
-        return inverse.solve(whole)[light.kept]
+    def acceleration(force: FloatArray) -> FloatArray:
+        forces = np.zeros((system.size, 1))
+        forces[light.kept, 0] = force.ravel()
+        return inverse.solve(forces)[light.kept]
 
-    pulled, pushed = (LinearOperator((size, size), matvec=one, dtype=float) for one in (pull, acceleration))
+    K, M_inverse = (LinearOperator((size, size), matvec=product, dtype=float) for product in (pull, acceleration))
     start = np.random.default_rng(0).standard_normal(size)
     mass = system.mass.part(light.kept).csr()
-    values, vectors = eigsh(pulled, 1, M=mass, Minv=pushed, which="LM", v0=start, tol=1e-6)
+    values, vectors = eigsh(K, 1, M=mass, Minv=M_inverse, which="LM", v0=start, tol=1e-6)
     return float(values[0]), vectors[:, 0]
 
 

@@ -50,9 +50,9 @@ class Collocation(Method):
     def amplification(self, omega_dt: float, damping: float = 0.0) -> FloatArray:
         """Return the matrix that takes (d, dt v, dt^2 a) of one mode over an output step, as `Method` says."""
         x = 2.0 * damping * omega_dt
-        found = stage_coefficients(np.ones(1), np.array([x]), np.array([omega_dt**2]), 2.0)[0, :2, :2, 0]
-        moved = np.column_stack([found, np.zeros(2)])
-        return np.vstack([moved, -np.array([omega_dt**2, x]) @ moved])
+        coefficients = stage_coefficients(np.ones(1), np.array([x]), np.array([omega_dt**2]), 2.0)[0, :2, :2, 0]
+        motion = np.column_stack([coefficients, np.zeros(2)])
+        return np.vstack([motion, -np.array([omega_dt**2, x]) @ motion])
 
     def stepper(self, system: System, forces: LocalForces, step: float, at: At) -> Stepper:
         """Return the stepper of a system without unknowns; for others the method needs modes and compiled code."""
@@ -76,14 +76,14 @@ def stage_coefficients(mass: FloatArray, damping: FloatArray, stiffness: FloatAr
     >>> bool(abs(end[0, 2:].sum() - 2.0) < 1e-14)
     True
     """
-    found = np.zeros((2, 3, 5, len(mass)))
+    coefficients = np.zeros((2, 3, 5, len(mass)))
     heavy = mass != 0.0
     damped = ~heavy & (damping != 0.0)
     static = ~heavy & ~damped
-    found[..., heavy] = _modes_with_mass(mass[heavy], damping[heavy], stiffness[heavy], length)
-    found[..., damped] = _modes_with_damper(damping[damped], stiffness[damped], length)
-    found[..., static] = _modes_with_spring(stiffness[static], length)
-    return found
+    coefficients[..., heavy] = _modes_with_mass(mass[heavy], damping[heavy], stiffness[heavy], length)
+    coefficients[..., damped] = _modes_with_damper(damping[damped], stiffness[damped], length)
+    coefficients[..., static] = _modes_with_spring(stiffness[static], length)
+    return coefficients
 
 
 def _modes_with_mass(m: FloatArray, c: FloatArray, k: FloatArray, length: float) -> FloatArray:
@@ -91,13 +91,13 @@ def _modes_with_mass(m: FloatArray, c: FloatArray, k: FloatArray, length: float)
     rates[:, 0, 1] = rates[:, 2, 3] = rates[:, 3, 4] = 1.0
     rates[:, 1, :3] = np.stack([-(length**2) * k / m, -length * c / m, length**2 / m], axis=1)
     motion = _over_step(rates)
-    found = np.zeros((2, 3, 5, len(m)))
-    found[:, 0] = (motion[:, :, 0] * [1.0, length, 1.0, 1.0, 1.0]).transpose(1, 2, 0)
-    found[:, 1] = (motion[:, :, 1] * [1.0 / length, 1.0, *[1.0 / length] * 3]).transpose(1, 2, 0)
-    found[:, 2, :2] = -np.stack([k / m, c / m])
+    coefficients = np.zeros((2, 3, 5, len(m)))
+    coefficients[:, 0] = (motion[:, :, 0] * [1.0, length, 1.0, 1.0, 1.0]).transpose(1, 2, 0)
+    coefficients[:, 1] = (motion[:, :, 1] * [1.0 / length, 1.0, *[1.0 / length] * 3]).transpose(1, 2, 0)
+    coefficients[:, 2, :2] = -np.stack([k / m, c / m])
     for stage, (value, _, _) in enumerate(_parabola_weights(length)):
-        found[stage, 2, 2:] = value[:, None] / m
-    return found
+        coefficients[stage, 2, 2:] = value[:, None] / m
+    return coefficients
 
 
 def _modes_with_damper(c: FloatArray, k: FloatArray, length: float) -> FloatArray:
@@ -105,21 +105,21 @@ def _modes_with_damper(c: FloatArray, k: FloatArray, length: float) -> FloatArra
     rates[:, 1, 2] = rates[:, 2, 3] = 1.0
     rates[:, 0, :2] = np.stack([-length * k / c, length / c], axis=1)
     motion = _over_step(rates)[:, :, 0].transpose(1, 2, 0)
-    found = np.zeros((2, 3, 5, len(c)))
-    found[:, 0, 0], found[:, 0, 2:] = motion[:, 0], motion[:, 1:]
-    found[:, 1] = -found[:, 0] * (k / c)
-    found[:, 2, 1] = -k / c
+    coefficients = np.zeros((2, 3, 5, len(c)))
+    coefficients[:, 0, 0], coefficients[:, 0, 2:] = motion[:, 0], motion[:, 1:]
+    coefficients[:, 1] = -coefficients[:, 0] * (k / c)
+    coefficients[:, 2, 1] = -k / c
     for stage, (value, slope, _) in enumerate(_parabola_weights(length)):
-        found[stage, 1, 2:] += value[:, None] / c
-        found[stage, 2, 2:] = slope[:, None] / c
-    return found
+        coefficients[stage, 1, 2:] += value[:, None] / c
+        coefficients[stage, 2, 2:] = slope[:, None] / c
+    return coefficients
 
 
 def _modes_with_spring(k: FloatArray, length: float) -> FloatArray:
-    found = np.zeros((2, 3, 5, len(k)))
+    coefficients = np.zeros((2, 3, 5, len(k)))
     for stage, weights in enumerate(_parabola_weights(length)):
-        found[stage, :, 2:] = np.array(weights)[:, :, None] / k
-    return found
+        coefficients[stage, :, 2:] = np.array(weights)[:, :, None] / k
+    return coefficients
 
 
 def _over_step(rates: FloatArray) -> FloatArray:
@@ -127,9 +127,9 @@ def _over_step(rates: FloatArray) -> FloatArray:
     from scipy.linalg import expm
 
     half = np.asarray(expm(0.5 * rates), dtype=float)
-    both = np.stack([half, half @ half], axis=1)
-    both[..., -3:] = both[..., -3:] @ _PARABOLA
-    return both[:, :, :-3]
+    motion = np.stack([half, half @ half], axis=1)
+    motion[..., -3:] = motion[..., -3:] @ _PARABOLA
+    return motion[:, :, :-3]
 
 
 def _parabola_weights(length: float) -> list[tuple[FloatArray, FloatArray, FloatArray]]:

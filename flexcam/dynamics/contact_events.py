@@ -62,26 +62,26 @@ def narrow_bracket(
     pressed: bool, after: float, penetration: float, rate: float, bracket: Bracket
 ) -> tuple[float, float, float, float, float, bool]:
     """Return the next estimate of the zero, by Newton's method within the bracket, and the new bracket."""
-    low, high, near, far, was_beyond = bracket
-    beyond = (penetration > 0.0) != pressed
-    if beyond:
-        if was_beyond:  # same end twice: the Illinois rule avoids slow convergence at a stiff contact
+    low, high, near, far, was_crossed = bracket
+    crossed = (penetration > 0.0) != pressed
+    if crossed:
+        if was_crossed:  # same end twice: the Illinois rule avoids slow convergence at a stiff contact
             near *= 0.5
         high, far = after, penetration
     else:
         low, near = after, penetration
     newton = after - penetration / rate if rate != 0.0 else high
-    if beyond and was_beyond:
+    if crossed and was_crossed:
         # After an event the scalar starts at zero up to rounding, which is not the zero sought.
         newton = max(low - near * (high - low) / (far - near), low + MIN_REDUCTION * (high - low))
     if not low < newton < high:
         newton = 0.5 * (low + high)
-    return newton, low, high, near, far, beyond
+    return newton, low, high, near, far, crossed
 
 
-_MOST_HALVINGS = 6
+_MAX_HALVINGS = 6
 
-_WHOLE = 1e-6
+_SAME_LENGTH = 1e-6
 """Tolerance for recognizing a step length, as a fraction."""
 
 _SLOW = 1e-3
@@ -112,29 +112,29 @@ class EventStepper:
         try:
             return self._walk(now, to)
         except NoConvergenceError:
-            if halvings == _MOST_HALVINGS:
+            if halvings == _MAX_HALVINGS:
                 raise
         first = self.walk(now, self._at(0.5 * (now.time + to.time)), halvings + 1)
         return [*first, *self.walk(first[-1], to, halvings + 1)]
 
     def _walk(self, now: StepState, to: StepInputs) -> list[StepState]:
-        walked: list[StepState] = []
+        instants: list[StepState] = []
         for _ in range(MOST_EVENTS):
             trial = self._advance(now, to)
             if not len(self._forces.switching) or not (self._side(now) != self._side(trial)).any():
-                return [*walked, trial]
-            walked += self._first_event(now, trial, to)
-            now = walked[-1]
+                return [*instants, trial]
+            instants += self._first_event(now, trial, to)
+            now = instants[-1]
             if now.time == to.time:
-                return walked
-        return [*walked, self._advance(now, to)]
+                return instants
+        return [*instants, self._advance(now, to)]
 
     def _advance(self, now: StepState, to: StepInputs) -> StepState:
         length = to.time - now.time
         halvings = round(math.log2(self._step / length)) if length > 0.0 else -1
         # Time differences have the rounding of the time itself, so step lengths are matched with a tolerance.
-        vague = _WHOLE + ROUNDING * abs(to.time) / length if length > 0.0 else 0.0
-        if halvings < 0 or abs(length * 2.0**halvings / self._step - 1.0) > vague:
+        tolerance = _SAME_LENGTH + ROUNDING * abs(to.time) / length if length > 0.0 else 0.0
+        if halvings < 0 or abs(length * 2.0**halvings / self._step - 1.0) > tolerance:
             return self._stepper(length).advance(now, to)
         if halvings not in self._halved:
             self._halved[halvings] = self._stepper(self._step / 2.0**halvings)
@@ -154,56 +154,56 @@ class EventStepper:
             ends = penetration[i], new_penetration[i], rate[i], new_rate[i]
             roots[i] = find_crossing(bool(side[i]), *ends, length)
         first = int(np.argmin(roots))
-        moment, there = self._locate_crossing(now, trial, to, first, float(roots[first]))
+        moment, inputs = self._locate_crossing(now, trial, to, first, float(roots[first]))
         pressed = self._forces.contact_sides(moment.penetration)
-        together = crossed & (np.abs(roots - roots[first]) <= SIMULTANEITY * length)
-        pressed[together] = ~side[together]
+        simultaneous = crossed & (np.abs(roots - roots[first]) <= SIMULTANEITY * length)
+        pressed[simultaneous] = ~side[simultaneous]
         moment = replace(moment, pressed=pressed)
         if not self._balances:
             moment = replace(self._starter.restart(moment), pressed=pressed)
-        return self._apply_impact(moment, there, pressed & ~side)
+        return self._apply_impact(moment, inputs, pressed & ~side)
 
     def _locate_crossing(
-        self, now: StepState, trial: StepState, to: StepInputs, which: int, guess: float
+        self, now: StepState, trial: StepState, to: StepInputs, scalar: int, guess: float
     ) -> tuple[StepState, StepInputs]:
         """Return the instant of a zero crossing near a given time, by Newton's method within a bracket."""
-        length, side = to.time - now.time, bool(self._side(now)[which])
-        low, high, after = 0.0, length, guess
-        sharp = max(TIME_TOLERANCE * length, ROUNDING * abs(to.time))
-        moment, there, was_beyond = trial, to, False
-        near, far = float(self._penetrations(now)[0][which]), float(self._penetrations(trial)[0][which])
+        length, side = to.time - now.time, bool(self._side(now)[scalar])
+        low, high, elapsed = 0.0, length, guess
+        tolerance = max(TIME_TOLERANCE * length, ROUNDING * abs(to.time))
+        moment, inputs, was_crossed = trial, to, False
+        near, far = float(self._penetrations(now)[0][scalar]), float(self._penetrations(trial)[0][scalar])
         # A stiff contact in the trial holds the penetration small, wherever in the step the crossing lies.
-        at_end = abs(far) <= END_TOLERANCE * length * abs(float(self._penetrations(now)[1][which]))
+        at_end = abs(far) <= END_TOLERANCE * length * abs(float(self._penetrations(now)[1][scalar]))
         for _ in range(CORRECTIONS):
-            if after <= END_TOLERANCE * length:
+            if elapsed <= END_TOLERANCE * length:
                 return replace(now, impulse=None, iterations=0), self._at(now.time)
-            if after >= (1.0 - END_TOLERANCE) * length:
+            if elapsed >= (1.0 - END_TOLERANCE) * length:
                 if at_end:
                     return trial, to
-                after = 0.5 * (low + high)
-            there = self._at(now.time + after)
-            moment = self._advance(now, there)
-            its_penetration, its_rate = (float(one[which]) for one in self._penetrations(moment))
-            if abs(its_penetration) <= sharp * abs(its_rate) or high - low <= sharp:
+                elapsed = 0.5 * (low + high)
+            inputs = self._at(now.time + elapsed)
+            moment = self._advance(now, inputs)
+            penetration, rate = (float(values[scalar]) for values in self._penetrations(moment))
+            if abs(penetration) <= tolerance * abs(rate) or high - low <= tolerance:
                 break
-            bracket = (low, high, near, far, was_beyond)
-            after, low, high, near, far, was_beyond = narrow_bracket(side, after, its_penetration, its_rate, bracket)
-        return moment, there
+            bracket = (low, high, near, far, was_crossed)
+            elapsed, low, high, near, far, was_crossed = narrow_bracket(side, elapsed, penetration, rate, bracket)
+        return moment, inputs
 
-    def _apply_impact(self, moment: StepState, there: StepInputs, closed: Bools) -> list[StepState]:
+    def _apply_impact(self, moment: StepState, inputs: StepInputs, closed: Bools) -> list[StepState]:
         restitution = self._forces.restitution
         bouncing = ~np.isnan(restitution)
-        struck = closed & (self._penetrations(moment)[1] > _SLOW) & bouncing
-        if not struck.any() or moment.pressed is None:
+        closing = closed & (self._penetrations(moment)[1] > _SLOW) & bouncing
+        if not closing.any() or moment.pressed is None:
             return [moment]
-        after = self._starter.impact(moment, there, np.flatnonzero(moment.pressed & bouncing))
+        after = self._starter.impact(moment, inputs, np.flatnonzero(moment.pressed & bouncing))
         # Without restitution a contact stays closed unless another impulse separates it.
-        stays = self._penetrations(after)[1] > np.where(restitution == 0.0, -_SLOW, 0.0)
-        pressed, penetration = np.where(struck, stays, moment.pressed), after.penetration.copy()
-        penetration[self._forces.switching[struck]] = 0.0  # the remainder is rounding: it would determine the opening
+        stays_closed = self._penetrations(after)[1] > np.where(restitution == 0.0, -_SLOW, 0.0)
+        pressed, penetration = np.where(closing, stays_closed, moment.pressed), after.penetration.copy()
+        penetration[self._forces.switching[closing]] = 0.0  # the remainder is rounding: it would determine the opening
         return [moment, replace(after, pressed=pressed, penetration=penetration)]
 
     def _penetrations(self, moment: StepState) -> tuple[FloatArray, FloatArray]:
         """Return the switching scalars and their rates."""
-        lifts, which = self._forces.lifts, self._forces.switching
-        return lifts.depth(moment.penetration)[which], lifts.depth_rate(moment.penetration, moment.rate)[which]
+        lifts, index = self._forces.lifts, self._forces.switching
+        return lifts.depth(moment.penetration)[index], lifts.depth_rate(moment.penetration, moment.rate)[index]

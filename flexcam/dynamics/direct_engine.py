@@ -32,7 +32,7 @@ Pilot = Callable[[Problem, Method], Series]
 """Function that returns the motion of the first revolution with the given steps, as the reference size of errors."""
 
 
-_MOST_HALVINGS = 16
+_MAX_HALVINGS = 16
 _DOUBLING_LIMIT = 1.0 / 16.0
 """Fraction of the tolerance below which the step is doubled: the error grows by 8, with a safety factor of 2."""
 
@@ -56,67 +56,67 @@ class EnergyNorm:
     def __init__(self, system: System, motion: Series, unseen: float = 0.0) -> None:
         self._unseen = unseen
         stiff, mass = (np.abs(matrix.diagonal()) for matrix in (system.stiffness, system.mass))
-        moved = motion.displacement - motion.displacement[:1]
-        heavy, fast = (float((series**2 @ mass).max(initial=0.0)) for series in (moved, motion.velocity))
+        travel = motion.displacement - motion.displacement[:1]
+        heavy, fast = (float((series**2 @ mass).max(initial=0.0)) for series in (travel, motion.velocity))
         self._weights = np.sqrt(stiff + mass * (fast / heavy if heavy > 0.0 else 0.0))
-        self._size = float(np.linalg.norm(moved * self._weights, axis=1).max(initial=0.0))
+        self._size = float(np.linalg.norm(travel * self._weights, axis=1).max(initial=0.0))
 
     def error(self, moments: Sequence[StepState]) -> tuple[float, int]:
         """Return the largest relative error of successive steps, and the unknown with it."""
-        lacking = np.array([_taylor_defect(*pair, self._unseen) for pair in pairwise(moments)]) * self._weights
-        sizes = np.linalg.norm(lacking, axis=1)
-        worst = int(np.argmax(sizes))
-        return float(sizes[worst]) / self._size if self._size > 0.0 else 0.0, int(np.argmax(np.abs(lacking[worst])))
+        defects = np.array([_taylor_defect(*pair, self._unseen) for pair in pairwise(moments)]) * self._weights
+        sizes = np.linalg.norm(defects, axis=1)
+        largest = int(np.argmax(sizes))
+        return float(sizes[largest]) / self._size if self._size > 0.0 else 0.0, int(np.argmax(np.abs(defects[largest])))
 
 
 def _taylor_defect(old: StepState, new: StepState, unseen: float) -> FloatArray:
     h = new.time - old.time  # zero across an impact
-    lacking = new.d - old.d - h * old.v - h**2 * (old.a / 3.0 + new.a / 6.0)
-    return np.maximum(np.abs(lacking), unseen * h**2 * np.abs(new.a - old.a)) if unseen else lacking
+    defect = new.d - old.d - h * old.v - h**2 * (old.a / 3.0 + new.a / 6.0)
+    return np.maximum(np.abs(defect), unseen * h**2 * np.abs(new.a - old.a)) if unseen else defect
 
 
 class StepController:
     """Step size control on top of an `EventStepper`, whose largest step, s, is halved as the error requires."""
 
     def __init__(self, walker: EventStepper, at: At, step: float, adaptive: Adaptive, norm: EnergyNorm) -> None:
-        self._walker, self._at, self._step, self._norm = walker, at, step, norm
+        self._event_stepper, self._at, self._step, self._norm = walker, at, step, norm
         self._tolerance = adaptive.tolerance
-        smallest = adaptive.smallest or step / 2.0**_MOST_HALVINGS
-        self._most = min(max(math.floor(math.log2(step / smallest)), 0), _MOST_HALVINGS)
+        smallest = adaptive.smallest or step / 2.0**_MAX_HALVINGS
+        self._max_halvings = min(max(math.floor(math.log2(step / smallest)), 0), _MAX_HALVINGS)
         self.halvings = 0  #: of the given step
         self.rejected = 0  #: steps repeated with half their length
 
     def walk(self, now: StepState, to: StepInputs) -> list[StepState]:
         """Return the instants after `now` up to `to`, one full step later."""
-        begin, whole, done = now.time, 2**self._most, 0
-        walked: list[StepState] = []
-        while done < whole:
-            length = whole >> self.halvings
-            last = done + length == whole
-            there = to if last else self._at(begin + (done + length) / whole * self._step)
-            part, share = self._try_step(now, there)
+        begin, total, done = now.time, 2**self._max_halvings, 0
+        instants: list[StepState] = []
+        while done < total:
+            length = total >> self.halvings
+            last = done + length == total
+            inputs = to if last else self._at(begin + (done + length) / total * self._step)
+            part, ratio = self._try_step(now, inputs)
             if not part:
                 self.halvings += 1
                 continue
-            walked += part
+            instants += part
             now, done = part[-1], done + length
-            if share < _DOUBLING_LIMIT and self.halvings and done % (2 * length) == 0:
+            if ratio < _DOUBLING_LIMIT and self.halvings and done % (2 * length) == 0:
                 self.halvings -= 1
-        return walked
+        return instants
 
-    def _try_step(self, now: StepState, there: StepInputs) -> tuple[list[StepState], float]:
+    def _try_step(self, now: StepState, inputs: StepInputs) -> tuple[list[StepState], float]:
         """Return a step and its error relative to the tolerance; no step if the error is too large."""
-        events = self._walker.events
-        part = self._walker.walk(now, there)
+        events = self._event_stepper.events
+        part = self._event_stepper.walk(now, inputs)
         error, unknown = self._norm.error([now, *part])
-        share = error / self._tolerance
-        if share <= 1.0:
-            return part, share
-        if self.halvings == self._most:
-            raise StepFloorError(unknown, share, self._step / 2.0**self._most)
-        self._walker.events = events
+        ratio = error / self._tolerance
+        if ratio <= 1.0:
+            return part, ratio
+        if self.halvings == self._max_halvings:
+            raise StepFloorError(unknown, ratio, self._step / 2.0**self._max_halvings)
+        self._event_stepper.events = events
         self.rejected += 1
-        return [], share
+        return [], ratio
 
 
 class DirectEngine:
@@ -134,68 +134,68 @@ class DirectEngine:
         def stepper(length: float) -> Stepper:
             return scheme.stepper(problem.system, forces, length, self._at)
 
-        self._walker = EventStepper(
+        self._event_stepper = EventStepper(
             problem.step, forces, self._starter, self._at, stepper, balances=scheme.is_collocated
         )
-        self._pace: StepController | None = None
+        self._control: StepController | None = None
         if problem.adaptive is not None and problem.system.size:
             norm = EnergyNorm(problem.system, pilot(problem, scheme), scheme.velocity_error)
-            self._pace = StepController(self._walker, self._at, problem.step, problem.adaptive, norm)
+            self._control = StepController(self._event_stepper, self._at, problem.step, problem.adaptive, norm)
         self._last: StepState | None = None
         self._iterations, self._substeps = 0, 0
 
     def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
         """Return the instants of some successive steps, see `Engine`."""
-        at = self._problem.times(steps)
-        motion = self._problem.drive.at(at)
+        times = self._problem.times(steps)
+        motion = self._problem.drive.at(times)
         schedule = self._forces.prescribed_inputs(motion)
         before = None if self._last is None else stack_instant(self._last)
-        walked, status = self._advance_steps(at, motion.angle, schedule, self._system.load_vector(motion))
-        if not walked:
+        instants, status = self._advance_steps(times, motion.angle, schedule, self._system.load_vector(motion))
+        if not instants:
             return no_instants(self._system.size, self._forces), status
-        self._iterations += sum(m.iterations for part in walked for m in part)
-        self._substeps += sum(len(part) for part in walked)
-        track, left = in_range(Trajectory.of(walked, self._forces.contact_sides), before, self._system, motion.angle)
-        return track, status if left.ok else left
+        self._iterations += sum(m.iterations for part in instants for m in part)
+        self._substeps += sum(len(part) for part in instants)
+        track, fault = in_range(Trajectory.of(instants, self._forces.contact_sides), before, self._system, motion.angle)
+        return track, status if fault.ok else fault
 
     def _advance_steps(
-        self, at: FloatArray, angle: FloatArray, schedule: PrescribedInputs, loads: FloatArray
+        self, times: FloatArray, angle: FloatArray, schedule: PrescribedInputs, loads: FloatArray
     ) -> tuple[list[list[StepState]], Status]:
         """Return the instants per step: events, and the end of the step last."""
-        walked: list[list[StepState]] = []
-        walker = self._pace or self._walker
+        instants: list[list[StepState]] = []
+        stepper = self._control or self._event_stepper
         start = self._problem.start or State.rest(self._system.size)
         for i, load in enumerate(loads):
             if self._stop():
-                return walked, STOPPED
-            to = StepInputs(float(at[i]), load, schedule, i)
+                return instants, STOPPED
+            to = StepInputs(float(times[i]), load, schedule, i)
             try:
-                part = walker.walk(self._last, to) if self._last else [self._starter.first(start, to)]
+                part = stepper.walk(self._last, to) if self._last else [self._starter.first(start, to)]
             except NoConvergenceError as fault:
-                return walked, convergence_failure(fault.forces, float(at[i]), float(angle[i]))
+                return instants, convergence_failure(fault.forces, float(times[i]), float(angle[i]))
             except StepFloorError as fault:
-                return walked, _step_floor_status(fault, self._system, float(at[i]), float(angle[i]))
-            walked.append(part)
+                return instants, _step_floor_status(fault, self._system, float(times[i]), float(angle[i]))
+            instants.append(part)
             self._last = part[-1]
-        return walked, Status()
+        return instants, Status()
 
     def statistics(self, stats: Stats) -> Stats:
         """Return the statistics with the counts of this engine."""
-        stats = replace(stats, iterations=self._iterations, events=self._walker.events)
-        return replace(stats, substeps=self._substeps, rejected=self._pace.rejected) if self._pace else stats
+        stats = replace(stats, iterations=self._iterations, events=self._event_stepper.events)
+        return replace(stats, substeps=self._substeps, rejected=self._control.rejected) if self._control else stats
 
     def state(self) -> Arrays:
         """Return the last instant, the step size state and the counts, see `Engine`."""
-        paced = (self._pace.halvings, self._pace.rejected) if self._pace else (0, 0)
-        counts = np.array([self._iterations, self._substeps, self._walker.events, *paced])
+        control = (self._control.halvings, self._control.rejected) if self._control else (0, 0)
+        counts = np.array([self._iterations, self._substeps, self._event_stepper.events, *control])
         return {**flatten("last", self._last), "counts": counts}
 
     def restore(self, state: Arrays) -> None:
         """Restore the state, see `Engine`."""
         self._last = StepState.from_checkpoint("last", state)
-        self._iterations, self._substeps, self._walker.events, *paced = state["counts"].tolist()
-        if self._pace:
-            self._pace.halvings, self._pace.rejected = paced
+        self._iterations, self._substeps, self._event_stepper.events, *control = state["counts"].tolist()
+        if self._control:
+            self._control.halvings, self._control.rejected = control
 
     def _at(self, time: float) -> StepInputs:
         motion = self._problem.drive.at(np.array([time]))

@@ -24,7 +24,7 @@ from flexcam.dynamics.parameter_forces import ExplicitDerivatives, ParameterForc
 from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.step_state import SensedTrajectory, StepInputs, StepState, Trajectory
 
-_MOST_VALUES, _LEAST_STEPS = 100_000, 32
+_MAX_VALUES, _MIN_STEPS = 100_000, 32
 """Number of derivatives of forces that are prepared together, and minimum number of steps."""
 
 _TOUCH = 1e-15
@@ -33,7 +33,7 @@ _TOUCH = 1e-15
 _NEAR_SWITCH = 1e-6
 """Fraction of a step within which a contact is about to switch."""
 
-_BESIDE = 1e-3
+_DELAY = 1e-3
 """Fraction of a step for the limits on both sides of an event."""
 
 _AT_REST = 1e-6
@@ -85,7 +85,7 @@ class Disturbances:
             np.eye(2 * problem.system.size + len(forces.start_state)) if initial is None else initial.copy()
         )
         self._parameters = parameters
-        self._most_steps = max(_MOST_VALUES // max(problem.system.size * forces.count, 1), _LEAST_STEPS)
+        self._max_steps = max(_MAX_VALUES // max(problem.system.size * forces.count, 1), _MIN_STEPS)
         self._last: Trajectory | None = None
         self._shift: FloatArray | None = None
 
@@ -106,49 +106,49 @@ class Disturbances:
         ends = np.zeros(len(motion.flow), dtype=bool)
         if self._parameters is not None:
             ends[track.ends] = True
-        found = [self._at_fixed_time(motion.flow[0])[None]] if ends[0] and first else list[FloatArray]()
+        blocks = [self._at_fixed_time(motion.flow[0])[None]] if ends[0] and first else list[FloatArray]()
         lengths, plain, i = motion.lengths, motion.plain, 0
         while i < len(lengths):
             count = 1
             if plain[i] and self._shift is None:
-                part = slice(i, i + self._most_steps)
-                same = plain[part] & (np.abs(lengths[part] / lengths[i] - 1.0) <= _SAME_TIME)
-                count = len(same) if same.all() else int(np.argmin(same))
-                found.append(self._propagate(motion, i, i + count, ends[i + 1 : i + count + 1]))
+                part = slice(i, i + self._max_steps)
+                equal = plain[part] & (np.abs(lengths[part] / lengths[i] - 1.0) <= _SAME_TIME)
+                count = len(equal) if equal.all() else int(np.argmin(equal))
+                blocks.append(self._propagate(motion, i, i + count, ends[i + 1 : i + count + 1]))
             else:
                 if lengths[i] > 0.0:
                     self._event_step(motion, i)
                 elif motion.every.track.impulse[i + 1].any():
                     self._apply_impact(motion, i)
                 if ends[i + 1]:
-                    found.append(self._at_fixed_time(motion.flow[i + 1])[None])
+                    blocks.append(self._at_fixed_time(motion.flow[i + 1])[None])
             i += count
         self._last = track.last()
-        return motion.every.track, np.concatenate([np.zeros((0, *self._current.shape)), *found])
+        return motion.every.track, np.concatenate([np.zeros((0, *self._current.shape)), *blocks])
 
     def _propagate(self, motion: _LinearizedMotion, first: int, last: int, ends: Bools) -> FloatArray:
         """Propagate the disturbances over the equal steps between instants; return those after some of them."""
-        sequence, more = self._steps(motion, first, last)
+        sequence, terms = self._steps(motion, first, last)
         if self._parameters is None:
             size = len(self._current)
             if sequence.constant:  # a power of a step has less rounding than many steps
                 step = sequence.propagate(0, np.eye(size), np.zeros((size, 1)))
                 self._current = np.linalg.matrix_power(step, last - first) @ self._current
             else:
-                self._current = sequence.propagate_all(self._current, more, last=True)[(last - first) % 2]
+                self._current = sequence.propagate_all(self._current, terms, last=True)[(last - first) % 2]
             return self._current[None][:0]
-        found = sequence.propagate_all(self._current, more)[1:]
-        self._current = found[-1]
-        return found[ends]
+        states = sequence.propagate_all(self._current, terms)[1:]
+        self._current = states[-1]
+        return states[ends]
 
     def _prepare(self, track: Trajectory) -> _LinearizedMotion:
         """Return the instants of successive steps with their derivatives, all at once."""
-        forces, time, sides, usual = self._forces, track.time, track.pressed, self._problem.step
+        forces, time, sides, step = self._forces, track.time, track.pressed, self._problem.step
         schedule = forces.prescribed_inputs(self._problem.drive.at(time))
         penetration, rate, _ = forces.sense_motion(track.d, track.v, schedule)
-        every = SensedTrajectory(replace(track, cam=schedule.cam), schedule, penetration, rate)
+        sensed = SensedTrajectory(replace(track, cam=schedule.cam), schedule, penetration, rate)
         lengths = np.diff(time)
-        lengths[np.abs(lengths - usual) <= _SAME_TIME * usual] = usual
+        lengths[np.abs(lengths - step) <= _SAME_TIME * step] = step
         changed = (sides[1:] != sides[:-1]).any(axis=1)
         instants = np.repeat(np.arange(len(time)), 1 + np.append(False, changed))
         begin = np.arange(len(time)) + np.cumsum(np.append(False, changed))
@@ -158,16 +158,16 @@ class Disturbances:
         depth = self._set_sides(row_sides, depth, speed)
         states = track.state[instants]
         narrow = forces.tangents(depth, speed, states, functions[instants])[2]
-        after = forces.follow_states(lengths, penetration[1:], penetration[:-1], track.state[:-1])
+        state_rows = forces.follow_states(lengths, penetration[1:], penetration[:-1], track.state[:-1])
         rates = forces.follow_states(np.zeros(len(time)), penetration, penetration, track.state)[:, STATE_RATE]
         plain = (lengths > 0.0) & ~changed
         events = np.flatnonzero(~plain)
         rows = np.unique(np.concatenate([begin[:1], begin[events], begin[events] + 1, begin[events + 1]]))
-        shifts = self._prescribed_rates(every, instants[rows], depth[rows])
+        shifts = self._prescribed_rates(sensed, instants[rows], depth[rows])
         return _LinearizedMotion(
-            every, lengths, plain, begin.tolist(), narrow, after[:, BY_TRAVEL], after[:, BY_BEGIN],
+            sensed, lengths, plain, begin.tolist(), narrow, state_rows[:, BY_TRAVEL], state_rows[:, BY_BEGIN],
             dict(zip(rows.tolist(), shifts, strict=True)), np.hstack([track.v, track.a, rates]),
-            None if self._parameters is None else self._parameters.along(every, lengths),
+            None if self._parameters is None else self._parameters.along(sensed, lengths),
         )  # fmt: skip
 
     def monodromy(self) -> FloatArray:
@@ -188,14 +188,14 @@ class Disturbances:
 
     def _set_sides(self, side: Bools, penetration: FloatArray, rate: FloatArray) -> FloatArray:
         """Return the sensed scalars, shape (..., c), with contacts that are about to switch set to their side."""
-        which = self._forces.switching
-        if not len(which):
+        index = self._forces.switching
+        if not len(index):
             return penetration
         lifts = self._forces.lifts
-        depth, depth_rate = lifts.depth(penetration)[..., which], lifts.depth_rate(penetration, rate)[..., which]
-        penetration, sensed = penetration.copy(), penetration[..., which]
-        there = np.abs(depth) <= _NEAR_SWITCH * self._problem.step * np.abs(depth_rate)
-        penetration[..., which] = np.where(there, sensed - depth + np.where(side, _TOUCH, -_TOUCH), sensed)
+        depth, depth_rate = lifts.depth(penetration)[..., index], lifts.depth_rate(penetration, rate)[..., index]
+        penetration, scalars = penetration.copy(), penetration[..., index]
+        near = np.abs(depth) <= _NEAR_SWITCH * self._problem.step * np.abs(depth_rate)
+        penetration[..., index] = np.where(near, scalars - depth + np.where(side, _TOUCH, -_TOUCH), scalars)
         return penetration
 
     def _steps(self, motion: _LinearizedMotion, first: int, last: int) -> tuple[StepSequence, FloatArray]:
@@ -232,26 +232,26 @@ class Disturbances:
 
         An event at g(d, t) = 0 comes later by ``-g_d Y/g'``, with the rate of g by the length of the step.
         """
-        every = motion.every
-        new, side = every.at(i + 1), every.track.pressed[i]
-        step, (moved,) = self._steps(motion, i, i + 1)
-        h, longer = float(motion.lengths[i]), self._stepper.by_length(motion.flow[i], motion.flow[i + 1])
+        sensed = motion.every
+        new, side = sensed.at(i + 1), sensed.track.pressed[i]
+        step, (terms,) = self._steps(motion, i, i + 1)
+        h, by_length = float(motion.lengths[i]), self._stepper.by_length(motion.flow[i], motion.flow[i + 1])
         if self._shift is not None:
-            shifted = self._stepper.old_terms(0.5 * h * motion.prescribed_rates[motion.begin[i]]) - longer
-            moved = moved + shifted[:, None] * self._shift
-        after, self._shift = step.propagate(0, self._current, moved), None
-        crossed = np.flatnonzero(side != every.track.pressed[i + 1])
+            shifted = self._stepper.old_terms(0.5 * h * motion.prescribed_rates[motion.begin[i]]) - by_length
+            terms = terms + shifted[:, None] * self._shift
+        after, self._shift = step.propagate(0, self._current, terms), None
+        crossed = np.flatnonzero(side != sensed.track.pressed[i + 1])
         lifts = self._forces.lifts
         depth, depth_rate = lifts.depth(new.penetration), lifts.depth_rate(new.penetration, new.rate)
         crossed = crossed[np.abs(depth_rate[self._forces.switching[crossed]]) > _AT_REST]
         if len(crossed):
-            which = self._forces.switching[crossed]
-            which = int(which[np.argmin(np.abs(depth[which] / depth_rate[which]))])
-            gradient = lifts.gradient(which, new.penetration)
-            longer = (longer + 0.5 * h * motion.prescribed_rates[motion.begin[i] + 1])[:, None]
-            by_time = step.propagate(0, np.zeros_like(longer), longer)[:, 0]
-            sense, n = gradient @ directions(self._forces, every.schedule, i + 1)[1], len(new.d)
-            rate = depth_rate[which] + sense @ (by_time[:n] - new.v)
+            scalar = self._forces.switching[crossed]
+            scalar = int(scalar[np.argmin(np.abs(depth[scalar] / depth_rate[scalar]))])
+            gradient = lifts.gradient(scalar, new.penetration)
+            by_length = (by_length + 0.5 * h * motion.prescribed_rates[motion.begin[i] + 1])[:, None]
+            by_time = step.propagate(0, np.zeros_like(by_length), by_length)[:, 0]
+            sense, n = gradient @ directions(self._forces, sensed.schedule, i + 1)[1], len(new.d)
+            rate = depth_rate[scalar] + sense @ (by_time[:n] - new.v)
             self._shift = shift = -(sense @ after[:n] + gradient @ self._scalar_derivatives(motion, i + 1)) / rate
             after = after + by_time[:, None] * shift
         self._current = after
@@ -261,58 +261,58 @@ class Disturbances:
         old, new = motion.every.at(i), motion.every.at(i + 1)
         n, switching = self._problem.system.size, self._forces.switching
         impulse = np.zeros_like(new.local) if new.impulse is None else new.impulse
-        held = np.flatnonzero(impulse[switching] > 0.0)
-        hit, rate = self._starter.impact_data(self._instant(old.time), held), old.rate[switching[held]]
+        contacts = np.flatnonzero(impulse[switching] > 0.0)
+        hit, rate = self._starter.impact_data(self._instant(old.time), contacts), old.rate[switching[contacts]]
         before, shift = self._current, self._shift
         if shift is None:  # at the end of a step
             first = int(np.argmax(rate))
             shift = (
-                -(hit.sense[first] @ before[:n] + self._scalar_derivatives(motion, i)[switching[held[first]]])
+                -(hit.sense[first] @ before[:n] + self._scalar_derivatives(motion, i)[switching[contacts[first]]])
                 / rate[first]
             )
             before = before + motion.flow[i][:, None] * shift
         d, v, z = split_state(before, n)
-        factor, beside = hit.reversal(rate), _BESIDE * self._problem.step
-        later, earlier = (self._change(old, held, factor, sign * beside) for sign in (1.0, -1.0))
+        factor, delay = hit.reversal(rate), _DELAY * self._problem.step
+        later, earlier = (self._change(old, contacts, factor, sign * delay) for sign in (1.0, -1.0))
         v = v + hit.velocity_change(hit.sense @ v + hit.turning @ d, factor)
-        v = v + (later - earlier)[:, None] * shift / (2.0 * beside)
+        v = v + (later - earlier)[:, None] * shift / (2.0 * delay)
         if self._parameters is not None:
-            v[:, : self._parameters.count] += self._parameters.impact_change(old, held)
+            v[:, : self._parameters.count] += self._parameters.impact_change(old, contacts)
         self._current, self._shift = np.vstack([d, v, z]), shift
 
-    def _change(self, old: StepState, held: IntArray, factor: FloatArray, after: float) -> FloatArray:
+    def _change(self, old: StepState, contacts: IntArray, factor: FloatArray, delay: float) -> FloatArray:
         """Return the change of the impact velocities per delay of the same motion, shape (n,)."""
-        to = self._instant(old.time + after)
-        hit = self._starter.impact_data(to, held)
-        rate = hit.sense @ old.v + hit.turning @ old.d + to.schedule.offset_rate[0][self._forces.switching[held]]
+        to = self._instant(old.time + delay)
+        hit = self._starter.impact_data(to, contacts)
+        rate = hit.sense @ old.v + hit.turning @ old.d + to.schedule.offset_rate[0][self._forces.switching[contacts]]
         return hit.velocity_change(rate, factor)
 
-    def _prescribed_rates(self, every: SensedTrajectory, instants: IntArray, depth: FloatArray) -> FloatArray:
+    def _prescribed_rates(self, sensed: SensedTrajectory, instants: IntArray, depth: FloatArray) -> FloatArray:
         """Return the rates of forces and of internal state rates due to the cam motion alone, per second.
 
         The shape is (e, 2n + s), with zeros in front. The sensed scalars `depth` at the instants, shape (e, c), are
         those of contacts on their side: the prescribed penetration rate is multiplied by their stiffness.
         """
-        beside, forces, track, n = _BESIDE * self._problem.step, self._forces, every.track, self._problem.system.size
-        motion = self._problem.drive.at((track.time[instants, None] + beside * np.array([-1.0, 0.0, 1.0])).ravel())
+        delay, forces, track, n = _DELAY * self._problem.step, self._forces, sensed.track, self._problem.system.size
+        motion = self._problem.drive.at((track.time[instants, None] + delay * np.array([-1.0, 0.0, 1.0])).ravel())
         schedule, at = forces.prescribed_inputs(motion), np.repeat(instants, 3)
 
-        def slope(rows: FloatArray) -> FloatArray:
-            return (rows[2::3] - rows[::3]) / (2.0 * beside)
+        def slope(values: FloatArray) -> FloatArray:
+            return (values[2::3] - values[::3]) / (2.0 * delay)
 
-        sensed = forces.sense_motion(track.d[at], track.v[at], schedule)
-        by_penetration, by_rate = slope(sensed[0]), slope(sensed[1])
+        histories = forces.sense_motion(track.d[at], track.v[at], schedule)
+        by_penetration, by_rate = slope(histories[0]), slope(histories[1])
         depth, functions = np.repeat(depth, 3, axis=0), schedule.rows[:, schedule.functions :]
-        force, followed, narrow = forces.tangents(depth, every.rate[at], track.state[at], functions)
-        (own, places, others), pushed = forces.coupled_scalars, slope(force)
+        force, state_rows, narrow = forces.tangents(depth, sensed.rate[at], track.state[at], functions)
+        (row, places, column), change = forces.coupled_scalars, slope(force)
         for i, rates in enumerate((by_penetration, by_rate)):
-            pushed += (narrow[1::3, i][:, own, places] * rates[:, others]) @ (own[:, None] == np.arange(forces.count))
+            change += (narrow[1::3, i][:, row, places] * rates[:, column]) @ (row[:, None] == np.arange(forces.count))
         scalars, weights = forces.act.scalars, schedule.acting_weights
-        pushed = pushed[:, scalars] * weights[1::3] + force[1::3, scalars] * slope(weights)
-        found = np.zeros((len(instants), 2 * n + track.state.shape[1]))
-        found[:, n : 2 * n] = slope(self._problem.system.load_vector(motion)) + pushed @ forces.act.vectors
-        found[:, 2 * n :] = followed[1::3, FLOW] * by_penetration[:, forces.table.owners]
-        return found
+        change = change[:, scalars] * weights[1::3] + force[1::3, scalars] * slope(weights)
+        result = np.zeros((len(instants), 2 * n + track.state.shape[1]))
+        result[:, n : 2 * n] = slope(self._problem.system.load_vector(motion)) + change @ forces.act.vectors
+        result[:, 2 * n :] = state_rows[1::3, FLOW] * by_penetration[:, forces.table.owners]
+        return result
 
     def _instant(self, time: float) -> StepInputs:
         motion = self._problem.drive.at(np.array([time]))
@@ -320,15 +320,15 @@ class Disturbances:
 
     def _source(self, motion: _LinearizedMotion, linear: Linear, part: slice) -> FloatArray:
         """Return the forces of the parameters on the unknowns at some instants, shape (m, n, k)."""
-        pushed = np.zeros((len(linear.act), self._problem.system.size, self._current.shape[1]))
+        forces = np.zeros((len(linear.act), self._problem.system.size, self._current.shape[1]))
         if motion.explicit is not None:
-            found = motion.explicit.source(linear, part)
-            pushed[:, :, : found.shape[2]] = found
-        return pushed
+            source = motion.explicit.source(linear, part)
+            forces[:, :, : source.shape[2]] = source
+        return forces
 
     def _scalar_derivatives(self, motion: _LinearizedMotion, i: int) -> FloatArray:
         """Return the derivatives of the sensed scalars at an instant by the parameters, shape (c, k)."""
-        found = np.zeros((self._forces.count, self._current.shape[1]))
+        derivatives = np.zeros((self._forces.count, self._current.shape[1]))
         if motion.explicit is not None:
-            found[:, : motion.explicit.penetration.shape[2]] = motion.explicit.penetration[i]
-        return found
+            derivatives[:, : motion.explicit.penetration.shape[2]] = motion.explicit.penetration[i]
+        return derivatives

@@ -31,7 +31,7 @@ class EquilibriumResidual:
 
     def __init__(self, system: System, forces: LocalForces, step: float) -> None:
         self._forces, self._vectors = forces, system.load_vectors()
-        self._matrices = [select_storage(one) for one in (system.mass, system.damping, system.stiffness)]
+        self._matrices = [select_storage(matrix) for matrix in (system.mass, system.damping, system.stiffness)]
         stiff = np.abs(system.stiffness.diagonal()) + np.abs(system.mass.diagonal()) / step**2
         self._weights = np.divide(1.0, np.sqrt(stiff), out=np.zeros_like(stiff), where=stiff > 0.0)
         self._largest = np.full(2, -1.0)
@@ -39,25 +39,25 @@ class EquilibriumResidual:
     @property
     def share(self) -> float:
         """Largest value so far, 1; zero without forces, negative if no instant was evaluated."""
-        lacking, acting = self._largest
-        return float(lacking / acting if acting > 0.0 else acting)
+        residual, force = self._largest
+        return float(residual / force if force > 0.0 else force)
 
     def evaluate(self, track: Trajectory, seen: Observation, schedule: PrescribedInputs, rows: IntArray) -> None:
         """Evaluate instants."""
         if not len(rows) or not len(self._weights):
             return
-        moved = (track.a[rows], track.v[rows], track.d[rows])
-        parts = [np.asarray(matrix @ one.T, dtype=float).T for matrix, one in zip(self._matrices, moved, strict=True)]
+        motion = (track.a[rows], track.v[rows], track.d[rows])
+        parts = [np.asarray(matrix @ x.T, dtype=float).T for matrix, x in zip(self._matrices, motion, strict=True)]
         parts.append(-seen.histories[rows] @ self._vectors)
         if self._forces.count:
-            acted = (seen.forces[rows] @ schedule.acts) * schedule.acting_weights[rows]
-            parts.append(-acted @ self._forces.act.vectors)
-        each = np.array(parts)
-        self._largest = np.maximum(self._largest, [self._size(each.sum(axis=0)), self._size(each)])
+            forces = (seen.forces[rows] @ schedule.acts) * schedule.acting_weights[rows]
+            parts.append(-forces @ self._forces.act.vectors)
+        terms = np.array(parts)
+        self._largest = np.maximum(self._largest, [self._size(terms.sum(axis=0)), self._size(terms)])
 
     def _size(self, rows: FloatArray) -> float:
-        weighed = rows * self._weights
-        return float(np.sqrt(np.einsum("...i,...i->...", weighed, weighed).max()))
+        weighted = rows * self._weights
+        return float(np.sqrt(np.einsum("...i,...i->...", weighted, weighted).max()))
 
     def state(self) -> Arrays:
         """Return the state for resuming."""
@@ -122,15 +122,15 @@ class EnergyBalance:
         self._rough = rough if smooth.any() else slice(None)
         self._smooth = StoredEnergy(forces, np.flatnonzero(smooth)) if smooth.any() else None
         self._smooth_scalars = np.flatnonzero(smooth)
-        self._stores, self._others = StoredEnergy(forces, rough), np.flatnonzero(~forces.opposed[rough])
+        self._stores, self._unopposed = StoredEnergy(forces, rough), np.flatnonzero(~forces.opposed[rough])
         places = np.cumsum(~smooth) - 1
         self._lifts = [(int(places[first]), int(places[last]), lift) for first, last, lift in forces.lifts]
         self._storing, self._circulatory = forces.storing[rough], np.flatnonzero(forces.circulatory[rough])
-        self._strikes = not np.isnan(forces.restitution).all()
+        self._has_impacts = not np.isnan(forces.restitution).all()
         # Vectors of the contacts that are not opposed, and the force acting along each.
         self._acting = np.flatnonzero(forces.act.owner[~forces.opposed].any(axis=0))
-        self._acted = forces.act.owner[:, self._acting].argmax(axis=0) if forces.count else self._acting
-        self._pushed = np.concatenate([system.load_vectors(), forces.act.vectors[self._acting]])
+        self._acting_forces = forces.act.owner[:, self._acting].argmax(axis=0) if forces.count else self._acting
+        self._push_vectors = np.concatenate([system.load_vectors(), forces.act.vectors[self._acting]])
         self._last: _EnergyState | None = None
         self._sums = np.zeros(4)  # work, dissipated, numerical, and the energy at the start
 
@@ -143,8 +143,8 @@ class EnergyBalance:
         first = self._last is None
         if first:
             self._sums[3] = energy[0]
-        gone = self._dissipation(new, self._last)
-        sums = self._sums[:3] + np.cumsum(np.vstack([np.zeros((int(first), 3)), gone]), axis=0)
+        terms = self._dissipation(new, self._last)
+        sums = self._sums[:3] + np.cumsum(np.vstack([np.zeros((int(first), 3)), terms]), axis=0)
         self._sums[:3], self._last = sums[-1], new.last()
         residual = sums[:, 0] - (energy - self._sums[3]) - sums[:, 1] - sums[:, 2]
         return np.column_stack([sums[:, 0], new.kinetic, new.strain, new.contact, sums[:, 1], sums[:, 2], residual])
@@ -155,8 +155,8 @@ class EnergyBalance:
 
     def restore(self, state: Arrays) -> None:
         """Restore the state."""
-        held = select_prefix("held", state)
-        self._last, self._sums = (_EnergyState(**held) if held else None), state["sums"].copy()
+        arrays = select_prefix("held", state)
+        self._last, self._sums = (_EnergyState(**arrays) if arrays else None), state["sums"].copy()
 
     def _dissipation(self, new: _EnergyState, last: _EnergyState | None) -> FloatArray:
         """Return work, dissipation and numerical loss since the previous instant, shape (b, 3)."""
@@ -178,44 +178,44 @@ class EnergyBalance:
                 return mean
             return mean + changes("time") / 6.0 * _dot(changes(force), changes(rate))
 
-        damped, given = path_work("damped", "d", "v"), path_work("pushes", "paths", "path_rates")
+        damped, load_work = path_work("damped", "d", "v"), path_work("pushes", "paths", "path_rates")
         # The work of a contact along its penetration comes from the unknowns and, if not opposed, from the cam.
-        forces, still, deepened, others = sums("force"), sums("still"), changes("penetration"), self._others
-        moving = 0.5 * _dot(forces[:, others], deepened[:, others])
-        taken = 0.5 * _dot(forces, deepened) - moving
+        forces, elastic, travel, unopposed = sums("force"), sums("still"), changes("penetration"), self._unopposed
+        cam_work = 0.5 * _dot(forces[:, unopposed], travel[:, unopposed])
+        opposed = 0.5 * _dot(forces, travel) - cam_work
         lossy = self._stores.lossy
-        crushed = 0.5 * _dot(forces[:, lossy] - still[:, lossy], deepened[:, lossy])
-        crushed -= 0.5 * _dot(sums("by_state"), changes("states"))
+        absorbed = 0.5 * _dot(forces[:, lossy] - elastic[:, lossy], travel[:, lossy])
+        absorbed -= 0.5 * _dot(sums("by_state"), changes("states"))
         # Difference of the work of the mean force and of the nonlinear force, by Simpson's rule.
         half = 0.5 * sums("penetration"), 0.5 * sums("states"), CamFunctionCache(0.5 * sums("angle"))
-        bows = np.zeros_like(deepened)
+        sags = np.zeros_like(travel)
         for i, angle, lift in self._lifts:  # the path is curved: in its middle the contact is as deep as on average
-            begin, middle, end = (lift(half[0][:, angle] + part * deepened[:, angle], 0) for part in (-0.5, 0.0, 0.5))
-            bows[:, i] = 0.5 * (begin + end) - middle
-            half[0][:, i] += bows[:, i]
-        curves = 2.0 / 3.0 * (0.5 * still - self._stores.at(*half)[1]) * deepened
+            begin, middle, end = (lift(half[0][:, angle] + share * travel[:, angle], 0) for share in (-0.5, 0.0, 0.5))
+            sags[:, i] = 0.5 * (begin + end) - middle
+            half[0][:, i] += sags[:, i]
+        defects = 2.0 / 3.0 * (0.5 * elastic - self._stores.at(*half)[1]) * travel
         if self._lifts:
-            curves += 2.0 / 3.0 * bows * changes("still")
-        curved = curves.sum(axis=1)
-        turned = self._circulatory  # the rotation of the shaft does the work of their forces without motion
-        from_shaft = curves[:, turned].sum(axis=1) - 0.5 * _dot(sums("still")[:, turned], deepened[:, turned])
+            defects += 2.0 / 3.0 * sags * changes("still")
+        defect = defects.sum(axis=1)
+        rotary = self._circulatory  # the rotation of the shaft does the work of their forces without motion
+        from_shaft = defects[:, rotary].sum(axis=1) - 0.5 * _dot(sums("still")[:, rotary], travel[:, rotary])
         if self._corrected:
-            more = (changes("time") / 6.0)[:, None] * (changes("force") - changes("still")) * changes("rate")
-            crushed += more[:, lossy].sum(axis=1)
-            taken += more.sum(axis=1) - more[:, others].sum(axis=1)
-            moving += more[:, others].sum(axis=1)
+            terms = (changes("time") / 6.0)[:, None] * (changes("force") - changes("still")) * changes("rate")
+            absorbed += terms[:, lossy].sum(axis=1)
+            opposed += terms.sum(axis=1) - terms[:, unopposed].sum(axis=1)
+            cam_work += terms[:, unopposed].sum(axis=1)
             # The work of these forces on the unknowns is already that of the nonlinear force.
-            from_cam = curves[:, others].sum(axis=1)
-            moving, curved = moving - from_cam, curved - from_cam
+            from_cam = defects[:, unopposed].sum(axis=1)
+            cam_work, defect = cam_work - from_cam, defect - from_cam
         impulse = new.impulse if last else new.impulse[1:]
-        struck = 0.5 * _dot(impulse, sums("prescribed_rates"))
-        impact_lost = 0.5 * _dot(impulse, sums("rate")) if self._strikes else 0.0 * struck
+        impact = 0.5 * _dot(impulse, sums("prescribed_rates"))
+        impact_lost = 0.5 * _dot(impulse, sums("rate")) if self._has_impacts else 0.0 * impact
         # If a contact closes and reverses within one step, its damping force is that of opening while the path
         # still closes: the product is negative, which is an error of the step.
-        lost = np.maximum(damped + crushed + impact_lost, 0.0)
-        numerical = given - taken - changes("kinetic") - changes("elastic") + struck + curved + (crushed - lost)
-        work = given + moving + struck + self._cam_energy(new, last) + from_shaft
-        return np.column_stack([work, lost, numerical])
+        loss = np.maximum(damped + absorbed + impact_lost, 0.0)
+        numerical = load_work - opposed - changes("kinetic") - changes("elastic") + impact + defect + (absorbed - loss)
+        work = load_work + cam_work + impact + self._cam_energy(new, last) + from_shaft
+        return np.column_stack([work, loss, numerical])
 
     def _cam_energy(self, new: _EnergyState, last: _EnergyState | None) -> FloatArray:
         """Return the energy stored by cam rotation in contacts whose law depends on the angle."""
@@ -227,27 +227,27 @@ class EnergyBalance:
         return 0.5 * (later - changing + new.changing[begin:] - earlier)
 
     def _evaluate_state(
-        self, track: Trajectory, seen: Observation, prescribed_rates: FloatArray, schedule: PrescribedInputs
+        self, track: Trajectory, observed: Observation, prescribed_rates: FloatArray, schedule: PrescribedInputs
     ) -> _EnergyState:
-        penetrations, forces, d = seen.penetrations[:, self._rough], seen.forces[:, self._rough], track.d
-        stored, elastic, by_state = self._stores.at(penetrations, seen.states, schedule.cam)
-        changing = self._stores.varying(penetrations, seen.states, schedule.cam)
+        penetrations, forces, d = observed.penetrations[:, self._rough], observed.forces[:, self._rough], track.d
+        stored, elastic, by_state = self._stores.at(penetrations, observed.states, schedule.cam)
+        changing = self._stores.varying(penetrations, observed.states, schedule.cam)
         smooth = np.zeros(len(d))
         if self._smooth is not None:
-            smooth = self._smooth.at(seen.penetrations[:, self._smooth_scalars], seen.states, schedule.cam)[0]
-        strain, nothing = 0.5 * self._K.twice(d) + self._system.stored, np.zeros((len(d), 0))
-        moved = (d, track.v, self._C.times(track.v)) if self._damped else (nothing, nothing, nothing)
-        driven = (self._pushed @ track.v.T).T if self._corrected else nothing
-        rates = seen.rates[:, self._rough] if self._strikes or self._corrected else nothing
-        struck = (
-            (prescribed_rates[:, self._rough], track.impulse[:, self._rough]) if self._strikes else (nothing, nothing)
+            smooth = self._smooth.at(observed.penetrations[:, self._smooth_scalars], observed.states, schedule.cam)[0]
+        strain, empty = 0.5 * self._K.twice(d) + self._system.stored, np.zeros((len(d), 0))
+        motion = (d, track.v, self._C.times(track.v)) if self._damped else (empty, empty, empty)
+        speeds = (self._push_vectors @ track.v.T).T if self._corrected else empty
+        rates = observed.rates[:, self._rough] if self._has_impacts or self._corrected else empty
+        impact = (
+            (prescribed_rates[:, self._rough], track.impulse[:, self._rough]) if self._has_impacts else (empty, empty)
         )
-        acted = seen.forces[:, self._acted] * schedule.acting_weights[:, self._acting]
+        acting = observed.forces[:, self._acting_forces] * schedule.acting_weights[:, self._acting]
         return _EnergyState(
             track.time, schedule.angle, 0.5 * self._M.twice(track.v), strain, strain + smooth, stored + smooth,
-            *moved, np.hstack([seen.histories, acted]), (self._pushed @ d.T).T, driven,
-            forces if self._storing.all() else forces * self._storing, elastic, penetrations, seen.states, by_state,
-            changing, rates, *struck,
+            *motion, np.hstack([observed.histories, acting]), (self._push_vectors @ d.T).T, speeds,
+            forces if self._storing.all() else forces * self._storing, elastic, penetrations, observed.states, by_state,
+            changing, rates, *impact,
         )  # fmt: skip
 
 
@@ -256,13 +256,13 @@ class _QuadraticForm:
 
     def __init__(self, matrix: Triplets) -> None:
         self._diagonal = matrix.diagonal() if (matrix.rows == matrix.cols).all() else None
-        self._whole: FloatArray | csr_array = select_storage(matrix) if self._diagonal is None else np.zeros((0, 0))
+        self._matrix: FloatArray | csr_array = select_storage(matrix) if self._diagonal is None else np.zeros((0, 0))
 
     def times(self, rows: FloatArray) -> FloatArray:
         """Return the product with every row, shape (m, n)."""
         if self._diagonal is not None:
             return rows * self._diagonal
-        return np.asarray(rows @ self._whole, dtype=float)
+        return np.asarray(rows @ self._matrix, dtype=float)
 
     def twice(self, rows: FloatArray) -> FloatArray:
         """Return x A x of every row x, shape (m,)."""
@@ -273,10 +273,10 @@ def _combine_successive(operation: np.ufunc, now: FloatArray, last: FloatArray |
     """Return sum or difference of successive instants; without `last` the first instant has none."""
     if last is None:
         return np.asarray(operation(now[1:], now[:-1]), dtype=float)
-    found = np.empty_like(now)
-    operation(now[:1], last, out=found[:1])
-    operation(now[1:], now[:-1], out=found[1:])
-    return found
+    result = np.empty_like(now)
+    operation(now[:1], last, out=result[:1])
+    operation(now[1:], now[:-1], out=result[1:])
+    return result
 
 
 def _previous(now: FloatArray, last: FloatArray | None) -> FloatArray:
@@ -284,5 +284,5 @@ def _previous(now: FloatArray, last: FloatArray | None) -> FloatArray:
     return now[:-1] if last is None else np.concatenate([last, now[:-1]])
 
 
-def _dot(values: FloatArray, others: FloatArray) -> FloatArray:
-    return np.einsum("mi,mi->m", values, others)
+def _dot(values: FloatArray, factors: FloatArray) -> FloatArray:
+    return np.einsum("mi,mi->m", values, factors)

@@ -58,9 +58,9 @@ def iterate_tracks(engine: Engine, steps: int, size: int = 0) -> Iterator[Trajec
 
 def no_instants(size: int, forces: LocalForces) -> Trajectory:
     """Return the empty trajectory of a system of some unknowns."""
-    still, local = np.zeros((0, size)), np.zeros((0, forces.count))
+    motion, local = np.zeros((0, size)), np.zeros((0, forces.count))
     state, sides = np.zeros((0, len(forces.start_state))), np.zeros((0, len(forces.switching)), dtype=bool)
-    return Trajectory(np.zeros(0), still, still, still, local, state, local, sides, np.zeros(0, dtype=np.intp))
+    return Trajectory(np.zeros(0), motion, motion, motion, local, state, local, sides, np.zeros(0, dtype=np.intp))
 
 
 LARGEST = 1e100
@@ -76,22 +76,22 @@ def in_range(
     track: Trajectory, before: FloatArray | None, system: System, angle: FloatArray
 ) -> tuple[Trajectory, Status]:
     """Return the steps before the first divergence, and a status that names the diverging quantity."""
-    if all(all_within(one) for one in (track.d, track.v, track.a, track.local)):
+    if all(all_within(values) for values in (track.d, track.v, track.a, track.local)):
         return track, Status()
-    every = stack_motion(track)
-    good = (np.abs(every[track.ends]) < LARGEST).all(axis=1)  # False for NaN as well
-    if good.all():  # large in sum, or out of range only between the ends of steps
+    rows = stack_motion(track)
+    valid = (np.abs(rows[track.ends]) < LARGEST).all(axis=1)  # False for NaN as well
+    if valid.all():  # large in sum, or out of range only between the ends of steps
         return track, Status()
-    count = int(np.argmin(good))
-    at = int(track.ends[count])
+    count = int(np.argmin(valid))
+    index = int(track.ends[count])
     # An overflow affects every unknown within its step: report the unknown that was largest just before.
-    ahead = np.where(np.isfinite(every[at]), np.abs(every[at]), np.inf)
-    previous = every[track.ends[count - 1]] if count else before
-    if previous is not None and np.count_nonzero(ahead == ahead.max()) > 1:
-        ahead = np.abs(previous)
+    sizes = np.where(np.isfinite(rows[index]), np.abs(rows[index]), np.inf)
+    previous = rows[track.ends[count - 1]] if count else before
+    if previous is not None and np.count_nonzero(sizes == sizes.max()) > 1:
+        sizes = np.abs(previous)
     names = [*(3 * system.names), *(name for force in system.local_forces for name in [force.name] * len(force.sense))]
-    when = instant(float(track.time[at]), float(angle[count]))
-    text = f"{names[int(np.argmax(ahead))]} is not finite {when}"
+    place = instant(float(track.time[index]), float(angle[count]))
+    text = f"{names[int(np.argmax(sizes))]} is not finite {place}"
     return track.until(count), Status(Cause.NOT_FINITE, text, "use a smaller step, more damping or a lower speed")
 
 
@@ -141,8 +141,8 @@ class KinematicEngine(Engine):
         system, forces = self._problem.system, self._forces
         if self._stop():
             return no_instants(system.size, forces), STOPPED
-        at, each = self._problem.times(steps), np.arange(len(steps))
-        motion = self._problem.drive.at(at)
+        times, indices = self._problem.times(steps), np.arange(len(steps))
+        motion = self._problem.drive.at(times)
         if system.prescribed_motion is None:
             d = v = a = np.zeros((len(steps), 0))
             local = d
@@ -151,7 +151,7 @@ class KinematicEngine(Engine):
             local = reactions(system, system.prescribed_motion, forces, motion, (d, v, a))
         state, impulse = np.tile(forces.start_state, (len(steps), 1)), np.zeros_like(local)
         sides = np.zeros((len(steps), len(forces.switching)), dtype=bool)
-        return Trajectory(at, d, v, a, local, state, impulse, sides, each, motion.cam), Status()
+        return Trajectory(times, d, v, a, local, state, impulse, sides, indices, motion.cam), Status()
 
 
 def reactions(

@@ -67,20 +67,20 @@ def select_engine(problem: Problem, method: Method, save: SaveAt) -> SelectedEng
             raise refuse("run.engine", problem.engine, "no engine", why, remedy)
         return SelectedEngine("direct", problem, ())
     basis = basis_of(problem)
-    plain = problem if basis is None else reduce_problem(problem, basis)
-    if refusal := method.refusal(plain.system, plain.step):
+    reduced = problem if basis is None else reduce_problem(problem, basis)
+    if refusal := method.refusal(reduced.system, reduced.step):
         raise refusal
-    outer = () if basis is None else (basis,)
+    bases = () if basis is None else (basis,)
     refusals: list[str] = []
-    for engine in candidate_engines(plain, method):
+    for engine in candidate_engines(reduced, method):
         if engine == "direct":
-            return SelectedEngine("direct", plain, outer)
+            return SelectedEngine("direct", reduced, bases)
         try:
-            natural, inside = _modal_problem(plain, method, engine)
+            coordinates, transformed = _modal_problem(reduced, method, engine)
         except _UnsuitableEngineError as unfit:
             refusals.append(str(unfit))
         else:
-            return SelectedEngine(engine, inside, (natural, *outer))
+            return SelectedEngine(engine, transformed, (coordinates, *bases))
     if isinstance(method, Collocation):
         raise refuse("run.integrator.method", "collocation", "newmark, hht, generalized-alpha", refusals[-1])
     remedy = "leave run.engine out: flexcam then chooses the fastest solver engine that fits"
@@ -94,12 +94,12 @@ def default_method(problem: Problem) -> Method:
         return newmark()
     basis = basis_of(problem)
     try:
-        _, inside = _modal_problem(
+        _, transformed = _modal_problem(
             problem if basis is None else reduce_problem(problem, basis), collocation(), "kernel"
         )
     except _UnsuitableEngineError:
         return newmark()
-    return collocation() if contact_stiffness_ratio(inside, problem.step / _DIVISIONS) <= 1.0 else newmark()
+    return collocation() if contact_stiffness_ratio(transformed, problem.step / _DIVISIONS) <= 1.0 else newmark()
 
 
 def candidate_engines(problem: Problem, method: Method) -> tuple[EngineName, ...]:
@@ -143,13 +143,13 @@ def _modal_problem(problem: Problem, method: Method, engine: EngineName) -> tupl
         raise _UnsuitableEngineError(f"the force {system.local_forces[0].name} depends on the motion")
     if engine == "kernel":
         _require_compiler(system)
-    found = find_modal_coordinates(system)
-    if found is None:
+    coordinates = find_modal_coordinates(system)
+    if coordinates is None:
         raise _UnsuitableEngineError("mass or stiffness are not symmetric and positive, or modes coincide")
-    inside = modal_problem(problem, found)
-    if engine == "modal" and diagonal(inside.system.damping) is None:
+    transformed = modal_problem(problem, coordinates)
+    if engine == "modal" and diagonal(transformed.system.damping) is None:
         raise _UnsuitableEngineError("the damping couples the modes")
-    return found, inside
+    return coordinates, transformed
 
 
 def _require_compiler(system: System) -> None:
@@ -172,8 +172,8 @@ def create_engine(
     """Return the engine, ready to start."""
     if way.engine != "direct" and isinstance(method, Scheme | Collocation):
         if way.engine == "modal" and isinstance(method, Scheme):
-            seldom = not save.channels and save.field_every >= _SELDOM
-            if seldom and 0 < len(probe_rows(way.problem)) <= _FEW:
+            sparse = not save.channels and save.field_every >= _SELDOM
+            if sparse and 0 < len(probe_rows(way.problem)) <= _FEW:
                 return ProbeEngine(way.problem, method, save, stop)
             return ModalEngine(way.problem, method, stop)
         return KernelEngine(way.problem, method, forces, stop)

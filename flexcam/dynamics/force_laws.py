@@ -108,11 +108,11 @@ def stop(x: float, v: float, stiffness: float, damping: float, depth: float) -> 
     """
     if x <= 0.0:
         return 0.0, 0.0, 0.0, 0.0
-    part, energy = min(x / depth, 1.0), 0.5 * stiffness * x * x
-    force = stiffness * x + damping * part * v
+    fraction, energy = min(x / depth, 1.0), 0.5 * stiffness * x * x
+    force = stiffness * x + damping * fraction * v
     if force <= 0.0:
         return 0.0, 0.0, 0.0, energy
-    return force, stiffness + (damping * v / depth if part < 1.0 else 0.0), damping * part, energy
+    return force, stiffness + (damping * v / depth if fraction < 1.0 else 0.0), damping * fraction, energy
 
 
 def hunt_crossley(x: float, v: float, stiffness: float, dissipation: float) -> LawResponse:
@@ -204,8 +204,8 @@ def line_contact(
     p = min(load, limit)
     q = give * p
     terms = 2.0 * math.log(depth / max(q, _SMALLEST)) - rest
-    beyond = 0.5 * (load + limit) * (load - limit) / slope if load > limit else 0.0
-    energy = width * (p * q * terms - 0.5 * p * q * (terms + 1.0) + beyond)
+    excess = 0.5 * (load + limit) * (load - limit) / slope if load > limit else 0.0
+    energy = width * (p * q * terms - 0.5 * p * q * (terms + 1.0) + excess)
     factor = 1.0 + dissipation * v * cosine
     if factor <= 0.0:
         return 0.0, 0.0, 0.0, energy
@@ -220,15 +220,15 @@ def lever_motion(path: float, arm: float, driven: float, start: float) -> tuple[
     computed as a difference, which would leave the rounding of the motion times a stiff joint. The others are the
     change of the derivative since the start, the derivative, and the second one (1/m).
     """
-    turn, ratio = path / driven, arm / driven
-    square, half = turn * turn, math.sin(0.5 * turn)
-    lag = math.sin(turn) - turn
+    angle, ratio = path / driven, arm / driven
+    square, half = angle * angle, math.sin(0.5 * angle)
+    lag = math.sin(angle) - angle
     if square < 0.25:  # the series of the sine, to rounding
         series = 1.0 - square / 110.0 * (1.0 - square / 156.0)
-        lag = -turn * square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0 * series)))
-    beyond = arm * (math.cos(start) * lag - 2.0 * math.sin(start) * half * half)
-    change = -2.0 * ratio * math.sin(start + 0.5 * turn) * half
-    return beyond, change, ratio * math.cos(start + turn), -ratio / driven * math.sin(start + turn)
+        lag = -angle * square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0 * series)))
+    excess = arm * (math.cos(start) * lag - 2.0 * math.sin(start) * half * half)
+    change = -2.0 * ratio * math.sin(start + 0.5 * angle) * half
+    return excess, change, ratio * math.cos(start + angle), -ratio / driven * math.sin(start + angle)
 
 
 def coulomb(rate: float, speed: float) -> tuple[float, float]:
@@ -264,9 +264,9 @@ def sliding_friction(
     (7.0, 0.0, 2.0, 0.0)
     """
     direction, slope = coulomb(v, reversal)
-    more = (breakaway - force) * math.exp(-((v / stribeck) ** 2))
-    by_rate = (force + more) * slope - 2.0 * v / stribeck**2 * more * direction + damping
-    return (force + more) * direction + damping * v, 0.0, by_rate, 0.0
+    excess = (breakaway - force) * math.exp(-((v / stribeck) ** 2))
+    by_rate = (force + excess) * slope - 2.0 * v / stribeck**2 * excess * direction + damping
+    return (force + excess) * direction + damping * v, 0.0, by_rate, 0.0
 
 
 def lever(constants: FloatArray, b: int, i: int, local: FloatArray, tangent: FloatArray) -> None:
@@ -277,22 +277,22 @@ def lever(constants: FloatArray, b: int, i: int, local: FloatArray, tangent: Flo
     the scalars the path p (m) and the motion x (m).
     """
     k, c, path, path_rate = constants[b], constants[b + 1], local[PENETRATION, i], local[RATE, i]
-    beyond, change, slope, bend = lever_motion(path, constants[b + 2], constants[b + 3], constants[b + 4])
+    excess, change, slope, bend = lever_motion(path, constants[b + 2], constants[b + 3], constants[b + 4])
     initial = slope - change
     depth = initial * path - local[PENETRATION, i + 1]
     linear = k * depth + c * (initial * path_rate - local[RATE, i + 1])
-    N = k * beyond + c * change * path_rate
+    N = k * excess + c * change * path_rate
     local[ANSWER, i], local[ANSWER, i + 1] = N * slope + linear * change, -N
-    local[ENERGY, i], local[ENERGY, i + 1] = 0.5 * k * beyond * (2.0 * depth + beyond), 0.0
-    along, turned = k * slope + c * bend * path_rate, slope * slope - initial * initial
-    bent = slope * along - k * initial * initial + (linear + N) * bend
-    tangent[0, i, 0], tangent[0, i, 1] = bent, -k * change
-    tangent[0, i + 1, 0], tangent[0, i + 1, 1] = -along + k * initial, 0.0
-    tangent[1, i, 0], tangent[1, i, 1] = c * turned, -c * change
+    local[ENERGY, i], local[ENERGY, i + 1] = 0.5 * k * excess * (2.0 * depth + excess), 0.0
+    force_slope, square_change = k * slope + c * bend * path_rate, slope * slope - initial * initial
+    by_path = slope * force_slope - k * initial * initial + (linear + N) * bend
+    tangent[0, i, 0], tangent[0, i, 1] = by_path, -k * change
+    tangent[0, i + 1, 0], tangent[0, i + 1, 1] = -force_slope + k * initial, 0.0
+    tangent[1, i, 0], tangent[1, i, 1] = c * square_change, -c * change
     tangent[1, i + 1, 0], tangent[1, i + 1, 1] = -c * change, 0.0
 
 
-def arch(constants: FloatArray, b: int, i: int, bent: int, local: FloatArray, tangent: FloatArray) -> None:
+def arch(constants: FloatArray, b: int, i: int, count: int, local: FloatArray, tangent: FloatArray) -> None:
     """Write the response of a shallow arch beyond the linear bar and beam, see `flexcam.fem.elements.arch`.
 
     Axial strain ``e = D + y g (y + 2 y0)/2`` with axial force ``N = EA/L e``: the forces are ``N g (y + y0)`` on the
@@ -301,27 +301,27 @@ def arch(constants: FloatArray, b: int, i: int, bent: int, local: FloatArray, ta
 
     Parameters
     ----------
-    bent
+    count
         Number of bending scalars that move, from the first on.
     """
-    axial, shortened = constants[b], 0.0
-    for r in range(bent):
-        pull = 0.0
-        for s in range(bent):
-            pull += constants[b + 1 + 6 * r + s] * (local[PENETRATION, i + 1 + s] + constants[b + 37 + s])
-        local[ANSWER, i + 1 + r] = pull
-        shortened += local[PENETRATION, i + 1 + r] * (pull + constants[b + 43 + r])
-    beyond = 0.5 * axial * shortened
-    N = axial * local[PENETRATION, i] + beyond
-    local[ANSWER, i] = beyond
-    local[ENERGY, i] = beyond * (0.5 * beyond / axial + local[PENETRATION, i])
-    for r in range(bent):
-        across = axial * local[ANSWER, i + 1 + r]
+    axial, shortening = constants[b], 0.0
+    for r in range(count):
+        product = 0.0
+        for s in range(count):
+            product += constants[b + 1 + 6 * r + s] * (local[PENETRATION, i + 1 + s] + constants[b + 37 + s])
+        local[ANSWER, i + 1 + r] = product
+        shortening += local[PENETRATION, i + 1 + r] * (product + constants[b + 43 + r])
+    bending_part = 0.5 * axial * shortening
+    N = axial * local[PENETRATION, i] + bending_part
+    local[ANSWER, i] = bending_part
+    local[ENERGY, i] = bending_part * (0.5 * bending_part / axial + local[PENETRATION, i])
+    for r in range(count):
+        coupling = axial * local[ANSWER, i + 1 + r]
         local[ENERGY, i + 1 + r] = 0.0
-        tangent[0, i, 1 + r], tangent[0, i + 1 + r, 0] = across, across
-        for s in range(bent):
-            tangent[0, i + 1 + r, 1 + s] = N * constants[b + 1 + 6 * r + s] + across * local[ANSWER, i + 1 + s]
-    for r in range(bent):
+        tangent[0, i, 1 + r], tangent[0, i + 1 + r, 0] = coupling, coupling
+        for s in range(count):
+            tangent[0, i + 1 + r, 1 + s] = N * constants[b + 1 + 6 * r + s] + coupling * local[ANSWER, i + 1 + s]
+    for r in range(count):
         local[ANSWER, i + 1 + r] *= N
 
 
@@ -355,11 +355,11 @@ def film_integrals(p: float, q: float) -> tuple[float, float, float, float, floa
 
 def rotate_tensor(cc: float, cs: float, ss: float, cosine: float, sine: float) -> tuple[float, float, float]:
     """Return the entries xx, xy and yy of a symmetric matrix from those in axes that are rotated by an angle."""
-    both = cosine * sine
+    product = cosine * sine
     return (
-        cc * cosine * cosine - 2.0 * cs * both + ss * sine * sine,
-        (cc - ss) * both + cs * (cosine * cosine - sine * sine),
-        cc * sine * sine + 2.0 * cs * both + ss * cosine * cosine,
+        cc * cosine * cosine - 2.0 * cs * product + ss * sine * sine,
+        (cc - ss) * product + cs * (cosine * cosine - sine * sine),
+        cc * sine * sine + 2.0 * cs * product + ss * cosine * cosine,
     )
 
 
@@ -378,30 +378,30 @@ def short_bearing(constants: FloatArray, b: int, i: int, local: FloatArray, tang
     """
     factor, clearance, speed = constants[b], constants[b + 1], constants[b + 2]
     x, y = local[PENETRATION, i], local[PENETRATION, i + 1]
-    along, across = speed * y + 2.0 * local[RATE, i], -speed * x + 2.0 * local[RATE, i + 1]
-    size, radius = math.hypot(along, across), math.hypot(x, y)
-    cosine, sine = (along / size, across / size) if size > 0.0 else (1.0, 0.0)
-    beyond = max(radius / clearance - THINNEST, 0.0)
-    scale = THINNEST / radius if beyond > 0.0 else 1.0 / clearance
-    factor *= 1.0 + _STEEP * beyond
+    a_x, a_y = speed * y + 2.0 * local[RATE, i], -speed * x + 2.0 * local[RATE, i + 1]
+    size, radius = math.hypot(a_x, a_y), math.hypot(x, y)
+    cosine, sine = (a_x / size, a_y / size) if size > 0.0 else (1.0, 0.0)
+    excess = max(radius / clearance - THINNEST, 0.0)
+    scale = THINNEST / radius if excess > 0.0 else 1.0 / clearance
+    factor *= 1.0 + _STEEP * excess
     cc, cs, ss, ccc, ccs, css = film_integrals(scale * (x * cosine + y * sine), scale * (y * cosine - x * sine))
     m_xx, m_xy, m_yy = rotate_tensor(cc, cs, ss, cosine, sine)
     t_xx, t_xy, t_yy = rotate_tensor(ccc, ccs, css, cosine, sine)
-    f_x, f_y = factor * (m_xx * along + m_xy * across), factor * (m_xy * along + m_yy * across)
+    f_x, f_y = factor * (m_xx * a_x + m_xy * a_y), factor * (m_xy * a_x + m_yy * a_y)
     local[ANSWER, i], local[ANSWER, i + 1], local[ENERGY, i], local[ENERGY, i + 1] = f_x, f_y, 0.0, 0.0
     tangent[1, i, 0], tangent[1, i, 1] = 2.0 * factor * m_xx, 2.0 * factor * m_xy
     tangent[1, i + 1, 0], tangent[1, i + 1, 1] = 2.0 * factor * m_xy, 2.0 * factor * m_yy
-    thinned, turned = factor * size * scale, factor * speed
-    tangent[0, i, 0], tangent[0, i, 1] = thinned * t_xx - turned * m_xy, thinned * t_xy + turned * m_xx
-    tangent[0, i + 1, 0], tangent[0, i + 1, 1] = thinned * t_xy - turned * m_yy, thinned * t_yy + turned * m_xy
-    if beyond > 0.0:  # the film follows the direction of the displacement only
-        e_x, e_y, growth = x / radius, y / radius, _STEEP / (1.0 + _STEEP * beyond) / clearance
-        more_x = growth * f_x - thinned * (t_xx * e_x + t_xy * e_y)
-        more_y = growth * f_y - thinned * (t_xy * e_x + t_yy * e_y)
-        tangent[0, i, 0] += more_x * e_x
-        tangent[0, i, 1] += more_x * e_y
-        tangent[0, i + 1, 0] += more_y * e_x
-        tangent[0, i + 1, 1] += more_y * e_y
+    thinning, rotation = factor * size * scale, factor * speed
+    tangent[0, i, 0], tangent[0, i, 1] = thinning * t_xx - rotation * m_xy, thinning * t_xy + rotation * m_xx
+    tangent[0, i + 1, 0], tangent[0, i + 1, 1] = thinning * t_xy - rotation * m_yy, thinning * t_yy + rotation * m_xy
+    if excess > 0.0:  # the film follows the direction of the displacement only
+        e_x, e_y, growth = x / radius, y / radius, _STEEP / (1.0 + _STEEP * excess) / clearance
+        change_x = growth * f_x - thinning * (t_xx * e_x + t_xy * e_y)
+        change_y = growth * f_y - thinning * (t_xy * e_x + t_yy * e_y)
+        tangent[0, i, 0] += change_x * e_x
+        tangent[0, i, 1] += change_x * e_y
+        tangent[0, i + 1, 0] += change_y * e_x
+        tangent[0, i + 1, 1] += change_y * e_y
 
 
 def force_table(x: float, constants: FloatArray, b: int) -> LawResponse:
@@ -423,9 +423,9 @@ def force_table(x: float, constants: FloatArray, b: int) -> LawResponse:
         else:
             low = middle
     row = b + 1 + low
-    force, beyond = constants[row + n], x - constants[row]
+    force, distance = constants[row + n], x - constants[row]
     slope = (constants[row + n + 1] - force) / (constants[row + 1] - constants[row])
-    return force + slope * beyond, slope, 0.0, constants[row + 2 * n] + beyond * (force + 0.5 * slope * beyond)
+    return force + slope * distance, slope, 0.0, constants[row + 2 * n] + distance * (force + 0.5 * slope * distance)
 
 
 def cam_lift(angle: float, constants: FloatArray, b: int) -> tuple[float, float, float]:
@@ -521,22 +521,22 @@ def evaluate_laws(
         elif kind == OIL_COLUMN:
             z = laws[law, LAW_STATE]
             stiffness, leak, refill = constants[b], constants[b + 1], constants[b + 2]
-            pressed, share, kept = oil_column(
+            e, by_travel, by_begin = oil_column(
                 x, states[BEGIN, z], states[STATE, z], states[SPAN, z], stiffness, leak, refill
             )  # fmt: skip
-            states[BY_TRAVEL, z], states[BY_BEGIN, z] = share, kept
-            active_stiffness = stiffness if pressed > 0.0 else 0.0
-            N, by_x = constants[b + 3] + active_stiffness * pressed, active_stiffness * share
-            energy = constants[b + 3] * x + 0.5 * active_stiffness * pressed * pressed
-            states[NEW_STATE, z] = x - pressed
-            states[FLOW, z] = stiffness / (leak if pressed > 0.0 else refill)
-            states[STATE_RATE, z], states[ENERGY_BY_STATE, z] = states[FLOW, z] * pressed, -active_stiffness * pressed
+            states[BY_TRAVEL, z], states[BY_BEGIN, z] = by_travel, by_begin
+            active_stiffness = stiffness if e > 0.0 else 0.0
+            N, by_x = constants[b + 3] + active_stiffness * e, active_stiffness * by_travel
+            energy = constants[b + 3] * x + 0.5 * active_stiffness * e * e
+            states[NEW_STATE, z] = x - e
+            states[FLOW, z] = stiffness / (leak if e > 0.0 else refill)
+            states[STATE_RATE, z], states[ENERGY_BY_STATE, z] = states[FLOW, z] * e, -active_stiffness * e
         elif kind == OIL_CHAMBER:
             z = laws[law, LAW_STATE]
-            N, by_x, energy, pressed, share, kept, velocity, flow, oil = oil_chamber(
+            N, by_x, energy, e, by_travel, by_begin, velocity, flow, oil = oil_chamber(
                 x, states[BEGIN, z], states[STATE, z], states[SPAN, z], constants, b
             )
-            states[BY_TRAVEL, z], states[BY_BEGIN, z], states[NEW_STATE, z] = share, kept, x - pressed
+            states[BY_TRAVEL, z], states[BY_BEGIN, z], states[NEW_STATE, z] = by_travel, by_begin, x - e
             states[STATE_RATE, z], states[FLOW, z], states[ENERGY_BY_STATE, z] = velocity, flow, -oil
         elif kind == SLIDING_FRICTION:
             N, by_x, by_v, energy = sliding_friction(
@@ -550,9 +550,9 @@ def evaluate_laws(
         if last > i + (laws[law, LIFT] >= 0):  # Coulomb friction on the next scalar
             b = laws[law, FRICTION]
             direction, steepness = coulomb(local[RATE, i + 1], constants[b + 1])
-            share = constants[b] * direction
-            local[ANSWER, i + 1], local[ENERGY, i + 1] = share * N, 0.0
-            tangent[0, i + 1, 0], tangent[1, i + 1, 0] = share * by_x, share * by_v
+            friction = constants[b] * direction
+            local[ANSWER, i + 1], local[ENERGY, i + 1] = friction * N, 0.0
+            tangent[0, i + 1, 0], tangent[1, i + 1, 0] = friction * by_x, friction * by_v
             tangent[1, i + 1, 1] = constants[b] * N * steepness
         if laws[law, LIFT] >= 0:
             turn_cam(i, last, slope, bend, local, tangent)
@@ -561,13 +561,13 @@ def evaluate_laws(
 def evaluate_rows(
     laws: IntArray, constants: FloatArray, cam: FloatArray, column: int, penetration: FloatArray, rate: FloatArray,
     inner: FloatArray, begin: FloatArray, spans: FloatArray, local: FloatArray, tangent: FloatArray,
-    states: FloatArray, force: FloatArray, energy: FloatArray, followed: FloatArray, tangents: FloatArray,
+    states: FloatArray, force: FloatArray, energy: FloatArray, state_rows: FloatArray, tangents: FloatArray,
 ) -> None:  # fmt: skip
     """Write forces (N), stored energies (J) and the rows of the internal states at m instants, a row each.
 
     Scalars and their rates have the shape (m, c), internal states `inner` (m, s); each instant ends a step of a length
-    of `spans` (m,), s, at whose beginning the states and the scalars `begin` (m, s) of their laws apply. `followed` has
-    the shape (m, 9, s); `tangents` (m, 2, c, width) is not written if it has no rows. The first four arguments are
+    of `spans` (m,), s, at whose beginning the states and the scalars `begin` (m, s) of their laws apply. `state_rows`
+    has the shape (m, 9, s); `tangents` (m, 2, c, width) is not written if it has no rows. The first four arguments are
     those of `evaluate_laws`; `local`, `tangent` and `states` are work arrays.
     """
     for k in range(len(penetration)):
@@ -581,7 +581,7 @@ def evaluate_rows(
             force[k, i], energy[k, i] = local[ANSWER, i], local[ENERGY, i]
         for z in range(states.shape[1]):
             for row in range(len(states)):
-                followed[k, row, z] = states[row, z]
+                state_rows[k, row, z] = states[row, z]
         if len(tangents) > 0:
             for i in range(local.shape[1]):
                 for j in range(tangent.shape[2]):

@@ -133,9 +133,9 @@ def family_matrix(
     unit: FloatArray = np.eye(3)
     drift, speed = predict(unit[0], unit[1], unit[2], 1.0, beta, gamma)
     inertia = np.array([0.0, 0.0, alpha_m])
-    past = old * np.array([w, x, 0.0])
-    pull = 1.0 - alpha_m + new * (x * gamma + w * beta)
-    accel = -(inertia + past + new * (x * speed + w * drift)) / pull
+    old_forces = old * np.array([w, x, 0.0])
+    effective = 1.0 - alpha_m + new * (x * gamma + w * beta)
+    accel = -(inertia + old_forces + new * (x * speed + w * drift)) / effective
     return np.array([drift + beta * accel, speed + gamma * accel, accel])
 
 
@@ -147,7 +147,7 @@ class _Stepper:
         self._M, self._C, self._K = map(select_storage, (system.mass, system.damping, system.stiffness))
         new_m, new_f = 1.0 - scheme.alpha_m, 1.0 - scheme.alpha_f
         self._stage = ImplicitStage(system, forces, scheme.beta * step**2, scheme.gamma * step, step, new_m, new_f)
-        self._led = find_massless_rates(system, average=scheme.average)
+        self._massless = find_massless_rates(system, average=scheme.average)
 
     def advance(self, now: StepState, to: StepInputs) -> StepState:
         """Return the next instant, as `Stepper` says."""
@@ -156,7 +156,7 @@ class _Stepper:
         if s.alpha_f or s.alpha_m:
             old = s.alpha_f * (now.applied - self._K @ now.d - self._C @ now.v) - s.alpha_m * (self._M @ now.a)
         new = self._stage.solve(d, v, now, to, old)
-        return new if self._led is None else self._led.update_rates(now, new, dt)
+        return new if self._massless is None else self._massless.update_rates(now, new, dt)
 
 
 def newmark(*, beta: float = 0.25, gamma: float = 0.5) -> Scheme:

@@ -55,8 +55,8 @@ class Impact:
 
     def velocity_change(self, rate: FloatArray, factor: FloatArray) -> FloatArray:
         """Return the velocity change, shape (n, ...), that removes a factor of the rates, shape (k, ...)."""
-        asked = (factor * rate.T).T
-        return np.asarray(self.gained @ np.linalg.lstsq(self.delassus, asked, rcond=_ROUNDING)[0], dtype=float)
+        removed = (factor * rate.T).T
+        return np.asarray(self.gained @ np.linalg.lstsq(self.delassus, removed, rcond=_ROUNDING)[0], dtype=float)
 
 
 def solve_complementarity(W: FloatArray, asked: FloatArray) -> FloatArray:
@@ -66,35 +66,35 @@ def solve_complementarity(W: FloatArray, asked: FloatArray) -> FloatArray:
     squares, C. L. Lawson and R. J. Hanson, Solving Least Squares Problems (1974), ch. 23. All solutions give the same
     velocities; zeros where there is none.
     """
-    nothing = np.zeros(len(asked))
+    zeros = np.zeros(len(asked))
     if len(asked) == 1:
         return np.maximum(asked / W[0], 0.0)
     scale = 1.0 / np.sqrt(np.diag(W))
-    sized, wanted = scale[:, None] * W * scale, scale * asked
-    if not (size := float(wanted.max())) > 0.0:
-        return nothing
-    pushes = _solve_active_set(sized, wanted / size)
-    if pushes is None:
-        return nothing
-    held = np.flatnonzero(pushes > _ROUNDING * pushes.max())
-    found = nothing.copy()
-    found[held] = np.linalg.lstsq(sized[np.ix_(held, held)], wanted[held], rcond=_ROUNDING)[0]
-    return scale * np.maximum(found, 0.0)
+    scaled, target = scale[:, None] * W * scale, scale * asked
+    if not (size := float(target.max())) > 0.0:
+        return zeros
+    impulses = _solve_active_set(scaled, target / size)
+    if impulses is None:
+        return zeros
+    active = np.flatnonzero(impulses > _ROUNDING * impulses.max())
+    solution = zeros.copy()
+    solution[active] = np.linalg.lstsq(scaled[np.ix_(active, active)], target[active], rcond=_ROUNDING)[0]
+    return scale * np.maximum(solution, 0.0)
 
 
-def _solve_active_set(W: FloatArray, asked: FloatArray) -> FloatArray | None:
+def _solve_active_set(W: FloatArray, target: FloatArray) -> FloatArray | None:
     """Return the solution to some digits, which identifies the active contacts; None without a solution."""
     from scipy.optimize import nnls
 
     values, vectors = np.linalg.eigh(W)
     root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
-    matrix, aim = np.vstack([root, asked]), np.append(np.zeros(len(asked)), 1.0)
+    matrix, right = np.vstack([root, target]), np.append(np.zeros(len(target)), 1.0)
     try:
-        amounts = np.asarray(nnls(matrix, aim)[0], dtype=float)
+        solution = np.asarray(nnls(matrix, right)[0], dtype=float)
     except RuntimeError:  # iteration limit of the active set
         return None
-    left = 1.0 - float(asked @ amounts)
-    return amounts / left if left > _ROUNDING else None
+    remainder = 1.0 - float(target @ solution)
+    return solution / remainder if remainder > _ROUNDING else None
 
 
 class InitialAcceleration:
@@ -129,29 +129,29 @@ class InitialAcceleration:
 
     def impact(self, moment: StepState, to: StepInputs, closed: IntArray) -> StepState:
         """Return the instant after an impact at all closed switching scalars."""
-        which = self._forces.switching[closed]
-        struck, impulse = self.impact_data(to, closed), np.zeros(self._forces.count)
-        impulse[which] = struck.impulse(moment.rate[which])
-        after = self.update_forces(moment.d, moment.v + struck.gained @ impulse[which], moment.inner, to)
+        scalars = self._forces.switching[closed]
+        data, impulse = self.impact_data(to, closed), np.zeros(self._forces.count)
+        impulse[scalars] = data.impulse(moment.rate[scalars])
+        after = self.update_forces(moment.d, moment.v + data.gained @ impulse[scalars], moment.inner, to)
         return replace(self.restart(after), impulse=impulse)
 
     def impact_data(self, to: StepInputs, closed: IntArray) -> Impact:
         """Return the data of an impact at switching scalars."""
         forces, schedule, i = self._forces, to.schedule, to.row
-        which = forces.switching[closed]
+        index = forces.switching[closed]
         sense, turning = (
-            rows[which] @ forces.sense.vectors for rows in (schedule.sensing_matrix(i), schedule.sensing_rate_matrix(i))
+            rows[index] @ forces.sense.vectors for rows in (schedule.sensing_matrix(i), schedule.sensing_rate_matrix(i))
         )
-        act = schedule.acting_matrix(i)[which] @ forces.act.vectors
+        act = schedule.acting_matrix(i)[index] @ forces.act.vectors
         return Impact(sense, turning, self.accelerations(act.T), forces.restitution[closed])
 
     def update_forces(self, d: FloatArray, v: FloatArray, inner: FloatArray, to: StepInputs) -> StepState:
         """Return an instant with the forces of its motion, without acceleration."""
         forces = self._forces
-        penetration, rate, _ = (one[0] for one in forces.sense_motion(d[None], v[None], to.schedule.row(to.row)))
-        answer = forces.respond(penetration, rate, inner, to.schedule, to.row)
-        applied = to.load + (answer.force @ to.schedule.acting_matrix(to.row)) @ forces.act.vectors
-        return StepState(to.time, d, v, np.zeros(len(d)), applied, answer.force, penetration, rate, inner)
+        penetration, rate, _ = (rows[0] for rows in forces.sense_motion(d[None], v[None], to.schedule.row(to.row)))
+        reaction = forces.respond(penetration, rate, inner, to.schedule, to.row)
+        applied = to.load + (reaction.force @ to.schedule.acting_matrix(to.row)) @ forces.act.vectors
+        return StepState(to.time, d, v, np.zeros(len(d)), applied, reaction.force, penetration, rate, inner)
 
     def accelerations(self, right: FloatArray) -> FloatArray:
         """Return ``M^-1 f`` for columns f, shape (n, k); massless motions have no acceleration."""
@@ -163,14 +163,14 @@ class InitialAcceleration:
 def massless_impact_error(forces: LocalForces, light: MasslessMotions) -> InputError | None:
     """Return the error for impacts on massless unknowns, with all names; None without such impacts."""
     bouncing: list[int] = forces.switching[~np.isnan(forces.restitution)].tolist()
-    pushed = [
-        one
-        for one in bouncing
-        if (light.force_on_massless(forces.act.vectors[forces.act.owner[one] > 0.0]) > FORCE_TOLERANCE).any()
+    faulty = [
+        scalar
+        for scalar in bouncing
+        if (light.force_on_massless(forces.act.vectors[forces.act.owner[scalar] > 0.0]) > FORCE_TOLERANCE).any()
     ]
     given, allowed = "a restitution where a body has no mass", "a mass on both sides, or ground"
     why, remedy = "an impact changes the velocity of a mass", "add a mass there, or use dissipation"
-    return InputError(Fault(forces.names[one], given, allowed, why, remedy) for one in pushed) if pushed else None
+    return InputError(Fault(forces.names[scalar], given, allowed, why, remedy) for scalar in faulty) if faulty else None
 
 
 def massless_contact_error(system: System, method: str) -> InputError | None:
@@ -180,14 +180,14 @@ def massless_contact_error(system: System, method: str) -> InputError | None:
         return None
     why, remedy = "only springs determine the position of a point without mass", "give it a mass, or use newmark"
     forces = LocalForces(system)
-    on = np.zeros(forces.count, dtype=bool)
+    affected = np.zeros(forces.count, dtype=bool)
     for stack in (forces.sense, forces.act):
-        on |= (stack.owner[:, light.force_on_massless(stack.vectors) > FORCE_TOLERANCE] > 0.0).any(axis=1)
-    names = list(dict.fromkeys(forces.names[i] for i in np.flatnonzero(on).tolist()))
+        affected |= (stack.owner[:, light.force_on_massless(stack.vectors) > FORCE_TOLERANCE] > 0.0).any(axis=1)
+    names = list(dict.fromkeys(forces.names[i] for i in np.flatnonzero(affected).tolist()))
     if names:
         return refuse("run.integrator", method, f"a method that allows {', '.join(names)} without mass", why, remedy)
-    slowed = np.abs(system.damping.multiply(light.motions))
-    damped = np.flatnonzero(slowed.max(axis=0) > FORCE_TOLERANCE * np.abs(system.damping.values).max(initial=0.0))
+    damping = np.abs(system.damping.multiply(light.motions))
+    damped = np.flatnonzero(damping.max(axis=0) > FORCE_TOLERANCE * np.abs(system.damping.values).max(initial=0.0))
     if not len(damped):
         return None
     rows: list[int] = np.abs(light.motions[:, damped]).argmax(axis=0).tolist()

@@ -101,24 +101,24 @@ class Method(ABC):
 
     def period_error(self, omega_dt: float, damping: float = 0.0) -> float:
         """Return the relative period elongation of a mode; infinite if it does not oscillate."""
-        turn = float(np.angle(self._oscillating_eigenvalue(omega_dt, damping)))
-        return omega_dt * math.sqrt(1.0 - damping**2) / turn - 1.0 if turn > 0.0 else math.inf
+        angle = float(np.angle(self._oscillating_eigenvalue(omega_dt, damping)))
+        return omega_dt * math.sqrt(1.0 - damping**2) / angle - 1.0 if angle > 0.0 else math.inf
 
     def damping_ratio(self, omega_dt: float, damping: float = 0.0) -> float:
         """Return the damping ratio of a mode in a run: physical plus numerical damping.
 
         Decay per radian (Hughes, eq. 9.1.30); infinite if the mode does not oscillate.
         """
-        pair = self._oscillating_eigenvalue(omega_dt, damping)
-        turn = float(np.angle(pair))
-        return math.log(1.0 / abs(pair)) / turn if turn > 0.0 else math.inf
+        eigenvalue = self._oscillating_eigenvalue(omega_dt, damping)
+        angle = float(np.angle(eigenvalue))
+        return math.log(1.0 / abs(eigenvalue)) / angle if angle > 0.0 else math.inf
 
     def stability_limit(self, damping: float = 0.0) -> float:
         """Return the stability limit of angular frequency times step, to 1e-12; infinite if unconditionally stable."""
-        beyond = [x for x in _STEPS.tolist() if self.spectral_radius(x, damping) > _GROWTH_LIMIT]
-        if not beyond:
+        unstable = [x for x in _STEPS.tolist() if self.spectral_radius(x, damping) > _GROWTH_LIMIT]
+        if not unstable:
             return math.inf
-        low, high = 0.0, float(beyond[0])
+        low, high = 0.0, float(unstable[0])
         while high - low > 1e-12 * high:
             middle = 0.5 * (low + high)
             low, high = (low, middle) if self.spectral_radius(middle, damping) > _GROWTH_LIMIT else (middle, high)
@@ -156,7 +156,7 @@ class ImplicitStage:
         self, system: System, forces: LocalForces, to_d: float, to_v: float, step: float,
         weight_m: float = 1.0, weight_f: float = 1.0, inverse: Callable[[Triplets], Factor] = factorize,
     ) -> None:  # fmt: skip
-        self._forces, self._to_d, self._to_v, self._step, self._new = forces, to_d, to_v, step, weight_f
+        self._forces, self._to_d, self._to_v, self._step, self._weight = forces, to_d, to_v, step, weight_f
         self._slope = to_v / to_d if to_d else 0.0
         self._C, self._K = select_storage(system.damping), select_storage(system.stiffness)
         self._damped = bool(system.damping.values.any())
@@ -171,9 +171,9 @@ class ImplicitStage:
         self, d: FloatArray, v: FloatArray, now: StepState, to: StepInputs, old: FloatArray | None = None
     ) -> StepState:
         """Return the new instant from d^, v^ and the weighted forces of the old instant, shape (n,) each."""
-        right = self._new * (to.load - self._K @ d)
+        right = self._weight * (to.load - self._K @ d)
         if self._damped:
-            right = right - self._new * (self._C @ v)
+            right = right - self._weight * (self._C @ v)
         if old is not None:
             right = right + old
         a = self._S.solve(right)
@@ -183,10 +183,10 @@ class ImplicitStage:
         iterations = self._find_forces(d, v, now, to)
         local, states = self._forces.workspace.local, self._forces.workspace.states
         weights = local[TRIAL] @ to.schedule.acting_matrix(to.row)
-        more = self._by_act @ weights
+        a_local = self._by_act @ weights
         applied = to.load + weights @ self._forces.act.vectors
         return StepState(
-            to.time, d + self._to_d * more, v + self._to_v * more, a + more, applied, local[TRIAL].copy(),
+            to.time, d + self._to_d * a_local, v + self._to_v * a_local, a + a_local, applied, local[TRIAL].copy(),
             local[PENETRATION].copy(), local[RATE].copy(), states[NEW_STATE].copy(), iterations=iterations,
         )  # fmt: skip
 
@@ -194,14 +194,14 @@ class ImplicitStage:
         """Find the local forces for the motion without them; return the iterations."""
         forces, work, table = self._forces, self._forces.workspace, self._forces.table
         schedule, i, local = to.schedule, to.row, self._forces.workspace.local
-        sensing, turning = schedule.sensing_matrix(i), schedule.sensing_rate_matrix(i)
+        sensing, sensing_rate = schedule.sensing_matrix(i), schedule.sensing_rate_matrix(i)
         on_d, on_v = forces.sense.vectors @ d, forces.sense.vectors @ v
         local[FREE_PENETRATION] = sensing @ on_d + schedule.offset[i]
-        local[FREE_RATE] = sensing @ on_v + turning @ on_d + schedule.offset_rate[i]
+        local[FREE_RATE] = sensing @ on_v + sensing_rate @ on_d + schedule.offset_rate[i]
         local[TRIAL] = local[BASE] = now.local
         local[OWN] = -1.0
         by_d, by_v = (give.T @ schedule.acting_matrix(i).T for give in self._give)
-        work.compliance[0], work.compliance[1] = (sensing @ by_d).T, (sensing @ by_v + turning @ by_d).T
+        work.compliance[0], work.compliance[1] = (sensing @ by_d).T, (sensing @ by_v + sensing_rate @ by_d).T
         work.states[STATE], work.states[BEGIN] = now.inner, now.penetration[table.owners]
         work.states[SPAN] = self._step
         iterations = forces.functions["solve_local"](
@@ -216,5 +216,5 @@ class ImplicitStage:
 
 def unconverged_forces(names: list[str], local: FloatArray) -> list[str]:
     """Return the names of the local forces with the largest difference from their laws."""
-    missing = np.abs(local[TRIAL] - local[ANSWER])
-    return [name for name, one in zip(names, missing, strict=True) if one >= 0.1 * missing.max()]
+    errors = np.abs(local[TRIAL] - local[ANSWER])
+    return [name for name, error in zip(names, errors, strict=True) if error >= 0.1 * errors.max()]

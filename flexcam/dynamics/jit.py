@@ -54,17 +54,17 @@ def compile_functions(
     numba: Any = import_module("numba")
     digest = _digest(functions)
     with _cache_folder(digest) as writable:
-        keep = cached and writable
+        use_cache = cached and writable
         inner = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)
-        entry = numba.njit(cache=keep, **_OPTIONS)
-        found = bind(functions, {}, lambda function: (entry if function.__name__ in entries else inner)(function))
-    if not (keep and any((cache_root() / digest).rglob("*.nbi"))):
+        entry = numba.njit(cache=use_cache, **_OPTIONS)
+        compiled = bind(functions, {}, lambda function: (entry if function.__name__ in entries else inner)(function))
+    if not (use_cache and any((cache_root() / digest).rglob("*.nbi"))):
         _LOGGER.info("compiling the time integration, once per installation: about ten seconds")
     for name in entries:
-        found[name] = _Entry(
-            found[name], partial(compile_functions, functions, entries, cached=False) if keep else None
+        compiled[name] = _Entry(
+            compiled[name], partial(compile_functions, functions, entries, cached=False) if use_cache else None
         )
-    return found
+    return compiled
 
 
 class _Entry:
@@ -128,15 +128,15 @@ def _digest(functions: Sequence[FunctionType]) -> str:
 
 def cache_root() -> Path:
     """Return the folder of the user under which compiled code is kept."""
-    given = os.environ.get("FLEXCAM_CACHE") or os.environ.get("XDG_CACHE_HOME")
-    return (Path(given) if given else Path.home() / ".cache") / "flexcam"
+    folder = os.environ.get("FLEXCAM_CACHE") or os.environ.get("XDG_CACHE_HOME")
+    return (Path(folder) if folder else Path.home() / ".cache") / "flexcam"
 
 
 @contextmanager
 def _cache_folder(name: str) -> Generator[bool]:
     """Set numba's cache to a separate folder within the context; yield whether it is writable."""
     settings: Any = import_module("numba.core.config")
-    before = settings.CACHE_DIR
+    previous = settings.CACHE_DIR
     try:
         folder = cache_root() / name
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
@@ -148,4 +148,4 @@ def _cache_folder(name: str) -> Generator[bool]:
     try:
         yield True
     finally:
-        settings.CACHE_DIR = before
+        settings.CACHE_DIR = previous

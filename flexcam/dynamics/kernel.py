@@ -5,7 +5,7 @@ local force then is one scalar per stage.
 
 Arrays, a row per quantity: `state` holds q, v, a, the forces on the modes and work rows; `operator` mass, damping,
 stiffness and the coefficients of a step. `answers` the response to each acting vector; `vectors` the sensing vectors
-and then the acting ones; `given` a row per step of loads and prescribed inputs. `runs`, `answer_runs` and `mode_runs`
+and then the acting ones; `inputs` a row per step of loads and prescribed inputs. `runs`, `answer_runs` and `mode_runs`
 list the runs of nonzero entries of vectors, answers and rows of coupled modes. Their entries b and b + 1 are the places
 in the array itself where the pairs of row b (first entry and end of a run) begin and end. They are unsigned: an index
 that cannot be negative needs no check, so that the compiler vectorizes the loops over runs.
@@ -96,12 +96,12 @@ def predict_modes(
     """Write the prediction of the step, and the acceleration and motion at its end without local forces."""
     h, new, n = scheme[STEP], 1.0 - scheme[ALPHA_F], state.shape[1]
     for i in range(n):
-        there, moving = predict(state[Q, i], state[V, i], state[A, i], h, scheme[BETA], scheme[GAMMA])
-        push = new * (loads[i] - operator[STIFFNESS, i] * there - operator[DAMPING, i] * moving)
+        q, v = predict(state[Q, i], state[V, i], state[A, i], h, scheme[BETA], scheme[GAMMA])
+        push = new * (loads[i] - operator[STIFFNESS, i] * q - operator[DAMPING, i] * v)
         if scheme[ALPHA_F] != 0.0 or scheme[ALPHA_M] != 0.0:
             old = state[LOAD, i] - operator[STIFFNESS, i] * state[Q, i] - operator[DAMPING, i] * state[V, i]
             push += scheme[ALPHA_F] * old - scheme[ALPHA_M] * operator[MASS, i] * state[A, i]
-        state[Q_FREE, i], state[V_FREE, i], state[PUSH, i] = there, moving, push
+        state[Q_FREE, i], state[V_FREE, i], state[PUSH, i] = q, v, push
         state[ACCELERATION, i] = operator[INVERSE, i] * push
     if len(coupled) > 0:
         for i in range(n):
@@ -117,7 +117,7 @@ def predict_modes(
 
 
 def find_forces(
-    k: int, stages: int, slope: float, give: FloatArray, vectors: FloatArray, runs: IntArray, given: FloatArray,
+    k: int, stages: int, slope: float, give: FloatArray, vectors: FloatArray, runs: IntArray, inputs: FloatArray,
     laws: IntArray, blocks: IntArray, constants: FloatArray, places: IntArray, reach: IntArray, varying: IntArray,
     state: FloatArray, forces: FloatArray, states: FloatArray, local: FloatArray, tangent: FloatArray, active: IntArray,
     W: FloatArray, matrix: FloatArray,
@@ -128,11 +128,11 @@ def find_forces(
     offset = sense_at + 2 * senses + give.shape[1]
     for i in range(c):
         trial = Q_TRIAL + 2 * (stages * i // c)
-        penetration, rate = given[k, offset + i], given[k, offset + c + i]
+        penetration, rate = inputs[k, offset + i], inputs[k, offset + c + i]
         for b in range(places[0, i], places[0, i + 1]):
             on_d, on_v = dot(vectors[b], state[trial], runs, b), dot(vectors[b], state[trial + 1], runs, b)
-            penetration += given[k, sense_at + b] * on_d
-            rate += given[k, sense_at + b] * on_v + given[k, sense_at + senses + b] * on_d
+            penetration += inputs[k, sense_at + b] * on_d
+            rate += inputs[k, sense_at + b] * on_v + inputs[k, sense_at + senses + b] * on_d
         local[FREE_PENETRATION, i], local[FREE_RATE, i] = penetration, rate
         local[TRIAL, i], local[BASE, i] = forces[LAST_FORCE, i] + forces[TREND, i], forces[LAST_FORCE, i]
     for v in range(len(varying)):
@@ -142,22 +142,22 @@ def find_forces(
             for column in range(reach[at], reach[at + 1]):
                 j = places[SCALAR, column]
                 if W[0, j, 0] == W[0, j, 0]:
-                    fill_compliance(i, j, places, give, given, k, sense_at, W)
+                    fill_compliance(i, j, places, give, inputs, k, sense_at, W)
     return solve_local(
-        laws, blocks, constants, places, reach, give, given, k, stages, sense_at, slope, local, tangent, states, active,
-        W, matrix,
+        laws, blocks, constants, places, reach, give, inputs, k, stages, sense_at, slope, local, tangent, states,
+        active, W, matrix,
     )  # fmt: skip
 
 
 def add_forces(
-    k: int, act: int, places: IntArray, vectors: FloatArray, runs: IntArray, first: int, given: FloatArray,
+    k: int, act: int, places: IntArray, vectors: FloatArray, runs: IntArray, first: int, inputs: FloatArray,
     local: FloatArray, begin: int, state: FloatArray, row: int,
 ) -> None:  # fmt: skip
     """Add the effect of the local forces from `begin` on along vectors, from the first of them on, to a row."""
     for j in range(begin, local.shape[1]):
         if local[TRIAL, j] != 0.0:
             for b in range(places[1, j], places[1, j + 1]):
-                weight = local[TRIAL, j] * given[k, act + b]
+                weight = local[TRIAL, j] * inputs[k, act + b]
                 for at in range(runs[first + b], runs[first + b + 1], 2):
                     run = runs[at]
                     for i in range(runs[at + 1] - run):
@@ -186,14 +186,14 @@ def correct_modes(
 def crosses_zero(local: FloatArray, switching: IntArray) -> bool:
     """Return whether a switching scalar (row 0) is on another side of zero than before (row 1)."""
     for at in range(switching.shape[1]):
-        pressed = local[DEPTH, switching[0, at]] > 0.0
-        if pressed != (switching[1, at] == 1):
+        closed = local[DEPTH, switching[0, at]] > 0.0
+        if closed != (switching[1, at] == 1):
             return True
     return False
 
 
 def contact_ratio(
-    k: int, stages: int, laws: IntArray, blocks: IntArray, places: IntArray, hold: FloatArray, given: FloatArray,
+    k: int, stages: int, laws: IntArray, blocks: IntArray, places: IntArray, hold: FloatArray, inputs: FloatArray,
     sense_at: int, tangent: FloatArray,
 ) -> float:  # fmt: skip
     """Return the largest (omega h)^2 of the contacts of a step, relative to its limit.
@@ -210,12 +210,12 @@ def contact_ratio(
             for i in range(first, first + laws[law, SCALARS]):
                 stiffness = abs(tangent[0, i, i - first])
                 if stiffness != 0.0:
-                    own = 0.0
+                    response = 0.0
                     for b in range(places[1, i], places[1, i + 1]):
                         for s in range(places[0, i], places[0, i + 1]):
-                            own += hold[b % acts, s % senses] * given[k, act_at + b] * given[k, sense_at + s]
-                    largest = max(largest, stiffness * abs(own) / LARGEST_RATIO)
-                    total += stiffness * abs(own)
+                            response += hold[b % acts, s % senses] * inputs[k, act_at + b] * inputs[k, sense_at + s]
+                    largest = max(largest, stiffness * abs(response) / LARGEST_RATIO)
+                    total += stiffness * abs(response)
         largest = max(largest, total / (stages * LARGEST_SUM))
     return largest
 
@@ -291,7 +291,7 @@ def correct_stages(operator: FloatArray, loads: FloatArray, state: FloatArray, r
 
 def accept(
     k: int, stages: int, scheme: FloatArray, operator: FloatArray, answers: FloatArray, answer_runs: IntArray,
-    vectors: FloatArray, runs: IntArray, given: FloatArray, places: IntArray, state: FloatArray, forces: FloatArray,
+    vectors: FloatArray, runs: IntArray, inputs: FloatArray, places: IntArray, state: FloatArray, forces: FloatArray,
     states: FloatArray, local: FloatArray, rows: FloatArray,
 ) -> None:  # fmt: skip
     """Advance everything to the end of the step and write a row of results per stage."""
@@ -299,7 +299,7 @@ def accept(
     c, inner, act = local.shape[1] // stages, states.shape[1] // stages, stages * n + 2 * senses
     for stage in range(stages):
         row = ACCELERATION if stages == 1 else MIDDLE_FORCE + stage
-        add_forces(k, act, places, answers[stage], answer_runs, 0, given, local, 0, state, row)
+        add_forces(k, act, places, answers[stage], answer_runs, 0, inputs, local, 0, state, row)
         for j in range(c):
             rows[stage, 3 * n + j] = local[TRIAL, stage * c + j]
         for z in range(inner):
@@ -310,10 +310,10 @@ def accept(
     for z in range(states.shape[1]):
         states[STATE, z] = states[NEW_STATE, last * inner + z % inner]
     if stages == 2:
-        correct_stages(operator, given[k], state, rows)
+        correct_stages(operator, inputs[k], state, rows)
     else:
-        correct_modes(scheme, operator, given[k], state, rows[0])
-    add_forces(k, act, places, vectors, runs, senses, given, local, last * c, state, LOAD)
+        correct_modes(scheme, operator, inputs[k], state, rows[0])
+    add_forces(k, act, places, vectors, runs, senses, inputs, local, last * c, state, LOAD)
 
 
 def changes_side(local: FloatArray, forces: FloatArray, touching: IntArray, stages: int) -> bool:
@@ -321,9 +321,9 @@ def changes_side(local: FloatArray, forces: FloatArray, touching: IntArray, stag
     count = local.shape[1] // stages
     for at in range(len(touching)):
         i = touching[at]
-        before = forces[LAST_DEPTH, (stages - 1) * count + i] > 0.0
+        closed = forces[LAST_DEPTH, (stages - 1) * count + i] > 0.0
         for stage in range(stages):
-            if (local[DEPTH, stage * count + i] > 0.0) != before:
+            if (local[DEPTH, stage * count + i] > 0.0) != closed:
                 return True
     return False
 
@@ -361,10 +361,10 @@ def march(
     begin: int, end: int, stages: int, lengths: FloatArray, slopes: FloatArray, scheme: FloatArray,
     operator: FloatArray, answers: FloatArray, answer_runs: IntArray, give: FloatArray, hold: FloatArray,
     inverse: FloatArray, coupled: FloatArray, mode_runs: IntArray, vectors: FloatArray, runs: IntArray,
-    given: FloatArray, cuts: IntArray, parts: FloatArray, laws: IntArray, blocks: IntArray, constants: FloatArray,
+    inputs: FloatArray, cuts: IntArray, parts: FloatArray, laws: IntArray, blocks: IntArray, constants: FloatArray,
     places: IntArray, reach: IntArray, owners: IntArray, varying: IntArray, touching: IntArray, state: FloatArray,
     forces: FloatArray, states: FloatArray, local: FloatArray, tangent: FloatArray, active: IntArray, W: FloatArray,
-    matrix: FloatArray, switching: IntArray, found: FloatArray, count: IntArray,
+    matrix: FloatArray, switching: IntArray, results: FloatArray, count: IntArray,
 ) -> int:  # fmt: skip
     """Advance over rows of the prescribed inputs; return how it ended.
 
@@ -379,9 +379,9 @@ def march(
     while k < end:
         count[0] = k
         level = 1 if part > 0 else 0
-        source, at = given, k
+        source, at = inputs, k
         if part > 0:
-            interpolate(cuts, given[k - 1] if k > 0 else parts[BEFORE], given[k], part, parts[INPUTS])
+            interpolate(cuts, inputs[k - 1] if k > 0 else parts[BEFORE], inputs[k], part, parts[INPUTS])
             source, at = parts, INPUTS
         if stages == 2:
             predict_stages(operator[level], coupled, inverse[level], mode_runs, source[at], state)
@@ -394,17 +394,17 @@ def march(
             at, stages, slopes[level], give[level], vectors, runs, source, laws, blocks, constants, places, reach,
             varying, state, forces, states, local[level], tangent, active, W[level], matrix,
         )  # fmt: skip
-        struck = iterations > 0 and crosses_zero(local[level], switching)
-        if iterations == 0 or struck:
+        crossed = iterations > 0 and crosses_zero(local[level], switching)
+        if iterations == 0 or crossed:
             if part > 0:
                 copy_rows(4, parts[SAVED:], state)
                 copy_rows(FORCE_SIZE, parts[SAVED + 4 :], forces)
                 copy_rows(1, parts[SAVED + 4 + FORCE_SIZE :], states)
-            return SWITCHED if struck else UNSETTLED
+            return SWITCHED if crossed else UNSETTLED
         count[1] += iterations
         if part == 0:
             if len(hold) > 0 and contact_ratio(
-                k, stages, laws, blocks, places, hold, given, stages * n, tangent
+                k, stages, laws, blocks, places, hold, inputs, stages * n, tangent
             ) > 1.0:  # fmt: skip
                 return TOO_LONG
             if changes_side(local[0], forces, touching, stages):
@@ -414,13 +414,13 @@ def march(
                 forget_trend(forces)
                 part = 1
                 continue
-        rows = parts[RESULTS:SAVED] if part > 0 else found[stages * k : stages * (k + 1)]
+        rows = parts[RESULTS:SAVED] if part > 0 else results[stages * k : stages * (k + 1)]
         accept(
             at, stages, scheme, operator[level], answers[level], answer_runs, vectors, runs, source, places, state,
             forces, states, local[level], rows,
         )  # fmt: skip
         if 2 * part == PARTS or part == PARTS:
-            copy_rows(1, parts[RESULTS + 1 :], found[stages * k + 2 * part // PARTS - 1 :])
+            copy_rows(1, parts[RESULTS + 1 :], results[stages * k + 2 * part // PARTS - 1 :])
         if part == PARTS:
             forget_trend(forces)
         part = (part + 1) % (PARTS + 1) if part > 0 else 0

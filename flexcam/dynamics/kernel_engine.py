@@ -69,9 +69,9 @@ class KernelStepper:
         if kernel.stages > 1:
             middle = self._at(0.5 * (now.time + to.time))
             loads, schedule = np.vstack([middle.load, loads]), middle.schedule.row(middle.row).followed_by(schedule)
-        given, found = kernel.given(loads, schedule), np.empty((kernel.stages, kernel.columns))
-        how, _, iterations = kernel.advance(self._operator, state, (0, 1), given, found)
-        if how == UNSETTLED:
+        inputs, results = kernel.given(loads, schedule), np.empty((kernel.stages, kernel.columns))
+        ending, _, iterations = kernel.advance(self._operator, state, (0, 1), inputs, results)
+        if ending == UNSETTLED:
             raise NoConvergenceError(kernel.unconverged_forces())
         new = replace(kernel.moment(state, to.time), iterations=iterations)
         if kernel.stages > 1 and self._operator.lengths[0] > kernel.shortest and kernel.touches_between(now, new):
@@ -88,8 +88,8 @@ class KernelEngine:
         self._problem, self._system, self._forces, self._stop = problem, problem.system, forces, stop
         self._kernel = Kernel(problem, scheme, forces)
         self._starter = InitialAcceleration(problem.system, forces)
-        self._balances, self._division, self._within = scheme.is_collocated, 1, 0
-        self._walker = self._event_stepper()
+        self._balances, self._division, self._divisions_done = scheme.is_collocated, 1, 0
+        self._single_steps = self._event_stepper()
         self._last: StepState | None = None
         self._inputs: FloatArray | None = None  # prescribed inputs of the last instant, as a row of the kernel
         self._span = math.inf, math.inf
@@ -101,14 +101,14 @@ class KernelEngine:
         if self._stop():
             return no_instants(self._system.size, self._forces), STOPPED
         rows = np.append(steps[0] - 1, steps) if self._at_middle else steps
-        odd = (len(rows) - (self._last is None)) % self._kernel.stages if steps[-1] < self._problem.steps else 0
-        odd = 0 if self._division > 1 else odd  # a divided step ends with a step of the kernel
+        remainder = (len(rows) - (self._last is None)) % self._kernel.stages if steps[-1] < self._problem.steps else 0
+        remainder = 0 if self._division > 1 else remainder  # a divided step ends with a step of the kernel
         parts, status = list[Trajectory](), Status()
-        if len(rows) > odd:
-            whole, status = self._advance_rows(rows[: len(rows) - odd])
-            parts.append(whole.after(int(self._at_middle)))
+        if len(rows) > remainder:
+            track, status = self._advance_rows(rows[: len(rows) - remainder])
+            parts.append(track.after(int(self._at_middle)))
             self._at_middle = False
-        if odd and status.ok:
+        if remainder and status.ok:
             middle, status = self._advance_to_middle(rows[-1:])
             parts.append(middle)
         return Trajectory.concatenate(parts) if len(parts) > 1 else parts[0], status
@@ -118,9 +118,9 @@ class KernelEngine:
 
         The results then do not depend on the number of steps between two calls.
         """
-        kept = self._last, self._inputs, self._iterations, self._walker.events
+        saved = self._last, self._inputs, self._iterations, self._single_steps.events
         track, status = self._advance_rows(np.append(step, step + 1))
-        self._last, self._inputs, self._iterations, self._walker.events = kept
+        self._last, self._inputs, self._iterations, self._single_steps.events = saved
         self._at_middle = len(track.ends) > 0
         return track.until(min(len(track.ends), 1)), Status() if self._at_middle else status
 
@@ -132,104 +132,104 @@ class KernelEngine:
             parts.append(part)
             done += len(part.ends)
             if status is not _TOO_STIFF or self._division == _MOST_DIVISIONS:
-                whole = Trajectory.concatenate(parts) if len(parts) > 1 else part
-                return (whole if status.ok else whole.until(len(whole.ends))), status
-            self._division, self._within = 2 * self._division, 2 * self._within
+                track = Trajectory.concatenate(parts) if len(parts) > 1 else part
+                return (track if status.ok else track.until(len(track.ends))), status
+            self._division, self._divisions_done = 2 * self._division, 2 * self._divisions_done
             self._kernel.shorten(self._problem.step / self._division)
-            self._walker = self._event_stepper(self._walker.events)
+            self._single_steps = self._event_stepper(self._single_steps.events)
 
     def _advance_divisions(self, steps: IntArray) -> tuple[Trajectory, Status]:
         """Advance by some steps, the first of which has begun already, in divisions of equal length."""
-        parts = self._division
-        if parts == 1:
-            at, ends = self._problem.times(steps), np.ones(len(steps), dtype=bool)
+        division = self._division
+        if division == 1:
+            times, ends = self._problem.times(steps), np.ones(len(steps), dtype=bool)
         else:
-            fraction = np.arange(1, parts + 1) - parts
-            at = (self._problem.times(steps)[:, None] + self._problem.step / parts * fraction).ravel()
+            fraction = np.arange(1, division + 1) - division
+            times = (self._problem.times(steps)[:, None] + self._problem.step / division * fraction).ravel()
             ends = np.tile(fraction == 0, len(steps))
-            skipped = parts - 1 if self._last is None else self._within
-            at, ends = at[skipped:], ends[skipped:]
-        loads, schedule = self._prescribed(at)
+            skipped = division - 1 if self._last is None else self._divisions_done
+            times, ends = times[skipped:], ends[skipped:]
+        loads, schedule = self._prescribed(times)
         before = None if self._last is None else stack_instant(self._last)
-        track, status = self._advance(at, loads, schedule)
-        reached = len(track.ends)
-        complete = np.flatnonzero(ends[:reached])
-        self._within = reached - 1 - int(complete[-1]) if len(complete) else self._within + reached
-        track = replace(track, ends=track.ends[ends[:reached]])
+        track, status = self._advance(times, loads, schedule)
+        count = len(track.ends)
+        complete = np.flatnonzero(ends[:count])
+        self._divisions_done = count - 1 - int(complete[-1]) if len(complete) else self._divisions_done + count
+        track = replace(track, ends=track.ends[ends[:count]])
         if not len(track.ends):
             return track, status
-        kept, left = in_range(track, before, self._system, schedule.angle[ends])
-        return kept, status if left.ok else left
+        valid, divergence = in_range(track, before, self._system, schedule.angle[ends])
+        return valid, status if divergence.ok else divergence
 
-    def _advance(self, at: FloatArray, loads: FloatArray, schedule: PrescribedInputs) -> tuple[Trajectory, Status]:
+    def _advance(self, times: FloatArray, loads: FloatArray, schedule: PrescribedInputs) -> tuple[Trajectory, Status]:
         """Advance by the kernel, and by single steps where it stops."""
-        kernel, found = self._kernel, np.empty((len(at), self._kernel.columns))
-        stepped: dict[int, list[StepState]] = {}
-        pressed = np.empty((len(at), len(self._forces.switching)), dtype=bool)
+        kernel, rows = self._kernel, np.empty((len(times), self._kernel.columns))
+        single_steps: dict[int, list[StepState]] = {}
+        pressed = np.empty((len(times), len(self._forces.switching)), dtype=bool)
         row, status = 0, Status()
         if self._last is None:
-            to = StepInputs(float(at[0]), loads[0], schedule, 0)
+            to = StepInputs(float(times[0]), loads[0], schedule, 0)
             self._last, row = self._starter.first(self._problem.start or State.rest(self._system.size), to), 1
-            found[0] = _row(self._last)
+            rows[0] = _row(self._last)
             self._inputs = kernel.instant(loads, schedule, 0)
         state, sides = kernel.state(self._last), self._sides(self._last)
         pressed[:] = sides[1]
-        first, given = row, kernel.given(loads[row:], schedule.at(slice(row, None)) if row else schedule)
-        while row < len(at) and status.ok:
+        first, inputs = row, kernel.given(loads[row:], schedule.at(slice(row, None)) if row else schedule)
+        while row < len(times) and status.ok:
             done = (row - first) // kernel.stages
-            how, reached, iterations = kernel.advance(
-                kernel.whole, state, (done, len(given)), given, found[first:], sides, self._inputs
+            ending, step, iterations = kernel.advance(
+                kernel.whole, state, (done, len(inputs)), inputs, rows[first:], sides, self._inputs
             )
-            row, self._iterations = first + kernel.stages * reached, self._iterations + iterations
-            if how == TOO_LONG:
+            row, self._iterations = first + kernel.stages * step, self._iterations + iterations
+            if ending == TOO_LONG:
                 status = _TOO_STIFF
                 break
-            for _ in range(min(kernel.stages, len(at) - row)):
-                to = StepInputs(float(at[row]), loads[row], schedule, row)
-                now = kernel.moment(state, float(at[row - 1]) if row else self._last.time, sides[1] > 0)
+            for _ in range(min(kernel.stages, len(times) - row)):
+                to = StepInputs(float(times[row]), loads[row], schedule, row)
+                now = kernel.moment(state, float(times[row - 1]) if row else self._last.time, sides[1] > 0)
                 try:
-                    moments = self._walker.walk(now, to)
+                    moments = self._single_steps.walk(now, to)
                 except NoConvergenceError as fault:
                     status = convergence_failure(fault.forces, to.time, to.angle)
                     break
                 self._iterations += sum(moment.iterations for moment in moments)
-                stepped[row] = moments
-                found[row], row = _row(moments[-1]), row + 1
+                single_steps[row] = moments
+                rows[row], row = _row(moments[-1]), row + 1
                 state, sides = kernel.state(moments[-1]), self._sides(moments[-1])
                 pressed[row:] = sides[1]
         if row:
-            self._last = kernel.moment(state, float(at[row - 1]), sides[1] > 0)
+            self._last = kernel.moment(state, float(times[row - 1]), sides[1] > 0)
             self._inputs = kernel.instant(loads, schedule, row - 1)
-        return self._track(at[:row], found[:row], pressed[:row], stepped, schedule), status
+        return self._track(times[:row], rows[:row], pressed[:row], single_steps, schedule), status
 
     def _track(
-        self, time: FloatArray, found: FloatArray, pressed: NDArray[np.bool_], stepped: dict[int, list[StepState]],
+        self, time: FloatArray, rows: FloatArray, pressed: NDArray[np.bool_], single_steps: dict[int, list[StepState]],
         schedule: PrescribedInputs,
     ) -> Trajectory:  # fmt: skip
         """Return the kernel rows merged with the instants within single steps."""
         n, c = self._system.size, self._forces.count
-        d, v, a, force, inner = np.split(found, [n, 2 * n, 3 * n, 3 * n + c], axis=1)
-        none, each = np.zeros((len(time), c)), np.arange(len(time))
-        plain = Trajectory(time, d, v, a, force, inner, none, pressed, each, schedule.cam)
-        if all(len(moments) == 1 and moments[0].impulse is None for moments in stepped.values()):
-            return plain if len(time) == len(schedule.angle) else replace(plain, cam=None)
+        d, v, a, force, inner = np.split(rows, [n, 2 * n, 3 * n, 3 * n + c], axis=1)
+        no_impulse, indices = np.zeros((len(time), c)), np.arange(len(time))
+        track = Trajectory(time, d, v, a, force, inner, no_impulse, pressed, indices, schedule.cam)
+        if all(len(moments) == 1 and moments[0].impulse is None for moments in single_steps.values()):
+            return track if len(time) == len(schedule.angle) else replace(track, cam=None)
         parts, first = list[Trajectory](), 0
-        for row, moments in stepped.items():
-            parts += [plain.between(first, row), Trajectory.of([moments], self._forces.contact_sides)]
+        for row, moments in single_steps.items():
+            parts += [track.between(first, row), Trajectory.of([moments], self._forces.contact_sides)]
             first = row + 1
-        return Trajectory.concatenate([*parts, plain.between(first, len(time))])
+        return Trajectory.concatenate([*parts, track.between(first, len(time))])
 
     def statistics(self, stats: Stats) -> Stats:
         """Return the statistics with the counts of this engine."""
         method = "collocation" if self._kernel.stages == 2 else ""
-        return replace(stats, iterations=self._iterations, events=self._walker.events, integrator=method)
+        return replace(stats, iterations=self._iterations, events=self._single_steps.events, integrator=method)
 
     def state(self) -> Arrays:
         """Return the last instant and the counts, see `Engine`."""
         return {
             **flatten("last", self._last),
             **flatten("inputs", self._inputs),
-            "counts": np.array([self._iterations, self._walker.events, self._at_middle]),
+            "counts": np.array([self._iterations, self._single_steps.events, self._at_middle]),
             "division": np.array(self._division),
         }
 
@@ -239,7 +239,7 @@ class KernelEngine:
         self._iterations, events, at_middle = state["counts"].tolist()
         self._at_middle, self._division = bool(at_middle), int(state["division"])
         self._kernel.shorten(self._problem.step / self._division)
-        self._walker = self._event_stepper(events)
+        self._single_steps = self._event_stepper(events)
 
     def _sides(self, moment: StepState) -> IntArray:
         """Return the switching scalars, and which of them count as pressed."""
@@ -271,9 +271,9 @@ class KernelEngine:
         """Return the coefficients of the prescribed inputs within a step; None if no polynomial fits them."""
         loads, schedule = self._prescribed(begin + 0.5 * (end - begin) * (1.0 + np.append(_NODES, _BETWEEN)))
         rows = np.column_stack([loads, schedule.angle, schedule.rows])
-        found = _FIT @ rows[: len(_NODES)]
-        missed = np.abs(_CHECK @ found - rows[len(_NODES) :]).max(axis=0)
-        return found if (missed <= _FITTED * np.abs(rows).max(axis=0)).all() else None
+        coefficients = _FIT @ rows[: len(_NODES)]
+        errors = np.abs(_CHECK @ coefficients - rows[len(_NODES) :]).max(axis=0)
+        return coefficients if (errors <= _FITTED * np.abs(rows).max(axis=0)).all() else None
 
     def _prescribed(self, times: FloatArray) -> tuple[FloatArray, PrescribedInputs]:
         motion = self._problem.drive.at(times)
@@ -282,9 +282,9 @@ class KernelEngine:
     def _event_stepper(self, events: int = 0) -> EventStepper:
         """Return the stepper of single steps, with the events located so far."""
         step = self._problem.step / self._division
-        found = EventStepper(step, self._forces, self._starter, self._at, self._stepper, balances=self._balances)
-        found.events = events
-        return found
+        stepper = EventStepper(step, self._forces, self._starter, self._at, self._stepper, balances=self._balances)
+        stepper.events = events
+        return stepper
 
     def _stepper(self, step: float) -> KernelStepper:
         return KernelStepper(self._kernel, step, self._at)

@@ -69,7 +69,7 @@ class StepOperator:
     def followed_by(self, shorter: StepOperator) -> StepOperator:
         """Return the steps of both lengths."""
         lengths, slopes, operator, answers, give, inverse = (
-            np.concatenate([getattr(one, name) for one in (self, shorter)])
+            np.concatenate([getattr(step, name) for step in (self, shorter)])
             for name in ("lengths", "slopes", "operator", "answers", "give", "inverse")
         )
         return StepOperator(lengths, slopes, self.scheme, operator, answers, give, self.hold, inverse)
@@ -87,10 +87,10 @@ class ModalSystem:
     @classmethod
     def of(cls, system: System, forces: LocalForces) -> ModalSystem:
         """Return those of a system whose mass and stiffness are diagonal."""
-        own = system.damping.diagonal()
-        beside = system.damping.dense() - np.diag(own)
-        modes = np.array([system.mass.diagonal(), own, system.stiffness.diagonal()])
-        return cls(modes, beside if beside.any() else _NONE, forces.sense.vectors, forces.act.vectors)
+        diagonal = system.damping.diagonal()
+        coupled = system.damping.dense() - np.diag(diagonal)
+        modes = np.array([system.mass.diagonal(), diagonal, system.stiffness.diagonal()])
+        return cls(modes, coupled if coupled.any() else _NONE, forces.sense.vectors, forces.act.vectors)
 
     @cached_property
     def coupled_groups(self) -> IntArray:
@@ -103,9 +103,9 @@ class ModalSystem:
 
         Arrays (groups, size), and their acting vectors, shape (groups, size, acts).
         """
-        found = component_members(self.coupled_groups)
-        sizes = sorted({len(group) for group in found})
-        groups = [np.array([group for group in found if len(group) == size]) for size in sizes]
+        members = component_members(self.coupled_groups)
+        sizes = sorted({len(group) for group in members})
+        groups = [np.array([group for group in members if len(group) == size]) for size in sizes]
         return [(group, np.ascontiguousarray(self.acting.T[group])) for group in groups]
 
     def operator(self, scheme: Scheme | Collocation, step: float) -> StepOperator:
@@ -115,51 +115,51 @@ class ModalSystem:
     def _one_stage(self, scheme: Scheme, step: float) -> StepOperator:
         new = 1.0 - scheme.alpha_f
         mass, damping, stiffness = self.modes
-        whole = scheme.effective_mass(mass, damping, stiffness, step)
-        single, inverse = np.zeros_like(whole), _NONE
+        effective = scheme.effective_mass(mass, damping, stiffness, step)
+        inverse_mass, inverse = np.zeros_like(effective), _NONE
         if len(self.coupled):
-            inverse, answering = np.zeros_like(self.coupled), np.empty_like(self.acting)
-            full = np.diag(whole) + new * scheme.gamma * step * self.coupled
+            inverse, answers = np.zeros_like(self.coupled), np.empty_like(self.acting)
+            matrix = np.diag(effective) + new * scheme.gamma * step * self.coupled
             for group, acting in self.groups:
                 rows, columns = group[:, :, None], group[:, None, :]
-                blocks = np.linalg.inv(full[rows, columns])
+                blocks = np.linalg.inv(matrix[rows, columns])
                 inverse[rows, columns] = blocks
-                answering[:, group.ravel()] = new * (blocks @ acting).reshape(group.size, len(self.acting)).T
+                answers[:, group.ravel()] = new * (blocks @ acting).reshape(group.size, len(self.acting)).T
         else:
-            single = 1.0 / whole
-            answering = new * self.acting * single
+            inverse_mass = 1.0 / effective
+            answers = new * self.acting * inverse_mass
         weights = np.array([step, scheme.beta, scheme.gamma, scheme.alpha_m, scheme.alpha_f])
         to_d, to_v = scheme.beta * step**2, scheme.gamma * step
-        sensed = answering @ self.sensing.T
-        operator, give = np.array([*self.modes, single]), np.array([to_d * sensed, to_v * sensed])
+        sensed = answers @ self.sensing.T
+        operator, give = np.array([*self.modes, inverse_mass]), np.array([to_d * sensed, to_v * sensed])
         lengths, slopes = np.array([step]), np.array([to_v / to_d])
-        each = operator[None], answering[None, None], give[None]
-        return StepOperator(lengths, slopes, weights, *each, _NONE, inverse[None, None, None])
+        arrays = operator[None], answers[None, None], give[None]
+        return StepOperator(lengths, slopes, weights, *arrays, _NONE, inverse[None, None, None])
 
     def _two_stages(self, step: float) -> StepOperator:
         """Return the collocation over two stages of one length; a force acts on its stage alone."""
         n, acts, length = self.modes.shape[1], len(self.acting), 2.0 * step
         mass, damping, stiffness = self.modes
-        found = stage_coefficients(mass, damping, stiffness, length)
-        on_d, on_v = found[:, 0, 3:], found[:, 1, 3:]  # by the forces at middle and end, shape (stage, 2, n)
+        rows = stage_coefficients(mass, damping, stiffness, length)
+        on_d, on_v = rows[:, 0, 3:], rows[:, 1, 3:]  # by the forces at middle and end, shape (stage, 2, n)
         pushes = np.zeros((2, 2 * acts, n))  # by stage of the mode force; acting vectors of both stages
         pushes[0, :acts] = pushes[1, acts:] = self.acting
         inverse = _NONE
         if len(self.coupled):
             by_force: FloatArray = (on_v[..., None] * np.eye(n)).transpose(0, 2, 1, 3).reshape(2 * n, 2 * n)
-            slowing = np.kron(np.eye(2), self.coupled)
-            inverse = np.asarray(slowing @ np.linalg.inv(np.eye(2 * n) + by_force @ slowing), dtype=float)
+            dampers = np.kron(np.eye(2), self.coupled)
+            inverse = np.asarray(dampers @ np.linalg.inv(np.eye(2 * n) + by_force @ dampers), dtype=float)
             flat = pushes.transpose(1, 0, 2).reshape(2 * acts, 2 * n)
             pushes = (flat - flat @ (inverse @ by_force).T).reshape(2 * acts, 2, n).transpose(1, 0, 2).copy()
-        moved = np.einsum("tan,qstn->qasn", pushes, np.array([on_d, on_v]))
-        give = (moved @ self.sensing.T).reshape(2, 2 * acts, 2 * len(self.sensing))
-        operator = np.concatenate([self.modes, found.reshape(-1, n)])
+        motion = np.einsum("tan,qstn->qasn", pushes, np.array([on_d, on_v]))
+        give = (motion @ self.sensing.T).reshape(2, 2 * acts, 2 * len(self.sensing))
+        operator = np.concatenate([self.modes, rows.reshape(-1, n)])
         # A force at the middle alone moves a free mass by 4/3 h^2 of its acceleration until the end.
         heavy = np.where(mass > 0.0, 0.75 * on_d[1, 0], 0.0)
         hold = (self.acting * heavy) @ self.sensing.T
-        lengths, each = np.array([step]), (operator[None], pushes[None], give[None])
+        lengths, arrays = np.array([step]), (operator[None], pushes[None], give[None])
         inverse = inverse.reshape(2, len(inverse) // 2, 2, len(inverse) // 2).swapaxes(1, 2).copy()
-        return StepOperator(lengths, 1.0 / lengths, np.zeros(5), *each, hold, inverse[None])
+        return StepOperator(lengths, 1.0 / lengths, np.zeros(5), *arrays, hold, inverse[None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,7 +263,7 @@ class Kernel:
         if before is not None:
             self._parts[BEFORE, : len(before)] = before
         stage_sides = np.hstack([np.add(sides, [[stage * self.forces.count], [0]]) for stage in range(self.stages)])
-        how = self._march(
+        ending = self._march(
             *steps, self.stages, operator.lengths, operator.slopes, operator.scheme, operator.operator,
             operator.answers, self._answer_runs, operator.give, operator.hold, operator.inverse, system.coupled,
             self._mode_runs, self._vectors, self._runs, given, self._cuts, self._parts, table.laws, self._blocks,
@@ -272,11 +272,11 @@ class Kernel:
             work.tangent, work.active, self._compliance, work.matrix, stage_sides, found, count,
         )  # fmt: skip
         row, iterations = count.tolist()
-        return int(how), row, iterations
+        return int(ending), row, iterations
 
     def touches_between(self, now: StepState, new: StepState) -> bool:
         """Return whether in the last call a switching scalar had another side at the middle than at both ends."""
-        before, after = (self.forces.contact_sides(one.penetration) for one in (now, new))
+        before, after = (self.forces.contact_sides(moment.penetration) for moment in (now, new))
         middle = self._local[0, DEPTH, self.forces.switching] > 0.0
         before = before if now.pressed is None else now.pressed
         return bool(((middle != before) & (middle != after)).any())
@@ -310,15 +310,15 @@ def find_coupling(forces: LocalForces, operator: StepOperator) -> tuple[FloatArr
         return np.zeros((forces.count, forces.count)), np.zeros((forces.count, forces.count))
     give = np.abs(operator.give[0])
     give = give.reshape(2, -1, acts, give.shape[2] // senses, senses).max(axis=(1, 3))
-    can = forces.act.owner @ give.sum(axis=0) @ forces.sense.owner.T
+    coupled = forces.act.owner @ give.sum(axis=0) @ forces.sense.owner.T
     inputs = _revolution_inputs(forces)
-    sensed, acted = (np.sqrt(np.mean(one**2, axis=0)) for one in (inputs.sensing_weights, inputs.acting_weights))
-    moved = (forces.act.owner * acted) @ give[0] @ (forces.sense.owner * sensed).T
-    own = np.sqrt(np.diag(moved))
-    scale = np.outer(own, own)
-    alone = np.where(moved > 0.0, np.inf, 0.0)  # forces that move other scalars than their own
-    relative = np.divide(moved, scale, out=alone, where=scale > 0.0)
-    return can + can.T, np.maximum(relative, relative.T)
+    sensed, acted = (np.sqrt(np.mean(w**2, axis=0)) for w in (inputs.sensing_weights, inputs.acting_weights))
+    motion = (forces.act.owner * acted) @ give[0] @ (forces.sense.owner * sensed).T
+    root = np.sqrt(np.diag(motion))
+    scale = np.outer(root, root)
+    infinite = np.where(motion > 0.0, np.inf, 0.0)  # forces that move other scalars than their own
+    relative = np.divide(motion, scale, out=infinite, where=scale > 0.0)
+    return coupled + coupled.T, np.maximum(relative, relative.T)
 
 
 def _revolution_inputs(forces: LocalForces) -> PrescribedInputs:
@@ -336,11 +336,11 @@ def contact_stiffness_ratio(problem: Problem, step: float) -> float:
     hold = ModalSystem.of(problem.system, forces).operator(Collocation(), step).hold
     inputs = _revolution_inputs(forces)
     acted = forces.act.owner * inputs.acting_weights[:, None]  # shape (angles, c, acts)
-    own = np.abs(np.sum(acted @ hold * (forces.sense.owner * inputs.sensing_weights[:, None]), axis=2)).max(axis=0)
+    response = np.abs(np.sum(acted @ hold * (forces.sense.owner * inputs.sensing_weights[:, None]), axis=2)).max(axis=0)
     closed = np.full(forces.count, _CLOSED)
     closed -= forces.lifts.depth(closed) - closed
     stiffness = forces.respond(closed, np.zeros_like(closed), forces.start_state, inputs).by_penetration
-    return float((np.abs(np.diag(stiffness)) * own).max(initial=0.0))
+    return float((np.abs(np.diag(stiffness)) * response).max(initial=0.0))
 
 
 def divide_laws(laws: IntArray, coupling: FloatArray) -> tuple[IntArray, IntArray]:
@@ -353,11 +353,11 @@ def divide_laws(laws: IntArray, coupling: FloatArray) -> tuple[IntArray, IntArra
     rows, columns = np.array(strong, dtype=np.intp).reshape(-1, 2).T
     members = component_members(connected_components(len(laws), rows, columns))
     order = np.concatenate([np.zeros(0, dtype=np.intp), *members])
-    return order, np.cumsum([0, *(len(one) for one in members)])
+    return order, np.cumsum([0, *(len(block) for block in members)])
 
 
 def _repeat_places(places: IntArray, stages: int, order: IntArray) -> Places:
     """Return the places of the scalars of all stages; `order` are the scalars of the columns of the compliance."""
     later = [places[:2, 1:] + stage * places[:2, -1:] for stage in range(stages)]
-    columns = [np.append(one, len(order)) for one in (np.argsort(order), order)]
+    columns = [np.append(row, len(order)) for row in (np.argsort(order), order)]
     return np.vstack([np.hstack([places[:2, :1], *later]), *columns]).astype(np.uint32)

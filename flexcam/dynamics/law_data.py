@@ -44,33 +44,33 @@ class CamLift:
 
         The function of the cam angle, rad, gives the right limit where one of its derivatives jumps.
         """
-        even = np.linspace(0.0, TURN, _PIECES + 1)
-        clear = [not any(0.0 < abs(at - joint) < 0.1 * even[1] for joint in joints) for at in even.tolist()]
-        edges = np.union1d(even[clear], joints)
+        grid = np.linspace(0.0, TURN, _PIECES + 1)
+        is_clear = [not any(0.0 < abs(at - joint) < 0.1 * grid[1] for joint in joints) for at in grid.tolist()]
+        edges = np.union1d(grid[is_clear], joints)
         edges = edges[np.append(True, np.diff(edges) > _LEFT)]
-        h, before = np.diff(edges), edges[1:] - _LEFT
+        h, left = np.diff(edges), edges[1:] - _LEFT
 
         def exact(values: FloatArray, order: int) -> FloatArray:
             """Return values without rounding: a dwell has no curvature."""
-            return np.where(np.abs(values) > 1e-14 * np.abs(function(even, order)).max(), values, 0.0)
+            return np.where(np.abs(values) > 1e-14 * np.abs(function(grid, order)).max(), values, 0.0)
 
         s, v, a = (exact(function(edges[:-1], order), order) for order in range(3))
-        new_a = exact(function(before, 2), 2)
-        new_v = exact(function(before, 1) + _LEFT * new_a, 1)
-        more = exact(function(edges[1:], 0) - s - h * (v + 0.5 * h * a), 0)
-        faster, bent = h * exact(new_v - v - h * a, 1), h * h * exact(new_a - a, 2)
-        third, fourth = 10.0 * more - 4.0 * faster + 0.5 * bent, -15.0 * more + 7.0 * faster - bent
-        fifth = 6.0 * more - 3.0 * faster + 0.5 * bent
+        new_a = exact(function(left, 2), 2)
+        new_v = exact(function(left, 1) + _LEFT * new_a, 1)
+        ds = exact(function(edges[1:], 0) - s - h * (v + 0.5 * h * a), 0)
+        dv, da = h * exact(new_v - v - h * a, 1), h * h * exact(new_a - a, 2)
+        third, fourth = 10.0 * ds - 4.0 * dv + 0.5 * da, -15.0 * ds + 7.0 * dv - da
+        fifth = 6.0 * ds - 3.0 * dv + 0.5 * da
         return cls(np.column_stack([edges[:-1], s, v, 0.5 * a, third / h**3, fourth / h**4, fifth / h**5]))
 
     def __call__(self, angle: FloatArray, order: int) -> FloatArray:
         """Return a derivative at any angles, rad, see `cam_lift`."""
         t = angle - TURN * np.floor(angle / TURN)
         row = self.pieces[np.maximum(np.searchsorted(self.pieces[:, 0], t, side="right") - 1, 0)]
-        x, found = t - row[..., 0], np.zeros_like(t)
+        x, result = t - row[..., 0], np.zeros_like(t)
         for k in range(5, order - 1, -1):
-            found = found * x + math.perm(k, order) * row[..., k + 1]
-        return found
+            result = result * x + math.perm(k, order) * row[..., k + 1]
+        return result
 
 
 @dataclass(frozen=True, eq=False)

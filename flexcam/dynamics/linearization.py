@@ -43,18 +43,18 @@ def linearize(
     Forces of laws that have none, such as those of open contacts, are left out, unless parameters change them: the
     derivatives `answer` have the shape (m, c, p).
     """
-    (own, places, others), changes = forces.coupled_scalars, np.asarray(narrow.any(axis=(0, 1)))
+    (rows, places, columns), changes = forces.coupled_scalars, np.asarray(narrow.any(axis=(0, 1)))
     used = np.zeros(forces.count, dtype=bool)
-    used[own[changes[own, places]]] = used[others[changes[own, places]]] = True
+    used[rows[changes[rows, places]]] = used[columns[changes[rows, places]]] = True
     if answer is not None:
         used |= answer.any(axis=(0, 2))
     kept, m = np.flatnonzero(used), len(narrow)
     at, owners = np.cumsum(used) - 1, forces.table.owners
-    inside = used[own] & used[others]
+    inside = used[rows] & used[columns]
     by_x, by_rate = np.zeros((2, m, len(kept), len(kept)))
-    to, of = at[own[inside]] * len(kept) + at[others[inside]], own[inside] * narrow.shape[3] + places[inside]
+    target, source = at[rows[inside]] * len(kept) + at[columns[inside]], rows[inside] * narrow.shape[3] + places[inside]
     for i, tangent in enumerate((by_x, by_rate)):
-        tangent.reshape(m, len(kept) ** 2)[:, to] = narrow[:, i].reshape(m, -1)[:, of]
+        tangent.reshape(m, len(kept) ** 2)[:, target] = narrow[:, i].reshape(m, -1)[:, source]
     weights, rates = schedule.sensing_weights, schedule.sensing_rates
     by_d, by_v = (_by_unknowns(tangent, forces.sense, weights, kept) for tangent in (by_x, by_rate))
     by_d += _by_unknowns(by_rate, forces.sense, rates, kept, constant=False)
@@ -66,10 +66,10 @@ def linearize(
 
 def _rows(stack: VectorStack, weights: FloatArray, scalars: IntArray) -> FloatArray:
     """Return the vectors of some scalars at m instants, shape (m, c, n)."""
-    found = np.tile(stack.rows[scalars], (len(weights), 1, 1))
+    vectors = np.tile(stack.rows[scalars], (len(weights), 1, 1))
     for place, scalar, vector in stack.varying_vectors:
-        found[:, scalars == scalar] += (weights[:, place, None] * vector)[:, None]
-    return found
+        vectors[:, scalars == scalar] += (weights[:, place, None] * vector)[:, None]
+    return vectors
 
 
 def _by_unknowns(
@@ -80,17 +80,17 @@ def _by_unknowns(
     Without `constant` the constant part of the sensing vectors, which has no rate, is left out.
     """
     m, c, _ = tangent.shape
-    found = np.zeros((m, c, stack.vectors.shape[1]))
+    result = np.zeros((m, c, stack.vectors.shape[1]))
     changed = np.flatnonzero(tangent.any(axis=(0, 2))) if constant else kept[:0]
     if len(changed) == c:
-        found = (tangent.reshape(m * c, c) @ stack.rows[kept]).reshape(found.shape)
+        result = (tangent.reshape(m * c, c) @ stack.rows[kept]).reshape(result.shape)
     elif len(changed):
-        found[:, changed] = tangent[:, changed] @ stack.rows[kept]
+        result[:, changed] = tangent[:, changed] @ stack.rows[kept]
     for place, scalar, vector in stack.varying_vectors:
         for j in np.flatnonzero(kept == scalar).tolist():
             changed = np.flatnonzero(tangent[:, :, j].any(axis=0))
-            found[:, changed] += (tangent[:, changed, j] * weights[:, place, None])[:, :, None] * vector
-    return found
+            result[:, changed] += (tangent[:, changed, j] * weights[:, place, None])[:, :, None] * vector
+    return result
 
 
 def directions(forces: LocalForces, schedule: PrescribedInputs, i: int) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -112,29 +112,29 @@ class Tangents:
         inner: FloatArray | None = None,
     ) -> None:  # fmt: skip
         self._forces = LocalForces(system)
-        self.mass, self._C, self._K = (one.dense() for one in (system.mass, system.damping, system.stiffness))
+        self.mass, self._C, self._K = (matrix.dense() for matrix in (system.mass, system.damping, system.stiffness))
         self._schedule = self._forces.prescribed_inputs(motion)
-        self._gap, self._rate, _ = self._forces.sense_motion(displacement, velocity, self._schedule)
+        self._penetration, self._rate, _ = self._forces.sense_motion(displacement, velocity, self._schedule)
         self._inner = inner
 
     def at(self, i: int) -> tuple[FloatArray, FloatArray]:
         """Return damping and stiffness at an instant, shape (n, n) each."""
         row, state, forces = slice(i, i + 1), self._state(i)[None], self._forces
-        there = self._schedule.at(row)
-        narrow = forces.tangents(self._gap[row], self._rate[row], state, there.rows[:, there.functions :])[2]
-        found = linearize(forces, there, narrow)
-        (act,) = found.act
-        return self._C - act.T @ found.by_v[0], self._K - act.T @ found.by_d[0]
+        inputs = self._schedule.at(row)
+        narrow = forces.tangents(self._penetration[row], self._rate[row], state, inputs.rows[:, inputs.functions :])[2]
+        linear = linearize(forces, inputs, narrow)
+        (act,) = linear.act
+        return self._C - act.T @ linear.by_v[0], self._K - act.T @ linear.by_d[0]
 
     def parts(self, i: int) -> Iterator[tuple[str, FloatArray]]:
         """Yield the name of each local force and the stiffness it adds at an instant, shape (n, n)."""
         if not self._forces.count:
             return
-        answer = self._forces.respond(self._gap[i], self._rate[i], self._state(i), self._schedule, i)
+        reaction = self._forces.respond(self._penetration[i], self._rate[i], self._state(i), self._schedule, i)
         act, sense, turning = directions(self._forces, self._schedule, i)
-        for _, own, _ in self._forces.parts:
-            by_penetration = answer.by_penetration[own, own] @ sense[own] + answer.by_rate[own, own] @ turning[own]
-            yield self._forces.names[own.start], -act[own].T @ by_penetration
+        for _, at, _ in self._forces.parts:
+            by_penetration = reaction.by_penetration[at, at] @ sense[at] + reaction.by_rate[at, at] @ turning[at]
+            yield self._forces.names[at.start], -act[at].T @ by_penetration
 
     def _state(self, i: int) -> FloatArray:
         return self._forces.start_state if self._inner is None else self._inner[i]
@@ -149,19 +149,19 @@ class LinearStep:
 
     def __init__(self, system: System) -> None:
         self.mass, self._damping, self._stiffness = (
-            one.dense() for one in (system.mass, system.damping, system.stiffness)
+            matrix.dense() for matrix in (system.mass, system.damping, system.stiffness)
         )
-        self._light, self._size = MasslessMotions(system), system.size
-        found = find_massless_rates(system, average=True) if self._light.any else None
-        one = np.eye(self._size)
-        travel = one if found is None else one + found.free @ found.amounts[: found.free.shape[1]]
+        self._massless, self._size = MasslessMotions(system), system.size
+        rates = find_massless_rates(system, average=True) if self._massless.any else None
+        unit = np.eye(self._size)
+        travel = unit if rates is None else unit + rates.free @ rates.amounts[: rates.free.shape[1]]
         #: Displacement per new velocity and half a step; that of the old velocity makes the sum 2.
         self.travel = _compact(travel)
-        self._transfer = _compact(self._light.condense_force(one) if self._light.any else one)
+        self._transfer = _compact(self._massless.condense_force(unit) if self._massless.any else unit)
         #: Mass, damping, stiffness, displacement per new and old velocity, transfer of forces from the old end.
         self.operators = (
             *(_compact(matrix) for matrix in (self.mass, self._damping, self._stiffness)),
-            self.travel, _compact(2.0 * one - travel), self._transfer,
+            self.travel, _compact(2.0 * unit - travel), self._transfer,
         )  # fmt: skip
         self._length, self._inverse = 0.0, self.travel
 
@@ -171,11 +171,11 @@ class LinearStep:
 
     def initial_disturbances(self, at: Linear, given: FloatArray, source: FloatArray) -> FloatArray:
         """Return disturbances of an initial state with massless motions in equilibrium with a source of force."""
-        if not self._light.any:
+        if not self._massless.any:
             return given
         d, v, z = split_state(given, self._size)
         push = source + at.act[0].T @ (at.by_state[0] @ z + at.by_v[0] @ v + at.by_d[0] @ d)
-        return np.vstack([self._light.place(d, push), v, z])
+        return np.vstack([self._massless.place(d, push), v, z])
 
     def inverse(self, length: float) -> FloatArray:
         """Return the new velocities without local forces by the impulse, for a length of the step in s."""
@@ -185,8 +185,8 @@ class LinearStep:
             if len(damping) == len(stiffness) == len(mass) == len(self.travel) == 1:
                 self._inverse = 1.0 / (mass + half * (damping + half * stiffness * self.travel))
             else:
-                pushed = self._stiffness @ _dense(self.travel)
-                matrix = self.mass + half * (self._damping + half * pushed)
+                product = self._stiffness @ _dense(self.travel)
+                matrix = self.mass + half * (self._damping + half * product)
                 self._inverse = np.linalg.inv(matrix).astype(np.float64)
             self._length = length
         return self._inverse
@@ -227,19 +227,19 @@ class StepSequence:
         sense *= self._half
         sense += by_v
         sense *= self._half
-        answer = linear.act[1:] * inverse if len(inverse) < n else linear.act[1:] @ inverse.T
+        answers = linear.act[1:] * inverse if len(inverse) < n else linear.act[1:] @ inverse.T
         self._operators = (*stepper.operators, inverse, np.ones((1, n)))
         self._forces = tuple(
-            np.ascontiguousarray(one) for one in (
+            np.ascontiguousarray(array) for array in (
                 linear.act, linear.by_d, linear.by_v, linear.by_state, by_new,
-                sense, answer, rest, difference, B,
+                sense, answers, rest, difference, B,
             )
         )  # fmt: skip
 
     @property
     def constant(self) -> bool:
         """True if all steps are the same."""
-        parts = (*(getattr(self._linear, one.name) for one in fields(Linear) if one.name != "kept"), *self._rules)
+        parts = (*(getattr(self._linear, item.name) for item in fields(Linear) if item.name != "kept"), *self._rules)
         return all((part[1:] == part[:1]).all() for part in parts)
 
     def propagate(self, i: int, before: FloatArray, more: FloatArray) -> FloatArray:
@@ -255,15 +255,15 @@ class StepSequence:
         `more` is that of `propagate`, shape (steps, 2n + s, k); the result has a row more, or two rows.
         """
         (c, n), (size, k), steps = self._shape, before.shape, len(more)
-        found = np.empty((2 if last else steps + 1, k, size))
-        found[0] = before.T
+        states = np.empty((2 if last else steps + 1, k, size))
+        states[0] = before.T
         part, ends = slice(first, first + steps), slice(first, first + steps + 1)
-        forces = [one[ends] for one in self._forces[:4]] + [one[part] for one in self._forces[4:]]
+        forces = [array[ends] for array in self._forces[:4]] + [array[part] for array in self._forces[4:]]
         more = np.ascontiguousarray(more.swapaxes(1, 2)) if self._compiled else more.swapaxes(1, 2)
         work = [np.empty((k, width)) for width in (n, n, size - 2 * n, n, size - 2 * n, n, n, c)]
-        if not self._propagate(self._half, *self._operators, *forces, more, found, *work, np.empty((c, c + k))):
+        if not self._propagate(self._half, *self._operators, *forces, more, states, *work, np.empty((c, c + k))):
             raise np.linalg.LinAlgError
-        return found.swapaxes(1, 2)
+        return states.swapaxes(1, 2)
 
 
 @lru_cache
@@ -273,9 +273,9 @@ def _python() -> Functions:
 
 def _compact(matrix: FloatArray) -> FloatArray:
     """Return a matrix, or the diagonal of a diagonal one as a row, whose product takes one operation per entry."""
-    own = np.diag(matrix)[None].copy()
-    is_diagonal = np.count_nonzero(matrix) <= len(matrix) and not (matrix - np.diagflat(own)).any()
-    return own if is_diagonal else np.ascontiguousarray(matrix)
+    diagonal = np.diag(matrix)[None].copy()
+    is_diagonal = np.count_nonzero(matrix) <= len(matrix) and not (matrix - np.diagflat(diagonal)).any()
+    return diagonal if is_diagonal else np.ascontiguousarray(matrix)
 
 
 def _dense(matrix: FloatArray) -> FloatArray:

@@ -73,7 +73,7 @@ class StoredEnergy:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the energy, J, (m,), its derivatives by the scalars, (m, r), and by all internal states, (m, s)."""
         functions = self._forces.function_values(cam)
-        energy, force, by_state = self._forces.evaluate(self._all(penetration), state, functions, self._laws)
+        energy, force, by_state = self._forces.evaluate(self._expand(penetration), state, functions, self._laws)
         return energy.sum(axis=1), force[:, self._scalars], by_state
 
     def varying(self, penetration: FloatArray, state: FloatArray, cam: CamFunctionCache) -> FloatArray:
@@ -81,15 +81,15 @@ class StoredEnergy:
         if not len(self._varying):
             return np.zeros(len(penetration))
         functions = self._forces.function_values(cam)
-        return self._forces.evaluate(self._all(penetration), state, functions, self._varying)[0].sum(axis=1)
+        return self._forces.evaluate(self._expand(penetration), state, functions, self._varying)[0].sum(axis=1)
 
-    def _all(self, penetration: FloatArray) -> FloatArray:
+    def _expand(self, penetration: FloatArray) -> FloatArray:
         """Return the scalars among all of the system, zero for the others."""
         if len(self._scalars) == self._forces.count:
             return penetration
-        whole = np.zeros((len(penetration), self._forces.count))
-        whole[:, self._scalars] = penetration
-        return whole
+        scalars = np.zeros((len(penetration), self._forces.count))
+        scalars[:, self._scalars] = penetration
+        return scalars
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,9 +108,9 @@ class VectorStack:
         vectors = np.concatenate([np.zeros((0, size)), *(term.vectors for term in terms)])
         owner = np.repeat(np.eye(len(terms)), [len(term.vectors) for term in terms], axis=1)
         functions = [function for term in terms for function in term.functions or (ONE,) * len(term.vectors)]
-        kept = np.flatnonzero(vectors.any(axis=1))
-        vectors, owner = vectors[kept], owner[:, kept]
-        fixed, varying = _separate([functions[i] for i in kept.tolist()])
+        nonzero = np.flatnonzero(vectors.any(axis=1))
+        vectors, owner = vectors[nonzero], owner[:, nonzero]
+        fixed, varying = _separate([functions[i] for i in nonzero.tolist()])
         rows = np.concatenate([(owner * fixed) @ vectors, vectors[[i for i, _ in varying]]])
         return cls(vectors, owner, fixed, varying, rows)
 
@@ -138,8 +138,8 @@ class VectorStack:
 
 def _separate(functions: Sequence[AngleFunction]) -> tuple[FloatArray, tuple[tuple[int, AngleFunction], ...]]:
     """Return the values of constant functions, zero for others, and the others with their indices."""
-    fixed = np.array([one.value if isinstance(one, Constant) else 0.0 for one in functions], dtype=float)
-    return fixed, tuple((i, one) for i, one in enumerate(functions) if not isinstance(one, Constant))
+    fixed = np.array([function.value if isinstance(function, Constant) else 0.0 for function in functions], dtype=float)
+    return fixed, tuple((i, function) for i, function in enumerate(functions) if not isinstance(function, Constant))
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,8 +188,8 @@ class LawTable:
         shift = np.zeros(self.laws.shape[1], dtype=np.intp)
         shift[[FIRST, FUNCTIONS]] = count, len(self.functions)
         rows = [self.laws + i * shift for i in range(times)]
-        for i, one in enumerate(rows):
-            one[one[:, LAW_STATE] >= 0, LAW_STATE] += i * len(self.owners)
+        for i, laws in enumerate(rows):
+            laws[laws[:, LAW_STATE] >= 0, LAW_STATE] += i * len(self.owners)
         owners = np.concatenate([self.owners + i * count for i in range(times)])
         return replace(self, laws=np.concatenate(rows), functions=self.functions * times, owners=owners)
 
@@ -207,25 +207,25 @@ class CamLifts(tuple[tuple[int, int, CamLift], ...]):
 
     def depth(self, scalars: FloatArray) -> FloatArray:
         """Return sensed scalars, shape (..., c), with the lifts in the penetrations of the laws."""
-        found = scalars.copy() if self else scalars
+        depth = scalars.copy() if self else scalars
         for first, last, lift in self:
-            found[..., first] += lift(scalars[..., last], 0)
-        return found
+            depth[..., first] += lift(scalars[..., last], 0)
+        return depth
 
     def depth_rate(self, scalars: FloatArray, rates: FloatArray) -> FloatArray:
         """Return the rates of `depth`."""
-        found = rates.copy() if self else rates
+        result = rates.copy() if self else rates
         for first, last, lift in self:
-            found[..., first] += lift(scalars[..., last], 1) * rates[..., last]
-        return found
+            result[..., first] += lift(scalars[..., last], 1) * rates[..., last]
+        return result
 
     def gradient(self, scalar: int, scalars: FloatArray) -> FloatArray:
         """Return the derivatives of one of `depth` by all sensed scalars, shape (c,)."""
-        found = np.zeros(len(scalars))
-        found[scalar] = 1.0
+        gradient = np.zeros(len(scalars))
+        gradient[scalar] = 1.0
         for first, last, lift in self:
-            found[last] += float(lift(scalars[last], 1)) * (first == scalar)
-        return found
+            gradient[last] += float(lift(scalars[last], 1)) * (first == scalar)
+        return gradient
 
 
 class Workspace:
@@ -257,14 +257,14 @@ class LocalForces:
         self.count = len(self._offsets[0])
         self.places = np.vstack([self.sense.places, self.act.places, *[np.arange(self.count + 1)] * 2])
         self.no_reach = np.zeros(self.count + 1, dtype=np.intp)  #: empty runs: the compliance in Python is complete
-        placed = (np.diff(self.places[:2]) > 0).any(axis=0) | (self._offsets[0] != 0.0)
-        self.table = LawTable.of(forces, lambda i: bool(placed[i]))
+        can_move = (np.diff(self.places[:2]) > 0).any(axis=0) | (self._offsets[0] != 0.0)
+        self.table = LawTable.of(forces, lambda i: bool(can_move[i]))
         scalars, states = _slices([len(force.sense) for force in forces]), _slices([force.states for force in forces])
         self.parts = list(zip(forces, scalars, states, strict=True))
         switches = [(part.start + i, force.restitution) for force, part, _ in self.parts for i in force.switching]
         #: Scalars of contacts, whose passing zero opens or closes them.
         self.touching: IntArray = np.array([i for i, _ in switches], dtype=np.intp)
-        switches = [one for one in switches if one[1] is not None or not impacts_only]
+        switches = [switch for switch in switches if switch[1] is not None or not impacts_only]
         self.lifts = CamLifts(
             (part.start + i, part.start + i + force.law.scalars - 1, force.law.lift)
             for force, part, _ in self.parts if isinstance(force.law, ForceLaw) and force.law.lift
@@ -285,9 +285,9 @@ class LocalForces:
         def evaluate(law: int, angle: float, local: FloatArray, tangent: FloatArray) -> None:
             first, size = int(laws[law, FIRST]), int(laws[law, SCALARS])
             part = slice(first, first + size)
-            answer = custom[law].respond(local[PENETRATION, part], local[RATE, part], float(angle))
-            local[ANSWER, part] = answer.force
-            tangent[0, part, :size], tangent[1, part, :size] = answer.by_penetration, answer.by_rate
+            reaction = custom[law].respond(local[PENETRATION, part], local[RATE, part], float(angle))
+            local[ANSWER, part] = reaction.force
+            tangent[0, part, :size], tangent[1, part, :size] = reaction.by_penetration, reaction.by_rate
 
         return {**NUMPY, "custom": evaluate} if custom else dict(NUMPY)
 
@@ -299,9 +299,9 @@ class LocalForces:
     @cached_property
     def opposed(self) -> NDArray[np.bool_]:
         """Mask of the forces that act exactly against their sensed motion at all cam angles, shape (c,)."""
-        found = self.storing > 0.0
-        found[[*self.sense.varying_scalars, *self.act.varying_scalars, *(i for i, _ in self._offsets[1])]] = False
-        return found
+        mask = self.storing > 0.0
+        mask[[*self.sense.varying_scalars, *self.act.varying_scalars, *(i for i, _ in self._offsets[1])]] = False
+        return mask
 
     @property
     def start_state(self) -> FloatArray:
@@ -348,10 +348,10 @@ class LocalForces:
 
     def function_values(self, cam: CamFunctionCache) -> FloatArray:
         """Return the functions of the laws at the m cam angles of a cache, shape (m, f)."""
-        found = np.empty((len(cam.angle), len(self.table.functions)))
+        values = np.empty((len(cam.angle), len(self.table.functions)))
         for i, function in enumerate(self.table.functions):
-            found[:, i] = cam(function, 0)
-        return found
+            values[:, i] = cam(function, 0)
+        return values
 
     def sense_motion(
         self, d: FloatArray, v: FloatArray, schedule: PrescribedInputs
@@ -376,9 +376,9 @@ class LocalForces:
         """Return the virtual work of the forces at m instants, see `flexcam.dynamics.system.VirtualWork`."""
 
         def work(scalar: int, dofs: IntArray, motions: FloatArray) -> FloatArray:
-            own = np.flatnonzero(inputs.acts[scalar])
-            weights = inputs.acts[scalar, own] * inputs.acting_weights[:, own]
-            return weights @ (self.act.vectors[np.ix_(own, dofs)] @ motions.T)
+            indices = np.flatnonzero(inputs.acts[scalar])
+            weights = inputs.acts[scalar, indices] * inputs.acting_weights[:, indices]
+            return weights @ (self.act.vectors[np.ix_(indices, dofs)] @ motions.T)
 
         return work
 
@@ -410,8 +410,8 @@ class LocalForces:
         (m, s). With e, scalar minus internal state, ``e1 = BY_TRAVEL (x1 - x0) + BY_BEGIN e0``.
         """
         rows = self.table.laws[self.table.laws[:, LAW_STATE] >= 0]
-        begin, none = begin[:, self.table.owners], np.zeros((0, len(self.table.functions)))
-        return self._evaluate_all(penetration, state, none, rows, step=(steps, begin))[2]
+        begin, no_functions = begin[:, self.table.owners], np.zeros((0, len(self.table.functions)))
+        return self._evaluate_all(penetration, state, no_functions, rows, step=(steps, begin))[2]
 
     def acting_laws(self, penetration: FloatArray) -> IntArray:
         """Return the rows of the laws without those of contacts that stay open at all m instants, shape (m, c)."""
@@ -434,8 +434,8 @@ class LocalForces:
         the table, None for all. With rates of the scalars, (m, c), the forces are those of the motion. The results have
         the shapes (m, c), (m, c) and (m, s).
         """
-        energy, force, followed, _ = self._evaluate_all(penetration, state, functions, laws, rate)
-        return energy, force, followed[:, ENERGY_BY_STATE]
+        energy, force, state_rows, _ = self._evaluate_all(penetration, state, functions, laws, rate)
+        return energy, force, state_rows[:, ENERGY_BY_STATE]
 
     def tangents(
         self, penetration: FloatArray, rate: FloatArray, state: FloatArray, functions: FloatArray
@@ -450,13 +450,13 @@ class LocalForces:
     @cached_property
     def coupled_scalars(self) -> IntArray:
         """Scalar of a force, and place and scalar of a derivative of it, of all derivatives, shape (3, d)."""
-        found = [
+        triples = [
             (i, j, first + j)
             for first, size in self.table.laws[:, [FIRST, SCALARS]].tolist()
             for i in range(first, first + size)
             for j in range(size)
         ]
-        return np.array(found, dtype=np.intp).reshape(-1, 3).T
+        return np.array(triples, dtype=np.intp).reshape(-1, 3).T
 
     def _evaluate_all(
         self, penetration: FloatArray, state: FloatArray, functions: FloatArray, laws: IntArray | None = None,
@@ -468,27 +468,27 @@ class LocalForces:
         """
         work, table, m = Workspace(self.table, self.count), self.table, len(penetration)
         force, energy = np.zeros_like(penetration, order="C"), np.zeros_like(penetration, order="C")
-        followed, rows = np.zeros((m, *work.states.shape)), table.laws if laws is None else laws
+        state_rows, rows = np.zeros((m, *work.states.shape)), table.laws if laws is None else laws
         rates = np.zeros(penetration.shape) if rate is None else np.ascontiguousarray(rate)
         narrow = np.zeros((m if tangents else 0, *work.tangent.shape))
-        spans, begin = step or (np.zeros(m), penetration[:, table.owners])
+        span, begin = step or (np.zeros(m), penetration[:, table.owners])
         if not len(rows):
-            return energy, force, followed, narrow
+            return energy, force, state_rows, narrow
         self._evaluate_rows(
             rows, table.constants, functions, 0, np.ascontiguousarray(penetration), rates, np.ascontiguousarray(state),
-            np.ascontiguousarray(begin), spans, work.local, work.tangent, work.states, force, energy, followed, narrow,
+            np.ascontiguousarray(begin), span, work.local, work.tangent, work.states, force, energy, state_rows, narrow,
         )  # fmt: skip
-        return energy, force, followed, narrow
+        return energy, force, state_rows, narrow
 
 
 def _write_functions(
-    into: FloatArray, fixed: FloatArray, varying: tuple[tuple[int, AngleFunction], ...], cam: CamFunctionCache,
+    columns: FloatArray, fixed: FloatArray, varying: tuple[tuple[int, AngleFunction], ...], cam: CamFunctionCache,
     order: int, speed: FloatArray | None = None,
 ) -> None:  # fmt: skip
     """Write functions of the cam angle as columns, or their derivatives by the angle times a speed."""
-    into[:] = fixed
+    columns[:] = fixed
     for i, function in varying:
-        into[:, i] = cam(function, order) if speed is None else cam(function, order) * speed[:, 0]
+        columns[:, i] = cam(function, order) if speed is None else cam(function, order) * speed[:, 0]
 
 
 def _slices(sizes: Sequence[int]) -> list[slice]:

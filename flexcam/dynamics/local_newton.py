@@ -76,41 +76,41 @@ def eliminate(matrix: FloatArray, n: int, end: int) -> bool:
             return False
         if p != i:
             for j in range(end - i):
-                swapped = matrix[i, i + j]
+                value = matrix[i, i + j]
                 matrix[i, i + j] = matrix[p, i + j]
-                matrix[p, i + j] = swapped
+                matrix[p, i + j] = value
         for r in range(i + 1, n):
-            part = matrix[r, i] / matrix[i, i]
-            if part != 0.0:
+            factor = matrix[r, i] / matrix[i, i]
+            if factor != 0.0:
                 for j in range(end - i):
-                    matrix[r, i + j] -= part * matrix[i, i + j]
+                    matrix[r, i + j] -= factor * matrix[i, i + j]
     for back in range(n):
         i = n - 1 - back
         for j in range(end - n):
             matrix[i, n + j] /= matrix[i, i]
         for r in range(i):
-            part = matrix[r, i]
+            factor = matrix[r, i]
             for j in range(end - n):
-                matrix[r, n + j] -= part * matrix[i, n + j]
+                matrix[r, n + j] -= factor * matrix[i, n + j]
     return True
 
 
 def fill_compliance(
-    i: int, j: int, places: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int, W: FloatArray,
+    i: int, j: int, places: IntArray, give: FloatArray, inputs: FloatArray, k: int, sense_at: int, W: FloatArray,
 ) -> None:  # fmt: skip
     """Write the effect of a unit of force j on scalar i (0) and on its rate (1)."""
     rate_at, act_at = sense_at + give.shape[2], sense_at + 2 * give.shape[2]
     by_d, by_v = 0.0, 0.0
     for b in range(places[ACTS, j], places[ACTS, j + 1]):
         for s in range(places[SENSES, i], places[SENSES, i + 1]):
-            moved, moving = give[0, b, s] * given[k, act_at + b], give[1, b, s] * given[k, act_at + b]
-            by_d += given[k, sense_at + s] * moved
-            by_v += given[k, sense_at + s] * moving + given[k, rate_at + s] * moved
+            d, v = give[0, b, s] * inputs[k, act_at + b], give[1, b, s] * inputs[k, act_at + b]
+            by_d += inputs[k, sense_at + s] * d
+            by_v += inputs[k, sense_at + s] * v + inputs[k, rate_at + s] * d
     W[0, j, places[COLUMN, i]], W[1, j, places[COLUMN, i]] = by_d, by_v
 
 
 def fill_row(
-    j: int, places: IntArray, reach: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int,
+    j: int, places: IntArray, reach: IntArray, give: FloatArray, inputs: FloatArray, k: int, sense_at: int,
     W: FloatArray,
 ) -> None:  # fmt: skip
     """Write the effect of a unit of force j on all scalars that it can move.
@@ -120,7 +120,7 @@ def fill_row(
     W[0, j, 0], W[1, j, 0] = 0.0, 0.0
     for at in range(reach[j], reach[j + 1], 2):
         for column in range(reach[at], reach[at + 1]):
-            fill_compliance(places[SCALAR, column], j, places, give, given, k, sense_at, W)
+            fill_compliance(places[SCALAR, column], j, places, give, inputs, k, sense_at, W)
 
 
 def release(local: FloatArray) -> None:
@@ -131,7 +131,7 @@ def release(local: FloatArray) -> None:
 
 
 def sense(
-    laws: IntArray, places: IntArray, reach: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int,
+    laws: IntArray, places: IntArray, reach: IntArray, give: FloatArray, inputs: FloatArray, k: int, sense_at: int,
     local: FloatArray, W: FloatArray,
 ) -> None:  # fmt: skip
     """Add what trial forces of some laws changed since they were last sensed to the scalars that they move.
@@ -145,7 +145,7 @@ def sense(
             if change != 0.0:
                 local[SENSED, j] = local[TRIAL, j]
                 if W[0, j, 0] != W[0, j, 0]:
-                    fill_row(j, places, reach, give, given, k, sense_at, W)
+                    fill_row(j, places, reach, give, inputs, k, sense_at, W)
                 for at in range(reach[j], reach[j + 1], 2):
                     begin = reach[at]
                     for m in range(reach[at + 1] - begin):
@@ -164,28 +164,28 @@ def residual(laws: IntArray, local: FloatArray, tangent: FloatArray, usual: floa
 
     `usual` is the size of forces among which a difference is rounding.
     """
-    worst, size, rounding, total = 0.0, usual, 0.0, 0.0
+    largest, size, rounding, total = 0.0, usual, 0.0, 0.0
     for law in range(len(laws)):
         first = laws[law, FIRST]
         for i in range(first, first + laws[law, SCALARS]):
             by_penetration, by_rate = abs(tangent[0, i, i - first]), abs(tangent[1, i, i - first])
             penetration, rate = local[FREE_PENETRATION, i], local[FREE_RATE, i]
-            own = by_penetration * (abs(penetration) + abs(local[PENETRATION, i] - penetration))
-            own += by_rate * (abs(rate) + abs(local[RATE, i] - rate))
-            off, force = abs(local[TRIAL, i] - local[ANSWER, i]), abs(local[ANSWER, i])
-            total += force + off
-            worst, size, rounding = max(worst, off), max(size, force), max(rounding, own)
-    if worst <= TOLERANCE * size + ROUNDING * rounding or not math.isfinite(total):
+            terms = by_penetration * (abs(penetration) + abs(local[PENETRATION, i] - penetration))
+            terms += by_rate * (abs(rate) + abs(local[RATE, i] - rate))
+            error, force = abs(local[TRIAL, i] - local[ANSWER, i]), abs(local[ANSWER, i])
+            total += force + error
+            largest, size, rounding = max(largest, error), max(size, force), max(rounding, terms)
+    if largest <= TOLERANCE * size + ROUNDING * rounding or not math.isfinite(total):
         return 0.0
-    return worst
+    return largest
 
 
 def is_rounding(
-    laws: IntArray, places: IntArray, reach: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int,
-    local: FloatArray, tangent: FloatArray, W: FloatArray, off: float,
+    laws: IntArray, places: IntArray, reach: IntArray, give: FloatArray, inputs: FloatArray, k: int, sense_at: int,
+    local: FloatArray, tangent: FloatArray, W: FloatArray, largest: float,
 ) -> bool:  # fmt: skip
     """Return whether the residual changes the scalars by rounding only, or is the rounding of their sums."""
-    still, rounding = True, 0.0
+    unchanged, rounding = True, 0.0
     for law in range(len(laws)):
         first = laws[law, FIRST]
         for i in range(first, first + laws[law, SCALARS]):
@@ -193,21 +193,21 @@ def is_rounding(
             by_penetration, by_rate = 0.0, 0.0
             for j in range(local.shape[1]):
                 if W[0, j, 0] != W[0, j, 0]:
-                    fill_row(j, places, reach, give, given, k, sense_at, W)
+                    fill_row(j, places, reach, give, inputs, k, sense_at, W)
                 on_penetration, on_rate = abs(W[0, j, places[COLUMN, i]]), abs(W[1, j, places[COLUMN, i]])
-                missing = abs(local[TRIAL, j] - local[ANSWER, j])
+                error = abs(local[TRIAL, j] - local[ANSWER, j])
                 penetration += on_penetration * abs(local[TRIAL, j])
                 rate += on_rate * abs(local[TRIAL, j])
-                by_penetration += on_penetration * missing
-                by_rate += on_rate * missing
+                by_penetration += on_penetration * error
+                by_rate += on_rate * error
             if by_penetration > ROUNDING * penetration or by_rate > ROUNDING * rate:
-                still = False
+                unchanged = False
             rounding = max(rounding, abs(tangent[0, i, i - first]) * penetration + abs(tangent[1, i, i - first]) * rate)
-    return still or off <= ROUNDING * rounding
+    return unchanged or largest <= ROUNDING * rounding
 
 
 def own_compliance(
-    i: int, places: IntArray, reach: IntArray, give: FloatArray, given: FloatArray, k: int, stages: int, sense_at: int,
+    i: int, places: IntArray, reach: IntArray, give: FloatArray, inputs: FloatArray, k: int, stages: int, sense_at: int,
     W: FloatArray,
 ) -> float:  # fmt: skip
     """Return the largest effect of a unit of a force on its scalar, at any stage of the step.
@@ -219,13 +219,13 @@ def own_compliance(
     for stage in range(stages):
         j = stage * count + i % count
         if W[0, j, 0] != W[0, j, 0]:
-            fill_row(j, places, reach, give, given, k, sense_at, W)
+            fill_row(j, places, reach, give, inputs, k, sense_at, W)
         largest = max(largest, abs(W[0, j, places[COLUMN, i]]))
     return largest
 
 
 def find_active(
-    laws: IntArray, places: IntArray, reach: IntArray, give: FloatArray, given: FloatArray, k: int, stages: int,
+    laws: IntArray, places: IntArray, reach: IntArray, give: FloatArray, inputs: FloatArray, k: int, stages: int,
     sense_at: int, slope: float, weak: float, local: FloatArray, tangent: FloatArray, active: IntArray, W: FloatArray,
 ) -> int:  # fmt: skip
     """Write the scalars of laws that react to their own effect (row 0, their law in row 1) and return their number.
@@ -242,8 +242,8 @@ def find_active(
                 if stiffness != 0.0:
                     for j in (i, first + r):
                         if local[OWN, j] < 0.0:
-                            own = own_compliance(j, places, reach, give, given, k, stages, sense_at, W)
-                            local[OWN, j] = math.sqrt(own)
+                            response = own_compliance(j, places, reach, give, inputs, k, stages, sense_at, W)
+                            local[OWN, j] = math.sqrt(response)
                     reaction += stiffness * local[OWN, first + r]
             strong = strong or reaction * local[OWN, i] > weak
         for i in range(first, first + size):
@@ -256,12 +256,12 @@ def find_active(
 
 
 def correct(
-    laws: IntArray, places: IntArray, reach: IntArray, give: FloatArray, given: FloatArray, k: int, stages: int,
+    laws: IntArray, places: IntArray, reach: IntArray, give: FloatArray, inputs: FloatArray, k: int, stages: int,
     sense_at: int, slope: float, weak: float, local: FloatArray, tangent: FloatArray, active: IntArray, W: FloatArray,
     matrix: FloatArray,
 ) -> bool:  # fmt: skip
     """Correct the trial forces by a Newton step on the active scalars; return whether its matrix is regular."""
-    n = find_active(laws, places, reach, give, given, k, stages, sense_at, slope, weak, local, tangent, active, W)
+    n = find_active(laws, places, reach, give, inputs, k, stages, sense_at, slope, weak, local, tangent, active, W)
     for row in range(n):
         i = active[0, row]
         first, size = laws[active[1, row], FIRST], laws[active[1, row], SCALARS]
@@ -275,7 +275,7 @@ def correct(
                 for column in range(n):
                     j = active[0, column]
                     if W[0, j, 0] != W[0, j, 0]:
-                        fill_row(j, places, reach, give, given, k, sense_at, W)
+                        fill_row(j, places, reach, give, inputs, k, sense_at, W)
                     matrix[row, column] -= by_penetration * W[0, j, sensed] + by_rate * W[1, j, sensed]
         matrix[row, row] += 1.0
         matrix[row, n] = local[TRIAL, i] - local[ANSWER, i]
@@ -288,7 +288,7 @@ def correct(
 
 def solve_local(
     laws: IntArray, blocks: IntArray, constants: FloatArray, places: IntArray, reach: IntArray, give: FloatArray,
-    given: FloatArray, k: int, stages: int, sense_at: int, slope: float, local: FloatArray, tangent: FloatArray,
+    inputs: FloatArray, k: int, stages: int, sense_at: int, slope: float, local: FloatArray, tangent: FloatArray,
     states: FloatArray, active: IntArray, W: FloatArray, matrix: FloatArray,
 ) -> int:  # fmt: skip
     """Find the local forces that agree with the motion they cause; return the iterations, 0 without convergence.
@@ -298,37 +298,37 @@ def solve_local(
     whose scalars force j can move: pairs of the first column and the end of a run. `give` (2, acting, sensing) is the
     displacement (0) and velocity (1) along each sensing vector per unit of force along each acting vector.
 
-    `given` has a row of prescribed inputs per instant, of which k is read: from column `sense_at` on the weights of the
-    sensing vectors, their rates, the weights of the acting vectors, offsets, their rates and the functions of the laws.
+    `inputs` has a row of prescribed inputs per instant; k is read: from column `sense_at` on the weights of the sensing
+    vectors, their rates, the weights of the acting vectors, offsets, their rates and the functions of the laws.
 
     `stages` is the number of instants of the step; the scalars of the first come first. `slope`, 1/s, is the velocity
     per displacement by a force within a step. `local` (15, c) holds the trial forces, the free scalars and, in `BASE`,
     the forces of the last instant; the solution is in `TRIAL`, `PENETRATION`, `RATE`. The others are work arrays; W
     (2, force, column) has NaN in the first column of the rows that are not yet computed.
     """
-    c, part, last, usual = local.shape[1], 1.0, math.inf, 0.0
+    c, fraction, last, usual = local.shape[1], 1.0, math.inf, 0.0
     for i in range(c):
         usual = max(usual, abs(local[BASE, i]))
     functions = sense_at + 2 * give.shape[2] + give.shape[1] + 2 * c
     release(local)
-    sense(laws, places, reach, give, given, k, sense_at, local, W)
+    sense(laws, places, reach, give, inputs, k, sense_at, local, W)
     for iteration in range(1, EXTRAPOLATED + 1):
         size, agree = 0.0, True
         for i in range(c):
             size = max(size, abs(local[TRIAL, i]))
         for block in range(len(blocks) - 1):
-            these = laws[blocks[block] : blocks[block + 1]]
-            if not is_stale(these, local):
+            block_laws = laws[blocks[block] : blocks[block + 1]]
+            if not is_stale(block_laws, local):
                 continue
-            evaluate_laws(these, constants, given, k, functions, local, tangent, states)
-            if residual(these, local, tangent, size) != 0.0:
+            evaluate_laws(block_laws, constants, inputs, k, functions, local, tangent, states)
+            if residual(block_laws, local, tangent, size) != 0.0:
                 agree = False
                 if not correct(
-                    these, places, reach, give, given, k, stages, sense_at, slope, WEAK, local, tangent, active, W,
-                    matrix,
+                    block_laws, places, reach, give, inputs, k, stages, sense_at, slope, WEAK, local, tangent, active,
+                    W, matrix,
                 ):  # fmt: skip
-                    local[STALE, these[0, FIRST]] = 1.0
-                sense(these, places, reach, give, given, k, sense_at, local, W)
+                    local[STALE, block_laws[0, FIRST]] = 1.0
+                sense(block_laws, places, reach, give, inputs, k, sense_at, local, W)
         if agree:
             keep_not_finite(local)
             return iteration
@@ -336,22 +336,22 @@ def solve_local(
         local[TRIAL, i] = local[BASE, i]
     for iteration in range(EXTRAPOLATED + 1, EXTRAPOLATED + MAX_ITERATIONS + 1):
         release(local)  # forces that grew before would leave their rounding
-        sense(laws, places, reach, give, given, k, sense_at, local, W)
-        evaluate_laws(laws, constants, given, k, functions, local, tangent, states)
-        off = residual(laws, local, tangent, usual)
-        if off == 0.0 or is_rounding(laws, places, reach, give, given, k, sense_at, local, tangent, W, off):
+        sense(laws, places, reach, give, inputs, k, sense_at, local, W)
+        evaluate_laws(laws, constants, inputs, k, functions, local, tangent, states)
+        error = residual(laws, local, tangent, usual)
+        if error == 0.0 or is_rounding(laws, places, reach, give, inputs, k, sense_at, local, tangent, W, error):
             keep_not_finite(local)
             return iteration
-        if iteration > EXTRAPOLATED + FULL_STEPS and off > last and part > SMALLEST_PART:
-            part *= 0.5
+        if iteration > EXTRAPOLATED + FULL_STEPS and error > last and fraction > SMALLEST_PART:
+            fraction *= 0.5
             for i in range(c):
-                local[TRIAL, i] = local[BASE, i] - part * local[CHANGE, i]
+                local[TRIAL, i] = local[BASE, i] - fraction * local[CHANGE, i]
             continue
-        part, last = 1.0, off
+        fraction, last = 1.0, error
         for i in range(c):
             local[BASE, i] = local[TRIAL, i]
         if not correct(
-            laws, places, reach, give, given, k, stages, sense_at, slope, -1.0, local, tangent, active, W, matrix
+            laws, places, reach, give, inputs, k, stages, sense_at, slope, -1.0, local, tangent, active, W, matrix
         ):
             return 0
         for i in range(c):
@@ -394,7 +394,7 @@ def eliminate_numpy(matrix: FloatArray, n: int, end: int) -> bool:
 
 
 def sense_numpy(
-    laws: IntArray, places: IntArray, reach: IntArray, give: FloatArray, given: FloatArray, k: int, sense_at: int,
+    laws: IntArray, places: IntArray, reach: IntArray, give: FloatArray, inputs: FloatArray, k: int, sense_at: int,
     local: FloatArray, W: FloatArray,
 ) -> None:  # fmt: skip
     """Replace `sense` by numpy, for a complete compliance."""

@@ -45,8 +45,8 @@ class MasslessMotions:
         """Return a motion with its massless part in static equilibrium with a force, shape (n,) or (n, k) each."""
         if not self.any:
             return motion
-        missing = self.motions.T @ (push - self._K @ motion)
-        return motion + self.motions @ self._factor.solve(missing)
+        residual = self.motions.T @ (push - self._K @ motion)
+        return motion + self.motions @ self._factor.solve(residual)
 
     def spread(self, kept: FloatArray) -> FloatArray:
         """Return the motion of all unknowns, shape (n, ...), from the kept ones, without massless forces."""
@@ -108,10 +108,10 @@ def find_massless_motions(system: System) -> FloatArray:
     labels = connected_components(system.mass.csr(), directed=False)[1].astype(np.intp)
     for group in component_members(labels):
         if 1 < len(group) <= DENSE_LIMIT:
-            within = null_space(system.mass.part(group))
-            spread = np.zeros((system.size, within.shape[1]))
-            spread[group] = within
-            light.append(spread)
+            motions = null_space(system.mass.part(group))
+            expanded = np.zeros((system.size, motions.shape[1]))
+            expanded[group] = motions
+            light.append(expanded)
     return np.hstack(light)
 
 
@@ -149,23 +149,23 @@ class MasslessRates:
         """Return an instant with the massless rates from displacements, velocities and the previous instant."""
         k = self.free.shape[1]
         change, v, a, v1, a1 = (self.amounts @ np.column_stack([new.d - now.d, now.v, now.a, new.v, new.a])).T
-        pushed = (v1 - v) / step
-        moving, pushed[:k] = massless_rates(change[:k], v[:k], a[:k], step)
-        more = self.free @ (pushed - a1)[:k] + self.slow @ (pushed - a1)[k:]
-        return replace(new, v=new.v + self.free @ (moving - v1[:k]), a=new.a + more)
+        a_new = (v1 - v) / step
+        v_new, a_new[:k] = massless_rates(change[:k], v[:k], a[:k], step)
+        correction = self.free @ (a_new - a1)[:k] + self.slow @ (a_new - a1)[k:]
+        return replace(new, v=new.v + self.free @ (v_new - v1[:k]), a=new.a + correction)
 
 
 @lru_cache(maxsize=1)
 def find_massless_rates(system: System, *, average: bool) -> MasslessRates | None:
     """Return the motions of a system with derived rates; None without such."""
-    found = find_massless_motions(system)
-    if not found.shape[1]:
+    motions = find_massless_motions(system)
+    if not motions.shape[1]:
         return None
-    unit = normalize_stiffness(found, system.stiffness)
-    times, turned = relaxation_times(unit, system.damping)
-    free, slow = unit @ turned[:, times == 0.0], unit @ turned[:, (times != 0.0) & average]
-    both = np.hstack([free, slow])
-    return MasslessRates(free, slow, system.stiffness.multiply(both).T) if both.shape[1] else None
+    unit = normalize_stiffness(motions, system.stiffness)
+    times, rotation = relaxation_times(unit, system.damping)
+    free, slow = unit @ rotation[:, times == 0.0], unit @ rotation[:, (times != 0.0) & average]
+    derived = np.hstack([free, slow])
+    return MasslessRates(free, slow, system.stiffness.multiply(derived).T) if derived.shape[1] else None
 
 
 def normalize_stiffness(motions: FloatArray, stiffness: Triplets) -> FloatArray:
@@ -179,11 +179,11 @@ def normalize_stiffness(motions: FloatArray, stiffness: Triplets) -> FloatArray:
 
 def relaxation_times(unit: FloatArray, damping: Triplets) -> tuple[FloatArray, FloatArray]:
     """Return the relaxation times of motions of unit stiffness by dampers."""
-    within = unit.T @ damping.multiply(unit)
+    reduced = unit.T @ damping.multiply(unit)
     size = np.abs(unit).T @ replace(damping, values=np.abs(damping.values)).multiply(np.abs(unit))
-    if not (within - np.diag(np.diag(within))).any():
-        times, turned = np.diag(within), np.eye(len(within))
+    if not (reduced - np.diag(np.diag(reduced))).any():
+        times, vectors = np.diag(reduced), np.eye(len(reduced))
     else:
-        times, turned = np.linalg.eigh(0.5 * (within + within.T))
+        times, vectors = np.linalg.eigh(0.5 * (reduced + reduced.T))
     rounding = 64.0 * np.finfo(float).eps * np.abs(size).max(initial=0.0)
-    return np.where(np.abs(times) <= rounding, 0.0, times), turned
+    return np.where(np.abs(times) <= rounding, 0.0, times), vectors

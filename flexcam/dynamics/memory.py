@@ -30,7 +30,7 @@ class MemorySink:
 
     def __init__(self, outline: Outline, instants: int = 0, fields: int = 0) -> None:
         self.outline = outline
-        self._kept = [_Rows(room) for room in (instants, instants, instants, fields, fields)]
+        self._rows = [_Rows(room) for room in (instants, instants, instants, fields, fields)]
         self._end = (Status(), Stats())
 
     def response_of(self, block: Block) -> Response:
@@ -40,8 +40,8 @@ class MemorySink:
     def write(self, block: Block) -> None:
         """Store a block."""
         times, field_times = (block.time, block.angle), (block.field_time, block.field_angle)
-        more = times, (block.channels,), block.probes, field_times, block.fields
-        for rows, arrays in zip(self._kept, more, strict=True):
+        parts = times, (block.channels,), block.probes, field_times, block.fields
+        for rows, arrays in zip(self._rows, parts, strict=True):
             rows.add(arrays)
 
     def close(self, status: Status, stats: Stats) -> None:
@@ -50,11 +50,11 @@ class MemorySink:
 
     def response(self) -> Response:
         """Return all stored results; empty arrays without results."""
-        if not self._kept[0].count:
+        if not self._rows[0].count:
             self.write(_empty(self.outline))
-        (time, angle), (channels,), probes, (field_time, field_angle), fields = (rows.arrays for rows in self._kept)
-        whole = Block(time, angle, Series(*probes), channels, field_time, field_angle, Series(*fields))
-        return _response(self.outline, whole, self._end)
+        (time, angle), (channels,), probes, (field_time, field_angle), fields = (rows.arrays for rows in self._rows)
+        block = Block(time, angle, Series(*probes), channels, field_time, field_angle, Series(*fields))
+        return _response(self.outline, block, self._end)
 
 
 class _Rows:
@@ -62,36 +62,36 @@ class _Rows:
 
     def __init__(self, expected: int) -> None:
         self.count = 0
-        self._expected, self._all = expected, np.zeros((0, 0))
+        self._expected, self._array = expected, np.zeros((0, 0))
 
     @property
     def arrays(self) -> FloatArray:
         """The rows added so far."""
-        return self._all[:, : self.count]
+        return self._array[:, : self.count]
 
     def add(self, arrays: tuple[FloatArray, ...]) -> None:
         """Add rows to every array."""
         end = self.count + len(arrays[0])
-        if not self.count or end > self._all.shape[1]:
-            least, columns = max(end, 2 * self.count), arrays[0].shape[1:]
+        if not self.count or end > self._array.shape[1]:
+            minimum, columns = max(end, 2 * self.count), arrays[0].shape[1:]
             try:
-                room = np.empty((len(arrays), max(self._expected, least), *columns))
+                array = np.empty((len(arrays), max(self._expected, minimum), *columns))
             except MemoryError:  # a run may end long before its last step
-                room = np.empty((len(arrays), least, *columns))
+                array = np.empty((len(arrays), minimum, *columns))
             if self.count:
-                room[:, : self.count] = self.arrays
-            self._all = room
-        for kept, array in zip(self._all, arrays, strict=True):
-            kept[self.count : end] = array
+                array[:, : self.count] = self.arrays
+            self._array = array
+        for target, source in zip(self._array, arrays, strict=True):
+            target[self.count : end] = source
         self.count = end
 
 
-def _response(outline: Outline, whole: Block, end: tuple[Status, Stats]) -> Response:
+def _response(outline: Outline, block: Block, end: tuple[Status, Stats]) -> Response:
     """Return a response of one block that holds everything."""
     return Response(
-        outline=outline, time=whole.time, angle=whole.angle, probes=whole.probes,
-        channels={name: whole.channels[:, i] for i, (name, _) in enumerate(outline.channels)},
-        field_time=whole.field_time, field_angle=whole.field_angle, fields=whole.fields, status=end[0], stats=end[1],
+        outline=outline, time=block.time, angle=block.angle, probes=block.probes,
+        channels={name: block.channels[:, i] for i, (name, _) in enumerate(outline.channels)},
+        field_time=block.field_time, field_angle=block.field_angle, fields=block.fields, status=end[0], stats=end[1],
     )  # fmt: skip
 
 
@@ -102,24 +102,24 @@ class RecentSink(MemorySink):
         super().__init__(outline)
         self._blocks: deque[Block] = deque()
         self._span = span
-        self._without = _empty(outline)
-        self._field = self._without.time, self._without.angle, self._without.fields
+        self._empty_block = _empty(outline)
+        self._field = self._empty_block.time, self._empty_block.angle, self._empty_block.fields
 
     def write(self, block: Block) -> None:
         """Store a block, and drop outdated ones."""
         if len(block.field_time):
-            last = Series(*(np.array(one[-1:]) for one in block.fields))
+            last = Series(*(np.array(values[-1:]) for values in block.fields))
             self._field = block.field_time[-1:].copy(), block.field_angle[-1:].copy(), last
-        nothing = self._without
-        self._blocks.append(replace(block, field_time=nothing.time, field_angle=nothing.angle, fields=nothing.fields))
+        empty = self._empty_block
+        self._blocks.append(replace(block, field_time=empty.time, field_angle=empty.angle, fields=empty.fields))
         oldest = block.time[-1] - self._span * (1.0 + _SLACK)
         while self._blocks[0].time[-1] < oldest:
             self._blocks.popleft()
 
     def response(self) -> Response:
         """Return the stored response."""
-        kept, (time, angle, fields) = Block.concatenate([*self._blocks] or [self._without]), self._field
-        return _response(self.outline, replace(kept, field_time=time, field_angle=angle, fields=fields), self._end)
+        block, (time, angle, fields) = Block.concatenate([*self._blocks] or [self._empty_block]), self._field
+        return _response(self.outline, replace(block, field_time=time, field_angle=angle, fields=fields), self._end)
 
 
 class ExtremesSink:
@@ -135,17 +135,17 @@ class ExtremesSink:
         self._channel = {name: i for i, (name, _) in enumerate(outline.channels)}
         self._probes = _Bounds(sum(len(components) for _, components in outline.probes))
         self._channels = _Bounds(len(outline.channels))
-        self._before = _empty(outline)
+        self._last = _empty(outline)
 
     @classmethod
     def of(cls, response: Response) -> ExtremesSink:
         """Return the extremes of a response."""
-        seen = cls(response.outline)
+        extremes = cls(response.outline)
         channels = [response.channels[name] for name, _ in response.outline.channels]
         rows = np.column_stack(channels) if channels else np.zeros((len(response.time), 0))
         saved = response.field_time, response.field_angle, response.fields
-        seen.write(Block(response.time, response.angle, response.probes, rows, *saved))
-        return seen
+        extremes.write(Block(response.time, response.angle, response.probes, rows, *saved))
+        return extremes
 
     def write(self, block: Block) -> None:
         """Update with a block."""
@@ -165,10 +165,10 @@ class ExtremesSink:
 
     def _turns(self, block: Block) -> FloatArray:
         """Return the turning points of probes within a block and before its first instant."""
-        before, now = self._before, block.probes
-        self._before = replace(before, time=block.time[-1:].copy(), probes=Series(*(x[-1:].copy() for x in now)))
-        whole = Series.concatenate([before.probes, now])
-        return turning_points(np.append(before.time, block.time), whole.displacement, whole.velocity)[1]
+        before, now = self._last, block.probes
+        self._last = replace(before, time=block.time[-1:].copy(), probes=Series(*(x[-1:].copy() for x in now)))
+        probes = Series.concatenate([before.probes, now])
+        return turning_points(np.append(before.time, block.time), probes.displacement, probes.velocity)[1]
 
     def probe(self, name: str) -> tuple[FloatArray, FloatArray]:
         """Return minimum and maximum displacement of a probe or of a component, shape (components,)."""
@@ -182,8 +182,8 @@ class ExtremesSink:
 
     def channel(self, name: str) -> tuple[float, float]:
         """Return minimum and maximum of a channel; zeros if not saved."""
-        at = self._channel.get(name)
-        return (0.0, 0.0) if at is None else (float(self._channels.least[at]), float(self._channels.largest[at]))
+        i = self._channel.get(name)
+        return (0.0, 0.0) if i is None else (float(self._channels.least[i]), float(self._channels.largest[i]))
 
 
 class _Bounds:
@@ -192,14 +192,14 @@ class _Bounds:
     def __init__(self, width: int) -> None:
         self.least: FloatArray = np.zeros(width)
         self.largest: FloatArray = np.zeros(width)
-        self._begun = False
+        self._has_rows = False
 
     def widen(self, rows: FloatArray) -> None:
         """Extend the range by some rows."""
         if len(rows):
-            known = [self.least[None], self.largest[None]] if self._begun else []
-            every = np.concatenate([rows, *known])
-            self.least, self.largest, self._begun = every.min(axis=0), every.max(axis=0), True
+            bounds = [self.least[None], self.largest[None]] if self._has_rows else []
+            values = np.concatenate([rows, *bounds])
+            self.least, self.largest, self._has_rows = values.min(axis=0), values.max(axis=0), True
 
 
 _SLACK = 1e-6

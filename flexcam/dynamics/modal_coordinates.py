@@ -55,8 +55,8 @@ class ModalCoordinates(ModeBasis):
 
 def find_modal_coordinates(system: System) -> ModalCoordinates | None:
     """Return the modal coordinates of a system."""
-    found = _motions(_MatrixPair(system.mass, system.stiffness))
-    return None if found is None else _sort_by_part(_decouple_massless(found, system.damping), system)
+    coordinates = _motions(_MatrixPair(system.mass, system.stiffness))
+    return None if coordinates is None else _sort_by_part(_decouple_massless(coordinates, system.damping), system)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +68,8 @@ class _MatrixPair:
 
     @cached_property
     def _content(self) -> tuple[bytes, ...]:
-        entries = [(one.rows, one.cols, one.values) for one in (self.mass, self.stiffness)]
-        return tuple(part.tobytes() for each in entries for part in each)
+        entries = [(matrix.rows, matrix.cols, matrix.values) for matrix in (self.mass, self.stiffness)]
+        return tuple(array.tobytes() for arrays in entries for array in arrays)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, _MatrixPair) and self.mass.size == other.mass.size and self._content == other._content
@@ -86,22 +86,22 @@ def _motions(pair: _MatrixPair) -> ModalCoordinates | None:
         return None
     light = MasslessMotions(system)
     try:
-        kept = light.spread(np.eye(system.size)[:, light.kept][light.kept])
-        M, K = (kept.T @ matrix.multiply(kept) for matrix in (system.mass, system.stiffness))
+        massive = light.spread(np.eye(system.size)[:, light.kept][light.kept])
+        M, K = (massive.T @ matrix.multiply(massive) for matrix in (system.mass, system.stiffness))
         values, shapes = solve_eigenproblem(0.5 * (M + M.T), 0.5 * (K + K.T))
         soft = normalize_stiffness(light.motions, system.stiffness)
     except (np.linalg.LinAlgError, SingularMatrixError):  # a mass or a stiffness that is not positive
         return None
-    moving = kept @ shapes
+    moving = massive @ shapes
     if _is_indefinite(moving, system.stiffness):
         return None
     back = np.vstack([system.mass.multiply(moving).T, system.stiffness.multiply(soft).T])
-    few, whole = soft.shape[1], np.hstack([moving, soft])
-    if not np.abs(back @ whole - np.eye(len(whole))).max(initial=0.0) <= _CLEAN:
+    count, vectors = soft.shape[1], np.hstack([moving, soft])
+    if not np.abs(back @ vectors - np.eye(len(vectors))).max(initial=0.0) <= _CLEAN:
         return None
-    heavy = np.concatenate([np.ones(len(values)), np.zeros(few)])
-    stiff = np.concatenate([values, np.ones(few)])
-    return ModalCoordinates(whole, back=back, mass=heavy, stiffness=stiff)
+    heavy = np.concatenate([np.ones(len(values)), np.zeros(count)])
+    stiff = np.concatenate([values, np.ones(count)])
+    return ModalCoordinates(vectors, back=back, mass=heavy, stiffness=stiff)
 
 
 def _symmetric(matrix: Triplets) -> bool:
@@ -113,59 +113,59 @@ def _symmetric(matrix: Triplets) -> bool:
 def _is_indefinite(motions: FloatArray, stiffness: Triplets) -> bool:
     """Return whether a stiffness is indefinite, as beyond buckling."""
     energy = np.sum(motions * stiffness.multiply(motions), axis=0)
-    every = replace(stiffness, values=np.abs(stiffness.values))
-    sizes = np.sum(np.abs(motions) * every.multiply(np.abs(motions)), axis=0)
+    absolute = replace(stiffness, values=np.abs(stiffness.values))
+    sizes = np.sum(np.abs(motions) * absolute.multiply(np.abs(motions)), axis=0)
     return bool((energy < -_ROUNDING * sizes).any())
 
 
-def _decouple_massless(found: ModalCoordinates, damping: Triplets) -> ModalCoordinates:
+def _decouple_massless(coordinates: ModalCoordinates, damping: Triplets) -> ModalCoordinates:
     """Return modes in which dampers do not couple two massless ones."""
-    light = found.mass == 0.0
+    light = coordinates.mass == 0.0
     if not light.any() or not damping.values.any():
-        return found
-    turned = relaxation_times(found.vectors[:, light], damping)[1]
-    vectors, back = found.vectors.copy(), found.back.copy()
-    vectors[:, light], back[light] = vectors[:, light] @ turned, turned.T @ back[light]
-    return replace(found, vectors=vectors, back=back)
+        return coordinates
+    rotation = relaxation_times(coordinates.vectors[:, light], damping)[1]
+    vectors, back = coordinates.vectors.copy(), coordinates.back.copy()
+    vectors[:, light], back[light] = vectors[:, light] @ rotation, rotation.T @ back[light]
+    return replace(coordinates, vectors=vectors, back=back)
 
 
-def _sort_by_part(found: ModalCoordinates, system: System) -> ModalCoordinates:
+def _sort_by_part(coordinates: ModalCoordinates, system: System) -> ModalCoordinates:
     """Return the modes in the order of the parts that the matrices connect.
 
     A vector in modal coordinates then differs from zero in few runs of entries.
     """
     matrices = (system.mass, system.damping, system.stiffness)
-    rows, columns = (np.concatenate([getattr(one, name) for one in matrices]) for name in ("rows", "cols"))
+    rows, columns = (np.concatenate([getattr(matrix, name) for matrix in matrices]) for name in ("rows", "cols"))
     parts = connected_components(system.size, rows, columns)
-    order = np.argsort(parts[np.abs(found.vectors).argmax(axis=0)], kind="stable")
+    order = np.argsort(parts[np.abs(coordinates.vectors).argmax(axis=0)], kind="stable")
     return replace(
-        found, vectors=found.vectors[:, order], back=found.back[order], mass=found.mass[order],
-        stiffness=found.stiffness[order],
+        coordinates, vectors=coordinates.vectors[:, order], back=coordinates.back[order], mass=coordinates.mass[order],
+        stiffness=coordinates.stiffness[order],
     )  # fmt: skip
 
 
 def modal_problem(problem: Problem, motions: ModalCoordinates) -> Problem:
     """Return a problem in modal coordinates."""
-    none = Triplets.zeros(problem.system.size)  # mass and stiffness are known already
-    inside = reduce_problem(replace(problem, system=replace(problem.system, mass=none, stiffness=none)), motions)
-    mass, stiffness = (Triplets.from_dense(np.diag(one)) for one in (motions.mass, motions.stiffness))
-    damping = _drop_coupling(_clear_rounding(inside.system.damping, problem.system.damping, motions))
-    return replace(inside, system=replace(inside.system, mass=mass, stiffness=stiffness, damping=damping))
+    zeros = Triplets.zeros(problem.system.size)  # mass and stiffness are known already
+    reduced = reduce_problem(replace(problem, system=replace(problem.system, mass=zeros, stiffness=zeros)), motions)
+    mass, stiffness = (Triplets.from_dense(np.diag(values)) for values in (motions.mass, motions.stiffness))
+    damping = _drop_coupling(_clear_rounding(reduced.system.damping, problem.system.damping, motions))
+    return replace(reduced, system=replace(reduced.system, mass=mass, stiffness=stiffness, damping=damping))
 
 
-def _clear_rounding(inside: Triplets, damping: Triplets, motions: ModalCoordinates) -> Triplets:
+def _clear_rounding(modal: Triplets, damping: Triplets, motions: ModalCoordinates) -> Triplets:
     """Return a modal damping with exact zeros for undamped massless motions."""
     light = np.flatnonzero(motions.mass == 0.0)
     free = light[relaxation_times(motions.vectors[:, light], damping)[0] == 0.0]
-    gone = np.isin(inside.rows, free) | np.isin(inside.cols, free)
-    return replace(inside, values=np.where(gone, 0.0, inside.values))
+    cleared = np.isin(modal.rows, free) | np.isin(modal.cols, free)
+    return replace(modal, values=np.where(cleared, 0.0, modal.values))
 
 
 def _drop_coupling(damping: Triplets) -> Triplets:
     """Return a damping without negligible coupling of modes."""
     full = damping.dense()
-    own = np.sqrt(np.abs(np.diag(full)))
-    coupled = np.abs(full) > _COUPLED * np.outer(own, own)
+    size = np.sqrt(np.abs(np.diag(full)))
+    coupled = np.abs(full) > _COUPLED * np.outer(size, size)
     np.fill_diagonal(coupled, True)
     return damping if (coupled & ~np.eye(len(full), dtype=bool)).any() else Triplets.from_dense(np.diag(np.diag(full)))
 

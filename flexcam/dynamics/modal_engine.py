@@ -39,14 +39,14 @@ class ModalStep:
         """Return the step h, s, of a system whose matrices are diagonal."""
         new, mass = 1.0 - scheme.alpha_f, system.mass.diagonal()
         slow, stiff = h * system.damping.diagonal(), h**2 * system.stiffness.diagonal()
-        led = (mass == 0.0) & (slow == 0.0)
+        massless = (mass == 0.0) & (slow == 0.0)
         beta, gamma = scheme.beta, scheme.gamma
-        if led.any():
-            beta, gamma = np.where(led, BETA, beta), np.where(led, GAMMA, gamma)
-        whole = (1.0 - scheme.alpha_m) * mass + new * (gamma * slow + beta * stiff)
-        slowed = np.flatnonzero((mass == 0.0) & ~led & scheme.average)
-        heavy = scheme.alpha_m * mass / whole
-        return cls(scheme, beta, gamma, slowed, slow / whole, stiff / whole, heavy, h**2 / whole)
+        if massless.any():
+            beta, gamma = np.where(massless, BETA, beta), np.where(massless, GAMMA, gamma)
+        effective = (1.0 - scheme.alpha_m) * mass + new * (gamma * slow + beta * stiff)
+        slowed = np.flatnonzero((mass == 0.0) & ~massless & scheme.average)
+        heavy = scheme.alpha_m * mass / effective
+        return cls(scheme, beta, gamma, slowed, slow / effective, stiff / effective, heavy, h**2 / effective)
 
     @property
     def old(self) -> float:
@@ -63,21 +63,21 @@ class ModalStep:
         old = self.old
         state = np.array(begin, order="C")
         q, v, a = state
-        slow, stiff = (np.broadcast_to(one, q.shape).copy() for one in (self.slow, self.stiff))
-        pull = np.empty_like(q)
+        slow, stiff = (np.broadcast_to(factors, q.shape).copy() for factors in (self.slow, self.stiff))
+        internal = np.empty_like(q)
         damped, looks_back, lag = bool(np.any(slow)), bool(self.scheme.alpha_m or old), bool(len(self.slowed))
         for k, push in enumerate(pushed):
             right = push - old * (stiff * q + slow * v) - self.heavy * a if looks_back else push
-            moved, moving = predict(q, v, a, 1.0, self.beta, self.gamma)
-            np.multiply(stiff, moved, out=pull)
+            q_free, v_free = predict(q, v, a, 1.0, self.beta, self.gamma)
+            np.multiply(stiff, q_free, out=internal)
             if damped:
-                pull += slow * moving
-            np.subtract(right, (1.0 - old) * pull if old else pull, out=a)
+                internal += slow * v_free
+            np.subtract(right, (1.0 - old) * internal if old else internal, out=a)
             np.multiply(self.beta, a, out=q)
-            q += moved
+            q += q_free
             before = v[..., self.slowed] if lag else v
             np.multiply(self.gamma, a, out=v)
-            v += moving
+            v += v_free
             if lag:
                 a[..., self.slowed] = v[..., self.slowed] - before
             found[:, k] = state
@@ -89,15 +89,15 @@ class ModalStep:
         of it are computed in extended precision.
         """
         new = 1.0 - self.old
-        slow, stiff, heavy = (one.astype(np.longdouble) for one in (self.slow, self.stiff, self.heavy))
-        one, no = np.ones_like(stiff), np.zeros_like(stiff)
+        slow, stiff, heavy = (factors.astype(np.longdouble) for factors in (self.slow, self.stiff, self.heavy))
+        ones, zeros = np.ones_like(stiff), np.zeros_like(stiff)
         by_a = heavy + new * ((0.5 - self.beta) * stiff + (1.0 - self.gamma) * slow)
-        a = np.array([-stiff, -(new * stiff + slow), -by_a, one])
-        unit = np.array([[one, no, no, no], [no, one, no, no], [no, no, one, no]])
-        there, moving = predict(unit[0], unit[1], unit[2], 1.0, self.beta, self.gamma)
-        drift = [there - unit[0], moving - unit[1], -unit[2]]
+        a = np.array([-stiff, -(new * stiff + slow), -by_a, ones])
+        unit = np.array([[ones, zeros, zeros, zeros], [zeros, ones, zeros, zeros], [zeros, zeros, ones, zeros]])
+        q_free, v_free = predict(unit[0], unit[1], unit[2], 1.0, self.beta, self.gamma)
+        drift = [q_free - unit[0], v_free - unit[1], -unit[2]]
         change = np.array([self.beta * a, self.gamma * a, a]) + np.array(drift)
-        change[2][:, self.slowed] = (change[1] + np.array([no, no, -one, no]))[:, self.slowed]
+        change[2][:, self.slowed] = (change[1] + np.array([zeros, zeros, -ones, zeros]))[:, self.slowed]
         return change
 
 
@@ -133,12 +133,12 @@ class StepBlock:
     def of(cls, steps: ModalStep, length: int) -> StepBlock | None:
         """Return the block of a step; None if motions grow within it."""
         n = len(steps.stiff)
-        begin, pushed, found = np.zeros((3, 4, n)), np.zeros((length, 4, n)), np.empty((3, length, 4, n))
+        begin, pushed, states = np.zeros((3, 4, n)), np.zeros((length, 4, n)), np.empty((3, length, 4, n))
         begin[[0, 1, 2], [0, 1, 2]], pushed[0, 3] = 1.0, 1.0
-        steps.walk(begin, pushed, found)
-        if not np.abs(found[:, :, :3]).max(initial=0.0) < _GROWTH_LIMIT:
+        steps.walk(begin, pushed, states)
+        if not np.abs(states[:, :, :3]).max(initial=0.0) < _GROWTH_LIMIT:
             return None
-        within, pulse, old = found[:, :, :3], found[:, :, 3], steps.old
+        within, pulse, old = states[:, :, :3], states[:, :, 3], steps.old
         # By a constant force; the displacement in equilibrium would cause the opposite change.
         within[:, :, 0] = np.cumsum(pulse, axis=1)
         change = _power(steps.change(), length)[:, [3, 1, 2]]
@@ -175,11 +175,11 @@ def _power(change: LongArray, times: int) -> LongArray:
     if times == 1:
         return change
     half = _power(change, times // 2)
-    twice = 2.0 * half + _after(half, half)
-    return twice + change + _after(change, twice) if times % 2 else twice
+    twice = 2.0 * half + _compose(half, half)
+    return twice + change + _compose(change, twice) if times % 2 else twice
 
 
-def _after(later: LongArray, earlier: LongArray) -> LongArray:
+def _compose(later: LongArray, earlier: LongArray) -> LongArray:
     return np.einsum("oin,ifn->ofn", later[:, :3], earlier)
 
 
@@ -207,7 +207,7 @@ class ModalPropagator:
         self.steps = ModalStep.of(scheme, problem.system, problem.step)
         self.stride = StepBlock.of(self.steps, length)
         self.pushes = self.steps.light * self._vectors  #: modal forces of unit load histories, shape (k, n)
-        self._left = np.zeros((0, 0)) if self.stride is None else self._by_history(self.stride)
+        self._end_states = np.zeros((0, 0)) if self.stride is None else self._by_history(self.stride)
         self.scale = problem.step ** np.arange(3.0)[:, None]  #: powers of the step
 
     @property
@@ -217,8 +217,8 @@ class ModalPropagator:
 
     def _by_history(self, stride: StepBlock) -> FloatArray:
         """Return states at the end of a block per unit of every history at every instant, shape (k (L + 1), 3 n)."""
-        late = np.concatenate([np.zeros((3, 1, len(stride.stiff))), stride.answer[:, ::-1]], axis=1)
-        parts = np.einsum("kn,sjn->kjsn", self.pushes, late)
+        responses = np.concatenate([np.zeros((3, 1, len(stride.stiff))), stride.answer[:, ::-1]], axis=1)
+        parts = np.einsum("kn,sjn->kjsn", self.pushes, responses)
         return parts.reshape(parts.shape[0] * parts.shape[1], self.state.size)
 
     def begin(self, first: Trajectory) -> None:
@@ -228,8 +228,8 @@ class ModalPropagator:
     def histories(self, last: int) -> FloatArray:
         """Return the load histories from the state up to a step, padded with zeros to the end of a block."""
         times = self._problem.times(np.arange(self.at, last + 1))
-        known = self._problem.system.load_histories(self._problem.drive.at(times))
-        return np.concatenate([known, np.zeros((self.length, known.shape[1]))])
+        values = self._problem.system.load_histories(self._problem.drive.at(times))
+        return np.concatenate([values, np.zeros((self.length, values.shape[1]))])
 
     def modal_forces(self, histories: FloatArray) -> FloatArray:
         """Return the modal forces of every step, shape (m, n), from load histories, shape (m + 1, k)."""
@@ -241,12 +241,12 @@ class ModalPropagator:
             return self._single(last, histories)
         length, steps = self.length, last - self.at
         count = -(-steps // length)
-        over = sliding_window_view(histories, length + 1, axis=0)[: count * length : length]
-        rising = (over - over[:, :, :1]).reshape(count, over.shape[1] * over.shape[2])
+        windows = sliding_window_view(histories, length + 1, axis=0)[: count * length : length]
+        rising = (windows - windows[:, :, :1]).reshape(count, windows.shape[1] * windows.shape[2])
         pushes = histories[: count * length + 1 : length] @ self.pushes
         state, causes = drop_vanished(self.state), np.empty((count + 1, *self.state.shape))
         causes[0] = self.stride.causes(state, pushes[0])
-        ends = (rising @ self._left).reshape(count, *self.state.shape)
+        ends = (rising @ self._end_states).reshape(count, *self.state.shape)
         self.stride.advance(state, pushes, causes, ends)
         complete = steps // length
         if complete:
@@ -256,13 +256,13 @@ class ModalPropagator:
 
     def _single(self, last: int, histories: FloatArray) -> StepBlocks:
         """Return single steps, and advance the state."""
-        pushed = self.modal_forces(histories)
-        states = np.empty((3, *pushed.shape))
-        self.steps.walk(self.state, pushed, states)
+        forces = self.modal_forces(histories)
+        states = np.empty((3, *forces.shape))
+        self.steps.walk(self.state, forces, states)
         if last > self.at:
             self.at, self.state = last, states[:, -1].copy()
-        nothing = np.zeros((0, *self.state.shape))
-        return StepBlocks(nothing, nothing, nothing, nothing[:, 0], states)
+        empty = np.zeros((0, *self.state.shape))
+        return StepBlocks(empty, empty, empty, empty[:, 0], states)
 
 
 class ModalEngine(Engine):
@@ -271,59 +271,59 @@ class ModalEngine(Engine):
     def __init__(self, problem: Problem, scheme: Scheme, stop: Callable[[], bool], length: int = MODAL_BLOCK) -> None:
         self._problem, self._system, self._stop = problem, problem.system, stop
         self._forces = LocalForces(problem.system)
-        self._course = ModalPropagator(problem, scheme, length)
+        self._modes = ModalPropagator(problem, scheme, length)
 
     def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
         """Return the instants of some successive steps, see `Engine`."""
         if self._stop():
             return no_instants(self._system.size, self._forces), STOPPED
-        first, at = self._first_instant(), self._problem.times(steps)
-        row = int(steps[0]) - self._course.at
-        walked = self._advance_states(int(steps[-1]))
-        walked[1:] /= self._course.scale[1:, None]
+        first, times = self._first_instant(), self._problem.times(steps)
+        row = int(steps[0]) - self._modes.at
+        states = self._advance_states(int(steps[-1]))
+        states[1:] /= self._modes.scale[1:, None]
         if first is None:
-            track = self._track(at, walked[:, row:])
+            track = self._track(times, states[:, row:])
         else:  # the first instant is unchanged
-            track = first if len(at) == 1 else Trajectory.concatenate([first, self._track(at[1:], walked[:, 1:])])
-        before = None if first is not None else stack_motion(self._track(at[:1], walked[:, row - 1 : row]))[0]
-        return in_range(track, before, self._system, self._problem.drive.at(at).angle)
+            track = first if len(times) == 1 else Trajectory.concatenate([first, self._track(times[1:], states[:, 1:])])
+        before = None if first is not None else stack_motion(self._track(times[:1], states[:, row - 1 : row]))[0]
+        return in_range(track, before, self._system, self._problem.drive.at(times).angle)
 
     def _first_instant(self) -> Trajectory | None:
         """Return the first instant if the run is at its start; else None."""
-        if self._course.at >= 0:
+        if self._modes.at >= 0:
             return None
         first = first_track(self._problem, self._forces)
-        self._course.begin(first)
+        self._modes.begin(first)
         return first
 
     def _advance_states(self, last: int) -> FloatArray:
         """Return the states from the current one up to a step, shape (3, m + 1, n)."""
-        course, count, n = self._course, last - self._course.at + 1, self._system.size
-        histories, begin = course.histories(last), course.state
-        part = course.advance(last, histories)
+        modes, count, n = self._modes, last - self._modes.at + 1, self._system.size
+        histories, begin = modes.histories(last), modes.state
+        part = modes.advance(last, histories)
         if part.states is not None:
             return np.concatenate([begin[:, None], part.states], axis=1)
-        blocks, length = len(part.begins), course.length
+        blocks, length = len(part.begins), modes.length
         end = blocks * length
-        found = np.empty((3, end + 1, n))
-        found[:, 0] = begin
-        pushes = course.modal_forces(histories)[:end].reshape(blocks, length, n).swapaxes(0, 1)
-        within = found[:, 1:].reshape(3, blocks, length, n).swapaxes(1, 2)
-        course.steps.walk(part.begins.swapaxes(0, 1), pushes, within)
-        found[:, length::length] = part.ends.swapaxes(0, 1)
-        return found[:, :count]
+        states = np.empty((3, end + 1, n))
+        states[:, 0] = begin
+        pushes = modes.modal_forces(histories)[:end].reshape(blocks, length, n).swapaxes(0, 1)
+        by_block = states[:, 1:].reshape(3, blocks, length, n).swapaxes(1, 2)
+        modes.steps.walk(part.begins.swapaxes(0, 1), pushes, by_block)
+        states[:, length::length] = part.ends.swapaxes(0, 1)
+        return states[:, :count]
 
-    def _track(self, at: FloatArray, walked: FloatArray) -> Trajectory:
-        (d, v, a), nothing, sides = walked, np.zeros((len(at), 0)), np.zeros((len(at), 0), dtype=bool)
-        return Trajectory(at, d, v, a, nothing, nothing, nothing, sides, np.arange(len(at)))
+    def _track(self, times: FloatArray, states: FloatArray) -> Trajectory:
+        (d, v, a), empty, sides = states, np.zeros((len(times), 0)), np.zeros((len(times), 0), dtype=bool)
+        return Trajectory(times, d, v, a, empty, empty, empty, sides, np.arange(len(times)))
 
     def state(self) -> Arrays:
         """Return the state of the modes, see `Engine`."""
-        return {"at": np.array(self._course.at), "amounts": self._course.state}
+        return {"at": np.array(self._modes.at), "amounts": self._modes.state}
 
     def restore(self, state: Arrays) -> None:
         """Restore the state, see `Engine`."""
-        self._course.at, self._course.state = int(state["at"]), state["amounts"]
+        self._modes.at, self._modes.state = int(state["at"]), state["amounts"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -340,25 +340,25 @@ class OutputMatrices:
         if stride is None:
             return cls(rows, np.zeros((0, 0)))
         causes, histories = 3 * rows.shape[1], len(course.pushes)
-        seen = np.zeros((causes + histories * (length + 1), length, count))
+        matrix = np.zeros((causes + histories * (length + 1), length, count))
         by_cause = np.einsum("sjcn,pn->cnjsp", stride.within / course.scale[:, None, None], rows)
-        seen[:causes] = by_cause.reshape(causes, length, count)
+        matrix[:causes] = by_cause.reshape(causes, length, count)
         answers = np.einsum("sjn,knp->kjsp", stride.answer / course.scale[:, None], course.pushes[:, :, None] * rows.T)
         answers = answers.reshape(histories, length, count)
-        later = seen[causes:].reshape(histories, length + 1, length, count)
+        by_load = matrix[causes:].reshape(histories, length + 1, length, count)
         for instant in range(1, length + 1):  # forces act from their instant on
-            later[:, instant, instant - 1 :] = answers[:, : length + 1 - instant]
-        return cls(rows, seen.reshape(len(seen), length * count))
+            by_load[:, instant, instant - 1 :] = answers[:, : length + 1 - instant]
+        return cls(rows, matrix.reshape(len(matrix), length * count))
 
     def evaluate(self, part: StepBlocks, course: ModalPropagator) -> FloatArray:
         """Return displacements, velocities and accelerations after every step of a sequence, shape (m, 3, p)."""
         if part.states is not None:
             return (part.states / course.scale[:, None] @ self.rows.T).swapaxes(0, 1)
         count, p = len(part.begins), len(self.rows)
-        found = np.concatenate([part.causes.reshape(count, -1), part.rising], axis=1) @ self.seen
-        found = found.reshape(count, -1, 3, p)
-        found[:, :, 0] += (part.begins[:, 0] @ self.rows.T)[:, None]
-        return found.reshape(-1, 3, p)
+        result = np.concatenate([part.causes.reshape(count, -1), part.rising], axis=1) @ self.seen
+        result = result.reshape(count, -1, 3, p)
+        result[:, :, 0] += (part.begins[:, 0] @ self.rows.T)[:, None]
+        return result.reshape(-1, 3, p)
 
 
 class ProbeEngine(ModalEngine):
@@ -367,7 +367,7 @@ class ProbeEngine(ModalEngine):
     def __init__(self, problem: Problem, scheme: Scheme, save: SaveAt, stop: Callable[[], bool]) -> None:
         super().__init__(problem, scheme, stop, PROBE_BLOCK)
         self._save = save
-        self._view = OutputMatrices.of(probe_rows(problem), self._course)
+        self._view = OutputMatrices.of(probe_rows(problem), self._modes)
 
     def advance_probes(self, steps: IntArray) -> tuple[ProbeTrajectory, Status]:
         """Return the saved results of successive steps, up to the last in range, and a status, see `Engine`."""
@@ -376,50 +376,50 @@ class ProbeEngine(ModalEngine):
             return ProbeTrajectory.empty(len(rows), self._system.size), STOPPED
         saved = self._save.fields(steps, self._problem.steps)
         earlier = self.state()
-        seen = self._evaluate(steps, saved)
-        if seen is not None:
-            return seen, Status()
+        history = self._evaluate(steps, saved)
+        if history is not None:
+            return history, Status()
         self.restore(earlier)  # repeat instant by instant to find the diverging motion
         track, status = self.advance(steps)
-        probes = Series(*(one @ rows.T for one in (track.d, track.v, track.a)))
+        probes = Series(*(motion @ rows.T for motion in (track.d, track.v, track.a)))
         return ProbeTrajectory(
             track.time, probes, Series(track.d, track.v, track.a).at(saved[: len(track.time)])
         ), status
 
     def _evaluate(self, steps: IntArray, saved: NDArray[np.bool_]) -> ProbeTrajectory | None:
         """Return the saved results of steps; None if a value diverges."""
-        first, course = self._first_instant(), self._course
-        begin, at = course.at, self._problem.times(steps)
-        histories, rows = course.histories(int(steps[-1])), steps[saved] - begin
-        found = np.empty((len(histories), 3, len(self._view.rows)))
+        first, modes = self._first_instant(), self._modes
+        begin, times = modes.at, self._problem.times(steps)
+        histories, rows = modes.histories(int(steps[-1])), steps[saved] - begin
+        values = np.empty((len(histories), 3, len(self._view.rows)))
         fields = np.empty((3, len(rows), self._system.size))
         if first is not None:
             fields[:, 0] = first.d[0], first.v[0], first.a[0]
-            found[0] = fields[:, 0] @ self._view.rows.T
-        part = course.advance(int(steps[-1]), histories)
-        seen, later = self._view.evaluate(part, course), rows > 0
-        found[1 : 1 + len(seen)] = seen
-        fields[:, later] = self._states(part, rows[later], histories) / course.scale[:, None]
-        found = found[int(steps[0]) - begin : int(steps[-1]) - begin + 1]
-        if not (all_within(found) and all_within(fields) and all_within(course.state)):
+            values[0] = fields[:, 0] @ self._view.rows.T
+        part = modes.advance(int(steps[-1]), histories)
+        outputs, later = self._view.evaluate(part, modes), rows > 0
+        values[1 : 1 + len(outputs)] = outputs
+        fields[:, later] = self._states(part, rows[later], histories) / modes.scale[:, None]
+        values = values[int(steps[0]) - begin : int(steps[-1]) - begin + 1]
+        if not (all_within(values) and all_within(fields) and all_within(modes.state)):
             return None
-        return ProbeTrajectory(at, Series(*found.swapaxes(0, 1)), Series(*fields))
+        return ProbeTrajectory(times, Series(*values.swapaxes(0, 1)), Series(*fields))
 
     def _states(self, part: StepBlocks, rows: IntArray, histories: FloatArray) -> FloatArray:
         """Return the states after selected steps, counted from the state before them, shape (3, r, n)."""
         if part.states is not None:
             return part.states[:, rows - 1]
-        which, past = np.divmod(rows - 1, self._course.length)
-        found = part.ends[which].swapaxes(0, 1).copy()
-        for i in np.flatnonzero(past < self._course.length - 1).tolist():  # the last step of a run may not end a block
-            row = int(which[i]) * self._course.length
-            pushed = self._course.modal_forces(histories[row : row + int(past[i]) + 2])
-            states = np.empty((3, *pushed.shape))
-            self._course.steps.walk(part.begins[which[i]], pushed, states)
-            found[:, i] = states[:, -1]
-        return found
+        block, step = np.divmod(rows - 1, self._modes.length)
+        result = part.ends[block].swapaxes(0, 1).copy()
+        for i in np.flatnonzero(step < self._modes.length - 1).tolist():  # the last step of a run may not end a block
+            row = int(block[i]) * self._modes.length
+            forces = self._modes.modal_forces(histories[row : row + int(step[i]) + 2])
+            states = np.empty((3, *forces.shape))
+            self._modes.steps.walk(part.begins[block[i]], forces, states)
+            result[:, i] = states[:, -1]
+        return result
 
 
 def probe_rows(problem: Problem) -> FloatArray:
     """Return the rows of all probes of a problem."""
-    return np.concatenate([np.zeros((0, problem.system.size)), *(one.rows for one in problem.system.probes)])
+    return np.concatenate([np.zeros((0, problem.system.size)), *(probe.rows for probe in problem.system.probes)])

@@ -43,8 +43,8 @@ def normalized_response(frequency_ratio: FloatArray, damping_ratio: float) -> Co
     """Return y/B of ``y'' + 2 xi w0 y' + w0^2 y = B w0^2 exp(i w t)``, eq. 4: ``1/(1 - r^2 + 2 i xi r)``, r = w/w0."""
     xi = positive("damping_ratio", damping_ratio, "", zero=True)
     r = np.asarray(frequency_ratio, dtype=float)
-    below = 1.0 - r**2 + 2j * xi * r
-    return np.divide(1.0, below, out=np.full(below.shape, complex(math.inf, 0.0)), where=below != 0.0)
+    denominator = 1.0 - r**2 + 2j * xi * r
+    return np.divide(1.0, denominator, out=np.full(denominator.shape, complex(math.inf, 0.0)), where=denominator != 0.0)
 
 
 ERROR_LIMIT = 1e-6
@@ -57,27 +57,27 @@ def lanczos(
     mass: Triplets, stiffness: Triplets, rigid: FloatArray, count: int | None
 ) -> tuple[FloatArray, FloatArray, int]:
     """Return the lowest modes with stiffness."""
-    wanted = min(max((count or _DEFAULT_COUNT) - rigid.shape[1], 1), mass.size - 2)
+    requested = min(max((count or _DEFAULT_COUNT) - rigid.shape[1], 1), mass.size - 2)
     solve = _flexibility(stiffness, rigid, mass.multiply(rigid))
     massive = np.flatnonzero(mass.diagonal() > 0.0)
     if len(massive) <= DENSE_LIMIT:
         inverse_squares, shapes = _condense(mass.part(massive).dense(), massive, solve, mass.size)
     else:
-        inverse_squares, shapes = _lanczos_iteration(mass, stiffness, solve, wanted)
+        inverse_squares, shapes = _lanczos_iteration(mass, stiffness, solve, requested)
     largest = float(np.abs(inverse_squares).max(initial=0.0))
     rounding = np.sqrt(mass.size) * np.finfo(float).eps * largest
     if inverse_squares.min(initial=0.0) < -rounding / ERROR_LIMIT:
         raise NotPositiveError(shapes[:, int(np.argmin(inverse_squares))])
     # With fewer masses than requested modes, zeros remain as rounding of either sign.
-    good = min(int(np.argmax(np.append(inverse_squares * ERROR_LIMIT <= rounding, True))), wanted)
-    lost = min(int(np.count_nonzero(inverse_squares > rounding)), wanted) - good
-    return 1.0 / inverse_squares[:good], shapes[:, :good], max(lost, 0)
+    accurate = min(int(np.argmax(np.append(inverse_squares * ERROR_LIMIT <= rounding, True))), requested)
+    lost = min(int(np.count_nonzero(inverse_squares > rounding)), requested) - accurate
+    return 1.0 / inverse_squares[:accurate], shapes[:, :accurate], max(lost, 0)
 
 
 Solve = Callable[[FloatArray], FloatArray]
 
 
-def _lanczos_iteration(mass: Triplets, stiffness: Triplets, solve: Solve, wanted: int) -> tuple[FloatArray, FloatArray]:
+def _lanczos_iteration(mass: Triplets, stiffness: Triplets, solve: Solve, count: int) -> tuple[FloatArray, FloatArray]:
     """Return 1/omega^2, descending, and shapes by Lanczos iteration.
 
     R. G. Grimes, J. G. Lewis, H. D. Simon, SIAM J. Matrix Anal. Appl. 15 (1994).
@@ -88,9 +88,9 @@ def _lanczos_iteration(mass: Triplets, stiffness: Triplets, solve: Solve, wanted
     start = solve(M @ np.random.default_rng(0).standard_normal(mass.size))
     inverse = LinearOperator(K.shape, matvec=solve, dtype=np.float64)
     try:
-        values, shapes = eigsh(K, k=wanted, M=M, sigma=0.0, OPinv=inverse, v0=start)
+        values, shapes = eigsh(K, k=count, M=M, sigma=0.0, OPinv=inverse, v0=start)
     except ArpackError as fault:
-        text = f"the search for {wanted} modes did not converge: {fault}"
+        text = f"the search for {count} modes did not converge: {fault}"
         raise RunFailedError(Status(Cause.NO_CONVERGENCE, text, "ask for fewer modes")) from None
     order = np.argsort(-1.0 / values)
     return 1.0 / values[order], shapes[:, order]
@@ -116,17 +116,17 @@ def _condense(M: FloatArray, massive: IntArray, solve: Solve, size: int) -> tupl
 def _flexibility(stiffness: Triplets, rigid: FloatArray, heavy: FloatArray) -> Solve:
     """Return the solve with K on the complement of the free motions: loads and answers have no part along them."""
     scale = diagonal_scale(stiffness)
-    held = select_constraints(np.linalg.qr(rigid / scale[:, None])[0])
-    kept = np.setdiff1d(np.arange(stiffness.size), held)
+    fixed = select_constraints(np.linalg.qr(rigid / scale[:, None])[0])
+    active = np.setdiff1d(np.arange(stiffness.size), fixed)
     try:
-        factor = factorize(stiffness.part(kept))
+        factor = factorize(stiffness.part(active))
     except SingularMatrixError:
         raise NotPositiveError from None
 
     def solve(load: FloatArray) -> FloatArray:
         load = np.asarray(load, dtype=float).ravel()
         x = np.zeros_like(load)
-        x[kept] = factor.solve((load - heavy @ (rigid.T @ load))[kept])
+        x[active] = factor.solve((load - heavy @ (rigid.T @ load))[active])
         return x - rigid @ (heavy.T @ x)
 
     return solve
@@ -203,20 +203,20 @@ def modes(mass: Triplets, stiffness: Triplets, count: int | None = None, *, free
         raise RunFailedError(_too_fine(float(shares.max())))
     omegas = np.concatenate([np.zeros(rigid.shape[1]), np.sqrt(squares)])
     shapes = np.concatenate([rigid, shapes], axis=1)
-    wanted = len(omegas) if count is None else min(count, len(omegas))
-    taken = np.concatenate([np.zeros(rigid.shape[1]), 0.5 * shares])  # square root of the rounded eigenvalue
-    found = _normalize_signs(shapes[:, :wanted])
-    return Modes(omegas[:wanted], found, int(min(rigid.shape[1], wanted)), int(lost), taken[:wanted])
+    requested = len(omegas) if count is None else min(count, len(omegas))
+    errors = np.concatenate([np.zeros(rigid.shape[1]), 0.5 * shares])  # square root of the rounded eigenvalue
+    signed = _normalize_signs(shapes[:, :requested])
+    return Modes(omegas[:requested], signed, int(min(rigid.shape[1], requested)), int(lost), errors[:requested])
 
 
 def _find_free_motions(stiffness: Triplets) -> FloatArray:
     """Return the null space of matrices without known free motions; more energy than rounding means a soft motion."""
-    found = null_space(stiffness)
-    energy = np.abs(np.sum(found * stiffness.multiply(found), axis=0))
-    taken = energy_rounding(stiffness, found)
-    if (soft := energy > taken).any():
-        raise RunFailedError(_too_fine(float((taken[soft] / energy[soft]).max())))
-    return found
+    motions = null_space(stiffness)
+    energy = np.abs(np.sum(motions * stiffness.multiply(motions), axis=0))
+    rounding = energy_rounding(stiffness, motions)
+    if (soft := energy > rounding).any():
+        raise RunFailedError(_too_fine(float((rounding[soft] / energy[soft]).max())))
+    return motions
 
 
 def _too_fine(share: float) -> Status:
@@ -253,17 +253,17 @@ def _dense(
     squares, shapes, errors = _by_stiffness(M, K, diagonal_scale(stiffness), rigid)
     if (errors > ERROR_LIMIT).any() and (high := _by_mass(mass, K)) is not None:
         high = tuple(values[..., rigid.shape[1] :] for values in high)
-        squares, shapes, errors = (one[..., : len(high[0])] for one in (squares, shapes, errors))
+        squares, shapes, errors = (part[..., : len(high[0])] for part in (squares, shapes, errors))
         switch = _switch(squares, errors, high[2])
         squares, shapes, errors = (
             np.concatenate([a[..., :switch], b[..., switch:]], axis=-1)
             for a, b in zip((squares, shapes, errors), high, strict=True)
         )
-    wanted = len(squares) if count is None else max(count - rigid.shape[1], 0)
-    good = int(np.argmax(np.append(errors > ERROR_LIMIT, True)))
-    shown = min(good, wanted)
+    requested = len(squares) if count is None else max(count - rigid.shape[1], 0)
+    accurate = int(np.argmax(np.append(errors > ERROR_LIMIT, True)))
+    used = min(accurate, requested)
     massive = np.count_nonzero(mass.diagonal() > 0.0) - rigid.shape[1]
-    return squares[:shown], shapes[:, :shown], max(min(massive, wanted) - good, 0)
+    return squares[:used], shapes[:, :used], max(min(massive, requested) - accurate, 0)
 
 
 def _switch(squares: FloatArray, low: FloatArray, high: FloatArray) -> int:
@@ -284,21 +284,21 @@ def _by_stiffness(
     """
     M, K = scale[:, None] * M * scale, scale[:, None] * K * scale
     free = rigid / scale[:, None]
-    held = M @ free
-    K = K + held @ held.T / max(1.0, float(np.abs(held).max(initial=0.0)) ** 2)
+    momentum = M @ free
+    K = K + momentum @ momentum.T / max(1.0, float(np.abs(momentum).max(initial=0.0)) ** 2)
     try:
         L = np.linalg.cholesky(K)
     except np.linalg.LinAlgError:
         raise NotPositiveError(scale * np.linalg.eigh(K)[1][:, 0]) from None
     inverse = np.linalg.solve(L, np.linalg.solve(L, M).T)
-    known = np.linalg.qr(L.T @ free)[0]
-    inverse -= known @ (known.T @ inverse)
-    inverse -= (inverse @ known) @ known.T
+    basis = np.linalg.qr(L.T @ free)[0]
+    inverse -= basis @ (basis.T @ inverse)
+    inverse -= (inverse @ basis) @ basis.T
     values, vectors = np.linalg.eigh(0.5 * (inverse + inverse.T))
-    kept = slice(None, None, -1) if not rigid.shape[1] else slice(None, rigid.shape[1] - 1, -1)
-    values, vectors = values[kept], vectors[:, kept]
-    positive, errors = _with_errors(values)
-    return 1.0 / positive, scale[:, None] * np.linalg.solve(L.T, vectors) / np.sqrt(positive), errors
+    order = slice(None, None, -1) if not rigid.shape[1] else slice(None, rigid.shape[1] - 1, -1)
+    values, vectors = values[order], vectors[:, order]
+    bounded, errors = _with_errors(values)
+    return 1.0 / bounded, scale[:, None] * np.linalg.solve(L.T, vectors) / np.sqrt(bounded), errors
 
 
 def _by_mass(mass: Triplets, K: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray] | None:
@@ -307,30 +307,30 @@ def _by_mass(mass: Triplets, K: FloatArray) -> tuple[FloatArray, FloatArray, Flo
     Massless motions are condensed statically. Returns None if rounding prevents the factorization of the mass.
     """
     light = null_space(mass)
-    kept = np.setdiff1d(np.arange(mass.size), np.array(select_constraints(light), dtype=np.intp))
-    everything = np.eye(len(K))  # unit motions of every unknown, with massless motions in static equilibrium
+    dofs = np.setdiff1d(np.arange(mass.size), np.array(select_constraints(light), dtype=np.intp))
+    unit = np.eye(len(K))  # unit motions of every unknown, with massless motions in static equilibrium
     if light.shape[1]:
-        held = light.T @ K
-        everything -= light @ factorize(Triplets.from_dense(held @ light)).solve(held)
-    all_of = everything[:, kept]
-    massive = mass.part(kept)
+        coupling = light.T @ K
+        unit -= light @ factorize(Triplets.from_dense(coupling @ light)).solve(coupling)
+    motions = unit[:, dofs]
+    massive = mass.part(dofs)
     scale = diagonal_scale(massive)
     try:
         L = np.linalg.cholesky(scale[:, None] * massive.dense() * scale)
     except np.linalg.LinAlgError:
         return None
-    stiff = scale[:, None] * (all_of.T @ K @ all_of) * scale
-    forward = np.linalg.solve(L, np.linalg.solve(L, stiff).T)
+    stiffness = scale[:, None] * (motions.T @ K @ motions) * scale
+    forward = np.linalg.solve(L, np.linalg.solve(L, stiffness).T)
     values, vectors = np.linalg.eigh(0.5 * (forward + forward.T))
-    positive, errors = _with_errors(values)
-    return positive, all_of @ (scale[:, None] * np.linalg.solve(L.T, vectors)), errors
+    bounded, errors = _with_errors(values)
+    return bounded, motions @ (scale[:, None] * np.linalg.solve(L.T, vectors)), errors
 
 
 def _with_errors(values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return eigenvalues bounded by rounding, and their relative errors."""
     eps, largest = np.finfo(float).eps, float(values.max(initial=0.0))
-    positive = np.maximum(values, max(eps**2 * largest, np.finfo(float).tiny))
-    return positive, np.where(values > 0.0, len(values) * eps * largest / positive, np.inf)
+    bounded = np.maximum(values, max(eps**2 * largest, np.finfo(float).tiny))
+    return bounded, np.where(values > 0.0, len(values) * eps * largest / bounded, np.inf)
 
 
 _EQUAL = 1e-6
@@ -359,39 +359,39 @@ def corrected_modes(
 ) -> FloatArray:
     """Return the lowest modes with their static correction."""
     rigid = modes(mass, stiffness, 1, free=free).rigid if free is None else free.shape[1]
-    found = modes(mass, stiffness, rigid + count, free=free)
-    shapes = found.shapes
-    missed = places.T - mass.multiply(shapes) @ (shapes.T @ places.T)
-    answers = _static_solutions(stiffness, missed, shapes[:, : found.rigid])
+    lowest = modes(mass, stiffness, rigid + count, free=free)
+    shapes = lowest.shapes
+    loads = places.T - mass.multiply(shapes) @ (shapes.T @ places.T)
+    answers = _static_solutions(stiffness, loads, shapes[:, : lowest.rigid])
     answers -= shapes @ (shapes.T @ mass.multiply(answers))
-    known = (places @ shapes[:, found.rigid :]) ** 2 @ found.omegas[found.rigid :] ** -2.0
-    return np.hstack([shapes, _orthogonalize(mass, stiffness, answers, known)])
+    energy = (places @ shapes[:, lowest.rigid :]) ** 2 @ lowest.omegas[lowest.rigid :] ** -2.0
+    return np.hstack([shapes, _orthogonalize(mass, stiffness, answers, energy)])
 
 
 def _static_solutions(stiffness: Triplets, loads: FloatArray, rigid: FloatArray) -> FloatArray:
     """Return static solutions for loads that do no work on the free motions, shape (n, k)."""
-    held = select_constraints(rigid / diagonal_scale(stiffness)[:, None])
-    kept = np.setdiff1d(np.arange(stiffness.size), held)
+    fixed = select_constraints(rigid / diagonal_scale(stiffness)[:, None])
+    active = np.setdiff1d(np.arange(stiffness.size), fixed)
     answers = np.zeros(loads.shape)
-    answers[kept] = factorize(stiffness.part(kept)).solve(loads[kept])
+    answers[active] = factorize(stiffness.part(active)).solve(loads[active])
     return answers
 
 
-def _orthogonalize(mass: Triplets, stiffness: Triplets, shapes: FloatArray, known: FloatArray) -> FloatArray:
+def _orthogonalize(mass: Triplets, stiffness: Triplets, shapes: FloatArray, modal_energy: FloatArray) -> FloatArray:
     """Return shapes of the same span with unit stiffness and diagonal mass, the lightest last.
 
     A shape is used if its energy exceeds that of its projection on the others.
     """
     energy = np.maximum(np.einsum("ik,ik->k", shapes, stiffness.multiply(shapes)), 0.0)
-    kept = energy > _DEPENDENT * (known + energy)
-    shapes = shapes[:, kept] / np.sqrt(energy[kept])
+    independent = energy > _DEPENDENT * (modal_energy + energy)
+    shapes = shapes[:, independent] / np.sqrt(energy[independent])
     values, vectors = np.linalg.eigh(shapes.T @ stiffness.multiply(shapes))
-    good = values > _DEPENDENT
-    unit = shapes @ (vectors[:, good] / np.sqrt(values[good]))
-    _, turned = np.linalg.eigh(unit.T @ mass.multiply(unit))
-    found = unit @ turned[:, ::-1]
+    stiff = values > _DEPENDENT
+    unit = shapes @ (vectors[:, stiff] / np.sqrt(values[stiff]))
+    _, rotation = np.linalg.eigh(unit.T @ mass.multiply(unit))
+    basis = unit @ rotation[:, ::-1]
     # Otherwise a shape of a massless unknown would have the mass of rounding and a very high frequency.
-    return np.where(np.abs(found) > _STILL * diagonal_scale(stiffness)[:, None], found, 0.0)
+    return np.where(np.abs(basis) > _STILL * diagonal_scale(stiffness)[:, None], basis, 0.0)
 
 
 def craig_bampton(
@@ -406,18 +406,18 @@ def craig_bampton(
     try:
         unit[inner] = -factorize(stiffness.part(inner)).solve(stiffness.multiply(unit)[inner])
     except SingularMatrixError as fault:
-        which = ", ".join(str(inner[i]) for i in fault.unknowns[:6]) or "some"
+        names = ", ".join(str(inner[i]) for i in fault.unknowns[:6]) or "some"
         why = "a group that moves freely has no static solution"
-        given, allowed = f"unknowns {which} free while it is held", "a boundary that holds every group"
+        given, allowed = f"unknowns {names} free while it is held", "a boundary that holds every group"
         raise refuse("boundary", given, allowed, why) from None
     return np.hstack([unit, *(_fixed_interface_modes(mass, stiffness, group, count) for group in interiors)])
 
 
 def _fixed_interface_modes(mass: Triplets, stiffness: Triplets, group: IntArray, count: int) -> FloatArray:
     """Return the fixed-interface modes of a group, expanded to all unknowns."""
-    own = modes(mass.part(group), stiffness.part(group), count, free=np.zeros((len(group), 0)))
-    shapes = np.zeros((stiffness.size, own.shapes.shape[1]))
-    shapes[group] = own.shapes
+    local = modes(mass.part(group), stiffness.part(group), count, free=np.zeros((len(group), 0)))
+    shapes = np.zeros((stiffness.size, local.shapes.shape[1]))
+    shapes[group] = local.shapes
     return shapes
 
 

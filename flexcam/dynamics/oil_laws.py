@@ -41,19 +41,19 @@ def oil_column(
     begin, travel = x_begin - state, x - x_begin
     if step == 0.0:
         return begin + travel, 1.0, 1.0
-    pressed = begin > 0.0 or (begin == 0.0 and travel > 0.0)
-    a, b = (stiffness / leak, stiffness / refill) if pressed else (stiffness / refill, stiffness / leak)
+    is_pressed = begin > 0.0 or (begin == 0.0 and travel > 0.0)
+    a, b = (stiffness / leak, stiffness / refill) if is_pressed else (stiffness / refill, stiffness / leak)
     decay = -math.expm1(-a * step)
-    share = decay / (a * step)
-    end = begin - decay * begin + share * travel
-    if (end > 0.0) == pressed or begin * travel >= 0.0:
-        return end, share, 1.0 - decay
+    weight = decay / (a * step)
+    end = begin - decay * begin + weight * travel
+    if (end > 0.0) == is_pressed or begin * travel >= 0.0:
+        return end, weight, 1.0 - decay
     rate = travel / step  # the compression passes zero within the step
-    rest = step - math.log1p(-begin * a / rate) / a
-    decay = math.exp(-b * rest)
-    share = -math.expm1(-b * rest) / b
+    remaining = step - math.log1p(-begin * a / rate) / a
+    decay = math.exp(-b * remaining)
+    weight = -math.expm1(-b * remaining) / b
     by_begin = decay * rate / (rate - begin * a)
-    return share * rate, (share - decay * begin / (rate - begin * a)) / step, by_begin
+    return weight * rate, (weight - decay * begin / (rate - begin * a)) / step, by_begin
 
 
 def check_valve_velocity(force: float, leak: float, cracking: float, refill: float, loss: float) -> tuple[float, float]:
@@ -158,10 +158,10 @@ def oil_chamber(
         constants[b + 5], constants[b + 6], constants[b + 7], constants[b + 8], constants[b + 9],
     )  # fmt: skip
     liquid, pull = (1.0 - air) * supply / modulus, area * supply
-    least = math.log1p(-plunger / pull) if plunger < pull else -1e3
-    begin, rest, weight, kept = x_begin - state, x - state, 0.0, 1.0
+    minimum = math.log1p(-plunger / pull) if plunger < pull else -1e3
+    begin, rest, weight, by_begin = x_begin - state, x - state, 0.0, 1.0
     if step > 0.0:
-        start = max(chamber_pressure(begin, 0.0, constants, b), least)
+        start = max(chamber_pressure(begin, 0.0, constants, b), minimum)
         velocity, slope = check_valve_velocity(pull * math.expm1(start), leak, cracking, refill, loss)
         if begin > 0.0 or (begin == 0.0 and x > x_begin):
             rate = pull / (height * liquid) / leak
@@ -169,10 +169,10 @@ def oil_chamber(
             rate = pull / (height * (liquid + air / _POLYTROPIC)) * (1.0 / leak + 1.0 / refill)
         weight = step * fitted_weight(rate * step)
         rest -= (step - weight) * velocity
-        if start > least:
+        if start > minimum:
             by_q = height * (liquid * math.exp(start) + air / _POLYTROPIC * math.exp(-start / _POLYTROPIC))
-            kept = 1.0 - (step - weight) * slope * pull * math.exp(start) / by_q
-    q = max(chamber_pressure(rest, weight, constants, b), least)
+            by_begin = 1.0 - (step - weight) * slope * pull * math.exp(start) / by_q
+    q = max(chamber_pressure(rest, weight, constants, b), minimum)
     rise = math.expm1(q)
     velocity, slope = check_valve_velocity(pull * rise, leak, cracking, refill, loss)
     compression = height * (liquid * rise - air * math.expm1(-q / _POLYTROPIC))
@@ -181,13 +181,13 @@ def oil_chamber(
     )
     end = rest - weight * velocity
     energy = plunger * (x - end + compression) + pull * height * energy
-    if q == least:
-        return 0.0, 0.0, energy, end, 1.0, kept, velocity, 0.0, pull * rise
+    if q == minimum:
+        return 0.0, 0.0, energy, end, 1.0, by_begin, velocity, 0.0, pull * rise
     stiffness = (
         pull * (1.0 + rise) / (height * (liquid * (1.0 + rise) + air / _POLYTROPIC * math.exp(-q / _POLYTROPIC)))
     )
-    share = 1.0 / (1.0 + weight * slope * stiffness)
+    by_travel = 1.0 / (1.0 + weight * slope * stiffness)
     return (
-        plunger + pull * rise, stiffness * share, energy, end, share, kept * share, velocity, slope * stiffness,
-        pull * rise,
+        plunger + pull * rise, stiffness * by_travel, energy, end, by_travel, by_begin * by_travel, velocity,
+        slope * stiffness, pull * rise,
     )  # fmt: skip

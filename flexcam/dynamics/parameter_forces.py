@@ -49,9 +49,9 @@ class VariedProblem:
         self._lifts = LocalForces(original.system).lifts if self.forces.lifts else self.forces.lifts
         self._begin = original.start.time if original.start else 0.0
         #: Stiffness, damping and mass.
-        self.matrices = [one.dense() for one in (problem.system.stiffness, problem.system.damping, problem.system.mass)]
+        self.matrices = [m.dense() for m in (problem.system.stiffness, problem.system.damping, problem.system.mass)]
         self.stretch = problem.step / original.step  #: ratio of the steps
-        self._known: tuple[Trajectory, tuple[CamMotion, PrescribedInputs]] | None = None
+        self._inputs: tuple[Trajectory, tuple[CamMotion, PrescribedInputs]] | None = None
 
     def times(self, time: FloatArray) -> FloatArray:
         """Return the instants of this problem for those of the original one, s."""
@@ -62,38 +62,38 @@ class VariedProblem:
     ) -> FloatArray:
         """Return the sum of loads, stiffness, damping and local forces on the unknowns, N, shape (m, n)."""
         K, C, _ = self.matrices
-        pushed = self.push(local, schedule.acting_weights)
-        return self.problem.system.load_vector(motion) + pushed - d @ K.T - v @ C.T
+        push = self.push(local, schedule.acting_weights)
+        return self.problem.system.load_vector(motion) + push - d @ K.T - v @ C.T
 
     def push(self, local: FloatArray, weights: FloatArray) -> FloatArray:
         """Return the sum of local forces on the unknowns, N, shape (m, n), for weights of the acting vectors."""
         act = self.forces.act
-        nothing = np.zeros((len(local), act.vectors.shape[1]))
-        return (local[:, act.scalars] * weights) @ act.vectors if weights.any() else nothing
+        zeros = np.zeros((len(local), act.vectors.shape[1]))
+        return (local[:, act.scalars] * weights) @ act.vectors if weights.any() else zeros
 
     def inputs(self, track: Trajectory) -> tuple[CamMotion, PrescribedInputs]:
         """Return motion of the cam and prescribed inputs at instants of the original problem; they are kept.
 
         Functions of the cam that the parameter does not change are those of the original problem.
         """
-        if self._known is None or self._known[0] is not track:
+        if self._inputs is None or self._inputs[0] is not track:
             motion = self.problem.drive.at(self.times(track.time))
             if track.cam is not None and np.array_equal(motion.angle, track.cam.angle):
                 motion = replace(motion, known=track.cam)
-            self._known = track, (motion, self.forces.prescribed_inputs(motion))
-        return self._known[1]
+            self._inputs = track, (motion, self.forces.prescribed_inputs(motion))
+        return self._inputs[1]
 
     def answers(self, every: SensedTrajectory, schedule: PrescribedInputs) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the answers of the laws to the scalars of a motion, and the lifts beyond the original, with rates.
 
         With a cam at the angle of its shaft, the contact stays where it is in the answers. The shapes are (m, c).
         """
-        forces, depth, speed = self.forces, every.penetration, every.rate
-        lifted = forces.lifts.depth(depth) - self._lifts.depth(depth)
-        faster = forces.lifts.depth_rate(depth, speed) - self._lifts.depth_rate(depth, speed)
+        forces, depth, rate = self.forces, every.penetration, every.rate
+        lift = forces.lifts.depth(depth) - self._lifts.depth(depth)
+        lift_rate = forces.lifts.depth_rate(depth, rate) - self._lifts.depth_rate(depth, rate)
         functions = schedule.rows[:, schedule.functions :]
-        answer = forces.evaluate(depth - lifted, every.track.state, functions, rate=speed - faster)[1]
-        return answer, lifted, faster
+        answer = forces.evaluate(depth - lift, every.track.state, functions, rate=rate - lift_rate)[1]
+        return answer, lift, lift_rate
 
     def states_after(self, every: SensedTrajectory, lengths: FloatArray, sensed: FloatArray) -> FloatArray:
         """Return the internal states after the steps of some lengths, s, shape (m - 1, s)."""
@@ -104,10 +104,10 @@ class VariedProblem:
         """Return the change of the velocities by an impact at switching scalars, shape (n,)."""
         motion = self.problem.drive.at(self.times(np.array([old.time])))
         inputs = StepInputs(old.time, np.zeros(len(old.d)), self.forces.prescribed_inputs(motion))
-        hit = self.accelerations.impact_data(inputs, contacts)
-        rate = hit.sense @ old.v + hit.turning @ old.d
+        impact = self.accelerations.impact_data(inputs, contacts)
+        rate = impact.sense @ old.v + impact.turning @ old.d
         rate = rate + inputs.schedule.offset_rate[0][self.forces.switching[contacts]]
-        return hit.velocity_change(rate, hit.reversal(rate))
+        return impact.velocity_change(rate, impact.reversal(rate))
 
     @cached_property
     def accelerations(self) -> InitialAcceleration:
@@ -118,31 +118,31 @@ class VariedProblem:
 class _Evaluation:
     """Terms of the equations of a problem with another value of a parameter, along a motion of the original one."""
 
-    def __init__(self, side: VariedProblem, every: SensedTrajectory, lengths: FloatArray) -> None:
-        self._side, self._every, self._lengths = side, every, lengths
-        motion, self.schedule = side.inputs(every.track)
+    def __init__(self, side: VariedProblem, sensed: SensedTrajectory, lengths: FloatArray) -> None:
+        self._side, self._sensed, self._lengths = side, sensed, lengths
+        motion, self.schedule = side.inputs(sensed.track)
         self.load = side.problem.system.load_vector(motion)
 
     @cached_property
     def push(self) -> FloatArray:
         """Effect of the local forces on the unknowns, N, shape (m, n)."""
-        return self._side.push(self._every.track.local, self.schedule.acting_weights)
+        return self._side.push(self._sensed.track.local, self.schedule.acting_weights)
 
     @cached_property
     def sensed(self) -> tuple[FloatArray, FloatArray]:
         """Sensed scalars and their rates, shape (m, c)."""
-        track = self._every.track
+        track = self._sensed.track
         return self._side.forces.sense_motion(track.d, track.v, self.schedule)[:2]
 
     @cached_property
     def states_after(self) -> FloatArray:
         """Internal states after the steps, shape (m - 1, s)."""
-        return self._side.states_after(self._every, self._lengths, self.sensed[0])
+        return self._side.states_after(self._sensed, self._lengths, self.sensed[0])
 
     @cached_property
     def answers(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Answers of the laws, and the lifts beyond the original with their rates, shape (m, c)."""
-        return self._side.answers(self._every, self.schedule)
+        return self._side.answers(self._sensed, self.schedule)
 
 
 class _ParameterChange:
@@ -156,13 +156,13 @@ class _ParameterChange:
         def is_same(part: Callable[[LocalForces], NDArray[Any]]) -> bool:
             return np.array_equal(part(original.forces), part(side.forces))
 
-        self._same_act, self._same_sense = is_same(lambda one: one.act.vectors), is_same(lambda one: one.sense.vectors)
-        same_laws = is_same(lambda one: one.table.laws) and is_same(lambda one: one.table.constants)
+        self._same_act, self._same_sense = is_same(lambda f: f.act.vectors), is_same(lambda f: f.sense.vectors)
+        same_laws = is_same(lambda f: f.table.laws) and is_same(lambda f: f.table.constants)
         self._same_laws = same_laws and not side.forces.lifts and not side.forces.table.custom
 
-    def explicit_terms(self, original: _Evaluation, every: SensedTrajectory, lengths: FloatArray) -> list[FloatArray]:
+    def explicit_terms(self, original: _Evaluation, along: SensedTrajectory, lengths: FloatArray) -> list[FloatArray]:
         """Return the derivatives of `ExplicitDerivatives` from the evaluation of the original problem."""
-        varied, track = _Evaluation(self._side, every, lengths), every.track
+        varied, track = _Evaluation(self._side, along, lengths), along.track
         after, before = varied.schedule, original.schedule
         force = varied.load - original.load
         if self._same_act:
@@ -170,9 +170,9 @@ class _ParameterChange:
         else:
             force += varied.push - original.push
         force /= self._width
-        for matrix, moved in zip(self._matrices, (track.d, track.v, track.a), strict=True):
+        for matrix, motion in zip(self._matrices, (track.d, track.v, track.a), strict=True):
             if matrix.any():
-                force -= moved @ matrix.T
+                force -= motion @ matrix.T
         sensed, rate, states = after.offset - before.offset, after.offset_rate - before.offset_rate, track.state[1:]
         weights = slice(0, after.sensing_weights.shape[1] + after.sensing_rates.shape[1])
         if states.size or not (self._same_sense and np.array_equal(after.rows[:, weights], before.rows[:, weights])):
@@ -180,12 +180,12 @@ class _ParameterChange:
             states = varied.states_after - original.states_after
         else:
             states = np.zeros_like(states)
-        answer = np.zeros_like(rate)
+        response = np.zeros_like(rate)
         functions = slice(after.functions, None)
         if not (self._same_laws and np.array_equal(after.rows[:, functions], before.rows[:, functions])):
             old, new = original.answers, varied.answers
-            answer, sensed, rate = new[0] - old[0], sensed + new[1] - old[1], rate + new[2] - old[2]
-        return [force, *(one / self._width for one in (sensed, rate, answer, states))]
+            response, sensed, rate = new[0] - old[0], sensed + new[1] - old[1], rate + new[2] - old[2]
+        return [force, *(change / self._width for change in (sensed, rate, response, states))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +200,7 @@ class ExplicitDerivatives:
 
     def source(self, linear: Linear, part: slice) -> FloatArray:
         """Return the forces on the unknowns at some instants, shape (m, n, p), with the tangents there."""
-        penetration, rate, answer = (one[part, linear.kept] for one in (self.penetration, self.rate, self.answer))
+        penetration, rate, answer = (values[part, linear.kept] for values in (self.penetration, self.rate, self.answer))
         local = linear.by_penetration @ penetration + linear.by_rate @ rate
         return self.force[part] + np.swapaxes(linear.act, -1, -2) @ (answer + local)
 
@@ -210,10 +210,10 @@ class ParameterForces:
 
     def __init__(self, problem: Problem, variations: Sequence[Variation], compiled: Functions | None = None) -> None:
         self.original = VariedProblem(problem, problem, compiled)
-        self.sides = [VariedProblem(one.problem, problem, compiled) for one in variations]
-        self.widths: FloatArray = np.array([one.width for one in variations])
+        self.sides = [VariedProblem(variation.problem, problem, compiled) for variation in variations]
+        self.widths: FloatArray = np.array([variation.width for variation in variations])
         self._changes = [
-            _ParameterChange(self.original, *one) for one in zip(self.sides, self.widths.tolist(), strict=True)
+            _ParameterChange(self.original, *pair) for pair in zip(self.sides, self.widths.tolist(), strict=True)
         ]
         #: Relative change of the step, shape (p,).
         self.stretch = self._difference(lambda side: np.array(side.stretch))

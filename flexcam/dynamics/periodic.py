@@ -60,15 +60,15 @@ def period_map(
         forces = forces_of(selected, method)
         engine = create_engine(selected, method, forces, SaveAt(field_every=problem.steps + 1), stop, pilot)
         disturbances = Disturbances(problem, forces) if derived else None
-        within = np.setdiff1d(forces.touching, forces.switching)  # contacts that open and close within steps
-        closed = [np.zeros((0, len(within)), dtype=bool)]
+        dividing = np.setdiff1d(forces.touching, forces.switching)  # contacts that open and close within steps
+        closed = [np.zeros((0, len(dividing)), dtype=bool)]
         with limit_blas_threads(selected):
             for track in iterate_tracks(engine, problem.steps, problem.system.size):
                 if disturbances is not None:
                     disturbances.follow(track)
                 saved = track.ends[-step % every :: every]
                 fields.append(np.hstack([track.d[saved], track.v[saved]]))
-                closed.append(track.local[:, within] > 0.0)
+                closed.append(track.local[:, dividing] > 0.0)
                 end, step = np.concatenate([track.d[-1], track.v[-1], track.state[-1]]), step + len(track.ends)
     except SingularMatrixError as fault:
         raise RunFailedError(singular_status(fault, problem.system)) from None
@@ -131,20 +131,20 @@ def floquet(problem: Problem, method: Method | None = None) -> Floquet:
         If the run of the period fails.
     """
     chosen = method or newmark()
-    whole = replace(problem, prune=False)  # what the motion leaves at rest may still be unstable
-    selected = select_engine(whole, chosen, SaveAt(field_every=problem.steps + 1))
+    unpruned = replace(problem, prune=False)  # what the motion leaves at rest may still be unstable
+    selected = select_engine(unpruned, chosen, SaveAt(field_every=problem.steps + 1))
     n = selected.problem.system.size
     if not 0 < n <= MAX_UNKNOWNS:
         raise refuse("system", f"{n} unknowns", f"1 to {MAX_UNKNOWNS}", "it advances a basis of disturbances")
-    found = period_map(selected, chosen, lambda: False)
-    values, vectors = np.linalg.eig(found.derivative)
+    revolution = period_map(selected, chosen, lambda: False)
+    values, vectors = np.linalg.eig(revolution.derivative)
     order = np.argsort(-np.abs(values))
     shapes = np.asarray(vectors[:n, order], dtype=complex).T
     for basis in selected.bases:
         real, imaginary = (np.asarray(part(shapes), dtype=float) for part in (np.real, np.imag))
         shapes = basis.spread(real) + 1j * basis.spread(imaginary)
     values = np.asarray(values[order], dtype=complex)
-    return Floquet(values, shapes.T, problem.step * problem.steps, problem.system.names, found.events)
+    return Floquet(values, shapes.T, problem.step * problem.steps, problem.system.names, revolution.events)
 
 
 _NOTHING = 1e-6
@@ -158,7 +158,7 @@ _TIME_LIMIT_STATUS = Status(
 _MEMORY, _DEPENDENT = 40, 1e-8
 """Previous states in Anderson's method, and relative distance below which differences of them are dependent."""
 
-_MOST_REVOLUTIONS = 100
+_MAX_REVOLUTIONS = 100
 _USUAL_REVOLUTIONS = 10
 """Expected revolutions of a search, for the selection of the engine."""
 
@@ -195,16 +195,16 @@ def solve_periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9,
         If the time limit was reached.
     """
     start = problem.start or State.rest(problem.system.size)
-    several = replace(problem, runs=problem.runs * _USUAL_REVOLUTIONS)
-    selected = select_engine(several, scheme, SaveAt(field_every=problem.steps + 1))
+    search_problem = replace(problem, runs=problem.runs * _USUAL_REVOLUTIONS)
+    selected = select_engine(search_problem, scheme, SaveAt(field_every=problem.steps + 1))
     linear = not problem.system.local_forces and 0 < selected.problem.system.size <= MAX_UNKNOWNS
     revolutions, norm = _Revolutions(selected, scheme, until), _energy_norm(problem, selected.bases)
     search = _Newton(revolutions.weights) if linear else _Anderson(revolutions.weights, revolutions.patience)
-    found = _fixed_point(revolutions, search, norm, tolerance)
+    state = _fixed_point(revolutions, search, norm, tolerance)
     for basis in selected.bases:
-        moved = basis.spread(found.displacement) + basis.held
-        found = replace(found, displacement=moved, velocity=basis.spread(found.velocity))
-    return replace(found, time=start.time)
+        displacement = basis.spread(state.displacement) + basis.held
+        state = replace(state, displacement=displacement, velocity=basis.spread(state.velocity))
+    return replace(state, time=start.time)
 
 
 Norm = Callable[[FloatArray], FloatArray]
@@ -241,9 +241,9 @@ class _Revolutions:
 
     def turn(self, x: FloatArray, *, derived: bool) -> PeriodMap | None:
         """Return a revolution from a state; None if the run fails."""
-        one = replace(self._selected, problem=replace(self.problem, start=_unpack(self.problem, x)))
+        selected = replace(self._selected, problem=replace(self.problem, start=_unpack(self.problem, x)))
         try:
-            return period_map(one, self._scheme, self._late, derived=derived)
+            return period_map(selected, self._scheme, self._late, derived=derived)
         except RunFailedError:
             if self._late():
                 raise RunFailedError(_TIME_LIMIT_STATUS) from None
@@ -258,21 +258,21 @@ def _fixed_point(revolutions: _Revolutions, search: _Newton | _Anderson, norm: N
     problem = revolutions.problem
     motion = slice(2 * problem.system.size)
     x: FloatArray | None = _pack(problem, problem.start or State.rest(problem.system.size))
-    best, least, level, since, first = x, np.inf, np.inf, 0, 0.0
-    for _ in range(_MOST_REVOLUTIONS):
-        turn, error = revolutions.turn(x, derived=search.derives), np.inf
-        if turn is not None:
-            largest = float(norm(turn.fields - x[motion]).max(initial=0.0))
+    best, smallest, reference, stalled, first = x, np.inf, np.inf, 0, 0.0
+    for _ in range(_MAX_REVOLUTIONS):
+        revolution, error = revolutions.turn(x, derived=search.derives), np.inf
+        if revolution is not None:
+            largest = float(norm(revolution.fields - x[motion]).max(initial=0.0))
             first = first or largest
             size = max(largest, _NOTHING * first)
-            error = float(norm((turn.end - x)[motion])) / size if size > 0.0 else 0.0
-        if error < least:
-            least, best = error, x
-        level, since = (error, 0) if error < 0.5 * level else (level, since + 1)
-        x = search.next(x, turn) if turn and error > tolerance and since <= search.patience else None
+            error = float(norm((revolution.end - x)[motion])) / size if size > 0.0 else 0.0
+        if error < smallest:
+            smallest, best = error, x
+        reference, stalled = (error, 0) if error < 0.5 * reference else (reference, stalled + 1)
+        x = search.next(x, revolution) if revolution and error > tolerance and stalled <= search.patience else None
         if x is None:
             break
-    return replace(_unpack(problem, best), periodicity=float(least))
+    return replace(_unpack(problem, best), periodicity=float(smallest))
 
 
 class _Newton:
@@ -289,15 +289,15 @@ class _Newton:
         """True if the next revolution needs its derivative."""
         return self._change is None
 
-    def next(self, x: FloatArray, turn: PeriodMap) -> FloatArray | None:
+    def next(self, x: FloatArray, revolution: PeriodMap) -> FloatArray | None:
         """Return the next state after a revolution; None to stop."""
         w = self._weights
         if self._change is None:
-            self._change = np.eye(len(w)) - w[:, None] * turn.derivative / w
+            self._change = np.eye(len(w)) - w[:, None] * revolution.derivative / w
         if not np.isfinite(self._change).all():
             return None
         # Motions with any periodic amplitude are unchanged.
-        return x + np.linalg.lstsq(self._change, w * (turn.end - x), rcond=FREE)[0] / w
+        return x + np.linalg.lstsq(self._change, w * (revolution.end - x), rcond=FREE)[0] / w
 
 
 class _Anderson:
@@ -308,22 +308,22 @@ class _Anderson:
     def __init__(self, weights: FloatArray, patience: int) -> None:
         self._weights, self.patience = weights, patience
         self._points: list[FloatArray] = []
-        self._misses: list[FloatArray] = []
+        self._residuals: list[FloatArray] = []
 
-    def next(self, x: FloatArray, turn: PeriodMap) -> FloatArray:
+    def next(self, x: FloatArray, revolution: PeriodMap) -> FloatArray:
         """Return the next state after a revolution."""
         points = self._points = [*self._points, x][-_MEMORY:]
-        misses = self._misses = [*self._misses, turn.end - x][-_MEMORY:]
+        residuals = self._residuals = [*self._residuals, revolution.end - x][-_MEMORY:]
         if len(points) == 1:
-            return points[0] + misses[0]
-        dx, df = np.diff(points, axis=0), np.diff(misses, axis=0)
-        weighed = (df * self._weights).T
-        sizes = np.linalg.norm(weighed, axis=0)
+            return points[0] + residuals[0]
+        dx, df = np.diff(points, axis=0), np.diff(residuals, axis=0)
+        weighted = (df * self._weights).T
+        sizes = np.linalg.norm(weighted, axis=0)
         sizes[sizes == 0.0] = 1.0
-        share = np.asarray(
-            np.linalg.lstsq(weighed / sizes, misses[-1] * self._weights, rcond=_DEPENDENT)[0] / sizes, dtype=float
+        weights = np.asarray(
+            np.linalg.lstsq(weighted / sizes, residuals[-1] * self._weights, rcond=_DEPENDENT)[0] / sizes, dtype=float
         )
-        return points[-1] + misses[-1] - share @ (dx + df)
+        return points[-1] + residuals[-1] - weights @ (dx + df)
 
 
 def _pack(problem: Problem, state: State) -> FloatArray:
@@ -339,5 +339,5 @@ def _unpack(problem: Problem, x: FloatArray) -> State:
 
 def _weights(problem: Problem) -> FloatArray:
     """Return weights that convert displacements and velocities to square roots of energies, shape (2n,)."""
-    stiff, mass = (np.sqrt(np.abs(one.diagonal())) for one in (problem.system.stiffness, problem.system.mass))
+    stiff, mass = (np.sqrt(np.abs(matrix.diagonal())) for matrix in (problem.system.stiffness, problem.system.mass))
     return np.concatenate([stiff, mass])

@@ -43,8 +43,8 @@ class State:
         object.__setattr__(self, "displacement", finite_array("start displacement", self.displacement, (None,)))
         object.__setattr__(self, "velocity", finite_array("start velocity", self.velocity, (None,)))
         if self.acceleration is not None:
-            given = finite_array("start acceleration", self.acceleration, self.displacement.shape)
-            object.__setattr__(self, "acceleration", given)
+            acceleration = finite_array("start acceleration", self.acceleration, self.displacement.shape)
+            object.__setattr__(self, "acceleration", acceleration)
 
     @classmethod
     def rest(cls, size: int) -> State:
@@ -158,5 +158,5 @@ class Problem:
         if self.steps < 1:
             raise refuse("steps", self.steps, "a whole number, at least 1")
         for name in ("displacement", "velocity"):
-            if self.start is not None and (given := getattr(self.start, name).size) != self.system.size:
-                raise refuse(f"start {name}", f"{given} unknowns", f"the {self.system.size} unknowns of the system")
+            if self.start is not None and (size := getattr(self.start, name).size) != self.system.size:
+                raise refuse(f"start {name}", f"{size} unknowns", f"the {self.system.size} unknowns of the system")

@@ -92,19 +92,19 @@ class _ScipyStepper:
 
         length = to.time - now.time
         first = None if now.stride is None else min(now.stride, length)
-        found = solve_ivp(
+        solution = solve_ivp(
             self._rate, (now.time, to.time), np.concatenate([now.d, now.v, now.inner]),
             method=self._method.name, rtol=self._method.tolerance, atol=self._sizes(now, length), first_step=first,
         )  # fmt: skip
-        if not found.success:
+        if not solution.success:
             raise NoConvergenceError(list(dict.fromkeys(self._forces.names)) or ["the motion"])
         # The last internal step is cut by the end of the call.
-        stride = float(np.diff(found.t)[:-1].max()) if len(found.t) > 2 else now.stride
-        moment = self._moment(found.y[:, -1], to)
+        stride = float(np.diff(solution.t)[:-1].max()) if len(solution.t) > 2 else now.stride
+        moment = self._moment(solution.y[:, -1], to)
         if self._light.any:
             v = self._light.place(moment.v, (moment.applied - now.applied) / length)
             moment = replace(moment, v=v, a=self._light.place(moment.a, np.zeros(self._n)))
-        return replace(moment, iterations=int(found.nfev), stride=stride)
+        return replace(moment, iterations=int(solution.nfev), stride=stride)
 
     def _moment(self, y: FloatArray, to: StepInputs) -> StepState:
         n = self._n
@@ -114,12 +114,12 @@ class _ScipyStepper:
     def _rate(self, time: float, y: FloatArray) -> FloatArray:
         to = self._at(time)
         moment = self._moment(y, to)
-        answer = self._forces.respond(moment.penetration, moment.rate, moment.inner, to.schedule, to.row)
-        return np.concatenate([moment.v, moment.a, answer.state_rate])
+        reaction = self._forces.respond(moment.penetration, moment.rate, moment.inner, to.schedule, to.row)
+        return np.concatenate([moment.v, moment.a, reaction.state_rate])
 
     def _sizes(self, now: StepState, length: float) -> FloatArray:
         """Return the absolute tolerance of every entry, relative to the largest motion so far."""
-        largest = (float(np.abs(one).max(initial=0.0)) * length**i for i, one in enumerate((now.d, now.v, now.a)))
+        largest = (float(np.abs(motion).max(initial=0.0)) * length**i for i, motion in enumerate((now.d, now.v, now.a)))
         size = max(*largest, _ABSOLUTE_TOLERANCE)
         inner = np.maximum(np.abs(now.inner), np.abs(now.penetration[self._forces.table.owners])) + _ABSOLUTE_TOLERANCE
         parts = [np.full(self._n, size), np.full(self._n, size / length), inner]

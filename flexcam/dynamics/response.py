@@ -39,37 +39,37 @@ def turning_points(time: FloatArray, values: FloatArray, slopes: FloatArray) -> 
     Times have the shape (m,), values and slopes (m, ...), results (2 (m - 1), ...).
     """
     length = np.diff(time).reshape(-1, *[1] * (values.ndim - 1))
-    rise, begun, ended = np.diff(values, axis=0), length * slopes[:-1], length * slopes[1:]
-    square, cubic = 3.0 * rise - 2.0 * begun - ended, begun + ended - 2.0 * rise
+    rise, begin, end = np.diff(values, axis=0), length * slopes[:-1], length * slopes[1:]
+    square, cubic = 3.0 * rise - 2.0 * begin - end, begin + end - 2.0 * rise
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        root = np.sqrt(square**2 - 3.0 * cubic * begun)  # NaN if the cubic has no turning point
+        root = np.sqrt(square**2 - 3.0 * cubic * begin)  # NaN if the cubic has no turning point
         q = -(square + np.copysign(root, square))
-        x = np.stack([q / (3.0 * cubic), begun / q])
+        x = np.stack([q / (3.0 * cubic), begin / q])
     x = np.where((x > 0.0) & (x < 1.0), x, 0.0)
-    turned = values[:-1] + x * (begun + x * (square + x * cubic))
+    extremes = values[:-1] + x * (begin + x * (square + x * cubic))
     instants = time[:-1].reshape(length.shape) + x * length
-    return np.concatenate(instants), np.concatenate(turned)
+    return np.concatenate(instants), np.concatenate(extremes)
 
 
 def peak(time: FloatArray, values: FloatArray, slopes: FloatArray | None = None) -> tuple[float, float]:
     """Return the largest absolute value of a history, shape (m,), and its instant; zeros for an empty one."""
     if not len(values):
         return 0.0, 0.0
-    instants, every = (time, values) if slopes is None else _add_turning_points(time, values, slopes)
-    at = int(np.argmax(np.abs(every)))
-    return float(np.abs(every[at])), float(instants[at])
+    instants, points = (time, values) if slopes is None else _add_turning_points(time, values, slopes)
+    at = int(np.argmax(np.abs(points)))
+    return float(np.abs(points[at])), float(instants[at])
 
 
 def value_range(time: FloatArray, values: FloatArray, slopes: FloatArray | None = None) -> float:
     """Return the range of a history, shape (m,): its maximum minus its minimum."""
-    every = values if slopes is None else _add_turning_points(time, values, slopes)[1]
-    return float(np.ptp(every)) if len(every) else 0.0
+    points = values if slopes is None else _add_turning_points(time, values, slopes)[1]
+    return float(np.ptp(points)) if len(points) else 0.0
 
 
 def _add_turning_points(time: FloatArray, values: FloatArray, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the instants of a history and its turning points, and the values there."""
-    instants, turned = turning_points(time, values, slopes)
-    return np.concatenate([time, instants]), np.concatenate([values, turned])
+    instants, extremes = turning_points(time, values, slopes)
+    return np.concatenate([time, instants]), np.concatenate([values, extremes])
 
 
 STATE = "state."
@@ -91,16 +91,16 @@ class Outline:
     def columns(self, name: str) -> slice:
         """Return the columns of a probe, or of one component of it given as ``probe.component``."""
         first = 0
-        known: list[str] = []
+        names: list[str] = []
         for probe, components in self.probes:
             if name == probe:
                 return slice(first, first + len(components))
-            for i, one in enumerate(components):
-                if name == f"{probe}.{one}":
+            for i, component in enumerate(components):
+                if name == f"{probe}.{component}":
                     return slice(first + i, first + i + 1)
-            known += [probe, *(f"{probe}.{one}" for one in components if len(components) > 1)]
+            names += [probe, *(f"{probe}.{component}" for component in components if len(components) > 1)]
             first += len(components)
-        raise refuse("probe", repr(name), ", ".join(known) or "(no probe was saved)", remedy=suggest_name(name, known))
+        raise refuse("probe", repr(name), ", ".join(names) or "(no probe was saved)", remedy=suggest_name(name, names))
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,8 +176,8 @@ class Response:
     def __repr__(self) -> str:
         """Return status and contents, not the values."""
         probes = ", ".join(name for name, _ in self.outline.probes) or "none"
-        held = f"{len(self.time)} instants, {len(self.field_time)} fields; probes: {probes}"
-        return f"<Response, {self.status}; {held}; {len(self.channels)} channels>"
+        contents = f"{len(self.time)} instants, {len(self.field_time)} fields; probes: {probes}"
+        return f"<Response, {self.status}; {contents}; {len(self.channels)} channels>"
 
     def _repr_html_(self) -> str:
         """Return a table of the contents, for notebooks."""
@@ -235,10 +235,10 @@ class Response:
 
     def columns(self) -> dict[str, tuple[FloatArray, str]]:
         """Return the values and the SI unit of the cam angle, every motion and every channel, by name."""
-        found = {"cam_angle": (self.angle, "rad")}
-        found |= {f"{name}.{series}": (values, unit) for name, series, unit, values in self.motions()}
+        table = {"cam_angle": (self.angle, "rad")}
+        table |= {f"{name}.{series}": (values, unit) for name, series, unit, values in self.motions()}
         units = dict(self.outline.channels)
-        return found | {name: (values, units[name]) for name, values in self.channels.items()}
+        return table | {name: (values, units[name]) for name, values in self.channels.items()}
 
     def to_frame(self) -> pd.DataFrame:
         """Return all histories as a pandas data frame over time.
@@ -309,26 +309,26 @@ class Response:
         --------
         ``response.at(np.linspace(0.0, 0.01, 5000))["valve"].displacement``
         """
-        given = finite_array("times", times, (None,))
-        if len(self.time) < 2 or not len(given):
-            raise refuse("times", f"{len(given)} of a run of {len(self.time)} instants", "some of a run of two or more")
-        if given[0] < self.time[0] or given[-1] > self.time[-1] or (np.diff(given) < 0.0).any():
+        times = finite_array("times", times, (None,))
+        if len(self.time) < 2 or not len(times):
+            raise refuse("times", f"{len(times)} of a run of {len(self.time)} instants", "some of a run of two or more")
+        if times[0] < self.time[0] or times[-1] > self.time[-1] or (np.diff(times) < 0.0).any():
             allowed = f"rising times from {self.time[0]:.6g} to {self.time[-1]:.6g} s"
-            raise refuse("times", f"{given[0]:.6g} to {given[-1]:.6g} s", allowed)
+            raise refuse("times", f"{times[0]:.6g} to {times[-1]:.6g} s", allowed)
 
         def straight(values: FloatArray) -> FloatArray:
-            return np.interp(given, self.time, values)
+            return np.interp(times, self.time, values)
 
         return replace(
-            self, time=given, angle=straight(self.angle), probes=self.probes.interpolate(self.time, given),
+            self, time=times, angle=straight(self.angle), probes=self.probes.interpolate(self.time, times),
             channels={name: straight(values) for name, values in self.channels.items()},
         )  # fmt: skip
 
     def __getitem__(self, name: str) -> History:
         """Return the history of a probe, or of one component of it (``"cam.uy"``)."""
         columns = self.outline.columns(name)
-        one = columns.stop - columns.start == 1
+        is_single = columns.stop - columns.start == 1
         parts = dict(self.outline.probes)
         components = parts[name] if name in parts else (name.rpartition(".")[2],)
-        picked = [values[:, columns.start] if one else values[:, columns] for values in self.probes]
-        return History(name, components, *picked)
+        series = [values[:, columns.start] if is_single else values[:, columns] for values in self.probes]
+        return History(name, components, *series)

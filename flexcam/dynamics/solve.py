@@ -55,15 +55,15 @@ def fingerprint(problem: Problem, method: Method, save: SaveAt) -> str:
     steps = np.union1d(spread, np.arange(0, min(problem.steps, _BEGINNING) + 1, _APART))
     motion = problem.drive.at(problem.times(steps))
     schedule = forces.prescribed_inputs(motion)
-    parts = [motion.angle, motion.speed, system.load_vectors(), system.load_histories(motion), forces.act.vectors]
-    parts += [forces.sense.vectors, schedule.rows, forces.table.laws, forces.table.constants]
+    arrays = [motion.angle, motion.speed, system.load_vectors(), system.load_histories(motion), forces.act.vectors]
+    arrays += [forces.sense.vectors, schedule.rows, forces.table.laws, forces.table.constants]
     for matrix in (system.mass, system.damping, system.stiffness):
-        parts += [matrix.rows, matrix.cols, matrix.values]
-    parts += [probe.rows for probe in system.probes]
-    told = (method, save, problem.step, problem.steps, problem.adaptive, problem.prune, problem.engine, system.names)
-    digest = sha256(repr((*told, forces.names)).encode())
-    for part in parts:
-        digest.update(repr(part.shape).encode() + np.ascontiguousarray(part).tobytes())
+        arrays += [matrix.rows, matrix.cols, matrix.values]
+    arrays += [probe.rows for probe in system.probes]
+    setup = (method, save, problem.step, problem.steps, problem.adaptive, problem.prune, problem.engine, system.names)
+    digest = sha256(repr((*setup, forces.names)).encode())
+    for array in arrays:
+        digest.update(repr(array.shape).encode() + np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()
 
 
@@ -139,58 +139,58 @@ def solve(
     >>> bool(abs(response["x"].displacement.max() - 2.0) < 1e-4)
     True
     """
-    keep = save or SaveAt()
-    names = outline(problem.system, keep)
-    memory = memory or MemorySink(names, problem.steps + 1, problem.steps // keep.field_every + 2)
-    takers = (memory, *sinks)
+    output = save or SaveAt()
+    names = outline(problem.system, output)
+    memory = memory or MemorySink(names, problem.steps + 1, problem.steps // output.field_every + 2)
+    all_sinks = (memory, *sinks)
 
     def is_late() -> bool:
         return until is not None and time.monotonic() >= until
 
-    keepers = [sink for sink in sinks if isinstance(sink, CheckpointSink)]
-    problem_told = fingerprint(problem, scheme, keep) if keepers or resume else ""
-    if resume and resume.checkpoint.problem != problem_told:
+    checkpoint_sinks = [sink for sink in sinks if isinstance(sink, CheckpointSink)]
+    digest = fingerprint(problem, scheme, output) if checkpoint_sinks or resume else ""
+    if resume and resume.checkpoint.problem != digest:
         why = "a run can be continued only with the problem that began it"
         allowed = "the completed part of a run of this problem"
         raise refuse("resume", "the completed part of a run of another problem", allowed, why, "run it from its start")
-    started = time.perf_counter()
-    returns = problem.start.periodicity if problem.start else None
-    way = select_engine(problem, scheme, keep)
-    inside = way.problem
-    sizes = len(names.unknowns), 0 if inside.system.is_kinematic else inside.system.size
-    stats = Stats(engine=way.engine, size=sizes[0], unknowns=sizes[1], periodicity=-1.0 if returns is None else returns)
+    begin = time.perf_counter()
+    error = problem.start.periodicity if problem.start else None
+    way = select_engine(problem, scheme, output)
+    reduced = way.problem
+    sizes = len(names.unknowns), 0 if reduced.system.is_kinematic else reduced.system.size
+    stats = Stats(engine=way.engine, size=sizes[0], unknowns=sizes[1], periodicity=-1.0 if error is None else error)
     status, can_resume = Status(), resume is not None
     try:
         forces = forces_of(way, scheme)
-        engine = create_engine(way, scheme, forces, keep, lambda: is_late() or (stop is not None and stop()), pilot)
-        run = _Run(inside, engine, forces, keep, scheme.order)
+        engine = create_engine(way, scheme, forces, output, lambda: is_late() or (stop is not None and stop()), pilot)
+        run = _Run(reduced, engine, forces, output, scheme.order)
         if resume is not None:
             for block in resume.blocks():
-                for sink in takers:
+                for sink in all_sinks:
                     sink.write(block)
             run.restore(resume.checkpoint.arrays)
             stats = run.statistics(replace(stats, steps=resume.checkpoint.steps))
         with limit_blas_threads(way):
             for block in run.blocks(stats.steps):
                 expanded = reduce(expand_block, way.bases, block)
-                for sink in takers:
+                for sink in all_sinks:
                     sink.write(expanded)
                 stats = run.statistics(replace(stats, steps=stats.steps + len(block.time)))
-                if keepers and run.status.ok:
-                    reached = Checkpoint(stats.steps, problem_told, run.state())
-                    for sink in keepers:
-                        sink.write_checkpoint(reached)
+                if checkpoint_sinks and run.status.ok:
+                    checkpoint = Checkpoint(stats.steps, digest, run.state())
+                    for sink in checkpoint_sinks:
+                        sink.write_checkpoint(checkpoint)
                     can_resume = True
         status = _TIME_UP if run.status is STOPPED and is_late() else run.status
     except KeyboardInterrupt:
         status = STOPPED
     except SingularMatrixError as fault:
-        status = singular_status(fault, inside.system)
+        status = singular_status(fault, reduced.system)
     except OSError as fault:  # error of a sink: the results so far are still in memory
         status = _write_failure(fault)
-    if keepers and not can_resume and status.cause in (Cause.TIME_LIMIT, Cause.INTERRUPTED):
+    if checkpoint_sinks and not can_resume and status.cause in (Cause.TIME_LIMIT, Cause.INTERRUPTED):
         status = replace(status, remedy=_NOTHING_TO_RESUME)
-    stats = replace(stats, steps=max(stats.steps - 1, 0), seconds=time.perf_counter() - started)
+    stats = replace(stats, steps=max(stats.steps - 1, 0), seconds=time.perf_counter() - begin)
     status = _close(sinks, status, stats)
     memory.close(status, stats)
     if status.cause is Cause.SINGULAR:
@@ -250,8 +250,8 @@ def _write_failure(fault: OSError) -> Status:
 
 def singular_status(fault: SingularMatrixError, system: System) -> Status:
     """Return the status of an undetermined motion."""
-    where = ", ".join(system.names[i] for i in fault.unknowns[:6]) or "an unknown"
-    text = f"nothing determines the motion of {where}: no mass, and no stiffness to place it"
+    names = ", ".join(system.names[i] for i in fault.unknowns[:6]) or "an unknown"
+    text = f"nothing determines the motion of {names}: no mass, and no stiffness to place it"
     return Status(Cause.SINGULAR, text, "support it, or give it a mass or a spring")
 
 
@@ -260,8 +260,8 @@ class _Observer:
 
     def __init__(self, problem: Problem, forces: LocalForces, save: SaveAt, order: int) -> None:
         self._problem, self._system, self._save, self._forces = problem, problem.system, save, forces
-        self._account = EnergyBalance(problem.system, forces, order)
-        self._imbalance = EquilibriumResidual(problem.system, forces, problem.step)
+        self._balance = EnergyBalance(problem.system, forces, order)
+        self._residual = EquilibriumResidual(problem.system, forces, problem.step)
 
     def block(self, steps: IntArray, track: Trajectory, sensed: SensedTrajectory | None = None) -> Block:
         """Return the observations at the ends of some steps, with the sensed scalars if they are known."""
@@ -287,17 +287,17 @@ class _Observer:
             inputs, penetrations, rates = sensed.schedule, sensed.penetration, sensed.rate
             prescribed_rates = np.zeros_like(rates)  # for energies alone
         forces = np.asfortranarray(track.local)  # contiguous per scalar, like the sensed scalars
-        moved, histories = Series(track.d, track.v, track.a), self._system.load_histories(motion)
-        seen = Observation(motion, inputs.cam, moved, histories, forces, penetrations, rates, track.state)
-        each = [channel.value(seen) for channel in self._system.channels]
+        series, histories = Series(track.d, track.v, track.a), self._system.load_histories(motion)
+        observed = Observation(motion, inputs.cam, series, histories, forces, penetrations, rates, track.state)
+        columns = [channel.value(observed) for channel in self._system.channels]
         if self._save.energies:
             if not self._system.prescribed_motion:
                 saved = self._save.fields(steps, self._problem.steps)
-                self._imbalance.evaluate(track, seen, inputs, track.ends[saved & (steps > 0)])  # the start is no step
-                each.append(self._account.block(track, seen, prescribed_rates, inputs))
-            each.append(seen.states)
-        found = np.column_stack([np.zeros((len(track.time), 0)), *each])
-        return found[track.ends] if len(steps) < len(found) else found
+                self._residual.evaluate(track, observed, inputs, track.ends[saved & (steps > 0)])  # step 0 is no step
+                columns.append(self._balance.block(track, observed, prescribed_rates, inputs))
+            columns.append(observed.states)
+        values = np.column_stack([np.zeros((len(track.time), 0)), *columns])
+        return values[track.ends] if len(steps) < len(values) else values
 
 
 class Recorder:
@@ -330,19 +330,19 @@ class _Run(_Observer):
         super().__init__(problem, forces, save, order)
         self._engine = engine
         width = 1 if isinstance(engine, ProbeEngine) else max(problem.system.size, 1)
-        many = _PRESCRIBED_AT_ONCE if problem.system.prescribed_motion else AT_ONCE
-        self._at_once = max(many // width, LEAST_AT_ONCE)
+        limit = _PRESCRIBED_AT_ONCE if problem.system.prescribed_motion else AT_ONCE
+        self._at_once = max(limit // width, LEAST_AT_ONCE)
         self.status = Status()
 
     def state(self) -> Arrays:
         """Return the state for the next block that is not part of the problem."""
-        return {**self._engine.state(), **self._account.state(), **self._imbalance.state()}
+        return {**self._engine.state(), **self._balance.state(), **self._residual.state()}
 
     def restore(self, state: Arrays) -> None:
         """Restore the state."""
         self._engine.restore(state)
-        self._account.restore(state)
-        self._imbalance.restore(state)
+        self._balance.restore(state)
+        self._residual.restore(state)
 
     def blocks(self, done: int = 0) -> Iterator[Block]:
         """Yield the results block by block, with the initial state in the first block of a new run.
@@ -364,8 +364,8 @@ class _Run(_Observer):
             steps = np.arange(begin, min(begin + self._at_once, end))
             with np.errstate(over="ignore", invalid="ignore"):  # divergence is reported per block
                 if isinstance(self._engine, ProbeEngine):
-                    glance, self.status = self._engine.advance_probes(steps)
-                    block = self._probe_part(steps[: len(glance.time)], glance) if len(glance.time) else None
+                    history, self.status = self._engine.advance_probes(steps)
+                    block = self._probe_part(steps[: len(history.time)], history) if len(history.time) else None
                 else:
                     track, self.status = self._engine.advance(steps)
                     block = self.block(steps[: len(track.ends)], track) if len(track.ends) else None
@@ -374,28 +374,28 @@ class _Run(_Observer):
             if not self.status.ok:
                 return
 
-    def _probe_part(self, steps: IntArray, glance: ProbeTrajectory) -> Block:
-        motion, saved = self._problem.drive.at(glance.time), self._save.fields(steps, self._problem.steps)
+    def _probe_part(self, steps: IntArray, history: ProbeTrajectory) -> Block:
+        motion, saved = self._problem.drive.at(history.time), self._save.fields(steps, self._problem.steps)
         return Block(
-            time=glance.time, angle=motion.angle, probes=_offset(self._system.probes, glance.probes, motion),
-            channels=np.zeros((len(steps), 0)), field_time=glance.time[saved], field_angle=motion.angle[saved],
-            fields=glance.fields,
+            time=history.time, angle=motion.angle, probes=_offset(self._system.probes, history.probes, motion),
+            channels=np.zeros((len(steps), 0)), field_time=history.time[saved], field_angle=motion.angle[saved],
+            fields=history.fields,
         )  # fmt: skip
 
     def statistics(self, stats: Stats) -> Stats:
         """Return the statistics with the counts of this run."""
         stats = self._engine.statistics(stats)
-        return replace(stats, imbalance=self._imbalance.share) if self._save.channels and self._save.energies else stats
+        return replace(stats, imbalance=self._residual.share) if self._save.channels and self._save.energies else stats
 
 
-def _probe_series(probes: tuple[Probe, ...], moved: Series, motion: CamMotion) -> Series:
-    rows = np.concatenate([p.rows for p in probes]) if probes else np.zeros((0, moved.displacement.shape[1]))
-    return _offset(probes, Series(*(one @ rows.T for one in moved)), motion)
+def _probe_series(probes: tuple[Probe, ...], series: Series, motion: CamMotion) -> Series:
+    rows = np.concatenate([p.rows for p in probes]) if probes else np.zeros((0, series.displacement.shape[1]))
+    return _offset(probes, Series(*(values @ rows.T for values in series)), motion)
 
 
-def _offset(probes: tuple[Probe, ...], picked: Series, motion: CamMotion) -> Series:
+def _offset(probes: tuple[Probe, ...], series: Series, motion: CamMotion) -> Series:
     """Return the rows times a motion, plus the prescribed offset."""
-    d, v, a = map(np.array, picked)
+    d, v, a = map(np.array, series)
     cam, speed = motion.cam, motion.speed
     for column, offset in enumerate(o for p in probes for o in p.offset):
         if offset is not None:
@@ -409,10 +409,10 @@ def _offset(probes: tuple[Probe, ...], picked: Series, motion: CamMotion) -> Ser
 def prescribed_probes(system: System, motion: CamMotion) -> Series:
     """Return the motion of the probes of a system in prescribed motion."""
     if system.prescribed_motion is None:
-        moved = (np.zeros((len(motion.angle), system.size)),) * 3
+        motions = (np.zeros((len(motion.angle), system.size)),) * 3
     else:
-        moved = system.prescribed_motion.at(motion)
-    return _probe_series(system.probes, Series(*moved), motion)
+        motions = system.prescribed_motion.at(motion)
+    return _probe_series(system.probes, Series(*motions), motion)
 
 
 _TIME_UP = Status(Cause.TIME_LIMIT, "the run reached its time limit", CONTINUE)
@@ -427,13 +427,13 @@ def pilot(problem: Problem, method: Method) -> Series:
 
     The given steps may be beyond the stability limit; an unbounded motion is no reference.
     """
-    sound = method if method.stability_limit() == math.inf else newmark()
+    stable = method if method.stability_limit() == math.inf else newmark()
     begin = problem.start.time if problem.start else 0.0
     times: FloatArray = begin + problem.step * np.arange(problem.steps + 1, dtype=float)
     angle = problem.drive.at(times).angle
     steps = max(int(np.count_nonzero(angle < angle[0] + 2.0 * np.pi)), 1)
-    first = replace(problem, steps=min(steps, problem.steps), adaptive=None)
-    return solve(first, sound, save=SaveAt(field_every=max(first.steps // _PILOT_FIELDS, 1))).fields
+    revolution = replace(problem, steps=min(steps, problem.steps), adaptive=None)
+    return solve(revolution, stable, save=SaveAt(field_every=max(revolution.steps // _PILOT_FIELDS, 1))).fields
 
 
 AT_ONCE, LEAST_AT_ONCE = 50_000, 8

@@ -36,7 +36,7 @@ from flexcam.dynamics.problem import State
 from flexcam.dynamics.status import ROUNDING_STATUS, Cause, RunFailedError, Status, instability_status
 from flexcam.dynamics.system import Reaction, System
 
-_MOST_ITERATIONS = 300
+_MAX_ITERATIONS = 300
 _TOLERANCE = 1e-9
 """Relative residual, to the largest force."""
 
@@ -66,31 +66,31 @@ def solve_equilibrium(
     free = np.linalg.qr(free)[0] if free.shape[1] else free
     potential = _Potential.of(system, forces, forces.prescribed_inputs(motion), load)
     u = np.zeros(system.size) if near is None else near
-    least = float(np.abs(free.T @ load).max(initial=0.0)) / _FALL
-    before, energy, tips = np.inf, None, bool(forces.lifts)
-    for count in range(_MOST_ITERATIONS):
-        missing, size, tangent = potential.at(u)
-        most = float(np.abs(missing).max(initial=0.0))
-        stalled, close = 0.5 * before <= most, most <= _TOLERANCE * size
-        done = close and (near is None or stalled or most <= _TIGHT_TOLERANCE * size)
-        if done or (stalled and most <= potential.rounding(u)):  # no further improvement
+    minimum = float(np.abs(free.T @ load).max(initial=0.0)) / _FALL
+    previous, energy, tips = np.inf, None, bool(forces.lifts)
+    for count in range(_MAX_ITERATIONS):
+        residual, size, tangent = potential.at(u)
+        largest = float(np.abs(residual).max(initial=0.0))
+        stalled, close = 0.5 * previous <= largest, largest <= _TOLERANCE * size
+        done = close and (near is None or stalled or largest <= _TIGHT_TOLERANCE * size)
+        if done or (stalled and largest <= potential.rounding(u)):  # no further improvement
             if not close and rounding_fraction(system.stiffness, u) > ROUNDING_LIMIT:
                 raise RunFailedError(ROUNDING_STATUS)
             _refuse_unstable(potential, u, tangent)
             return u
         # A soft spring on the free motions limits a step along them and vanishes with the step. It becomes softer where
         # a small force of a contact, such as the torque of a cam that begins to lift, moves a part through its lash.
-        hold = max(least, 0.5 ** (count // _SOFTENING))
-        step = _solve(partial(factorize_with_update, tangent, free, hold), missing)
-        while tips and missing @ step < 0.0:  # a shaft tips over the nose of its cam
-            hold *= 4.0
-            step = _solve(partial(factorize_with_update, tangent, free, hold), missing)
-            tips = hold < _STIFFEST or missing @ step >= 0.0  # otherwise another motion is unstable
-        part, energy = potential.line_search(u, step, missing, energy, diagonal_scale(tangent))
-        u, before = u + part * step, most
-    missing, _, tangent = potential.at(u)
+        spring = max(minimum, 0.5 ** (count // _SOFTENING))
+        step = _solve(partial(factorize_with_update, tangent, free, spring), residual)
+        while tips and residual @ step < 0.0:  # a shaft tips over the nose of its cam
+            spring *= 4.0
+            step = _solve(partial(factorize_with_update, tangent, free, spring), residual)
+            tips = spring < _STIFFEST or residual @ step >= 0.0  # otherwise another motion is unstable
+        fraction, energy = potential.line_search(u, step, residual, energy, diagonal_scale(tangent))
+        u, previous = u + fraction * step, largest
+    residual, _, tangent = potential.at(u)
     _refuse_unstable(potential, u, tangent)
-    raise _no_equilibrium_status(system, missing, free)
+    raise _no_equilibrium_status(system, residual, free)
 
 
 def _refuse_unstable(potential: _Potential, u: FloatArray, tangent: Triplets) -> None:
@@ -122,8 +122,8 @@ class _LawContribution:
 
     def tangent(self, by_penetration: FloatArray, size: int) -> Triplets:
         """Return the n x n stiffness of the law from the derivatives of the forces, shape (c, c)."""
-        own = Triplets.from_dense(-self.act.T @ by_penetration[self.scalars, self.scalars] @ self.sense)
-        return Triplets(size, self.touched[own.rows], self.touched[own.cols], own.values)
+        local = Triplets.from_dense(-self.act.T @ by_penetration[self.scalars, self.scalars] @ self.sense)
+        return Triplets(size, self.touched[local.rows], self.touched[local.cols], local.values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,31 +144,31 @@ class _Potential:
         """Return the potential at a cam angle under a load of shape (n,)."""
         act = schedule.acting_matrix(0) @ forces.act.vectors
         sense = schedule.sensing_matrix(0) @ forces.sense.vectors
-        each: list[_LawContribution] = []
-        for one, part, _ in forces.parts:
-            at = np.flatnonzero((act[part] != 0.0).any(axis=0) | (sense[part] != 0.0).any(axis=0))
-            each.append(_LawContribution(one.name, part, at, act[part, at], sense[part, at]))
-        return cls(system, forces, schedule, act, sense, tuple(each), StoredEnergy(forces), load)
+        laws: list[_LawContribution] = []
+        for force, part, _ in forces.parts:
+            unknowns = np.flatnonzero((act[part] != 0.0).any(axis=0) | (sense[part] != 0.0).any(axis=0))
+            laws.append(_LawContribution(force.name, part, unknowns, act[part, unknowns], sense[part, unknowns]))
+        return cls(system, forces, schedule, act, sense, tuple(laws), StoredEnergy(forces), load)
 
     def at(self, u: FloatArray) -> tuple[FloatArray, float, Triplets]:
         """Return the residual forces (n,), the magnitude of the forces, and the tangent."""
         reaction, stiffness = self._reaction(u), self.system.stiffness
-        strain, pushed = stiffness.times(u), reaction.force @ self.act
-        local = [one.tangent(reaction.by_penetration, stiffness.size) for one in self.touching]
-        size = max(float(np.abs(part).max(initial=0.0)) for part in (self.load, strain, pushed))
-        missing = self.load + pushed - strain
-        return missing, max(size, np.finfo(float).tiny), Triplets.sum([stiffness, *local])
+        strain, acting = stiffness.times(u), reaction.force @ self.act
+        local = [law.tangent(reaction.by_penetration, stiffness.size) for law in self.touching]
+        size = max(float(np.abs(part).max(initial=0.0)) for part in (self.load, strain, acting))
+        residual = self.load + acting - strain
+        return residual, max(size, np.finfo(float).tiny), Triplets.sum([stiffness, *local])
 
     def parts(self, u: FloatArray) -> list[tuple[str, Triplets]]:
         """Return name and stiffness of each local force."""
         reaction = self._reaction(u)
-        return [(one.name, one.tangent(reaction.by_penetration, self.system.size)) for one in self.touching]
+        return [(law.name, law.tangent(reaction.by_penetration, self.system.size)) for law in self.touching]
 
     def _reaction(self, u: FloatArray) -> Reaction:
         forces = self.forces
-        return forces.respond(self._gap(u), np.zeros(forces.count), forces.start_state, self.schedule)
+        return forces.respond(self._penetration(u), np.zeros(forces.count), forces.start_state, self.schedule)
 
-    def _gap(self, u: FloatArray) -> FloatArray:
+    def _penetration(self, u: FloatArray) -> FloatArray:
         return self.sense @ u + self.schedule.offset[0]
 
     def rounding(self, u: FloatArray) -> float:
@@ -180,11 +180,11 @@ class _Potential:
     def energy(self, u: FloatArray) -> float:
         """Return the potential energy; laws without energy do not contribute."""
         state = self.forces.start_state[None]
-        stored = float(self.stored.at(self._gap(u)[None], state, self.schedule.cam)[0][0])
+        stored = float(self.stored.at(self._penetration(u)[None], state, self.schedule.cam)[0][0])
         return 0.5 * float(u @ self.system.stiffness.times(u)) - float(self.load @ u) + stored
 
     def line_search(
-        self, u: FloatArray, step: FloatArray, missing: FloatArray, known: float | None, scale: FloatArray
+        self, u: FloatArray, step: FloatArray, residual: FloatArray, known: float | None, scale: FloatArray
     ) -> tuple[float, float | None]:
         """Return the fraction of a step that reduces the energy enough, and the energy there, from the known one.
 
@@ -197,22 +197,22 @@ class _Potential:
         def merit(u: FloatArray) -> float:
             return 0.5 * float(np.square(scale * self.at(u)[0]).sum()) if circulatory else self.energy(u)
 
-        before, part = merit(u) if known is None else known, 1.0
-        slope = 2.0 * before if circulatory else float(missing @ step)
+        before, fraction = merit(u) if known is None else known, 1.0
+        slope = 2.0 * before if circulatory else float(residual @ step)
         for _ in range(_HALVINGS):
-            after = merit(u + part * step)
-            if after <= before - _DECREASE * part * slope + 1e-12 * abs(before):
-                return part, None if circulatory else after
-            part *= 0.5
-        return part, None
+            after = merit(u + fraction * step)
+            if after <= before - _DECREASE * fraction * slope + 1e-12 * abs(before):
+                return fraction, None if circulatory else after
+            fraction *= 0.5
+        return fraction, None
 
 
-def _no_equilibrium_status(system: System, missing: FloatArray, free: FloatArray) -> RunFailedError:
-    push = np.abs(free @ (free.T @ missing)) if free.shape[1] else np.zeros(1)
-    if float(push.max()) > 1e-6 * float(np.abs(missing).max(initial=0.0)):
-        furthest: list[int] = np.argsort(-push)[:4].tolist()
-        moving = ", ".join(system.names[i] for i in furthest)
-        text = f"no support, spring or contact holds the mechanism against its loads: {moving} can move freely"
+def _no_equilibrium_status(system: System, residual: FloatArray, free: FloatArray) -> RunFailedError:
+    push = np.abs(free @ (free.T @ residual)) if free.shape[1] else np.zeros(1)
+    if float(push.max()) > 1e-6 * float(np.abs(residual).max(initial=0.0)):
+        order: list[int] = np.argsort(-push)[:4].tolist()
+        names = ", ".join(system.names[i] for i in order)
+        text = f"no support, spring or contact holds the mechanism against its loads: {names} can move freely"
         return RunFailedError(Status(Cause.SINGULAR, text, "add a support, or springs whose force closes the contacts"))
     text = "the contacts have no static equilibrium"
     return RunFailedError(Status(Cause.NO_CONVERGENCE, text, "raise the installed forces, or soften a contact"))
@@ -238,9 +238,9 @@ def static_displacement(
     motions = np.linalg.qr(free / scale[:, None])[0]
     _refuse_mechanism(motions, scale * load, names)
     # As the load does no work on the free motions, fixing one unknown of each changes only their part.
-    kept = np.setdiff1d(np.arange(stiffness.size), select_constraints(motions))
+    active = np.setdiff1d(np.arange(stiffness.size), select_constraints(motions))
     x = np.zeros(stiffness.size)
-    x[kept] = _solve(partial(factorize, stiffness.part(kept)), load[kept])
+    x[active] = _solve(partial(factorize, stiffness.part(active)), load[active])
     # Unweighted least squares of the components is independent of the axes.
     drift = np.linalg.qr(free)[0]
     return _check_rounding(stiffness, load, x) - drift @ (drift.T @ x)
@@ -256,8 +256,8 @@ def _solve(factorization: Callable[[], Factor], right: FloatArray) -> FloatArray
 
 def _check_rounding(stiffness: Triplets, load: FloatArray, x: FloatArray) -> FloatArray:
     """Return the solution unless rounding of the stiffness dominates it."""
-    lost = float(energy_rounding(stiffness, x[:, None])[0])
-    if lost > ROUNDING_LIMIT * abs(float(x @ load)):
+    error = float(energy_rounding(stiffness, x[:, None])[0])
+    if error > ROUNDING_LIMIT * abs(float(x @ load)):
         raise RunFailedError(ROUNDING_STATUS)
     return x
 
@@ -269,8 +269,8 @@ def _refuse_mechanism(motions: FloatArray, load: FloatArray, names: Sequence[str
     motion = np.abs(motions @ push)
     order: list[int] = np.argsort(-motion).tolist()
     moving = [names[i] for i in order if motion[i] > 0.1 * motion.max()]
-    shown = ", ".join(moving[:8]) + (f" and {len(moving) - 8} more" if len(moving) > 8 else "")
-    text = f"the load drives a motion that nothing resists: {shown}"
+    listed = ", ".join(moving[:8]) + (f" and {len(moving) - 8} more" if len(moving) > 8 else "")
+    text = f"the load drives a motion that nothing resists: {listed}"
     raise RunFailedError(Status(Cause.SINGULAR, text, "support one of these components or attach a spring to it"))
 
 
@@ -292,27 +292,27 @@ def moving_equilibrium(system: System, drive: Drive, time: float = 0.0, near: Fl
     on it reverses; such a jump J, which adds J/(2h) to a difference over the step h, is no velocity.
     """
     forces = LocalForces(system)
-    still = _solve_from(forces, system, drive, time, near)
+    rest = _solve_from(forces, system, drive, time, near)
     step = _ANGLE_STEP / float(drive.at(np.array([time])).speed[0])
 
     def difference(h: float) -> FloatArray:
-        there = still.displacement
-        before, after = (_solve_from(forces, system, drive, time + side, there).displacement for side in (-h, h))
+        displacement = rest.displacement
+        before, after = (_solve_from(forces, system, drive, time + side, displacement).displacement for side in (-h, h))
         return (after - before) / (2.0 * h)
 
     velocity = difference(step)
     if system.free is not None and system.free.size:
         half = difference(0.5 * step)
         jump = 2.0 * step * np.linalg.norm(half - velocity)
-        if jump > _LEAST_JUMP and np.linalg.norm(half) > 1.5 * np.linalg.norm(velocity):
+        if jump > _MIN_JUMP and np.linalg.norm(half) > 1.5 * np.linalg.norm(velocity):
             velocity = 2.0 * velocity - half
         if forces.lifts:  # a shaft within its lash turns with its drive
             rows = forces.prescribed_inputs(drive.at(np.array([time]))).sensing_matrix(0) @ forces.sense.vectors
             rows = rows[[angle for _, angle, _ in forces.lifts]]
-            turned = rows @ system.free
-            turned[np.abs(turned) <= _ROUNDING * np.abs(system.free).max()] = 0.0
-            velocity = velocity - system.free @ np.linalg.pinv(turned) @ (rows @ velocity)
-    return replace(still, velocity=velocity)
+            rotations = rows @ system.free
+            rotations[np.abs(rotations) <= _ROUNDING * np.abs(system.free).max()] = 0.0
+            velocity = velocity - system.free @ np.linalg.pinv(rotations) @ (rows @ velocity)
+    return replace(rest, velocity=velocity)
 
 
 _ANGLE_STEP = 1e-3
@@ -321,7 +321,7 @@ _ANGLE_STEP = 1e-3
 _ROUNDING = 1e-9
 """Relative rotation of a shaft by a free motion that is rounding."""
 
-_LEAST_JUMP = 1e-9
+_MIN_JUMP = 1e-9
 """Jump, m or rad, above the rounding of a motion without stiffness."""
 
 
@@ -331,8 +331,8 @@ def _solve_from(
 ) -> State:  # fmt: skip
     """Return the equilibrium at an instant under all or the installed loads, starting from a nearby displacement."""
     motion = drive.at(np.array([time]))
-    counted = np.array([load.installed or not installed for load in system.loads], dtype=float)
-    load = (counted * system.load_histories(motion)[0]) @ system.load_vectors()
+    factors = np.array([load.installed or not installed for load in system.loads], dtype=float)
+    load = (factors * system.load_histories(motion)[0]) @ system.load_vectors()
     if not forces.count:
         d = static_displacement(system.stiffness, load, system.names, system.free)
     else:

@@ -154,12 +154,12 @@ def instability_status(names: Sequence[str], motion: FloatArray, parts: Iterable
     """Return the status of an indefinite stiffness."""
     sizes = np.abs(motion) / max(float(np.abs(motion).max(initial=0.0)), np.finfo(float).tiny)
     order: list[int] = np.argsort(-np.round(sizes, _DIGITS), kind="stable").tolist()
-    moved = ", ".join(names[i] for i in order[:_MAX_NAMES])
+    unknowns = ", ".join(names[i] for i in order[:_MAX_NAMES])
     energies: dict[str, float] = defaultdict(float)  # all elements of a member have its name
     for name, part in parts:
         energies[name] += float(motion @ part.times(motion))
-    worst = min(energies.values(), default=0.0)
-    to_blame = [name for name, energy in energies.items() if energy < 0.0 and energy <= _ALSO * worst]
-    force = f"the force in {' and '.join(to_blame)}" if to_blame else "a force"
-    what = f"{force} pushes {moved} aside, and nothing holds them"
-    return replace(NOT_POSITIVE, text=f"{NOT_POSITIVE.text}: {what}")
+    minimum = min(energies.values(), default=0.0)
+    causes = [name for name, energy in energies.items() if energy < 0.0 and energy <= _ALSO * minimum]
+    force = f"the force in {' and '.join(causes)}" if causes else "a force"
+    reason = f"{force} pushes {unknowns} aside, and nothing holds them"
+    return replace(NOT_POSITIVE, text=f"{NOT_POSITIVE.text}: {reason}")

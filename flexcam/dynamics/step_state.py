@@ -40,8 +40,8 @@ class StepState:
             return None
         stride = parts.pop("stride", None)
         time, iterations = float(parts.pop("time")), int(parts.pop("iterations"))
-        own = None if stride is None else float(stride)
-        return cls(time, iterations=iterations, stride=own, **parts)
+        step = None if stride is None else float(stride)
+        return cls(time, iterations=iterations, stride=step, **parts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,14 +77,14 @@ class Trajectory:
     @classmethod
     def of(cls, steps: Sequence[Sequence[StepState]], sides: Callable[[FloatArray], NDArray[np.bool_]]) -> Trajectory:
         """Return the instants of some steps, one sequence per step, with the sides of the switching scalars."""
-        every = [moment for part in steps for moment in part]
-        nothing = np.zeros(len(every[0].local))
+        moments = [moment for part in steps for moment in part]
+        zeros = np.zeros(len(moments[0].local))
         return cls(
-            time=np.array([m.time for m in every]), d=np.array([m.d for m in every]),
-            v=np.array([m.v for m in every]), a=np.array([m.a for m in every]),
-            local=np.array([m.local for m in every]), state=np.array([m.inner for m in every]),
-            impulse=np.array([nothing if m.impulse is None else m.impulse for m in every]),
-            pressed=np.array([sides(m.penetration) if m.pressed is None else m.pressed for m in every]),
+            time=np.array([m.time for m in moments]), d=np.array([m.d for m in moments]),
+            v=np.array([m.v for m in moments]), a=np.array([m.a for m in moments]),
+            local=np.array([m.local for m in moments]), state=np.array([m.inner for m in moments]),
+            impulse=np.array([zeros if m.impulse is None else m.impulse for m in moments]),
+            pressed=np.array([sides(m.penetration) if m.pressed is None else m.pressed for m in moments]),
             ends=np.cumsum([len(part) for part in steps]) - 1,
         )  # fmt: skip
 
@@ -162,5 +162,5 @@ class ProbeTrajectory:
     @classmethod
     def empty(cls, probes: int, size: int) -> ProbeTrajectory:
         """Return an empty sequence for a system size."""
-        watched, still = np.zeros((0, probes)), np.zeros((0, size))
-        return cls(np.zeros(0), Series(watched, watched, watched), Series(still, still, still))
+        outputs, motion = np.zeros((0, probes)), np.zeros((0, size))
+        return cls(np.zeros(0), Series(outputs, outputs, outputs), Series(motion, motion, motion))

@@ -177,30 +177,30 @@ class Channel:
 
 def load_sum(*loads: int, factor: AngleFunction | None = None) -> Observable:
     """Return the sum of some load histories, times a function of the cam angle."""
-    return lambda seen: _sum(seen, seen.histories, loads, factor)
+    return lambda observation: _sum(observation, observation.histories, loads, factor)
 
 
 def force_sum(*scalars: int, factor: AngleFunction | None = None) -> Observable:
     """Return the sum of some local forces, times a function of the cam angle."""
-    return lambda seen: _sum(seen, seen.forces, scalars, factor)
+    return lambda observation: _sum(observation, observation.forces, scalars, factor)
 
 
 def observable_sum(*parts: Observable) -> Observable:
     """Return the sum of observables."""
-    return lambda seen: np.sum([part(seen) for part in parts], axis=0)
+    return lambda observation: np.sum([part(observation) for part in parts], axis=0)
 
 
 def row_of(row: FloatArray) -> Observable:
     """Return the observable of a row: its displacement."""
     rows = row[None]
-    return lambda seen: seen.moved.extract(rows)[:, 0]
+    return lambda observation: observation.moved.extract(rows)[:, 0]
 
 
 def _sum(
-    seen: Observation, values: FloatArray, columns: tuple[int, ...], factor: AngleFunction | None
+    observation: Observation, values: FloatArray, columns: tuple[int, ...], factor: AngleFunction | None
 ) -> FloatArray:  # fmt: skip
     total = values[:, columns[0]] if len(columns) == 1 else values[:, list(columns)].sum(axis=1)
-    return total if factor is None else total * seen.cam(factor, 0)
+    return total if factor is None else total * observation.cam(factor, 0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -110,11 +110,11 @@ def tangent_run(
     if problem.adaptive is not None or problem.basis is not None:
         raise refuse("case", "adaptive steps or a reduced basis", "constant steps in all unknowns", "")
     problem = _without_acceleration(problem)
-    variations = [replace(one, problem=_without_acceleration(one.problem)) for one in variations]
+    variations = [replace(variation, problem=_without_acceleration(variation.problem)) for variation in variations]
     selected = select_engine(replace(problem, prune=_same_active_dofs(problem, variations)), method, SaveAt())
-    inside = [replace(one, problem=_project(one.problem, selected)) for one in variations]
+    reduced = [replace(variation, problem=_project(variation.problem, selected)) for variation in variations]
     compiled = compiled_functions() if selected.engine == "kernel" else None
-    parameters = ParameterForces(_project(problem, selected), inside, compiled)
+    parameters = ParameterForces(_project(problem, selected), reduced, compiled)
     _check_structure(selected.problem, parameters)
     forces = forces_of(selected, method)
     initial = _initial_disturbances(selected.problem, forces, parameters)
@@ -125,28 +125,28 @@ def tangent_run(
         recorder = Recorder(side.problem, side.forces, method, selected.bases)
         return _Neighbour(side, parameter, width, recorder, accelerations=accelerations)
 
-    itself = neighbour(parameters.original, 0, 0.0)
+    center = neighbour(parameters.original, 0, 0.0)
     pairs = [
         (neighbour(parameters.original, i, -0.5 * width), neighbour(side, i, 0.5 * width))
         for i, (side, width) in enumerate(zip(parameters.sides, parameters.widths.tolist(), strict=True))
     ]
     done, sizes, instants, count = 0, list[FloatArray](), list[IntArray](), 0
-    for track, moved in _integrate(selected, method, forces, initial, parameters):
-        steps, done = np.arange(done, done + len(moved)), done + len(moved)
-        sizes.append(_energies(selected.problem.system, moved[:, :, -1]))
+    for track, changes in _integrate(selected, method, forces, initial, parameters):
+        steps, done = np.arange(done, done + len(changes)), done + len(changes)
+        sizes.append(_energies(selected.problem.system, changes[:, :, -1]))
         if done > first:
-            found = itself.write(steps, track, moved)
-            chosen = np.arange(len(steps)) if select is None else np.flatnonzero(select(found))
+            results = center.write(steps, track, changes)
+            chosen = np.arange(len(steps)) if select is None else np.flatnonzero(select(results))
             instants, count = [*instants, count + chosen], count + len(steps)
             part = track.at_ends(chosen)
             part = replace(part, cam=parameters.original.inputs(part)[0].cam)
-            for one in chain.from_iterable(pairs):
-                one.write(steps[chosen], part, moved[chosen])
+            for run in chain.from_iterable(pairs):
+                run.write(steps[chosen], part, changes[chosen])
     energy = np.concatenate(sizes)
     growth = float(np.sqrt(energy.max() / energy[0])) if energy[0] > 0.0 else 1.0
     neighbours = tuple((low.response(), high.response()) for low, high in pairs)
-    every = np.concatenate(instants) if instants else np.zeros(0, dtype=np.intp)
-    return TangentRun(itself.response(), neighbours, every, growth)
+    indices = np.concatenate(instants) if instants else np.zeros(0, dtype=np.intp)
+    return TangentRun(center.response(), neighbours, indices, growth)
 
 
 def _without_acceleration(problem: Problem) -> Problem:
@@ -156,13 +156,13 @@ def _without_acceleration(problem: Problem) -> Problem:
 
 def _same_active_dofs(problem: Problem, variations: Sequence[Variation]) -> bool:
     """Return whether the parameters change neither which unknowns move nor the displacement of the others."""
-    found = basis_of(problem)
-    if not isinstance(found, DofSubset):
+    basis = basis_of(problem)
+    if not isinstance(basis, DofSubset):
         return False
-    others = [basis_of(one.problem) for one in variations]
+    bases = [basis_of(variation.problem) for variation in variations]
     return all(
-        isinstance(one, DofSubset) and np.array_equal(one.kept, found.kept) and np.array_equal(one.held, found.held)
-        for one in others
+        isinstance(dofs, DofSubset) and np.array_equal(dofs.kept, basis.kept) and np.array_equal(dofs.held, basis.held)
+        for dofs in bases
     )
 
 
@@ -179,8 +179,8 @@ def _project(problem: Problem, selected: SelectedEngine) -> Problem:
 def _check_structure(problem: Problem, parameters: ParameterForces) -> None:
     """Raise an error if a parameter changes the number of unknowns, local forces or steps."""
 
-    def size(one: Problem) -> tuple[int, ...]:
-        return (one.system.size, one.steps, *(len(force.sense) for force in one.system.local_forces))
+    def size(varied: Problem) -> tuple[int, ...]:
+        return (varied.system.size, varied.steps, *(len(force.sense) for force in varied.system.local_forces))
 
     if any(size(side.problem) != size(problem) for side in parameters.sides):
         why, remedy = "the equations must keep their structure", "use differences of runs"
@@ -190,10 +190,10 @@ def _check_structure(problem: Problem, parameters: ParameterForces) -> None:
 def _initial_disturbances(problem: Problem, forces: LocalForces, parameters: ParameterForces) -> FloatArray:
     """Return the disturbances of the initial state by the parameters, and by a velocity of all masses."""
     begin, n = parameters.initial_state(), problem.system.size
-    more = np.zeros((len(begin), 1))
+    velocity = np.zeros((len(begin), 1))
     mass = problem.system.mass.diagonal()
-    more[n : 2 * n, 0] = np.where(mass > 0.0, 1.0 / np.sqrt(np.where(mass > 0.0, mass, 1.0)), 0.0)
-    return np.hstack([begin, more])
+    velocity[n : 2 * n, 0] = np.where(mass > 0.0, 1.0 / np.sqrt(np.where(mass > 0.0, mass, 1.0)), 0.0)
+    return np.hstack([begin, velocity])
 
 
 def _energies(system: System, disturbance: FloatArray) -> FloatArray:
@@ -223,13 +223,13 @@ def _periodic_disturbances(
     it, the periodic state changes by x = Phi x + b.
     """
     size, count = len(initial), parameters.count
-    one = replace(selected, problem=replace(selected.problem, steps=period))
+    revolution = replace(selected, problem=replace(selected.problem, steps=period))
     begin = np.hstack([np.zeros((size, count)), np.eye(size)])
-    *_, (_, moved) = _integrate(one, method, forces, begin, parameters)
-    end = moved[-1]
-    found = initial.copy()
-    found[:, :count] = np.linalg.lstsq(np.eye(size) - end[:, count:], end[:, :count], rcond=FREE)[0]
-    return found
+    *_, (_, changes) = _integrate(revolution, method, forces, begin, parameters)
+    end = changes[-1]
+    result = initial.copy()
+    result[:, :count] = np.linalg.lstsq(np.eye(size) - end[:, count:], end[:, :count], rcond=FREE)[0]
+    return result
 
 
 class _Neighbour:
@@ -242,12 +242,12 @@ class _Neighbour:
         self._recorder, self._accelerations = recorder, accelerations
         self.response = recorder.response
 
-    def write(self, steps: IntArray, track: Trajectory, moved: FloatArray) -> Response:
+    def write(self, steps: IntArray, track: Trajectory, changes: FloatArray) -> Response:
         """Add and return the instants of some steps with the disturbances at their ends; others stay undisturbed."""
         side, n, forces = self._side, self._side.problem.system.size, self._side.forces
         motion, schedule = side.inputs(track)
-        change = np.zeros((len(track.time), moved.shape[1]))
-        change[track.ends] = self._width * moved[:, :, self._parameter]
+        change = np.zeros((len(track.time), changes.shape[1]))
+        change[track.ends] = self._width * changes[:, :, self._parameter]
         d, v, state = track.d + change[:, :n], track.v + change[:, n : 2 * n], track.state + change[:, 2 * n :]
         sensed, rate, _ = forces.sense_motion(d, v, schedule)
         local = forces.evaluate(sensed, state, schedule.rows[:, schedule.functions :], rate=rate)[1]

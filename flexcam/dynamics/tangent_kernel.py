@@ -47,7 +47,7 @@ def accumulate_transpose(target: FloatArray, factor: float, matrix: FloatArray, 
 
 
 def solve_forces(
-    sense: FloatArray, answer: FloatArray, moving: FloatArray, local: FloatArray, system: FloatArray
+    sense: FloatArray, response: FloatArray, velocity: FloatArray, local: FloatArray, system: FloatArray
 ) -> bool:
     """Write the forces f of ``f = S (v + A f)`` for velocities v without them; return whether there is a solution."""
     c = len(sense)
@@ -55,40 +55,40 @@ def solve_forces(
         for b in range(c):
             total = 0.0
             for i in range(sense.shape[1]):
-                total += sense[a, i] * answer[b, i]
+                total += sense[a, i] * response[b, i]
             system[a, b] = (1.0 if a == b else 0.0) - total
-        for p in range(len(moving)):
+        for p in range(len(velocity)):
             total = 0.0
             for i in range(sense.shape[1]):
-                total += sense[a, i] * moving[p, i]
+                total += sense[a, i] * velocity[p, i]
             system[a, c + p] = total
-    if not eliminate(system, c, c + len(moving)):
+    if not eliminate(system, c, c + len(velocity)):
         return False
     for a in range(c):
-        for p in range(len(moving)):
+        for p in range(len(velocity)):
             local[p, a] = system[a, c + p]
     return True
 
 
 def propagate_disturbances(
     half: float, mass: FloatArray, damping: FloatArray, stiffness: FloatArray, travel: FloatArray, ahead: FloatArray,
-    transfer: FloatArray, inverse: FloatArray, one: FloatArray, act: FloatArray, by_d: FloatArray, by_v: FloatArray,
-    by_state: FloatArray, by_new: FloatArray, sense: FloatArray, answer: FloatArray,
-    rest: FloatArray, difference: FloatArray, by_begin: FloatArray, more: FloatArray, found: FloatArray,
-    d: FloatArray, v: FloatArray, z: FloatArray, moved: FloatArray, free: FloatArray, residual: FloatArray,
+    transfer: FloatArray, inverse: FloatArray, unit: FloatArray, act: FloatArray, by_d: FloatArray, by_v: FloatArray,
+    by_state: FloatArray, by_new: FloatArray, sense: FloatArray, response: FloatArray,
+    rest: FloatArray, difference: FloatArray, by_begin: FloatArray, terms: FloatArray, states: FloatArray,
+    d: FloatArray, v: FloatArray, z: FloatArray, new_d: FloatArray, new_z: FloatArray, residual: FloatArray,
     push: FloatArray, local: FloatArray, system: FloatArray,
 ) -> bool:  # fmt: skip
     """Write the disturbances at the ends of successive steps, see `flexcam.dynamics.linearization.StepSequence`.
 
-    Return whether the steps are regular. `found` has at least two rows of shape (k, 2n + s): those of the beginning are
-    in row 0, those after step i are written to row i + 1, counted cyclically; `more` has a row per step. The arrays
-    after `found` are work arrays. `residual` is half the step times the residual forces, which at the end of a step
+    Return whether the steps are regular. `states` has at least two rows of shape (k, 2n + s): row 0 is the beginning,
+    those after step i are written to row i + 1, counted cyclically; `terms` has a row per step. The arrays
+    after `states` are work arrays. `residual` is half the step times the residual forces, which at the end of a step
     follow from its solution.
     """
     n, c = act.shape[2], act.shape[1]
-    assign(d, found[0, :, :n])
-    assign(v, found[0, :, n : 2 * n])
-    assign(z, found[0, :, 2 * n :])
+    assign(d, states[0, :, :n])
+    assign(v, states[0, :, n : 2 * n])
+    assign(z, states[0, :, 2 * n :])
     residual[:] = 0.0
     local[:] = 0.0
     accumulate(residual, half, damping, v)
@@ -97,38 +97,38 @@ def propagate_disturbances(
     accumulate(local, half, by_v[0], v)
     accumulate(local, half, by_state[0], z)
     accumulate_transpose(residual, -1.0, act[0], local)
-    for i in range(len(more)):
-        assign(push, more[i, :, n : 2 * n])
+    for i in range(len(terms)):
+        assign(push, terms[i, :, n : 2 * n])
         accumulate(push, 1.0, mass, v)
         accumulate(push, -1.0, transfer, residual)
-        assign(moved, more[i, :, :n])
-        accumulate(moved, 1.0, one, d)
-        accumulate(moved, half, ahead, v)
-        assign(free, more[i, :, 2 * n :])
-        accumulate(free, 1.0, by_begin[i : i + 1], z)
-        accumulate(free, 1.0, difference[i], d)
+        assign(new_d, terms[i, :, :n])
+        accumulate(new_d, 1.0, unit, d)
+        accumulate(new_d, half, ahead, v)
+        assign(new_z, terms[i, :, 2 * n :])
+        accumulate(new_z, 1.0, by_begin[i : i + 1], z)
+        accumulate(new_z, 1.0, difference[i], d)
         assign(residual, push)
-        accumulate(residual, -half, stiffness, moved)
+        accumulate(residual, -half, stiffness, new_d)
         v[:] = 0.0
         accumulate(v, 1.0, inverse, residual)
         if c > 0:
             local[:] = 0.0
-            accumulate(local, half, by_new[i], moved)
-            accumulate(local, half, by_state[i + 1], free)
-            accumulate_transpose(v, 1.0, answer[i], local)
-            if not solve_forces(sense[i], answer[i], v, local, system):
+            accumulate(local, half, by_new[i], new_d)
+            accumulate(local, half, by_state[i + 1], new_z)
+            accumulate_transpose(v, 1.0, response[i], local)
+            if not solve_forces(sense[i], response[i], v, local, system):
                 return False
-            accumulate_transpose(v, 1.0, answer[i], local)
-        accumulate(moved, half, travel, v)
-        assign(d, moved)
-        assign(z, free)
+            accumulate_transpose(v, 1.0, response[i], local)
+        accumulate(new_d, half, travel, v)
+        assign(d, new_d)
+        assign(z, new_z)
         accumulate(z, 1.0, rest[i], d)
         assign(residual, push)
         accumulate(residual, -1.0, mass, v)
-        new = (i + 1) % len(found)
-        assign(found[new, :, :n], d)
-        assign(found[new, :, n : 2 * n], v)
-        assign(found[new, :, 2 * n :], z)
+        new = (i + 1) % len(states)
+        assign(states[new, :, :n], d)
+        assign(states[new, :, n : 2 * n], v)
+        assign(states[new, :, 2 * n :], z)
     return True
 
 
@@ -152,11 +152,11 @@ def accumulate_transpose_numpy(target: FloatArray, factor: float, matrix: FloatA
 
 
 def solve_forces_numpy(
-    sense: FloatArray, answer: FloatArray, moving: FloatArray, local: FloatArray, system: FloatArray
+    sense: FloatArray, response: FloatArray, velocity: FloatArray, local: FloatArray, system: FloatArray
 ) -> bool:
     """Replace `solve_forces` by numpy."""
     try:
-        local[:] = np.linalg.solve(np.eye(len(sense)) - sense @ answer.T, sense @ moving.T).T
+        local[:] = np.linalg.solve(np.eye(len(sense)) - sense @ response.T, sense @ velocity.T).T
     except np.linalg.LinAlgError:
         return False
     return True
