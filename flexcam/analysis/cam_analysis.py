@@ -127,8 +127,8 @@ class CamFacts:
         """Diameter of a flat face that just contains the contact line over the revolution, m; None for others."""
         if self.profile is None or not isinstance(self.cam.follower, FlatFollower):
             return None
-        farthest = max(abs(end.value) for end in self.profile.extremes.offset)
-        return 2.0 * self.cam.follower.face_radius(farthest, self.cam.width)
+        maximum = max(abs(end.value) for end in self.profile.extremes.offset)
+        return 2.0 * self.cam.follower.face_radius(maximum, self.cam.width)
 
     def valve_lift(self, lift: FloatArray) -> FloatArray:
         """Return the lift of the valve for a lift of the cam, m."""
@@ -187,10 +187,10 @@ def cam_facts(
     event, profile, base_radius = cam.event, None, None
     lift, boundaries = event_extremes(event), joints(event)
     findings: list[ProfileFault] = []
-    if lift[0].value < (lowest := -NEGATIVE_LIFT_TOLERANCE * lift[1].value):
+    if lift[0].value < (minimum := -NEGATIVE_LIFT_TOLERANCE * lift[1].value):
         what = "the lift is negative: the cam would be cut into its base circle"
         remedy = "use another law or table, or smooth less"
-        findings.append(ProfileFault(what, remedy, lift[0].at, lift[0].value, lowest))
+        findings.append(ProfileFault(what, remedy, lift[0].at, lift[0].value, minimum))
     if cam.follower is not None:
         profile = cam_profile(event, cam.follower, count=count, turn=cam.turn)
         with suppress(InputError):  # no base radius is sufficient: the findings explain the faults of the given one
@@ -203,8 +203,8 @@ def cam_facts(
     return CamFacts(
         cam, lift, velocity, acceleration, None if any(joint.steps[2] for joint in boundaries) else jerk,
         tuple(np.abs(harmonics(event, _HARMONICS))[1:].tolist()), boundaries,
-        {name: valve_event(event, at, ratio=ratio, lash=ratio * lash) for name, at in checking_lifts.items()},
-        {name: valve_event(event, at) for name, at in checking_lifts.items()}, profile, findings, base_radius,
+        {name: valve_event(event, height, ratio=ratio, lash=ratio * lash) for name, height in checking_lifts.items()},
+        {name: valve_event(event, height) for name, height in checking_lifts.items()}, profile, findings, base_radius,
         pressure_angle, centreline(event), ratio, lash, tdc, checking_lifts,
     )  # fmt: skip
 

@@ -130,10 +130,10 @@ def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -
         why, remedy = "it does not move in the other result", "add a follower's point to output.probes"
         raise refuse("probe", repr(probe), "a point that the cam moves", why, remedy)
     parts = [_compute_deviation(name, motion, base, flexible) for name in ("displacement", "velocity", "acceleration")]
-    at = peak(flexible.time, motion.acceleration[:count])[1]
-    angle = float(np.degrees(np.interp(at, flexible.time, flexible.angle)))
+    instant = peak(flexible.time, motion.acceleration[:count])[1]
+    angle = float(np.degrees(np.interp(instant, flexible.time, flexible.angle)))
     deviations = parts[0], parts[1], parts[2]
-    share = abs(float(np.interp(at, rigid.time, base.displacement))) / lift
+    share = abs(float(np.interp(instant, rigid.time, base.displacement))) / lift
     return Comparison(probe, speed_rpm, lift, deviations, flexible.status, peak_acceleration_deg=angle, peak_lift=share)
 
 
@@ -176,8 +176,8 @@ def _compute_deviation(quantity: str, motion: History, base: History, flexible: 
     rigid: FloatArray = getattr(base, quantity)[: len(time)]
     rate, rigid_rate = (getattr(history, slope)[: len(time)] if slope else None for history in (motion, base))
     difference = flexed - rigid
-    maximum, at = peak(time, difference, None if rate is None or rigid_rate is None else rate - rigid_rate)
-    rms, angle = float(np.sqrt(np.mean(difference**2))), float(np.degrees(np.interp(at, time, flexible.angle)))
+    maximum, instant = peak(time, difference, None if rate is None or rigid_rate is None else rate - rigid_rate)
+    rms, angle = float(np.sqrt(np.mean(difference**2))), float(np.degrees(np.interp(instant, time, flexible.angle)))
     return Deviation(quantity, maximum, rms, peak(time, rigid, rigid_rate)[0], peak(time, flexed, rate)[0], angle)
 
 
@@ -355,6 +355,6 @@ def excited_mode(case: Case) -> float:
     modes = model_modes(structure).modes
     contact = next(iter(structure.model.cam_contacts.values()))
     push = structure.row(contact.follower, contact.direction)
-    driven = abs(push @ modes.shapes)
-    loaded = [f for f, part in zip(modes.frequencies, driven, strict=True) if f > 0.0 and part > 1e-3 * driven.max()]
-    return float(min(loaded, key=lambda f: abs(math.log(f * 2.0 * math.pi / case.speed))))
+    forces = abs(push @ modes.shapes)
+    driven = [f for f, force in zip(modes.frequencies, forces, strict=True) if f > 0.0 and force > 1e-3 * forces.max()]
+    return float(min(driven, key=lambda f: abs(math.log(f * 2.0 * math.pi / case.speed))))

@@ -316,14 +316,14 @@ def _conditions(model: Model, search: Search | None = None) -> dict[str, tuple[C
 def _open_contacts(response: Response, ready: PreparedRun) -> list[str]:
     """Return the contacts that are open on the main lift, with the parts of the lift."""
     contacts: dict[str, list[str]] = {}
-    for name, lost in _separations(response, ready):
-        if sum(lost.values()) > OPEN:
-            contacts.setdefault(name, []).extend(flank for flank, angle in lost.items() if angle > 0.0)
+    for name, angles in _separations(response, ready):
+        if sum(angles.values()) > OPEN:
+            contacts.setdefault(name, []).extend(flank for flank, angle in angles.items() if angle > 0.0)
     return [f"{name}, {' and '.join(dict.fromkeys(flanks))}" for name, flanks in contacts.items()]
 
 
 def _floating_contacts(response: Response, ready: PreparedRun) -> list[str]:
-    return list(dict.fromkeys(name for name, lost in _separations(response, ready) if lost["nose"] > OPEN))
+    return list(dict.fromkeys(name for name, angles in _separations(response, ready) if angles["nose"] > OPEN))
 
 
 def _separations(response: Response, ready: PreparedRun) -> Iterator[tuple[str, dict[str, float]]]:
@@ -335,8 +335,8 @@ def _separations(response: Response, ready: PreparedRun) -> Iterator[tuple[str, 
 
 def _revolutions(response: Response, ready: PreparedRun) -> Iterator[NDArray[np.bool_]]:
     """Yield the instants of every revolution but the first."""
-    passed = np.ceil((response.time - response.time[0]) / ready.revolution - _ROUNDING)
-    return (passed == k for k in range(2, int(passed[-1]) + 1))
+    numbers = np.ceil((response.time - response.time[0]) / ready.revolution - _ROUNDING)
+    return (numbers == k for k in range(2, int(numbers[-1]) + 1))
 
 
 def _bouncing_seats(response: Response, ready: PreparedRun, height: float) -> list[str]:
@@ -345,8 +345,8 @@ def _bouncing_seats(response: Response, ready: PreparedRun, height: float) -> li
     for revolution, (name, contact) in product(_revolutions(response, ready), ready.model.contacts.items()):
         if isinstance(contact, Seat) and name not in seats:
             closing = valve_seating(ready.model, response, name, revolution)
-            opened = float(response.channels[f"contacts.{name}.gap"][revolution].max())
-            if closing.height > height if closing else opened > height:  # or the valve never closes
+            gap = float(response.channels[f"contacts.{name}.gap"][revolution].max())
+            if closing.height > height if closing else gap > height:  # or the valve never closes
                 seats.append(name)
     return seats
 

@@ -266,11 +266,11 @@ def _check_contact(
         raise refuse("orders", str(list(orders)), "whole numbers, each at least 1")
     if modes < 1:
         raise refuse("modes", modes, "a whole number, at least 1")
-    driven = {name: part.cam for name, part in case.record.contacts.items() if isinstance(part, CamContactRecord)}
-    if not driven:
+    cams = {name: part.cam for name, part in case.record.contacts.items() if isinstance(part, CamContactRecord)}
+    if not cams:
         why = "the orders of the cam excite the modes"
         raise refuse("contacts", "none with a cam", "a contact of a cam and its follower", why)
-    if contact is not None and contact not in driven:
-        raise refuse("contact", repr(contact), f"one of {', '.join(driven)}", "", suggest_name(contact, driven))
-    name = contact or next(iter(driven))
-    return name, driven[name]
+    if contact is not None and contact not in cams:
+        raise refuse("contact", repr(contact), f"one of {', '.join(cams)}", "", suggest_name(contact, cams))
+    name = contact or next(iter(cams))
+    return name, cams[name]

@@ -173,5 +173,5 @@ def largest_orders(found: Waterfall, count: int = 3) -> Mapping[int, tuple[float
         return {}
     peaks = np.nanmax(found.amplitudes[:, 1:], axis=0)
     largest: list[int] = (np.argsort(-peaks, kind="stable")[:count] + 1).tolist()
-    at = {n: int(np.nanargmax(found.amplitudes[:, n])) for n in largest}
-    return {n: (float(found.rpm[i]), float(found.amplitudes[i, n])) for n, i in at.items()}
+    index = {n: int(np.nanargmax(found.amplitudes[:, n])) for n in largest}
+    return {n: (float(found.rpm[i]), float(found.amplitudes[i, n])) for n, i in index.items()}

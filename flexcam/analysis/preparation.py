@@ -132,12 +132,12 @@ def _follower_component(ready: PreparedRun, probe: Probe) -> str:
     """Return the free component of a probe along the direction of the first follower, or its first free one."""
     model = ready.model
     contact = next(iter(model.cam_contacts.values()), None)
-    along = "" if contact is None else COMPONENTS[int(np.argmax(np.abs(contact.direction)))]
+    direction = "" if contact is None else COMPONENTS[int(np.argmax(np.abs(contact.direction)))]
     nodes = model.mesh.points.get(probe.name, ())
     supports = (names for point, names in model.supports.items() if np.isin(nodes, model.mesh.points[point]).any())
     fixed = {name for names in supports for name in names}
     free = [name for name in probe.components if name not in fixed] or list(probe.components)
-    return _component_name(probe, probe.components.index(along if along in free else free[0]))
+    return _component_name(probe, probe.components.index(direction if direction in free else free[0]))
 
 
 def _component_name(probe: Probe, component: int) -> str:

@@ -113,11 +113,11 @@ def estimate_resources(
     matrices = (_NATURAL if engines[0] != "direct" and size <= MAX_MODES else _DENSE) * min(size, DENSE_LIMIT) ** 2
     matrices += size * system.size if problem.basis is not None else 0
     entries = sum(len(matrix.values) for matrix in (system.mass, system.damping, system.stiffness))
-    drawn = 2 * _POINT_VALUES * count_output_points(mesh) + 6 * unknowns + _STRESSES * len(mesh.elements())
+    field_values = 2 * _POINT_VALUES * count_output_points(mesh) + 6 * unknowns + _STRESSES * len(mesh.elements())
     histories = rows * row + 3 * unknowns * fields
     # blocks are joined from parts, and histories from blocks
     numbers = matrices + together * (_STEP_ARRAYS * size + 3 * row) + 2 * (block * row + histories)
-    numbers += (block // save.field_every + 1) * drawn
+    numbers += (block // save.field_every + 1) * field_values
     machine = _BASE + (_COMPILER if "kernel" in engines else 0) + _ENTRY * entries + _STEP * together
     return ResourceEstimate(machine + _NUMBER * numbers, result_bytes(names, mesh, save, problem.steps))
 

@@ -192,8 +192,8 @@ _STORED_TEXTS = ("all", "revolution")
 def reload_result(case: Case, result: Result) -> tuple[PreparedRun, Response]:
     """Return the prepared case of a result and its response as originally computed."""
     from_result = isinstance(case.record.run.start, ResultStartRecord)
-    standing = case.with_run({"start": "equilibrium"}) if from_result else case
-    ready = replace(prepare_without_periodic_search(standing), case=case)
+    variant = case.with_run({"start": "equilibrium"}) if from_result else case
+    ready = replace(prepare_without_periodic_search(variant), case=case)
     names = outline(ready.problem.system)
     response = result.response
     free = build_structure(ready.model).dofs.numbers >= 0

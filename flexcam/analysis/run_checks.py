@@ -161,9 +161,9 @@ def _check_lobe(model: Model, name: str, cam: Cam, follower: Follower) -> Iterat
 
 def _check_shared_lobes(model: Model) -> Iterator[str]:
     """Yield the cams with followers on different sides of the shaft that lift at the same cam angle."""
-    known: dict[str, PublishedLoad | CamContact] = {}
+    contacts: dict[str, PublishedLoad | CamContact] = {}
     for new in model.cam_contacts.values():
-        first = known.setdefault(new.cam, new)
+        first = contacts.setdefault(new.cam, new)
         a, b = first.direction[:3], new.direction[:3]
         later = math.degrees(math.atan2(float(np.cross(a, b) @ new.shaft_axis), float(a @ b))) % 360.0
         if min(later, 360.0 - later) > _SAME_LOBE_ANGLE:

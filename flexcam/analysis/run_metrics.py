@@ -198,8 +198,8 @@ def _rigid_limit_speed(case: Case) -> float | None:
     """
     if any(load.table is not None and load.table.over_time for load in case.record.loads.values()):
         return None
-    bare = replace(case, record=case.record.model_copy(update={"friction": {}}))
-    ready = prepare(bare, rigid=True, model=omit_coil_stops(build_model(bare)))
+    frictionless = replace(case, record=case.record.model_copy(update={"friction": {}}))
+    ready = prepare(frictionless, rigid=True, model=omit_coil_stops(build_model(frictionless)))
     limits = _rigid_limits(ready, case.speed, _ANGLES)
     if not limits:
         return None

@@ -101,13 +101,13 @@ _PROBE = Probe("x", ("x",), np.eye(1), (None,))
 
 def _period_check() -> Iterator[Check]:
     """Yield a free vibration after 1000 steps of a tenth of its period, by the average acceleration method."""
-    turned, step = 2.0 * math.pi / 10.0, 0.01
-    stiffness = Triplets.from_dense([[(turned / step) ** 2]])
+    angle, step = 2.0 * math.pi / 10.0, 0.01
+    stiffness = Triplets.from_dense([[(angle / step) ** 2]])
     system = System(Triplets.from_dense([[1.0]]), Triplets.zeros(1), stiffness, ("x",), probes=(_PROBE,))
     problem = Problem(system, _STILL, step, 1000, State(np.ones(1), np.zeros(1)), engine="direct")
     end = solve(problem, newmark())["x"].displacement[-1]
     source = "Hughes, The Finite Element Method, ch. 9"
-    yield Check("Newmark after 100 periods", source, math.cos(2000.0 * math.atan(0.5 * turned)), float(end), 1e-9, "m")
+    yield Check("Newmark after 100 periods", source, math.cos(2000.0 * math.atan(0.5 * angle)), float(end), 1e-9, "m")
 
 
 def _bounce_checks() -> Iterator[Check]:
@@ -117,17 +117,17 @@ def _bounce_checks() -> Iterator[Check]:
     weight = Load("weight", np.array([-_G]), lambda motion: np.ones_like(motion.angle))
     zero = Triplets.zeros(1)
     system = System(Triplets.from_dense([[1.0]]), zero, zero, ("x",), (weight,), (stop,), probes=(_PROBE,))
-    w, sunk = math.sqrt(_STIFFNESS), _G / _STIFFNESS
+    w, deflection = math.sqrt(_STIFFNESS), _G / _STIFFNESS
     contact = 2.0 / w * (math.pi - math.atan(_V0 * w / _G))
     steps, total = 1000, 1.5 * contact
     start = State(np.zeros(1), np.array([-_V0]))
     history = solve(Problem(system, _STILL, total / steps, steps, start, engine="direct"), newmark())["x"]
-    deepest = sunk + math.hypot(sunk, _V0 / w)
+    depth = deflection + math.hypot(deflection, _V0 / w)
     # Steps of w dt = 0.005: the relative error of the period is its square over 12; that of an event speed is similar.
-    yield Check("depth of an impact", source, deepest, -float(history.displacement.min()), 1e-5, "m")
+    yield Check("depth of an impact", source, depth, -float(history.displacement.min()), 1e-5, "m")
     yield Check("speed after an impact", source, _V0 - _G * (total - contact), float(history.velocity[-1]), 1e-5, "m/s")
     rest = equilibrium(system, _STILL).displacement
-    yield Check("mass at rest on a stop", "m g/k", -sunk, float(rest[0]), 1e-9, "m")
+    yield Check("mass at rest on a stop", "m g/k", -deflection, float(rest[0]), 1e-9, "m")
 
 
 def _law_checks() -> Iterator[Check]:
@@ -182,10 +182,10 @@ _CANTILEVER_ROOTS = (1.8751040687119611, 4.694091132974174, 7.854757438237613)  
 
 def _structure_checks() -> Iterator[Check]:
     beam, force, torque = _Beam(_SLENDER, _FIXED), 100.0, 10.0
-    bent, computed = force * _LENGTH**3 / (3.0 * _STEEL.E * _TUBE.Iz), beam.end_displacement("uy", force)
-    yield Check("tip of a cantilever under a force", "Euler-Bernoulli, P L^3/(3 E I)", bent, computed, 1e-9, "m")
-    twisted, computed = torque * _LENGTH / (_STEEL.G * _TUBE.J), beam.end_displacement("rx", torque)
-    yield Check("twist of a tube under a torque", "Saint-Venant, T L/(G J)", twisted, computed, 1e-9, "rad")
+    deflection, computed = force * _LENGTH**3 / (3.0 * _STEEL.E * _TUBE.Iz), beam.end_displacement("uy", force)
+    yield Check("tip of a cantilever under a force", "Euler-Bernoulli, P L^3/(3 E I)", deflection, computed, 1e-9, "m")
+    twist, computed = torque * _LENGTH / (_STEEL.G * _TUBE.J), beam.end_displacement("rx", torque)
+    yield Check("twist of a tube under a torque", "Saint-Venant, T L/(G J)", twist, computed, 1e-9, "rad")
     source = "Timoshenko, Vibration Problems in Engineering, sec. 53-58"
     speed = math.sqrt(_STEEL.E * _TUBE.Iz / (_STEEL.density * _TUBE.A))
     for n, (root, computed) in enumerate(zip(_CANTILEVER_ROOTS, beam.frequencies(3), strict=True), start=1):

@@ -170,12 +170,12 @@ def resonances(ready: PreparedRun, response: Response) -> tuple[Resonance, ...]:
         lifts = lift_harmonics(ready.model.cams[contact.cam].event, _HARMONICS)
         loads = np.nan_to_num(force_harmonics(response, name, _HARMONICS))
         force = response.channels.get(f"contacts.{name}.force", np.zeros(0))[response.latest(ready.revolution)]
-        largest = max(float(np.abs(force).max(initial=0.0)), np.finfo(float).tiny)
+        maximum = max(float(np.abs(force).max(initial=0.0)), np.finfo(float).tiny)
         for n, amplitude in lifts.items():
             for i in modes.relevant_modes:
                 frequency, words = float(modes.found.modes.frequencies[i]), modes.found.words(i)
                 rpm, load = 60.0 * frequency / n, float(loads[n - 1])
-                crossings.append(Resonance(name, rpm, n, amplitude, load, i, frequency, words, load / largest))
+                crossings.append(Resonance(name, rpm, n, amplitude, load, i, frequency, words, load / maximum))
     case_rpm = ready.case.speed / RPM
     return tuple(sorted(crossings, key=lambda crossing: abs(math.log(crossing.rpm / case_rpm))))
 

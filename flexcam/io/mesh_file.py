@@ -125,16 +125,16 @@ def _length_faults(raw: _GmshMesh) -> Iterator[Fault]:
     size = float(np.ptp(raw.points, axis=0).max(initial=0.0)) or 1.0
     grid = np.round(raw.points / (_COINCIDENCE_TOLERANCE * size))
     _, place, counts = np.unique(grid, axis=0, return_inverse=True, return_counts=True)
-    at = dict(zip(raw.numbers.tolist(), place.ravel().tolist(), strict=True))
+    places = dict(zip(raw.numbers.tolist(), place.ravel().tolist(), strict=True))
     lines = [group for group in raw.groups if group.kind == _LINE]
     pairs = [pair for group in lines for pair in zip(group.numbers.tolist(), group.nodes.tolist(), strict=True)]
-    flat = [(number, a, b) for number, (a, b) in pairs if at[a] == at[b]]
-    for number, a, b in flat[:_MAX_FAULTS]:
+    zero_length = [(number, a, b) for number, (a, b) in pairs if places[a] == places[b]]
+    for number, a, b in zero_length[:_MAX_FAULTS]:
         given, why = f"nodes {a} and {b} at the same place", "an element needs a length"
         yield Fault(f"mesh element {number}", given, "two nodes apart", why, "merge the nodes or move one")
-    inside = {at[a] for _, a, _ in flat}
-    twice = [i for i in np.flatnonzero(counts > 1).tolist() if i not in inside]
-    for i in twice[:_MAX_FAULTS]:
+    reported = {places[a] for _, a, _ in zero_length}
+    coincident = [i for i in np.flatnonzero(counts > 1).tolist() if i not in reported]
+    for i in coincident[:_MAX_FAULTS]:
         tags = raw.numbers[place.ravel() == i].tolist()
         given = ", ".join(f"{x:g}" for x in raw.points[raw.numbers == tags[0]][0].tolist())
         where, why = f"mesh nodes {' and '.join(map(str, tags[:3]))}", "members meet only at a shared node"
@@ -397,15 +397,15 @@ def _read_elements_2(elements: _Reader, binary: bool) -> Iterator[Elements]:
     while done < count:
         # In binary files a header serves several elements, and the tag of each precedes its row.
         first, second, tags = elements.read("i", 3).tolist()
-        kind, several = (first, second) if binary else (second, 1)
-        if kind not in _NODES or tags < 0 or several < 1:
+        kind, block_size = (first, second) if binary else (second, 1)
+        if kind not in _NODES or tags < 0 or block_size < 1:
             raise _invalid(f"an element of type {kind} with {tags} tags", "an element type of Gmsh")
         offset = int(binary)
         width = offset + tags + _NODES[kind]
-        for row in elements.read("i", several * width).reshape(several, width):
+        for row in elements.read("i", block_size * width).reshape(block_size, width):
             number = row[:1] if binary else np.array([first])
             yield kind, int(row[offset]) if tags else 0, number, row[None, offset + tags :]
-        done += several
+        done += block_size
     elements.end()
 
 

@@ -113,11 +113,11 @@ def unknown_fields(response: Response, free: NDArray[np.bool_], internal: Sequen
 
     Internal ones are stored as probes at every step; InputError if one is not.
     """
-    at = np.searchsorted(response.time, response.field_time - 1e-12 * np.abs(response.field_time))
+    rows = np.searchsorted(response.time, response.field_time - 1e-12 * np.abs(response.field_time))
 
     def columns(series: str) -> FloatArray:
         nodal = getattr(response.fields, series).reshape(-1, *free.shape)[:, free]
-        return np.concatenate([nodal, *(getattr(response[name], series)[at, None] for name in internal)], axis=1)
+        return np.concatenate([nodal, *(getattr(response[name], series)[rows, None] for name in internal)], axis=1)
 
     return Series(*map(columns, SERIES))
 

@@ -36,9 +36,9 @@ def write_polylines(
     field_data: Data | None = None,
 ) -> None:  # fmt: skip
     """Write polylines with consecutive points; points after the last polyline become vertices."""
-    drawn = sum(lengths)
-    vertices, ends = np.arange(drawn, len(points)), np.cumsum([0, *lengths])[1:]
-    cells = {"Verts": (vertices, np.arange(len(vertices)) + 1), "Lines": (np.arange(drawn), ends)}
+    count = sum(lengths)
+    vertices, ends = np.arange(count, len(points)), np.cumsum([0, *lengths])[1:]
+    cells = {"Verts": (vertices, np.arange(len(vertices)) + 1), "Lines": (np.arange(count), ends)}
     write_polydata(path, points, cells, point_data=point_data, cell_data=cell_data, field_data=field_data)
 
 
@@ -150,11 +150,11 @@ def constant_data(geometry: Geometry) -> ConstantData:
     """
     mesh, single = geometry.mesh, len(geometry.free_nodes)
     radii = [[section.radius for section in geometry.sections[name]] for name in mesh.lines]
-    along = [
+    member_triads = [
         geometry.beams.triads[part][np.minimum(np.arange(len(line)), len(line) - 2)]
         for line, part in zip(mesh.lines.values(), mesh.element_ranges().values(), strict=True)
     ]
-    triads = np.concatenate([*along, np.tile(np.eye(3), (single, 1, 1))])
+    triads = np.concatenate([*member_triads, np.tile(np.eye(3), (single, 1, 1))])
     axes = {name: (axis, "") for name, axis in zip(schema.AXES, triads.swapaxes(0, 1), strict=True)}
     radius = np.concatenate([*radii, np.zeros(single)])
     return {schema.RADIUS: (radius, "m"), schema.NODE: (geometry.node, ""), **axes}

@@ -153,9 +153,9 @@ class Fit:
 
     def correlated_pairs(self) -> list[tuple[int, int]]:
         """Return the pairs of values with an absolute correlation above 0.95."""
-        lost = {i for group in self.undetermined for i in group}
+        undetermined = {i for group in self.undetermined for i in group}
         pairs = np.argwhere(np.tril(np.abs(self.correlation), -1) > 0.95).tolist()
-        return [(j, i) for i, j in pairs if not {i, j} & lost]
+        return [(j, i) for i, j in pairs if not {i, j} & undetermined]
 
 
 @dataclass

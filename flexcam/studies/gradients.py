@@ -254,14 +254,14 @@ def _extreme_planes(ready: PreparedRun, tangent: TangentRun, runs: Sequence[_Nei
     last = tangent.response.latest(ready.revolution)[tangent.instants]
     values = np.where(last, history[tangent.instants], -np.inf)
     maxima = np.flatnonzero(_local_maxima(history)[tangent.instants] & last | (values == values.max()))
-    at = maxima[np.argsort(-values[maxima], kind="stable")][: _EXTREMES + 1]
-    planes = [values[at] - values[at[0]]]
+    extremes = maxima[np.argsort(-values[maxima], kind="stable")][: _EXTREMES + 1]
+    planes = [values[extremes] - values[extremes[0]]]
     for other, below, above, width in runs:
         low = extreme_history(ready.model, below, name, window=False)
         high = extreme_history(other.model, above, name, window=False)
         if low is None or high is None:
             return ()
-        planes.append((high[at] - low[at]) / width)
+        planes.append((high[extremes] - low[extremes]) / width)
     sign = -1.0 if name.endswith("least") else 1.0
     return tuple(map(tuple, (sign * np.column_stack(planes)).tolist()))
 
@@ -402,10 +402,10 @@ def _descend(tangents: _Tangents, judge: ProblemEvaluator, start: FloatArray, en
     best = tangents.plane(start)
     if best is None:
         return
-    planes, radius, inside, is_corrected = [best], _BOX, _LEAST_INSIDE, False
+    planes, radius, margin, is_corrected = [best], _BOX, _LEAST_INSIDE, False
     while radius > _SMALLEST_BOX and judge.count < end:
         near = [plane for plane in planes if np.abs(plane.at - best.at).max() <= _NEAR * radius][-_PLANES:]
-        step = _lowest(near if best in near else [best, *near], best, radius, inside)
+        step = _lowest(near if best in near else [best, *near], best, radius, margin)
         count = judge.count
         new = tangents.plane(step.to) if step.gain > 0.0 or best.violation > 0.0 else None
         new = new if judge.count > count else None  # an evaluated point is no progress: two could alternate
@@ -419,7 +419,7 @@ def _descend(tangents: _Tangents, judge: ProblemEvaluator, start: FloatArray, en
             radius = min(_GROW * radius, _LARGEST_BOX)
         if new is not None:
             maximum = _INSIDE * radius if best.violation <= 0.0 else _MOST_INSIDE
-            inside = min(max(new.violation, _LEAST_INSIDE), maximum)
+            margin = min(max(new.violation, _LEAST_INSIDE), maximum)
             planes.append(new)
             best = new if gain > 0.0 else best
 
@@ -433,7 +433,7 @@ class _Step:
     gain: float  #: expected reduction of the merit
 
 
-def _lowest(planes: list[Plane], best: Plane, radius: float, inside: float) -> _Step:
+def _lowest(planes: list[Plane], best: Plane, radius: float, margin: float) -> _Step:
     """Return the step to the lowest point of all planes in the box about the best variant.
 
     The price is above what a violation gains, so that a search that pays it ends without violation.
@@ -451,7 +451,7 @@ def _lowest(planes: list[Plane], best: Plane, radius: float, inside: float) -> _
     for plane in planes:
         add(plane.cost / size, best.cost / size, plane.cost_slope / size, plane.at, -1.0, 0.0)
         for i, violation, slope in plane.cuts:
-            add(violation + inside, float(best.violations[i]) + inside, slope, plane.at, 0.0, -1.0)
+            add(violation + margin, float(best.violations[i]) + margin, slope, plane.at, 0.0, -1.0)
     box = [(max(x - radius, 0.0), min(x + radius, 1.0)) for x in best.at.tolist()]
     goal, bounds = [*(0.0 * best.at), 1.0, _PENALTY], [*box, (None, None), (0.0, None)]
     solution = linprog(goal, A_ub=rows, b_ub=limits, bounds=bounds, method="highs")
@@ -460,4 +460,4 @@ def _lowest(planes: list[Plane], best: Plane, radius: float, inside: float) -> _
     *to, cost, violation = np.asarray(solution.x, dtype=float).tolist()
     marginals = -np.asarray(solution.ineqlin.marginals)[[row[-1] < 0.0 for row in rows]]
     price = size * min(max(_PRICE_MARGIN * float(marginals.sum()), _LEAST_PRICE), _PENALTY)
-    return _Step(np.clip(to, 0.0, 1.0), price, best.merit(price) - size * cost - price * max(violation - inside, 0.0))
+    return _Step(np.clip(to, 0.0, 1.0), price, best.merit(price) - size * cost - price * max(violation - margin, 0.0))

@@ -163,8 +163,8 @@ class Evaluations:
     @property
     def best(self) -> int | None:
         """Index of the best variant that satisfies all constraints; None if there is none."""
-        inside = np.flatnonzero(is_feasible(self.violations))
-        return int(inside[np.argmin(self.costs[inside, 0])]) if len(inside) else None
+        feasible = np.flatnonzero(is_feasible(self.violations))
+        return int(feasible[np.argmin(self.costs[feasible, 0])]) if len(feasible) else None
 
     @property
     def nearest(self) -> int:
@@ -178,9 +178,9 @@ class Evaluations:
         Discontinuous quantities, such as lost contact, have no slack: this distance shows whether they are active.
         Infinite if no variant violates the constraint; zero if the variant itself does.
         """
-        passing = (self.violations[:, bound] > 0.0) & np.array([row.status.ok for row in self.rows])
+        violating = (self.violations[:, bound] > 0.0) & np.array([row.status.ok for row in self.rows])
         steps = np.abs(self.parts - self.parts[at]).max(axis=1)
-        return float(steps[passing].min(initial=np.inf))
+        return float(steps[violating].min(initial=np.inf))
 
 
 class ProblemEvaluator:
@@ -282,10 +282,10 @@ def _differential_evolution(
     def violations(x: FloatArray) -> FloatArray:
         return judge.evaluate(np.atleast_2d(x.T))[1].T
 
-    cube, inside = Bounds(np.zeros(variables), np.ones(variables)), NonlinearConstraint(violations, -np.inf, 0.0)
+    cube, constraint = Bounds(np.zeros(variables), np.ones(variables)), NonlinearConstraint(violations, -np.inf, 0.0)
     differential_evolution(
         cost,  # pyright: ignore[reportArgumentType] - vectorized
-        cube, constraints=inside, init=start, maxiter=max(evaluations // generation - 1, 1), polish=False,
+        cube, constraints=constraint, init=start, maxiter=max(evaluations // generation - 1, 1), polish=False,
         updating="deferred", vectorized=True, rng=rng, tol=1e-6,
     )  # fmt: skip
 
@@ -354,9 +354,9 @@ def _run_nsga2(judge: ProblemEvaluator, design: OptimizationProblem, size: int, 
 
 def pareto_indices(found: Evaluations) -> list[int]:
     """Return the indices of the Pareto-optimal variants that satisfy all constraints."""
-    inside = np.flatnonzero(is_feasible(found.violations) & np.isfinite(found.costs).all(axis=1)).tolist()
-    costs, first = found.costs[inside], dict[tuple[float, ...], int]()
-    for i, cost in zip(inside, costs, strict=True):
+    feasible = np.flatnonzero(is_feasible(found.violations) & np.isfinite(found.costs).all(axis=1)).tolist()
+    costs, first = found.costs[feasible], dict[tuple[float, ...], int]()
+    for i, cost in zip(feasible, costs, strict=True):
         if not ((costs <= cost).all(axis=1) & (costs < cost).any(axis=1)).any():
             first.setdefault(tuple(cost.tolist()), i)
     return sorted(first.values(), key=lambda i: float(found.costs[i, 0]))

@@ -343,10 +343,10 @@ def _interrupted_status(sweep: Sweep, target: OutputTarget) -> Status:
 def _open_journal(sweep: Sweep, target: OutputTarget) -> Generator[Journal]:
     """Open the journal of a sweep after checking that its tables may be written."""
     path, belongs = target.journal(sweep.name), sweep.identification(histories=target.histories)
-    ours = target.resume and path.exists()
+    resumed = target.resume and path.exists()
     for table in target.tables(sweep.name):
-        check_writable("table", table, overwrite=target.overwrite or ours)
-    if target.histories and not (target.overwrite or ours) and (files := target.existing_histories(sweep.name)):
+        check_writable("table", table, overwrite=target.overwrite or resumed)
+    if target.histories and not (target.overwrite or resumed) and (files := target.existing_histories(sweep.name)):
         why, remedy = "flexcam overwrites no file by itself", "--overwrite replaces them; or name another folder"
         raise refuse("histories", f"{len(files)} in {files[0].parent}", "none from an earlier sweep", why, remedy)
     journal = Journal(path, belongs, resume=target.resume, overwrite=target.overwrite)

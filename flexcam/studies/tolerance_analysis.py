@@ -42,8 +42,8 @@ class PartScatter:
             return self.middle + self.half * (2.0 * part - 1.0)
         from statistics import NormalDist
 
-        beyond = NormalDist().cdf(-_TRUNCATION)
-        return self.middle + self.half / _SIGMAS * NormalDist().inv_cdf(min(max(part, beyond), 1.0 - beyond))
+        tail = NormalDist().cdf(-_TRUNCATION)
+        return self.middle + self.half / _SIGMAS * NormalDist().inv_cdf(min(max(part, tail), 1.0 - tail))
 
 
 def parse_scatters(case: Case, settings: Sequence[str], option: str = "--tolerance") -> tuple[PartScatter, ...]:
@@ -73,10 +73,10 @@ def _parse_scatter(case: Case, setting: str, where: str) -> PartScatter:
     if not half > 0.0:
         raise refuse(where, repr(spec), "a width above zero", "the value would not vary")
     scatter = PartScatter(number.key, number.value, half, kind)
-    widest = 100.0 if kind == "uniform" else 100.0 * _SIGMAS / _TRUNCATION
-    if match[2].endswith("%") and half >= 0.01 * widest * abs(number.value):
+    maximum = 100.0 if kind == "uniform" else 100.0 * _SIGMAS / _TRUNCATION
+    if match[2].endswith("%") and half >= 0.01 * maximum * abs(number.value):
         why = "some parts would have zero or the other sign"
-        raise refuse(where, repr(spec), f"less than ±{widest:g} %", why, f"give less, such as {key}=±5%")
+        raise refuse(where, repr(spec), f"less than ±{maximum:g} %", why, f"give less, such as {key}=±5%")
     for end in (0.0, 1.0):
         number_after_override(case, number.key, repr(scatter.value(end)), where)  # raises an error for an invalid value
     return scatter

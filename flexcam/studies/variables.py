@@ -50,8 +50,8 @@ def interval_widths(case: Case, variables: Sequence[Variable]) -> FloatArray:
 
 def duplicate_key_faults(option: str, keys: Sequence[str]) -> list[Fault]:
     """Return a fault for every key given more than once."""
-    twice = dict.fromkeys(key for key in keys if keys.count(key) > 1)
-    return [Fault(option, repr(key), "every key once", "it is given twice", "") for key in twice]
+    repeated = dict.fromkeys(key for key in keys if keys.count(key) > 1)
+    return [Fault(option, repr(key), "every key once", "it is given twice", "") for key in repeated]
 
 
 def _variable(case: Case, setting: str, where: str) -> Variable:
@@ -183,9 +183,9 @@ class WorstCase:
             for variant in variants:
                 group = [next(rows) for _ in self.conditions]
                 if derive is not None and all(row.status.ok for row in group):
-                    at = sorted(set(self._worst_indices(group).values()))
-                    derived = derive([(*variant, *self.conditions[i]) for i in at])
-                    for i, row in zip(at, derived, strict=True):  # without derivatives the values still count
+                    indices = sorted(set(self._worst_indices(group).values()))
+                    derived = derive([(*variant, *self.conditions[i]) for i in indices])
+                    for i, row in zip(indices, derived, strict=True):  # without derivatives the values still count
                         status = Status(text=row.status.text)
                         group[i] = replace(group[i], status=status, derivatives=row.derivatives, extremes=row.extremes)
                 yield self.combine(group)
@@ -197,13 +197,13 @@ class WorstCase:
         for row in rows:
             if not row.status.ok:
                 return row
-        at = {name: rows[i] for name, i in self._worst_indices(rows).items()}
+        worst = {name: rows[i] for name, i in self._worst_indices(rows).items()}
         status = next((row.status for row in rows if row.status.text), rows[0].status)
-        derived = at if all(row.derivatives for row in at.values()) else ()
+        derived = worst if all(row.derivatives for row in worst.values()) else ()
         return replace(
-            rows[0], status=status, scalars={name: row.scalars[name] for name, row in at.items()},
-            derivatives={name: at[name].derivatives[name] for name in derived},
-            extremes={name: tuple(self._other_extremes(name, at[name], rows)) for name in derived},
+            rows[0], status=status, scalars={name: row.scalars[name] for name, row in worst.items()},
+            derivatives={name: worst[name].derivatives[name] for name in derived},
+            extremes={name: tuple(self._other_extremes(name, worst[name], rows)) for name in derived},
         )  # fmt: skip
 
     def _worst_indices(self, rows: Sequence[Row]) -> dict[str, int]:
@@ -214,8 +214,8 @@ class WorstCase:
             if all(name in row.scalars for row in rows):
                 worst = np.isnan(values) if np.isnan(values).any() else values == values.max()
                 candidates[name] = np.flatnonzero(worst).tolist()
-        chosen = {at[0] for at in candidates.values() if len(at) == 1}
-        return {name: next((i for i in at if i in chosen), at[0]) for name, at in candidates.items()}
+        chosen = {tied[0] for tied in candidates.values() if len(tied) == 1}
+        return {name: next((i for i in tied if i in chosen), tied[0]) for name, tied in candidates.items()}
 
     def _other_extremes(self, name: str, worst: Row, rows: Sequence[Row]) -> Iterator[tuple[float, ...]]:
         """Yield the other extremes of a quantity: those of the worst condition, and all of others with derivatives.
