@@ -127,8 +127,8 @@ class CamFacts:
         """Diameter of a flat face that just contains the contact line over the revolution, m; None for others."""
         if self.profile is None or not isinstance(self.cam.follower, FlatFollower):
             return None
-        farthest = max(abs(end.value) for end in self.profile.extremes.offset)
-        return 2.0 * self.cam.follower.face_radius(farthest, self.cam.width)
+        maximum = max(abs(end.value) for end in self.profile.extremes.offset)
+        return 2.0 * self.cam.follower.face_radius(maximum, self.cam.width)
 
     def valve_lift(self, lift: FloatArray) -> FloatArray:
         """Return the lift of the valve for a lift of the cam, m."""
@@ -184,39 +184,39 @@ def cam_facts(
     checking_lifts: Mapping[str, float] = THRESHOLDS,
 ) -> CamFacts:  # fmt: skip
     """Return the facts about a cam; the lash at the follower, m, delays the valve."""
-    event, profile, least = cam.event, None, None
-    lift, met = event_extremes(event), joints(event)
+    event, profile, base_radius = cam.event, None, None
+    lift, boundaries = event_extremes(event), joints(event)
     findings: list[ProfileFault] = []
-    if lift[0].value < (lowest := -NEGATIVE_LIFT_TOLERANCE * lift[1].value):
+    if lift[0].value < (minimum := -NEGATIVE_LIFT_TOLERANCE * lift[1].value):
         what = "the lift is negative: the cam would be cut into its base circle"
         remedy = "use another law or table, or smooth less"
-        findings.append(ProfileFault(what, remedy, lift[0].at, lift[0].value, lowest))
+        findings.append(ProfileFault(what, remedy, lift[0].at, lift[0].value, minimum))
     if cam.follower is not None:
         profile = cam_profile(event, cam.follower, count=count, turn=cam.turn)
         with suppress(InputError):  # no base radius is sufficient: the findings explain the faults of the given one
-            least = minimum_base_radius(event, cam.follower, pressure_angle=pressure_angle, turn=cam.turn)
-        helps = least is not None
+            base_radius = minimum_base_radius(event, cam.follower, pressure_angle=pressure_angle, turn=cam.turn)
+        helps = base_radius is not None
         findings += find_profile_faults(
             profile, pressure_angle=pressure_angle, cutter=cutter, base_helps=helps, width=cam.width
         )
     velocity, acceleration, jerk = (max(abs(end.value) for end in event_extremes(event, n)) for n in (1, 2, 3))
     return CamFacts(
-        cam, lift, velocity, acceleration, None if any(one.steps[2] for one in met) else jerk,
-        tuple(np.abs(harmonics(event, _HARMONICS))[1:].tolist()), met,
-        {name: valve_event(event, at, ratio=ratio, lash=ratio * lash) for name, at in checking_lifts.items()},
-        {name: valve_event(event, at) for name, at in checking_lifts.items()}, profile, findings, least,
+        cam, lift, velocity, acceleration, None if any(joint.steps[2] for joint in boundaries) else jerk,
+        tuple(np.abs(harmonics(event, _HARMONICS))[1:].tolist()), boundaries,
+        {name: valve_event(event, height, ratio=ratio, lash=ratio * lash) for name, height in checking_lifts.items()},
+        {name: valve_event(event, height) for name, height in checking_lifts.items()}, profile, findings, base_radius,
         pressure_angle, centreline(event), ratio, lash, tdc, checking_lifts,
     )  # fmt: skip
 
 
 def valve_overlaps(facts: Mapping[str, CamFacts]) -> list[tuple[str, str, str, float]]:
     """Return the valve overlap of every pair of cams."""
-    found: list[tuple[str, str, str, float]] = []
-    for one, other in combinations(facts, 2):
-        for lift, first in facts[one].events.items():
-            if first and (second := facts[other].events[lift]):
-                found.append((one, other, lift, overlap(first, second)))
-    return found
+    overlaps: list[tuple[str, str, str, float]] = []
+    for cam1, cam2 in combinations(facts, 2):
+        for lift, first in facts[cam1].events.items():
+            if first and (second := facts[cam2].events[lift]):
+                overlaps.append((cam1, cam2, lift, overlap(first, second)))
+    return overlaps
 
 
 def lobe_separation(one: CamFacts, other: CamFacts) -> float:
@@ -226,12 +226,12 @@ def lobe_separation(one: CamFacts, other: CamFacts) -> float:
 
 def cylinders(facts: Mapping[str, CamFacts]) -> list[dict[str, CamFacts]]:
     """Return the cams with the same top dead centre, as far as it is given."""
-    found: dict[float, dict[str, CamFacts]] = {}
-    for name, one in facts.items():
-        if one.tdc is not None:
-            angle = round(one.tdc % (2.0 * math.pi), _ANGLE_DECIMALS) % round(2.0 * math.pi, _ANGLE_DECIMALS)
-            found.setdefault(angle, {})[name] = one
-    return list(found.values())
+    groups: dict[float, dict[str, CamFacts]] = {}
+    for name, cam in facts.items():
+        if cam.tdc is not None:
+            angle = round(cam.tdc % (2.0 * math.pi), _ANGLE_DECIMALS) % round(2.0 * math.pi, _ANGLE_DECIMALS)
+            groups.setdefault(angle, {})[name] = cam
+    return list(groups.values())
 
 
 def exhaust_and_intake(one: CamFacts, other: CamFacts) -> bool:
@@ -323,7 +323,7 @@ def harmonic_cam(
 def polydyne_cam(case: Case, cam: str | None, *, speed: float | None = None, count: int = 60) -> PolydyneCam:
     """Return the cam with which the flexible valve follows the rigid valve lift of the case's cam."""
     model = build_model(case)
-    name, at = _select_cam(model.cams, cam), case.speed if speed is None else speed
+    name, omega_0 = _select_cam(model.cams, cam), case.speed if speed is None else speed
     ratio, phase, contact = valve_ratio(model, name), case.record.cams[name].start_angle, _contact_name(model, name)
     start = model.cam_contacts[contact].follower
     finger = model.rocker_points.get(start)
@@ -333,8 +333,8 @@ def polydyne_cam(case: Case, cam: str | None, *, speed: float | None = None, cou
         follower = model.mesh.connected_nodes(model.mesh.node(start))
         points = [r.point for r in model.rockers.values() if not r.finger and model.mesh.node(r.start) in follower]
         valve = points[0] if points else start
-    transfer = lift_transfer(model, contact, valve, at)
-    return _evaluate_design(model.cams[name].event, phase, lambda omega: transfer(omega) / ratio, at, ratio, count)
+    transfer = lift_transfer(model, contact, valve, omega_0)
+    return _evaluate_design(model.cams[name].event, phase, lambda omega: transfer(omega) / ratio, omega_0, ratio, count)
 
 
 def design_polydyne(cams: CamSet, cam: str | None, transfer: Transfer, speed: float, count: int) -> PolydyneCam:
@@ -344,9 +344,9 @@ def design_polydyne(cams: CamSet, cam: str | None, transfer: Transfer, speed: fl
 
 
 def _evaluate_design(
-    wanted: Event, phase: float, transfer: Transfer, speed: float, ratio: float, count: int
+    event: Event, phase: float, transfer: Transfer, speed: float, ratio: float, count: int
 ) -> PolydyneCam:
-    design = polydyne(wanted, transfer, speed, count=count)
+    design = polydyne(event, transfer, speed, count=count)
     plain = Polydyne(design.wanted, design.wanted, 0.0)
     speeds = speed * np.array(SPEED_RATIOS)
     before, after = (ratio * off_design_deviation(cam, transfer, speeds.tolist()) for cam in (plain, design))

@@ -87,8 +87,8 @@ class Comparison:
     @property
     def peak_acceleration_ratio(self) -> float:
         """Ratio of the maximum accelerations of the flexible and the rigid system."""
-        still = self.deviations[2].rigid_peak
-        return self.deviations[2].flexible_peak / still if still > 0.0 else 0.0
+        rigid = self.deviations[2].rigid_peak
+        return self.deviations[2].flexible_peak / rigid if rigid > 0.0 else 0.0
 
 
 _SAME_ANGLE = 1e-6  # tolerance for equal cam angles, rad
@@ -124,17 +124,17 @@ def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -
     if not np.array_equal(flexible.time, rigid.time[:count]):
         why = "the results are compared instant by instant"
         raise refuse("responses", "responses at different instants", "the same instants", why)
-    moved, still = scalar_history(flexible, probe), rigid[probe]
-    lift = value_range(rigid.time, still.displacement, still.velocity)
+    motion, base = scalar_history(flexible, probe), rigid[probe]
+    lift = value_range(rigid.time, base.displacement, base.velocity)
     if lift == 0.0:
         why, remedy = "it does not move in the other result", "add a follower's point to output.probes"
         raise refuse("probe", repr(probe), "a point that the cam moves", why, remedy)
-    found = [_compute_deviation(name, moved, still, flexible) for name in ("displacement", "velocity", "acceleration")]
-    at = peak(flexible.time, moved.acceleration[:count])[1]
-    angle = float(np.degrees(np.interp(at, flexible.time, flexible.angle)))
-    deviations = found[0], found[1], found[2]
-    there = abs(float(np.interp(at, rigid.time, still.displacement))) / lift
-    return Comparison(probe, speed_rpm, lift, deviations, flexible.status, peak_acceleration_deg=angle, peak_lift=there)
+    parts = [_compute_deviation(name, motion, base, flexible) for name in ("displacement", "velocity", "acceleration")]
+    instant = peak(flexible.time, motion.acceleration[:count])[1]
+    angle = float(np.degrees(np.interp(instant, flexible.time, flexible.angle)))
+    deviations = parts[0], parts[1], parts[2]
+    share = abs(float(np.interp(instant, rigid.time, base.displacement))) / lift
+    return Comparison(probe, speed_rpm, lift, deviations, flexible.status, peak_acceleration_deg=angle, peak_lift=share)
 
 
 def compare_responses(
@@ -152,8 +152,8 @@ def compare_responses(
     return replace(compare(*both, probe, speed_rpm), names=names)
 
 
-def _common_time(one: Response, other: Response) -> tuple[float, float]:
-    return max(one.time[0], other.time[0]), min(one.time[-1], other.time[-1])
+def _common_time(first: Response, second: Response) -> tuple[float, float]:
+    return max(first.time[0], second.time[0]), min(first.time[-1], second.time[-1])
 
 
 def describe_common_part(one: Response, other: Response, names: tuple[str, str]) -> list[str]:
@@ -170,15 +170,15 @@ def _mean_rpm(response: Response) -> float:
     return float((response.angle[-1] - response.angle[0]) / (response.time[-1] - response.time[0])) / RPM
 
 
-def _compute_deviation(quantity: str, moved: History, still: History, flexible: Response) -> Deviation:
+def _compute_deviation(quantity: str, motion: History, base: History, flexible: Response) -> Deviation:
     time, slope = flexible.time, SLOPES.get(quantity)  # the dense output has slopes of some quantities
-    flexed: FloatArray = getattr(moved, quantity)[: len(time)]
-    rigid: FloatArray = getattr(still, quantity)[: len(time)]
-    flexing, turning = (getattr(one, slope)[: len(time)] if slope else None for one in (moved, still))
+    flexed: FloatArray = getattr(motion, quantity)[: len(time)]
+    rigid: FloatArray = getattr(base, quantity)[: len(time)]
+    rate, rigid_rate = (getattr(history, slope)[: len(time)] if slope else None for history in (motion, base))
     difference = flexed - rigid
-    largest, at = peak(time, difference, None if flexing is None or turning is None else flexing - turning)
-    rms, angle = float(np.sqrt(np.mean(difference**2))), float(np.degrees(np.interp(at, time, flexible.angle)))
-    return Deviation(quantity, largest, rms, peak(time, rigid, turning)[0], peak(time, flexed, flexing)[0], angle)
+    maximum, instant = peak(time, difference, None if rate is None or rigid_rate is None else rate - rigid_rate)
+    rms, angle = float(np.sqrt(np.mean(difference**2))), float(np.degrees(np.interp(instant, time, flexible.angle)))
+    return Deviation(quantity, maximum, rms, peak(time, rigid, rigid_rate)[0], peak(time, flexed, rate)[0], angle)
 
 
 MODELS = ("rigid", "bilateral", "unilateral")
@@ -206,31 +206,31 @@ def compare_models_over_speed(
 ) -> list[SpeedResult]:
     """Run a case over speeds with a rigid train, a bilateral contact and a unilateral contact."""
     model = prepare(case).model
-    known = [name for name, one in model.contacts.items() if isinstance(one, CamContact) and one.unilateral]
+    known = [name for name, part in model.contacts.items() if isinstance(part, CamContact) and part.unilateral]
     if not known or (contact is not None and contact not in known):
         allowed = f"one of {', '.join(known)}" if known else 'a cam contact with model = "unilateral"'
         raise refuse("contacts", "none" if contact is None else repr(contact), allowed)
-    chosen, found = contact or known[0], list[SpeedResult]()
+    chosen, results = contact or known[0], list[SpeedResult]()
     for speed in track_progress(speeds, advance):
-        one = case.at_speed(speed)
-        rigid, free = prepare(one, rigid=True), prepare(one)
-        still = _force_range(rigid, free, chosen, len(speeds))
-        forces: dict[str, ForceRange | None] = {"rigid": still}
-        held = _with_bilateral_contact(free, chosen, still.largest if still else 0.0)
-        for name, ready in (("bilateral", held), ("unilateral", free)):
+        variant = case.at_speed(speed)
+        rigid, free = prepare(variant, rigid=True), prepare(variant)
+        rigid_force = _force_range(rigid, free, chosen, len(speeds))
+        forces: dict[str, ForceRange | None] = {"rigid": rigid_force}
+        bilateral = _with_bilateral_contact(free, chosen, rigid_force.largest if rigid_force else 0.0)
+        for name, ready in (("bilateral", bilateral), ("unilateral", free)):
             forces[name] = _force_range(ready, free, chosen, len(speeds))
-        found.append(SpeedResult(speed / RPM, forces))
-    return found
+        results.append(SpeedResult(speed / RPM, forces))
+    return results
 
 
 def divergence_speed(found: Sequence[SpeedResult], first: str, second: str, tolerance: float = 0.05) -> float | None:
     """Return the lowest speed, rpm, at which two models differ by more than a fraction of the force; None if never."""
     for result in found:
-        one, other = result.forces[first], result.forces[second]
-        if one is None or other is None:
+        force1, force2 = result.forces[first], result.forces[second]
+        if force1 is None or force2 is None:
             return result.rpm
-        size = max(one.largest, other.largest)
-        if max(abs(one.largest - other.largest), abs(one.least - other.least)) > tolerance * size:
+        size = max(force1.largest, force2.largest)
+        if max(abs(force1.largest - force2.largest), abs(force1.least - force2.least)) > tolerance * size:
             return result.rpm
     return None
 
@@ -259,10 +259,10 @@ def _with_bilateral_contact(ready: PreparedRun, contact: str, force: float) -> P
         width, give, rest, reference, _, limit = line.law().constants
         limit *= float(line.radius(np.array([event_extremes(cam.event)[1].at]), 0)[0])
         depth = np.geomspace(1e-8, 1e-4, 400)
-        there = [width * line_load(x, limit, give, rest, reference)[0] for x in depth.tolist()]
-        stiffness = force / float(np.interp(force, there, depth))
-    held = replace(part, unilateral=False, stiffness=stiffness, restitution=None)
-    model = replace(ready.model, contacts={**ready.model.contacts, contact: held})
+        forces = [width * line_load(x, limit, give, rest, reference)[0] for x in depth.tolist()]
+        stiffness = force / float(np.interp(force, forces, depth))
+    bilateral = replace(part, unilateral=False, stiffness=stiffness, restitution=None)
+    model = replace(ready.model, contacts={**ready.model.contacts, contact: bilateral})
     system = build_system(model, ready.case.speed)
     start = equilibrium(system, ready.problem.drive)
     return replace(ready, model=model, problem=replace(ready.problem, system=system, start=start))
@@ -300,14 +300,14 @@ def check_claims(case: Case, probe: str, here: Comparison) -> list[Claim]:
         with_law = replace(case, record=case.record.model_copy(update={"cams": cams}))
         laws[name] = deviation(with_law, probe)
     largest = max(laws, key=lambda name: laws[name].peak_deviation)
-    deviations = ", ".join(f"{name} {one.peak_deviation:.3f}" for name, one in laws.items())
+    deviations = ", ".join(f"{name} {comparison.peak_deviation:.3f}" for name, comparison in laws.items())
     # The meshes of all three models in the folder of the case's mesh.
     folder = (find_referenced_file(case.path, case.record.mesh or "") or case.path).parent
     meshes = {f"model {k}": folder / f"tayeb-{k}.msh" for k in (1, 2, 3)}
     cases = {name: replace(case, mesh=read_mesh(path)) for name, path in meshes.items() if path.is_file()}
-    others = {name: deviation(one, probe).peak_deviation for name, one in (cases or {"this model": case}).items()}
-    models = ", ".join(f"{name} {value:.4f}" for name, value in others.items())
-    spread = max(others.values()) - min(others.values())
+    peaks = {name: deviation(c, probe).peak_deviation for name, c in (cases or {"this model": case}).items()}
+    models = ", ".join(f"{name} {value:.4f}" for name, value in peaks.items())
+    spread = max(peaks.values()) - min(peaks.values())
     angle = here.deviations[0].angle_deg % 360.0
     off = (angle + 90.0) % 180.0 - 90.0
     where = f"it is largest at cam {angle:.1f} deg"
@@ -321,7 +321,7 @@ def check_claims(case: Case, probe: str, here: Comparison) -> list[Claim]:
         Claim("SHM has the largest displacement", largest == "shm", f"largest deviation / lift: {deviations}"),
         Claim(
             "the response depends on the model's number of unknowns",
-            spread > 0.01 * max(others.values()),
+            spread > 0.01 * max(peaks.values()),
             f"largest deviation / lift: {models}; the pushrod is far stiffer than the spring",
         ),
         Claim("the deviation is largest at multiples of 180 deg", abs(off) < 1.0, where),
@@ -352,9 +352,9 @@ def _check_instability(case: Case, probe: str) -> Claim:
 def excited_mode(case: Case) -> float:
     """Return the frequency, Hz, of the mode nearest to the cam speed among those excited by the contact force."""
     structure = build_structure(build_model(case))
-    found = model_modes(structure).modes
+    modes = model_modes(structure).modes
     contact = next(iter(structure.model.cam_contacts.values()))
     push = structure.row(contact.follower, contact.direction)
-    driven = abs(push @ found.shapes)
-    loaded = [f for f, part in zip(found.frequencies, driven, strict=True) if f > 0.0 and part > 1e-3 * driven.max()]
-    return float(min(loaded, key=lambda f: abs(math.log(f * 2.0 * math.pi / case.speed))))
+    forces = abs(push @ modes.shapes)
+    driven = [f for f, force in zip(modes.frequencies, forces, strict=True) if f > 0.0 and force > 1e-3 * forces.max()]
+    return float(min(driven, key=lambda f: abs(math.log(f * 2.0 * math.pi / case.speed))))

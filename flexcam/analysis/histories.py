@@ -41,8 +41,8 @@ class Histories:
     def size(self, quantity: str) -> float:
         """Return the maximum absolute value of a quantity; for the lift its range, unless it is constant."""
         history = self.time, self.values[quantity], self.slopes.get(quantity)
-        moved = value_range(*history) if quantity == "lift" else 0.0
-        return moved or peak(*history)[0]
+        extent = value_range(*history) if quantity == "lift" else 0.0
+        return extent or peak(*history)[0]
 
 
 def scalar_history(response: Response, probe: str) -> History:
@@ -70,12 +70,12 @@ def with_seating(histories: Histories, response: Response) -> Histories:
     """Return histories with the seating velocity of every valve in the last revolution."""
     last = response.angle > response.angle[-1] - 2.0 * np.pi
     values = dict(histories.values)
-    for name in (one.removesuffix(".gap") for one in response.channels if one.endswith(".gap")):
+    for name in (channel.removesuffix(".gap") for channel in response.channels if channel.endswith(".gap")):
         if f"{name}.velocity" in response.channels:
-            gap, velocity = (response.channels[f"{name}.{one}"][last] for one in ("gap", "velocity"))
-            if (came := seating(gap, velocity, response.angle[last])) is not None:
+            gap, velocity = (response.channels[f"{name}.{series}"][last] for series in ("gap", "velocity"))
+            if (closing := seating(gap, velocity, response.angle[last])) is not None:
                 seat = f"{_SEATING} {name.partition('.')[2]}"
-                values[seat] = np.full_like(response.time, came.velocity)
+                values[seat] = np.full_like(response.time, closing.velocity)
     return replace(histories, values=values)
 
 
@@ -99,26 +99,26 @@ def distance(one: Histories, other: Histories, *, norm: Norm | None = "max") -> 
     count = min(len(coarse.time), (len(fine.time) - 1) // every + 1)
     if np.abs(fine.time[::every][:count] - coarse.time[:count]).max(initial=0.0) > _INSTANT_TOLERANCE * step:
         raise refuse("responses", "instants that differ", "one step a multiple of the other")
-    found: dict[str, float] = {}
+    differences: dict[str, float] = {}
     for name in (name for name in coarse.values if name in fine.values):
         difference = fine.values[name][::every][:count] - coarse.values[name][:count]
         if select_norm(name, norm) == "max":
-            found[name] = _maximum_difference(fine, coarse, name, difference)
+            differences[name] = _maximum_difference(fine, coarse, name, difference)
         else:
-            found[name] = float(np.sqrt(np.mean(difference**2))) if count else 0.0
-    return found
+            differences[name] = float(np.sqrt(np.mean(difference**2))) if count else 0.0
+    return differences
 
 
 def _maximum_difference(fine: Histories, coarse: Histories, name: str, difference: FloatArray) -> float:
     """Return the maximum difference of a quantity, given the difference at common instants."""
-    found = max(float(np.abs(difference).max(initial=0.0)), abs(fine.size(name) - coarse.size(name)))
+    maximum = max(float(np.abs(difference).max(initial=0.0)), abs(fine.size(name) - coarse.size(name)))
     slopes = coarse.slopes.get(name)
     if slopes is None or len(coarse.time) < 2:
-        return found
-    both = fine.time <= coarse.time[-1]
+        return maximum
+    common = fine.time <= coarse.time[-1]
     values, rates = coarse.values[name][:, None], slopes[:, None]
-    between = Series(values, rates, np.zeros_like(rates)).interpolate(coarse.time, fine.time[both]).displacement[:, 0]
-    return max(found, float(np.abs(fine.values[name][both] - between).max(initial=0.0)))
+    curve = Series(values, rates, np.zeros_like(rates)).interpolate(coarse.time, fine.time[common]).displacement[:, 0]
+    return max(maximum, float(np.abs(fine.values[name][common] - curve).max(initial=0.0)))
 
 
 def response_block(response: Response) -> Block:

@@ -114,8 +114,8 @@ class Limits:
     @property
     def first(self) -> str | None:
         """Name of the lowest limit; None if no limit is met."""
-        met = {name: one.rpm for name, one in self.limits.items() if one.rpm is not None}
-        return min(met, key=lambda name: met[name]) if met else None
+        speeds = {name: limit.rpm for name, limit in self.limits.items() if limit.rpm is not None}
+        return min(speeds, key=lambda name: speeds[name]) if speeds else None
 
 
 Condition = Callable[[Response, PreparedRun], list[str]]
@@ -140,27 +140,27 @@ def find_limits(
     described = {name: words for name, (_, words) in conditions if among is None or name in among}
     serial = partial(evaluate_speed, case, search, described, runs=runs, model=model)
     pending: dict[float, Callable[[], ConditionResults]] = {}
-    seen: dict[float, ConditionResults] = {}
-    found: dict[str, Limit] = {}
+    done: dict[float, ConditionResults] = {}
+    limits: dict[str, Limit] = {}
     searches = {name: _bisect_limit(name, words, search) for name, words in described.items()}
-    wanted = {name: next(one) for name, one in searches.items()}
-    while wanted:
-        needed = [speed for speed in dict.fromkeys(speeds[0] for speeds in wanted.values()) if speed not in seen]
+    queues = {name: next(generator) for name, generator in searches.items()}
+    while queues:
+        needed = [speed for speed in dict.fromkeys(speeds[0] for speeds in queues.values()) if speed not in done]
         begun = [speed for speed in needed if speed not in pending]
-        later = [speed for speed in max(wanted.values(), key=len)[1:] if speed not in pending and speed not in begun]
-        begun += later[: max(ahead - len(begun) - len(pending.keys() - seen.keys()), 0)]
+        later = [speed for speed in max(queues.values(), key=len)[1:] if speed not in pending and speed not in begun]
+        begun += later[: max(ahead - len(begun) - len(pending.keys() - done.keys()), 0)]
         pending.update(zip(begun, start(begun) if start else [partial(serial, speed) for speed in begun], strict=True))
         for speed in track_progress([speed for speed in pending if speed in needed][:1], advance):
-            seen[speed] = pending[speed]()
-        for name, speeds in list(wanted.items()):
-            if speeds[0] not in seen:
+            done[speed] = pending[speed]()
+        for name, speeds in list(queues.items()):
+            if speeds[0] not in done:
                 continue
             try:
-                wanted[name] = searches[name].send(seen[speeds[0]])
+                queues[name] = searches[name].send(done[speeds[0]])
             except StopIteration as end:
-                found[name] = end.value
-                del wanted[name]
-    return Limits({name: found[name] for name in described}, search.lowest / RPM, search.highest / RPM)
+                limits[name] = end.value
+                del queues[name]
+    return Limits({name: limits[name] for name in described}, search.lowest / RPM, search.highest / RPM)
 
 
 def evaluate_speed(
@@ -170,18 +170,18 @@ def evaluate_speed(
     """Run a case at a camshaft speed, rad/s, and return which parts meet the conditions of some limits."""
     ready = prepare(case.at_speed(speed, _REVOLUTIONS), model=model)
     system = ready.problem.system
-    read = {f"contacts.{name}.force" for name in ready.model.cam_contacts} | {
-        f"contacts.{name}.{one}" for name, part in ready.model.contacts.items() if isinstance(part, Seat)
-        for one in ("gap", "velocity")
+    names = {f"contacts.{name}.force" for name in ready.model.cam_contacts} | {
+        f"contacts.{name}.{quantity}" for name, part in ready.model.contacts.items() if isinstance(part, Seat)
+        for quantity in ("gap", "velocity")
     }  # fmt: skip
-    seen = tuple(one for one in system.channels if one.name in read or one.name.endswith((".clash", ".buckling_use")))
-    problem = replace(ready.problem, system=replace(system, channels=seen, probes=()), runs=runs * len(search.speeds()))
+    used = tuple(c for c in system.channels if c.name in names or c.name.endswith((".clash", ".buckling_use")))
+    problem = replace(ready.problem, system=replace(system, channels=used, probes=()), runs=runs * len(search.speeds()))
     response = solve(problem, ready.scheme, save=SaveAt(field_every=problem.steps, energies=False))
     reraise_interrupt(response.status)
     if not response.status.ok:
         return f"the run at {shaft_speed(speed, case.turns)} ended: {response.status.text}"
     conditions = _conditions(ready.model, search).items()
-    return {name: met(response, ready) for name, (met, _) in conditions if among is None or name in among}
+    return {name: condition(response, ready) for name, (condition, _) in conditions if among is None or name in among}
 
 
 def applicable_limits(case: Case) -> tuple[str, ...]:
@@ -241,10 +241,10 @@ def _bisect_limit(name: str, words: str, search: Search) -> Generator[Speeds, Co
         if failure:
             return Limit(None, width, f"{words}: not known up to the highest speed of the search{failure}", known=False)
         return Limit(None, width, f"not reached up to the highest speed of the search; criterion: {words}")
-    found = Limit(
+    limit = Limit(
         high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)}){failure or failed_above}", bands, examined
     )
-    return replace(found, scatter_rpm=(yield from _scatter(name, low, high))) if search.nearby else found
+    return replace(limit, scatter_rpm=(yield from _scatter(name, low, high))) if search.nearby else limit
 
 
 def _scatter(name: str, low: float, high: float) -> Generator[Speeds, ConditionResults, tuple[float, float] | None]:
@@ -266,64 +266,64 @@ def _bands(
     Return the bands in which it is met and the last examined speed, rpm, and the reason if a run failed.
     """
     bands: list[tuple[float, float | None]] = [(first / RPM, None)]
-    before, number = first / RPM, round(math.log(first) / math.log1p(search.spacing))
+    previous, number = first / RPM, round(math.log(first) / math.log1p(search.spacing))
     speeds = [(1.0 + search.spacing) ** k for k in range(number + 1, number + 1 + _SPEEDS_ABOVE)]
     for k, speed in enumerate(speeds):
         answers = yield speeds[k:]
         if isinstance(answers, str):
-            return bands, before, f"; {answers}"
+            return bands, previous, f"; {answers}"
         begin, end = bands[-1]
         if answers[name] and end is not None:
             bands.append((speed / RPM, None))
         elif not answers[name] and end is None:
-            bands[-1] = begin, before
-        before = speed / RPM
-    return bands, before, ""
+            bands[-1] = begin, previous
+        previous = speed / RPM
+    return bands, previous, ""
 
 
 _RELATIVE_BOUNCE_HEIGHT = 0.02  # bounce height relative to the lift, which is the smaller limit for lifts up to 5 mm
 
 
 def _conditions(model: Model, search: Search | None = None) -> dict[str, tuple[Condition, str]]:
-    asked = search or Search(1.0, 2.0)
-    found: dict[str, tuple[Condition, str]] = {}
+    settings = search or Search(1.0, 2.0)
+    conditions: dict[str, tuple[Condition, str]] = {}
     lifts = [format_quantity("m", main_lift(model, name), digits=3) for name in model.cams]
     loss = f"the follower leaves its cam for over {math.degrees(OPEN):g} deg"
     if spring_held_contacts(model):
         lifted = f"above {' or '.join(dict.fromkeys(lifts))} of lift"
-        found["loss_of_contact"] = (_open_contacts, f"{loss} {lifted}")
-        found["float"] = (_floating_contacts, f"{loss} over the nose")
-        if (cutoff := asked.low_pass) is not None:
+        conditions["loss_of_contact"] = (_open_contacts, f"{loss} {lifted}")
+        conditions["float"] = (_floating_contacts, f"{loss} over the nose")
+        if (cutoff := settings.low_pass) is not None:
             words = f"the cam force below {cutoff:g} Hz vanishes for over {math.degrees(OPEN):g} deg {lifted}"
-            found["filtered_loss"] = (lambda response, ready: _filtered_contacts(response, ready, cutoff), words)
-    if any(isinstance(one, Seat) for one in model.contacts.values()):
+            conditions["filtered_loss"] = (lambda response, ready: _filtered_contacts(response, ready, cutoff), words)
+    if any(isinstance(part, Seat) for part in model.contacts.values()):
         heights = [valve_ratio(model, name) * cam.event.height for name, cam in model.cams.items()]
         default = min(BOUNCE_HEIGHT, _RELATIVE_BOUNCE_HEIGHT * max(heights, default=math.inf))
-        height = default if asked.bounce_height is None else asked.bounce_height
+        height = default if settings.bounce_height is None else settings.bounce_height
         words = f"the valve leaves its seat again by more than {format_quantity('m', height)}"
-        found["bounce"] = (lambda response, ready: _bouncing_seats(response, ready, height), words)
-        if (most := asked.lift_deviation) is not None:
-            words = f"over the nose the valve lifts more than {format_quantity('m', most)} above the rigid train"
-            found["lift_deviation"] = (lambda response, ready: _lofted_valves(response, ready, most), words)
+        conditions["bounce"] = (lambda response, ready: _bouncing_seats(response, ready, height), words)
+        if (deviation := settings.lift_deviation) is not None:
+            words = f"over the nose the valve lifts more than {format_quantity('m', deviation)} above the rigid train"
+            conditions["lift_deviation"] = (lambda response, ready: _lofted_valves(response, ready, deviation), words)
     if any(spring.clash_travel is not None for spring in model.springs.values()):
-        found["coil_clash"] = (partial(_parts_above, ".clash", 0.0), "coils of a spring touch")
+        conditions["coil_clash"] = (partial(_parts_above, ".clash", 0.0), "coils of a spring touch")
     if model.members:
         words = "the compression of a member exceeds its buckling load"
-        found["buckling"] = (partial(_parts_above, ".buckling_use", 1.0), words)
-    return found
+        conditions["buckling"] = (partial(_parts_above, ".buckling_use", 1.0), words)
+    return conditions
 
 
 def _open_contacts(response: Response, ready: PreparedRun) -> list[str]:
     """Return the contacts that are open on the main lift, with the parts of the lift."""
-    found: dict[str, list[str]] = {}
-    for name, lost in _separations(response, ready):
-        if sum(lost.values()) > OPEN:
-            found.setdefault(name, []).extend(flank for flank, angle in lost.items() if angle > 0.0)
-    return [f"{name}, {' and '.join(dict.fromkeys(flanks))}" for name, flanks in found.items()]
+    contacts: dict[str, list[str]] = {}
+    for name, angles in _separations(response, ready):
+        if sum(angles.values()) > OPEN:
+            contacts.setdefault(name, []).extend(flank for flank, angle in angles.items() if angle > 0.0)
+    return [f"{name}, {' and '.join(dict.fromkeys(flanks))}" for name, flanks in contacts.items()]
 
 
 def _floating_contacts(response: Response, ready: PreparedRun) -> list[str]:
-    return list(dict.fromkeys(name for name, lost in _separations(response, ready) if lost["nose"] > OPEN))
+    return list(dict.fromkeys(name for name, angles in _separations(response, ready) if angles["nose"] > OPEN))
 
 
 def _separations(response: Response, ready: PreparedRun) -> Iterator[tuple[str, dict[str, float]]]:
@@ -335,31 +335,31 @@ def _separations(response: Response, ready: PreparedRun) -> Iterator[tuple[str, 
 
 def _revolutions(response: Response, ready: PreparedRun) -> Iterator[NDArray[np.bool_]]:
     """Yield the instants of every revolution but the first."""
-    passed = np.ceil((response.time - response.time[0]) / ready.revolution - _ROUNDING)
-    return (passed == k for k in range(2, int(passed[-1]) + 1))
+    numbers = np.ceil((response.time - response.time[0]) / ready.revolution - _ROUNDING)
+    return (numbers == k for k in range(2, int(numbers[-1]) + 1))
 
 
 def _bouncing_seats(response: Response, ready: PreparedRun, height: float) -> list[str]:
     """Return the seats whose valve rises again after closing and before the next lift."""
-    found: list[str] = []
+    seats: list[str] = []
     for revolution, (name, contact) in product(_revolutions(response, ready), ready.model.contacts.items()):
-        if isinstance(contact, Seat) and name not in found:
-            came = valve_seating(ready.model, response, name, revolution)
-            opened = float(response.channels[f"contacts.{name}.gap"][revolution].max())
-            if came.height > height if came else opened > height:  # or the valve never closes
-                found.append(name)
-    return found
+        if isinstance(contact, Seat) and name not in seats:
+            closing = valve_seating(ready.model, response, name, revolution)
+            gap = float(response.channels[f"contacts.{name}.gap"][revolution].max())
+            if closing.height > height if closing else gap > height:  # or the valve never closes
+                seats.append(name)
+    return seats
 
 
-def _lofted_valves(response: Response, ready: PreparedRun, most: float) -> list[str]:
+def _lofted_valves(response: Response, ready: PreparedRun, limit: float) -> list[str]:
     """Return the seats whose valve rises above the lift of the rigid train over the nose."""
-    seats = {name: one for name, one in ready.model.contacts.items() if isinstance(one, Seat)}
-    found = (
+    seats = {name: part for name, part in ready.model.contacts.items() if isinstance(part, Seat)}
+    lofts = (
         (name, valve_loft(ready.model, response, name, seat, revolution))
         for revolution in _revolutions(response, ready)
         for name, seat in seats.items()
     )
-    return list(dict.fromkeys(name for name, above in found if above is not None and above > most))
+    return list(dict.fromkeys(name for name, loft in lofts if loft is not None and loft > limit))
 
 
 _FILTER_ORDER = 4
@@ -386,8 +386,8 @@ def _filtered_contacts(response: Response, ready: PreparedRun, cutoff: float) ->
     return _open_contacts(replace(response, channels=channels), ready)
 
 
-def _parts_above(end: str, least: float, response: Response, ready: PreparedRun) -> list[str]:
+def _parts_above(end: str, threshold: float, response: Response, ready: PreparedRun) -> list[str]:
     """Return the parts with a channel of a given name above a threshold after the first revolution."""
     later = response.time - response.time[0] > ready.revolution
-    own = {name: values[later] for name, values in response.channels.items() if name.endswith(end)}
-    return [name.split(".")[1] for name, values in own.items() if float(values.max()) > least]
+    channels = {name: values[later] for name, values in response.channels.items() if name.endswith(end)}
+    return [name.split(".")[1] for name, values in channels.items() if float(values.max()) > threshold]

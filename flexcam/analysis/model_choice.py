@@ -80,8 +80,8 @@ def run_histories(
     response = solve(ready.problem, ready.scheme, save=ready.save, until=until)
     if not response.status.ok:
         raise RunFailedError(response.status)
-    found = extract_histories(response, probe)
-    return with_seating(found, response) if seatings else found
+    histories = extract_histories(response, probe)
+    return with_seating(histories, response) if seatings else histories
 
 
 def steps_per_revolution_of(case: Case) -> int:
@@ -96,12 +96,12 @@ def steps_per_revolution_of(case: Case) -> int:
 def model_ladder(case: Case) -> tuple[ModelLevel, ...]:
     """Return the models of a case from coarse to fine."""
     beams = with_beam_model(case)
-    own = {one.elements for one in case.record.members.values()}
+    elements = {member.elements for member in case.record.members.values()}
     unknowns = prepare_without_periodic_search(beams).problem.system.size
     fewer = [
         ModelLevel(f"beams {n}", f"{n} element{'s' if n > 1 else ''} per segment", with_elements(beams, each=n))
         for n in _ELEMENTS
-        if n < min(own, default=0)
+        if n < min(elements, default=0)
     ]
     modes: dict[int | None, ModelLevel] = {}
     for n in _MODE_COUNTS:
@@ -169,7 +169,7 @@ def reference_run(case: Case, probe: str, until: float | None = None, *, work: i
     beams = with_beam_model(case).with_run({"engine": "auto"}).with_stable_method()
     cases = [with_steps(with_elements(beams, factor=elements), n * steps) for elements, n in _REFERENCES]
     try:
-        finest, coarser = (run_histories(one, probe, until, work) for one in cases)
+        finest, coarser = (run_histories(variant, probe, until, work) for variant in cases)
     except RunFailedError as failure:
         reraise_interrupt(failure.status)
         status = failure.status
@@ -207,9 +207,9 @@ def candidate_models(case: Case) -> list[ModelLevel]:
     _refuse_result(case)
     steps = steps_per_revolution_of(case)
     counts = [steps // n for n in (8, 4, 2, 1) if steps % n == 0 and (steps // n >= _MIN_STEPS or n == 1)]
-    found = [(one, n) for one in model_ladder(case) for n in counts]
-    found.sort(key=lambda pair: ((pair[0].unknowns or 0) * pair[1], pair[1]))
-    return [replace(one, case=with_steps(one.case, n)) for one, n in found]
+    levels = [(level, n) for level in model_ladder(case) for n in counts]
+    levels.sort(key=lambda pair: ((pair[0].unknowns or 0) * pair[1], pair[1]))
+    return [replace(level, case=with_steps(level.case, n)) for level, n in levels]
 
 
 def evaluate_model(
@@ -229,8 +229,8 @@ def evaluate_model(
     seconds = [first, *(_timed_run(ready, until)[1] for _ in range(repeats - 1))]
     errors: dict[str, float] = {}
     if response.status.ok:
-        apart = distance(extract_histories(response, probe), against.measured, norm=against.norm)
-        errors = {name: value / against.size[name] for name, value in apart.items() if against.size[name] > 0.0}
+        differences = distance(extract_histories(response, probe), against.measured, norm=against.norm)
+        errors = {name: value / against.size[name] for name, value in differences.items() if against.size[name] > 0.0}
     unknowns = response.stats.unknowns
     return ModelEvaluation(
         rung.name, rung.words, steps, unknowns, unknowns * ready.problem.steps, statistics.median(seconds), errors,
@@ -240,10 +240,10 @@ def evaluate_model(
 
 def _timed_run(ready: PreparedRun, until: float | None) -> tuple[Response, float]:
     """Return a run and its processor time, s."""
-    begun = time.process_time()
+    start = time.process_time()
     response = solve(ready.problem, ready.scheme, save=ready.save, until=until)
     reraise_interrupt(response.status)
-    return response, time.process_time() - begun
+    return response, time.process_time() - start
 
 
 def evaluate_ladder(
@@ -252,22 +252,22 @@ def evaluate_ladder(
     """Return cost and error of every model on a case's ladder."""
     rungs = candidate_models(case)
     work = total_work(case, rungs, repeats)
-    against = reference_run(case, probe, work=work)
-    found = [
-        evaluate_model(rung, probe, against, repeats=repeats, work=work) for rung in track_progress(rungs, advance)
+    reference = reference_run(case, probe, work=work)
+    evaluations = [
+        evaluate_model(rung, probe, reference, repeats=repeats, work=work) for rung in track_progress(rungs, advance)
     ]
-    return against, mark_pareto_front(found)
+    return reference, mark_pareto_front(evaluations)
 
 
 def mark_pareto_front(found: Sequence[ModelEvaluation]) -> list[ModelEvaluation]:
     """Return the models with the Pareto front in work and error marked."""
-    every = len({name for one in found for name in one.errors})
-    least = every, math.inf
+    total = len({name for model in found for name in model.errors})
+    lowest = total, math.inf
     marked: list[ModelEvaluation] = []
-    for one in sorted(found, key=lambda one: (one.work, one.steps, one.maximum_error)):
-        error = every - len(one.errors), one.maximum_error  # a model without a quantity has an infinite error in it
-        marked.append(replace(one, best=error < least))
-        least = min(least, error)
+    for model in sorted(found, key=lambda model: (model.work, model.steps, model.maximum_error)):
+        error = total - len(model.errors), model.maximum_error  # a model without a quantity has an infinite error in it
+        marked.append(replace(model, best=error < lowest))
+        lowest = min(lowest, error)
     return marked
 
 
@@ -289,13 +289,13 @@ class Choice:
         """Reason why no model meets the tolerance; empty if one does."""
         if self.met:
             return ""
-        sizes, own = self.against.size, self.against.errors
-        asked = {name: error for name, error in self.found.errors.items() if name.partition(" ")[0] in self.tolerance}
-        said = [f"{name} {_percent(error)} (the reference {_percent(own[name] / sizes[name])})"
-                for name, error in asked.items()]  # fmt: skip
-        if not said:
+        sizes, errors = self.against.size, self.against.errors
+        checked = {name: error for name, error in self.found.errors.items() if name.partition(" ")[0] in self.tolerance}
+        parts = [f"{name} {_percent(error)} (the reference {_percent(errors[name] / sizes[name])})"
+                 for name, error in checked.items()]  # fmt: skip
+        if not parts:
             return f"none of {self.tried} models has all of {', '.join(self.tolerance)}"
-        return f"the closest of {self.tried} models is off by {', '.join(said)}"
+        return f"the closest of {self.tried} models is off by {', '.join(parts)}"
 
 
 def choose_model(
@@ -304,40 +304,40 @@ def choose_model(
     """Return the cheapest model of a case with errors within a tolerance."""
     rungs = candidate_models(case)
     work = total_work(case, rungs)
-    against = reference_run(case, probe, until, work=work)
-    known = list(dict.fromkeys(name.partition(" ")[0] for name in against.errors))
+    reference = reference_run(case, probe, until, work=work)
+    known = list(dict.fromkeys(name.partition(" ")[0] for name in reference.errors))
     if missing := [name for name in tolerance if name not in known]:
         where, why = case.place(("fidelity", "tolerance")), "the case has no such quantity"
         raise refuse(where, ", ".join(missing), ", ".join(known), why, "leave it out")
     met: list[tuple[ModelLevel, ModelEvaluation]] = []
     missed: list[tuple[ModelLevel, ModelEvaluation]] = []
     for rung in rungs:
-        found = evaluate_model(rung, probe, against, until=until, work=work)
-        if found.status.cause is Cause.TIME_LIMIT:
-            raise RunFailedError(found.status)
-        if _error_ratio(found, against, tolerance) <= 1.0:
-            met.append((rung, found))
+        evaluation = evaluate_model(rung, probe, reference, until=until, work=work)
+        if evaluation.status.cause is Cause.TIME_LIMIT:
+            raise RunFailedError(evaluation.status)
+        if _error_ratio(evaluation, reference, tolerance) <= 1.0:
+            met.append((rung, evaluation))
             break
-        missed.append((rung, found))
-    missed.sort(key=lambda one: _error_ratio(one[1], against, tolerance))
-    rung, found = (met or missed)[0]
+        missed.append((rung, evaluation))
+    missed.sort(key=lambda pair: _error_ratio(pair[1], reference, tolerance))
+    rung, evaluation = (met or missed)[0]
     cheaper = missed[0][1] if met and missed else None
-    return Choice(rung, found, cheaper, against, bool(met), len(met) + len(missed), tolerance)
+    return Choice(rung, evaluation, cheaper, reference, bool(met), len(met) + len(missed), tolerance)
 
 
 def select_case(case: Case, until: float | None = None) -> tuple[Case, Choice | None]:
     """Return the case to run: the cheapest model within its tolerance, or the case itself without one."""
-    asked = case.record.fidelity
-    if not asked.tolerances:
+    fidelity = case.record.fidelity
+    if not fidelity.tolerances:
         return case, None
     _refuse_result(case)
     try:
-        choice = choose_model(case, scalar_probe(prepare_without_periodic_search(case)), asked.tolerances, until)
+        choice = choose_model(case, scalar_probe(prepare_without_periodic_search(case)), fidelity.tolerances, until)
     except RunFailedError as failure:
         if failure.status.cause is Cause.TIME_LIMIT:
             raise RunFailedError(_TIME_LIMIT_STATUS) from None
         raise
-    return choice.rung.case.with_fidelity({"estimate": asked.estimate}), choice
+    return choice.rung.case.with_fidelity({"estimate": fidelity.estimate}), choice
 
 
 _TIME_LIMIT_STATUS = Status(
@@ -353,13 +353,13 @@ def _percent(share: float) -> str:
 _MIN_TOLERANCE = 1e-300  # replaces a tolerance of zero, which no model meets, so that the closest model is still found
 
 
-def _error_ratio(found: ModelEvaluation, against: Reference, tolerance: Mapping[str, float]) -> float:
+def _error_ratio(evaluation: ModelEvaluation, reference: Reference, tolerance: Mapping[str, float]) -> float:
     """Return the maximum ratio of error, including that of the reference, to tolerance; infinite for a failed run."""
     shares: list[float] = []
-    for name, own in against.errors.items():
+    for name, reference_error in reference.errors.items():
         allowed = tolerance.get(name.partition(" ")[0])
-        if allowed is not None and against.size[name] > 0.0:  # a model without a quantity has an infinite error in it
-            error = found.errors.get(name, math.inf) + own / against.size[name]
+        if allowed is not None and reference.size[name] > 0.0:  # a model without a quantity has an infinite error in it
+            error = evaluation.errors.get(name, math.inf) + reference_error / reference.size[name]
             shares.append(error / max(allowed, _MIN_TOLERANCE))
     return max(shares, default=math.inf)
 
@@ -391,16 +391,16 @@ class Error:
 def estimate_errors(case: Case, probe: str, until: float | None = None) -> list[Error]:
     """Return the estimated errors of a case's run."""
     steps = steps_per_revolution_of(case)
-    own, finer = with_steps(case, steps), with_steps(with_elements(case, factor=2), steps)
+    plain, finer = with_steps(case, steps), with_steps(with_elements(case, factor=2), steps)
     # An odd number of steps cannot be halved: convergence is then checked with shorter steps.
     counts = (steps // 2, steps, 2 * steps) if steps % 2 == 0 else (steps, 2 * steps, 4 * steps)
-    asked = own.record.fidelity
-    coarse = asked.model != "beams" or asked.modes is not None
+    fidelity = plain.record.fidelity
+    coarse = fidelity.model != "beams" or fidelity.modes is not None
     work = sum(counts) + steps * (2 if coarse else 1)
-    runs = {n: run_histories(with_steps(own, n), probe, until, work, seatings=True) for n in counts}
+    runs = {n: run_histories(with_steps(plain, n), probe, until, work, seatings=True) for n in counts}
     longer, shorter = (distance(runs[a], runs[b]) for a, b in pairwise(counts))
     base, better = runs[steps], runs[2 * steps]
-    beams = run_histories(with_beam_model(own), probe, until, work, seatings=True) if coarse else base
+    beams = run_histories(with_beam_model(plain), probe, until, work, seatings=True) if coarse else base
     model = distance(base, beams) if coarse else {}
     mesh = distance(base, run_histories(finer, probe, until, work, seatings=True))
     step = distance(base, better)

@@ -96,30 +96,30 @@ def closed_modes(case: Case) -> tuple[list[ClosedModes], str]:
     model = build_model(case)
     if (size := build_structure(model).dofs.size) > _MAX_UNKNOWNS:
         return [], f"No modes with contacts closed: {size} unknowns, computed up to {_MAX_UNKNOWNS}"
-    contacts = [name for name, one in model.cam_contacts.items() if isinstance(one, CamContact)]
+    contacts = [name for name, contact in model.cam_contacts.items() if isinstance(contact, CamContact)]
     try:
-        found: list[ClosedModes] = []
+        results: list[ClosedModes] = []
         for name in contacts:
             base = modes_on_the_lift(model, name, case.speed, base_circle=True).found
-            found.append(ClosedModes(name, base, modes_on_the_lift(model, name, case.speed).found))
+            results.append(ClosedModes(name, base, modes_on_the_lift(model, name, case.speed).found))
     except (InputError, RunFailedError) as failure:
         return [], f"No modes with contacts closed: {failure}"
-    return found, ""
+    return results, ""
 
 
 def modal_assurance(case: Case, found: ModelModes, other: Case, others: ModelModes) -> tuple[FloatArray, int]:
     """Compare the modes of two cases by the modal assurance criterion."""
     shapes: list[dict[tuple[float, ...], FloatArray]] = []
-    for one, its in ((case, found), (other, others)):
-        structure = build_structure(build_model(one))
-        nodal = structure.dofs.nodal(its.modes.shapes.T)
+    for variant, solution in ((case, found), (other, others)):
+        structure = build_structure(build_model(variant))
+        nodal = structure.dofs.nodal(solution.modes.shapes.T)
         places = np.round(structure.model.mesh.nodes, 9).tolist()
         shapes.append({tuple(place): nodal[:, i, :3] for i, place in enumerate(places)})
     common = [place for place in shapes[0] if place in shapes[1]]
     if not common:
         raise refuse("--mac", str(other.path), "a model with the same nodes", "mode shapes are compared at the nodes")
     moving = sum(bool(shapes[0][place].any()) for place in common)
-    columns = [np.concatenate([one[place] for place in common], axis=1).T for one in shapes]
+    columns = [np.concatenate([case_shapes[place] for place in common], axis=1).T for case_shapes in shapes]
     return mac(columns[0], columns[1]), moving
 
 
@@ -168,7 +168,7 @@ def campbell(
     rpm = np.array(speeds) / RPM
     sizes = lift_harmonics(build_model(case).cams[cam].event, max(orders))
     lifts = {n: size for n, size in sizes.items() if n in orders}
-    wanted = np.array(list(lifts), dtype=int)
+    numbers = np.array(list(lifts), dtype=int)
     loads, statuses = np.full((len(rpm), len(lifts)), math.nan), list[Status]()
     lines: list[_ModeLine] = []
     for i, run in enumerate(run_over_speeds(case, speeds, advance)):
@@ -176,20 +176,20 @@ def campbell(
         if isinstance(run, Status) or not run[1].status.ok:
             continue
         ready, response = run
-        loads[i] = force_harmonics(response, name, max(orders))[wanted - 1]
+        loads[i] = force_harmonics(response, name, max(orders))[numbers - 1]
         structure = build_structure(ready.model)
         try:
             event = ready.model.cams[cam].event
-            here = contact_modes(structure, name, _stiffness_at_full_lift(ready, response, event))
+            current = contact_modes(structure, name, _stiffness_at_full_lift(ready, response, event))
         except RunFailedError as failure:
             statuses[-1] = failure.status
         else:
-            _extend_lines(lines, i, len(rpm), here, structure.mass, modes)
+            _extend_lines(lines, i, len(rpm), current, structure.mass, modes)
     lines.sort(key=lambda line: float(np.nanmin(line.frequencies)))
-    met = _find_crossings(name, rpm, lines, lifts, loads)
+    crossings = _find_crossings(name, rpm, lines, lifts, loads)
     frequencies = np.array([line.frequencies for line in lines]).reshape(len(lines), len(rpm)).T
     reached, words = tuple(line.reached for line in lines), tuple(line.words for line in lines)
-    return Campbell(name, rpm, frequencies, reached, words, lifts, loads, met, tuple(statuses))
+    return Campbell(name, rpm, frequencies, reached, words, lifts, loads, crossings, tuple(statuses))
 
 
 def _stiffness_at_full_lift(ready: PreparedRun, response: Response, event: Event) -> list[tuple[str, Triplets]]:
@@ -200,51 +200,51 @@ def _stiffness_at_full_lift(ready: PreparedRun, response: Response, event: Event
         return []
     at = np.flatnonzero(late)[[int(np.argmax(event(response.field_angle[late], 0)))]]
     motion = ready.problem.drive.at(response.field_time[at])
-    moving = contact_stiffness(system, motion, response.fields.displacement[at], response.fields.velocity[at])
-    if not any(name.endswith(_COILS) for name, _ in moving):
-        return moving
+    stiffness = contact_stiffness(system, motion, response.fields.displacement[at], response.fields.velocity[at])
+    if not any(name.endswith(_COILS) for name, _ in stiffness):
+        return stiffness
     # which coils touch changes with every wave in a spring: the modes are those of the coils that touch at rest
     try:
-        still = equilibrium(system, ready.problem.drive, float(motion.time[0])).displacement[None]
+        rest = equilibrium(system, ready.problem.drive, float(motion.time[0])).displacement[None]
     except RunFailedError:  # such as a shaft within the backlash of its gear
-        return moving
-    at_rest = dict(contact_stiffness(system, motion, still, np.zeros_like(still)))
-    return [(name, at_rest[name] if name.endswith(_COILS) else part) for name, part in moving]
+        return stiffness
+    at_rest = dict(contact_stiffness(system, motion, rest, np.zeros_like(rest)))
+    return [(name, at_rest[name] if name.endswith(_COILS) else part) for name, part in stiffness]
 
 
 _COILS = ".clash"  # end of the names of the forces of touching coils
 
 
-def _extend_lines(lines: list[_ModeLine], i: int, count: int, here: ContactModes, mass: Triplets, modes: int) -> None:
+def _extend_lines(lines: list[_ModeLine], i: int, count: int, now: ContactModes, mass: Triplets, modes: int) -> None:
     """Extend the lines by the modes at the next speed; a mode that matches no line starts a new one."""
     from scipy.optimize import linear_sum_assignment
 
-    first = here.found.modes.rigid
-    last = min(first + modes + _EXTRA_MODES, len(here.found.modes.omegas))
-    shapes, hit = here.found.modes.shapes[:, first:last], set(here.relevant_modes)
-    before = np.array([line.shape for line in lines]).reshape(len(lines), mass.size)
-    likeness = (before @ mass.multiply(shapes)) ** 2
-    here_hz = here.found.modes.frequencies[first:last]
+    first = now.found.modes.rigid
+    last = min(first + modes + _EXTRA_MODES, len(now.found.modes.omegas))
+    shapes, relevant = now.found.modes.shapes[:, first:last], set(now.relevant_modes)
+    previous = np.array([line.shape for line in lines]).reshape(len(lines), mass.size)
+    likeness = (previous @ mass.multiply(shapes)) ** 2
+    frequencies = now.found.modes.frequencies[first:last]
     latest = np.array([line.frequencies[~np.isnan(line.frequencies)][-1] for line in lines])
-    leaps = np.abs(here_hz / latest[:, None] - 1.0) > _MAX_FREQUENCY_CHANGE
+    leaps = np.abs(frequencies / latest[:, None] - 1.0) > _MAX_FREQUENCY_CHANGE
     alike = np.where(leaps, 0.0, likeness)
     best: list[list[int]] = np.column_stack(linear_sum_assignment(-alike)).tolist()
     pairs = [(k, j) for k, j in best if alike[k, j] >= _MIN_MAC]
     new = set(range(min(modes, last - first))) - {j for _, j in pairs}
     for j in sorted(new):
-        lines.append(_ModeLine(np.full(count, math.nan), shapes[:, j], here.found.words(first + j)))
+        lines.append(_ModeLine(np.full(count, math.nan), shapes[:, j], now.found.words(first + j)))
         pairs.append((len(lines) - 1, j))
     for k, j in pairs:
-        lines[k].frequencies[i] = here_hz[j]
+        lines[k].frequencies[i] = frequencies[j]
         lines[k].shape = shapes[:, j]
-        lines[k].reached |= first + j in hit
+        lines[k].reached |= first + j in relevant
 
 
 def _find_crossings(
     contact: str, rpm: FloatArray, lines: Sequence[_ModeLine], lifts: Mapping[int, float], loads: FloatArray
 ) -> tuple[Resonance, ...]:
     """Return the crossings of order lines with mode lines, linear between speeds."""
-    met: list[Resonance] = []
+    crossings: list[Resonance] = []
     for mode, line in enumerate(lines):
         for column, (n, size) in enumerate(lifts.items() if line.reached else ()):
             above = line.frequencies - n * rpm / 60.0
@@ -252,9 +252,9 @@ def _find_crossings(
                 if above[i + 1] == 0.0 and i + 2 < len(rpm):  # the next segment starts with the same crossing
                     continue
                 part = above[i] / (above[i] - above[i + 1]) if above[i] != above[i + 1] else 0.0
-                speed, load = (float(one[i] + part * (one[i + 1] - one[i])) for one in (rpm, loads[:, column]))
-                met.append(Resonance(contact, speed, n, size, load, mode, n * speed / 60.0, line.words))
-    return tuple(sorted(met, key=lambda one: one.rpm))
+                speed, load = (float(y[i] + part * (y[i + 1] - y[i])) for y in (rpm, loads[:, column]))
+                crossings.append(Resonance(contact, speed, n, size, load, mode, n * speed / 60.0, line.words))
+    return tuple(sorted(crossings, key=lambda crossing: crossing.rpm))
 
 
 def _check_contact(
@@ -266,11 +266,11 @@ def _check_contact(
         raise refuse("orders", str(list(orders)), "whole numbers, each at least 1")
     if modes < 1:
         raise refuse("modes", modes, "a whole number, at least 1")
-    driven = {name: one.cam for name, one in case.record.contacts.items() if isinstance(one, CamContactRecord)}
-    if not driven:
+    cams = {name: part.cam for name, part in case.record.contacts.items() if isinstance(part, CamContactRecord)}
+    if not cams:
         why = "the orders of the cam excite the modes"
         raise refuse("contacts", "none with a cam", "a contact of a cam and its follower", why)
-    if contact is not None and contact not in driven:
-        raise refuse("contact", repr(contact), f"one of {', '.join(driven)}", "", suggest_name(contact, driven))
-    name = contact or next(iter(driven))
-    return name, driven[name]
+    if contact is not None and contact not in cams:
+        raise refuse("contact", repr(contact), f"one of {', '.join(cams)}", "", suggest_name(contact, cams))
+    name = contact or next(iter(cams))
+    return name, cams[name]

@@ -48,7 +48,7 @@ class Signal:
             return known[self.name]
         history = response[self.name]
         if history.acceleration.ndim != 1:
-            allowed = f"one of its components: {', '.join(f'{self.name}.{one}' for one in history.components)}"
+            allowed = f"one of its components: {', '.join(f'{self.name}.{part}' for part in history.components)}"
             raise refuse("--probe", repr(self.name), allowed, "an order is that of one scalar")
         return history.acceleration
 
@@ -113,42 +113,42 @@ def waterfall(
     """Return the orders of histories over speed."""
     _check_steps(case, max(speeds), count)
     rpm = np.array(speeds) / RPM
-    found: dict[Signal, list[OrderSpectrum | None]] = {one: [] for one in signals}
+    orders: dict[Signal, list[OrderSpectrum | None]] = {signal: [] for signal in signals}
     statuses: list[Status] = []
     units: dict[Signal, str] = {}
     for run in run_over_speeds(case, speeds, advance):
         statuses.append(run if isinstance(run, Status) else run[1].status)
-        for one, its in found.items():
+        for signal, spectra in orders.items():
             if isinstance(run, Status) or not run[1].status.ok:
-                its.append(None)
+                spectra.append(None)
                 continue
-            its.append(last_revolution_orders(run[1], one.of(run[1]), count))
-            units[one] = one.unit(run[1])
-    nothing = np.full(count + 1, math.nan)
+            spectra.append(last_revolution_orders(run[1], signal.of(run[1]), count))
+            units[signal] = signal.unit(run[1])
+    missing = np.full(count + 1, math.nan)
     waterfalls: list[Waterfall] = []
-    for signal, spectra in found.items():
-        amplitudes = np.array([nothing if one is None else one.amplitudes for one in spectra])
-        gaps = np.array([math.nan if one is None else one.gap for one in spectra])
+    for signal, spectra in orders.items():
+        amplitudes = np.array([missing if spectrum is None else spectrum.amplitudes for spectrum in spectra])
+        gaps = np.array([math.nan if spectrum is None else spectrum.gap for spectrum in spectra])
         waterfalls.append(Waterfall(signal, units.get(signal, ""), rpm, amplitudes, gaps, tuple(statuses)))
     return waterfalls
 
 
 def _check_steps(case: Case, fastest: float, count: int) -> None:
     """Raise an error before the first run if fixed steps are too few for the orders; adaptive ones are checked then."""
-    run, wanted = case.record.run, 2 * count + 1
+    run, needed = case.record.run, 2 * count + 1
     turn = _REVOLUTION / fastest
     steps = math.floor(turn / run.step) if run.step else run.steps_per_revolution or DEFAULT_STEPS_PER_REVOLUTION
-    if run.adaptive is not None or steps >= wanted:
+    if run.adaptive is not None or steps >= needed:
         return
     fewer = f"or ask for {(steps - 1) // 2} orders at most (--orders)" if steps >= 3 else ""
     if run.step:
         at = f"{fastest / RPM:.6g} camshaft rpm"
-        most = f"{0.995 * turn / wanted:.3g} s or less for {count} orders"  # rounded down to three digits
+        allowed = f"{0.995 * turn / needed:.3g} s or less for {count} orders"  # rounded down to three digits
         given, key, remedy = f"{run.step:.6g} s, {steps} steps per revolution at {at}", "step", "use shorter steps"
     else:
         given, key, remedy = str(steps), "steps_per_revolution", "use more steps"
-        most = f"{wanted} or more for {count} orders"
-    raise refuse(case.place(("run", key)), given, most, _MIN_STEPS_REASON, ", ".join(filter(None, (remedy, fewer))))
+        allowed = f"{needed} or more for {count} orders"
+    raise refuse(case.place(("run", key)), given, allowed, _MIN_STEPS_REASON, ", ".join(filter(None, (remedy, fewer))))
 
 
 def run_over_speeds(
@@ -173,5 +173,5 @@ def largest_orders(found: Waterfall, count: int = 3) -> Mapping[int, tuple[float
         return {}
     peaks = np.nanmax(found.amplitudes[:, 1:], axis=0)
     largest: list[int] = (np.argsort(-peaks, kind="stable")[:count] + 1).tolist()
-    at = {n: int(np.nanargmax(found.amplitudes[:, n])) for n in largest}
-    return {n: (float(found.rpm[i]), float(found.amplitudes[i, n])) for n, i in at.items()}
+    index = {n: int(np.nanargmax(found.amplitudes[:, n])) for n in largest}
+    return {n: (float(found.rpm[i]), float(found.amplitudes[i, n])) for n, i in index.items()}

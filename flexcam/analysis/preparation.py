@@ -80,9 +80,9 @@ def scalar_probe(ready: PreparedRun) -> str:
     if not probes:
         raise refuse("output.probes", "none", "at least one point to compare at", "", 'add probes = ["valve"]')
     ordered = sorted(probes, key=lambda probe: probe.name not in points)
-    moved = _driven_probes(ready)
-    found = next((moved[probe.name] for probe in ordered if probe.name in moved), None)
-    return _follower_component(ready, ordered[0]) if found is None else found.component
+    driven = _driven_probes(ready)
+    default = next((driven[probe.name] for probe in ordered if probe.name in driven), None)
+    return _follower_component(ready, ordered[0]) if default is None else default.component
 
 
 @dataclass(frozen=True)
@@ -97,11 +97,11 @@ class DrivenProbe:
 
 def driven_probe(ready: PreparedRun, probe: str | None = None) -> DrivenProbe | None:
     """Return the default probe of a case, or the one with a given name, as far as a cam moves it."""
-    moved = _driven_probes(ready)
+    driven = _driven_probes(ready)
     if probe is not None:
-        return moved.get(probe)
+        return driven.get(probe)
     default = scalar_probe(ready)
-    return next((one for one in moved.values() if one.component == default), None)
+    return next((candidate for candidate in driven.values() if candidate.component == default), None)
 
 
 def _driven_probes(ready: PreparedRun) -> dict[str, DrivenProbe]:
@@ -112,15 +112,15 @@ def _driven_probes(ready: PreparedRun) -> dict[str, DrivenProbe]:
         rigid = motion.at(ConstantSpeed(1.0).at(_REVOLUTION_ANGLES))[0]
     except InputError:  # no rigid train exists: the first probe is used
         return {}
-    found: dict[str, DrivenProbe] = {}
+    driven: dict[str, DrivenProbe] = {}
     for probe in ready.problem.system.probes:
         paths = probe.rows @ rigid.T
         i = int(np.argmax(np.ptp(paths, axis=1)))
         if np.ptp(paths[i]) > _MOTIONLESS:
             sign = 1.0 if paths[i].max() > -paths[i].min() else -1.0
             contact = driving_contact(ready.model, probe.name)
-            found[probe.name] = DrivenProbe(probe.name, _component_name(probe, i), sign, contact)
-    return found
+            driven[probe.name] = DrivenProbe(probe.name, _component_name(probe, i), sign, contact)
+    return driven
 
 
 _MOTIONLESS = 1e-12  # motion of a probe that is rounding, m
@@ -132,12 +132,12 @@ def _follower_component(ready: PreparedRun, probe: Probe) -> str:
     """Return the free component of a probe along the direction of the first follower, or its first free one."""
     model = ready.model
     contact = next(iter(model.cam_contacts.values()), None)
-    along = "" if contact is None else COMPONENTS[int(np.argmax(np.abs(contact.direction)))]
+    direction = "" if contact is None else COMPONENTS[int(np.argmax(np.abs(contact.direction)))]
     nodes = model.mesh.points.get(probe.name, ())
-    supports = (ones for point, ones in model.supports.items() if np.isin(nodes, model.mesh.points[point]).any())
-    held = {one for ones in supports for one in ones}
-    free = [one for one in probe.components if one not in held] or list(probe.components)
-    return _component_name(probe, probe.components.index(along if along in free else free[0]))
+    supports = (names for point, names in model.supports.items() if np.isin(nodes, model.mesh.points[point]).any())
+    fixed = {name for names in supports for name in names}
+    free = [name for name in probe.components if name not in fixed] or list(probe.components)
+    return _component_name(probe, probe.components.index(direction if direction in free else free[0]))
 
 
 def _component_name(probe: Probe, component: int) -> str:
@@ -220,8 +220,8 @@ def set_initial_state(
         start = replace(State.rest(system.size), periodicity=0.0 if kind == "periodic" else None)
     elif kind == "periodic":
         begin, steps = moving_equilibrium(system, problem.drive), steps_per_revolution(case, problem)
-        one = replace(problem, start=begin, steps=steps)
-        start = solve_periodic(one, integration_method(case, one), until=until)
+        cycle = replace(problem, start=begin, steps=steps)
+        start = solve_periodic(cycle, integration_method(case, cycle), until=until)
     else:
         known = near.displacement if near and len(near.displacement) == system.size else None
         start = (installed_state if kind == "rest" else moving_equilibrium)(system, problem.drive, near=known)

@@ -32,9 +32,9 @@ def free_memory() -> int | None:
 
 def free_disk(folder: Path) -> int | None:
     """Return the free disk space of an existing or future folder, bytes; None if the system does not report it."""
-    there = next((one for one in (folder, *folder.absolute().parents) if one.is_dir()), None)
+    existing = next((parent for parent in (folder, *folder.absolute().parents) if parent.is_dir()), None)
     try:
-        return None if there is None else shutil.disk_usage(there).free
+        return None if existing is None else shutil.disk_usage(existing).free
     except OSError:
         return None
 
@@ -60,8 +60,8 @@ def control_group_memory(root: Path, own: Path) -> Iterator[int]:
         if version[0] not in kinds.split(","):
             continue
         folder = root / version[0] / path.strip("/")
-        for one in (folder, *(above for above in folder.parents if above.is_relative_to(root))):
-            limit, used = (next(_read_lines(one / name), "") for name in version[1:])
+        for group in (folder, *(above for above in folder.parents if above.is_relative_to(root))):
+            limit, used = (next(_read_lines(group / name), "") for name in version[1:])
             if limit.isdecimal() and used.isdecimal() and int(limit) < _UNLIMITED:
                 yield max(int(limit) - int(used), 0)
 
@@ -105,19 +105,19 @@ def estimate_resources(
     system, names = problem.system, outline(problem.system, save)
     row = 2 + 3 * sum(len(components) for _, components in names.probes) + len(names.channels)
     unknowns, rows, fields = len(names.unknowns), problem.steps + 1, problem.steps // save.field_every + 2
-    inside, engines = integrated_size(problem), candidate_engines(problem, method)
+    size, engines = integrated_size(problem), candidate_engines(problem, method)
     block = min(save.block, rows)
-    together = min(max(AT_ONCE // max(inside, 1), LEAST_AT_ONCE), block)
+    together = min(max(AT_ONCE // max(size, 1), LEAST_AT_ONCE), block)
     if kept is not None:
         rows, fields = min(kept + save.block, rows), 1
-    matrices = (_NATURAL if engines[0] != "direct" and inside <= MAX_MODES else _DENSE) * min(inside, DENSE_LIMIT) ** 2
-    matrices += inside * system.size if problem.basis is not None else 0
-    entries = sum(len(one.values) for one in (system.mass, system.damping, system.stiffness))
-    drawn = 2 * _POINT_VALUES * count_output_points(mesh) + 6 * unknowns + _STRESSES * len(mesh.elements())
+    matrices = (_NATURAL if engines[0] != "direct" and size <= MAX_MODES else _DENSE) * min(size, DENSE_LIMIT) ** 2
+    matrices += size * system.size if problem.basis is not None else 0
+    entries = sum(len(matrix.values) for matrix in (system.mass, system.damping, system.stiffness))
+    field_values = 2 * _POINT_VALUES * count_output_points(mesh) + 6 * unknowns + _STRESSES * len(mesh.elements())
     histories = rows * row + 3 * unknowns * fields
     # blocks are joined from parts, and histories from blocks
-    numbers = matrices + together * (_STEP_ARRAYS * inside + 3 * row) + 2 * (block * row + histories)
-    numbers += (block // save.field_every + 1) * drawn
+    numbers = matrices + together * (_STEP_ARRAYS * size + 3 * row) + 2 * (block * row + histories)
+    numbers += (block // save.field_every + 1) * field_values
     machine = _BASE + (_COMPILER if "kernel" in engines else 0) + _ENTRY * entries + _STEP * together
     return ResourceEstimate(machine + _NUMBER * numbers, result_bytes(names, mesh, save, problem.steps))
 

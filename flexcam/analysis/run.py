@@ -66,11 +66,11 @@ def open_partial_result(ready: PreparedRun, folder: str | Path) -> PartialResult
             why, remedy = f"{path} is complete", "leave out --resume, and use --overwrite to run again"
         raise refuse("--resume", str(partial), "", why, remedy)
     earlier = PartialResult(partial, output_geometry(ready.model), outline(ready.problem.system), ready.save)
-    found = find_differences(_metadata(ready), earlier.about)
-    if not found and earlier.checkpoint.problem != fingerprint(ready.problem, ready.scheme, ready.save):
-        found = [_difference("a mesh or a table of the case", "another one", "the one at the start of the run")]
-    if found:
-        raise InputError(found)
+    faults = find_differences(_metadata(ready), earlier.about)
+    if not faults and earlier.checkpoint.problem != fingerprint(ready.problem, ready.scheme, ready.save):
+        faults = [_difference("a mesh or a table of the case", "another one", "the one at the start of the run")]
+    if faults:
+        raise InputError(faults)
     return earlier
 
 
@@ -104,8 +104,8 @@ def _version(package: str) -> str:
         text = distribution(package).read_text("METADATA") or ""
     except PackageNotFoundError:
         return "none"
-    found = re.search(r"^Version: (.+)$", text, re.MULTILINE)
-    return found[1].strip() if found else version(package)
+    match = re.search(r"^Version: (.+)$", text, re.MULTILINE)
+    return match[1].strip() if match else version(package)
 
 
 def summary_sink(ready: PreparedRun, revolutions: float = 1.0) -> RecentSink:
@@ -115,8 +115,8 @@ def summary_sink(ready: PreparedRun, revolutions: float = 1.0) -> RecentSink:
 
 def estimate_case_resources(ready: PreparedRun, keep: Literal["all", "revolution"] = "all") -> ResourceEstimate:
     """Return the memory and disk space required by a run."""
-    kept = None if keep == "all" else round(2.0 * ready.revolution / ready.problem.step)
-    return estimate_resources(ready.problem, ready.scheme, ready.model.mesh, ready.save, kept=kept)
+    steps = None if keep == "all" else round(2.0 * ready.revolution / ready.problem.step)
+    return estimate_resources(ready.problem, ready.scheme, ready.model.mesh, ready.save, kept=steps)
 
 
 def check_case_resources(case: Case, folder: Path | None = None, *, runs: int = 1, together: int = 1) -> None:
@@ -192,8 +192,8 @@ _STORED_TEXTS = ("all", "revolution")
 def reload_result(case: Case, result: Result) -> tuple[PreparedRun, Response]:
     """Return the prepared case of a result and its response as originally computed."""
     from_result = isinstance(case.record.run.start, ResultStartRecord)
-    standing = case.with_run({"start": "equilibrium"}) if from_result else case
-    ready = replace(prepare_without_periodic_search(standing), case=case)
+    variant = case.with_run({"start": "equilibrium"}) if from_result else case
+    ready = replace(prepare_without_periodic_search(variant), case=case)
     names = outline(ready.problem.system)
     response = result.response
     free = build_structure(ready.model).dofs.numbers >= 0
@@ -207,9 +207,9 @@ def reload_result(case: Case, result: Result) -> tuple[PreparedRun, Response]:
             why = f"it does not contain {refusal.faults[0].given}"
             raise refuse("result", "a result without an unknown of the case", "a result of this case", why) from None
         # Internal nodes of a spring do not move in the rigid model and are not stored.
-        still = np.zeros((len(response.field_time), len(internal)))
+        zeros = np.zeros((len(response.field_time), len(internal)))
         known = unknown_fields(response, free, ())
-        fields = Series(*(np.append(values, still, axis=1) for values in known))
+        fields = Series(*(np.append(values, zeros, axis=1) for values in known))
     return ready, replace(response, outline=names, fields=fields, evaluator=partial(_metrics_by_name, case))
 
 
@@ -231,19 +231,19 @@ _MAX_CHARACTERS = 60  # maximum length of a reported value, characters
 
 def find_differences(now: Mapping[str, str], then: Mapping[str, str]) -> list[Fault]:
     """Return the differences between a run and an earlier run that it resumes: keys, the first line, versions."""
-    found: list[Fault] = []
+    faults: list[Fault] = []
     for name in _COMPARED_TEXTS:
-        what, one, other = name, now.get(name, ""), then.get(name, "")
-        if one == other:
+        what, current, earlier = name, now.get(name, ""), then.get(name, "")
+        if current == earlier:
             continue
         if name == "case":
-            lines = enumerate(zip_longest(one.split("\n"), other.split("\n")), start=1)
+            lines = enumerate(zip_longest(current.split("\n"), earlier.split("\n")), start=1)
             number, (line, old) = next((number, pair) for number, pair in lines if pair[0] != pair[1])
-            what, one, other = f"the text of the case, line {number}", line or "", old or ""
+            what, current, earlier = f"the text of the case, line {number}", line or "", old or ""
         elif name == "overrides":
-            what, one, other = "--set", *(", ".join(json.loads(text or "[]")) for text in (one, other))
-        found.append(_difference(what, one, other))
-    return found
+            what, current, earlier = "--set", *(", ".join(json.loads(text or "[]")) for text in (current, earlier))
+        faults.append(_difference(what, current, earlier))
+    return faults
 
 
 def _difference(what: str, given: str, allowed: str) -> Fault:

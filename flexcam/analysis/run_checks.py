@@ -132,7 +132,7 @@ def _check_geometric_stiffness(ready: PreparedRun) -> Iterator[str]:
 def check_lobes(model: Model) -> list[str]:
     """Return warnings about impossible lobes, and about followers that are not at the base circle."""
     known = [(name, cam, cam.follower) for name, cam in model.cams.items() if cam.follower is not None]
-    lobes = [one for name, cam, follower in known for one in _check_lobe(model, name, cam, follower)]
+    lobes = [warning for name, cam, follower in known for warning in _check_lobe(model, name, cam, follower)]
     return [*lobes, *_check_shared_lobes(model), *_check_follower_nodes(model)]
 
 
@@ -143,9 +143,9 @@ def _check_lobe(model: Model, name: str, cam: Cam, follower: Follower) -> Iterat
             what = "a base circle of {} radius cannot produce a lift of {}".format(*sizes)
             why = f"its profile crosses itself (undercut), because {what}"
             yield f"Warning: cams.{name}: {why}; flexcam cam prints the minimum base-circle radius"
-    if isinstance(follower, FlatFollower) and not abs(beside := follower.lobe_contact) <= 0.5 * (cam.width or math.inf):
-        place = "at the edge of the lobe" if math.isinf(beside) else f"{1e3 * abs(beside):.3g} mm from its middle"
-        remedy = "give the follower a crown_radius, or change the taper" if math.isinf(beside) else "change the taper"
+    if isinstance(follower, FlatFollower) and not abs(offset := follower.lobe_contact) <= 0.5 * (cam.width or math.inf):
+        place = "at the edge of the lobe" if math.isinf(offset) else f"{1e3 * abs(offset):.3g} mm from its middle"
+        remedy = "give the follower a crown_radius, or change the taper" if math.isinf(offset) else "change the taper"
         yield f"Warning: cams.{name}: its taper and the crown put the contact {place}: edge contact; {remedy}"
     if isinstance(follower, FlatFollower) and follower.face_diameter is not None:
         needed = 2.0 * follower.face_radius(float(np.abs(cam.event(_LIFT_ANGLES, 1)).max()), cam.width)
@@ -153,9 +153,9 @@ def _check_lobe(model: Model, name: str, cam: Cam, follower: Follower) -> Iterat
             sizes = f"a diameter of {1e3 * needed:.4g} mm, but face_diameter is {1e3 * follower.face_diameter:.4g} mm"
             yield f"Warning: cams.{name}: the contact line crosses the edge of the follower's face, which needs {sizes}"
     node = model.mesh.points.get(cam.at, np.empty(0, dtype=int))
-    members = [one for part, one in model.members.items() if np.isin(node, model.mesh.lines[part]).any()]
-    sections = (one.section.at(0.5) for one in members)
-    shaft = max((one.radius for one in sections if one.round), default=0.0)
+    members = [member for part, member in model.members.items() if np.isin(node, model.mesh.lines[part]).any()]
+    sections = (member.section.at(0.5) for member in members)
+    shaft = max((section.radius for section in sections if section.round), default=0.0)
     if shaft > _SHAFT_RADIUS_RATIO * follower.base_radius:
         sizes = f"its base circle has a radius of {1e3 * follower.base_radius:.4g} mm, its shaft one of"
         yield f"Warning: cams.{name}: {sizes} {1e3 * shaft:.4g} mm: the follower would run on the shaft"
@@ -163,37 +163,37 @@ def _check_lobe(model: Model, name: str, cam: Cam, follower: Follower) -> Iterat
 
 def _check_shared_lobes(model: Model) -> Iterator[str]:
     """Yield the cams with followers on different sides of the shaft that lift at the same cam angle."""
-    first: dict[str, PublishedLoad | CamContact] = {}
-    for one in model.cam_contacts.values():
-        other = first.setdefault(one.cam, one)
-        a, b = other.direction[:3], one.direction[:3]
-        later = math.degrees(math.atan2(float(np.cross(a, b) @ one.shaft_axis), float(a @ b))) % 360.0
+    contacts: dict[str, PublishedLoad | CamContact] = {}
+    for new in model.cam_contacts.values():
+        first = contacts.setdefault(new.cam, new)
+        a, b = first.direction[:3], new.direction[:3]
+        later = math.degrees(math.atan2(float(np.cross(a, b) @ new.shaft_axis), float(a @ b))) % 360.0
         if min(later, 360.0 - later) > _SAME_LOBE_ANGLE:
-            why = f"it lifts {other.follower} and {one.follower} at the same cam angle, but its lobe reaches the second"
-            remedy = f"give {one.follower} its own cam with a phase greater by this angle"
-            yield f"Warning: cams.{one.cam}: {why} {later:.4g} deg later; {remedy}"
+            why = f"it lifts {first.follower} and {new.follower} at the same cam angle, but its lobe reaches the second"
+            remedy = f"give {new.follower} its own cam with a phase greater by this angle"
+            yield f"Warning: cams.{new.cam}: {why} {later:.4g} deg later; {remedy}"
 
 
 def _check_follower_nodes(model: Model) -> Iterator[str]:
     """Yield the followers that miss their cam along the shaft, and translating ones away from its base circle."""
-    for name, one in model.cam_contacts.items():
-        cam, points = model.cams[one.cam], model.mesh.points
+    for name, part in model.cam_contacts.items():
+        cam, points = model.cams[part.cam], model.mesh.points
         follower = cam.follower
-        if not {cam.at, one.follower} <= points.keys():
+        if not {cam.at, part.follower} <= points.keys():
             continue
-        centre, node = (model.mesh.nodes[points[point][0]] for point in (cam.at, one.follower))
-        apart = abs(float((node - centre) @ one.shaft_axis))
-        if cam.width is not None and apart > cam.width:
-            away, width = (format_quantity("m", size) for size in (apart, cam.width))
-            place = f"node {one.follower} is {away} from the cam along the shaft, and the cam is {width} wide"
+        centre, node = (model.mesh.nodes[points[point][0]] for point in (cam.at, part.follower))
+        distance = abs(float((node - centre) @ part.shaft_axis))
+        if cam.width is not None and distance > cam.width:
+            away, width = (format_quantity("m", size) for size in (distance, cam.width))
+            place = f"node {part.follower} is {away} from the cam along the shaft, and the cam is {width} wide"
             yield f"Warning: contacts.{name}: {place}; check both nodes"
         if not isinstance(follower, FlatFollower | RollerFollower):
             continue
-        height = float((node - centre) @ one.direction[:3])
-        still = np.zeros(1)
-        expected = float(follower.contact(still, still, still, cam.turn).trace.imag[0])
+        height = float((node - centre) @ part.direction[:3])
+        zero = np.zeros(1)
+        expected = float(follower.contact(zero, zero, zero, cam.turn).trace.imag[0])
         if abs(height - expected) > _MAX_FOLLOWER_OFFSET * expected:
-            place = f"its follower {one.follower!r} is {1e3 * height:.4g} mm from the centre of its cam along the lift"
+            place = f"its follower {part.follower!r} is {1e3 * height:.4g} mm from the centre of its cam along the lift"
             parts = "base circle gives" if isinstance(follower, FlatFollower) else "base circle and the roller give"
             remedy = "correct the node, base_radius or the follower"
             yield f"Warning: contacts.{name}: {place}, the {parts} {1e3 * expected:.4g} mm; {remedy}"
@@ -247,7 +247,7 @@ def check_run(ready: PreparedRun, monitor: RunMonitor, metrics: list[Metric], st
 
 def check_transient(ready: PreparedRun, change: RevolutionChange | None) -> list[str]:
     """Return a warning about a run with adjusters that has not reached a periodic motion."""
-    adjusters = [name for name, one in ready.model.contacts.items() if isinstance(one, Adjuster)]
+    adjusters = [name for name, part in ready.model.contacts.items() if isinstance(part, Adjuster)]
     if not adjusters or ready.case.record.run.start == "periodic":
         return []
     if change is not None and change.motion <= MAX_PERIODICITY_ERROR:
@@ -262,14 +262,14 @@ def check_transient(ready: PreparedRun, change: RevolutionChange | None) -> list
 
 def describe_change(change: RevolutionChange) -> str:
     """Describe the difference of the last revolution from the one before."""
-    found = [f"motion {100.0 * change.motion:.2g} %"]
+    texts = [f"motion {100.0 * change.motion:.2g} %"]
     if change.contact:
-        found.append(f"force of contact {change.contact} {100.0 * change.force:.2g} % (rms)")
+        texts.append(f"force of contact {change.contact} {100.0 * change.force:.2g} % (rms)")
     if change.stress_change > _SAME_STRESS:
         factor, unit = to_display_unit("Pa")
-        before, last = (f"{factor * one:.3g}" for one in change.stress)
-        found.append(f"max von Mises of {change.member} {before}, then {last} {unit}")
-    return ", ".join(found)
+        before, last = (f"{factor * stress:.3g}" for stress in change.stress)
+        texts.append(f"max von Mises of {change.member} {before}, then {last} {unit}")
+    return ", ".join(texts)
 
 
 _SAME_STRESS = 0.02  # relative change of a stress that is not mentioned
@@ -277,14 +277,14 @@ _SAME_STRESS = 0.02  # relative change of a stress that is not mentioned
 
 def describe_decay(ready: PreparedRun, member: str) -> str:
     """Return the decay of the lowest mode of a member; empty if within a revolution, or without such a mode."""
-    found = model_modes(build_structure(ready.model), _DECAY_MODES)
-    for i in range(found.modes.rigid, len(found.modes.omegas)):
-        shares = {part: share for part, share in found.shares[i].items() if part.startswith(f"{member} ")}
+    lowest = model_modes(build_structure(ready.model), _DECAY_MODES)
+    for i in range(lowest.modes.rigid, len(lowest.modes.omegas)):
+        shares = {part: share for part, share in lowest.shares[i].items() if part.startswith(f"{member} ")}
         if sum(shares.values()) > _OWN_MODE:
-            shape = found.modes.shapes[:, i]
+            shape = lowest.modes.shapes[:, i]
             rate = 0.5 * float(shape @ ready.problem.system.damping.times(shape))
             motion = max(shares, key=lambda part: shares[part]).removeprefix(f"{member} ")
-            mode = f"The lowest mode of member {member} ({motion}, {found.modes.frequencies[i]:.4g} Hz)"
+            mode = f"The lowest mode of member {member} ({motion}, {lowest.modes.frequencies[i]:.4g} Hz)"
             if rate <= 0.0:
                 return f"{mode} is not damped"
             turns = 1.0 / (rate * ready.revolution)
@@ -372,9 +372,9 @@ def check_events(metrics: Iterable[Metric]) -> list[str]:
         ),
         *(
             f"Warning: the {what} of {name!r} reaches {1e-6 * stress:.4g} MPa: {usual}"
-            for suffix, (largest, what, usual) in _USUAL_STRESSES.items()
+            for suffix, (limit, what, usual) in _USUAL_STRESSES.items()
             for name, stress in _metrics_with_suffix(known, suffix)
-            if stress > largest
+            if stress > limit
         ),
     ]
 
@@ -413,7 +413,7 @@ def numerical_dissipation(extremes: ExtremesSink) -> float:
 def _largest_share(extremes: ExtremesSink, part: str) -> float:
     """Return the maximum of a term of the energy balance relative to the largest range of work and stored energies."""
     bounds = (extremes.channel(f"energy.{name}") for name in ("work", "kinetic", "strain"))
-    largest_range = max(largest - least for least, largest in bounds)
+    largest_range = max(maximum - minimum for minimum, maximum in bounds)
     return max(extremes.channel(f"energy.{part}"), key=abs) / largest_range if largest_range > 0.0 else 0.0
 
 
@@ -437,9 +437,9 @@ def _check_accuracy(ready: PreparedRun, extremes: ExtremesSink, stats: Stats) ->
         yield f"Warning: {residual}: {why}; use more steps per revolution"
     if not abs(share := numerical_dissipation(extremes)) <= _MAX_ENERGY_RESIDUAL:
         verb = "dissipates" if share > 0.0 else "adds"
-        other = "" if ready.scheme == default_method(ready.problem) else ", or leave run.integrator out"
+        remedy = "" if ready.scheme == default_method(ready.problem) else ", or leave run.integrator out"
         why = f"{100.0 * abs(share):.3g} % of the largest energy: the steps are too long"
-        yield f"Warning: the time integration {verb} {why}; use more steps per revolution{other}"
+        yield f"Warning: the time integration {verb} {why}; use more steps per revolution{remedy}"
     if not stats.imbalance <= _MAX_RESIDUAL:
         why = "the steps are too long for the motion; use more steps per revolution"
         yield f"Warning: forces are out of balance by up to {100.0 * stats.imbalance:.2g} % of the largest: {why}"
@@ -455,29 +455,29 @@ def _check_accuracy(ready: PreparedRun, extremes: ExtremesSink, stats: Stats) ->
 
 def _check_deflections(ready: PreparedRun, extremes: ExtremesSink) -> Iterator[str]:
     """Yield warnings about members that deflect or turn too far for small displacements."""
-    mesh, moved = ready.model.mesh, build_structure(ready.model).dofs.nodal(extremes.most_bent[None])[0, :, :3]
+    mesh, shape = ready.model.mesh, build_structure(ready.model).dofs.nodal(extremes.most_bent[None])[0, :, :3]
     for name, line in mesh.lines.items():
         length = np.linalg.norm(np.diff(mesh.nodes[line], axis=0), axis=1).sum()
-        share = float(np.linalg.norm(np.ptp(moved[line], axis=0)) / length)
+        share = float(np.linalg.norm(np.ptp(shape[line], axis=0)) / length)
         if share > _MAX_DEFLECTION:
             why = f"it deforms by {100.0 * share:.3g} % of its length"
             yield f"Warning: member {name} leaves the range of small displacements: {why}; its results are not valid"
 
 
 def _check_resolution(ready: PreparedRun, sink: ResolutionSink) -> Iterator[str]:
-    found, case = sink.found(), ready.case
-    if is_coarse := found.steps < _MIN_STEPS:
-        own = ready.revolution / ready.problem.step
-        enough = math.ceil(0.1 * own * _MIN_STEPS / found.steps) * 10
-        motion = f"the typical frequency of the motion is {found.frequency:.4g} Hz"
-        period = f"a period of it has only {found.steps:.3g} time steps"
+    resolution, case = sink.found(), ready.case
+    if is_coarse := resolution.steps < _MIN_STEPS:
+        per_revolution = ready.revolution / ready.problem.step
+        enough = math.ceil(0.1 * per_revolution * _MIN_STEPS / resolution.steps) * 10
+        motion = f"the typical frequency of the motion is {resolution.frequency:.4g} Hz"
+        period = f"a period of it has only {resolution.steps:.3g} time steps"
         yield f"Warning: {motion}, and {period}; use at least {enough} steps per revolution"
-    for name, count in found.elements.items():
+    for name, count in resolution.elements.items():
         if count < _MIN_ELEMENTS and not is_coarse:  # otherwise the steps determine the frequency
             enough = math.ceil(_MIN_ELEMENTS / count) * case.record.members[name].elements
-            wave = f"at {found.frequency:.4g} Hz a bending wave in member {name} is only {count:.2g} elements long"
+            wave = f"at {resolution.frequency:.4g} Hz a bending wave in member {name} is only {count:.2g} elements long"
             yield f"Warning: {wave}; set elements = {enough} in {case.place(('members', name))}"
-    for name, count in found.impacts.items():
+    for name, count in resolution.impacts.items():
         if count < _MIN_IMPACT_STEPS:
             steps = f"{count} time step{'s' if count > 1 else ''}"
             yield (

@@ -66,7 +66,7 @@ def revolution_change(
     def difference(values: FloatArray) -> FloatArray:
         return values[last] - np.interp(time[last] - period, time, values)
 
-    moved = response[scalar_probe(ready)].displacement if ready.model.probes else np.zeros(len(time))
+    history = response[scalar_probe(ready)].displacement if ready.model.probes else np.zeros(len(time))
     changes = dict[str, float]()
     for name, contact in ready.model.cam_contacts.items():
         if (force := response.channels.get(f"contacts.{name}.force")) is not None:
@@ -74,7 +74,7 @@ def revolution_change(
             lifted = lift > main_lift(ready.model, contact.cam)
             changes[name] = _relative(np.linalg.norm(difference(force)[lifted]), np.linalg.norm(force[last][lifted]))
     contact = max(changes, key=lambda name: changes[name], default="")
-    motion = _relative(np.abs(difference(moved)).max(), np.ptp(moved[last]))
+    motion = _relative(np.abs(difference(history)).max(), np.ptp(history[last]))
     member, before, now = (strength and strength.change()) or ("", 0.0, 0.0)
     return RevolutionChange(motion, changes.get(contact, 0.0), contact, member, (before, now))
 
@@ -93,15 +93,15 @@ def compute_metrics(ready: PreparedRun, response: Response, names: Sequence[str]
 
     With names, costly metrics that are not among them are left out.
     """
-    found = train_metrics(ready.model, response, ready.revolution, names)
+    metrics = train_metrics(ready.model, response, ready.revolution, names)
     if ready.case.record.fidelity.model not in MASS_CHAINS:
-        return found
+        return metrics
 
     def changes(metric: Metric) -> bool:
         values = response.channels[metric.name.rpartition(".")[0].replace(".power", ".torque")]
         return bool(np.ptp(values) > _ROUNDING * np.abs(values).max())
 
-    return [one for one in found if not one.name.startswith(("cams.", "supports.")) or changes(one)]
+    return [metric for metric in metrics if not metric.name.startswith(("cams.", "supports.")) or changes(metric)]
 
 
 _WORDS = {
@@ -138,17 +138,17 @@ class FigureOfMerit:
 def figures_of_merit(case: Case, metrics: Sequence[Metric]) -> list[FigureOfMerit]:
     """Return the figures of merit that a train has, sorted by kind, from the metrics of `compute_metrics`."""
     free = {f"contacts.{name}.nose_force.least" for name in opposed_contacts(build_model(case))}
-    found = [
+    figures = [
         FigureOfMerit(usual_name(metric), metric.name.split(".")[1], metric.name, metric.value, metric.unit)
         for metric in metrics
         if usual_name(metric) and metric.name not in free  # over the nose of such a cam the other one drives
     ]
-    found.sort(key=lambda figure: [*_WORDS.values()].index(figure.name))
+    figures.sort(key=lambda figure: [*_WORDS.values()].index(figure.name))
     if any(contact.model == "unilateral" for contact in case.record.contacts.values()):
         with suppress(FlexcamError):  # no rigid train exists
             if (margin := _rigid_margin(case)[1]) is not None:
-                found.append(FigureOfMerit(SPRING_MARGIN, "", "", margin, "1"))
-    return found
+                figures.append(FigureOfMerit(SPRING_MARGIN, "", "", margin, "1"))
+    return figures
 
 
 def usual_name(metric: Metric) -> str:
@@ -198,8 +198,8 @@ def _rigid_limit_speed(case: Case) -> float | None:
     """
     if any(load.table is not None and load.table.over_time for load in case.record.loads.values()):
         return None
-    bare = replace(case, record=case.record.model_copy(update={"friction": {}}))
-    ready = prepare(bare, rigid=True, model=omit_coil_stops(build_model(bare)))
+    frictionless = replace(case, record=case.record.model_copy(update={"friction": {}}))
+    ready = prepare(frictionless, rigid=True, model=omit_coil_stops(build_model(frictionless)))
     limits = _rigid_limits(ready, case.speed, _ANGLES)
     if not limits:
         return None
@@ -214,24 +214,22 @@ def _rigid_limits(ready: PreparedRun, speed: float, angles: FloatArray) -> dict[
     """
     motion, model = ready.problem.drive.at(angles / speed), ready.model
     factors = 0.5, 1.0, 2.0
-    motions = [
-        replace(motion, speed=one * motion.speed, rate=one**2 * motion.rate, known=motion.cam) for one in factors
-    ]
+    motions = [replace(motion, speed=k * motion.speed, rate=k**2 * motion.rate, known=motion.cam) for k in factors]
     channels, opposed = cam_forces(model, speed, motions), opposed_contacts(model)
-    found: dict[str, tuple[float, FloatArray]] = {}
+    results: dict[str, tuple[float, FloatArray]] = {}
     for name, contact in model.cam_contacts.items():
         if name in opposed or isinstance(contact, PublishedLoad):
             continue
         lifted = model.cams[contact.cam].lift(motion.angle, 0) > main_lift(model, contact.cam)
-        forces = [one[name][lifted] for one in channels]
-        still, _, inertia = np.linalg.solve(np.vander(factors, increasing=True), forces)
+        forces = [table[name][lifted] for table in channels]
+        static, _, inertia = np.linalg.solve(np.vander(factors, increasing=True), forces)
         pulls = inertia < 0.0
         if pulls.any():
-            limits = np.sqrt(np.maximum(still[pulls], 0.0) / -inertia[pulls])
-            around = np.pad(limits, 1, constant_values=np.inf)
-            low = (limits <= around[:-2]) & (limits <= around[2:]) & (limits <= _NEARLY * limits.min())
-            found[name] = float(limits.min()) * speed, angles[lifted][pulls][low]
-    return found
+            limits = np.sqrt(np.maximum(static[pulls], 0.0) / -inertia[pulls])
+            padded = np.pad(limits, 1, constant_values=np.inf)
+            low = (limits <= padded[:-2]) & (limits <= padded[2:]) & (limits <= _NEARLY * limits.min())
+            results[name] = float(limits.min()) * speed, angles[lifted][pulls][low]
+    return results
 
 
 def _buckling_margins(case: Case) -> dict[str, float]:
@@ -239,13 +237,13 @@ def _buckling_margins(case: Case) -> dict[str, float]:
     model, system = build_problem(case)
     uses = tuple(channel for channel in system.channels if channel.name.endswith(".buckling_use"))
     system = replace(system, channels=uses, probes=())
-    least: dict[str, float] = {}
+    margins: dict[str, float] = {}
     angles = (cam.drive_angle(event_extremes(cam.event)[1].at) for cam in model.cams.values())
     for angle in dict.fromkeys(angles):  # valves of a cylinder share one
         drive = ConstantSpeed(case.speed, angle)
-        still = Problem(system, drive, 1e-6 / case.speed, 1, equilibrium(system, drive))
-        for name, use in solve(still, newmark(), save=SaveAt(energies=False)).channels.items():
+        problem = Problem(system, drive, 1e-6 / case.speed, 1, equilibrium(system, drive))
+        for name, use in solve(problem, newmark(), save=SaveAt(energies=False)).channels.items():
             if float(use[0]) > _ROUNDING:
                 member = name.split(".")[1]
-                least[member] = min(1.0 / float(use[0]), least.get(member, math.inf))
-    return least
+                margins[member] = min(1.0 / float(use[0]), margins.get(member, math.inf))
+    return margins

@@ -79,19 +79,19 @@ _EXTRAS = {
 
 def installation_info() -> dict[str, str]:
     """Return the versions and optional parts of this installation."""
-    found = {"python": f"{platform.python_version()}, {platform.platform()}"}
+    info = {"python": f"{platform.python_version()}, {platform.platform()}"}
     for package in _PACKAGES:
         try:
-            found[package] = version(package)
+            info[package] = version(package)
         except PackageNotFoundError:
-            found[package] = "not installed"
-    found["compiled code"] = "no compiler: install numba for long runs and contacts"
+            info[package] = "not installed"
+    info["compiled code"] = "no compiler: install numba for long runs and contacts"
     if jit.is_available():
-        found["compiled code"] = f"compiled, cached in {jit.cache_root()}"
+        info["compiled code"] = f"compiled, cached in {jit.cache_root()}"
     for extra, modules in _EXTRAS.items():
         missing = ", ".join(name for name in modules if find_spec(name) is None)
-        found[f"extra {extra}"] = f"not there ({missing}): pip install 'flexcam[{extra}]'" if missing else "usable"
-    return found
+        info[f"extra {extra}"] = f"not there ({missing}): pip install 'flexcam[{extra}]'" if missing else "usable"
+    return info
 
 
 _G, _V0, _STIFFNESS = 9.81, 1.2, 4e6  # gravity, initial impact speed, stiffness of the stop; the mass is 1 kg
@@ -101,13 +101,13 @@ _PROBE = Probe("x", ("x",), np.eye(1), (None,))
 
 def _period_check() -> Iterator[Check]:
     """Yield a free vibration after 1000 steps of a tenth of its period, by the average acceleration method."""
-    turned, step = 2.0 * math.pi / 10.0, 0.01
-    stiffness = Triplets.from_dense([[(turned / step) ** 2]])
+    angle, step = 2.0 * math.pi / 10.0, 0.01
+    stiffness = Triplets.from_dense([[(angle / step) ** 2]])
     system = System(Triplets.from_dense([[1.0]]), Triplets.zeros(1), stiffness, ("x",), probes=(_PROBE,))
     problem = Problem(system, _STILL, step, 1000, State(np.ones(1), np.zeros(1)), engine="direct")
     end = solve(problem, newmark())["x"].displacement[-1]
     source = "Hughes, The Finite Element Method, ch. 9"
-    yield Check("Newmark after 100 periods", source, math.cos(2000.0 * math.atan(0.5 * turned)), float(end), 1e-9, "m")
+    yield Check("Newmark after 100 periods", source, math.cos(2000.0 * math.atan(0.5 * angle)), float(end), 1e-9, "m")
 
 
 def _bounce_checks() -> Iterator[Check]:
@@ -115,19 +115,19 @@ def _bounce_checks() -> Iterator[Check]:
     down, up = AngleVector.constant(np.array([-1.0])), AngleVector.constant(np.array([1.0]))
     stop = LocalForce("stop", (down,), (up,), elastic_stop(_STIFFNESS), (constant(0.0),))
     weight = Load("weight", np.array([-_G]), lambda motion: np.ones_like(motion.angle))
-    nothing = Triplets.zeros(1)
-    system = System(Triplets.from_dense([[1.0]]), nothing, nothing, ("x",), (weight,), (stop,), probes=(_PROBE,))
-    w, sunk = math.sqrt(_STIFFNESS), _G / _STIFFNESS
+    zero = Triplets.zeros(1)
+    system = System(Triplets.from_dense([[1.0]]), zero, zero, ("x",), (weight,), (stop,), probes=(_PROBE,))
+    w, deflection = math.sqrt(_STIFFNESS), _G / _STIFFNESS
     contact = 2.0 / w * (math.pi - math.atan(_V0 * w / _G))
-    steps, whole = 1000, 1.5 * contact
+    steps, total = 1000, 1.5 * contact
     start = State(np.zeros(1), np.array([-_V0]))
-    found = solve(Problem(system, _STILL, whole / steps, steps, start, engine="direct"), newmark())["x"]
-    deepest = sunk + math.hypot(sunk, _V0 / w)
+    history = solve(Problem(system, _STILL, total / steps, steps, start, engine="direct"), newmark())["x"]
+    depth = deflection + math.hypot(deflection, _V0 / w)
     # Steps of w dt = 0.005: the relative error of the period is its square over 12; that of an event speed is similar.
-    yield Check("depth of an impact", source, deepest, -float(found.displacement.min()), 1e-5, "m")
-    yield Check("speed after an impact", source, _V0 - _G * (whole - contact), float(found.velocity[-1]), 1e-5, "m/s")
+    yield Check("depth of an impact", source, depth, -float(history.displacement.min()), 1e-5, "m")
+    yield Check("speed after an impact", source, _V0 - _G * (total - contact), float(history.velocity[-1]), 1e-5, "m/s")
     rest = equilibrium(system, _STILL).displacement
-    yield Check("mass at rest on a stop", "m g/k", -sunk, float(rest[0]), 1e-9, "m")
+    yield Check("mass at rest on a stop", "m g/k", -deflection, float(rest[0]), 1e-9, "m")
 
 
 def _law_checks() -> Iterator[Check]:
@@ -137,9 +137,9 @@ def _law_checks() -> Iterator[Check]:
         ("shm", 0.5 * math.pi, 0.5 * math.pi**2),
         ("3-4-5", 1.875, 10.0 / math.sqrt(3.0)),
     ):  # fmt: skip
-        found = criteria(LAWS[name])
-        yield Check(f"largest velocity of the law {name}", source, velocity, found.velocity[1].value, 1e-9)
-        yield Check(f"largest acceleration of the law {name}", source, acceleration, found.acceleration[1].value, 1e-9)
+        values = criteria(LAWS[name])
+        yield Check(f"largest velocity of the law {name}", source, velocity, values.velocity[1].value, 1e-9)
+        yield Check(f"largest acceleration of the law {name}", source, acceleration, values.acceleration[1].value, 1e-9)
 
 
 _STEEL = Material(E=207e9, nu=0.29, density=7800.0)
@@ -182,10 +182,10 @@ _CANTILEVER_ROOTS = (1.8751040687119611, 4.694091132974174, 7.854757438237613)  
 
 def _structure_checks() -> Iterator[Check]:
     beam, force, torque = _Beam(_SLENDER, _FIXED), 100.0, 10.0
-    bent, found = force * _LENGTH**3 / (3.0 * _STEEL.E * _TUBE.Iz), beam.end_displacement("uy", force)
-    yield Check("tip of a cantilever under a force", "Euler-Bernoulli, P L^3/(3 E I)", bent, found, 1e-9, "m")
-    twisted, found = torque * _LENGTH / (_STEEL.G * _TUBE.J), beam.end_displacement("rx", torque)
-    yield Check("twist of a tube under a torque", "Saint-Venant, T L/(G J)", twisted, found, 1e-9, "rad")
+    deflection, computed = force * _LENGTH**3 / (3.0 * _STEEL.E * _TUBE.Iz), beam.end_displacement("uy", force)
+    yield Check("tip of a cantilever under a force", "Euler-Bernoulli, P L^3/(3 E I)", deflection, computed, 1e-9, "m")
+    twist, computed = torque * _LENGTH / (_STEEL.G * _TUBE.J), beam.end_displacement("rx", torque)
+    yield Check("twist of a tube under a torque", "Saint-Venant, T L/(G J)", twist, computed, 1e-9, "rad")
     source = "Timoshenko, Vibration Problems in Engineering, sec. 53-58"
     speed = math.sqrt(_STEEL.E * _TUBE.Iz / (_STEEL.density * _TUBE.A))
     for n, (root, computed) in enumerate(zip(_CANTILEVER_ROOTS, beam.frequencies(3), strict=True), start=1):
@@ -204,8 +204,8 @@ def _structure_checks() -> Iterator[Check]:
     yield Check("bending frequency of a stout beam, pinned", source, reference, computed, 1e-5, "Hz")
     source = "Timoshenko and Gere, Theory of Elastic Stability, ch. 2"
     euler = math.pi**2 * _STEEL.E * _TUBE.Iz / _LENGTH**2
-    found = _Beam(_SLENDER, _PINNED, ("uy", "uz")).buckling_load()
-    yield Check("buckling load of a pinned column", source, euler, found, 1e-5, "N")
+    computed = _Beam(_SLENDER, _PINNED, ("uy", "uz")).buckling_load()
+    yield Check("buckling load of a pinned column", source, euler, computed, 1e-5, "N")
 
 
 _PROBED = "valve"
@@ -222,16 +222,16 @@ def _train_checks() -> Iterator[Check]:
         residual = float(np.abs(run.channels["energy.residual"]).max() / np.ptp(run.channels["energy.work"]))
         source = "Newmark's average acceleration conserves energy"
         yield Check("residual of the energy balance, divided by the work", source, 0.0, residual, 1e-9)
-        moved = run[_PROBED].displacement
+        displacement = run[_PROBED].displacement
         for engine in ("modal", "kernel") if jit.is_available() else ("modal",):
-            other = solve(replace(ready.problem, engine=engine), ready.scheme, save=ready.save)
-            apart = float(np.abs(moved - other[_PROBED].displacement).max() / np.abs(moved).max())
-            yield Check(f"{engine} solver engine, against the direct one", "the same scheme", 0.0, apart, 1e-8)
-        read = read_result(sink.path).response
-        pairs = [(getattr(run.probes, kind), getattr(read.probes, kind)) for kind in ("displacement", "velocity")]
-        pairs += [(run.time, read.time), *((values, read.channels[name]) for name, values in run.channels.items())]
-        apart = max(float(np.abs(a - b).max(initial=0.0)) for a, b in pairs)
-        yield Check("result file, read values against written ones", "all digits equal", 0.0, apart, 0.0)
+            second = solve(replace(ready.problem, engine=engine), ready.scheme, save=ready.save)
+            difference = float(np.abs(displacement - second[_PROBED].displacement).max() / np.abs(displacement).max())
+            yield Check(f"{engine} solver engine, against the direct one", "the same scheme", 0.0, difference, 1e-8)
+        stored = read_result(sink.path).response
+        pairs = [(getattr(run.probes, kind), getattr(stored.probes, kind)) for kind in ("displacement", "velocity")]
+        pairs += [(run.time, stored.time), *((values, stored.channels[name]) for name, values in run.channels.items())]
+        difference = max(float(np.abs(a - b).max(initial=0.0)) for a, b in pairs)
+        yield Check("result file, read values against written ones", "all digits equal", 0.0, difference, 0.0)
         rigid = prepare(case, rigid=True)
         top = float(solve(rigid.problem, rigid.scheme, save=rigid.save)[_PROBED].displacement.max())
         rocker, cam = next(iter(rigid.model.rockers.values())), next(iter(rigid.model.cams.values()))

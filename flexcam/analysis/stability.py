@@ -78,15 +78,15 @@ def step_amplification(ready: PreparedRun, method: Method, response: Response) -
     for angle, omegas, ratios, shapes in _modes_along_motion(ready, response):
         pairs = zip(omegas.tolist(), ratios.tolist(), strict=True)
         radii = [method.spectral_radius(omega * step, max(ratio, 0.0)) for omega, ratio in pairs]
-        most = max(range(len(radii)), key=lambda i: (round(radii[i], 9), omegas[i]))
-        order: list[int] = np.argsort(-np.abs(shapes[:, most])).tolist()
+        largest = max(range(len(radii)), key=lambda i: (round(radii[i], 9), omegas[i]))
+        order: list[int] = np.argsort(-np.abs(shapes[:, largest])).tolist()
         moving = tuple(names[i] for i in order[:3])
-        frequency, ratio = float(omegas[most]) / (2.0 * math.pi), float(ratios[most])
-        here = StepAmplification(radii[most], frequency, ratio, moving, angle, math.inf)
+        frequency, ratio = float(omegas[largest]) / (2.0 * math.pi), float(ratios[largest])
+        candidate = StepAmplification(radii[largest], frequency, ratio, moving, angle, math.inf)
         if limited:
             critical = min(critical, method.stability_limit(max(float(ratios[-1]), 0.0)) / float(omegas[-1]))
-        if (round(here.radius, 9), here.frequency) > (round(worst.radius, 9), worst.frequency):
-            worst = here
+        if (round(candidate.radius, 9), candidate.frequency) > (round(worst.radius, 9), worst.frequency):
+            worst = candidate
     return replace(worst, critical_step=critical)
 
 
@@ -98,19 +98,19 @@ def _modes_along_motion(
     if system.is_kinematic or system.size > MAX_DOFS or not len(response.field_time):
         return
     late: list[int] = np.flatnonzero(response.field_time > response.field_time[-1] - ready.revolution).tolist()
-    chosen = late[:: max(len(late) // _EVALUATED_INSTANTS, 1)]
-    fields = response.fields.at(np.isin(np.arange(len(response.field_time)), chosen))
-    motion = ready.problem.drive.at(response.field_time[chosen])
+    instants = late[:: max(len(late) // _EVALUATED_INSTANTS, 1)]
+    fields = response.fields.at(np.isin(np.arange(len(response.field_time)), instants))
+    motion = ready.problem.drive.at(response.field_time[instants])
     tangents = Tangents(system, motion, fields.displacement, fields.velocity)
     basis = basis_of(ready.problem)
-    within = basis.spread(np.eye(basis.size)).T if basis is not None and basis.size else np.eye(system.size)
+    Q = basis.spread(np.eye(basis.size)).T if basis is not None and basis.size else np.eye(system.size)
     last = None
-    for i in range(len(chosen)):
+    for i in range(len(instants)):
         C, K = tangents.at(i)
         if last is None or not np.array_equal(K, last):
-            omegas, ratios, shapes = _oscillatory_modes(*(within.T @ A @ within for A in (tangents.mass, C, K)))
+            omegas, ratios, shapes = _oscillatory_modes(*(Q.T @ A @ Q for A in (tangents.mass, C, K)))
             if len(omegas):
-                yield float(response.field_angle[chosen[i]]), omegas, ratios, within @ shapes
+                yield float(response.field_angle[instants[i]]), omegas, ratios, Q @ shapes
         last = K
 
 
@@ -118,15 +118,15 @@ def _oscillatory_modes(M: FloatArray, C: FloatArray, K: FloatArray) -> tuple[Flo
     """Return the oscillatory modes of possibly unsymmetric matrices, lowest first, without free and growing ones."""
     from scipy.linalg import eig
 
-    values, vectors = (np.asarray(one) for one in eig(K, M))
+    values, vectors = (np.asarray(array) for array in eig(K, M))
     squares: FloatArray = np.real(values)
-    good = np.isfinite(squares) & (np.abs(np.imag(values)) <= np.abs(squares))
-    good &= squares > _RIGID_BODY_RATIO * np.max(np.abs(squares[good]), initial=0.0)
-    order = np.flatnonzero(good)[np.argsort(squares[good])]
+    valid = np.isfinite(squares) & (np.abs(np.imag(values)) <= np.abs(squares))
+    valid &= squares > _RIGID_BODY_RATIO * np.max(np.abs(squares[valid]), initial=0.0)
+    order = np.flatnonzero(valid)[np.argsort(squares[valid])]
     omegas, shapes = np.sqrt(squares[order]), np.real(vectors[:, order])
-    heavy = np.einsum("ik,ik->k", shapes, M @ shapes)
-    slowed = np.einsum("ik,ik->k", shapes, C @ shapes)
-    return omegas, slowed / np.where(heavy > 0.0, 2.0 * omegas * heavy, np.inf), shapes
+    modal_mass = np.einsum("ik,ik->k", shapes, M @ shapes)
+    modal_damping = np.einsum("ik,ik->k", shapes, C @ shapes)
+    return omegas, modal_damping / np.where(modal_mass > 0.0, 2.0 * omegas * modal_mass, np.inf), shapes
 
 
 def force_harmonics(response: Response, contact: str, count: int) -> FloatArray:
@@ -164,28 +164,28 @@ class Resonance:
 
 def resonances(ready: PreparedRun, response: Response) -> tuple[Resonance, ...]:
     """Return the resonances of cam harmonics with the modes."""
-    met: list[Resonance] = []
+    crossings: list[Resonance] = []
     for name, contact in ready.model.cam_contacts.items():
-        reached = modes_on_the_lift(ready.model, name, ready.case.speed)
+        modes = modes_on_the_lift(ready.model, name, ready.case.speed)
         lifts = lift_harmonics(ready.model.cams[contact.cam].event, _HARMONICS)
         loads = np.nan_to_num(force_harmonics(response, name, _HARMONICS))
         force = response.channels.get(f"contacts.{name}.force", np.zeros(0))[response.latest(ready.revolution)]
-        largest = max(float(np.abs(force).max(initial=0.0)), np.finfo(float).tiny)
+        maximum = max(float(np.abs(force).max(initial=0.0)), np.finfo(float).tiny)
         for n, amplitude in lifts.items():
-            for i in reached.relevant_modes:
-                frequency, words = float(reached.found.modes.frequencies[i]), reached.found.words(i)
+            for i in modes.relevant_modes:
+                frequency, words = float(modes.found.modes.frequencies[i]), modes.found.words(i)
                 rpm, load = 60.0 * frequency / n, float(loads[n - 1])
-                met.append(Resonance(name, rpm, n, amplitude, load, i, frequency, words, load / largest))
-    own = ready.case.speed / RPM
-    return tuple(sorted(met, key=lambda one: abs(math.log(one.rpm / own))))
+                crossings.append(Resonance(name, rpm, n, amplitude, load, i, frequency, words, load / maximum))
+    case_rpm = ready.case.speed / RPM
+    return tuple(sorted(crossings, key=lambda crossing: abs(math.log(crossing.rpm / case_rpm))))
 
 
 def lift_harmonics(event: Event, count: int) -> dict[int, float]:
     """Return the harmonics of a lift that are significant in its acceleration, which excites the modes."""
     sizes = np.abs(harmonics(event, count))[1:]
     accelerations = np.arange(1, count + 1) ** 2 * sizes
-    kept = np.flatnonzero(accelerations >= MIN_HARMONIC_RATIO * accelerations.max())
-    return {n + 1: float(sizes[n]) for n in kept.tolist()}
+    significant = np.flatnonzero(accelerations >= MIN_HARMONIC_RATIO * accelerations.max())
+    return {n + 1: float(sizes[n]) for n in significant.tolist()}
 
 
 RESONANCE_WIDTH = 0.03
@@ -221,8 +221,8 @@ class Stability:
     @property
     def active_resonances(self) -> tuple[Resonance, ...]:
         """Resonances at the case's speed that change the contact force, the largest change first."""
-        near = (one for one in self.resonances if abs(one.rpm / self.rpm - 1.0) <= RESONANCE_WIDTH)
-        return tuple(sorted((one for one in near if one.share >= MIN_FORCE_RATIO), key=lambda one: -one.share))
+        near = (r for r in self.resonances if abs(r.rpm / self.rpm - 1.0) <= RESONANCE_WIDTH)
+        return tuple(sorted((r for r in near if r.share >= MIN_FORCE_RATIO), key=lambda r: -r.share))
 
     @property
     def highest_listed_rpm(self) -> float:
@@ -233,14 +233,14 @@ class Stability:
     def within(self) -> tuple[Resonance, ...]:
         """Resonances up to that speed: those that change the force at the case's speed, then the nearest first."""
         active = self.active_resonances
-        others = (one for one in self.resonances if one not in active and one.rpm <= self.highest_listed_rpm)
+        others = (r for r in self.resonances if r not in active and r.rpm <= self.highest_listed_rpm)
         return (*active, *others)
 
     @property
     def higher_resonances(self) -> tuple[Resonance, ...]:
         """Resonances above that speed, in ascending order."""
-        above = (one for one in self.resonances if one.rpm > self.highest_listed_rpm)
-        return tuple(sorted(above, key=lambda one: one.rpm))
+        above = (r for r in self.resonances if r.rpm > self.highest_listed_rpm)
+        return tuple(sorted(above, key=lambda r: r.rpm))
 
     @property
     def is_chattering(self) -> bool:
@@ -253,7 +253,7 @@ class Stability:
         if not self.is_chattering or self.change is None:
             return self.is_chattering
         changes = self.change.motion, self.change.force, self.change.stress_change
-        return any(one > most for one, most in zip(changes, _MIN_CHANGE, strict=True))
+        return any(change > minimum for change, minimum in zip(changes, _MIN_CHANGE, strict=True))
 
     @property
     def causes(self) -> tuple[str, ...]:
@@ -261,38 +261,38 @@ class Stability:
 
         ``broken off`` (the run ended early), ``numerical``, ``parametric``, ``resonance``, ``contact loss``.
         """
-        found: list[str] = [] if self.status.ok else ["broken off"]
+        causes: list[str] = [] if self.status.ok else ["broken off"]
         if self.discrete.radius > _GROWTH_THRESHOLD:
-            found.append("numerical")
+            causes.append("numerical")
         if self.floquet is not None and not self.floquet.stable() and not self.floquet.events:
-            found.append("parametric")
+            causes.append("parametric")
         if self.active_resonances:
-            found.append("resonance")
+            causes.append("resonance")
         if self.open_on_the_lift > OPEN:
-            found.append("contact loss")
-        return tuple(found)
+            causes.append("contact loss")
+        return tuple(causes)
 
 
 def assess_stability(case: Case) -> Stability:
     """Return the stability of a case at its speed."""
     ready = prepare(case.with_stable_method())
-    given = case.record.run.integrator
-    method = ready.scheme if given is None else given.part
-    whole = math.ceil(ready.revolution / ready.problem.step)
-    problem = replace(ready.problem, steps=max(ready.problem.steps, 2 * whole))  # two revolutions are compared
+    integrator = case.record.run.integrator
+    method = ready.scheme if integrator is None else integrator.part
+    steps = math.ceil(ready.revolution / ready.problem.step)
+    problem = replace(ready.problem, steps=max(ready.problem.steps, 2 * steps))  # two revolutions are compared
     response = solve(problem, ready.scheme, save=ready.save)
     reraise_interrupt(response.status)
     opened = 0.0
     if len(response.time):
         last = response.latest(ready.revolution)
-        held = [name for name in ready.model.cam_contacts if name not in opposed_contacts(ready.model)]
-        opened = max((separation(ready.model, response, name, last) for name in held), default=0.0)
+        contacts = [name for name in ready.model.cam_contacts if name not in opposed_contacts(ready.model)]
+        opened = max((separation(ready.model, response, name, last) for name in contacts), default=0.0)
     multipliers, why_not = None, "the follower leaves its cam, and the impacts that follow need not repeat"
     if opened <= OPEN or not spring_held_contacts(ready.model):
         multipliers, why_not = _floquet_multipliers(case)
-    met, why_no_modes = (), ""
+    crossings, why_no_modes = (), ""
     try:
-        met = resonances(ready, response)
+        crossings = resonances(ready, response)
     except RunFailedError as failure:  # such as a shaft within the backlash of its gear, at the nose of its cam
         why_no_modes = f"no stable equilibrium at full lift: {failure.status.text}"
     return Stability(
@@ -300,7 +300,7 @@ def assess_stability(case: Case) -> Stability:
         discrete=step_amplification(ready, method, response),
         floquet=multipliers,
         why_not=why_not,
-        resonances=met,
+        resonances=crossings,
         open_on_the_lift=opened,
         change=revolution_change(ready, response, member_strength(ready, response)),
         status=response.status,
@@ -309,20 +309,20 @@ def assess_stability(case: Case) -> Stability:
 
 
 def _floquet_multipliers(case: Case) -> tuple[Floquet | None, str]:
-    for key, given in excitation_without_period(case).items():
-        return None, f"the excitation does not repeat with the camshaft: {given} ({key})"
+    for key, excitation in excitation_without_period(case).items():
+        return None, f"the excitation does not repeat with the camshaft: {excitation} ({key})"
     ready = prepare_without_periodic_search(case.with_newmark())
     # The steps of the case, if an integer number of them fits into a revolution and is within the limits.
-    given = round(ready.revolution / ready.problem.step)
-    steps = min(max(given, _MIN_STEPS), _MAX_STEPS)
-    adaptive = ready.problem.adaptive if steps == given else None
-    one = replace(ready.problem, step=ready.revolution / steps, steps=steps, adaptive=adaptive)
+    requested = round(ready.revolution / ready.problem.step)
+    steps = min(max(requested, _MIN_STEPS), _MAX_STEPS)
+    adaptive = ready.problem.adaptive if steps == requested else None
+    cycle = replace(ready.problem, step=ready.revolution / steps, steps=steps, adaptive=adaptive)
     try:
-        state = solve_periodic(one, ready.scheme, tolerance=1e-7)
-        if (missed := state.periodicity or 0.0) > _PERIODICITY_TOLERANCE:
-            change = f"differs from that at its start by {100.0 * missed:.2g} % of the amplitude"
+        state = solve_periodic(cycle, ready.scheme, tolerance=1e-7)
+        if (residual := state.periodicity or 0.0) > _PERIODICITY_TOLERANCE:
+            change = f"differs from that at its start by {100.0 * residual:.2g} % of the amplitude"
             return None, f"no periodic motion was found: the state after one revolution {change}"
-        return floquet(replace(one, start=state), ready.scheme), ""
+        return floquet(replace(cycle, start=state), ready.scheme), ""
     except InputError as refusal:
         return None, refusal.faults[0].why
     except RunFailedError as failure:

@@ -73,11 +73,11 @@ def read_lift(
     if column is not None:
         lifts = [i for i, name in enumerate(names) if i and column == name]
     if len(lifts) != 1:
-        named = ", ".join(names) or "no header line"
+        listed = ", ".join(names) or "no header line"
         remedy = suggest_name(column, names) if column else 'name one: lift_table = { file = ..., column = "..." }'
-        raise refuse(f"{path.name}, column of the lift", column or named, named, "", remedy)
-    bad, allowed = table.faulty((0, lifts[0])), f"{width} finite numbers in each row"
-    refuse_rows(path, bad, allowed, "correct or remove the row, or write # before it")
+        raise refuse(f"{path.name}, column of the lift", column or listed, listed, "", remedy)
+    faulty, allowed = table.faulty((0, lifts[0])), f"{width} finite numbers in each row"
+    refuse_rows(path, faulty, allowed, "correct or remove the row, or write # before it")
     to_rad = _angle_factor(names[0] if names else "", angle, head, path)
     scale = _lift_factor(names[lifts[0]] if names else "", unit, head, path)
     values = np.array(table.numbers)[:, [0, lifts[0]]]
@@ -92,30 +92,30 @@ def _find_columns(path: Path, rows: Sequence[Row], content: str) -> NumberTable:
     return table
 
 
-def _read_lobe(path: Path, rows: Sequence[Row], wanted: str | None) -> LiftColumns:
+def _read_lobe(path: Path, rows: Sequence[Row], column: str | None) -> LiftColumns:
     """Return the lift of a lobe in a file of engine-sim."""
     lobes: dict[str, dict[float, tuple[float, int]]] = {}
     name = ""
     for number, line in rows:
-        for found in _SAMPLE.finditer(line.partition("//")[0]):
-            units = ("deg", "thou") if found["sym"] else ("", "")
-            angle, length = found["angle"] or units[0], found["length"] or units[1]
-            name = found["lobe"] or name
-            if found["lobe"] or angle not in _ANGLES or length not in _LENGTHS:  # a curve of another quantity
+        for sample in _SAMPLE.finditer(line.partition("//")[0]):
+            units = ("deg", "thou") if sample["sym"] else ("", "")
+            angle_unit, length_unit = sample["angle"] or units[0], sample["length"] or units[1]
+            name = sample["lobe"] or name
+            if sample["lobe"] or angle_unit not in _ANGLES or length_unit not in _LENGTHS:  # another quantity
                 continue
             try:
-                at, lift = float(found["at"]) * _ANGLES[angle], float(found["lift"]) * _LENGTHS[length]
+                angle, lift = float(sample["at"]) * _ANGLES[angle_unit], float(sample["lift"]) * _LENGTHS[length_unit]
             except ValueError:
                 raise refuse(f"{path.name}, line {number}", repr(line[:40]), "two numbers") from None
-            for side in (-at, at) if found["sym"] else (at,):
+            for side in (-angle, angle) if sample["sym"] else (angle,):
                 lobes.setdefault(name, {})[side] = (lift, number)
-    chosen = wanted or (next(iter(lobes)) if len(lobes) == 1 else "")
-    if chosen not in lobes:
+    lobe = column or (next(iter(lobes)) if len(lobes) == 1 else "")
+    if lobe not in lobes:
         allowed = ", ".join(lobes) or "samples .add_sample(10 * units.deg, 410 * units.thou) of a lobe"
-        remedy = suggest_name(chosen, lobes) if chosen else 'name one: lift_table = { file = ..., column = "..." }'
-        raise refuse(f"{path.name}, lobe", chosen or f"{len(lobes)} lobes", allowed, "", remedy)
-    at, lift, lines = zip(*sorted((at, lift, number) for at, (lift, number) in lobes[chosen].items()), strict=True)
-    return LiftColumns(np.array(at), np.array(lift), lines)
+        remedy = suggest_name(lobe, lobes) if lobe else 'name one: lift_table = { file = ..., column = "..." }'
+        raise refuse(f"{path.name}, lobe", lobe or f"{len(lobes)} lobes", allowed, "", remedy)
+    angle, lift, lines = zip(*sorted((angle, lift, n) for angle, (lift, n) in lobes[lobe].items()), strict=True)
+    return LiftColumns(np.array(angle), np.array(lift), lines)
 
 
 def write_lift_table(path: Path, angle: FloatArray, lift: FloatArray, *, overwrite: bool = False) -> Path:
@@ -147,27 +147,27 @@ def _header_words(head: str) -> list[str]:
     return [word for word in re.split(r"[^a-zμ°\"]+", plain) if word]
 
 
-def _angle_factor(column: str, given: AngleKind | None, head: str, path: Path) -> float:
+def _angle_factor(column: str, angle: AngleKind | None, head: str, path: Path) -> float:
     """Return the cam angle, rad, of one unit of the angle column."""
     words = _header_words(column)
-    named = [kind for kind in ("cam", "crank") if any(word.startswith(kind) for word in words)]
-    kind = given or (named[0] if len(named) == 1 else None)
+    kinds = [kind for kind in ("cam", "crank") if any(word.startswith(kind) for word in words)]
+    kind = angle or (kinds[0] if len(kinds) == 1 else None)
     if kind is None:
         remedy = 'add angle = "cam" or angle = "crank", or a header line such as cam_deg, lift_mm'
-        found, why = repr(head) if head else "no header line", "the crankshaft turns twice as fast as the camshaft"
-        raise refuse(f"{path.name}, angle", found, "cam or crank angles", why, remedy)
+        value, why = repr(head) if head else "no header line", "the crankshaft turns twice as fast as the camshaft"
+        raise refuse(f"{path.name}, angle", value, "cam or crank angles", why, remedy)
     unit = _HEADER_UNIT.search(column)
-    other = unit and set(words).isdisjoint(_ANGLES) and _header_words(unit[0])[-1:] not in _NO_UNITS
-    if other or any(word in ("grad", "gon", "rev", "revs", "turn", "turns", "min") for word in words):
+    unknown = unit and set(words).isdisjoint(_ANGLES) and _header_words(unit[0])[-1:] not in _NO_UNITS
+    if unknown or any(word in ("grad", "gon", "rev", "revs", "turn", "turns", "min") for word in words):
         remedy = f"convert the column, or write {kind}_deg or {kind}_rad"
         raise refuse(f"{path.name}, unit of the angle", repr(column), "degrees (deg) or radians (rad)", "", remedy)
     return next((_ANGLES[word] for word in words if word in _ANGLES), _DEGREE) * (0.5 if kind == "crank" else 1.0)
 
 
-def _lift_factor(column: str, given: str | None, head: str, path: Path) -> float:
+def _lift_factor(column: str, requested: str | None, head: str, path: Path) -> float:
     """Return the lift, m, of one unit of the lift column."""
-    named = [word for word in _header_words(column) if word in _LENGTHS]
-    unit = given or (named[-1] if named else None)
+    units = [word for word in _header_words(column) if word in _LENGTHS]
+    unit = requested or (units[-1] if units else None)
     if unit not in _LENGTHS:
         remedy = 'add unit = "mm" or unit = "in", or a header line such as cam_deg, lift_mm'
         raise refuse(f"{path.name}, unit of the lift", unit or head or "no header line", _UNITS, "", remedy)
@@ -189,28 +189,28 @@ def _profile_columns(head: Sequence[str], path: Path) -> list[int]:
     """Return the columns of x and y: those of the profile if the table has several curves."""
     if not head:
         return [0, 1]
-    found: list[int] = []
+    columns: list[int] = []
     for axis in "xy":
-        named = [i for i, name in enumerate(head) if axis in _header_words(name)]
-        own = [i for i in named if head[i].lower().startswith("profile")]
-        if len(own or named) != 1:
+        matches = [i for i, name in enumerate(head) if axis in _header_words(name)]
+        curve = [i for i in matches if head[i].lower().startswith("profile")]
+        if len(curve or matches) != 1:
             allowed = "one column x and one y, such as x [mm], y [mm]"
             raise refuse(f"{path.name}, header line", ", ".join(head)[:60], allowed, "", "name the columns")
-        found += own or named
-    return found
+        columns += curve or matches
+    return columns
 
 
-def _profile_factor(head: list[str], given: str | None, path: Path) -> float:
+def _profile_factor(head: list[str], requested: str | None, path: Path) -> float:
     """Return the unit, m, of the column headers (the last word of each that is a unit) or the given one."""
     words = [[word for word in _header_words(name) if word in _LENGTHS] for name in head]
-    units = list(dict.fromkeys(unit for unit in [given or "", *(word[-1] for word in words if word)] if unit))
+    units = list(dict.fromkeys(unit for unit in [requested or "", *(word[-1] for word in words if word)] if unit))
     where = f"{path.name}, unit"
     if len(units) > 1:
         why, remedy = "x, y and --unit contradict each other", "leave --unit out, or correct the header line"
         raise refuse(where, " and ".join(units), "one unit", why, remedy)
     if not units or units[0] not in _LENGTHS:
         remedy = "add --unit mm, or a header line such as x [mm], y [mm]"
-        raise refuse(where, given or ", ".join(head)[:60] or "no header line", _UNITS, "", remedy)
+        raise refuse(where, requested or ", ".join(head)[:60] or "no header line", _UNITS, "", remedy)
     return _LENGTHS[units[0]]
 
 

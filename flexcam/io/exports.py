@@ -48,11 +48,11 @@ def _write_frames(
 ) -> list[Path]:
     """Write the point data and global values of instants as ``.vtp`` files, and a ``.pvd`` file that lists them."""
     folder = create_folder(path.with_suffix(""))
-    written = [folder / f"{path.stem}_{i:06d}.vtp" for i in range(len(times))]
-    for piece, (data, whole) in zip(written, frames, strict=True):
-        _write_vtp(piece, mesh, node, data, whole)
-    write_collection(path, times, written)
-    return [path, *written]
+    files = [folder / f"{path.stem}_{i:06d}.vtp" for i in range(len(times))]
+    for piece, (data, field_data) in zip(files, frames, strict=True):
+        _write_vtp(piece, mesh, node, data, field_data)
+    write_collection(path, times, files)
+    return [path, *files]
 
 
 def write_collection(path: Path, times: FloatArray, files: Sequence[Path]) -> None:
@@ -66,11 +66,11 @@ def write_collection(path: Path, times: FloatArray, files: Sequence[Path]) -> No
     write_vtk(path, "Collection", lines)
 
 
-def _write_vtp(path: Path, mesh: Mesh, node: IntArray, data: Data, whole: Mapping[str, float]) -> None:
+def _write_vtp(path: Path, mesh: Mesh, node: IntArray, data: Data, field_data: Mapping[str, float]) -> None:
     """Write one instant: a polyline per member and a vertex per movable node without a member."""
     lengths = [len(line) for line in mesh.lines.values()]
     members = np.concatenate([np.full(len(node) - sum(lengths), -1), np.arange(len(lengths))])
-    values = {name: np.array([value]) for name, value in whole.items()}
+    values = {name: np.array([value]) for name, value in field_data.items()}
     write_polylines(path, mesh.nodes[node], lengths, point_data=data, cell_data={"member": members}, field_data=values)
 
 
@@ -154,7 +154,7 @@ def write_macro(collection: Path, fields: Sequence[str], degrees: Sequence[float
     text = _MACRO.format(
         name=collection.stem, colour=colour, collection=collection.name,
         folder=str(collection.parent.resolve()), angle=CAM_ANGLE,
-        degrees=[round(one, 6) for one in degrees], units={name: unit for name, (unit, _) in FIELDS.items()},
+        degrees=[round(angle, 6) for angle in degrees], units={name: unit for name, (unit, _) in FIELDS.items()},
         vector=next(iter(VECTORS)), radius=RADIUS,
     )  # fmt: skip
     return write_text(macro_path(collection), text, overwrite=overwrite, where="export")
@@ -210,11 +210,11 @@ def write_modes(
     size = geometry.mesh.extent
     drawn: dict[str, FloatArray] = {}
     nodal = geometry.dofs.nodal_modes(shapes.T, size)[:, geometry.node, :3]
-    for i, (frequency, moved) in enumerate(zip(frequencies, nodal, strict=True), start=1):
-        largest = float(np.linalg.norm(moved, axis=1).max())
+    for i, (frequency, translations) in enumerate(zip(frequencies, nodal, strict=True), start=1):
+        maximum = float(np.linalg.norm(translations, axis=1).max())
         # Pure torsion or an internal mode moves no point.
-        scale = _DRAWN_AMPLITUDE * size / largest if largest > 0.0 else 0.0
-        drawn[f"mode_{i:02d}_{frequency:.1f}Hz"] = scale * moved
+        scale = _DRAWN_AMPLITUDE * size / maximum if maximum > 0.0 else 0.0
+        drawn[f"mode_{i:02d}_{frequency:.1f}Hz"] = scale * translations
     phase = np.arange(FRAMES_PER_PERIOD) / FRAMES_PER_PERIOD
     swing = np.cos(2.0 * np.pi * phase)
     still = constant_data(geometry)

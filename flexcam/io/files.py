@@ -38,10 +38,10 @@ _DAMAGED = (ArithmeticError, AttributeError, LookupError, OSError, RuntimeError,
 
 def file_size(path: Path) -> int:
     """Return the size of a regular file; devices and pipes are rejected because reading them may never end."""
-    found = path.stat()
-    if not S_ISREG(found.st_mode):
+    status = path.stat()
+    if not S_ISREG(status.st_mode):
         raise OSError("it is a folder, a device or a pipe")
-    return found.st_size
+    return status.st_size
 
 
 def read_text(path: Path, encoding: str = "utf-8-sig") -> str:
@@ -84,7 +84,7 @@ def read_mdf(path: Path, where: str, names: Sequence[str] = ()) -> dict[str, tup
         file_size(path)
         with MDF(path) as file:
             masters = set(file.masters_db.items())
-            known = [one for one, at in file.channels_db.items() if "angle" in one or masters.isdisjoint(at)]
+            known = [name for name, at in file.channels_db.items() if "angle" in name or masters.isdisjoint(at)]
             angle = next((name for name in ("cam angle", "crank angle") if name in known), "")
             if not angle:
                 allowed = "a channel 'cam angle' or 'crank angle', with its unit"
@@ -94,15 +94,15 @@ def read_mdf(path: Path, where: str, names: Sequence[str] = ()) -> dict[str, tup
                 raise refuse(where, repr(unknown[0]), f"a channel of {path.name}", "there is no such channel", near)
             signals = {name: file.get(name) for name in (angle, *(names or known))}
             instants = signals[angle].timestamps
-            found: dict[str, tuple[str, FloatArray]] = {}
+            columns: dict[str, tuple[str, FloatArray]] = {}
             for name, signal in signals.items():
                 values = np.array(signal.samples, dtype=float)
                 if signal.invalidation_bits is not None:
                     values[signal.invalidation_bits] = np.nan
                 if name != angle:
                     values = np.interp(instants, signal.timestamps, values, left=np.nan, right=np.nan)
-                found[name] = (signal.unit, values)
-            return found
+                columns[name] = (signal.unit, values)
+            return columns
     except InputError:
         raise
     except (MdfException, *_DAMAGED) as fault:
@@ -145,9 +145,9 @@ def resolve_file(case: Path, name: str, where: str) -> Path:
         size = file_size(path) if path.exists() else 0
     except (OSError, ValueError, RuntimeError) as fault:
         raise refuse(where, repr(name), "the path of a file", system_message(fault)) from None
-    besides = [Path(one).resolve() for one in os.environ.get(ALLOWED_FOLDERS_VARIABLE, "").split(os.pathsep) if one]
+    extra = [Path(entry).resolve() for entry in os.environ.get(ALLOWED_FOLDERS_VARIABLE, "").split(os.pathsep) if entry]
     above = home.parents[:_MAX_PARENTS][-1] if home.parents else home
-    if not any(target.is_relative_to(one) for one in [above, *besides]):
+    if not any(target.is_relative_to(folder) for folder in [above, *extra]):
         allowed = "a file in the case's folder, up to two folders above it, or below these"
         why = "a case from elsewhere must not open any file"
         raise refuse(where, repr(name), allowed, why, f"move it, or name its folder in {ALLOWED_FOLDERS_VARIABLE}")
@@ -193,12 +193,12 @@ def create_folder(path: Path) -> Path:
 def check_folder(folder: Path) -> None:
     """Raise an error if a folder, or the nearest one above that exists, takes no files; leave none there."""
     full = folder.absolute()
-    there = next(one for one in (full, *full.parents) if os.path.lexists(one))
+    existing = next(parent for parent in (full, *full.parents) if os.path.lexists(parent))
     try:
-        with tempfile.TemporaryFile(dir=there):
+        with tempfile.TemporaryFile(dir=existing):
             pass
     except OSError as fault:
-        why = system_message(fault) if there.is_dir() else f"{there} is not a folder"
+        why = system_message(fault) if existing.is_dir() else f"{existing} is not a folder"
         raise refuse("folder", str(folder), "a folder with write permission", why, "name another") from None
 
 
@@ -242,11 +242,11 @@ def format_toml(content: Mapping[str, object]) -> str:
     return _ARRAY.sub(_join_array, tomli_w.dumps(content))
 
 
-def _join_array(found: re.Match[str]) -> str:
-    lines = found["body"].removesuffix("\n").split("\n")  # `splitlines` would also split inside strings
+def _join_array(match: re.Match[str]) -> str:
+    lines = match["body"].removesuffix("\n").split("\n")  # `splitlines` would also split inside strings
     elements = [line.strip(" ").removesuffix(",") for line in lines]
-    line = f"{found['head']}[{', '.join(elements)}]{found['tail']}"
-    return line if len(line) <= _MAX_LINE_LENGTH else found[0]
+    line = f"{match['head']}[{', '.join(elements)}]{match['tail']}"
+    return line if len(line) <= _MAX_LINE_LENGTH else match[0]
 
 
 def open_with_lock(path: Path) -> int:

@@ -80,10 +80,10 @@ class GrowingDataset:
         first = self._length
         self.append_empty(len(rows))
         if len(rows):
-            there: Any = self.dataset.id.get_space()
-            there.select_hyperslab((first, *(0 for _ in self._columns)), rows.shape)
+            selection: Any = self.dataset.id.get_space()
+            selection.select_hyperslab((first, *(0 for _ in self._columns)), rows.shape)
             values = np.ascontiguousarray(rows, dtype=self._kind)
-            self.dataset.id.write(_module.h5s.create_simple(rows.shape), there, values)
+            self.dataset.id.write(_module.h5s.create_simple(rows.shape), selection, values)
 
 
 def create_fixed_dataset(group: Any, name: str, values: FloatArray | IntArray, unit: str = "") -> Any:  # noqa: ANN401
@@ -91,23 +91,23 @@ def create_fixed_dataset(group: Any, name: str, values: FloatArray | IntArray, u
     array = np.asarray(values)
     width = max(math.prod(array.shape[1:]), 1)
     chunk = (max(1, min(len(array), _CHUNK_VALUES // width)), *array.shape[1:])
-    checked = {"chunks": chunk, "fletcher32": True} if array.size else {}
-    made = group.create_dataset(name, data=array, track_times=False, **checked)
-    write_text_attribute(made, UNITS, unit)
-    return made
+    options = {"chunks": chunk, "fletcher32": True} if array.size else {}
+    dataset = group.create_dataset(name, data=array, track_times=False, **options)
+    write_text_attribute(dataset, UNITS, unit)
+    return dataset
 
 
 def _encode(content: str | Sequence[str]) -> Any:  # noqa: ANN401 - an array
     """Return one or more texts as UTF-8 bytes of one length."""
     single = isinstance(content, str)
-    parts = [one.encode(errors="backslashreplace") for one in ([content] if single else content)]
+    parts = [text.encode(errors="backslashreplace") for text in ([content] if single else content)]
     return np.array(parts[0] if single else parts, dtype=_module.string_dtype("utf-8", max([1, *map(len, parts)])))
 
 
 def write_texts(group: Any, content: Mapping[str, str | Sequence[str]]) -> None:  # noqa: ANN401
     """Write texts into a group, a dataset per name of one text or several."""
-    for name, one in content.items():
-        group.create_dataset(name, data=_encode(one), track_times=False)
+    for name, text in content.items():
+        group.create_dataset(name, data=_encode(text), track_times=False)
 
 
 def read_texts(group: Any) -> dict[str, str]:  # noqa: ANN401
@@ -142,57 +142,57 @@ def _walk(file: Any) -> Iterator[tuple[str, Any, bool]]:  # noqa: ANN401
 
     The object is None for a link that leads to a path or to another file.
     """
-    seen: set[int] = set()
+    addresses: set[int] = set()
     groups = [("", file.id)]
     while groups:
         path, group = groups.pop()
         for name in sorted(group):
             link = group.links.get_info(name)
             hard = link.type == _module.h5l.TYPE_HARD
-            one, new = _module.h5o.open(group, name) if hard else None, hard and int(link.u) not in seen
-            yield f"{path}/{name.decode()}", one, new
+            item, new = _module.h5o.open(group, name) if hard else None, hard and int(link.u) not in addresses
+            yield f"{path}/{name.decode()}", item, new
             if new:
-                seen.add(int(link.u))
-                if not _is_dataset(one):
-                    groups.append((f"{path}/{name.decode()}", one))
+                addresses.add(int(link.u))
+                if not _is_dataset(item):
+                    groups.append((f"{path}/{name.decode()}", item))
 
 
-def _is_dataset(one: Any) -> bool:  # noqa: ANN401
-    return isinstance(one, _module.h5d.DatasetID)
+def _is_dataset(item: Any) -> bool:  # noqa: ANN401
+    return isinstance(item, _module.h5d.DatasetID)
 
 
-def _attribute_names(one: Any) -> list[str]:  # noqa: ANN401
+def _attribute_names(item: Any) -> list[str]:  # noqa: ANN401
     names: list[bytes] = []
-    _module.h5a.iterate(one, names.append)
+    _module.h5a.iterate(item, names.append)
     return [name.decode() for name in sorted(names) if name.decode() not in SCALES]
 
 
 def datasets(file: Any) -> list[Any]:  # noqa: ANN401
     """Return all datasets of a file; a dataset with several names is listed once."""
-    return [_module.Dataset(one) for _, one, new in _walk(file) if new and _is_dataset(one)]
+    return [_module.Dataset(item) for _, item, new in _walk(file) if new and _is_dataset(item)]
 
 
 def digest(file: Any) -> str:  # noqa: ANN401
     """Return the SHA-256 digest of a file; raise an error that names every dataset whose numbers cannot be read."""
-    found, faults = hashlib.sha256(), list[Fault]()
+    checksum, faults = hashlib.sha256(), list[Fault]()
     for part in _digest_input(file, faults):
-        found.update(len(part).to_bytes(8, "little"))
-        found.update(part)
+        checksum.update(len(part).to_bytes(8, "little"))
+        checksum.update(part)
     if faults:
         raise InputError(faults)
-    return found.hexdigest()
+    return checksum.hexdigest()
 
 
 def _digest_input(file: Any, faults: list[Fault]) -> Iterator[Any]:  # noqa: ANN401
     """Yield names, attributes and numbers; append the faults of damaged datasets."""
     yield from _attributes(file.id)
-    for path, one, new in _walk(file):
+    for path, item, new in _walk(file):
         yield path.encode()
         if new:
-            yield from _attributes(one)
-        if new and _is_dataset(one):
-            yield f"{one.dtype.str} {one.shape}".encode()
-            dataset = _module.Dataset(one)
+            yield from _attributes(item)
+        if new and _is_dataset(item):
+            yield f"{item.dtype.str} {item.shape}".encode()
+            dataset = _module.Dataset(item)
             rows = dataset.shape[0] if dataset.shape else 0
             try:
                 for part in [slice(i, i + _ROWS) for i in range(0, rows, _ROWS)] if dataset.shape else [()]:
@@ -201,10 +201,10 @@ def _digest_input(file: Any, faults: list[Fault]) -> Iterator[Any]:  # noqa: ANN
                 faults.append(Fault(path, "damaged numbers", "intact numbers", system_message(fault), _REMEDY))
 
 
-def _attributes(one: Any) -> Iterator[bytes]:  # noqa: ANN401
-    for name in _attribute_names(one):
+def _attributes(item: Any) -> Iterator[bytes]:  # noqa: ANN401
+    for name in _attribute_names(item):
         if name != DIGEST:
-            attribute = _module.h5a.open(one, name.encode())
+            attribute = _module.h5a.open(item, name.encode())
             value = np.empty(attribute.shape, attribute.dtype)
             attribute.read(value)
             yield f"{name} {value.dtype.kind} {value.shape} {value.tolist()!r}".encode()
@@ -251,7 +251,7 @@ def open_hdf5(path: Path, where: str, allowed: str, remedy: str = "") -> Generat
                 raise InputError(faults)
             yield file
     except InputError as refusal:
-        faults = (replace(one, where=f"{path}, {one.where}") if one.where[:1] == "/" else one for one in refusal.faults)
+        faults = (replace(f, where=f"{path}, {f.where}") if f.where[:1] == "/" else f for f in refusal.faults)
         raise InputError(faults) from None
     except FileNotFoundError:
         raise refuse(where, str(path), allowed, "there is no such file", remedy) from None
@@ -274,37 +274,37 @@ def _faults(file: Any, size: int) -> Iterator[Fault]:  # noqa: ANN401
     """Yield unsupported or unsafe content; a file with any is not read further."""
     declared, limit = 0, max(_ALLOWED_BYTES, _ALLOWED_RATIO * size)
     allowed, why = "numbers and texts of fixed length", "other content can lead to other files, load code or crash HDF5"
-    for path, one, new in (("/", file.id, True), *_walk(file)):
-        for given in _unsafe_contents(one, new):
+    for path, item, new in (("/", file.id, True), *_walk(file)):
+        for given in _unsafe_contents(item, new):
             yield Fault(path, given, allowed, why, "if an earlier flexcam wrote it, compute it again")
-        if new and _is_dataset(one):
-            declared += math.prod(one.shape or (0,)) * one.dtype.itemsize
+        if new and _is_dataset(item):
+            declared += math.prod(item.shape or (0,)) * item.dtype.itemsize
     if declared > limit:
         given, why = f"{declared:.3g} bytes declared in a file of {size}", "reading them would exhaust the memory"
         yield Fault("/", given, f"up to {limit:.3g} bytes", why, "flexcam writes no such file; use another one")
 
 
-def _unsafe_contents(one: Any, new: bool) -> Iterator[str]:  # noqa: ANN401
+def _unsafe_contents(item: Any, new: bool) -> Iterator[str]:  # noqa: ANN401
     """Yield descriptions of what is unsafe in a link, group or dataset."""
-    if one is None:
+    if item is None:
         yield "a soft link or an external link"
         return
-    if not new and not _is_dataset(one):
+    if not new and not _is_dataset(item):
         yield "a group that contains itself or occurs twice"
-    for name in _attribute_names(one) if new else ():
-        if _module.h5a.open(one, name.encode()).dtype.kind not in "fiubS":
+    for name in _attribute_names(item) if new else ():
+        if _module.h5a.open(item, name.encode()).dtype.kind not in "fiubS":
             yield f"attribute {name}, a text of variable length or a reference"
-    if not new or not _is_dataset(one):
+    if not new or not _is_dataset(item):
         return
-    made, chunks = one.get_create_plist(), list[Any]()
-    if made.get_layout() == _module.h5d.VIRTUAL or made.get_external_count():
+    plist, chunks = item.get_create_plist(), list[Any]()
+    if plist.get_layout() == _module.h5d.VIRTUAL or plist.get_external_count():
         yield "data stored in another file"
-    filters = {made.get_filter(i)[0] for i in range(made.get_nfilters())}
+    filters = {plist.get_filter(i)[0] for i in range(plist.get_nfilters())}
     if filters - _FILTERS:
         yield f"filter {min(filters - _FILTERS)}"
-    if one.dtype.kind not in "fiubS":
-        yield "references" if _module.check_ref_dtype(one.dtype) else f"values of type {one.dtype}"
+    if item.dtype.kind not in "fiubS":
+        yield "references" if _module.check_ref_dtype(item.dtype) else f"values of type {item.dtype}"
     if _module.h5z.FILTER_FLETCHER32 in filters:
-        one.chunk_iter(chunks.append)
+        item.chunk_iter(chunks.append)
     if min((chunk.size for chunk in chunks), default=_CHECKSUM_BYTES) < _CHECKSUM_BYTES:
         yield "a chunk shorter than its checksum"

@@ -14,7 +14,7 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.io.files import read_source
 
-_MOST = 3000  # unknowns: the matrices are dense while they are reduced
+_LIMIT = 3000  # unknowns: the matrices are dense while they are reduced
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,11 +26,11 @@ class NodalMatrix:
 
     def ordered(self, labels: list[tuple[int, int]]) -> FloatArray:
         """Return the matrix in another order of its rows; rows that it lacks are zero."""
-        place = {label: i for i, label in enumerate(labels)}
-        at = np.array([place[label] for label in self.labels], dtype=np.intp)
-        found = np.zeros((len(labels), len(labels)))
-        found[np.ix_(at, at)] = self.values
-        return found
+        index = {label: i for i, label in enumerate(labels)}
+        rows = np.array([index[label] for label in self.labels], dtype=np.intp)
+        matrix = np.zeros((len(labels), len(labels)))
+        matrix[np.ix_(rows, rows)] = self.values
+        return matrix
 
 
 def read_matrix(path: Path, where: str, text: str | None = None, name: str | None = None) -> NodalMatrix:
@@ -75,9 +75,9 @@ def _read_list(text: str, where: str) -> NodalMatrix:
         if not line.strip() or line.lstrip().startswith("*"):
             continue
         try:
-            node, dof, other, across, value = re.split(r"[,\s]+", line.strip().rstrip(","))
+            node1, dof1, node2, dof2, value = re.split(r"[,\s]+", line.strip().rstrip(","))
             entries.append(float(value.replace("D", "E")))
-            ends.append(((int(node), int(dof)), (int(other), int(across))))
+            ends.append(((int(node1), int(dof1)), (int(node2), int(dof2))))
         except ValueError:
             allowed = "node, component, node, component, value, or a Matrix Market file"
             raise refuse(where, f"line {number}: {line.strip()[:60]}", allowed) from None
@@ -159,5 +159,5 @@ def _punch_number(text: str) -> float:
 
 
 def _check_size(count: int, where: str) -> None:
-    if count > _MOST:
-        raise refuse(where, f"{count} unknowns", f"up to {_MOST}", "the reduction is dense", "reduce the body before")
+    if count > _LIMIT:
+        raise refuse(where, f"{count} unknowns", f"up to {_LIMIT}", "the reduction is dense", "reduce the body before")

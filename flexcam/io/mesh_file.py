@@ -51,7 +51,7 @@ def read_mesh(path: Path) -> Mesh:
     if path.suffix.lower() != ".msh":
         raise refuse("mesh", path.name, "a Gmsh file (.msh)", "other formats lose the names of groups")
     if not path.is_file():
-        near = suggest_name(path.name, [other.name for other in path.parent.glob("*.msh")])
+        near = suggest_name(path.name, [file.name for file in path.parent.glob("*.msh")])
         raise refuse("mesh", str(path), "an existing file", "the path is relative to the case file", near)
     raw = _read_msh(path)
     faults = [*_number_faults(raw)]
@@ -82,11 +82,11 @@ def _number_faults(raw: _GmshMesh) -> Iterator[Fault]:
     for number in numbers[counts > 1][:_MAX_FAULTS].tolist():
         why = "elements refer to a node by its number"
         yield Fault(f"mesh node {number}", "several nodes of this number", "one", why, "")
-    for one in raw.groups:
-        bad = np.flatnonzero(~np.isin(one.nodes, raw.numbers).all(axis=1))
+    for group in raw.groups:
+        bad = np.flatnonzero(~np.isin(group.nodes, raw.numbers).all(axis=1))
         for i in bad[:_MAX_FAULTS].tolist():
-            missing = [n for n in one.nodes[i].tolist() if n not in raw.numbers]
-            where, given = f"mesh element {one.numbers[i]}", f"node {missing[0]}"
+            missing = [n for n in group.nodes[i].tolist() if n not in raw.numbers]
+            where, given = f"mesh element {group.numbers[i]}", f"node {missing[0]}"
             yield Fault(where, given, "a node of the file", "there is no such node", "export it again from Gmsh")
 
 
@@ -125,19 +125,19 @@ def _length_faults(raw: _GmshMesh) -> Iterator[Fault]:
     size = float(np.ptp(raw.points, axis=0).max(initial=0.0)) or 1.0
     grid = np.round(raw.points / (_COINCIDENCE_TOLERANCE * size))
     _, place, counts = np.unique(grid, axis=0, return_inverse=True, return_counts=True)
-    at = dict(zip(raw.numbers.tolist(), place.ravel().tolist(), strict=True))
-    lines = [one for one in raw.groups if one.kind == _LINE]
-    pairs = [pair for one in lines for pair in zip(one.numbers.tolist(), one.nodes.tolist(), strict=True)]
-    flat = [(number, a, b) for number, (a, b) in pairs if at[a] == at[b]]
-    for number, a, b in flat[:_MAX_FAULTS]:
+    places = dict(zip(raw.numbers.tolist(), place.ravel().tolist(), strict=True))
+    lines = [group for group in raw.groups if group.kind == _LINE]
+    pairs = [pair for group in lines for pair in zip(group.numbers.tolist(), group.nodes.tolist(), strict=True)]
+    zero_length = [(number, a, b) for number, (a, b) in pairs if places[a] == places[b]]
+    for number, a, b in zero_length[:_MAX_FAULTS]:
         given, why = f"nodes {a} and {b} at the same place", "an element needs a length"
         yield Fault(f"mesh element {number}", given, "two nodes apart", why, "merge the nodes or move one")
-    inside = {at[a] for _, a, _ in flat}
-    twice = [i for i in np.flatnonzero(counts > 1).tolist() if i not in inside]
-    for i in twice[:_MAX_FAULTS]:
-        here = raw.numbers[place.ravel() == i].tolist()
-        given = ", ".join(f"{x:g}" for x in raw.points[raw.numbers == here[0]][0].tolist())
-        where, why = f"mesh nodes {' and '.join(map(str, here[:3]))}", "members meet only at a shared node"
+    reported = {places[a] for _, a, _ in zero_length}
+    coincident = [i for i in np.flatnonzero(counts > 1).tolist() if i not in reported]
+    for i in coincident[:_MAX_FAULTS]:
+        tags = raw.numbers[place.ravel() == i].tolist()
+        given = ", ".join(f"{x:g}" for x in raw.points[raw.numbers == tags[0]][0].tolist())
+        where, why = f"mesh nodes {' and '.join(map(str, tags[:3]))}", "members meet only at a shared node"
         yield Fault(where, f"all at {given}", "one node at one place", why, "merge them")
 
 
@@ -151,9 +151,9 @@ def _order_chain(pairs: IntArray) -> IntArray | None:
     if len(ends) != 2 or any(len(near) > 2 for near in neighbours.values()):
         return None
     order = [ends[0] if ends[0] in pairs[:, 0] else ends[1]]
-    before = -1
-    while following := [node for node in neighbours[order[-1]] if node != before]:
-        before = order[-1]
+    previous = -1
+    while following := [node for node in neighbours[order[-1]] if node != previous]:
+        previous = order[-1]
         order.append(following[0])
     return np.array(order, dtype=np.intp) if len(order) == len(pairs) + 1 else None
 
@@ -204,15 +204,15 @@ def _format_inp(mesh: Mesh) -> str:
     import meshio  # pyright: ignore[reportMissingTypeStubs]
 
     blocks: Any = [("line", np.column_stack([line[:-1], line[1:]])) for line in mesh.lines.values()]
-    nothing = np.zeros(0, dtype=np.intp)
+    empty = np.zeros(0, dtype=np.intp)
     sets: Any = {
-        name: [np.arange(len(pairs)) if i == k else nothing for i, (_, pairs) in enumerate(blocks)]
+        name: [np.arange(len(pairs)) if i == k else empty for i, (_, pairs) in enumerate(blocks)]
         for k, name in enumerate(mesh.lines)
     }
     points: Any = dict(mesh.points)
     text = io.StringIO()
-    whole = meshio.Mesh(mesh.nodes, blocks, cell_sets=sets, point_sets=points)
-    meshio.abaqus.write(text, whole)  # pyright: ignore
+    copy = meshio.Mesh(mesh.nodes, blocks, cell_sets=sets, point_sets=points)
+    meshio.abaqus.write(text, copy)  # pyright: ignore
     return text.getvalue().replace("TYPE=B31H", "TYPE=B31")  # the two-node beam element that Abaqus and CalculiX share
 
 
@@ -265,11 +265,11 @@ class _BinaryReader:
 
     def read_count(self) -> int:
         """Return the number on the first line of the section, which is text in format 2.2."""
-        found = re.compile(rb"\s*(\d{1,12})[ \t\r]*\n").match(self._data, self._next)
-        if found is None:
+        match = re.compile(rb"\s*(\d{1,12})[ \t\r]*\n").match(self._data, self._next)
+        if match is None:
             raise _invalid(f"${self._name} without a count", "the number of its entries in its first line")
-        self._next = found.end()
-        return int(found[1])
+        self._next = match.end()
+        return int(match[1])
 
     def read(self, kind: str, count: int) -> Any:  # noqa: ANN401
         """Return the next numbers."""
@@ -355,19 +355,19 @@ def _read_msh(path: Path) -> _GmshMesh:
     if newer:
         groups = _read_entities(section("Entities"))
         numbers, points = _read_nodes_4(section("Nodes"))
-        found = list(_read_elements_4(section("Elements"), groups))
+        blocks = list(_read_elements_4(section("Elements"), groups))
     else:
         numbers, points = _read_nodes_2(section("Nodes"), binary)
-        found = list(_read_elements_2(section("Elements"), binary))
+        blocks = list(_read_elements_2(section("Elements"), binary))
     text = data.partition(b"$PhysicalNames")[2].partition(b"$EndPhysicalNames")[0].decode("utf-8", "replace")
     names = {(int(dimension), int(tag)): name for dimension, tag, name in _PHYSICAL_NAME.findall(text)}
     parts: dict[tuple[int, int], list[Elements]] = {}  # a group may consist of several curves
-    for one in found:
-        if len(one[2]):
-            parts.setdefault(one[:2], []).append(one)
+    for block in blocks:
+        if len(block[2]):
+            parts.setdefault(block[:2], []).append(block)
     merged: list[_ElementGroup] = []
-    for (kind, group), its in parts.items():
-        tags, nodes = (np.concatenate([one[column] for one in its]) for column in (2, 3))
+    for (kind, group), sections in parts.items():
+        tags, nodes = (np.concatenate([block[column] for block in sections]) for column in (2, 3))
         merged.append(_ElementGroup(kind, names.get((int(kind == _LINE), group), ""), tags, nodes))
     return _GmshMesh(numbers, points, merged)
 
@@ -397,15 +397,15 @@ def _read_elements_2(elements: _Reader, binary: bool) -> Iterator[Elements]:
     while done < count:
         # In binary files a header serves several elements, and the tag of each precedes its row.
         first, second, tags = elements.read("i", 3).tolist()
-        kind, several = (first, second) if binary else (second, 1)
-        if kind not in _NODES or tags < 0 or several < 1:
+        kind, block_size = (first, second) if binary else (second, 1)
+        if kind not in _NODES or tags < 0 or block_size < 1:
             raise _invalid(f"an element of type {kind} with {tags} tags", "an element type of Gmsh")
-        at = int(binary)
-        width = at + tags + _NODES[kind]
-        for row in elements.read("i", several * width).reshape(several, width):
+        offset = int(binary)
+        width = offset + tags + _NODES[kind]
+        for row in elements.read("i", block_size * width).reshape(block_size, width):
             number = row[:1] if binary else np.array([first])
-            yield kind, int(row[at]) if tags else 0, number, row[None, at + tags :]
-        done += several
+            yield kind, int(row[offset]) if tags else 0, number, row[None, offset + tags :]
+        done += block_size
     elements.end()
 
 

@@ -70,8 +70,8 @@ def _remove_comment(line: str) -> str:
     """Return a line without its comment and outer blanks; the # of ``push #1 [N]`` in a header line is none."""
     before, _, after = line.partition("#")
     in_name = before.strip() and after[:1].strip() and not _numbers(before)
-    kept = (line if in_name else before).lstrip()
-    return re.sub(r"[^\S\t]+$", "", kept)  # a tab at the end belongs to an empty cell
+    text = (line if in_name else before).lstrip()
+    return re.sub(r"[^\S\t]+$", "", text)  # a tab at the end belongs to an empty cell
 
 
 def refuse_rows(path: Path, bad: Sequence[Row], allowed: str, remedy: str) -> None:
@@ -92,10 +92,10 @@ def find_table(rows: Sequence[Row]) -> NumberTable:
     width = next((a for a, b, c in runs if a == b == c > 1), next(filter(None, counts), 0))
     start = counts.index(width)
     head = rows[start - 1][1] if start and not numbers[start - 1] else ""
-    whole = [row for row in numbers[start:] if len(row) == width]
-    kept = [i for i in range(width) if not all(np.isnan(row[i]) for row in whole)]
-    values = [[row[i] for i in kept] if len(row) == width else [] for row in numbers[start:]]
-    return NumberTable(head, _split_names(head, len(kept)), rows[start:], values, len(kept))
+    complete = [row for row in numbers[start:] if len(row) == width]
+    columns = [i for i in range(width) if not all(np.isnan(row[i]) for row in complete)]
+    values = [[row[i] for i in columns] if len(row) == width else [] for row in numbers[start:]]
+    return NumberTable(head, _split_names(head, len(columns)), rows[start:], values, len(columns))
 
 
 def _numbers(text: str) -> list[float]:
@@ -138,8 +138,8 @@ def read_columns(path: Path, where: str, text: str | None = None) -> dict[str, t
 def _name_and_unit(text: str) -> tuple[str, str]:
     """Return the name of a column, that of an abscissa as in `ABSCISSAS`, and its unit; empty if it has none."""
     match = _UNIT.match(text)
-    named = match and (match["any"] is not None or is_unit(match["known"] or match["suffix"] or ""))
-    name, unit = (match[1], match["any"] or match["known"] or match["suffix"] or "") if match and named else (text, "")
+    valid = match and (match["any"] is not None or is_unit(match["known"] or match["suffix"] or ""))
+    name, unit = (match[1], match["any"] or match["known"] or match["suffix"] or "") if match and valid else (text, "")
     plain = name.lower().replace("_", " ")
     plain = {"cam": "cam angle", "crank": "crank angle"}.get(plain, plain)
     return plain if plain in ABSCISSAS else name, unit

@@ -37,14 +37,14 @@ def suggest_alternative(path: Path) -> str:
             return ""
         final = path.with_name(_SUFFIXES.sub("", path.name) + RESULT_SUFFIX)
         partial, writing = partial_path(final), final.with_suffix(schema.WRITING_SUFFIX)
-        for other, remedy in (
+        for file, remedy in (
             (final, f"its run is complete: {final}"),
             (partial, f"{partial} contains the finished part of a run that is running or was stopped"),
             (writing, f"a run is writing {writing}, or was killed before its first copy; try again after its end"),
         ):
-            if other != path and other.exists():
+            if file != path and file.exists():
                 return remedy
-        return suggest_name(path.name, [one.name for one in path.parent.glob(f"*{RESULT_SUFFIX}")])
+        return suggest_name(path.name, [result.name for result in path.parent.glob(f"*{RESULT_SUFFIX}")])
     except (OSError, ValueError):  # not a valid file name or no access to the folder: the error message says so
         return ""
 
@@ -113,11 +113,11 @@ def unknown_fields(response: Response, free: NDArray[np.bool_], internal: Sequen
 
     Internal ones are stored as probes at every step; InputError if one is not.
     """
-    at = np.searchsorted(response.time, response.field_time - 1e-12 * np.abs(response.field_time))
+    rows = np.searchsorted(response.time, response.field_time - 1e-12 * np.abs(response.field_time))
 
     def columns(series: str) -> FloatArray:
         nodal = getattr(response.fields, series).reshape(-1, *free.shape)[:, free]
-        return np.concatenate([nodal, *(getattr(response[name], series)[at, None] for name in internal)], axis=1)
+        return np.concatenate([nodal, *(getattr(response[name], series)[rows, None] for name in internal)], axis=1)
 
     return Series(*map(columns, SERIES))
 
@@ -195,14 +195,14 @@ def _read_about(file: Any) -> dict[str, str]:  # noqa: ANN401
     for name, kind in schema.ABOUT_CASE.items():
         try:
             text = about.get(name, "{}") if name == schema.ABOUT_FILES else about[name]
-            found = text if kind is str else json.loads(text)
+            content = text if kind is str else json.loads(text)
         except (KeyError, ValueError, RecursionError):
-            found = None
-        if isinstance(found, kind) and name in schema.ABOUT_TEXTS:
-            values: Any = found
+            content = None
+        if isinstance(content, kind) and name in schema.ABOUT_TEXTS:
+            values: Any = content
             texts: list[Any] = list(values.values() if kind is dict else values)
-            found = found if all(isinstance(one, str) for one in texts) else None
-        if not isinstance(found, kind):
+            content = content if all(isinstance(item, str) for item in texts) else None
+        if not isinstance(content, kind):
             given, allowed = f"nothing about {name!r} of its case, or something else", "a result that keeps its case"
             raise refuse(f"/{schema.ABOUT}", given, allowed, "", "compute it again")
     return about
@@ -213,7 +213,7 @@ def _mesh(file: Any) -> Mesh:  # noqa: ANN401
     ends = hdf5.read_numbers(file[schema.LINE_OFFSETS], kind="i8").tolist()
     names = hdf5.read_text_list(file[schema.MEMBER], schema.MEMBER_NAMES)
     lines = {name: node[a:b] for name, a, b in zip(names, ends[:-1], ends[1:], strict=True)}
-    points = {name: hdf5.read_numbers(one, kind="i8") for name, one in file[schema.MESH_POINTS].items()}
+    points = {name: hdf5.read_numbers(item, kind="i8") for name, item in file[schema.MESH_POINTS].items()}
     try:
         return Mesh(hdf5.read_numbers(file[schema.MESH_NODES], width=(3,)), lines, points)
     except InputError as refusal:
@@ -226,8 +226,8 @@ def _response(file: Any, count: int, nodes: int) -> Response:  # noqa: ANN401
     probes, channels = file[schema.PROBES], dict(file[schema.CHANNELS].items())
     outline = Outline(
         tuple(f"node {n}.{c}" for n in range(nodes) for c in COMPONENTS),
-        tuple((name, hdf5.read_text_list(one, schema.COMPONENTS)) for name, one in probes.items()),
-        tuple((name, hdf5.read_text_attribute(one, schema.UNITS)) for name, one in channels.items()),
+        tuple((name, hdf5.read_text_list(probe, schema.COMPONENTS)) for name, probe in probes.items()),
+        tuple((name, hdf5.read_text_attribute(channel, schema.UNITS)) for name, channel in channels.items()),
     )
     node = hdf5.read_numbers(file[schema.POINT_DATA][schema.NODE], kind="i8")
     return Response(
@@ -235,7 +235,7 @@ def _response(file: Any, count: int, nodes: int) -> Response:  # noqa: ANN401
         time=_read_times(file[schema.TIME], steps),
         angle=hdf5.read_numbers(file[schema.CAM_ANGLE], steps),
         probes=_read_probes(file, outline, slice(0, steps)),
-        channels={name: hdf5.read_numbers(one, steps) for name, one in channels.items()},
+        channels={name: hdf5.read_numbers(channel, steps) for name, channel in channels.items()},
         field_time=_read_times(file[schema.FIELD_TIME], count),
         field_angle=hdf5.read_numbers(file[schema.FIELD_CAM_ANGLE], count),
         fields=Series(*(_nodal_values(file, series, node, nodes, slice(0, count)) for series in SERIES)),
@@ -256,7 +256,7 @@ def _read_probes(file: Any, outline: Outline, rows: slice) -> Series:  # noqa: A
 
     def columns(series: str) -> FloatArray:
         group = file[schema.PROBES]
-        parts = [hdf5.read_numbers(group[name][series], rows, (len(one),)) for name, one in outline.probes]
+        parts = [hdf5.read_numbers(group[name][series], rows, (len(names),)) for name, names in outline.probes]
         return np.concatenate([empty, *parts], axis=1)
 
     return Series(*map(columns, SERIES))
@@ -288,16 +288,16 @@ def read_status(file: Any) -> Status:  # noqa: ANN401
 
 def _stats(file: Any) -> Stats:  # noqa: ANN401
     if schema.STATUS not in file:  # the run was killed: engine and time are unknown
-        known = file[schema.HISTORY].attrs
-        steps, size = int(known[schema.STEPS]), int(known.get(schema.SIZE, 0))
+        attributes = file[schema.HISTORY].attrs
+        steps, size = int(attributes[schema.STEPS]), int(attributes.get(schema.SIZE, 0))
         return Stats(engine="", steps=max(steps - 1, 0), size=size, seconds=-1.0)
     group = file[schema.STATUS]
-    kept: dict[str, Any] = {
+    values: dict[str, Any] = {
         name: hdf5.read_text_attribute(group, name) if isinstance(default, str) else type(default)(group.attrs[name])
         for name, default in Stats().__dict__.items()
         if name in group.attrs
     }
-    return Stats(**kept)
+    return Stats(**values)
 
 
 def verify_file(path: str | Path) -> dict[str, int | bool]:
@@ -314,10 +314,10 @@ def verify_file(path: str | Path) -> dict[str, int | bool]:
             _result(file)  # every name, type and shape
         else:
             check_integrity(file, "table", source, schema.TABLE_FORMAT)
-        found = hdf5.datasets(file)
+        datasets = hdf5.datasets(file)
         return {
-            "datasets": len(found), "checked": sum(one.dtype.kind != "S" for one in found),
-            "bytes": sum(int(one.nbytes) for one in found),
+            "datasets": len(datasets), "checked": sum(dataset.dtype.kind != "S" for dataset in datasets),
+            "bytes": sum(int(dataset.nbytes) for dataset in datasets),
             "complete": schema.HISTORY not in file or read_status(file).ok,
         }  # fmt: skip
 
@@ -339,14 +339,14 @@ class PartialResult:
             _check_result(file, path)
             self.about: Mapping[str, str] = _read_about(file)
             self.status: Status = read_status(file)
-            found = read_checkpoint(file)
+            checkpoint = read_checkpoint(file)
         if self.status.cause in _FAILED:
             given, why = f"{path}: {self.status.cause}", "it would end in the same way"
             raise refuse("--resume", given, "a run that was stopped or cut off", why, self.status.remedy)
-        if found is None:
+        if checkpoint is None:
             why = "it ended before its first checkpoint"
             raise refuse("--resume", str(path), "a result with a checkpoint", why, _RESUME_REMEDY)
-        self.checkpoint: Checkpoint = found
+        self.checkpoint: Checkpoint = checkpoint
 
     def blocks(self) -> Iterator[Block]:
         """Yield the blocks up to the checkpoint."""
@@ -373,8 +373,8 @@ class PartialResult:
         """Return saved fields in the degrees of freedom of the run: nodal ones, then those recorded as probes."""
         node, nodes = self._geometry.node, len(self._geometry.mesh.nodes)
         nodal = _nodal_values(file, series, node, nodes, fields).reshape(-1, nodes, 6)
-        beside = self._outline.unknowns[int(self._free.sum()) :]
-        return np.concatenate([nodal[:, self._free], *(self._internal_dofs(name, probes) for name in beside)], axis=1)
+        internal = self._outline.unknowns[int(self._free.sum()) :]
+        return np.concatenate([nodal[:, self._free], *(self._internal_dofs(name, probes) for name in internal)], axis=1)
 
     def _internal_dofs(self, name: str, probes: FloatArray) -> FloatArray:
         try:

@@ -87,7 +87,7 @@ class TemporaryResult:
 
     def show(self, prepared: float | None = None) -> None:
         """Publish a copy of the file; without space for it the previous copy remains."""
-        began = time.perf_counter() if prepared is None else prepared
+        start = time.perf_counter() if prepared is None else prepared
         try:
             if shutil.disk_usage(self.path.parent).free > _REQUIRED_SPACE * self.path.stat().st_size:
                 self._copy.unlink(missing_ok=True)  # a link there would redirect the copy
@@ -97,7 +97,7 @@ class TemporaryResult:
             with suppress(OSError):
                 self._copy.unlink(missing_ok=True)
         self._last = time.perf_counter()
-        self._cost = self._last - began
+        self._cost = self._last - start
 
     def rename(self, path: Path) -> None:
         """Synchronize the file to disk and rename it to its final name; no further writes are possible."""
@@ -136,20 +136,20 @@ def convert_write_errors() -> Generator[None]:
     try:
         yield
     except (OSError, RuntimeError) as fault:
-        told = re.search(r"errno = (\d+)", str(fault))
-        raise OSError(os.strerror(int(told[1])) if told else str(fault).partition(" (")[0]) from None
+        match = re.search(r"errno = (\d+)", str(fault))
+        raise OSError(os.strerror(int(match[1])) if match else str(fault).partition(" (")[0]) from None
 
 
 def write_checkpoint(file: Any, checkpoint: Checkpoint) -> None:  # noqa: ANN401 - h5py has no types
     """Write a checkpoint into an open result file; an earlier one is replaced."""
     packed = BytesIO()
-    own = {schema.CHECKPOINT_STEPS: checkpoint.steps, schema.CHECKPOINT_PROBLEM: checkpoint.problem}
-    arrays: dict[str, Any] = {**checkpoint.arrays, **own}
+    extra = {schema.CHECKPOINT_STEPS: checkpoint.steps, schema.CHECKPOINT_PROBLEM: checkpoint.problem}
+    arrays: dict[str, Any] = {**checkpoint.arrays, **extra}
     np.savez(packed, **arrays)
     content = np.frombuffer(packed.getvalue(), dtype=np.uint8)
     if schema.CHECKPOINT not in file:
-        growing = {"maxshape": (None,), "chunks": (_CHECKPOINT_CHUNK,), "fletcher32": True}
-        file.create_dataset(schema.CHECKPOINT, (0,), "u1", **growing)
+        options = {"maxshape": (None,), "chunks": (_CHECKPOINT_CHUNK,), "fletcher32": True}
+        file.create_dataset(schema.CHECKPOINT, (0,), "u1", **options)
     file[schema.CHECKPOINT].resize((len(content),))
     file[schema.CHECKPOINT][:] = content
 
@@ -183,7 +183,7 @@ class ResultFile:
         self._checkpoint = resume
         self._warnings = warnings
         self._waiting: list[Block] = []
-        self._taken, self._all, self._bytes = 0, steps + 1, 0
+        self._received, self._total, self._bytes = 0, steps + 1, 0
         size = sum(map(len, about.values())) + _NUMBER * _CONSTANT_VALUES * len(geometry.node)
         size += _DATASET * len(outline.channels)
         self._draft = TemporaryResult(path.with_suffix(schema.WRITING_SUFFIX), self.partial, size)
@@ -231,23 +231,23 @@ class ResultFile:
         for name, components in self._outline.probes:
             group = probes.create_group(name, track_order=True)
             hdf5.write_text_attribute(group, schema.COMPONENTS, components)
-            turns = any(one in ROTATIONS for one in components)
+            turns = any(component in ROTATIONS for component in components)
             for series, unit in SERIES.items():
                 units = f"{unit}; rotations {unit.replace('m', 'rad', 1)}" if turns else unit
-                made = hdf5.GrowingDataset(group, series, rows, units, width=len(components))
-                self._probes.append((series, self._outline.columns(name), made))
+                dataset = hdf5.GrowingDataset(group, series, rows, units, width=len(components))
+                self._probes.append((series, self._outline.columns(name), dataset))
         channels = self._file.create_group(schema.CHANNELS, track_order=True)
         self._channels = [hdf5.GrowingDataset(channels, name, rows, unit) for name, unit in self._outline.channels]
-        for one in (self._angle, *(made for _, _, made in self._probes), *self._channels):
-            _module.h5ds.attach_scale(one.dataset.id, self._time.dataset.id, 0)
+        for dataset in (self._angle, *(dataset for _, _, dataset in self._probes), *self._channels):
+            _module.h5ds.attach_scale(dataset.dataset.id, self._time.dataset.id, 0)
 
     def write(self, block: Block) -> None:
         """Append a block, immediately or together with later ones."""
         self._waiting.append(block)
-        self._taken += len(block.time)
-        arrays = (block.channels, *(getattr(one, name) for one in (block.probes, block.fields) for name in SERIES))
-        self._bytes += sum(one.nbytes for one in arrays)
-        if self._bytes > _MIN_WRITE_BYTES or self._taken == self._all:  # an interrupted run must not lose much data
+        self._received += len(block.time)
+        arrays = (block.channels, *(getattr(rows, name) for rows in (block.probes, block.fields) for name in SERIES))
+        self._bytes += sum(array.nbytes for array in arrays)
+        if self._bytes > _MIN_WRITE_BYTES or self._received == self._total:  # an interrupted run loses little
             with convert_write_errors():
                 self._append_waiting()
 
@@ -275,17 +275,17 @@ class ResultFile:
         """Store the checkpoint after the last block, and publish a copy when one is due."""
         self._checkpoint = checkpoint
         if self._draft.is_copy_due:
-            began = time.perf_counter()
+            start = time.perf_counter()
             with convert_write_errors():
                 self._append_waiting()
                 write_checkpoint(self._file, checkpoint)
                 hdf5.write_digest(self._file)
                 self._file.flush()
-            self._draft.show(began)
+            self._draft.show(start)
 
     def close(self, status: Status, stats: Stats) -> None:
         """Write the status of the run and rename the file: to its final name if complete, else to the partial one."""
-        if self._checkpoint is not None and self._taken < self._checkpoint.steps:
+        if self._checkpoint is not None and self._received < self._checkpoint.steps:
             self._discard()  # stopped before it reached the end of the earlier partial result, which remains
             return
         try:

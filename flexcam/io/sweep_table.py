@@ -68,10 +68,10 @@ class SweepTable:
 
     def column(self, name: str) -> Column:
         """Return a varied key or a scalar in the unit that engineers use."""
-        if (key := next((one for one in self.inputs if one.name == name), None)) is not None:
+        if (key := next((column for column in self.inputs if column.name == name), None)) is not None:
             return key
         if name not in self.scalars:
-            raise InputError([unknown_scalar_fault(name, [*(one.name for one in self.inputs), *self.scalars])])
+            raise InputError([unknown_scalar_fault(name, [*(column.name for column in self.inputs), *self.scalars])])
         factor, unit = to_display_unit(self.units[name])
         return Column(name, unit, factor * self.scalars[name])
 
@@ -84,13 +84,13 @@ class SweepTable:
         """Return the table with only the given scalars."""
         if self.scalars and (unknown := [name for name in names if not is_scalar_prefix(name, self.scalars)]):
             raise InputError(unknown_scalar_fault(name, self.scalars) for name in unknown)
-        kept = {one: values for n in names for one, values in self.scalars.items() if is_scalar_prefix(n, (one,))}
-        return replace(self, scalars=kept, units={name: self.units[name] for name in kept})
+        scalars = {key: values for n in names for key, values in self.scalars.items() if is_scalar_prefix(n, (key,))}
+        return replace(self, scalars=scalars, units={name: self.units[name] for name in scalars})
 
 
 def is_scalar_prefix(name: str, known: Iterable[str]) -> bool:
     """Return whether a name is that of a scalar or a prefix of one."""
-    return any(one == name or one.startswith(f"{name.removesuffix('.')}.") for one in known)
+    return any(scalar == name or scalar.startswith(f"{name.removesuffix('.')}.") for scalar in known)
 
 
 _MAX_LISTED = 24  # maximum number of scalars listed in a message; of more, only prefixes are listed
@@ -99,14 +99,14 @@ _MAX_LISTED = 24  # maximum number of scalars listed in a message; of more, only
 def unknown_scalar_fault(name: str, known: Iterable[str]) -> Fault:
     """Return the fault of a scalar that no variant has."""
     names = list(known)
-    parts = [one.split(".") for one in names]
+    parts = [item.split(".") for item in names]
     begins = list(dict.fromkeys(".".join(part[:i]) for part in parts for i in range(1, len(part))))
     groups = list(dict.fromkeys(".".join(part[:2]) for part in parts))
     allowed = ", ".join(names if len(names) <= _MAX_LISTED else groups) or "(no run was completed)"
     head = "a name that begins with " if len(names) > _MAX_LISTED else ""
     group = ".".join(name.split(".")[:2])
     if head and group in groups:
-        head, allowed = f"a result under {group}: ", ", ".join([one for one in names if one.startswith(f"{group}.")])
+        head, allowed = f"a result under {group}: ", ", ".join([item for item in names if item.startswith(f"{group}.")])
     near = suggest_name(name, [*begins, *names])
     return Fault("scalars", repr(name), head + allowed, "there is no such result", near)
 
@@ -116,12 +116,12 @@ def table_frame(table: SweepTable) -> pd.DataFrame:
     require_packages("data frames", "pandas", "tables", "pandas")
     import pandas as pd
 
-    columns: dict[str, Any] = {one.name: list(one.values) for one in table.inputs}
+    columns: dict[str, Any] = {column.name: list(column.values) for column in table.inputs}
     columns |= dict(table.scalars)
-    columns["status"] = [str(one.cause) for one in table.statuses]
-    columns["message"] = [one.text if one.message else "" for one in table.statuses]
+    columns["status"] = [str(status.cause) for status in table.statuses]
+    columns["message"] = [status.text if status.message else "" for status in table.statuses]
     frame = pd.DataFrame(columns, index=pd.RangeIndex(1, len(table) + 1, name="variant"))
-    frame.attrs["units"] = {**{one.name: one.unit for one in table.inputs}, **table.units}
+    frame.attrs["units"] = {**{column.name: column.unit for column in table.inputs}, **table.units}
     return frame
 
 
@@ -131,17 +131,17 @@ def table_dataset(table: SweepTable) -> xr.Dataset:
     import xarray as xr
 
     shape = table.shape or (len(table),)
-    names = [one.name for one in table.inputs]
+    names = [column.name for column in table.inputs]
     dimensions = names if table.shape else ["variant"]
     coordinates: dict[str, Any] = {}
-    for i, one in enumerate(table.inputs):
-        values = np.asarray(one.values)
+    for i, column in enumerate(table.inputs):
+        values = np.asarray(column.values)
         if table.shape:
             values = np.moveaxis(values.reshape(shape), i, 0).reshape(shape[i], -1)[:, 0]
-        coordinates[one.name] = ([one.name if table.shape else "variant"], values, {"units": one.unit})
+        coordinates[column.name] = ([column.name if table.shape else "variant"], values, {"units": column.unit})
     if not table.shape:
         coordinates["variant"] = np.arange(1, len(table) + 1)
-    causes = np.array([str(one.cause) for one in table.statuses]).reshape(shape)
+    causes = np.array([str(status.cause) for status in table.statuses]).reshape(shape)
     data: dict[str, Any] = {
         name: (dimensions, values.reshape(shape), {"units": table.units[name]})
         for name, values in table.scalars.items()
@@ -176,7 +176,7 @@ def write_hdf5(table: SweepTable, path: Path) -> None:
             known = np.isfinite(values)
             _numbers(scalars, name, np.where(known, values, 0.0), table.units[name])
             valid.create_dataset(name, data=known, track_times=False)
-        parts = {name: [str(getattr(one, name)) for one in table.statuses] for name in ("cause", "text", "remedy")}
+        parts = {name: [str(getattr(s, name)) for s in table.statuses] for name in ("cause", "text", "remedy")}
         hdf5.write_texts(file.create_group("status", track_order=True), parts)
         hdf5.write_digest(file)
 
@@ -206,8 +206,8 @@ def read_table(path: str | Path) -> SweepTable:
             else:
                 inputs.append(Column(name, "", tuple(hdf5.read_text_column(item))))
         valid = {name: hdf5.read_numbers(item, count, kind="?") for name, item in file["valid"].items()}
-        kept = {name: hdf5.read_numbers(item, count) for name, item in file["scalars"].items()}
-        scalars = {name: np.where(valid[name], values, np.nan) for name, values in kept.items()}
+        stored = {name: hdf5.read_numbers(item, count) for name, item in file["scalars"].items()}
+        scalars = {name: np.where(valid[name], values, np.nan) for name, values in stored.items()}
         units = {name: hdf5.read_text_attribute(item, "unit") for name, item in file["scalars"].items()}
         return SweepTable(tuple(inputs), scalars, units, statuses, shape, about)
 
@@ -242,9 +242,9 @@ def format_csv(table: SweepTable) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     scales = {name: to_display_unit(table.units[name]) for name in table.scalars}
-    names = [*((one.name, one.unit) for one in table.inputs), *((name, unit) for name, (_, unit) in scales.items())]
+    names = [*((key.name, key.unit) for key in table.inputs), *((name, unit) for name, (_, unit) in scales.items())]
     writer.writerow(["variant", *(f"{name} [{unit}]" if unit else name for name, unit in names), "status", "message"])
-    columns = [one.values if isinstance(one.values, tuple) else one.values.tolist() for one in table.inputs]
+    columns = [column.values if isinstance(column.values, tuple) else column.values.tolist() for column in table.inputs]
     for name, values in table.scalars.items():
         columns.append([x if np.isfinite(x) else None for x in (scales[name][0] * values).tolist()])
     for i, status in enumerate(table.statuses):
@@ -265,14 +265,14 @@ def _read_csv(path: Path) -> SweepTable:
     if unknown := {row[-2] for row in rows} - set(Cause):
         raise refuse("table, column status", sorted(unknown)[0], ", ".join(Cause))
     columns = [_parse_column(title, texts) for title, *texts in list(zip(head, *rows, strict=True))[1:-2]]
-    values = [one.values if isinstance(one.values, tuple) else one.values.tolist() for one in columns]
+    values = [column.values if isinstance(column.values, tuple) else column.values.tolist() for column in columns]
     keys = (n for n in range(1, len(columns)) if len(set(zip(*values[:n], strict=True))) == len(rows))
     count = next(keys, 1)
-    scalars = {one.name: one.values for one in columns[count:] if not isinstance(one.values, tuple)}
-    levels = [len(set(one)) for one in values[:count]]
+    scalars = {column.name: column.values for column in columns[count:] if not isinstance(column.values, tuple)}
+    levels = [len(set(entries)) for entries in values[:count]]
     shape = tuple(levels) if math.prod(levels) == len(rows) else ()
     statuses = tuple(Status(Cause(row[-2]), row[-1]) for row in rows)
-    return SweepTable(tuple(columns[:count]), scalars, {one.name: one.unit for one in columns}, statuses, shape)
+    return SweepTable(tuple(columns[:count]), scalars, {c.name: c.unit for c in columns}, statuses, shape)
 
 
 def _parse_column(title: str, texts: Sequence[str]) -> Column:

@@ -36,9 +36,9 @@ def write_polylines(
     field_data: Data | None = None,
 ) -> None:  # fmt: skip
     """Write polylines with consecutive points; points after the last polyline become vertices."""
-    drawn = sum(lengths)
-    vertices, ends = np.arange(drawn, len(points)), np.cumsum([0, *lengths])[1:]
-    cells = {"Verts": (vertices, np.arange(len(vertices)) + 1), "Lines": (np.arange(drawn), ends)}
+    count = sum(lengths)
+    vertices, ends = np.arange(count, len(points)), np.cumsum([0, *lengths])[1:]
+    cells = {"Verts": (vertices, np.arange(len(vertices)) + 1), "Lines": (np.arange(count), ends)}
     write_polydata(path, points, cells, point_data=point_data, cell_data=cell_data, field_data=field_data)
 
 
@@ -55,8 +55,8 @@ def write_polydata(
         "<CellData>", *(_array(name, values) for name, values in (cell_data or {}).items()), "</CellData>",
         "<Points>", _array("Points", points), "</Points>",
     ]  # fmt: skip
-    for kind, (own, ends) in cells.items():
-        lines += [f"<{kind}>", _array("connectivity", own), _array("offsets", ends), f"</{kind}>"]
+    for kind, (connectivity, ends) in cells.items():
+        lines += [f"<{kind}>", _array("connectivity", connectivity), _array("offsets", ends), f"</{kind}>"]
     write_vtk(path, "PolyData", [*lines, "</Piece>"])
 
 
@@ -125,7 +125,7 @@ class Geometry:
             fibre.von_mises(forces),
         )  # fmt: skip
         names = schema.RECOVERED_FIELDS
-        return {name: self._point_values(one) for name, one in zip(names, values, strict=True)}
+        return {name: self._point_values(array) for name, array in zip(names, values, strict=True)}
 
     def _point_values(self, values: FloatArray) -> FloatArray:
         """Return the larger of the adjacent element end values at every point, from shape (times, e, 2, ...)."""
@@ -134,8 +134,8 @@ class Geometry:
             count = part.stop - part.start
             for end in (0, 1):
                 points = slice(first + end, first + end + count)
-                there = values[:, part, end]
-                out[:, points] = np.where(np.abs(there) > np.abs(out[:, points]), there, out[:, points])
+                end_values = values[:, part, end]
+                out[:, points] = np.where(np.abs(end_values) > np.abs(out[:, points]), end_values, out[:, points])
         return out
 
 
@@ -150,11 +150,11 @@ def constant_data(geometry: Geometry) -> ConstantData:
     """
     mesh, single = geometry.mesh, len(geometry.free_nodes)
     radii = [[section.radius for section in geometry.sections[name]] for name in mesh.lines]
-    along = [
+    member_triads = [
         geometry.beams.triads[part][np.minimum(np.arange(len(line)), len(line) - 2)]
         for line, part in zip(mesh.lines.values(), mesh.element_ranges().values(), strict=True)
     ]
-    triads = np.concatenate([*along, np.tile(np.eye(3), (single, 1, 1))])
+    triads = np.concatenate([*member_triads, np.tile(np.eye(3), (single, 1, 1))])
     axes = {name: (axis, "") for name, axis in zip(schema.AXES, triads.swapaxes(0, 1), strict=True)}
     radius = np.concatenate([*radii, np.zeros(single)])
     return {schema.RADIUS: (radius, "m"), schema.NODE: (geometry.node, ""), **axes}
@@ -195,10 +195,10 @@ class VtkGroup:
 
     def _shared(self, names: Sequence[str], rows: int, width: int = 0) -> GrowingDataset:
         """Return a new dataset of integers that has several names."""
-        made = GrowingDataset(self._group, names[0], rows, "", width=width, kind="i8")
+        dataset = GrowingDataset(self._group, names[0], rows, "", width=width, kind="i8")
         for name in names[1:]:
-            self._group[name] = made.dataset
-        return made
+            self._group[name] = dataset.dataset
+        return dataset
 
     def append(self, values: Mapping[str, FloatArray], count: int) -> None:
         """Append the point data of steps, shape (count, points) or (count, points, width), without counting them."""
@@ -220,10 +220,10 @@ def _write_lines(file: Any, geometry: Geometry) -> None:  # noqa: ANN401 - h5py 
     mesh, points, ends = geometry.mesh, len(geometry.node), geometry.ends
     create_fixed_dataset(file, schema.POINT_COUNT, np.array([points]))
     create_fixed_dataset(file, schema.POINTS, mesh.nodes[geometry.node], "m")
-    single, nothing = len(geometry.free_nodes), np.zeros(0, int)
+    single, empty = len(geometry.free_nodes), np.zeros(0, int)
     vertices = (np.arange(points - single, points), np.arange(single + 1))
-    lines, none = (np.arange(points - single), ends), (nothing, np.zeros(1, int))
-    for topology, (connectivity, offsets) in zip(schema.TOPOLOGIES, (vertices, lines, none, none), strict=True):
+    lines, no_cells = (np.arange(points - single), ends), (empty, np.zeros(1, int))
+    for topology, (connectivity, offsets) in zip(schema.TOPOLOGIES, (vertices, lines, no_cells, no_cells), strict=True):
         group = file.create_group(f"{schema.VTK}/{topology}")
         create_fixed_dataset(group, schema.CELL_COUNT, np.array([len(offsets) - 1]))
         create_fixed_dataset(group, schema.CONNECTIVITY_COUNT, np.array([len(connectivity)]))

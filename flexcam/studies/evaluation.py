@@ -74,10 +74,10 @@ def are_probe_scalars(names: Sequence[str]) -> bool:
 def scalar_names(case: Case, asked: Sequence[str] = ()) -> list[str]:
     """Return the names of all scalars of a case, and of the p-norms among the requested ones, without a run."""
     model, system = build_problem(case)
-    named = outline(system)
-    names = train_metric_names(model, [name for name, _ in named.channels])
-    names += [f"probes.{probe}.{series}.largest" for probe in scalar_probes(named) for series in SERIES]
-    histories = history_units(named)
+    output = outline(system)
+    names = train_metric_names(model, [name for name, _ in output.channels])
+    names += [f"probes.{probe}.{series}.largest" for probe in scalar_probes(output) for series in SERIES]
+    histories = history_units(output)
     names += [name for name in asked if (norm := _NORM.match(name)) and norm[1] in histories]
     compared = case.record.fidelity.model != "rigid" and bool(case.record.output.probes) and bool(model.cam_contacts)
     return [*names, *(_DEVIATIONS if compared else ()), *(() if system.prescribed_motion else (_RESIDUAL,))]
@@ -132,11 +132,11 @@ def _deviation_scalars(ready: PreparedRun, response: Response) -> Iterator[Metri
         system = replace(ready.problem.system, prescribed_motion=rigid_motion(ready.model))
         probes = prescribed_probes(system, ready.problem.drive.at(response.time))
         rigid = replace(response, outline=outline(system), probes=probes)
-        found = compare(response, rigid, scalar_probe(ready), ready.case.speed / RPM)
+        comparison = compare(response, rigid, scalar_probe(ready), ready.case.speed / RPM)
     except InputError:
         return
-    for name, part in zip(_DEVIATIONS, (found.peak_deviation, found.rms_deviation), strict=True):
-        yield Metric(name, part, "1")
+    for name, value in zip(_DEVIATIONS, (comparison.peak_deviation, comparison.rms_deviation), strict=True):
+        yield Metric(name, value, "1")
 
 
 # Output of one of many linear runs without saved fields: blocks are long; rows agree with a single run to rounding.
@@ -151,8 +151,8 @@ def evaluate(
     until = None if time_limit is None else time.monotonic() + time_limit
 
     def run() -> Row:
-        read, choice = select_case(case, until)
-        ready = prepare(read, model=model, until=until)
+        variant, choice = select_case(case, until)
+        ready = prepare(variant, model=model, until=until)
         sinks = [] if folder is None else [open_result_file(ready, folder)]
         alone = sinks or runs == 1 or ready.problem.system.local_forces
         save = ready.save if alone else _SPARSE_OUTPUT
@@ -162,12 +162,12 @@ def evaluate(
         if not response.status.ok:
             return Row(response.status)
         figures = compute_scalars(ready, response, names)
-        values, units = {one.name: one.value for one in figures}, {one.name: one.unit for one in figures}
+        values, units = {f.name: f.value for f in figures}, {f.name: f.unit for f in figures}
         if choice is None:
             return Row(response.status, values, units)
-        named = f"{choice.found.rung}, {choice.found.steps} steps per revolution"
-        met = Status(text=f"chosen within the tolerance: {named}")
-        missed = Status(Cause.TOLERANCE, f"the tolerance is not met: {choice.why}; that is {named}")
+        words = f"{choice.found.rung}, {choice.found.steps} steps per revolution"
+        met = Status(text=f"chosen within the tolerance: {words}")
+        missed = Status(Cause.TOLERANCE, f"the tolerance is not met: {choice.why}; that is {words}")
         return Row(met if choice.met else missed, values, units)
 
     return catch_all_errors(run)
@@ -189,8 +189,8 @@ def evaluate_chunk(
             return evaluate(case, model=built[1], runs=runs, channels=channels, time_limit=time_limit)
         with temporary_folder() as folder:
             row = evaluate(case, folder=folder, model=built[1], runs=runs, time_limit=time_limit)
-            for written in folder.iterdir():
-                row = replace(row, history=(written.name.removeprefix(case.name), written.read_bytes()))
+            for file in folder.iterdir():
+                row = replace(row, history=(file.name.removeprefix(case.name), file.read_bytes()))
         return row
 
     return evaluate_each(source, variants, evaluate_one)

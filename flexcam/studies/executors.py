@@ -106,23 +106,23 @@ def count_cores() -> int:
 @contextmanager
 def open_processes(count: int) -> Generator[Callable[..., Future[Any]]]:
     """Yield a function that submits a call to new processes, started on demand; they end with the context."""
-    before = {process.pid for process in multiprocessing.active_children()}
+    existing = {process.pid for process in multiprocessing.active_children()}
     # spawn: workers do not inherit threads and locks of this process, on all systems
     executor = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), initializer=_start_worker)
 
-    def submit(function: Callable[..., Any], *given: object) -> Future[Any]:
+    def submit(function: Callable[..., Any], *arguments: object) -> Future[Any]:
         with _block_interrupts():
-            return executor.submit(function, *given)
+            return executor.submit(function, *arguments)
 
-    awake = submit(_get_version)
+    first_call = submit(_get_version)
     try:
         yield submit
-        if awake.done() and awake.exception() is not None:
+        if first_call.done() and first_call.exception() is not None:
             remedy = 'a script that sweeps needs its last part under: if __name__ == "__main__":'
             raise RunFailedError(Status(Cause.WORKER_LOST, "no worker process could begin", remedy))
     finally:
         for process in multiprocessing.active_children():
-            if process.pid not in before:
+            if process.pid not in existing:
                 process.terminate()
         # Once, and with wait: a second call would not cancel, and a remaining thread fails at interpreter exit.
         executor.shutdown(wait=True, cancel_futures=True)
@@ -161,11 +161,11 @@ def _block_interrupts() -> Generator[None]:
         yield
         return
     resource_tracker.ensure_running()  # starting it later would unblock the signal
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
 
 KILLED_STATUS = Status(
@@ -305,7 +305,7 @@ def _suppress_dask_log() -> Generator[None]:
             logging.getLogger(name).setLevel(level)
 
 
-def _check_address(asked: ClusterWorkers) -> None:
+def _check_address(workers: ClusterWorkers) -> None:
     """Raise an error if no scheduler answers within the timeout; Dask's client may wait without limit."""
     import asyncio
 
@@ -314,36 +314,36 @@ def _check_address(asked: ClusterWorkers) -> None:
 
     async def greet() -> None:
         security: Any = Security()
-        scheduler: Any = rpc(asked.address, connection_args=security.get_connection_args("client"))
+        scheduler: Any = rpc(workers.address, connection_args=security.get_connection_args("client"))
         async with asyncio.timeout(_TIMEOUT), scheduler:
             await scheduler.identity()
 
     try:
-        _ = urlsplit(asked.address).port  # Dask maps a port above 65535 to another one
+        _ = urlsplit(workers.address).port  # Dask maps a port above 65535 to another one
         asyncio.run(greet())
     except Exception as fault:  # noqa: BLE001 - of many kinds, from sockets, Dask and what answers in its place
-        first: Any = fault
-        while behind := first.__cause__ or first.__context__:  # Dask tries again until the timeout
-            first = behind
-        reason = system_message(fault if isinstance(fault, ValueError) else first) or "no scheduler answers"
+        cause: Any = fault
+        while inner := cause.__cause__ or cause.__context__:  # Dask tries again until the timeout
+            cause = inner
+        reason = system_message(fault if isinstance(fault, ValueError) else cause) or "no scheduler answers"
         why, allowed = f"none answers there within {_TIMEOUT:g} s: {reason}", "the address of a Dask scheduler"
         remedy = "write tcp://HOST:PORT, check host, port and network, start a dask scheduler, or use --workers N"
-        raise refuse("--scheduler", asked.address or "nothing", allowed, why, remedy) from None
+        raise refuse("--scheduler", workers.address or "nothing", allowed, why, remedy) from None
 
 
-def _check_workers(client: Any, asked: ClusterWorkers) -> None:  # noqa: ANN401 - distributed has no types
+def _check_workers(client: Any, workers: ClusterWorkers) -> None:  # noqa: ANN401 - distributed has no types
     """Raise an error for a cluster without workers, or with workers that have another version of flexcam."""
     why, allowed, remedy = "", f"workers with flexcam {__version__}", "install it there"
     try:
         client.wait_for_workers(1, timeout=_TIMEOUT)
-        found = {str(version) for version in client.run(_get_version).values()}
-        why = "" if found == {__version__} else f"they have flexcam {', '.join(sorted(found))}"
+        versions = {str(version) for version in client.run(_get_version).values()}
+        why = "" if versions == {__version__} else f"they have flexcam {', '.join(sorted(versions))}"
     except TimeoutError:
-        why, remedy = "the scheduler has no workers", f"start some: dask worker {asked.address}"
+        why, remedy = "the scheduler has no workers", f"start some: dask worker {workers.address}"
     except ModuleNotFoundError as fault:
         why = str(fault)
     if why:
-        raise refuse("--scheduler", asked.address, allowed, why, remedy)
+        raise refuse("--scheduler", workers.address, allowed, why, remedy)
 
 
 @contextmanager
@@ -365,8 +365,8 @@ def open_evaluators(
 
     The progress counts the variants of the first function.
     """
-    each = partial(_evaluate_numbered, functions=tuple(functions), fixed=tuple(fixed))
-    with open_runner(SerialWorkers() if workers == 1 else ProcessWorkers(workers), source, each) as run_chunks:
+    evaluate = partial(_evaluate_numbered, functions=tuple(functions), fixed=tuple(fixed))
+    with open_runner(SerialWorkers() if workers == 1 else ProcessWorkers(workers), source, evaluate) as run_chunks:
 
         def run(variants: Variants, number: int) -> Iterator[Row]:
             finished, count, shown = dict[int, Row](), 0, None if number else advance

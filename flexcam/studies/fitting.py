@@ -67,8 +67,8 @@ class Measurement:
             given = f"times from {times.min():g} to {times.max():g} s"
             raise refuse("--to", given, f"times of the run, up to {response.time[-1]:g} s", "", "run more revolutions")
         order = np.argsort(times)
-        seen = response.at(times[order])
-        return np.array([get_history(seen, curve.name) for curve in self.curves])[:, np.argsort(order)]
+        sampled = response.at(times[order])
+        return np.array([get_history(sampled, curve.name) for curve in self.curves])[:, np.argsort(order)]
 
 
 def read_measurement(path: Path, case: Case, only: Sequence[str] = (), noises: Sequence[str] = ()) -> Measurement:
@@ -77,25 +77,25 @@ def read_measurement(path: Path, case: Case, only: Sequence[str] = (), noises: S
     columns = read_mdf(path, "--to", only) if is_mdf else read_columns(path, "--to")
     over, instants = find_abscissa(columns, "--to")
     measured = [name for name in columns if name not in ABSCISSAS]
-    if not (wanted := list(only) or measured):
+    if not (selected := list(only) or measured):
         raise refuse("--to", ", ".join(columns), f"{over} and a measured column")
-    given = dict[str, float]()
+    levels = dict[str, float]()
     for text in noises:
         name, _, size = text.partition("=")
         try:
-            given[name.strip()] = float(size)
+            levels[name.strip()] = float(size)
         except ValueError:
             allowed = "NAME=VALUE, a standard deviation in the unit of the column"
             raise refuse("--noise", repr(text), allowed, "", "write it as in 'valve displacement=0.005'") from None
-    for option, names, known in (("--column", wanted, measured), ("--noise", given, wanted)):
+    for option, names, known in (("--column", selected, measured), ("--noise", levels, selected)):
         if unknown := [name for name in names if name not in known]:
             near = suggest_name(unknown[0], known)
             raise refuse(option, repr(unknown[0]), ", ".join(known), "there is no such column", near)
     curves: list[Curve] = []
-    for name in wanted:
+    for name in selected:
         curve, (unit, values) = _find_curve(case, name, f"{path.name}, column {name!r}"), columns[name]
         factor = conversion_factor(unit, curve.unit, f"--to, column {name!r}")
-        noise = positive("--noise", given[name] * factor, curve.unit) if name in given else None
+        noise = positive("--noise", levels[name] * factor, curve.unit) if name in levels else None
         curves.append(replace(curve, values=values * factor, noise=noise))
     return Measurement("time" if over == "time" else "angle", instants, tuple(curves))
 
@@ -105,13 +105,13 @@ _LISTED = 20  # number of results that a message lists
 
 def _find_curve(case: Case, name: str, where: str) -> Curve:
     """Return a curve without values by its name: a channel, or a component of a probe with its series."""
-    named = outline(build_problem(case)[1])
-    channels, probes, units = dict(named.channels), scalar_probes(named), history_units(named)
+    output = outline(build_problem(case)[1])
+    channels, probes, units = dict(output.channels), scalar_probes(output), history_units(output)
     if name in channels:
         return Curve(name, name, units[name], np.zeros(0))
     probe, _, series = name.rpartition(" ") if name.rpartition(" ")[2] in SERIES else (name, "", "displacement")
     if probe not in probes:
-        known = [*(f"{one} {series}" for one in probes), *channels]
+        known = [*(f"{point} {series}" for point in probes), *channels]
         near = suggest_name(name, [*probes, *known])
         allowed = ", ".join(known[:_LISTED]) + (f" and {len(known) - _LISTED} more" if len(known) > _LISTED else "")
         raise refuse(where, "a name that is no result of the case", f"one of {allowed}", "", near)
@@ -149,13 +149,13 @@ class Fit:
     @staticmethod
     def rms(measured: Measurement, curves: FloatArray) -> FloatArray:
         """Return the root mean square of the residuals of each curve."""
-        return np.sqrt(np.nanmean((curves - [one.values for one in measured.curves]) ** 2, axis=1))
+        return np.sqrt(np.nanmean((curves - [curve.values for curve in measured.curves]) ** 2, axis=1))
 
     def correlated_pairs(self) -> list[tuple[int, int]]:
         """Return the pairs of values with an absolute correlation above 0.95."""
-        lost = {i for group in self.undetermined for i in group}
+        undetermined = {i for group in self.undetermined for i in group}
         pairs = np.argwhere(np.tril(np.abs(self.correlation), -1) > 0.95).tolist()
-        return [(j, i) for i, j in pairs if not {i, j} & lost]
+        return [(j, i) for i, j in pairs if not {i, j} & undetermined]
 
 
 @dataclass
@@ -229,32 +229,32 @@ def fit_curves(points: PointEvaluator, measured: Measurement, *, steps: int = 50
     from scipy.stats import t as student
 
     variables = points.variables
-    wanted = np.array([curve.values for curve in measured.curves])
-    known = ~np.isnan(wanted)
+    targets = np.array([curve.values for curve in measured.curves])
+    known = ~np.isnan(targets)
     free = int(known.sum()) - len(variables)
     if free < 1:
         raise refuse("--to", f"{known.sum()} measured numbers", f"more than the {len(variables)} values to be fitted")
-    if outside := [one.key for one in variables if one.start is not None and not 0.0 <= one.start <= 1.0]:
+    if outside := [v.key for v in variables if v.start is not None and not 0.0 <= v.start <= 1.0]:
         raise refuse("--vary", outside[0], "an interval that contains the value of the case", "the search begins there")
-    begin = np.array([0.5 if one.start is None else one.start for one in variables])
+    begin = np.array([0.5 if v.start is None else v.start for v in variables])
     spread = np.array([np.nanstd(curve.values) or 1.0 for curve in measured.curves])
-    given = np.array([curve.noise or math.nan for curve in measured.curves])
-    unknown = np.isnan(given)
-    problem = _Residuals(points, wanted, np.where(unknown, spread, given))
+    stated = np.array([curve.noise or math.nan for curve in measured.curves])
+    unknown = np.isnan(stated)
+    problem = _Residuals(points, targets, np.where(unknown, spread, stated))
 
     def search(parts: FloatArray) -> tuple[FloatArray, FloatArray, bool]:
-        found = least_squares(
+        solution = least_squares(
             problem.residuals, parts, jac=problem.jacobian, bounds=(0.0, 1.0), x_scale="jac", xtol=1e-10, max_nfev=steps
         )
-        return found.x, problem.curves(found.x), bool(found.status > 0)
+        return solution.x, problem.curves(solution.x), bool(solution.status > 0)
 
     def noise(curves: FloatArray) -> FloatArray:
         estimated = Fit.rms(measured, curves) * math.sqrt(known.sum() / free)
-        return np.where(unknown, np.maximum(estimated, 1e-12 * spread), given)
+        return np.where(unknown, np.maximum(estimated, 1e-12 * spread), stated)
 
     before = problem.curves(begin)
     parts, after, converged = search(begin)
-    if unknown.any() and len(given) > 1:  # again, with the noise estimated by curve
+    if unknown.any() and len(stated) > 1:  # again, with the noise estimated by curve
         problem.noise = noise(after)
         parts, after, converged = search(parts)
     problem.noise = noise(after)
@@ -265,9 +265,9 @@ def fit_curves(points: PointEvaluator, measured: Measurement, *, steps: int = 50
     factor = misfit if unknown.all() else 1.0
     intervals = student.ppf(0.975, free) * deviation * factor * np.diff(points.ends, axis=0)[0]
     intervals[sorted({i for group in undetermined for i in group})] = math.inf
-    rest = np.where(known, after - wanted, 0.0)[:, np.argsort(measured.instants)]
+    residuals = np.where(known, after - targets, 0.0)[:, np.argsort(measured.instants)]
     rounding = (1e-9 * spread[:, None] * known).sum(axis=1) ** 2
-    serial = (rest[:, 1:] * rest[:, :-1]).sum(axis=1) / ((rest**2).sum(axis=1) + rounding)
+    serial = (residuals[:, 1:] * residuals[:, :-1]).sum(axis=1) / ((residuals**2).sum(axis=1) + rounding)
     return Fit(
         points.at(begin), points.at(parts), intervals, covariance / np.outer(scale, scale),
         undetermined, problem.noise, misfit, before, after, serial, problem.runs, converged,

@@ -120,18 +120,18 @@ def compute_gradient(
             next(_neighbour_cases(file, case, number, RELATIVE_WIDTH * size))
             for number, size in zip(numbers, sizes, strict=True)
         ]
-        found, planes, growth, warning = _run_planes(case, sides, of_runs)
-        values |= found
-        for name, ((_, *slopes), *more) in planes.items():
-            extremes[name] = tuple(more)
+        scalars, planes, growth, warning = _run_planes(case, sides, of_runs)
+        values |= scalars
+        for name, ((_, *slopes), *further) in planes.items():
+            extremes[name] = tuple(further)
             derivatives |= {(name, number.key): slope for number, slope in zip(numbers, slopes, strict=True)}
     if others:
         values |= compute_quantities(case, others)
         for number, size in zip(numbers, sizes, strict=True):
             cases = *_neighbour_cases(file, case, number, _WIDTH_WITHOUT_RUN * size), (case, 0.0)
-            (above, more), (below, less) = cases[:2]  # one side alone at the end of the permitted values
+            (above, up), (below, down) = cases[:2]  # one side alone at the end of the permitted values
             low, high = compute_quantities(below, others), compute_quantities(above, others)
-            derivatives |= {(name, number.key): _difference(name, low, high, more - less) for name in others}
+            derivatives |= {(name, number.key): _difference(name, low, high, up - down) for name in others}
     return Gradient(values, derivatives, extremes, growth, warning)
 
 
@@ -163,7 +163,7 @@ def gradient_evaluator(
     """Yield a function that evaluates variants of a file, with derivatives by some variables in the worst case."""
     sizes = interval_widths(file.read(fixed), variables).tolist()
     row = partial(quantity_row, names=tuple(names))
-    derive = partial(_derivative_row, names=tuple(names), keys=tuple(one.key for one in variables), sizes=sizes)
+    derive = partial(_derivative_row, names=tuple(names), keys=tuple(v.key for v in variables), sizes=sizes)
     source, conditions = make_bundle(file, None, fixed), worst or WorstCase(((),), {})
     with open_evaluators(source, (row, derive), fixed, workers=workers, advance=advance) as evaluators:
         yield conditions.over(*evaluators)
@@ -173,13 +173,13 @@ def _derivative_row(case: Case, names: Sequence[str], keys: Sequence[str], sizes
     """Return the derivatives of a variant, or a complete row whose status says why there are none."""
     row = Row(Status())
     try:
-        found = compute_gradient(case, names, [get_number(case, key, "--vary") for key in keys], sizes)
+        gradient = compute_gradient(case, names, [get_number(case, key, "--vary") for key in keys], sizes)
     except (InputError, RunFailedError) as failure:  # the variant counts without them
         return replace(row, status=Status(text=str(failure)))
-    if found.warning:
-        return replace(row, status=Status(text=found.warning))
-    slopes = {name: tuple(found.derivatives.get((name, key), math.nan) for key in keys) for name in names}
-    return replace(row, derivatives=slopes, extremes=found.extremes)
+    if gradient.warning:
+        return replace(row, status=Status(text=gradient.warning))
+    slopes = {name: tuple(gradient.derivatives.get((name, key), math.nan) for key in keys) for name in names}
+    return replace(row, derivatives=slopes, extremes=gradient.extremes)
 
 
 def make_neighbours(case: Case, number: Number, steps: Iterable[float]) -> list[tuple[str, ...]]:
@@ -199,92 +199,92 @@ def _run_planes(
     kinds = {name.partition(".")[0] for name in names}
     case = case.with_newmark()
     ready = _with_channels(prepare(case, runs=_SIMILAR_RUNS), kinds)
-    others = [_with_channels(prepare_without_periodic_search(one.with_newmark(), ready), kinds) for one, _ in sides]
+    others = [_with_channels(prepare_without_periodic_search(side.with_newmark(), ready), kinds) for side, _ in sides]
     periodic, near = case.record.run.start == "periodic", ready.problem.start
     if not periodic:  # found in the same way as those of the others, so that rounding errors cancel
         ready = replace(ready, problem=set_initial_state(case, ready.model, ready.problem, near=near))
-    variations = [Variation(one.problem, width) for one, (_, width) in zip(others, sides, strict=True)]
+    variations = [Variation(other.problem, width) for other, (_, width) in zip(others, sides, strict=True)]
     period = steps_per_revolution(case, ready.problem) if periodic else None
     accelerations = not kinds <= _WITHOUT_ACCELERATION
     revolution = math.ceil(ready.revolution / ready.problem.step) + _SPARE
     first = 0 if "deviation" in kinds else max(ready.problem.steps - revolution, 0)
-    found = tangent_run(
+    tangent = tangent_run(
         ready.problem, ready.scheme, variations, period=period, accelerations=accelerations, first=first,
         select=partial(_select_extremes, ready, names),
     )  # fmt: skip
-    if not found.response.status.ok:
-        raise RunFailedError(found.response.status)
-    scalars = {one.name: one for one in compute_scalars(ready, found.response, names) if one.name in names}
-    runs = [(other, *pair, width) for other, pair, (_, width) in zip(others, found.neighbours, sides, strict=True)]
-    planes = {name: _extreme_planes(ready, found, runs, name) for name in scalars}
-    if rest := [name for name, known in planes.items() if not known]:
-        planes |= _other_planes(ready, runs, rest)
+    if not tangent.response.status.ok:
+        raise RunFailedError(tangent.response.status)
+    scalars = {m.name: m for m in compute_scalars(ready, tangent.response, names) if m.name in names}
+    runs = [(other, *pair, width) for other, pair, (_, width) in zip(others, tangent.neighbours, sides, strict=True)]
+    planes = {name: _extreme_planes(ready, tangent, runs, name) for name in scalars}
+    if missing := [name for name, known in planes.items() if not known]:
+        planes |= _other_planes(ready, runs, missing)
     residual = (ready.problem.start.periodicity or 0.0) if periodic and ready.problem.start else 0.0
     warning = f"the periodic start repeats only to {residual:.1g}" if residual > _PERIODIC else ""
-    if found.growth > CHAOTIC_GROWTH:
-        warning = f"the motion is chaotic: a small disturbance grows {found.growth:.1g} times"
-    return scalars, planes, found.growth, warning
+    if tangent.growth > CHAOTIC_GROWTH:
+        warning = f"the motion is chaotic: a small disturbance grows {tangent.growth:.1g} times"
+    return scalars, planes, tangent.growth, warning
 
 
 def _select_extremes(ready: PreparedRun, names: Sequence[str], part: Response) -> NDArray[np.bool_]:
     """Return the local extremes of the histories of scalars in a part of a run; all instants for other scalars."""
-    histories = [one for name in names if (one := extreme_history(ready.model, part, name)) is not None]
+    histories = [history for name in names if (history := extreme_history(ready.model, part, name)) is not None]
     if len(histories) < len(names):
         return np.ones(len(part.time), dtype=bool)
-    chosen, problem = np.zeros(len(part.time), dtype=bool), ready.problem
+    mask, problem = np.zeros(len(part.time), dtype=bool), ready.problem
     end = (problem.start.time if problem.start else 0.0) + problem.step * problem.steps
     begin = np.searchsorted(part.time, end - ready.revolution)  # the first instants of the last revolution
-    chosen[[0, -1, *np.minimum([begin, begin + 1], len(chosen) - 1)]] = True
+    mask[[0, -1, *np.minimum([begin, begin + 1], len(mask) - 1)]] = True
     for history in histories:
-        chosen |= _local_maxima(history)
-    return chosen
+        mask |= _local_maxima(history)
+    return mask
 
 
 def _local_maxima(history: FloatArray) -> NDArray[np.bool_]:
-    found = np.zeros(len(history), dtype=bool)
-    found[1:-1] = (history[1:-1] >= history[:-2]) & (history[1:-1] > history[2:])
-    return found
+    mask = np.zeros(len(history), dtype=bool)
+    mask[1:-1] = (history[1:-1] >= history[:-2]) & (history[1:-1] > history[2:])
+    return mask
 
 
-def _extreme_planes(ready: PreparedRun, found: TangentRun, runs: Sequence[_NeighbourRun], name: str) -> Planes:
+def _extreme_planes(ready: PreparedRun, tangent: TangentRun, runs: Sequence[_NeighbourRun], name: str) -> Planes:
     """Return the largest local extremes of the history of a scalar, the scalar first; none for other scalars."""
-    history = extreme_history(ready.model, found.response, name)
+    history = extreme_history(ready.model, tangent.response, name)
     if history is None:
         return ()
-    last = found.response.latest(ready.revolution)[found.instants]
-    values = np.where(last, history[found.instants], -np.inf)
-    chosen = np.flatnonzero(_local_maxima(history)[found.instants] & last | (values == values.max()))
-    at = chosen[np.argsort(-values[chosen], kind="stable")][: _EXTREMES + 1]
-    planes = [values[at] - values[at[0]]]
+    last = tangent.response.latest(ready.revolution)[tangent.instants]
+    values = np.where(last, history[tangent.instants], -np.inf)
+    maxima = np.flatnonzero(_local_maxima(history)[tangent.instants] & last | (values == values.max()))
+    extremes = maxima[np.argsort(-values[maxima], kind="stable")][: _EXTREMES + 1]
+    planes = [values[extremes] - values[extremes[0]]]
     for other, below, above, width in runs:
         low = extreme_history(ready.model, below, name, window=False)
         high = extreme_history(other.model, above, name, window=False)
         if low is None or high is None:
             return ()
-        planes.append((high[at] - low[at]) / width)
+        planes.append((high[extremes] - low[extremes]) / width)
     sign = -1.0 if name.endswith("least") else 1.0
     return tuple(map(tuple, (sign * np.column_stack(planes)).tolist()))
 
 
 def _other_planes(ready: PreparedRun, runs: Sequence[_NeighbourRun], names: Sequence[str]) -> dict[str, Planes]:
     """Return the planes of scalars that are no extremes of a history, from the scalars of both sides."""
-    light, slopes = _massless_probes(ready.problem.system), list[list[float]]()
-    unknown = {name for name in names if name.rpartition(".")[0].endswith(_RATES) and name.startswith(light)}
+    prefixes, slopes = _massless_probes(ready.problem.system), list[list[float]]()
+    unknown = {name for name in names if name.rpartition(".")[0].endswith(_RATES) and name.startswith(prefixes)}
     for other, below, above, width in runs:
-        low = {one.name: one for one in compute_scalars(ready, below, names) if one.name not in unknown}
-        high = {one.name: one for one in compute_scalars(other, above, names)}
+        low = {metric.name: metric for metric in compute_scalars(ready, below, names) if metric.name not in unknown}
+        high = {metric.name: metric for metric in compute_scalars(other, above, names)}
         slopes.append([_difference(name, low, high, width) for name in names])
-    return {name: ((0.0, *each),) for name, each in zip(names, np.transpose(slopes).tolist(), strict=True)}
+    return {name: ((0.0, *row),) for name, row in zip(names, np.transpose(slopes).tolist(), strict=True)}
 
 
 def _massless_probes(system: System) -> tuple[str, ...]:
     """Return the beginnings of the names of results of points without mass."""
-    light = MasslessMotions(system)
+    massless = MasslessMotions(system)
     return tuple(
         f"probes.{probe.name}." + (f"{component}." if len(probe.components) > 1 else "")
         for probe in system.probes
         for component, row in zip(probe.components, probe.rows, strict=True)
-        if (light.force_on_massless(row[None]) > FORCE_TOLERANCE).any()
+        if (massless.force_on_massless(row[None]) > FORCE_TOLERANCE).any()
     )
 
 
@@ -292,7 +292,7 @@ def _with_channels(ready: PreparedRun, kinds: set[str]) -> PreparedRun:
     """Return a run with channels of some kinds, or probes, alone; metrics of all parts need those of the contacts."""
     system = ready.problem.system
     needed = set[str]() if kinds <= _PROBE_KINDS else {*kinds, "contacts"}
-    channels = tuple(one for one in system.channels if one.name.partition(".")[0] in needed)
+    channels = tuple(channel for channel in system.channels if channel.name.partition(".")[0] in needed)
     probes = () if kinds <= _WITHOUT_ACCELERATION else system.probes
     return replace(ready, problem=replace(ready.problem, system=replace(system, channels=channels, probes=probes)))
 
@@ -352,11 +352,11 @@ def optimize_by_gradient(
         for i, begin in enumerate(begins):
             _descend(tangents, judge, begin, judge.count + (evaluations - judge.count) // (starts - i))
 
-    found = judge.run_search(search)
+    result = judge.run_search(search)
     if tangents.warning and judge.count == starts:
         why, remedy = tangents.warning, "use --method evolution"
         raise refuse("--method gradient", "a start without derivatives", "a run with derivatives", why, remedy)
-    return replace(found, is_flat=tangents.is_flat)
+    return replace(result, is_flat=tangents.is_flat)
 
 
 class _Tangents:
@@ -381,18 +381,18 @@ class _Tangents:
             return self._widths * np.array(row.derivatives[name])
 
         cuts = list[tuple[int, float, FloatArray]]()
-        for i, one in enumerate(bounds):
-            sign = (1.0 if one.relation == "<=" else -1.0) / (abs(one.bound(row.units[one.name])) or 1.0)
+        for i, limit in enumerate(bounds):
+            sign = (1.0 if limit.relation == "<=" else -1.0) / (abs(limit.bound(row.units[limit.name])) or 1.0)
             value = float(violations[0, i])
-            cuts.append((i, value, sign * slope(one.name)))
+            cuts.append((i, value, sign * slope(limit.name)))
             cuts += [
                 (i, value + sign * offset, sign * self._widths * np.array(slopes))
-                for offset, *slopes in row.extremes.get(one.name, ())
+                for offset, *slopes in row.extremes.get(limit.name, ())
                 if sign * offset < 0.0
             ]
         cost_slope = (-1.0 if goal.most else 1.0) * slope(goal.name)
         self.is_flat = self.is_flat or (self._judge.count == 1 and not cost_slope.any())
-        if not all(np.isfinite(one).all() for one in (cost_slope, *(one for _, _, one in cuts))):
+        if not all(np.isfinite(gradient).all() for gradient in (cost_slope, *(gradient for _, _, gradient in cuts))):
             return None
         return Plane(x, float(costs[0, 0]), cost_slope, violations[0, :-1], cuts)
 
@@ -402,10 +402,10 @@ def _descend(tangents: _Tangents, judge: ProblemEvaluator, start: FloatArray, en
     best = tangents.plane(start)
     if best is None:
         return
-    planes, radius, inside, is_corrected = [best], _BOX, _LEAST_INSIDE, False
+    planes, radius, margin, is_corrected = [best], _BOX, _LEAST_INSIDE, False
     while radius > _SMALLEST_BOX and judge.count < end:
-        near = [one for one in planes if np.abs(one.at - best.at).max() <= _NEAR * radius][-_PLANES:]
-        step = _lowest(near if best in near else [best, *near], best, radius, inside)
+        near = [plane for plane in planes if np.abs(plane.at - best.at).max() <= _NEAR * radius][-_PLANES:]
+        step = _lowest(near if best in near else [best, *near], best, radius, margin)
         count = judge.count
         new = tangents.plane(step.to) if step.gain > 0.0 or best.violation > 0.0 else None
         new = new if judge.count > count else None  # an evaluated point is no progress: two could alternate
@@ -418,8 +418,8 @@ def _descend(tangents: _Tangents, judge: ProblemEvaluator, start: FloatArray, en
         elif ratio > _GOOD and np.abs(step.to - best.at).max() > _AT_BORDER * radius:
             radius = min(_GROW * radius, _LARGEST_BOX)
         if new is not None:
-            most = _INSIDE * radius if best.violation <= 0.0 else _MOST_INSIDE
-            inside = min(max(new.violation, _LEAST_INSIDE), most)
+            maximum = _INSIDE * radius if best.violation <= 0.0 else _MOST_INSIDE
+            margin = min(max(new.violation, _LEAST_INSIDE), maximum)
             planes.append(new)
             best = new if gain > 0.0 else best
 
@@ -433,7 +433,7 @@ class _Step:
     gain: float  #: expected reduction of the merit
 
 
-def _lowest(planes: list[Plane], best: Plane, radius: float, inside: float) -> _Step:
+def _lowest(planes: list[Plane], best: Plane, radius: float, margin: float) -> _Step:
     """Return the step to the lowest point of all planes in the box about the best variant.
 
     The price is above what a violation gains, so that a search that pays it ends without violation.
@@ -443,21 +443,21 @@ def _lowest(planes: list[Plane], best: Plane, radius: float, inside: float) -> _
     size, rows, limits = abs(best.cost) or 1.0, list[list[float]](), list[float]()
 
     def add(value: float, known: float, slope: FloatArray, at: FloatArray, by_cost: float, by_violation: float) -> None:
-        here = value + float(slope @ (best.at - at))
-        if here <= known:  # otherwise the plane is not below the quantity, which has another curvature
+        height = value + float(slope @ (best.at - at))
+        if height <= known:  # otherwise the plane is not below the quantity, which has another curvature
             rows.append([*slope.tolist(), by_cost, by_violation])
-            limits.append(float(slope @ best.at) - here)
+            limits.append(float(slope @ best.at) - height)
 
-    for one in planes:
-        add(one.cost / size, best.cost / size, one.cost_slope / size, one.at, -1.0, 0.0)
-        for i, violation, slope in one.cuts:
-            add(violation + inside, float(best.violations[i]) + inside, slope, one.at, 0.0, -1.0)
-    box = [(max(one - radius, 0.0), min(one + radius, 1.0)) for one in best.at.tolist()]
+    for plane in planes:
+        add(plane.cost / size, best.cost / size, plane.cost_slope / size, plane.at, -1.0, 0.0)
+        for i, violation, slope in plane.cuts:
+            add(violation + margin, float(best.violations[i]) + margin, slope, plane.at, 0.0, -1.0)
+    box = [(max(x - radius, 0.0), min(x + radius, 1.0)) for x in best.at.tolist()]
     goal, bounds = [*(0.0 * best.at), 1.0, _PENALTY], [*box, (None, None), (0.0, None)]
-    found = linprog(goal, A_ub=rows, b_ub=limits, bounds=bounds, method="highs")
-    if found.x is None:
+    solution = linprog(goal, A_ub=rows, b_ub=limits, bounds=bounds, method="highs")
+    if solution.x is None:
         return _Step(best.at, 0.0, 0.0)
-    *to, cost, violation = np.asarray(found.x, dtype=float).tolist()
-    marginals = -np.asarray(found.ineqlin.marginals)[[row[-1] < 0.0 for row in rows]]
+    *to, cost, violation = np.asarray(solution.x, dtype=float).tolist()
+    marginals = -np.asarray(solution.ineqlin.marginals)[[row[-1] < 0.0 for row in rows]]
     price = size * min(max(_PRICE_MARGIN * float(marginals.sum()), _LEAST_PRICE), _PENALTY)
-    return _Step(np.clip(to, 0.0, 1.0), price, best.merit(price) - size * cost - price * max(violation - inside, 0.0))
+    return _Step(np.clip(to, 0.0, 1.0), price, best.merit(price) - size * cost - price * max(violation - margin, 0.0))

@@ -102,9 +102,9 @@ class Journal:
         os.close(self._file)
 
     def _line(self, content: Mapping[str, Any]) -> None:
-        left = (json.dumps({**content, "digest": _line_digest(content)}, allow_nan=False) + "\n").encode()
-        while left:
-            left = left[os.write(self._file, left) :]
+        data = (json.dumps({**content, "digest": _line_digest(content)}, allow_nan=False) + "\n").encode()
+        while data:
+            data = data[os.write(self._file, data) :]
         os.fsync(self._file)
 
 
@@ -131,14 +131,14 @@ def _read_journal(path: Path, belongs: Mapping[str, Any]) -> tuple[dict[int, lis
         return {}, 0
     try:
         head, *chunks = contents = [json.loads(line) for line in lines]
-        if any(one.pop("digest", "") != _line_digest(one) for one in contents):
+        if any(entry.pop("digest", "") != _line_digest(entry) for entry in contents):
             raise ValueError("a line has changed since it was written")
-        other = [words for name, words in _WORDS.items() if head.get(name) != belongs.get(name)]
-        if other:
-            given, why = f"{path}, of another sweep", f"what differs: {'; '.join(other)}"
+        differences = [words for name, words in _WORDS.items() if head.get(name) != belongs.get(name)]
+        if differences:
+            given, why = f"{path}, of another sweep", f"what differs: {'; '.join(differences)}"
             remedy = "--overwrite starts again; or name another folder"
             raise refuse("journal", given, "the journal of this sweep", why, remedy)
-        return {int(one["chunk"]): [_parse_row(row, one["units"]) for row in one["rows"]] for one in chunks}, end
+        return {int(c["chunk"]): [_parse_row(row, c["units"]) for row in c["rows"]] for c in chunks}, end
     except InputError:
         raise
     except (ValueError, KeyError, TypeError, AttributeError) as fault:

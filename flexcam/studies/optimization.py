@@ -54,19 +54,19 @@ class Constraint:
 
     def bound(self, unit: str) -> float:
         """Return the bound in the unit of its quantity."""
-        number, given = _split_bound(self.text)
-        wanted = "rad/s" if unit.endswith("rpm") else unit
-        if given:
-            return number * self._factor(given, wanted) / (RPM if unit.endswith("rpm") else 1.0)
+        number, text_unit = _split_bound(self.text)
+        base_unit = "rad/s" if unit.endswith("rpm") else unit
+        if text_unit:
+            return number * self._factor(text_unit, base_unit) / (RPM if unit.endswith("rpm") else 1.0)
         if number and unit and unit in {kind.si for kind in DIMENSIONS.values()}:
             raise refuse("--subject", self.words, "a bound with its unit", "", f"add the unit, such as {unit}")
         return number
 
-    def _factor(self, given: str, wanted: str) -> float:
+    def _factor(self, text_unit: str, base_unit: str) -> float:
         try:
-            return conversion_factor(given, wanted, "--subject")
+            return conversion_factor(text_unit, base_unit, "--subject")
         except InputError:
-            raise refuse("--subject", self.words, f"a bound with {unit_of(wanted)}", "units differ") from None
+            raise refuse("--subject", self.words, f"a bound with {unit_of(base_unit)}", "units differ") from None
 
     def violation(self, value: float, unit: str) -> float:
         """Return the violation of the bound by a value, relative to the bound; negative if it is satisfied."""
@@ -77,31 +77,31 @@ class Constraint:
 
 def parse_constraint(text: str) -> Constraint:
     """Parse a constraint."""
-    found = _CONSTRAINT.match(text)
-    if found is None:
+    match = _CONSTRAINT.match(text)
+    if match is None:
         allowed = "NAME <= VALUE or NAME >= VALUE, in quotes"
         parts = re.match(r"\s*(\S+)\s*([<>])\s*([^<>=]+)$", text)
         example = f"{parts[1]} {parts[2]}= {parts[3].strip()}" if parts else "frequency.1 >= 900 Hz"
         raise refuse("--subject", repr(text), allowed, "", f"write '{example}'")
-    _split_bound(found[3])
-    return Constraint(found[1], "<=" if found[2] == "<=" else ">=", found[3])
+    _split_bound(match[3])
+    return Constraint(match[1], "<=" if match[2] == "<=" else ">=", match[3])
 
 
 def parse_constraints(texts: Sequence[str]) -> tuple[Constraint, ...]:
     """Parse several constraints."""
-    found, faults = parse_all(parse_constraint, texts)
+    constraints, faults = parse_all(parse_constraint, texts)
     if faults:
         raise InputError(faults)
-    return tuple(found)
+    return tuple(constraints)
 
 
 def _split_bound(text: str) -> tuple[float, str]:
     """Return the number and the unit of a bound, which may be empty."""
-    found = NUMBER.match(text)
-    if found is None:
+    match = NUMBER.match(text)
+    if match is None:
         raise refuse("--subject", repr(text), "a number with a unit after <= or >=", "it does not begin with a number")
-    conversion_factor(found[2], found[2], "--subject")  # the unit is known
-    return float(found[1]), found[2]
+    conversion_factor(match[2], match[2], "--subject")  # the unit is known
+    return float(match[1]), match[2]
 
 
 def row_value(row: Row, name: str) -> float:
@@ -138,7 +138,7 @@ class OptimizationProblem:
     @property
     def start(self) -> FloatArray | None:
         """Point of the case as fractions of the intervals, shape (k,); None if it is outside of an interval."""
-        parts = [one.start for one in self.points.variables]
+        parts = [variable.start for variable in self.points.variables]
         known = [part for part in parts if part is not None and 0.0 <= part <= 1.0]
         return np.array(known) if len(known) == len(parts) else None
 
@@ -163,14 +163,14 @@ class Evaluations:
     @property
     def best(self) -> int | None:
         """Index of the best variant that satisfies all constraints; None if there is none."""
-        inside = np.flatnonzero(is_feasible(self.violations))
-        return int(inside[np.argmin(self.costs[inside, 0])]) if len(inside) else None
+        feasible = np.flatnonzero(is_feasible(self.violations))
+        return int(feasible[np.argmin(self.costs[feasible, 0])]) if len(feasible) else None
 
     @property
     def nearest(self) -> int:
         """Index of the variant with the smallest violation."""
-        passed = np.maximum(self.violations, 0.0).sum(axis=1)
-        return int(np.argmin(passed))
+        excess = np.maximum(self.violations, 0.0).sum(axis=1)
+        return int(np.argmin(excess))
 
     def distance_to_violation(self, at: int, bound: int) -> float:
         """Return the maximum distance, in fractions of an interval, to the nearest variant that violates a constraint.
@@ -178,9 +178,9 @@ class Evaluations:
         Discontinuous quantities, such as lost contact, have no slack: this distance shows whether they are active.
         Infinite if no variant violates the constraint; zero if the variant itself does.
         """
-        passing = (self.violations[:, bound] > 0.0) & np.array([row.status.ok for row in self.rows])
+        violating = (self.violations[:, bound] > 0.0) & np.array([row.status.ok for row in self.rows])
         steps = np.abs(self.parts - self.parts[at]).max(axis=1)
-        return float(steps[passing].min(initial=np.inf))
+        return float(steps[violating].min(initial=np.inf))
 
 
 class ProblemEvaluator:
@@ -215,9 +215,9 @@ class ProblemEvaluator:
         signed = values.reshape(len(rows), len(goals)) * np.array([-1.0 if goal.most else 1.0 for goal in goals])
         violations = np.full((len(rows), len(bounds) + 1), _FAILED_VIOLATION)
         for i, row in enumerate(rows):
-            found = [(one, row_value(row, one.name), row.units.get(one.name, "rpm")) for one in bounds]
-            if row.status.ok and not np.isnan([*values[i], *(value for _, value, _ in found)]).any():
-                violations[i] = [*(min(b.violation(x, unit), _FAILED_VIOLATION) for b, x, unit in found), 0.0]
+            results = [(bound, row_value(row, bound.name), row.units.get(bound.name, "rpm")) for bound in bounds]
+            if row.status.ok and not np.isnan([*values[i], *(value for _, value, _ in results)]).any():
+                violations[i] = [*(min(b.violation(x, unit), _FAILED_VIOLATION) for b, x, unit in results), 0.0]
         return np.where(np.isnan(signed), math.inf, signed), np.maximum(violations, -_FAILED_VIOLATION)
 
     def evaluations(self) -> Evaluations:
@@ -253,9 +253,9 @@ def optimize(design: OptimizationProblem, *, evaluations: int = 200, seed: int =
 
     def search() -> None:
         _differential_evolution(judge, design, generation, int(_GLOBAL_FRACTION * evaluations), seed)
-        left = evaluations - judge.count
-        if left > 0:
-            _refine(judge, judge.evaluations(), design, left)
+        remaining = evaluations - judge.count
+        if remaining > 0:
+            _refine(judge, judge.evaluations(), design, remaining)
 
     return judge.run_search(search)
 
@@ -266,7 +266,7 @@ def generation_size(variables: int) -> int:
 
 
 def _differential_evolution(
-    judge: ProblemEvaluator, design: OptimizationProblem, generation: int, most: int, seed: int
+    judge: ProblemEvaluator, design: OptimizationProblem, generation: int, evaluations: int, seed: int
 ) -> None:
     from scipy.optimize import Bounds, NonlinearConstraint, differential_evolution
     from scipy.stats import qmc
@@ -282,15 +282,15 @@ def _differential_evolution(
     def violations(x: FloatArray) -> FloatArray:
         return judge.evaluate(np.atleast_2d(x.T))[1].T
 
-    cube, inside = Bounds(np.zeros(variables), np.ones(variables)), NonlinearConstraint(violations, -np.inf, 0.0)
+    cube, constraint = Bounds(np.zeros(variables), np.ones(variables)), NonlinearConstraint(violations, -np.inf, 0.0)
     differential_evolution(
         cost,  # pyright: ignore[reportArgumentType] - vectorized
-        cube, constraints=inside, init=start, maxiter=max(most // generation - 1, 1), polish=False,
+        cube, constraints=constraint, init=start, maxiter=max(evaluations // generation - 1, 1), polish=False,
         updating="deferred", vectorized=True, rng=rng, tol=1e-6,
     )  # fmt: skip
 
 
-def _refine(judge: ProblemEvaluator, known: Evaluations, design: OptimizationProblem, most: int) -> None:
+def _refine(judge: ProblemEvaluator, known: Evaluations, design: OptimizationProblem, evaluations: int) -> None:
     from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
     start = known.parts[known.nearest if known.best is None else known.best]
@@ -299,8 +299,8 @@ def _refine(judge: ProblemEvaluator, known: Evaluations, design: OptimizationPro
     worst = float(finite.max()) if len(finite) else 0.0
 
     def cost(x: FloatArray) -> float:
-        found = float(judge.evaluate(x[None, :])[0][0, 0])
-        return min(found, worst + size) / (size or 1.0)
+        value = float(judge.evaluate(x[None, :])[0][0, 0])
+        return min(value, worst + size) / (size or 1.0)
 
     def violations(x: FloatArray) -> FloatArray:
         return np.minimum(judge.evaluate(x[None, :])[1][0, :-1], _MAX_VIOLATION)
@@ -309,7 +309,7 @@ def _refine(judge: ProblemEvaluator, known: Evaluations, design: OptimizationPro
     minimize(
         cost, start, method="COBYQA", bounds=Bounds(np.zeros(count), np.ones(count)),
         constraints=NonlinearConstraint(violations, -np.inf, 0.0) if design.bounds else (),
-        options={"maxfev": most, "initial_tr_radius": _TRUST_RADIUS, "final_tr_radius": 1e-5},
+        options={"maxfev": evaluations, "initial_tr_radius": _TRUST_RADIUS, "final_tr_radius": 1e-5},
     )  # fmt: skip
 
 
@@ -346,17 +346,17 @@ def _run_nsga2(judge: ProblemEvaluator, design: OptimizationProblem, size: int, 
     algorithm = NSGA2(pop_size=size)
     algorithm.setup(problem, termination=("n_gen", generations), seed=seed, verbose=False)
     while algorithm.has_next():
-        asked: Any = algorithm.ask()
-        cost, passed = judge.evaluate(np.asarray(asked.get("X"), dtype=float))
-        Evaluator().eval(StaticProblem(problem, F=np.minimum(cost, 1e30), G=passed), asked)
-        algorithm.tell(infills=asked)
+        population: Any = algorithm.ask()
+        cost, violations = judge.evaluate(np.asarray(population.get("X"), dtype=float))
+        Evaluator().eval(StaticProblem(problem, F=np.minimum(cost, 1e30), G=violations), population)
+        algorithm.tell(infills=population)
 
 
 def pareto_indices(found: Evaluations) -> list[int]:
     """Return the indices of the Pareto-optimal variants that satisfy all constraints."""
-    inside = np.flatnonzero(is_feasible(found.violations) & np.isfinite(found.costs).all(axis=1)).tolist()
-    costs, first = found.costs[inside], dict[tuple[float, ...], int]()
-    for i, own in zip(inside, costs, strict=True):
-        if not ((costs <= own).all(axis=1) & (costs < own).any(axis=1)).any():
-            first.setdefault(tuple(own.tolist()), i)
+    feasible = np.flatnonzero(is_feasible(found.violations) & np.isfinite(found.costs).all(axis=1)).tolist()
+    costs, first = found.costs[feasible], dict[tuple[float, ...], int]()
+    for i, cost in zip(feasible, costs, strict=True):
+        if not ((costs <= cost).all(axis=1) & (costs < cost).any(axis=1)).any():
+            first.setdefault(tuple(cost.tolist()), i)
     return sorted(first.values(), key=lambda i: float(found.costs[i, 0]))

@@ -105,22 +105,22 @@ def parse_axis(key: str, spec: str, *, where: str = "", limit: int = MAX_VARIANT
 
 def parse_axes(settings: Sequence[str], *, limit: int = MAX_VARIANTS, option: str = "--set") -> tuple[Axis, ...]:
     """Return the axes of several ``key=spec``."""
-    found, faults = dict[str, Axis](), list[Fault]()
+    axes, faults = dict[str, Axis](), list[Fault]()
     for setting in settings:
         key, equals, spec = setting.partition("=")
         key, where = key.strip(), f"{option} {setting}"
         if not equals or not key:
             faults.append(Fault(where, repr(setting), f"key=values: {FORMS}", "", "write run.speed=1000:4000:50rpm"))
-        elif key in found:
+        elif key in axes:
             faults.append(Fault(where, repr(key), "every key once", "it is given twice", "write a list"))
         else:
             try:
-                found[key] = parse_axis(key, spec, where=where, limit=limit)
+                axes[key] = parse_axis(key, spec, where=where, limit=limit)
             except InputError as refusal:
                 faults += refusal.faults
     if faults:
         raise InputError(faults)
-    return tuple(found.values())
+    return tuple(axes.values())
 
 
 def _range(key: str, where: str, match: re.Match[str], limit: int) -> Axis:
@@ -170,15 +170,15 @@ def _list(key: str, where: str, spec: str, limit: int) -> Axis:
     if not all(parts):
         raise refuse(where, repr(spec), FORMS, "a value between the commas is missing")
     check_count(where, len(parts), limit)
-    found = [_QUANTITY.match(part) for part in parts]
-    units = [one[2] if one else None for one in found]
+    matches = [_QUANTITY.match(part) for part in parts]
+    units = [m[2] if m else None for m in matches]
     unit = units[-1] or ""
-    if all(found) and any(units) and not unit:
+    if all(matches) and any(units) and not unit:
         why = "some numbers have a unit and the last one has none"
         raise refuse(where, repr(spec), FORMS, why, "give each its unit")
-    texts = [_join_unit(part, unit) if one and not one[2] else part for part, one in zip(parts, found, strict=True)]
-    if all(found) and set(units) <= {None, unit or None}:
-        numbers = [float(one[1]) for one in found if one]
+    texts = [_join_unit(part, unit) if m and not m[2] else part for part, m in zip(parts, matches, strict=True)]
+    if all(matches) and set(units) <= {None, unit or None}:
+        numbers = [float(m[1]) for m in matches if m]
         return Axis(key, where, tuple(map(Value, texts, numbers)), unit)
     return Axis(key, where, tuple(Value(text, None) for text in texts))
 
@@ -224,8 +224,8 @@ class Sample:
         from scipy.stats import qmc
 
         kind = qmc.Sobol if self.kind == "sobol" else qmc.LatinHypercube
-        made = kind(dimensions, seed=np.random.default_rng(self.seed)).random(self.count)
-        return made.tolist()
+        points = kind(dimensions, seed=np.random.default_rng(self.seed)).random(self.count)
+        return points.tolist()
 
 
 def parse_sample(text: str, seed: int = 0) -> Sample:
@@ -267,17 +267,17 @@ class Plan:
     @property
     def varied_axes(self) -> tuple[Axis, ...]:
         """Axes with more than one value."""
-        return tuple(one for one in self.axes if one.is_varied)
+        return tuple(axis for axis in self.axes if axis.is_varied)
 
     @property
     def fixed(self) -> tuple[str, ...]:
         """Overrides of every variant, as ``key=value``."""
-        return tuple(f"{one.key}={one.values[0].text}" for one in self.axes if not one.is_varied)
+        return tuple(f"{axis.key}={axis.values[0].text}" for axis in self.axes if not axis.is_varied)
 
     @property
     def shape(self) -> tuple[int, ...]:
         """Number of values along every varied axis of a grid; for sampled points, their number."""
-        return tuple(len(one.values) for one in self.varied_axes) if self.sample is None else (self.sample.count,)
+        return tuple(len(axis.values) for axis in self.varied_axes) if self.sample is None else (self.sample.count,)
 
     def __len__(self) -> int:
         return prod(self.shape)
@@ -286,16 +286,16 @@ class Plan:
     def points(self) -> tuple[tuple[Value, ...], ...]:
         """Values of the varied axes, a row per variant."""
         if self.sample is None:
-            return tuple(product(*(one.values for one in self.varied_axes)))
+            return tuple(product(*(axis.values for axis in self.varied_axes)))
         if not self.varied_axes:
             return ((),) * len(self)
         parts = self.sample.points(len(self.varied_axes))
-        return tuple(tuple(one.at(part) for one, part in zip(self.varied_axes, row, strict=True)) for row in parts)
+        return tuple(tuple(axis.at(part) for axis, part in zip(self.varied_axes, row, strict=True)) for row in parts)
 
     @property
     def variants(self) -> tuple[tuple[str, ...], ...]:
         """Overrides of every variant, for `flexcam.read_case`."""
-        keys, fixed = [one.key for one in self.varied_axes], self.fixed
+        keys, fixed = [axis.key for axis in self.varied_axes], self.fixed
         return tuple(
             (*fixed, *(f"{key}={value.text}" for key, value in zip(keys, row, strict=True))) for row in self.points
         )
@@ -304,12 +304,12 @@ class Plan:
 def make_plan(axes: Sequence[Axis], sampled: Sample | None = None, *, limit: int = MAX_VARIANTS) -> Plan:
     """Return a plan after checking the number of variants."""
     plan = Plan(tuple(axes), sampled)
-    if sampled is None and (open_ones := [one for one in axes if one.interval]):
+    if sampled is None and (intervals := [axis for axis in axes if axis.interval]):
         given, allowed, why = "an interval", "a range with a step, or a list", "a grid needs points"
         remedy = "write start:stop:step; flexcam sweep can also sample it: --sample sobol:512"
-        raise InputError(Fault(one.where, given, allowed, why, remedy) for one in open_ones)
+        raise InputError(Fault(axis.where, given, allowed, why, remedy) for axis in intervals)
     if not plan.varied_axes:
-        given = " ".join(one.where for one in axes) or "no --set"
+        given = " ".join(axis.where for axis in axes) or "no --set"
         raise refuse("sweep", given, "at least one key with several values", "nothing varies",
                      "add values, such as --set run.speed=1000:4000:500rpm")  # fmt: skip
     check_count("--sample" if sampled else "sweep", len(plan), limit)
@@ -338,7 +338,7 @@ class Row:
 
 def catch_errors(compute: Callable[[], Row]) -> Row:
     """Return a computed row with its time; a refusal or a failed run becomes its status."""
-    begun = time.perf_counter()
+    start = time.perf_counter()
     try:
         row = compute()
     except InputError as refusal:
@@ -346,12 +346,12 @@ def catch_errors(compute: Callable[[], Row]) -> Row:
     except RunFailedError as failure:
         row = Row(failure.status)
     reraise_interrupt(row.status)
-    return replace(row, seconds=time.perf_counter() - begun)
+    return replace(row, seconds=time.perf_counter() - start)
 
 
 def catch_all_errors(compute: Callable[[], Row]) -> Row:
     """Return a computed row as `catch_errors` does; exhausted memory or a fault of flexcam becomes its status, too."""
-    begun = time.perf_counter()
+    start = time.perf_counter()
     try:
         return catch_errors(compute)
     except MemoryError:
@@ -360,7 +360,7 @@ def catch_all_errors(compute: Callable[[], Row]) -> Row:
         last = traceback.extract_tb(fault.__traceback__)[-1]
         text = f"a fault of flexcam itself: {type(fault).__name__}: {fault} ({Path(last.filename).name}:{last.lineno})"
         row = Row(Status(Cause.FAULT, text, "please report it; flexcam run with the same keys shows more"))
-    return replace(row, seconds=time.perf_counter() - begun)
+    return replace(row, seconds=time.perf_counter() - start)
 
 
 def evaluate_each(
@@ -370,7 +370,7 @@ def evaluate_each(
     """Return the rows of variants of a case, in a worker; file names in messages are those in the case."""
     file, rows = open_case(source), list[Row]()
     for overrides in variants:
-        row = catch_errors(lambda given=overrides: evaluate(file.read((*fixed, *given))))
+        row = catch_errors(lambda variant=overrides: evaluate(file.read((*fixed, *variant))))
         text = row.status.text.replace(f"{file.path.parent}/", "")
         rows.append(replace(row, status=replace(row.status, text=text)))
     return rows
@@ -398,13 +398,13 @@ class Bundle:
 
 def make_bundle(file: CaseFile, plan: Plan | None = None, overrides: Sequence[str] = ()) -> Bundle:
     """Return a case with its files as plain data, and those that a plan or overrides name."""
-    texts = [value.text for one in plan.axes for value in one.values] if plan else []
-    texts += [one.partition("=")[2] for one in overrides]
-    given = [text.strip(" \"'") for text in texts]
+    texts = [value.text for axis in plan.axes for value in axis.values] if plan else []
+    texts += [override.partition("=")[2] for override in overrides]
+    names = [text.strip(" \"'") for text in texts]
     files = {file.path.name: file.text.encode()}
-    for text in dict.fromkeys([*iterate_texts(file.raw), *given]):
-        if not os.path.isabs(text) and (found := find_referenced_file(file.path, text)):
-            files[PurePosixPath(Path(os.path.normpath(text))).as_posix()] = found.read_bytes()
+    for text in dict.fromkeys([*iterate_texts(file.raw), *names]):
+        if not os.path.isabs(text) and (referenced := find_referenced_file(file.path, text)):
+            files[PurePosixPath(Path(os.path.normpath(text))).as_posix()] = referenced.read_bytes()
     digest = hashlib.sha256()
     for path, content in sorted(files.items()):
         digest.update(f"{path} {len(content)}\n".encode())

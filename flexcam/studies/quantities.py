@@ -59,37 +59,37 @@ _PERIODIC = 1e-6  # relative residual above which a motion is not periodic
 
 def frequency_number(name: str) -> int | None:
     """Return the number of a natural frequency from its name, from 1; None for other names."""
-    found = _FREQUENCY.match(name)
-    return int(found[1]) if found else None
+    match = _FREQUENCY.match(name)
+    return int(match[1]) if match else None
 
 
 def quantity_row(case: Case, names: Sequence[str], search: Search | None = None, runs: int = 1) -> Row:
     """Return the row with the requested quantities of a case; raise an error if a run fails."""
-    found = compute_quantities(case, names, search, runs)
-    values = {name: found[name].value for name in names if name in found}
-    return Row(Status(), values, {name: found[name].unit for name in values})
+    metrics = compute_quantities(case, names, search, runs)
+    values = {name: metrics[name].value for name in names if name in metrics}
+    return Row(Status(), values, {name: metrics[name].unit for name in values})
 
 
 def compute_quantities(
     case: Case, names: Sequence[str], search: Search | None = None, runs: int = 1
 ) -> dict[str, Metric]:
     """Return the requested quantities of a case; raise an error if a run fails."""
-    found = dict[str, Metric]()
+    metrics = dict[str, Metric]()
     for pattern, compute in (
         (_FREQUENCY, _frequencies), (_LIMIT, partial(_limits, search=search, runs=runs)), (_CAM, _cams),
         (_STATIC, _statics), (_MULTIPLIER, _multipliers),
     ):  # fmt: skip
-        if asked := {name: match for name in names if (match := pattern.match(name))}:
-            found |= compute(case, asked)
-    numbers = [(name, _number(case, name)) for name in names if name not in found]
-    found |= {name: Metric(name, number.value, number.unit) for name, number in numbers if number}
-    of_a_run = [name for name in names if name not in found and not _LIMIT.match(name)]
+        if matches := {name: match for name in names if (match := pattern.match(name))}:
+            metrics |= compute(case, matches)
+    numbers = [(name, _number(case, name)) for name in names if name not in metrics]
+    metrics |= {name: Metric(name, number.value, number.unit) for name, number in numbers if number}
+    of_a_run = [name for name in names if name not in metrics and not _LIMIT.match(name)]
     if not of_a_run:
-        return found
+        return metrics
     row = require_complete(evaluate(case, runs=runs, channels=not are_probe_scalars(of_a_run), names=of_a_run))
     if lacking := [name for name in of_a_run if name not in row.scalars]:
         raise InputError(_unknown_name_fault(name, row.scalars, case.record.cams) for name in lacking)
-    return found | {name: Metric(name, row.scalars[name], row.units[name]) for name in of_a_run}
+    return metrics | {name: Metric(name, row.scalars[name], row.units[name]) for name in of_a_run}
 
 
 def check_names(case: Case, names: Sequence[str], where: str = "scalar") -> None:
@@ -99,11 +99,11 @@ def check_names(case: Case, names: Sequence[str], where: str = "scalar") -> None
     runs = [name for name in others if name not in limits]
     known = scalar_names(case, runs) if runs else []
     faults = [_unknown_name_fault(name, known, case.record.cams) for name in runs if name not in known]
-    met = [f"limits.{one}" for one in applicable_limits(case)] if limits else []
+    applicable = [f"limits.{limit}" for limit in applicable_limits(case)] if limits else []
     for name, limit in limits.items():
-        if name not in met:
+        if name not in applicable:
             why = "the case lacks the part" if limit in LIMITS else "there is no such limit"
-            faults.append(Fault("scalar", repr(name), ", ".join(met), why, suggest_name(name, met)))
+            faults.append(Fault("scalar", repr(name), ", ".join(applicable), why, suggest_name(name, applicable)))
     if faults:
         raise InputError(replace(fault, where=where) for fault in faults)
 
@@ -124,7 +124,7 @@ def is_run_scalar(case: Case, name: str) -> bool:
 
 def _unknown_name_fault(name: str, known: Iterable[str], cams: Iterable[str]) -> Fault:
     of_cams = [f"cams.{cam}.{kind}" for cam in cams for kind in _CAM_PROPERTIES]
-    near = suggest_name(name, [*known, "frequency.1", *(f"limits.{one}" for one in LIMITS), *of_cams])
+    near = suggest_name(name, [*known, "frequency.1", *(f"limits.{limit}" for limit in LIMITS), *of_cams])
     allowed = unknown_scalar_fault(name, known).allowed
     allowed += "" if allowed.startswith("a result under") else f"; {_KINDS}"
     return Fault("scalar", repr(name), allowed, "there is no such result", near)
@@ -139,72 +139,72 @@ def require_complete(row: Row) -> Row:
     return row
 
 
-def _frequencies(case: Case, asked: _Matches) -> dict[str, Metric]:
-    found = model_modes(build_structure(build_model(case))).modes
-    return _select(asked, found.frequencies[found.rigid :], "Hz", "the model has no more modes")
+def _frequencies(case: Case, matches: _Matches) -> dict[str, Metric]:
+    modes = model_modes(build_structure(build_model(case))).modes
+    return _select(matches, modes.frequencies[modes.rigid :], "Hz", "the model has no more modes")
 
 
-def _select(asked: _Matches, values: FloatArray, unit: str, why: str) -> dict[str, Metric]:
+def _select(matches: _Matches, values: FloatArray, unit: str, why: str) -> dict[str, Metric]:
     """Return the values of names such as ``frequency.2``, which count from 1."""
-    for name, match in asked.items():
+    for name, match in matches.items():
         if int(match[1]) > len(values):
             kind = name.partition(".")[0]
             raise refuse("scalar", name, f"{kind}.1 to {kind}.{len(values)}", why)
-    return {name: Metric(name, float(values[int(match[1]) - 1]), unit) for name, match in asked.items()}
+    return {name: Metric(name, float(values[int(match[1]) - 1]), unit) for name, match in matches.items()}
 
 
-def _statics(case: Case, asked: _Matches) -> dict[str, Metric]:
+def _statics(case: Case, matches: _Matches) -> dict[str, Metric]:
     """Return channels and motions of probes in the equilibrium at the cam angle of the start."""
     ready = prepare(case.with_run({"start": "equilibrium"}))
     response = solve(replace(ready.problem, steps=1), ready.scheme, save=ready.save)
     if not response.status.ok:
         raise RunFailedError(response.status)
     units = history_units(response.outline)
-    return {n: Metric(n, float(get_history(response, found[1])[0]), units[found[1]]) for n, found in asked.items()}
+    return {n: Metric(n, float(get_history(response, match[1])[0]), units[match[1]]) for n, match in matches.items()}
 
 
-def _multipliers(case: Case, asked: _Matches) -> dict[str, Metric]:
+def _multipliers(case: Case, matches: _Matches) -> dict[str, Metric]:
     """Return magnitudes of Floquet multipliers of the periodic motion."""
     ready = prepare(case.with_newmark().with_run({"start": "periodic"}))
     start, steps = ready.problem.start, steps_per_revolution(case, ready.problem)
-    if start is not None and (missed := start.periodicity or 0.0) > _PERIODIC:
-        change = f"differs from that at its start by {100.0 * missed:.2g} % of the amplitude"
+    if start is not None and (residual := start.periodicity or 0.0) > _PERIODIC:
+        change = f"differs from that at its start by {100.0 * residual:.2g} % of the amplitude"
         text = f"no periodic motion was found: the state after one revolution {change}"
         remedy = "add damping, or use another speed: contacts that open, also on the base circle, may prevent it"
         raise RunFailedError(Status(Cause.NO_CONVERGENCE, text, remedy))
-    found = np.abs(floquet(replace(ready.problem, steps=steps), ready.scheme).multipliers)
-    return _select(asked, found, "1", "the model has no more")
+    magnitudes = np.abs(floquet(replace(ready.problem, steps=steps), ready.scheme).multipliers)
+    return _select(matches, magnitudes, "1", "the model has no more")
 
 
-def _limits(case: Case, asked: _Matches, search: Search | None, runs: int) -> dict[str, Metric]:
-    names = [match[1] for match in asked.values()]
-    if unknown := [one for one in names if one not in LIMITS]:
-        allowed = ", ".join(f"limits.{one}" for one in LIMITS)
+def _limits(case: Case, matches: _Matches, search: Search | None, runs: int) -> dict[str, Metric]:
+    names = [match[1] for match in matches.values()]
+    if unknown := [name for name in names if name not in LIMITS]:
+        allowed = ", ".join(f"limits.{name}" for name in LIMITS)
         raise refuse("scalar", f"limits.{unknown[0]}", allowed, "", suggest_name(unknown[0], LIMITS))
     scale, unit = case.turns, f"{shaft_name(case.turns)} rpm"
     where = search or Search(0.5 * case.speed, 2.0 * case.speed, 10.0 * RPM / scale)
-    found = find_limits(case, where, names, runs=runs).limits
-    if lacking := [one for one in names if one not in found]:
-        allowed = ", ".join(f"limits.{one}" for one in found)
+    limits = find_limits(case, where, names, runs=runs).limits
+    if lacking := [name for name in names if name not in limits]:
+        allowed = ", ".join(f"limits.{name}" for name in limits)
         raise refuse("scalar", f"limits.{lacking[0]}", allowed, "the case lacks the part")
-    if broken := [one for one in found.values() if not one.known]:
+    if broken := [limit for limit in limits.values() if not limit.known]:
         raise RunFailedError(Status(Cause.NO_CONVERGENCE, broken[0].words))
-    met = {f"limits.{name}": scale * one.rpm for name, one in found.items() if one.rpm is not None}
-    return {name: Metric(name, rpm, unit) for name, rpm in met.items()}
+    speeds = {f"limits.{name}": scale * limit.rpm for name, limit in limits.items() if limit.rpm is not None}
+    return {name: Metric(name, rpm, unit) for name, rpm in speeds.items()}
 
 
-def _cams(case: Case, asked: _Matches) -> dict[str, Metric]:
-    cams, found = build_model(case).cams, dict[str, Metric]()
-    for name, (cam, kind) in ((name, match.groups()) for name, match in asked.items() if match[1] in cams):
-        found[name] = Metric(name, _lift_property(cams[cam].event, kind), _CAM_PROPERTIES[kind][0])
-    return found
+def _cams(case: Case, matches: _Matches) -> dict[str, Metric]:
+    cams, metrics = build_model(case).cams, dict[str, Metric]()
+    for name, (cam, kind) in ((name, match.groups()) for name, match in matches.items() if match[1] in cams):
+        metrics[name] = Metric(name, _lift_property(cams[cam].event, kind), _CAM_PROPERTIES[kind][0])
+    return metrics
 
 
 def _lift_property(event: Event, kind: str) -> float:
     """Return a property of a lift, as derivatives by the cam angle."""
     if kind == "area":
         return 2.0 * math.pi * float(harmonics(event, 1)[0].real)
-    if kind == "jerk" and any(one.steps[2] for one in joints(event)):
+    if kind == "jerk" and any(joint.steps[2] for joint in joints(event)):
         allowed = "a lift whose acceleration does not step"
         raise refuse("scalar", "the jerk of a lift", allowed, "it is infinite at a step")
     low, high = event_extremes(event, _CAM_PROPERTIES[kind][1])
@@ -241,22 +241,22 @@ class LimitMap:
 
     def with_units(self, case: Case) -> LimitMap:
         """Return the same map with units for numbers given without one: those of the case."""
-        units = [one.unit or find_unit(case.record, one.key.split(".")) or "" for one in self.axes]
-        first, second = (replace(one, unit=unit) for one, unit in zip(self.axes, units, strict=True))
+        units = [axis.unit or find_unit(case.record, axis.key.split(".")) or "" for axis in self.axes]
+        first, second = (replace(axis, unit=unit) for axis, unit in zip(self.axes, units, strict=True))
         return replace(self, axes=(first, second))
 
 
 def grid_plan(first: Axis, second: Axis, fixed: Sequence[str] = ()) -> Plan:
     """Return the grid plan of two axes."""
-    for one in (first, second):
-        if not one.is_varied or not one.is_numeric:
-            given = "one value" if len(one.values) == 1 else f"{len(one.values)} values"
-            raise refuse(one.where, given, "several numbers", "the map needs a grid of values")
+    for axis in (first, second):
+        if not axis.is_varied or not axis.is_numeric:
+            given = "one value" if len(axis.values) == 1 else f"{len(axis.values)} values"
+            raise refuse(axis.where, given, "several numbers", "the map needs a grid of values")
     if first.key == second.key:
         raise refuse("--and", second.key, "another key than that of --over", "the map needs two different values")
-    pairs = [one.partition("=") for one in fixed]
-    laid = [Axis(key.strip(), f"--set {key}={text}", (Value(text.strip(), None),)) for key, _, text in pairs]
-    return make_plan([*laid, first, second])
+    pairs = [setting.partition("=") for setting in fixed]
+    fixed_axes = [Axis(key.strip(), f"--set {key}={text}", (Value(text.strip(), None),)) for key, _, text in pairs]
+    return make_plan([*fixed_axes, first, second])
 
 
 def limit_map(plan: Plan, names: Sequence[str], runs: Runs) -> LimitMap:

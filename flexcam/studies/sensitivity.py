@@ -47,7 +47,7 @@ def central_derivative(middle: float, beside: FloatArray, step: float) -> Deriva
 
     Exact for polynomials of up to the fourth degree. L. F. Richardson, Phil. Trans. R. Soc. A 210 (1911) 307.
     """
-    far_below, below, above, far_above = (float(one) for one in beside)
+    far_below, below, above, far_above = (float(x) for x in beside)
     whole, half = (far_above - far_below) / (2.0 * step), (above - below) / step
     value = (4.0 * half - whole) / 3.0
     error = abs(value - half)
@@ -85,8 +85,8 @@ def frequency_derivatives(
     shapes. The derivatives of the matrices are finite differences, exact if the entries are polynomials of up to the
     fourth degree in the parameter, as most are.
     """
-    found = modes(*middle, None if free is None else free.shape[1] + count + _EXTRA_MODES, free=free)
-    omegas, shapes = found.omegas[found.rigid :], found.shapes[:, found.rigid :]
+    solution = modes(*middle, None if free is None else free.shape[1] + count + _EXTRA_MODES, free=free)
+    omegas, shapes = solution.omegas[solution.rigid :], solution.shapes[:, solution.rigid :]
     dM, dK = (_finite_difference([pair[i] for pair in beside], step) for i in (0, 1))
     values = np.zeros(len(omegas))
     repeated = np.zeros(len(omegas), dtype=bool)
@@ -103,7 +103,7 @@ def frequency_derivatives(
 
 def _finite_difference(matrices: Sequence[Triplets], step: float) -> Triplets:
     """Return the finite difference derivative of a matrix; constant entries cancel exactly."""
-    far_below, below, above, far_above = (one.dense() for one in matrices)
+    far_below, below, above, far_above = (matrix.dense() for matrix in matrices)
     whole, half = (far_above - far_below) / (2.0 * step), (above - below) / step
     return Triplets.from_dense((4.0 * half - whole) / 3.0)
 
@@ -141,10 +141,10 @@ def get_numbers(case: Case, keys: Sequence[str], option: str = "--to") -> list[N
             raise refuse(option, f"{key} = 0", "a number that is not zero", why, remedy)
         return number
 
-    found, faults = parse_all(read, dict.fromkeys(keys))
+    numbers, faults = parse_all(read, dict.fromkeys(keys))
     if faults:
         raise InputError(faults)
-    return found
+    return numbers
 
 
 Method = Literal["exact", "differences"]  # methods for derivatives of runs: along the motion, or by differences of runs
@@ -187,16 +187,16 @@ def sensitivities(
     frequencies = [name for name in names if frequency_number(name)]
     exact = exact_names(case, names, method)
     responses = [name for name in names if name not in frequencies and name not in exact]
-    found = {
-        (one.scalar, number.key): one
+    results = {
+        (row.scalar, number.key): row
         for number in numbers
-        for one in _frequency_sensitivities(file, fixed, case, frequencies, number)
+        for row in _frequency_sensitivities(file, fixed, case, frequencies, number)
     }
     if exact:
-        found |= _exact_sensitivities(case, exact, numbers)
+        results |= _exact_sensitivities(case, exact, numbers)
     if responses:
-        found |= _response_sensitivities(case, responses, numbers, runs, relative_step)
-    return [found[name, number.key] for name in dict.fromkeys(names) for number in numbers]
+        results |= _response_sensitivities(case, responses, numbers, runs, relative_step)
+    return [results[name, number.key] for name in dict.fromkeys(names) for number in numbers]
 
 
 def _frequency_sensitivities(
@@ -207,22 +207,22 @@ def _frequency_sensitivities(
     step = abs(number.value) * _MATRIX_STEP
     count = max(frequency_number(name) or 0 for name in names)
     structure = build_structure(build_model(case))
-    beside = list[MatrixPair]()
+    pairs = list[MatrixPair]()
     for variant in make_neighbours(case, number, (part * step for part in STEP_OFFSETS)):
-        other = build_structure(build_model(file.read((*fixed, *variant))))
-        if other.mass.size != structure.mass.size:
+        neighbour = build_structure(build_model(file.read((*fixed, *variant))))
+        if neighbour.mass.size != structure.mass.size:
             allowed, why = "a number that does not change the unknowns", "their matrices are compared"
             raise refuse("--to", variant[-1], allowed, why)
-        beside.append((other.mass, other.stiffness))
-    found = frequency_derivatives((structure.mass, structure.stiffness), beside, step, count, structure.free)
+        pairs.append((neighbour.mass, neighbour.stiffness))
+    result = frequency_derivatives((structure.mass, structure.stiffness), pairs, step, count, structure.free)
     rows: list[Sensitivity] = []
     for name in names:
-        i, known = (frequency_number(name) or 0) - 1, len(found.frequencies)
-        if i >= known:
-            raise refuse("--of", name, f"frequency.1 to frequency.{known}", "the model has no more modes")
-        value, slope, twice = float(found.frequencies[i]), float(found.values[i]), found.repeated[i]
-        note = "one of several equal frequencies: the slopes are those of their branches" if twice else ""
-        rows.append(Sensitivity(name, "Hz", value, number, slope, None, not twice, note))
+        i, size = (frequency_number(name) or 0) - 1, len(result.frequencies)
+        if i >= size:
+            raise refuse("--of", name, f"frequency.1 to frequency.{size}", "the model has no more modes")
+        value, slope, repeated = float(result.frequencies[i]), float(result.values[i]), result.repeated[i]
+        note = "one of several equal frequencies: the slopes are those of their branches" if repeated else ""
+        rows.append(Sensitivity(name, "Hz", value, number, slope, None, not repeated, note))
     return rows
 
 
@@ -231,7 +231,7 @@ def _exact_sensitivities(
 ) -> dict[tuple[str, str], Sensitivity]:
     gradient = compute_gradient(case, names, numbers)
     warning = f"no derivative: {gradient.warning}; --method differences shows what remains" if gradient.warning else ""
-    found = dict[tuple[str, str], Sensitivity]()
+    results = dict[tuple[str, str], Sensitivity]()
     for name in names:
         if name not in gradient.values:
             raise refuse("--of", name, "a result that this run has", "the run did not give it")
@@ -240,8 +240,8 @@ def _exact_sensitivities(
             slope = math.nan if warning else gradient.derivatives[name, number.key]
             smooth = not math.isnan(slope)
             note = warning or ("" if smooth else "no exact derivative: use --method differences")
-            found[name, number.key] = Sensitivity(name, metric.unit, metric.value, number, slope, None, smooth, note)
-    return found
+            results[name, number.key] = Sensitivity(name, metric.unit, metric.value, number, slope, None, smooth, note)
+    return results
 
 
 def _response_sensitivities(
@@ -252,26 +252,26 @@ def _response_sensitivities(
         variants += make_neighbours(case, number, (part * step for part in STEP_OFFSETS))
     middle, *rows = runs([(), *variants])
     require_complete(middle)
-    found, count = dict[tuple[str, str], Sensitivity](), len(STEP_OFFSETS)
+    results, count = dict[tuple[str, str], Sensitivity](), len(STEP_OFFSETS)
     for i, (number, step) in enumerate(zip(numbers, steps, strict=True)):
         for name in names:
-            found[name, number.key] = _response(name, middle, rows[count * i : count * (i + 1)], number, step)
-    return found
+            results[name, number.key] = _response(name, middle, rows[count * i : count * (i + 1)], number, step)
+    return results
 
 
-def _response(name: str, middle: Row, beside: Sequence[Row], number: Number, step: float) -> Sensitivity:
+def _response(name: str, middle: Row, neighbours: Sequence[Row], number: Number, step: float) -> Sensitivity:
     value, unit = middle.scalars.get(name, math.nan), middle.units.get(name, "")
-    values = column(beside, name)
+    values = column(neighbours, name)
     if math.isnan(value) or np.isnan(values).any():
-        failed = next((row.status for row in (middle, *beside) if not row.status.ok), None)
+        failed = next((row.status for row in (middle, *neighbours) if not row.status.ok), None)
         place = "at the nominal value" if math.isnan(value) else f"after a finite-difference step of {number.key}"
         outside = f"{place} the limit lies outside the search range; lower --lowest or raise --highest"
         note = f"no derivative: {failed or outside}"
         return Sensitivity(name, unit, value, number, math.nan, None, False, note)
-    found = central_derivative(value, values, step)
+    derivative = central_derivative(value, values, step)
     doubt = "not smooth here: contacts open or close, or the values have noise; the derivative is unreliable"
-    note = "" if found.smooth else doubt
-    return Sensitivity(name, unit, value, number, found.value, found.error, found.smooth, note)
+    note = "" if derivative.smooth else doubt
+    return Sensitivity(name, unit, value, number, derivative.value, derivative.error, derivative.smooth, note)
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,32 +303,32 @@ def sobol_indices(
     check_seed(seed)
     both = qmc.Sobol(2 * dimensions, seed=np.random.default_rng(seed)).random(count)
     a, b = both[:, :dimensions], both[:, dimensions:]
-    mixed = [np.where(own, b, a) for own in np.eye(dimensions, dtype=bool)]  # A with one column of B
-    each = np.stack([a, b, *mixed], axis=1)  # ordered by base point: an interrupted study has complete base points
-    parts = function(each.reshape(-1, dimensions)).reshape(count, dimensions + 2, -1)
+    mixed = [np.where(chosen, b, a) for chosen in np.eye(dimensions, dtype=bool)]  # A with one column of B
+    samples = np.stack([a, b, *mixed], axis=1)  # ordered by base point: an interrupted study has complete base points
+    parts = function(samples.reshape(-1, dimensions)).reshape(count, dimensions + 2, -1)
     return [_compute_indices(parts[:, :, i].T, count, seed) for i in range(parts.shape[2])]
 
 
-def _compute_indices(values: FloatArray, asked: int, seed: int) -> SobolIndices:
+def _compute_indices(values: FloatArray, requested: int, seed: int) -> SobolIndices:
     """Return the indices from values at A, B and the mixed points, shape (k + 2, n)."""
     from scipy import stats
 
-    whole = values[:, ~np.isnan(values).any(axis=0)]
-    used = 1 << (whole.shape[1].bit_length() - 1) if whole.shape[1] else 0
+    complete = values[:, ~np.isnan(values).any(axis=0)]
+    used = 1 << (complete.shape[1].bit_length() - 1) if complete.shape[1] else 0
     if used < 2:
-        given = f"{whole.shape[1]} of {asked} base points with a number"
+        given = f"{complete.shape[1]} of {requested} base points with a number"
         raise refuse("--sobol", given, "two or more", "the others failed", "narrow the intervals, or use more points")
-    a, b, *mixed = whole[:, :used] - whole[:2, :used].mean()
+    a, b, *mixed = complete[:, :used] - complete[:2, :used].mean()
     k, variance = len(mixed), float(np.var([a, b]))
     if variance <= 0.0:
-        nothing = np.zeros(k)
-        return SobolIndices(nothing, nothing, np.zeros((2, k)), np.zeros((2, k)), 0.0, used, asked)
+        zeros = np.zeros(k)
+        return SobolIndices(zeros, zeros, np.zeros((2, k)), np.zeros((2, k)), 0.0, used, requested)
 
-    def indices(chosen: IntArray) -> FloatArray:
+    def indices(rows: IntArray) -> FloatArray:
         """Return first-order and total indices of some base points, shape (2, k)."""
-        own, other, swapped = a[chosen], b[chosen], np.array(mixed)[:, chosen]
-        shares = [(other * (swapped - own)).mean(axis=1), 0.5 * ((own - swapped) ** 2).mean(axis=1)]
-        return np.array(shares) / np.var([own, other])
+        fa, fb, mixed_values = a[rows], b[rows], np.array(mixed)[:, rows]
+        shares = [(fb * (mixed_values - fa)).mean(axis=1), 0.5 * ((fa - mixed_values) ** 2).mean(axis=1)]
+        return np.array(shares) / np.var([fa, fb])
 
     first, total = indices(np.arange(used))
     with np.errstate(all="ignore"), warnings.catch_warnings():
@@ -336,4 +336,4 @@ def _compute_indices(values: FloatArray, asked: int, seed: int) -> SobolIndices:
         ends = stats.bootstrap([np.arange(used)], indices, n_resamples=499, rng=np.random.default_rng(seed))
     low, high = ends.confidence_interval
     both = np.where(np.isfinite([low, high]), [low, high], [[first, total]] * 2)  # the index if resampling gave none
-    return SobolIndices(first, total, both[:, 0], both[:, 1], variance, used, asked)
+    return SobolIndices(first, total, both[:, 0], both[:, 1], variance, used, requested)

@@ -69,19 +69,19 @@ def end_variants(plan: Plan) -> list[int]:
     """Return the variants with the first and the last value of every axis; for a sample, its first and last point."""
     if plan.sample is not None:
         return sorted({0, len(plan) - 1})
-    found, stride = {0}, len(plan)
+    indices, stride = {0}, len(plan)
     for count in plan.shape:
         stride //= count
-        found.add((count - 1) * stride)
-    return sorted(found)
+        indices.add((count - 1) * stride)
+    return sorted(indices)
 
 
 def _locate_fault(fault: Fault, axes: Sequence[Axis]) -> Fault:
     """Return a fault with the option of the axis that it concerns; otherwise unchanged."""
-    for one in axes:
-        if f"--set {one.key}=" in fault.where:
+    for axis in axes:
+        if f"--set {axis.key}=" in fault.where:
             key, new, _ = fault.where.partition("(new table of ")
-            return replace(fault, where=f"{key}{new}{one.where})" if new else one.where)
+            return replace(fault, where=f"{key}{new}{axis.where})" if new else axis.where)
     return fault
 
 
@@ -90,7 +90,7 @@ def _summarize_faults(group: Sequence[tuple[int, Fault]], count: int) -> Fault:
     fault, indices = group[0][1], list(dict.fromkeys(i for i, _ in group))
     where = f"in variant{'s' * (len(indices) > 1)} {_list_some([str(i + 1) for i in indices])}"
     why = "; ".join(filter(None, (fault.why, where if len(indices) < count else "")))
-    return replace(fault, given=_list_some(list(dict.fromkeys(one.given for _, one in group))), why=why)
+    return replace(fault, given=_list_some(list(dict.fromkeys(item.given for _, item in group))), why=why)
 
 
 def _list_some(items: Sequence[str]) -> str:
@@ -104,17 +104,17 @@ def check_names(file: CaseFile, plan: Plan, names: Sequence[str]) -> None:
     The parts of a case determine its scalars, and numbers rarely do: variants are checked only until every name is
     found, first those with the ends of every axis and with every value that is a word.
     """
-    known, left, variants = dict[str, None](), list(names), plan.variants
-    words = [f"{one.key}={value.text}" for one in plan.axes if not one.is_numeric for value in one.values]
-    with_words = [next((i for i, one in enumerate(variants) if word in one), 0) for word in words]
+    known, missing, variants = dict[str, None](), list(names), plan.variants
+    words = [f"{axis.key}={value.text}" for axis in plan.axes if not axis.is_numeric for value in axis.values]
+    with_words = [next((i for i, variant in enumerate(variants) if word in variant), 0) for word in words]
     for i in dict.fromkeys([*end_variants(plan), *with_words]):
-        if not left:
+        if not missing:
             break
         with suppress(InputError):  # a variant with inconsistent parts
             known |= dict.fromkeys(scalar_names(file.read(variants[i])))
-        left = [name for name in left if not is_scalar_prefix(name, known)]
-    if known and left:
-        raise InputError(replace(unknown_scalar_fault(name, known), where="--scalars") for name in left)
+        missing = [name for name in missing if not is_scalar_prefix(name, known)]
+    if known and missing:
+        raise InputError(replace(unknown_scalar_fault(name, known), where="--scalars") for name in missing)
 
 
 GRID = "grid"
@@ -148,8 +148,8 @@ class Sweep:
     def about(self) -> dict[str, str]:
         """Return the metadata of the table: case, plan and versions."""
         plan = {
-            "set": {one.key: [value.text for value in one.values] for one in self.plan.axes},
-            "intervals": [one.key for one in self.plan.axes if one.interval],
+            "set": {axis.key: [value.text for value in axis.values] for axis in self.plan.axes},
+            "intervals": [axis.key for axis in self.plan.axes if axis.interval],
             "sample": None if self.plan.sample is None else asdict(self.plan.sample),
         }
         return {
@@ -174,25 +174,25 @@ def make_sweep(
 ) -> Sweep:  # fmt: skip
     """Return the sweep of a case with all variants checked."""
     file = CaseFile.open(path)
-    own = file.sweep
+    defaults = file.sweep
     if limit < 1:
         raise refuse("--limit", limit, "a whole number, at least 1", "it is the maximum number of variants")
-    found = _axes(file, settings, limit)
-    how = sampled if sampled is not None else (own.sample if own else None) or GRID
-    if seed is not None and how == GRID:
+    axes = _axes(file, settings, limit)
+    method = sampled if sampled is not None else (defaults.sample if defaults else None) or GRID
+    if seed is not None and method == GRID:
         why, remedy = "every combination is run, and none is drawn", "add --sample, or leave it out"
         raise refuse("--seed", seed, "--seed only with --sample", why, remedy)
-    number = seed if seed is not None else own.seed if own else 0
-    plan = make_plan(found, None if how == GRID else parse_sample(how, number), limit=limit)
+    number = seed if seed is not None else defaults.seed if defaults else 0
+    plan = make_plan(axes, None if method == GRID else parse_sample(method, number), limit=limit)
     first = validate_plan(file, plan)
-    require_units(first, [one for one in found if one.where.startswith("--set")])
+    require_units(first, [axis for axis in axes if axis.where.startswith("--set")])
     if first.record.fidelity.estimate:
         where, why = first.place(("fidelity", "estimate")), "a sweep stores no estimates"
         raise refuse(where, "true", "false", why, "--set fidelity.estimate=false")
-    kept = tuple(scalars or (own.scalars if own else ()))
-    check_names(file, plan, kept)
+    names = tuple(scalars or (defaults.scalars if defaults else ()))
+    check_names(file, plan, names)
     bundle, size = make_bundle(file, plan), chunk_size(plan, first)
-    return Sweep(first.name, first.record.title, plan, bundle, size, kept, channels=not are_probe_scalars(kept))
+    return Sweep(first.name, first.record.title, plan, bundle, size, names, channels=not are_probe_scalars(names))
 
 
 _MAX_CHUNK_SIZE = 16  # maximum number of variants per chunk, which limits the loss in a crash
@@ -209,28 +209,28 @@ def chunk_size(plan: Plan, case: Case) -> int:
 
 def _axes(file: CaseFile, settings: Sequence[str], limit: int) -> tuple[Axis, ...]:
     """Return the axes of the case's table, replaced and extended by those of the command line."""
-    own, places, faults = file.sweep, KeyLocations.of_text(file.text), list[Fault]()
-    found: dict[str, Axis] = {}
-    given = {setting.partition("=")[0].strip() for setting in settings}
-    for key, spec in (own.set_ if own else {}).items():
-        if key in given:
-            found[key] = parse_axis(key, "0")  # preserves its position
+    defaults, places, faults = file.sweep, KeyLocations.of_text(file.text), list[Fault]()
+    axes: dict[str, Axis] = {}
+    keys = {setting.partition("=")[0].strip() for setting in settings}
+    for key, spec in (defaults.set_ if defaults else {}).items():
+        if key in keys:
+            axes[key] = parse_axis(key, "0")  # preserves its position
             continue
         try:
-            found[key] = parse_axis(key, spec, where=places.place(("sweep", "set", key)), limit=limit)
+            axes[key] = parse_axis(key, spec, where=places.place(("sweep", "set", key)), limit=limit)
         except InputError as refusal:
             faults += refusal.faults
     try:
-        found |= {one.key: one for one in parse_axes(settings, limit=limit)}
+        axes |= {axis.key: axis for axis in parse_axes(settings, limit=limit)}
     except InputError as refusal:
         faults += refusal.faults
-    for one in found.values():
-        if one.key.partition(".")[0] == "sweep":
+    for axis in axes.values():
+        if axis.key.partition(".")[0] == "sweep":
             allowed, remedy = "a key of the mechanism or its run", "use --sample or --seed"
-            faults.append(Fault(one.where, one.key, allowed, "it defines the sweep", remedy))
+            faults.append(Fault(axis.where, axis.key, allowed, "it defines the sweep", remedy))
     if faults:
         raise InputError(faults)
-    return tuple(found.values())
+    return tuple(axes.values())
 
 
 def check_sweep_resources(asked: Sweep, folder: Path | None = None, *, together: int = 1) -> None:
@@ -272,10 +272,10 @@ def run_sweep(
     """Run a sweep and return its table without writing files."""
     rows: dict[int, list[Row]] = {}
     with open_runner(workers or SerialWorkers(), asked.bundle, asked.evaluate()) as run_chunks:
-        for chunk, found in run_chunks(asked.chunks):
-            rows[chunk.index] = found
+        for chunk, results in run_chunks(asked.chunks):
+            rows[chunk.index] = results
             if advance:
-                advance(len(found))
+                advance(len(results))
     return _make_table(asked, rows)
 
 
@@ -296,7 +296,7 @@ def run_sweep_to_files(
                 table = table.select(asked.scalars) if asked.scalars else table
             except InputError as refusal:
                 remedy = "nothing is lost: --resume with other --scalars writes the tables at once"
-                mended = [replace(one, remedy="; ".join(filter(None, (one.remedy, remedy)))) for one in refusal.faults]
+                mended = [replace(f, remedy="; ".join(filter(None, (f.remedy, remedy)))) for f in refusal.faults]
                 raise InputError(mended) from None
             return table, [write_table(table, path, overwrite=True) for path in target.tables(asked.name)]
     except KeyboardInterrupt:
@@ -304,51 +304,51 @@ def run_sweep_to_files(
 
 
 def _run_missing_chunks(
-    asked: Sweep, target: OutputTarget, journal: Journal, workers: Workers, advance: Callable[[int], None] | None
+    sweep: Sweep, target: OutputTarget, journal: Journal, workers: Workers, advance: Callable[[int], None] | None
 ) -> None:
     """Run the chunks missing in the journal."""
     rows = journal.rows
     if advance:
-        advance(sum(len(some) for some in rows.values()))
-    late = {i for i, some in rows.items() if any(row.status.cause is Cause.TIME_LIMIT for row in some)}  # run again
-    left = [chunk for chunk in asked.chunks if chunk.index not in rows or chunk.index in late]
-    stale = target.existing_histories(asked.name) if target.histories and not rows else []
-    with open_runner(workers, asked.bundle, asked.evaluate(histories=target.histories)) as run_chunks:
-        for chunk, found in run_chunks(left):
+        advance(sum(len(part) for part in rows.values()))
+    late = {i for i, part in rows.items() if any(row.status.cause is Cause.TIME_LIMIT for row in part)}  # run again
+    missing = [chunk for chunk in sweep.chunks if chunk.index not in rows or chunk.index in late]
+    stale = target.existing_histories(sweep.name) if target.histories and not rows else []
+    with open_runner(workers, sweep.bundle, sweep.evaluate(histories=target.histories)) as run_chunks:
+        for chunk, results in run_chunks(missing):
             while stale:  # result files of an earlier sweep would not match the table
                 stale.pop().unlink()
-            for variant, row in enumerate(found, start=chunk.first + 1):
+            for variant, row in enumerate(results, start=chunk.first + 1):
                 if row.history is not None:
                     ending, content = row.history
-                    with atomic_write_path(target.history(asked.name, variant, ending)) as draft:
+                    with atomic_write_path(target.history(sweep.name, variant, ending)) as draft:
                         draft.write_bytes(content)
-            journal.add(chunk.index, [replace(row, history=None) for row in found])
+            journal.add(chunk.index, [replace(row, history=None) for row in results])
             if advance:
-                advance(len(found))
+                advance(len(results))
 
 
-def _interrupted_status(asked: Sweep, target: OutputTarget) -> Status:
+def _interrupted_status(sweep: Sweep, target: OutputTarget) -> Status:
     """Return the status of an interrupted sweep; its finished rows are in the journal."""
-    path, kept = target.journal(asked.name), 0
+    path, count = target.journal(sweep.name), 0
     if path.exists():
-        with _open_journal(asked, replace(target, resume=True)) as journal:
-            kept = sum(len(some) for some in journal.rows.values())
-    if not kept:
+        with _open_journal(sweep, replace(target, resume=True)) as journal:
+            count = sum(len(part) for part in journal.rows.values())
+    if not count:
         return Status(Cause.INTERRUPTED, "stopped before the first variant ended", "run it again")
-    text = f"stopped: {kept} of {len(asked.plan)} variants are kept in {path}"
+    text = f"stopped: {count} of {len(sweep.plan)} variants are kept in {path}"
     return Status(Cause.INTERRUPTED, text, "the same command with --resume does the rest")
 
 
 @contextmanager
-def _open_journal(asked: Sweep, target: OutputTarget) -> Generator[Journal]:
+def _open_journal(sweep: Sweep, target: OutputTarget) -> Generator[Journal]:
     """Open the journal of a sweep after checking that its tables may be written."""
-    path, belongs = target.journal(asked.name), asked.identification(histories=target.histories)
-    ours = target.resume and path.exists()
-    for table in target.tables(asked.name):
-        check_writable("table", table, overwrite=target.overwrite or ours)
-    if target.histories and not (target.overwrite or ours) and (kept := target.existing_histories(asked.name)):
+    path, belongs = target.journal(sweep.name), sweep.identification(histories=target.histories)
+    resumed = target.resume and path.exists()
+    for table in target.tables(sweep.name):
+        check_writable("table", table, overwrite=target.overwrite or resumed)
+    if target.histories and not (target.overwrite or resumed) and (files := target.existing_histories(sweep.name)):
         why, remedy = "flexcam overwrites no file by itself", "--overwrite replaces them; or name another folder"
-        raise refuse("histories", f"{len(kept)} in {kept[0].parent}", "none from an earlier sweep", why, remedy)
+        raise refuse("histories", f"{len(files)} in {files[0].parent}", "none from an earlier sweep", why, remedy)
     journal = Journal(path, belongs, resume=target.resume, overwrite=target.overwrite)
     try:
         yield journal
@@ -356,5 +356,5 @@ def _open_journal(asked: Sweep, target: OutputTarget) -> Generator[Journal]:
         journal.close()
 
 
-def _make_table(asked: Sweep, rows: dict[int, list[Row]]) -> SweepTable:
-    return make_table(asked.plan, [row for _, some in sorted(rows.items()) for row in some], asked.about())
+def _make_table(sweep: Sweep, rows: dict[int, list[Row]]) -> SweepTable:
+    return make_table(sweep.plan, [row for _, part in sorted(rows.items()) for row in part], sweep.about())

@@ -42,17 +42,17 @@ class PartScatter:
             return self.middle + self.half * (2.0 * part - 1.0)
         from statistics import NormalDist
 
-        beyond = NormalDist().cdf(-_TRUNCATION)
-        return self.middle + self.half / _SIGMAS * NormalDist().inv_cdf(min(max(part, beyond), 1.0 - beyond))
+        tail = NormalDist().cdf(-_TRUNCATION)
+        return self.middle + self.half / _SIGMAS * NormalDist().inv_cdf(min(max(part, tail), 1.0 - tail))
 
 
 def parse_scatters(case: Case, settings: Sequence[str], option: str = "--tolerance") -> tuple[PartScatter, ...]:
     """Parse the scatter of several ``KEY=±SPEC`` texts."""
-    found, faults = parse_all(lambda setting: _parse_scatter(case, setting, f"{option} {setting}"), settings)
-    faults += duplicate_key_faults(option, [one.key for one in found])
+    scatters, faults = parse_all(lambda setting: _parse_scatter(case, setting, f"{option} {setting}"), settings)
+    faults += duplicate_key_faults(option, [scatter.key for scatter in scatters])
     if faults:
         raise InputError(faults)
-    return tuple(found)
+    return tuple(scatters)
 
 
 def _parse_scatter(case: Case, setting: str, where: str) -> PartScatter:
@@ -62,7 +62,7 @@ def _parse_scatter(case: Case, setting: str, where: str) -> PartScatter:
         raise refuse(where, repr(spec or setting), f"KEY={FORMS}", "", "write it as in springs.valve.stiffness=±5%")
     number = get_number(case, key.strip(), where)
     kind: Literal["uniform", "normal"] = "normal" if match[1] == "normal" else "uniform"
-    dimension = next((name for name, one in DIMENSIONS.items() if one.si == number.unit), None)
+    dimension = next((name for name, entry in DIMENSIONS.items() if entry.si == number.unit), None)
     if match[2].endswith("%"):
         half = abs(number.value) * parse(match[2], "number", where)
     elif dimension is None:
@@ -72,14 +72,14 @@ def _parse_scatter(case: Case, setting: str, where: str) -> PartScatter:
         half = parse(match[2], dimension, where)
     if not half > 0.0:
         raise refuse(where, repr(spec), "a width above zero", "the value would not vary")
-    found = PartScatter(number.key, number.value, half, kind)
-    widest = 100.0 if kind == "uniform" else 100.0 * _SIGMAS / _TRUNCATION
-    if match[2].endswith("%") and half >= 0.01 * widest * abs(number.value):
+    scatter = PartScatter(number.key, number.value, half, kind)
+    maximum = 100.0 if kind == "uniform" else 100.0 * _SIGMAS / _TRUNCATION
+    if match[2].endswith("%") and half >= 0.01 * maximum * abs(number.value):
         why = "some parts would have zero or the other sign"
-        raise refuse(where, repr(spec), f"less than ±{widest:g} %", why, f"give less, such as {key}=±5%")
+        raise refuse(where, repr(spec), f"less than ±{maximum:g} %", why, f"give less, such as {key}=±5%")
     for end in (0.0, 1.0):
-        number_after_override(case, number.key, repr(found.value(end)), where)  # raises an error for an invalid value
-    return found
+        number_after_override(case, number.key, repr(scatter.value(end)), where)  # raises an error for an invalid value
+    return scatter
 
 
 def sample_parts(scatters: Sequence[PartScatter], count: int, seed: int = 0) -> FloatArray:
@@ -87,7 +87,7 @@ def sample_parts(scatters: Sequence[PartScatter], count: int, seed: int = 0) -> 
     if count < 8:
         raise refuse("--count", count, "a whole number, at least 8", "mean and spread need more samples")
     parts = Sample("lhs", count, check_seed(seed)).points(len(scatters))
-    return np.array([[one.value(part) for one, part in zip(scatters, row, strict=True)] for row in parts])
+    return np.array([[scatter.value(part) for scatter, part in zip(scatters, row, strict=True)] for row in parts])
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,14 +105,14 @@ class ScalarDistribution:
 def scalar_distribution(points: FloatArray, values: FloatArray) -> ScalarDistribution:
     """Return the distribution of a scalar over sets of parts."""
     known = ~np.isnan(values)
-    kept = values[known]
-    if len(kept) < 2:
-        nothing, ranks = dict.fromkeys(QUANTILES, math.nan), np.full(points.shape[1], math.nan)
-        return ScalarDistribution(kept, int((~known).sum()), math.nan, math.nan, nothing, ranks)
-    quantiles = {part: float(np.quantile(kept, part)) for part in QUANTILES}
+    data = values[known]
+    if len(data) < 2:
+        empty, ranks = dict.fromkeys(QUANTILES, math.nan), np.full(points.shape[1], math.nan)
+        return ScalarDistribution(data, int((~known).sum()), math.nan, math.nan, empty, ranks)
+    quantiles = {part: float(np.quantile(data, part)) for part in QUANTILES}
     from scipy.stats import rankdata
 
-    x, y = (rank - rank.mean(axis=0) for rank in (rankdata(points[known], axis=0), rankdata(kept)))
+    x, y = (rank - rank.mean(axis=0) for rank in (rankdata(points[known], axis=0), rankdata(data)))
     sizes = np.sqrt((x * x).sum(axis=0) * (y @ y))
     ranks = np.divide(x.T @ y, sizes, out=np.zeros(len(sizes)), where=sizes > 0.0)
-    return ScalarDistribution(kept, int((~known).sum()), float(kept.mean()), float(kept.std(ddof=1)), quantiles, ranks)
+    return ScalarDistribution(data, int((~known).sum()), float(data.mean()), float(data.std(ddof=1)), quantiles, ranks)

@@ -35,11 +35,11 @@ class Variable:
 
 def variables_of(case: Case, settings: Sequence[str], option: str) -> tuple[Variable, ...]:
     """Return the variables of ``KEY=LOW:HIGHunit`` texts."""
-    found, faults = parse_all(lambda setting: _variable(case, setting, f"{option} {setting}"), settings)
-    faults += duplicate_key_faults(option, [one.key for one in found])
+    variables, faults = parse_all(lambda setting: _variable(case, setting, f"{option} {setting}"), settings)
+    faults += duplicate_key_faults(option, [variable.key for variable in variables])
     if faults:
         raise InputError(faults)
-    return tuple(found)
+    return tuple(variables)
 
 
 def interval_widths(case: Case, variables: Sequence[Variable]) -> FloatArray:
@@ -50,8 +50,8 @@ def interval_widths(case: Case, variables: Sequence[Variable]) -> FloatArray:
 
 def duplicate_key_faults(option: str, keys: Sequence[str]) -> list[Fault]:
     """Return a fault for every key given more than once."""
-    twice = dict.fromkeys(key for key in keys if keys.count(key) > 1)
-    return [Fault(option, repr(key), "every key once", "it is given twice", "") for key in twice]
+    repeated = dict.fromkeys(key for key in keys if keys.count(key) > 1)
+    return [Fault(option, repr(key), "every key once", "it is given twice", "") for key in repeated]
 
 
 def _variable(case: Case, setting: str, where: str) -> Variable:
@@ -100,12 +100,12 @@ class PointEvaluator:
     @property
     def ends(self) -> FloatArray:
         """Lower and upper ends of the intervals, shape (2, k)."""
-        return np.array([(one.low, one.high) for one in self.variables]).T
+        return np.array([(v.low, v.high) for v in self.variables]).T
 
     def overrides(self, point: FloatArray) -> tuple[str, ...]:
         """Return the overrides at a point, shape (k,), with values in the units of the variables."""
         pairs = zip(self.variables, np.asarray(point).tolist(), strict=True)
-        return make_overrides(self.case, {one.key: one.text(value) for one, value in pairs})
+        return make_overrides(self.case, {variable.key: variable.text(value) for variable, value in pairs})
 
     def iterate_rows(self, points: FloatArray) -> Iterator[Row]:
         """Yield the rows of points of shape (m, k) as soon as they are finished; equal points are evaluated once."""
@@ -140,16 +140,16 @@ class InterruptibleRuns:
     def __call__(self, variants: Sequence[tuple[str, ...]]) -> Iterator[Row]:
         """Yield a row per variant; Ctrl-C before the first row is raised, as there are no results to keep."""
         self.asked += len(variants)
-        left = len(variants)
+        remaining = len(variants)
         try:
             for row in self._runs(variants):
                 self.done += 1
-                left -= 1
+                remaining -= 1
                 yield row
         except KeyboardInterrupt:
             if not self.done:
                 raise
-        yield from [_NOT_RUN] * left
+        yield from [_NOT_RUN] * remaining
 
     @property
     def is_interrupted(self) -> bool:
@@ -179,16 +179,16 @@ class WorstCase:
         """
 
         def worst(variants: Sequence[tuple[str, ...]]) -> Iterator[Row]:
-            rows = iter(runs([(*variant, *one) for variant in variants for one in self.conditions]))
+            rows = iter(runs([(*variant, *condition) for variant in variants for condition in self.conditions]))
             for variant in variants:
-                found = [next(rows) for _ in self.conditions]
-                if derive is not None and all(row.status.ok for row in found):
-                    at = sorted(set(self._worst_indices(found).values()))
-                    derived = derive([(*variant, *self.conditions[i]) for i in at])
-                    for i, row in zip(at, derived, strict=True):  # without derivatives the values still count
+                group = [next(rows) for _ in self.conditions]
+                if derive is not None and all(row.status.ok for row in group):
+                    indices = sorted(set(self._worst_indices(group).values()))
+                    derived = derive([(*variant, *self.conditions[i]) for i in indices])
+                    for i, row in zip(indices, derived, strict=True):  # without derivatives the values still count
                         status = Status(text=row.status.text)
-                        found[i] = replace(found[i], status=status, derivatives=row.derivatives, extremes=row.extremes)
-                yield self.combine(found)
+                        group[i] = replace(group[i], status=status, derivatives=row.derivatives, extremes=row.extremes)
+                yield self.combine(group)
 
         return worst
 
@@ -197,13 +197,13 @@ class WorstCase:
         for row in rows:
             if not row.status.ok:
                 return row
-        at = {name: rows[i] for name, i in self._worst_indices(rows).items()}
+        worst = {name: rows[i] for name, i in self._worst_indices(rows).items()}
         status = next((row.status for row in rows if row.status.text), rows[0].status)
-        derived = at if all(row.derivatives for row in at.values()) else ()
+        derived = worst if all(row.derivatives for row in worst.values()) else ()
         return replace(
-            rows[0], status=status, scalars={name: row.scalars[name] for name, row in at.items()},
-            derivatives={name: at[name].derivatives[name] for name in derived},
-            extremes={name: tuple(self._other_extremes(name, at[name], rows)) for name in derived},
+            rows[0], status=status, scalars={name: row.scalars[name] for name, row in worst.items()},
+            derivatives={name: worst[name].derivatives[name] for name in derived},
+            extremes={name: tuple(self._other_extremes(name, worst[name], rows)) for name in derived},
         )  # fmt: skip
 
     def _worst_indices(self, rows: Sequence[Row]) -> dict[str, int]:
@@ -214,8 +214,8 @@ class WorstCase:
             if all(name in row.scalars for row in rows):
                 worst = np.isnan(values) if np.isnan(values).any() else values == values.max()
                 candidates[name] = np.flatnonzero(worst).tolist()
-        chosen = {at[0] for at in candidates.values() if len(at) == 1}
-        return {name: next((i for i in at if i in chosen), at[0]) for name, at in candidates.items()}
+        chosen = {tied[0] for tied in candidates.values() if len(tied) == 1}
+        return {name: next((i for i in tied if i in chosen), tied[0]) for name, tied in candidates.items()}
 
     def _other_extremes(self, name: str, worst: Row, rows: Sequence[Row]) -> Iterator[tuple[float, ...]]:
         """Yield the other extremes of a quantity: those of the worst condition, and all of others with derivatives.
@@ -226,6 +226,6 @@ class WorstCase:
             offset = row.scalars[name] - worst.scalars[name]
             if row is not worst and row.derivatives:
                 yield (offset, *row.derivatives[name])
-            for one, *slopes in row.extremes.get(name, ()):
-                if (one < 0.0) == self.largest.get(name, True):
-                    yield (offset + one, *slopes)
+            for difference, *slopes in row.extremes.get(name, ()):
+                if (difference < 0.0) == self.largest.get(name, True):
+                    yield (offset + difference, *slopes)
