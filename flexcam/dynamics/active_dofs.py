@@ -76,7 +76,7 @@ def find_active_dofs(
     while True:
         labels = _coupling_groups(system, idle)
         steady, moving = _constant_forces(system, d, inner, _spread_to_groups(excited, labels), labels)
-        moving |= _spread_to_groups(_find_unbalanced(system, d, steady, labels), labels)
+        moving |= _spread_to_groups(_find_unbalanced_dofs(system, d, steady, labels), labels)
         unmoved = [entry for entry in idle if not moving[entry.unknowns].any()]
         if len(unmoved) == len(idle):
             break
@@ -166,7 +166,7 @@ def _depends_on_angle(force: LocalForce, penetration: FloatArray) -> bool:
     return bool((not isinstance(force.law, ForceLaw) or force.law.functions) and penetration.any())
 
 
-def _find_unbalanced(system: System, d: FloatArray, steady: FloatArray, labels: IntArray) -> NDArray[np.bool_]:
+def _find_unbalanced_dofs(system: System, d: FloatArray, steady: FloatArray, labels: IntArray) -> NDArray[np.bool_]:
     """Return the unknowns on which constant forces and stiffness are not in equilibrium within rounding."""
     K, scale = system.stiffness, diagonal_scale(system.stiffness)
     strained = np.bincount(K.rows, weights=np.abs(K.values * d[K.cols]), minlength=system.size)

@@ -70,7 +70,7 @@ def test_result_given_as_case_is_refused(flexcam, files):
     (files / "out/case.vtkhdf").write_bytes(b"\x89HDF")
     (fault,) = flexcam("run", "out/case.vtkhdf", "--json").json["errors"]
     assert fault["why"] == "it is a result"
-    assert "flexcam info, plot, report" in fault["remedy"]
+    assert fault["remedy"] == "give the case file of this result"
 
 
 def test_refused_speeds_refer_to_given_shaft(flexcam, files):

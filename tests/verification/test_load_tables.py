@@ -166,7 +166,7 @@ def test_cam_force_with_gas_pressure(record, tmp_path):
         ("time [s],force [N]\n0,0\n1,1\n", {"loads.push.direction": '"rx"', "loads.push.area": 1.0}, "no area"),
         ("time [s],force [N]\n0,0\n1,1\n", {"loads.push.force": 1.0}, "either 'at' with one of 'force' and 'table'"),
         ("time [s],force [N]\n0,0\n1,1\n", {"loads.push.table": '"none.csv"'}, "none.csv"),
-        ("time [s],gas [bar]\n0,0\n1,1\n", {}, r"gas \[bar\].*Give area with a pressure"),
+        ("time [s],gas [bar]\n0,0\n1,1\n", {}, r"gas \[bar\].*Give the load an area"),
         ("time [s],force\n0,0\n1,1\n", {}, "force, without a unit"),
         ("time [s]\n0\n1\n", {}, "push.csv with only time"),
         ("time [s],force [N]\n0,0\n1,1,2\n", {}, "line 3: '1,1,2'"),
