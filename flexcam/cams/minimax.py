@@ -147,7 +147,7 @@ class Program:
         bounds = ", ".join([f"{name} up to {limit:g}" for name, limit in self.limits.items()])
         conditions = " and ".join(f"{z:g},{order},{value:g}" for z, order, value in self.conditions)
         given = " with ".join(filter(None, (bounds, conditions)))
-        where = " and ".join(["bounds"] * bool(bounds) + ["conditions"] * bool(conditions))
+        what = " and ".join(["bounds"] * bool(bounds) + ["conditions"] * bool(conditions))
         remedy = " or ".join(["a wider bound"] * bool(bounds) + ["other conditions"] * bool(conditions))
         rest = self.family.rest if isinstance(self.family, SplineFamily) else 0
         if any(z in (0.0, 1.0) and 0 < order <= rest and value for z, order, value in self.conditions):
@@ -156,7 +156,8 @@ class Program:
             remedy += ", with laws that turn back (--turning-back)"
         elif isinstance(self.family, SplineFamily) and self.conditions and self.family.symmetric:
             remedy += ", perhaps with asymmetric laws (--asymmetric)"
-        return refuse(where, given, f"{where} that {self.family.name} can meet", "", f"use {remedy}")
+        where = "condition" if conditions else "bound"
+        return refuse(where, given, f"{what} that {self.family.name} can meet", "", f"use {remedy}")
 
     def _inequalities(
         self, places: Mapping[int, FloatArray], cuts: Sequence[TangentPlane], around: tuple[FloatArray, float] | None

@@ -323,7 +323,8 @@ def cam(
     }  # fmt: skip
     followers = [one.profile.follower for one in found.values() if one.profile]
     if pressure_angle is not None and followers and all(isinstance(one, FlatFollower) for one in followers):
-        raise refuse("--pressure-angle", pressure_angle, "nothing with flat followers", "their pressure angle is zero")
+        why = "flat followers have no pressure angle"
+        raise refuse("--pressure-angle", pressure_angle, "a cam with a roller follower", why, "leave it out")
     for option, given in (("-o", output), ("--cutter", cutter)):
         if given is not None and not any(one.profile for one in found.values()):
             why, remedy = f"{', '.join(found)} has no profile", "give the cam base_radius and follower"

@@ -341,7 +341,7 @@ P = " ".join(POLYNOMIAL[1:])
 REFUSED = {  # arguments, location, part of the message
     "unknown criterion": ("law --minimize Cq", "--minimize", "Cv, Ca, Cj, rms, Cm"),
     "bound without a value": (f"{P} --bound Cj", "--bound", "CRITERION=VALUE"),
-    "bound that no law meets": (f"{P} --bound Cj=10", "bounds", "a wider bound"),
+    "bound that no law meets": (f"{P} --bound Cj=10", "--bound", "a wider bound"),
     "one harmonic": ("law --minimize Ca --family harmonic --orders 1", "--orders", "two or more"),
     "count without a front": (f"{P} --count 5", "--count", "--pareto"),
     "degree of harmonic laws": ("law --minimize Ca --family harmonic --degree 7", "--degree", "--family spline"),
@@ -349,7 +349,7 @@ REFUSED = {  # arguments, location, part of the message
     "orders of polynomials": (f"{P} --orders 1 --orders 3", "--orders", "--family harmonic"),
     "pieces of polynomials": (f"{P} --pieces 3", "--pieces", "--family spline"),
     "two numbers": (f"{P} --condition 0.5,1", "--condition", "0.5,1,1.8"),
-    "condition that none meets": (f"{P} --condition 0.5,0,0.7", "conditions", "0.5,0,0.7"),
+    "condition that none meets": (f"{P} --condition 0.5,0,0.7", "--condition", "0.5,0,0.7"),
     "tolerance in kg": ("harmonic MODEL --tolerance 20kg", "--tolerance", "a length"),
     "no harmonic below the first mode": ("harmonic MODEL --set=run.speed=30000rpm", "count", "--count"),
     "cam that is not there": ("harmonic MODEL --cam intak", "--cam", "did you mean 'intake'"),
