@@ -62,13 +62,13 @@ class CamPlacement:
     @property
     def _upright_rotation(self) -> complex:
         """Rotation of the drawing after which the initial follower motion is along the imaginary axis."""
-        nothing = np.zeros(1)
-        return 1j / complex(self.follower.contact(nothing, nothing, nothing, self.profile.turn).motion[0])
+        zero = np.zeros(1)
+        return 1j / complex(self.follower.contact(zero, zero, zero, self.profile.turn).motion[0])
 
     def contour(self, angle: float) -> ComplexArray:
         """Return the profile at a cam angle, rad, in the rotated drawing, m, shape (n,), counterclockwise."""
-        own = self.profile.points @ np.array([1.0, 1j])
-        points = own * np.exp(1j * self.profile.turn * angle) * self._upright_rotation
+        outline = self.profile.points @ np.array([1.0, 1j])
+        points = outline * np.exp(1j * self.profile.turn * angle) * self._upright_rotation
         area = float(np.sum((np.conj(points) * np.roll(points, -1)).imag))
         return points if area > 0.0 else points[::-1]
 
@@ -156,13 +156,13 @@ def lever_solids(frame: LeverFrame, instant: SceneState, thick: float) -> list[S
         middle = 1j * thin
         joints = [(driven + middle, thin), (middle, 0.85 * thick), (point + middle, thin)]
     links = [solids.capsule(a, b, (r, s)) for (a, r), (b, s) in pairwise(joints)]
-    made = [solids.prism("rocker", outline, frame.plane, frame.pivot, thick) for outline in links]
+    parts = [solids.prism("rocker", outline, frame.plane, frame.pivot, thick) for outline in links]
     reach, centre = 0.9 * thick * np.cross(frame.plane[0], frame.plane[1]), frame.space(middle)
-    made.append(solids.cylinder("pivot", centre - reach, centre + reach, 0.45 * thick))
+    parts.append(solids.cylinder("pivot", centre - reach, centre + reach, 0.45 * thick))
     if frame.rocker.finger:
         up = thick * frame.plane[1]
-        made.append(solids.cylinder("pivot", centre + 0.3 * up, centre + 3.0 * up, 0.6 * thick))
-    return made
+        parts.append(solids.cylinder("pivot", centre + 0.3 * up, centre + 3.0 * up, 0.6 * thick))
+    return parts
 
 
 STEM = 1.0 / 6.0  # ratio of stem diameter to head diameter
@@ -252,14 +252,14 @@ def spring_solids(place: CoilPlacement, instant: SceneState) -> list[Solid]:
     """Return the solids of a spring."""
     moved = place.sense * (place.borders @ instant.unknowns)
     size, axis = place.sizes, place.axis
-    made = [coil_solid(size, place.start, axis, moved)]
+    parts = [coil_solid(size, place.start, axis, moved)]
     inner, outer, thick = 0.5 * (size.diameter - 1.6 * size.wire), 0.5 * size.diameter + size.wire, 0.7 * size.wire
     if place.retainer:
         top = place.start + (size.length + moved[-1] + 0.5 * thick) * axis
-        made.append(solids.ring("retainer", top, axis, (0.25 * inner, outer), thick))
+        parts.append(solids.ring("retainer", top, axis, (0.25 * inner, outer), thick))
     if place.ground:
-        made.append(solids.ring("ground", place.start - 0.5 * thick * axis, axis, (0.6 * inner, 1.1 * outer), thick))
-    return made
+        parts.append(solids.ring("ground", place.start - 0.5 * thick * axis, axis, (0.6 * inner, 1.1 * outer), thick))
+    return parts
 
 
 def shaft_names(model: Model) -> list[str]:
@@ -282,28 +282,28 @@ _WHEEL = np.tile([1.0, 1.0, 0.9, 0.9], 20) * np.exp(2j * math.pi * np.arange(80)
 
 def support_solids(model: Model, cams: Sequence[CamPlacement], instant: SceneState) -> Iterator[Solid]:
     """Yield the symbols of supports."""
-    elastic = [one for one in model.springs.values() if is_bearing(model, one)]
-    bearings = {model.mesh.node(one.at) for one in (*elastic, *model.bearings.values())}
-    turning, held = shaft_names(model), np.zeros((len(model.mesh.nodes), 6), dtype=bool)
+    elastic = [spring for spring in model.springs.values() if is_bearing(model, spring)]
+    bearings = {model.mesh.node(bearing.at) for bearing in (*elastic, *model.bearings.values())}
+    shafts, fixed_dofs = shaft_names(model), np.zeros((len(model.mesh.nodes), 6), dtype=bool)
     for point, names in model.supports.items():
-        held[model.mesh.points[point]] |= np.isin(COMPONENTS, list(names))
+        fixed_dofs[model.mesh.points[point]] |= np.isin(COMPONENTS, list(names))
     faces = {model.mesh.node(c.contact.follower) for c in cams if c.ahead}
     for name, line in model.mesh.lines.items():
         radius = model.members[name].section.at(0.5).radius
         for place, node in enumerate(line.tolist()):
             before, after = max(place - 1, 0), min(place + 1, len(line) - 1)
             axis = solids.unit_vector(model.mesh.nodes[line[after]] - model.mesh.nodes[line[before]])
-            where, kept, plane = model.mesh.nodes[node], held[node], np.array(solids.perpendicular_axes(axis))
-            driven = name in turning and float(np.abs(kept[3:] * axis).max()) > 0.5
+            position, fixed, plane = model.mesh.nodes[node], fixed_dofs[node], np.array(solids.perpendicular_axes(axis))
+            driven = name in shafts and float(np.abs(fixed[3:] * axis).max()) > 0.5
             if driven:
                 sense = float(np.sign(cams[0].axis @ axis)) if cams else 1.0
                 teeth = solids.plane_points(_WHEEL * np.exp(1j * sense * instant.angle))
-                yield replace(solids.prism("drive", 2.4 * radius * teeth, plane, where, 0.84 * radius), name=name)
-            across = np.abs(plane)[:, ~kept[:3]]  # free translations perpendicular to the axis
-            if kept.all():
+                yield replace(solids.prism("drive", 2.4 * radius * teeth, plane, position, 0.84 * radius), name=name)
+            across = np.abs(plane)[:, ~fixed[:3]]  # free translations perpendicular to the axis
+            if fixed.all():
                 corners = 2.0 * radius * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
-                yield replace(solids.prism("ground", corners, plane, where, 0.8 * radius), name=name)
+                yield replace(solids.prism("ground", corners, plane, position, 0.8 * radius), name=name)
             elif (node in bearings or not (across > 0.3).any()) and node not in faces and not driven:
                 yield replace(
-                    solids.ring("bearing", where, axis, (1.02 * radius, 1.6 * radius), 1.1 * radius), name=name
+                    solids.ring("bearing", position, axis, (1.02 * radius, 1.6 * radius), 1.1 * radius), name=name
                 )
