@@ -35,10 +35,10 @@ def info(
 ) -> cli.CommandOutput:  # fmt: skip
     """Show the contents of a result file: how its run ended, versions, solver statistics, saved data."""
     if verify:
-        found = io.verify_file(result)
-        partial = "" if found["complete"] else "; its run ended early"
-        size = f"{found['datasets']} datasets, {found['bytes']} bytes"
-        return cli.CommandOutput([f"{result} is intact: {size}, as written{partial}"], {"file": result, **found})
+        integrity = io.verify_file(result)
+        partial = "" if integrity["complete"] else "; its run ended early"
+        size = f"{integrity['datasets']} datasets, {integrity['bytes']} bytes"
+        return cli.CommandOutput([f"{result} is intact: {size}, as written{partial}"], {"file": result, **integrity})
     read = io.read_result(result)
     response, stats = read.response, read.response.stats
     known = {"size": stats.size} if stats.size else {}
@@ -91,7 +91,7 @@ def export(
 
     stl, vtm and glb contain the parts that flexcam view shows. From a case they show the rigid mechanism.
     """
-    for option, forms, given, why in (
+    for option, forms, is_set, why in (
         ("--paraview", ("pvd",), macro, "the macro opens that collection"),
         ("--field", ("pvd", "vtm"), fields is not None, "it applies only to these formats; leave it out"),
         ("--probe", ("csv",), probes is not None, "only the table has probes"),
@@ -101,7 +101,7 @@ def export(
          "format pvd writes the saved instants (see --every), stl a single one (see --at); leave it out"),
         ("--at", ("stl",), at is not None, "only format stl writes a single instant"),
     ):  # fmt: skip
-        if given and form not in forms:
+        if is_set and form not in forms:
             raise refuse(option, f"--format {form}", f"--format {' or '.join(forms)}", why)
     skipped = {"--every": every} if every != 1 and instants is not None else {}
     cli.refuse_with("--instants", "it sets the number of instants", skipped)
@@ -127,9 +127,9 @@ def export(
         files = _write_solids(source, target, fields, instants, at, overwrite=overwrite)
     else:
         files = _write_collection(io.read_result(source), target, every, fields, macro=macro, overwrite=overwrite)
-    said = f"{files[0]} ({len(files)} files)" if len(files) > 1 else str(files[0])
+    text = f"{files[0]} ({len(files)} files)" if len(files) > 1 else str(files[0])
     script = f"\nparaview --script={files[1]}" if macro else ""
-    return cli.CommandOutput([said + script], {"files": files})
+    return cli.CommandOutput([text + script], {"files": files})
 
 
 def _write_collection(
@@ -201,11 +201,11 @@ def report(
     if target.suffix != ".html":
         raise refuse("-o", str(target), "a name that ends in .html")
     io.check_writable("report", target, overwrite=overwrite)
-    subjects = [load_subject(one) for one in results]
-    found = build_report(subjects, probe=probe, asked=ReportOptions(errors, limits, trade))
-    io.write_text(target, render_page(found), overwrite=overwrite)
-    warnings = {str(path): chapter.warnings for path, chapter in zip(results, found.chapters, strict=True)}
-    return cli.CommandOutput([], {"file": target, "title": found.title, "warnings": warnings}, files=[target])
+    subjects = [load_subject(path) for path in results]
+    document = build_report(subjects, probe=probe, asked=ReportOptions(errors, limits, trade))
+    io.write_text(target, render_page(document), overwrite=overwrite)
+    warnings = {str(path): chapter.warnings for path, chapter in zip(results, document.chapters, strict=True)}
+    return cli.CommandOutput([], {"file": target, "title": document.title, "warnings": warnings}, files=[target])
 
 
 _MIN_SIZE, _MAX_SIZE = 64, 8192  # of a picture, pixels
@@ -243,8 +243,8 @@ def view(
         allowed = f"a finite number, at most {_MAX_SCALE:g} in size"
         raise refuse("--scale", scale, allowed, "the deformation would leave the picture")
     angle = cli.parse_optional("--at", at, "angle", "deg")
-    found = re.fullmatch(r"(\d+)x(\d+)", size)
-    pixels = (int(found[1]), int(found[2])) if found else (0, 0)
+    match = re.fullmatch(r"(\d+)x(\d+)", size)
+    pixels = (int(match[1]), int(match[2])) if match else (0, 0)
     if not all(_MIN_SIZE <= side <= _MAX_SIZE for side in pixels):
         raise refuse("--size", repr(size), f"WIDTHxHEIGHT of {_MIN_SIZE} to {_MAX_SIZE} pixels each, such as 1024x768")
     if picture is not None:
