@@ -110,7 +110,7 @@ def _fit_output(variables: Sequence[Variable], measured: Measurement, result: Fi
     if measured.over != "time":
         label, at = "cam angle [deg]", np.degrees(measured.instants)
     head = [label, *(f"{c.label} [{c.unit}], {kind}" for c in curves for kind in ("measured", "before", "after"))]
-    drawn = {
+    panels = {
         f"{c.label}, {c.unit}": (c.values, old, new)
         for c, old, new in zip(curves, result.before, result.after, strict=True)
     }
@@ -134,6 +134,6 @@ def _fit_output(variables: Sequence[Variable], measured: Measurement, result: Fi
                     [(f"{c.label}, {c.unit}", *x) for c, x in zip(curves, rms, strict=True)]),
     ]  # fmt: skip
     return cli.CommandOutput(
-        [*tables, *words], json, format_csv(head, np.column_stack([at, *chain(*drawn.values())]).tolist()),
-        draw=lambda: plotting.histories.fit_figure(at, label, drawn),
+        [*tables, *words], json, format_csv(head, np.column_stack([at, *chain(*panels.values())]).tolist()),
+        draw=lambda: plotting.histories.fit_figure(at, label, panels),
     )  # fmt: skip

@@ -82,9 +82,9 @@ def find_law(name: str, parameters: list[str] | None = None) -> Law:
             raise refuse("--with", ", ".join(parameters), "nothing with a law file", "the file has all parameters")
         return read_law(Path(name)).law
     if not parameters and name not in LAWS and name not in kind_names():
-        known = list(dict.fromkeys([*LAWS, *kind_names()]))
-        allowed = f"one of {', '.join(known)}, or a law file (.toml)"
-        raise refuse("law", repr(name), allowed, "", suggest_name(name, known))
+        names = list(dict.fromkeys([*LAWS, *kind_names()]))
+        allowed = f"one of {', '.join(names)}, or a law file (.toml)"
+        raise refuse("law", repr(name), allowed, "", suggest_name(name, names))
     data: dict[str, object] = {"id": name}
     for parameter in parameters or ():
         key, equals, value = parameter.partition("=")

@@ -150,9 +150,9 @@ def _word_faults(words: Sequence[str]) -> Iterator[Fault]:
     """Yield a fault for every empty value, which may mean the current folder, and for every word not in UTF-8."""
     for before, word in pairwise(["", *words]):
         if not word or (word.startswith("-") and word.endswith("=")):
-            where = word.removesuffix("=") or (before if before.startswith("-") else "command line")
+            option = word.removesuffix("=") or (before if before.startswith("-") else "command line")
             why, remedy = "it is empty, perhaps from a shell variable that is not set", "give a value, or omit it"
-            yield Fault(where, "nothing", "a value", why, remedy)
+            yield Fault(option, "nothing", "a value", why, remedy)
         if any("\ud800" <= letter <= "\udfff" for letter in word):
             why, remedy = "results and reports name their files", "rename the file or folder"
             yield Fault("command line", ascii(word), "words and file names in UTF-8", why, remedy)

@@ -201,18 +201,18 @@ def _describe_incomplete_runs(statuses: Sequence[Status], rpm: FloatArray, scale
 
 
 def _orders_table(result: Waterfall, scale: float) -> Table:
-    shown = sorted(largest_orders(result, _MAX_TABLE_ORDERS))
-    rounding = NOISE * float(np.nanmax(result.amplitudes)) if shown else 0.0
+    orders = sorted(largest_orders(result, _MAX_TABLE_ORDERS))
+    rounding = NOISE * float(np.nanmax(result.amplitudes)) if orders else 0.0
     rows: list[tuple[str, ...]] = []
     for rpm, sizes, gap in zip(result.rpm.tolist(), result.amplitudes, result.gaps.tolist(), strict=True):
         largest = float(sizes[1:].max())
         shares = f"{gap / largest:.1%}" if largest > 0.0 else "-"
-        cells = (format_number(0.0 if sizes[n] < rounding else sizes[n], 4) for n in (0, *shown))
+        cells = (format_number(0.0 if sizes[n] < rounding else sizes[n], 4) for n in (0, *orders))
         rows.append((f"{scale * rpm:.6g}", *cells, shares))
     what = f"acceleration of {result.signal.name}" if result.signal.probe else result.signal.name
-    count = f"the largest {len(shown)} of {result.amplitudes.shape[1] - 1}"
+    count = f"the largest {len(orders)} of {result.amplitudes.shape[1] - 1}"
     title = f"Orders of {what}, {result.unit}, in the last revolution: {count}"
-    head = (f"{shaft_name(scale)} rpm", "mean", *(f"order {n}" for n in shown), "change per revolution")
+    head = (f"{shaft_name(scale)} rpm", "mean", *(f"order {n}" for n in orders), "change per revolution")
     return plain_table(title, head, rows)
 
 

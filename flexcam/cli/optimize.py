@@ -140,8 +140,8 @@ def _describe_search(
     return cli.CommandOutput(parts, json, _csv(design, trials), lambda: _search_figure(design, trials))
 
 
-def _parse_goals(least: Sequence[str], most: Sequence[str]) -> tuple[Goal, ...]:
-    goals = (*map(Goal, least), *(Goal(name, most=True) for name in most))
+def _parse_goals(minimized: Sequence[str], maximized: Sequence[str]) -> tuple[Goal, ...]:
+    goals = (*map(Goal, minimized), *(Goal(name, most=True) for name in maximized))
     if len(goals) not in (1, 2):
         raise refuse("--least, --most", f"{len(goals) or 'no'} goals", "one goal, or two for a Pareto front")
     if len({goal.name for goal in goals}) < len(goals):
@@ -306,7 +306,7 @@ def _csv(design: OptimizationProblem, trials: Evaluations) -> str:
     head = [*(with_unit(v.key, v.unit) for v in design.points.variables), *names, "within all bounds", "status"]
     inside = optimization.is_feasible(trials.violations).tolist()
     rows: list[Sequence[object]] = [
-        (*point, *(row_value(row, name) for name in names), "yes" if good else "no", row.status.cause)
-        for point, row, good in zip(trials.points.tolist(), trials.rows, inside, strict=True)
+        (*point, *(row_value(row, name) for name in names), "yes" if feasible else "no", row.status.cause)
+        for point, row, feasible in zip(trials.points.tolist(), trials.rows, inside, strict=True)
     ]
     return format_csv(head, rows)

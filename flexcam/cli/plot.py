@@ -194,12 +194,12 @@ def _motion(options: FigureOptions) -> Figure:
     )  # fmt: skip
     colours = plotting.figures.COLOURS
     for (name, source), colour in zip(options.sources.items(), cycle((colours[4], *colours[1:4])), strict=False):
-        contact, model, drawn = options.contact(source), source.ready.model, responses[name]
-        if contact in spring_held_contacts(model) and f"contacts.{contact}.force" in drawn.channels:
+        contact, model, response = options.contact(source), source.ready.model, responses[name]
+        if contact in spring_held_contacts(model) and f"contacts.{contact}.force" in response.channels:
             label = ", ".join(filter(None, (name, "contact lost on the lift")))
-            lost = {_LOST: contact_loss(model, source.response, str(contact)).astype(float)}
-            shaded = options.draw(source, replace(source.response, channels=lost)).channels[_LOST] > 0.0
-            plotting.histories.shade(figure.axes, plotting.histories.abscissa(drawn, over), shaded, label, colour)
+            channels = {_LOST: contact_loss(model, source.response, str(contact)).astype(float)}
+            shaded = options.draw(source, replace(source.response, channels=channels)).channels[_LOST] > 0.0
+            plotting.histories.shade(figure.axes, plotting.histories.abscissa(response, over), shaded, label, colour)
     return _mark_areas(options, figure)
 
 
@@ -260,8 +260,8 @@ def _energy(options: FigureOptions) -> Figure:
 
 def _orbits(options: FigureOptions) -> Figure:
     responses = {name: plotting.histories.last_revolution(source.response) for name, source in options.sources.items()}
-    known = (name for name in options.first.response.channels if name.endswith(".eccentricity"))
-    bearings = [name.removesuffix(".eccentricity") for name in known]
+    channels = (name for name in options.first.response.channels if name.endswith(".eccentricity"))
+    bearings = [name.removesuffix(".eccentricity") for name in channels]
     if not bearings:
         allowed = "a run of the flexible model with an oil film in a bearing (bearings.NAME.film)"
         raise refuse("--what", "orbits", allowed)
@@ -285,10 +285,10 @@ def _profile(options: FigureOptions) -> Figure:
     if cam is None or cam.follower is None:
         why = "no cam of it has a profile" if cam_name is None else f"{cam_name!r} has no profile"
         raise refuse("--what", "profile", "a cam with a follower", why, "give the cam base_radius and follower")
-    turned = 0.0 if options.angle is None else cli.parse_quantity("--angle", options.angle, "angle", "deg")
+    angle = 0.0 if options.angle is None else cli.parse_quantity("--angle", options.angle, "angle", "deg")
     profile = cam_profile(cam.event, cam.follower, count=720, turn=cam.turn)
     coloured = None if options.channels is None else _profile_values(source, cam, profile, options.channels[0])
-    return plotting.curves.profile_figure(profile, angle=turned % math.tau, coloured=coloured)
+    return plotting.curves.profile_figure(profile, angle=angle % math.tau, coloured=coloured)
 
 
 def _cam_of_channel(source: Source, options: FigureOptions, channels: Sequence[str]) -> str:
@@ -297,8 +297,8 @@ def _cam_of_channel(source: Source, options: FigureOptions, channels: Sequence[s
     contacts = source.ready.model.cam_contacts
     contact = channels[0].partition(".")[2].rpartition(".")[0]
     if len(channels) > 1 or contact not in contacts:
-        known = ", ".join(f"contacts.{name}.force" for name in contacts) or "(there is none)"
-        allowed = f"one channel of a cam's contact, such as {known}"
+        allowed_names = ", ".join(f"contacts.{name}.force" for name in contacts) or "(there is none)"
+        allowed = f"one channel of a cam's contact, such as {allowed_names}"
         raise refuse("--channel", ", ".join(channels), allowed, "it colours the profile of that cam")
     cam = contacts[contact].cam
     if options.cam not in (None, cam):
@@ -318,21 +318,21 @@ def _profile_values(source: Source, cam: Cam, profile: CamProfile, channel: str)
 
 def _spring(options: FigureOptions) -> Figure:
     source = _single_source(options)
-    known = {
+    springs = {
         f"springs.{name}.force": spring
         for name, spring in source.ready.model.springs.items()
         if has_channels(spring) and not spring.turns
     }
-    if not known:
+    if not springs:
         raise refuse("--what", "spring", "a case with springs along a line that have an installed force or a wire")
     for name in options.channels or ():
-        if name not in known:
-            raise refuse("--channel", repr(name), ", ".join(known), "", suggest_name(name, known))
-    drawn: dict[str, tuple[Spring, float]] = {}
-    for name in options.channels or known:
-        curve, loaded = spring_curve(known[name]), float(source.rigid.channels[name].max())
-        drawn[name.split(".")[1]] = known[name], float(np.interp(loaded, curve.force, curve.travel))
-    return plotting.figures.add_title(plotting.curves.spring_figure(drawn), source.subject)
+        if name not in springs:
+            raise refuse("--channel", repr(name), ", ".join(springs), "", suggest_name(name, springs))
+    curves: dict[str, tuple[Spring, float]] = {}
+    for name in options.channels or springs:
+        curve, loaded = spring_curve(springs[name]), float(source.rigid.channels[name].max())
+        curves[name.split(".")[1]] = springs[name], float(np.interp(loaded, curve.force, curve.travel))
+    return plotting.figures.add_title(plotting.curves.spring_figure(curves), source.subject)
 
 
 def _goodman(options: FigureOptions) -> Figure:

@@ -41,10 +41,10 @@ def info(
         return cli.CommandOutput([f"{result} is intact: {size}, as written{partial}"], {"file": result, **integrity})
     read = io.read_result(result)
     response, stats = read.response, read.response.stats
-    known = {"size": stats.size} if stats.size else {}
+    counts = {"size": stats.size} if stats.size else {}
     content = {
         "run": response.status.cause, "message": response.status.text,
-        "stats": asdict(stats) if stats.is_complete else {"steps": stats.steps, **known},
+        "stats": asdict(stats) if stats.is_complete else {"steps": stats.steps, **counts},
         "saved_steps": len(response.time), "saved_fields": len(response.field_time),
         "probes": dict(response.outline.probes),
         "channels": dict(response.outline.channels), "fields": [*read.field_names, *read.recovered],
@@ -142,9 +142,9 @@ def _write_collection(
         raise refuse("--field", ", ".join(fields), "displacement among them", why)
     io.check_writable("export", io.macro_path(target), overwrite=overwrite)
     first, *rest = io.write_pvd(result, target, every=every, fields=fields, overwrite=overwrite)
-    shown = (*result.field_names, *result.recovered) if fields is None else tuple(fields)
+    names = (*result.field_names, *result.recovered) if fields is None else tuple(fields)
     degrees = np.degrees(result.response.field_angle[::every]).tolist()
-    return [first, io.write_macro(first, shown, degrees, overwrite=overwrite), *rest]
+    return [first, io.write_macro(first, names, degrees, overwrite=overwrite), *rest]
 
 
 def _write_solids(
@@ -162,13 +162,13 @@ def _write_solids(
             "export", target if target.suffix == ".glb" else folder.with_suffix(".pvd"), overwrite=overwrite
         )
     (read,) = open_sources([source], None)
-    drawn, motion, title, still = displayed_mechanism(read, color=fields[0] if fields else None, angle=angle)
+    mechanism, motion, title, still = displayed_mechanism(read, color=fields[0] if fields else None, angle=angle)
     if target.suffix == ".stl":
-        return write_stl(folder, collect_parts(drawn, motion.at([still])), overwrite=overwrite)
+        return write_stl(folder, collect_parts(mechanism, motion.at([still])), overwrite=overwrite)
     frames = motion.spread(instants or _FRAMES[target.suffix])
-    parts = collect_parts(drawn, motion.at(frames))
+    parts = collect_parts(mechanism, motion.at(frames))
     if target.suffix == ".glb":
-        return [write_glb(target, parts, drawn.upwards, title, overwrite=overwrite)]
+        return [write_glb(target, parts, mechanism.upwards, title, overwrite=overwrite)]
     times = motion.angle / read.case.speed if read.result is None else read.result.response.field_time[-len(motion) :]
     label = motion.label.replace("\n", ", ")
     return write_vtm(folder.with_suffix(".pvd"), parts, times[frames], label, overwrite=overwrite)
@@ -250,21 +250,21 @@ def view(
     if picture is not None:
         check_output_path(picture, pixels, overwrite=overwrite)
     (read,) = open_sources([source], overrides)
-    drawn, motion, title, still = displayed_mechanism(read, color=color, mode=mode, angle=angle)
+    mechanism, motion, title, still = displayed_mechanism(read, color=color, mode=mode, angle=angle)
     if picture is not None and picture.suffix == ".html":
         from flexcam.plotting.solid_files import collect_parts, write_page
 
         frames = sorted({*motion.spread(FRAMES), still})
         labels = [motion.words(i, title, scale) for i in frames]
-        parts = collect_parts(drawn, motion.at(frames), scale)
-        write_page(picture, parts, drawn.view, labels, frames.index(still), motion.label)
+        parts = collect_parts(mechanism, motion.at(frames), scale)
+        write_page(picture, parts, mechanism.view, labels, frames.index(still), motion.label)
     else:
         select_renderer(off_screen=picture is not None)
-        stage = MechanismView(drawn, motion, off_screen=picture is not None, scale=scale, size=pixels, title=title)
+        stage = MechanismView(mechanism, motion, off_screen=picture is not None, scale=scale, size=pixels, title=title)
         if picture is None:
             stage.open_window(still, swings=mode is not None)
         else:
             save_view(stage, picture, motion.spread(FRAMES), still)
-    notes = ["\n  ".join(["Sizes chosen for the drawing:", *drawn.notes])] if drawn.notes else []
-    json = {"instants": len(motion), "drawn": list(drawn.notes)}
+    notes = ["\n  ".join(["Sizes chosen for the drawing:", *mechanism.notes])] if mechanism.notes else []
+    json = {"instants": len(motion), "drawn": list(mechanism.notes)}
     return cli.CommandOutput(notes, json, files=[] if picture is None else [picture])

@@ -69,7 +69,7 @@ def run(
     It prints the metrics of the valve train and warnings; ParaView 5.12 or newer opens the result. Ctrl-C ends the run
     at its next step and keeps a partial result, which --resume continues from its last checkpoint, if there is one.
     """
-    begun = time.monotonic()
+    start = time.monotonic()
     loaded, duration = collect_errors(
         lambda: cli.load_case(case, overrides),
         lambda: None if time_limit is None else cli.parse_duration("--time-limit", time_limit),
@@ -79,7 +79,7 @@ def run(
         if not re.match(NAME, name):
             raise refuse("--name", repr(name), NAMES, "it is the name of a file")
         loaded = replace(loaded, result_name=name)
-    until = None if duration is None else begun + duration
+    until = None if duration is None else start + duration
     if not resume:  # before the model is chosen, which requires computations
         check_writable("result", folder / f"{loaded.name}.vtkhdf", overwrite=overwrite)
     read, choice = select_case(loaded, until)

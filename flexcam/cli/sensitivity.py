@@ -133,8 +133,8 @@ def _derivatives(
     head = ("scalar", "unit", "value", "key", "key_unit", "key_value", "derivative", "error", "logarithmic", "smooth")
     table = [[math.nan if row[name] is None else row[name] for name in head] for row in rows]
     csv = format_csv([name.replace("_", " ") for name in head], table)
-    known = [sens for sens in results if not math.isnan(sens.logarithmic)]
-    bars = {name: {sens.by.key: sens.logarithmic for sens in known if sens.scalar == name} for name in names}
+    finite = [sens for sens in results if not math.isnan(sens.logarithmic)]
+    bars = {name: {sens.by.key: sens.logarithmic for sens in finite if sens.scalar == name} for name in names}
     return cli.CommandOutput(
         [*tables, *words], {"derivatives": rows}, csv, status=interruptible.status,
         draw=lambda: plotting.histories.bars_figure(bars, "percent per percent"),
@@ -276,9 +276,9 @@ def _tolerance_analysis(options: StudyOptions, tolerances: list[str], count: int
         }
         for name, dist in stats.items()
     }  # fmt: skip
-    known = {name: samples[~np.isnan(samples)] for name, samples in zip(names, values.T, strict=True)}
+    finite = {name: samples[~np.isnan(samples)] for name, samples in zip(names, values.T, strict=True)}
     middle = {name: metric.value for name, metric in initial.items()}
     return cli.CommandOutput(
         [*tables, *words], {"scatter": json}, format_csv((*keys, *names, "status"), body), status=interruptible.status,
-        draw=lambda: plotting.histories.scatter_figure(known, units, middle),
+        draw=lambda: plotting.histories.scatter_figure(finite, units, middle),
     )  # fmt: skip

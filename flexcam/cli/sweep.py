@@ -42,8 +42,8 @@ def _sweep_table(table: SweepTable) -> RichTable:
 
 def _is_varying(values: FloatArray) -> bool:
     """Return whether a scalar has a range to show: two different values, or a single one."""
-    known = values[np.isfinite(values)]
-    return len(known) == 1 or (len(known) > 0 and bool(np.ptp(known) > 0.0))
+    finite = values[np.isfinite(values)]
+    return len(finite) == 1 or (len(finite) > 0 and bool(np.ptp(finite) > 0.0))
 
 
 def _describe_sweep(table: SweepTable) -> list[str]:

@@ -180,15 +180,15 @@ def _family(
     return SplineFamily(5 if degree is None else degree, 24 if pieces is None else pieces, order, symmetric)
 
 
-def _numbers(where: str, pairs: list[str], default: float | None) -> dict[str, float]:
+def _numbers(option: str, pairs: list[str], default: float | None) -> dict[str, float]:
     numbers: dict[str, float] = {}
     for pair in pairs:
         name, equals, text = pair.partition("=")
         if not equals and default is None:
-            raise refuse(where, repr(pair), "CRITERION=VALUE, such as Cj=52.5")
+            raise refuse(option, repr(pair), "CRITERION=VALUE, such as Cj=52.5")
         if name.strip() in numbers:
-            raise refuse(where, repr(pair), "every criterion once", f"{name.strip()} is given twice", "leave one out")
-        numbers[name.strip()] = parse(text.strip(), "number", where) if equals else default or 0.0
+            raise refuse(option, repr(pair), "every criterion once", f"{name.strip()} is given twice", "leave one out")
+        numbers[name.strip()] = parse(text.strip(), "number", option) if equals else default or 0.0
     return numbers
 
 

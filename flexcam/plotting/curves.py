@@ -136,8 +136,8 @@ def profile_figure(
         touched, values, label = coloured
         order = np.argsort(np.mod(touched.angle, 2.0 * math.pi))
         outline = to_display_unit("m")[0] * touched.points[order] @ np.array([1.0, 1j])
-        turned = outline * np.exp(1j * touched.turn * angle)
-        points = np.column_stack([turned.real, turned.imag])
+        rotated = outline * np.exp(1j * touched.turn * angle)
+        points = np.column_stack([rotated.real, rotated.imag])
         segments = list(np.stack([points[:-1], points[1:]], axis=1))
         line = LineCollection(segments, cmap="viridis", linewidths=7.0, capstyle="round", zorder=1.5)
         line.set_array(0.5 * (values[order][1:] + values[order][:-1]))
@@ -151,12 +151,12 @@ def profile_figure(
 
 def draw_profile(axes: Axes, profile: cams.CamProfile, angle: float, *, thin: bool = False) -> None:
     """Draw a cam, rotated by its angle, with its follower; its outline may be thin and black."""
-    turned = np.exp(1j * profile.turn * angle)
+    rotation = np.exp(1j * profile.turn * angle)
     at = int(np.argmin(np.abs(np.angle(np.exp(1j * (profile.angle - angle))))))
     touch, follower, factor = profile.touch, profile.follower, to_display_unit("m")[0]
     around = np.exp(1j * np.linspace(0.0, 2.0 * math.pi, 361))
     colour, width = ("black", 0.8) if thin else (COLOURS[0], 2.0)
-    outline, pitch = (np.vstack([p, p[:1]]) @ np.array([1.0, 1j]) * turned for p in (profile.points, profile.pitch))
+    outline, pitch = (np.vstack([p, p[:1]]) @ np.array([1.0, 1j]) * rotation for p in (profile.points, profile.pitch))
     _line(axes, outline, "cam", color=colour, linewidth=width)
     base = np.asarray(follower.base_radius * around, dtype=np.complex128)
     _line(axes, base, "base circle", color="0.6", linewidth=0.8, linestyle="--")
@@ -207,8 +207,8 @@ def _insert_gaps(x: FloatArray, breaks: Sequence[float], y: FloatArray) -> tuple
 
 
 def _line(axes: Axes, curve: ComplexArray, label: str, *, color: str, linewidth: float, linestyle: str = "-") -> None:
-    shown = to_display_unit("m")[0] * curve
-    axes.plot(shown.real, shown.imag, label=label, color=color, linewidth=linewidth, linestyle=linestyle)
+    scaled = to_display_unit("m")[0] * curve
+    axes.plot(scaled.real, scaled.imag, label=label, color=color, linewidth=linewidth, linestyle=linestyle)
 
 
 _WORDS = {"Cv": "C_v, max velocity", "Ca": "C_a, max acceleration", "Cj": "C_j, max jerk"}

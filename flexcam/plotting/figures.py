@@ -69,12 +69,12 @@ def render_png(figure: Figure) -> bytes:
     """Return a figure as PNG for printing, with a size that does not depend on the number of points."""
     from PIL import Image
 
-    drawn, written = io.BytesIO(), io.BytesIO()
+    full, reduced = io.BytesIO(), io.BytesIO()
     with _suppress_warnings():
-        figure.savefig(drawn, format="png", dpi=_DPI)
-    with Image.open(drawn) as image:
-        image.convert("RGB").quantize(_COLOUR_COUNT).save(written, format="png", optimize=True)
-    return written.getvalue()
+        figure.savefig(full, format="png", dpi=_DPI)
+    with Image.open(full) as image:
+        image.convert("RGB").quantize(_COLOUR_COUNT).save(reduced, format="png", optimize=True)
+    return reduced.getvalue()
 
 
 def check_figure_path(path: Path, *, overwrite: bool = False) -> None:

@@ -85,11 +85,11 @@ def draw_channel(
 
 def channel_unit(response: Response, channel: str) -> str:
     """Return the SI unit of a channel."""
-    known = dict(response.outline.channels)
-    if channel not in known:
-        allowed = ", ".join(known) or "(no channel was saved)"
-        raise refuse("channel", repr(channel), allowed, "", suggest_name(channel, known))
-    return known[channel]
+    units = dict(response.outline.channels)
+    if channel not in units:
+        allowed = ", ".join(units) or "(no channel was saved)"
+        raise refuse("channel", repr(channel), allowed, "", suggest_name(channel, units))
+    return units[channel]
 
 
 def contact_forces(response: Response) -> list[str]:
@@ -301,9 +301,9 @@ def progress_figure(costs: FloatArray, inside: np.ndarray, best: FloatArray, lab
     """Return a figure with the goal over the evaluations of an optimization."""
     figure, (axes,) = create_axes((7.0, 4.0))
     at = np.arange(1, len(costs) + 1)
-    known = np.isfinite(costs)
+    finite = np.isfinite(costs)
     outline: dict[str, Any] = {"s": 16, "edgecolors": COLOURS[0], "linewidths": 0.8}
-    for mask, fill, name in ((inside & known, COLOURS[0], "feasible"), (~inside & known, "none", "infeasible")):
+    for mask, fill, name in ((inside & finite, COLOURS[0], "feasible"), (~inside & finite, "none", "infeasible")):
         axes.scatter(at[mask], costs[mask], facecolors=fill, label=name, **outline)
     axes.plot(at, best, color=COLOURS[1], linewidth=1.5, drawstyle="steps-post", label="best so far")
     axes.set(xlabel="evaluation", ylabel=label)
@@ -330,8 +330,8 @@ def fit_figure(
 def front_figure(values: FloatArray, inside: np.ndarray, front: Sequence[int], labels: tuple[str, str]) -> Figure:
     """Return a figure with two goals against each other and their Pareto front."""
     figure, (axes,) = create_axes((7.0, 5.0))
-    known = np.isfinite(values).all(axis=1) & inside
-    axes.scatter(*values[known].T, s=8, color="0.65", label="feasible")
+    finite = np.isfinite(values).all(axis=1) & inside
+    axes.scatter(*values[finite].T, s=8, color="0.65", label="feasible")
     axes.plot(*values[list(front)].T, color=COLOURS[1], marker="o", markersize=5, linewidth=1.2, label="front")
     axes.set(xlabel=labels[0], ylabel=labels[1])
     figure.legend(loc="outside upper center", ncols=2, fontsize="small")
@@ -440,8 +440,8 @@ def work_precision_figure(found: Sequence[ModelEvaluation]) -> Figure:
         square = {"linestyle": "none", "marker": "s", "markersize": 8, "fillstyle": "none"}
         square |= {} if names > 1 else {"label": "Pareto-optimal"}
         for axis, kind in zip(axes, kinds, strict=True):
-            for shown, style in ((points, line), (best, square)):
-                errors = [100.0 * run.errors[kind] for run in shown]
-                axis.loglog([max(run.work, 1) for run in shown], errors, color=colour, **style)
+            for subset, style in ((points, line), (best, square)):
+                errors = [100.0 * run.errors[kind] for run in subset]
+                axis.loglog([max(run.work, 1) for run in subset], errors, color=colour, **style)
     add_legend(figure, axes[0], names + 1)
     return figure

@@ -42,9 +42,9 @@ class Part:
     @property
     def moves(self) -> bool:
         """True if its points move or its values change."""
-        moved = np.abs(self.points - self.points[0]).max()
+        motion = np.abs(self.points - self.points[0]).max()
         changed = self.values is not None and bool((self.values != self.values[0]).any())
-        return bool(moved > _RELATIVE_REST * np.ptp(self.points[0], axis=0).max()) or changed
+        return bool(motion > _RELATIVE_REST * np.ptp(self.points[0], axis=0).max()) or changed
 
     def colour(self, *, by_value: bool = False) -> tuple[float, ...]:
         """Return red, green and blue (sRGB) and the opacity, 0 to 1; without a value among coloured parts, grey."""

@@ -47,13 +47,13 @@ def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
             )  # fmt: skip
     styles, labelled = line_styles(), False
     for i, (column, reached) in enumerate(zip(found.frequencies.T, found.reached, strict=True)):
-        drawn = bool((column <= top).any())
+        visible = bool((column <= top).any())
         if reached:
             colour, dashes = next(styles)
-            label = f"{i + 1}: {', '.join(found.words[i].split(', ')[:2])}" if drawn else ""
+            label = f"{i + 1}: {', '.join(found.words[i].split(', ')[:2])}" if visible else ""
             axes.plot(rpm, column, color=colour, linestyle=dashes, linewidth=1.8, marker="o", markersize=3, label=label)
         else:
-            first = not labelled and drawn
+            first = not labelled and visible
             axes.plot(rpm, column, color="0.5", linewidth=1.2, label="without force at the contact" * first)
             labelled = labelled or first
     failed = np.array([not status.ok for status in found.statuses])
@@ -100,9 +100,9 @@ def _draw_orders(figure: Figure, left: Axes, axes: Axes, waterfall: Waterfall, s
     largest = float(np.nanmax(sizes)) if np.isfinite(sizes).any() else 0.0
     orders = np.arange(1.0, sizes.shape[1] + 1.0)
     norm = LogNorm(10.0**-_DECADES * (largest or 1.0), largest or 1.0, clip=True)
-    drawn = left.pcolormesh(orders, rpm, sizes, norm=norm, cmap="cividis", shading="nearest", rasterized=True)
+    mesh = left.pcolormesh(orders, rpm, sizes, norm=norm, cmap="cividis", shading="nearest", rasterized=True)
     name = f"acceleration of {waterfall.signal.name}" if waterfall.signal.probe else short_name(waterfall.signal.name)
-    figure.colorbar(drawn, ax=left, label=axis_label(name, waterfall.unit))
+    figure.colorbar(mesh, ax=left, label=axis_label(name, waterfall.unit))
     height = _LINE_HEIGHT * float(np.ptp(rpm)) / (largest or 1.0)
     for i, (base, row) in enumerate(zip(rpm.tolist(), sizes, strict=True)):
         axes.fill_between(orders, base, base + height * row, facecolor="white", zorder=3.0 - i / len(rpm))
@@ -123,8 +123,8 @@ def angle_map_figure(rpm: FloatArray, runs: Sequence[Response | None], channel: 
             row[:] = factor * np.interp(angle, last.angle, last.channels[channel], period=2.0 * math.pi)
     figure, (axes,) = create_axes((7.0, 4.5), grid=None)
     axes.set_facecolor("0.85")
-    drawn = axes.pcolormesh(np.degrees(angle), rpm, values, cmap="viridis", shading="nearest", rasterized=True)
-    figure.colorbar(drawn, ax=axes, label=axis_label(short_name(channel), unit))
+    mesh = axes.pcolormesh(np.degrees(angle), rpm, values, cmap="viridis", shading="nearest", rasterized=True)
+    figure.colorbar(mesh, ax=axes, label=axis_label(short_name(channel), unit))
     i, j = np.unravel_index(int(np.nanargmax(values)), values.shape)
     label = f"maximum {values[i, j]:.4g} {symbol} at {rpm[i]:.0f} rpm"
     axes.plot(np.degrees(angle[j]), rpm[i], "o", color="white", markeredgecolor="black", label=label)
@@ -172,8 +172,8 @@ def draw_mode(axes: Axes, structure: Structure, member: str, nodal: FloatArray, 
     length = structure.beams.length[structure.model.mesh.element_ranges()[member], None]
     along = np.cumsum(length, axis=0) - length + length * np.linspace(0.0, 1.0, _PARTS + 1)
     place = to_display_unit("m")[0] * along.ravel()
-    moved = _member_motion(structure, member, nodal) / size
-    for values, name, (colour, dashes) in zip(moved.T, _MOTIONS, line_styles(), strict=False):
+    motion = _member_motion(structure, member, nodal) / size
+    for values, name, (colour, dashes) in zip(motion.T, _MOTIONS, line_styles(), strict=False):
         if np.abs(values).max() > _MIN_MOTION:
             axes.plot(place, values, label=name, color=colour, linestyle=dashes)
     axes.axhline(0.0, color="0.4", linewidth=0.8)

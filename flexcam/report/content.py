@@ -134,9 +134,9 @@ def describe_margins(margins: Margins, turns: float) -> list[str]:
     """Return sentences about the margins of the train at its speed."""
     sentences: list[str] = []
     if margins.rigid_rpm is not None and margins.spring_margin is not None:
-        lost = f"The rigid train loses contact at {shaft_speed(margins.rigid_rpm * RPM, turns)}"
+        text = f"The rigid train loses contact at {shaft_speed(margins.rigid_rpm * RPM, turns)}"
         ratio = f"{1.0 + margins.spring_margin:.3g} times its inertia force"
-        sentences.append(f"{lost}; at the speed of the run its spring force is {ratio}.")
+        sentences.append(f"{text}; at the speed of the run its spring force is {ratio}.")
     for name, margin in margins.buckling_margins.items():
         sentences.append(f"The buckling load of {name} is {margin:.3g} times its static compression at full lift.")
     if margins.unknown:

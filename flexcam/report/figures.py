@@ -247,12 +247,12 @@ def _modes(about: ReportSubject, lines: _LinePoints) -> list[Shape]:
     if about.known is None or about.modes is None:
         return []
     modes, structure = about.modes, about.known.structure
-    moved = lines.of_beams(structure.beams, structure.dofs.nodal_modes(modes.modes.shapes.T, about.result.mesh.extent))
+    motion = lines.of_beams(structure.beams, structure.dofs.nodal_modes(modes.modes.shapes.T, about.result.mesh.extent))
     undrawn, shapes = _undrawn_parts(structure), list[Shape]()
     for i, (frequency, shares) in enumerate(zip(modes.modes.frequencies.tolist(), modes.shares, strict=True)):
         part = max(shares, key=lambda name: shares[name], default="")
         note = f". The part with the largest motion, {part}, is no member and not drawn" if part in undrawn else ""
-        shapes.append(Shape(f"mode {i + 1}, {frequency:.4g} Hz", modes.words(i) + note, moved[i : i + 1]))
+        shapes.append(Shape(f"mode {i + 1}, {frequency:.4g} Hz", modes.words(i) + note, motion[i : i + 1]))
     return shapes
 
 
@@ -276,9 +276,9 @@ def _run_motion(about: ReportSubject, lines: _LinePoints) -> list[Shape]:
     at = np.flatnonzero(last)[:: -(-int(last.sum()) // _FRAMES)]
     nodal = response.fields.displacement[at].reshape(len(at), -1, 6)
     if about.known is None:
-        moved = lines.of_nodes(about.result.mesh.elements(), nodal[..., :3])
+        motion = lines.of_nodes(about.result.mesh.elements(), nodal[..., :3])
     else:
-        moved = lines.of_beams(about.known.structure.beams, nodal)
+        motion = lines.of_beams(about.known.structure.beams, nodal)
     degrees = np.degrees(response.field_angle[at[[0, -1]]])
     words = f"The computed motion from {degrees[0]:.4g} to {degrees[1]:.4g} deg of cam angle"
-    return [Shape("the run", words, moved)]
+    return [Shape("the run", words, motion)]

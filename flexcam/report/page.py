@@ -112,13 +112,13 @@ def _main_probe(about: ReportSubject, probe: str | None) -> str:
     return scalar_probe(about.known.ready)
 
 
-def _chapter(about: ReportSubject, name: str, main: str, asked: ReportOptions, share: int) -> Chapter:
+def _chapter(about: ReportSubject, name: str, main: str, options: ReportOptions, share: int) -> Chapter:
     texts, known, status = about.result.about, about.known, about.result.response.status
     title = texts.get("title", "") or about.stem
     figures = compute_metrics(known.ready, known.response) if known else []
     compared, lacking = _compare_rigid(about, known, main) if known else (None, [])
     sentences, sheets, pictures = (
-        content.additional_content(known.case, main, asked) if known and status.ok and main else ([], [], [])
+        content.additional_content(known.case, main, options) if known and status.ok and main else ([], [], [])
     )
     warnings = [] if status.ok else [f"The run did not reach its end. {status}"]
     if known and len(known.response.time):

@@ -142,14 +142,14 @@ def spring_curve_rows(spring: Spring) -> list[dict[str, Any]]:
 def spring_curve_table(name: str, spring: Spring) -> Table:
     """Return the table of a spring's static curve."""
     rows = spring_curve_rows(spring)
-    shown: list[int] = np.unique(np.linspace(0, len(rows) - 1, _CURVE_ROWS).round().astype(int)).tolist()
+    indices: list[int] = np.unique(np.linspace(0, len(rows) - 1, _CURVE_ROWS).round().astype(int)).tolist()
     (length, mm), (load, newton), (rate, per_mm) = map(to_display_unit, ("m", "N", "N/m"))
     head = (f"{mm} beyond installed", f"force {newton}", f"stiffness {per_mm}", "surge Hz, ends fixed")
     cells = [
         (f"{length * row['travel_m']:.4g}" + " (coil bind)" * (row["travel_m"] == spring.clash_travel),
          f"{load * row['force_n']:.1f}", f"{rate * row['stiffness_n_per_m']:.2f}",
          f"{row['frequencies_hz'][0]:.4g}" if row["frequencies_hz"] else "no mass")
-        for row in (rows[i] for i in shown)
+        for row in (rows[i] for i in indices)
     ]  # fmt: skip
     return plain_table(f"Spring {name}", head, cells)
 
@@ -261,21 +261,21 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
 
 def run_table(case: Case, extremes: ExtremesSink) -> Table:
     """Return the table of the extremes of every probe, without the inner points of springs."""
-    moved = [
+    ranges = [
         (name if len(components) == 1 else f"{name}.{component}", component in ROTATIONS, 1e3 * np.array(bounds))
         for name, components in extremes.outline.probes
         if not name.startswith("springs.")
         for component, *bounds in zip(components, *extremes.probe(name), strict=True)
     ]
-    largest = max((float(np.abs(bounds).max()) for _, turns, bounds in moved if not turns), default=0.0)
+    largest = max((float(np.abs(bounds).max()) for _, turns, bounds in ranges if not turns), default=0.0)
     rows: list[tuple[str, ...]] = []
-    for name, turns, bounds in moved:
+    for name, turns, bounds in ranges:
         factor, unit = (1e3, "mrad") if turns else to_display_unit("m")
         if float(np.abs(bounds).max()) > min(_REST_AMPLITUDE, _RELATIVE_REST_AMPLITUDE * largest):
-            shown = 1e-3 * factor * bounds
-            amplitude = float(np.abs(shown).max())
+            scaled = 1e-3 * factor * bounds
+            amplitude = float(np.abs(scaled).max())
             places = 4 if amplitude >= _FOUR_DECIMAL_AMPLITUDE else count_decimals(amplitude, 4)
-            rows.append((name, *(f"{format_decimals(float(bound), places)} {unit}" for bound in shown)))
+            rows.append((name, *(f"{format_decimals(float(bound), places)} {unit}" for bound in scaled)))
     message = "no probe moves" if extremes.steps else "no steps were completed"
     return plain_table(f"{case.title}, {case.speed_text}", ("probe", "min", "max"), rows or [(message, "", "")])
 
@@ -350,8 +350,8 @@ def merit_table(model: Model, figures: Sequence[FigureOfMerit]) -> Table:
     for name, parts in rows.items():
         text = _range_text(parts)
         if len(parts) <= _MAX_PARTS:  # a line break does not separate a value from its part
-            shown = [(f"{value} ({part})" if part else value).replace(" ", _NO_BREAK) for _, value, part in parts]
-            text = fill(", ".join(shown), _CELL).replace(_NO_BREAK, " ")
+            texts = [(f"{value} ({part})" if part else value).replace(" ", _NO_BREAK) for _, value, part in parts]
+            text = fill(", ".join(texts), _CELL).replace(_NO_BREAK, " ")
         cells.append((name, text))
     return facts_table("Figures of merit, last revolution", cells)
 
@@ -422,8 +422,8 @@ def info_table(result: Result) -> Table:
 def _limit_speed(limit: Limit, scale: float, high: float) -> str:
     if limit.rpm is None:
         return f"above {high:.6g}" if limit.known else "not known"
-    shown = _limit_rpm(limit, scale, limit.rpm)
-    return f"{shown} or below" if math.isinf(limit.tolerance_rpm) else shown
+    text = _limit_rpm(limit, scale, limit.rpm)
+    return f"{text} or below" if math.isinf(limit.tolerance_rpm) else text
 
 
 def _limit_rpm(limit: Limit, scale: float, rpm: float) -> str:
@@ -489,5 +489,5 @@ def limits_table(found: Limits, margins: Margins, scale: float) -> Table:
     if margins.unknown:
         rows.append(("buckling margins", "not known", "", "", margins.unknown))
     heads = ("limit", f"{shaft_name(scale)} rpm", "uncertainty", "occurs at", "event")
-    shown = [i for i in range(len(heads)) if any(row[i] for row in rows)]  # without empty columns
-    return plain_table("Speed limits", [heads[i] for i in shown], [[row[i] for i in shown] for row in rows])
+    columns = [i for i in range(len(heads)) if any(row[i] for row in rows)]  # without empty columns
+    return plain_table("Speed limits", [heads[i] for i in columns], [[row[i] for i in columns] for row in rows])

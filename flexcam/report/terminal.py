@@ -168,7 +168,7 @@ def plain_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str 
     cells = [[cell if isinstance(cell, str) else format_number(cell) for cell in row] for row in rows]
     longest = [max((len(row[i]) for row in cells), default=0) for i in range(len(columns))]
     heads, limit = list(columns), result_console().width
-    whole = sum(size + 1 for size in longest if size <= _NUMBER) <= limit  # otherwise their digits are wrapped
+    unbroken = sum(size + 1 for size in longest if size <= _NUMBER) <= limit  # otherwise their digits are wrapped
     width = sum(max(len(head), _needed_width(size, _WORDS)) + _GAP for head, size in zip(heads, longest, strict=True))
     widths: list[int | None] = [None] * len(heads)
     if width - _GAP > limit:  # numbers are never wrapped: use headers of several lines and small gaps
@@ -181,7 +181,7 @@ def plain_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str 
             head,
             justify=justify,
             width=width if size <= _NUMBER else None,
-            no_wrap=whole and size <= _NUMBER,
+            no_wrap=unbroken and size <= _NUMBER,
             overflow="fold",
         )
     for row in cells:

@@ -248,11 +248,11 @@ class Mechanism:
 
     def _cam(self, place: CamPlacement, instant: SceneState) -> Iterator[tuple[str, list[Solid]]]:
         """Yield names and solids of the lobe, with the stub shaft of a cam without a member, and of the follower."""
-        moved = instant.nodal[place.node]
+        displacement = instant.nodal[place.node]
         angle = self.structure.model.cams[place.contact.cam].angle(np.array([instant.angle]))
-        solids = [parts.lobe_solid(place, float(angle[0]), moved)]
+        solids = [parts.lobe_solid(place, float(angle[0]), displacement)]
         if not self.structure.model.mesh.on_members()[place.node]:
-            middle, reach = place.centre + moved[:3], 1.1 * place.width * place.axis
+            middle, reach = place.centre + displacement[:3], 1.1 * place.width * place.axis
             solids.append(cylinder("shaft", middle - reach, middle + reach, 0.4 * place.follower.base_radius))
         yield place.contact.cam, solids
         yield place.contact.follower, parts.follower_solids(place, instant)
@@ -260,15 +260,15 @@ class Mechanism:
     def _balls(self, instant: SceneState) -> Iterator[Solid]:
         """Yield the masses at nodes without other parts; the rods of links stand for the body that leads them."""
         model = self.structure.model
-        shown = {valve.point for valve in self.valves} | {valve.contact.follower for valve in self.cams}
-        for part in model.masses.values():
-            if part.at in shown or part.at not in model.mesh.points:
+        points = {valve.point for valve in self.valves} | {valve.contact.follower for valve in self.cams}
+        for mass in model.masses.values():
+            if mass.at in points or mass.at not in model.mesh.points:
                 continue
-            node = model.mesh.node(part.at)
+            node = model.mesh.node(mass.at)
             if not model.mesh.on_members()[node] and all(node != nodes[0] for nodes in model.mesh.links.values()):
-                radius = (0.75 * part.body.mass / (math.pi * 7800.0)) ** (1.0 / 3.0)  # of a steel ball
+                radius = (0.75 * mass.body.mass / (math.pi * 7800.0)) ** (1.0 / 3.0)  # of a steel ball
                 centre = model.mesh.nodes[node] + instant.nodal[node, :3]
-                yield replace(ball("mass", centre, min(radius, 0.1 * model_size(model))), name=part.at)
+                yield replace(ball("mass", centre, min(radius, 0.1 * model_size(model))), name=mass.at)
 
 
 def build_mechanism(structure: Structure) -> Mechanism:

@@ -65,13 +65,13 @@ def centre_line(beams: Beams, elements: slice, nodes: FloatArray, nodal: FloatAr
     """Return the deformed centre line of a chain of elements, with `parts` segments per element."""
     ends = beams.nodes[elements]
     bent = deflection(beams, nodal, parts, elements)
-    moved, rotated = np.hsplit(np.concatenate([bent[:, :-1].reshape(-1, 6), bent[-1, -1:]]), 2)
+    translations, rotations = np.hsplit(np.concatenate([bent[:, :-1].reshape(-1, 6), bent[-1, -1:]]), 2)
     part = np.arange(len(ends) * parts + 1) / parts
     element = np.minimum(part.astype(np.intp), len(ends) - 1)
     along, triads = (part - element)[:, None], beams.triads[elements][element]
     straight = (1.0 - along) * nodes[ends[element, 0]] + along * nodes[ends[element, 1]]
-    points = straight + np.einsum("ni,nij->nj", moved, triads)
-    axes = triads @ rotation_matrices(np.einsum("ni,nij->nj", rotated, triads))
+    points = straight + np.einsum("ni,nij->nj", translations, triads)
+    axes = triads @ rotation_matrices(np.einsum("ni,nij->nj", rotations, triads))
     return CentreLine(points, axes, part)
 
 
@@ -213,15 +213,15 @@ def _structure_dofs(structure: Structure, response: Response, rigid: FloatArray)
     """Return the degrees of freedom of the structure at the saved fields; missing ones move as in the rigid model."""
     numbers, count = structure.dofs.numbers, int((structure.dofs.numbers >= 0).sum())
     nodal = response.fields.displacement.reshape(len(rigid), -1, 6)
-    moved = rigid.copy()
-    moved[:, numbers[numbers >= 0]] = nodal[:, numbers >= 0]
+    unknowns = rigid.copy()
+    unknowns[:, numbers[numbers >= 0]] = nodal[:, numbers >= 0]
     rows = np.clip(np.searchsorted(response.time, response.field_time - 1e-12), 0, len(response.time) - 1)
     components = dict(response.outline.probes)
     for i, name in enumerate(structure.dofs.names[count:], start=count):
         group, _, component = name.rpartition(".")
         if name in components or component in components.get(group, ()):
-            moved[:, i] = response[name].displacement[rows]
-    return moved
+            unknowns[:, i] = response[name].displacement[rows]
+    return unknowns
 
 
 def _member_translations(structure: Structure, unknowns: FloatArray) -> FloatArray:

@@ -84,11 +84,11 @@ def follower_solids(place: CamPlacement, instant: SceneState) -> list[Solid]:
 
     A flat face is a disc on the cam, with a neck to the node if that is farther away.
     """
-    moved = instant.at(place.contact.follower, place.lift)
+    displacement = instant.at(place.contact.follower, place.lift)
     if math.isfinite(place.follower.roller_radius):
-        return _roller(place, moved, instant)
+        return _roller(place, displacement, instant)
     base, radius = place.follower.base_radius, place.face
-    face = place.centre + base * place.lift + moved
+    face = place.centre + base * place.lift + displacement
     thick = 0.3 * radius
     profile = [(0.0, 0.96 * radius), (0.04 * radius, radius), (thick, radius)]
     parts = [solids.revolve("follower", face, place.lift, profile)]
@@ -98,11 +98,11 @@ def follower_solids(place: CamPlacement, instant: SceneState) -> list[Solid]:
     return parts
 
 
-def _roller(place: CamPlacement, moved: np.ndarray, instant: SceneState) -> list[Solid]:
+def _roller(place: CamPlacement, displacement: np.ndarray, instant: SceneState) -> list[Solid]:
     finger = not instant.structure.is_node(place.contact.follower)
     swings = finger or place.side != 1
-    centre = place.contact_end(float(moved @ place.lift) if swings else 0.0)
-    middle = place.centre + in_space(centre, place.plane) + (0.0 if swings else 1.0) * moved
+    centre = place.contact_end(float(displacement @ place.lift) if swings else 0.0)
+    middle = place.centre + in_space(centre, place.plane) + (0.0 if swings else 1.0) * displacement
     half, radius = 0.55 * place.width * place.axis, place.follower.roller_radius
     parts = [solids.cylinder("roller", middle - half, middle + half, radius)]
     if not finger and place.ahead - place.contact_end(0.0).imag > 1.2 * radius:
@@ -250,12 +250,12 @@ class CoilPlacement:
 
 def spring_solids(place: CoilPlacement, instant: SceneState) -> list[Solid]:
     """Return the solids of a spring."""
-    moved = place.sense * (place.borders @ instant.unknowns)
+    displacements = place.sense * (place.borders @ instant.unknowns)
     size, axis = place.sizes, place.axis
-    parts = [coil_solid(size, place.start, axis, moved)]
+    parts = [coil_solid(size, place.start, axis, displacements)]
     inner, outer, thick = 0.5 * (size.diameter - 1.6 * size.wire), 0.5 * size.diameter + size.wire, 0.7 * size.wire
     if place.retainer:
-        top = place.start + (size.length + moved[-1] + 0.5 * thick) * axis
+        top = place.start + (size.length + displacements[-1] + 0.5 * thick) * axis
         parts.append(solids.ring("retainer", top, axis, (0.25 * inner, outer), thick))
     if place.ground:
         parts.append(solids.ring("ground", place.start - 0.5 * thick * axis, axis, (0.6 * inner, 1.1 * outer), thick))
