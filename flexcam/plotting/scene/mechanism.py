@@ -260,7 +260,7 @@ class Mechanism:
     def _balls(self, instant: SceneState) -> Iterator[Solid]:
         """Yield the masses at nodes without other parts; the rods of links stand for the body that leads them."""
         model = self.structure.model
-        points = {valve.point for valve in self.valves} | {valve.contact.follower for valve in self.cams}
+        points = {valve.point for valve in self.valves} | {cam.contact.follower for cam in self.cams}
         for mass in model.masses.values():
             if mass.at in points or mass.at not in model.mesh.points:
                 continue
