@@ -167,18 +167,18 @@ def load_case(path: Path, overrides: Sequence[str] | None) -> Case:
 
 def warn_ignored_keys(overrides: Sequence[str] | None, case: Case | None = None) -> None:
     """Report the keys that the current command ignores; for a file of cams, only the overrides."""
-    given, command = overrides or (), run_state.command
-    keys = [one.partition("=")[0].strip() for one in given]
+    pairs, command = overrides or (), run_state.command
+    keys = [pair.partition("=")[0].strip() for pair in pairs]
     for i, key in enumerate(keys):
         if (last := len(keys) - 1 - keys[::-1].index(key)) != i:
-            print_message(f"Note: --set {given[i]} has no effect: --set {given[last]} replaces it; leave one out")
+            print_message(f"Note: --set {pairs[i]} has no effect: --set {pairs[last]} replaces it; leave one out")
     if case is not None and "run.speed" in keys and "crank_speed" in parse_toml(case.text).get("run", {}):
         crank = f"the crankshaft turns at {2.0 * case.speed / RPM:.6g} rpm"
         text = f"replaces run.crank_speed: run.speed is the speed of the camshaft; {crank}"
-        print_message(f"Note: --set {given[keys.index('run.speed')]} {text}")
+        print_message(f"Note: --set {pairs[keys.index('run.speed')]} {text}")
     for commands, ignored, why in IGNORED_KEYS:
         if case is not None and command in commands:
-            changed = [case.place(key) for key in (tuple(one.split(".")) for one in ignored) if _has_value(case, *key)]
+            changed = [case.place(key) for key in (tuple(k.split(".")) for k in ignored) if _has_value(case, *key)]
             if changed:
                 has = "has" if len(changed) == 1 else "have"
                 print_message(f"Note: {', '.join(changed)} {has} no effect in {command}: {why}")
@@ -194,9 +194,9 @@ def load_beams(path: Path, overrides: Sequence[str] | None) -> Case:
     """Read a case for a command that requires its beams; raise an error if it requests a coarser model."""
     case = load_case(path, overrides)
     for key, allowed in (("model", "beams"), ("modes", None)):
-        if (given := getattr(case.record.fidelity, key)) != allowed:
+        if (value := getattr(case.record.fidelity, key)) != allowed:
             why, remedy = "this command needs all degrees of freedom of the members", f"leave fidelity.{key} out"
-            raise refuse(case.place(("fidelity", key)), str(given), "beams with all degrees of freedom", why, remedy)
+            raise refuse(case.place(("fidelity", key)), str(value), "beams with all degrees of freedom", why, remedy)
     return case
 
 
@@ -209,21 +209,21 @@ def check_number(option: str, number: int | None, low: int = 1, high: float = ma
 
 def refuse_without(required: str, options: Mapping[str, object], *, present: bool) -> None:
     """Raise an error for options that have no effect without another one; None and False are options not given."""
-    for option, given in options.items():
-        if not present and given is not None and given is not False:
-            raise refuse(option, _describe_option(given), "", f"it applies only with {required}", "leave it out")
+    for option, value in options.items():
+        if not present and value is not None and value is not False:
+            raise refuse(option, _describe_option(value), "", f"it applies only with {required}", "leave it out")
 
 
 def refuse_with(other: str, why: str, options: Mapping[str, object], remedy: str = "leave it out") -> None:
     """Raise an error for options that have no effect together with another one; None is an option not given."""
-    for option, given in options.items():
-        if given is not None:
-            raise refuse(option, _describe_option(given), "", f"it cannot be combined with {other}: {why}", remedy)
+    for option, value in options.items():
+        if value is not None:
+            raise refuse(option, _describe_option(value), "", f"it cannot be combined with {other}: {why}", remedy)
 
 
-def _describe_option(given: object) -> str:
+def _describe_option(value: object) -> str:
     """Return the value of an option as it was given; several values are separated by commas."""
-    return ", ".join(str(one) for one in cast("list[object]", given)) if isinstance(given, list) else str(given)
+    return ", ".join(str(item) for item in cast("list[object]", value)) if isinstance(value, list) else str(value)
 
 
 def speed_range(
@@ -235,8 +235,8 @@ def speed_range(
     low = 0.5 * speed if lowest is None else parse_quantity("--lowest", lowest, "speed", "rpm") / scale
     high = most * speed if highest is None else parse_quantity("--highest", highest, "speed", "rpm") / scale
     if not high > low:
-        given = highest or f"{scale * high / RPM:g} rpm, {most:g} times that of the case"
-        raise refuse("--highest", given, f"a speed above the lowest, {scale * low / RPM:g} rpm")
+        text = highest or f"{scale * high / RPM:g} rpm, {most:g} times that of the case"
+        raise refuse("--highest", text, f"a speed above the lowest, {scale * low / RPM:g} rpm")
     if not low > 0.0:
         raise refuse("--lowest", lowest, "a speed above zero")
     return low, high
@@ -251,7 +251,7 @@ def spaced_speeds(lowest: str | None, highest: str | None, count: int, case: Cas
 
 def joint_status(statuses: Sequence[Status], what: str) -> Status:
     """Return the status of a command over speeds or variants, which failed if it completed none of them."""
-    if any(one.ok for one in statuses):
+    if any(status.ok for status in statuses):
         return Status()
     first = statuses[0]
     remedy = "allow more time" if first.cause is Cause.TIME_LIMIT else first.remedy
@@ -268,10 +268,10 @@ def parse_accuracy(text: str, scale: float) -> float:
 
 def check_distinct_files(written: Mapping[str, Path | None], read: Sequence[Path] = ()) -> None:
     """Raise an error if output files coincide with each other or with an input file, regardless of overwriting."""
-    taken = {os.path.realpath(path): "the input" for path in read}
+    owners = {os.path.realpath(path): "the input" for path in read}
     faults: list[Fault] = []
     for option, path in written.items():
-        if path is not None and (other := taken.setdefault(os.path.realpath(path), option)) != option:
+        if path is not None and (other := owners.setdefault(os.path.realpath(path), option)) != option:
             why = "it would be lost" if other == "the input" else "one would replace the other"
             faults.append(Fault(option, str(path), f"a file other than {other}", why, "name another file"))
     if faults:
@@ -332,8 +332,8 @@ def command(
 
     def register(function: Callable[..., CommandOutput | None]) -> Callable[..., Status | None]:
         @wraps(function)
-        def execute(*arguments: object, **given: object) -> Status | None:
-            options = cast("Mapping[str, Any]", given)
+        def execute(*arguments: object, **keywords: object) -> Status | None:
+            options = cast("Mapping[str, Any]", keywords)
             set_unit_system(options.get("units") or "metric")
             output = function(*arguments, **options)
             if output is None:  # printed by the command itself

@@ -49,50 +49,50 @@ _UNITS = {
 }  # fmt: skip
 
 
-def _cam_json(found: CamFacts, report: LiftReport | None) -> dict[str, object]:
-    after_tdc, phaser = None, found.cam.phaser
-    if found.tdc is not None:
+def _cam_json(facts: CamFacts, report: LiftReport | None) -> dict[str, object]:
+    after_tdc, phaser = None, facts.cam.phaser
+    if facts.tdc is not None:
         crank = {
-            name: event and {"opens": found.after_tdc(event.opens), "closes": found.after_tdc(event.closes)}
-            for name, event in found.events.items()
+            name: event and {"opens": facts.after_tdc(event.opens), "closes": facts.after_tdc(event.closes)}
+            for name, event in facts.events.items()
         }
-        after_tdc = {"centreline": found.centreline_after_tdc, "valve_events": crank}
+        after_tdc = {"centreline": facts.centreline_after_tdc, "valve_events": crank}
     return {
-        "lift": found.lift[1].value, "least_lift": found.lift[0].value, "velocity": found.velocity,
-        "acceleration": found.acceleration, "jerk": found.jerk, "harmonics": list(found.harmonics),
-        "joints": [{"angle": one.angle, "steps": dict(zip(_STEPS, one.steps, strict=True))} for one in found.joints],
-        "valve_events": {name: _event_json(one) for name, one in found.events.items()},
-        "follower_events": {name: _event_json(one) for name, one in found.follower_events.items()},
-        "profile": _profile_json(found),
-        "findings": found.findings, "smoothing": report,
-        "centreline": found.centreline, "tdc": found.tdc, "ratio": found.ratio, "lash": found.lash,
-        "valve_lift": _valve_lift(found), "after_tdc": after_tdc,
+        "lift": facts.lift[1].value, "least_lift": facts.lift[0].value, "velocity": facts.velocity,
+        "acceleration": facts.acceleration, "jerk": facts.jerk, "harmonics": list(facts.harmonics),
+        "joints": [{"angle": j.angle, "steps": dict(zip(_STEPS, j.steps, strict=True))} for j in facts.joints],
+        "valve_events": {name: _event_json(event) for name, event in facts.events.items()},
+        "follower_events": {name: _event_json(event) for name, event in facts.follower_events.items()},
+        "profile": _profile_json(facts),
+        "findings": facts.findings, "smoothing": report,
+        "centreline": facts.centreline, "tdc": facts.tdc, "ratio": facts.ratio, "lash": facts.lash,
+        "valve_lift": _valve_lift(facts), "after_tdc": after_tdc,
         "phaser": phaser
         and [{"drive_angle": at, "shift": shift} for at, shift in zip(phaser.angles, phaser.shifts, strict=True)],
     }  # fmt: skip
 
 
-def _valve_lift(found: CamFacts) -> float:
-    return float(found.valve_lift(np.array([found.lift[1].value]))[0])
+def _valve_lift(facts: CamFacts) -> float:
+    return float(facts.valve_lift(np.array([facts.lift[1].value]))[0])
 
 
 def _event_json(event: ValveEvent | None) -> dict[str, float] | None:
     return None if event is None else {**asdict(event), "duration": event.duration, "centre": event.centre}
 
 
-def _profile_json(found: CamFacts) -> dict[str, object] | None:
-    if found.profile is None:
+def _profile_json(facts: CamFacts) -> dict[str, object] | None:
+    if facts.profile is None:
         return None
-    seen, hollow = found.profile.extremes, found.profile.extremes.hollow
+    peaks, hollow = facts.profile.extremes, facts.profile.extremes.hollow
     return {
-        "base_radius": found.profile.follower.base_radius,
-        "convex_radius": seen.convex.value, "convex_radius_at": seen.convex.at,
+        "base_radius": facts.profile.follower.base_radius,
+        "convex_radius": peaks.convex.value, "convex_radius_at": peaks.convex.at,
         "hollow_radius": hollow and hollow.value, "hollow_radius_at": hollow and hollow.at,
-        "pressure_angle": abs(seen.pressure_angle.value), "pressure_angle_at": seen.pressure_angle.at,
-        "contact_offset": [end.value for end in seen.offset],
-        "sliding_velocity": abs(seen.sliding.value),
-        "least_base_radius": found.least_base_radius,
-        "face_diameter": found.face_diameter, "min_face_diameter": found.min_face_diameter,
+        "pressure_angle": abs(peaks.pressure_angle.value), "pressure_angle_at": peaks.pressure_angle.at,
+        "contact_offset": [end.value for end in peaks.offset],
+        "sliding_velocity": abs(peaks.sliding.value),
+        "least_base_radius": facts.least_base_radius,
+        "face_diameter": facts.face_diameter, "min_face_diameter": facts.min_face_diameter,
     }  # fmt: skip
 
 
@@ -108,50 +108,50 @@ def _card_rows(content: object, *name: str) -> Iterator[tuple[str, float, str]]:
             yield from _card_rows(value, *name, str(part))
 
 
-def _cam_table(name: str, found: CamFacts, cams: CamSet) -> Table:
+def _cam_table(name: str, facts: CamFacts, cams: CamSet) -> Table:
     part = "valve open" if cams.turns == 2.0 else "output"  # of a machine
     if name in cams.clearances:  # it closes the valve
-        part, found = "follower", replace(found, ratio=1.0, lash=0.0, events=found.follower_events)
-    speed, ratio, lash, phaser = cams.speed, found.ratio, found.lash, found.cam.phaser
+        part, facts = "follower", replace(facts, ratio=1.0, lash=0.0, events=facts.follower_events)
+    speed, ratio, lash, phaser = cams.speed, facts.ratio, facts.lash, facts.cam.phaser
     shifts = [f"{math.degrees(end):.4g}" for end in sorted({min(phaser.shifts), max(phaser.shifts)})] if phaser else []
     infinite = "infinite: the acceleration is discontinuous"
-    events = [(part, found.events, ratio, lash)]
+    events = [(part, facts.events, ratio, lash)]
     if ratio != 1.0 or lash:
-        events.insert(0, ("follower", found.follower_events, 1.0, 0.0))
+        events.insert(0, ("follower", facts.follower_events, 1.0, 0.0))
     rows = [
-        ("lift", _lift(found)),
-        ("lobe centreline", _centreline(found, cams.turns)),
+        ("lift", _lift(facts)),
+        ("lobe centreline", _centreline(facts, cams.turns)),
         *([("phaser", f"turns the cam by {' to '.join(shifts)} deg; the angles in this table are without it")]
           if phaser else []),
-        ("max velocity", _at_speed(found.velocity, "m/rad", "m/s", 1, speed)),
-        ("max acceleration", _at_speed(found.acceleration, "m/rad^2", "m/s^2", 2, speed)),
-        ("max jerk", infinite if found.jerk is None else format_quantity("m/rad^3", found.jerk, digits=5)),
-        ("harmonics 1 to 10", format_quantity("m", *found.harmonics, digits=3, separator=", ")),
+        ("max velocity", _at_speed(facts.velocity, "m/rad", "m/s", 1, speed)),
+        ("max acceleration", _at_speed(facts.acceleration, "m/rad^2", "m/s^2", 2, speed)),
+        ("max jerk", infinite if facts.jerk is None else format_quantity("m/rad^3", facts.jerk, digits=5)),
+        ("harmonics 1 to 10", format_quantity("m", *facts.harmonics, digits=3, separator=", ")),
         *([("lash at the follower", format_quantity("m", lash))] if lash else []),
         *([("running clearance", format_quantity("m", cams.clearances[name]))] if name in cams.clearances else []),
         *((f"{part} above {lift}",
-           _event(found, event, factor * (found.lift[0].value - gap) > found.checking_lifts[lift], cams.turns))
-          for part, its, factor, gap in events for lift, event in its.items()),
-        *((f"segment boundary {_at(one.angle)}", _describe_steps(one.steps)) for one in found.joints),
-        *_profile(found, speed),
-        *(("warning", _finding(one)) for one in found.findings),
+           _event(facts, event, factor * (facts.lift[0].value - gap) > facts.checking_lifts[lift], cams.turns))
+          for part, part_events, factor, gap in events for lift, event in part_events.items()),
+        *((f"segment boundary {_at(joint.angle)}", _describe_steps(joint.steps)) for joint in facts.joints),
+        *_profile(facts, speed),
+        *(("warning", _finding(fault)) for fault in facts.findings),
     ]  # fmt: skip
     return facts_table(f"Cam {name}", rows)
 
 
-def _lift(found: CamFacts) -> str:
-    least, largest = (one.value for one in found.lift)
-    ends = (least, largest) if abs(least) > NOISE * largest else (largest,)
-    how = ", ".join([f"x {found.ratio:g}"] * (found.ratio != 1.0) + ["less the lash"] * (found.lash != 0.0))
-    valve = f", at the valve {format_quantity('m', _valve_lift(found))} ({how})" if how else ""
+def _lift(facts: CamFacts) -> str:
+    minimum, maximum = (extreme.value for extreme in facts.lift)
+    ends = (minimum, maximum) if abs(minimum) > NOISE * maximum else (maximum,)
+    how = ", ".join([f"x {facts.ratio:g}"] * (facts.ratio != 1.0) + ["less the lash"] * (facts.lash != 0.0))
+    valve = f", at the valve {format_quantity('m', _valve_lift(facts))} ({how})" if how else ""
     return f"{format_quantity('m', *ends)}{valve}"
 
 
-def _centreline(found: CamFacts, turns: float) -> str:
-    cam = f"cam {math.degrees(found.centreline):.2f} deg"
-    if found.centreline_after_tdc is None:
+def _centreline(facts: CamFacts, turns: float) -> str:
+    cam = f"cam {math.degrees(facts.centreline):.2f} deg"
+    if facts.centreline_after_tdc is None:
         return cam + (" (give the cam the key tdc for angles from the dead centres)" if turns == 2.0 else "")
-    return f"{cam}, crank {_from_dead_centre(found.centreline_after_tdc)}"
+    return f"{cam}, crank {_from_dead_centre(facts.centreline_after_tdc)}"
 
 
 def _from_dead_centre(crank_angle: float | None, centre: float = 0.0) -> str:
@@ -167,14 +167,14 @@ def _at_speed(value: float, unit: str, at_speed: str, order: int, speed: float |
     return f"{text}, {format_quantity(at_speed, value * speed**order, digits=5)} at camshaft {speed / RPM:.6g} rpm"
 
 
-def _event(found: CamFacts, event: ValveEvent | None, always: bool, turns: float) -> str:
+def _event(facts: CamFacts, event: ValveEvent | None, always: bool, turns: float) -> str:
     """Return an event from the dead centres of its stroke, or in degrees of the shaft whose speed the case gives."""
     if event is None:
         return "always" if always else "never"
-    if (middle := found.centreline_after_tdc) is not None:
+    if (middle := facts.centreline_after_tdc) is not None:
         valve, centres = ("E", (-math.pi, 0.0)) if middle < 0.0 else ("I", (0.0, math.pi))
         ends = zip((event.opens, event.closes), centres, strict=True)
-        opens, closes = (_from_dead_centre(found.after_tdc(angle), centre) for angle, centre in ends)
+        opens, closes = (_from_dead_centre(facts.after_tdc(angle), centre) for angle, centre in ends)
         return f"{valve}VO {opens}, {valve}VC {closes}, duration {math.degrees(event.duration):.2f} deg"
     opens, closes, span = (0.5 * turns * math.degrees(x) for x in (event.opens, event.closes, event.duration))
     shaft = "crank" if turns == 2.0 else "cam"
@@ -187,57 +187,57 @@ def _describe_steps(steps: Sequence[float]) -> str:
     return ", ".join(jumps) or "smooth"
 
 
-def _profile(found: CamFacts, speed: float | None) -> list[tuple[str, str]]:
-    profile = found.profile
+def _profile(facts: CamFacts, speed: float | None) -> list[tuple[str, str]]:
+    profile = facts.profile
     if profile is None:
-        return [("profile", f"none: give the cam {' and '.join(found.cam.missing)}")]
-    seen, least = profile.extremes, "smaller radii meet the limits too"
-    if found.least_base_radius is None:
-        least = "no radius meets the limits with this lift"
-    elif found.least_base_radius:
-        flat, angle = isinstance(profile.follower, FlatFollower), f"{math.degrees(found.allowed_pressure_angle):g} deg"
+        return [("profile", f"none: give the cam {' and '.join(facts.cam.missing)}")]
+    peaks, minimum = profile.extremes, "smaller radii meet the limits too"
+    if facts.least_base_radius is None:
+        minimum = "no radius meets the limits with this lift"
+    elif facts.least_base_radius:
+        flat, angle = isinstance(profile.follower, FlatFollower), f"{math.degrees(facts.allowed_pressure_angle):g} deg"
         limits = "undercut" if flat else f"undercut, or pressure angle above {angle}"
-        least = f"below {format_quantity('m', found.least_base_radius)}: {limits}"
-    hollow = "none" if seen.hollow is None else f"{format_quantity('m', seen.hollow.value)} {_at(seen.hollow.at)}"
-    convex = format_quantity("m", seen.convex.value) if seen.convex.value > 0.0 else "none: the profile is undercut"
+        minimum = f"below {format_quantity('m', facts.least_base_radius)}: {limits}"
+    hollow = "none" if peaks.hollow is None else f"{format_quantity('m', peaks.hollow.value)} {_at(peaks.hollow.at)}"
+    convex = format_quantity("m", peaks.convex.value) if peaks.convex.value > 0.0 else "none: the profile is undercut"
     rows = [
-        ("base circle radius", f"{format_quantity('m', profile.follower.base_radius)}; {least}"),
-        ("min convex radius", f"{convex} {_at(seen.convex.at)}"),
+        ("base circle radius", f"{format_quantity('m', profile.follower.base_radius)}; {minimum}"),
+        ("min convex radius", f"{convex} {_at(peaks.convex.at)}"),
         ("min concave radius", hollow),
         ("max pressure angle",
-         f"{format_quantity('rad', abs(seen.pressure_angle.value), digits=4)} {_at(seen.pressure_angle.at)}"),
-        ("lever arm of contact force", format_quantity("m", *(end.value for end in seen.offset), digits=5)),
+         f"{format_quantity('rad', abs(peaks.pressure_angle.value), digits=4)} {_at(peaks.pressure_angle.at)}"),
+        ("lever arm of contact force", format_quantity("m", *(end.value for end in peaks.offset), digits=5)),
     ]  # fmt: skip
-    if found.min_face_diameter is not None:
-        rows.append(("min face diameter", _face(found, found.min_face_diameter)))
+    if facts.min_face_diameter is not None:
+        rows.append(("min face diameter", _face(facts, facts.min_face_diameter)))
     if math.isinf(profile.follower.roller_radius):  # a roller turns instead
-        rows.append(("max sliding velocity", _at_speed(abs(seen.sliding.value), "m/rad", "m/s", 1, speed)))
+        rows.append(("max sliding velocity", _at_speed(abs(peaks.sliding.value), "m/rad", "m/s", 1, speed)))
     return rows
 
 
-def _face(found: CamFacts, smallest: float) -> str:
+def _face(facts: CamFacts, smallest: float) -> str:
     """Return the face diameter that contains the contact line, the given one, and the offset that rotates the face."""
-    width, given, arm = found.cam.width, found.face_diameter, found.rotation_arm
-    said = "width of the cam not given" if width is None else f"cam width {format_quantity('m', width)}"
+    width, diameter, arm = facts.cam.width, facts.face_diameter, facts.rotation_arm
+    text = "width of the cam not given" if width is None else f"cam width {format_quantity('m', width)}"
     if arm:
-        said += f"; the tappet spins, as the contact is {format_quantity('m', arm)} from its axis"
-    elif given is not None:
-        said += "; the tappet does not spin, as there is no axial_offset and no crown with taper"
+        text += f"; the tappet spins, as the contact is {format_quantity('m', arm)} from its axis"
+    elif diameter is not None:
+        text += "; the tappet does not spin, as there is no axial_offset and no crown with taper"
     has = format_quantity("m", smallest, digits=4)
-    if given is not None:
-        has += f"{', but' if given < smallest else ';'} face_diameter is {format_quantity('m', given)}"
-    return f"{has} ({said})"
+    if diameter is not None:
+        has += f"{', but' if diameter < smallest else ';'} face_diameter is {format_quantity('m', diameter)}"
+    return f"{has} ({text})"
 
 
 def _at(angle: float) -> str:
     return f"at {math.degrees(angle):.4g} deg"
 
 
-def _finding(one: ProfileFault) -> str:
-    unit = "rad" if one.kind == "angle" else "m"
-    value, limit = (format_quantity(unit, number, digits=4) for number in (one.value, one.limit))
-    allowed = f"at most {limit}" if unit == "rad" else f"at least {limit}" if one.limit else "above 0"
-    return f"{one.what} ({value} {_at(one.angle)}, must be {allowed}); {one.remedy}"
+def _finding(fault: ProfileFault) -> str:
+    unit = "rad" if fault.kind == "angle" else "m"
+    value, limit = (format_quantity(unit, number, digits=4) for number in (fault.value, fault.limit))
+    allowed = f"at most {limit}" if unit == "rad" else f"at least {limit}" if fault.limit else "above 0"
+    return f"{fault.what} ({value} {_at(fault.angle)}, must be {allowed}); {fault.remedy}"
 
 
 @cli.command("""\
@@ -313,24 +313,24 @@ def cam(
             why, remedy = "at 90 deg the cam jams", "30 deg is common"
             raise refuse("--pressure-angle", pressure_angle, "an angle below 90 deg", why, remedy)
     lifts = {text: _positive_quantity("--checking-lift", text, "length", "mm") for text in checking_lifts or ()}
-    found = {
-        one: cam_analysis.cam_facts(
-            part, count=points, pressure_angle=limit, cutter=wheel, checking_lifts=THRESHOLDS | lifts,
-            ratio=cams.ratios[one], lash=cams.lashes[one], tdc=cams.tdcs[one],
+    by_cam = {
+        key: cam_analysis.cam_facts(
+            lobe, count=points, pressure_angle=limit, cutter=wheel, checking_lifts=THRESHOLDS | lifts,
+            ratio=cams.ratios[key], lash=cams.lashes[key], tdc=cams.tdcs[key],
         )
-        for one, part in cams.cams.items()
-        if name in (None, one)
+        for key, lobe in cams.cams.items()
+        if name in (None, key)
     }  # fmt: skip
-    followers = [one.profile.follower for one in found.values() if one.profile]
-    if pressure_angle is not None and followers and all(isinstance(one, FlatFollower) for one in followers):
+    followers = [facts.profile.follower for facts in by_cam.values() if facts.profile]
+    if pressure_angle is not None and followers and all(isinstance(shape, FlatFollower) for shape in followers):
         why = "flat followers have no pressure angle"
         raise refuse("--pressure-angle", pressure_angle, "a cam with a roller follower", why, "leave it out")
-    for option, given in (("-o", output), ("--cutter", cutter)):
-        if given is not None and not any(one.profile for one in found.values()):
-            why, remedy = f"{', '.join(found)} has no profile", "give the cam base_radius and follower"
-            raise refuse(option, str(given), "nothing without a profile", why, remedy)
-    files = _write_cam_files(cams.name, found, plot, plot_format or "svg", output, forms, wheel, overwrite=overwrite)
-    return replace(_describe_cams(cams, found), files=files)
+    for option, value in (("-o", output), ("--cutter", cutter)):
+        if value is not None and not any(facts.profile for facts in by_cam.values()):
+            why, remedy = f"{', '.join(by_cam)} has no profile", "give the cam base_radius and follower"
+            raise refuse(option, str(value), "nothing without a profile", why, remedy)
+    files = _write_cam_files(cams.name, by_cam, plot, plot_format or "svg", output, forms, wheel, overwrite=overwrite)
+    return replace(_describe_cams(cams, by_cam), files=files)
 
 
 def _positive_quantity(option: str, text: str, dimension: str, unit: str) -> float:
@@ -340,67 +340,67 @@ def _positive_quantity(option: str, text: str, dimension: str, unit: str) -> flo
 
 
 def _write_cam_files(
-    name: str, found: Mapping[str, CamFacts], plot: Path | None, form: str, folder: Path | None,
+    name: str, by_cam: Mapping[str, CamFacts], plot: Path | None, form: str, folder: Path | None,
     forms: Sequence[_ProfileFormat] | None, cutter: float | None, *, overwrite: bool,
 ) -> list[Path]:  # fmt: skip
     if plot is not None and plot.suffix in (".svg", ".png", ".pdf"):
         remedy = f"name a folder; --plot-format {plot.suffix[1:]} selects the format"
         raise refuse("--plot", str(plot), "a folder", "a cam has several figures", remedy)
-    figures = {} if plot is None else {plot / f"{stem}.{form}": one for stem, one in _draw_cams(name, found).items()}
+    figures = {} if plot is None else {plot / f"{stem}.{form}": fig for stem, fig in _draw_cams(name, by_cam).items()}
     card = folder / f"{name}-card.csv" if folder is not None and "csv" in (forms or ["csv"]) else None
     for path in (*figures, *([] if card is None else [card])):  # before files are written
         io.check_writable("picture" if path in figures else "output", path, overwrite=overwrite)
     files: list[Path] = []
-    for one, facts in found.items():
+    for key, facts in by_cam.items():
         if folder is not None and facts.profile is not None:
             table = cam_analysis.profile_table(facts.profile, cutter)
-            target = io.create_folder(folder) / f"{name}-{one}"
+            target = io.create_folder(folder) / f"{name}-{key}"
             files += io.write_profile(table, target, forms or ["csv", "dxf", "vtp"], overwrite=overwrite)
     if card is not None:
-        rows = ((one, *row) for one, facts in found.items() for row in _card_rows(json_value(_cam_json(facts, None))))
+        rows = ((key, *row) for key, facts in by_cam.items() for row in _card_rows(json_value(_cam_json(facts, None))))
         text = format_csv(("cam", "quantity", "value", "unit"), rows)
         files.append(io.write_text(card, text, overwrite=overwrite))
-    return files + [plotting.figures.save_figure(one, path, overwrite=overwrite) for path, one in figures.items()]
+    return files + [plotting.figures.save_figure(fig, path, overwrite=overwrite) for path, fig in figures.items()]
 
 
-def _draw_cams(name: str, found: Mapping[str, CamFacts]) -> dict[str, Figure]:
-    curves, cylinders, figures = plotting.curves, cam_analysis.cylinders(found), dict[str, "Figure"]()
-    for one, facts in found.items():
-        stem = f"{name}-{one}"
+def _draw_cams(name: str, by_cam: Mapping[str, CamFacts]) -> dict[str, Figure]:
+    curves, cylinders, figures = plotting.curves, cam_analysis.cylinders(by_cam), dict[str, "Figure"]()
+    for key, facts in by_cam.items():
+        stem = f"{name}-{key}"
         figures[f"{stem}-lift"] = curves.lift_figure({stem: facts.cam.event})
         if facts.profile is not None:
             figures[f"{stem}-profile"] = curves.profile_figure(facts.profile)
             figures[f"{stem}-pressure"] = curves.pressure_figure(facts.profile)
-    return figures | {f"{name}-{'-'.join(one)}-timing": curves.timing_figure(one) for one in cylinders}
+    return figures | {f"{name}-{'-'.join(cylinder)}-timing": curves.timing_figure(cylinder) for cylinder in cylinders}
 
 
-def _describe_cams(cams: CamSet, found: Mapping[str, CamFacts]) -> cli.CommandOutput:
-    pairs = cam_analysis.valve_overlaps(found)
+def _describe_cams(cams: CamSet, by_cam: Mapping[str, CamFacts]) -> cli.CommandOutput:
+    pairs = cam_analysis.valve_overlaps(by_cam)
     json = {
-        "cams": {one: _cam_json(facts, cams.reports.get(one)) for one, facts in found.items()},
+        "cams": {key: _cam_json(facts, cams.reports.get(key)) for key, facts in by_cam.items()},
         "overlaps": [dict(zip(("one", "other", "lift", "angle"), pair, strict=True)) for pair in pairs],
         "lobe_separations": [
-            {"one": one, "other": other, "angle": cam_analysis.lobe_separation(found[one], found[other])}
-            for one, other in combinations(found, 2)
+            {"one": first, "other": second, "angle": cam_analysis.lobe_separation(by_cam[first], by_cam[second])}
+            for first, second in combinations(by_cam, 2)
         ],
     }
     parts: list[Table] = []
-    for one, facts in found.items():
-        parts.append(_cam_table(one, facts, cams))
-        if report := cams.reports.get(one):
+    for key, facts in by_cam.items():
+        parts.append(_cam_table(key, facts, cams))
+        if report := cams.reports.get(key):
             changed = f"{1e6 * report.rms_change:.3g} um rms, max {1e6 * report.largest_change:.3g} um"
             rows = [
                 ("points", str(report.points)),
                 ("points moved by smoothing", f"{changed} {_at(report.at)}"),
                 ("acceleration of the points", format_quantity("m/rad^2", *report.acceleration_before, digits=4)),
                 ("acceleration of the spline", format_quantity("m/rad^2", *report.acceleration_after, digits=4)),
-                *(("warning", said) for said in report.remarks),
+                *(("warning", remark) for remark in report.remarks),
             ]
-            parts.append(facts_table(f"Lift table of {one}", rows))
+            parts.append(facts_table(f"Lift table of {key}", rows))
     crossed = [
-        (f"{one} and {other}", f"{math.degrees(cam_analysis.lobe_separation(found[one], found[other])):.2f}", lift,
-         f"{math.degrees(angle):.2f}")
-        for one, other, lift, angle in pairs if cam_analysis.exhaust_and_intake(found[one], found[other])
+        (f"{first} and {second}", f"{math.degrees(cam_analysis.lobe_separation(by_cam[first], by_cam[second])):.2f}",
+         lift, f"{math.degrees(angle):.2f}")
+        for first, second, lift, angle in pairs if cam_analysis.exhaust_and_intake(by_cam[first], by_cam[second])
     ]  # fmt: skip
     if crossed:
         head = ("cams", "lobe separation, cam deg", "at a lift of", "overlap, crank deg")
@@ -417,9 +417,9 @@ def _lift_of_profile(
         raise refuse("--follower", "nothing", "the follower as in a case, such as '{ type = \"flat\" }'")
     if base_radius is not None:
         _positive_quantity("--base-radius", base_radius, "length", "mm")
-    made, turn = parse_follower(follower, base_radius, clockwise=clockwise)
+    shape, turn = parse_follower(follower, base_radius, clockwise=clockwise)
     angle, xy = np.linspace(0.0, 2.0 * math.pi, points, endpoint=False), io.read_profile(profile, unit=unit)
-    lift, bridge = lift_from_profile(xy, made, angle, turn=turn), find_bridges(xy, made, turn=turn)
+    lift, bridge = lift_from_profile(xy, shape, angle, turn=turn), find_bridges(xy, shape, turn=turn)
     files = [] if output is None else [io.write_lift_table(output, angle, lift, overwrite=overwrite)]
     json = {"points": len(xy), "angle": angle, "lift": lift, "bridged": bridge}
     low, high = (int(find(lift)) for find in (np.argmin, np.argmax))
@@ -433,8 +433,8 @@ def _lift_of_profile(
     if bridge is not None:
         place = format_quantity("m", *bridge.point, digits=4, separator=", ")
         gap = format_quantity("m", bridge.depth, digits=3)
-        said = f"the follower bridges a hollow of the profile, with a gap of {gap} at {place}"
-        other = "a smaller roller" if math.isfinite(made.roller_radius) else "only a roller smaller than the hollow"
-        rows.append(("warning", f"{said}; {other} follows the profile"))
+        text = f"the follower bridges a hollow of the profile, with a gap of {gap} at {place}"
+        roller = "a smaller roller" if math.isfinite(shape.roller_radius) else "only a roller smaller than the hollow"
+        rows.append(("warning", f"{text}; {roller} follows the profile"))
     tables = [facts_table(f"Lift of {profile.name}", rows)]
     return cli.CommandOutput(tables, json, files=files, describe_file=cli.describe_lift_file)

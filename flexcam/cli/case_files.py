@@ -47,8 +47,8 @@ def new(
         table = plain_table("Starter cases", ("flexcam new", "content"), templates().items())
         return cli.CommandOutput([table], {"templates": templates()})
     files = new_case(template, target, overwrite=overwrite)
-    following = f"Next: flexcam check {files[0]}, flexcam run {files[0]}, flexcam view {files[0]}"
-    return cli.CommandOutput(["\n".join(map(str, files)), following], {"files": files})
+    text = f"Next: flexcam check {files[0]}, flexcam run {files[0]}, flexcam view {files[0]}"
+    return cli.CommandOutput(["\n".join(map(str, files)), text], {"files": files})
 
 
 @cli.command("""\
@@ -69,8 +69,8 @@ def check(
     """
     read = cli.load_case(case, overrides)
     ready = prepare_without_periodic_search(read)
-    found, resources = modes(read), estimate_case_resources(ready, "revolution")
-    warnings = check_modes(found) + check_input(ready)
+    modal, resources = modes(read), estimate_case_resources(ready, "revolution")
+    warnings = check_modes(modal) + check_input(ready)
     if not ready.problem.system.is_kinematic:  # `check_input` has it for rigid trains; a run reports it from its motion
         warnings += check_coil_bind(ready.model, read.speed)
     springs = {name: spring for name, spring in ready.model.springs.items() if spring.table or spring.coils}
@@ -84,16 +84,16 @@ def check(
         "masses": {name: part.body.mass for name, part in ready.model.masses.items()},
         "springs": {name: spring.stiffness for name, spring in ready.model.springs.items()},
         **({"spring_curves": curves} if curves else {}),
-        "supports": {point: list(held) for point, held in ready.model.supports.items()},
+        "supports": {point: list(components) for point, components in ready.model.supports.items()},
         "member_masses": member_masses(ready.model),
-        "free_motions": found.modes.rigid, "steps": ready.problem.steps, "step_s": ready.problem.step,
+        "free_motions": modal.modes.rigid, "steps": ready.problem.steps, "step_s": ready.problem.step,
         "memory_bytes": resources.memory, "result_bytes": resources.file,
-        "frequencies_hz": found.modes.frequencies[found.modes.rigid :][:10],
+        "frequencies_hz": modal.modes.frequencies[modal.modes.rigid :][:10],
         "warnings": warnings,
         "loads": {load.name: [system.names[i] for i in load.vector.nonzero()[0]] for load in system.loads},
         "case": ready.explicit_case.record.model_dump(mode="json", by_alias=True),
     }  # fmt: skip
-    parts = [model_table(ready, found, resources), *(spring_curve_table(*item) for item in springs.items()), *warnings]
+    parts = [model_table(ready, modal, resources), *(spring_curve_table(*item) for item in springs.items()), *warnings]
     if not echo:
         return cli.CommandOutput([*parts, "--echo prints the case with all default values."], json)
     text = "\n# the case with all default values\n" + format_toml(complete_case_tables(ready.explicit_case))
@@ -122,24 +122,24 @@ def selftest(*, as_json: cli.Json = False) -> cli.CommandOutput:
     It takes some seconds, or half a minute when code is compiled for the first time. The exit code is 3 if a check
     fails.
     """
-    found = list(all_checks())
-    failed = [one.quantity for one in found if not one.passed]
+    checks = list(all_checks())
+    failed = [result.quantity for result in checks if not result.passed]
     status = Status()
     if failed:
-        text = f"{len(failed)} of {len(found)} checks exceed their tolerance: {'; '.join(failed)}"
+        text = f"{len(failed)} of {len(checks)} checks exceed their tolerance: {'; '.join(failed)}"
         remedy = "install flexcam again in a new environment; if that does not help, please report it"
         status = Status(Cause.FAULT, text, remedy)
     rows = [
-        (one.quantity, f"{one.reference:.8g} {one.unit}".removesuffix(" 1"), f"{one.computed:.8g}", f"{one.error:.1e}",
-         f"{one.tolerance:.1e}", "passed" if one.passed else "FAILED", one.source)
-        for one in found
+        (result.quantity, f"{result.reference:.8g} {result.unit}".removesuffix(" 1"), f"{result.computed:.8g}",
+         f"{result.error:.1e}", f"{result.tolerance:.1e}", "passed" if result.passed else "FAILED", result.source)
+        for result in checks
     ]  # fmt: skip
     heads = ("quantity", "reference", "computed", "error", "allowed", "result", "source of the reference")
     parts = [plain_table("Checks", heads, rows), facts_table("Installed packages", installation_info().items())]
-    parts += [f"All {len(found)} checks passed"] if status.ok else []
+    parts += [f"All {len(checks)} checks passed"] if status.ok else []
     json = {
         "status": status.cause, "message": status.text, "remedy": status.remedy,
-        "checks": [{**asdict(one), "error": one.error, "passed": one.passed} for one in found],
+        "checks": [{**asdict(result), "error": result.error, "passed": result.passed} for result in checks],
         "installed": installation_info(),
     }  # fmt: skip
     return cli.CommandOutput(parts, json, status=status)

@@ -68,7 +68,7 @@ def compare(
     the models differ.
     Speeds are those of the crankshaft if the case gives crank_speed, otherwise those of the camshaft.
     """
-    over_speed = any(one is not None for one in (lowest, highest, plot))
+    over_speed = any(option is not None for option in (lowest, highest, plot))
     of_speeds = {"--count": count, "--tolerance": tolerance, "--contact": contact}
     cli.refuse_without("--lowest, --highest or --plot", of_speeds, present=over_speed)
     if over_speed:
@@ -83,16 +83,16 @@ def compare(
         return _compare_pair(case, against, probe, overrides)
     read = cli.load_beams(case, overrides)
     at = probe or scalar_probe(prepare(read))
-    found = deviation(read, at)
+    result = deviation(read, at)
     published = any(contact.model == "published-load" for contact in read.record.contacts.values())
     mode_hz = excited_mode(read) if published else None
-    claims = check_claims(read, at, found) if read.record.paper and found.status.ok else []
-    json = {**_comparison_json(found), "loaded_mode_hz": mode_hz, "claims": claims}
-    parts = [comparison_table(found, read.turns), *describe_comparison(found, mode_hz), *describe_contacts(read)]
+    claims = check_claims(read, at, result) if read.record.paper and result.status.ok else []
+    json = {**_comparison_json(result), "loaded_mode_hz": mode_hz, "claims": claims}
+    parts = [comparison_table(result, read.turns), *describe_comparison(result, mode_hz), *describe_contacts(read)]
     if claims:
         rows = [(claim.statement, "yes" if claim.reproduced else "no", claim.finding) for claim in claims]
         parts.append(plain_table("Claims of the paper and this computation", ("claim", "reproduced", "computed"), rows))
-    return cli.CommandOutput(parts, json, status=found.status)
+    return cli.CommandOutput(parts, json, status=result.status)
 
 
 def _compare_pair(case: Path, against: str, probe: str | None, overrides: cli.Overrides) -> cli.CommandOutput:
@@ -100,34 +100,34 @@ def _compare_pair(case: Path, against: str, probe: str | None, overrides: cli.Ov
     if overrides and first.is_result and second.is_result:
         why = "results cannot be changed"
         raise refuse("--set", overrides[0], "--set only with a case", why, "give the case, or leave it out")
-    one = first.response if first.is_result else _run(first.case)
+    run = first.response if first.is_result else _run(first.case)
     at = probe or scalar_probe(first.ready)
     if second.is_result:
-        other = second.response
+        reference = second.response
     elif second.path.suffix == ".toml":
-        other = _run(second.case)
+        reference = _run(second.case)
     else:
         models = {} if first.is_result else {model.name: model.case for model in model_ladder(first.case)}
         if against not in models:
             allowed = f"a case, a result, or one of {', '.join(models)}" if models else "a case or a result"
             raise refuse("--against", repr(against), allowed, "", suggest_name(against, list(models)))
-        other = _run(models[against])
+        reference = _run(models[against])
     pairs = (case.stem, second.path.stem), (case.name, second.path.name), (str(case), against)
     names = next((pair for pair in pairs if pair[0] != pair[1]), pairs[0])
-    angle, duration = (float(series[-1] - series[0]) for series in (one.angle, one.time))
+    angle, duration = (float(series[-1] - series[0]) for series in (run.angle, run.time))
     rpm = angle / duration / RPM if duration > 0.0 else 0.0
-    found = compare_responses(one, other, at, rpm, names)
-    json = {**_comparison_json(found), "compared": list(found.names)}
-    parts = [comparison_table(found), *describe_comparison(found, None), *describe_common_part(one, other, names)]
-    return cli.CommandOutput(parts, json, status=found.status)
+    result = compare_responses(run, reference, at, rpm, names)
+    json = {**_comparison_json(result), "compared": list(result.names)}
+    parts = [comparison_table(result), *describe_comparison(result, None), *describe_common_part(run, reference, names)]
+    return cli.CommandOutput(parts, json, status=result.status)
 
 
-def _comparison_json(found: comparison.Comparison) -> dict[str, object]:
+def _comparison_json(result: comparison.Comparison) -> dict[str, object]:
     return {
-        "status": found.status.cause, "probe": found.probe, "speed_rpm": found.speed_rpm,
-        "peak_deviation": found.peak_deviation, "rms_deviation": found.rms_deviation,
-        "peak_acceleration_ratio": found.peak_acceleration_ratio,
-        "deviations": [{**asdict(one), "of_rigid": one.relative_peak} for one in found.deviations],
+        "status": result.status.cause, "probe": result.probe, "speed_rpm": result.speed_rpm,
+        "peak_deviation": result.peak_deviation, "rms_deviation": result.rms_deviation,
+        "peak_acceleration_ratio": result.peak_acceleration_ratio,
+        "deviations": [{**asdict(row), "of_rigid": row.relative_peak} for row in result.deviations],
     }  # fmt: skip
 
 
@@ -139,20 +139,20 @@ def _run(case: Case) -> Response:
 
 def _compare_over_speed(case: Case, speeds: list[float], tolerance: float, contact: str | None) -> cli.CommandOutput:
     scale, shaft = case.turns, shaft_name(case.turns)
-    with show_count(len(speeds), "speeds") as shown:
-        found = comparison.compare_models_over_speed(case, speeds, contact=contact, advance=shown)
-    words, parting = list[str](), dict[str, float | None]()
+    with show_count(len(speeds), "speeds") as advance:
+        points = comparison.compare_models_over_speed(case, speeds, contact=contact, advance=advance)
+    words, divergences = list[str](), dict[str, float | None]()
     for first, second in (("rigid", "bilateral"), ("bilateral", "unilateral")):
-        rpm = comparison.divergence_speed(found, first, second, tolerance)
+        rpm = comparison.divergence_speed(points, first, second, tolerance)
         when = "at none of these speeds"
         if rpm is not None:
-            begin, end = ("already at the lowest speed,", "") if rpm == found[0].rpm else ("from", " upward")
+            begin, end = ("already at the lowest speed,", "") if rpm == points[0].rpm else ("from", " upward")
             when = f"{begin} {scale * rpm:.6g} {shaft} rpm{end}"
         words.append(f"The {first} and {second} forces differ by more than {tolerance:.0%} {when}.")
-        parting[f"{first}_{second}_part_rpm"] = None if rpm is None else scale * rpm
+        divergences[f"{first}_{second}_part_rpm"] = None if rpm is None else scale * rpm
     head = (f"{shaft} rpm", *(f"{name}, N" for name in MODELS))
-    rpm = np.array([scale * one.rpm for one in found])
-    forces = {name: [one and (one.least, one.largest) for one in (at.forces[name] for at in found)] for name in MODELS}
+    rpm = np.array([scale * point.rpm for point in points])
+    forces = {name: [f and (f.least, f.largest) for f in (at.forces[name] for at in points)] for name in MODELS}
     cells = [
         [" to ".join(format_decimals(end, 0) for end in pair) if pair else "did not finish" for pair in pairs]
         for pairs in forces.values()
@@ -161,7 +161,7 @@ def _compare_over_speed(case: Case, speeds: list[float], tolerance: float, conta
     ranges = {name: np.array([pair or (np.nan, np.nan) for pair in pairs]).T for name, pairs in forces.items()}
     return cli.CommandOutput(
         [plain_table("Min and max contact force on the lift", head, rows), " ".join(words)],
-        {"shaft": shaft, "rpm": rpm, "forces_n": forces, **parting, "tolerance": tolerance}, title=case.title,
+        {"shaft": shaft, "rpm": rpm, "forces_n": forces, **divergences, "tolerance": tolerance}, title=case.title,
         draw=lambda: plotting.spectra.force_figure(rpm, ranges, shaft),
     )  # fmt: skip
 
@@ -189,20 +189,20 @@ def trade(
         lambda: cli.check_targets(csv, plot, case, overwrite=overwrite),
     )
     at = probe or scalar_probe(prepare(read))
-    with show_count(None, "models") as shown:
-        against, found = evaluate_ladder(read, at, repeats=repeats, advance=shown)
-    warnings, kinds = fidelity.trade_warnings(against, found), fidelity.error_kinds(against)
-    errors = fidelity.reference_errors(against)
-    own = {"steps_per_revolution": against.steps, "errors": errors, "sizes": against.size}
+    with show_count(None, "models") as advance:
+        reference, models = evaluate_ladder(read, at, repeats=repeats, advance=advance)
+    warnings, kinds = fidelity.trade_warnings(reference, models), fidelity.error_kinds(reference)
+    errors = fidelity.reference_errors(reference)
+    data = {"steps_per_revolution": reference.steps, "errors": errors, "sizes": reference.size}
     head = ("model", "steps_per_revolution", "unknowns", "work", "cpu_s", *kinds, "best", "status")
     rows = [
-        (one.rung, one.steps, one.unknowns, one.work, one.seconds, *(one.errors.get(kind, "") for kind in kinds),
-         one.best, one.status.cause)
-        for one in found
+        (model.rung, model.steps, model.unknowns, model.work, model.seconds,
+         *(model.errors.get(kind, "") for kind in kinds), model.best, model.status.cause)
+        for model in models
     ]  # fmt: skip
     return cli.CommandOutput(
-        [fidelity.trade_table(against, found), fidelity.TRADE_LEGEND, *warnings],
-        {"reference": own, "rungs": [fidelity.evaluation_json(one) for one in found], "warnings": warnings},
+        [fidelity.trade_table(reference, models), fidelity.TRADE_LEGEND, *warnings],
+        {"reference": data, "rungs": [fidelity.evaluation_json(model) for model in models], "warnings": warnings},
         format_csv(head, rows), title=read.title,
-        draw=lambda: plotting.histories.work_precision_figure(found),
+        draw=lambda: plotting.histories.work_precision_figure(models),
     )  # fmt: skip

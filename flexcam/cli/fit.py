@@ -53,87 +53,87 @@ def fit(
     cli.check_targets(csv, plot, case, to, overwrite=overwrite, target=target)
     cli.check_number("--steps", steps)
     file, fixed = OpenCase.open(case), tuple(overrides or ())
-    given = file.read(fixed)
-    cli.warn_ignored_keys(fixed, given)
+    read = file.read(fixed)
+    cli.warn_ignored_keys(fixed, read)
     if not allow_large:
-        check_case_resources(given, together=workers)
-    variables, measured = variables_of(given, vary, "--vary"), read_measurement(to, given, column or (), noise or ())
+        check_case_resources(read, together=workers)
+    variables, data = variables_of(read, vary, "--vary"), read_measurement(to, read, column or (), noise or ())
     with (
-        show_count(None, "runs") as shown,
+        show_count(None, "runs") as advance,
         open_evaluator(
-            make_bundle(file, None, fixed), partial(curve_row, measured=measured), fixed, workers=workers, advance=shown
+            make_bundle(file, None, fixed), partial(curve_row, measured=data), fixed, workers=workers, advance=advance
         ) as runs,
     ):
-        points = PointEvaluator(given, variables, runs)
-        found = fit_curves(points, measured, steps=steps)
-    best, title = (*fixed, *points.overrides(found.values)), f"{file.path.name}, fitted to {to.name}:"
-    written = [] if target is None else write_variant(file, best, target, title, overwrite=overwrite)
-    ended = Status()
-    if not found.converged:
-        ended = Status(Cause.TOLERANCE, "the search ended before it reached its tolerance", "allow more --steps")
-    return replace(_fit_output(variables, measured, found), files=written, status=ended)
+        points = PointEvaluator(read, variables, runs)
+        result = fit_curves(points, data, steps=steps)
+    best, title = (*fixed, *points.overrides(result.values)), f"{file.path.name}, fitted to {to.name}:"
+    files = [] if target is None else write_variant(file, best, target, title, overwrite=overwrite)
+    status = Status()
+    if not result.converged:
+        status = Status(Cause.TOLERANCE, "the search ended before it reached its tolerance", "allow more --steps")
+    return replace(_fit_output(variables, data, result), files=files, status=status)
 
 
-def _fit_output(variables: Sequence[Variable], measured: Measurement, found: Fit) -> cli.CommandOutput:
-    keys, curves = [one.key for one in variables], measured.curves
+def _fit_output(variables: Sequence[Variable], measured: Measurement, result: Fit) -> cli.CommandOutput:
+    keys, curves = [variable.key for variable in variables], measured.curves
     words = [
         f"The curves do not determine {' and '.join(keys[i] for i in group)}: "
         + ("leave some of them out of --vary" if len(group) > 1 else "it does not change them; leave it out of --vary")
-        for group in found.undetermined
+        for group in result.undetermined
     ]
     words += [
-        f"The curves hardly determine {one.key}: its 95 % interval is wider than its range, "
-        f"{one.low:g} to {one.high:g} {one.unit}".rstrip()
+        f"The curves hardly determine {variable.key}: its 95 % interval is wider than its range, "
+        f"{variable.low:g} to {variable.high:g} {variable.unit}".rstrip()
         + "; leave it out of --vary, or fit more curves"
-        for one, half in zip(variables, found.intervals.tolist(), strict=True)
-        if one.high - one.low < 2.0 * half < math.inf
+        for variable, half in zip(variables, result.intervals.tolist(), strict=True)
+        if variable.high - variable.low < 2.0 * half < math.inf
     ]
     words += [
-        f"{keys[i]} and {keys[j]} are correlated ({found.correlation[i, j]:+.3f}): the curves hardly distinguish them"
-        for i, j in found.correlated_pairs()
+        f"{keys[i]} and {keys[j]} are correlated ({result.correlation[i, j]:+.3f}): the curves hardly distinguish them"
+        for i, j in result.correlated_pairs()
     ]
     words += [
-        f"{one.key} is at an end of its interval; a wider interval may fit better"
-        for one, x in zip(variables, found.values.tolist(), strict=True)
-        if min(x - one.low, one.high - x) <= 1e-3 * (one.high - one.low)
+        f"{variable.key} is at an end of its interval; a wider interval may fit better"
+        for variable, x in zip(variables, result.values.tolist(), strict=True)
+        if min(x - variable.low, variable.high - x) <= 1e-3 * (variable.high - variable.low)
     ]
-    if found.misfit > 2.0:
-        words.append(f"The residuals are {found.misfit:.2g} times the noise: the model does not describe the curves.")
+    if result.misfit > 2.0:
+        words.append(f"The residuals are {result.misfit:.2g} times the noise: the model does not describe the curves.")
     words += [
         f"Successive residuals of {curve.label} are correlated ({r:+.2f}): the model may have a systematic error, "
         "and the true intervals be wider"
-        for curve, r in zip(curves, found.serial, strict=True) if r > 3.0 / np.sqrt(len(measured.instants))
+        for curve, r in zip(curves, result.serial, strict=True) if r > 3.0 / np.sqrt(len(measured.instants))
     ]  # fmt: skip
-    numbers = np.array([found.start, found.values, found.intervals]).T.tolist()
-    rms = np.array([*(found.rms(measured, x) for x in (found.before, found.after)), found.noise]).T.tolist()
+    numbers = np.array([result.start, result.values, result.intervals]).T.tolist()
+    rms = np.array([*(result.rms(measured, x) for x in (result.before, result.after)), result.noise]).T.tolist()
     label, at = "time [s]", measured.instants
     if measured.over != "time":
         label, at = "cam angle [deg]", np.degrees(measured.instants)
     head = [label, *(f"{c.label} [{c.unit}], {kind}" for c in curves for kind in ("measured", "before", "after"))]
-    drawn = {
+    panels = {
         f"{c.label}, {c.unit}": (c.values, old, new)
-        for c, old, new in zip(curves, found.before, found.after, strict=True)
+        for c, old, new in zip(curves, result.before, result.after, strict=True)
     }
     json = {
         "values": [
-            {"key": one.key, "unit": one.unit, "before": a, "value": b, "half_width": half}
-            for one, (a, b, half) in zip(variables, numbers, strict=True)
+            {"key": variable.key, "unit": variable.unit, "before": a, "value": b, "half_width": half}
+            for variable, (a, b, half) in zip(variables, numbers, strict=True)
         ],
         "curves": [
             {"curve": c.label, "unit": c.unit, "rms_before": a, "rms_after": b, "noise": size}
             for c, (a, b, size) in zip(curves, rms, strict=True)
         ],
-        "correlation": found.correlation,
-        "misfit": found.misfit, "runs": found.runs,
-        "undetermined": [[keys[i] for i in group] for group in found.undetermined],
+        "correlation": result.correlation,
+        "misfit": result.misfit, "runs": result.runs,
+        "undetermined": [[keys[i] for i in group] for group in result.undetermined],
     }  # fmt: skip
     tables = [
         plain_table("Fitted values", ("value", "before", "after", "95 % interval, ±"),
-                    [(with_unit(one.key, one.unit), *x) for one, x in zip(variables, numbers, strict=True)]),
+                    [(with_unit(v.key, v.unit), *x) for v, x in zip(variables, numbers, strict=True)]),
         plain_table("Residuals, root mean square", ("curve", "before", "after", "noise"),
                     [(f"{c.label}, {c.unit}", *x) for c, x in zip(curves, rms, strict=True)]),
     ]  # fmt: skip
     return cli.CommandOutput(
-        [*tables, *words], json, format_csv(head, np.column_stack([at, *chain(*drawn.values())]).tolist()),
-        draw=lambda: plotting.histories.fit_figure(at, label, drawn),
+        [*tables, *words], json, format_csv(head, np.column_stack([at, *chain(*panels.values())]).tolist()),
+        draw=lambda: plotting.histories.fit_figure(at, label, panels),
     )  # fmt: skip

@@ -21,14 +21,14 @@ from flexcam.report.terminal import facts_table, plain_table, remove_noise
 _CURVES = {"velocity": "s'", "acceleration": "s''", "jerk": "s'''", "moment": "s' s''"}
 
 
-def _law_json(found: Criteria) -> dict[str, object]:
-    ends = {f"z={z}": dict(zip(("s", "s'", "s''", "s'''"), end, strict=True)) for z, end in enumerate(found.ends)}
+def _law_json(result: Criteria) -> dict[str, object]:
+    ends = {f"z={z}": dict(zip(("s", "s'", "s''", "s'''"), end, strict=True)) for z, end in enumerate(result.ends)}
     return {
-        "Cv": found.Cv, "Ca": found.Ca, "Cj": found.Cj, "Cm": found.Cm,
-        "extremes": {name: getattr(found, name) for name in _CURVES},
-        "jumps": found.jumps, "end_conditions": ends, "rest_at_ends": found.rest_at_ends,
-        "symmetric": found.symmetric, "broken": found.violations, "rms": found.rms,
-        "harmonics": found.harmonics,
+        "Cv": result.Cv, "Ca": result.Ca, "Cj": result.Cj, "Cm": result.Cm,
+        "extremes": {name: getattr(result, name) for name in _CURVES},
+        "jumps": result.jumps, "end_conditions": ends, "rest_at_ends": result.rest_at_ends,
+        "symmetric": result.symmetric, "broken": result.violations, "rms": result.rms,
+        "harmonics": result.harmonics,
     }  # fmt: skip
 
 
@@ -38,22 +38,22 @@ def format_criteria(found: Criteria, digits: int = 6) -> list[str]:
     return ["infinite" if value is None else f"{value:.{digits}g}" for value in values]
 
 
-def _law_facts(name: str, found: Criteria) -> Table:
-    curves = {symbol: getattr(found, curve) for curve, symbol in _CURVES.items()}
-    peaks = [1.0, *(max(abs(one.value) for one in curves[symbol]) for symbol in ("s'", "s''", "s'''"))]
-    ends = [", ".join(f"{remove_noise(v, peak):.6g}" for v, peak in zip(end, peaks, strict=True)) for end in found.ends]
-    largest = max(found.harmonics, default=0.0)
+def _law_facts(name: str, result: Criteria) -> Table:
+    curves = {symbol: getattr(result, curve) for curve, symbol in _CURVES.items()}
+    peaks = [1.0, *(max(abs(extreme.value) for extreme in curves[symbol]) for symbol in ("s'", "s''", "s'''"))]
+    ends = [", ".join(f"{remove_noise(v, top):.6g}" for v, top in zip(end, peaks, strict=True)) for end in result.ends]
+    largest = max(result.harmonics, default=0.0)
     rows = [
-        ("criteria", "C_v {}, C_a {}, C_j {}, C_m {}".format(*format_criteria(found))),
+        ("criteria", "C_v {}, C_a {}, C_j {}, C_m {}".format(*format_criteria(result))),
         *((f"{symbol} ({curve})", "; ".join(map(_format_position, ("min", "max"), curves[symbol])))
           for curve, symbol in _CURVES.items()),
-        ("discontinuities inside", ", ".join(list(_CURVES)[order - 1] for order in found.jumps) or "none"),
+        ("discontinuities inside", ", ".join(list(_CURVES)[order - 1] for order in result.jumps) or "none"),
         ("s, s', s'', s''' at z = 0", ends[0]),
         ("s, s', s'', s''' at z = 1", ends[1]),
-        ("symmetric", "yes" if found.symmetric else "no"),
-        ("rms of s', s'', s'''", ", ".join(f"{value:.6g}" for value in found.rms)),
-        ("harmonics of s''", ", ".join(f"{remove_noise(value, largest):.3g}" for value in found.harmonics)),
-        *(("as a rise between dwells", said) for said in found.violations),
+        ("symmetric", "yes" if result.symmetric else "no"),
+        ("rms of s', s'', s'''", ", ".join(f"{value:.6g}" for value in result.rms)),
+        ("harmonics of s''", ", ".join(f"{remove_noise(value, largest):.3g}" for value in result.harmonics)),
+        *(("as a rise between dwells", violation) for violation in result.violations),
     ]  # fmt: skip
     return facts_table(f"Motion law {name}, z = angle / duration of the rise", rows)
 
@@ -82,22 +82,22 @@ def find_law(name: str, parameters: list[str] | None = None) -> Law:
             raise refuse("--with", ", ".join(parameters), "nothing with a law file", "the file has all parameters")
         return read_law(Path(name)).law
     if not parameters and name not in LAWS and name not in kind_names():
-        known = list(dict.fromkeys([*LAWS, *kind_names()]))
-        allowed = f"one of {', '.join(known)}, or a law file (.toml)"
-        raise refuse("law", repr(name), allowed, "", suggest_name(name, known))
-    given: dict[str, object] = {"id": name}
-    for one in parameters or ():
-        key, equals, value = one.partition("=")
+        names = list(dict.fromkeys([*LAWS, *kind_names()]))
+        allowed = f"one of {', '.join(names)}, or a law file (.toml)"
+        raise refuse("law", repr(name), allowed, "", suggest_name(name, names))
+    data: dict[str, object] = {"id": name}
+    for parameter in parameters or ():
+        key, equals, value = parameter.partition("=")
         if not equals:
-            raise refuse("--with", repr(one), "key=value, such as b=0.25")
-        if key.strip() in given:
+            raise refuse("--with", repr(parameter), "key=value, such as b=0.25")
+        if key.strip() in data:
             why = f"{key.strip()!r} is given twice"
-            raise refuse("--with", repr(one), "every parameter once", why, "leave one out")
+            raise refuse("--with", repr(parameter), "every parameter once", why, "leave one out")
         try:
-            given[key.strip()] = parse_toml(f"value = {value}")["value"]
+            data[key.strip()] = parse_toml(f"value = {value}")["value"]
         except ValueError:
-            raise refuse("--with", repr(one), "a number or a list, such as exponents=[3,4,5]") from None
-    return parse_law(given).law
+            raise refuse("--with", repr(parameter), "a number or a list, such as exponents=[3,4,5]") from None
+    return parse_law(data).law
 
 
 @cli.command("""\
@@ -126,43 +126,43 @@ def law(
     ratios = tuple(residual or (1.0, 1.5, 2.0, 3.0, 5.0))
     if every:
         if name is not None or parameters is not None:
-            given = name if name is not None else f"--with {', '.join(parameters or ())}"
-            raise refuse("--list", given, "--list alone", "it lists every law", "leave one out")
+            text = name if name is not None else f"--with {', '.join(parameters or ())}"
+            raise refuse("--list", text, "--list alone", "it lists every law", "leave one out")
         files = _draw_laws(LAWS, plot, spectrum, overwrite=overwrite)
         return replace(_compare_laws(ratios), files=files)
     if name is None:
         raise refuse("law", "nothing", "the name of a motion law, a law file (.toml), or --list")
-    one = find_law(name, parameters)
-    found, vibration = criteria(one), residual_spectrum(one, ratios).tolist()
+    motion_law = find_law(name, parameters)
+    result, vibration = criteria(motion_law), residual_spectrum(motion_law, ratios).tolist()
     pairs = [{"ratio": ratio, "amplitude": value} for ratio, value in zip(ratios, vibration, strict=True)]
     return cli.CommandOutput(
-        [_law_facts(name, found), _spectrum_table({name: vibration}, ratios)],
-        {"law": name, **_law_json(found), "residual": pairs},
-        files=_draw_laws({name: one}, plot, spectrum, overwrite=overwrite),
+        [_law_facts(name, result), _spectrum_table({name: vibration}, ratios)],
+        {"law": name, **_law_json(result), "residual": pairs},
+        files=_draw_laws({name: motion_law}, plot, spectrum, overwrite=overwrite),
     )
 
 
 def _compare_laws(ratios: Sequence[float]) -> cli.CommandOutput:
-    found = {name: criteria(one) for name, one in LAWS.items()}
-    spectra = {name: residual_spectrum(one, ratios).tolist() for name, one in LAWS.items()}
+    results = {name: criteria(motion_law) for name, motion_law in LAWS.items()}
+    spectra = {name: residual_spectrum(motion_law, ratios).tolist() for name, motion_law in LAWS.items()}
     names: dict[str, str] = {}  # first name of every law, with all its names
-    for name, one in LAWS.items():
-        first = next((other for other in names if LAWS[other] == one), name)
+    for name, motion_law in LAWS.items():
+        first = next((other for other in names if LAWS[other] == motion_law), name)
         names[first] = f"{names[first]}, {name}" if first in names else name
     rest = ("none", "s'", "s' s''", "s' s'' s'''")
     rows = [
         (names[name], *(f"{x:.4f}" for x in (c.Cv, c.Ca)), "infinite" if c.Cj is None else f"{c.Cj:.3f}",
          f"{c.Cm:.4f}", rest[c.rest_at_ends])
-        for name, c in found.items() if name in names
+        for name, c in results.items() if name in names
     ]  # fmt: skip
     head = ("law", "C_v", "C_a", "C_j", "C_m", "zero at both ends")
     parts = [
         plain_table("Motion laws, lift 1 over angle 1", head, rows),
         CRITERIA_LEGEND,
-        _spectrum_table({every: spectra[first] for first, every in names.items()}, ratios),
+        _spectrum_table({label: spectra[first] for first, label in names.items()}, ratios),
         f"Laws with parameters (flexcam law NAME --with KEY=VALUE): {', '.join(kind_names())}",
     ]
-    laws = {name: {**_law_json(one), "residual": spectra[name]} for name, one in found.items()}
+    laws = {name: {**_law_json(result), "residual": spectra[name]} for name, result in results.items()}
     return cli.CommandOutput(parts, {"ratios": ratios, "kinds": kind_names(), "laws": laws})
 
 

@@ -91,59 +91,59 @@ def limits(
     search = Search(low, high, width, height, deviation, cutoff)
     cli.check_number("--workers", workers)
     of_map = {"--over": over, "--and": beside, "--limit": which, "--csv": csv, "--plot": plot}
-    if given := [name for name, one in of_map.items() if one is not None]:
+    if options := [name for name, value in of_map.items() if value is not None]:
         if over is None or beside is None:
             allowed = "--over KEY=SPEC and --and KEY=SPEC"
-            raise refuse("limits", f"{' and '.join(given)} alone", allowed, "a map needs two keys")
+            raise refuse("limits", f"{' and '.join(options)} alone", allowed, "a map needs two keys")
         if deviation is not None or cutoff is not None:
-            given = "--lift-deviation or --low-pass with --over"
-            raise refuse("limits", given, "one of them", "a map has only the other limits")
+            text = "--lift-deviation or --low-pass with --over"
+            raise refuse("limits", text, "one of them", "a map has only the other limits")
         cli.check_targets(csv, plot, case, overwrite=overwrite)
         names = which or ["loss_of_contact"]
         return _map_limits(case, overrides, (over, beside), names, search, 1 if workers is None else workers)
     count = count_cores() if workers is None else workers
-    with show_count(None, "runs") as shown, open_speed_runs(read, search, count) as runs:
-        found = find_limits(read, replace(search, nearby=True), start=runs, ahead=_AHEAD * count, advance=shown)
+    with show_count(None, "runs") as advance, open_speed_runs(read, search, count) as runs:
+        result = find_limits(read, replace(search, nearby=True), start=runs, ahead=_AHEAD * count, advance=advance)
     margins, model = compute_margins(read), build_model(read)
-    parts: list[Table | str] = [limits_table(found, margins, scale), *check_lobes(model)]
-    if any(one.rpm is not None for one in found.limits.values()):
-        parts.append(limits_legend(found))
-    if "loss_of_contact" not in found.limits:
+    parts: list[Table | str] = [limits_table(result, margins, scale), *check_lobes(model)]
+    if any(limit.rpm is not None for limit in result.limits.values()):
+        parts.append(limits_legend(result))
+    if "loss_of_contact" not in result.limits:
         why = 'it needs a contact with model = "unilateral", which can separate'
         if opposed_contacts(model):
             why = "opposed cams hold the follower between them, and one of the two contacts is always open"
         parts.append(f"Contact loss is not assessed: {why}.")
-    rpm = {**dict.fromkeys(LIMITS), **{name: one.rpm for name, one in found.limits.items()}}
+    rpm = {**dict.fromkeys(LIMITS), **{name: limit.rpm for name, limit in result.limits.items()}}
     json = {
         **{f"{name}_rpm": speed and scale * speed for name, speed in rpm.items()},
-        **{f"{name}_bands_rpm": [[end and scale * end for end in band] for band in one.bands_rpm]
-           for name, one in found.limits.items()},
-        **{f"{name}_scatter_rpm": one.scatter_rpm and [scale * rpm for rpm in one.scatter_rpm]
-           for name, one in found.limits.items()},
-        "first": found.first, "shaft": shaft_name(scale),
-        "tolerance_rpm": scale * max(one.tolerance_rpm for one in found.limits.values()),  # null if infinite
+        **{f"{name}_bands_rpm": [[end and scale * end for end in band] for band in limit.bands_rpm]
+           for name, limit in result.limits.items()},
+        **{f"{name}_scatter_rpm": limit.scatter_rpm and [scale * rpm for rpm in limit.scatter_rpm]
+           for name, limit in result.limits.items()},
+        "first": result.first, "shaft": shaft_name(scale),
+        "tolerance_rpm": scale * max(limit.tolerance_rpm for limit in result.limits.values()),  # null if infinite
         "rigid_loss_of_contact_rpm": margins.rigid_rpm and scale * margins.rigid_rpm,
         "spring_margin": margins.spring_margin, "buckling_margins": dict(margins.buckling_margins),
-        "lowest_rpm": scale * found.lowest_rpm, "highest_rpm": scale * found.highest_rpm,
+        "lowest_rpm": scale * result.lowest_rpm, "highest_rpm": scale * result.highest_rpm,
     }  # fmt: skip
     return cli.CommandOutput(parts, json)
 
 
 def _map_limits(
-    path: Path, overrides: cli.Overrides, settings: tuple[str, str], names: Sequence[str], search: Search, workers: int
+    path: Path, overrides: cli.Overrides, settings: tuple[str, str], kinds: Sequence[str], search: Search, workers: int
 ) -> cli.CommandOutput:
     file = OpenCase.open(path)
     plan = grid_plan(_axis("--over", settings[0]), _axis("--and", settings[1]), overrides or ())
     case = validate_plan(file, plan)
     require_units(case, plan.varied_axes)
-    asked = [f"limits.{name}" for name in names]
+    names = [f"limits.{kind}" for kind in kinds]
     with (
-        show_count(len(plan), "variants") as shown,
-        create_evaluator(file, (), asked, search, plan=plan, workers=workers, runs=len(plan), advance=shown) as runs,
+        show_count(len(plan), "variants") as advance,
+        create_evaluator(file, (), names, search, plan=plan, workers=workers, runs=len(plan), advance=advance) as runs,
     ):
-        kept = InterruptibleRuns(runs)
-        found = limit_map(plan, names, kept).with_units(case)
-    return replace(limit_map_output(found, shaft_name(case.turns)), status=kept.status)
+        interruptible = InterruptibleRuns(runs)
+        result = limit_map(plan, kinds, interruptible).with_units(case)
+    return replace(limit_map_output(result, shaft_name(case.turns)), status=interruptible.status)
 
 
 def _axis(option: str, setting: str) -> Axis:
@@ -159,8 +159,8 @@ def _axis(option: str, setting: str) -> Axis:
 def limit_map_output(found: LimitMap, shaft: str) -> cli.CommandOutput:
     """Return the output of a map of limits."""
     first, second = found.axes
-    down, across = (with_unit(one.key, one.unit) for one in found.axes)
-    rows_at, columns_at = ([value.number or 0.0 for value in one.values] for one in found.axes)
+    down, across = (with_unit(axis.key, axis.unit) for axis in found.axes)
+    rows_at, columns_at = ([value.number or 0.0 for value in axis.values] for axis in found.axes)
     head = (down, *map(format_number, columns_at))
     tables = [
         plain_table(f"{name.replace('_', ' ')}, {shaft} rpm; columns: {across}", head, np.c_[rows_at, rpm].tolist())
@@ -204,108 +204,108 @@ _WORDS = {
 }
 
 
-def _stability_table(found: Stability, scale: float, contacts: set[str]) -> Table:
-    skipped = [] if found.discrete.is_available else ["the integrator"]
-    skipped += ["the growth of disturbances"] if found.floquet is None else []
-    skipped += ["resonances"] if found.why_no_modes else []
+def _stability_table(result: Stability, scale: float, contacts: set[str]) -> Table:
+    skipped = [] if result.discrete.is_available else ["the integrator"]
+    skipped += ["the growth of disturbances"] if result.floquet is None else []
+    skipped += ["resonances"] if result.why_no_modes else []
     stable = "no cause of instability found"
     stable += f"; {' and '.join(skipped)} could not be assessed" if skipped else ""
-    stable += f"; {_NEAR}, no {_STRONG_HARMONIC} coincides with a natural frequency" if found.within else ""
-    several = len({one.contact for one in found.resonances}) > 1
+    stable += f"; {_NEAR}, no {_STRONG_HARMONIC} coincides with a natural frequency" if result.within else ""
+    several = len({r.contact for r in result.resonances}) > 1
     pulled = {"contact loss": "the contact would have to pull the follower"} if contacts == {"bilateral"} else {}
     words = {**_WORDS, **pulled}
-    opened = f"{math.degrees(found.open_on_the_lift):.3g} deg of cam angle on the lift"
+    opened = f"{math.degrees(result.open_on_the_lift):.3g} deg of cam angle on the lift"
     rows = [
-        ("integrator", _describe_amplification(found)),
-        ("periodic motion", _describe_growth(found)),
+        ("integrator", _describe_amplification(result)),
+        ("periodic motion", _describe_growth(result)),
         ("loss of contact", opened if contacts else "not assessed: no cam contact"),
-        ("resonances", _count_resonances(found, scale)),
-        *((f"harmonic {one.harmonic}" + (f", {one.contact}" if several else ""), _format_resonance(one, scale))
-          for one in found.within[:_SHOWN]),
-        ("verdict", "; ".join(f"{one}: {words[one]}" for one in _verdict(found)) or stable),
+        ("resonances", _count_resonances(result, scale)),
+        *((f"harmonic {r.harmonic}" + (f", {r.contact}" if several else ""), _format_resonance(r, scale))
+          for r in result.within[:_SHOWN]),
+        ("verdict", "; ".join(f"{cause}: {words[cause]}" for cause in _verdict(result)) or stable),
     ]  # fmt: skip
-    return facts_table(f"Stability at {shaft_speed(found.rpm * RPM, scale)}", rows)
+    return facts_table(f"Stability at {shaft_speed(result.rpm * RPM, scale)}", rows)
 
 
-def _verdict(found: Stability) -> list[str]:
-    chatter = ["chatter" if found.is_scattering else _HARMLESS] if found.is_chattering else []
-    return [*found.causes, *chatter]
+def _verdict(result: Stability) -> list[str]:
+    chatter = ["chatter" if result.is_scattering else _HARMLESS] if result.is_chattering else []
+    return [*result.causes, *chatter]
 
 
-def _describe_amplification(found: Stability) -> str:
-    worst = found.discrete
+def _describe_amplification(result: Stability) -> str:
+    worst = result.discrete
     if not worst.is_available:
         return "not assessed"
-    stable = "unstable" if "numerical" in found.causes else "stable"
+    stable = "unstable" if "numerical" in result.causes else "stable"
     words = (
         f"{stable}: spectral radius {worst.radius:.9g} at {worst.frequency:.5g} Hz, motion of {', '.join(worst.moving)}"
     )
     return words + (f"; max stable step {worst.critical_step:.4g} s" if math.isfinite(worst.critical_step) else "")
 
 
-def _format_resonance(one: Resonance, scale: float) -> str:
-    sizes = f"lift {1e3 * one.amplitude:.3g} mm, cam force {one.load:.3g} N, {one.share:.1%} of its maximum"
-    mode = f"mode {one.frequency:.5g} Hz ({one.words})"
-    return f"{mode} at {scale * one.rpm:.5g} {shaft_name(scale)} rpm; amplitudes at the assessed speed: {sizes}"
+def _format_resonance(r: Resonance, scale: float) -> str:
+    sizes = f"lift {1e3 * r.amplitude:.3g} mm, cam force {r.load:.3g} N, {r.share:.1%} of its maximum"
+    mode = f"mode {r.frequency:.5g} Hz ({r.words})"
+    return f"{mode} at {scale * r.rpm:.5g} {shaft_name(scale)} rpm; amplitudes at the assessed speed: {sizes}"
 
 
-def _count_resonances(found: Stability, scale: float) -> str:
-    if found.why_no_modes:
-        return f"not assessed: {found.why_no_modes}"
-    count = len(found.within)
+def _count_resonances(result: Stability, scale: float) -> str:
+    if result.why_no_modes:
+        return f"not assessed: {result.why_no_modes}"
+    count = len(result.within)
     rpm = f"{shaft_name(scale)} rpm"
-    words = f"{count or 'none'} at or below {scale * found.highest_listed_rpm:.5g} {rpm}"
+    words = f"{count or 'none'} at or below {scale * result.highest_listed_rpm:.5g} {rpm}"
     if count > _SHOWN:
         words += f", of which the nearest {_SHOWN} are listed"
-    if above := found.higher_resonances:
+    if above := result.higher_resonances:
         words += f"; {len(above)} above, the lowest at {scale * above[0].rpm:.6g} {rpm}"
     return words
 
 
-def _describe_growth(found: Stability) -> str:
-    if found.floquet is None:
-        return f"not assessed: {found.why_not}"
-    largest, moving = abs(complex(found.floquet.multipliers[0])), ", ".join(found.floquet.moving())
-    if found.is_chattering:
-        events = found.floquet.events
+def _describe_growth(result: Stability) -> str:
+    if result.floquet is None:
+        return f"not assessed: {result.why_not}"
+    largest, moving = abs(complex(result.floquet.multipliers[0])), ", ".join(result.floquet.moving())
+    if result.is_chattering:
+        events = result.floquet.events
         grows = f"a revolution has {events} impacts, which amplify small disturbances {largest:.3g} times ({moving})"
-        change = "" if found.change is None else describe_change(found.change)
+        change = "" if result.change is None else describe_change(result.change)
         return f"chatters: {grows}" + (f". Difference between the last two revolutions: {change}" if change else "")
-    return f"max multiplier {largest:.6g} (above 1 grows), growth {found.floquet.growth:.4g} 1/s, motion of {moving}"
+    return f"max multiplier {largest:.6g} (above 1 grows), growth {result.floquet.growth:.4g} 1/s, motion of {moving}"
 
 
-def _stability_json(found: Stability, scale: float) -> dict[str, object]:
-    discrete, floquet = found.discrete, found.floquet
+def _stability_json(result: Stability, scale: float) -> dict[str, object]:
+    discrete, floquet = result.discrete, result.floquet
     return {
-        "shaft": shaft_name(scale), "rpm": scale * found.rpm, "run": found.status.cause,
+        "shaft": shaft_name(scale), "rpm": scale * result.rpm, "run": result.status.cause,
         "spectral_radius": discrete.radius, "endangered_mode_hz": discrete.frequency,
         "endangered_moves": list(discrete.moving), "critical_step_s": discrete.critical_step,
-        "multipliers": [] if floquet is None else [[one.real, one.imag] for one in floquet.multipliers.tolist()],
-        "growth": None if floquet is None else floquet.growth, "chatters": found.is_chattering,
-        "revolution_change": found.change, "note": "; ".join(filter(None, (found.why_not, found.why_no_modes))),
-        "open_on_the_lift_deg": math.degrees(found.open_on_the_lift),
+        "multipliers": [] if floquet is None else [[z.real, z.imag] for z in floquet.multipliers.tolist()],
+        "growth": None if floquet is None else floquet.growth, "chatters": result.is_chattering,
+        "revolution_change": result.change, "note": "; ".join(filter(None, (result.why_not, result.why_no_modes))),
+        "open_on_the_lift_deg": math.degrees(result.open_on_the_lift),
         "resonances": [
             {
-                "contact": one.contact, "rpm": scale * one.rpm, "harmonic": one.harmonic, "amplitude_m": one.amplitude,
-                "load_n": one.load, "load_share": one.share, "frequency_hz": one.frequency, "moves": one.words,
+                "contact": r.contact, "rpm": scale * r.rpm, "harmonic": r.harmonic, "amplitude_m": r.amplitude,
+                "load_n": r.load, "load_share": r.share, "frequency_hz": r.frequency, "moves": r.words,
             }
-            for one in found.within[: 4 * _SHOWN]
+            for r in result.within[: 4 * _SHOWN]
         ],
-        "resonances_up_to_rpm": scale * found.highest_listed_rpm, "resonances_within": len(found.within),
-        "resonances_above": len(found.higher_resonances),
-        "next_resonance_rpm": scale * found.higher_resonances[0].rpm if found.higher_resonances else None,
-        "verdict": list(found.causes),
+        "resonances_up_to_rpm": scale * result.highest_listed_rpm, "resonances_within": len(result.within),
+        "resonances_above": len(result.higher_resonances),
+        "next_resonance_rpm": scale * result.higher_resonances[0].rpm if result.higher_resonances else None,
+        "verdict": list(result.causes),
     }  # fmt: skip
 
 
-def _growth_table(found: Sequence[Stability], scale: float, contacts: set[str]) -> Table:
+def _growth_table(results: Sequence[Stability], scale: float, contacts: set[str]) -> Table:
     rows = [
-        (f"{scale * one.rpm:.6g}", f"{one.discrete.radius:.9g}",
-         "not assessed" if one.floquet is None else f"{abs(complex(one.floquet.multipliers[0])):.6g}",
-         "" if one.floquet is None else f"{one.floquet.growth:.4g}",
-         f"{math.degrees(one.open_on_the_lift):.3g}" if contacts else "not assessed",
-         ", ".join(_verdict(one)) or ("not assessed" if one.floquet is None else "no cause found"))
-        for one in found
+        (f"{scale * result.rpm:.6g}", f"{result.discrete.radius:.9g}",
+         "not assessed" if result.floquet is None else f"{abs(complex(result.floquet.multipliers[0])):.6g}",
+         "" if result.floquet is None else f"{result.floquet.growth:.4g}",
+         f"{math.degrees(result.open_on_the_lift):.3g}" if contacts else "not assessed",
+         ", ".join(_verdict(result)) or ("not assessed" if result.floquet is None else "no cause found"))
+        for result in results
     ]  # fmt: skip
     heads = (
         f"{shaft_name(scale)} rpm",
@@ -339,29 +339,29 @@ def stability(
     """
     read = cli.load_beams(case, overrides)
     scale = read.turns
-    contacts = {one.model for one in read.record.contacts.values()} & {"unilateral", "bilateral"}
+    contacts = {contact.model for contact in read.record.contacts.values()} & {"unilateral", "bilateral"}
     if lowest is None and highest is None and plot is None:
         if count is not None:
             why, remedy = "otherwise only the speed of the case is assessed", "add one, or leave --count out"
             raise refuse("--count", count, "--count with --lowest, --highest or --plot", why, remedy)
-        found = assess_stability(read)
-        return cli.CommandOutput([_stability_table(found, scale, contacts)], _stability_json(found, scale))
+        result = assess_stability(read)
+        return cli.CommandOutput([_stability_table(result, scale, contacts)], _stability_json(result, scale))
     speeds = cli.spaced_speeds(lowest, highest, 11 if count is None else count, read)
     cli.check_targets(None, plot, overwrite=overwrite)
-    with show_count(len(speeds), "speeds") as shown:
-        every = stability_over_speeds(read, speeds, advance=shown)
-    rpm = np.array([scale * one.rpm for one in every])
-    growth = np.array([math.nan if one.floquet is None else one.floquet.growth for one in every])
-    causes = {cause: np.array([cause in _verdict(one) for one in every]) for cause in _WORDS if cause != _HARMLESS}
-    missing = [(scale * one.rpm, one.why_not.rstrip(".")) for one in every if one.floquet is None]
+    with show_count(len(speeds), "speeds") as advance:
+        runs = stability_over_speeds(read, speeds, advance=advance)
+    rpm = np.array([scale * result.rpm for result in runs])
+    growth = np.array([math.nan if result.floquet is None else result.floquet.growth for result in runs])
+    causes = {cause: np.array([cause in _verdict(result) for result in runs]) for cause in _WORDS if cause != _HARMLESS}
+    missing = [(scale * result.rpm, result.why_not.rstrip(".")) for result in runs if result.floquet is None]
     words = [
         f"Not assessed at {', '.join(f'{speed:.6g}' for speed, other in missing if other == why)} rpm: {why}."
         for why in dict.fromkeys(why for _, why in missing)
     ]
-    verdicts = dict.fromkeys(verdict for one in every for verdict in _verdict(one))
+    verdicts = dict.fromkeys(verdict for result in runs for verdict in _verdict(result))
     words += [f"{verdict}: {_WORDS[verdict]}." for verdict in verdicts]
     return cli.CommandOutput(
-        [_growth_table(every, scale, contacts), *words],
-        {"speeds": [_stability_json(one, scale) for one in every]}, title=read.title,
+        [_growth_table(runs, scale, contacts), *words],
+        {"speeds": [_stability_json(result, scale) for result in runs]}, title=read.title,
         draw=lambda: plotting.spectra.growth_figure(rpm, growth, causes, shaft_name(scale)),
     )  # fmt: skip

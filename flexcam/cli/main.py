@@ -34,7 +34,7 @@ from flexcam.report.terminal import print_json, print_message
 
 DONE, REFUSED, FAILED, FAULT, INTERRUPTED, TERMINATED = 0, 2, 3, 70, 130, 143
 # SIGHUP reports a closed terminal; Windows has none, and nohup ignores it.
-_HANGUP = [one for one in signal.Signals if one.name == "SIGHUP" and signal.getsignal(one) is not signal.SIG_IGN]
+_HANGUP = [sig for sig in signal.Signals if sig.name == "SIGHUP" and signal.getsignal(sig) is not signal.SIG_IGN]
 
 _STREAM_FAULTS = (errno.ENOSPC, errno.EPIPE, errno.EIO)  # errors of a standard output that is full or has no reader
 _INTERRUPTED = Status(Cause.INTERRUPTED, "stopped before it was finished; nothing is kept")
@@ -111,15 +111,15 @@ def _command_line_fault(words: Sequence[str], fault: CycloptsError) -> Fault:
     if why.startswith("Unknown command"):
         why = why.partition(" Available commands: ")[0]
         remedy = f"choose one of {', '.join(choices)}, or {remedy}"
-    elif found := re.match(r'Command "[^"]+" parameter -+(\S+) requires an argument', why):
-        option = f"--{found[1]}"
-        why = f"{found[1].upper()} ({option}) is missing"
+    elif match := re.match(r'Command "[^"]+" parameter -+(\S+) requires an argument', why):
+        option = f"--{match[1]}"
+        why = f"{match[1].upper()} ({option}) is missing"
         if option in words:
             why, remedy = f"{option} needs a value", f"write a value that begins with - as {option}=VALUE, or {remedy}"
-    elif found := re.match(r"(Unknown option: -+(\S+)\.) Did you mean -+(\S+)\?$", why):
-        why = why if suggest_name(found[2], [found[3]]) else found[1]
-    elif found := re.match(r"Unused Tokens: \[(.*)\]", why):
-        why = f"no argument or option accepts {found[1]}"
+    elif match := re.match(r"(Unknown option: -+(\S+)\.) Did you mean -+(\S+)\?$", why):
+        why = why if suggest_name(match[2], [match[3]]) else match[1]
+    elif match := re.match(r"Unused Tokens: \[(.*)\]", why):
+        why = f"no argument or option accepts {match[1]}"
     return Fault("command line", " ".join(words), "", why, remedy)
 
 
@@ -129,7 +129,7 @@ def _name_options(faults: Sequence[Fault], words: Sequence[str]) -> list[Fault]:
         return list(faults)
     typed = {word.partition("=")[0] for word in words if word.startswith("--")}
     arguments = app.parse_commands(words)[1][-1].assemble_argument_collection()
-    options = {one.field_info.name: name for one in arguments for name in one.names if name in typed}
+    options = {argument.field_info.name: name for argument in arguments for name in argument.names if name in typed}
     options |= {name.removeprefix("--").replace("-", "_"): name for name in typed}
     return [replace(fault, where=options.get(fault.where, fault.where)) for fault in faults]
 
@@ -150,9 +150,9 @@ def _word_faults(words: Sequence[str]) -> Iterator[Fault]:
     """Yield a fault for every empty value, which may mean the current folder, and for every word not in UTF-8."""
     for before, word in pairwise(["", *words]):
         if not word or (word.startswith("-") and word.endswith("=")):
-            where = word.removesuffix("=") or (before if before.startswith("-") else "command line")
+            option = word.removesuffix("=") or (before if before.startswith("-") else "command line")
             why, remedy = "it is empty, perhaps from a shell variable that is not set", "give a value, or omit it"
-            yield Fault(where, "nothing", "a value", why, remedy)
+            yield Fault(option, "nothing", "a value", why, remedy)
         if any("\ud800" <= letter <= "\udfff" for letter in word):
             why, remedy = "results and reports name their files", "rename the file or folder"
             yield Fault("command line", ascii(word), "words and file names in UTF-8", why, remedy)

@@ -37,23 +37,23 @@ from flexcam.report.terminal import NOISE, format_csv, format_number, plain_tabl
 from flexcam.valvetrain import ModelModes, explain_planes
 
 
-def _elastic(found: ModelModes, count: int) -> slice:
-    return slice(found.modes.rigid, found.modes.rigid + count)
+def _elastic(model_modes: ModelModes, count: int) -> slice:
+    return slice(model_modes.modes.rigid, model_modes.modes.rigid + count)
 
 
-def _closed_mode_table(found: ClosedModes, count: int, turns: float) -> Table:
-    made = plain_table(f"Modes with closed contacts, cam of contact {found.contact}", ("no.",), ())
+def _closed_mode_table(cam_modes: ClosedModes, count: int, turns: float) -> Table:
+    table = plain_table(f"Modes with closed contacts, cam of contact {cam_modes.contact}", ("no.",), ())
     cells: list[list[tuple[str, ...]]] = []
-    for place, modes in (("base circle", found.base_circle), ("full lift", found.full_lift)):
-        made.add_column(f"{place}\nHz", justify="right", no_wrap=True)
-        made.add_column(f"{shaft_name(turns)}\nrpm", justify="right", no_wrap=True)
-        made.add_column("what moves", justify="left", overflow="fold")
+    for place, modes in (("base circle", cam_modes.base_circle), ("full lift", cam_modes.full_lift)):
+        table.add_column(f"{place}\nHz", justify="right", no_wrap=True)
+        table.add_column(f"{shaft_name(turns)}\nrpm", justify="right", no_wrap=True)
+        table.add_column("what moves", justify="left", overflow="fold")
         hertz: list[float] = modes.modes.frequencies.tolist()
         elastic = range(len(hertz))[_elastic(modes, count)]
         cells.append([(f"{hertz[i]:.2f}", f"{60.0 * turns * hertz[i]:.0f}", modes.words(i)) for i in elastic])
     for number, row in enumerate(zip_longest(*cells, fillvalue=("", "", "")), start=1):
-        made.add_row(str(number), *chain.from_iterable(row))
-    return made
+        table.add_row(str(number), *chain.from_iterable(row))
+    return table
 
 
 def _describe_mac(likeness: FloatArray, nodes: int) -> tuple[Table, str]:
@@ -97,52 +97,50 @@ def modes(
         lambda: cli.check_number("--count", count),
         lambda: None if folder is None else check_folder_name(folder),
     )
-    found = case_modes(read, count, prestress=prestress)
-    criterion, compared = None, 0
+    model_modes = case_modes(read, count, prestress=prestress)
+    criterion, node_count = None, 0
     if mac is not None:
         other = read_case(mac)
-        criterion, compared = modal_assurance(read, found, other, case_modes(other, count, prestress=prestress))
+        criterion, node_count = modal_assurance(read, model_modes, other, case_modes(other, count, prestress=prestress))
     files: list[Path] = []
     if folder is not None:
         path = create_folder(folder) / f"{read.name}-modes.vtkhdf"
         drawn = output_geometry(build_model(read))
-        files = write_modes(path, drawn, found.modes.frequencies, found.modes.shapes, overwrite=overwrite)
+        files = write_modes(path, drawn, model_modes.modes.frequencies, model_modes.modes.shapes, overwrite=overwrite)
     closed, missing = closed_modes(read)
-    moves = [found.words(i) for i in range(len(found.shares))]
-    states = [state for one in closed for state in (one.base_circle, one.full_lift)]
+    moves = [model_modes.words(i) for i in range(len(model_modes.shares))]
+    states = [state for cam_modes in closed for state in (cam_modes.base_circle, cam_modes.full_lift)]
     closed_moves = [state.words(i) for state in states for i in range(len(state.shares))[_elastic(state, count)]]
-    first = found.modes.rigid + 1
+    first = model_modes.modes.rigid + 1
     columns = f"ux, uy, uz {to_display_unit('kg')[1]}: effective mass of the mode for base excitation along x, y, z."
-    counted = (
-        f" For sensitivity and optimize, frequency.1 is no. {first}, the first mode above zero." if first > 1 else ""
-    )
+    note = f" For sensitivity and optimize, frequency.1 is no. {first}, the first mode above zero." if first > 1 else ""
     title = f"{read.title}: modes, contacts open"
-    table = [mode_table(found, title, read.turns), columns + counted] if moves else [f"{title}: none. {_NO_MODES}"]
+    table = [mode_table(model_modes, title, read.turns), columns + note] if moves else [f"{title}: none. {_NO_MODES}"]
     parts = [
         *table,
-        *(_closed_mode_table(one, count, read.turns) for one in closed),
+        *(_closed_mode_table(cam_modes, count, read.turns) for cam_modes in closed),
         *explain_planes([*moves, *closed_moves]),
-        *check_modes(found),
+        *check_modes(model_modes),
         *filter(None, [missing]),
     ]
     if criterion is not None:
-        parts += _describe_mac(criterion, compared)
+        parts += _describe_mac(criterion, node_count)
     if files:
         parts.append(f"{files[0]}: choose a mode in Warp By Vector and press play; {files[1]} has the static shapes")
     closed_hz = {
-        one.contact: {
-            "base_circle_hz": one.base_circle.modes.frequencies[_elastic(one.base_circle, count)],
-            "full_lift_hz": one.full_lift.modes.frequencies[_elastic(one.full_lift, count)],
+        cam_modes.contact: {
+            "base_circle_hz": cam_modes.base_circle.modes.frequencies[_elastic(cam_modes.base_circle, count)],
+            "full_lift_hz": cam_modes.full_lift.modes.frequencies[_elastic(cam_modes.full_lift, count)],
         }
-        for one in closed
+        for cam_modes in closed
     }
     json = {
         "title": read.record.title,
-        "frequencies_hz": found.modes.frequencies, "free_motions": found.modes.rigid,
-        "effective_masses": found.effective, "lost": found.modes.lost,
-        "rounding": found.modes.rounding, "warnings": check_modes(found),
+        "frequencies_hz": model_modes.modes.frequencies, "free_motions": model_modes.modes.rigid,
+        "effective_masses": model_modes.effective, "lost": model_modes.modes.lost,
+        "rounding": model_modes.modes.rounding, "warnings": check_modes(model_modes),
         "moves": moves,
-        "mac": criterion, "mac_nodes": compared,
+        "mac": criterion, "mac_nodes": node_count,
         "closed": closed_hz, "files": files,
     }  # fmt: skip
     return cli.CommandOutput(parts, json)
@@ -159,27 +157,27 @@ _DASH = (
 )
 
 
-def _modes_table(found: Campbell, scale: float) -> Table:
-    low, high = (f"Hz at {scale * found.rpm[i]:.6g}" for i in (0, -1))
+def _modes_table(chart: Campbell, scale: float) -> Table:
+    low, high = (f"Hz at {scale * chart.rpm[i]:.6g}" for i in (0, -1))
 
     def cell(column: FloatArray, i: int) -> str:
-        return format_number(column[i], 5) if found.statuses[i].ok else "failed"
+        return format_number(column[i], 5) if chart.statuses[i].ok else "failed"
 
     rows = [
         (str(i), cell(column, 0), cell(column, -1), "yes" if reached else "no", words)
         for i, (column, reached, words) in enumerate(
-            zip(found.frequencies.T, found.reached, found.words, strict=True), start=1
+            zip(chart.frequencies.T, chart.reached, chart.words, strict=True), start=1
         )
     ]
-    title = f"Natural frequencies over {shaft_name(scale)} rpm, {found.contact} at full lift (rigid-body modes omitted)"
+    title = f"Natural frequencies over {shaft_name(scale)} rpm, {chart.contact} at full lift (rigid-body modes omitted)"
     return plain_table(title, ("mode", low, high, "excitable", "what moves"), rows)
 
 
-def _crossing_table(found: Campbell, scale: float) -> Table | str:
+def _crossing_table(chart: Campbell, scale: float) -> Table | str:
     rows = [
-        (f"{scale * one.rpm:.6g}", str(one.harmonic), str(one.mode + 1), f"{one.frequency:.5g}",
-         format_number(1e3 * one.amplitude, 3), format_number(one.load, 3), one.words)
-        for one in found.crossings
+        (f"{scale * crossing.rpm:.6g}", str(crossing.harmonic), str(crossing.mode + 1), f"{crossing.frequency:.5g}",
+         format_number(1e3 * crossing.amplitude, 3), format_number(crossing.load, 3), crossing.words)
+        for crossing in chart.crossings
     ]  # fmt: skip
     title = "Resonances: speeds at which an order of the cam force has the frequency of a mode"
     head = (
@@ -202,29 +200,29 @@ def _describe_incomplete_runs(statuses: Sequence[Status], rpm: FloatArray, scale
     ]
 
 
-def _orders_table(found: Waterfall, scale: float) -> Table:
-    shown = sorted(largest_orders(found, _MAX_TABLE_ORDERS))
-    rounding = NOISE * float(np.nanmax(found.amplitudes)) if shown else 0.0
+def _orders_table(result: Waterfall, scale: float) -> Table:
+    orders = sorted(largest_orders(result, _MAX_TABLE_ORDERS))
+    rounding = NOISE * float(np.nanmax(result.amplitudes)) if orders else 0.0
     rows: list[tuple[str, ...]] = []
-    for rpm, sizes, gap in zip(found.rpm.tolist(), found.amplitudes, found.gaps.tolist(), strict=True):
+    for rpm, sizes, gap in zip(result.rpm.tolist(), result.amplitudes, result.gaps.tolist(), strict=True):
         largest = float(sizes[1:].max())
         shares = f"{gap / largest:.1%}" if largest > 0.0 else "-"
-        cells = (format_number(0.0 if sizes[n] < rounding else sizes[n], 4) for n in (0, *shown))
+        cells = (format_number(0.0 if sizes[n] < rounding else sizes[n], 4) for n in (0, *orders))
         rows.append((f"{scale * rpm:.6g}", *cells, shares))
-    what = f"acceleration of {found.signal.name}" if found.signal.probe else found.signal.name
-    count = f"the largest {len(shown)} of {found.amplitudes.shape[1] - 1}"
-    title = f"Orders of {what}, {found.unit}, in the last revolution: {count}"
-    head = (f"{shaft_name(scale)} rpm", "mean", *(f"order {n}" for n in shown), "change per revolution")
+    what = f"acceleration of {result.signal.name}" if result.signal.probe else result.signal.name
+    count = f"the largest {len(orders)} of {result.amplitudes.shape[1] - 1}"
+    title = f"Orders of {what}, {result.unit}, in the last revolution: {count}"
+    head = (f"{shaft_name(scale)} rpm", "mean", *(f"order {n}" for n in orders), "change per revolution")
     return plain_table(title, head, rows)
 
 
-def _orders_csv(found: Sequence[Waterfall], scale: float) -> str:
+def _orders_csv(results: Sequence[Waterfall], scale: float) -> str:
     """Return a row per history, speed and order, without incomplete runs."""
     head = ("history", "unit", f"{shaft_name(scale)} speed [rpm]", "order", "amplitude", "change per revolution")
     rows = [
-        (one.signal.name, one.unit, f"{scale * rpm:.10g}", n, size, gap)
-        for one in found
-        for rpm, sizes, gap in zip(one.rpm, one.amplitudes.tolist(), one.gaps.tolist(), strict=True)
+        (result.signal.name, result.unit, f"{scale * rpm:.10g}", n, size, gap)
+        for result in results
+        for rpm, sizes, gap in zip(result.rpm, result.amplitudes.tolist(), result.gaps.tolist(), strict=True)
         for n, size in enumerate(sizes)
         if not math.isnan(size)
     ]
@@ -286,57 +284,58 @@ def modes_over_speed(
 ) -> cli.CommandOutput:
     """Return natural modes over speed and their crossings with orders of the cam."""
     scale = case.turns
-    with show_count(len(speeds), "speeds") as shown:
-        found = find_crossings(case, speeds, orders=orders, modes=count, contact=contact, advance=shown)
-    incomplete = _describe_incomplete_runs(found.statuses, found.rpm, scale)
-    weak = ", ".join(str(n) for n in orders if n not in found.lifts)
+    with show_count(len(speeds), "speeds") as advance:
+        chart = find_crossings(case, speeds, orders=orders, modes=count, contact=contact, advance=advance)
+    incomplete = _describe_incomplete_runs(chart.statuses, chart.rpm, scale)
+    weak = ", ".join(str(n) for n in orders if n not in chart.lifts)
     below = f"{100.0 * MIN_HARMONIC_RATIO:g} % of the largest"
     left_out = (
         [f"Left out, because their amplitude in the lift acceleration is below {below}: orders {weak}"] if weak else []
     )
-    dash = [_DASH] if any(np.isnan(found.frequencies[i]).any() for i in (0, -1) if found.statuses[i].ok) else []
+    dash = [_DASH] if any(np.isnan(chart.frequencies[i]).any() for i in (0, -1) if chart.statuses[i].ok) else []
     parts = [
-        _modes_table(found, scale), *dash, _crossing_table(found, scale), *left_out, *explain_planes(found.words),
+        _modes_table(chart, scale), *dash, _crossing_table(chart, scale), *left_out, *explain_planes(chart.words),
         *incomplete,
     ]  # fmt: skip
     modes = [
         {"frequencies_hz": column, "reached": reached, "moves": words}
-        for column, reached, words in zip(found.frequencies.T, found.reached, found.words, strict=True)
+        for column, reached, words in zip(chart.frequencies.T, chart.reached, chart.words, strict=True)
     ]
     json = {
-        "shaft": shaft_name(scale), "contact": found.contact, "rpm": scale * found.rpm, "modes": modes,
-        "lift_amplitudes_m": found.lifts, "force_amplitudes_n": dict(zip(found.lifts, found.loads.T, strict=True)),
-        "crossings": [replace(one, rpm=scale * one.rpm, mode=one.mode + 1) for one in found.crossings],
-        "ended": [one.cause for one in found.statuses],
+        "shaft": shaft_name(scale), "contact": chart.contact, "rpm": scale * chart.rpm, "modes": modes,
+        "lift_amplitudes_m": chart.lifts, "force_amplitudes_n": dict(zip(chart.lifts, chart.loads.T, strict=True)),
+        "crossings": [replace(c, rpm=scale * c.rpm, mode=c.mode + 1) for c in chart.crossings],
+        "ended": [status.cause for status in chart.statuses],
     }  # fmt: skip
     return cli.CommandOutput(
-        parts, json, title=case.title, status=cli.joint_status(found.statuses, "speeds"),
-        draw=lambda: plotting.spectra.campbell_figure(found, scale, shaft_name(scale)),
+        parts, json, title=case.title, status=cli.joint_status(chart.statuses, "speeds"),
+        draw=lambda: plotting.spectra.campbell_figure(chart, scale, shaft_name(scale)),
     )  # fmt: skip
 
 
 def orders_of_response(case: Case, speeds: list[float], signals: list[Signal], highest_order: int) -> cli.CommandOutput:
     """Run every speed and return the orders of the last revolution."""
     scale = case.turns
-    with show_count(len(speeds), "speeds") as shown:
-        found = waterfall(case, speeds, signals, highest_order, advance=shown)
-    rpm, statuses, shaft = found[0].rpm, found[0].statuses, shaft_name(scale)
-    parts = [*(_orders_table(one, scale) for one in found), *_describe_incomplete_runs(statuses, rpm, scale)]
+    with show_count(len(speeds), "speeds") as advance:
+        results = waterfall(case, speeds, signals, highest_order, advance=advance)
+    rpm, statuses, shaft = results[0].rpm, results[0].statuses, shaft_name(scale)
+    parts = [*(_orders_table(result, scale) for result in results), *_describe_incomplete_runs(statuses, rpm, scale)]
     histories = {
-        one.signal.name: {"unit": one.unit, "amplitudes": one.amplitudes, "open_by": one.gaps} for one in found
+        result.signal.name: {"unit": result.unit, "amplitudes": result.amplitudes, "open_by": result.gaps}
+        for result in results
     }
     return cli.CommandOutput(
         parts,
         {"shaft": shaft, "rpm": scale * rpm, "histories": histories, "ended": [status.cause for status in statuses]},
-        _orders_csv(found, scale), title=case.title, status=cli.joint_status(statuses, "speeds"),
-        draw=lambda: plotting.spectra.waterfall_figure(found, scale, shaft),
+        _orders_csv(results, scale), title=case.title, status=cli.joint_status(statuses, "speeds"),
+        draw=lambda: plotting.spectra.waterfall_figure(results, scale, shaft),
     )  # fmt: skip
 
 
 def select_signals(case: Case, channels: list[str] | None, probes: list[str] | None) -> list[Signal]:
     """Return the requested histories: by default the acceleration of the valve and the force of the first cam."""
     if channels is None and probes is None:
-        driven = next((name for name, one in case.record.contacts.items() if hasattr(one, "cam")), None)
+        driven = next((name for name, contact in case.record.contacts.items() if hasattr(contact, "cam")), None)
         channels = [] if driven is None else [f"contacts.{driven}.force"]
         probes = [scalar_probe(prepare(case))]
     return [*(Signal(name, probe=True) for name in probes or []), *(Signal(name) for name in channels or [])]
@@ -345,10 +344,10 @@ def select_signals(case: Case, channels: list[str] | None, probes: list[str] | N
 def _parse_orders(text: str, response: bool) -> list[int]:
     """Parse orders: ``1:12``, ``1,2,4`` or one; those of a response begin with 1 and have no gaps."""
     numbers: list[int] = []
-    if found := re.fullmatch(r"\s*(\d{1,4})\s*:\s*(\d{1,4})\s*", text):
-        numbers = list(range(int(found[1]), int(found[2]) + 1))
+    if match := re.fullmatch(r"\s*(\d{1,4})\s*:\s*(\d{1,4})\s*", text):
+        numbers = list(range(int(match[1]), int(match[2]) + 1))
     elif re.fullmatch(r"\s*\d{1,4}\s*(,\s*\d{1,4}\s*)*", text):
-        numbers = sorted({int(one) for one in text.split(",")})
+        numbers = sorted({int(number) for number in text.split(",")})
     if not numbers or numbers[0] < 1 or numbers[-1] > _MAX_ORDER:
         raise refuse("--orders", repr(text), f"whole numbers from 1 to {_MAX_ORDER}: 1:12, or 1,2,4")
     if response and len(numbers) != numbers[-1]:

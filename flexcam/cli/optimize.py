@@ -75,73 +75,73 @@ def optimize(
     """Find the best variant of a case under constraints, or the Pareto front of two goals."""
     cli.check_targets(csv, plot, case, overwrite=overwrite, target=target)
     goals, bounds = _parse_goals(least or (), most or ()), optimization.parse_constraints(subject or ())
-    names, options = [one.name for one in (*goals, *bounds)], "--least, --most or --subject"
-    asked = StudyOptions(
-        case, overrides, names, lowest, highest, accuracy, option=options, workers=workers, allow_large=allow_large
+    names, option = [criterion.name for criterion in (*goals, *bounds)], "--least, --most or --subject"
+    options = StudyOptions(
+        case, overrides, names, lowest, highest, accuracy, option=option, workers=workers, allow_large=allow_large
     )
-    variables = variables_of(asked.case, vary, "--vary")
+    variables = variables_of(options.case, vary, "--vary")
     by_gradient = method == "gradient"
     cli.refuse_without("--method gradient", {"--starts": starts}, present=by_gradient)
     if by_gradient:
-        exact_names(asked.case, names, "exact", option="--method gradient", other="use --method evolution")
+        exact_names(options.case, names, "exact", option="--method gradient", other="use --method evolution")
     with suppress(RunFailedError):  # a case that fails may have better variants
-        asked.initial_quantities(evaluations)
-    worst = _worst_case(asked, at, goals, bounds, [one.key for one in variables]) if at else None
-    with asked.evaluators(evaluations, variables=variables if by_gradient else (), worst=worst) as runs:
-        points = PointEvaluator(asked.case, variables, runs)
+        options.initial_quantities(evaluations)
+    worst = _worst_case(options, at, goals, bounds, [variable.key for variable in variables]) if at else None
+    with options.evaluators(evaluations, variables=variables if by_gradient else (), worst=worst) as runs:
+        points = PointEvaluator(options.case, variables, runs)
         design = OptimizationProblem(points, goals, bounds)
         if by_gradient:
             begins = 1 if starts is None else starts
-            found = optimize_by_gradient(design, evaluations=evaluations, starts=begins, seed=seed)
+            trials = optimize_by_gradient(design, evaluations=evaluations, starts=begins, seed=seed)
         else:
             search = optimization.optimize if len(goals) == 1 else optimization.find_pareto_front
-            found = search(design, evaluations=evaluations, seed=seed)
-    written: list[Path] = []
-    if target is not None and found.best is not None:
-        best = (*asked.fixed, *design.points.overrides(found.points[found.best]))
-        title = f"The best variant of {asked.file.path.name}:"
-        written = study.write_variant(asked.file, best, target, title, overwrite=overwrite)
-    output = _describe_search(asked, design, found, worst, by_gradient=by_gradient)
+            trials = search(design, evaluations=evaluations, seed=seed)
+    files: list[Path] = []
+    if target is not None and trials.best is not None:
+        best = (*options.fixed, *design.points.overrides(trials.points[trials.best]))
+        title = f"The best variant of {options.file.path.name}:"
+        files = study.write_variant(options.file, best, target, title, overwrite=overwrite)
+    output = _describe_search(options, design, trials, worst, gradient=by_gradient)
     status = Status()
-    if found.stopped:
-        done = f"stopped after {len(found.rows)} of about {evaluations} variants; the result is their best"
+    if trials.stopped:
+        done = f"stopped after {len(trials.rows)} of about {evaluations} variants; the result is their best"
         status = Status(Cause.INTERRUPTED, done, "run the same command with the same --seed again for the whole search")
-    elif found.best is None:
+    elif trials.best is None:
         text, remedy = "no variant meets all constraints", "widen the intervals, or relax a constraint"
         if by_gradient:
             text = "the gradient search found no variant that meets all constraints from this start"
             other = "another point (--set, --starts), such as a speed without contact loss"
             remedy = f"start at {other}, or use --method evolution"
         status = Status(Cause.INFEASIBLE, text, remedy)
-    return replace(output, files=written, status=status)
+    return replace(output, files=files, status=status)
 
 
 def _describe_search(
-    asked: StudyOptions, design: OptimizationProblem, found: Evaluations, worst: WorstCase | None, *, by_gradient: bool
+    options: StudyOptions, design: OptimizationProblem, trials: Evaluations, worst: WorstCase | None, *, gradient: bool
 ) -> cli.CommandOutput:
-    parts, json = _optimum(design, found) if len(design.goals) == 1 else _front(design, found)
-    failed = [row.status for row in found.rows if not row.status.ok]
-    json |= {"evaluations": len(found.rows), "failed": len(failed)}
+    parts, json = _optimum(design, trials) if len(design.goals) == 1 else _front(design, trials)
+    failed = [row.status for row in trials.rows if not row.status.ok]
+    json |= {"evaluations": len(trials.rows), "failed": len(failed)}
     if failed:
         parts.append(f"{len(failed)} variants failed and count as violating every constraint; the first: {failed[0]}")
-    if by_gradient and design.start is None:
+    if gradient and design.start is None:
         parts.append("The case is outside the intervals: the search started from their centre.")
-    if found.is_flat:
+    if trials.is_flat:
         remedy = "Vary a value on which it depends, add --starts, or use --method evolution."
         if design.goals[0].name.startswith("contacts."):
             remedy = f"A lost contact has no force: start with a closed contact (--set). {remedy}"
         parts.append(f"At the start no varied value changes {design.goals[0].name}. {remedy}")
-    if not found.stopped and found.best is not None and len(design.goals) == 1:
+    if not trials.stopped and trials.best is not None and len(design.goals) == 1:
         conditions = worst.conditions if worst else ((),)
-        json["warnings"] = _check_variant(asked, design.points.overrides(found.points[found.best]), conditions)
+        json["warnings"] = _check_variant(options, design.points.overrides(trials.points[trials.best]), conditions)
         parts += json["warnings"]
-    if not found.stopped and found.best is None:
+    if not trials.stopped and trials.best is None:
         json = {"status": "ok", **json}
-    return cli.CommandOutput(parts, json, _csv(design, found), lambda: _search_figure(design, found))
+    return cli.CommandOutput(parts, json, _csv(design, trials), lambda: _search_figure(design, trials))
 
 
-def _parse_goals(least: Sequence[str], most: Sequence[str]) -> tuple[Goal, ...]:
-    goals = (*map(Goal, least), *(Goal(name, most=True) for name in most))
+def _parse_goals(minimized: Sequence[str], maximized: Sequence[str]) -> tuple[Goal, ...]:
+    goals = (*map(Goal, minimized), *(Goal(name, most=True) for name in maximized))
     if len(goals) not in (1, 2):
         raise refuse("--least, --most", f"{len(goals) or 'no'} goals", "one goal, or two for a Pareto front")
     if len({goal.name for goal in goals}) < len(goals):
@@ -150,21 +150,21 @@ def _parse_goals(least: Sequence[str], most: Sequence[str]) -> tuple[Goal, ...]:
     return goals
 
 
-def _check_variant(asked: StudyOptions, variant: Sequence[str], conditions: Sequence[Sequence[str]]) -> list[str]:
+def _check_variant(options: StudyOptions, variant: Sequence[str], conditions: Sequence[Sequence[str]]) -> list[str]:
     """Return warnings about events of the best variant, such as contact loss, in each of its conditions."""
-    if not any(is_run_scalar(asked.case, name) for name in asked.names):
+    if not any(is_run_scalar(options.case, name) for name in options.names):
         return []
-    found: list[str] = []
+    warnings: list[str] = []
     for condition in conditions:
-        row = evaluate(asked.file.read((*asked.fixed, *variant, *condition)))
+        row = evaluate(options.file.read((*options.fixed, *variant, *condition)))
         metrics = [Metric(name, value, row.units[name]) for name, value in row.scalars.items()]
         where = " at ".join(["the best variant", *([", ".join(condition)] if condition else [])])
-        found += [said.replace("Warning: ", f"Warning: {where}: ", 1) for said in check_events(metrics)]
-    return found
+        warnings += [warning.replace("Warning: ", f"Warning: {where}: ", 1) for warning in check_events(metrics)]
+    return warnings
 
 
 def _worst_case(
-    asked: StudyOptions, at: Sequence[str], goals: Sequence[Goal], bounds: Sequence[Constraint], varied: Sequence[str]
+    options: StudyOptions, at: Sequence[str], goals: Sequence[Goal], bounds: Sequence[Constraint], varied: Sequence[str]
 ) -> WorstCase:
     """Return the conditions, and which end of every result is its worst one."""
     axes = parse_axes(at, option="--at")
@@ -174,8 +174,8 @@ def _worst_case(
         if not axis.is_varied:
             allowed = "several values, such as 4000:6000:500rpm or 1,2,5mm"
             raise refuse("--at", axis.where.removeprefix("--at "), allowed, "", "for one condition use --set")
-        asked.file.read((*asked.fixed, f"{axis.key}={axis.values[0].text}"))  # raises an error for an unknown key
-        require_units(asked.case, [axis])
+        options.file.read((*options.fixed, f"{axis.key}={axis.values[0].text}"))  # raises an error for an unknown key
+        require_units(options.case, [axis])
     largest = {goal.name: not goal.most for goal in goals}
     for bound in bounds:
         upper = bound.relation == "<="
@@ -185,39 +185,39 @@ def _worst_case(
     return WorstCase(make_plan(axes).variants, largest)
 
 
-def _search_figure(design: OptimizationProblem, found: Evaluations) -> Figure:
-    inside = optimization.is_feasible(found.violations)
+def _search_figure(design: OptimizationProblem, trials: Evaluations) -> Figure:
+    inside = optimization.is_feasible(trials.violations)
     signs = np.array([-1.0 if goal.most else 1.0 for goal in design.goals])
-    units = [_unit(design, found, goal.name) for goal in design.goals]
+    units = [_unit(design, trials, goal.name) for goal in design.goals]
     labels = [with_unit(goal.name, unit) for goal, (_, unit) in zip(design.goals, units, strict=True)]
     signs *= [factor for factor, _ in units]
     if len(design.goals) > 1:
         return plotting.histories.front_figure(
-            found.costs * signs, inside, optimization.pareto_indices(found), (labels[0], labels[1])
+            trials.costs * signs, inside, optimization.pareto_indices(trials), (labels[0], labels[1])
         )
-    costs = found.costs[:, 0]
+    costs = trials.costs[:, 0]
     best = np.fmin.accumulate(np.where(inside & np.isfinite(costs), costs, np.nan))
     return plotting.histories.progress_figure(signs[0] * costs, inside, signs[0] * best, labels[0])
 
 
-def _optimum(design: OptimizationProblem, found: Evaluations) -> tuple[list[Table | str], dict[str, Any]]:
+def _optimum(design: OptimizationProblem, trials: Evaluations) -> tuple[list[Table | str], dict[str, Any]]:
     """Return the printed output and the JSON of an optimization with one goal."""
-    at = found.nearest if found.best is None else found.best
-    title = f"Best of {len(found.rows)} variants" if found.best is not None else "Variant with the smallest violation"
-    point = list(zip(design.points.variables, found.points[at].tolist(), strict=True))
+    at = trials.nearest if trials.best is None else trials.best
+    title = f"Best of {len(trials.rows)} variants" if trials.best is not None else "Variant with the smallest violation"
+    point = list(zip(design.points.variables, trials.points[at].tolist(), strict=True))
     rows = [
-        (design.goals[0].words, _value(design, found, at, design.goals[0].name)),
-        *((f"--set {one.key}", f"{format_number(x)}{one.unit}") for one, x in point),
+        (design.goals[0].words, _value(design, trials, at, design.goals[0].name)),
+        *((f"--set {v.key}", f"{format_number(x)}{v.unit}") for v, x in point),
     ]
     parts: list[Table | str] = [facts_table(title, rows)]
     if design.bounds:
-        parts += [_constraint_table(design, found, at), _DISTANCE]
-        if any(active for *_, active in _constraints(design, found, at)):
+        parts += [_constraint_table(design, trials, at), _DISTANCE]
+        if any(active for *_, active in _constraints(design, trials, at)):
             parts.append("active: changing the value or the varied values by 1 % violates the constraint")
-    if ends := [one.key for one, x in point if min(x - one.low, one.high - x) <= 0.01 * (one.high - one.low)]:
+    if ends := [v.key for v, x in point if min(x - v.low, v.high - x) <= 0.01 * (v.high - v.low)]:
         parts.append(f"At an end of its interval: {', '.join(ends)}; a wider interval may have a better variant.")
-    best = None if found.best is None else _variant_json(design, found, found.best)
-    return parts, {"best": best, "nearest": _variant_json(design, found, at)}
+    best = None if trials.best is None else _variant_json(design, trials, trials.best)
+    return parts, {"best": best, "nearest": _variant_json(design, trials, at)}
 
 
 _DISTANCE = (
@@ -226,87 +226,87 @@ _DISTANCE = (
 )
 
 
-def _front(design: OptimizationProblem, found: Evaluations) -> tuple[list[Table | str], dict[str, Any]]:
+def _front(design: OptimizationProblem, trials: Evaluations) -> tuple[list[Table | str], dict[str, Any]]:
     """Return the printed output and the JSON of a search for a Pareto front."""
-    best = optimization.pareto_indices(found)
-    units = [(goal, *_unit(design, found, goal.name)) for goal in design.goals]
+    best = optimization.pareto_indices(trials)
+    units = [(goal, *_unit(design, trials, goal.name)) for goal in design.goals]
     head = (*(with_unit(goal.words, unit) for goal, _, unit in units),
-            *(with_unit(one.key, one.unit) for one in design.points.variables))  # fmt: skip
+            *(with_unit(variable.key, variable.unit) for variable in design.points.variables))  # fmt: skip
     rows = [
-        (*(factor * row_value(found.rows[i], goal.name) for goal, factor, _ in units), *found.points[i].tolist())
+        (*(factor * row_value(trials.rows[i], goal.name) for goal, factor, _ in units), *trials.points[i].tolist())
         for i in best
     ]
-    title = f"Pareto front of {len(found.rows)} variants" if rows else "No variant meets all constraints"
-    return [plain_table(title, head, rows)], {"front": [_variant_json(design, found, i) for i in best]}
+    title = f"Pareto front of {len(trials.rows)} variants" if rows else "No variant meets all constraints"
+    return [plain_table(title, head, rows)], {"front": [_variant_json(design, trials, i) for i in best]}
 
 
-def _unit(design: OptimizationProblem, found: Evaluations, name: str) -> tuple[float, str]:
+def _unit(design: OptimizationProblem, trials: Evaluations, name: str) -> tuple[float, str]:
     """Return the factor from SI to the unit in which a value is varied, and this unit; of a result the SI unit."""
-    si = design.unit(name, found.rows)
-    unit = next((one.unit for one in design.points.variables if one.key == name), si)
+    si = design.unit(name, trials.rows)
+    unit = next((variable.unit for variable in design.points.variables if variable.key == name), si)
     return 1.0 if unit == si else 1.0 / conversion_factor(unit, si, "--vary"), unit
 
 
-def _value(design: OptimizationProblem, found: Evaluations, at: int, name: str) -> str:
+def _value(design: OptimizationProblem, trials: Evaluations, at: int, name: str) -> str:
     """Return a value of a variant in the unit in which it is varied, of a result in that of engineers, such as deg."""
-    row, si = found.rows[at], design.unit(name, found.rows)
-    factor, unit = _unit(design, found, name)
+    row, si = trials.rows[at], design.unit(name, trials.rows)
+    factor, unit = _unit(design, trials, name)
     if unit == si:
         factor, unit = to_display_unit(si)
     return f"{format_number(factor * row_value(row, name))} {unit}".strip()
 
 
-def _constraint_table(design: OptimizationProblem, found: Evaluations, at: int) -> Table:
+def _constraint_table(design: OptimizationProblem, trials: Evaluations, at: int) -> Table:
     rows = list[Sequence[str]]()
-    for one, violation, distance, active in _constraints(design, found, at):
-        if _is_zero(one, found, at):  # nothing to which a margin is relative
+    for constraint, violation, distance, active in _constraints(design, trials, at):
+        if _is_zero(constraint, trials, at):  # nothing to which a margin is relative
             margin = "violated" if violation > _ROUNDING else "active" if active else "met"
         elif violation > _ROUNDING:
             margin = f"violated by {format_decimals(100.0 * violation, 2)} %"
         else:
             margin = f"{-violation:.2%} (active)" if active else f"{-violation:.1%}"
         away = "none found" if math.isinf(distance) else f"{distance:.2%}"
-        rows.append((one.words, _value(design, found, at, one.name), margin, away))
+        rows.append((constraint.words, _value(design, trials, at, constraint.name), margin, away))
     head = ("subject to", "value", "margin", "distance to violation")
     return plain_table("Constraints", head, rows)
 
 
 def _constraints(
-    design: OptimizationProblem, found: Evaluations, at: int
+    design: OptimizationProblem, trials: Evaluations, at: int
 ) -> list[tuple[Constraint, float, float, bool]]:
     """Return constraints with their violation, the distance to a variant that violates them, and if they are active."""
-    bounds = enumerate(zip(design.bounds, found.violations[at].tolist(), strict=False))
+    bounds = enumerate(zip(design.bounds, trials.violations[at].tolist(), strict=False))
     rows = [
-        (one, violation, 0.0 if abs(violation) < _AT_BOUND and not _is_zero(one, found, at)
-         else found.distance_to_violation(at, i))
-        for i, (one, violation) in bounds
+        (constraint, violation, 0.0 if abs(violation) < _AT_BOUND and not _is_zero(constraint, trials, at)
+         else trials.distance_to_violation(at, i))
+        for i, (constraint, violation) in bounds
     ]  # fmt: skip
     return [(*row, is_active(row[1]) or row[2] <= _ACTIVE_DISTANCE) for row in rows]
 
 
-def _is_zero(one: Constraint, found: Evaluations, at: int) -> bool:
-    return one.bound(found.rows[at].units.get(one.name, "rpm")) == 0.0
+def _is_zero(constraint: Constraint, trials: Evaluations, at: int) -> bool:
+    return constraint.bound(trials.rows[at].units.get(constraint.name, "rpm")) == 0.0
 
 
-def _variant_json(design: OptimizationProblem, found: Evaluations, i: int) -> dict[str, object]:
-    row, names = found.rows[i], [one.name for one in (*design.goals, *design.bounds)]
+def _variant_json(design: OptimizationProblem, trials: Evaluations, i: int) -> dict[str, object]:
+    row, names = trials.rows[i], [criterion.name for criterion in (*design.goals, *design.bounds)]
     return {
-        "overrides": list(design.points.overrides(found.points[i])),
+        "overrides": list(design.points.overrides(trials.points[i])),
         "values": {name: row_value(row, name) for name in names},
         "units": {name: row.units.get(name, "") for name in names},
         "bounds": [
-            {"bound": one.words, "slack": -violation, "outside": distance, "active": active}
-            for one, violation, distance, active in _constraints(design, found, i)
+            {"bound": constraint.words, "slack": -violation, "outside": distance, "active": active}
+            for constraint, violation, distance, active in _constraints(design, trials, i)
         ],
     }
 
 
-def _csv(design: OptimizationProblem, found: Evaluations) -> str:
-    names = list(dict.fromkeys(one.name for one in (*design.goals, *design.bounds)))
-    head = [*(with_unit(one.key, one.unit) for one in design.points.variables), *names, "within all bounds", "status"]
-    inside = optimization.is_feasible(found.violations).tolist()
+def _csv(design: OptimizationProblem, trials: Evaluations) -> str:
+    names = list(dict.fromkeys(criterion.name for criterion in (*design.goals, *design.bounds)))
+    head = [*(with_unit(v.key, v.unit) for v in design.points.variables), *names, "within all bounds", "status"]
+    inside = optimization.is_feasible(trials.violations).tolist()
     rows: list[Sequence[object]] = [
-        (*point, *(row_value(row, name) for name in names), "yes" if good else "no", row.status.cause)
-        for point, row, good in zip(found.points.tolist(), found.rows, inside, strict=True)
+        (*point, *(row_value(row, name) for name in names), "yes" if feasible else "no", row.status.cause)
+        for point, row, feasible in zip(trials.points.tolist(), trials.rows, inside, strict=True)
     ]
     return format_csv(head, rows)

@@ -108,11 +108,11 @@ class FigureOptions:
 
     def responses(self) -> dict[str, Response]:
         """Return the drawn responses by name; the name of a single run is empty."""
-        return {name: self.draw(one, one.response) for name, one in self.sources.items()}
+        return {name: self.draw(source, source.response) for name, source in self.sources.items()}
 
     def rigid_responses(self) -> dict[str, Response]:
         """Return the drawn rigid responses by name; empty if they are not requested."""
-        return {name: self.draw(one, one.rigid) for name, one in self.sources.items()} if self.rigid else {}
+        return {name: self.draw(source, source.rigid) for name, source in self.sources.items()} if self.rigid else {}
 
     def draw(self, source: Source, response: Response) -> Response:
         """Return a response, or its last revolution over the crank angle and of several runs."""
@@ -126,8 +126,8 @@ class FigureOptions:
         """Return the cam contact that drives the probe, or the first one."""
         model, point = source.ready.model, (self.probe or "").partition(".")[0]
         lifted = driven_probe(source.ready, point or None) if model.probes else None
-        found = lifted.contact if lifted else driving_contact(model, point) if point else None
-        return found or next(iter(model.cam_contacts), None)
+        contact = lifted.contact if lifted else driving_contact(model, point) if point else None
+        return contact or next(iter(model.cam_contacts), None)
 
     def tdc(self, source: Source) -> float | None:
         """Return the cam angle at top dead centre, rad, of the cam that drives the probe; None if not given."""
@@ -155,12 +155,12 @@ def plot(
     """
     files = asked.files
     what = asked.what or ("sweep" if files and files[0].suffix in _TABLES else "motion")
-    given = vars(asked) | {"channel": asked.channels, "map": asked.as_map, "set": overrides, "units": units}
+    values = vars(asked) | {"channel": asked.channels, "map": asked.as_map, "set": overrides, "units": units}
     faults = [
-        Fault(f"--{name}", str(given[name]), "", f"--what {what} has no --{name}",
+        Fault(f"--{name}", str(values[name]), "", f"--what {what} has no --{name}",
               f"use it with --what {' or '.join(kinds)}")
         for name, kinds in _APPLIES.items()
-        if what not in kinds and given[name] is not None and given[name] is not False
+        if what not in kinds and values[name] is not None and values[name] is not False
     ]  # fmt: skip
     if faults:
         raise InputError(faults)
@@ -173,136 +173,136 @@ def plot(
     sources = {} if what == "sweep" else name_sources(open_sources(files, overrides, cams=what in _OF_CAMS))
     figure = _FIGURES[what](replace(asked, what=what, sources=sources))
     plotting.figures.save_figure(figure, target, overwrite=overwrite)
-    trains = [one.ready.model for one in sources.values()] if asked.rigid else []
+    trains = [source.ready.model for source in sources.values()] if asked.rigid else []
     warnings = list(dict.fromkeys(chain.from_iterable(map(check_shared_seat_load, trains))))
-    own = [one.response.status for one in sources.values() if one.result is None and "response" in vars(one)]
-    failed = next((status for status in own if not status.ok), Status())
+    statuses = [s.response.status for s in sources.values() if s.result is None and "response" in vars(s)]
+    failed = next((status for status in statuses if not status.ok), Status())
     return cli.CommandOutput(warnings, {"status": "ok", "warnings": warnings}, files=[target], status=failed)
 
 
-def _motion(asked: FigureOptions) -> Figure:
-    lifted = driven_probe(asked.first.ready, asked.probe)
-    probe = lifted.component if lifted else asked.probe or scalar_probe(asked.first.ready)
-    forces, responses = plotting.histories.contact_forces(asked.first.response), asked.responses()
-    driving = [f"contacts.{asked.contact(one)}.force" for one in asked.sources.values()]
-    own = [name for name in dict.fromkeys(driving) if any(name in one.channels for one in responses.values())]
-    over = asked.over or "angle"
+def _motion(options: FigureOptions) -> Figure:
+    lifted = driven_probe(options.first.ready, options.probe)
+    probe = lifted.component if lifted else options.probe or scalar_probe(options.first.ready)
+    forces, responses = plotting.histories.contact_forces(options.first.response), options.responses()
+    driving = [f"contacts.{options.contact(source)}.force" for source in options.sources.values()]
+    saved = [name for name in dict.fromkeys(driving) if any(name in run.channels for run in responses.values())]
+    over = options.over or "angle"
     figure = plotting.histories.motion_figure(
-        responses, probe, (own or forces[:1]) if asked.channels is None else asked.channels,
-        rigid=asked.rigid_responses(), over=over, title=asked.title, lift=lifted.name if lifted else "",
-        sign=lifted.sign if lifted else 1.0, deviation=asked.rigid,
+        responses, probe, (saved or forces[:1]) if options.channels is None else options.channels,
+        rigid=options.rigid_responses(), over=over, title=options.title, lift=lifted.name if lifted else "",
+        sign=lifted.sign if lifted else 1.0, deviation=options.rigid,
     )  # fmt: skip
     colours = plotting.figures.COLOURS
-    for (name, source), colour in zip(asked.sources.items(), cycle((colours[4], *colours[1:4])), strict=False):
-        contact, model, drawn = asked.contact(source), source.ready.model, responses[name]
-        if contact in spring_held_contacts(model) and f"contacts.{contact}.force" in drawn.channels:
+    for (name, source), colour in zip(options.sources.items(), cycle((colours[4], *colours[1:4])), strict=False):
+        contact, model, response = options.contact(source), source.ready.model, responses[name]
+        if contact in spring_held_contacts(model) and f"contacts.{contact}.force" in response.channels:
             label = ", ".join(filter(None, (name, "contact lost on the lift")))
-            lost = {_LOST: contact_loss(model, source.response, str(contact)).astype(float)}
-            shaded = asked.draw(source, replace(source.response, channels=lost)).channels[_LOST] > 0.0
-            plotting.histories.shade(figure.axes, plotting.histories.abscissa(drawn, over), shaded, label, colour)
-    return _mark_areas(asked, figure)
+            channels = {_LOST: contact_loss(model, source.response, str(contact)).astype(float)}
+            shaded = options.draw(source, replace(source.response, channels=channels)).channels[_LOST] > 0.0
+            plotting.histories.shade(figure.axes, plotting.histories.abscissa(response, over), shaded, label, colour)
+    return _mark_areas(options, figure)
 
 
-def _mark_areas(asked: FigureOptions, figure: Figure) -> Figure:
+def _mark_areas(options: FigureOptions, figure: Figure) -> Figure:
     """Mark dead centres and valve overlap over the crank angle, as far as a tdc is given, and name shaded areas."""
-    tdc = asked.tdc(asked.first) if asked.over == "crank" else None
+    tdc = options.tdc(options.first) if options.over == "crank" else None
     if tdc is not None:
         plotting.curves.mark_dead_centres(figure.axes)
         crank = np.linspace(-2.0 * math.pi, 2.0 * math.pi, 1441)
-        plotting.histories.shade(figure.axes, np.degrees(crank), _valve_overlap(asked, tdc, crank), _OVERLAP, "black")
+        plotting.histories.shade(figure.axes, np.degrees(crank), _valve_overlap(options, tdc, crank), _OVERLAP, "black")
     return plotting.histories.add_area_legend(figure)
 
 
-def _valve_overlap(asked: FigureOptions, tdc: float, crank: FloatArray) -> NDArray[np.bool_]:
+def _valve_overlap(options: FigureOptions, tdc: float, crank: FloatArray) -> NDArray[np.bool_]:
     """Return at which crank angles from a top dead centre, rad, exhaust and intake of its cylinder are both open.
 
     A phaser has the position of the last revolution.
     """
     facts, opened = dict[str, CamFacts](), dict[str, NDArray[np.bool_]]()
-    for name, source in asked.sources.items():
+    for name, source in options.sources.items():
         cams, end = case_cams(source.case), float(source.response.angle.max(initial=0.0))
         angle = end - np.mod(end - tdc - 0.5 * crank, math.tau)  # in the last revolution
-        for one, cam in cams.cams.items():
-            found = cam_facts(cam, ratio=cams.ratios[one], lash=cams.lashes[one], tdc=cams.tdcs[one])
-            facts[f"{name} {one}"], opened[f"{name} {one}"] = found, found.valve_lift(cam.lift(angle, 0)) > _OPEN_LIFT
-    own = next(one for one in cylinders(facts) if any(part.tdc == tdc for part in one.values()))
+        for key, cam in cams.cams.items():
+            lobe = cam_facts(cam, ratio=cams.ratios[key], lash=cams.lashes[key], tdc=cams.tdcs[key])
+            facts[f"{name} {key}"], opened[f"{name} {key}"] = lobe, lobe.valve_lift(cam.lift(angle, 0)) > _OPEN_LIFT
+    cylinder = next(cylinder for cylinder in cylinders(facts) if any(lobe.tdc == tdc for lobe in cylinder.values()))
     both = np.zeros(len(crank), dtype=bool)
-    for one, other in combinations(own, 2):
-        both |= opened[one] & opened[other] & exhaust_and_intake(own[one], own[other])
+    for first, second in combinations(cylinder, 2):
+        both |= opened[first] & opened[second] & exhaust_and_intake(cylinder[first], cylinder[second])
     return both
 
 
-def _force(asked: FigureOptions) -> Figure:
-    responses, first = asked.responses(), asked.first.response
+def _force(options: FigureOptions) -> Figure:
+    runs, first = options.responses(), options.first.response
     torques = [name for name in first.channels if name.endswith(".torque")]
-    channels = asked.channels or (torques if asked.what == "torque" else plotting.histories.contact_forces(first))
+    channels = options.channels or (torques if options.what == "torque" else plotting.histories.contact_forces(first))
     if not channels:
-        allowed = "a run with contacts" if asked.what == "force" else "a run with cams"
-        raise refuse("--what", str(asked.what), allowed, "this run has none", "name channels with --channel")
+        allowed = "a run with contacts" if options.what == "force" else "a run with cams"
+        raise refuse("--what", str(options.what), allowed, "this run has none", "name channels with --channel")
     means = {
-        name: {one.name.removesuffix(".mean"): one.value for one in compute_metrics(source.ready, source.response)}
-        for name, source in asked.sources.items()
-        if asked.what == "torque"
+        name: {m.name.removesuffix(".mean"): m.value for m in compute_metrics(source.ready, source.response)}
+        for name, source in options.sources.items()
+        if options.what == "torque"
     }
     figure = plotting.histories.channel_figure(
-        responses, channels, rigid=asked.rigid_responses(), over=asked.over or "angle", title=asked.title, means=means
+        runs, channels, rigid=options.rigid_responses(), over=options.over or "angle", title=options.title, means=means
     )
-    return _mark_areas(asked, figure)
+    return _mark_areas(options, figure)
 
 
-def _energy(asked: FigureOptions) -> Figure:
-    responses = asked.responses()
-    if not any(name.startswith("energy.") for one in responses.values() for name in one.channels):
+def _energy(options: FigureOptions) -> Figure:
+    responses = options.responses()
+    if not any(name.startswith("energy.") for response in responses.values() for name in response.channels):
         raise refuse("--what", "energy", "a run of the flexible model", "a rigid model has no energy balance")
-    figure = plotting.histories.energy_figure(responses, over=asked.over or "angle", title=asked.title)
-    return _mark_areas(asked, figure)
+    figure = plotting.histories.energy_figure(responses, over=options.over or "angle", title=options.title)
+    return _mark_areas(options, figure)
 
 
-def _orbits(asked: FigureOptions) -> Figure:
-    responses = {name: plotting.histories.last_revolution(one.response) for name, one in asked.sources.items()}
-    known = (name for name in asked.first.response.channels if name.endswith(".eccentricity"))
-    bearings = [name.removesuffix(".eccentricity") for name in known]
+def _orbits(options: FigureOptions) -> Figure:
+    responses = {name: plotting.histories.last_revolution(source.response) for name, source in options.sources.items()}
+    channels = (name for name in options.first.response.channels if name.endswith(".eccentricity"))
+    bearings = [name.removesuffix(".eccentricity") for name in channels]
     if not bearings:
         allowed = "a run of the flexible model with an oil film in a bearing (bearings.NAME.film)"
         raise refuse("--what", "orbits", allowed)
     return plotting.histories.orbit_figure(responses, bearings)
 
 
-def _svaj(asked: FigureOptions) -> Figure:
+def _svaj(options: FigureOptions) -> Figure:
     events = {
-        ", ".join(filter(None, (name, cam))): one.event
-        for name, source in asked.sources.items()
-        for cam, one in _cams(source, asked.cam).items()
+        ", ".join(filter(None, (name, key))): cam.event
+        for name, source in options.sources.items()
+        for key, cam in _cams(source, options.cam).items()
     }
-    title = asked.first.subject if len(asked.sources) == 1 else ""
+    title = options.first.subject if len(options.sources) == 1 else ""
     return plotting.figures.add_title(plotting.curves.lift_figure(events), title)
 
 
-def _profile(asked: FigureOptions) -> Figure:
-    source = _single_source(asked)
-    cam = asked.cam if asked.channels is None else _cam_of_channel(source, asked, asked.channels)
-    one = next((one for one in _cams(source, cam).values() if one.follower is not None), None)
-    if one is None or one.follower is None:
-        why = "no cam of it has a profile" if cam is None else f"{cam!r} has no profile"
+def _profile(options: FigureOptions) -> Figure:
+    source = _single_source(options)
+    cam_name = options.cam if options.channels is None else _cam_of_channel(source, options, options.channels)
+    cam = next((cam for cam in _cams(source, cam_name).values() if cam.follower is not None), None)
+    if cam is None or cam.follower is None:
+        why = "no cam of it has a profile" if cam_name is None else f"{cam_name!r} has no profile"
         raise refuse("--what", "profile", "a cam with a follower", why, "give the cam base_radius and follower")
-    turned = 0.0 if asked.angle is None else cli.parse_quantity("--angle", asked.angle, "angle", "deg")
-    profile = cam_profile(one.event, one.follower, count=720, turn=one.turn)
-    coloured = None if asked.channels is None else _profile_values(source, one, profile, asked.channels[0])
-    return plotting.curves.profile_figure(profile, angle=turned % math.tau, coloured=coloured)
+    angle = 0.0 if options.angle is None else cli.parse_quantity("--angle", options.angle, "angle", "deg")
+    profile = cam_profile(cam.event, cam.follower, count=720, turn=cam.turn)
+    coloured = None if options.channels is None else _profile_values(source, cam, profile, options.channels[0])
+    return plotting.curves.profile_figure(profile, angle=angle % math.tau, coloured=coloured)
 
 
-def _cam_of_channel(source: Source, asked: FigureOptions, channels: Sequence[str]) -> str:
+def _cam_of_channel(source: Source, options: FigureOptions, channels: Sequence[str]) -> str:
     if source.cams_only is not None:
         raise refuse("--channel", channels[0], "a result, or a case with contacts", "a file of cams is not run")
     contacts = source.ready.model.cam_contacts
     contact = channels[0].partition(".")[2].rpartition(".")[0]
     if len(channels) > 1 or contact not in contacts:
-        known = ", ".join(f"contacts.{name}.force" for name in contacts) or "(there is none)"
-        allowed = f"one channel of a cam's contact, such as {known}"
+        allowed_names = ", ".join(f"contacts.{name}.force" for name in contacts) or "(there is none)"
+        allowed = f"one channel of a cam's contact, such as {allowed_names}"
         raise refuse("--channel", ", ".join(channels), allowed, "it colours the profile of that cam")
     cam = contacts[contact].cam
-    if asked.cam not in (None, cam):
-        raise refuse("--cam", repr(asked.cam), repr(cam), "it is the cam of the channel", "leave --cam out")
+    if options.cam not in (None, cam):
+        raise refuse("--cam", repr(options.cam), repr(cam), "it is the cam of the channel", "leave --cam out")
     return cam
 
 
@@ -316,97 +316,97 @@ def _profile_values(source: Source, cam: Cam, profile: CamProfile, channel: str)
     return touched, factor * values, ", ".join(filter(None, (plotting.histories.short_name(channel), symbol)))
 
 
-def _spring(asked: FigureOptions) -> Figure:
-    source = _single_source(asked)
-    known = {
+def _spring(options: FigureOptions) -> Figure:
+    source = _single_source(options)
+    springs = {
         f"springs.{name}.force": spring
         for name, spring in source.ready.model.springs.items()
         if has_channels(spring) and not spring.turns
     }
-    if not known:
+    if not springs:
         raise refuse("--what", "spring", "a case with springs along a line that have an installed force or a wire")
-    for name in asked.channels or ():
-        if name not in known:
-            raise refuse("--channel", repr(name), ", ".join(known), "", suggest_name(name, known))
-    drawn: dict[str, tuple[Spring, float]] = {}
-    for name in asked.channels or known:
-        curve, loaded = spring_curve(known[name]), float(source.rigid.channels[name].max())
-        drawn[name.split(".")[1]] = known[name], float(np.interp(loaded, curve.force, curve.travel))
-    return plotting.figures.add_title(plotting.curves.spring_figure(drawn), source.subject)
+    for name in options.channels or ():
+        if name not in springs:
+            raise refuse("--channel", repr(name), ", ".join(springs), "", suggest_name(name, springs))
+    curves: dict[str, tuple[Spring, float]] = {}
+    for name in options.channels or springs:
+        curve, loaded = spring_curve(springs[name]), float(source.rigid.channels[name].max())
+        curves[name.split(".")[1]] = springs[name], float(np.interp(loaded, curve.force, curve.travel))
+    return plotting.figures.add_title(plotting.curves.spring_figure(curves), source.subject)
 
 
-def _goodman(asked: FigureOptions) -> Figure:
-    source = _single_source(asked)
-    found = member_strength(*source.reloaded).members()
-    if not found:
+def _goodman(options: FigureOptions) -> Figure:
+    source = _single_source(options)
+    points = member_strength(*source.reloaded).members()
+    if not points:
         raise refuse("--what", "goodman", "a run of the flexible model with saved fields")
     members = source.ready.model.members
-    figure = plotting.curves.goodman_figure({name: (one, members[name].material) for name, one in found.items()})
+    figure = plotting.curves.goodman_figure({name: (point, members[name].material) for name, point in points.items()})
     return plotting.figures.add_title(figure, source.title)
 
 
-def _map(asked: FigureOptions) -> Figure:
+def _map(options: FigureOptions) -> Figure:
     """Draw a channel over cam angle and speed, of several results or from 0.5 to 1.5 times the speed of the case."""
-    case, contact = asked.first.case, asked.contact(asked.first)
-    channels = asked.channels or ([] if contact is None else [f"contacts.{contact}.force"])
+    case, contact = options.first.case, options.contact(options.first)
+    channels = options.channels or ([] if contact is None else [f"contacts.{contact}.force"])
     if len(channels) != 1:
         raise refuse("--channel", ", ".join(channels) or "nothing", "one channel", "a map shows one")
-    if len(asked.sources) > 1:
-        speeds = [one.case.speed for one in asked.sources.values()]
-        if twice := next((one for one in speeds if speeds.count(one) > 1), None):
-            given = f"two at {shaft_speed(twice, case.turns)}"
-            raise refuse("files", given, "one per speed", "a map has one row per speed")
-        runs = {one.case.speed: one.response for one in sorted(asked.sources.values(), key=lambda one: one.case.speed)}
+    if len(options.sources) > 1:
+        speeds = [source.case.speed for source in options.sources.values()]
+        if twice := next((speed for speed in speeds if speeds.count(speed) > 1), None):
+            text = f"two at {shaft_speed(twice, case.turns)}"
+            raise refuse("files", text, "one per speed", "a map has one row per speed")
+        runs = {s.case.speed: s.response for s in sorted(options.sources.values(), key=lambda s: s.case.speed)}
     else:
-        speeds = _speeds(asked, case)
-        with show_count(len(speeds), "speeds") as shown:
-            found = list(run_over_speeds(case, speeds, shown))
-        runs = {speed: None if isinstance(one, Status) else one[1] for speed, one in zip(speeds, found, strict=True)}
+        speeds = _speeds(options, case)
+        with show_count(len(speeds), "speeds") as advance:
+            results = list(run_over_speeds(case, speeds, advance))
+        runs = {speed: None if isinstance(run, Status) else run[1] for speed, run in zip(speeds, results, strict=True)}
     if len(runs) < 2 or not any(runs.values()):
         raise refuse("--what", "map", "runs at two or more speeds", f"{len(runs)} given, or no run was completed")
     rpm = case.turns * np.array(list(runs)) / RPM
     figure = plotting.spectra.angle_map_figure(rpm, list(runs.values()), channels[0], shaft_name(case.turns))
-    return plotting.figures.add_title(figure, asked.first.subject)
+    return plotting.figures.add_title(figure, options.first.subject)
 
 
-def _sweep(asked: FigureOptions) -> Figure:
-    if len(asked.files) > 1 or asked.files[0].suffix not in _TABLES:
-        raise refuse("files", ", ".join(map(str, asked.files)), "one table of a sweep (.h5 or .csv)")
-    table = read_table(asked.files[0])
-    x = asked.x or next((one.name for one in table.inputs if len(set(one.values)) > 1), table.inputs[0].name)
-    if not asked.y:
+def _sweep(options: FigureOptions) -> Figure:
+    if len(options.files) > 1 or options.files[0].suffix not in _TABLES:
+        raise refuse("files", ", ".join(map(str, options.files)), "one table of a sweep (.h5 or .csv)")
+    table = read_table(options.files[0])
+    x = options.x or next((column.name for column in table.inputs if len(set(column.values)) > 1), table.inputs[0].name)
+    if not options.y:
         fault = unknown_scalar_fault("nothing", table.scalars)
         raise refuse("--y", "nothing", fault.allowed, "it names what is drawn")
-    draw = plotting.histories.sweep_map if asked.as_map else plotting.histories.sweep_figure
-    return draw(table, x, asked.y)
+    draw = plotting.histories.sweep_map if options.as_map else plotting.histories.sweep_figure
+    return draw(table, x, options.y)
 
 
-def _modes(asked: FigureOptions) -> Figure:
-    count = 6 if asked.count is None else asked.count
+def _modes(options: FigureOptions) -> Figure:
+    count = 6 if options.count is None else options.count
     cli.check_number("--count", count)
-    case = _single_source(asked).case
+    case = _single_source(options).case
     structure = build_structure(build_model(case))
     return plotting.spectra.mode_figure(structure, modes(case, count), title=case.title)
 
 
-def _campbell(asked: FigureOptions) -> Figure:
-    case = _single_source(asked).case
-    return modes_over_speed(case, _speeds(asked, case), range(1, _ORDERS + 1)).figure()
+def _campbell(options: FigureOptions) -> Figure:
+    case = _single_source(options).case
+    return modes_over_speed(case, _speeds(options, case), range(1, _ORDERS + 1)).figure()
 
 
-def _waterfall(asked: FigureOptions) -> Figure:
-    case = _single_source(asked).case
-    seen = select_signals(case, asked.channels, None if asked.probe is None else [asked.probe])
-    return orders_of_response(case, _speeds(asked, case), seen, _ORDERS).figure()
+def _waterfall(options: FigureOptions) -> Figure:
+    case = _single_source(options).case
+    signals = select_signals(case, options.channels, None if options.probe is None else [options.probe])
+    return orders_of_response(case, _speeds(options, case), signals, _ORDERS).figure()
 
 
-def _speeds(asked: FigureOptions, case: Case) -> list[float]:
-    return cli.spaced_speeds(None, None, 9 if asked.count is None else asked.count, case)
+def _speeds(options: FigureOptions, case: Case) -> list[float]:
+    return cli.spaced_speeds(None, None, 9 if options.count is None else options.count, case)
 
 
-def _work_precision(asked: FigureOptions) -> Figure:
-    source = _single_source(asked)
-    probe = asked.probe or scalar_probe(source.ready)
+def _work_precision(options: FigureOptions) -> Figure:
+    source = _single_source(options)
+    probe = options.probe or scalar_probe(source.ready)
     figure = plotting.histories.work_precision_figure(evaluate_ladder(source.case, probe, repeats=1)[1])
     return plotting.figures.add_title(figure, source.title)
 
@@ -418,10 +418,10 @@ _FIGURES: Mapping[str, Callable[[FigureOptions], Figure]] = {
 }  # fmt: skip
 
 
-def _single_source(asked: FigureOptions) -> Source:
-    if len(asked.sources) > 1:
-        raise refuse("--what", str(asked.what), "one file", f"{len(asked.sources)} were given")
-    return asked.first
+def _single_source(options: FigureOptions) -> Source:
+    if len(options.sources) > 1:
+        raise refuse("--what", str(options.what), "one file", f"{len(options.sources)} were given")
+    return options.first
 
 
 def _cams(source: Source, name: str | None) -> Mapping[str, Cam]:

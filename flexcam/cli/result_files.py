@@ -35,16 +35,16 @@ def info(
 ) -> cli.CommandOutput:  # fmt: skip
     """Show the contents of a result file: how its run ended, versions, solver statistics, saved data."""
     if verify:
-        found = io.verify_file(result)
-        partial = "" if found["complete"] else "; its run ended early"
-        size = f"{found['datasets']} datasets, {found['bytes']} bytes"
-        return cli.CommandOutput([f"{result} is intact: {size}, as written{partial}"], {"file": result, **found})
+        integrity = io.verify_file(result)
+        partial = "" if integrity["complete"] else "; its run ended early"
+        size = f"{integrity['datasets']} datasets, {integrity['bytes']} bytes"
+        return cli.CommandOutput([f"{result} is intact: {size}, as written{partial}"], {"file": result, **integrity})
     read = io.read_result(result)
     response, stats = read.response, read.response.stats
-    known = {"size": stats.size} if stats.size else {}
+    counts = {"size": stats.size} if stats.size else {}
     content = {
         "run": response.status.cause, "message": response.status.text,
-        "stats": asdict(stats) if stats.is_complete else {"steps": stats.steps, **known},
+        "stats": asdict(stats) if stats.is_complete else {"steps": stats.steps, **counts},
         "saved_steps": len(response.time), "saved_fields": len(response.field_time),
         "probes": dict(response.outline.probes),
         "channels": dict(response.outline.channels), "fields": [*read.field_names, *read.recovered],
@@ -91,7 +91,7 @@ def export(
 
     stl, vtm and glb contain the parts that flexcam view shows. From a case they show the rigid mechanism.
     """
-    for option, forms, given, why in (
+    for option, forms, is_set, why in (
         ("--paraview", ("pvd",), macro, "the macro opens that collection"),
         ("--field", ("pvd", "vtm"), fields is not None, "it applies only to these formats; leave it out"),
         ("--probe", ("csv",), probes is not None, "only the table has probes"),
@@ -101,7 +101,7 @@ def export(
          "format pvd writes the saved instants (see --every), stl a single one (see --at); leave it out"),
         ("--at", ("stl",), at is not None, "only format stl writes a single instant"),
     ):  # fmt: skip
-        if given and form not in forms:
+        if is_set and form not in forms:
             raise refuse(option, f"--format {form}", f"--format {' or '.join(forms)}", why)
     skipped = {"--every": every} if every != 1 and instants is not None else {}
     cli.refuse_with("--instants", "it sets the number of instants", skipped)
@@ -127,9 +127,9 @@ def export(
         files = _write_solids(source, target, fields, instants, at, overwrite=overwrite)
     else:
         files = _write_collection(io.read_result(source), target, every, fields, macro=macro, overwrite=overwrite)
-    said = f"{files[0]} ({len(files)} files)" if len(files) > 1 else str(files[0])
+    text = f"{files[0]} ({len(files)} files)" if len(files) > 1 else str(files[0])
     script = f"\nparaview --script={files[1]}" if macro else ""
-    return cli.CommandOutput([said + script], {"files": files})
+    return cli.CommandOutput([text + script], {"files": files})
 
 
 def _write_collection(
@@ -142,9 +142,9 @@ def _write_collection(
         raise refuse("--field", ", ".join(fields), "displacement among them", why)
     io.check_writable("export", io.macro_path(target), overwrite=overwrite)
     first, *rest = io.write_pvd(result, target, every=every, fields=fields, overwrite=overwrite)
-    shown = (*result.field_names, *result.recovered) if fields is None else tuple(fields)
+    names = (*result.field_names, *result.recovered) if fields is None else tuple(fields)
     degrees = np.degrees(result.response.field_angle[::every]).tolist()
-    return [first, io.write_macro(first, shown, degrees, overwrite=overwrite), *rest]
+    return [first, io.write_macro(first, names, degrees, overwrite=overwrite), *rest]
 
 
 def _write_solids(
@@ -162,13 +162,13 @@ def _write_solids(
             "export", target if target.suffix == ".glb" else folder.with_suffix(".pvd"), overwrite=overwrite
         )
     (read,) = open_sources([source], None)
-    drawn, motion, title, still = displayed_mechanism(read, color=fields[0] if fields else None, angle=angle)
+    mechanism, motion, title, still = displayed_mechanism(read, color=fields[0] if fields else None, angle=angle)
     if target.suffix == ".stl":
-        return write_stl(folder, collect_parts(drawn, motion.at([still])), overwrite=overwrite)
+        return write_stl(folder, collect_parts(mechanism, motion.at([still])), overwrite=overwrite)
     frames = motion.spread(instants or _FRAMES[target.suffix])
-    parts = collect_parts(drawn, motion.at(frames))
+    parts = collect_parts(mechanism, motion.at(frames))
     if target.suffix == ".glb":
-        return [write_glb(target, parts, drawn.upwards, title, overwrite=overwrite)]
+        return [write_glb(target, parts, mechanism.upwards, title, overwrite=overwrite)]
     times = motion.angle / read.case.speed if read.result is None else read.result.response.field_time[-len(motion) :]
     label = motion.label.replace("\n", ", ")
     return write_vtm(folder.with_suffix(".pvd"), parts, times[frames], label, overwrite=overwrite)
@@ -201,11 +201,11 @@ def report(
     if target.suffix != ".html":
         raise refuse("-o", str(target), "a name that ends in .html")
     io.check_writable("report", target, overwrite=overwrite)
-    subjects = [load_subject(one) for one in results]
-    found = build_report(subjects, probe=probe, asked=ReportOptions(errors, limits, trade))
-    io.write_text(target, render_page(found), overwrite=overwrite)
-    warnings = {str(path): chapter.warnings for path, chapter in zip(results, found.chapters, strict=True)}
-    return cli.CommandOutput([], {"file": target, "title": found.title, "warnings": warnings}, files=[target])
+    subjects = [load_subject(path) for path in results]
+    document = build_report(subjects, probe=probe, asked=ReportOptions(errors, limits, trade))
+    io.write_text(target, render_page(document), overwrite=overwrite)
+    warnings = {str(path): chapter.warnings for path, chapter in zip(results, document.chapters, strict=True)}
+    return cli.CommandOutput([], {"file": target, "title": document.title, "warnings": warnings}, files=[target])
 
 
 _MIN_SIZE, _MAX_SIZE = 64, 8192  # of a picture, pixels
@@ -243,28 +243,28 @@ def view(
         allowed = f"a finite number, at most {_MAX_SCALE:g} in size"
         raise refuse("--scale", scale, allowed, "the deformation would leave the picture")
     angle = cli.parse_optional("--at", at, "angle", "deg")
-    found = re.fullmatch(r"(\d+)x(\d+)", size)
-    pixels = (int(found[1]), int(found[2])) if found else (0, 0)
+    match = re.fullmatch(r"(\d+)x(\d+)", size)
+    pixels = (int(match[1]), int(match[2])) if match else (0, 0)
     if not all(_MIN_SIZE <= side <= _MAX_SIZE for side in pixels):
         raise refuse("--size", repr(size), f"WIDTHxHEIGHT of {_MIN_SIZE} to {_MAX_SIZE} pixels each, such as 1024x768")
     if picture is not None:
         check_output_path(picture, pixels, overwrite=overwrite)
     (read,) = open_sources([source], overrides)
-    drawn, motion, title, still = displayed_mechanism(read, color=color, mode=mode, angle=angle)
+    mechanism, motion, title, still = displayed_mechanism(read, color=color, mode=mode, angle=angle)
     if picture is not None and picture.suffix == ".html":
         from flexcam.plotting.solid_files import collect_parts, write_page
 
         frames = sorted({*motion.spread(FRAMES), still})
         labels = [motion.words(i, title, scale) for i in frames]
-        parts = collect_parts(drawn, motion.at(frames), scale)
-        write_page(picture, parts, drawn.view, labels, frames.index(still), motion.label)
+        parts = collect_parts(mechanism, motion.at(frames), scale)
+        write_page(picture, parts, mechanism.view, labels, frames.index(still), motion.label)
     else:
         select_renderer(off_screen=picture is not None)
-        stage = MechanismView(drawn, motion, off_screen=picture is not None, scale=scale, size=pixels, title=title)
+        stage = MechanismView(mechanism, motion, off_screen=picture is not None, scale=scale, size=pixels, title=title)
         if picture is None:
             stage.open_window(still, swings=mode is not None)
         else:
             save_view(stage, picture, motion.spread(FRAMES), still)
-    notes = ["\n  ".join(["Sizes chosen for the drawing:", *drawn.notes])] if drawn.notes else []
-    json = {"instants": len(motion), "drawn": list(drawn.notes)}
+    notes = ["\n  ".join(["Sizes chosen for the drawing:", *mechanism.notes])] if mechanism.notes else []
+    json = {"instants": len(motion), "drawn": list(mechanism.notes)}
     return cli.CommandOutput(notes, json, files=[] if picture is None else [picture])

@@ -69,8 +69,8 @@ def run(
     It prints the metrics of the valve train and warnings; ParaView 5.12 or newer opens the result. Ctrl-C ends the run
     at its next step and keeps a partial result, which --resume continues from its last checkpoint, if there is one.
     """
-    begun = time.monotonic()
-    given, duration = collect_errors(
+    start = time.monotonic()
+    loaded, duration = collect_errors(
         lambda: cli.load_case(case, overrides),
         lambda: None if time_limit is None else cli.parse_duration("--time-limit", time_limit),
         lambda: check_folder(check_folder_name(folder)),
@@ -78,42 +78,42 @@ def run(
     if name is not None:
         if not re.match(NAME, name):
             raise refuse("--name", repr(name), NAMES, "it is the name of a file")
-        given = replace(given, result_name=name)
-    until = None if duration is None else begun + duration
+        loaded = replace(loaded, result_name=name)
+    until = None if duration is None else start + duration
     if not resume:  # before the model is chosen, which requires computations
-        check_writable("result", folder / f"{given.name}.vtkhdf", overwrite=overwrite)
-    read, choice = select_case(given, until)
+        check_writable("result", folder / f"{loaded.name}.vtkhdf", overwrite=overwrite)
+    read, choice = select_case(loaded, until)
     probe = scalar_probe(prepare_without_periodic_search(read)) if read.record.fidelity.estimate else ""
     ready = prepare(read, until=until, allow_large=allow_large)
     if not allow_large:
         check_resources(estimate_case_resources(ready, "revolution"), folder)
     earlier = open_partial_result(ready, folder) if resume else None
-    strength, kept = strength_sink(ready), summary_sink(ready, 2.0)
-    watched = run_checks.RunMonitor.of(ready)
+    strength, memory = strength_sink(ready), summary_sink(ready, 2.0)
+    monitor = run_checks.RunMonitor.of(ready)
 
     @cache
     def metrics(_: int) -> list[Metric]:
-        return compute_metrics(ready, kept.response())
+        return compute_metrics(ready, memory.response())
 
     def doubtful(stats: Stats) -> list[str]:
-        recent = kept.response()
-        found = run_checks.check_run(ready, watched, metrics(stats.steps), stats)
+        recent = memory.response()
+        sentences = run_checks.check_run(ready, monitor, metrics(stats.steps), stats)
         if stats.steps == ready.problem.steps:
-            found += run_checks.check_transient(ready, revolution_change(ready, recent))
-        return found
+            sentences += run_checks.check_transient(ready, revolution_change(ready, recent))
+        return sentences
 
     sink = open_result_file(ready, folder, overwrite=overwrite, resume=earlier, warnings=doubtful)
     cli.run_state.solving = True
     with show_progress(ready.problem.steps) as bar:
         response = solve(
-            ready.problem, ready.scheme, save=ready.save, sinks=[strength, *watched.sinks, sink, *bar],
-            stop=lambda: bool(cli.run_state.signals), until=until, memory=kept, resume=earlier,
+            ready.problem, ready.scheme, save=ready.save, sinks=[strength, *monitor.sinks, sink, *bar],
+            stop=lambda: bool(cli.run_state.signals), until=until, memory=memory, resume=earlier,
         )  # fmt: skip
     cli.run_state.solving = False
     errors, notes = _estimate_errors(read, probe, until) if probe and response.status.ok else ((), ())
     path, warnings = sink.path if response.status.ok else sink.partial, [*doubtful(response.stats), *notes]
     figures = metrics(response.stats.steps)
-    output = _describe_run(ready, response, figures, watched.extremes, path, strength, errors, warnings, choice)
+    output = _describe_run(ready, response, figures, monitor.extremes, path, strength, errors, warnings, choice)
     if response.status.ok and choice is not None and not choice.met:
         why, remedy = f"the tolerance is not met: {choice.why}", "allow more, or refine the case"
         return replace(output, status=Status(Cause.TOLERANCE, why, remedy))
@@ -128,12 +128,12 @@ def _describe_run(
     stressed = strength.members() if case.record.fidelity.model == "beams" else {}
     change = revolution_change(ready, response, strength if stressed else None)
     merit = figures_of_merit(case, figures) if figures else ()
-    others = [figure for figure in figures if not usual_name(figure)]
+    remaining = [figure for figure in figures if not usual_name(figure)]
     parts: list[Table | str] = [
         tables.run_table(case, extremes),
         *([tables.strength_table(strength)] if stressed else []),
         *([tables.merit_table(ready.model, merit)] if merit else []),
-        *([tables.metrics_table(ready.model, others)] if others else []),
+        *([tables.metrics_table(ready.model, remaining)] if remaining else []),
         *([error_table(errors)] if errors else []),
         *(describe_choice(choice) if choice else []),
         *tables.describe_contacts(case, figures),
@@ -143,13 +143,13 @@ def _describe_run(
         error = f"{100.0 * stats.periodicity:.2g} % of the amplitude"
         parts.append(f"Periodic start: the state after one revolution differs from that at its start by {error}")
     if change:
-        chatters, more = change.force > CHATTER and not excitation_without_period(case), ""
+        chatters, hint = change.force > CHATTER and not excitation_without_period(case), ""
         if chatters or change.stress_change > GROWTH:
             what = "contact force" if chatters else "stress"
-            more = f"; run more revolutions until the {what} repeats, or take its largest value of several revolutions"
+            hint = f"; run more revolutions until the {what} repeats, or take its largest value of several revolutions"
             slow = run_checks.describe_decay(ready, change.member) if change.stress_change > GROWTH else ""
-            more += f". {slow}" if slow else ""
-        parts.append(f"Difference between the last two revolutions: {run_checks.describe_change(change)}{more}")
+            hint += f". {slow}" if slow else ""
+        parts.append(f"Difference between the last two revolutions: {run_checks.describe_change(change)}{hint}")
     elif len(response.time) and ready.model.cam_contacts and stats.unknowns and stats.periodicity < 0.0:
         parts.append("Fewer than two revolutions: the start may affect the results; set run.revolutions = 2 to see how")
     parts += run_checks.describe_method(ready)

@@ -114,24 +114,24 @@ def open_sources(paths: Sequence[Path], overrides: Sequence[str] | None, *, cams
     """
     if not paths:
         raise refuse("command line", "no file", "one or more results (.vtkhdf) or cases (.toml)")
-    found = [Source(path, tuple(overrides or ())) for path in paths]
-    if overrides and any(one.is_result for one in found):
+    sources = [Source(path, tuple(overrides or ())) for path in paths]
+    if overrides and any(source.is_result for source in sources):
         raise refuse("--set", overrides[0], "--set with a case only", "a result cannot be changed", "give the case")
-    for one in found:
-        _ = one.result or (cams and one.cams_only) or one.case
-    return found
+    for source in sources:
+        _ = source.result or (cams and source.cams_only) or source.case
+    return sources
 
 
 def name_sources(sources: Sequence[Source]) -> dict[str, Source]:
     """Return sources by a distinguishing name: empty for a single one, else file name with speed, or number."""
     if len(sources) == 1:
         return {"": sources[0]}
-    named = [one.stem for one in sources]
-    for i, one in enumerate(sources):
-        if not one.cams_only:
-            turns = one.case.turns
-            named[i] += f", {shaft_name(turns)} {round(turns * one.case.speed / RPM, 9):g} rpm"
-    return dict(zip(make_unique(named, [""] * len(named)), sources, strict=True))
+    names = [source.stem for source in sources]
+    for i, source in enumerate(sources):
+        if not source.cams_only:
+            turns = source.case.turns
+            names[i] += f", {shaft_name(turns)} {round(turns * source.case.speed / RPM, 9):g} rpm"
+    return dict(zip(make_unique(names, [""] * len(names)), sources, strict=True))
 
 
 def displayed_mechanism(
@@ -149,14 +149,14 @@ def displayed_mechanism(
     if mode is not None:
         if mode < 1:
             raise refuse("--mode", mode, "a whole number, at least 1, as flexcam modes counts them")
-        found = case_modes(case, mode).modes
-        if mode > found.shapes.shape[1]:
-            raise refuse("--mode", mode, f"1 to {found.shapes.shape[1]}, as flexcam modes counts them")
+        modes = case_modes(case, mode).modes
+        if mode > modes.shapes.shape[1]:
+            raise refuse("--mode", mode, f"1 to {modes.shapes.shape[1]}, as flexcam modes counts them")
         if color not in (None, "displacement"):
             why = "the amplitude of a mode is arbitrary, so it has no stress"
             raise refuse("--color", repr(color), "displacement", why)
-        motion = mode_motion(structure, found.shapes[:, mode - 1], coloured=color is not None)
-        title = f"{title}: mode {mode}, {found.frequencies[mode - 1]:.4g} Hz"
+        motion = mode_motion(structure, modes.shapes[:, mode - 1], coloured=color is not None)
+        title = f"{title}: mode {mode}, {modes.frequencies[mode - 1]:.4g} Hz"
     elif result is not None:
         motion = result_motion(structure, result, case.speed, color).last_revolution()
     else:

@@ -63,15 +63,15 @@ class StudyOptions:
         worst: WorstCase | None = None,
     ) -> Generator[Runs]:  # fmt: skip
         """Yield the function that evaluates variants, with derivatives by some variables, and show the progress."""
-        asked = self.names if names is None else names
-        with show_count(count if asked else 0, "variants") as shown:
+        scalars = self.names if names is None else names
+        with show_count(count if scalars else 0, "variants") as advance:
             if variables:
                 context = gradient_evaluator(
-                    self.file, self.fixed, asked, variables, worst=worst, workers=self.workers, advance=shown
+                    self.file, self.fixed, scalars, variables, worst=worst, workers=self.workers, advance=advance
                 )
             else:
                 context = create_evaluator(
-                    self.file, self.fixed, asked, self.search, workers=self.workers, runs=count, advance=shown
+                    self.file, self.fixed, scalars, self.search, workers=self.workers, runs=count, advance=advance
                 )
             with context as runs:
                 yield worst.over(runs) if worst and not variables else runs
@@ -85,6 +85,6 @@ NewCase = Annotated[Path | None, Parameter(["-o", "--output"], help="Also write 
 
 def write_variant(file: OpenCase, overrides: Sequence[str], target: Path, title: str, *, overwrite: bool) -> list[Path]:
     """Write a variant of a case as a case file, and return its path."""
-    head = (title, *(f"  --set {one}" for one in overrides))
+    head = (title, *(f"  --set {override}" for override in overrides))
     write_text(target, case_text(file.read(overrides), target, head), overwrite=overwrite)
     return [target]

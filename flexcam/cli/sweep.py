@@ -27,52 +27,52 @@ _WORKERS = Group("Workers and limits", sort_key=1)
 _MAX_LISTED = 3  # number of variants named in a sentence
 
 
-def _sweep_table(found: SweepTable) -> RichTable:
+def _sweep_table(table: SweepTable) -> RichTable:
     rows: list[tuple[str, ...]] = []
-    for name, values in found.scalars.items():
+    for name, values in table.scalars.items():
         if _is_varying(values):
             low, high = int(np.nanargmin(values)), int(np.nanargmax(values))
-            scale, unit = to_display_unit(found.units[name])
-            inputs = {i: ", ".join(one.format(i) for one in found.inputs) for i in (low, high)}
+            scale, unit = to_display_unit(table.units[name])
+            inputs = {i: ", ".join(column.format(i) for column in table.inputs) for i in (low, high)}
             ends = ((f"{scale * values[i]:.5g}", inputs[i]) for i in (low, high))
             rows.append((name, unit, *chain.from_iterable(ends)))
-    title = f"{len(found)} variants over {', '.join(one.name for one in found.inputs)}"
+    title = f"{len(table)} variants over {', '.join(column.name for column in table.inputs)}"
     return plain_table(title, ("scalar", "unit", "min", "at", "max", "at"), rows)
 
 
 def _is_varying(values: FloatArray) -> bool:
     """Return whether a scalar has a range to show: two different values, or a single one."""
-    known = values[np.isfinite(values)]
-    return len(known) == 1 or (len(known) > 0 and bool(np.ptp(known) > 0.0))
+    finite = values[np.isfinite(values)]
+    return len(finite) == 1 or (len(finite) > 0 and bool(np.ptp(finite) > 0.0))
 
 
-def _describe_sweep(found: SweepTable) -> list[str]:
-    alike = found.scalars and not any(_is_varying(values) for values in found.scalars.values())
+def _describe_sweep(table: SweepTable) -> list[str]:
+    alike = table.scalars and not any(_is_varying(values) for values in table.scalars.values())
     words = ["every scalar has the same value in all variants; the files list them"] if alike else list[str]()
-    for cause, rows in _failures(found).items():
-        named = ", ".join(str(i + 1) for i in rows[:_MAX_LISTED])
-        more = f" and {len(rows) - _MAX_LISTED} more" if len(rows) > _MAX_LISTED else ""
-        one, first = "variant" if len(rows) == 1 else "variants", found.statuses[rows[0]]
-        words.append(f"{len(rows)} of {len(found)} failed ({cause}): {one} {named}{more}. The first: {first.text}")
+    for cause, rows in _failures(table).items():
+        numbers = ", ".join(str(i + 1) for i in rows[:_MAX_LISTED])
+        rest = f" and {len(rows) - _MAX_LISTED} more" if len(rows) > _MAX_LISTED else ""
+        noun, first = "variant" if len(rows) == 1 else "variants", table.statuses[rows[0]]
+        words.append(f"{len(rows)} of {len(table)} failed ({cause}): {noun} {numbers}{rest}. The first: {first.text}")
     return words
 
 
-def _failures(found: SweepTable) -> dict[str, list[int]]:
+def _failures(table: SweepTable) -> dict[str, list[int]]:
     causes: dict[str, list[int]] = {}
-    for i in found.failed:
-        causes.setdefault(str(found.statuses[i].cause), []).append(i)
+    for i in table.failed:
+        causes.setdefault(str(table.statuses[i].cause), []).append(i)
     return causes
 
 
-def _sweep_json(found: SweepTable, ended: Status) -> dict[str, object]:
+def _sweep_json(table: SweepTable, status: Status) -> dict[str, object]:
     return {
-        "message": "the sweep is complete" if ended.ok else ended.text,
-        "variants": len(found),
-        "failed": {cause: [i + 1 for i in rows] for cause, rows in _failures(found).items()},
-        "inputs": {one.name: one.unit for one in found.inputs},
+        "message": "the sweep is complete" if status.ok else status.text,
+        "variants": len(table),
+        "failed": {cause: [i + 1 for i in rows] for cause, rows in _failures(table).items()},
+        "inputs": {column.name: column.unit for column in table.inputs},
         "scalars": {
-            name: {"unit": found.units[name], "least": float(np.nanmin(values)), "largest": float(np.nanmax(values))}
-            for name, values in found.scalars.items()
+            name: {"unit": table.units[name], "least": float(np.nanmin(values)), "largest": float(np.nanmax(values))}
+            for name, values in table.scalars.items()
         },
     }
 
@@ -113,25 +113,25 @@ def sweep(
     Ranges come from the case's [sweep] table and from --set, which replaces the range of the same key or adds one. The
     output table has a column per varied key and per scalar, and the status of each run.
     """
-    kept = [name.strip() for words in scalars or [] for name in words.split(",")]
-    asked, (runners, seconds) = collect_errors(
-        lambda: make_sweep(case, settings or (), sampled=sample, seed=seed, scalars=kept, limit=limit),
+    prefixes = [name.strip() for words in scalars or [] for name in words.split(",")]
+    study, (runners, seconds) = collect_errors(
+        lambda: make_sweep(case, settings or (), sampled=sample, seed=seed, scalars=prefixes, limit=limit),
         lambda: collect_errors(
             lambda: _create_workers(scheduler, workers),
             lambda: None if time_limit is None else cli.parse_duration("--time-limit", time_limit),
         ),
         lambda: check_folder_name(folder),
     )
-    asked = replace(asked, time_limit=seconds)
+    study = replace(study, time_limit=seconds)
     target = OutputTarget(folder, resume, overwrite, histories, parquet)
     if not allow_large:
         at_once = 1 if scheduler or workers == 0 else workers or count_cores()
-        check_sweep_resources(asked, folder if histories else None, together=at_once)
-    with show_count(len(asked.plan), "variants") as shown:
-        table, files = run_sweep_to_files(asked, target, runners, advance=shown)
-    ended = cli.joint_status(table.statuses, "variants")
+        check_sweep_resources(study, folder if histories else None, together=at_once)
+    with show_count(len(study.plan), "variants") as advance:
+        table, files = run_sweep_to_files(study, target, runners, advance=advance)
+    status = cli.joint_status(table.statuses, "variants")
     parts = [_sweep_table(table), *_describe_sweep(table)]
-    return cli.CommandOutput(parts, _sweep_json(table, ended), files=files, status=ended)
+    return cli.CommandOutput(parts, _sweep_json(table, status), files=files, status=status)
 
 
 def _create_workers(scheduler: str | None, count: int | None) -> Workers:

@@ -27,12 +27,12 @@ _FAMILY = Group("Family of laws", sort_key=1)
 _LEGEND = f"{CRITERIA_LEGEND}; z: angle / duration of the rise"
 
 
-def _synthesis_json(found: Synthesis) -> dict[str, object]:
-    c = found.criteria
+def _synthesis_json(result: Synthesis) -> dict[str, object]:
+    c = result.criteria
     return {
-        "family": found.family, "objective": found.objective, "family_bound": found.bound, "gap": found.gap,
-        "bound_over_all_laws": found.bound_all, "Cv": c.Cv, "Ca": c.Ca, "Cj": c.Cj, "Cm": c.Cm, "rms": c.rms[1],
-        "broken": list(c.violations), "converged": found.converged, "not_converged": list(found.open),
+        "family": result.family, "objective": result.objective, "family_bound": result.bound, "gap": result.gap,
+        "bound_over_all_laws": result.bound_all, "Cv": c.Cv, "Ca": c.Ca, "Cj": c.Cj, "Cm": c.Cm, "rms": c.rms[1],
+        "broken": list(c.violations), "converged": result.converged, "not_converged": list(result.open),
     }  # fmt: skip
 
 
@@ -44,43 +44,43 @@ def synthesis_table(found: Synthesis) -> Table:
         gap = remove_noise(found.gap, abs(found.bound))
         place = f"lies {abs(gap):.1e} {'above' if gap > 0.0 else 'below'} it (duality gap)" if gap else "attains it"
         bound = f"{found.bound:.9g}; the law {place}"
-    every = "unknown"
+    overall = "unknown"
     if found.bound_all:
         above = 100.0 * (found.objective / found.bound_all - 1.0)
-        every = f"{found.bound_all:.6g} (this law: {above:+.2f} %)"
+        overall = f"{found.bound_all:.6g} (this law: {above:+.2f} %)"
     rows = [
         ("objective", f"{found.objective:.9g}"),
-        *(("not converged", said) for said in found.open),
+        *(("not converged", reason) for reason in found.open),
         ("lower bound of the family", bound),
-        ("lower bound, any end conditions", every),
+        ("lower bound, any end conditions", overall),
         ("C_v, C_a, C_j, C_m", ", ".join(format_criteria(c))),
-        *(("as a rise between dwells", said) for said in c.violations),
+        *(("as a rise between dwells", violation) for violation in c.violations),
     ]
     return facts_table(f"Best of {found.family}", rows)
 
 
 def _pareto_table(front: Sequence[Synthesis]) -> Table:
     rows = [
-        (str(i), *format_criteria(one.criteria, 5), "-" if one.gap is None else f"{one.gap:.0e}",
-         "yes" if one.converged else "no")
-        for i, one in enumerate(front, start=1)
+        (str(i), *format_criteria(result.criteria, 5), "-" if result.gap is None else f"{result.gap:.0e}",
+         "yes" if result.converged else "no")
+        for i, result in enumerate(front, start=1)
     ]  # fmt: skip
     head = ("no.", "C_v", "C_a", "C_j", "C_m", "gap", "converged")
     return plain_table(f"Pareto front of {front[0].family}", head, rows)
 
 
-def _polydyne_table(found: cam_analysis.PolydyneCam) -> Table:
+def _polydyne_table(cam: cam_analysis.PolydyneCam) -> Table:
     rows = [
         (f"{speed / RPM:.6g}", *(f"{1e6 * value:.4g}" if math.isfinite(value) else "resonance" for value in deviations))
-        for speed, *deviations in np.array([found.speeds, found.plain, found.compensated]).T.tolist()
+        for speed, *deviations in np.array([cam.speeds, cam.plain, cam.compensated]).T.tolist()
     ]
     head = ("camshaft rpm", "plain cam, um", "polydyne cam, um")
     title = "Max deviation of the valve from the target motion"
-    return plain_table(f"{title}; design speed: camshaft {found.speed / RPM:.6g} rpm", head, rows)
+    return plain_table(f"{title}; design speed: camshaft {cam.speed / RPM:.6g} rpm", head, rows)
 
 
-def _polydyne_properties_table(found: cam_analysis.PolydyneCam) -> Table:
-    design = found.design
+def _polydyne_properties_table(cam: cam_analysis.PolydyneCam) -> Table:
+    design = cam.design
     lift, bend, count = event_extremes(design.event), event_extremes(design.event, 2), len(design.event.cosine)
     rows = [
         ("lift", format_quantity("m", *(end.value for end in lift))),
@@ -145,22 +145,22 @@ def law(
     """Find the motion law with minimum peak values in a family of laws, and a proven lower bound of these values."""
     cli.refuse_without("--pareto", {"--count": count}, present=against is not None)
     cli.check_targets(None, plot, overwrite=overwrite)
-    where = _family(family, degree, pieces, orders, rest, symmetric=not asymmetric)
+    law_family = _family(family, degree, pieces, orders, rest, symmetric=not asymmetric)
     weights, limits = _numbers("--minimize", minimize, 1.0), _numbers("--bound", bound or [], None)
-    fixed = [_condition(one) for one in condition or []]
+    fixed = [_condition(text) for text in condition or []]
     if against is not None:
         if len(weights) != 1 or limits:
             allowed = "one criterion of --minimize, and no --bound"
             raise refuse("--pareto", "with --bound or several --minimize", allowed)
         number, first = 9 if count is None else count, next(iter(weights))
-        front = pareto(where, first, against, count=number, conditions=fixed, monotone=not turning_back)
+        front = pareto(law_family, first, against, count=number, conditions=fixed, monotone=not turning_back)
     else:
-        front = [minimax(where, weights, bounds=limits, conditions=fixed, monotone=not turning_back)]
+        front = [minimax(law_family, weights, bounds=limits, conditions=fixed, monotone=not turning_back)]
     goals = None if against is None else (next(iter(weights)), against)
     files = _write_law_files(front, goals, output, plot, overwrite=overwrite)
     parts = [_pareto_table(front) if against else synthesis_table(front[0]), _LEGEND]
     names = {path: f'{path}  (in a case: law = "{path.name}")' for path in files if path.suffix == ".toml"}
-    json = {"laws": [_synthesis_json(one) for one in front]}
+    json = {"laws": [_synthesis_json(result) for result in front]}
     return cli.CommandOutput(parts, json, files=files, describe_file=lambda path: names.get(path, str(path)))
 
 
@@ -180,16 +180,16 @@ def _family(
     return SplineFamily(5 if degree is None else degree, 24 if pieces is None else pieces, order, symmetric)
 
 
-def _numbers(where: str, given: list[str], default: float | None) -> dict[str, float]:
-    found: dict[str, float] = {}
-    for one in given:
-        name, equals, text = one.partition("=")
+def _numbers(option: str, pairs: list[str], default: float | None) -> dict[str, float]:
+    numbers: dict[str, float] = {}
+    for pair in pairs:
+        name, equals, text = pair.partition("=")
         if not equals and default is None:
-            raise refuse(where, repr(one), "CRITERION=VALUE, such as Cj=52.5")
-        if name.strip() in found:
-            raise refuse(where, repr(one), "every criterion once", f"{name.strip()} is given twice", "leave one out")
-        found[name.strip()] = parse(text.strip(), "number", where) if equals else default or 0.0
-    return found
+            raise refuse(option, repr(pair), "CRITERION=VALUE, such as Cj=52.5")
+        if name.strip() in numbers:
+            raise refuse(option, repr(pair), "every criterion once", f"{name.strip()} is given twice", "leave one out")
+        numbers[name.strip()] = parse(text.strip(), "number", option) if equals else default or 0.0
+    return numbers
 
 
 def _condition(text: str) -> tuple[float, int, float]:
@@ -210,9 +210,9 @@ def _write_law_files(
         paths = [output.with_name(f"{output.stem}-{i}{output.suffix}") for i in range(1, len(front) + 1)]
     for path in paths:  # before files are written
         check_writable("output", path, overwrite=overwrite)
-    for found, path in zip(front, paths, strict=False):
-        about = {"flexcam": __version__, **{k: v for k, v in _synthesis_json(found).items() if v is not None}}
-        files.append(write_law(found.law, create_folder(path.parent) / path.name, about=about, overwrite=overwrite))
+    for result, path in zip(front, paths, strict=False):
+        about = {"flexcam": __version__, **{k: v for k, v in _synthesis_json(result).items() if v is not None}}
+        files.append(write_law(result.law, create_folder(path.parent) / path.name, about=about, overwrite=overwrite))
     if plot is not None:
         curves = plotting.curves
         figure = curves.law_front_figure(front, *goals) if goals else curves.law_figure({front[0].family: front[0].law})
@@ -241,24 +241,24 @@ def harmonic(
     cli.check_distinct_files({"--output": output}, [case])
     strict = cli.parse_quantity("--tolerance", tolerance, "length", "um")
     wide = cli.parse_optional("--bound", bound, "length", "mm")
-    found = cam_analysis.harmonic_cam(cli.load_case(case, overrides), name, tolerance=strict, count=count, bound=wide)
-    about = {"flexcam": __version__, "made_for": str(case), "harmonics": found.count}
-    lift = found.fit.event.with_delay(-found.phase)
+    cam = cam_analysis.harmonic_cam(cli.load_case(case, overrides), name, tolerance=strict, count=count, bound=wide)
+    about = {"flexcam": __version__, "made_for": str(case), "harmonics": cam.count}
+    lift = cam.fit.event.with_delay(-cam.phase)
     files = [] if output is None else [write_lift(lift, output, about=about, overwrite=overwrite)]
     json = {
-        "harmonics": found.count, "harmonics_below_first_mode": found.limit,
-        "first_mode_hz": found.frequency / (2.0 * math.pi), "dwell_deviation": found.fit.strict_deviation,
-        "deviation": found.fit.deviation, "rms_deviation": found.fit.rms_deviation,
-        "lift": [end.value for end in event_extremes(found.fit.event)],
+        "harmonics": cam.count, "harmonics_below_first_mode": cam.limit,
+        "first_mode_hz": cam.frequency / (2.0 * math.pi), "dwell_deviation": cam.fit.strict_deviation,
+        "deviation": cam.fit.deviation, "rms_deviation": cam.fit.rms_deviation,
+        "lift": [end.value for end in event_extremes(cam.fit.event)],
     }  # fmt: skip
-    fit, hertz = found.fit, found.frequency / (2.0 * math.pi)
+    fit, hertz = cam.fit, cam.frequency / (2.0 * math.pi)
     rows = [
-        ("harmonics", f"{found.count}; {found.limit} lie below the lowest mode that the cam excites, {hertz:.4g} Hz"),
+        ("harmonics", f"{cam.count}; {cam.limit} lie below the lowest mode that the cam excites, {hertz:.4g} Hz"),
         ("max deviation in the dwells", f"{1e6 * fit.strict_deviation:.4g} um"),
         ("max deviation elsewhere", f"{1e6 * fit.deviation:.4g} um, {1e6 * fit.rms_deviation:.4g} um rms"),
         ("lift", format_quantity("m", *(end.value for end in event_extremes(fit.event)))),
     ]
-    describe_file = partial(cli.describe_lift_file, phase=found.phase)
+    describe_file = partial(cli.describe_lift_file, phase=cam.phase)
     return cli.CommandOutput([facts_table("Lift of harmonics", rows)], json, files=files, describe_file=describe_file)
 
 
@@ -288,21 +288,21 @@ def polydyne(
         design_speed = cams.speed if at is None else at
         if design_speed is None:
             raise refuse("--speed", "nothing", "the design speed, such as 3000rpm", f"{cams.name} has no speed")
-        found = cam_analysis.design_polydyne(cams, name, SingleMass(omega, damping), design_speed, count)
+        cam = cam_analysis.design_polydyne(cams, name, SingleMass(omega, damping), design_speed, count)
     elif has_mechanism(case):
-        found = cam_analysis.polydyne_cam(cli.load_case(case, overrides), name, speed=at, count=count)
+        cam = cam_analysis.polydyne_cam(cli.load_case(case, overrides), name, speed=at, count=count)
     else:
-        given, remedy = f"{case.name}, which has only cams", "add --frequency for one mass on a spring"
-        raise refuse("case", given, "a case with the train that the cam drives", "", remedy)
-    about = {"flexcam": __version__, "made_for": str(case), "design_speed_rpm": found.speed / RPM}
-    lift = found.design.event.with_delay(-found.phase)
+        text, remedy = f"{case.name}, which has only cams", "add --frequency for one mass on a spring"
+        raise refuse("case", text, "a case with the train that the cam drives", "", remedy)
+    about = {"flexcam": __version__, "made_for": str(case), "design_speed_rpm": cam.speed / RPM}
+    lift = cam.design.event.with_delay(-cam.phase)
     files = [] if output is None else [write_lift(lift, output, about=about, overwrite=overwrite)]
     json = {
-        "design_speed_rpm": found.speed / RPM, "left_out": found.design.left_out,
-        "lift": [end.value for end in event_extremes(found.design.event)],
-        "acceleration": [end.value for end in event_extremes(found.design.event, 2)], "ratio": found.ratio,
-        "speeds_rpm": found.speeds / RPM, "plain": found.plain, "polydyne": found.compensated,
+        "design_speed_rpm": cam.speed / RPM, "left_out": cam.design.left_out,
+        "lift": [end.value for end in event_extremes(cam.design.event)],
+        "acceleration": [end.value for end in event_extremes(cam.design.event, 2)], "ratio": cam.ratio,
+        "speeds_rpm": cam.speeds / RPM, "plain": cam.plain, "polydyne": cam.compensated,
     }  # fmt: skip
-    tables = [_polydyne_properties_table(found), _polydyne_table(found)]
-    describe_file = partial(cli.describe_lift_file, phase=found.phase)
+    tables = [_polydyne_properties_table(cam), _polydyne_table(cam)]
+    describe_file = partial(cli.describe_lift_file, phase=cam.phase)
     return cli.CommandOutput(tables, json, files=files, describe_file=describe_file)

@@ -48,8 +48,8 @@ def draw_laws(axes: Sequence[Axes], laws: Mapping[str, cams.Law]) -> None:
     """Draw lift, velocity, acceleration and jerk of laws."""
     z = np.linspace(0.0, 1.0, _POINTS)
     for (name, law), (color, dashes) in zip(laws.items(), line_styles(), strict=False):
-        for order, one in enumerate(axes):
-            one.plot(*_insert_gaps(z, law.breaks, law(z, order)), label=name, color=color, linestyle=dashes)
+        for order, axis in enumerate(axes):
+            axis.plot(*_insert_gaps(z, law.breaks, law(z, order)), label=name, color=color, linestyle=dashes)
 
 
 def lift_figure(events: Mapping[str, cams.Event]) -> Figure:
@@ -61,14 +61,14 @@ def lift_figure(events: Mapping[str, cams.Event]) -> Figure:
     labels = [f"{name}\n{unit}" for name, unit in zip(names, units, strict=True)]
     figure, axes = create_stacked_axes(labels, "cam angle, deg")
     for (name, event), (color, dashes) in zip(events.items(), line_styles(), strict=False):
-        met = cams.joints(event)
-        ends = np.array([joint.angle for joint in met])
+        joints = cams.joints(event)
+        ends = np.array([joint.angle for joint in joints])
         both_sides = [even, ends, ends[ends > _JUMP_OFFSET] - _JUMP_OFFSET]  # of every jump
         angle = np.sort(np.concatenate(both_sides))
-        for order, one in enumerate(axes):
-            steps = tuple(math.degrees(joint.angle - 0.5 * _JUMP_OFFSET) for joint in met if joint.steps[order])
+        for order, axis in enumerate(axes):
+            steps = tuple(math.degrees(joint.angle - 0.5 * _JUMP_OFFSET) for joint in joints if joint.steps[order])
             curve = _insert_gaps(np.degrees(angle), steps, factor * event(angle, order))
-            one.plot(*curve, label=name, color=color, linestyle=dashes)
+            axis.plot(*curve, label=name, color=color, linestyle=dashes)
     add_legend(figure, axes[0], len(events))
     axes[-1].set(xticks=range(0, 361, 45), xlim=(0.0, 360.0))
     return figure
@@ -79,16 +79,16 @@ def timing_figure(cylinder: Mapping[str, CamFacts]) -> Figure:
     figure, (axes,) = create_axes((7.0, 4.2))
     crank = np.linspace(-360.0, 360.0, _POINTS)
     (factor, unit), lifts = to_display_unit("m"), dict[str, FloatArray]()
-    for (name, one), (color, dashes) in zip(cylinder.items(), line_styles(), strict=False):
-        lifts[name] = factor * one.valve_lift(one.cam.event((one.tdc or 0.0) + np.radians(0.5 * crank)))
-        middle = math.degrees(one.centreline_after_tdc or 0.0)
+    for (name, facts), (color, dashes) in zip(cylinder.items(), line_styles(), strict=False):
+        lifts[name] = factor * facts.valve_lift(facts.cam.event((facts.tdc or 0.0) + np.radians(0.5 * crank)))
+        middle = math.degrees(facts.centreline_after_tdc or 0.0)
         label = f"{name}: centreline {abs(middle):.4g}° {'before' if middle < 0.0 else 'after'} TDC"
         axes.plot(crank, lifts[name], label=label, color=color, linestyle=dashes)
         axes.plot([middle, middle], [0.0, lifts[name].max()], color=color, linestyle=":", linewidth=0.8)
-    for one, other in combinations(cylinder, 2):
-        if exhaust_and_intake(cylinder[one], cylinder[other]):
-            both = np.minimum(lifts[one], lifts[other])
-            separation = math.degrees(lobe_separation(cylinder[one], cylinder[other]))
+    for first, second in combinations(cylinder, 2):
+        if exhaust_and_intake(cylinder[first], cylinder[second]):
+            both = np.minimum(lifts[first], lifts[second])
+            separation = math.degrees(lobe_separation(cylinder[first], cylinder[second]))
             label = f"both open; lobe separation {separation:.4g}° of the camshaft"
             axes.fill_between(crank, both, color="0.75", label=label)
     mark_dead_centres([axes])
@@ -101,8 +101,8 @@ def timing_figure(cylinder: Mapping[str, CamFacts]) -> Figure:
 def mark_dead_centres(axes: Sequence[Axes]) -> None:
     """Mark the dead centres in axes over the crank angle, one below the other."""
     for angle, centre in zip(range(-360, 361, 180), ("firing TDC", "BDC", "TDC", "BDC", "firing TDC"), strict=True):
-        for one in axes:
-            one.axvline(angle, color="0.4", linewidth=0.8)
+        for axis in axes:
+            axis.axvline(angle, color="0.4", linewidth=0.8)
         axes[0].text(angle, 1.01, centre, transform=axes[0].get_xaxis_transform(), ha="center", fontsize="small")
     axes[-1].set(xlabel="crank angle from overlap TDC, deg", xlim=(-360.0, 360.0))
     axes[-1].set_xticks(range(-360, 361, 90))
@@ -136,8 +136,8 @@ def profile_figure(
         touched, values, label = coloured
         order = np.argsort(np.mod(touched.angle, 2.0 * math.pi))
         outline = to_display_unit("m")[0] * touched.points[order] @ np.array([1.0, 1j])
-        turned = outline * np.exp(1j * touched.turn * angle)
-        points = np.column_stack([turned.real, turned.imag])
+        rotated = outline * np.exp(1j * touched.turn * angle)
+        points = np.column_stack([rotated.real, rotated.imag])
         segments = list(np.stack([points[:-1], points[1:]], axis=1))
         line = LineCollection(segments, cmap="viridis", linewidths=7.0, capstyle="round", zorder=1.5)
         line.set_array(0.5 * (values[order][1:] + values[order][:-1]))
@@ -151,12 +151,12 @@ def profile_figure(
 
 def draw_profile(axes: Axes, profile: cams.CamProfile, angle: float, *, thin: bool = False) -> None:
     """Draw a cam, rotated by its angle, with its follower; its outline may be thin and black."""
-    turned = np.exp(1j * profile.turn * angle)
+    rotation = np.exp(1j * profile.turn * angle)
     at = int(np.argmin(np.abs(np.angle(np.exp(1j * (profile.angle - angle))))))
     touch, follower, factor = profile.touch, profile.follower, to_display_unit("m")[0]
     around = np.exp(1j * np.linspace(0.0, 2.0 * math.pi, 361))
     colour, width = ("black", 0.8) if thin else (COLOURS[0], 2.0)
-    outline, pitch = (np.vstack([p, p[:1]]) @ np.array([1.0, 1j]) * turned for p in (profile.points, profile.pitch))
+    outline, pitch = (np.vstack([p, p[:1]]) @ np.array([1.0, 1j]) * rotation for p in (profile.points, profile.pitch))
     _line(axes, outline, "cam", color=colour, linewidth=width)
     base = np.asarray(follower.base_radius * around, dtype=np.complex128)
     _line(axes, base, "base circle", color="0.6", linewidth=0.8, linestyle="--")
@@ -173,9 +173,9 @@ def draw_profile(axes: Axes, profile: cams.CamProfile, angle: float, *, thin: bo
         end = touch.trace[at] if math.isfinite(follower.roller_radius) else touch.point[at]
         _line(axes, np.array([follower.distance, end], dtype=np.complex128), "arm", color=COLOURS[1], linewidth=1.0)
         axes.plot(factor * follower.distance, 0.0, "^", color=COLOURS[1], markersize=8, label="pivot")
-    way = factor * 0.5 * follower.base_radius * np.exp(1j * profile.turn * np.radians([30.0, 150.0]))
+    arrow = factor * 0.5 * follower.base_radius * np.exp(1j * profile.turn * np.radians([30.0, 150.0]))
     bow = {"arrowstyle": "->", "connectionstyle": f"arc3,rad={0.55 * profile.turn}", "color": "0.4"}
-    start, end = ((one.real, one.imag) for one in way.tolist())  # an arrow in the direction of rotation
+    start, end = ((point.real, point.imag) for point in arrow.tolist())  # an arrow in the direction of rotation
     axes.annotate("", xy=end, xytext=start, arrowprops=bow)
     axes.set_aspect("equal")
     axes.grid(alpha=0.3)
@@ -193,8 +193,8 @@ def pressure_figure(profile: cams.CamProfile) -> Figure:
     angle = np.degrees(profile.angle)
     upper.plot(angle, np.degrees(profile.pressure_angle), color=COLOURS[0])
     # A nearly straight flank has a radius of metres, which would hide all other values.
-    most = 10.0 * float(np.abs(profile.touch.trace).max())
-    lower.plot(angle, np.where(np.abs(profile.radius) < most, factor * profile.radius, np.nan), color=COLOURS[0])
+    limit = 10.0 * float(np.abs(profile.touch.trace).max())
+    lower.plot(angle, np.where(np.abs(profile.radius) < limit, factor * profile.radius, np.nan), color=COLOURS[0])
     lower.axhline(0.0, color="0.4", linewidth=0.8)
     lower.set(xlim=(0.0, 360.0), xticks=range(0, 361, 45))
     return figure
@@ -207,8 +207,8 @@ def _insert_gaps(x: FloatArray, breaks: Sequence[float], y: FloatArray) -> tuple
 
 
 def _line(axes: Axes, curve: ComplexArray, label: str, *, color: str, linewidth: float, linestyle: str = "-") -> None:
-    shown = to_display_unit("m")[0] * curve
-    axes.plot(shown.real, shown.imag, label=label, color=color, linewidth=linewidth, linestyle=linestyle)
+    scaled = to_display_unit("m")[0] * curve
+    axes.plot(scaled.real, scaled.imag, label=label, color=color, linewidth=linewidth, linestyle=linestyle)
 
 
 _WORDS = {"Cv": "C_v, max velocity", "Ca": "C_a, max acceleration", "Cj": "C_j, max jerk"}
@@ -222,12 +222,12 @@ def law_front_figure(front: Sequence[cams.Synthesis], first: str, second: str) -
     halves = figure.add_gridspec(1, 2)
     axes, right = figure.add_subfigure(halves[0]).add_subplot(), figure.add_subfigure(halves[1])
     # An infinite jerk is None.
-    values = np.array([[getattr(one.criteria, name) for name in (first, second)] for one in front], dtype=float)
-    draw_front(axes, values, [one.converged for one in front])
+    values = np.array([[getattr(result.criteria, name) for name in (first, second)] for result in front], dtype=float)
+    draw_front(axes, values, [result.converged for result in front])
     axes.set(xlabel=f"{_WORDS[first]}, {_UNIT}", ylabel=f"{_WORDS[second]}, {_UNIT}")
     axes.set_title(f"Pareto front of {front[0].family}", fontsize="medium")
     below = add_stacked_axes(right, LAW_LABELS, LAW_POSITION)
-    draw_laws(below, {str(i): one.law for i, one in enumerate(front, start=1)})
+    draw_laws(below, {str(i): result.law for i, result in enumerate(front, start=1)})
     below[0].set_title(f"Its laws, {_UNIT}", fontsize="medium")
     add_legend(right, below[0], len(front), columns=10)
     return figure
@@ -236,15 +236,15 @@ def law_front_figure(front: Sequence[cams.Synthesis], first: str, second: str) -
 def draw_front(axes: Axes, values: FloatArray, converged: Sequence[bool]) -> None:
     """Draw two criteria against each other, numbered from 1, in the colours of the laws."""
     axes.plot(*values.T, color="0.65", linewidth=1.2, zorder=1)
-    named: dict[tuple[str, str], str] = {}
+    labels: dict[tuple[str, str], str] = {}
     points = zip(values.tolist(), converged, line_styles(), strict=False)
-    for i, ((x, y), whole, (color, _)) in enumerate(points, start=1):
+    for i, ((x, y), ok, (color, _)) in enumerate(points, start=1):
         if not (math.isfinite(x) and math.isfinite(y)):
             continue
-        axes.scatter(x, y, s=36, facecolors=color if whole else "none", edgecolors=color, zorder=2)
-        place, number = (f"{x:.{_DIGITS}g}", f"{y:.{_DIGITS}g}"), f"{i}" if whole else f"{i} not converged"
-        named[place] = f"{named[place]}, {number}" if place in named else number
-    for (x, y), numbers in named.items():
+        axes.scatter(x, y, s=36, facecolors=color if ok else "none", edgecolors=color, zorder=2)
+        place, number = (f"{x:.{_DIGITS}g}", f"{y:.{_DIGITS}g}"), f"{i}" if ok else f"{i} not converged"
+        labels[place] = f"{labels[place]}, {number}" if place in labels else number
+    for (x, y), numbers in labels.items():
         axes.annotate(numbers, (float(x), float(y)), xytext=(6, 5), textcoords="offset points")
     axes.grid(alpha=0.3)
 
@@ -266,15 +266,15 @@ def spring_figure(springs: Mapping[str, tuple[Spring, float]]) -> Figure:
         if spring.wire is not None:
             lower.plot(length * travel, stress * wire_stress(spring, travel), **style)
         marks = {"installed": (0.0, "o"), "full lift": (full, "s"), "coil bind": (bind, "^")}
-        for what, (place, marker) in marks.items():
+        for state, (place, marker) in marks.items():
             if place is not None:
                 loaded = float(np.interp(place, curve.travel, curve.force))
                 values = format_quantity("N", loaded, digits=4), format_quantity("m", place, digits=4)
-                label = f"{name}, {what}: {' at '.join(values)}"
+                label = f"{name}, {state}: {' at '.join(values)}"
                 upper.plot(length * place, load * loaded, marker, color=colour, label=label)
         if bind is not None:
-            for one in (upper, lower):
-                one.axvline(length * bind, color=colour, linewidth=0.8, linestyle=":")
+            for axis in (upper, lower):
+                axis.axvline(length * bind, color=colour, linewidth=0.8, linestyle=":")
     if not lower.lines or all(spring.wire is None for spring, _ in springs.values()):
         lower.text(0.5, 0.5, "no wire given", transform=lower.transAxes, ha="center", color="0.3")
     add_legend(figure, upper, len(upper.lines), columns=2)
@@ -285,7 +285,7 @@ def goodman_figure(members: Mapping[str, tuple[MemberStrength, Material]]) -> Fi
     """Return a Goodman diagram: alternating over mean stress of members at their point of minimum safety."""
     figure, (axes,) = create_axes((7.0, 5.0))
     factor, unit = to_display_unit("Pa")
-    lowest = factor * min(0.0, *(one.mean for one, _ in members.values()))
+    lowest = factor * min(0.0, *(strength.mean for strength, _ in members.values()))
     limits = dict.fromkeys((m.endurance_limit, m.ultimate_strength) for _, m in members.values())
     for (endurance, ultimate), (colour, dashes) in zip(limits, line_styles(), strict=False):
         if endurance and ultimate:
@@ -293,10 +293,10 @@ def goodman_figure(members: Mapping[str, tuple[MemberStrength, Material]]) -> Fi
             label = "endurance limit {}, ultimate strength {}".format(*values)
             line = [factor * endurance, factor * endurance, 0.0]
             axes.plot([1.1 * lowest, 0.0, factor * ultimate], line, color=colour, linestyle=dashes, label=label)
-    for i, (name, (found, _)) in enumerate(members.items()):
-        safety = "no strength given" if found.safety is None else f"safety {found.safety:.3g}"
-        axes.plot(factor * found.mean, factor * found.alternating, "osD^vP*X"[i % 8], color=COLOURS[-1 - i % 6],
-                  label=f"{name} at {found.place}: {safety}")  # fmt: skip
+    for i, (name, (strength, _)) in enumerate(members.items()):
+        safety = "no strength given" if strength.safety is None else f"safety {strength.safety:.3g}"
+        axes.plot(factor * strength.mean, factor * strength.alternating, "osD^vP*X"[i % 8], color=COLOURS[-1 - i % 6],
+                  label=f"{name} at {strength.place}: {safety}")  # fmt: skip
     axes.axvline(0.0, color="0.4", linewidth=0.8)
     axes.set(xlabel=f"mean stress, {unit}", ylabel=f"alternating stress, {unit}")
     axes.set_ylim(bottom=0.0)

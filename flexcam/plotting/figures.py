@@ -69,12 +69,12 @@ def render_png(figure: Figure) -> bytes:
     """Return a figure as PNG for printing, with a size that does not depend on the number of points."""
     from PIL import Image
 
-    drawn, written = io.BytesIO(), io.BytesIO()
+    full, reduced = io.BytesIO(), io.BytesIO()
     with _suppress_warnings():
-        figure.savefig(drawn, format="png", dpi=_DPI)
-    with Image.open(drawn) as image:
-        image.convert("RGB").quantize(_COLOUR_COUNT).save(written, format="png", optimize=True)
-    return written.getvalue()
+        figure.savefig(full, format="png", dpi=_DPI)
+    with Image.open(full) as image:
+        image.convert("RGB").quantize(_COLOUR_COUNT).save(reduced, format="png", optimize=True)
+    return reduced.getvalue()
 
 
 def check_figure_path(path: Path, *, overwrite: bool = False) -> None:
@@ -95,8 +95,8 @@ def create_axes(
     """Return a figure of a size in inches with axes in rows, with grid lines."""
     figure = Figure(figsize=size, layout="constrained")
     axes = list(figure.subplots(rows, sharex=sharex, squeeze=False)[:, 0])
-    for one in axes if grid else ():
-        one.grid(alpha=0.3, axis=grid or "both")
+    for axis in axes if grid else ():
+        axis.grid(alpha=0.3, axis=grid or "both")
     return figure, axes
 
 
@@ -109,9 +109,9 @@ def create_stacked_axes(labels: Sequence[str], below: str, *, height: float = 1.
 def add_stacked_axes(figure: FigureBase, labels: Sequence[str], below: str) -> list[Axes]:
     """Return vertically stacked axes of a figure or a subfigure."""
     axes = list(figure.subplots(len(labels), sharex=True, squeeze=False)[:, 0])
-    for one, label in zip(axes, labels, strict=True):
-        one.set_ylabel(label)
-        one.grid(alpha=0.3)
+    for axis, label in zip(axes, labels, strict=True):
+        axis.set_ylabel(label)
+        axis.grid(alpha=0.3)
     axes[-1].set_xlabel(below)
     figure.align_ylabels(axes)
     return axes

@@ -38,7 +38,7 @@ Abscissa = Literal["angle", "time", "crank"]
 """Abscissa of the curves of a run: cam angle, time, or crank angle of a four-stroke engine."""
 
 _TICKS = (5, 10, 15, 30, 45, 90, 180, 360, 720)
-_MOST_TICKS = 9
+_MAX_TICKS = 9
 _BELOW = {"angle": "cam angle, deg", "time": "time, s", "crank": "crank angle from cam angle 0, deg"}
 _SHORT_NAME = 10  # length of a name, characters, that shares a line of an axis label with a quantity
 
@@ -50,10 +50,10 @@ def curve_style(label: str, colour: str = COLOURS[0], dashes: str = "-", width: 
 
 def last_revolution(response: Response, zero: float = 0.0, begin: float = 0.0) -> Response:
     """Return the last revolution of a response, its cam angle counted from `zero` and rising from `begin`, rad."""
-    kept = np.flatnonzero(response.angle > response.angle[-1:] - math.tau * (1.0 - _ROUNDING))
-    angle = np.mod(response.angle[kept] - zero - begin + _ROUNDING, math.tau) - _ROUNDING + begin
+    indices = np.flatnonzero(response.angle > response.angle[-1:] - math.tau * (1.0 - _ROUNDING))
+    angle = np.mod(response.angle[indices] - zero - begin + _ROUNDING, math.tau) - _ROUNDING + begin
     order = np.argsort(angle, kind="stable")
-    rows = kept[order]
+    rows = indices[order]
     return replace(
         response, time=response.time[rows], angle=angle[order],
         probes=Series(*(values[rows] for values in response.probes)),
@@ -70,9 +70,9 @@ def draw_motion(
 ) -> None:  # fmt: skip
     """Draw displacement, velocity and acceleration of a probe, times a sign, in a style of matplotlib's `plot`."""
     history = scalar_history(response, probe)
-    for one, (series, unit) in zip(axes, SERIES.items(), strict=False):
+    for axis, (series, unit) in zip(axes, SERIES.items(), strict=False):
         factor, _ = to_display_unit(component_unit(probe.rpartition(".")[2], unit))
-        one.plot(abscissa(response, over), sign * factor * getattr(history, series), **style)
+        axis.plot(abscissa(response, over), sign * factor * getattr(history, series), **style)
 
 
 def draw_channel(
@@ -85,11 +85,11 @@ def draw_channel(
 
 def channel_unit(response: Response, channel: str) -> str:
     """Return the SI unit of a channel."""
-    known = dict(response.outline.channels)
-    if channel not in known:
-        allowed = ", ".join(known) or "(no channel was saved)"
-        raise refuse("channel", repr(channel), allowed, "", suggest_name(channel, known))
-    return known[channel]
+    units = dict(response.outline.channels)
+    if channel not in units:
+        allowed = ", ".join(units) or "(no channel was saved)"
+        raise refuse("channel", repr(channel), allowed, "", suggest_name(channel, units))
+    return units[channel]
 
 
 def contact_forces(response: Response) -> list[str]:
@@ -118,10 +118,10 @@ def motion_figure(
     for response, style in styled:
         draw_motion(axes[: len(SERIES)], response, probe, style, over=over, sign=sign)
     _draw_channels(axes[len(SERIES) :], styled, channels, over)
-    for (flexible, style), (still, _) in zip(styled[::2], styled[1::2], strict=True) if deviation else ():
+    for (flexible, style), (rigid_run, _) in zip(styled[::2], styled[1::2], strict=True) if deviation else ():
         factor, _ = to_display_unit(component_unit(component, "m"))
-        own, path = (scalar_history(one, probe).displacement for one in (flexible, still))
-        difference = own - np.interp(flexible.angle, still.angle, path)
+        displacement, rigid_displacement = (scalar_history(run, probe).displacement for run in (flexible, rigid_run))
+        difference = displacement - np.interp(flexible.angle, rigid_run.angle, rigid_displacement)
         axes[-1].plot(abscissa(flexible, over), sign * factor * difference, **style)
         axes[-1].axhline(0.0, color="0.4", linewidth=0.8)
     return _finish_axes(figure, axes, over, title)
@@ -129,9 +129,9 @@ def motion_figure(
 
 def shade(axes: Sequence[Axes], x: FloatArray, instants: NDArray[np.bool_], name: str, colour: str) -> None:
     """Shade some instants in all axes."""
-    for one in axes if instants.any() else ():
-        height: dict[str, Any] = {"transform": one.get_xaxis_transform(), "alpha": 0.25, "linewidth": 0.0}
-        one.fill_between(x, 0.0, 1.0, where=list(instants), color=colour, label=name, **height)
+    for axis in axes if instants.any() else ():
+        height: dict[str, Any] = {"transform": axis.get_xaxis_transform(), "alpha": 0.25, "linewidth": 0.0}
+        axis.fill_between(x, 0.0, 1.0, where=list(instants), color=colour, label=name, **height)
 
 
 def channel_figure(
@@ -142,18 +142,18 @@ def channel_figure(
     figure, axes = create_stacked_axes(_channel_labels(responses, channels), _BELOW[over])
     _draw_channels(axes, _style_responses(responses, rigid or {}), channels, over)
     _finish_axes(figure, axes, over, title)
-    for one, channel in zip(axes, channels, strict=True):
+    for axis, channel in zip(axes, channels, strict=True):
         if channel.endswith(".force"):
-            one.axhline(0.0, color="0.4", linewidth=0.8)
+            axis.axhline(0.0, color="0.4", linewidth=0.8)
         factor, symbol = to_display_unit(_unit_in_any(responses, channel))
         lines: list[Line2D] = []
         for (name, values), (colour, _) in zip((means or {}).items(), line_styles(), strict=False):
             if channel in values:
                 mean = factor * values[channel]
                 label = ", ".join(filter(None, (name, f"mean {mean:.4g} {symbol}")))
-                lines.append(one.axhline(mean, color=colour, linestyle="--", linewidth=1.0, label=label))
+                lines.append(axis.axhline(mean, color=colour, linestyle="--", linewidth=1.0, label=label))
         if lines:
-            one.legend(handles=lines, loc="upper right", fontsize="x-small")
+            axis.legend(handles=lines, loc="upper right", fontsize="x-small")
     return figure
 
 
@@ -168,7 +168,7 @@ def orbit_figure(responses: Mapping[str, Response], bearings: Sequence[str]) -> 
     for i, bearing in enumerate(bearings, 1):
         axes = figure.add_subplot(rows, columns, i, projection="polar", theta_offset=0.5 * math.pi)
         for (name, response), (colour, dashes) in zip(responses.items(), line_styles(), strict=False):
-            angle, radius = (response.channels[f"{bearing}.{one}"] for one in ("angle", "eccentricity"))
+            angle, radius = (response.channels[f"{bearing}.{key}"] for key in ("angle", "eccentricity"))
             axes.plot(angle, radius, color=colour, linestyle=dashes, label=escape_math(name))
         axes.set(title=short_name(bearing), ylim=(0.0, 1.0), yticks=(0.25, 0.5, 0.75, 1.0))
         axes.grid(alpha=0.3)
@@ -182,7 +182,7 @@ def _channel_labels(responses: Mapping[str, Response], channels: Sequence[str]) 
 
 def _unit_in_any(responses: Mapping[str, Response], channel: str) -> str:
     first, *others = responses.values()
-    return channel_unit(next((one for one in (first, *others) if channel in one.channels), first), channel)
+    return channel_unit(next((run for run in (first, *others) if channel in run.channels), first), channel)
 
 
 def add_area_legend(figure: Figure) -> Figure:
@@ -197,19 +197,19 @@ def _draw_channels(
 ) -> None:
     """Draw channels of runs, one axis each, as far as a run has them; a rigid one lacks the force of an adjuster."""
     for response, style in styled:
-        for one, channel in zip(axes, channels, strict=False):
+        for axis, channel in zip(axes, channels, strict=False):
             if channel in response.channels:
-                draw_channel(one, response, channel, style, over=over)
+                draw_channel(axis, response, channel, style, over=over)
 
 
 def energy_figure(responses: Mapping[str, Response], *, over: Abscissa = "angle", title: str = "") -> Figure:
     """Return a figure with the energies of runs and their residuals."""
     labels = ["energy, J" if len(responses) == 1 else f"{name}\nenergy, J" for name in responses]
     figure, axes = create_stacked_axes(labels, _BELOW[over], height=3.0)
-    for one, response in zip(axes, responses.values(), strict=True):
+    for axis, response in zip(axes, responses.values(), strict=True):
         for (name, energy), (colour, dashes) in zip(energies(response).items(), line_styles(), strict=False):
             if energy.any():
-                one.plot(abscissa(response, over), energy, **curve_style(name, colour, dashes))
+                axis.plot(abscissa(response, over), energy, **curve_style(name, colour, dashes))
     return _finish_axes(figure, axes, over, title)
 
 
@@ -222,14 +222,14 @@ def _style_responses(
     responses: Mapping[str, Response], rigid: Mapping[str, Response]
 ) -> list[tuple[Response, dict[str, Any]]]:
     """Return the drawn responses with their styles: rigid runs are dotted, in the colour of their flexible runs."""
-    found: list[tuple[Response, dict[str, Any]]] = []
+    styled: list[tuple[Response, dict[str, Any]]] = []
     for (name, response), (colour, dashes) in zip(responses.items(), line_styles(), strict=False):
         flexible = "flexible" if name in rigid and not name else name
-        found.append((response, curve_style(flexible, colour, "-" if dashes == ":" else dashes)))
+        styled.append((response, curve_style(flexible, colour, "-" if dashes == ":" else dashes)))
         if name in rigid:
-            own = colour if len(responses) > 1 else COLOURS[1]
-            found.append((rigid[name], curve_style(f"{name}, rigid" if name else "rigid", own, ":", 1.6)))
-    return found
+            rigid_colour = colour if len(responses) > 1 else COLOURS[1]
+            styled.append((rigid[name], curve_style(f"{name}, rigid" if name else "rigid", rigid_colour, ":", 1.6)))
+    return styled
 
 
 def axis_label(name: str, unit: str) -> str:
@@ -251,7 +251,7 @@ def _finish_axes(figure: Figure, axes: Sequence[Axes], over: Abscissa, title: st
         last = first + 360.0
     if over != "time" and last > first:
         span = last - first
-        spacing = next((float(one) for one in _TICKS if span / one <= _MOST_TICKS), 720.0 * np.ceil(span / 720.0 / 8.0))
+        spacing = next((float(deg) for deg in _TICKS if span / deg <= _MAX_TICKS), 720.0 * np.ceil(span / 720.0 / 8.0))
         axes[-1].xaxis.set_major_locator(MultipleLocator(spacing))
     if last > first:
         axes[-1].set_xlim(first, last)
@@ -268,7 +268,7 @@ def bars_figure(
     groups: Mapping[str, Mapping[str, float]], label: str, ends: Mapping[str, FloatArray] | None = None
 ) -> Figure:
     """Return a bar chart by key, one diagram per scalar."""
-    keys = max(len(one) for one in groups.values())
+    keys = max(len(values) for values in groups.values())
     figure, axes = create_axes((7.0, 0.8 + len(groups) * (0.5 + 0.35 * keys)), len(groups), sharex=False, grid="x")
     for axis, (name, values) in zip(axes, groups.items(), strict=True):
         order = sorted(range(len(values)), key=lambda i: abs(list(values.values())[i]))
@@ -284,16 +284,16 @@ def bars_figure(
 def scatter_figure(values: Mapping[str, FloatArray], units: Mapping[str, str], middle: Mapping[str, float]) -> Figure:
     """Return histograms of scalars, one diagram per scalar."""
     figure, axes = create_axes((7.0, 0.8 + 2.4 * len(values)), len(values), sharex=False, grid=None)
-    for axis, (name, of) in zip(axes, values.items(), strict=True):
-        axis.hist(of, bins="auto" if np.ptp(of) > 0.0 else 3, color=COLOURS[5], edgecolor="black", linewidth=0.6)
-        for part in np.quantile(of, [0.05, 0.95]).tolist() if len(of) else ():
-            axis.axvline(part, color="black", linestyle="--", linewidth=1.0, label="5 % and 95 % quantiles")
+    for axis, (name, data) in zip(axes, values.items(), strict=True):
+        axis.hist(data, bins="auto" if np.ptp(data) > 0.0 else 3, color=COLOURS[5], edgecolor="black", linewidth=0.6)
+        for quantile in np.quantile(data, [0.05, 0.95]).tolist() if len(data) else ():
+            axis.axvline(quantile, color="black", linestyle="--", linewidth=1.0, label="5 % and 95 % quantiles")
         if name in middle:
             axis.axvline(middle[name], color=COLOURS[1], linewidth=1.8, label="nominal case")
         unit = units.get(name, "")
         axis.set(xlabel=name if unit in ("", "1") else f"{name}, {unit}", ylabel="sets of parts")
-    named = {label: line for axis in axes for line, label in zip(*axis.get_legend_handles_labels(), strict=True)}
-    figure.legend(list(named.values()), list(named), loc="outside upper center", fontsize="small", ncols=2)
+    handles = {label: line for axis in axes for line, label in zip(*axis.get_legend_handles_labels(), strict=True)}
+    figure.legend(list(handles.values()), list(handles), loc="outside upper center", fontsize="small", ncols=2)
     return figure
 
 
@@ -301,10 +301,10 @@ def progress_figure(costs: FloatArray, inside: np.ndarray, best: FloatArray, lab
     """Return a figure with the goal over the evaluations of an optimization."""
     figure, (axes,) = create_axes((7.0, 4.0))
     at = np.arange(1, len(costs) + 1)
-    known = np.isfinite(costs)
+    finite = np.isfinite(costs)
     outline: dict[str, Any] = {"s": 16, "edgecolors": COLOURS[0], "linewidths": 0.8}
-    for chosen, fill, name in ((inside & known, COLOURS[0], "feasible"), (~inside & known, "none", "infeasible")):
-        axes.scatter(at[chosen], costs[chosen], facecolors=fill, label=name, **outline)
+    for mask, fill, name in ((inside & finite, COLOURS[0], "feasible"), (~inside & finite, "none", "infeasible")):
+        axes.scatter(at[mask], costs[mask], facecolors=fill, label=name, **outline)
     axes.plot(at, best, color=COLOURS[1], linewidth=1.5, drawstyle="steps-post", label="best so far")
     axes.set(xlabel="evaluation", ylabel=label)
     figure.legend(loc="outside upper center", ncols=3, fontsize="small")
@@ -330,8 +330,8 @@ def fit_figure(
 def front_figure(values: FloatArray, inside: np.ndarray, front: Sequence[int], labels: tuple[str, str]) -> Figure:
     """Return a figure with two goals against each other and their Pareto front."""
     figure, (axes,) = create_axes((7.0, 5.0))
-    known = np.isfinite(values).all(axis=1) & inside
-    axes.scatter(*values[known].T, s=8, color="0.65", label="feasible")
+    finite = np.isfinite(values).all(axis=1) & inside
+    axes.scatter(*values[finite].T, s=8, color="0.65", label="feasible")
     axes.plot(*values[list(front)].T, color=COLOURS[1], marker="o", markersize=5, linewidth=1.2, label="front")
     axes.set(xlabel=labels[0], ylabel=labels[1])
     figure.legend(loc="outside upper center", ncols=2, fontsize="small")
@@ -356,9 +356,9 @@ def map_figure(
                         fmt="%.4g", fontsize="x-small")  # fmt: skip
             figure.colorbar(filled, ax=axis, label=label)
         places = np.meshgrid(along, down)
-        axis.plot(*(one.ravel() for one in places), ".", color="black", markersize=2)
+        axis.plot(*(grid.ravel() for grid in places), ".", color="black", markersize=2)
         if failed is not None and failed.any():
-            axis.plot(*(one[failed] for one in places), "x", color=COLOURS[1], label=FAILED)
+            axis.plot(*(grid[failed] for grid in places), "x", color=COLOURS[1], label=FAILED)
             axis.legend(loc="upper right", fontsize="x-small")
         axis.set_ylabel(labels[1])
     axes[-1].set_xlabel(labels[0])
@@ -368,12 +368,12 @@ def map_figure(
 def sweep_figure(table: SweepTable, x: str, names: Sequence[str]) -> Figure:
     """Return a figure with columns of a sweep over another one, with a line per combination of the other axes."""
     below, columns = _column(table, "--x", x), [_column(table, "--y", name) for name in names]
-    places, labels = np.asarray(below.values), [_column_label(one, "\n") for one in columns]
+    places, labels = np.asarray(below.values), [_column_label(column, "\n") for column in columns]
     figure, axes = create_stacked_axes(labels, _column_label(below, ", "), height=2.4)
-    others = [one for one in table.inputs if one.name != x and len(set(one.values)) > 1] if table.shape else []
+    others = [key for key in table.inputs if key.name != x and len(set(key.values)) > 1] if table.shape else []
     groups: dict[str, list[int]] = {}
     for i in range(len(table)):
-        groups.setdefault(", ".join(f"{one.name} {one.format(i)}" for one in others), []).append(i)
+        groups.setdefault(", ".join(f"{key.name} {key.format(i)}" for key in others), []).append(i)
     failed = np.array([not status.ok for status in table.statuses])
     for axis, column in zip(axes, columns, strict=True):
         values = _plain_numbers(column)
@@ -381,9 +381,9 @@ def sweep_figure(table: SweepTable, x: str, names: Sequence[str]) -> Figure:
             order = rows if isinstance(below.values, tuple) else sorted(rows, key=lambda i: places[i])
             style: dict[str, Any] = {"linestyle": dashes if table.shape else "none", "marker": "o", "markersize": 3}
             axis.plot(places[order], values[order], label=name, color=colour, **style)
-        lost = failed & np.isnan(values)
-        if lost.any():
-            axis.plot(places[lost], np.full(int(lost.sum()), 0.03), "x", color="black",
+        missing = failed & np.isnan(values)
+        if missing.any():
+            axis.plot(places[missing], np.full(int(missing.sum()), 0.03), "x", color="black",
                       transform=axis.get_xaxis_transform(), label=FAILED)  # fmt: skip
     add_legend(figure, axes[0], len(axes[0].get_legend_handles_labels()[0]))
     return figure
@@ -391,22 +391,22 @@ def sweep_figure(table: SweepTable, x: str, names: Sequence[str]) -> Figure:
 
 def sweep_map(table: SweepTable, x: str, names: Sequence[str]) -> Figure:
     """Return filled contours of columns of a sweep over its two axes, the first of them `x`."""
-    varied = [one for one in table.inputs if len(set(one.values)) > 1]
-    keys = [one.name for one in varied]
-    if not table.shape or len(varied) != 2 or any(isinstance(one.values, tuple) for one in varied):
+    varied = [key for key in table.inputs if len(set(key.values)) > 1]
+    keys = [key.name for key in varied]
+    if not table.shape or len(varied) != 2 or any(isinstance(key.values, tuple) for key in varied):
         raise refuse("--map", ", ".join(keys) or "none", "a grid over two keys with numbers", "", "leave --map out")
     if x not in keys:
         raise refuse("--x", repr(x), " or ".join(keys), "a map is drawn over both keys")
-    along, down = sorted(varied, key=lambda one: one.name != x)
-    (first, at), (second, row) = (np.unique(np.asarray(one.values), return_inverse=True) for one in (along, down))
+    along, down = sorted(varied, key=lambda key: key.name != x)
+    (first, at), (second, row) = (np.unique(np.asarray(key.values), return_inverse=True) for key in (along, down))
     maps: dict[str, FloatArray] = {}
-    lost = np.zeros((len(second), len(first)), dtype=bool)
+    missing = np.zeros((len(second), len(first)), dtype=bool)
     for column in (_column(table, "--y", name) for name in names):
-        values = np.full(lost.shape, np.nan)
+        values = np.full(missing.shape, np.nan)
         values[row, at] = _plain_numbers(column)
         maps[_column_label(column, "\n")] = values
-        lost |= np.isnan(values)
-    return map_figure(first, second, maps, (_column_label(along, ", "), _column_label(down, ", ")), lost)
+        missing |= np.isnan(values)
+    return map_figure(first, second, maps, (_column_label(along, ", "), _column_label(down, ", ")), missing)
 
 
 def _column(table: SweepTable, option: str, name: str) -> Column:
@@ -431,17 +431,17 @@ def work_precision_figure(found: Sequence[ModelEvaluation]) -> Figure:
     """Return a figure with the error of models over their work, both logarithmic."""
     kinds = ("lift", "acceleration")
     figure, axes = create_stacked_axes(tuple(f"error of {kind}, %" for kind in kinds), "unknowns times steps")
-    runs = sorted((one for one in found if one.errors), key=lambda one: (one.rung, one.steps))
+    runs = sorted((run for run in found if run.errors), key=lambda run: (run.rung, run.steps))
     names = 0
-    for (name, group), (colour, dashes) in zip(groupby(runs, key=lambda one: one.rung), line_styles(), strict=False):
-        of, names = list(group), names + 1
-        best = [one for one in of if one.best]
+    for (name, group), (colour, dashes) in zip(groupby(runs, key=lambda run: run.rung), line_styles(), strict=False):
+        points, names = list(group), names + 1
+        best = [run for run in points if run.best]
         line = {"label": name, "linestyle": dashes, "marker": "o", "markersize": 4}
         square = {"linestyle": "none", "marker": "s", "markersize": 8, "fillstyle": "none"}
         square |= {} if names > 1 else {"label": "Pareto-optimal"}
         for axis, kind in zip(axes, kinds, strict=True):
-            for some, style in ((of, line), (best, square)):
-                errors = [100.0 * one.errors[kind] for one in some]
-                axis.loglog([max(one.work, 1) for one in some], errors, color=colour, **style)
+            for subset, style in ((points, line), (best, square)):
+                errors = [100.0 * run.errors[kind] for run in subset]
+                axis.loglog([max(run.work, 1) for run in subset], errors, color=colour, **style)
     add_legend(figure, axes[0], names + 1)
     return figure

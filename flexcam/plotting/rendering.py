@@ -62,9 +62,9 @@ def select_renderer(*, off_screen: bool) -> None:
     if not display and not off_screen:
         why, remedy = "there is no display for a window", "add --save picture.png (or .gif, .mp4, .html)"
         raise refuse("flexcam view", "no DISPLAY", "a display, or --save", why, remedy)
-    own = os.environ.get(_WINDOW)
-    without = _OFF_SCREEN if off_screen and sys.platform == "linux" else ()
-    windows = [own] if own else [*without[:1], *([""] if display else []), *without[1:]]
+    preset = os.environ.get(_WINDOW)
+    headless = _OFF_SCREEN if off_screen and sys.platform == "linux" else ()
+    windows = [preset] if preset else [*headless[:1], *([""] if display else []), *headless[1:]]
     why = ""
     for window in windows:
         why = _test_renderer(window, off_screen=off_screen)
@@ -81,17 +81,17 @@ def _test_renderer(window: str, *, off_screen: bool) -> str:
     environment = {**os.environ, **({_WINDOW: window} if window else {})}
     command = [sys.executable, "-c", _PROBE, "off" if off_screen else "on"]
     try:
-        done = subprocess.run(  # noqa: S603 - our own words
+        process = subprocess.run(  # noqa: S603 - our own words
             command, env=environment, capture_output=True, text=True, timeout=_TIMEOUT, check=False
         )
     except subprocess.TimeoutExpired:
         return f"drawing took more than {_TIMEOUT:g} s"
     except OSError as fault:  # no separate interpreter, or it may not be started
         return f"no process can be started: {system_message(fault)}"
-    if done.returncode == 0:
+    if process.returncode == 0:
         return ""
-    lines = [_HEAD.sub("", _COLOUR.sub("", line)).strip() for line in done.stderr.splitlines()]
-    return next((line for line in reversed(lines) if line), f"the renderer ended with {done.returncode}")
+    lines = [_HEAD.sub("", _COLOUR.sub("", line)).strip() for line in process.stderr.splitlines()]
+    return next((line for line in reversed(lines) if line), f"the renderer ended with {process.returncode}")
 
 
 # Modules of the extra "movie" that a file type needs
@@ -118,11 +118,11 @@ def save_view(stage: MechanismView, path: Path, frames: Sequence[int], still: in
             case ".gif":  # in memory: the writer of files would print system errors and continue
                 from imageio.v2 import get_writer
 
-                made, duration = io.BytesIO(), 1000.0 / _PER_SECOND  # ms
-                stage.plotter.mwriter = get_writer(made, format=".gif", mode="I", duration=duration, loop=0)
+                buffer, duration = io.BytesIO(), 1000.0 / _PER_SECOND  # ms
+                stage.plotter.mwriter = get_writer(buffer, format=".gif", mode="I", duration=duration, loop=0)
                 _write_frames(stage, frames)
                 stage.plotter.mwriter.close()  # before the plotter, which ignores errors of the writer
-                draft.write_bytes(made.getvalue())
+                draft.write_bytes(buffer.getvalue())
             case ".mp4":
                 quiet = {"ffmpeg_log_level": "quiet"}  # the error is reported below
                 stage.plotter.open_movie(str(draft), framerate=_PER_SECOND, macro_block_size=2, **quiet)
@@ -173,15 +173,15 @@ class MechanismView:
         common = {"smooth_shading": True, "specular": 0.35, "specular_power": 20.0, "opacity": OPACITIES.get(kind, 1.0)}
         if by_value:
             values = self._motion.values
-            top = _range(values) if values is not None else (0.0, 1.0)
+            limits = _range(values) if values is not None else (0.0, 1.0)
             small = max(min(self._size[0] / 1024.0, 1.0), 0.75)
             bar = {
                 "color": "black", "n_labels": 5, "fmt": "%.3g", "vertical": True, "title": f"{self._motion.label}\n",
                 "position_x": 0.84, "position_y": 0.2, "height": 0.55,
                 "title_font_size": round(16 * small), "label_font_size": round(14 * small),
             }  # fmt: skip
-            even = {"ambient": 0.35, "diffuse": 0.7, "specular": 0.1}  # colours are data here
-            return {**common, **even, "scalars": "value", "clim": top, "cmap": "viridis", "scalar_bar_args": bar}
+            lighting = {"ambient": 0.35, "diffuse": 0.7, "specular": 0.1}  # colours are data here
+            return {**common, **lighting, "scalars": "value", "clim": limits, "cmap": "viridis", "scalar_bar_args": bar}
         return {**common, "color": NEUTRAL_COLOUR if self._motion.values is not None else COLOURS[kind]}
 
     def _solids(self, i: int) -> list[Solid]:
@@ -240,11 +240,11 @@ class MechanismView:
     def _set_camera(self) -> None:
         plane = self._mechanism.view
         instants = {(i * len(self._motion)) // 4 for i in range(4)}  # what they show defines the visible region
-        seen = np.concatenate([solid.points for i in sorted(instants) for solid in self._solids(i)]) @ plane.T
-        middle, half = 0.5 * (seen.max(axis=0) + seen.min(axis=0)), 0.5 * np.ptp(seen, axis=0)
-        wide, beside = self._size[0] / self._size[1], 1.0 if self._motion.values is None else _BESIDE_BAR
-        scale = 1.06 * float(max(half[1] * _BELOW_WORDS, half[0] / (beside * wide)))
-        focus = (middle + scale * np.array([(1.0 - beside) * wide, _BELOW_WORDS - 1.0, 0.0])) @ plane
+        points = np.concatenate([solid.points for i in sorted(instants) for solid in self._solids(i)]) @ plane.T
+        middle, half = 0.5 * (points.max(axis=0) + points.min(axis=0)), 0.5 * np.ptp(points, axis=0)
+        wide, share = self._size[0] / self._size[1], 1.0 if self._motion.values is None else _BESIDE_BAR
+        scale = 1.06 * float(max(half[1] * _BELOW_WORDS, half[0] / (share * wide)))
+        focus = (middle + scale * np.array([(1.0 - share) * wide, _BELOW_WORDS - 1.0, 0.0])) @ plane
         distance = 4.0 * float(np.linalg.norm(half))
         camera = self.plotter.camera
         camera.parallel_projection = True

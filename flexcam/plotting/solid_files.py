@@ -42,9 +42,9 @@ class Part:
     @property
     def moves(self) -> bool:
         """True if its points move or its values change."""
-        moved = np.abs(self.points - self.points[0]).max()
+        motion = np.abs(self.points - self.points[0]).max()
         changed = self.values is not None and bool((self.values != self.values[0]).any())
-        return bool(moved > _RELATIVE_REST * np.ptp(self.points[0], axis=0).max()) or changed
+        return bool(motion > _RELATIVE_REST * np.ptp(self.points[0], axis=0).max()) or changed
 
     def colour(self, *, by_value: bool = False) -> tuple[float, ...]:
         """Return red, green and blue (sRGB) and the opacity, 0 to 1; without a value among coloured parts, grey."""
@@ -101,7 +101,7 @@ def write_vtm(
     """
     check_writable("export", path, overwrite=overwrite)
     folder = create_folder(path.with_suffix(""))
-    written: list[Path] = []
+    pieces: list[Path] = []
     blocks: list[list[str]] = [[] for _ in times]
     for part in parts:
         cells = {"Polys": (part.faces.ravel(), 3 * np.arange(1, len(part.faces) + 1))}
@@ -111,13 +111,13 @@ def write_vtm(
             if moves or i == 0:
                 values = {} if part.values is None else {label: part.values[i]}
                 write_polydata(piece, part.points[i], cells, point_data=values)
-                written.append(piece)
+                pieces.append(piece)
             blocks[i].append(f'<DataSet index="{len(blocks[i])}" name="{part.name}" file="{piece.name}"/>')
     instants = [folder / f"instant_{i:06d}.vtm" for i in range(len(times))]
     for instant, lines in zip(instants, blocks, strict=True):
         write_vtk(instant, "vtkMultiBlockDataSet", lines)
     write_collection(path, times, instants)
-    return [path, *instants, *written]
+    return [path, *instants, *pieces]
 
 
 class _Buffer:
@@ -163,7 +163,7 @@ def write_glb(
     nodes = [*({"name": part.name, "mesh": i} for i, part in enumerate(parts)), root]
     materials: list[dict[str, Any]] = []
     for kind, (*colour, opacity) in zip(kinds, colours, strict=True):  # glTF has linear colours
-        linear = [one / 12.92 if one <= 0.04045 else ((one + 0.055) / 1.055) ** 2.4 for one in colour]
+        linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in colour]
         surface = {"baseColorFactor": [*linear, opacity], "metallicFactor": 0.1, "roughnessFactor": 0.6}
         mode = "BLEND" if opacity < 1.0 else "OPAQUE"
         materials.append({"name": kind, "pbrMetallicRoughness": surface, "alphaMode": mode})
@@ -196,7 +196,7 @@ def _mesh(buffer: _Buffer, part: Part, material: int) -> dict[str, Any]:
     primitive: dict[str, Any] = {"attributes": {"POSITION": position}, "indices": indices, "material": material}
     mesh: dict[str, Any] = {"name": part.name, "primitives": [primitive]}
     if targets:
-        primitive["targets"] = [{"POSITION": one} for one in targets]
+        primitive["targets"] = [{"POSITION": target} for target in targets]
         mesh["weights"] = [0.0] * len(targets)
     return mesh
 
@@ -212,15 +212,15 @@ def write_page(
     low = np.min([part.points.min(axis=(0, 1)) for part in parts], axis=0)
     high = np.max([part.points.max(axis=(0, 1)) for part in parts], axis=0)
     size = 0.5 * float(np.linalg.norm(high - low))
-    known = [part.values for part in parts if part.values is not None]
-    limits = min([0.0, *map(np.nanmin, known)]), max([0.0, *map(np.nanmax, known)])
+    values = [part.values for part in parts if part.values is not None]
+    limits = min([0.0, *map(np.nanmin, values)]), max([0.0, *map(np.nanmax, values)])
     content = {
-        "parts": [_page_part(part, low, high, limits, by_value=bool(known)) for part in parts],
+        "parts": [_page_part(part, low, high, limits, by_value=bool(values)) for part in parts],
         "turn": view.ravel().tolist(), "low": (-0.5 * (high - low) / size).tolist(),
         "span": ((high - low) / size).tolist(), "labels": list(labels), "still": still, "rate": FRAMES_PER_SECOND,
     }  # fmt: skip
     ticks = [f"<span>{limit:.4g}</span>" for limit in limits[::-1]]
-    bar = f'<div id="bar"><span>{escape(scale)}</span>{ticks[0]}<div></div>{ticks[1]}</div>' if known else ""
+    bar = f'<div id="bar"><span>{escape(scale)}</span>{ticks[0]}<div></div>{ticks[1]}</div>' if values else ""
     colours = ", ".join(f"rgb({r}, {g}, {b})" for r, g, b in _viridis(np.linspace(1.0, 0.0, 9)).tolist())
     page = Template((files("flexcam") / "plotting/view.html").read_text(encoding="utf-8"))
     data = json.dumps(content).replace("<", "\\u003c")
@@ -237,14 +237,14 @@ def _page_part(
     places = (65535.0 * (part.points[:count] - low) / np.maximum(high - low, np.finfo(float).tiny)).round()
     *colour, opacity = part.colour(by_value=by_value)
     pad = [(0, 0), (0, 0), (0, 1)]
-    made: dict[str, object] = {
+    entry: dict[str, object] = {
         "count": part.points.shape[1], "colour": colour, "opacity": opacity, "faces": _encode(part.faces, "<u4"),
         "points": _encode(np.pad(places, pad), "<u2"),
     }  # fmt: skip
     if part.values is not None:
         tints = _viridis((part.values[:count] - limits[0]) / ((limits[1] - limits[0]) or 1.0))
-        made["tints"] = _encode(np.pad(tints, pad), "u1")
-    return made
+        entry["tints"] = _encode(np.pad(tints, pad), "u1")
+    return entry
 
 
 def _viridis(values: FloatArray) -> IntArray:

@@ -47,13 +47,13 @@ def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
             )  # fmt: skip
     styles, labelled = line_styles(), False
     for i, (column, reached) in enumerate(zip(found.frequencies.T, found.reached, strict=True)):
-        drawn = bool((column <= top).any())
+        visible = bool((column <= top).any())
         if reached:
             colour, dashes = next(styles)
-            label = f"{i + 1}: {', '.join(found.words[i].split(', ')[:2])}" if drawn else ""
+            label = f"{i + 1}: {', '.join(found.words[i].split(', ')[:2])}" if visible else ""
             axes.plot(rpm, column, color=colour, linestyle=dashes, linewidth=1.8, marker="o", markersize=3, label=label)
         else:
-            first = not labelled and drawn
+            first = not labelled and visible
             axes.plot(rpm, column, color="0.5", linewidth=1.2, label="without force at the contact" * first)
             labelled = labelled or first
     failed = np.array([not status.ok for status in found.statuses])
@@ -62,11 +62,11 @@ def campbell_figure(found: Campbell, scale: float, shaft: str) -> Figure:
     if len(at):
         label = "line ends: a contact opens or closes"
         axes.plot(rpm[at], found.frequencies[at, mode], "|", color="black", markersize=14, label=label)
-    met = [one for one in found.crossings if not math.isnan(one.load)]
-    largest = max((one.load for one in met), default=0.0) or 1.0
-    sizes = [max(_MAX_CIRCLE_AREA * one.load / largest, 8.0) for one in met]
-    places = [scale * one.rpm for one in met], [one.frequency for one in met]
-    label = "order meets mode; area: share of the force" if met else ""
+    crossings = [crossing for crossing in found.crossings if not math.isnan(crossing.load)]
+    largest = max((crossing.load for crossing in crossings), default=0.0) or 1.0
+    sizes = [max(_MAX_CIRCLE_AREA * crossing.load / largest, 8.0) for crossing in crossings]
+    places = [scale * crossing.rpm for crossing in crossings], [crossing.frequency for crossing in crossings]
+    label = "order meets mode; area: share of the force" if crossings else ""
     axes.scatter(*places, s=sizes, facecolors="none", edgecolors="black", linewidths=1.2, zorder=3, label=label)
     axes.set(xlim=(rpm[0], rpm[-1]), ylim=(0.0, top), xlabel=f"{shaft} speed, rpm", ylabel="natural frequency, Hz")
     if axes.get_legend_handles_labels()[0]:
@@ -84,8 +84,8 @@ def waterfall_figure(found: Sequence[Waterfall], scale: float, shaft: str) -> Fi
     """Return a figure with orders over speed as colours and as lines raised by the speed, one row per history."""
     figure = Figure(figsize=(11.0, 0.8 + 3.2 * len(found)), layout="constrained")
     grid = figure.subplots(len(found), 2, squeeze=False, sharex=True)
-    for row, one in zip(grid, found, strict=True):
-        _draw_orders(figure, row[0], row[1], one, scale)
+    for row, waterfall in zip(grid, found, strict=True):
+        _draw_orders(figure, row[0], row[1], waterfall, scale)
         for axis in row:
             axis.set_ylabel(f"{shaft} speed, rpm")
     for axis in grid[-1]:
@@ -93,26 +93,26 @@ def waterfall_figure(found: Sequence[Waterfall], scale: float, shaft: str) -> Fi
     return figure
 
 
-def _draw_orders(figure: Figure, left: Axes, axes: Axes, found: Waterfall, scale: float) -> None:
+def _draw_orders(figure: Figure, left: Axes, axes: Axes, waterfall: Waterfall, scale: float) -> None:
     """Draw amplitudes as colours, and those of each speed as a line above it, the lowest speed in front."""
-    factor, symbol = to_display_unit(found.unit)
-    rpm, sizes = scale * found.rpm, factor * found.amplitudes[:, 1:]
+    factor, symbol = to_display_unit(waterfall.unit)
+    rpm, sizes = scale * waterfall.rpm, factor * waterfall.amplitudes[:, 1:]
     largest = float(np.nanmax(sizes)) if np.isfinite(sizes).any() else 0.0
     orders = np.arange(1.0, sizes.shape[1] + 1.0)
     norm = LogNorm(10.0**-_DECADES * (largest or 1.0), largest or 1.0, clip=True)
-    drawn = left.pcolormesh(orders, rpm, sizes, norm=norm, cmap="cividis", shading="nearest", rasterized=True)
-    name = f"acceleration of {found.signal.name}" if found.signal.probe else short_name(found.signal.name)
-    figure.colorbar(drawn, ax=left, label=axis_label(name, found.unit))
+    mesh = left.pcolormesh(orders, rpm, sizes, norm=norm, cmap="cividis", shading="nearest", rasterized=True)
+    name = f"acceleration of {waterfall.signal.name}" if waterfall.signal.probe else short_name(waterfall.signal.name)
+    figure.colorbar(mesh, ax=left, label=axis_label(name, waterfall.unit))
     height = _LINE_HEIGHT * float(np.ptp(rpm)) / (largest or 1.0)
-    for i, (base, own) in enumerate(zip(rpm.tolist(), sizes, strict=True)):
-        axes.fill_between(orders, base, base + height * own, facecolor="white", zorder=3.0 - i / len(rpm))
-        axes.plot(orders, base + height * own, color=COLOURS[0], linewidth=1.0, zorder=3.0 - i / len(rpm))
+    for i, (base, row) in enumerate(zip(rpm.tolist(), sizes, strict=True)):
+        axes.fill_between(orders, base, base + height * row, facecolor="white", zorder=3.0 - i / len(rpm))
+        axes.plot(orders, base + height * row, color=COLOURS[0], linewidth=1.0, zorder=3.0 - i / len(rpm))
     axes.set_title(f"highest peak {largest:.4g} {symbol}", fontsize="small", loc="right")
 
 
 def angle_map_figure(rpm: FloatArray, runs: Sequence[Response | None], channel: str, shaft: str) -> Figure:
     """Return a map of a channel over the cam angle of the last revolution and speed; None for failed runs."""
-    responses = [one for one in runs if one is not None]
+    responses = [run for run in runs if run is not None]
     unit = channel_unit(responses[0], channel)
     factor, symbol = to_display_unit(unit)
     angle = np.linspace(0.0, 2.0 * math.pi, _ANGLES)
@@ -123,8 +123,8 @@ def angle_map_figure(rpm: FloatArray, runs: Sequence[Response | None], channel: 
             row[:] = factor * np.interp(angle, last.angle, last.channels[channel], period=2.0 * math.pi)
     figure, (axes,) = create_axes((7.0, 4.5), grid=None)
     axes.set_facecolor("0.85")
-    drawn = axes.pcolormesh(np.degrees(angle), rpm, values, cmap="viridis", shading="nearest", rasterized=True)
-    figure.colorbar(drawn, ax=axes, label=axis_label(short_name(channel), unit))
+    mesh = axes.pcolormesh(np.degrees(angle), rpm, values, cmap="viridis", shading="nearest", rasterized=True)
+    figure.colorbar(mesh, ax=axes, label=axis_label(short_name(channel), unit))
     i, j = np.unravel_index(int(np.nanargmax(values)), values.shape)
     label = f"maximum {values[i, j]:.4g} {symbol} at {rpm[i]:.0f} rpm"
     axes.plot(np.degrees(angle[j]), rpm[i], "o", color="white", markeredgecolor="black", label=label)
@@ -136,8 +136,8 @@ def angle_map_figure(rpm: FloatArray, runs: Sequence[Response | None], channel: 
 def force_figure(rpm: FloatArray, forces: Mapping[str, FloatArray], shaft: str) -> Figure:
     """Return a figure with minimum and maximum contact force, the rows of an array, over speed."""
     figure, (upper, lower) = create_stacked_axes(("max force, N", "min force, N"), f"{shaft} speed, rpm")
-    for (name, (least, largest)), (colour, dashes) in zip(forces.items(), line_styles(), strict=False):
-        for axes, values in ((upper, largest), (lower, least)):
+    for (name, (minimum, maximum)), (colour, dashes) in zip(forces.items(), line_styles(), strict=False):
+        for axes, values in ((upper, maximum), (lower, minimum)):
             axes.plot(rpm, values, label=name, color=colour, linestyle=dashes, marker="o", markersize=3)
     lower.axhline(0.0, color="black", linewidth=0.8)
     add_legend(figure, upper, len(forces))
@@ -150,11 +150,11 @@ def growth_figure(rpm: FloatArray, growth: FloatArray, dangers: Mapping[str, NDA
     upper.plot(rpm, growth, color="black", marker="o", markersize=3)
     upper.set_yscale("symlog", linthresh=_LINEAR_GROWTH)
     upper.axhline(0.0, color="black", linewidth=0.8)
-    least, largest = upper.get_ylim()
-    upper.set_ylim(min(least, -_LINEAR_GROWTH), max(largest, _LINEAR_GROWTH))
+    low, high = upper.get_ylim()
+    upper.set_ylim(min(low, -_LINEAR_GROWTH), max(high, _LINEAR_GROWTH))
     for row, ((_, at), (colour, _)) in enumerate(zip(dangers.items(), line_styles(), strict=False)):
-        chosen = rpm[at]
-        lower.plot(chosen, np.full(len(chosen), row), color=colour, marker="s", linestyle="none")
+        speeds = rpm[at]
+        lower.plot(speeds, np.full(len(speeds), row), color=colour, marker="s", linestyle="none")
     lower.set_yticks(range(len(dangers)), labels=list(dangers))
     lower.set_ylim(len(dangers) - 0.5, -0.5)
     lower.set_xlim(*upper.get_xlim())
@@ -172,8 +172,8 @@ def draw_mode(axes: Axes, structure: Structure, member: str, nodal: FloatArray, 
     length = structure.beams.length[structure.model.mesh.element_ranges()[member], None]
     along = np.cumsum(length, axis=0) - length + length * np.linspace(0.0, 1.0, _PARTS + 1)
     place = to_display_unit("m")[0] * along.ravel()
-    moved = _member_motion(structure, member, nodal) / size
-    for values, name, (colour, dashes) in zip(moved.T, _MOTIONS, line_styles(), strict=False):
+    motion = _member_motion(structure, member, nodal) / size
+    for values, name, (colour, dashes) in zip(motion.T, _MOTIONS, line_styles(), strict=False):
         if np.abs(values).max() > _MIN_MOTION:
             axes.plot(place, values, label=name, color=colour, linestyle=dashes)
     axes.axhline(0.0, color="0.4", linewidth=0.8)
@@ -198,22 +198,22 @@ def mode_figure(structure: Structure, found: ModelModes, *, title: str = "") -> 
     motions = [
         {name: float(np.abs(_member_motion(structure, name, nodal)).max()) for name in members} for nodal in shapes
     ]
-    moving = [[name for name, size in own.items() if size > _MIN_MOTION * max(own.values())] for own in motions]
+    moving = [[name for name, size in sizes.items() if size > _MIN_MOTION * max(sizes.values())] for sizes in motions]
     columns = max(map(len, moving), default=1) or 1
-    heights = [2.2 if own else 0.4 for own in moving]
+    heights = [2.2 if names else 0.4 for names in moving]
     figure = Figure(figsize=(2.0 + 4.0 * columns, 1.0 + sum(heights)), layout="constrained")
     rows = np.atleast_1d(np.asarray(figure.subfigures(len(moving), 1, height_ratios=heights)))
     handles: dict[str, Artist] = {}
-    for mode, (row, nodal, own) in enumerate(zip(rows, shapes, moving, strict=True)):
+    for mode, (row, nodal, names) in enumerate(zip(rows, shapes, moving, strict=True)):
         words = f"mode {mode + 1}, {found.modes.frequencies[mode]:.4g} Hz: {found.words(mode)}"
-        lines = textwrap.wrap(words if own else f"{words}; no member moves", _TITLE_WIDTH * columns)
+        lines = textwrap.wrap(words if names else f"{words}; no member moves", _TITLE_WIDTH * columns)
         row.suptitle("\n".join(lines), fontsize="small", x=0.02, ha="left")
-        if not own:
+        if not names:
             continue
         grid = row.subplots(1, columns, squeeze=False)[0]
-        for axes in grid[len(own) :]:
+        for axes in grid[len(names) :]:
             axes.set_axis_off()
-        for axes, member in zip(grid, own, strict=False):
+        for axes, member in zip(grid, names, strict=False):
             draw_mode(axes, structure, member, nodal, max(motions[mode].values()))
             axes.set_xlabel(f"along {member}, {to_display_unit('m')[1]}")
             handles |= {name: line for line, name in zip(*axes.get_legend_handles_labels(), strict=True)}

@@ -83,7 +83,7 @@ def load_subject(path: Path) -> ReportSubject:
         except FlexcamError as refusal:
             lacking.append(f"Not in this report: {what}; {'; '.join(str(refusal).splitlines())}")
 
-    known = rigid = found = None
+    known = rigid = natural_modes = None
     with omit_on_error("the comparison with a rigid train, modes, stresses with their safety, and inactive unknowns"):
         case = case_from_result(result)
         known = RestoredCase(case, *reload_result(case, result), build_structure(build_model(case)))
@@ -92,8 +92,8 @@ def load_subject(path: Path) -> ReportSubject:
             rigid = run(known.case, rigid=True)
     if known:
         with omit_on_error("modes"):
-            found = modes(known.case, MODES)
-    return ReportSubject(path, result, known, rigid, found, tuple(lacking))
+            natural_modes = modes(known.case, MODES)
+    return ReportSubject(path, result, known, rigid, natural_modes, tuple(lacking))
 
 
 def describe_model(about: ReportSubject, known: RestoredCase, figures: Sequence[Metric] = ()) -> list[str]:
@@ -104,24 +104,24 @@ def describe_model(about: ReportSubject, known: RestoredCase, figures: Sequence[
     if record.fidelity.modes is not None:
         kind += f" in {record.fidelity.modes} shapes"
     per = 2.0 * math.pi / (case.speed * ready.problem.step)
-    turned = f"{float(np.ptp(response.angle)) / (2.0 * math.pi):.4g}" if len(response.angle) else "0"
-    covers = f"{turned} revolution{'' if turned == '1' else 's'}"
-    counts = {many: len(getattr(record, many)) for many in _COUNTED}
-    parts = [f"{count} {many if count > 1 else _COUNTED[many]}" for many, count in counts.items() if count]
+    revolutions = f"{float(np.ptp(response.angle)) / (2.0 * math.pi):.4g}" if len(response.angle) else "0"
+    covers = f"{revolutions} revolution{'' if revolutions == '1' else 's'}"
+    counts = {key: len(getattr(record, key)) for key in _COUNTED}
+    parts = [f"{count} {key if count > 1 else _COUNTED[key]}" for key, count in counts.items() if count]
     steps = f"{response.stats.steps} steps ({per:.6g} per revolution) of {tables.describe_dofs(known.response)}"
-    said = [
+    sentences = [
         f"Modelled with {kind}: {', '.join(parts)}.",
         f"Run at {case.speed_text} for {covers} of the camshaft, in {steps}.",
         *tables.describe_contacts(case, figures),
     ]
-    left = tables.describe_inactive(ready)
-    return [*said, f"Inactive: {'; '.join(left)}."] if left else said
+    inactive = tables.describe_inactive(ready)
+    return [*sentences, f"Inactive: {'; '.join(inactive)}."] if inactive else sentences
 
 
 def describe_verdict(compared: Comparison) -> list[str]:
     """Return sentences that compare the flexible result with the rigid one."""
-    off, ratio = compared.peak_deviation, compared.peak_acceleration_ratio
-    same = off <= _SAME_LIFT and abs(ratio - 1.0) <= _SAME_ACCELERATION
+    deviation, ratio = compared.peak_deviation, compared.peak_acceleration_ratio
+    same = deviation <= _SAME_LIFT and abs(ratio - 1.0) <= _SAME_ACCELERATION
     bounds = f"{100 * _SAME_LIFT:g} % of the lift, {100 * _SAME_ACCELERATION:g} % of the maximum acceleration"
     verdict = "agrees with" if same else "differs significantly from"
     return [
@@ -132,16 +132,16 @@ def describe_verdict(compared: Comparison) -> list[str]:
 
 def describe_margins(margins: Margins, turns: float) -> list[str]:
     """Return sentences about the margins of the train at its speed."""
-    said: list[str] = []
+    sentences: list[str] = []
     if margins.rigid_rpm is not None and margins.spring_margin is not None:
-        lost = f"The rigid train loses contact at {shaft_speed(margins.rigid_rpm * RPM, turns)}"
+        text = f"The rigid train loses contact at {shaft_speed(margins.rigid_rpm * RPM, turns)}"
         ratio = f"{1.0 + margins.spring_margin:.3g} times its inertia force"
-        said.append(f"{lost}; at the speed of the run its spring force is {ratio}.")
+        sentences.append(f"{text}; at the speed of the run its spring force is {ratio}.")
     for name, margin in margins.buckling_margins.items():
-        said.append(f"The buckling load of {name} is {margin:.3g} times its static compression at full lift.")
+        sentences.append(f"The buckling load of {name} is {margin:.3g} times its static compression at full lift.")
     if margins.unknown:
-        said.append(f"The buckling margins are not known: {margins.unknown}.")
-    return said
+        sentences.append(f"The buckling margins are not known: {margins.unknown}.")
+    return sentences
 
 
 @dataclass(frozen=True)
@@ -261,21 +261,21 @@ def result_tables(about: ReportSubject, compared: Comparison | None, figures: li
     """Return the tables of a result."""
     response, known = about.result.response, about.known
     turns = 1.0 if known is None else known.case.turns
-    found = [report_table(tables.comparison_table(compared, turns))] if compared is not None else []
-    found += [report_table(tables.metrics_table(known.ready.model if known else None, figures))] if figures else []
+    sheets = [report_table(tables.comparison_table(compared, turns))] if compared is not None else []
+    sheets += [report_table(tables.metrics_table(known.ready.model if known else None, figures))] if figures else []
     if known is not None:
-        stressed = member_strength(known.ready, known.response)
-        found += [report_table(tables.strength_table(stressed))] if stressed.members() else []
+        strength = member_strength(known.ready, known.response)
+        sheets += [report_table(tables.strength_table(strength))] if strength.members() else []
         probes = report_table(tables.run_table(known.case, ExtremesSink.of(response)))
-        found.append(replace(probes, title="Range of the probes"))
+        sheets.append(replace(probes, title="Range of the probes"))
     if len(response.time):
         parts = {name: values for name, values in energies(response).items() if values.any()}
         rows = [(name, f"{v.min():.4g}", f"{v.max():.4g}", f"{v[-1]:.4g}") for name, v in parts.items()]
-        found.append(ReportTable("Energy over the run", ("J", "min", "max", "at the end"), tuple(rows)))
-    found += [report_table(tables.mode_table(about.modes, turns=turns))] if about.modes is not None else []
+        sheets.append(ReportTable("Energy over the run", ("J", "min", "max", "at the end"), tuple(rows)))
+    sheets += [report_table(tables.mode_table(about.modes, turns=turns))] if about.modes is not None else []
     if known is not None and about.modes is not None:
-        found.append(replace(report_table(tables.model_table(known.ready, about.modes)), title="The model"))
-    return found
+        sheets.append(replace(report_table(tables.model_table(known.ready, about.modes)), title="The model"))
+    return sheets
 
 
 @dataclass(frozen=True)
@@ -294,8 +294,8 @@ def additional_content(
     sentences, sheets, pictures = list[str](), list[ReportTable](), list[Picture]()
     if asked.errors or case.record.fidelity.estimate:
         errors = estimate_errors(case, probe)
-        known = "; ".join(f"{one.quantity} {format_with_error(one)}" for one in errors if one.holds)
-        unknown = ", ".join(one.quantity for one in errors if not one.holds)
+        known = "; ".join(f"{error.quantity} {format_with_error(error)}" for error in errors if error.holds)
+        unknown = ", ".join(error.quantity for error in errors if not error.holds)
         if known:
             sentences.append(f"Maximum values of {probe} and the contacts with their estimated errors: {known}.")
         if unknown:
@@ -307,7 +307,7 @@ def additional_content(
         against, rungs = evaluate_ladder(case, probe, repeats=1)
         sentences.extend(trade_warnings(against, rungs))
         sheets.append(report_table(trade_table(against, rungs)))
-        best = ", ".join(f"{one.rung} at {one.steps} steps" for one in rungs if one.best)
+        best = ", ".join(f"{model.rung} at {model.steps} steps" for model in rungs if model.best)
         words = f"Error over work, both logarithmic. Best models in both: {best}. The table has the numbers"
         png = plotting.figures.render_png(plotting.histories.work_precision_figure(rungs))
         pictures.append(Picture("Error and cost of models", png, f"{words} ({TRADE_LEGEND})."))
@@ -323,13 +323,13 @@ def _add_limits(sentences: list[str], sheets: list[ReportTable], case: Case) -> 
     except InputError as refusal:  # the rest of the page is still valid
         sentences.extend(f"No speed limits: {fault.why or fault.given}." for fault in refusal.faults)
         return
-    first = "No speed limit was found up to twice the speed."
+    text = "No speed limit was found up to twice the speed."
     if limits.first is not None:
-        one = limits.limits[limits.first]
-        speed = f"{scale * (one.rpm or 0.0):.4g} rpm of the {shaft_name(scale)}"
-        first = f"The first speed limit is {limits.first.replace('_', ' ')}, from {speed}: {one.words}."
-        first += f" {tables.limits_legend(limits)}."
-    sentences.append(first)
-    if unknown := [name.replace("_", " ") for name, one in limits.limits.items() if not one.known]:
+        limit = limits.limits[limits.first]
+        speed = f"{scale * (limit.rpm or 0.0):.4g} rpm of the {shaft_name(scale)}"
+        text = f"The first speed limit is {limits.first.replace('_', ' ')}, from {speed}: {limit.words}."
+        text += f" {tables.limits_legend(limits)}."
+    sentences.append(text)
+    if unknown := [name.replace("_", " ") for name, limit in limits.limits.items() if not limit.known]:
         sentences.append(f"Not known, because runs failed: {', '.join(unknown)}.")
     sheets.append(report_table(tables.limits_table(limits, compute_margins(case), scale)))

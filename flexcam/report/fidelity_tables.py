@@ -28,13 +28,13 @@ def trade_table(against: Reference, found: Sequence[ModelEvaluation]) -> Table:
     """Return the table of a case's model ladder."""
     kinds, ranks = error_kinds(against), not _rough_quantities(against)
     rows = [
-        ("*" if one.best and ranks else "", one.rung, str(one.steps), str(one.unknowns), f"{one.work:.3g}",
-         f"{one.seconds:.3g}", *(_percent(one.errors.get(kind)) for kind in kinds),
-         "" if one.status.ok else str(one.status.cause))
-        for one in found
+        ("*" if model.best and ranks else "", model.rung, str(model.steps), str(model.unknowns), f"{model.work:.3g}",
+         f"{model.seconds:.3g}", *(_percent(model.errors.get(kind)) for kind in kinds),
+         "" if model.status.ok else str(model.status.cause))
+        for model in found
     ]  # fmt: skip
-    own = reference_errors(against)
-    rows.append(("", "reference", str(against.steps), "", "", "", *(_percent(own[k]) for k in kinds), "its own error"))
+    ref = reference_errors(against)
+    rows.append(("", "reference", str(against.steps), "", "", "", *(_percent(ref[k]) for k in kinds), "its own error"))
     errors = (kind.replace("acceleration", "accel.") for kind in kinds)  # a longer word would be broken in a terminal
     heads = ("", "model", "steps per rev", "unknowns", "work", "cpu s", *errors, "")
     mixed = "rms error of motions and maximum error of forces"
@@ -64,18 +64,18 @@ def _rough_quantities(against: Reference) -> list[str]:
 
 def trade_warnings(against: Reference, found: Sequence[ModelEvaluation]) -> list[str]:
     """Return warnings about a rough reference, and about models that were not run, with the first reason."""
-    said: list[str] = []
+    warnings: list[str] = []
     if rough := _rough_quantities(against):
         unsure = f"Warning: the reference itself has a large error in {', '.join(rough)}"
         why = "bounces, or motions that its steps do not resolve"
-        said.append(f"{unsure}: {why}; models are not ranked by these errors; compare their other columns")
-    refused = [one for one in found if one.status.cause is Cause.REFUSED]
+        warnings.append(f"{unsure}: {why}; models are not ranked by these errors; compare their other columns")
+    refused = [model for model in found if model.status.cause is Cause.REFUSED]
     if refused:
-        models = {one.rung: [str(other.steps) for other in refused if other.rung == one.rung] for one in refused}
-        named = "; ".join(f"{name} at {', '.join(steps)}" for name, steps in models.items())
-        said.append(f"Not run, as the method of the case does not allow such steps: {named}. "
-                    f"The first: {refused[0].status.text}")  # fmt: skip
-    return said
+        models = {model.rung: [str(other.steps) for other in refused if other.rung == model.rung] for model in refused}
+        text = "; ".join(f"{name} at {', '.join(steps)}" for name, steps in models.items())
+        warnings.append(f"Not run, as the method of the case does not allow such steps: {text}. "
+                        f"The first: {refused[0].status.text}")  # fmt: skip
+    return warnings
 
 
 def evaluation_json(one: ModelEvaluation) -> dict[str, object]:
@@ -90,11 +90,11 @@ def evaluation_json(one: ModelEvaluation) -> dict[str, object]:
 def error_table(errors: Sequence[Error]) -> Table:
     """Return the values of a run with their estimated errors."""
     rows = [
-        (one.quantity, format_with_error(one),
-         *(f"{100.0 * part / one.size:.2g} %" if one.size > 0.0 and one.holds else ""
-           for part in (one.time, one.space, one.model)),
-         "" if one.holds else "no convergence with shorter steps")
-        for one in errors
+        (error.quantity, format_with_error(error),
+         *(f"{100.0 * part / error.size:.2g} %" if error.size > 0.0 and error.holds else ""
+           for part in (error.time, error.space, error.model)),
+         "" if error.holds else "no convergence with shorter steps")
+        for error in errors
     ]  # fmt: skip
     heads = ("quantity", "max", "by the steps", "by the elements", "by the model", "")
     return plain_table("Estimated errors", heads, rows)
@@ -116,25 +116,25 @@ def format_with_error(one: Error) -> str:
 
 def describe_choice(choice: Choice) -> list[str]:
     """Return sentences about the chosen model, the reason, and the cost of the next cheaper one."""
-    one, less = choice.found, choice.cheaper
-    named = f"{one.rung} ({one.words}), {one.steps} steps per revolution, {one.unknowns} unknowns"
+    model, cheaper = choice.found, choice.cheaper
+    text = f"{model.rung} ({model.words}), {model.steps} steps per revolution, {model.unknowns} unknowns"
     if not choice.met:
-        closest = f"{named}; errors: {_errors(one)}"
+        closest = f"{text}; errors: {_errors(model)}"
         return [f"The tolerance is not met: {choice.why}. The run uses the closest model: {closest}"]
-    words = [f"Chosen of {choice.tried} models tried: {named}; errors: {_errors(one)}"]
-    if less is not None:
-        saved = f"{100.0 * less.work / one.work:.0f} % of the work" if one.work else "as much work"
-        words.append(f"Next cheaper, outside the tolerance: {less.rung}, {less.steps} steps per revolution, {saved}; "
-                     f"{_errors(less)}")  # fmt: skip
+    words = [f"Chosen of {choice.tried} models tried: {text}; errors: {_errors(model)}"]
+    if cheaper is not None:
+        saved = f"{100.0 * cheaper.work / model.work:.0f} % of the work" if model.work else "as much work"
+        words.append(f"Next cheaper, outside the tolerance: {cheaper.rung}, {cheaper.steps} steps per revolution, "
+                     f"{saved}; {_errors(cheaper)}")  # fmt: skip
     return words
 
 
-def _errors(one: ModelEvaluation) -> str:
-    return ", ".join(f"{kind} {_percent(error)} %" for kind, error in one.errors.items())
+def _errors(model: ModelEvaluation) -> str:
+    return ", ".join(f"{kind} {_percent(error)} %" for kind, error in model.errors.items())
 
 
 def choice_json(choice: Choice) -> dict[str, object]:
     """Return a model choice for ``--json``."""
     cheaper = choice.cheaper and evaluation_json(choice.cheaper)
-    found = evaluation_json(choice.found)
-    return {"met": choice.met, "tried": choice.tried, "why": choice.why, "model": found, "cheaper": cheaper}
+    model = evaluation_json(choice.found)
+    return {"met": choice.met, "tried": choice.tried, "why": choice.why, "model": model, "cheaper": cheaper}

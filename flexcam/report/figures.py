@@ -49,69 +49,69 @@ def reduce_points(x: FloatArray, y: FloatArray, most: int = _MAX_POINTS) -> tupl
     if len(x) > _LONG_HISTORY:
         ends = pairwise(np.linspace(0, len(y), _LONG_HISTORY // 4 + 1).astype(int).tolist())
         peaks = [a + int(find(y[a:b])) for a, b in ends for find in (np.argmin, np.argmax)]
-        kept = np.unique([0, *peaks, len(y) - 1])
-        x, y = x[kept], y[kept]
-    off = _CURVE_TOLERANCE * float(np.ptp(y))
-    tolerances = _point_tolerances(x, y, off)
-    while (kept := tolerances > off).sum() > most:
-        off *= 2.0
-    return x[kept], y[kept]
+        indices = np.unique([0, *peaks, len(y) - 1])
+        x, y = x[indices], y[indices]
+    tolerance = _CURVE_TOLERANCE * float(np.ptp(y))
+    tolerances = _point_tolerances(x, y, tolerance)
+    while (mask := tolerances > tolerance).sum() > most:
+        tolerance *= 2.0
+    return x[mask], y[mask]
 
 
-def _point_tolerances(x: FloatArray, y: FloatArray, within: float) -> FloatArray:
+def _point_tolerances(x: FloatArray, y: FloatArray, tolerance: float) -> FloatArray:
     """Return the tolerance below which each point is kept; zero for points that are not kept at a tolerance."""
-    found = np.zeros(len(x))
-    found[[0, -1, int(np.argmin(y)), int(np.argmax(y))]] = np.inf
+    tolerances = np.zeros(len(x))
+    tolerances[[0, -1, int(np.argmin(y)), int(np.argmax(y))]] = np.inf
     while True:
-        at = np.flatnonzero(found)
-        off = np.abs(y - np.interp(x, x[at], y[at]))
-        off[at] = 0.0
+        at = np.flatnonzero(tolerances)
+        distance = np.abs(y - np.interp(x, x[at], y[at]))
+        distance[at] = 0.0
         stretch = np.append(np.repeat(np.arange(len(at) - 1), np.diff(at)), len(at) - 2)
-        farthest = np.maximum.reduceat(off, at[:-1])[stretch]
-        more = (off == farthest) & (off > within)
-        if not more.any():
-            return found
+        farthest = np.maximum.reduceat(distance, at[:-1])[stretch]
+        added = (distance == farthest) & (distance > tolerance)
+        if not added.any():
+            return tolerances
         # A point of a segment is found only if both ends of the segment are kept.
-        ends = np.minimum(found[at[:-1]], found[at[1:]])[stretch]
-        found[more] = np.minimum(off, ends)[more]
+        ends = np.minimum(tolerances[at[:-1]], tolerances[at[1:]])[stretch]
+        tolerances[added] = np.minimum(distance, ends)[added]
 
 
 def build_albums(runs: Runs, main: str) -> tuple[list[ChartGroup], list[str]]:
     """Return all curves of several results, and a sentence if a page has no room for some of them."""
-    first = [one for one, _ in runs.values()]
-    probes = list(dict.fromkeys(name for one in first for name in scalar_probes(one.outline)))
+    first = [run for run, _ in runs.values()]
+    probes = list(dict.fromkeys(name for run in first for name in scalar_probes(run.outline)))
     moving = {
-        name for one in first if len(one.time) for name in scalar_probes(one.outline) if np.ptp(one[name].displacement)
+        name for run in first if len(run.time) for name in scalar_probes(run.outline) if np.ptp(run[name].displacement)
     }
     probes = sorted((name for name in probes if name == main or name in moving), key=lambda name: name != main)
-    channels = list(dict.fromkeys(name for one in first for name, _ in one.outline.channels))
+    channels = list(dict.fromkeys(name for run in first for name, _ in run.outline.channels))
     shown = [name for name in channels if not name.startswith(("energy.", STATE))]
     shown.sort(key=lambda name: not (name.startswith("contacts.") and name.endswith(".force")))
-    room = max(_MAX_CURVES // len(runs), 1)
-    most_probes, most_channels = max(room // 6, 1), max(room // 4, 1)
+    limit = max(_MAX_CURVES // len(runs), 1)
+    max_probes, max_channels = max(limit // 6, 1), max(limit // 4, 1)
     words = "There are more curves than a page holds: the first probes and channels are shown, the result has all"
-    notes = [words] if len(moving) > most_probes or len(channels) > most_channels else []
+    notes = [words] if len(moving) > max_probes or len(channels) > max_channels else []
     albums = [
-        ChartGroup("Motion", "probe", tuple(_motion(runs, name) for name in probes[:most_probes])),
-        ChartGroup("Forces and more", "channel", tuple(_channel(runs, name) for name in shown[:most_channels])),
-        ChartGroup("Energy", "result", tuple(_energy(name, one) for name, (one, _) in runs.items())),
+        ChartGroup("Motion", "probe", tuple(_motion(runs, name) for name in probes[:max_probes])),
+        ChartGroup("Forces and more", "channel", tuple(_channel(runs, name) for name in shown[:max_channels])),
+        ChartGroup("Energy", "result", tuple(_energy(name, response) for name, (response, _) in runs.items())),
     ]
-    held = [replace(one, charts=tuple(c for c in one.charts if any(p.curves for p in c.panels))) for one in albums]
+    filled = [replace(a, charts=tuple(c for c in a.charts if any(p.curves for p in c.panels))) for a in albums]
     size = max(_MAX_TOTAL_POINTS - _RESULT_POINTS * len(runs), _MIN_POINTS)
-    return _fit_albums([album for album in held if album.charts], size), notes
+    return _fit_albums([album for album in filled if album.charts], size), notes
 
 
 def _fit_albums(albums: list[ChartGroup], size: int) -> list[ChartGroup]:
     """Return albums reduced to the size of a page: the curves with the most points are reduced further."""
 
-    def fit(curve: Curve, most: int) -> Curve:
-        if len(curve.x) <= most:
+    def fit(curve: Curve, cap: int) -> Curve:
+        if len(curve.x) <= cap:
             return curve
-        x, y = reduce_points(curve.x, curve.y, most)
+        x, y = reduce_points(curve.x, curve.y, cap)
         return replace(curve, x=x, y=y)
 
-    def fit_chart(chart: Chart, most: int) -> Chart:
-        panels = (replace(panel, curves=tuple(fit(curve, most) for curve in panel.curves)) for panel in chart.panels)
+    def fit_chart(chart: Chart, cap: int) -> Chart:
+        panels = (replace(panel, curves=tuple(fit(curve, cap) for curve in panel.curves)) for panel in chart.panels)
         return replace(chart, panels=tuple(panels))
 
     def points(first: float = math.inf, other: float = math.inf) -> float:
@@ -121,13 +121,13 @@ def _fit_albums(albums: list[ChartGroup], size: int) -> list[ChartGroup]:
             for panel in chart.panels for curve in panel.curves
         )  # fmt: skip
 
-    most = _MAX_POINTS
-    while most > _MIN_POINTS and points() > size:
-        most = 3 * most // 4
-        if most > _MIN_POINTS and points(_FIRST_CHART_RATIO * most, most) > _REDUCTION * size:
+    cap = _MAX_POINTS
+    while cap > _MIN_POINTS and points() > size:
+        cap = 3 * cap // 4
+        if cap > _MIN_POINTS and points(_FIRST_CHART_RATIO * cap, cap) > _REDUCTION * size:
             continue
         albums = [
-            replace(album, charts=(fit_chart(first, _FIRST_CHART_RATIO * most), *(fit_chart(c, most) for c in others)))
+            replace(album, charts=(fit_chart(first, _FIRST_CHART_RATIO * cap), *(fit_chart(c, cap) for c in others)))
             for album in albums
             for first, *others in [album.charts]
         ]
@@ -145,9 +145,9 @@ def _motion(runs: Runs, name: str) -> Chart:
 
 
 def _channel(runs: Runs, name: str) -> Chart:
-    unit = next(unit for one, _ in runs.values() for channel, unit in one.outline.channels if channel == name)
+    unit = next(unit for response, _ in runs.values() for channel, unit in response.outline.channels if channel == name)
     label = " ".join(name.split(".")[1:]).replace("_", " ")
-    panel = _panel(runs, label, unit, lambda one: one.channels.get(name))
+    panel = _panel(runs, label, unit, lambda response: response.channels.get(name))
     return Chart(name.replace(".", " ").replace("_", " "), _text_alternative([panel]), (panel,))
 
 
@@ -162,11 +162,11 @@ def _panel(runs: Runs, label: str, unit: str, values: Callable[[Response], Float
     factor, symbol = to_display_unit(unit)
     curves: list[Curve] = []
     for group, (name, pair) in enumerate(runs.items()):
-        for one, rigid in zip(pair, (False, True), strict=True):
-            history = None if one is None else values(one)
-            if one is not None and history is not None and len(history):
-                called = ", ".join(filter(None, (name, "rigid" if rigid else "" if name else "flexible")))
-                curves.append(Curve(called, group, rigid, *reduce_points(np.degrees(one.angle), factor * history)))
+        for run, rigid in zip(pair, (False, True), strict=True):
+            history = None if run is None else values(run)
+            if run is not None and history is not None and len(history):
+                title = ", ".join(filter(None, (name, "rigid" if rigid else "" if name else "flexible")))
+                curves.append(Curve(title, group, rigid, *reduce_points(np.degrees(run.angle), factor * history)))
     return Panel(f"{label}, {symbol}" if symbol else label, tuple(curves))
 
 
@@ -216,43 +216,43 @@ def scene(about: ReportSubject, share: int = 1) -> Scene | None:
     return Scene(points, lines.ranges, _names(mesh, points), shapes) if shapes else None
 
 
-def _lines(mesh: Mesh, room: int) -> _LinePoints:
+def _lines(mesh: Mesh, limit: int) -> _LinePoints:
     """Return points along the members within a limit, including the ends and at least one point between them."""
     elements = len(mesh.elements())
-    parts = min(max(room // elements, 1), _PARTS)
-    every = -(-elements * parts // room)
-    found, ranges, count = list[IntArray](), dict[str, tuple[int, int]](), 0
+    parts = min(max(limit // elements, 1), _PARTS)
+    stride = -(-elements * parts // limit)
+    pieces, ranges, count = list[IntArray](), dict[str, tuple[int, int]](), 0
     for name, part in mesh.element_ranges().items():
         last = (part.stop - part.start) * parts
-        along = np.unique([*range(0, last, every), last // 2, last])
-        own = np.minimum(along // parts, part.stop - part.start - 1)
-        found.append(np.array([part.start + own, along - parts * own]))
+        along = np.unique([*range(0, last, stride), last // 2, last])
+        index = np.minimum(along // parts, part.stop - part.start - 1)
+        pieces.append(np.array([part.start + index, along - parts * index]))
         ranges[name] = (count, count := count + len(along))
-    element, place = np.concatenate(found, axis=1)
+    element, place = np.concatenate(pieces, axis=1)
     return _LinePoints(element, place, parts, ranges)
 
 
 def _names(mesh: Mesh, points: FloatArray) -> dict[str, int]:
     """Return the named points on the lines; names of coincident points are joined."""
-    found: dict[int, list[str]] = {}
+    names_at: dict[int, list[str]] = {}
     for name, nodes in mesh.points.items():
         if len(nodes) == 1:
-            away = np.linalg.norm(points - mesh.nodes[nodes[0]], axis=1)
-            if away.min() < _SAME_PLACE:
-                found.setdefault(int(np.argmin(away)), []).append(name)
-    return {", ".join(names): at for at, names in found.items()}
+            distance = np.linalg.norm(points - mesh.nodes[nodes[0]], axis=1)
+            if distance.min() < _SAME_PLACE:
+                names_at.setdefault(int(np.argmin(distance)), []).append(name)
+    return {", ".join(names): at for at, names in names_at.items()}
 
 
 def _modes(about: ReportSubject, lines: _LinePoints) -> list[Shape]:
     if about.known is None or about.modes is None:
         return []
-    found, structure = about.modes, about.known.structure
-    moved = lines.of_beams(structure.beams, structure.dofs.nodal_modes(found.modes.shapes.T, about.result.mesh.extent))
+    modes, structure = about.modes, about.known.structure
+    motion = lines.of_beams(structure.beams, structure.dofs.nodal_modes(modes.modes.shapes.T, about.result.mesh.extent))
     undrawn, shapes = _undrawn_parts(structure), list[Shape]()
-    for i, (frequency, shares) in enumerate(zip(found.modes.frequencies.tolist(), found.shares, strict=True)):
-        most = max(shares, key=lambda part: shares[part], default="")
-        note = f". The part with the largest motion, {most}, is no member and not drawn" if most in undrawn else ""
-        shapes.append(Shape(f"mode {i + 1}, {frequency:.4g} Hz", found.words(i) + note, moved[i : i + 1]))
+    for i, (frequency, shares) in enumerate(zip(modes.modes.frequencies.tolist(), modes.shares, strict=True)):
+        part = max(shares, key=lambda name: shares[name], default="")
+        note = f". The part with the largest motion, {part}, is no member and not drawn" if part in undrawn else ""
+        shapes.append(Shape(f"mode {i + 1}, {frequency:.4g} Hz", modes.words(i) + note, motion[i : i + 1]))
     return shapes
 
 
@@ -260,8 +260,8 @@ def _undrawn_parts(structure: Structure) -> set[str]:
     """Return the parts of modes without lines: rockers, springs, and masses outside of members."""
     model = structure.model
     masses = (
-        name for name, part in model.masses.items()
-        if part.at in model.rocker_points or model.mesh.node(part.at) not in model.mesh.elements()
+        name for name, mass in model.masses.items()
+        if mass.at in model.rocker_points or model.mesh.node(mass.at) not in model.mesh.elements()
     )  # fmt: skip
     kinds = {"rocker": model.rockers, "spring": model.springs, "mass": masses}
     return {f"{kind} {name}" for kind, names in kinds.items() for name in names}
@@ -276,9 +276,9 @@ def _run_motion(about: ReportSubject, lines: _LinePoints) -> list[Shape]:
     at = np.flatnonzero(last)[:: -(-int(last.sum()) // _FRAMES)]
     nodal = response.fields.displacement[at].reshape(len(at), -1, 6)
     if about.known is None:
-        moved = lines.of_nodes(about.result.mesh.elements(), nodal[..., :3])
+        motion = lines.of_nodes(about.result.mesh.elements(), nodal[..., :3])
     else:
-        moved = lines.of_beams(about.known.structure.beams, nodal)
+        motion = lines.of_beams(about.known.structure.beams, nodal)
     degrees = np.degrees(response.field_angle[at[[0, -1]]])
     words = f"The computed motion from {degrees[0]:.4g} to {degrees[1]:.4g} deg of cam angle"
-    return [Shape("the run", words, moved)]
+    return [Shape("the run", words, motion)]

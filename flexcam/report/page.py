@@ -49,19 +49,19 @@ def render_page(report: Report) -> str:
     def data_url(picture: Picture) -> str:
         return "data:image/png;base64," + base64.b64encode(picture.png).decode()
 
-    ours = Markup  # unescaped content: own scripts, and data escaped by `embed_json`
+    trusted = Markup  # unescaped content: own scripts, and data escaped by `embed_json`
     plotly = (pkgutil.get_data("plotly", "package_data/plotly.min.js") or b"").decode()  # importing plotly takes long
     curves, shapes, style = ((_PAGE / name).read_text("utf-8") for name in ("curves.js", "shapes.js", "page.css"))
     scripts = [plotly, curves, shapes]
     jinja = Environment(loader=FileSystemLoader(_PAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
                         lstrip_blocks=True)  # fmt: skip
     data = {"albums": report.albums, "scenes": [chapter.scene for chapter in report.chapters]}
-    hashes = (base64.b64encode(hashlib.sha256(one.encode()).digest()).decode() for one in scripts)
-    ours_only = " ".join(f"'sha256-{one}'" for one in hashes)
-    policy = f"default-src 'none'; script-src {ours_only}; style-src 'unsafe-inline'; img-src data: blob:"
+    hashes = (base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts)
+    allowed = " ".join(f"'sha256-{digest}'" for digest in hashes)
+    policy = f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; img-src data: blob:"
     return jinja.get_template("page.html").render(
-        report=report, version=__version__, style=ours(style), scripts=[ours(one) for one in scripts],
-        policy=policy, data=ours(embed_json(data)), image=data_url,
+        report=report, version=__version__, style=trusted(style), scripts=[trusted(script) for script in scripts],
+        policy=policy, data=trusted(embed_json(data)), image=data_url,
     )  # fmt: skip
 
 
@@ -87,14 +87,14 @@ def build_report(
     subjects: Sequence[ReportSubject], *, probe: str | None = None, asked: ReportOptions | None = None
 ) -> Report:
     """Return a report on results."""
-    speeds = [one.known.case.speed_text if one.known else "" for one in subjects]
-    names = make_unique([one.stem for one in subjects], speeds) if len(subjects) > 1 else [""]
-    mains = [_main_probe(one, probe) for one in subjects]
+    speeds = [subject.known.case.speed_text if subject.known else "" for subject in subjects]
+    names = make_unique([subject.stem for subject in subjects], speeds) if len(subjects) > 1 else [""]
+    mains = [_main_probe(subject, probe) for subject in subjects]
     chapters = tuple(
-        _chapter(one, name, main, asked or ReportOptions(), len(subjects))
-        for one, name, main in zip(subjects, names, mains, strict=True)
+        _chapter(subject, name, main, asked or ReportOptions(), len(subjects))
+        for subject, name, main in zip(subjects, names, mains, strict=True)
     )
-    runs = {name: (one.result.response, one.rigid) for name, one in zip(names, subjects, strict=True)}
+    runs = {name: (subject.result.response, subject.rigid) for name, subject in zip(names, subjects, strict=True)}
     main = next(filter(None, mains), "")
     title = chapters[0].title if len(chapters) == 1 else ", ".join(names)
     albums, notes = build_albums(runs, main)
@@ -112,17 +112,17 @@ def _main_probe(about: ReportSubject, probe: str | None) -> str:
     return scalar_probe(about.known.ready)
 
 
-def _chapter(about: ReportSubject, name: str, main: str, asked: ReportOptions, share: int) -> Chapter:
-    kept, known, status = about.result.about, about.known, about.result.response.status
-    title = kept.get("title", "") or about.stem
+def _chapter(about: ReportSubject, name: str, main: str, options: ReportOptions, share: int) -> Chapter:
+    texts, known, status = about.result.about, about.known, about.result.response.status
+    title = texts.get("title", "") or about.stem
     figures = compute_metrics(known.ready, known.response) if known else []
     compared, lacking = _compare_rigid(about, known, main) if known else (None, [])
     sentences, sheets, pictures = (
-        content.additional_content(known.case, main, asked) if known and status.ok and main else ([], [], [])
+        content.additional_content(known.case, main, options) if known and status.ok and main else ([], [], [])
     )
-    doubts = [] if status.ok else [f"The run did not reach its end. {status}"]
+    warnings = [] if status.ok else [f"The run did not reach its end. {status}"]
     if known and len(known.response.time):
-        doubts += _warnings(known, figures, drawn_rigid=about.rigid is not None)
+        warnings += _warnings(known, figures, drawn_rigid=about.rigid is not None)
     result = replace(about.result, response=known.response) if known else about.result
     summary = content.describe_model(about, known, figures) if known else []
     with suppress(FlexcamError):  # without static equilibrium at full lift there are no margins; the run has the reason
@@ -132,22 +132,22 @@ def _chapter(about: ReportSubject, name: str, main: str, asked: ReportOptions, s
         title=f"{title}, {known.case.speed_text}" if known else title,
         verdict=tuple(content.describe_verdict(compared)) if compared and status.ok else (),
         summary=(*summary, *sentences),
-        warnings=(*doubts, *about.lacking, *lacking),
+        warnings=(*warnings, *about.lacking, *lacking),
         sheets=(*sheets, *content.result_tables(about, compared, figures)),
         pictures=tuple(pictures),
         scene=scene(about, share),
-        case=known.case.text if known else kept.get("case", ""),
+        case=known.case.text if known else texts.get("case", ""),
         origin=replace(report_table(info_table(result)), title="The result file"),
     )
 
 
 def _warnings(known: RestoredCase, figures: list[Metric], *, drawn_rigid: bool) -> list[str]:
     """Return the warnings without the prefix, for a list with the title of warnings."""
-    watched = RunMonitor.from_response(known.ready, known.response)
-    found = check_run(known.ready, watched, figures, known.response.stats)
-    found += check_shared_seat_load(known.ready.model) if drawn_rigid else []
-    sentences = [one.removeprefix("Warning: ") for one in found]
-    return [f"{one[:1].upper()}{one[1:]}." for one in sentences]
+    monitor = RunMonitor.from_response(known.ready, known.response)
+    warnings = check_run(known.ready, monitor, figures, known.response.stats)
+    warnings += check_shared_seat_load(known.ready.model) if drawn_rigid else []
+    sentences = [warning.removeprefix("Warning: ") for warning in warnings]
+    return [f"{sentence[:1].upper()}{sentence[1:]}." for sentence in sentences]
 
 
 def _compare_rigid(about: ReportSubject, known: RestoredCase, main: str) -> tuple[Comparison | None, list[str]]:
@@ -165,12 +165,12 @@ def _compare_rigid(about: ReportSubject, known: RestoredCase, main: str) -> tupl
 
 
 def _motion_image(runs: Runs, main: str) -> Picture | None:
-    own = {name: one for name, (one, _) in runs.items() if len(one.time) and main in scalar_probes(one.outline)}
-    if not own:
+    drawn = {name: run for name, (run, _) in runs.items() if len(run.time) and main in scalar_probes(run.outline)}
+    if not drawn:
         return None
-    rigid = {name: one for name, (_, one) in runs.items() if name in own and one is not None}
-    forces = plotting.histories.contact_forces(next(iter(own.values())))
-    common = [name for name in forces if all(name in one.channels for one in own.values())]
-    figure = plotting.histories.motion_figure(own, main, common[:1], rigid=rigid)
+    rigid = {name: run for name, (_, run) in runs.items() if name in drawn and run is not None}
+    forces = plotting.histories.contact_forces(next(iter(drawn.values())))
+    common = [name for name in forces if all(name in run.channels for run in drawn.values())]
+    figure = plotting.histories.motion_figure(drawn, main, common[:1], rigid=rigid)
     words = f"Displacement, velocity and acceleration of {main} over the cam angle; the text below describes it."
     return Picture(f"Motion of {main}", plotting.figures.render_png(figure), words)

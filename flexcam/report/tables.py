@@ -53,7 +53,7 @@ _CONTACT_KINDS = {
 _CURVE_ROWS = 12  # maximum number of printed rows of a spring's curve
 _ENGINES = {"modal": ", modal solver", "kernel": ", compiled solver (kernel)"}
 _MIN_FRACTION = 5e-4  # fraction from which three decimals are sufficient
-_MOST_PARTS = 4  # number of parts, such as valves, up to which a table shows the value of each
+_MAX_PARTS = 4  # number of parts, such as valves, up to which a table shows the value of each
 # No-break space, and the width of a cell of the figures of merit, characters: with its name it stays within 100
 _NO_BREAK, _CELL = "\u00a0", 62
 # A probe is at rest if it moves less than this, mm or mrad, and less than this fraction of the largest motion
@@ -69,10 +69,10 @@ def describe_contacts(case: Case, figures: Sequence[Metric] = ()) -> list[str]:
         "opposed" if name in opposed and contact.model == "unilateral" else contact.model
         for name, contact in case.record.contacts.items()
     )
-    said = {model: CONTACT_DESCRIPTIONS[model] for model in models if model in CONTACT_DESCRIPTIONS}
-    if left := describe_contact_loss(figures):  # only unilateral contacts have this metric
-        said["unilateral"] = f"{said['unilateral'].removesuffix('.')}: {left}."
-    return list(said.values())
+    sentences = {model: CONTACT_DESCRIPTIONS[model] for model in models if model in CONTACT_DESCRIPTIONS}
+    if loss := describe_contact_loss(figures):  # only unilateral contacts have this metric
+        sentences["unilateral"] = f"{sentences['unilateral'].removesuffix('.')}: {loss}."
+    return list(sentences.values())
 
 
 def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate | None = None) -> Table:
@@ -103,15 +103,15 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
         ("springs", ", ".join(f"{name} {size}" for name, size in stiffness.items()) or "none"),
         *((f"bearing {n}", f"film of {format_quantity('m', b.radial_clearance)} at {b.at}")
           for n, b in model.bearings.items()),
-        ("supports", ", ".join(f"{point}: {' '.join(held)}" for point, held in model.supports.items()) or "none"),
+        ("supports", ", ".join(f"{point}: {' '.join(dofs)}" for point, dofs in model.supports.items()) or "none"),
         *((f"rocker {n}", f"{r.start} to {r.point}, ratio {r.ratio:g}, along {_vector(r.direction)}")
           for n, r in model.rockers.items()),
         *((f"cam {n}", f"at {c.at}, lift {format_quantity('m', c.event.height)}"
            + (", behind a phaser" if c.phaser else "")) for n, c in model.cams.items()),
         *((f"contact {n}", _contact(model, c)) for n, c in model.contacts.items()),
-        *((f"friction {n}", f"{format_quantity(_unit(one), one.force)} "
-           + (f"at {one.at}" if one.springs is None else f"of {' in '.join(one.springs)}"))
-          for n, one in model.friction.items()),
+        *((f"friction {n}", f"{format_quantity(_unit(f), f.force)} "
+           + (f"at {f.at}" if f.springs is None else f"of {' in '.join(f.springs)}"))
+          for n, f in model.friction.items()),
         *((f"load {n}", _load(load)) for n, load in model.loads.items()),
         *([("gravity", f"{_vector(factor * np.array(model.gravity))} {unit}{omitted}")] if any(model.gravity) else []),
         ("speed", ready.case.speed_text),
@@ -142,14 +142,14 @@ def spring_curve_rows(spring: Spring) -> list[dict[str, Any]]:
 def spring_curve_table(name: str, spring: Spring) -> Table:
     """Return the table of a spring's static curve."""
     rows = spring_curve_rows(spring)
-    shown: list[int] = np.unique(np.linspace(0, len(rows) - 1, _CURVE_ROWS).round().astype(int)).tolist()
+    indices: list[int] = np.unique(np.linspace(0, len(rows) - 1, _CURVE_ROWS).round().astype(int)).tolist()
     (length, mm), (load, newton), (rate, per_mm) = map(to_display_unit, ("m", "N", "N/m"))
     head = (f"{mm} beyond installed", f"force {newton}", f"stiffness {per_mm}", "surge Hz, ends fixed")
     cells = [
         (f"{length * row['travel_m']:.4g}" + " (coil bind)" * (row["travel_m"] == spring.clash_travel),
          f"{load * row['force_n']:.1f}", f"{rate * row['stiffness_n_per_m']:.2f}",
          f"{row['frequencies_hz'][0]:.4g}" if row["frequencies_hz"] else "no mass")
-        for row in (rows[i] for i in shown)
+        for row in (rows[i] for i in indices)
     ]  # fmt: skip
     return plain_table(f"Spring {name}", head, cells)
 
@@ -203,8 +203,8 @@ def _contact(model: Model, contact: valvetrain.Contact) -> str:
 def _link(model: Model, name: str) -> str:
     first, *others = (model.mesh.node_name(node) for node in model.mesh.links[name].tolist())
     components = model.rigid_links[name]
-    some = f", {' '.join(components)}" if len(components) < len(COMPONENTS) else ""
-    return f"{', '.join(others)} with {first}{some}"
+    subset = f", {' '.join(components)}" if len(components) < len(COMPONENTS) else ""
+    return f"{', '.join(others)} with {first}{subset}"
 
 
 def _vector(direction: FloatArray) -> str:
@@ -230,54 +230,54 @@ def comparison_table(comparison: Comparison, turns: float = 1.0) -> Table:
     """Return the table of the comparison of flexible and rigid models."""
     units = {"displacement": ("mm", 1e3), "velocity": ("m/s", 1.0), "acceleration": ("m/s^2", 1.0)}
     rows: list[tuple[str, ...]] = []
-    for one in comparison.deviations:
-        unit, scale = units[one.quantity]
-        figures = [f"{scale * v:.4g}" for v in (one.rigid_peak, one.flexible_peak, one.peak, one.rms)]
-        part = one.relative_peak
+    for dev in comparison.deviations:
+        unit, scale = units[dev.quantity]
+        figures = [f"{scale * v:.4g}" for v in (dev.rigid_peak, dev.flexible_peak, dev.peak, dev.rms)]
+        part = dev.relative_peak
         share = format_decimals(part, 3) if part >= _MIN_FRACTION else f"{remove_noise(part, 1.0):.2g}"
-        rows.append((f"{one.quantity}, {unit}", *figures, share, f"{one.angle_deg % 360.0:.1f}"))
-    one, other = comparison.names
-    head = ("", f"{other} peak", f"{one} peak", "peak deviation", "rms deviation", f"deviation / {other}", "at cam deg")
+        rows.append((f"{dev.quantity}, {unit}", *figures, share, f"{dev.angle_deg % 360.0:.1f}"))
+    name, ref = comparison.names
+    head = ("", f"{ref} peak", f"{name} peak", "peak deviation", "rms deviation", f"deviation / {ref}", "at cam deg")
     speed = shaft_speed(comparison.speed_rpm * RPM, turns)
-    title = "Flexible" if one == "flexible" else one
-    return plain_table(f"{title} against {other} at {comparison.probe}, {speed}", head, rows)
+    title = "Flexible" if name == "flexible" else name
+    return plain_table(f"{title} against {ref} at {comparison.probe}, {speed}", head, rows)
 
 
 def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[str]:
     """Return sentences about a comparison."""
-    peak, rms = (f"{100.0 * one:.3g} %" for one in (comparison.peak_deviation, comparison.rms_deviation))
+    peak, rms = (f"{100.0 * value:.3g} %" for value in (comparison.peak_deviation, comparison.rms_deviation))
     ratio = format_decimals(comparison.peak_acceleration_ratio, 2)
     other = comparison.names[1]
     deviation = f"{comparison.probe} deviates by up to {peak} of the range of the {other} motion (rms {rms})."
     angle, lift = comparison.peak_acceleration_deg % 360.0, 100.0 * comparison.peak_lift
     there = f"There the {other} displacement is {lift:.3g} % of its range."
-    said = [f"{deviation} Its peak acceleration is {ratio} times the {other} one, at cam {angle:.1f} deg. {there}"]
+    words = [f"{deviation} Its peak acceleration is {ratio} times the {other} one, at cam {angle:.1f} deg. {there}"]
     if mode_hz is not None:
         nearest = "The nearest mode that the cam force excites is at"
-        found, share = f"{mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} camshaft rpm", comparison.speed_rpm / (60.0 * mode_hz)
-        said.append(f"{nearest} {found}; the cam turns at {share:.2f} of this speed.")
-    return said
+        speed, share = f"{mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} camshaft rpm", comparison.speed_rpm / (60.0 * mode_hz)
+        words.append(f"{nearest} {speed}; the cam turns at {share:.2f} of this speed.")
+    return words
 
 
 def run_table(case: Case, extremes: ExtremesSink) -> Table:
     """Return the table of the extremes of every probe, without the inner points of springs."""
-    moved = [
+    ranges = [
         (name if len(components) == 1 else f"{name}.{component}", component in ROTATIONS, 1e3 * np.array(bounds))
         for name, components in extremes.outline.probes
         if not name.startswith("springs.")
         for component, *bounds in zip(components, *extremes.probe(name), strict=True)
     ]
-    largest = max((float(np.abs(bounds).max()) for _, turns, bounds in moved if not turns), default=0.0)
+    largest = max((float(np.abs(bounds).max()) for _, turns, bounds in ranges if not turns), default=0.0)
     rows: list[tuple[str, ...]] = []
-    for name, turns, bounds in moved:
+    for name, turns, bounds in ranges:
         factor, unit = (1e3, "mrad") if turns else to_display_unit("m")
         if float(np.abs(bounds).max()) > min(_REST_AMPLITUDE, _RELATIVE_REST_AMPLITUDE * largest):
-            shown = 1e-3 * factor * bounds
-            own = float(np.abs(shown).max())
-            places = 4 if own >= _FOUR_DECIMAL_AMPLITUDE else count_decimals(own, 4)
-            rows.append((name, *(f"{format_decimals(float(one), places)} {unit}" for one in shown)))
-    nothing = "no probe moves" if extremes.steps else "no steps were completed"
-    return plain_table(f"{case.title}, {case.speed_text}", ("probe", "min", "max"), rows or [(nothing, "", "")])
+            scaled = 1e-3 * factor * bounds
+            amplitude = float(np.abs(scaled).max())
+            places = 4 if amplitude >= _FOUR_DECIMAL_AMPLITUDE else count_decimals(amplitude, 4)
+            rows.append((name, *(f"{format_decimals(float(bound), places)} {unit}" for bound in scaled)))
+    message = "no probe moves" if extremes.steps else "no steps were completed"
+    return plain_table(f"{case.title}, {case.speed_text}", ("probe", "min", "max"), rows or [(message, "", "")])
 
 
 def metrics_table(model: Model | None, figures: Sequence[Metric]) -> Table:
@@ -288,7 +288,7 @@ def metrics_table(model: Model | None, figures: Sequence[Metric]) -> Table:
         factor, unit = to_display_unit(figure.unit, thin=".film." in figure.name or ".wear." in figure.name)
         value = factor * figure.value + 0.0  # the sum removes the sign of a negative zero
         kind, part, *quantity = figure.name.split(".")
-        quantity = [one.replace("force", "torque") if unit == "N m" else one for one in quantity]
+        quantity = [word.replace("force", "torque") if unit == "N m" else word for word in quantity]
         key = _part_kind(model, figure.name), kind, *quantity
         rows.setdefault(key, []).append((value, f"{value:.4g} {unit}".rstrip(), part))
         places[key, part] = "" if figure.angle is None else f" at cam {math.degrees(figure.angle):.1f} deg"
@@ -297,7 +297,7 @@ def metrics_table(model: Model | None, figures: Sequence[Metric]) -> Table:
             places[key, part] = f" (above {lift} of lift)"
     cells: list[tuple[str, str]] = []
     for (parts_kind, kind, *quantity), parts in rows.items():
-        if len(parts) > _MOST_PARTS:
+        if len(parts) > _MAX_PARTS:
             cells.append((_metric_label(parts_kind, quantity), _range_text(parts)))
         else:
             cells += [
@@ -336,22 +336,22 @@ def _part_kind(model: Model | None, metric: str) -> str:
 def merit_table(model: Model, figures: Sequence[FigureOfMerit]) -> Table:
     """Return the table of the figures of merit: a row per figure with its parts, or the range of many of one kind."""
     rows: dict[str, list[tuple[float, str, str]]] = {}
-    count = Counter(one.name for one in figures)
-    rubs = any(one.metric.endswith(".friction_power.mean") for one in figures)
-    for one in figures:
-        factor, unit = to_display_unit(one.unit)
-        value = f"{one.value:.1%}" if one.name == SPRING_MARGIN else f"{factor * one.value + 0.0:.4g} {unit}".rstrip()
-        kinds = {_part_kind(model, other.metric) for other in figures if other.name == one.name}
-        many = count[one.name] > _MOST_PARTS and len(kinds) > 1
-        name = f"{one.name}, {_part_kind(model, one.metric)}" if many else one.name
-        name += " (model without friction)" if one.name.startswith("mean drive ") and not rubs else ""
-        rows.setdefault(name, []).append((one.value, value, one.part))
+    count = Counter(fom.name for fom in figures)
+    rubs = any(fom.metric.endswith(".friction_power.mean") for fom in figures)
+    for fom in figures:
+        factor, unit = to_display_unit(fom.unit)
+        value = f"{fom.value:.1%}" if fom.name == SPRING_MARGIN else f"{factor * fom.value + 0.0:.4g} {unit}".rstrip()
+        kinds = {_part_kind(model, other.metric) for other in figures if other.name == fom.name}
+        many = count[fom.name] > _MAX_PARTS and len(kinds) > 1
+        name = f"{fom.name}, {_part_kind(model, fom.metric)}" if many else fom.name
+        name += " (model without friction)" if fom.name.startswith("mean drive ") and not rubs else ""
+        rows.setdefault(name, []).append((fom.value, value, fom.part))
     cells: list[tuple[str, str]] = []
     for name, parts in rows.items():
         text = _range_text(parts)
-        if len(parts) <= _MOST_PARTS:  # a line break does not separate a value from its part
-            shown = [(f"{value} ({part})" if part else value).replace(" ", _NO_BREAK) for _, value, part in parts]
-            text = fill(", ".join(shown), _CELL).replace(_NO_BREAK, " ")
+        if len(parts) <= _MAX_PARTS:  # a line break does not separate a value from its part
+            texts = [(f"{value} ({part})" if part else value).replace(" ", _NO_BREAK) for _, value, part in parts]
+            text = fill(", ".join(texts), _CELL).replace(_NO_BREAK, " ")
         cells.append((name, text))
     return facts_table("Figures of merit, last revolution", cells)
 
@@ -371,14 +371,14 @@ def strength_table(strength: valvetrain.StrengthSink) -> Table:
     title = f"Stresses at {instants} saved instant{'s' * (instants != 1)}"
     name = min(shares, key=shares.__getitem__, default="")
     if name and shares[name] < _MISSED_SHARE:
-        many, part, kind = name.split(".")
-        reached = f"the {kind} of {many[:-1]} {part} reaches only {100.0 * shares[name]:.3g} % of its maximum"
+        group, part, kind = name.split(".")
+        reached = f"the {kind} of {group[:-1]} {part} reaches only {100.0 * shares[name]:.3g} % of its maximum"
         title += f". They may miss the peak: at these instants {reached}; output.field_every = 1 saves all instants"
     factor, unit = to_display_unit("Pa")
     rows = [
-        (name, *(f"{factor * value:.4g}" for value in (one.von_mises, one.mean, one.alternating)),
-         f"{one.safety:.3g}" if one.safety else "unlimited" if one.rated else "no strength given", one.place)
-        for name, one in strength.members().items()
+        (name, *(f"{factor * value:.4g}" for value in (point.von_mises, point.mean, point.alternating)),
+         f"{point.safety:.3g}" if point.safety else "unlimited" if point.rated else "no strength given", point.place)
+        for name, point in strength.members().items()
     ]  # fmt: skip
     head = (f"stress, {unit}", "max von Mises", "equivalent mean", "amplitude", "fatigue safety", "at")
     return plain_table(title, head, rows)
@@ -386,11 +386,11 @@ def strength_table(strength: valvetrain.StrengthSink) -> Table:
 
 def describe_dofs(response: Response) -> str:
     """Return the number of degrees of freedom of a result and how many were integrated, as far as known."""
-    every, integrated = response.stats.size or len(response.outline.unknowns), response.stats.unknowns
+    size, integrated = response.stats.size or len(response.outline.unknowns), response.stats.unknowns
     if not response.stats.is_complete:
         return f"{response.stats.size} unknowns" if response.stats.size else "unknowns not counted"
     rest = f", of which {integrated} are integrated (the rest are fixed, or computed from these)"
-    count = f"{every} unknowns" + (rest if integrated != every else "")
+    count = f"{size} unknowns" + (rest if integrated != size else "")
     method = f"; {response.stats.integrator}" if response.stats.integrator else ""
     return count + method + _ENGINES.get(response.stats.engine, "")
 
@@ -413,17 +413,17 @@ def info_table(result: Result) -> Table:
         ("fields", ", ".join([*result.field_names, *result.recovered])),
         ("members", ", ".join(f"{name} ({len(line) - 1})" for name, line in result.mesh.lines.items()) or "none"),
         *about,
-        *([("warning", one.removeprefix("Warning: ")) for one in warnings] or [("warnings", "none")]),
+        *([("warning", warning.removeprefix("Warning: ")) for warning in warnings] or [("warnings", "none")]),
         ("overrides", ", ".join(json.loads(result.about["overrides"])) or "none"),
     ]
     return facts_table("Result", rows)
 
 
-def _limit_speed(one: Limit, scale: float, high: float) -> str:
-    if one.rpm is None:
-        return f"above {high:.6g}" if one.known else "not known"
-    shown = _limit_rpm(one, scale, one.rpm)
-    return f"{shown} or below" if math.isinf(one.tolerance_rpm) else shown
+def _limit_speed(limit: Limit, scale: float, high: float) -> str:
+    if limit.rpm is None:
+        return f"above {high:.6g}" if limit.known else "not known"
+    text = _limit_rpm(limit, scale, limit.rpm)
+    return f"{text} or below" if math.isinf(limit.tolerance_rpm) else text
 
 
 def _limit_rpm(limit: Limit, scale: float, rpm: float) -> str:
@@ -441,10 +441,10 @@ def _limit_bands(limit: Limit, scale: float) -> str:
             return f"at {low}"
         return f"{low} to {last}" if end else f"{low} to at least {last}"
 
-    found = [words(*band) for band in limit.bands_rpm]
-    if found and limit.bands_rpm[-1][1] and limit.examined_rpm:
-        found.append(f"not at {_limit_rpm(limit, scale, limit.examined_rpm)}")
-    return ", ".join(found)
+    texts = [words(*band) for band in limit.bands_rpm]
+    if texts and limit.bands_rpm[-1][1] and limit.examined_rpm:
+        texts.append(f"not at {_limit_rpm(limit, scale, limit.examined_rpm)}")
+    return ", ".join(texts)
 
 
 def _limit_range(limit: Limit, scale: float) -> str:
@@ -459,13 +459,13 @@ def limits_legend(found: Limits) -> str:
     """Return the explanation of the columns of the speed limits."""
     from flexcam.analysis.limits import SPACING
 
-    said = "A run has six revolutions; an event in any of the last five counts. "
-    if any(_limit_range(one, 1.0) for one in found.limits.values()):
-        said += "uncertainty: width of the bisection; wider if runs just above the limit do not show the event, "
-        said += "or runs just below it do. "
-    said += "occurs at: range of examined speeds, from the limit upwards, at which the event occurs. "
-    said += f"Only a few speeds above the limit are examined, {100.0 * SPACING:g} % apart. "
-    return said + "at least: the event still occurs at the last of them; not at: the first of them without the event"
+    text = "A run has six revolutions; an event in any of the last five counts. "
+    if any(_limit_range(limit, 1.0) for limit in found.limits.values()):
+        text += "uncertainty: width of the bisection; wider if runs just above the limit do not show the event, "
+        text += "or runs just below it do. "
+    text += "occurs at: range of examined speeds, from the limit upwards, at which the event occurs. "
+    text += f"Only a few speeds above the limit are examined, {100.0 * SPACING:g} % apart. "
+    return text + "at least: the event still occurs at the last of them; not at: the first of them without the event"
 
 
 def limits_table(found: Limits, margins: Margins, scale: float) -> Table:
@@ -473,9 +473,9 @@ def limits_table(found: Limits, margins: Margins, scale: float) -> Table:
     high = scale * found.highest_rpm
     ordered = sorted(found.limits.items(), key=lambda item: item[1].rpm or float("inf"))
     rows = [
-        (name.replace("_", " "), _limit_speed(one, scale, high), _limit_range(one, scale),
-         _limit_bands(one, scale), one.words)
-        for name, one in ordered
+        (name.replace("_", " "), _limit_speed(limit, scale, high), _limit_range(limit, scale),
+         _limit_bands(limit, scale), limit.words)
+        for name, limit in ordered
     ]  # fmt: skip
     if margins.rigid_rpm is not None:
         words = "loss of contact of the rigid train: its inertia force equals its spring force"
@@ -489,5 +489,5 @@ def limits_table(found: Limits, margins: Margins, scale: float) -> Table:
     if margins.unknown:
         rows.append(("buckling margins", "not known", "", "", margins.unknown))
     heads = ("limit", f"{shaft_name(scale)} rpm", "uncertainty", "occurs at", "event")
-    shown = [i for i in range(len(heads)) if any(row[i] for row in rows)]  # without empty columns
-    return plain_table("Speed limits", [heads[i] for i in shown], [[row[i] for i in shown] for row in rows])
+    columns = [i for i in range(len(heads)) if any(row[i] for row in rows)]  # without empty columns
+    return plain_table("Speed limits", [heads[i] for i in columns], [[row[i] for i in columns] for row in rows])

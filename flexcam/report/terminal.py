@@ -50,7 +50,7 @@ def make_unique(names: Sequence[str], beside: Sequence[str]) -> list[str]:
     """Make names unique: unchanged, with an additional text, or with a number."""
     if len(set(names)) == len(names):
         return list(names)
-    longer = [f"{name}, {more}" if more else name for name, more in zip(names, beside, strict=True)]
+    longer = [f"{name}, {extra}" if extra else name for name, extra in zip(names, beside, strict=True)]
     return longer if len(set(longer)) == len(names) else [f"{name} ({i})" for i, name in enumerate(longer, start=1)]
 
 
@@ -105,9 +105,9 @@ def json_value(value: object) -> object:
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, dict):
-        return {key: json_value(one) for key, one in cast("dict[str, object]", value).items()}
+        return {key: json_value(item) for key, item in cast("dict[str, object]", value).items()}
     if isinstance(value, list | tuple):
-        return [json_value(one) for one in cast("list[object]", value)]
+        return [json_value(item) for item in cast("list[object]", value)]
     if isinstance(value, np.ndarray | np.generic):
         return json_value(cast("Any", value).tolist())
     if is_dataclass(value):
@@ -143,13 +143,13 @@ def show_count(total: int | None, what: str) -> Generator[Callable[[int], None]]
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (what, BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}"), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
-        task = shown.add_task(what, total=total, rate="")
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=total, rate="")
 
         def advance(count: int) -> None:
-            shown.advance(task, count)
-            speed = shown.tasks[0].speed or 0.0
-            shown.update(task, rate=f"{speed:.1f}/s" if speed >= 1.0 else f"{1.0 / speed:.1f} s each" if speed else "")
+            bar.advance(task, count)
+            speed = bar.tasks[0].speed or 0.0
+            bar.update(task, rate=f"{speed:.1f}/s" if speed >= 1.0 else f"{1.0 / speed:.1f} s each" if speed else "")
 
         yield advance
 
@@ -157,36 +157,36 @@ def show_count(total: int | None, what: str) -> Generator[Callable[[int], None]]
 def _create_table(title: str) -> Table:
     """Return a table without lines, at least as wide as its title."""
     gap = (0, _GAP, 0, 0)
-    made = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=gap)
-    made.min_width = len(printable(title))
-    return made
+    table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=gap)
+    table.min_width = len(printable(title))
+    return table
 
 
 def plain_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str | float]]) -> Table:
     """Return a plain table of texts and numbers with the first column aligned left and numbers aligned right."""
-    made = _create_table(title)
+    table = _create_table(title)
     cells = [[cell if isinstance(cell, str) else format_number(cell) for cell in row] for row in rows]
     longest = [max((len(row[i]) for row in cells), default=0) for i in range(len(columns))]
-    heads, most = list(columns), result_console().width
-    whole = sum(size + 1 for size in longest if size <= _NUMBER) <= most  # otherwise their digits are wrapped
+    heads, limit = list(columns), result_console().width
+    unbroken = sum(size + 1 for size in longest if size <= _NUMBER) <= limit  # otherwise their digits are wrapped
     width = sum(max(len(head), _needed_width(size, _WORDS)) + _GAP for head, size in zip(heads, longest, strict=True))
     widths: list[int | None] = [None] * len(heads)
-    if width - _GAP > most:  # numbers are never wrapped: use headers of several lines and small gaps
-        narrow, gap = _column_widths(columns, longest, most)
+    if width - _GAP > limit:  # numbers are never wrapped: use headers of several lines and small gaps
+        narrow, gap = _column_widths(columns, longest, limit)
         heads = [fill(head, width) for head, width in zip(columns, narrow, strict=True)]
-        widths, made.padding = [*narrow], (0, gap, 0, 0)
+        widths, table.padding = [*narrow], (0, gap, 0, 0)
     for i, (head, size, width) in enumerate(zip(heads, longest, widths, strict=True)):
         justify = "left" if i == 0 or (i == len(columns) - 1 and size > _NUMBER) else "right"
-        made.add_column(
+        table.add_column(
             head,
             justify=justify,
             width=width if size <= _NUMBER else None,
-            no_wrap=whole and size <= _NUMBER,
+            no_wrap=unbroken and size <= _NUMBER,
             overflow="fold",
         )
     for row in cells:
-        made.add_row(*row)
-    return made
+        table.add_row(*row)
+    return table
 
 
 def _needed_width(size: int, words: int) -> int:
@@ -194,33 +194,33 @@ def _needed_width(size: int, words: int) -> int:
     return size if size <= _NUMBER else min(size, words)
 
 
-def _column_widths(heads: Sequence[str], longest: Sequence[int], most: int) -> tuple[list[int], int]:
+def _column_widths(heads: Sequence[str], longest: Sequence[int], limit: int) -> tuple[list[int], int]:
     """Return column widths and their gap with wrapped headers; words are wrapped so that numbers need not be.
 
     Columns of words become narrow first. In a terminal that is too narrow for the rest, headers break inside a word.
     """
     words = [max(map(len, head.split()), default=1) for head in heads]
     for wide in range(_WORDS, _NUMBER, -1):
-        least = [max(_needed_width(size, wide), word) for size, word in zip(longest, words, strict=True)]
-        if sum(least) + 2 * len(least) - 2 <= most:
+        lower = [max(_needed_width(size, wide), word) for size, word in zip(longest, words, strict=True)]
+        if sum(lower) + 2 * len(lower) - 2 <= limit:
             break
     else:
         for letters in range(max(words, default=1), 0, -1):
-            least = [max(_needed_width(size, _NUMBER), min(letters, word), 1)
+            lower = [max(_needed_width(size, _NUMBER), min(letters, word), 1)
                      for size, word in zip(longest, words, strict=True)]  # fmt: skip
-            if sum(least) + len(least) <= most:
-                return least, 1
+            if sum(lower) + len(lower) <= limit:
+                return lower, 1
         return [max(_needed_width(size, _NUMBER), 1) for size in longest], 1
     widths = [max(len(head), size) for head, size in zip(heads, longest, strict=True)]
-    for i in sorted(range(len(heads)), key=lambda i: least[i] - widths[i]):  # the longest first
-        widths[i] -= min(widths[i] - least[i], max(sum(widths) + 2 * len(widths) - 2 - most, 0))
+    for i in sorted(range(len(heads)), key=lambda i: lower[i] - widths[i]):  # the longest first
+        widths[i] -= min(widths[i] - lower[i], max(sum(widths) + 2 * len(widths) - 2 - limit, 0))
     return widths, 2
 
 
 def facts_table(title: str, rows: Iterable[tuple[str, str]]) -> Table:
     """Return a table of names and values."""
-    made = _create_table(title)
-    made.show_header = False
+    table = _create_table(title)
+    table.show_header = False
     for row in rows:
-        made.add_row(*row)
-    return made
+        table.add_row(*row)
+    return table

@@ -51,8 +51,8 @@ def coil_sizes(
     d, coils = max(d, D / 40.0), min(max(coils, 2.0), 20.0)
     if length is not None:
         return CoilSizes(D, d, length, coils)
-    own = (coils + 2.0) * d + (spring.clash_travel or 1.4 * travel)
-    return CoilSizes(D, d, _record(notes, "length of spring", name, own, "its coils and their travel"), coils)
+    installed = (coils + 2.0) * d + (spring.clash_travel or 1.4 * travel)
+    return CoilSizes(D, d, _record(notes, "length of spring", name, installed, "its coils and their travel"), coils)
 
 
 def _cams(model: Model, notes: Notes) -> Iterator[CamPlacement]:
@@ -79,13 +79,13 @@ def _cams(model: Model, notes: Notes) -> Iterator[CamPlacement]:
 
 
 def _lever(model: Model, rocker: Rocker, cams: tuple[CamPlacement, ...]) -> LeverFrame:
-    own = next((one for one in cams if rocker_of(model, one.contact) is rocker), None)
+    cam = next((cam for cam in cams if rocker_of(model, cam.contact) is rocker), None)
     lift = unit_vector(rocker.direction)
-    if rocker.finger and own is not None:
-        end = own.centre + parts.in_space(own.contact_end(0.0), own.plane)
-        plane, side = own.plane, -own.side
+    if rocker.finger and cam is not None:
+        end = cam.centre + parts.in_space(cam.contact_end(0.0), cam.plane)
+        plane, side = cam.plane, -cam.side
     else:
-        right = np.cross(own.axis, lift) if own is not None else np.zeros(3)
+        right = np.cross(cam.axis, lift) if cam is not None else np.zeros(3)
         if float(np.linalg.norm(right)) < 0.5:  # driven along the shaft, or by no cam
             right = perpendicular_axes(lift)[0]
         end, plane, side = model.mesh.nodes[model.mesh.node(rocker.start)], np.array([unit_vector(right), lift]), -1
@@ -94,10 +94,10 @@ def _lever(model: Model, rocker: Rocker, cams: tuple[CamPlacement, ...]) -> Leve
 
 
 def _valves(model: Model, levers: dict[str, LeverFrame]) -> Iterator[ValvePlacement]:
-    seats = {one.at: one for one in model.contacts.values() if isinstance(one, Seat)}
+    seats = {seat.at: seat for seat in model.contacts.values() if isinstance(seat, Seat)}
     for name, frame in levers.items():
-        point, play = frame.rocker.point, model.rocker_lashes.get(name)
-        gap = play.gap if isinstance(play, Lash) else 0.0
+        point, lash = frame.rocker.point, model.rocker_lashes.get(name)
+        gap = lash.gap if isinstance(lash, Lash) else 0.0
         tip = frame.space(frame.ends(0.0)[1]) + gap * frame.opening_direction
         yield ValvePlacement(point, tip, frame.opening_direction, True, point in seats)
     for contact in model.cam_contacts.values():
@@ -116,30 +116,28 @@ def _springs(
     """Yield the springs, the outer ones first: those inside have the same seat."""
     model, outer = structure.model, list[CoilPlacement]()
     travel = valve_lift(model)
-    coils = [
-        (n, one) for n, one in model.springs.items() if one.direction[:3].any() and not parts.is_bearing(model, one)
-    ]
+    coils = [(n, s) for n, s in model.springs.items() if s.direction[:3].any() and not parts.is_bearing(model, s)]
     for name, spring in sorted(coils, key=_coil_order):
         pieces = spring_parts(structure, name, spring)
         borders = np.array([pieces[0][0], *(high for _, high in pieces)])
-        across_face = next((1.7 * one.face for one in cams if one.contact.follower == spring.at and one.face), 0.0)
+        across_face = next((1.7 * cam.face for cam in cams if cam.contact.follower == spring.at and cam.face), 0.0)
         if spring.to is not None and spring.to in model.mesh.points and spring.at in model.mesh.points:
             yield _spring_between_nodes(model, name, spring, borders, head, notes)
         else:
             start, away = _moving_end(model, spring, levers, head)
-            around = [one for one in outer if _is_inside(start, away, one)]
-            room = 0.7 * min((one.sizes.diameter - one.sizes.wire for one in around), default=math.inf)
+            around = [coil for coil in outer if _is_inside(start, away, coil)]
+            room = 0.7 * min((coil.sizes.diameter - coil.sizes.wire for coil in around), default=math.inf)
             length = float((around[0].start - start) @ away) if around else None
-            coil = coil_sizes(name, spring, min(across_face or 0.75 * head, room), travel, notes, length)
+            sizes = coil_sizes(name, spring, min(across_face or 0.75 * head, room), travel, notes, length)
             ends = not around, not (around or across_face)
-            outer.append(CoilPlacement(name, start + coil.length * away, -away, coil, borders, -1.0, *ends))
+            outer.append(CoilPlacement(name, start + sizes.length * away, -away, sizes, borders, -1.0, *ends))
             yield outer[-1]
 
 
-def _coil_order(named: tuple[str, Spring]) -> tuple[bool, float]:
+def _coil_order(item: tuple[str, Spring]) -> tuple[bool, float]:
     """Return a sort key: springs of given size, the widest first, then the others, the stiffest first."""
-    wire = named[1].wire
-    return wire is None, -(named[1].stiffness if wire is None else wire.coil_diameter)
+    wire = item[1].wire
+    return wire is None, -(item[1].stiffness if wire is None else wire.coil_diameter)
 
 
 def _is_inside(start: FloatArray, away: FloatArray, outer: CoilPlacement) -> bool:
@@ -156,7 +154,7 @@ def _moving_end(
     """Return the moving end of a spring to ground, and the direction from there to its fixed end."""
     if spring.at in model.mesh.points:
         return model.mesh.nodes[model.mesh.node(spring.at)], unit_vector(spring.direction)
-    frame = next(one for one in levers.values() if spring.at in (one.rocker.point, one.rocker.start))
+    frame = next(frame for frame in levers.values() if spring.at in (frame.rocker.point, frame.rocker.start))
     same = float(spring.direction @ frame.rocker.direction) >= 0.0
     if spring.at == frame.rocker.point:
         away = frame.opening_direction if same else -frame.opening_direction
@@ -168,14 +166,14 @@ def _moving_end(
 def _spring_between_nodes(
     model: Model, name: str, spring: Spring, borders: FloatArray, head: float, notes: Notes
 ) -> CoilPlacement:
-    start, end = (model.mesh.nodes[model.mesh.node(str(one))] for one in (spring.to, spring.at))
+    start, end = (model.mesh.nodes[model.mesh.node(str(point))] for point in (spring.to, spring.at))
     span = end - start
     length = float(np.linalg.norm(span))
-    coil = coil_sizes(name, spring, min(0.5 * head, 0.4 * length), 0.0, notes)
-    fits = min(1.0, 0.7 * length / ((coil.coils + 2.0) * coil.wire))
-    made = CoilSizes(coil.diameter, fits * coil.wire, length, coil.coils)
+    sizes = coil_sizes(name, spring, min(0.5 * head, 0.4 * length), 0.0, notes)
+    fits = min(1.0, 0.7 * length / ((sizes.coils + 2.0) * sizes.wire))
+    fitted = CoilSizes(sizes.diameter, fits * sizes.wire, length, sizes.coils)
     sense = float(np.sign(spring.direction[:3] @ span)) or 1.0
-    return CoilPlacement(name, start, span / length, made, borders, sense, ground=False, retainer=False)
+    return CoilPlacement(name, start, span / length, fitted, borders, sense, ground=False, retainer=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,10 +207,10 @@ class Mechanism:
     def solids(self, instant: SceneState) -> list[Solid]:
         """Return all parts at an instant."""
         named = [
-            *(pair for one in self.cams for pair in self._cam(one, instant)),
-            *((name, parts.lever_solids(one, instant, self.thick)) for name, one in self.levers.items()),
-            *((one.point, parts.valve_solids(one, instant, self.head)) for one in self.valves),
-            *((one.name, parts.spring_solids(one, instant)) for one in self.springs),
+            *(pair for cam in self.cams for pair in self._cam(cam, instant)),
+            *((name, parts.lever_solids(lever, instant, self.thick)) for name, lever in self.levers.items()),
+            *((valve.point, parts.valve_solids(valve, instant, self.head)) for valve in self.valves),
+            *((spring.name, parts.spring_solids(spring, instant)) for spring in self.springs),
         ]
         return [
             *self._members(instant),
@@ -227,13 +225,13 @@ class Mechanism:
         mesh, thick = self.structure.model.mesh, 0.015 * model_size(self.structure.model)
         for name, nodes in mesh.links.items():
             first, *others = mesh.nodes[nodes] + instant.nodal[nodes, :3]
-            for there in others:
-                if np.linalg.norm(there - first) > thick:
-                    yield replace(cylinder("rocker", first, there, thick), name=name)
+            for point in others:
+                if np.linalg.norm(point - first) > thick:
+                    yield replace(cylinder("rocker", first, point, thick), name=name)
 
     def _members(self, instant: SceneState) -> Iterator[Solid]:
         model, first = self.structure.model, 0
-        turning = parts.shaft_names(model)
+        shafts = parts.shaft_names(model)
         for name, elements in model.mesh.element_ranges().items():
             line = centre_line(self.structure.beams, elements, model.mesh.nodes, instant.nodal)
             outlines = member_outlines(model.members[name].section, line.part / line.part[-1])
@@ -244,33 +242,33 @@ class Mechanism:
             if hollow := len(rings) > 1:  # the hole is connected in the reverse direction
                 rings[0] = np.concatenate([rings[0], rings[1][::-1]])
                 values = None if values is None else np.concatenate([values, values[::-1]])
-            kind = "shaft" if name in turning else "member"
+            kind = "shaft" if name in shafts else "member"
             yield replace(loft(kind, rings[0], cyclic=hollow, values=values), name=name)
             first += count
 
     def _cam(self, place: CamPlacement, instant: SceneState) -> Iterator[tuple[str, list[Solid]]]:
         """Yield names and solids of the lobe, with the stub shaft of a cam without a member, and of the follower."""
-        moved = instant.nodal[place.node]
+        displacement = instant.nodal[place.node]
         angle = self.structure.model.cams[place.contact.cam].angle(np.array([instant.angle]))
-        own = [parts.lobe_solid(place, float(angle[0]), moved)]
+        solids = [parts.lobe_solid(place, float(angle[0]), displacement)]
         if not self.structure.model.mesh.on_members()[place.node]:
-            middle, reach = place.centre + moved[:3], 1.1 * place.width * place.axis
-            own.append(cylinder("shaft", middle - reach, middle + reach, 0.4 * place.follower.base_radius))
-        yield place.contact.cam, own
+            middle, reach = place.centre + displacement[:3], 1.1 * place.width * place.axis
+            solids.append(cylinder("shaft", middle - reach, middle + reach, 0.4 * place.follower.base_radius))
+        yield place.contact.cam, solids
         yield place.contact.follower, parts.follower_solids(place, instant)
 
     def _balls(self, instant: SceneState) -> Iterator[Solid]:
         """Yield the masses at nodes without other parts; the rods of links stand for the body that leads them."""
         model = self.structure.model
-        shown = {one.point for one in self.valves} | {one.contact.follower for one in self.cams}
-        for part in model.masses.values():
-            if part.at in shown or part.at not in model.mesh.points:
+        points = {valve.point for valve in self.valves} | {cam.contact.follower for cam in self.cams}
+        for mass in model.masses.values():
+            if mass.at in points or mass.at not in model.mesh.points:
                 continue
-            node = model.mesh.node(part.at)
+            node = model.mesh.node(mass.at)
             if not model.mesh.on_members()[node] and all(node != nodes[0] for nodes in model.mesh.links.values()):
-                radius = (0.75 * part.body.mass / (math.pi * 7800.0)) ** (1.0 / 3.0)  # of a steel ball
+                radius = (0.75 * mass.body.mass / (math.pi * 7800.0)) ** (1.0 / 3.0)  # of a steel ball
                 centre = model.mesh.nodes[node] + instant.nodal[node, :3]
-                yield replace(ball("mass", centre, min(radius, 0.1 * model_size(model))), name=part.at)
+                yield replace(ball("mass", centre, min(radius, 0.1 * model_size(model))), name=mass.at)
 
 
 def build_mechanism(structure: Structure) -> Mechanism:
@@ -278,14 +276,14 @@ def build_mechanism(structure: Structure) -> Mechanism:
     model, notes = structure.model, Notes()
     head = 4.0 * valve_lift(model)  # makes the curtain area equal to the port area
     cams = tuple(_cams(model, notes))
-    levers = {name: _lever(model, one, cams) for name, one in model.rockers.items()}
+    levers = {name: _lever(model, rocker, cams) for name, rocker in model.rockers.items()}
     valves = tuple(_valves(model, levers))
-    for one in valves:
-        _record(notes, "diameter of the valve head at", one.point, head, "four times the valve lift")
-        if one.stem:
+    for valve in valves:
+        _record(notes, "diameter of the valve head at", valve.point, head, "four times the valve lift")
+        if valve.stem:
             why = "a sixth of the head diameter; stem length three head diameters"
-            _record(notes, "diameter of the valve stem at", one.point, STEM * head, why)
-    thick = 0.42 * min((arm for one in model.rockers.values() for arm in one.arms), default=0.0)
+            _record(notes, "diameter of the valve stem at", valve.point, STEM * head, why)
+    thick = 0.42 * min((arm for rocker in model.rockers.values() for arm in rocker.arms), default=0.0)
     for name in levers:
         _record(notes, "thickness of rocker", name, thick, "0.42 of the shortest arm")
     springs = tuple(_springs(structure, cams, levers, head, notes))

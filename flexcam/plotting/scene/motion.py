@@ -65,13 +65,13 @@ def centre_line(beams: Beams, elements: slice, nodes: FloatArray, nodal: FloatAr
     """Return the deformed centre line of a chain of elements, with `parts` segments per element."""
     ends = beams.nodes[elements]
     bent = deflection(beams, nodal, parts, elements)
-    moved, rotated = np.hsplit(np.concatenate([bent[:, :-1].reshape(-1, 6), bent[-1, -1:]]), 2)
+    translations, rotations = np.hsplit(np.concatenate([bent[:, :-1].reshape(-1, 6), bent[-1, -1:]]), 2)
     part = np.arange(len(ends) * parts + 1) / parts
-    own = np.minimum(part.astype(np.intp), len(ends) - 1)
-    along, triads = (part - own)[:, None], beams.triads[elements][own]
-    straight = (1.0 - along) * nodes[ends[own, 0]] + along * nodes[ends[own, 1]]
-    points = straight + np.einsum("ni,nij->nj", moved, triads)
-    axes = triads @ rotation_matrices(np.einsum("ni,nij->nj", rotated, triads))
+    element = np.minimum(part.astype(np.intp), len(ends) - 1)
+    along, triads = (part - element)[:, None], beams.triads[elements][element]
+    straight = (1.0 - along) * nodes[ends[element, 0]] + along * nodes[ends[element, 1]]
+    points = straight + np.einsum("ni,nij->nj", translations, triads)
+    axes = triads @ rotation_matrices(np.einsum("ni,nij->nj", rotations, triads))
     return CentreLine(points, axes, part)
 
 
@@ -140,12 +140,12 @@ def full_lift(case: Case, response: Response, angle: FloatArray) -> int:
     at = np.minimum(np.searchsorted(response.angle, angle - 1e-9), len(response.angle) - 1)
     points = {rocker.to for rocker in case.record.rockers.values()}
     names = [name for name, _ in response.outline.probes]
-    for chosen in ([name for name in names if name in points], [name for name in names if "." not in name]):
+    for candidates in ([name for name in names if name in points], [name for name in names if "." not in name]):
         paths: list[FloatArray] = []
-        for name in chosen:
+        for name in candidates:
             history = response[name]
             columns = history.displacement.reshape(len(history.displacement), -1).T
-            turns = [part in ROTATIONS for part in history.components] if history.displacement.ndim > 1 else [False]
+            turns = [axis in ROTATIONS for axis in history.components] if history.displacement.ndim > 1 else [False]
             paths += [np.abs(path[at]) for path, turn in zip(columns, turns, strict=True) if not turn]
         farthest = max(paths, key=lambda path: float(np.ptp(path)), default=np.zeros(1))
         if np.ptp(farthest) > 0.0:
@@ -205,23 +205,23 @@ def rigid_motion(structure: Structure, angle: FloatArray, speed: float) -> tuple
     try:
         return find_rigid_motion(structure.model).at(motion)
     except InputError:  # such as a follower on a leaf spring
-        still = np.zeros((len(angle), structure.dofs.size))
-        return still, still, still
+        zeros = np.zeros((len(angle), structure.dofs.size))
+        return zeros, zeros, zeros
 
 
 def _structure_dofs(structure: Structure, response: Response, rigid: FloatArray) -> FloatArray:
     """Return the degrees of freedom of the structure at the saved fields; missing ones move as in the rigid model."""
     numbers, count = structure.dofs.numbers, int((structure.dofs.numbers >= 0).sum())
     nodal = response.fields.displacement.reshape(len(rigid), -1, 6)
-    moved = rigid.copy()
-    moved[:, numbers[numbers >= 0]] = nodal[:, numbers >= 0]
+    unknowns = rigid.copy()
+    unknowns[:, numbers[numbers >= 0]] = nodal[:, numbers >= 0]
     rows = np.clip(np.searchsorted(response.time, response.field_time - 1e-12), 0, len(response.time) - 1)
     components = dict(response.outline.probes)
     for i, name in enumerate(structure.dofs.names[count:], start=count):
-        group, _, own = name.rpartition(".")
-        if name in components or own in components.get(group, ()):
-            moved[:, i] = response[name].displacement[rows]
-    return moved
+        group, _, component = name.rpartition(".")
+        if name in components or component in components.get(group, ()):
+            unknowns[:, i] = response[name].displacement[rows]
+    return unknowns
 
 
 def _member_translations(structure: Structure, unknowns: FloatArray) -> FloatArray:

@@ -62,13 +62,13 @@ class CamPlacement:
     @property
     def _upright_rotation(self) -> complex:
         """Rotation of the drawing after which the initial follower motion is along the imaginary axis."""
-        nothing = np.zeros(1)
-        return 1j / complex(self.follower.contact(nothing, nothing, nothing, self.profile.turn).motion[0])
+        zero = np.zeros(1)
+        return 1j / complex(self.follower.contact(zero, zero, zero, self.profile.turn).motion[0])
 
     def contour(self, angle: float) -> ComplexArray:
         """Return the profile at a cam angle, rad, in the rotated drawing, m, shape (n,), counterclockwise."""
-        own = self.profile.points @ np.array([1.0, 1j])
-        points = own * np.exp(1j * self.profile.turn * angle) * self._upright_rotation
+        outline = self.profile.points @ np.array([1.0, 1j])
+        points = outline * np.exp(1j * self.profile.turn * angle) * self._upright_rotation
         area = float(np.sum((np.conj(points) * np.roll(points, -1)).imag))
         return points if area > 0.0 else points[::-1]
 
@@ -84,11 +84,11 @@ def follower_solids(place: CamPlacement, instant: SceneState) -> list[Solid]:
 
     A flat face is a disc on the cam, with a neck to the node if that is farther away.
     """
-    moved = instant.at(place.contact.follower, place.lift)
+    displacement = instant.at(place.contact.follower, place.lift)
     if math.isfinite(place.follower.roller_radius):
-        return _roller(place, moved, instant)
+        return _roller(place, displacement, instant)
     base, radius = place.follower.base_radius, place.face
-    face = place.centre + base * place.lift + moved
+    face = place.centre + base * place.lift + displacement
     thick = 0.3 * radius
     profile = [(0.0, 0.96 * radius), (0.04 * radius, radius), (thick, radius)]
     parts = [solids.revolve("follower", face, place.lift, profile)]
@@ -98,11 +98,11 @@ def follower_solids(place: CamPlacement, instant: SceneState) -> list[Solid]:
     return parts
 
 
-def _roller(place: CamPlacement, moved: np.ndarray, instant: SceneState) -> list[Solid]:
+def _roller(place: CamPlacement, displacement: np.ndarray, instant: SceneState) -> list[Solid]:
     finger = not instant.structure.is_node(place.contact.follower)
     swings = finger or place.side != 1
-    centre = place.contact_end(float(moved @ place.lift) if swings else 0.0)
-    middle = place.centre + in_space(centre, place.plane) + (0.0 if swings else 1.0) * moved
+    centre = place.contact_end(float(displacement @ place.lift) if swings else 0.0)
+    middle = place.centre + in_space(centre, place.plane) + (0.0 if swings else 1.0) * displacement
     half, radius = 0.55 * place.width * place.axis, place.follower.roller_radius
     parts = [solids.cylinder("roller", middle - half, middle + half, radius)]
     if not finger and place.ahead - place.contact_end(0.0).imag > 1.2 * radius:
@@ -156,13 +156,13 @@ def lever_solids(frame: LeverFrame, instant: SceneState, thick: float) -> list[S
         middle = 1j * thin
         joints = [(driven + middle, thin), (middle, 0.85 * thick), (point + middle, thin)]
     links = [solids.capsule(a, b, (r, s)) for (a, r), (b, s) in pairwise(joints)]
-    made = [solids.prism("rocker", outline, frame.plane, frame.pivot, thick) for outline in links]
+    parts = [solids.prism("rocker", outline, frame.plane, frame.pivot, thick) for outline in links]
     reach, centre = 0.9 * thick * np.cross(frame.plane[0], frame.plane[1]), frame.space(middle)
-    made.append(solids.cylinder("pivot", centre - reach, centre + reach, 0.45 * thick))
+    parts.append(solids.cylinder("pivot", centre - reach, centre + reach, 0.45 * thick))
     if frame.rocker.finger:
         up = thick * frame.plane[1]
-        made.append(solids.cylinder("pivot", centre + 0.3 * up, centre + 3.0 * up, 0.6 * thick))
-    return made
+        parts.append(solids.cylinder("pivot", centre + 0.3 * up, centre + 3.0 * up, 0.6 * thick))
+    return parts
 
 
 STEM = 1.0 / 6.0  # ratio of stem diameter to head diameter
@@ -250,16 +250,16 @@ class CoilPlacement:
 
 def spring_solids(place: CoilPlacement, instant: SceneState) -> list[Solid]:
     """Return the solids of a spring."""
-    moved = place.sense * (place.borders @ instant.unknowns)
+    displacements = place.sense * (place.borders @ instant.unknowns)
     size, axis = place.sizes, place.axis
-    made = [coil_solid(size, place.start, axis, moved)]
+    parts = [coil_solid(size, place.start, axis, displacements)]
     inner, outer, thick = 0.5 * (size.diameter - 1.6 * size.wire), 0.5 * size.diameter + size.wire, 0.7 * size.wire
     if place.retainer:
-        top = place.start + (size.length + moved[-1] + 0.5 * thick) * axis
-        made.append(solids.ring("retainer", top, axis, (0.25 * inner, outer), thick))
+        top = place.start + (size.length + displacements[-1] + 0.5 * thick) * axis
+        parts.append(solids.ring("retainer", top, axis, (0.25 * inner, outer), thick))
     if place.ground:
-        made.append(solids.ring("ground", place.start - 0.5 * thick * axis, axis, (0.6 * inner, 1.1 * outer), thick))
-    return made
+        parts.append(solids.ring("ground", place.start - 0.5 * thick * axis, axis, (0.6 * inner, 1.1 * outer), thick))
+    return parts
 
 
 def shaft_names(model: Model) -> list[str]:
@@ -282,28 +282,28 @@ _WHEEL = np.tile([1.0, 1.0, 0.9, 0.9], 20) * np.exp(2j * math.pi * np.arange(80)
 
 def support_solids(model: Model, cams: Sequence[CamPlacement], instant: SceneState) -> Iterator[Solid]:
     """Yield the symbols of supports."""
-    elastic = [one for one in model.springs.values() if is_bearing(model, one)]
-    bearings = {model.mesh.node(one.at) for one in (*elastic, *model.bearings.values())}
-    turning, held = shaft_names(model), np.zeros((len(model.mesh.nodes), 6), dtype=bool)
+    elastic = [spring for spring in model.springs.values() if is_bearing(model, spring)]
+    bearings = {model.mesh.node(bearing.at) for bearing in (*elastic, *model.bearings.values())}
+    shafts, fixed_dofs = shaft_names(model), np.zeros((len(model.mesh.nodes), 6), dtype=bool)
     for point, names in model.supports.items():
-        held[model.mesh.points[point]] |= np.isin(COMPONENTS, list(names))
+        fixed_dofs[model.mesh.points[point]] |= np.isin(COMPONENTS, list(names))
     faces = {model.mesh.node(c.contact.follower) for c in cams if c.ahead}
     for name, line in model.mesh.lines.items():
         radius = model.members[name].section.at(0.5).radius
         for place, node in enumerate(line.tolist()):
             before, after = max(place - 1, 0), min(place + 1, len(line) - 1)
             axis = solids.unit_vector(model.mesh.nodes[line[after]] - model.mesh.nodes[line[before]])
-            where, kept, plane = model.mesh.nodes[node], held[node], np.array(solids.perpendicular_axes(axis))
-            driven = name in turning and float(np.abs(kept[3:] * axis).max()) > 0.5
+            position, fixed, plane = model.mesh.nodes[node], fixed_dofs[node], np.array(solids.perpendicular_axes(axis))
+            driven = name in shafts and float(np.abs(fixed[3:] * axis).max()) > 0.5
             if driven:
                 sense = float(np.sign(cams[0].axis @ axis)) if cams else 1.0
                 teeth = solids.plane_points(_WHEEL * np.exp(1j * sense * instant.angle))
-                yield replace(solids.prism("drive", 2.4 * radius * teeth, plane, where, 0.84 * radius), name=name)
-            across = np.abs(plane)[:, ~kept[:3]]  # free translations perpendicular to the axis
-            if kept.all():
+                yield replace(solids.prism("drive", 2.4 * radius * teeth, plane, position, 0.84 * radius), name=name)
+            across = np.abs(plane)[:, ~fixed[:3]]  # free translations perpendicular to the axis
+            if fixed.all():
                 corners = 2.0 * radius * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
-                yield replace(solids.prism("ground", corners, plane, where, 0.8 * radius), name=name)
+                yield replace(solids.prism("ground", corners, plane, position, 0.8 * radius), name=name)
             elif (node in bearings or not (across > 0.3).any()) and node not in faces and not driven:
                 yield replace(
-                    solids.ring("bearing", where, axis, (1.02 * radius, 1.6 * radius), 1.1 * radius), name=name
+                    solids.ring("bearing", position, axis, (1.02 * radius, 1.6 * radius), 1.1 * radius), name=name
                 )
