@@ -153,9 +153,9 @@ class Program:
         if any(z in (0.0, 1.0) and 0 < order <= rest and value for z, order, value in self.conditions):
             remedy += f"; at both ends the first {rest} derivatives are zero (--rest)"
         elif self.monotone and any(order == 1 and value < 0.0 for _, order, value in self.conditions):
-            remedy += ", with laws that turn back (--turning-back)"
+            remedy += ", or allow laws that turn back (--turning-back)"
         elif isinstance(self.family, SplineFamily) and self.conditions and self.family.symmetric:
-            remedy += ", perhaps with asymmetric laws (--asymmetric)"
+            remedy += ", or allow asymmetric laws (--asymmetric), which may meet these"
         where = "condition" if conditions else "bound"
         return refuse(where, given, f"{what} that {self.family.name} can meet", "", f"use {remedy}")
 

@@ -76,7 +76,8 @@ def export(
     folder: Annotated[Path | None, Parameter(["-o", "--output"], help="Folder; that of the source by default.")] = None,
     every: Annotated[int, Parameter("--every", help="pvd, csv: write only every n-th saved instant.")] = 1,
     fields: Annotated[list[str] | None, Parameter(
-        "--field", help="pvd: write only this point data, repeatable; vtm: this field on members.")] = None,
+        "--field", help="pvd: write only this point data (repeatable); vtm: add this field to the members (one field; "
+        "none by default).")] = None,
     probes: Annotated[list[str] | None, Parameter("--probe", help="csv: write only this probe. Repeatable.")] = None,
     instants: Annotated[int | None, Parameter(
         help="csv: number of evenly spaced instants, interpolated between steps; vtm, glb: number of instants of the "
