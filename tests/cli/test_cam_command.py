@@ -412,6 +412,7 @@ def test_missing_base_circle_is_reported_with_remedy(run_cam):
         assert (done.code, "base_radius and follower" in done.err, option in done.err) == (2, True, True)
     more = ("--set", "cams.intake.base_radius=20 mm", "--set", 'cams.intake.follower={ type = "flat" }')
     cam = first_cam(run_cam, "model-2-cycloidal", *more, "--set", "cams.intake.lift=7 mm")
+    assert "no pressure angle" in run_cam("model-2-cycloidal", *more, "--pressure-angle", "5 deg").err
     assert (cam["lift"], cam["profile"]["base_radius"]) == (0.007, 0.02)
     assert cam["velocity"] == pytest.approx(0.007 * 2 / math.pi, rel=1e-12)
     assert "at camshaft 100 rpm" in run_cam("li-fb2", "--set", "speed=100 rpm").out

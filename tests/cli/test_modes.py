@@ -34,6 +34,23 @@ def test_modes_files_require_overwrite(flexcam, case):
     assert flexcam("modes", "case.toml", "-o", "out", "--overwrite").code == 0
 
 
+MASSLESS = """
+format = 1
+nodes = { a = [0, 0, 0], b = [0.1, 0, 0] }
+supports = { a = ["ux", "uy", "uz", "rx", "ry", "rz"] }
+materials.steel = { E = "210 GPa", nu = 0.3, density = 0 }
+sections.rod = { shape = "circle", diameter = "10 mm" }
+members.rod = { nodes = ["a", "b"], material = "steel", section = "rod" }
+run = { speed = "1000 rpm", revolutions = 1 }
+"""
+
+
+def test_model_without_mass_has_no_modes(flexcam, tmp_path):
+    (tmp_path / "case.toml").write_text(MASSLESS, encoding="utf-8")
+    output = flexcam("modes", "case.toml").out
+    assert output.strip().endswith("contacts open: none. A mode needs a mass, or a member with density, that can move.")
+
+
 def test_modes_with_closed_contacts(flexcam, one_mass):
     """Frequencies on the spring alone, with cam and seat, and with the cam at full lift; rpm of the crankshaft."""
     seat = 'seat = { at = "mass", direction = "-uz", model = "seat", stiffness = "50 MN/m" }\n[run]'
