@@ -151,7 +151,7 @@ class Program:
         remedy = " or ".join(["a wider bound"] * bool(bounds) + ["other conditions"] * bool(conditions))
         rest = self.family.rest if isinstance(self.family, SplineFamily) else 0
         if any(z in (0.0, 1.0) and 0 < order <= rest and value for z, order, value in self.conditions):
-            remedy += f"; at both ends the first {rest} derivatives are zero (--rest)"
+            remedy += f", or a lower --rest: at both ends the first {rest} derivatives are zero"
         elif self.monotone and any(order == 1 and value < 0.0 for _, order, value in self.conditions):
             remedy += ", or allow laws that turn back (--turning-back)"
         elif isinstance(self.family, SplineFamily) and self.conditions and self.family.symmetric:

@@ -28,7 +28,7 @@ Path = tuple[str, ...]
 class KeyLocations:
     r"""Source of every key of a case: a line of the file or an override."""
 
-    #: source by key path, such as ``line 12``, ``--set run.speed=4000rpm`` or ``new table of --set run.adaptive...``
+    #: source by key path, such as ``line 12``, ``--set run.speed=4000rpm`` or ``created by --set run.adaptive...``
     notes: Mapping[Path, str]
     #: template by path of a copy, such as ``springs.valve-{cylinder}`` of ``springs.valve-1``
     templates: Mapping[Path, Path] = field(default_factory=dict[Path, Path])

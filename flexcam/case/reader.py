@@ -313,7 +313,7 @@ _MAX_FAULTS, _MAX_NODES = 100, 20_000  # other faults, and nodes of the mesh, up
 def _name_unknown_part(fault: Fault, faults: Iterable[Fault], raw: Mapping[str, Any], places: KeyLocations) -> Fault:
     """Return a fault of a part that only overrides name in place of that of a key missing in it."""
     part = tuple(fault.where.partition(" (")[0].split(".")[:2])
-    new = fault.given == "nothing" and places.notes.get(part, "").startswith("new table")
+    new = fault.given == "nothing" and places.notes.get(part, "").startswith("created by")
     if not new or records_at(part, CaseRecord) != records_at(part[:1], CaseRecord):  # an optional table is no part
         return fault
     allowed = ", ".join(name for name in raw[part[0]] if name != part[1])
@@ -460,7 +460,7 @@ def _apply_overrides(
         new = len(key) > 2 and value_at(raw, key[:2]) is None
         faults.append(_apply_override(raw, key, override))
         if new and faults[-1] is None:
-            notes[key[:2]] = f"new table of --set {override}"
+            notes[key[:2]] = f"created by --set {override}"
         elif new and isinstance(table := value_at(raw, key[:1]), dict):
             cast("dict[str, object]", table).pop([*key][1], None)  # otherwise its missing keys would be faults, too
     for *parents, key in (key for key, fault in zip(keys, faults, strict=True) if fault is None):

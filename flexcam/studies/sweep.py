@@ -80,7 +80,7 @@ def _locate_fault(fault: Fault, axes: Sequence[Axis]) -> Fault:
     """Return a fault with the option of the axis that it concerns; otherwise unchanged."""
     for axis in axes:
         if f"--set {axis.key}=" in fault.where:
-            key, new, _ = fault.where.partition("(new table of ")
+            key, new, _ = fault.where.partition("(created by ")
             return replace(fault, where=f"{key}{new}{axis.where})" if new else axis.where)
     return fault
 
