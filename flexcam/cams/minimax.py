@@ -149,15 +149,16 @@ class Program:
         given = " with ".join(filter(None, (bounds, conditions)))
         what = " and ".join(["bounds"] * bool(bounds) + ["conditions"] * bool(conditions))
         remedy = " or ".join(["a wider bound"] * bool(bounds) + ["other conditions"] * bool(conditions))
-        rest = self.family.rest if isinstance(self.family, SplineFamily) else 0
+        rest, why = self.family.rest if isinstance(self.family, SplineFamily) else 0, ""
         if any(z in (0.0, 1.0) and 0 < order <= rest and value for z, order, value in self.conditions):
-            remedy += f", or a lower --rest: at both ends the first {rest} derivatives are zero"
+            why = f"--rest is {rest}, so the first {rest} derivatives are zero at both ends"
+            remedy += ", or a lower --rest"
         elif self.monotone and any(order == 1 and value < 0.0 for _, order, value in self.conditions):
             remedy += ", or allow laws that turn back (--turning-back)"
         elif isinstance(self.family, SplineFamily) and self.conditions and self.family.symmetric:
             remedy += ", or allow asymmetric laws (--asymmetric), which may meet these"
         where = "condition" if conditions else "bound"
-        return refuse(where, given, f"{what} that {self.family.name} can meet", "", f"use {remedy}")
+        return refuse(where, given, f"{what} that {self.family.name} can meet", why, f"use {remedy}")
 
     def _inequalities(
         self, places: Mapping[int, FloatArray], cuts: Sequence[TangentPlane], around: tuple[FloatArray, float] | None

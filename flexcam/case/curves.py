@@ -78,7 +78,8 @@ class LoadDefinition:
             given = f"{self.name} [{self.unit}]" if self.unit else f"{self.name}, without a unit"
             allowed, why = unit_of(target), ""
             if area:
-                allowed, why = "a unit of pressure such as bar", "the load has the key area, so its table is a pressure"
+                allowed = "a unit of pressure such as bar"
+                why = "the load gives 'area', so its table must be a pressure"
             remedy = "check that this is the right file and column"
             if is_convertible(self.unit, "N" if area else "Pa"):
                 remedy = "leave area out to apply a force" if area else "give the load an area to apply a pressure"
