@@ -103,7 +103,7 @@ def _modes_along_motion(
     motion = ready.problem.drive.at(response.field_time[instants])
     tangents = Tangents(system, motion, fields.displacement, fields.velocity)
     basis = basis_of(ready.problem)
-    Q = basis.spread(np.eye(basis.size)).T if basis is not None and basis.size else np.eye(system.size)
+    Q = basis.expand(np.eye(basis.size)).T if basis is not None and basis.size else np.eye(system.size)
     last = None
     for i in range(len(instants)):
         C, K = tangents.at(i)

@@ -59,7 +59,7 @@ class ActiveDofs:
 
     moving: NDArray[np.bool_]  #: mask of the active unknowns, shape (n,)
     still: tuple[InactiveGroup, ...]  #: the inactive groups
-    held: FloatArray  #: constant displacements of the inactive unknowns, shape (n,); zero for active ones
+    offset: FloatArray  #: constant displacements of the inactive unknowns, shape (n,); zero for active ones
 
 
 def find_active_dofs(
@@ -141,10 +141,10 @@ def _constant_forces(
     rest = CamMotion(zero, zero, zero, zero)
     steady = [load.vector * load.history(rest)[0] for load in system.loads if load.steady]
     forces = LocalForces(system)
-    schedule = forces.prescribed_inputs(rest)
-    penetration = forces.sense_motion(d[None], np.zeros((1, system.size)), schedule)[0][0]
+    inputs = forces.prescribed_inputs(rest)
+    penetration = forces.sense_motion(d[None], np.zeros((1, system.size)), inputs)[0][0]
     state = forces.start_state if inner is None else inner
-    reaction = forces.respond(penetration, np.zeros(forces.count), state, schedule)
+    reaction = forces.respond(penetration, np.zeros(forces.count), state, inputs)
     for force, part, states in forces.parts:
         unknowns = _force_unknowns(force, system.size)
         if moving[unknowns].any():
@@ -200,7 +200,7 @@ def basis_of(problem: Problem) -> Basis | None:
     if problem.basis is not None or not problem.prune:
         return problem.basis
     dofs = active_dofs_of(problem)
-    return None if dofs.moving.all() else DofSubset(np.flatnonzero(dofs.moving), dofs.held)
+    return None if dofs.moving.all() else DofSubset(np.flatnonzero(dofs.moving), dofs.offset)
 
 
 def reduce_problem(problem: Problem, basis: Basis) -> Problem:
@@ -208,8 +208,8 @@ def reduce_problem(problem: Problem, basis: Basis) -> Problem:
     system = problem.system
     start = problem.start or State.rest(system.size)
     weight = _weight(system)
-    d, v = (basis.within(motion, weight) for motion in (start.displacement - basis.held, start.velocity))
-    a = None if start.acceleration is None else basis.within(start.acceleration, weight)
+    d, v = (basis.project(motion, weight) for motion in (start.displacement - basis.offset, start.velocity))
+    a = None if start.acceleration is None else basis.project(start.acceleration, weight)
     reduced = replace(start, displacement=d, velocity=v, acceleration=a)
     return replace(problem, system=project_system(system, basis), start=reduced, basis=None, prune=False)
 
@@ -245,5 +245,5 @@ def _weight(system: System) -> Triplets:
 
 def expand_block(block: Block, basis: Basis) -> Block:
     """Return a block with fields expanded to all unknowns."""
-    d, v, a = map(basis.spread, block.fields)
-    return replace(block, fields=Series(d + basis.held if basis.held.any() else d, v, a))
+    d, v, a = map(basis.expand, block.fields)
+    return replace(block, fields=Series(d + basis.offset if basis.offset.any() else d, v, a))

@@ -17,7 +17,7 @@ class Basis(Protocol):
     """Transformation of n unknowns to m generalized coordinates."""
 
     @property
-    def held(self) -> FloatArray:
+    def offset(self) -> FloatArray:
         """Offset u0 of the n unknowns at q = 0; it must not couple with the coordinates."""
         ...
 
@@ -38,11 +38,11 @@ class Basis(Protocol):
         """Return ``A T`` of rows or one row, shape (..., n) to (..., m)."""
         ...
 
-    def spread(self, motion: FloatArray) -> FloatArray:
+    def expand(self, motion: FloatArray) -> FloatArray:
         """Return ``T q`` of motions as rows, shape (..., m) to (..., n)."""
         ...
 
-    def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
+    def project(self, motion: FloatArray, weight: Triplets) -> FloatArray:
         """Return the projection q of a motion, shape (n,) to (m,), in the norm of a weight such as the mass."""
         ...
 
@@ -56,7 +56,7 @@ class DofSubset:
     """Subset of the unknowns; the others are constant."""
 
     kept: IntArray  #: indices of the unknowns, shape (m,)
-    held: FloatArray  #: displacement of the others, shape (n,); zero for unknowns kept
+    offset: FloatArray  #: displacement of the others, shape (n,); zero for unknowns kept
 
     @property
     def size(self) -> int:
@@ -76,13 +76,13 @@ class DofSubset:
         """Return the kept columns."""
         return full[..., self.kept]
 
-    def spread(self, motion: FloatArray) -> FloatArray:
+    def expand(self, motion: FloatArray) -> FloatArray:
         """Return the motions expanded to all unknowns, zero for the others."""
-        full = np.zeros((*motion.shape[:-1], len(self.held)))
+        full = np.zeros((*motion.shape[:-1], len(self.offset)))
         full[..., self.kept] = motion
         return full
 
-    def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
+    def project(self, motion: FloatArray, weight: Triplets) -> FloatArray:
         """Return the motion of the unknowns kept."""
         return motion[self.kept]
 
@@ -103,14 +103,14 @@ class ModeBasis:
     """Coordinates of given shape vectors."""
 
     vectors: FloatArray  #: independent shapes as columns, shape (n, m)
-    called: tuple[str, ...] = ()  #: a name per coordinate; ``shape 1`` and so on by default
+    names: tuple[str, ...] = ()  #: a name per coordinate; ``shape 1`` and so on by default
     #: Displacement at zero coordinates, shape (n,), uncoupled from the shapes; None for zero.
-    still: FloatArray | None = None
+    shift: FloatArray | None = None
 
     @property
-    def held(self) -> FloatArray:
+    def offset(self) -> FloatArray:
         """Displacement at zero coordinates."""
-        return np.zeros(len(self.vectors)) if self.still is None else self.still
+        return np.zeros(len(self.vectors)) if self.shift is None else self.shift
 
     @property
     def size(self) -> int:
@@ -119,7 +119,7 @@ class ModeBasis:
 
     def coordinate_names(self, names: Sequence[str]) -> tuple[str, ...]:
         """Return the names of the coordinates."""
-        return self.called or tuple(f"shape {i}" for i in range(1, self.vectors.shape[1] + 1))
+        return self.names or tuple(f"shape {i}" for i in range(1, self.vectors.shape[1] + 1))
 
     def matrix(self, full: Triplets) -> Triplets:
         """Return ``T' A T`` with rounding removed: massless shapes then have zero mass."""
@@ -134,11 +134,11 @@ class ModeBasis:
         """Return the rows times the shapes."""
         return full @ self.vectors
 
-    def spread(self, motion: FloatArray) -> FloatArray:
+    def expand(self, motion: FloatArray) -> FloatArray:
         """Return the sum of the shapes times the coordinates."""
         return motion @ self.vectors.T
 
-    def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
+    def project(self, motion: FloatArray, weight: Triplets) -> FloatArray:
         """Return the coordinates of the nearest motion."""
         heavy = weight.multiply(self.vectors)
         return np.asarray(np.linalg.lstsq(self.vectors.T @ heavy, heavy.T @ motion)[0], dtype=float)
@@ -165,13 +165,13 @@ def project_system(system: System, basis: Basis) -> System:
         probes=tuple(_probe(probe, basis) for probe in system.probes),
         channels=tuple(_channel(channel, expansion) for channel in system.channels),
         free=basis.free(system.free),
-        stored=system.stored + 0.5 * float(basis.held @ system.stiffness.times(basis.held)),
+        stored=system.stored + 0.5 * float(basis.offset @ system.stiffness.times(basis.offset)),
     )
 
 
 def _local(force: LocalForce, basis: Basis) -> LocalForce:
     pairs = zip(force.offset, force.sense, strict=True)
-    offset = tuple(_offset_function(function, term.vectors @ basis.held, term.functions) for function, term in pairs)
+    offset = tuple(_offset_function(function, term.vectors @ basis.offset, term.functions) for function, term in pairs)
     sense, act = (
         tuple(replace(term, vectors=basis.rows(term.vectors)) for term in side) for side in (force.sense, force.act)
     )
@@ -181,7 +181,7 @@ def _local(force: LocalForce, basis: Basis) -> LocalForce:
 def _probe(probe: Probe, basis: Basis) -> Probe:
     offset = tuple(
         _offset_function(function, np.array([displacement])) if displacement != 0.0 else function
-        for function, displacement in zip(probe.offset, (probe.rows @ basis.held).tolist(), strict=True)
+        for function, displacement in zip(probe.offset, (probe.rows @ basis.offset).tolist(), strict=True)
     )
     return replace(probe, rows=basis.rows(probe.rows), offset=offset)
 
@@ -215,7 +215,7 @@ class _Expansion:
     """Observations expanded to all unknowns; rows over all unknowns are projected to the basis once."""
 
     def __init__(self, basis: Basis) -> None:
-        self.basis, self.held = basis, basis.held
+        self.basis, self.offset = basis, basis.offset
         self._last: tuple[Observation, Observation] | None = None  # all channels have the same observation
         self._projected: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}  # keeps the ids valid
 
@@ -227,7 +227,7 @@ class _Expansion:
     def project(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the projected rows and their products with the offset."""
         if id(rows) not in self._projected:
-            self._projected[id(rows)] = rows, self.basis.rows(rows), rows @ self.held
+            self._projected[id(rows)] = rows, self.basis.rows(rows), rows @ self.offset
         return self._projected[id(rows)][1:]
 
 
@@ -242,8 +242,8 @@ class _ExpandedMotion:
     def whole(self, order: int) -> FloatArray:
         """Return the motion of all unknowns, see `MotionView`."""
         if order not in self._whole:
-            motion = self._expansion.basis.spread(self._inside.whole(order))
-            self._whole[order] = motion + self._expansion.held if order == 0 else motion
+            motion = self._expansion.basis.expand(self._inside.whole(order))
+            self._whole[order] = motion + self._expansion.offset if order == 0 else motion
         return self._whole[order]
 
     def extract(self, rows: FloatArray, order: int = 0) -> FloatArray:

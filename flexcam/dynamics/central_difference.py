@@ -99,7 +99,7 @@ def highest_frequency(system: System) -> tuple[float, list[str]]:
 
 
 def _highest_dense(system: System, light: MasslessMotions) -> tuple[float, FloatArray]:
-    forces = system.stiffness.multiply(light.spread(np.eye(len(light.kept))))
+    forces = system.stiffness.multiply(light.expand(np.eye(len(light.kept))))
     values, vectors = np.linalg.eig(light.inverse(system.mass).solve(forces)[light.kept])
     squares, shapes = np.real(values), np.real(vectors)
     highest = int(np.argmax(squares))
@@ -112,7 +112,7 @@ def _highest_sparse(system: System, light: MasslessMotions) -> tuple[float, Floa
     size, inverse = len(light.kept), light.inverse(system.mass)
 
     def pull(motion: FloatArray) -> FloatArray:
-        return system.stiffness.multiply(light.spread(motion.reshape(size, -1)))[light.kept]
+        return system.stiffness.multiply(light.expand(motion.reshape(size, -1)))[light.kept]
 
     def acceleration(force: FloatArray) -> FloatArray:
         forces = np.zeros((system.size, 1))

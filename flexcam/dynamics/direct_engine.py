@@ -148,9 +148,9 @@ class DirectEngine:
         """Return the instants of some successive steps, see `Engine`."""
         times = self._problem.times(steps)
         motion = self._problem.drive.at(times)
-        schedule = self._forces.prescribed_inputs(motion)
+        inputs = self._forces.prescribed_inputs(motion)
         before = None if self._last is None else stack_instant(self._last)
-        instants, status = self._advance_steps(times, motion.angle, schedule, self._system.load_vector(motion))
+        instants, status = self._advance_steps(times, motion.angle, inputs, self._system.load_vector(motion))
         if not instants:
             return no_instants(self._system.size, self._forces), status
         self._iterations += sum(m.iterations for part in instants for m in part)
@@ -159,7 +159,7 @@ class DirectEngine:
         return track, status if fault.ok else fault
 
     def _advance_steps(
-        self, times: FloatArray, angle: FloatArray, schedule: PrescribedInputs, loads: FloatArray
+        self, times: FloatArray, angle: FloatArray, inputs: PrescribedInputs, loads: FloatArray
     ) -> tuple[list[list[StepState]], Status]:
         """Return the instants per step: events, and the end of the step last."""
         instants: list[list[StepState]] = []
@@ -168,7 +168,7 @@ class DirectEngine:
         for i, load in enumerate(loads):
             if self._stop():
                 return instants, STOPPED
-            to = StepInputs(float(times[i]), load, schedule, i)
+            to = StepInputs(float(times[i]), load, inputs, i)
             try:
                 part = stepper.walk(self._last, to) if self._last else [self._starter.first(start, to)]
             except NoConvergenceError as fault:

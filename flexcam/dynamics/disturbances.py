@@ -144,9 +144,9 @@ class Disturbances:
     def _prepare(self, track: Trajectory) -> _LinearizedMotion:
         """Return the instants of successive steps with their derivatives, all at once."""
         forces, time, sides, step = self._forces, track.time, track.pressed, self._problem.step
-        schedule = forces.prescribed_inputs(self._problem.drive.at(time))
-        penetration, rate, _ = forces.sense_motion(track.d, track.v, schedule)
-        sensed = SensedTrajectory(replace(track, cam=schedule.cam), schedule, penetration, rate)
+        inputs = forces.prescribed_inputs(self._problem.drive.at(time))
+        penetration, rate, _ = forces.sense_motion(track.d, track.v, inputs)
+        sensed = SensedTrajectory(replace(track, cam=inputs.cam), inputs, penetration, rate)
         lengths = np.diff(time)
         lengths[np.abs(lengths - step) <= _SAME_TIME * step] = step
         changed = (sides[1:] != sides[:-1]).any(axis=1)
@@ -154,7 +154,7 @@ class Disturbances:
         begin = np.arange(len(time)) + np.cumsum(np.append(False, changed))
         row_sides = sides[instants]
         row_sides[begin[1:][changed] - 1] = sides[:-1][changed]
-        depth, speed, functions = penetration[instants], rate[instants], schedule.rows[:, schedule.functions :]
+        depth, speed, functions = penetration[instants], rate[instants], inputs.rows[:, inputs.functions :]
         depth = self._set_sides(row_sides, depth, speed)
         states = track.state[instants]
         narrow = forces.tangents(depth, speed, states, functions[instants])[2]
@@ -184,7 +184,7 @@ class Disturbances:
         """Return the linear forces at some successive instants, with every contact on its side within the steps."""
         at, rows = slice(first, last + 1), slice(motion.begin[first], motion.begin[first] + last - first + 1)
         answer = None if motion.explicit is None else motion.explicit.answer[at]
-        return linearize(self._forces, motion.every.schedule.at(at), motion.narrow[rows], answer)
+        return linearize(self._forces, motion.every.inputs.at(at), motion.narrow[rows], answer)
 
     def _set_sides(self, side: Bools, penetration: FloatArray, rate: FloatArray) -> FloatArray:
         """Return the sensed scalars, shape (..., c), with contacts that are about to switch set to their side."""
@@ -250,7 +250,7 @@ class Disturbances:
             gradient = lifts.gradient(scalar, new.penetration)
             by_length = (by_length + 0.5 * h * motion.prescribed_rates[motion.begin[i] + 1])[:, None]
             by_time = step.propagate(0, np.zeros_like(by_length), by_length)[:, 0]
-            sense, n = gradient @ directions(self._forces, sensed.schedule, i + 1)[1], len(new.d)
+            sense, n = gradient @ directions(self._forces, sensed.inputs, i + 1)[1], len(new.d)
             rate = depth_rate[scalar] + sense @ (by_time[:n] - new.v)
             self._shift = shift = -(sense @ after[:n] + gradient @ self._scalar_derivatives(motion, i + 1)) / rate
             after = after + by_time[:, None] * shift
@@ -284,7 +284,7 @@ class Disturbances:
         """Return the change of the impact velocities per delay of the same motion, shape (n,)."""
         to = self._instant(old.time + delay)
         hit = self._starter.impact_data(to, contacts)
-        rate = hit.sense @ old.v + hit.turning @ old.d + to.schedule.offset_rate[0][self._forces.switching[contacts]]
+        rate = hit.sense @ old.v + hit.turning @ old.d + to.inputs.offset_rate[0][self._forces.switching[contacts]]
         return hit.velocity_change(rate, factor)
 
     def _prescribed_rates(self, sensed: SensedTrajectory, instants: IntArray, depth: FloatArray) -> FloatArray:
@@ -295,19 +295,19 @@ class Disturbances:
         """
         delay, forces, track, n = _DELAY * self._problem.step, self._forces, sensed.track, self._problem.system.size
         motion = self._problem.drive.at((track.time[instants, None] + delay * np.array([-1.0, 0.0, 1.0])).ravel())
-        schedule, at = forces.prescribed_inputs(motion), np.repeat(instants, 3)
+        inputs, at = forces.prescribed_inputs(motion), np.repeat(instants, 3)
 
         def slope(values: FloatArray) -> FloatArray:
             return (values[2::3] - values[::3]) / (2.0 * delay)
 
-        histories = forces.sense_motion(track.d[at], track.v[at], schedule)
+        histories = forces.sense_motion(track.d[at], track.v[at], inputs)
         by_penetration, by_rate = slope(histories[0]), slope(histories[1])
-        depth, functions = np.repeat(depth, 3, axis=0), schedule.rows[:, schedule.functions :]
+        depth, functions = np.repeat(depth, 3, axis=0), inputs.rows[:, inputs.functions :]
         force, state_rows, narrow = forces.tangents(depth, sensed.rate[at], track.state[at], functions)
         (row, places, column), change = forces.coupled_scalars, slope(force)
         for i, rates in enumerate((by_penetration, by_rate)):
             change += (narrow[1::3, i][:, row, places] * rates[:, column]) @ (row[:, None] == np.arange(forces.count))
-        scalars, weights = forces.act.scalars, schedule.acting_weights
+        scalars, weights = forces.act.scalars, inputs.acting_weights
         change = change[:, scalars] * weights[1::3] + force[1::3, scalars] * slope(weights)
         result = np.zeros((len(instants), 2 * n + track.state.shape[1]))
         result[:, n : 2 * n] = slope(self._problem.system.load_vector(motion)) + change @ forces.act.vectors

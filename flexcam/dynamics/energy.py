@@ -42,7 +42,7 @@ class EquilibriumResidual:
         residual, force = self._largest
         return float(residual / force if force > 0.0 else force)
 
-    def evaluate(self, track: Trajectory, seen: Observation, schedule: PrescribedInputs, rows: IntArray) -> None:
+    def evaluate(self, track: Trajectory, seen: Observation, inputs: PrescribedInputs, rows: IntArray) -> None:
         """Evaluate instants."""
         if not len(rows) or not len(self._weights):
             return
@@ -50,7 +50,7 @@ class EquilibriumResidual:
         parts = [np.asarray(matrix @ x.T, dtype=float).T for matrix, x in zip(self._matrices, motion, strict=True)]
         parts.append(-seen.histories[rows] @ self._vectors)
         if self._forces.count:
-            forces = (seen.forces[rows] @ schedule.acts) * schedule.acting_weights[rows]
+            forces = (seen.forces[rows] @ inputs.acts) * inputs.acting_weights[rows]
             parts.append(-forces @ self._forces.act.vectors)
         terms = np.array(parts)
         self._largest = np.maximum(self._largest, [self._size(terms.sum(axis=0)), self._size(terms)])
@@ -135,10 +135,10 @@ class EnergyBalance:
         self._sums = np.zeros(4)  # work, dissipated, numerical, and the energy at the start
 
     def block(
-        self, track: Trajectory, seen: Observation, prescribed_rates: FloatArray, schedule: PrescribedInputs
+        self, track: Trajectory, seen: Observation, prescribed_rates: FloatArray, inputs: PrescribedInputs
     ) -> FloatArray:
         """Return the terms of the balance at the instants of a block, shape (m, 7), J."""
-        new = self._evaluate_state(track, seen, prescribed_rates, schedule)
+        new = self._evaluate_state(track, seen, prescribed_rates, inputs)
         energy = new.kinetic + new.strain + new.contact
         first = self._last is None
         if first:
@@ -227,14 +227,14 @@ class EnergyBalance:
         return 0.5 * (later - changing + new.changing[begin:] - earlier)
 
     def _evaluate_state(
-        self, track: Trajectory, observed: Observation, prescribed_rates: FloatArray, schedule: PrescribedInputs
+        self, track: Trajectory, observed: Observation, prescribed_rates: FloatArray, inputs: PrescribedInputs
     ) -> _EnergyState:
         penetrations, forces, d = observed.penetrations[:, self._rough], observed.forces[:, self._rough], track.d
-        stored, elastic, by_state = self._stores.at(penetrations, observed.states, schedule.cam)
-        changing = self._stores.varying(penetrations, observed.states, schedule.cam)
+        stored, elastic, by_state = self._stores.at(penetrations, observed.states, inputs.cam)
+        changing = self._stores.varying(penetrations, observed.states, inputs.cam)
         smooth = np.zeros(len(d))
         if self._smooth is not None:
-            smooth = self._smooth.at(observed.penetrations[:, self._smooth_scalars], observed.states, schedule.cam)[0]
+            smooth = self._smooth.at(observed.penetrations[:, self._smooth_scalars], observed.states, inputs.cam)[0]
         strain, empty = 0.5 * self._K.twice(d) + self._system.stored, np.zeros((len(d), 0))
         motion = (d, track.v, self._C.times(track.v)) if self._damped else (empty, empty, empty)
         speeds = (self._push_vectors @ track.v.T).T if self._corrected else empty
@@ -242,9 +242,9 @@ class EnergyBalance:
         impact = (
             (prescribed_rates[:, self._rough], track.impulse[:, self._rough]) if self._has_impacts else (empty, empty)
         )
-        acting = observed.forces[:, self._acting_forces] * schedule.acting_weights[:, self._acting]
+        acting = observed.forces[:, self._acting_forces] * inputs.acting_weights[:, self._acting]
         return _EnergyState(
-            track.time, schedule.angle, 0.5 * self._M.twice(track.v), strain, strain + smooth, stored + smooth,
+            track.time, inputs.angle, 0.5 * self._M.twice(track.v), strain, strain + smooth, stored + smooth,
             *motion, np.hstack([observed.histories, acting]), (self._push_vectors @ d.T).T, speeds,
             forces if self._storing.all() else forces * self._storing, elastic, penetrations, observed.states, by_state,
             changing, rates, *impact,

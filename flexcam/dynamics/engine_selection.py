@@ -160,24 +160,24 @@ def _require_compiler(system: System) -> None:
             raise _UnsuitableEngineError(f"the law of {force.name} is a Python object")
 
 
-def forces_of(way: SelectedEngine, method: Method) -> LocalForces:
+def forces_of(selected: SelectedEngine, method: Method) -> LocalForces:
     """Return the local forces of a problem, their energies evaluated by compiled code where the kernel engine runs."""
-    compiled = compiled_functions() if way.engine == "kernel" else None
-    return LocalForces(way.problem.system, compiled, impacts_only=not method.locates_contacts)
+    compiled = compiled_functions() if selected.engine == "kernel" else None
+    return LocalForces(selected.problem.system, compiled, impacts_only=not method.locates_contacts)
 
 
 def create_engine(
-    way: SelectedEngine, method: Method, forces: LocalForces, save: SaveAt, stop: Callable[[], bool], pilot: Pilot
+    selected: SelectedEngine, method: Method, forces: LocalForces, save: SaveAt, stop: Callable[[], bool], pilot: Pilot
 ) -> Engine:
     """Return the engine, ready to start."""
-    if way.engine != "direct" and isinstance(method, Scheme | Collocation):
-        if way.engine == "modal" and isinstance(method, Scheme):
+    if selected.engine != "direct" and isinstance(method, Scheme | Collocation):
+        if selected.engine == "modal" and isinstance(method, Scheme):
             sparse = not save.channels and save.field_every >= _SELDOM
-            if sparse and 0 < len(probe_rows(way.problem)) <= _FEW:
-                return ProbeEngine(way.problem, method, save, stop)
-            return ModalEngine(way.problem, method, stop)
-        return KernelEngine(way.problem, method, forces, stop)
-    system = way.problem.system
+            if sparse and 0 < len(probe_rows(selected.problem)) <= _FEW:
+                return ProbeEngine(selected.problem, method, save, stop)
+            return ModalEngine(selected.problem, method, stop)
+        return KernelEngine(selected.problem, method, forces, stop)
+    system = selected.problem.system
     if system.prescribed_motion is not None or (not system.size and not forces.count):
-        return KinematicEngine(way.problem, forces, stop)
-    return DirectEngine(way.problem, method, forces, stop, pilot)
+        return KinematicEngine(selected.problem, forces, stop)
+    return DirectEngine(selected.problem, method, forces, stop, pilot)

@@ -137,20 +137,20 @@ class InitialAcceleration:
 
     def impact_data(self, to: StepInputs, closed: IntArray) -> Impact:
         """Return the data of an impact at switching scalars."""
-        forces, schedule, i = self._forces, to.schedule, to.row
+        forces, inputs, i = self._forces, to.inputs, to.row
         index = forces.switching[closed]
         sense, turning = (
-            rows[index] @ forces.sense.vectors for rows in (schedule.sensing_matrix(i), schedule.sensing_rate_matrix(i))
+            rows[index] @ forces.sense.vectors for rows in (inputs.sensing_matrix(i), inputs.sensing_rate_matrix(i))
         )
-        act = schedule.acting_matrix(i)[index] @ forces.act.vectors
+        act = inputs.acting_matrix(i)[index] @ forces.act.vectors
         return Impact(sense, turning, self.accelerations(act.T), forces.restitution[closed])
 
     def update_forces(self, d: FloatArray, v: FloatArray, inner: FloatArray, to: StepInputs) -> StepState:
         """Return an instant with the forces of its motion, without acceleration."""
         forces = self._forces
-        penetration, rate, _ = (rows[0] for rows in forces.sense_motion(d[None], v[None], to.schedule.row(to.row)))
-        reaction = forces.respond(penetration, rate, inner, to.schedule, to.row)
-        applied = to.load + (reaction.force @ to.schedule.acting_matrix(to.row)) @ forces.act.vectors
+        penetration, rate, _ = (rows[0] for rows in forces.sense_motion(d[None], v[None], to.inputs.row(to.row)))
+        reaction = forces.respond(penetration, rate, inner, to.inputs, to.row)
+        applied = to.load + (reaction.force @ to.inputs.acting_matrix(to.row)) @ forces.act.vectors
         return StepState(to.time, d, v, np.zeros(len(d)), applied, reaction.force, penetration, rate, inner)
 
     def accelerations(self, right: FloatArray) -> FloatArray:

@@ -182,7 +182,7 @@ class ImplicitStage:
             return StepState(to.time, d, v, a, to.load, now.local, now.penetration, now.rate, now.inner)
         iterations = self._find_forces(d, v, now, to)
         local, states = self._forces.workspace.local, self._forces.workspace.states
-        weights = local[TRIAL] @ to.schedule.acting_matrix(to.row)
+        weights = local[TRIAL] @ to.inputs.acting_matrix(to.row)
         a_local = self._by_act @ weights
         applied = to.load + weights @ self._forces.act.vectors
         return StepState(
@@ -193,20 +193,20 @@ class ImplicitStage:
     def _find_forces(self, d: FloatArray, v: FloatArray, now: StepState, to: StepInputs) -> int:
         """Find the local forces for the motion without them; return the iterations."""
         forces, work, table = self._forces, self._forces.workspace, self._forces.table
-        schedule, i, local = to.schedule, to.row, self._forces.workspace.local
-        sensing, sensing_rate = schedule.sensing_matrix(i), schedule.sensing_rate_matrix(i)
+        inputs, i, local = to.inputs, to.row, self._forces.workspace.local
+        sensing, sensing_rate = inputs.sensing_matrix(i), inputs.sensing_rate_matrix(i)
         on_d, on_v = forces.sense.vectors @ d, forces.sense.vectors @ v
-        local[FREE_PENETRATION] = sensing @ on_d + schedule.offset[i]
-        local[FREE_RATE] = sensing @ on_v + sensing_rate @ on_d + schedule.offset_rate[i]
+        local[FREE_PENETRATION] = sensing @ on_d + inputs.offset[i]
+        local[FREE_RATE] = sensing @ on_v + sensing_rate @ on_d + inputs.offset_rate[i]
         local[TRIAL] = local[BASE] = now.local
         local[OWN] = -1.0
-        by_d, by_v = (give.T @ schedule.acting_matrix(i).T for give in self._give)
+        by_d, by_v = (give.T @ inputs.acting_matrix(i).T for give in self._give)
         work.compliance[0], work.compliance[1] = (sensing @ by_d).T, (sensing @ by_v + sensing_rate @ by_d).T
         work.states[STATE], work.states[BEGIN] = now.inner, now.penetration[table.owners]
         work.states[SPAN] = self._step
         iterations = forces.functions["solve_local"](
             table.laws, np.array([0, len(table.laws)]), table.constants, forces.places, forces.no_reach, self._give,
-            schedule.rows, i, 1, 0, self._slope, local, work.tangent, work.states, work.active, work.compliance,
+            inputs.rows, i, 1, 0, self._slope, local, work.tangent, work.states, work.active, work.compliance,
             work.matrix,
         )  # fmt: skip
         if iterations == 0:

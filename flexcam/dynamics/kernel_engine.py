@@ -65,12 +65,12 @@ class KernelStepper:
     def advance(self, now: StepState, to: StepInputs) -> StepState:
         """Return the next instant."""
         kernel, state = self._kernel, self._kernel.state(now)
-        loads, schedule = to.load[None], to.schedule.row(to.row)
+        loads, inputs = to.load[None], to.inputs.row(to.row)
         if kernel.stages > 1:
             middle = self._at(0.5 * (now.time + to.time))
-            loads, schedule = np.vstack([middle.load, loads]), middle.schedule.row(middle.row).followed_by(schedule)
-        inputs, results = kernel.given(loads, schedule), np.empty((kernel.stages, kernel.columns))
-        ending, _, iterations = kernel.advance(self._operator, state, (0, 1), inputs, results)
+            loads, inputs = np.vstack([middle.load, loads]), middle.inputs.row(middle.row).followed_by(inputs)
+        input_rows, results = kernel.given(loads, inputs), np.empty((kernel.stages, kernel.columns))
+        ending, _, iterations = kernel.advance(self._operator, state, (0, 1), input_rows, results)
         if ending == UNSETTLED:
             raise NoConvergenceError(kernel.unconverged_forces())
         new = replace(kernel.moment(state, to.time), iterations=iterations)
@@ -149,43 +149,43 @@ class KernelEngine:
             ends = np.tile(fraction == 0, len(steps))
             skipped = division - 1 if self._last is None else self._divisions_done
             times, ends = times[skipped:], ends[skipped:]
-        loads, schedule = self._prescribed(times)
+        loads, inputs = self._prescribed(times)
         before = None if self._last is None else stack_instant(self._last)
-        track, status = self._advance(times, loads, schedule)
+        track, status = self._advance(times, loads, inputs)
         count = len(track.ends)
         complete = np.flatnonzero(ends[:count])
         self._divisions_done = count - 1 - int(complete[-1]) if len(complete) else self._divisions_done + count
         track = replace(track, ends=track.ends[ends[:count]])
         if not len(track.ends):
             return track, status
-        valid, divergence = in_range(track, before, self._system, schedule.angle[ends])
+        valid, divergence = in_range(track, before, self._system, inputs.angle[ends])
         return valid, status if divergence.ok else divergence
 
-    def _advance(self, times: FloatArray, loads: FloatArray, schedule: PrescribedInputs) -> tuple[Trajectory, Status]:
+    def _advance(self, times: FloatArray, loads: FloatArray, inputs: PrescribedInputs) -> tuple[Trajectory, Status]:
         """Advance by the kernel, and by single steps where it stops."""
         kernel, rows = self._kernel, np.empty((len(times), self._kernel.columns))
         single_steps: dict[int, list[StepState]] = {}
         pressed = np.empty((len(times), len(self._forces.switching)), dtype=bool)
         row, status = 0, Status()
         if self._last is None:
-            to = StepInputs(float(times[0]), loads[0], schedule, 0)
+            to = StepInputs(float(times[0]), loads[0], inputs, 0)
             self._last, row = self._starter.first(self._problem.start or State.rest(self._system.size), to), 1
             rows[0] = _row(self._last)
-            self._inputs = kernel.instant(loads, schedule, 0)
+            self._inputs = kernel.instant(loads, inputs, 0)
         state, sides = kernel.state(self._last), self._sides(self._last)
         pressed[:] = sides[1]
-        first, inputs = row, kernel.given(loads[row:], schedule.at(slice(row, None)) if row else schedule)
+        first, input_rows = row, kernel.given(loads[row:], inputs.at(slice(row, None)) if row else inputs)
         while row < len(times) and status.ok:
             done = (row - first) // kernel.stages
             ending, step, iterations = kernel.advance(
-                kernel.whole, state, (done, len(inputs)), inputs, rows[first:], sides, self._inputs
+                kernel.whole, state, (done, len(input_rows)), input_rows, rows[first:], sides, self._inputs
             )
             row, self._iterations = first + kernel.stages * step, self._iterations + iterations
             if ending == TOO_LONG:
                 status = _TOO_STIFF
                 break
             for _ in range(min(kernel.stages, len(times) - row)):
-                to = StepInputs(float(times[row]), loads[row], schedule, row)
+                to = StepInputs(float(times[row]), loads[row], inputs, row)
                 now = kernel.moment(state, float(times[row - 1]) if row else self._last.time, sides[1] > 0)
                 try:
                     moments = self._single_steps.walk(now, to)
@@ -199,20 +199,20 @@ class KernelEngine:
                 pressed[row:] = sides[1]
         if row:
             self._last = kernel.moment(state, float(times[row - 1]), sides[1] > 0)
-            self._inputs = kernel.instant(loads, schedule, row - 1)
-        return self._track(times[:row], rows[:row], pressed[:row], single_steps, schedule), status
+            self._inputs = kernel.instant(loads, inputs, row - 1)
+        return self._track(times[:row], rows[:row], pressed[:row], single_steps, inputs), status
 
     def _track(
         self, time: FloatArray, rows: FloatArray, pressed: NDArray[np.bool_], single_steps: dict[int, list[StepState]],
-        schedule: PrescribedInputs,
+        inputs: PrescribedInputs,
     ) -> Trajectory:  # fmt: skip
         """Return the kernel rows merged with the instants within single steps."""
         n, c = self._system.size, self._forces.count
         d, v, a, force, inner = np.split(rows, [n, 2 * n, 3 * n, 3 * n + c], axis=1)
         no_impulse, indices = np.zeros((len(time), c)), np.arange(len(time))
-        track = Trajectory(time, d, v, a, force, inner, no_impulse, pressed, indices, schedule.cam)
+        track = Trajectory(time, d, v, a, force, inner, no_impulse, pressed, indices, inputs.cam)
         if all(len(moments) == 1 and moments[0].impulse is None for moments in single_steps.values()):
-            return track if len(time) == len(schedule.angle) else replace(track, cam=None)
+            return track if len(time) == len(inputs.angle) else replace(track, cam=None)
         parts, first = list[Trajectory](), 0
         for row, moments in single_steps.items():
             parts += [track.between(first, row), Trajectory.of([moments], self._forces.contact_sides)]
@@ -259,8 +259,8 @@ class KernelEngine:
             end = max(begin + step, time)
             self._span, self._nodes = (begin, end), self._fit(begin, end)
         if self._nodes is None:
-            loads, schedule = self._prescribed(np.array([time]))
-            return StepInputs(time, loads[0], schedule)
+            loads, inputs = self._prescribed(np.array([time]))
+            return StepInputs(time, loads[0], inputs)
         phase = math.acos(min(max(2.0 * (time - begin) / (end - begin) - 1.0, -1.0), 1.0))
         row, n = np.cos(_ORDERS * phase) @ self._nodes, self._system.size
         angle, sense, act = row[n : n + 1], self._forces.sense.owner, self._forces.act.owner
@@ -269,8 +269,8 @@ class KernelEngine:
 
     def _fit(self, begin: float, end: float) -> FloatArray | None:
         """Return the coefficients of the prescribed inputs within a step; None if no polynomial fits them."""
-        loads, schedule = self._prescribed(begin + 0.5 * (end - begin) * (1.0 + np.append(_NODES, _BETWEEN)))
-        rows = np.column_stack([loads, schedule.angle, schedule.rows])
+        loads, inputs = self._prescribed(begin + 0.5 * (end - begin) * (1.0 + np.append(_NODES, _BETWEEN)))
+        rows = np.column_stack([loads, inputs.angle, inputs.rows])
         coefficients = _FIT @ rows[: len(_NODES)]
         errors = np.abs(_CHECK @ coefficients - rows[len(_NODES) :]).max(axis=0)
         return coefficients if (errors <= _FITTED * np.abs(rows).max(axis=0)).all() else None

@@ -220,16 +220,16 @@ class Kernel:
         """Make a length, s, that of usual steps."""
         self.whole = self._usual_steps(step)
 
-    def given(self, loads: FloatArray, schedule: PrescribedInputs) -> FloatArray:
+    def given(self, loads: FloatArray, inputs: PrescribedInputs) -> FloatArray:
         """Return the prescribed inputs of steps side by side: loads and those of the local forces, by stage."""
-        parts = [loads, *schedule.parts] if self.stages > 1 else [loads, schedule.rows]
+        parts = [loads, *inputs.parts] if self.stages > 1 else [loads, inputs.rows]
         steps = len(loads) // self.stages
         return np.hstack([part[: steps * self.stages].reshape(steps, self.stages * part.shape[1]) for part in parts])
 
-    def instant(self, loads: FloatArray, schedule: PrescribedInputs, i: int) -> FloatArray:
+    def instant(self, loads: FloatArray, inputs: PrescribedInputs, i: int) -> FloatArray:
         """Return the prescribed inputs of an instant as a row, the same at every stage."""
         rows = [i] * self.stages
-        return self.given(loads[rows], schedule.at(np.array(rows)))[0]
+        return self.given(loads[rows], inputs.at(np.array(rows)))[0]
 
     def state(self, moment: StepState) -> KernelState:
         """Return a copy of an instant."""

@@ -36,7 +36,7 @@ class Linear:
 
 
 def linearize(
-    forces: LocalForces, schedule: PrescribedInputs, narrow: FloatArray, answer: FloatArray | None = None
+    forces: LocalForces, inputs: PrescribedInputs, narrow: FloatArray, answer: FloatArray | None = None
 ) -> Linear:
     """Return the linear forces at all m rows of the prescribed inputs from the derivatives of `LocalForces.tangents`.
 
@@ -55,12 +55,12 @@ def linearize(
     target, source = at[rows[inside]] * len(kept) + at[columns[inside]], rows[inside] * narrow.shape[3] + places[inside]
     for i, tangent in enumerate((by_x, by_rate)):
         tangent.reshape(m, len(kept) ** 2)[:, target] = narrow[:, i].reshape(m, -1)[:, source]
-    weights, rates = schedule.sensing_weights, schedule.sensing_rates
+    weights, rates = inputs.sensing_weights, inputs.sensing_rates
     by_d, by_v = (_by_unknowns(tangent, forces.sense, weights, kept) for tangent in (by_x, by_rate))
     by_d += _by_unknowns(by_rate, forces.sense, rates, kept, constant=False)
     by_state = np.where(used[owners], -by_x[:, :, at[owners]], 0.0)
-    act = _rows(forces.act, schedule.acting_weights, kept)
-    followed = _rows(forces.sense, schedule.sensing_weights, owners)
+    act = _rows(forces.act, inputs.acting_weights, kept)
+    followed = _rows(forces.sense, inputs.sensing_weights, owners)
     return Linear(act, by_d, by_v, by_state, followed, by_x, by_rate, kept)
 
 
@@ -93,9 +93,9 @@ def _by_unknowns(
     return result
 
 
-def directions(forces: LocalForces, schedule: PrescribedInputs, i: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+def directions(forces: LocalForces, inputs: PrescribedInputs, i: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the acting and sensing rows of the forces, and the rates of the latter, shape (c, n) each."""
-    act, sense, turning = schedule.acting_matrix(i), schedule.sensing_matrix(i), schedule.sensing_rate_matrix(i)
+    act, sense, turning = inputs.acting_matrix(i), inputs.sensing_matrix(i), inputs.sensing_rate_matrix(i)
     return act @ forces.act.vectors, sense @ forces.sense.vectors, turning @ forces.sense.vectors
 
 

@@ -354,7 +354,7 @@ class LocalForces:
         return values
 
     def sense_motion(
-        self, d: FloatArray, v: FloatArray, schedule: PrescribedInputs
+        self, d: FloatArray, v: FloatArray, inputs: PrescribedInputs
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the sensed scalars, their rates, and the prescribed part of the rates, shape (m, c) each.
 
@@ -363,12 +363,12 @@ class LocalForces:
         rows, c = self.sense.rows, self.count
         on_d, on_v = (rows @ d.T).T, (rows @ v.T).T  # contiguous histories per scalar
         penetration, rate, prescribed_rates = on_d[:, :c], on_v[:, :c], np.zeros((len(d), c), order="F")
-        penetration += schedule.offset
-        prescribed_rates += schedule.offset_rate
+        penetration += inputs.offset
+        prescribed_rates += inputs.offset_rate
         for j, ((place, _), scalar) in enumerate(zip(self.sense.varying, self.sense.varying_scalars, strict=True)):
-            penetration[:, scalar] += schedule.sensing_weights[:, place] * on_d[:, c + j]
-            prescribed_rates[:, scalar] += schedule.sensing_rates[:, place] * on_d[:, c + j]
-            rate[:, scalar] += schedule.sensing_weights[:, place] * on_v[:, c + j]
+            penetration[:, scalar] += inputs.sensing_weights[:, place] * on_d[:, c + j]
+            prescribed_rates[:, scalar] += inputs.sensing_rates[:, place] * on_d[:, c + j]
+            rate[:, scalar] += inputs.sensing_weights[:, place] * on_v[:, c + j]
         rate += prescribed_rates
         return penetration, rate, prescribed_rates
 
@@ -383,7 +383,7 @@ class LocalForces:
         return work
 
     def respond(
-        self, penetration: FloatArray, rate: FloatArray, state: FloatArray, schedule: PrescribedInputs, i: int = 0
+        self, penetration: FloatArray, rate: FloatArray, state: FloatArray, inputs: PrescribedInputs, i: int = 0
     ) -> Reaction:
         """Return the forces for sensed scalars and rates, shape (c,), and states, (s,), at an instant of a schedule."""
         work, table = self.workspace, self.table
@@ -391,7 +391,7 @@ class LocalForces:
         local[PENETRATION], local[RATE], local[ANSWER] = penetration, rate, 0.0
         tangent[:] = 0.0
         states[STATE], states[BEGIN], states[SPAN] = state, penetration[table.owners], 0.0
-        self._evaluate(table.laws, table.constants, schedule.rows, i, schedule.functions, local, tangent, states)
+        self._evaluate(table.laws, table.constants, inputs.rows, i, inputs.functions, local, tangent, states)
         by_penetration, by_rate = np.zeros((2, self.count, self.count))
         for first, size in table.laws[:, [FIRST, SCALARS]].tolist():
             part = slice(first, first + size)

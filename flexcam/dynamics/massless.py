@@ -48,7 +48,7 @@ class MasslessMotions:
         residual = self.motions.T @ (push - self._K @ motion)
         return motion + self.motions @ self._factor.solve(residual)
 
-    def spread(self, kept: FloatArray) -> FloatArray:
+    def expand(self, kept: FloatArray) -> FloatArray:
         """Return the motion of all unknowns, shape (n, ...), from the kept ones, without massless forces."""
         motion = np.zeros((self._system.size, *kept.shape[1:]))
         motion[self.kept] = kept
@@ -91,7 +91,7 @@ class _CondensedSolver:
 
     def solve(self, right: FloatArray) -> FloatArray:
         """Solve, see `Factor`."""
-        return self.light.spread(self.factor.solve(self.light.condense_force(right)[self.light.kept]))
+        return self.light.expand(self.factor.solve(self.light.condense_force(right)[self.light.kept]))
 
 
 def find_massless_motions(system: System) -> FloatArray:

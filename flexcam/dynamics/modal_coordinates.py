@@ -44,7 +44,7 @@ class ModalCoordinates(ModeBasis):
         leading: list[int] = np.abs(self.vectors).argmax(axis=0).tolist() if self.size else []
         return tuple(names[i] for i in leading)
 
-    def within(self, motion: FloatArray, weight: Triplets) -> FloatArray:
+    def project(self, motion: FloatArray, weight: Triplets) -> FloatArray:
         """Return the modal coordinates of a motion."""
         return self.back @ motion
 
@@ -86,7 +86,7 @@ def _motions(pair: _MatrixPair) -> ModalCoordinates | None:
         return None
     light = MasslessMotions(system)
     try:
-        massive = light.spread(np.eye(system.size)[:, light.kept][light.kept])
+        massive = light.expand(np.eye(system.size)[:, light.kept][light.kept])
         M, K = (massive.T @ matrix.multiply(massive) for matrix in (system.mass, system.stiffness))
         values, shapes = solve_eigenproblem(0.5 * (M + M.T), 0.5 * (K + K.T))
         soft = normalize_stiffness(light.motions, system.stiffness)

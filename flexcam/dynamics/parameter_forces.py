@@ -58,11 +58,11 @@ class VariedProblem:
         return self._begin + self.stretch * (time - self._begin)
 
     def forces_without_inertia(
-        self, motion: CamMotion, schedule: PrescribedInputs, d: FloatArray, v: FloatArray, local: FloatArray
+        self, motion: CamMotion, inputs: PrescribedInputs, d: FloatArray, v: FloatArray, local: FloatArray
     ) -> FloatArray:
         """Return the sum of loads, stiffness, damping and local forces on the unknowns, N, shape (m, n)."""
         K, C, _ = self.matrices
-        push = self.push(local, schedule.acting_weights)
+        push = self.push(local, inputs.acting_weights)
         return self.problem.system.load_vector(motion) + push - d @ K.T - v @ C.T
 
     def push(self, local: FloatArray, weights: FloatArray) -> FloatArray:
@@ -83,7 +83,7 @@ class VariedProblem:
             self._inputs = track, (motion, self.forces.prescribed_inputs(motion))
         return self._inputs[1]
 
-    def answers(self, every: SensedTrajectory, schedule: PrescribedInputs) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def answers(self, every: SensedTrajectory, inputs: PrescribedInputs) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the answers of the laws to the scalars of a motion, and the lifts beyond the original, with rates.
 
         With a cam at the angle of its shaft, the contact stays where it is in the answers. The shapes are (m, c).
@@ -91,7 +91,7 @@ class VariedProblem:
         forces, depth, rate = self.forces, every.penetration, every.rate
         lift = forces.lifts.depth(depth) - self._lifts.depth(depth)
         lift_rate = forces.lifts.depth_rate(depth, rate) - self._lifts.depth_rate(depth, rate)
-        functions = schedule.rows[:, schedule.functions :]
+        functions = inputs.rows[:, inputs.functions :]
         answer = forces.evaluate(depth - lift, every.track.state, functions, rate=rate - lift_rate)[1]
         return answer, lift, lift_rate
 
@@ -103,10 +103,10 @@ class VariedProblem:
     def impact_change(self, old: StepState, contacts: IntArray) -> FloatArray:
         """Return the change of the velocities by an impact at switching scalars, shape (n,)."""
         motion = self.problem.drive.at(self.times(np.array([old.time])))
-        inputs = StepInputs(old.time, np.zeros(len(old.d)), self.forces.prescribed_inputs(motion))
-        impact = self.accelerations.impact_data(inputs, contacts)
+        to = StepInputs(old.time, np.zeros(len(old.d)), self.forces.prescribed_inputs(motion))
+        impact = self.accelerations.impact_data(to, contacts)
         rate = impact.sense @ old.v + impact.turning @ old.d
-        rate = rate + inputs.schedule.offset_rate[0][self.forces.switching[contacts]]
+        rate = rate + to.inputs.offset_rate[0][self.forces.switching[contacts]]
         return impact.velocity_change(rate, impact.reversal(rate))
 
     @cached_property
@@ -120,19 +120,19 @@ class _Evaluation:
 
     def __init__(self, side: VariedProblem, sensed: SensedTrajectory, lengths: FloatArray) -> None:
         self._side, self._sensed, self._lengths = side, sensed, lengths
-        motion, self.schedule = side.inputs(sensed.track)
+        motion, self.inputs = side.inputs(sensed.track)
         self.load = side.problem.system.load_vector(motion)
 
     @cached_property
     def push(self) -> FloatArray:
         """Effect of the local forces on the unknowns, N, shape (m, n)."""
-        return self._side.push(self._sensed.track.local, self.schedule.acting_weights)
+        return self._side.push(self._sensed.track.local, self.inputs.acting_weights)
 
     @cached_property
     def sensed(self) -> tuple[FloatArray, FloatArray]:
         """Sensed scalars and their rates, shape (m, c)."""
         track = self._sensed.track
-        return self._side.forces.sense_motion(track.d, track.v, self.schedule)[:2]
+        return self._side.forces.sense_motion(track.d, track.v, self.inputs)[:2]
 
     @cached_property
     def states_after(self) -> FloatArray:
@@ -142,7 +142,7 @@ class _Evaluation:
     @cached_property
     def answers(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Answers of the laws, and the lifts beyond the original with their rates, shape (m, c)."""
-        return self._side.answers(self._sensed, self.schedule)
+        return self._side.answers(self._sensed, self.inputs)
 
 
 class _ParameterChange:
@@ -163,7 +163,7 @@ class _ParameterChange:
     def explicit_terms(self, original: _Evaluation, along: SensedTrajectory, lengths: FloatArray) -> list[FloatArray]:
         """Return the derivatives of `ExplicitDerivatives` from the evaluation of the original problem."""
         varied, track = _Evaluation(self._side, along, lengths), along.track
-        after, before = varied.schedule, original.schedule
+        after, before = varied.inputs, original.inputs
         force = varied.load - original.load
         if self._same_act:
             force += self._side.push(track.local, after.acting_weights - before.acting_weights)

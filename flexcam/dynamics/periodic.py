@@ -142,7 +142,7 @@ def floquet(problem: Problem, method: Method | None = None) -> Floquet:
     shapes = np.asarray(vectors[:n, order], dtype=complex).T
     for basis in selected.bases:
         real, imaginary = (np.asarray(part(shapes), dtype=float) for part in (np.real, np.imag))
-        shapes = basis.spread(real) + 1j * basis.spread(imaginary)
+        shapes = basis.expand(real) + 1j * basis.expand(imaginary)
     values = np.asarray(values[order], dtype=complex)
     return Floquet(values, shapes.T, problem.step * problem.steps, problem.system.names, revolution.events)
 
@@ -202,8 +202,8 @@ def solve_periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9,
     search = _Newton(revolutions.weights) if linear else _Anderson(revolutions.weights, revolutions.patience)
     state = _fixed_point(revolutions, search, norm, tolerance)
     for basis in selected.bases:
-        displacement = basis.spread(state.displacement) + basis.held
-        state = replace(state, displacement=displacement, velocity=basis.spread(state.velocity))
+        displacement = basis.expand(state.displacement) + basis.offset
+        state = replace(state, displacement=displacement, velocity=basis.expand(state.velocity))
     return replace(state, time=start.time)
 
 
@@ -221,7 +221,7 @@ def _energy_norm(problem: Problem, bases: Sequence[Basis]) -> Norm:
     def norm(motions: FloatArray) -> FloatArray:
         parts = np.split(motions, 2, axis=-1)
         for basis in bases:
-            parts = [basis.spread(part) for part in parts]
+            parts = [basis.expand(part) for part in parts]
         return np.linalg.norm(weights * np.concatenate(parts, axis=-1), axis=-1)
 
     return norm

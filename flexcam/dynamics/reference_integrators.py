@@ -114,7 +114,7 @@ class _ScipyStepper:
     def _rate(self, time: float, y: FloatArray) -> FloatArray:
         to = self._at(time)
         moment = self._moment(y, to)
-        reaction = self._forces.respond(moment.penetration, moment.rate, moment.inner, to.schedule, to.row)
+        reaction = self._forces.respond(moment.penetration, moment.rate, moment.inner, to.inputs, to.row)
         return np.concatenate([moment.v, moment.a, reaction.state_rate])
 
     def _sizes(self, now: StepState, length: float) -> FloatArray:

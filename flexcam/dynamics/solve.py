@@ -54,9 +54,9 @@ def fingerprint(problem: Problem, method: Method, save: SaveAt) -> str:
     spread = np.linspace(0, problem.steps, _INSTANTS).round().astype(np.intp)
     steps = np.union1d(spread, np.arange(0, min(problem.steps, _BEGINNING) + 1, _APART))
     motion = problem.drive.at(problem.times(steps))
-    schedule = forces.prescribed_inputs(motion)
+    inputs = forces.prescribed_inputs(motion)
     arrays = [motion.angle, motion.speed, system.load_vectors(), system.load_histories(motion), forces.act.vectors]
-    arrays += [forces.sense.vectors, schedule.rows, forces.table.laws, forces.table.constants]
+    arrays += [forces.sense.vectors, inputs.rows, forces.table.laws, forces.table.constants]
     for matrix in (system.mass, system.damping, system.stiffness):
         arrays += [matrix.rows, matrix.cols, matrix.values]
     arrays += [probe.rows for probe in system.probes]
@@ -155,14 +155,18 @@ def solve(
         raise refuse("resume", "the completed part of a run of another problem", allowed, why, "run it from its start")
     begin = time.perf_counter()
     error = problem.start.periodicity if problem.start else None
-    way = select_engine(problem, scheme, output)
-    reduced = way.problem
+    selected = select_engine(problem, scheme, output)
+    reduced = selected.problem
     sizes = len(names.unknowns), 0 if reduced.system.is_kinematic else reduced.system.size
-    stats = Stats(engine=way.engine, size=sizes[0], unknowns=sizes[1], periodicity=-1.0 if error is None else error)
+    stats = Stats(
+        engine=selected.engine, size=sizes[0], unknowns=sizes[1], periodicity=-1.0 if error is None else error
+    )
     status, can_resume = Status(), resume is not None
     try:
-        forces = forces_of(way, scheme)
-        engine = create_engine(way, scheme, forces, output, lambda: is_late() or (stop is not None and stop()), pilot)
+        forces = forces_of(selected, scheme)
+        engine = create_engine(
+            selected, scheme, forces, output, lambda: is_late() or (stop is not None and stop()), pilot
+        )
         run = _Run(reduced, engine, forces, output, scheme.order)
         if resume is not None:
             for block in resume.blocks():
@@ -170,9 +174,9 @@ def solve(
                     sink.write(block)
             run.restore(resume.checkpoint.arrays)
             stats = run.statistics(replace(stats, steps=resume.checkpoint.steps))
-        with limit_blas_threads(way):
+        with limit_blas_threads(selected):
             for block in run.blocks(stats.steps):
-                expanded = reduce(expand_block, way.bases, block)
+                expanded = reduce(expand_block, selected.bases, block)
                 for sink in all_sinks:
                     sink.write(expanded)
                 stats = run.statistics(replace(stats, steps=stats.steps + len(block.time)))
@@ -198,12 +202,16 @@ def solve(
     return memory.response()
 
 
-def limit_blas_threads(way: SelectedEngine) -> AbstractContextManager[object]:
+def limit_blas_threads(selected: SelectedEngine) -> AbstractContextManager[object]:
     """Return a context with one thread of the linear algebra for a small system; the host's setting returns after it.
 
     In small matrices threads only hinder each other: a run of 66 unknowns takes twice the time.
     """
-    if way.engine != "direct" or way.problem.system.size > MAX_MODES or os.environ.get("OPENBLAS_NUM_THREADS") == "1":
+    if (
+        selected.engine != "direct"
+        or selected.problem.system.size > MAX_MODES
+        or os.environ.get("OPENBLAS_NUM_THREADS") == "1"
+    ):
         return nullcontext()
     return _SINGLE_THREAD
 
@@ -284,7 +292,7 @@ class _Observer:
             inputs = self._forces.prescribed_inputs(motion)
             penetrations, rates, prescribed_rates = self._forces.sense_motion(track.d, track.v, inputs)
         else:
-            inputs, penetrations, rates = sensed.schedule, sensed.penetration, sensed.rate
+            inputs, penetrations, rates = sensed.inputs, sensed.penetration, sensed.rate
             prescribed_rates = np.zeros_like(rates)  # for energies alone
         forces = np.asfortranarray(track.local)  # contiguous per scalar, like the sensed scalars
         series, histories = Series(track.d, track.v, track.a), self._system.load_histories(motion)

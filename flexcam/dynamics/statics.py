@@ -132,7 +132,7 @@ class _Potential:
 
     system: System
     forces: LocalForces
-    schedule: PrescribedInputs
+    inputs: PrescribedInputs
     act: FloatArray
     sense: FloatArray
     touching: tuple[_LawContribution, ...]
@@ -140,15 +140,15 @@ class _Potential:
     load: FloatArray
 
     @classmethod
-    def of(cls, system: System, forces: LocalForces, schedule: PrescribedInputs, load: FloatArray) -> _Potential:
+    def of(cls, system: System, forces: LocalForces, inputs: PrescribedInputs, load: FloatArray) -> _Potential:
         """Return the potential at a cam angle under a load of shape (n,)."""
-        act = schedule.acting_matrix(0) @ forces.act.vectors
-        sense = schedule.sensing_matrix(0) @ forces.sense.vectors
+        act = inputs.acting_matrix(0) @ forces.act.vectors
+        sense = inputs.sensing_matrix(0) @ forces.sense.vectors
         laws: list[_LawContribution] = []
         for force, part, _ in forces.parts:
             unknowns = np.flatnonzero((act[part] != 0.0).any(axis=0) | (sense[part] != 0.0).any(axis=0))
             laws.append(_LawContribution(force.name, part, unknowns, act[part, unknowns], sense[part, unknowns]))
-        return cls(system, forces, schedule, act, sense, tuple(laws), StoredEnergy(forces), load)
+        return cls(system, forces, inputs, act, sense, tuple(laws), StoredEnergy(forces), load)
 
     def at(self, u: FloatArray) -> tuple[FloatArray, float, Triplets]:
         """Return the residual forces (n,), the magnitude of the forces, and the tangent."""
@@ -166,10 +166,10 @@ class _Potential:
 
     def _reaction(self, u: FloatArray) -> Reaction:
         forces = self.forces
-        return forces.respond(self._penetration(u), np.zeros(forces.count), forces.start_state, self.schedule)
+        return forces.respond(self._penetration(u), np.zeros(forces.count), forces.start_state, self.inputs)
 
     def _penetration(self, u: FloatArray) -> FloatArray:
-        return self.sense @ u + self.schedule.offset[0]
+        return self.sense @ u + self.inputs.offset[0]
 
     def rounding(self, u: FloatArray) -> float:
         """Return the rounding of the residual, as strain forces are sums of large terms."""
@@ -180,7 +180,7 @@ class _Potential:
     def energy(self, u: FloatArray) -> float:
         """Return the potential energy; laws without energy do not contribute."""
         state = self.forces.start_state[None]
-        stored = float(self.stored.at(self._penetration(u)[None], state, self.schedule.cam)[0][0])
+        stored = float(self.stored.at(self._penetration(u)[None], state, self.inputs.cam)[0][0])
         return 0.5 * float(u @ self.system.stiffness.times(u)) - float(self.load @ u) + stored
 
     def line_search(

@@ -50,13 +50,13 @@ class StepInputs:
 
     time: float  #: s
     load: FloatArray  #: loads in the unknowns, shape (n,)
-    schedule: PrescribedInputs  #: prescribed inputs of the local forces
+    inputs: PrescribedInputs  #: prescribed inputs of the local forces
     row: int = 0  #: of the schedule
 
     @property
     def angle(self) -> float:
         """Cam angle, rad."""
-        return float(self.schedule.angle[self.row])
+        return float(self.inputs.angle[self.row])
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +138,7 @@ class SensedTrajectory:
     """Trajectory with the prescribed inputs, and the scalars that its local forces sense."""
 
     track: Trajectory
-    schedule: PrescribedInputs
+    inputs: PrescribedInputs
     penetration: FloatArray
     rate: FloatArray
 

@@ -161,7 +161,9 @@ def _same_active_dofs(problem: Problem, variations: Sequence[Variation]) -> bool
         return False
     bases = [basis_of(variation.problem) for variation in variations]
     return all(
-        isinstance(dofs, DofSubset) and np.array_equal(dofs.kept, basis.kept) and np.array_equal(dofs.held, basis.held)
+        isinstance(dofs, DofSubset)
+        and np.array_equal(dofs.kept, basis.kept)
+        and np.array_equal(dofs.offset, basis.offset)
         for dofs in bases
     )
 
@@ -169,7 +171,7 @@ def _same_active_dofs(problem: Problem, variations: Sequence[Variation]) -> bool
 def _project(problem: Problem, selected: SelectedEngine) -> Problem:
     """Return a problem in the unknowns of the engine; differences of such problems have no rounding of the modes."""
     for basis in reversed(selected.bases):
-        if problem.system.size != basis.held.size:
+        if problem.system.size != basis.offset.size:
             remedy = "use differences of runs"
             raise refuse("parameter", "a number that changes the unknowns", "another one", "", remedy)
         problem = reduce_problem(problem, basis)
@@ -245,16 +247,16 @@ class _Neighbour:
     def write(self, steps: IntArray, track: Trajectory, changes: FloatArray) -> Response:
         """Add and return the instants of some steps with the disturbances at their ends; others stay undisturbed."""
         side, n, forces = self._side, self._side.problem.system.size, self._side.forces
-        motion, schedule = side.inputs(track)
+        motion, inputs = side.inputs(track)
         change = np.zeros((len(track.time), changes.shape[1]))
         change[track.ends] = self._width * changes[:, :, self._parameter]
         d, v, state = track.d + change[:, :n], track.v + change[:, n : 2 * n], track.state + change[:, 2 * n :]
-        sensed, rate, _ = forces.sense_motion(d, v, schedule)
-        local = forces.evaluate(sensed, state, schedule.rows[:, schedule.functions :], rate=rate)[1]
+        sensed, rate, _ = forces.sense_motion(d, v, inputs)
+        local = forces.evaluate(sensed, state, inputs.rows[:, inputs.functions :], rate=rate)[1]
         a = track.a if self._width == 0.0 else np.full_like(d, np.nan)
         if self._width != 0.0 and self._accelerations:
-            a = side.accelerations.accelerations(side.forces_without_inertia(motion, schedule, d, v, local).T).T
+            a = side.accelerations.accelerations(side.forces_without_inertia(motion, inputs, d, v, local).T).T
         new = Trajectory(
             motion.time, d, v, a, local, state, np.zeros_like(local), track.pressed, track.ends, motion.cam
         )
-        return self._recorder.write(steps, SensedTrajectory(new, schedule, sensed, rate))
+        return self._recorder.write(steps, SensedTrajectory(new, inputs, sensed, rate))

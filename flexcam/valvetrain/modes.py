@@ -198,9 +198,9 @@ def modal_basis(problem: Problem, count: int, *, by_parts: bool = False) -> Mode
     subset = DofSubset(np.arange(n), np.zeros(n))
     if problem.prune:
         active = active_dofs_of(problem)
-        subset = DofSubset(np.flatnonzero(active.moving), active.held)
+        subset = DofSubset(np.flatnonzero(active.moving), active.offset)
     if not subset.size:
-        return ModeBasis(np.zeros((n, 0)), still=subset.held)
+        return ModeBasis(np.zeros((n, 0)), shift=subset.offset)
     reduced = project_system(problem.system, subset)
     rows = _interface_rows(reduced)
     if by_parts:
@@ -208,7 +208,7 @@ def modal_basis(problem: Problem, count: int, *, by_parts: bool = False) -> Mode
         vectors = dynamics.craig_bampton(reduced.mass, reduced.stiffness, boundary, parts, count)
     else:
         vectors = dynamics.corrected_modes(reduced.mass, reduced.stiffness, rows, count, free=reduced.free)
-    return ModeBasis(subset.spread(vectors.T).T, still=subset.held)
+    return ModeBasis(subset.expand(vectors.T).T, shift=subset.offset)
 
 
 def _parts(system: System, rows: FloatArray) -> tuple[IntArray, list[IntArray]]:

@@ -234,8 +234,8 @@ def test_residual_of_short_run_is_computed(path, steps, monkeypatch):
     assert 0.0 < solve(short, ready.scheme).stats.imbalance < 1e-10
     look = EquilibriumResidual.evaluate
 
-    def omit_loads(self, track, seen, schedule, rows):
-        look(self, track, replace(seen, histories=0.0 * seen.histories), schedule, rows)
+    def omit_loads(self, track, seen, inputs, rows):
+        look(self, track, replace(seen, histories=0.0 * seen.histories), inputs, rows)
 
     monkeypatch.setattr(EquilibriumResidual, "evaluate", omit_loads)
     assert solve(short, ready.scheme).stats.imbalance > 0.1

@@ -134,17 +134,17 @@ def test_every_law_has_case():
 def test_tangent_is_derivative_of_force(name):
     """Central differences; where two step sizes disagree, the law has a corner in between."""
     law, size, speed = CASES[name]
-    forces, schedule = stack_law(law)
+    forces, inputs = stack_law(law)
     checked = 0
     for x, v, z in zip(*sample_points(name, 60), strict=True):
-        answer = forces.respond(x, v, z, schedule)
+        answer = forces.respond(x, v, z, inputs)
         for which, tangent, h in ((0, answer.by_penetration, 1e-6 * size), (1, answer.by_rate, 1e-6 * max(speed, 1.0))):
             for i in range(law.scalars):
                 step = h * np.eye(law.scalars)[i]
 
                 def force(k, step=step, which=which, x=x, v=v, z=z):
                     moved = (x + k * step, v) if which == 0 else (x, v + k * step)
-                    return forces.respond(*moved, z, schedule).force
+                    return forces.respond(*moved, z, inputs).force
 
                 wide, narrow = (force(2) - force(-2)) / (4 * h), (force(1) - force(-1)) / (2 * h)
                 scale = np.abs(tangent).max(initial=1.0)
@@ -160,9 +160,9 @@ def test_tangent_is_derivative_of_force(name):
 )
 def test_elastic_force_is_derivative_of_energy(name):
     law, size, _ = CASES[name]
-    forces, schedule = stack_law(law)
+    forces, inputs = stack_law(law)
     x, _, z = sample_points(name)
-    functions = np.repeat(schedule.rows[:, schedule.functions :], len(x), axis=0)
+    functions = np.repeat(inputs.rows[:, inputs.functions :], len(x), axis=0)
     _, elastic, by_state = forces.evaluate(x, z, functions)
     h = 1e-6 * size
     for i in range(law.scalars):
@@ -185,12 +185,12 @@ def test_elastic_force_is_derivative_of_energy(name):
 def test_dissipated_power_is_never_negative(name):
     """Dissipated power is (f - f_elastic) v, plus the energy rate of an internal state."""
     law, _, _ = CASES[name]
-    forces, schedule = stack_law(law)
+    forces, inputs = stack_law(law)
     for x, v, z in zip(*sample_points(name), strict=True):
-        moving, still = forces.respond(x, v, z, schedule), forces.respond(x, 0.0 * v, z, schedule)
+        moving, still = forces.respond(x, v, z, inputs), forces.respond(x, 0.0 * v, z, inputs)
         power = float((moving.force - still.force) @ v)
         if law.states:
-            _, _, by_state = forces.evaluate(x[None], z[None], schedule.rows[:, schedule.functions :])
+            _, _, by_state = forces.evaluate(x[None], z[None], inputs.rows[:, inputs.functions :])
             power -= float(by_state[0] @ moving.state_rate)
         if law.kind == LEVER_KIND:  # the law excludes the linear spring and damper of the structure
             damping, arm, driven, start = law.constants[1:]
@@ -203,8 +203,8 @@ def test_dissipated_power_is_never_negative(name):
 def test_compiled_and_python_laws_agree(name):
     law, _, _ = CASES[name]
     x, _, z = sample_points(name)
-    (python, schedule), (compiled, _) = stack_law(law), stack_law(law, compiled=True)
-    functions = np.repeat(schedule.rows[:, schedule.functions :], len(x), axis=0)
+    (python, inputs), (compiled, _) = stack_law(law), stack_law(law, compiled=True)
+    functions = np.repeat(inputs.rows[:, inputs.functions :], len(x), axis=0)
     for one, other in zip(python.evaluate(x, z, functions), compiled.evaluate(x, z, functions), strict=True):
         # a dozen roundings, which the compiler may reorder
         np.testing.assert_allclose(other, one, rtol=1e-12, atol=1e-13 * np.abs(one).max(initial=0.0))
@@ -239,9 +239,9 @@ def test_run_from_static_equilibrium_is_constant(name, path):
 
 
 def test_section_forces_of_arch_match_law():
-    forces, schedule = stack_law(CASES["arch"][0])
+    forces, inputs = stack_law(CASES["arch"][0])
     values = sample_points("arch")[0]
-    law = [forces.respond(x, 0.0 * x, np.zeros(0), schedule).force for x in values]
+    law = [forces.respond(x, 0.0 * x, np.zeros(0), inputs).force for x in values]
     np.testing.assert_allclose(arch().forces(values[:, None])[:, 0], law, rtol=1e-12, atol=1e-12 * np.abs(law).max())
 
 
@@ -263,9 +263,9 @@ def test_direct_and_kernel_engine_agree(name):
 def test_table_law_interpolates_and_extrapolates():
     """Also with a row between two others, where the search for the interval must find both sides."""
     travel, force = [-1e-3, 1e-3, 2e-3, 5e-3], [-30.0, 10.0, 40.0, 60.0]
-    forces, schedule = stack_law(force_table_law(travel, force))
+    forces, inputs = stack_law(force_table_law(travel, force))
     far = [-3e-3, *travel, 9e-3]
-    found = [float(forces.respond(np.array([x]), np.zeros(1), np.zeros(0), schedule).force[0]) for x in far]
+    found = [float(forces.respond(np.array([x]), np.zeros(1), np.zeros(0), inputs).force[0]) for x in far]
     np.testing.assert_allclose(found, [-70.0, *force, 60.0 + 4e-3 * 20.0 / 3e-3], rtol=1e-14)
     assert float(forces.evaluate(np.zeros((1, 1)), np.zeros((1, 0)), np.zeros((1, 0)))[0][0, 0]) == 0.0
 

@@ -205,7 +205,7 @@ def test_statically_loaded_chain_stays_inactive():
     found = find_active_dofs(still, start.displacement)
     assert found.moving.tolist() == [True, True, False, False, False]
     assert (found.still[0].loaded, found.still[0].free) == (True, False)
-    assert found.held[4] == start.displacement[4] != 0.0
+    assert found.offset[4] == start.displacement[4] != 0.0
     rounded = replace(still, free=np.array([[1.0], [1.0], [1e-17], [1e-17], [1e-17]]))
     assert not find_active_dofs(rounded, start.displacement).still[0].free
     whole, pruned = run_both(still, start)
@@ -286,7 +286,7 @@ def test_incomplete_mode_basis_is_projection():
     assert small.names == ("shape 1", "shape 2")
     # The nearest motion by kinetic energy: the error has no momentum along the shapes.
     motion = rng.normal(size=4)
-    missed = motion - ModeBasis(T).spread(ModeBasis(T).within(motion, system.mass))
+    missed = motion - ModeBasis(T).expand(ModeBasis(T).project(motion, system.mass))
     np.testing.assert_allclose(T.T @ system.mass.times(missed), 0.0, atol=1e-12)
 
 
