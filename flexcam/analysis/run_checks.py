@@ -139,9 +139,8 @@ def check_lobes(model: Model) -> list[str]:
 def _check_lobe(model: Model, name: str, cam: Cam, follower: Follower) -> Iterator[str]:
     with suppress(InputError):  # no profile exists: code that needs it raises the error
         if undercut(profile_at(cam.event, follower, _ANGLES, cam.turn).radius, follower).any():
-            sizes = (format_quantity("m", size, digits=3) for size in (follower.base_radius, cam.event.height))
-            what = "a base circle of {} radius cannot produce a lift of {}".format(*sizes)
-            why = f"its profile crosses itself (undercut), because {what}"
+            radius, lift = (format_quantity("m", size, digits=3) for size in (follower.base_radius, cam.event.height))
+            why = f"undercut: its base circle ({radius}) is too small for this lift ({lift}) and follower"
             yield f"Warning: cams.{name}: {why}; flexcam cam prints the minimum base-circle radius"
     if isinstance(follower, FlatFollower) and not abs(offset := follower.lobe_contact) <= 0.5 * (cam.width or math.inf):
         place = "at the edge of the lobe" if math.isinf(offset) else f"{1e3 * abs(offset):.3g} mm from its middle"
@@ -150,15 +149,15 @@ def _check_lobe(model: Model, name: str, cam: Cam, follower: Follower) -> Iterat
     if isinstance(follower, FlatFollower) and follower.face_diameter is not None:
         needed = 2.0 * follower.face_radius(float(np.abs(cam.event(_LIFT_ANGLES, 1)).max()), cam.width)
         if needed > follower.face_diameter:
-            sizes = f"a diameter of {1e3 * needed:.4g} mm, but face_diameter is {1e3 * follower.face_diameter:.4g} mm"
-            yield f"Warning: cams.{name}: the contact line crosses the edge of the follower's face, which needs {sizes}"
+            need = f"a diameter of {1e3 * needed:.4g} mm, but face_diameter is {1e3 * follower.face_diameter:.4g} mm"
+            yield f"Warning: cams.{name}: the contact line crosses the edge of the follower's face, which needs {need}"
     node = model.mesh.points.get(cam.at, np.empty(0, dtype=int))
     members = [member for part, member in model.members.items() if np.isin(node, model.mesh.lines[part]).any()]
     sections = (member.section.at(0.5) for member in members)
-    shaft = max((section.radius for section in sections if section.round), default=0.0)
-    if shaft > _SHAFT_RADIUS_RATIO * follower.base_radius:
-        sizes = f"its base circle has a radius of {1e3 * follower.base_radius:.4g} mm, its shaft one of"
-        yield f"Warning: cams.{name}: {sizes} {1e3 * shaft:.4g} mm: the follower would run on the shaft"
+    shaft_radius = max((section.radius for section in sections if section.round), default=0.0)
+    if shaft_radius > _SHAFT_RADIUS_RATIO * follower.base_radius:
+        radii = f"its base circle has a radius of {1e3 * follower.base_radius:.4g} mm, its shaft one of"
+        yield f"Warning: cams.{name}: {radii} {1e3 * shaft_radius:.4g} mm: the follower would run on the shaft"
 
 
 def _check_shared_lobes(model: Model) -> Iterator[str]:

@@ -149,16 +149,25 @@ class Program:
         given = " with ".join(filter(None, (bounds, conditions)))
         what = " and ".join(["bounds"] * bool(bounds) + ["conditions"] * bool(conditions))
         remedy = " or ".join(["a wider bound"] * bool(bounds) + ["other conditions"] * bool(conditions))
-        rest, why = self.family.rest if isinstance(self.family, SplineFamily) else 0, ""
-        if any(z in (0.0, 1.0) and 0 < order <= rest and value for z, order, value in self.conditions):
-            why = f"--rest is {rest}, so the first {rest} derivatives are zero at both ends"
-            remedy += ", or a lower --rest"
-        elif self.monotone and any(order == 1 and value < 0.0 for _, order, value in self.conditions):
+        symmetric, why = isinstance(self.family, SplineFamily) and self.family.symmetric, ""
+        if fixed := self._fixed_end():
+            why, remedy = fixed[0], f"{remedy}{fixed[1]}"
+        elif self.monotone and any(_turns_back(condition) for condition in self.conditions):
             remedy += ", or allow laws that turn back (--turning-back)"
-        elif isinstance(self.family, SplineFamily) and self.conditions and self.family.symmetric:
+        elif symmetric and self.conditions:
             remedy += ", or allow asymmetric laws (--asymmetric), which may meet these"
-        where = "condition" if conditions else "bound"
-        return refuse(where, given, f"{what} that {self.family.name} can meet", why, f"use {remedy}")
+        return refuse(what, given, f"{what} that {self.family.name} can meet", why, f"use {remedy}")
+
+    def _fixed_end(self) -> tuple[str, str] | None:
+        """Return why a condition contradicts an end of every law, and what else helps; None if none does."""
+        rest = self.family.rest if isinstance(self.family, SplineFamily) else 1
+        for z, order, value in self.conditions:
+            if z in (0.0, 1.0) and order <= rest and value != (z if order == 0 else 0.0):
+                if order > 1:
+                    why = f"--rest is {rest}, so the first {rest} derivatives are zero at both ends"
+                    return why, f", or --rest {order - 1}"
+                return ("the velocity is zero at both ends" if order else "the law rises from 0 to 1"), ""
+        return None
 
     def _inequalities(
         self, places: Mapping[int, FloatArray], cuts: Sequence[TangentPlane], around: tuple[FloatArray, float] | None
@@ -206,6 +215,12 @@ class Program:
         rows = [self.family.rows(np.array([z]), order) for z, order, _ in self.conditions]
         values = [value - offset[0] for (_, offset), (*_, value) in zip(rows, self.conditions, strict=True)]
         return self._dense_rows(np.vstack([matrix, *(row for row, _ in rows)])), np.concatenate([right, values])
+
+
+def _turns_back(condition: Condition) -> bool:
+    """Return whether a law that meets a condition has a negative velocity."""
+    z, order, value = condition
+    return (order == 1 and value < 0.0) or (order == 2 and ((z == 0.0 and value < 0.0) or (z == 1.0 and value > 0.0)))
 
 
 def _slowest(law: Law) -> float:

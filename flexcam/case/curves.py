@@ -81,6 +81,8 @@ class LoadDefinition:
                 allowed = "a unit of pressure such as bar"
                 why = "the load gives 'area', so its table must be a pressure"
             remedy = "check that this is the right file and column"
+            if not self.unit:
+                remedy = f"write its unit in the header line, such as {self.name} [{'bar' if area else 'N'}]"
             if is_convertible(self.unit, "N" if area else "Pa"):
                 remedy = "leave area out to apply a force" if area else "give the load an area to apply a pressure"
             raise refuse(where, given, allowed, why, remedy) from None

@@ -190,7 +190,7 @@ def select_storage(matrix: Triplets) -> FloatArray | csr_array:
     return matrix.dense() if matrix.size <= DENSE_LIMIT else matrix.csr()
 
 
-_FREE = 64.0 * np.finfo(float).eps
+_FREE_TOLERANCE = 64.0 * np.finfo(float).eps
 """Eigenvalues of the diagonally scaled matrix below this are rounding: each entry of K has an error of one eps."""
 
 _MAX_DIMENSION = 24
@@ -216,7 +216,7 @@ def null_space(matrix: Triplets) -> FloatArray:
 
 def _dense_motions(matrix: Triplets, scale: FloatArray) -> FloatArray:
     values, vectors = np.linalg.eigh(scale[:, None] * matrix.dense() * scale)
-    return vectors[:, values < _FREE]
+    return vectors[:, values < _FREE_TOLERANCE]
 
 
 def _lanczos_motions(matrix: Triplets, scale: FloatArray) -> FloatArray:
@@ -228,7 +228,7 @@ def _lanczos_motions(matrix: Triplets, scale: FloatArray) -> FloatArray:
     start = np.random.default_rng(0).standard_normal(matrix.size)
     shift = -1e-10
     values, vectors = eigsh(scaled, k=min(_MAX_DIMENSION, matrix.size - 2), sigma=shift, v0=start)
-    return vectors[:, np.abs(values) < _FREE]
+    return vectors[:, np.abs(values) < _FREE_TOLERANCE]
 
 
 def select_constraints(motions: FloatArray) -> list[int]:

@@ -33,7 +33,7 @@ _TOUCH = 1e-15
 _NEAR_SWITCH = 1e-6
 """Fraction of a step within which a contact is about to switch."""
 
-_DELAY = 1e-3
+_OFFSET = 1e-3
 """Fraction of a step for the limits on both sides of an event."""
 
 _AT_REST = 1e-6
@@ -272,10 +272,10 @@ class Disturbances:
             )
             before = before + motion.flow[i][:, None] * shift
         d, v, z = split_state(before, n)
-        factor, delay = hit.reversal(rate), _DELAY * self._problem.step
-        later, earlier = (self._change(old, contacts, factor, sign * delay) for sign in (1.0, -1.0))
+        factor, offset = hit.reversal(rate), _OFFSET * self._problem.step
+        later, earlier = (self._change(old, contacts, factor, sign * offset) for sign in (1.0, -1.0))
         v = v + hit.velocity_change(hit.sense @ v + hit.turning @ d, factor)
-        v = v + (later - earlier)[:, None] * shift / (2.0 * delay)
+        v = v + (later - earlier)[:, None] * shift / (2.0 * offset)
         if self._parameters is not None:
             v[:, : self._parameters.count] += self._parameters.impact_change(old, contacts)
         self._current, self._shift = np.vstack([d, v, z]), shift
@@ -293,12 +293,12 @@ class Disturbances:
         The shape is (e, 2n + s), with zeros in front. The sensed scalars `depth` at the instants, shape (e, c), are
         those of contacts on their side: the prescribed penetration rate is multiplied by their stiffness.
         """
-        delay, forces, track, n = _DELAY * self._problem.step, self._forces, sensed.track, self._problem.system.size
-        motion = self._problem.drive.at((track.time[instants, None] + delay * np.array([-1.0, 0.0, 1.0])).ravel())
+        offset, forces, track, n = _OFFSET * self._problem.step, self._forces, sensed.track, self._problem.system.size
+        motion = self._problem.drive.at((track.time[instants, None] + offset * np.array([-1.0, 0.0, 1.0])).ravel())
         inputs, at = forces.prescribed_inputs(motion), np.repeat(instants, 3)
 
         def slope(values: FloatArray) -> FloatArray:
-            return (values[2::3] - values[::3]) / (2.0 * delay)
+            return (values[2::3] - values[::3]) / (2.0 * offset)
 
         histories = forces.sense_motion(track.d[at], track.v[at], inputs)
         by_penetration, by_rate = slope(histories[0]), slope(histories[1])

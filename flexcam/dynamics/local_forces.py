@@ -358,7 +358,7 @@ class LocalForces:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the sensed scalars, their rates, and the prescribed part of the rates, shape (m, c) each.
 
-        Displacements and velocities are those at the m instants of the schedule, shape (m, n).
+        Displacements and velocities are those at the m instants of the inputs, shape (m, n).
         """
         rows, c = self.sense.rows, self.count
         on_d, on_v = (rows @ d.T).T, (rows @ v.T).T  # contiguous histories per scalar
@@ -385,7 +385,7 @@ class LocalForces:
     def respond(
         self, penetration: FloatArray, rate: FloatArray, state: FloatArray, inputs: PrescribedInputs, i: int = 0
     ) -> Reaction:
-        """Return the forces for sensed scalars and rates, shape (c,), and states, (s,), at an instant of a schedule."""
+        """Return the forces for sensed scalars and rates, shape (c,), and states, (s,), at an instant of the inputs."""
         work, table = self.workspace, self.table
         local, tangent, states = work.local, work.tangent, work.states
         local[PENETRATION], local[RATE], local[ANSWER] = penetration, rate, 0.0

@@ -271,16 +271,16 @@ class ModalEngine(Engine):
     def __init__(self, problem: Problem, scheme: Scheme, stop: Callable[[], bool], length: int = MODAL_BLOCK) -> None:
         self._problem, self._system, self._stop = problem, problem.system, stop
         self._forces = LocalForces(problem.system)
-        self._modes = ModalPropagator(problem, scheme, length)
+        self._propagator = ModalPropagator(problem, scheme, length)
 
     def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
         """Return the instants of some successive steps, see `Engine`."""
         if self._stop():
             return no_instants(self._system.size, self._forces), STOPPED
         first, times = self._first_instant(), self._problem.times(steps)
-        row = int(steps[0]) - self._modes.at
+        row = int(steps[0]) - self._propagator.at
         states = self._advance_states(int(steps[-1]))
-        states[1:] /= self._modes.scale[1:, None]
+        states[1:] /= self._propagator.scale[1:, None]
         if first is None:
             track = self._track(times, states[:, row:])
         else:  # the first instant is unchanged
@@ -290,15 +290,15 @@ class ModalEngine(Engine):
 
     def _first_instant(self) -> Trajectory | None:
         """Return the first instant if the run is at its start; else None."""
-        if self._modes.at >= 0:
+        if self._propagator.at >= 0:
             return None
         first = first_track(self._problem, self._forces)
-        self._modes.begin(first)
+        self._propagator.begin(first)
         return first
 
     def _advance_states(self, last: int) -> FloatArray:
         """Return the states from the current one up to a step, shape (3, m + 1, n)."""
-        modes, count, n = self._modes, last - self._modes.at + 1, self._system.size
+        modes, count, n = self._propagator, last - self._propagator.at + 1, self._system.size
         histories, begin = modes.histories(last), modes.state
         part = modes.advance(last, histories)
         if part.states is not None:
@@ -319,11 +319,11 @@ class ModalEngine(Engine):
 
     def state(self) -> Arrays:
         """Return the state of the modes, see `Engine`."""
-        return {"at": np.array(self._modes.at), "amounts": self._modes.state}
+        return {"at": np.array(self._propagator.at), "amounts": self._propagator.state}
 
     def restore(self, state: Arrays) -> None:
         """Restore the state, see `Engine`."""
-        self._modes.at, self._modes.state = int(state["at"]), state["amounts"]
+        self._propagator.at, self._propagator.state = int(state["at"]), state["amounts"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -367,7 +367,7 @@ class ProbeEngine(ModalEngine):
     def __init__(self, problem: Problem, scheme: Scheme, save: SaveAt, stop: Callable[[], bool]) -> None:
         super().__init__(problem, scheme, stop, PROBE_BLOCK)
         self._save = save
-        self._view = OutputMatrices.of(probe_rows(problem), self._modes)
+        self._view = OutputMatrices.of(probe_rows(problem), self._propagator)
 
     def advance_probes(self, steps: IntArray) -> tuple[ProbeTrajectory, Status]:
         """Return the saved results of successive steps, up to the last in range, and a status, see `Engine`."""
@@ -388,7 +388,7 @@ class ProbeEngine(ModalEngine):
 
     def _evaluate(self, steps: IntArray, saved: NDArray[np.bool_]) -> ProbeTrajectory | None:
         """Return the saved results of steps; None if a value diverges."""
-        first, modes = self._first_instant(), self._modes
+        first, modes = self._first_instant(), self._propagator
         begin, times = modes.at, self._problem.times(steps)
         histories, rows = modes.histories(int(steps[-1])), steps[saved] - begin
         values = np.empty((len(histories), 3, len(self._view.rows)))
@@ -409,13 +409,14 @@ class ProbeEngine(ModalEngine):
         """Return the states after selected steps, counted from the state before them, shape (3, r, n)."""
         if part.states is not None:
             return part.states[:, rows - 1]
-        block, step = np.divmod(rows - 1, self._modes.length)
+        block, step = np.divmod(rows - 1, self._propagator.length)
         result = part.ends[block].swapaxes(0, 1).copy()
-        for i in np.flatnonzero(step < self._modes.length - 1).tolist():  # the last step of a run may not end a block
-            row = int(block[i]) * self._modes.length
-            forces = self._modes.modal_forces(histories[row : row + int(step[i]) + 2])
+        last = self._propagator.length - 1  # the last step of a run may not end a block
+        for i in np.flatnonzero(step < last).tolist():
+            row = int(block[i]) * self._propagator.length
+            forces = self._propagator.modal_forces(histories[row : row + int(step[i]) + 2])
             states = np.empty((3, *forces.shape))
-            self._modes.steps.walk(part.begins[block[i]], forces, states)
+            self._propagator.steps.walk(part.begins[block[i]], forces, states)
             result[:, i] = states[:, -1]
         return result
 

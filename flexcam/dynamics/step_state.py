@@ -51,7 +51,7 @@ class StepInputs:
     time: float  #: s
     load: FloatArray  #: loads in the unknowns, shape (n,)
     inputs: PrescribedInputs  #: prescribed inputs of the local forces
-    row: int = 0  #: of the schedule
+    row: int = 0  #: of the inputs
 
     @property
     def angle(self) -> float:

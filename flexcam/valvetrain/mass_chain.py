@@ -19,7 +19,7 @@ from flexcam.valvetrain.strength import Bars, compressed_members, elements_of
 from flexcam.valvetrain.structure import Structure, build_structure
 from flexcam.valvetrain.system_builder import build_system
 
-_RANK = 1e-9  # singular value below which a strain-free motion is independent of the kept motions
+_RANK_TOL = 1e-9  # singular value below which a strain-free motion is independent of the kept motions
 _ELONGATION_TOLERANCE = 1e-6  # elongation of an element per unit motion below which it is rounding
 
 
@@ -31,7 +31,8 @@ def static_shapes(system: System, rows: FloatArray) -> FloatArray:
         raise refuse("chain", given, allowed, "mode shapes are dense", "use fewer elements")
     basis = np.linalg.qr(np.zeros((n, 0)) if system.free is None else system.free)[0]
     _, values, vectors = np.linalg.svd(rows @ basis)
-    unsensed = basis @ vectors[int(np.count_nonzero(values > _RANK)) :].T  # motions without strain that no row senses
+    # Motions without strain that no row senses.
+    unsensed = basis @ vectors[int(np.count_nonzero(values > _RANK_TOL)) :].T
     constraints = np.concatenate([rows, unsensed.T])
     K = system.stiffness.dense()
     scale = float(np.abs(np.diagonal(K)).max(initial=0.0)) or 1.0

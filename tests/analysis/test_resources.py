@@ -146,8 +146,8 @@ def test_too_large_sweep_raises_error(monkeypatch, tmp_path):
 
 
 def test_free_resources_are_positive():
-    assert free_memory() > 0
-    assert free_disk(Path("/no/such/folder")) > 0
+    for free in (free_memory(), free_disk(Path("/no/such/folder"))):
+        assert free is None or free > 0
 
 
 def test_control_group_memory(tmp_path):

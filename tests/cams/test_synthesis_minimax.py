@@ -244,7 +244,7 @@ def test_infeasible_bounds_raise_error(case):
 
 
 def test_error_suggests_non_monotone_law():
-    with pytest.raises(InputError, match=r"Use a wider bound or other conditions, with laws that turn back"):
+    with pytest.raises(InputError, match=r"Use a wider bound or other conditions, or allow laws that turn back"):
         minimax(SplineFamily(degree=5, pieces=8), {"Ca": 1.0}, bounds={"Cj": 500.0}, conditions=[(0.2, 1, -0.1)])
 
 

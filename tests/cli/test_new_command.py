@@ -38,7 +38,7 @@ def test_every_key_of_starter_has_comment(name):
 
 
 QUICK = ("published-model", "pushrod-engine", "lumped-train", "packaging-cam", "desmodromic")
-"""`test_doubtful_numbers` also checks the others."""
+"""`tests/errors/test_input_warnings.py` also checks the others."""
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name not in QUICK)) for name in NAMES])

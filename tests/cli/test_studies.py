@@ -432,7 +432,7 @@ def test_gradient_search_with_contact(flexcam):
     assert found["evaluations"] <= 5
     assert values["run.crank_speed"] > 5080.0 * 2.0 * math.pi / 60.0
     assert values["contacts.intake.nose_force.least"] >= 150.0
-    assert values["springs.valve.stress.largest"] <= 0.86e9
+    assert 0.95 * 0.86e9 <= values["springs.valve.stress.largest"] <= 0.86e9, "near its bound after five evaluations"
 
 
 def test_table_of_best_variant_has_six_digits(flexcam, oscillator, tmp_path):

@@ -49,6 +49,16 @@ def test_pages_contain_links():
     assert sum(len(targets(page.read_text(encoding="utf-8"))) for page in PAGES) > 40
 
 
+def test_tests_named_on_pages_exist():
+    """Pages and docstrings of tests name test functions in backticks."""
+    sources = {path: path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("*.py")}
+    pages = [path.read_text(encoding="utf-8") for path in (ROOT / "docs").rglob("*.md")]
+    known = {name for text in sources.values() for name in re.findall(r"def (test_\w+)", text)}
+    known |= {path.stem for path in sources}
+    named = {name for text in (*sources.values(), *pages) for name in re.findall(r"`(test_\w+)`", text)}
+    assert named <= known
+
+
 def test_broken_link_is_detected(tmp_path):
     page = tmp_path / "page.md"
     page.write_text("# One\n[a](#one) [b](page.md#two) ![c](none.png) [d](https://x.y)\n", encoding="utf-8")

@@ -351,7 +351,7 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
         super()._check()
         distributed = self.force_per_length is not None
         sizes = sum(value is not None for value in (self.force, self.table, self.force_per_length))
-        if self.at is not None and not sizes:
+        if self.at is not None and self.member is None and not sizes:
             raise value_error("'force' or 'table' as well", "one of them gives the size of the load")
         if sizes != 1 or (self.member is not None) != distributed or (self.at is None) != distributed:
             allowed = "either 'at' with one of 'force' and 'table', or 'member' with 'force_per_length'"

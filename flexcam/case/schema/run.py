@@ -287,7 +287,10 @@ class RunRecord(Record):
     start: StartRecord = Field(
         "rest", description="at rest as installed, in static equilibrium, in the periodic state, or from a given state"
     )
-    gravity: Gravity = Field((0.0, 0.0, 0.0), description="along the global axes x, y, z")
+    gravity: Gravity = Field(
+        (0.0, 0.0, 0.0),
+        description="along the global axes x, y, z, except for masses and springs at output points of rockers",
+    )
     integrator: IntegratorRecord | None = Field(
         None,
         description="by default collocation if forces depend on the motion and steps are fine enough, else newmark",
