@@ -350,7 +350,7 @@ REFUSED = {  # arguments, location, part of the message
     "pieces of polynomials": (f"{P} --pieces 3", "--pieces", "--family spline"),
     "two numbers": (f"{P} --condition 0.5,1", "--condition", "0.5,1,1.8"),
     "condition that none meets": (f"{P} --condition 0.5,0,0.7", "--condition", "0.5,0,0.7"),
-    "condition against the ends": ("law --minimize rms --condition 0,2,0.6", "--condition", "a lower --rest"),
+    "condition against the ends": ("law --minimize rms --condition 0,2,0.6", "--condition", "or --rest 1"),
     "tolerance in kg": ("harmonic MODEL --tolerance 20kg", "--tolerance", "a length"),
     "no harmonic below the first mode": ("harmonic MODEL --set=run.speed=30000rpm", "count", "--count"),
     "cam that is not there": ("harmonic MODEL --cam intak", "--cam", "did you mean 'intake'"),

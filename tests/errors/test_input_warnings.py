@@ -235,7 +235,7 @@ def test_failed_equilibrium_names_implausible_values():
 
 
 @pytest.mark.parametrize(("override", "said"), [
-    ("cams.intake.base_radius=17.4mm", "its profile crosses itself (undercut)"),
+    ("cams.intake.base_radius=17.4mm", "undercut: its base circle"),
     ("sections.shaft.diameter=50mm", "its base circle has a radius of 24 mm, its shaft one of 25 mm"),
 ])  # fmt: skip
 def test_infeasible_lobe_gives_warning(override, said):
