@@ -309,7 +309,7 @@ def harmonic_cam(
     if not excited.relevant_modes:
         why = "no vibration mode moves this contact"
         raise refuse(f"contacts.{contact}", "no spring that it moves", "a train on a spring", why, "add a spring")
-    frequency = float(excited.found.modes.omegas[excited.relevant_modes[0]])
+    frequency = float(excited.model_modes.modes.omegas[excited.relevant_modes[0]])
     limit = harmonics_below(frequency, case.speed)
     if count is None and limit < 1:
         given = f"{frequency / (2.0 * math.pi):.4g} Hz at {case.speed / RPM:.6g} rpm"
@@ -347,7 +347,7 @@ def _evaluate_design(
     event: Event, phase: float, transfer: Transfer, speed: float, ratio: float, count: int
 ) -> PolydyneCam:
     design = polydyne(event, transfer, speed, count=count)
-    plain = Polydyne(design.wanted, design.wanted, 0.0)
+    plain = Polydyne(design.target, design.target, 0.0)
     speeds = speed * np.array(SPEED_RATIOS)
     before, after = (ratio * off_design_deviation(cam, transfer, speeds.tolist()) for cam in (plain, design))
     return PolydyneCam(design, speed, speeds, before, after, ratio, phase)

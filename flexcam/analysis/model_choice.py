@@ -276,26 +276,27 @@ class Choice:
     """Model that meets a tolerance, or the closest one."""
 
     rung: ModelLevel  #: model: the cheapest that meets the tolerance, else the one with the smallest error
-    found: ModelEvaluation  #: its errors and cost
+    evaluation: ModelEvaluation  #: its errors and cost
     #: closest of the cheaper models that do not meet the tolerance; None if there is none
     cheaper: ModelEvaluation | None
-    against: Reference  #: reference run
-    met: bool  #: whether the tolerance is met, including the error of the reference
-    tried: int  #: number of models tried
+    reference: Reference  #: reference run
+    is_met: bool  #: whether the tolerance is met, including the error of the reference
+    count: int  #: number of models tried
     tolerance: Mapping[str, float]  #: tolerance by quantity
 
     @property
     def why(self) -> str:
         """Reason why no model meets the tolerance; empty if one does."""
-        if self.met:
+        if self.is_met:
             return ""
-        sizes, errors = self.against.size, self.against.errors
-        checked = {name: error for name, error in self.found.errors.items() if name.partition(" ")[0] in self.tolerance}
+        sizes, errors = self.reference.size, self.reference.errors
+        errors_found = self.evaluation.errors.items()
+        checked = {name: error for name, error in errors_found if name.partition(" ")[0] in self.tolerance}
         parts = [f"{name} {_percent(error)} (the reference {_percent(errors[name] / sizes[name])})"
                  for name, error in checked.items()]  # fmt: skip
         if not parts:
-            return f"none of {self.tried} models has all of {', '.join(self.tolerance)}"
-        return f"the closest of {self.tried} models is off by {', '.join(parts)}"
+            return f"none of {self.count} models has all of {', '.join(self.tolerance)}"
+        return f"the closest of {self.count} models is off by {', '.join(parts)}"
 
 
 def choose_model(

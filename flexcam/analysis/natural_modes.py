@@ -100,8 +100,8 @@ def closed_modes(case: Case) -> tuple[list[ClosedModes], str]:
     try:
         results: list[ClosedModes] = []
         for name in contacts:
-            base = modes_on_the_lift(model, name, case.speed, base_circle=True).found
-            results.append(ClosedModes(name, base, modes_on_the_lift(model, name, case.speed).found))
+            base = modes_on_the_lift(model, name, case.speed, base_circle=True).model_modes
+            results.append(ClosedModes(name, base, modes_on_the_lift(model, name, case.speed).model_modes))
     except (InputError, RunFailedError) as failure:
         return [], f"No modes with contacts closed: {failure}"
     return results, ""
@@ -219,12 +219,12 @@ def _extend_lines(lines: list[_ModeLine], i: int, count: int, now: ContactModes,
     """Extend the lines by the modes at the next speed; a mode that matches no line starts a new one."""
     from scipy.optimize import linear_sum_assignment
 
-    first = now.found.modes.rigid
-    last = min(first + modes + _EXTRA_MODES, len(now.found.modes.omegas))
-    shapes, relevant = now.found.modes.shapes[:, first:last], set(now.relevant_modes)
+    first = now.model_modes.modes.rigid
+    last = min(first + modes + _EXTRA_MODES, len(now.model_modes.modes.omegas))
+    shapes, relevant = now.model_modes.modes.shapes[:, first:last], set(now.relevant_modes)
     previous = np.array([line.shape for line in lines]).reshape(len(lines), mass.size)
     likeness = (previous @ mass.multiply(shapes)) ** 2
-    frequencies = now.found.modes.frequencies[first:last]
+    frequencies = now.model_modes.modes.frequencies[first:last]
     latest = np.array([line.frequencies[~np.isnan(line.frequencies)][-1] for line in lines])
     leaps = np.abs(frequencies / latest[:, None] - 1.0) > _MAX_FREQUENCY_CHANGE
     alike = np.where(leaps, 0.0, likeness)
@@ -232,7 +232,7 @@ def _extend_lines(lines: list[_ModeLine], i: int, count: int, now: ContactModes,
     pairs = [(k, j) for k, j in best if alike[k, j] >= _MIN_MAC]
     new = set(range(min(modes, last - first))) - {j for _, j in pairs}
     for j in sorted(new):
-        lines.append(_ModeLine(np.full(count, math.nan), shapes[:, j], now.found.words(first + j)))
+        lines.append(_ModeLine(np.full(count, math.nan), shapes[:, j], now.model_modes.words(first + j)))
         pairs.append((len(lines) - 1, j))
     for k, j in pairs:
         lines[k].frequencies[i] = frequencies[j]

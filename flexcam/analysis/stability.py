@@ -173,7 +173,7 @@ def resonances(ready: PreparedRun, response: Response) -> tuple[Resonance, ...]:
         maximum = max(float(np.abs(force).max(initial=0.0)), np.finfo(float).tiny)
         for n, amplitude in lifts.items():
             for i in modes.relevant_modes:
-                frequency, words = float(modes.found.modes.frequencies[i]), modes.found.words(i)
+                frequency, words = float(modes.model_modes.modes.frequencies[i]), modes.model_modes.words(i)
                 rpm, load = 60.0 * frequency / n, float(loads[n - 1])
                 crossings.append(Resonance(name, rpm, n, amplitude, load, i, frequency, words, load / maximum))
     case_rpm = ready.case.speed / RPM

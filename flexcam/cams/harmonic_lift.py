@@ -329,16 +329,16 @@ class Polydyne:
     """A polydyne cam."""
 
     event: HarmonicLift  #: lift of the cam
-    wanted: HarmonicLift  #: target motion, as harmonics
+    target: HarmonicLift  #: target motion, as harmonics
     left_out: float  #: largest deviation of the target motion from its harmonics, m
 
 
-def polydyne(wanted: Event, transfer: Transfer, speed: float, *, count: int = 60) -> Polydyne:
+def polydyne(target: Event, transfer: Transfer, speed: float, *, count: int = 60) -> Polydyne:
     """Return the cam that gives the end of a train a target motion at a design speed."""
     positive("speed", speed, "rad/s")
     if not 1 <= count <= _MAX_HARMONICS:
         raise refuse("count", count, f"a whole number from 1 to {_MAX_HARMONICS}")
-    amplitude = harmonics(wanted, count)
+    amplitude = harmonics(target, count)
     gain = transfer(speed * np.arange(count + 1.0))
     silent = ~np.isfinite(gain[:1]) if not np.isfinite(gain[0]) else np.abs(gain) < _MIN_RESPONSE * abs(gain[0])
     if silent.any():
@@ -348,12 +348,12 @@ def polydyne(wanted: Event, transfer: Transfer, speed: float, *, count: int = 60
     # A harmonic in resonance must be absent from the cam.
     resonant = ~np.isfinite(gain)
     cam = np.where(resonant, 0.0, amplitude / np.where(resonant, 1.0, gain))
-    return Polydyne(HarmonicLift.of(cam), goal, float(np.abs(goal(_GRID) - wanted(_GRID)).max()))
+    return Polydyne(HarmonicLift.of(cam), goal, float(np.abs(goal(_GRID) - target(_GRID)).max()))
 
 
 def off_design_deviation(design: Polydyne, transfer: Transfer, speeds: Sequence[float]) -> FloatArray:
     """Return the largest deviation from the target motion at other speeds."""
-    count, target = len(design.event.cosine), design.wanted(_GRID)
+    count, target = len(design.event.cosine), design.target(_GRID)
 
     def deviation(speed: float) -> float:
         amplitude, gain = harmonics(design.event, count), transfer(speed * np.arange(count + 1.0))

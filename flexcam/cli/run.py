@@ -114,7 +114,7 @@ def run(
     path, warnings = sink.path if response.status.ok else sink.partial, [*doubtful(response.stats), *notes]
     figures = metrics(response.stats.steps)
     output = _describe_run(ready, response, figures, monitor.extremes, path, strength, errors, warnings, choice)
-    if response.status.ok and choice is not None and not choice.met:
+    if response.status.ok and choice is not None and not choice.is_met:
         why, remedy = f"the tolerance is not met: {choice.why}", "allow more, or refine the case"
         return replace(output, status=Status(Cause.TOLERANCE, why, remedy))
     return output

@@ -58,7 +58,7 @@ class ActiveDofs:
     """Active unknowns of a system for an initial state."""
 
     moving: NDArray[np.bool_]  #: mask of the active unknowns, shape (n,)
-    still: tuple[InactiveGroup, ...]  #: the inactive groups
+    inactive: tuple[InactiveGroup, ...]  #: the inactive groups
     offset: FloatArray  #: constant displacements of the inactive unknowns, shape (n,); zero for active ones
 
 
@@ -84,12 +84,12 @@ def find_active_dofs(
     loads = np.abs(system.load_vectors()).sum(axis=0) + np.abs(steady).sum(axis=0)
     sizes = np.zeros((n, 0)) if system.free is None else np.abs(system.free)
     free = (sizes > _FREE_TOLERANCE * sizes.max(axis=0, initial=0.0)).any(axis=1)
-    still = tuple(
+    inactive = tuple(
         InactiveGroup(group, bool(loads[group].any()), bool(free[group].any()))
         for group in component_members(labels)
         if not moving[group[0]]
     )
-    return ActiveDofs(moving, still, np.where(moving, 0.0, d))
+    return ActiveDofs(moving, inactive, np.where(moving, 0.0, d))
 
 
 @dataclass(frozen=True, eq=False)

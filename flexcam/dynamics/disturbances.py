@@ -55,11 +55,11 @@ class _LinearizedMotion:
     Rows are instants with the contacts on their sides within a step: an instant at which sides change has two.
     """
 
-    every: SensedTrajectory
+    trajectory: SensedTrajectory
     lengths: FloatArray  #: of the steps, s, shape (m - 1,)
     plain: Bools  #: steps of some length without a change of sides, shape (m - 1,)
     begin: list[int]  #: row of every instant as the beginning of a step, shape (m,)
-    narrow: FloatArray  #: derivatives of the forces of the rows, see `LocalForces.tangents`
+    tangents: FloatArray  #: derivatives of the forces of the rows, see `LocalForces.tangents`
     by_travel: FloatArray  #: T of the steps, see `StepSequence`, shape (m - 1, s)
     by_begin: FloatArray  #: B of the steps, shape (m - 1, s)
     prescribed_rates: dict[int, FloatArray]  #: rates due to the cam motion alone at events, by row
@@ -118,13 +118,13 @@ class Disturbances:
             else:
                 if lengths[i] > 0.0:
                     self._event_step(motion, i)
-                elif motion.every.track.impulse[i + 1].any():
+                elif motion.trajectory.track.impulse[i + 1].any():
                     self._apply_impact(motion, i)
                 if ends[i + 1]:
                     blocks.append(self._at_fixed_time(motion.flow[i + 1])[None])
             i += count
         self._last = track.last()
-        return motion.every.track, np.concatenate([np.zeros((0, *self._current.shape)), *blocks])
+        return motion.trajectory.track, np.concatenate([np.zeros((0, *self._current.shape)), *blocks])
 
     def _propagate(self, motion: _LinearizedMotion, first: int, last: int, ends: Bools) -> FloatArray:
         """Propagate the disturbances over the equal steps between instants; return those after some of them."""
@@ -157,7 +157,7 @@ class Disturbances:
         depth, speed, functions = penetration[instants], rate[instants], inputs.rows[:, inputs.functions :]
         depth = self._set_sides(row_sides, depth, speed)
         states = track.state[instants]
-        narrow = forces.tangents(depth, speed, states, functions[instants])[2]
+        tangents = forces.tangents(depth, speed, states, functions[instants])[2]
         state_rows = forces.follow_states(lengths, penetration[1:], penetration[:-1], track.state[:-1])
         rates = forces.follow_states(np.zeros(len(time)), penetration, penetration, track.state)[:, STATE_RATE]
         plain = (lengths > 0.0) & ~changed
@@ -165,7 +165,7 @@ class Disturbances:
         rows = np.unique(np.concatenate([begin[:1], begin[events], begin[events] + 1, begin[events + 1]]))
         shifts = self._prescribed_rates(sensed, instants[rows], depth[rows])
         return _LinearizedMotion(
-            sensed, lengths, plain, begin.tolist(), narrow, state_rows[:, BY_TRAVEL], state_rows[:, BY_BEGIN],
+            sensed, lengths, plain, begin.tolist(), tangents, state_rows[:, BY_TRAVEL], state_rows[:, BY_BEGIN],
             dict(zip(rows.tolist(), shifts, strict=True)), np.hstack([track.v, track.a, rates]),
             None if self._parameters is None else self._parameters.along(sensed, lengths),
         )  # fmt: skip
@@ -184,7 +184,7 @@ class Disturbances:
         """Return the linear forces at some successive instants, with every contact on its side within the steps."""
         at, rows = slice(first, last + 1), slice(motion.begin[first], motion.begin[first] + last - first + 1)
         answer = None if motion.explicit is None else motion.explicit.answer[at]
-        return linearize(self._forces, motion.every.inputs.at(at), motion.narrow[rows], answer)
+        return linearize(self._forces, motion.trajectory.inputs.at(at), motion.tangents[rows], answer)
 
     def _set_sides(self, side: Bools, penetration: FloatArray, rate: FloatArray) -> FloatArray:
         """Return the sensed scalars, shape (..., c), with contacts that are about to switch set to their side."""
@@ -232,7 +232,7 @@ class Disturbances:
 
         An event at g(d, t) = 0 comes later by ``-g_d Y/g'``, with the rate of g by the length of the step.
         """
-        sensed = motion.every
+        sensed = motion.trajectory
         new, side = sensed.at(i + 1), sensed.track.pressed[i]
         step, (terms,) = self._steps(motion, i, i + 1)
         h, by_length = float(motion.lengths[i]), self._stepper.by_length(motion.flow[i], motion.flow[i + 1])
@@ -258,7 +258,7 @@ class Disturbances:
 
     def _apply_impact(self, motion: _LinearizedMotion, i: int) -> None:
         """Apply an impact R(x, t): the disturbances become ``R_x Y + R_t t'``, with the shift t' of its time."""
-        old, new = motion.every.at(i), motion.every.at(i + 1)
+        old, new = motion.trajectory.at(i), motion.trajectory.at(i + 1)
         n, switching = self._problem.system.size, self._forces.switching
         impulse = np.zeros_like(new.local) if new.impulse is None else new.impulse
         contacts = np.flatnonzero(impulse[switching] > 0.0)
@@ -303,10 +303,10 @@ class Disturbances:
         histories = forces.sense_motion(track.d[at], track.v[at], inputs)
         by_penetration, by_rate = slope(histories[0]), slope(histories[1])
         depth, functions = np.repeat(depth, 3, axis=0), inputs.rows[:, inputs.functions :]
-        force, state_rows, narrow = forces.tangents(depth, sensed.rate[at], track.state[at], functions)
+        force, state_rows, tangents = forces.tangents(depth, sensed.rate[at], track.state[at], functions)
         (row, places, column), change = forces.coupled_scalars, slope(force)
         for i, rates in enumerate((by_penetration, by_rate)):
-            change += (narrow[1::3, i][:, row, places] * rates[:, column]) @ (row[:, None] == np.arange(forces.count))
+            change += (tangents[1::3, i][:, row, places] * rates[:, column]) @ (row[:, None] == np.arange(forces.count))
         scalars, weights = forces.act.scalars, inputs.acting_weights
         change = change[:, scalars] * weights[1::3] + force[1::3, scalars] * slope(weights)
         result = np.zeros((len(instants), 2 * n + track.state.shape[1]))

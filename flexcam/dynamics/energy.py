@@ -92,7 +92,7 @@ class _EnergyState:
     paths: FloatArray  #: their displacements
     path_rates: FloatArray  #: their velocities
     force: FloatArray
-    still: FloatArray  #: contact forces without dissipation
+    undamped: FloatArray  #: contact forces without dissipation
     penetration: FloatArray
     states: FloatArray
     by_state: FloatArray  #: derivatives of their energy by internal states
@@ -180,7 +180,7 @@ class EnergyBalance:
 
         damped, load_work = path_work("damped", "d", "v"), path_work("pushes", "paths", "path_rates")
         # The work of a contact along its penetration comes from the unknowns and, if not opposed, from the cam.
-        forces, elastic, travel, unopposed = sums("force"), sums("still"), changes("penetration"), self._unopposed
+        forces, elastic, travel, unopposed = sums("force"), sums("undamped"), changes("penetration"), self._unopposed
         cam_work = 0.5 * _dot(forces[:, unopposed], travel[:, unopposed])
         opposed = 0.5 * _dot(forces, travel) - cam_work
         lossy = self._stores.lossy
@@ -195,12 +195,12 @@ class EnergyBalance:
             half[0][:, i] += sags[:, i]
         defects = 2.0 / 3.0 * (0.5 * elastic - self._stores.at(*half)[1]) * travel
         if self._lifts:
-            defects += 2.0 / 3.0 * sags * changes("still")
+            defects += 2.0 / 3.0 * sags * changes("undamped")
         defect = defects.sum(axis=1)
         rotary = self._circulatory  # the rotation of the shaft does the work of their forces without motion
-        from_shaft = defects[:, rotary].sum(axis=1) - 0.5 * _dot(sums("still")[:, rotary], travel[:, rotary])
+        from_shaft = defects[:, rotary].sum(axis=1) - 0.5 * _dot(sums("undamped")[:, rotary], travel[:, rotary])
         if self._corrected:
-            terms = (changes("time") / 6.0)[:, None] * (changes("force") - changes("still")) * changes("rate")
+            terms = (changes("time") / 6.0)[:, None] * (changes("force") - changes("undamped")) * changes("rate")
             absorbed += terms[:, lossy].sum(axis=1)
             opposed += terms.sum(axis=1) - terms[:, unopposed].sum(axis=1)
             cam_work += terms[:, unopposed].sum(axis=1)

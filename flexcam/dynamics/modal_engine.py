@@ -29,24 +29,24 @@ class ModalStep:
     beta: float | FloatArray  #: of the scheme, or one per mode, shape (n,), if a mode has neither mass nor damper
     gamma: float | FloatArray  #: likewise, see `find_massless_motions`
     slowed: IntArray  #: massless motions whose acceleration is the change of their velocity
-    slow: FloatArray  #: damping of the old instant divided by the effective mass, shape (n,)
-    stiff: FloatArray  #: stiffness, likewise
-    heavy: FloatArray  #: inertia, likewise
-    light: FloatArray  #: factor of the load, shape (n,)
+    damping: FloatArray  #: damping of the old instant divided by the effective mass, shape (n,)
+    stiffness: FloatArray  #: stiffness, likewise
+    inertia: FloatArray  #: inertia, likewise
+    load_factor: FloatArray  #: factor of the load, shape (n,)
 
     @classmethod
     def of(cls, scheme: Scheme, system: System, h: float) -> ModalStep:
         """Return the step h, s, of a system whose matrices are diagonal."""
         new, mass = 1.0 - scheme.alpha_f, system.mass.diagonal()
-        slow, stiff = h * system.damping.diagonal(), h**2 * system.stiffness.diagonal()
-        massless = (mass == 0.0) & (slow == 0.0)
+        damping, stiffness = h * system.damping.diagonal(), h**2 * system.stiffness.diagonal()
+        massless = (mass == 0.0) & (damping == 0.0)
         beta, gamma = scheme.beta, scheme.gamma
         if massless.any():
             beta, gamma = np.where(massless, BETA, beta), np.where(massless, GAMMA, gamma)
-        effective = (1.0 - scheme.alpha_m) * mass + new * (gamma * slow + beta * stiff)
+        effective = (1.0 - scheme.alpha_m) * mass + new * (gamma * damping + beta * stiffness)
         slowed = np.flatnonzero((mass == 0.0) & ~massless & scheme.average)
-        heavy = scheme.alpha_m * mass / effective
-        return cls(scheme, beta, gamma, slowed, slow / effective, stiff / effective, heavy, h**2 / effective)
+        inertia = scheme.alpha_m * mass / effective
+        return cls(scheme, beta, gamma, slowed, damping / effective, stiffness / effective, inertia, h**2 / effective)
 
     @property
     def old(self) -> float:
@@ -55,7 +55,7 @@ class ModalStep:
 
     def modal_forces(self, loads: FloatArray) -> FloatArray:
         """Return the modal forces of every step, shape (m, n), from those at both ends, shape (m + 1, n)."""
-        old, push = self.old, self.light * loads
+        old, push = self.old, self.load_factor * loads
         return (1.0 - old) * push[1:] + old * push[:-1] if old else push[1:]
 
     def walk(self, begin: FloatArray, pushed: FloatArray, found: FloatArray) -> None:
@@ -63,15 +63,15 @@ class ModalStep:
         old = self.old
         state = np.array(begin, order="C")
         q, v, a = state
-        slow, stiff = (np.broadcast_to(factors, q.shape).copy() for factors in (self.slow, self.stiff))
+        damping, stiffness = (np.broadcast_to(factors, q.shape).copy() for factors in (self.damping, self.stiffness))
         internal = np.empty_like(q)
-        damped, looks_back, lag = bool(np.any(slow)), bool(self.scheme.alpha_m or old), bool(len(self.slowed))
+        damped, looks_back, lag = bool(np.any(damping)), bool(self.scheme.alpha_m or old), bool(len(self.slowed))
         for k, push in enumerate(pushed):
-            right = push - old * (stiff * q + slow * v) - self.heavy * a if looks_back else push
+            right = push - old * (stiffness * q + damping * v) - self.inertia * a if looks_back else push
             q_free, v_free = predict(q, v, a, 1.0, self.beta, self.gamma)
-            np.multiply(stiff, q_free, out=internal)
+            np.multiply(stiffness, q_free, out=internal)
             if damped:
-                internal += slow * v_free
+                internal += damping * v_free
             np.subtract(right, (1.0 - old) * internal if old else internal, out=a)
             np.multiply(self.beta, a, out=q)
             q += q_free
@@ -89,10 +89,11 @@ class ModalStep:
         of it are computed in extended precision.
         """
         new = 1.0 - self.old
-        slow, stiff, heavy = (factors.astype(np.longdouble) for factors in (self.slow, self.stiff, self.heavy))
-        ones, zeros = np.ones_like(stiff), np.zeros_like(stiff)
-        by_a = heavy + new * ((0.5 - self.beta) * stiff + (1.0 - self.gamma) * slow)
-        a = np.array([-stiff, -(new * stiff + slow), -by_a, ones])
+        coefficients = self.damping, self.stiffness, self.inertia
+        damping, stiffness, inertia = (factors.astype(np.longdouble) for factors in coefficients)
+        ones, zeros = np.ones_like(stiffness), np.zeros_like(stiffness)
+        by_a = inertia + new * ((0.5 - self.beta) * stiffness + (1.0 - self.gamma) * damping)
+        a = np.array([-stiffness, -(new * stiffness + damping), -by_a, ones])
         unit = np.array([[ones, zeros, zeros, zeros], [zeros, ones, zeros, zeros], [zeros, zeros, ones, zeros]])
         q_free, v_free = predict(unit[0], unit[1], unit[2], 1.0, self.beta, self.gamma)
         drift = [q_free - unit[0], v_free - unit[1], -unit[2]]
@@ -123,38 +124,38 @@ class StepBlock:
     """
 
     length: int  #: L, steps
-    stiff: FloatArray  #: force per displacement, shape (n,)
+    stiffness: FloatArray  #: force per displacement, shape (n,)
     change: FloatArray  #: of states per cause: initial residual force, h v and h^2 a, shape (3, 3, n)
     shift: FloatArray  #: change of the causes per cause, shape (3, 3, n)
-    within: FloatArray  #: states after every step per cause, without initial displacement, shape (3, L, 3, n)
+    by_cause: FloatArray  #: states after every step per cause, without initial displacement, shape (3, L, 3, n)
     answer: FloatArray  #: states after every step per unit force at the end of the first one, shape (3, L, n)
 
     @classmethod
     def of(cls, steps: ModalStep, length: int) -> StepBlock | None:
         """Return the block of a step; None if motions grow within it."""
-        n = len(steps.stiff)
+        n = len(steps.stiffness)
         begin, pushed, states = np.zeros((3, 4, n)), np.zeros((length, 4, n)), np.empty((3, length, 4, n))
         begin[[0, 1, 2], [0, 1, 2]], pushed[0, 3] = 1.0, 1.0
         steps.walk(begin, pushed, states)
         if not np.abs(states[:, :, :3]).max(initial=0.0) < _GROWTH_LIMIT:
             return None
-        within, pulse, old = states[:, :, :3], states[:, :, 3], steps.old
+        by_cause, pulse, old = states[:, :, :3], states[:, :, 3], steps.old
         # By a constant force; the displacement in equilibrium would cause the opposite change.
-        within[:, :, 0] = np.cumsum(pulse, axis=1)
+        by_cause[:, :, 0] = np.cumsum(pulse, axis=1)
         change = _power(steps.change(), length)[:, [3, 1, 2]]
-        shift = np.concatenate([-steps.stiff * change[:1], change[1:]]).astype(float)
+        shift = np.concatenate([-steps.stiffness * change[:1], change[1:]]).astype(float)
         answer = (1.0 - old) * pulse
         answer[:, 1:] += old * pulse[:, :-1]  # forces at the beginning of a step act as well
-        return cls(length, steps.stiff, change.astype(float), shift, within, answer)
+        return cls(length, steps.stiffness, change.astype(float), shift, by_cause, answer)
 
     def causes(self, begin: FloatArray, push: FloatArray) -> FloatArray:
         """Return the causes of change of a state under a force, shape (3, n)."""
-        return np.concatenate([(push - self.stiff * begin[0])[None], begin[1:]])
+        return np.concatenate([(push - self.stiffness * begin[0])[None], begin[1:]])
 
     def advance(self, begin: FloatArray, pushes: FloatArray, causes: FloatArray, ends: FloatArray) -> None:
         """Write the states after every block and their causes of change."""
         shifts = ends.copy()
-        shifts[:, 0] *= -self.stiff
+        shifts[:, 0] *= -self.stiffness
         shifts[:, 0] += pushes[1:] - pushes[:-1]
         for now, later, shift in zip(causes, causes[1:], shifts, strict=False):
             np.einsum("oin,in->on", self.shift, now, out=later)
@@ -206,7 +207,7 @@ class ModalPropagator:
         self.state = np.zeros((3, problem.system.size))  #: coordinates and their rates times powers of the step, (3, n)
         self.steps = ModalStep.of(scheme, problem.system, problem.step)
         self.stride = StepBlock.of(self.steps, length)
-        self.pushes = self.steps.light * self._vectors  #: modal forces of unit load histories, shape (k, n)
+        self.pushes = self.steps.load_factor * self._vectors  #: modal forces of unit load histories, shape (k, n)
         self._end_states = np.zeros((0, 0)) if self.stride is None else self._by_history(self.stride)
         self.scale = problem.step ** np.arange(3.0)[:, None]  #: powers of the step
 
@@ -217,7 +218,7 @@ class ModalPropagator:
 
     def _by_history(self, stride: StepBlock) -> FloatArray:
         """Return states at the end of a block per unit of every history at every instant, shape (k (L + 1), 3 n)."""
-        responses = np.concatenate([np.zeros((3, 1, len(stride.stiff))), stride.answer[:, ::-1]], axis=1)
+        responses = np.concatenate([np.zeros((3, 1, len(stride.stiffness))), stride.answer[:, ::-1]], axis=1)
         parts = np.einsum("kn,sjn->kjsn", self.pushes, responses)
         return parts.reshape(parts.shape[0] * parts.shape[1], self.state.size)
 
@@ -331,7 +332,7 @@ class OutputMatrices:
     """Matrices for the motion of p rows in a block."""
 
     rows: FloatArray  #: shape (p, n)
-    seen: FloatArray  #: motion after every step per cause and per change of load, shape (3 n + k (L + 1), L 3 p)
+    matrix: FloatArray  #: motion after every step per cause and per change of load, shape (3 n + k (L + 1), L 3 p)
 
     @classmethod
     def of(cls, rows: FloatArray, course: ModalPropagator) -> OutputMatrices:
@@ -341,7 +342,7 @@ class OutputMatrices:
             return cls(rows, np.zeros((0, 0)))
         causes, histories = 3 * rows.shape[1], len(course.pushes)
         matrix = np.zeros((causes + histories * (length + 1), length, count))
-        by_cause = np.einsum("sjcn,pn->cnjsp", stride.within / course.scale[:, None, None], rows)
+        by_cause = np.einsum("sjcn,pn->cnjsp", stride.by_cause / course.scale[:, None, None], rows)
         matrix[:causes] = by_cause.reshape(causes, length, count)
         answers = np.einsum("sjn,knp->kjsp", stride.answer / course.scale[:, None], course.pushes[:, :, None] * rows.T)
         answers = answers.reshape(histories, length, count)
@@ -355,7 +356,7 @@ class OutputMatrices:
         if part.states is not None:
             return (part.states / course.scale[:, None] @ self.rows.T).swapaxes(0, 1)
         count, p = len(part.begins), len(self.rows)
-        result = np.concatenate([part.causes.reshape(count, -1), part.rising], axis=1) @ self.seen
+        result = np.concatenate([part.causes.reshape(count, -1), part.rising], axis=1) @ self.matrix
         result = result.reshape(count, -1, 3, p)
         result[:, :, 0] += (part.begins[:, 0] @ self.rows.T)[:, None]
         return result.reshape(-1, 3, p)

@@ -83,22 +83,22 @@ class VariedProblem:
             self._inputs = track, (motion, self.forces.prescribed_inputs(motion))
         return self._inputs[1]
 
-    def answers(self, every: SensedTrajectory, inputs: PrescribedInputs) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def answers(self, sensed: SensedTrajectory, inputs: PrescribedInputs) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the answers of the laws to the scalars of a motion, and the lifts beyond the original, with rates.
 
         With a cam at the angle of its shaft, the contact stays where it is in the answers. The shapes are (m, c).
         """
-        forces, depth, rate = self.forces, every.penetration, every.rate
+        forces, depth, rate = self.forces, sensed.penetration, sensed.rate
         lift = forces.lifts.depth(depth) - self._lifts.depth(depth)
         lift_rate = forces.lifts.depth_rate(depth, rate) - self._lifts.depth_rate(depth, rate)
         functions = inputs.rows[:, inputs.functions :]
-        answer = forces.evaluate(depth - lift, every.track.state, functions, rate=rate - lift_rate)[1]
+        answer = forces.evaluate(depth - lift, sensed.track.state, functions, rate=rate - lift_rate)[1]
         return answer, lift, lift_rate
 
-    def states_after(self, every: SensedTrajectory, lengths: FloatArray, sensed: FloatArray) -> FloatArray:
+    def states_after(self, sensed: SensedTrajectory, lengths: FloatArray, scalars: FloatArray) -> FloatArray:
         """Return the internal states after the steps of some lengths, s, shape (m - 1, s)."""
-        state = every.track.state[:-1]
-        return self.forces.follow_states(self.stretch * lengths, sensed[1:], sensed[:-1], state)[:, NEW_STATE]
+        state = sensed.track.state[:-1]
+        return self.forces.follow_states(self.stretch * lengths, scalars[1:], scalars[:-1], state)[:, NEW_STATE]
 
     def impact_change(self, old: StepState, contacts: IntArray) -> FloatArray:
         """Return the change of the velocities by an impact at switching scalars, shape (n,)."""
@@ -235,10 +235,10 @@ class ParameterForces:
 
         return self._difference(start)
 
-    def along(self, every: SensedTrajectory, lengths: FloatArray) -> ExplicitDerivatives:
+    def along(self, sensed: SensedTrajectory, lengths: FloatArray) -> ExplicitDerivatives:
         """Return the derivatives at all instants of a motion, with the lengths of the steps between them, s."""
-        original = _Evaluation(self.original, every, lengths)
-        parts = [change.explicit_terms(original, every, lengths) for change in self._changes]
+        original = _Evaluation(self.original, sensed, lengths)
+        parts = [change.explicit_terms(original, sensed, lengths) for change in self._changes]
         return ExplicitDerivatives(*(np.stack(terms, axis=-1) for terms in zip(*parts, strict=True)))
 
     def impact_change(self, old: StepState, contacts: IntArray) -> FloatArray:

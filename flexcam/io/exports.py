@@ -31,7 +31,7 @@ def write_pvd(
     if every < 1:
         raise refuse("every", every, "a whole number, at least 1")
     check_writable("export", path, overwrite=overwrite)
-    node = result.still[NODE].astype(np.intp)
+    node = result.constant[NODE].astype(np.intp)
     known = {**{name: result.field(name)[:, node] for name in VECTORS}, **result.recovered}
     for name in fields or ():
         if name not in known:
@@ -39,7 +39,7 @@ def write_pvd(
     moving = {name: known[name] for name in fields or known}
     instants = range(0, len(result.response.field_time), every)
     degrees = np.degrees(result.response.field_angle).tolist()
-    frames = (({**{n: v[i] for n, v in moving.items()}, **result.still}, {CAM_ANGLE: degrees[i]}) for i in instants)
+    frames = (({**{n: v[i] for n, v in moving.items()}, **result.constant}, {CAM_ANGLE: degrees[i]}) for i in instants)
     return _write_frames(path, result.mesh, node, result.response.field_time[::every], frames)
 
 

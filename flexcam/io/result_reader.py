@@ -59,7 +59,7 @@ class Result:
         Mesh with named points and members.
     response
         Histories, status and statistics of the run; fields have six components per node, node by node.
-    still
+    constant
         Constant point data: ``radius`` (m), ``node``, ``axis_x``, ``axis_y``, ``axis_z`` (global axes).
     recovered
         Section forces (N, N m, local axes) and stresses (Pa) at the points of the members, shape (instants, points, 3)
@@ -76,7 +76,7 @@ class Result:
 
     mesh: Mesh
     response: Response
-    still: Mapping[str, FloatArray]
+    constant: Mapping[str, FloatArray]
     recovered: Mapping[str, FloatArray]
     about: Mapping[str, str]
     warnings: tuple[str, ...] = ()
@@ -182,7 +182,7 @@ def _result(file: Any) -> Result:  # noqa: ANN401
     return Result(
         mesh=mesh,
         response=_response(file, count, len(mesh.nodes)),
-        still={name: values(name, points, width, kind) for name, (kind, width) in schema.CONSTANT_DATA.items()},
+        constant={name: values(name, points, width, kind) for name, (kind, width) in schema.CONSTANT_DATA.items()},
         recovered={name: rows.reshape(count, points, *rows.shape[1:]) for name, rows in moving.items()},
         about=_read_about(file),
         warnings=tuple(_status_texts(file).get(schema.WARNINGS, "").splitlines()),

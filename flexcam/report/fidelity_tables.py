@@ -116,12 +116,12 @@ def format_with_error(one: Error) -> str:
 
 def describe_choice(choice: Choice) -> list[str]:
     """Return sentences about the chosen model, the reason, and the cost of the next cheaper one."""
-    model, cheaper = choice.found, choice.cheaper
+    model, cheaper = choice.evaluation, choice.cheaper
     text = f"{model.rung} ({model.words}), {model.steps} steps per revolution, {model.unknowns} unknowns"
-    if not choice.met:
+    if not choice.is_met:
         closest = f"{text}; errors: {_errors(model)}"
         return [f"The tolerance is not met: {choice.why}. The run uses the closest model: {closest}"]
-    words = [f"Chosen of {choice.tried} models tried: {text}; errors: {_errors(model)}"]
+    words = [f"Chosen of {choice.count} models tried: {text}; errors: {_errors(model)}"]
     if cheaper is not None:
         saved = f"{100.0 * cheaper.work / model.work:.0f} % of the work" if model.work else "as much work"
         words.append(f"Next cheaper, outside the tolerance: {cheaper.rung}, {cheaper.steps} steps per revolution, "
@@ -136,5 +136,5 @@ def _errors(model: ModelEvaluation) -> str:
 def choice_json(choice: Choice) -> dict[str, object]:
     """Return a model choice for ``--json``."""
     cheaper = choice.cheaper and evaluation_json(choice.cheaper)
-    model = evaluation_json(choice.found)
-    return {"met": choice.met, "tried": choice.tried, "why": choice.why, "model": model, "cheaper": cheaper}
+    model = evaluation_json(choice.evaluation)
+    return {"met": choice.is_met, "tried": choice.count, "why": choice.why, "model": model, "cheaper": cheaper}

@@ -165,10 +165,10 @@ def evaluate(
         values, units = {f.name: f.value for f in figures}, {f.name: f.unit for f in figures}
         if choice is None:
             return Row(response.status, values, units)
-        words = f"{choice.found.rung}, {choice.found.steps} steps per revolution"
+        words = f"{choice.evaluation.rung}, {choice.evaluation.steps} steps per revolution"
         met = Status(text=f"chosen within the tolerance: {words}")
         missed = Status(Cause.TOLERANCE, f"the tolerance is not met: {choice.why}; that is {words}")
-        return Row(met if choice.met else missed, values, units)
+        return Row(met if choice.is_met else missed, values, units)
 
     return catch_all_errors(run)
 

@@ -99,9 +99,9 @@ class ShaftDrive:
 
     name: str  #: of the support or the node
     node: int
-    freed: Structure  #: structure with the constrained rotations of that node released
-    kept: IntArray  #: indices of the structure's unknowns among those of `freed`, shape (n,)
-    turned: FloatArray  #: unit rotation about the shaft in the released unknowns, shape (n of `freed`,)
+    released: Structure  #: structure with the constrained rotations of that node released
+    indices: IntArray  #: indices of the structure's unknowns among those of `freed`, shape (n,)
+    rotation: FloatArray  #: unit rotation about the shaft in the released unknowns, shape (n of `freed`,)
 
 
 @lru_cache(maxsize=4)
@@ -194,9 +194,9 @@ def _release_rotation(structure: Structure, name: str, node: int, axis: FloatArr
 
 def inertia_torque(end: ShaftDrive) -> Observable:
     """Return the torque of mass, damping and stiffness on a constrained rotation, without modal damping."""
-    freed, damping = end.freed, end.freed.model.damping
+    freed, damping = end.released, end.released.model.damping
     damped = freed.dampers + rayleigh_damping(freed.mass, freed.stiffness, damping.alpha, damping.beta)
-    rows = [matrix.times(end.turned)[end.kept][None] for matrix in (freed.stiffness, damped, freed.mass)]
+    rows = [matrix.times(end.rotation)[end.indices][None] for matrix in (freed.stiffness, damped, freed.mass)]
 
     def torque(obs: Observation) -> FloatArray:
         return sum((obs.moved.extract(row, order)[:, 0] for order, row in enumerate(rows)), np.zeros(1))
@@ -206,9 +206,9 @@ def inertia_torque(end: ShaftDrive) -> Observable:
 
 def reaction_torque(end: ShaftDrive, loads: tuple[Load, ...], forces: tuple[LocalForce, ...]) -> Observable:
     """Return the reaction of loads and local forces of the released structure on a constrained rotation."""
-    factors = np.array([end.turned @ load.vector for load in loads])
+    factors = np.array([end.rotation @ load.vector for load in loads])
     acts = [act for force in forces for act in force.act]
-    terms = [(i, AngleVector((act.vectors @ end.turned)[:, None], act.functions)) for i, act in enumerate(acts)]
+    terms = [(i, AngleVector((act.vectors @ end.rotation)[:, None], act.functions)) for i, act in enumerate(acts)]
     terms = [(i, act) for i, act in terms if act.vectors.any()]
 
     def torque(obs: Observation) -> FloatArray:

@@ -238,7 +238,7 @@ _MAX_CONTACT_UNKNOWNS = 3000  # number of unknowns up to which contact matrices 
 class ContactModes:
     """Modes on the lift of a cam."""
 
-    found: ModelModes  #: modes with the stiffness of contacts closed at full lift
+    model_modes: ModelModes  #: modes with the stiffness of contacts closed at full lift
     push: FloatArray  #: modal force per contact force, shape (k,), 1/sqrt(kg)
 
     @property
@@ -248,7 +248,7 @@ class ContactModes:
         Compared with the modal force, this criterion gives low modes more weight, so that spring surge is not missed
         among the stiff modes of the contact.
         """
-        rigid, omegas = self.found.modes.rigid, self.found.modes.omegas
+        rigid, omegas = self.model_modes.modes.rigid, self.model_modes.modes.omegas
         shares = (self.push[rigid:] / omegas[rigid:]) ** 2
         return (np.flatnonzero(shares > _COMPLIANCE_FRACTION * shares.sum()) + rigid).tolist()
 
@@ -287,10 +287,10 @@ def modes_on_the_lift(model: Model, contact: str, speed: float, *, base_circle: 
     )
 
 
-def describe_inactive(structure: Structure, found: ActiveDofs) -> list[str]:
+def describe_inactive(structure: Structure, model_modes: ActiveDofs) -> list[str]:
     """Describe the inactive degrees of freedom of a structure."""
     texts: list[str] = []
-    for group in found.still:
+    for group in model_modes.inactive:
         reason = "nothing holds or loads it" if group.free else "nothing loads it"
         reason = "its loads are constant and in static equilibrium, so it does not move" if group.loaded else reason
         texts.append(f"{_place(structure, group.unknowns)}: {reason}")

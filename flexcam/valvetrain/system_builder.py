@@ -115,7 +115,7 @@ def _joints(structure: Structure) -> tuple[Coupling, ...]:
 @lru_cache(maxsize=4)
 def _reactions(end: ShaftDrive) -> list[Observable]:
     """Return the reactions of couplings other than contacts at a prescribed rotation, in coupling order."""
-    freed = end.freed
+    freed = end.released
     loads = Coupling(given_loads(freed), (), ())
     return [reaction_torque(end, coupling.loads, coupling.forces) for coupling in (*_joints(freed), loads)]
 
@@ -131,7 +131,7 @@ def _torque(
             if contact.cam_torque and model.mesh.node(model.cams[contact.cam].at) == end.node:
                 torques.append(_offset_positions(coupling.channels[1].value, part))
         else:
-            freed = couple_contact(end.freed, name, contact, speed)
+            freed = couple_contact(end.released, name, contact, speed)
             torques.append(_offset_positions(reaction_torque(end, freed.loads, freed.forces), part))
     return observable_sum(*torques)
 

@@ -75,7 +75,7 @@ def test_minimum_rms_of_default_family():
 def test_resonance_within_rounding_is_detected():
     train, speed = SingleMass(2000.0), 2000.0 / 103  # 103*speed/2000 = 1 - 1.1e-16
     made = polydyne(LiftEvent(LAWS["4-5-6-7"], 0.008, 1.5, 1.5), train, speed, count=120)
-    plain = Polydyne(made.wanted, made.wanted, 0.0)
+    plain = Polydyne(made.target, made.target, 0.0)
     assert off_design_deviation(plain, train, [speed]).tolist() == [math.inf]
     assert np.isfinite(off_design_deviation(made, train, [speed])).all(), "which the cam leaves out"
 

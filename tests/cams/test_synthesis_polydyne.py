@@ -44,7 +44,7 @@ def steady_motion(cam, frequency, damping, speed):
 def test_undamped_cam_matches_stoddart():
     """The known form s = y + (w/w0)^2 y''."""
     made = polydyne(WANTED, SingleMass(FREQUENCY), SPEED)
-    exact = made.wanted(GRID) + (SPEED / FREQUENCY) ** 2 * made.wanted(GRID, 2)
+    exact = made.target(GRID) + (SPEED / FREQUENCY) ** 2 * made.target(GRID, 2)
     np.testing.assert_allclose(made.event(GRID), exact, atol=1e-15)
     # The harmonics missing in y'' dominate: sixty harmonics represent it to 1e-3 of its 0.07 m.
     whole = WANTED(GRID) + (SPEED / FREQUENCY) ** 2 * WANTED(GRID, 2)
@@ -55,19 +55,19 @@ def test_undamped_cam_matches_stoddart():
 def test_left_out_deviation():
     few, many = (polydyne(WANTED, SingleMass(FREQUENCY), SPEED, count=n) for n in (6, 60))
     for made in (few, many):
-        assert made.left_out == pytest.approx(np.abs(made.wanted(GRID) - WANTED(GRID)).max(), rel=0.05)
+        assert made.left_out == pytest.approx(np.abs(made.target(GRID) - WANTED(GRID)).max(), rel=0.05)
     assert few.left_out > 1e-5
     assert many.left_out < 1e-8
-    assert len(few.event.cosine) == len(few.wanted.cosine) == 6
+    assert len(few.event.cosine) == len(few.target.cosine) == 6
 
 
 @pytest.mark.parametrize("damping", [0.02, 1.5])
 def test_mass_follows_wanted_lift(damping):
     made = polydyne(WANTED, SingleMass(FREQUENCY, damping), SPEED, count=30)
     moved = steady_motion(made.event, FREQUENCY, damping, SPEED)
-    np.testing.assert_allclose(moved, made.wanted(GRID), atol=1e-9, rtol=0)
+    np.testing.assert_allclose(moved, made.target(GRID), atol=1e-9, rtol=0)
     # A cam with the wanted lift does not: the dynamics make the difference.
-    assert np.abs(steady_motion(made.wanted, FREQUENCY, damping, SPEED) - made.wanted(GRID)).max() > 1e-5
+    assert np.abs(steady_motion(made.target, FREQUENCY, damping, SPEED) - made.target(GRID)).max() > 1e-5
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.1])
@@ -90,7 +90,7 @@ def test_off_design_deviation():
     assert list(away[:4]) == sorted(away[:4], reverse=True)
     assert list(away[3:]) == sorted(away[3:])
     assert away[2] > 1e-6
-    worst = np.abs(steady_motion(made.event, FREQUENCY, 0.05, 1.2 * SPEED) - made.wanted(GRID)).max()
+    worst = np.abs(steady_motion(made.event, FREQUENCY, 0.05, 1.2 * SPEED) - made.target(GRID)).max()
     assert away[-1] == pytest.approx(worst, rel=1e-3)  # each on its own grid
 
 

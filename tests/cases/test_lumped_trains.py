@@ -46,7 +46,7 @@ def saved_run(tmp_path_factory):
 
 def test_points_are_saved_and_drawn(saved_run):
     response, result, _ = saved_run
-    assert result.still["node"].tolist() == [1, 2, 3]
+    assert result.constant["node"].tolist() == [1, 2, 3]
     assert dict(result.mesh.lines) == {}
     at = np.searchsorted(response.time, response.field_time)
     valve = result.field("displacement")[:, 3, 1]

@@ -220,7 +220,7 @@ def result_differs(read: Result, valid: Any) -> str:
         **{f"probes.{k}": (getattr(one.probes, k), getattr(other.probes, k)) for k in ("displacement", "velocity", "acceleration")},
         **{f"fields.{k}": (getattr(one.fields, k), getattr(other.fields, k)) for k in ("displacement", "velocity", "acceleration")},
         **{f"recovered.{k}": (read.recovered.get(k), v) for k, v in valid.recovered.items()},
-        **{f"still.{k}": (read.still.get(k), v) for k, v in valid.still.items()},
+        **{f"still.{k}": (read.constant.get(k), v) for k, v in valid.constant.items()},
     }  # fmt: skip
     for name, (a, b) in pairs.items():
         if _arrays_differ(a, b, name):

@@ -204,10 +204,10 @@ def test_statically_loaded_chain_stays_inactive():
     start = equilibrium(still, ConstantSpeed(1.0))
     found = find_active_dofs(still, start.displacement)
     assert found.moving.tolist() == [True, True, False, False, False]
-    assert (found.still[0].loaded, found.still[0].free) == (True, False)
+    assert (found.inactive[0].loaded, found.inactive[0].free) == (True, False)
     assert found.offset[4] == start.displacement[4] != 0.0
     rounded = replace(still, free=np.array([[1.0], [1.0], [1e-17], [1e-17], [1e-17]]))
-    assert not find_active_dofs(rounded, start.displacement).still[0].free
+    assert not find_active_dofs(rounded, start.displacement).inactive[0].free
     whole, pruned = run_both(still, start)
     assert pruned.stats.unknowns == 2
     assert_equal_runs(whole, pruned)

@@ -120,7 +120,7 @@ def test_macro_draws_members_at_cam_angle(paraview, stored):
     assert shown["angle"] == f"cam angle {np.degrees(stored.response.field_angle[18]):7.1f} deg"
     assert shown["scale"] == 1.0
     moved = stored.result.mesh.nodes + stored.result.field("displacement")[18]
-    reach = float(stored.result.still["radius"].max())
+    reach = float(stored.result.constant["radius"].max())
     low, high = np.array(shown["bounds"][::2]), np.array(shown["bounds"][1::2])
     # The shaft is along x: a tube adds its radius in y and z, and nothing in x.
     assert low[1:] == pytest.approx(moved.min(axis=0)[1:] - reach, abs=1e-3 * reach)

@@ -17,7 +17,7 @@ def test_pyvista_reads_exact_times_and_values(collection, stored, nodal_vectors)
     files, every = collection
     reader = pyvista.get_reader(files[0])
     assert reader.time_values == stored.response.field_time[::every].tolist()
-    node = stored.result.still["node"]
+    node = stored.result.constant["node"]
     fields = {name: values[::every, node] for name, values in nodal_vectors.items()}
     for i, time in enumerate(reader.time_values):
         reader.set_active_time_value(time)
@@ -25,13 +25,13 @@ def test_pyvista_reads_exact_times_and_values(collection, stored, nodal_vectors)
         for name, field in fields.items():
             assert np.array_equal(block.point_data[name], field[i]), (i, name)
         assert np.array_equal(block.points, stored.result.mesh.nodes[node])
-        assert np.array_equal(block.point_data["radius"], stored.result.still["radius"])
+        assert np.array_equal(block.point_data["radius"], stored.result.constant["radius"])
 
 
 def test_each_member_is_one_polyline(collection, stored):
     piece = pyvista.read(collection[0][1])
     assert piece.n_cells == piece.n_lines == len(stored.result.mesh.lines)
-    node = stored.result.still["node"]
+    node = stored.result.constant["node"]
     along = [node[piece.get_cell(i).point_ids].tolist() for i in range(2)]
     assert along == [line.tolist() for line in stored.result.mesh.lines.values()]
     assert piece.cell_data["member"].tolist() == [0, 1]

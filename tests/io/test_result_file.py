@@ -66,7 +66,7 @@ def test_channel_round_trip_is_exact(stored):
 
 def test_field_round_trip_is_exact(stored, nodal_vectors):
     """Each unknown is at its node and component, in the file and in the result read back."""
-    node = stored.result.still["node"]
+    node = stored.result.constant["node"]
     with h5py.File(stored.path, "r") as file:
         for name, values in nodal_vectors.items():
             file_values = file["VTKHDF/PointData"][name][()].reshape(37, len(node), 3)
@@ -114,7 +114,7 @@ def test_mesh_round_trip_is_exact(stored):
 
 
 def test_result_contains_section_radii(stored):
-    assert sorted(set(stored.result.still["radius"])) == [0.004, 0.0125]
+    assert sorted(set(stored.result.constant["radius"])) == [0.004, 0.0125]
 
 
 def test_physical_datasets_have_units(datasets):

@@ -43,7 +43,7 @@ def test_vtk_times_equal_field_times(reader, stored):
 
 def test_vtk_values_equal_response_in_all_steps(reader, stored, nodal_vectors):
     """The comparison is exact, since the file and VTK use double precision."""
-    node = stored.result.still["node"]
+    node = stored.result.constant["node"]
     fields = {name: values[:, node] for name, values in nodal_vectors.items()}
     for step in range(len(stored.response.field_time)):
         data = at_step(reader, step).GetPointData()
@@ -66,13 +66,13 @@ def test_member_numbers_and_radii_are_read(reader, stored):
     output = at_step(reader, 3)
     assert numpy_support.vtk_to_numpy(output.GetCellData().GetArray("member")).tolist() == [0, 1]
     assert np.array_equal(
-        numpy_support.vtk_to_numpy(output.GetPointData().GetArray("radius")), stored.result.still["radius"]
+        numpy_support.vtk_to_numpy(output.GetPointData().GetArray("radius")), stored.result.constant["radius"]
     )
 
 
 def test_last_step_equals_end_of_run(reader, stored):
     vectors = numpy_support.vtk_to_numpy(at_step(reader, 36).GetPointData().GetArray("displacement"))
-    top = stored.result.still["node"].tolist().index(stored.ready.model.mesh.node("pushrod-top"))
+    top = stored.result.constant["node"].tolist().index(stored.ready.model.mesh.node("pushrod-top"))
     ratio = 40.0 / 25.0
     # The tolerance is the rounding of one product.
     assert vectors[top, 1] * ratio == pytest.approx(stored.response["valve"].displacement[-1], rel=1e-12)

@@ -167,7 +167,7 @@ def result_motion(structure: Structure, result: Result, speed: float, colour: st
     if colour in result.recovered:
         values = result.recovered[colour]
     else:
-        values = result.field(colour)[:, result.still["node"].astype(np.intp)]
+        values = result.field(colour)[:, result.constant["node"].astype(np.intp)]
     return _coloured(motion, values, colour)
 
 
