@@ -464,7 +464,7 @@ def _check_deflections(ready: PreparedRun, extremes: ExtremesSink) -> Iterator[s
 
 
 def _check_resolution(ready: PreparedRun, sink: ResolutionSink) -> Iterator[str]:
-    resolution, case = sink.resolution(), ready.case
+    resolution, case = sink.evaluate(), ready.case
     if is_coarse := resolution.steps < _MIN_STEPS:
         per_revolution = ready.revolution / ready.problem.step
         enough = math.ceil(0.1 * per_revolution * _MIN_STEPS / resolution.steps) * 10

@@ -73,7 +73,7 @@ class ResolutionSink:
         mean = (moments**2).sum(axis=1) + moments[:, 0] * moments[:, 1]  # of a moment that changes linearly
         self._energy = np.maximum(self._energy, beams.length / 6.0 * (mean / rigidity).sum(axis=1))
 
-    def resolution(self) -> Resolution:
+    def evaluate(self) -> Resolution:
         """Return the resolution of the run."""
         acceleration, velocity = self._squares
         omega = math.sqrt(acceleration / velocity) if velocity > 0.0 else 0.0

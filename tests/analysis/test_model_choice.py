@@ -285,7 +285,7 @@ def test_why_names_quantities_of_tolerance():
     assert choice.why == "the closest of 5 models is off by lift 2 % (the reference 0.1 %)"
     assert "40" not in choice.why
     assert "The tolerance is not met" in describe_choice(choice)[0]
-    assert replace(choice, met=True).why == ""
+    assert replace(choice, is_met=True).why == ""
     assert "has all of force" in replace(choice, tolerance={"force": 0.1}).why
 
 

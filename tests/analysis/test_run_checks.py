@@ -45,7 +45,7 @@ def test_frequency_of_harmonic_motion():
                     acceleration=-(w**2) * np.sin(w * t) * np.ones(n))  # fmt: skip
     time, channels = t[:, 0], np.zeros((len(t), len(seen.extremes.outline.channels)))
     sink.write(Block(time, time, moved, channels, time, time, moved))
-    found = sink.resolution()
+    found = sink.evaluate()
     assert found.frequency == pytest.approx(w / (2.0 * math.pi), rel=1e-12)
     assert found.steps == pytest.approx(2.0 * math.pi / (w * ready.problem.step), rel=1e-12)
 
@@ -53,7 +53,7 @@ def test_frequency_of_harmonic_motion():
 def test_elements_per_wave_match_beam_theory():
     """For a bending shaft: 2 pi/l (EI/(rho A w^2))^(1/4)."""
     _, seen, _ = monitored_run(CASE)
-    found = seen.resolution.resolution()
+    found = seen.resolution.evaluate()
     radius, longest = 0.0125, 0.060
     rigidity, mass = 207e9 * math.pi / 4.0 * radius**4, 7800.0 * math.pi * radius**2
     wave = 2.0 * math.pi * (rigidity / (mass * (2.0 * math.pi * found.frequency) ** 2)) ** 0.25
@@ -68,14 +68,14 @@ def test_steps_of_impact_with_maximum_force():
     first = np.array([[0.0, 1.0, 0.0], [2.0, 1.0, 0.0], [5.0, 2.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
     sink.write(SimpleNamespace(channels=first, field_time=()))
     sink.write(SimpleNamespace(channels=np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), field_time=()))
-    assert sink.resolution().impacts == {"struck": 3}
+    assert sink.evaluate().impacts == {"struck": 3}
     sink.write(SimpleNamespace(channels=np.array([[0.0, 0.0, 0.0], [9.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), field_time=()))
-    assert sink.resolution().impacts == {"struck": 1}
+    assert sink.evaluate().impacts == {"struck": 1}
 
 
 def test_resolution_without_motion():
     ready = prepare(flexcam.read_case(CASE))
-    assert RunMonitor.of(ready).resolution.resolution() == Resolution(0.0, math.inf, {}, {})
+    assert RunMonitor.of(ready).resolution.evaluate() == Resolution(0.0, math.inf, {}, {})
 
 
 def test_fine_run_has_no_warnings():
@@ -93,7 +93,7 @@ class FixedResolution:
 
     resolution: Resolution
 
-    def found(self):
+    def evaluate(self):
         return self.resolution
 
 
@@ -123,7 +123,7 @@ def test_warning_states_sufficient_steps(steps, more):
 def test_monitor_from_response_matches_run():
     ready, seen, response = monitored_run(CASE)
     again = RunMonitor.from_response(ready, response)
-    assert again.resolution.resolution().frequency == pytest.approx(seen.resolution.resolution().frequency, rel=1e-12)
+    assert again.resolution.evaluate().frequency == pytest.approx(seen.resolution.evaluate().frequency, rel=1e-12)
     assert energy_residual(again.extremes) == energy_residual(seen.extremes)
 
 

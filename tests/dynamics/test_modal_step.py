@@ -36,13 +36,13 @@ def test_block_equals_single_steps(name, ratio, length):
     steps, rng, count = modal_step(SCHEMES[name], ratio), np.random.default_rng(1), 3
     stride, n = StepBlock.of(steps, length), len(OMEGA)
     begin, loads = rng.normal(size=(3, n)), rng.normal(size=(count * length + 1, n))
-    push = steps.light * loads
+    push = steps.load_factor * loads
     rising = np.array([push[b * length : (b + 1) * length + 1] - push[b * length] for b in range(count)])
     ends = np.einsum("bmn,smn->bsn", rising[:, :0:-1], stride.answer)
     causes = np.empty((count + 1, 3, n))
     causes[0] = stride.causes(begin, push[0])
     stride.advance(begin, push[::length], causes, ends)
-    within = np.einsum("sjcn,bcn->bsjn", stride.within, causes[:-1])
+    within = np.einsum("sjcn,bcn->bsjn", stride.by_cause, causes[:-1])
     for step in range(length):  # a change of the load acts from this step on
         change = rising[:, step + 1, None, None]
         within[:, :, step:] += change * stride.answer[:, : length - step]
@@ -75,7 +75,7 @@ def test_block_of_slow_mode_is_accurate(name, omega):
     """The change within a block is a small part of the state; it has all digits, unlike the difference of states."""
     steps = modal_step(SCHEMES[name], omega=np.array([omega]))
     stride = StepBlock.of(steps, 32)
-    found = stride.change[:, :, 0] * [-steps.stiff[0], 1.0, 1.0]  # a displacement acts like a negative load
+    found = stride.change[:, :, 0] * [-steps.stiffness[0], 1.0, 1.0]  # a displacement acts like a negative load
     np.testing.assert_allclose(found, exact_change(SCHEMES[name], omega, 32), rtol=1e-12, atol=1e-300)
 
 
