@@ -289,7 +289,7 @@ class RunRecord(Record):
     )
     gravity: Gravity = Field(
         (0.0, 0.0, 0.0),
-        description="along the global axes x, y, z, except for masses and springs at output points of rockers",
+        description="along the global axes x, y, z; masses and springs at output points of rockers have no weight",
     )
     integrator: IntegratorRecord | None = Field(
         None,
