@@ -114,14 +114,10 @@ def modes(
     first = model_modes.modes.rigid + 1
     columns = f"ux, uy, uz {to_display_unit('kg')[1]}: effective mass of the mode for base excitation along x, y, z."
     note = f" For sensitivity and optimize, frequency.1 is no. {first}, the first mode above zero." if first > 1 else ""
-    title = f"{read.title}: modes, contacts open"
-    table = (
-        [mode_table(model_modes, title, read.turns), columns + note]
-        if moves
-        else [f"{read.title}: no modes with contacts open. {_NO_MODES}"]
-    )
+    table = mode_table(model_modes, f"{read.title}: modes, contacts open", read.turns)
+    none = f"{read.title}: no modes with contacts open. {_NO_MODES}"
     parts = [
-        *table,
+        *([table, columns + note] if moves else [none]),
         *(_closed_mode_table(cam_modes, count, read.turns) for cam_modes in closed),
         *explain_planes([*moves, *closed_moves]),
         *check_modes(model_modes),

@@ -48,9 +48,7 @@ run = { speed = "1000 rpm", revolutions = 1 }
 def test_model_without_mass_has_no_modes(flexcam, tmp_path):
     (tmp_path / "case.toml").write_text(MASSLESS, encoding="utf-8")
     output = flexcam("modes", "case.toml").out
-    assert output.strip().endswith(
-        "no modes with contacts open. A mode needs a mass, or a member with density, that can move."
-    )
+    assert "no modes with contacts open. A mode needs a mass, or a member with density, that can move." in output
 
 
 def test_modes_with_closed_contacts(flexcam, one_mass):
