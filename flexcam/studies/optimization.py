@@ -348,7 +348,7 @@ def _run_nsga2(judge: ProblemEvaluator, design: OptimizationProblem, size: int, 
     while algorithm.has_next():
         population: Any = algorithm.ask()
         cost, violations = judge.evaluate(np.asarray(population.get("X"), dtype=float))
-        Evaluator().eval(StaticProblem(problem, F=np.minimum(cost, 1e30), G=violations), population)
+        Evaluator().eval(StaticProblem(problem, F=np.minimum(cost, _LARGE_COST), G=violations), population)
         algorithm.tell(infills=population)
 
 

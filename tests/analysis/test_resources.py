@@ -11,7 +11,6 @@ import pytest
 
 import flexcam
 from flexcam.analysis import resources
-from flexcam.analysis import resources as within
 from flexcam.analysis.preparation import prepare
 from flexcam.analysis.resources import ResourceEstimate, check_resources, free_disk, free_memory
 from flexcam.analysis.run import estimate_case_resources, open_result_file
@@ -97,8 +96,8 @@ def test_memory_estimate_includes_histories_in_memory():
 
 
 def test_too_large_run_error_states_sizes(monkeypatch):
-    monkeypatch.setattr(within, "free_memory", lambda: 10_000_000)
-    monkeypatch.setattr(within, "free_disk", lambda _: 2_000_000_000)
+    monkeypatch.setattr(resources, "free_memory", lambda: 10_000_000)
+    monkeypatch.setattr(resources, "free_disk", lambda _: 2_000_000_000)
     large = ResourceEstimate(20_000_000, 5_000_000_000)
     with pytest.raises(InputError) as refused:
         check_resources(large, Path("results"), together=2)
@@ -112,13 +111,13 @@ def test_too_large_run_error_states_sizes(monkeypatch):
 
 
 def test_unknown_free_resources_cause_no_error(monkeypatch):
-    monkeypatch.setattr(within, "free_memory", lambda: None)
-    monkeypatch.setattr(within, "free_disk", lambda _: None)
+    monkeypatch.setattr(resources, "free_memory", lambda: None)
+    monkeypatch.setattr(resources, "free_disk", lambda _: None)
     check_resources(ResourceEstimate(10**18, 10**18), Path())
 
 
 def test_too_large_run_in_python_raises_error(monkeypatch):
-    monkeypatch.setattr(within, "free_memory", lambda: 1_000_000)
+    monkeypatch.setattr(resources, "free_memory", lambda: 1_000_000)
     case = flexcam.read_case(CASE)
     with pytest.raises(InputError, match="memory: got a run of"):
         flexcam.run(case)
@@ -126,7 +125,7 @@ def test_too_large_run_in_python_raises_error(monkeypatch):
 
 
 def test_too_large_mesh_raises_error_before_assembly(monkeypatch):
-    monkeypatch.setattr(within, "free_memory", lambda: 1_000_000)
+    monkeypatch.setattr(resources, "free_memory", lambda: 1_000_000)
     case = flexcam.read_case(CASE, ["members.camshaft.elements=100"])
     with pytest.raises(InputError, match=r"301 elements, whose matrices need 2\.4 MB"):
         prepare(case)
@@ -136,8 +135,8 @@ def test_too_large_mesh_raises_error_before_assembly(monkeypatch):
 def test_too_large_sweep_raises_error(monkeypatch, tmp_path):
     asked = make_sweep(CASE, ["run.speed=1000:3000:1000rpm"])
     needs = estimate_case_resources(prepare(flexcam.read_case(CASE)))
-    monkeypatch.setattr(within, "free_memory", lambda: 2 * needs.memory)
-    monkeypatch.setattr(within, "free_disk", lambda _: 2 * needs.file)
+    monkeypatch.setattr(resources, "free_memory", lambda: 2 * needs.memory)
+    monkeypatch.setattr(resources, "free_disk", lambda _: 2 * needs.file)
     check_sweep_resources(asked, together=1)
     with pytest.raises(InputError, match="3 side by side"):
         check_sweep_resources(asked, together=3)

@@ -10,9 +10,8 @@ import pytest
 from flexcam.cams import LAWS, HarmonicLift, LiftEvent, harmonics, order_spectrum
 from flexcam.core.errors import InputError
 
-RNG = np.random.default_rng(7)
 EVEN = np.linspace(0.0, 2.0 * math.pi, 101)
-UNEVEN = np.concatenate([[0.0], np.sort(RNG.uniform(0.0, 2.0 * math.pi, 99)), [2.0 * math.pi]])
+UNEVEN = np.concatenate([[0.0], np.sort(np.random.default_rng(7).uniform(0.0, 2.0 * math.pi, 99)), [2.0 * math.pi]])
 
 
 def trigonometric_polynomial(angle, coefficients):
@@ -22,7 +21,8 @@ def trigonometric_polynomial(angle, coefficients):
 @pytest.mark.parametrize("angle", [EVEN, UNEVEN, EVEN + 40.0 * math.pi], ids=["even", "uneven", "later"])
 def test_exact_for_trigonometric_polynomial(angle, readonly):
     """Arbitrary instants and the maximum degree; 1e-11 is the rounding of an uneven system of 25 unknowns."""
-    wanted = RNG.normal(size=13) + 1j * RNG.normal(size=13)
+    rng = np.random.default_rng(8)
+    wanted = rng.normal(size=13) + 1j * rng.normal(size=13)
     wanted[0] = wanted[0].real
     found = order_spectrum(readonly(angle), readonly(trigonometric_polynomial(angle, wanted)), 12)
     np.testing.assert_allclose(found.coefficients, wanted, atol=1e-11)
@@ -31,7 +31,7 @@ def test_exact_for_trigonometric_polynomial(angle, readonly):
 
 def test_even_instants_match_fft():
     """Also for values with higher orders than requested."""
-    values = RNG.normal(size=101)
+    values = np.random.default_rng(9).normal(size=101)
     values[-1] = values[0]
     found = order_spectrum(EVEN, values, 20)
     transformed = 2.0 * np.fft.rfft(values[:-1])[:21] / 100

@@ -80,6 +80,6 @@ def test_compare_reports_common_range_of_unequal_runs(flexcam, tmp_path):
 
 def test_lift_at_peak_acceleration():
     """A cycloidal rise has its peak acceleration at 1/4 and 3/4 of its angle: 1/4 - 1/(2 pi) of the lift."""
-    response = run(read_case("cases/tayeb/model-1-cycloidal.toml"), rigid=True)
+    response = run(read_case(Path(__file__).parents[2] / "cases/tayeb/model-1-cycloidal.toml"), rigid=True)
     lift = compare(response, response, "valve", 2500.0).peak_lift
     assert min(lift, 1.0 - lift) == pytest.approx(0.25 - 0.5 / math.pi, abs=2e-3)  # of a step

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from flexcam.core import eigen, solve_eigenproblem
-from flexcam.core import eigen as pencil
 
 EPS = np.finfo(float).eps
 
@@ -108,7 +107,7 @@ def test_indefinite_mass_raises_error(M):
 
 def test_large_matrix_uses_numpy_eigenvalues(monkeypatch):
     """Values of numpy, clipped at zero, with and without a free motion."""
-    monkeypatch.setattr(pencil, "_REFINEMENT_SIZE", 100)
+    monkeypatch.setattr(eigen, "_REFINEMENT_SIZE", 100)
     k = np.random.default_rng(0).uniform(1.0, 10.0, 210)
     for free in (False, True):
         values, X = solve_eigenproblem(np.eye(210), chain_stiffness(k, free=free))

@@ -81,12 +81,11 @@ def test_extremes_cover_complete_run(pair):
 
 
 def test_empty_sinks_have_zero_extremes(pair):
-    ready, whole, *_ = pair
+    _, whole, *_ = pair
     assert len(RecentSink(whole.outline, 1.0).response().time) == 0
     assert ExtremesSink(whole.outline).probe("valve")[0].tolist() == [0.0]
     assert ExtremesSink(whole.outline).channel("no such channel") == (0.0, 0.0)
     assert not ExtremesSink(whole.outline).most_bent.any()
-    del ready
 
 
 def test_keep_option_of_run():
