@@ -19,8 +19,7 @@ from benchmarks.timing import minimum_time
 from flexcam import dynamics, modes, read_case
 from flexcam.case.builder import build_model
 from flexcam.dynamics import ConstantSpeed, Problem
-from flexcam.fem.assembly import Member, mass, stiffness
-from flexcam.fem.assembly import beams as fem_beams
+from flexcam.fem.assembly import Member, build_beams, mass, stiffness
 from flexcam.fem.dofs import COMPONENTS, dof_map
 from flexcam.fem.mesh import chain
 from flexcam.fem.sections import Material, Section
@@ -60,7 +59,7 @@ def test_stiffness_and_mass(benchmark, measure_memory, elements):
     """Inclined shaft, whose element matrices are full."""
     mesh = chain((0, 0, 0), (10.0, 3.0, 2.0), elements)
     member = Member(Material(E=2e11, nu=0.3, density=7800.0), Section.circle(0.02))
-    beams, dofs = fem_beams(mesh, {"shaft": member}), dof_map(mesh, [("start", COMPONENTS)])
+    beams, dofs = build_beams(mesh, {"shaft": member}), dof_map(mesh, [("start", COMPONENTS)])
     found = benchmark(lambda: (stiffness(beams, dofs), mass(beams, dofs)))
     assert all(matrix.size == 6 * elements for matrix in found)
     measure_memory(f"from benchmarks.measure.assembly import assemble; assemble({elements})")

@@ -19,8 +19,7 @@ from flexcam.case.reader import CaseFile
 from flexcam.case.starters import new_case
 from flexcam.core import FloatArray, Triplets
 from flexcam.dynamics import Load, Probe, Response, modes, static_displacement
-from flexcam.fem.assembly import beams as fem_beams
-from flexcam.fem.assembly import mass, stiffness
+from flexcam.fem.assembly import build_beams, mass, stiffness
 from flexcam.fem.dofs import COMPONENTS, direction, dof_map
 from flexcam.fem.mesh import refine
 from flexcam.io import read_lift
@@ -38,7 +37,7 @@ def cantilever() -> dict[str, Figure]:
     """Return the deflection and modes of the bar, and the motion of its tip under a step force."""
     steel, circle = flexcam.Material(E=207e9, nu=0.29, density=7800.0), flexcam.Section.circle(0.020)
     mesh = refine(flexcam.Mesh([[0, 0, 0], [0.5, 0, 0]], {"bar": [0, 1]}, {"root": [0], "tip": [1]}), {"bar": 10})
-    beams = fem_beams(mesh, {"bar": flexcam.Member(steel, circle, rotary_inertia=False)})
+    beams = build_beams(mesh, {"bar": flexcam.Member(steel, circle, rotary_inertia=False)})
     dofs = dof_map(mesh, [("root", COMPONENTS)])
     m, k = mass(beams, dofs), stiffness(beams, dofs)
     force = 100.0 * dofs.vector(mesh.node("tip"), direction("uy"))

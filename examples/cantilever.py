@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from flexcam import Material, Member, Mesh, Section
 from flexcam.dynamics import modes, static_displacement
-from flexcam.fem.assembly import beams as fem_beams
+from flexcam.fem.assembly import build_beams
 from flexcam.fem.assembly import mass as fem_mass
 from flexcam.fem.assembly import stiffness as fem_stiffness
 from flexcam.fem.dofs import COMPONENTS, DofMap, direction, dof_map
@@ -26,7 +26,7 @@ def cantilever(elements: int) -> tuple[Beams, DofMap]:
     """Return the elements of a bar with a clamped root, and their degrees of freedom."""
     line = Mesh([[0, 0, 0], [length, 0, 0]], {"bar": [0, 1]}, {"root": [0], "tip": [1]})
     mesh = refine(line, {"bar": elements})
-    beams = fem_beams(mesh, {"bar": Member(steel, bar, rotary_inertia=False)})
+    beams = build_beams(mesh, {"bar": Member(steel, bar, rotary_inertia=False)})
     return beams, dof_map(mesh, [("root", COMPONENTS)])
 
 

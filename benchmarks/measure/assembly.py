@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from benchmarks.timing import minimum_time
-from flexcam.fem.assembly import Member, mass, stiffness
-from flexcam.fem.assembly import beams as fem_beams
+from flexcam.fem.assembly import Member, build_beams, mass, stiffness
 from flexcam.fem.dofs import COMPONENTS, dof_map
 from flexcam.fem.mesh import chain
 from flexcam.fem.sections import Material, Section
@@ -21,5 +20,5 @@ def assemble(elements: int) -> int:
     """Create mesh, elements and both matrices of a shaft and return its number of unknowns."""
     mesh = chain((0.0, 0.0, 0.0), (10.0, 3.0, 2.0), elements)
     member = Member(Material(E=2e11, nu=0.3, density=7800.0), Section.circle(0.02))
-    beams, dofs = fem_beams(mesh, {"shaft": member}), dof_map(mesh, [("start", COMPONENTS)])
+    beams, dofs = build_beams(mesh, {"shaft": member}), dof_map(mesh, [("start", COMPONENTS)])
     return (stiffness(beams, dofs) + mass(beams, dofs)).size

@@ -11,8 +11,7 @@ import numpy as np
 from benchmarks.engines import run_engine
 from benchmarks.peers.shaft import Shaft, ShaftResult
 from flexcam.dynamics import ConstantSpeed, Load, Probe, Problem, SaveAt, System
-from flexcam.fem.assembly import Member, stiffness
-from flexcam.fem.assembly import beams as fem_beams
+from flexcam.fem.assembly import Member, build_beams, stiffness
 from flexcam.fem.assembly import mass as fem_mass
 from flexcam.fem.dofs import direction, dof_map
 from flexcam.fem.mesh import chain
@@ -42,7 +41,7 @@ def shaft_system(shaft: Shaft) -> System:
     bearings = np.arange(shaft.elements, shaft.last + 1, shaft.elements)
     mesh = replace(line, points={"start": np.array([0]), "bearings": bearings})
     steel = Material(E=shaft.E, nu=shaft.E / (2.0 * shaft.G) - 1.0, density=shaft.density)
-    beams = fem_beams(mesh, {"shaft": Member(steel, Section.circle(shaft.diameter), rotary_inertia=False)})
+    beams = build_beams(mesh, {"shaft": Member(steel, Section.circle(shaft.diameter), rotary_inertia=False)})
     dofs = dof_map(mesh, [("start", ("ux", "uy", "uz", "rx")), ("bearings", ("uy", "uz"))])
     mass = fem_mass(beams, dofs) + mass_at(shaft.middle, PointMass(shaft.mass), dofs)
     force, torque = (dofs.vector(shaft.middle, direction(name)) for name in ("uy", "rx"))

@@ -24,7 +24,7 @@ from flexcam.case.problem_builder import (
 )
 from flexcam.case.reader import CaseFile
 from flexcam.case.schema.run import CollocationRecord
-from flexcam.core.errors import InputError, refuse
+from flexcam.core.errors import InputError, end_sentence, refuse
 from flexcam.dynamics import (
     Collocation,
     ConstantSpeed,
@@ -197,10 +197,9 @@ def prepare(
         try:
             problem = set_initial_state(case, model, plain, until, near and near.problem.start)
         except RunFailedError as failure:  # an unusual value, such as 207 Pa, is the probable cause
-            remedy = failure.status.remedy
-            for warning in check_values(case):
-                end = "" if remedy.endswith("?") else "."
-                remedy = f"{remedy}{end} Possible cause: {warning.removeprefix('Warning: ')}"
+            causes = [f"Possible cause: {warning.removeprefix('Warning: ')}" for warning in check_values(case)]
+            *earlier, last = failure.status.remedy, *causes
+            remedy = " ".join([*map(end_sentence, earlier), last])
             raise RunFailedError(replace(failure.status, remedy=remedy)) from None
         problem = replace(problem, basis=reduced_basis(case, problem, chain))
         scheme = integration_method(case, problem)

@@ -36,7 +36,7 @@ from flexcam.dynamics import (
     solve,
     static_displacement,
 )
-from flexcam.fem.assembly import Member, beams, geometric, mass, stiffness
+from flexcam.fem.assembly import Member, build_beams, geometric, mass, stiffness
 from flexcam.fem.dofs import dof_map
 from flexcam.fem.mesh import chain
 from flexcam.fem.sections import Material, Section
@@ -154,7 +154,7 @@ class _Beam:
 
     def __init__(self, member: Member, start: tuple[str, ...], end: tuple[str, ...] = ()) -> None:
         mesh = chain((0.0, 0.0, 0.0), (_LENGTH, 0.0, 0.0), _ELEMENTS)
-        self._beams = beams(mesh, {"shaft": member})
+        self._beams = build_beams(mesh, {"shaft": member})
         self._dofs = dof_map(mesh, [("start", start), *([("end", end)] if end else [])])
         self._stiffness = stiffness(self._beams, self._dofs)
         in_plane = [i for i, name in enumerate(self._dofs.names) if name.endswith((".uy", ".rz"))]

@@ -149,25 +149,17 @@ class Program:
         given = " with ".join(filter(None, (bounds, conditions)))
         what = " and ".join(["bounds"] * bool(bounds) + ["conditions"] * bool(conditions))
         remedy = " or ".join(["a wider bound"] * bool(bounds) + ["other conditions"] * bool(conditions))
-        symmetric, why = isinstance(self.family, SplineFamily) and self.family.symmetric, ""
-        if fixed := self._fixed_end():
-            why, remedy = fixed[0], f"{remedy}{fixed[1]}"
-        elif self.monotone and any(_turns_back(condition) for condition in self.conditions):
+        why, rest = "", self.family.rest if isinstance(self.family, SplineFamily) else 1
+        if fixed := [order for z, order, value in self.conditions
+                     if z in (0.0, 1.0) and order <= rest and value != (0.0 if order else z)]:  # fmt: skip
+            higher = f"--rest is {rest}, so the first {rest} derivatives are zero at both ends"
+            why = ("the law rises from 0 to 1", "the velocity is zero at both ends", higher)[min(fixed[0], 2)]
+            remedy += f", or --rest {fixed[0] - 1}" if fixed[0] > 1 else ""
+        elif self.monotone and any(map(_turns_back, self.conditions)):
             remedy += ", or allow laws that turn back (--turning-back)"
-        elif symmetric and self.conditions:
+        elif isinstance(self.family, SplineFamily) and self.family.symmetric and self.conditions:
             remedy += ", or allow asymmetric laws (--asymmetric), which may meet these"
         return refuse(what, given, f"{what} that {self.family.name} can meet", why, f"use {remedy}")
-
-    def _fixed_end(self) -> tuple[str, str] | None:
-        """Return why a condition contradicts an end of every law, and what else helps; None if none does."""
-        rest = self.family.rest if isinstance(self.family, SplineFamily) else 1
-        for z, order, value in self.conditions:
-            if z in (0.0, 1.0) and order <= rest and value != (z if order == 0 else 0.0):
-                if order > 1:
-                    why = f"--rest is {rest}, so the first {rest} derivatives are zero at both ends"
-                    return why, f", or --rest {order - 1}"
-                return ("the velocity is zero at both ends" if order else "the law rises from 0 to 1"), ""
-        return None
 
     def _inequalities(
         self, places: Mapping[int, FloatArray], cuts: Sequence[TangentPlane], around: tuple[FloatArray, float] | None

@@ -33,7 +33,8 @@ from flexcam.case.schema.parts import (
 )
 from flexcam.case.schema.run import FidelityRecord, NewmarkRecord, OutputRecord, PhaserRecord, RunRecord
 from flexcam.case.schema.springs import SpringRecord
-from flexcam.core.errors import InputError, html_table
+from flexcam.core.errors import InputError
+from flexcam.core.html import html_table
 from flexcam.core.units import DIMENSIONS, shaft_speed
 from flexcam.fem.mesh import Mesh
 

@@ -72,7 +72,7 @@ def build_equations(case: Case, model: Model, kind: str) -> tuple[Model, System,
         chain = build_chain(model, case.speed, MASS_CHAINS[kind] or case.record.fidelity.masses)
     except InputError as refusal:
         raise InputError(replace(f, where=_CHAIN_KEYS.get(f.where, f.where)) for f in refusal.faults) from None
-    return model, without_compression(system, chain.massless), chain
+    return model, without_compression(system, chain.unstrained), chain
 
 
 def locate_run_faults(case: Case, refusal: InputError) -> InputError:

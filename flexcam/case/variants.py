@@ -58,8 +58,8 @@ def get_number(case: Case, key: str, where: str) -> Number:
         if value is None:
             table, _, last = key.rpartition(".")
             others = [f"{table}.{other}" for other in REPLACED_KEYS.get(last, ())]
-            near = [f"use {other}, which the case gives" for other in others if known.get(other) is not None]
-            raise refuse(where, key, "a number that the case gives", "", [*near, "give it a value in the case"][0])
+            given = next((f"use {other}, which the case gives" for other in others if known.get(other) is not None), "")
+            raise refuse(where, key, "a number that the case gives", "", given or "give it a value in the case")
         why, remedy = "whole numbers and texts cannot be varied here", "compare its values with flexcam sweep"
         raise refuse(where, f"{key} = {value!r}", "the key of a number with a continuous value", why, remedy)
     unit = find_unit(case.record, copies[0].split("."))

@@ -130,8 +130,7 @@ def _name_options(faults: Sequence[Fault], words: Sequence[str]) -> list[Fault]:
     typed = {word.partition("=")[0] for word in words if word.startswith("--")}
     arguments = app.parse_commands(words)[1][-1].assemble_argument_collection()
     options = {argument.field_info.name: name for argument in arguments for name in argument.names if name in typed}
-    parameters = {name.removeprefix("--").replace("-", "_"): name for name in typed}
-    options |= {f"{key}s": name for key, name in parameters.items()} | parameters  # a repeatable option gives a list
+    options |= {name.removeprefix("--").replace("-", "_"): name for name in typed}
     return [replace(fault, where=options.get(fault.where, fault.where)) for fault in faults]
 
 

@@ -120,11 +120,11 @@ def law(
     minimize: Annotated[list[str], Parameter(
         "--minimize", help="Cv, Ca, Cj: peak of velocity, acceleration, jerk; Cm: peak of velocity times acceleration; "
         "rms: rms acceleration. For a weighted sum give CRITERION=WEIGHT several times.")],
-    bound: Annotated[list[str] | None, Parameter("--bound", help="Upper bound: CRITERION=VALUE. Repeatable.")] = None,
+    bounds: Annotated[list[str] | None, Parameter("--bound", help="Upper bound: CRITERION=VALUE. Repeatable.")] = None,
     against: Annotated[str | None, Parameter(
         "--pareto", help="Second criterion: find a Pareto front instead of one law.")] = None,
     count: Annotated[int | None, Parameter(help="Number of laws of the front; 9 by default.")] = None,
-    condition: Annotated[list[str] | None, Parameter(
+    conditions: Annotated[list[str] | None, Parameter(
         "--condition", help="Prescribed derivative: POSITION (0 to 1),ORDER,VALUE. Repeatable.")] = None,
     turning_back: Annotated[bool, Parameter(help="Allow negative velocity.")] = False,
     family: Annotated[Literal["spline", "polynomial", "harmonic"], Parameter(
@@ -146,8 +146,8 @@ def law(
     cli.refuse_without("--pareto", {"--count": count}, present=against is not None)
     cli.check_targets(None, plot, overwrite=overwrite)
     law_family = _family(family, degree, pieces, orders, rest, symmetric=not asymmetric)
-    weights, limits = _numbers("--minimize", minimize, 1.0), _numbers("--bound", bound or [], None)
-    fixed = [_condition(text) for text in condition or []]
+    weights, limits = _numbers("--minimize", minimize, 1.0), _numbers("--bound", bounds or [], None)
+    fixed = [_condition(text) for text in conditions or []]
     if against is not None:
         if len(weights) != 1 or limits:
             allowed = "one criterion of --minimize, and no --bound"

@@ -5,10 +5,8 @@ from __future__ import annotations
 import difflib
 import operator
 import re
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from datetime import date, time
-from html import escape
 from importlib.util import find_spec
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, TypeVar, cast
@@ -50,7 +48,8 @@ def _capitalize(text: str) -> str:
     return text[:1].upper() + text[1:] if _PLAIN_START.match(text) else text
 
 
-def _end_sentence(text: str) -> str:
+def end_sentence(text: str) -> str:
+    """Return a text with a period, unless it ends a sentence already."""
     return text.rstrip(".") + "." if text[-1] not in "?!" and not text.endswith("...") else text
 
 
@@ -73,7 +72,7 @@ class Fault:
         if allowed:
             actual = "missing" if given == "nothing" else f"got {given}"
             head = f"{where}: {actual}, expected {allowed}. {_capitalize(why)}"
-        text = " ".join(_end_sentence(part.strip()) for part in (head, _capitalize(remedy)) if part.strip())
+        text = " ".join(end_sentence(part.strip()) for part in (head, _capitalize(remedy)) if part.strip())
         return printable(text.replace("\n", "\\n"))
 
     def as_dict(self) -> dict[str, str]:
@@ -237,12 +236,3 @@ def suggest_name(name: str, known: Iterable[str]) -> str:
         if not near and len(alike) <= _MAX_ALIKE:
             return f"did you mean {' or '.join(map(repr, alike))}?"
     return f"did you mean {near!r}?" if near else ""
-
-
-def html_table(title: str, rows: Mapping[str, str]) -> str:
-    """Return an HTML table of names and values without empty values."""
-    cells = "".join(
-        f"<tr><th style='text-align:left'>{escape(name)}</th><td style='text-align:left'>{escape(value)}</td></tr>"
-        for name, value in rows.items() if value
-    )  # fmt: skip
-    return f"<table><caption>{escape(title)}</caption>{cells}</table>"

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.core import FloatArray
-from flexcam.core.errors import finite_array, html_table, refuse, require_packages, suggest_name
+from flexcam.core.errors import finite_array, refuse, require_packages, suggest_name
+from flexcam.core.html import html_table
 from flexcam.dynamics.blocks import Series
 from flexcam.dynamics.status import Stats, Status
 

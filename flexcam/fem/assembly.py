@@ -57,7 +57,7 @@ class Member:
     temperature: float = 0.0
 
 
-def beams(mesh: Mesh, members: Mapping[str, Member]) -> Beams:
+def build_beams(mesh: Mesh, members: Mapping[str, Member]) -> Beams:
     """Return the element arrays of a mesh; a tapered element has the section at its middle."""
     for name in mesh.lines:
         if name not in members:

@@ -100,8 +100,8 @@ class ShaftDrive:
     name: str  #: of the support or the node
     node: int
     released: Structure  #: structure with the constrained rotations of that node released
-    indices: IntArray  #: indices of the structure's unknowns among those of `freed`, shape (n,)
-    rotation: FloatArray  #: unit rotation about the shaft in the released unknowns, shape (n of `freed`,)
+    indices: IntArray  #: indices of the structure's unknowns among those of `released`, shape (n,)
+    rotation: FloatArray  #: unit rotation about the shaft in the released unknowns, shape (n of `released`,)
 
 
 @lru_cache(maxsize=4)

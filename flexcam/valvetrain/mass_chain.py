@@ -51,7 +51,7 @@ class Chain:
     masses: FloatArray  #: masses of the chain reduced to the follower (with squared rocker ratios), kg, shape (k,)
     stiffnesses: FloatArray  #: stiffnesses between neighbours reduced to the follower, N/m, shape (k - 1,)
     shapes: FloatArray  #: motion of the beam model's unknowns per unknown of the chain, shape (n, m)
-    massless: tuple[str, ...]  #: members beyond the last kept point: they transmit spring forces, but no inertia forces
+    unstrained: tuple[str, ...]  #: members beyond the last kept point, with spring forces but no inertia forces
 
 
 def build_chain(model: Model, speed: float, count: int, *, contact: str | None = None, lumped: bool = False) -> Chain:
@@ -77,9 +77,9 @@ def build_chain(model: Model, speed: float, count: int, *, contact: str | None =
     stiffnesses = -np.diagonal(reduced.stiffness.dense()[:k, :k], 1) * ratios[:-1] * ratios[1:]
     bars = {name: Bars(structure, elements_of(structure, name)) for name in compressed_members(structure.model)}
     elongations = {name: np.abs(bar.tension(shapes[:, 1:].T)) / bar.stiffness for name, bar in bars.items()}
-    massless = tuple(name for name, size in elongations.items() if size.max(initial=0.0) < _ELONGATION_TOLERANCE)
-    reduced = without_compression(reduced, massless)
-    return Chain(reduced, tuple(names[:k]), np.diagonal(mass)[:k] * ratios**2, stiffnesses, shapes, massless)
+    unstrained = tuple(name for name, size in elongations.items() if size.max(initial=0.0) < _ELONGATION_TOLERANCE)
+    reduced = without_compression(reduced, unstrained)
+    return Chain(reduced, tuple(names[:k]), np.diagonal(mass)[:k] * ratios**2, stiffnesses, shapes, unstrained)
 
 
 def without_compression(system: System, members: Sequence[str]) -> System:

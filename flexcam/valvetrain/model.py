@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 
-from flexcam.core.errors import html_table
+from flexcam.core.html import html_table
 from flexcam.fem.assembly import Damping, Member
 from flexcam.fem.mesh import Mesh
 from flexcam.fem.superelements import Superelement

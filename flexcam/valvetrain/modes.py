@@ -287,10 +287,10 @@ def modes_on_the_lift(model: Model, contact: str, speed: float, *, base_circle: 
     )
 
 
-def describe_inactive(structure: Structure, model_modes: ActiveDofs) -> list[str]:
+def describe_inactive(structure: Structure, dofs: ActiveDofs) -> list[str]:
     """Describe the inactive degrees of freedom of a structure."""
     texts: list[str] = []
-    for group in model_modes.inactive:
+    for group in dofs.inactive:
         reason = "nothing holds or loads it" if group.free else "nothing loads it"
         reason = "its loads are constant and in static equilibrium, so it does not move" if group.loaded else reason
         texts.append(f"{_place(structure, group.unknowns)}: {reason}")

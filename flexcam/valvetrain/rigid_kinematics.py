@@ -51,10 +51,10 @@ def _is_driven(model: Model, contact: CamPair, start: str, nodes: Collection[int
     return end == contact.follower or (end in model.mesh.points and model.mesh.node(end) in nodes)
 
 
-def lashes_before(model: Model, node: int, plays: Sequence[NodeLash]) -> list[NodeLash]:
+def lashes_before(model: Model, node: int, lashes: Sequence[NodeLash]) -> list[NodeLash]:
     """Return the lash elements in series between nodes before a node moves."""
     series: list[NodeLash] = []
-    remaining = list(plays)
+    remaining = list(lashes)
     while preceding := [lash for lash in remaining if model.mesh.node(lash.ends[1]) in connected_nodes(model, node)]:
         series.insert(0, preceding[0])
         remaining.remove(preceding[0])
@@ -106,12 +106,12 @@ def driving_contact(model: Model, point: str) -> str | None:
     return None
 
 
-def is_in_train(model: Model, contact: CamPair, play: Lash | Adjuster) -> bool:
+def is_in_train(model: Model, contact: CamPair, lash: Lash | Adjuster) -> bool:
     """Return whether a lash or an adjuster is in the train of a contact, or carries the pivot of its finger."""
-    if play.ends is not None:
+    if lash.ends is not None:
         nodes = moved_nodes(model, contact)
-        return any(_is_driven(model, contact, end, nodes) for end in play.ends[: 1 + isinstance(play, Adjuster)])
-    return play.rocker is not None and model.rockers[play.rocker] is rocker_of(model, contact)
+        return any(_is_driven(model, contact, end, nodes) for end in lash.ends[: 1 + isinstance(lash, Adjuster)])
+    return lash.rocker is not None and model.rockers[lash.rocker] is rocker_of(model, contact)
 
 
 @lru_cache(maxsize=4)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from flexcam.core import DENSE_LIMIT, FloatArray, IntArray, null_space, select_constraints
 from flexcam.dynamics import Block, Channel, ForceLaw, LocalForce, Observable, Observation, Stats, Status, constant
 from flexcam.dynamics.force_laws import ARCH
-from flexcam.fem.assembly import beams, geometric, sections_at_nodes, stiffness
+from flexcam.fem.assembly import build_beams, geometric, sections_at_nodes, stiffness
 from flexcam.fem.dofs import DofMap, dof_map
 from flexcam.fem.elements.arch import SCALARS, Arch, deformation_matrix
 from flexcam.fem.elements.beam import Beams
@@ -92,7 +92,7 @@ def _divide(model: Model, member: str, parts: int) -> tuple[Beams, DofMap]:
     nodes, line = np.unique(model.mesh.lines[member], return_inverse=True)
     points = {point: np.flatnonzero(np.isin(nodes, model.mesh.points[point])) for point in model.supports}
     mesh = refine(Mesh(model.mesh.nodes[nodes], {member: line}, points), {member: parts})
-    return beams(mesh, model.members), dof_map(mesh, model.supports.items())
+    return build_beams(mesh, model.members), dof_map(mesh, model.supports.items())
 
 
 def _hinge_free_ends(matrix: FloatArray, free: FloatArray, ends: NDArray[np.bool_]) -> FloatArray:

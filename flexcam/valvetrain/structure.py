@@ -12,8 +12,7 @@ import numpy as np
 from flexcam.core import FloatArray, IntArray, Triplets, component_members, connected_components
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.dynamics import Probe
-from flexcam.fem.assembly import beams as fem_beams
-from flexcam.fem.assembly import distributed_load, element_weight, thermal_load
+from flexcam.fem.assembly import build_beams, distributed_load, element_weight, thermal_load
 from flexcam.fem.assembly import mass as fem_mass
 from flexcam.fem.assembly import stiffness as fem_stiffness
 from flexcam.fem.dofs import COMPONENTS, DofMap, dof_map, rigid_ties
@@ -167,7 +166,7 @@ def strain_free_motions(structure: Structure, stretches: Iterable[Stretch]) -> F
 
 def build_structure_in(model: Model, dofs: DofMap) -> Structure:
     """Assemble the passive part of a model with given unknowns."""
-    beams, zero = fem_beams(model.mesh, model.members), Triplets.zeros(dofs.size)
+    beams, zero = build_beams(model.mesh, model.members), Triplets.zeros(dofs.size)
     bare = Structure(model, beams, dofs, zero, zero, zero, np.zeros((dofs.size, 0)))
     mass, stiffness, dampers = [fem_mass(beams, dofs), *_masses(bare)], [fem_stiffness(beams, dofs)], [zero]
     for stretch in elastic_stretches(bare):
@@ -282,7 +281,7 @@ def coupled_groups(structure: Structure, rows: Iterable[FloatArray] = ()) -> lis
 
 def member_masses(model: Model) -> dict[str, float]:
     """Return the mass of every member."""
-    beams = fem_beams(model.mesh, model.members)
+    beams = build_beams(model.mesh, model.members)
     return {n: float((beams.rho_A * beams.length)[part].sum()) for n, part in model.mesh.element_ranges().items()}
 
 

@@ -15,7 +15,7 @@ from flexcam.core import (
     select_constraints,
     select_storage,
 )
-from flexcam.fem.assembly import Member, beams, mass, stiffness
+from flexcam.fem.assembly import Member, build_beams, mass, stiffness
 from flexcam.fem.dofs import dof_map
 from flexcam.fem.mesh import Mesh, refine
 from flexcam.fem.sections import Material, Section
@@ -101,7 +101,7 @@ def frame(parts, seed=0, size=1.0):
     nodes = size * np.array([[0.0, 0, 0], [0.4, 0, 0], [0.4, 0.3, 0.1]]) @ corner.T
     mesh = refine(Mesh(nodes, {"a": [0, 1], "b": [1, 2]}, {}), {"a": parts, "b": parts})
     section = Section(A=4e-4 * size**2, Iy=2e-8 * size**4, Iz=7e-9 * size**4, J=1e-8 * size**4)
-    return mesh, beams(mesh, {"a": Member(STEEL, section), "b": Member(STEEL, section)})
+    return mesh, build_beams(mesh, {"a": Member(STEEL, section), "b": Member(STEEL, section)})
 
 
 @pytest.mark.parametrize("parts", [1, 8, 52], ids=["12-dof", "dense", "sparse"])
@@ -124,7 +124,7 @@ def test_unconnected_bodies_have_six_motions_each(bodies):
     nodes = np.array([[[0.0, k, 0], [1.0, k, 0.3]] for k in range(bodies)]).reshape(-1, 3)
     lines = {f"bar{k}": [2 * k, 2 * k + 1] for k in range(bodies)}
     mesh = refine(Mesh(nodes, lines, {}), dict.fromkeys(lines, 30))
-    elements = beams(mesh, dict.fromkeys(lines, Member(STEEL, Section.circle(0.02))))
+    elements = build_beams(mesh, dict.fromkeys(lines, Member(STEEL, Section.circle(0.02))))
     assert null_space(stiffness(elements, dof_map(mesh, []))).shape[1] == 6 * bodies
 
 
@@ -140,7 +140,7 @@ def test_fine_mesh_has_no_rigid_motion(parts):
     # A clamped slender shaft: its softest scaled eigenvalue falls as the fourth power of the element's length.
     nodes = [[0.0, 0, 0], [1.0, 0, 0]]
     mesh = refine(Mesh(nodes, {"a": [0, 1]}, {"root": [0]}), {"a": parts})
-    elements = beams(mesh, {"a": Member(STEEL, Section.circle(0.02))})
+    elements = build_beams(mesh, {"a": Member(STEEL, Section.circle(0.02))})
     dofs = dof_map(mesh, [("root", ("ux", "uy", "uz", "rx", "ry", "rz"))])
     assert null_space(stiffness(elements, dofs)).shape[1] == 0
 

@@ -12,7 +12,7 @@ from flexcam import prepare, read_case
 from flexcam.core import DENSE_LIMIT, Triplets, component_members, factorize, factorize_with_update
 from flexcam.core.factorization import BandFactor
 from flexcam.dynamics import solve
-from flexcam.fem.assembly import Member, beams, mass, stiffness
+from flexcam.fem.assembly import Member, build_beams, mass, stiffness
 from flexcam.fem.dofs import dof_map
 from flexcam.fem.mesh import Mesh, refine
 from flexcam.fem.sections import Material, Section
@@ -28,7 +28,7 @@ def build_matrix(nodes, lines, supports=("root",)):
     place = np.argsort(order)
     shuffled = Mesh(mesh.nodes[order], {n: place[line] for n, line in mesh.lines.items()}, {"root": place[[0]]})
     dofs = dof_map(shuffled, [(point, ("ux", "uy", "uz", "rx", "ry", "rz")) for point in supports])
-    parts = beams(shuffled, dict.fromkeys(lines, STEEL))
+    parts = build_beams(shuffled, dict.fromkeys(lines, STEEL))
     return mass(parts, dofs) + stiffness(parts, dofs).scale(1e-9)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from flexcam.dynamics import NotPositiveError, modes
-from flexcam.fem.assembly import Member, beams, geometric, stiffness
+from flexcam.fem.assembly import Member, build_beams, geometric, stiffness
 from flexcam.fem.assembly import mass as mass_of
 from flexcam.fem.dofs import COMPONENTS, dof_map
 from flexcam.fem.mesh import chain
@@ -30,7 +30,7 @@ FIXED = [("start", COMPONENTS)]
 class Shaft:
     def __init__(self, steel, parts, supports, section=ROUND):
         self.mesh = chain((0, 0, 0), (LENGTH, 0, 0), parts)
-        self.beams = beams(self.mesh, {"shaft": Member(steel, section, rotary_inertia=False)})
+        self.beams = build_beams(self.mesh, {"shaft": Member(steel, section, rotary_inertia=False)})
         self.dofs = dof_map(self.mesh, supports)
         self.K, self.M = stiffness(self.beams, self.dofs), mass_of(self.beams, self.dofs)
         self.free = free_motions(self.mesh, self.dofs, [])

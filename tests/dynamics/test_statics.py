@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from flexcam.dynamics import Cause, RunFailedError, static_displacement
-from flexcam.fem.assembly import Member, beams, stiffness
+from flexcam.fem.assembly import Member, build_beams, stiffness
 from flexcam.fem.dofs import COMPONENTS, dof_map
 from flexcam.fem.mesh import Mesh, chain, refine
 from flexcam.fem.sections import Section
@@ -16,7 +16,7 @@ from flexcam.fem.sections import Section
 def shaft(steel, parts, supports):
     mesh = chain((0, 0, 0), (0.5, 0, 0), parts)
     dofs = dof_map(mesh, supports)
-    return mesh, dofs, stiffness(beams(mesh, {"shaft": Member(steel, Section.circle(0.02))}), dofs)
+    return mesh, dofs, stiffness(build_beams(mesh, {"shaft": Member(steel, Section.circle(0.02))}), dofs)
 
 
 BEARINGS = [("start", ("uy", "uz", "rx")), ("end", ("uy", "uz"))]
@@ -65,7 +65,7 @@ def deform_free_body(steel, parts, unit):
     load[:3] = unit * np.random.default_rng(6).standard_normal((3, 6))
     load[2, :3] -= load[:, :3].sum(axis=0)
     load[2, 3:] -= (load[:, 3:] + np.cross(mesh.nodes, load[:, :3])).sum(axis=0)
-    K = stiffness(beams(mesh, {"a": member, "b": member}), dofs).scale(unit)
+    K = stiffness(build_beams(mesh, {"a": member, "b": member}), dofs).scale(unit)
     u = dofs.nodal(static_displacement(K, load.ravel(), dofs.names))[:3].ravel()
     rigid = np.column_stack([dofs.nodal(dofs.rigid_motion(mesh, e))[:3].ravel() for e in np.eye(6)])
     return u - rigid @ np.linalg.lstsq(rigid, u, rcond=None)[0]

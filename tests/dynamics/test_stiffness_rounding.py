@@ -7,8 +7,7 @@ import pytest
 
 from flexcam.core import energy_rounding
 from flexcam.dynamics import ROUNDING_STATUS, Cause, RunFailedError, modes, static_displacement
-from flexcam.fem.assembly import Member, mass, stiffness
-from flexcam.fem.assembly import beams as fem_beams
+from flexcam.fem.assembly import Member, build_beams, mass, stiffness
 from flexcam.fem.dofs import COMPONENTS, direction, dof_map
 from flexcam.fem.mesh import chain
 from flexcam.fem.sections import Section
@@ -21,7 +20,7 @@ LENGTH, EI = 1.0, 207e9 * np.pi * 0.01**4 / 4
 def cantilever(steel):
     def make(elements):
         mesh = chain((0, 0, 0), (LENGTH, 0, 0), elements)
-        beams = fem_beams(mesh, {"shaft": Member(steel, Section.circle(0.02), rotary_inertia=False)})
+        beams = build_beams(mesh, {"shaft": Member(steel, Section.circle(0.02), rotary_inertia=False)})
         dofs = dof_map(mesh, [("start", COMPONENTS)])
         return mass(beams, dofs), stiffness(beams, dofs), dofs, dofs.vector(elements, direction("uy"))
 

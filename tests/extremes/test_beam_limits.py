@@ -17,8 +17,7 @@ from scipy.optimize import brentq
 from flexcam import build_model, modes, prepare, read_case, run
 from flexcam.dynamics import Cause, ConstantSpeed, Problem, RunFailedError, State, newmark, solve, static_displacement
 from flexcam.dynamics import modes as modes_of
-from flexcam.fem.assembly import Member, mass, stiffness
-from flexcam.fem.assembly import beams as fem_beams
+from flexcam.fem.assembly import Member, build_beams, mass, stiffness
 from flexcam.fem.dofs import COMPONENTS, direction, dof_map
 from flexcam.fem.mesh import chain
 from flexcam.fem.sections import Section
@@ -37,7 +36,7 @@ class Cantilever:
     def __init__(self, steel, length, elements, *, shear):
         mesh = chain((0, 0, 0), (length, 0, 0), elements)
         member = Member(steel, SECTION, shear=shear, rotary_inertia=shear)
-        beams = fem_beams(mesh, {"shaft": member})
+        beams = build_beams(mesh, {"shaft": member})
         self.dofs = dof_map(mesh, [("start", COMPONENTS)])
         self.M, self.K = mass(beams, self.dofs), stiffness(beams, self.dofs)
         self.free = np.zeros((self.dofs.size, 0))

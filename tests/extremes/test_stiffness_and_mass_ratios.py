@@ -15,8 +15,7 @@ from scipy.linalg import eigh
 
 from flexcam.core import Triplets
 from flexcam.dynamics import Cause, RunFailedError, modes, static_displacement
-from flexcam.fem.assembly import Member, mass, stiffness
-from flexcam.fem.assembly import beams as fem_beams
+from flexcam.fem.assembly import Member, build_beams, mass, stiffness
 from flexcam.fem.dofs import COMPONENTS, dof_map
 from flexcam.fem.mesh import chain
 from flexcam.fem.rigid_bodies import PointMass, mass_at
@@ -61,7 +60,7 @@ class Cantilever:
     def __init__(self, steel, heavy):
         section = Section.circle(0.02)
         mesh = chain((0, 0, 0), (LENGTH, 0, 0), PARTS)
-        beams = fem_beams(mesh, {"shaft": Member(steel, section, rotary_inertia=False)})
+        beams = build_beams(mesh, {"shaft": Member(steel, section, rotary_inertia=False)})
         self.dofs = dof_map(mesh, [("start", COMPONENTS)])
         own = steel.density * section.A * LENGTH
         tip = mass_at(mesh.node("end"), PointMass(heavy * own, (0.0, 0.0, 0.0)), self.dofs)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexcam.fem.assembly import Member, beams
+from flexcam.fem.assembly import Member, build_beams
 from flexcam.fem.elements import beam
 from flexcam.fem.mesh import Mesh
 from flexcam.fem.sections import Material, Section
@@ -21,7 +21,7 @@ LENGTH = 0.8
 @pytest.fixture(params=[False, True], ids=["euler", "timoshenko"])
 def bar(request):
     mesh = Mesh([[0, 0, 0], [LENGTH, 0, 0]], {"bar": [0, 1]}, {})
-    return beams(mesh, {"bar": Member(MATERIAL, SECTION, shear=request.param)})
+    return build_beams(mesh, {"bar": Member(MATERIAL, SECTION, shear=request.param)})
 
 
 def tip_flexibility(bar):
@@ -61,6 +61,6 @@ def test_rotational_energy_about_centre(bar, axis, inertia):
 
 def test_rotary_inertia_can_be_switched_off():
     mesh = Mesh([[0, 0, 0], [LENGTH, 0, 0]], {"bar": [0, 1]}, {})
-    plain = beams(mesh, {"bar": Member(MATERIAL, SECTION, rotary_inertia=False)})
+    plain = build_beams(mesh, {"bar": Member(MATERIAL, SECTION, rotary_inertia=False)})
     assert plain.rho_Iy[0] == plain.rho_Iz[0] == 0.0
     assert plain.rho_Ip[0] == pytest.approx(MATERIAL.density * (SECTION.Iy + SECTION.Iz))

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from flexcam.dynamics import Cause, RunFailedError, static_displacement
-from flexcam.fem.assembly import Member, beams, stiffness
+from flexcam.fem.assembly import Member, build_beams, stiffness
 from flexcam.fem.dofs import COMPONENTS, direction, dof_map
 from flexcam.fem.mesh import Mesh, chain
 from flexcam.fem.rigid_bodies import free_motions, scalar_matrix
@@ -34,7 +34,7 @@ def two_bars(axes):
 
 
 def stiffness_matrix(steel, mesh, dofs, springs=()):
-    K = stiffness(beams(mesh, {name: Member(steel, SECTION) for name in mesh.lines}), dofs)
+    K = stiffness(build_beams(mesh, {name: Member(steel, SECTION) for name in mesh.lines}), dofs)
     return sum((scalar_matrix(row, 4e4) for row in springs), K)
 
 
@@ -125,7 +125,7 @@ def test_free_motion_without_load_is_valid(steel, size):
     u = dofs.nodal(
         static_displacement(stiffness_matrix(steel, mesh, dofs), load, dofs.names, free_motions(mesh, dofs, []))
     )
-    upright = abs(beams(mesh, {"bar": Member(steel, SECTION)}).triads[0, 1, 1]) > 0.5  # local y along global y
+    upright = abs(build_beams(mesh, {"bar": Member(steel, SECTION)}).triads[0, 1, 1]) > 0.5  # local y along global y
     Iz = SECTION.Iz if upright else SECTION.Iy
     assert u[2, 1] == pytest.approx(size * 0.5**3 / (48.0 * steel.E * Iz), rel=1e-10)  # condition of 4 elements
     assert np.abs(u[:, [0, 3]]).max() <= 1e-12 * np.abs(u).max()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexcam.fem.assembly import Member, beams
+from flexcam.fem.assembly import Member, build_beams
 from flexcam.fem.dofs import DofMap, dof_map
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.mesh import Mesh, refine
@@ -27,7 +27,7 @@ class Frame:
             A=4e-4 * size**2, Iy=2e-8 * size**4, Iz=7e-9 * size**4, J=1e-8 * size**4, kappa_y=0.8, kappa_z=0.6
         )
         data = Member(material, section, orientation=tuple(rotation @ ORIENTATION), **member)
-        self.beams: Beams = beams(self.mesh, {"a": data, "b": data})
+        self.beams: Beams = build_beams(self.mesh, {"a": data, "b": data})
         self.dofs: DofMap = dof_map(self.mesh, [("foot", ("ux", "uy", "uz", "rx", "ry", "rz"))] if held else [])
 
 

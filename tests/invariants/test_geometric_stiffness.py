@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexcam.fem.assembly import Member, beams
+from flexcam.fem.assembly import Member, build_beams
 from flexcam.fem.elements import beam
 from flexcam.fem.mesh import Mesh
 from flexcam.fem.sections import Material, Section
@@ -25,7 +25,7 @@ TURN = np.array([1, -1, 1, -1])
 @pytest.fixture(scope="module")
 def bar():
     member = Member(Material(2e11, 0.3, 7800.0), Section(A=2e-4, Iy=3e-9, Iz=5e-9, J=1e-9))
-    return beams(Mesh([[0, 0, 0], [L, 0, 0]], {"bar": [0, 1]}, {}), {"bar": member})
+    return build_beams(Mesh([[0, 0, 0], [L, 0, 0]], {"bar": [0, 1]}, {}), {"bar": member})
 
 
 def energy(bar, u):

@@ -33,8 +33,7 @@ from flexcam.dynamics import (
     project_system,
     solve,
 )
-from flexcam.fem.assembly import Member
-from flexcam.fem.assembly import beams as fem_beams
+from flexcam.fem.assembly import Member, build_beams
 from flexcam.fem.assembly import mass as fem_mass
 from flexcam.fem.assembly import stiffness as fem_stiffness
 from flexcam.fem.dofs import dof_map
@@ -230,7 +229,7 @@ def shaft(axis, *, tilt=0.0):
     mesh = refine(Mesh(nodes, {"shaft": [0, 1, 2, 3, 4]}, {"a": [0], "b": [4], "cam": [2]}), {"shaft": 1})
     section = Section(A=4.9e-4, Iy=1.9e-8, Iz=1.9e-8, J=3.8e-8)
     beams, dofs = (
-        fem_beams(mesh, {"shaft": Member(STEEL, section)}),
+        build_beams(mesh, {"shaft": Member(STEEL, section)}),
         dof_map(mesh, [(e, ("ux", "uy", "uz")) for e in "ab"]),
     )
     mass, stiffness = fem_mass(beams, dofs), fem_stiffness(beams, dofs)

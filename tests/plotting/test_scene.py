@@ -11,7 +11,7 @@ import pytest
 from flexcam import read_case
 from flexcam.cams import LAWS, FlatFollower, LiftEvent, RollerFollower, SwingRollerFollower, cam_profile
 from flexcam.case.builder import build_model
-from flexcam.fem.assembly import Member, beams
+from flexcam.fem.assembly import Member, build_beams
 from flexcam.fem.mesh import Mesh
 from flexcam.fem.sections import Material, Section
 from flexcam.plotting.scene.mechanism import build_mechanism
@@ -73,7 +73,7 @@ def bar(section, moved=None, length=0.3, direction=(1.0, 2.0, -0.5), shear=False
     along = length * np.array(direction) / np.linalg.norm(direction)
     nodes = np.linspace(0.0, 1.0, elements + 1)[:, None] * along
     mesh = Mesh(nodes, {"bar": np.arange(elements + 1)}, {})
-    made = beams(mesh, {"bar": Member(STEEL, section, shear=shear)})
+    made = build_beams(mesh, {"bar": Member(STEEL, section, shear=shear)})
     nodal = np.zeros((elements + 1, 6)) if moved is None else moved
     return mesh, made, centre_line(made, slice(0, elements), mesh.nodes, nodal)
 

@@ -15,7 +15,7 @@ from flexcam import read_case
 from flexcam.analysis.limits import Limit, Limits
 from flexcam.analysis.run_metrics import Margins
 from flexcam.dynamics import Outline, Response, Series
-from flexcam.fem.assembly import Member, beams
+from flexcam.fem.assembly import Member, build_beams
 from flexcam.fem.mesh import Mesh
 from flexcam.fem.recovery import deflection
 from flexcam.fem.sections import Section
@@ -162,7 +162,7 @@ def make_bar(steel, angles=(0.0, 0.0)):
         [np.cos(angles[0]) * np.cos(angles[1]), np.sin(angles[0]) * np.cos(angles[1]), np.sin(angles[1])]
     )
     mesh = Mesh([[0, 0, 0], direction.tolist()], {"bar": [0, 1]}, {"tip": [1]})
-    return beams(mesh, {"bar": Member(steel, Section.rectangle(0.02, 0.03), shear=False)}), direction
+    return build_beams(mesh, {"bar": Member(steel, Section.rectangle(0.02, 0.03), shear=False)}), direction
 
 
 def test_deflection_of_cantilever_matches_theory(steel):

@@ -7,7 +7,7 @@ import pytest
 
 from flexcam import read_case
 from flexcam.dynamics import modes
-from flexcam.fem.assembly import beams, mass, stiffness
+from flexcam.fem.assembly import build_beams, mass, stiffness
 from flexcam.fem.assembly import geometric as fem_geometric
 from flexcam.fem.dofs import dof_map
 from flexcam.fem.mesh import chain
@@ -28,7 +28,7 @@ class StraightBeam:
 
     def __init__(self, member, length, elements, held):
         self.mesh = chain((0, 0, 0), (length, 0, 0), elements, "beam")
-        self.beams = beams(self.mesh, {"beam": member})
+        self.beams = build_beams(self.mesh, {"beam": member})
         self.dofs = dof_map(self.mesh, held)
         self.mass, self.stiffness = mass(self.beams, self.dofs), stiffness(self.beams, self.dofs)
 

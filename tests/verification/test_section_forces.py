@@ -16,7 +16,15 @@ from scipy.spatial.transform import Rotation
 from flexcam import prepare, read_case
 from flexcam.analysis.run import output_geometry
 from flexcam.dynamics import Block, ConstantSpeed, Problem, SaveAt, Series, newmark, solve, static_displacement
-from flexcam.fem.assembly import Damping, Member, assemble_loads, beams, distributed_load, element_weight, stiffness
+from flexcam.fem.assembly import (
+    Damping,
+    Member,
+    assemble_loads,
+    build_beams,
+    distributed_load,
+    element_weight,
+    stiffness,
+)
 from flexcam.fem.dofs import COMPONENTS, dof_map
 from flexcam.fem.mesh import chain
 from flexcam.fem.recovery import fibres, section_forces
@@ -54,7 +62,7 @@ class Cantilever:
     def __init__(self, axis, parts, member=None):
         self.mesh = chain((0, 0, 0), LENGTH * axis, parts, "bar")
         self.member = member or Member(STEEL, UNEQUAL)
-        self.beams = beams(self.mesh, {"bar": self.member})
+        self.beams = build_beams(self.mesh, {"bar": self.member})
         self.dofs = dof_map(self.mesh, [("start", COMPONENTS)])
         self.axes = self.beams.triads[0]
 

@@ -14,7 +14,7 @@ from scipy.io import mmwrite
 from flexcam import InputError, Mesh, build_model, prepare, read_case, read_result, run
 from flexcam.analysis.run import open_result_file
 from flexcam.case.reader import case_from_result
-from flexcam.fem.assembly import Member, beams, mass, stiffness
+from flexcam.fem.assembly import Member, build_beams, mass, stiffness
 from flexcam.fem.dofs import dof_map
 from flexcam.fem.sections import Material, Section
 from flexcam.io.matrix_file import read_matrix
@@ -53,7 +53,7 @@ def arm_matrices():
     inner = np.linspace([0.02, 0.0, 0.05], [0.12, 0.08, 0.05], 5)
     mesh = Mesh(inner[[0, 4, 1, 2, 3]], {"arm": [0, 2, 3, 4, 1]}, {})
     member = Member(Material(2e11, 0.3, 7800.0), Section.rectangle(0.006, 0.009), (0.0, 0.0, 1.0))
-    elements, dofs = beams(mesh, {"arm": member}), dof_map(mesh, ())
+    elements, dofs = build_beams(mesh, {"arm": member}), dof_map(mesh, ())
     return stiffness(elements, dofs).dense(), mass(elements, dofs).dense()
 
 
