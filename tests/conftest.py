@@ -26,7 +26,8 @@ from flexcam.cams import LAWS, LiftEvent
 from flexcam.cli.app import run_state
 from flexcam.cli.main import main
 from flexcam.core import Triplets
-from flexcam.dynamics import Load, LocalForce, Probe, System, engine_selection
+from flexcam.dynamics import Load, LocalForce, Probe, System, engine_selection, jit
+from flexcam.dynamics.kernel_step import PROGRAM
 from flexcam.fem.assembly import Member
 from flexcam.fem.dofs import direction
 from flexcam.fem.rigid_bodies import PointMass
@@ -51,6 +52,15 @@ ROOT = Path(__file__).parents[1]
 
 COMPILER = engine_selection._COMPILER
 """Default of the estimated time of the direct engine above which flexcam selects the kernel engine."""
+
+
+@pytest.fixture(scope="session", autouse=True)
+def declared_signatures():
+    """Code compiled into a wheel reads arguments without a check, and numba compiles a function again for new types."""
+    yield
+    for name, _ in PROGRAM.entries:
+        if isinstance(entry := PROGRAM.compile()[name], jit._Entry):
+            assert set(entry._entry.signatures) <= {PROGRAM.argument_types(name)}, name
 
 
 def pytest_configure(config):

@@ -26,7 +26,18 @@ DEMO = (
     ("new", "pushrod-engine", "-o", "mine.toml"),
     ("check", "mine.toml"),
 )
+CONTACT_CASE = "cases/pushrod-engine/intake.toml"
+CONTACT_RUN = """
+import sys
+import flexcam
+run = flexcam.run(flexcam.read_case("contact.toml"))
+assert run.stats.engine == "kernel" and run.status.ok, run.status
+assert "numba" not in sys.modules, "the wheel lacks the compiled kernel of this Python"
+"""
+"""Run with contacts, whose compiled code is part of the wheel."""
+HAS_COMPILER = shutil.which("cc") is not None
 SOURCES = (
+    "hatch_build.py",
     "README.md",
     "LICENSE",
     "CHANGELOG.md",
@@ -60,8 +71,12 @@ def call(*words: object, folder: Path) -> str:
 
 
 def build(into: Path) -> tuple[Path, Path]:
-    """Build wheel and source archive; the build of the wheel from the archive tests that the archive is complete."""
+    """Build wheel and source archive; the build of the wheel from the archive tests that the archive is complete.
+
+    With a C compiler the wheel contains compiled code.
+    """
     shutil.rmtree(into, ignore_errors=True)
+    os.environ["FLEXCAM_COMPILE"] = str(int(HAS_COMPILER))
     call(sys.executable, "-m", "build", "--outdir", into, ROOT, folder=ROOT)
     return next(into.glob("*.whl")), next(into.glob("*.tar.gz"))
 
@@ -84,6 +99,9 @@ def check_wheel(wheel: Path, folder: Path) -> None:
     for name in (CASE, MESH):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, folder / name)
+    if HAS_COMPILER:
+        shutil.copy(ROOT / CONTACT_CASE, folder / "contact.toml")
+        call(scripts / "python", "-c", CONTACT_RUN, folder=folder)
     for words in (("--version",), ("selftest",), *DEMO):
         sys.stdout.write(f"flexcam {' '.join(words)}\n{call(scripts / 'flexcam', *words, folder=folder)}\n")
 

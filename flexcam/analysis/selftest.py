@@ -30,12 +30,13 @@ from flexcam.dynamics import (
     constant,
     elastic_stop,
     equilibrium,
-    jit,
     modes,
     newmark,
     solve,
     static_displacement,
 )
+from flexcam.dynamics.jit import cache_root
+from flexcam.dynamics.kernel_step import PROGRAM
 from flexcam.fem.assembly import Member, build_beams, geometric, mass, stiffness
 from flexcam.fem.dofs import dof_map
 from flexcam.fem.mesh import chain
@@ -86,8 +87,10 @@ def installation_info() -> dict[str, str]:
         except PackageNotFoundError:
             info[package] = "not installed"
     info["compiled code"] = "no compiler: install numba for long runs and contacts"
-    if jit.is_available():
-        info["compiled code"] = f"compiled, cached in {jit.cache_root()}"
+    if PROGRAM.load_extension() is not None:
+        info["compiled code"] = "part of this installation"
+    elif PROGRAM.is_available():
+        info["compiled code"] = f"compiled at first use, kept in {cache_root()}"
     for extra, modules in _EXTRAS.items():
         missing = ", ".join(name for name in modules if find_spec(name) is None)
         info[f"extra {extra}"] = f"not there ({missing}): pip install 'flexcam[{extra}]'" if missing else "usable"
@@ -223,7 +226,7 @@ def _train_checks() -> Iterator[Check]:
         source = "Newmark's average acceleration conserves energy"
         yield Check("residual of the energy balance, divided by the work", source, 0.0, residual, 1e-9)
         displacement = run[_PROBED].displacement
-        for engine in ("modal", "kernel") if jit.is_available() else ("modal",):
+        for engine in ("modal", "kernel") if PROGRAM.is_available() else ("modal",):
             second = solve(replace(ready.problem, engine=engine), ready.scheme, save=ready.save)
             difference = float(np.abs(displacement - second[_PROBED].displacement).max() / np.abs(displacement).max())
             yield Check(f"{engine} solver engine, against the direct one", "the same scheme", 0.0, difference, 1e-8)

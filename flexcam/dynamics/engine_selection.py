@@ -19,9 +19,8 @@ from flexcam.dynamics.direct_engine import DirectEngine, Pilot
 from flexcam.dynamics.engine import Engine, KinematicEngine
 from flexcam.dynamics.generalized_alpha import Scheme, newmark
 from flexcam.dynamics.integrator import Method
-from flexcam.dynamics.jit import is_available
 from flexcam.dynamics.kernel_engine import KernelEngine
-from flexcam.dynamics.kernel_step import compiled_functions, contact_stiffness_ratio
+from flexcam.dynamics.kernel_step import PROGRAM, contact_stiffness_ratio
 from flexcam.dynamics.law_data import ForceLaw
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.modal_coordinates import ModalCoordinates, diagonal, find_modal_coordinates, modal_problem
@@ -110,7 +109,7 @@ def candidate_engines(problem: Problem, method: Method) -> tuple[EngineName, ...
     if isinstance(method, Collocation):
         return ("kernel",) if system.size else ("direct",)
     if system.local_forces:
-        return ("kernel", "direct") if is_available() and direct_time(problem) > _COMPILER else ("direct",)
+        return ("kernel", "direct") if PROGRAM.is_available() and direct_time(problem) > _COMPILER else ("direct",)
     if problem.steps < max(_MODAL_STEPS, system.size**2 // _SQUARED):
         return ("direct",)
     damped = bool(system.damping.values.any())
@@ -153,7 +152,7 @@ def _modal_problem(problem: Problem, method: Method, engine: EngineName) -> tupl
 
 
 def _require_compiler(system: System) -> None:
-    if not is_available():
+    if not PROGRAM.is_available():
         raise _UnsuitableEngineError("numba is not installed, or NUMBA_DISABLE_JIT is set")
     for force in system.local_forces:
         if not isinstance(force.law, ForceLaw):
@@ -162,7 +161,7 @@ def _require_compiler(system: System) -> None:
 
 def forces_of(selected: SelectedEngine, method: Method) -> LocalForces:
     """Return the local forces of a problem, their energies evaluated by compiled code where the kernel engine runs."""
-    compiled = compiled_functions() if selected.engine == "kernel" else None
+    compiled = PROGRAM.compile() if selected.engine == "kernel" else None
     return LocalForces(selected.problem.system, compiled, impacts_only=not method.locates_contacts)
 
 

@@ -1,7 +1,9 @@
 """Compile the functions of the kernel with numba, or bind them as Python: both come from the same source text.
 
-Every function is copied with globals in which the functions it calls are the compiled ones. Compiled code is kept in
-numba's on-disk cache, in a folder of the user named after a digest of the source text.
+Every function is copied with globals in which the functions it calls are the compiled ones. A wheel may contain an
+extension module with the compiled functions (`hatch_build.py`); without it numba compiles them at first use, and its
+on-disk cache keeps the code. The extension module and the folder of the cache are named after a digest of the source
+text.
 """
 
 from __future__ import annotations
@@ -16,11 +18,12 @@ import tempfile
 import threading
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
-from functools import lru_cache, partial
+from dataclasses import dataclass
+from functools import cached_property, lru_cache, partial
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from types import FunctionType
+from types import FunctionType, ModuleType
 from typing import Any
 
 Functions = dict[str, Callable[..., Any]]
@@ -32,54 +35,98 @@ _OPTIONS: dict[str, Any] = {
     "fastmath": {"reassoc", "contract", "nsz"},  # sums in any order; NaN and infinity stay what they are
     "_nrt": False,  # no array is created in compiled code, so that references need no counting
 }
-
+INNER_OPTIONS: dict[str, Any] = {**_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+"""Options of numba for functions that only compiled code calls."""
 
 _LOGGER = logging.getLogger(__name__)
 
 
-@lru_cache
-def is_available() -> bool:
-    """Return whether numba is installed and may compile."""
-    return find_spec("numba") is not None and not import_module("numba.core.config").DISABLE_JIT
+@dataclass(frozen=True)
+class Program:
+    """Functions to compile; those that they call come first.
 
-
-@lru_cache
-def compile_functions(
-    functions: tuple[FunctionType, ...], entries: tuple[str, ...], *, cached: bool = True
-) -> Functions:
-    """Return the functions as compiled code; numba compiles or loads an entry at its first call.
-
-    Only entries may be called from Python and are cached; the other functions are compiled into them.
+    Only entries may be called from Python and are cached; the other functions are compiled into them. The signature of
+    an entry is a word per argument: ``f``, ``i`` or ``u`` for float64, int64 or uint32, and the number of dimensions of
+    a C-contiguous array.
     """
+
+    functions: tuple[FunctionType, ...]
+    entries: tuple[tuple[str, str], ...]  #: names of the entries and their signatures
+
+    @cached_property
+    def digest(self) -> str:
+        """Digest of the source text."""
+        sources = dict.fromkeys(sys.modules[function.__module__].__file__ or "" for function in self.functions)
+        text = b"".join(Path(path).read_bytes() for path in sources)
+        return hashlib.sha256(text).hexdigest()[:16]
+
+    @property
+    def extension(self) -> str:
+        """Name of the extension module with the compiled functions, in the package of this module."""
+        return f"_compiled_{self.digest}"
+
+    def load_extension(self) -> ModuleType | None:
+        """Return the extension module; None without it, or if compiled code is disabled."""
+        if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
+            return None
+        try:
+            return import_module(f"{__package__}.{self.extension}")
+        except ImportError:
+            return None
+
+    def is_available(self) -> bool:
+        """Return whether the functions are compiled, or numba is installed and may compile them."""
+        if self.load_extension() is not None:
+            return True
+        return find_spec("numba") is not None and not import_module("numba.core.config").DISABLE_JIT
+
+    def compile(self) -> Functions:
+        """Return the entries as compiled code."""
+        extension = self.load_extension()
+        return compile_functions(self) if extension is None else {n: getattr(extension, n) for n, _ in self.entries}
+
+    def argument_types(self, entry: str) -> tuple[Any, ...]:
+        """Return the types of the arguments of an entry, of numba."""
+        types: Any = import_module("numba").types
+        scalars = {"f": types.float64, "i": types.int64, "u": types.uint32}
+        words = dict(self.entries)[entry].split()
+        return tuple(types.Array(scalars[w[0]], int(w[1:]), "C") if w[1:] else scalars[w] for w in words)
+
+
+@lru_cache
+def compile_functions(program: Program, *, cached: bool = True) -> Functions:
+    """Return the functions as numba compiles them; it compiles or loads an entry at its first call."""
     numba: Any = import_module("numba")
-    digest = _digest(functions)
-    with _cache_folder(digest) as writable:
+    entries = dict(program.entries)
+    with _cache_folder(program.digest) as writable:
         use_cache = cached and writable
-        inner = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)
+        inner = numba.njit(**INNER_OPTIONS)
         entry = numba.njit(cache=use_cache, **_OPTIONS)
-        compiled = bind(functions, {}, lambda function: (entry if function.__name__ in entries else inner)(function))
-    if not (use_cache and any((cache_root() / digest).rglob("*.nbi"))):
+        compiled = bind(
+            program.functions, {}, lambda function: (entry if function.__name__ in entries else inner)(function)
+        )
+    if not (use_cache and any((cache_root() / program.digest).rglob("*.nbi"))):
         _LOGGER.info("compiling the time integration, once per installation: about ten seconds")
     for name in entries:
-        compiled[name] = _Entry(
-            compiled[name], partial(compile_functions, functions, entries, cached=False) if use_cache else None
-        )
+        uncached = partial(compile_functions, program, cached=False) if use_cache else None
+        compiled[name] = _Entry(compiled[name], program.argument_types(name), uncached)
     return compiled
 
 
 class _Entry:
     """An entry whose cached code may be damaged or impossible to write: then it is compiled without a cache."""
 
-    def __init__(self, entry: Any, uncached: Callable[[], Functions] | None = None) -> None:  # noqa: ANN401
+    def __init__(
+        self, entry: Any, types: tuple[Any, ...], uncached: Callable[[], Functions] | None = None,  # noqa: ANN401
+    ) -> None:  # fmt: skip
         self._entry: Any = entry
-        self._uncached, self._called = uncached, False
+        self._types, self._uncached, self._called = types, uncached, False
 
     def __call__(self, *arguments: object) -> Any:  # noqa: ANN401 - what the entry returns
         if not self._called:
-            typeof: Callable[[object], Any] = import_module("numba").typeof
             try:  # numba loads or compiles before it runs: a failure has changed nothing
                 with _delay_signals():
-                    self._entry.compile(tuple(map(typeof, arguments)))
+                    self._entry.compile(self._types)
             except (OSError, EOFError, ValueError, pickle.UnpicklingError):
                 if self._uncached is None:
                     raise
@@ -118,12 +165,6 @@ def bind(
             copy.__module__, copy.__qualname__ = function.__module__, function.__qualname__
             namespace[function.__name__] = wrap(copy)
     return namespace
-
-
-def _digest(functions: Sequence[FunctionType]) -> str:
-    sources = dict.fromkeys(sys.modules[function.__module__].__file__ or "" for function in functions)
-    text = b"".join(Path(path).read_bytes() for path in sources)
-    return hashlib.sha256(text).hexdigest()[:16]
 
 
 def cache_root() -> Path:

@@ -14,7 +14,7 @@ from flexcam.dynamics.collocation import Collocation, stage_coefficients
 from flexcam.dynamics.force_laws import DEPTH, FIRST, OWN, SCALARS, STATE, STATE_ROWS
 from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.integrator import unconverged_forces
-from flexcam.dynamics.jit import Functions, compile_functions
+from flexcam.dynamics.jit import Program
 from flexcam.dynamics.kernel import (
     BEFORE,
     FORCE_SIZE,
@@ -44,10 +44,17 @@ Places = NDArray[np.uint32]
 _NO_SIDES, _NO_SCALARS = np.zeros((2, 0), dtype=np.intp), np.zeros(0, dtype=np.intp)
 
 
-def compiled_functions() -> Functions:
-    """Return the compiled functions of the kernel."""
-    functions = (*FUNCTIONS_OF_KERNEL, *FUNCTIONS_OF_TANGENTS)
-    return compile_functions(functions, ("evaluate_laws", "evaluate_rows", "march", "propagate_disturbances"))
+PROGRAM = Program(
+    (*FUNCTIONS_OF_KERNEL, *FUNCTIONS_OF_TANGENTS),
+    (
+        ("evaluate_laws", "i2 f1 f2 i i f2 f3 f2"),
+        ("evaluate_rows", "i2 f1 f2 i f2 f2 f2 f2 f1 f2 f3 f2 f2 f2 f3 f4"),
+        ("march", "i i i f1 f1 f1 f3 f4 u1 f4 f2 f5 f2 u1 f2 u1 f2 i1 f2 i2 i1 f1 u2 u1 i1 i1 i1" + 3 * " f2"
+                  + " f3 f3 i2 f4 f2 i2 f2 i1"),
+        ("propagate_disturbances", "f" + 8 * " f2" + 9 * " f3" + " f2 f3 f3" + 9 * " f2"),
+    ),
+)  # fmt: skip
+"""The compiled functions of the kernel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +185,7 @@ class Kernel:
     """
 
     def __init__(self, problem: Problem, scheme: Scheme | Collocation, forces: LocalForces) -> None:
-        self._march, self._scheme, self.forces = compiled_functions()["march"], scheme, forces
+        self._march, self._scheme, self.forces = PROGRAM.compile()["march"], scheme, forces
         self.stages = stages = 1 if isinstance(scheme, Scheme) else 2
         self._system = system = ModalSystem.of(problem.system, forces)
         self.columns = 3 * problem.system.size + forces.count + len(forces.start_state)

@@ -475,8 +475,9 @@ class LocalForces:
         if not len(rows):
             return energy, force, state_rows, narrow
         self._evaluate_rows(
-            rows, table.constants, functions, 0, np.ascontiguousarray(penetration), rates, np.ascontiguousarray(state),
-            np.ascontiguousarray(begin), span, work.local, work.tangent, work.states, force, energy, state_rows, narrow,
+            rows, table.constants, np.ascontiguousarray(functions), 0, np.ascontiguousarray(penetration), rates,
+            np.ascontiguousarray(state), np.ascontiguousarray(begin), span, work.local, work.tangent, work.states,
+            force, energy, state_rows, narrow,
         )  # fmt: skip
         return energy, force, state_rows, narrow
 

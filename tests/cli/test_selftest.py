@@ -9,6 +9,7 @@ import pytest
 
 from flexcam.analysis.selftest import Check, all_checks, installation_info
 from flexcam.cli.main import load_commands
+from flexcam.dynamics.jit import Program
 from flexcam.fem.assembly import stiffness as fem_stiffness
 
 load_commands(["selftest"])
@@ -59,7 +60,7 @@ def test_wrong_element_stiffness_fails_selftest(monkeypatch):
 def test_installation_info_lists_missing_extras(monkeypatch):
     monkeypatch.setattr("flexcam.analysis.selftest.find_spec", lambda name: None if name == "pymoo" else object())
     monkeypatch.setattr("flexcam.analysis.selftest._PACKAGES", ("no-such-package",))
-    monkeypatch.setattr("flexcam.analysis.selftest.jit.is_available", lambda: False)
+    monkeypatch.setattr(Program, "is_available", lambda program: False)
     parts = installation_info()
     assert parts["extra design"] == "not there (pymoo): pip install 'flexcam[design]'"
     assert parts["extra tables"] == "usable"

@@ -38,7 +38,8 @@ from flexcam.dynamics import (
     solve,
 )
 from flexcam.dynamics.engine_selection import select_engine
-from flexcam.dynamics.jit import is_available
+from flexcam.dynamics.jit import Program
+from flexcam.dynamics.kernel_step import PROGRAM
 from tests.thinning import mostly_slow
 
 FORCED = ["modal", "kernel"]
@@ -138,7 +139,7 @@ def test_undetermined_unknown_fails_run(path, damping):
 
 
 def test_engine_without_compiler(monkeypatch):
-    monkeypatch.setattr("flexcam.dynamics.engine_selection.is_available", lambda: False)
+    monkeypatch.setattr(Program, "is_available", lambda program: False)
     assert "numba is not installed" in engine_error(make_problem(masses(2), "kernel"))
     assert (
         select_engine(make_problem(masses(2, law=elastic_stop(1e3)), steps=10_000), newmark(), DEFAULT_SAVE).engine
@@ -245,7 +246,7 @@ def test_restart_from_saved_field(path, method, prune):
 
 
 def test_numba_is_available():
-    assert is_available()
+    assert PROGRAM.is_available()
 
 
 def massless_system(K, mass=(1.0, 1.0, 0.0)):

@@ -35,7 +35,7 @@ from flexcam.dynamics import (
 )
 from flexcam.dynamics.force_laws import LAWS, OIL_CHAMBER, SHORT_BEARING, SLIDING_FRICTION, line_load
 from flexcam.dynamics.force_laws import LEVER as LEVER_KIND
-from flexcam.dynamics.kernel_step import compiled_functions
+from flexcam.dynamics.kernel_step import PROGRAM
 from flexcam.dynamics.law_data import CamLift, ForceLaw, force_table_law
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.oil_laws import oil_column
@@ -109,7 +109,7 @@ def stack_law(law, *, compiled=False):
     force = LocalForce("force", tuple(rows), tuple(acts), law, (constant(0.0),) * law.scalars)
     unit = Triplets.from_dense(np.eye(law.scalars))
     system = System(unit, unit, unit, tuple(map(str, range(law.scalars))), local_forces=(force,))
-    forces = LocalForces(system, compiled_functions() if compiled else None)
+    forces = LocalForces(system, PROGRAM.compile() if compiled else None)
     return forces, forces.prescribed_inputs(CamMotion(*(np.array([x]) for x in (ANGLE, 1.0, 0.0, 0.0))))
 
 

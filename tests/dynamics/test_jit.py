@@ -7,10 +7,12 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
 from flexcam.dynamics import jit
+from flexcam.dynamics.kernel_step import PROGRAM
 
 RUN_SCRIPT = """
 import numpy as np
@@ -76,6 +78,17 @@ def test_fresh_and_cached_code_are_bit_identical(tmp_path):
     assert len({read_output(start_process(tmp_path, ENGINE_SCRIPT)) for _ in range(3)}) == 1
 
 
+def test_extension_module_replaces_the_compiler(monkeypatch):
+    module = ModuleType(PROGRAM.extension)
+    for name, _ in PROGRAM.entries:
+        setattr(module, name, object())
+    assert PROGRAM.load_extension() is None
+    monkeypatch.setitem(sys.modules, f"flexcam.dynamics.{PROGRAM.extension}", module)
+    assert PROGRAM.compile() == {name: getattr(module, name) for name, _ in PROGRAM.entries}
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    assert PROGRAM.load_extension() is None
+
+
 class SwallowingCompiler:
     """Stand-in for a numba entry, which loses exceptions raised in a callback of LLVM."""
 
@@ -94,7 +107,7 @@ def test_interrupt_is_raised_after_compilation():
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a suite in the background ignores it
     try:
         with pytest.raises(KeyboardInterrupt):
-            jit._Entry(compiler)()
+            jit._Entry(compiler, ())()
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     finally:
         signal.signal(signal.SIGINT, before)
@@ -104,11 +117,11 @@ def test_interrupt_is_raised_after_compilation():
 COMPILE_SCRIPT = """
 import logging
 import numpy as np
-from flexcam.dynamics.jit import compile_functions
+from flexcam.dynamics.jit import Program
 from flexcam.dynamics.local_newton import eliminate
 
 logging.basicConfig(level=logging.INFO, format="%(message)s")
-compile_functions((eliminate,), ("eliminate",))["eliminate"](np.ones((1, 2)), 1, 2)
+Program((eliminate,), (("eliminate", "f2 i i"),)).compile()["eliminate"](np.ones((1, 2)), 1, 2)
 """
 
 

@@ -36,7 +36,7 @@ from flexcam.dynamics import (
     solve,
     tangent_run,
 )
-from flexcam.dynamics.kernel_step import compiled_functions
+from flexcam.dynamics.kernel_step import PROGRAM
 from flexcam.dynamics.law_data import force_table_law
 from flexcam.dynamics.linearization import Linear, LinearStep, StepSequence
 from flexcam.studies.evaluation import evaluate
@@ -327,7 +327,7 @@ def test_compiled_steps_match_numpy():
     stepper = LinearStep(system)
     compiled, plain = (
         StepSequence(stepper, h, linear, T, B, functions).propagate_all(state, more)
-        for functions in (compiled_functions(), None)
+        for functions in (PROGRAM.compile(), None)
     )
     assert compiled == pytest.approx(plain, rel=1e-11, abs=1e-11)
 
