@@ -49,7 +49,7 @@ def front_figure(flexible: Response, rigid: Response) -> Figure:
     for axes in (lift, force):
         axes.grid(alpha=0.3)
     lift.legend(loc="upper right", fontsize="small")
-    lift.set_title("6000 crank rpm: the follower leaves its cam on the lift", fontsize="medium")
+    lift.set_title("6000 crank rpm: the follower leaves its cam during the lift", fontsize="medium")
     return figure
 
 

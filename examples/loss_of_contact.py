@@ -24,7 +24,9 @@ for name, response in responses.items():
     gap, force = response.channels["contacts.intake.gap"], response.channels["contacts.intake.force"]
     on_lift = np.abs(np.degrees(response.angle) % 360.0 - 180.0) < 70.0
     open_angles[name] = 360.0 / len(gap) * np.count_nonzero(gap[on_lift] > 0.0)  # deg, mean over the revolutions
-    print(f"{name}: {open_angles[name]:.0f} deg/rev without contact on the lift, up to {force[on_lift].max():.0f} N")
+    print(
+        f"{name}: {open_angles[name]:.0f} deg/rev without contact during the lift, up to {force[on_lift].max():.0f} N"
+    )
     assert not force[gap > 0.0].any()
 
 assert open_angles["5000 rpm"] == 0.0

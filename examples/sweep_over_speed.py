@@ -22,7 +22,7 @@ axes = figure.add_subplot()
 axes.semilogy(rpm, deviation, marker="o", label="flexible against rigid")
 ratio = (rpm / 4027.0) ** 2
 axes.semilogy(rpm, ratio / (1.0 - ratio), color="0.6", linestyle="--", label="steady state of one mass, r²/(1 - r²)")
-axes.set(xlabel="camshaft speed, rpm", ylabel="peak deviation of the valve, part of its lift")
+axes.set(xlabel="camshaft speed, rpm", ylabel="peak deviation from the rigid valve / lift")
 axes.legend()
 
 # %%

@@ -294,7 +294,8 @@ def _conditions(model: Model, search: Search | None = None) -> dict[str, tuple[C
         conditions["loss_of_contact"] = (_open_contacts, f"{loss} {lifted}")
         conditions["float"] = (_floating_contacts, f"{loss} over the nose")
         if (cutoff := settings.low_pass) is not None:
-            words = f"the cam force below {cutoff:g} Hz vanishes for over {math.degrees(OPEN):g} deg {lifted}"
+            zero = f"is zero for over {math.degrees(OPEN):g} deg {lifted}"
+            words = f"the cam force, low-pass filtered at {cutoff:g} Hz, {zero}"
             conditions["filtered_loss"] = (lambda response, ready: _filtered_contacts(response, ready, cutoff), words)
     if any(isinstance(part, Seat) for part in model.contacts.values()):
         heights = [valve_ratio(model, name) * cam.event.height for name, cam in model.cams.items()]

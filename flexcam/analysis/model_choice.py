@@ -120,7 +120,7 @@ def model_ladder(case: Case) -> tuple[ModelLevel, ...]:
         *modes.values(),
         *fewer,
         ModelLevel("beams", "the unchanged case", beams),
-        ModelLevel("beams x2", "twice its elements", with_elements(beams, factor=2)),
+        ModelLevel("beams x2", "twice as many elements as the case", with_elements(beams, factor=2)),
     )
 
 

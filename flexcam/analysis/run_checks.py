@@ -261,13 +261,13 @@ def check_transient(ready: PreparedRun, change: RevolutionChange | None) -> list
 
 def describe_change(change: RevolutionChange) -> str:
     """Describe the difference of the last revolution from the one before."""
-    texts = [f"motion {100.0 * change.motion:.2g} %"]
+    texts = [f"motion {100.0 * change.motion:.2g} % of its range"]
     if change.contact:
         texts.append(f"force of contact {change.contact} {100.0 * change.force:.2g} % (rms)")
     if change.stress_change > _SAME_STRESS:
         factor, unit = to_display_unit("Pa")
         before, last = (f"{factor * stress:.3g}" for stress in change.stress)
-        texts.append(f"max von Mises of {change.member} {before}, then {last} {unit}")
+        texts.append(f"max von Mises stress of {change.member} from {before} to {last} {unit}")
     return ", ".join(texts)
 
 
@@ -468,9 +468,9 @@ def _check_resolution(ready: PreparedRun, sink: ResolutionSink) -> Iterator[str]
     if is_coarse := resolution.steps < _MIN_STEPS:
         per_revolution = ready.revolution / ready.problem.step
         enough = math.ceil(0.1 * per_revolution * _MIN_STEPS / resolution.steps) * 10
-        motion = f"the typical frequency of the motion is {resolution.frequency:.4g} Hz"
-        period = f"a period of it has only {resolution.steps:.3g} time steps"
-        yield f"Warning: {motion}, and {period}; use at least {enough} steps per revolution"
+        motion = f"the mean frequency of the motion, {resolution.frequency:.4g} Hz"
+        period = f"only {resolution.steps:.3g} time steps per period of {motion}"
+        yield f"Warning: {period}; use at least {enough} steps per revolution"
     for name, count in resolution.elements.items():
         if count < _MIN_ELEMENTS and not is_coarse:  # otherwise the steps determine the frequency
             enough = math.ceil(_MIN_ELEMENTS / count) * case.record.members[name].elements

@@ -1,4 +1,4 @@
-"""Stability of a case over speed: time step, parametric growth, resonance and contact loss."""
+"""Stability of a case over speed: time step, parametric instability, resonance and contact loss."""
 
 from __future__ import annotations
 
@@ -198,7 +198,7 @@ _MIN_CHANGE = 0.01, CHATTER, GROWTH  # differences of two revolutions, of motion
 _LISTED_SPEED_RATIO = 2.0  # multiple of the case's speed up to which resonances are listed individually
 _PERIODICITY_TOLERANCE = 1e-3  # allowed difference between start and end of a periodic motion, relative to the motion
 _GROWTH_THRESHOLD = 1.0 + 1e-6
-_MIN_STEPS = 360  # minimum steps per revolution for the Floquet analysis: coarse steps miss parametric growth
+_MIN_STEPS = 360  # minimum steps per revolution for the Floquet analysis: coarse steps miss parametric instability
 # maximum steps per revolution: every step requires a linearization, and a hundredth of a degree is sufficient
 _MAX_STEPS = 36_000
 

@@ -53,7 +53,7 @@ class SweepRecord(Record):
         None, description="lhs:N or sobol:N instead of every combination", examples=["sobol:512"]
     )
     seed: int = Field(0, ge=0, strict=True, description="of the samples: the same seed gives the same points")
-    scalars: list[str] = Field(default=[], description="saved scalars, by name or beginning of a name; all by default")
+    scalars: list[str] = Field(default=[], description="saved results, by name or beginning of a name; all by default")
 
 
 class CaseRecord(Record):

@@ -84,7 +84,9 @@ class RunState:
 
 run_state = RunState()
 
-DEFAULT_PROBE = "by default the valve end of a rocker if it is in output.probes, else the first probe that a cam moves"
+DEFAULT_PROBE = (
+    "default: the valve end of a rocker, if listed in output.probes; otherwise the first listed point that a cam moves"
+)
 CaseFile = Annotated[Path, Parameter(help="Case file (.toml).")]
 ResultPath = Annotated[Path, Parameter(help="Result file (.vtkhdf).")]
 Overrides = Annotated[

@@ -150,7 +150,7 @@ def _lift(facts: CamFacts) -> str:
 def _centreline(facts: CamFacts, turns: float) -> str:
     cam = f"cam {math.degrees(facts.centreline):.2f} deg"
     if facts.centreline_after_tdc is None:
-        return cam + (" (give the cam the key tdc for angles from the dead centres)" if turns == 2.0 else "")
+        return cam + (" (set tdc for this cam to get angles relative to the dead centres)" if turns == 2.0 else "")
     return f"{cam}, crank {_from_dead_centre(facts.centreline_after_tdc)}"
 
 

@@ -63,8 +63,8 @@ def check(
 ) -> cli.CommandOutput:  # fmt: skip
     """Check a case file and summarize its model: size, masses, natural frequencies, warnings.
 
-    It reports all errors at once, with one exception: if a table refers to another table that has errors, its own
-    errors may appear only after you correct the other table. If the TOML syntax is wrong, it reports only this. It
+    It reports all errors at once, with one exception: errors of a table that refers to a faulty table may appear only
+    after you correct the faulty one. If the TOML syntax is wrong, it reports only this. It
     estimates the memory and disk space of a run, but does not run the case.
     """
     read = cli.load_case(case, overrides)

@@ -54,8 +54,8 @@ def compare(
     count: Annotated[int | None, Parameter(
         group=_SPEEDS, help="Number of speeds, evenly spaced; 8 by default.")] = None,
     tolerance: Annotated[str | None, Parameter(
-        group=_SPEEDS, help="Two models agree if their minimum forces, and their maximum forces, differ by at most "
-        "this fraction of the larger maximum force; 5 % by default.")] = None,
+        group=_SPEEDS, help="Allowed difference of the minimum and of the maximum forces of two models, as a fraction "
+        "of the larger maximum force; 5 % by default.")] = None,
     contact: Annotated[str | None, Parameter(group=_SPEEDS, help="Cam contact, if a case has several.")] = None,
     plot: Annotated[Path | None, Parameter(
         group=_SPEEDS, help="Also draw the forces over speed (.svg, .png or .pdf).")] = None,
@@ -160,7 +160,7 @@ def _compare_over_speed(case: Case, speeds: list[float], tolerance: float, conta
     rows = zip((f"{speed:.6g}" for speed in rpm), *cells, strict=True)
     ranges = {name: np.array([pair or (np.nan, np.nan) for pair in pairs]).T for name, pairs in forces.items()}
     return cli.CommandOutput(
-        [plain_table("Min and max contact force on the lift", head, rows), " ".join(words)],
+        [plain_table("Min and max contact force during the lift", head, rows), " ".join(words)],
         {"shaft": shaft, "rpm": rpm, "forces_n": forces, **divergences, "tolerance": tolerance}, title=case.title,
         draw=lambda: plotting.spectra.force_figure(rpm, ranges, shaft),
     )  # fmt: skip
@@ -179,9 +179,10 @@ def trade(
 ) -> cli.CommandOutput:  # fmt: skip
     """Compare error and run time of all models of a case, from rigid to flexible.
 
-    Use it to choose the keys of [fidelity] and the elements of the members. The reference is a converged run of the
+    Use it to choose the settings in [fidelity] and the number of elements. The reference is a converged run of the
     flexible model. Models: rigid; sdof (one mass); chain 3 (a chain of three masses); modes N (the beams, reduced
-    to N modes); beams N (N elements per span of a member); beams (the case itself); beams x2 (twice its elements).
+    to N modes); beams N (N elements per span of a member); beams (the case itself); beams x2 (twice as many elements
+    as the case).
     """
     read, _ = collect_errors(
         lambda: cli.load_case(case, overrides),

@@ -1,4 +1,4 @@
-"""Commands that find the limits of a train: limits, with maps over two values of a case, and stability."""
+"""Commands that find the limits of a train: limits, with maps over two parameters of a case, and stability."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from flexcam.studies.sweep import validate_plan
 from flexcam.studies.variables import InterruptibleRuns, require_units
 from flexcam.valvetrain import opposed_contacts
 
-_MAP = Group("Map over two values", sort_key=1)
+_MAP = Group("Map over two parameters", sort_key=1)
 
 _AHEAD = 2  # runs begun per process: none waits for the next one
 
@@ -59,8 +59,9 @@ def limits(
     low_pass: Annotated[str | None, Parameter(
         help="Also find contact loss in the cam force after a low-pass filter, such as 5kHz.")] = None,
     over: Annotated[str | None, Parameter(
-        "--over", group=_MAP, help="First value: KEY=SPEC as in flexcam sweep --set.")] = None,
-    beside: Annotated[str | None, Parameter("--and", group=_MAP, help="Second value: KEY=SPEC.")] = None,
+        "--over", group=_MAP, help="First parameter and its values: KEY=START:STOP:STEPunit, or another form "
+        "of flexcam sweep --set.")] = None,
+    beside: Annotated[str | None, Parameter("--and", group=_MAP, help="Second parameter and its values.")] = None,
     which: Annotated[list[Literal["loss_of_contact", "float", "bounce", "coil_clash", "buckling"]] | None, Parameter(
         "--limit", group=_MAP, help="Limit of the map; loss_of_contact by default. Repeatable.")] = None,
     workers: Annotated[int | None, Parameter(
@@ -75,8 +76,8 @@ def limits(
     It runs six revolutions of the case at speeds 5 % apart from --lowest to --highest. For each limit it bisects
     between the first speed at which the event occurs and the speed before. It then checks whether the event also
     occurs at the next three speeds, even above --highest, and at four speeds within 0.7 % of the limit. With --over
-    and --and it maps the limits over two values of the case. Valve float is contact loss over the nose; valve loft is
-    valve lift above that of the rigid train. Speeds are those of the crankshaft if the case gives crank_speed,
+    and --and it maps the limits over two parameters of the case. Valve float is contact loss over the nose; valve loft
+    is valve lift above that of the rigid train. Speeds are those of the crankshaft if the case gives crank_speed,
     otherwise those of the camshaft.
     """
     read = cli.load_beams(case, overrides)
@@ -214,7 +215,7 @@ def _stability_table(result: Stability, scale: float, contacts: set[str]) -> Tab
     several = len({r.contact for r in result.resonances}) > 1
     pulled = {"contact loss": "the contact would have to pull the follower"} if contacts == {"bilateral"} else {}
     words = {**_WORDS, **pulled}
-    opened = f"{math.degrees(result.open_on_the_lift):.3g} deg of cam angle on the lift"
+    opened = f"{math.degrees(result.open_on_the_lift):.3g} deg of cam angle during the lift"
     rows = [
         ("integrator", _describe_amplification(result)),
         ("periodic motion", _describe_growth(result)),
@@ -332,7 +333,7 @@ def stability(
         help="Also draw the growth rate over speed to this file (.svg, .png or .pdf).")] = None,
     overrides: cli.Overrides = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> cli.CommandOutput:  # fmt: skip
-    """Assess stability at one speed or over a range: time step, parametric growth, resonance, contact loss.
+    """Assess stability at one speed or over a range: time step, parametric instability, resonance, contact loss.
 
     Use it to see whether disturbances of the periodic motion grow (Floquet multipliers), and why. Speeds are those of
     the crankshaft if the case gives crank_speed, otherwise those of the camshaft.

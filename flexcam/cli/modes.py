@@ -179,7 +179,7 @@ def _crossing_table(chart: Campbell, scale: float) -> Table | str:
          format_number(1e3 * crossing.amplitude, 3), format_number(crossing.load, 3), crossing.words)
         for crossing in chart.crossings
     ]  # fmt: skip
-    title = "Resonances: speeds at which an order of the cam force has the frequency of a mode"
+    title = "Resonances: speeds at which an order of the cam force coincides with a natural frequency"
     head = (
         f"{shaft_name(scale)} rpm",
         "order",
@@ -189,7 +189,7 @@ def _crossing_table(chart: Campbell, scale: float) -> Table | str:
         "cam force amplitude, N",
         "what moves",
     )
-    return plain_table(title, head, rows) if rows else f"{title}: none between these speeds"
+    return plain_table(title, head, rows) if rows else "Resonances in this speed range: none"
 
 
 def _describe_incomplete_runs(statuses: Sequence[Status], rpm: FloatArray, scale: float) -> list[str]:

@@ -212,7 +212,7 @@ def _optimum(design: OptimizationProblem, trials: Evaluations) -> tuple[list[Tab
     parts: list[Table | str] = [facts_table(title, rows)]
     if design.bounds:
         parts += [_constraint_table(design, trials, at), _DISTANCE]
-        if any(active for *_, active in _constraints(design, trials, at)):
+        if any(active and violation <= _ROUNDING for _, violation, _, active in _constraints(design, trials, at)):
             parts.append("active: changing the value or the varied values by 1 % violates the constraint")
     if ends := [v.key for v, x in point if min(x - v.low, v.high - x) <= 0.01 * (v.high - v.low)]:
         parts.append(f"At an end of its interval: {', '.join(ends)}; a wider interval may have a better variant.")

@@ -82,8 +82,8 @@ class FigureOptions:
         "--channel", help="motion, force, torque, waterfall: force or other channel, repeatable; profile, map: channel "
         "shown by colours; spring: force of the spring.")] = None
     over: Annotated[Literal["angle", "time", "crank"] | None, Parameter(
-        help="motion, force, torque, energy: abscissa, by default cam angle; crank: last revolution over the "
-        "crank angle, counted from top dead centre (key tdc of the cam), or from cam angle 0 without a tdc.")] = None
+        help="motion, force, torque, energy: abscissa; angle (cam angle) by default. crank: the last revolution "
+        "over crank angle, with zero at top dead centre if the cam has the key tdc, otherwise at cam angle 0.")] = None
     rigid: Annotated[bool, Parameter(
         help="motion, force, torque: also draw the rigid model, and for motion the difference from it.")] = False
     cam: Annotated[str | None, Parameter(help="svaj, profile: draw only this cam.")] = None
@@ -91,7 +91,7 @@ class FigureOptions:
     count: Annotated[int | None, Parameter(
         help="modes: number of modes, 6 by default; campbell, waterfall, map: number of speeds, 9 by default.")] = None
     x: Annotated[str | None, Parameter("--x", help="sweep: abscissa; the first varied key by default.")] = None
-    y: Annotated[list[str] | None, Parameter("--y", help="sweep: scalar or other column, repeatable.")] = None
+    y: Annotated[list[str] | None, Parameter("--y", help="sweep: result value or other column, repeatable.")] = None
     as_map: Annotated[bool, Parameter("--map", help="sweep: contours over both varied keys.")] = False
     sources: Annotated[Mapping[str, Source], Parameter(parse=False)] = field(default_factory=dict[str, Source])
     # fmt: on
@@ -151,7 +151,7 @@ def plot(
 ) -> cli.CommandOutput:  # fmt: skip
     """Draw a figure of results, cases or sweeps: motion, forces, cams, springs, modes, orders, maps.
 
-    By default it draws motion and contact force over the cam angle. Of an incomplete run it draws the completed part.
+    By default it draws motion and contact force over the cam angle. For an incomplete run it draws the completed part.
     """
     files = asked.files
     what = asked.what or ("sweep" if files and files[0].suffix in _TABLES else "motion")
@@ -196,7 +196,7 @@ def _motion(options: FigureOptions) -> Figure:
     for (name, source), colour in zip(options.sources.items(), cycle((colours[4], *colours[1:4])), strict=False):
         contact, model, response = options.contact(source), source.ready.model, responses[name]
         if contact in spring_held_contacts(model) and f"contacts.{contact}.force" in response.channels:
-            label = ", ".join(filter(None, (name, "contact lost on the lift")))
+            label = ", ".join(filter(None, (name, "contact lost during the lift")))
             channels = {_LOST: contact_loss(model, source.response, str(contact)).astype(float)}
             shaded = options.draw(source, replace(source.response, channels=channels)).channels[_LOST] > 0.0
             plotting.histories.shade(figure.axes, plotting.histories.abscissa(response, over), shaded, label, colour)

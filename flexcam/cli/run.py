@@ -145,8 +145,7 @@ def _describe_run(
     if change:
         chatters, hint = change.force > CHATTER and not excitation_without_period(case), ""
         if chatters or change.stress_change > GROWTH:
-            what = "contact force" if chatters else "stress"
-            hint = f"; run more revolutions until the {what} repeats, or take its largest value of several revolutions"
+            hint = ". Run more revolutions until the values repeat, or use the largest value of several revolutions"
             slow = run_checks.describe_decay(ready, change.member) if change.stress_change > GROWTH else ""
             hint += f". {slow}" if slow else ""
         parts.append(f"Difference between the last two revolutions: {run_checks.describe_change(change)}{hint}")

@@ -42,12 +42,12 @@ flexcam sensitivity case.toml --of limits.loss_of_contact --tolerance springs.va
 def sensitivity(
     case: cli.CaseFile, *,
     names: Annotated[list[str], Parameter(
-        "--of", help="Result: a scalar of a run, a natural frequency, counted from the lowest above zero "
-        "(frequency.1), or a speed limit (limits.loss_of_contact). Repeatable.")],
+        "--of", help="Result: a value of a run, such as deviation.peak; a natural frequency (frequency.1 is the lowest "
+        "above zero); or a speed limit (limits.loss_of_contact). Repeatable.")],
     keys: Annotated[list[str] | None, Parameter(
         "--to", group=_DERIVATIVES, help="Value of the case: KEY; with --sobol KEY=LOW:HIGHunit. Repeatable.")] = None,
     method: Annotated[Method | None, Parameter(
-        group=_DERIVATIVES, help="exact: differentiate along the motion of one run; differences: compare "
+        group=_DERIVATIVES, help="exact: analytic derivatives from one run; differences: finite differences of "
         "several runs. Default: exact where possible. Frequencies are always exact.")] = None,
     relative_step: Annotated[float | None, Parameter(
         group=_DERIVATIVES, help="Step of differences, relative to the value; 0.01 by default.")] = None,

@@ -22,7 +22,7 @@ from flexcam.studies.quantities import check_names, compute_quantities, create_e
 from flexcam.studies.variables import Runs, Variable, WorstCase
 from flexcam.valvetrain import Metric
 
-_LIMITS = Group("Speed range for results named limits.NAME", sort_key=2)
+_LIMITS = Group("Speed range (only for results that are speed limits, such as limits.bounce)", sort_key=2)
 
 WorkerCount = Annotated[int, Parameter("--workers", help="Number of processes that evaluate variants.")]
 Lowest = Annotated[cli.Lowest, Parameter(group=_LIMITS)]

@@ -37,7 +37,7 @@ def _sweep_table(table: SweepTable) -> RichTable:
             ends = ((f"{scale * values[i]:.5g}", inputs[i]) for i in (low, high))
             rows.append((name, unit, *chain.from_iterable(ends)))
     title = f"{len(table)} variants over {', '.join(column.name for column in table.inputs)}"
-    return plain_table(title, ("scalar", "unit", "min", "at", "max", "at"), rows)
+    return plain_table(title, ("result", "unit", "min", "at", "max", "at"), rows)
 
 
 def _is_varying(values: FloatArray) -> bool:
@@ -48,7 +48,7 @@ def _is_varying(values: FloatArray) -> bool:
 
 def _describe_sweep(table: SweepTable) -> list[str]:
     alike = table.scalars and not any(_is_varying(values) for values in table.scalars.values())
-    words = ["every scalar has the same value in all variants; the files list them"] if alike else list[str]()
+    words = ["every result has the same value in all variants; the files list them"] if alike else list[str]()
     for cause, rows in _failures(table).items():
         numbers = ", ".join(str(i + 1) for i in rows[:_MAX_LISTED])
         rest = f" and {len(rows) - _MAX_LISTED} more" if len(rows) > _MAX_LISTED else ""
@@ -92,7 +92,7 @@ def sweep(
         help="Sample ranges with lhs:N or sobol:N points instead of a full grid.")] = None,
     seed: Annotated[int | None, Parameter(help="Random seed of the samples; 0 by default.")] = None,
     scalars: Annotated[list[str] | None, Parameter(
-        help="Write only the scalars whose names begin with one of these, such as deviation,contacts.seat.")] = None,
+        help="Write only the results whose names begin with one of these, such as deviation,contacts.seat.")] = None,
     folder: cli.Folder = Path("results"),
     histories: Annotated[bool, Parameter(help="Also keep the result file of every variant.")] = False,
     parquet: Annotated[bool, Parameter(help="Also write a Parquet table.")] = False,
@@ -111,7 +111,7 @@ def sweep(
     """Run many variants of a case and write one table with a row per variant.
 
     Ranges come from the case's [sweep] table and from --set, which replaces the range of the same key or adds one. The
-    output table has a column per varied key and per scalar, and the status of each run.
+    output table has a column per varied key and per result value (peak, mean, ...), and the status of each run.
     """
     prefixes = [name.strip() for words in scalars or [] for name in words.split(",")]
     study, (runners, seconds) = collect_errors(

@@ -125,7 +125,8 @@ def law(
         "--pareto", help="Second criterion: find a Pareto front instead of one law.")] = None,
     count: Annotated[int | None, Parameter(help="Number of laws of the front; 9 by default.")] = None,
     conditions: Annotated[list[str] | None, Parameter(
-        "--condition", help="Prescribed derivative: POSITION (0 to 1),ORDER,VALUE. Repeatable.")] = None,
+        "--condition", help="Prescribed derivative: POSITION,ORDER,VALUE, such as 0.5,1,1.8; POSITION is between 0 "
+        "and 1. Repeatable.")] = None,
     turning_back: Annotated[bool, Parameter(help="Allow negative velocity.")] = False,
     family: Annotated[Literal["spline", "polynomial", "harmonic"], Parameter(
         group=_FAMILY, help="Family of the law.")] = "spline",
@@ -259,7 +260,9 @@ def harmonic(
         ("lift", format_quantity("m", *(end.value for end in event_extremes(fit.event)))),
     ]
     describe_file = partial(cli.describe_lift_file, phase=cam.phase)
-    return cli.CommandOutput([facts_table("Lift of harmonics", rows)], json, files=files, describe_file=describe_file)
+    return cli.CommandOutput(
+        [facts_table("Lift composed of low harmonics", rows)], json, files=files, describe_file=describe_file
+    )
 
 
 @_command("""\

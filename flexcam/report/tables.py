@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 CONTACT_DESCRIPTIONS = {
     "published-load": (
         "Contact model: published load. The cam drives the follower by a force, so that the follower is a mass on the "
-        "valve spring; a train in contact has no such resonance."
+        "valve spring, with a resonance that a train with cam contact does not have."
     ),
     "bilateral": (
         "Contact model: bilateral. The follower cannot lose contact; where the contact force is negative, a real "
@@ -250,7 +250,7 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
     other = comparison.names[1]
     deviation = f"{comparison.probe} deviates by up to {peak} of the range of the {other} motion (rms {rms})."
     angle, lift = comparison.peak_acceleration_deg % 360.0, 100.0 * comparison.peak_lift
-    there = f"There the {other} displacement is {lift:.3g} % of its range."
+    there = f"At this angle the {other} motion is at {lift:.3g} % of its range."
     words = [f"{deviation} Its peak acceleration is {ratio} times the {other} one, at cam {angle:.1f} deg. {there}"]
     if mode_hz is not None:
         nearest = "The nearest mode that the cam force excites is at"
@@ -319,8 +319,8 @@ def _metric_label(place: str, quantity: Sequence[str]) -> str:
 
 _METRIC_KINDS = {"largest": "max", "least": "min", "mean": "mean"}
 _METRIC_WORDS = {
-    "open_on_the_lift": "loss of contact on the lift", "leak_down": "leak-down", "nose_force": "force over the nose",
-    ".nose": ".at the nose", "stress.largest": "shear stress of the wire.largest",
+    "open_on_the_lift": "loss of contact during the lift", "leak_down": "leak-down",
+    "nose_force": "force over the nose", ".nose": ".at the nose", "stress.largest": "shear stress of the wire.largest",
     "wear.largest": "wear in 1e6 revolutions.largest",
 }  # fmt: skip
 
@@ -372,8 +372,10 @@ def strength_table(strength: valvetrain.StrengthSink) -> Table:
     name = min(shares, key=shares.__getitem__, default="")
     if name and shares[name] < _MISSED_SHARE:
         group, part, kind = name.split(".")
-        reached = f"the {kind} of {group[:-1]} {part} reaches only {100.0 * shares[name]:.3g} % of its maximum"
-        title += f". They may miss the peak: at these instants {reached}; output.field_every = 1 saves all instants"
+        place = f"the shaft at cam {part}" if group == "cams" else f"{group[:-1]} {part}"
+        reached = f"the {kind} of {place} reaches only {100.0 * shares[name]:.3g} % of its maximum"
+        title += f". The peak stress may be missed: at these instants {reached}"
+        title += "; output.field_every = 1 saves all instants"
     factor, unit = to_display_unit("Pa")
     rows = [
         (name, *(f"{factor * value:.4g}" for value in (point.von_mises, point.mean, point.alternating)),
@@ -461,11 +463,11 @@ def limits_legend(found: Limits) -> str:
 
     text = "A run has six revolutions; an event in any of the last five counts. "
     if any(_limit_range(limit, 1.0) for limit in found.limits.values()):
-        text += "uncertainty: width of the bisection; wider if runs just above the limit do not show the event, "
-        text += "or runs just below it do. "
+        text += "uncertainty: range of speeds in which the limit lies; wider if the event is absent at some speeds "
+        text += "just above the limit or occurs at some speeds just below it. "
     text += "occurs at: range of examined speeds, from the limit upwards, at which the event occurs. "
     text += f"Only a few speeds above the limit are examined, {100.0 * SPACING:g} % apart. "
-    return text + "at least: the event still occurs at the last of them; not at: the first of them without the event"
+    return text + "at least: the event still occurs at the highest of them; not at: it is absent at the highest of them"
 
 
 def limits_table(found: Limits, margins: Margins, scale: float) -> Table:

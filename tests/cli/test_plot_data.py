@@ -86,7 +86,7 @@ def test_rigid_difference_and_contact_loss_are_plotted(draw_figure):
         line.get_ydata(), 1e3 * (flexible["valve"].displacement - rigid["valve"].displacement), atol=1e-12
     )
     assert panel.get_ylabel() == "flexible\nminus rigid\nmm"
-    assert legend_texts(figure.legends[-1]) == ["contact lost on the lift"]
+    assert legend_texts(figure.legends[-1]) == ["contact lost during the lift"]
     shaded = [part for part in shaded_intervals(others[0].collections[0]) if part[1] - part[0] > 1.0]
     assert shaded
     for begin, end in shaded:

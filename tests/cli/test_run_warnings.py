@@ -206,7 +206,7 @@ def test_adjuster_transient_causes_warning(flexcam):
     few = ("--set", "run.steps_per_revolution=360", "--set", "run.revolutions=2")
     assert "Difference between the last two revolutions:" in flexcam("run", case, *few, "--overwrite").out
     pumping = check_transient(prepare(read_case(case)), RevolutionChange(0.02, 0.1, "intake"))
-    words = "difference between its last two revolutions: motion 2 %, force of contact intake 10 % (rms)"
+    words = "difference between its last two revolutions: motion 2 % of its range, force of contact intake 10 % (rms)"
     assert words in pumping[0]
 
 
@@ -305,7 +305,7 @@ def test_coarse_saved_instants_warn_of_missed_peak_stress(flexcam, tayeb, every,
     few = ["run.steps_per_revolution=360", "run.revolutions=1", f"output.field_every={every}"]
     done = flexcam("run", tayeb(3), *(word for override in few for word in ("--set", override)))
     output = re.sub(r"\s+", " ", done.out)
-    assert ("They may miss the peak: at these instants the " in output) == low
+    assert ("The peak stress may be missed: at these instants the " in output) == low
     assert "Stresses at 3 saved" in output or not low
 
 

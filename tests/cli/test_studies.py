@@ -384,6 +384,8 @@ def test_search_without_feasible_variant_is_reported(flexcam, oscillator, method
     done = flexcam("optimize", oscillator, *options, "--subject", "frequency.1 >= 1000 Hz", "--method", method)
     assert done.code == 3
     assert said in " ".join(done.err.split())
+    assert "violated by" in done.out
+    assert "active" not in done.out
 
 
 def test_variant_without_derivatives_keeps_values(monkeypatch):

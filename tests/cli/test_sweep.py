@@ -69,7 +69,7 @@ def test_identical_variants_are_reported(flexcam, case, tmp_path):
     done = flexcam("sweep", case, "--set", "title=one,other", "--set", "run.revolutions=0.1", "--workers", "0",
                    "-o", tmp_path / "out")  # fmt: skip
     assert done.code == 0
-    assert "every scalar has the same value in all variants" in done.out
+    assert "every result has the same value in all variants" in done.out
 
 
 def test_command_overrides_sweep_table_of_case(flexcam, case, tmp_path):

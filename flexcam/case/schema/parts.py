@@ -378,7 +378,7 @@ _DrivenDirection = Annotated[LineValue | None, Field(description="motion at `fro
 
 
 class LumpedRecord(Record):
-    """Rocker without bending: the point `to` moves by the ratio of the arms."""
+    """Rocker without bending: the motion at `to` is the motion at `from` times the ratio of the arms."""
 
     model: Literal["lumped"]
     start: Name = Field(alias="from", description="the name of the node that drives it")

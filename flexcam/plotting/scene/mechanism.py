@@ -46,13 +46,14 @@ def coil_sizes(
         D, d = spring.wire.coil_diameter, spring.wire.diameter
         coils = SHEAR_MODULUS * d**4 / (8.0 * D**3 * spring.stiffness) if spring.stiffness > 0.0 else _COILS
     else:
-        D, coils = _record(notes, "coil of spring", name, diameter, "wire from its rate, six coils of steel"), _COILS
+        why = "wire diameter from its stiffness, assuming six steel coils"
+        D, coils = _record(notes, "coil diameter of spring", name, diameter, why), _COILS
         d = min((8.0 * D**3 * coils * spring.stiffness / SHEAR_MODULUS) ** 0.25, D / 5.0)
     d, coils = max(d, D / 40.0), min(max(coils, 2.0), 20.0)
     if length is not None:
         return CoilSizes(D, d, length, coils)
     installed = (coils + 2.0) * d + (spring.clash_travel or 1.4 * travel)
-    return CoilSizes(D, d, _record(notes, "length of spring", name, installed, "its coils and their travel"), coils)
+    return CoilSizes(D, d, _record(notes, "length of spring", name, installed, "solid length plus travel"), coils)
 
 
 def _cams(model: Model, notes: Notes) -> Iterator[CamPlacement]:
