@@ -32,12 +32,9 @@ def main() -> None:
 HEAD = [
     "# Cost of simpler models",
     "",
-    "This page lists, for four cases, the cheapest model within a given error, and the error and cost of models. `flexcam trade CASE`",
-    "prints both for any case ([definitions](topics/fidelity.md#cost-of-simpler-models)). `docs/make_trade.py` made it on "
-    + platform.machine()
-    + ".",
-    "Errors are in %. The tables of models list the beams of the case, and the models with a smaller maximum error than every model of",
-    "less work.",
+    "`flexcam trade CASE` prints such tables for any case ([definitions](topics/fidelity.md#cost-of-simpler-models)).",
+    "`docs/make_trade.py` made this page on " + platform.machine() + ". Errors are in %. The tables of models list the beams",
+    "of the case, and the models with a smaller maximum error than every model of less work.",
     "",
     "## The cheapest model within a tolerance of the lift",
     "",
