@@ -33,7 +33,9 @@ HEAD = [
     "# Cost of simpler models",
     "",
     "`flexcam trade CASE` prints such tables for any case ([definitions](topics/fidelity.md#cost-of-simpler-models)).",
-    "`docs/make_trade.py` made this page on " + platform.machine() + ". Errors are in %. The tables of models list the beams",
+    "`docs/make_trade.py` made this page on "
+    + platform.machine()
+    + ". Errors are in %. The tables of models list the beams",
     "of the case, and the models with a smaller maximum error than every model of less work.",
     "",
     "## The cheapest model within a tolerance of the lift",
