@@ -32,11 +32,11 @@ def main() -> None:
 HEAD = [
     "# Cost of simpler models",
     "",
-    "The cheapest model within a given error, and error against cost of the models, as `flexcam trade CASE` prints them for any case;",
-    "[definitions](topics/fidelity.md#cost-of-simpler-models). Made by `docs/make_trade.py` on "
+    "`flexcam trade CASE` prints such tables for any case ([definitions](topics/fidelity.md#cost-of-simpler-models)).",
+    "`docs/make_trade.py` made this page on "
     + platform.machine()
-    + ".",
-    "Errors of the beams of the case, and of the models with a smaller maximum error than every model of less work, are in %.",
+    + ". Errors are in %. The tables of models list the beams",
+    "of the case, and the models with a smaller maximum error than every model of less work.",
     "",
     "## The cheapest model within a tolerance of the lift",
     "",
