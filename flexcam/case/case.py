@@ -38,7 +38,7 @@ from flexcam.core.html import html_table
 from flexcam.core.units import DIMENSIONS, shaft_speed
 from flexcam.fem.mesh import Mesh
 
-_Format = Annotated[int, Field(ge=1, le=1, strict=True, description="version of the case format")]
+_Format = Annotated[int, Field(ge=1, le=1, strict=True, description="version of the case format, 1")]
 
 
 class SweepRecord(Record):
@@ -70,7 +70,7 @@ class CaseRecord(Record):
     materials: dict[Name, MaterialRecord] = Field(default={})
     sections: dict[Name, SectionRecord] = Field(default={})
     members: dict[Name, MemberRecord] = Field(default={}, description="beams; a lumped train has none")
-    superelements: dict[Name, SuperelementRecord] = Field(default={}, description="elastic bodies given by matrices")
+    superelements: dict[Name, SuperelementRecord] = Field(default={})
     rigid_links: dict[Name, RigidLinkRecord] = Field(default={}, description="massless rigid connections and joints")
     supports: dict[Name, list[Component]] = Field(default={}, description="components fixed at a point")
     masses: dict[Name, MassRecord] = Field(default={})
@@ -79,7 +79,7 @@ class CaseRecord(Record):
     loads: dict[Name, LoadRecord] = Field(default={})
     rockers: dict[Name, RockerRecord] = Field(default={})
     cams: dict[Name, CamRecord] = Field(default={})
-    phasers: dict[Name, PhaserRecord] = Field(default={}, description="cam phasers")
+    phasers: dict[Name, PhaserRecord] = Field(default={})
     contacts: dict[Name, ContactRecord] = Field(default={})
     friction: dict[Name, FrictionRecord] = Field(
         default={}, description="friction of guides, seals, pivots and nested springs"
@@ -87,7 +87,7 @@ class CaseRecord(Record):
     repeat: dict[Name, RepeatRecord] = Field(default={}, description="copies of parts, such as those of each cylinder")
     run: RunRecord
     fidelity: FidelityRecord = Field(default_factory=lambda: FidelityRecord.model_validate({}))
-    sweep: SweepRecord | None = Field(None, description="variants that `sweep` runs")
+    sweep: SweepRecord | None = None
     output: OutputRecord = Field(default_factory=lambda: OutputRecord.model_validate({}))
 
 

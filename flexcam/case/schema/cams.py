@@ -178,7 +178,7 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
     """Cam without a shaft: its lift over one revolution, and the follower that determines the profile."""
 
     at: Name | None = Field(None, description="name of a node of the camshaft")
-    follower: FollowerRecord | None = Field(None, description="follower that touches the cam")
+    follower: FollowerRecord | None = None
     law: LawValue | None = Field(None, description="motion law: a name, { id = ..., ... }, or a law file (.toml)")
     return_law: LawValue | None = Field(
         None, description="law that the return follows in reverse; by default that of the rise"
@@ -196,12 +196,12 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
     centreline: SignedAngle | None = Field(
         None, description="cam angle of the maximum lift (the middle of an upper dwell), instead of phase"
     )
-    timing: TimingRecord | None = Field(None, description="cam angle at a checking lift, instead of phase")
+    timing: TimingRecord | None = Field(None, description="instead of phase")
     tdc: SignedAngle | None = Field(
         None,
         description="cam angle at overlap TDC of its cylinder, between exhaust and intake stroke, for the cam card",
     )
-    ramps: RampsRecord | None = Field(None, description="ramps before the rise and after the return")
+    ramps: RampsRecord | None = None
     single_dwell: Literal["high", "low"] | None = Field(
         None,
         description="position of the only dwell, at high or at low lift, for a law that begins with nonzero "

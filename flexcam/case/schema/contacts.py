@@ -115,7 +115,7 @@ class UnilateralRecord(Record):
         0.0, description="Coulomb friction coefficient along a flat face"
     )
     friction_speed: Velocity = Field(0.01, description="velocity v0 of the regularized friction tanh(v/v0), m/s")
-    lubrication: LubricationRecord | None = Field(None, description="oil and surfaces, for film and wear")
+    lubrication: LubricationRecord | None = None
 
     def _check(self) -> None:
         if "friction" in self.model_fields_set:
@@ -226,7 +226,7 @@ class OilRecord(PartRecord[OilChamber]):
         description="absolute oil pressure upstream of the check valve, instead of `pressure`; the stiffness of the "
         "air then follows the chamber pressure",
     )
-    check_valve: CheckValveRecord | None = Field(None, description="cracking pressure and flow; needs supply_pressure")
+    check_valve: CheckValveRecord | None = Field(None, description="needs supply_pressure")
 
     def _check(self) -> None:
         super()._check()
@@ -261,7 +261,7 @@ class AdjusterRecord(_GapRecord):
     model: Literal["lash-adjuster"]
     stiffness: PositiveStiffness | None = Field(None, description="stiffness of the oil column; by default from `oil`")
     leak: PositiveDamping | None = Field(None, description="force per velocity of leak-down; by default from `oil`")
-    oil: OilRecord | None = Field(None, description="oil chamber under the plunger, which gives `stiffness` and `leak`")
+    oil: OilRecord | None = None
     refill: PositiveDamping = Field(description="force per velocity while the check valve is open")
     plunger_force: Force = Field(description="force on the plunger at rest, from its spring and the supply pressure")
     travel: TravelRecord | None = Field(

@@ -285,8 +285,8 @@ class RunRecord(Record):
         "numbers, except in chatter",
     )
     adaptive: AdaptiveRecord | None = Field(None, description="step size control; fixed steps by default")
-    fluctuation: FluctuationRecord | None = Field(None, description="fluctuation of the speed about its mean")
-    free_running: FreeRunningRecord | None = Field(None, description="speed of a freely rotating cam")
+    fluctuation: FluctuationRecord | None = None
+    free_running: FreeRunningRecord | None = None
     start: StartRecord = Field(
         "rest", description="at rest as installed, in static equilibrium, in the periodic state, or from a given state"
     )

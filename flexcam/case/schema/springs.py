@@ -147,10 +147,8 @@ class SpringRecord(PartRecord[valvetrain.Spring]):
     clash_stiffness: PositiveStiffness | None = Field(
         None, description="contact stiffness between adjacent elements; by default 50 times the stiffness of an element"
     )
-    pulsation: PulsationRecord | None = Field(
-        None, description="variation of its stiffness with the cam angle; none by default"
-    )
-    wire: WireRecord | None = Field(None, description="for the shear stress, and for the stiffness if none is given")
+    pulsation: PulsationRecord | None = None
+    wire: WireRecord | None = None
 
     @property
     def active_coils(self) -> float | None:
