@@ -16,8 +16,8 @@ PAGE = ROOT / "docs/case-format.md"
 
 HEAD = """# The case file
 
-Every key of a case file (TOML), with type, unit, range, default and meaning. `flexcam schema` prints the same as JSON Schema,
-with which an editor completes and checks a case (`#:schema case.schema.json` on its first line).
+This page lists every key of a case file (TOML) with type, unit, range, default and meaning. `flexcam schema` prints the keys as a JSON
+Schema. An editor uses it to complete and check a case whose first line is `#:schema case.schema.json`.
 
 ## Values
 
@@ -25,22 +25,25 @@ with which an editor completes and checks a case (`#:schema case.schema.json` on
 |---|---|
 | quantity: a string with a unit, or a number in the SI unit that the tables give | `"6 mm"`, `0.006`, `"40 kN/m"` |
 | direction: a component with an optional sign, or three numbers in global axes | `"uy"`, `"-rx"`, `[0, 1, 0]` |
-| point: the name of a node, from the mesh's point groups, `[nodes]` or a rocker | `"tip"` |
+| point: a name from the point groups of the mesh or from `[nodes]`, or a point that a rocker defines | `"tip"` |
 | file: in the folder of the case, in one of the two folders above it, or in a subfolder of these ([security](security.md)) | `"../meshes/tayeb-1.msh"` |
 
-Units are m, g, s, N, Pa, J, W, Hz and rad, with the prefixes G, M, k, d, c, m, u or µ, n; and %, t, bar, deg or °, rev, rpm, min, h,
-in, thou or mil, ft, oz, lb (mass), lbf (force), psi, ksi, hp, K. They combine with a space or `*`, `/` and `^`: `"2 kN s/m"`, `"490 mm^2"`.
+The units m, g, s, N, Pa, J, W, Hz and rad accept the prefixes G, M, k, d, c, m, u or µ, and n. The units %, t, bar, deg or °, rev, rpm,
+min, h, in, thou or mil, ft, oz, lb (mass), lbf (force), psi, ksi, hp and K have no prefix. Units combine with a space or `*`, `/` and
+`^`: `"2 kN s/m"`, `"490 mm^2"`.
 
-The command line overrides every key; numbers in a list count from 0: `--set run.speed=4000rpm`, `--set rockers.rocker.arms.1="42 mm"`.
-An override removes a key that excludes it: `speed` and `crank_speed` replace each other, and so do `step` and
-`steps_per_revolution`. flexcam accepts an implausible number such as `E = 207` (Pa instead of GPa) and [warns](long-runs.md#checks-of-a-run).
+`--set` on the command line overrides any key. Indices in lists count from 0: `--set run.speed=4000rpm`,
+`--set rockers.rocker.arms.1="42 mm"`. An override removes the alternatives of its key: `speed` or `crank_speed`, `step` or
+`steps_per_revolution`, and `phase`, `centreline` or `timing`. flexcam accepts an implausible number such as `E = 207` (Pa instead of
+GPa) and [warns](long-runs.md#checks-of-a-run).
 
-A node on no member can translate if a mass is at it, rotate if this mass has `inertia` or an `offset`, and move in the directions of
-the springs at it. So a train of masses and springs needs no material, section or member (`cases/li`). `cases/checks/cantilever.toml`
-is a short complete case; `flexcam new` writes commented ones.
+A node that belongs to no member can translate if it has a mass, can rotate if this mass has `inertia` or an `offset`, and can move in
+the directions of its springs. So a train of masses and springs needs no material, section or member (`cases/li`).
+`cases/checks/cantilever.toml` is a short complete case; `flexcam new` writes cases with comments.
 
-In the tables below *type* is the SI unit of a quantity, with its range and default. A key that is not required may be absent. The
-user names the entries of *tables*: `[materials.steel]`.
+In the tables below, *type* gives the type or SI unit of a value, its range and its default. A key that is not required may be absent.
+*Tables* have names that the user chooses, such as `[materials.steel]`. *By name* means one table with an entry per name, such as
+`tip = [0, 0, 0.1]` in `[nodes]`.
 """
 
 EXAMPLES = {kind.example: kind for kind in DIMENSIONS.values()}
@@ -146,7 +149,7 @@ SHARED = 3
 
 def section(name: str, record: dict, earlier: dict[str, list[str]]) -> list[str]:
     """Return the section of a record: selecting key, description, keys, and keys shared with an earlier record."""
-    constants = [f'`{key} = "{value["const"]}"`:' for key, value in record["properties"].items() if "const" in value]
+    constants = [f'`{key} = "{value["const"]}"`.' for key, value in record["properties"].items() if "const" in value]
     text = " ".join([*constants, record.get("description", "").strip()])
     own = rows(record)
     shared = {title: len(set(own) & set(lines)) for title, lines in earlier.items()}
@@ -154,9 +157,15 @@ def section(name: str, record: dict, earlier: dict[str, list[str]]) -> list[str]
     earlier[name] = own
     if shared.get(other, 0) < SHARED:
         return [f"## {name}", "", text, "", *table(own)]
-    keys = ", ".join(line.split(" | ")[0].removeprefix("| ") for line in own if line in earlier[other])
+    *keys, last = (line.split(" | ")[0].removeprefix("| ") for line in own if line in earlier[other])
     lines = [line for line in own if line not in earlier[other]]
-    return [f"## {name}", "", f"{text} It also has {keys} of [{other}](#{other.lower()}).", "", *table(lines)]
+    return [
+        f"## {name}",
+        "",
+        f"{text} It also has the keys {', '.join(keys)} and {last} of [{other}](#{other.lower()}).",
+        "",
+        *table(lines),
+    ]
 
 
 def page() -> str:
@@ -180,13 +189,23 @@ FORMULAS = {
 """Formulas of laws; other laws have the first line of their docstring."""
 
 
+def optional_text(default: object) -> str:
+    """Return the default of a law's parameter as in TOML, or a text that the parameter is optional."""
+    return f" = `{json.dumps(default)}`" if default else " (optional)"
+
+
 def laws() -> list[str]:
     """Return the section of the motion laws: names, and kinds with their parameters."""
-    lines = ["## Motion laws", "", "By name alone: " + ", ".join(f"`{name}`" for name in LAWS) + ".", ""]
+    lines = [
+        "## Motion laws",
+        "",
+        "These laws need only their name: " + ", ".join(f"`{name}`" for name in LAWS) + ".",
+        "",
+    ]
     lines += ["With parameters, `law = { id = ..., ... }`:", "", "| id | parameters | law |", "|---|---|---|"]
     for name, make in KINDS.items():
         parameters = [
-            f"`{p.name}`" + ("" if p.default is p.empty else f" = {p.default}")
+            f"`{p.name}`" + ("" if p.default is p.empty else optional_text(p.default))
             for p in inspect.signature(make, eval_str=True).parameters.values()
         ]
         first = re.sub("^Return (a|the) law", "Law", (inspect.getdoc(make) or "").splitlines()[0])
@@ -194,9 +213,9 @@ def laws() -> list[str]:
     return [
         *lines,
         "",
-        "Other packages add kinds by entry points of the group `flexcam.laws`. A law in a separate file,",
-        '`law = "NAME.toml"`, is a table `[law]` with the same keys; a lift in a file, `lift_table = "NAME.toml"`, is a',
-        "table `[lift]` with `mean`, `cosine` and `sine`, the harmonics in m.",
+        'Other packages add laws by entry points of the group `flexcam.laws`. The file of `law = "NAME.toml"` contains a table',
+        '`[law]` with the same keys. The file of `lift_table = "NAME.toml"` contains a table `[lift]` with `mean`, `cosine` and',
+        "`sine`, the harmonics in m.",
         "",
     ]
 

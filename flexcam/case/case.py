@@ -38,22 +38,25 @@ from flexcam.core.html import html_table
 from flexcam.core.units import DIMENSIONS, shaft_speed
 from flexcam.fem.mesh import Mesh
 
-_Format = Annotated[int, Field(ge=1, le=1, strict=True, description="the version of the case format, 1")]
+_Format = Annotated[int, Field(ge=1, le=1, strict=True, description="version of the case format, 1")]
 
 
 class SweepRecord(Record):
-    """Variants of the case for `flexcam sweep`; keys on the command line override it."""
+    """Variants of the case for `flexcam sweep`; options on the command line override these keys."""
 
     set_: dict[str, Annotated[str, Field(min_length=1)]] = Field(
         default={},
         alias="set",
-        description='key to its values: "run.speed" = "1000:4000:50rpm", a list "30,40 kN/m", an interval to sample',
+        description='values of each key: a range ("run.speed" = "1000:4000:50rpm"), a list ("30,40 kN/m") or an '
+        "interval to sample",
     )
     sample: str | None = Field(
-        None, description="lhs:N or sobol:N instead of every combination", examples=["sobol:512"]
+        None, description="N samples, lhs:N or sobol:N, instead of every combination", examples=["sobol:512"]
     )
-    seed: int = Field(0, ge=0, strict=True, description="of the samples: the same seed gives the same points")
-    scalars: list[str] = Field(default=[], description="saved results, by name or beginning of a name; all by default")
+    seed: int = Field(0, ge=0, strict=True, description="seed of the samples; the same seed gives the same points")
+    scalars: list[str] = Field(
+        default=[], description="results to save, by names or beginnings of names; all by default"
+    )
 
 
 class CaseRecord(Record):
@@ -67,7 +70,7 @@ class CaseRecord(Record):
     materials: dict[Name, MaterialRecord] = Field(default={})
     sections: dict[Name, SectionRecord] = Field(default={})
     members: dict[Name, MemberRecord] = Field(default={}, description="beams; a lumped train has none")
-    superelements: dict[Name, SuperelementRecord] = Field(default={}, description="elastic bodies by their matrices")
+    superelements: dict[Name, SuperelementRecord] = Field(default={})
     rigid_links: dict[Name, RigidLinkRecord] = Field(default={}, description="massless rigid connections and joints")
     supports: dict[Name, list[Component]] = Field(default={}, description="components fixed at a point")
     masses: dict[Name, MassRecord] = Field(default={})
@@ -76,13 +79,15 @@ class CaseRecord(Record):
     loads: dict[Name, LoadRecord] = Field(default={})
     rockers: dict[Name, RockerRecord] = Field(default={})
     cams: dict[Name, CamRecord] = Field(default={})
-    phasers: dict[Name, PhaserRecord] = Field(default={}, description="of camshafts")
+    phasers: dict[Name, PhaserRecord] = Field(default={})
     contacts: dict[Name, ContactRecord] = Field(default={})
-    friction: dict[Name, FrictionRecord] = Field(default={}, description="of guides, seals and pivots")
+    friction: dict[Name, FrictionRecord] = Field(
+        default={}, description="friction of guides, seals, pivots and nested springs"
+    )
     repeat: dict[Name, RepeatRecord] = Field(default={}, description="copies of parts, such as those of each cylinder")
     run: RunRecord
     fidelity: FidelityRecord = Field(default_factory=lambda: FidelityRecord.model_validate({}))
-    sweep: SweepRecord | None = Field(None, description="variants that `sweep` runs")
+    sweep: SweepRecord | None = None
     output: OutputRecord = Field(default_factory=lambda: OutputRecord.model_validate({}))
 
 

@@ -322,10 +322,7 @@ def _describe_field(path: Path, root: type[BaseModel], steps: tuple[int | str, .
                 kinds, parts = [unit.description for unit in units[:1]], get_args(key.annotation)
                 if kinds and get_origin(key.annotation) is tuple and Ellipsis not in parts:
                     kinds = [f"{len(parts)} values in brackets, each {kinds[0]}"]
-                text = key.description or ""
-                if re.match("(of|from|above|about|before|at) ", text):  # what follows the name of the key in the manual
-                    text = f"{path[-1].replace('_', ' ')} {text}"
-                return ": ".join(filter(None, (*kinds, text)))
+                return ": ".join(filter(None, (*kinds, key.description)))
     return ""
 
 

@@ -24,9 +24,10 @@ CASES = (
 OIL = "viscosity=0.01,pressure_viscosity=15e-9,roughness=3e-7,conductivity=46,specific_heat=470,wear_coefficient=1e-18"
 GUIDE = 'friction.guide={ at = "valve", direction = "uy", force = "8 N" }'
 FILM = 'film = { diameter = "26 mm", length = "15 mm", radial_clearance = "30 um", viscosity = "10 mPa s" }'
+DRIVE = 'springs.chain={ at = "rear", direction = "rx", stiffness = "5 kN m/rad" }'
 MORE = {
     "direct-acting/bucket": [f"contacts.intake.lubrication={{{OIL}}}"],
-    "direct-acting/finger": [GUIDE, f'bearings.front={{ at = "front", {FILM} }}'],
+    "direct-acting/finger": [GUIDE, DRIVE, f'bearings.front={{ at = "front", {FILM} }}'],
 }
 """Overrides of the cases."""
 

@@ -71,7 +71,7 @@ class TimingRecord(Record):
     lift: Length = Field(description="checking lift of the follower, such as 0.050 in")
     opening: SignedAngle | None = Field(None, description="cam angle at which the follower rises through this lift")
     closing: SignedAngle | None = Field(
-        None, description="cam angle at which it falls through this lift, instead of opening"
+        None, description="cam angle at which the follower falls through this lift, instead of opening"
     )
     centre: SignedAngle | None = Field(
         None, description="cam angle halfway between opening and closing, instead of either"
@@ -100,17 +100,18 @@ class FlatRecord(Record):
     face_diameter: Length | None = Field(None, description="diameter of a round face, to check for contact at its edge")
     axial_offset: Position = Field(
         0.0,
-        description="from the follower's axis to the middle of the cam, along the shaft; it spins a tappet with a "
-        "round face",
+        description="distance along the shaft from the follower's axis to the middle of the cam; an offset spins a "
+        "tappet with a round face",
     )
     crown_radius: Length | None = Field(
         None,
-        description="radius of a spherical face, to check where it touches the lobe; forces are those of a flat face",
+        description="radius of a spherical face, to check where it touches the lobe; the forces remain those of a "
+        "flat face",
     )
     taper: SignedAngle = Field(
         0.0,
         description="angle between lobe surface and shaft, positive if the lobe is thicker on the side of a positive "
-        "axial_offset; with a crowned face it spins the tappet",
+        "axial_offset; a taper spins a tappet with a crowned face",
     )
 
     def build(self, base_radius: float | None) -> Follower | None:
@@ -125,7 +126,7 @@ class RollerRecord(Record):
 
     type: Literal["roller"]
     radius: Length = Field(description="radius of the roller")
-    offset: Position = Field(0.0, description="of the follower's axis from the axis of the cam")
+    offset: Position = Field(0.0, description="offset of the follower's axis from the cam's axis")
 
     def build(self, base_radius: float | None) -> Follower | None:
         """Build the follower."""
@@ -137,10 +138,11 @@ class SwingingFollowerRecord(Record):
 
     type: Literal["swing"]
     arm: Length = Field(
-        description="from the pivot to the roller centre, or to the place where the lift of a flat face is measured"
+        description="distance from the pivot to the roller centre, or to the point at which the lift of a flat face "
+        "is measured"
     )
-    distance: Length = Field(description="from the pivot to the cam's centre")
-    radius: Length | None = Field(None, description="of the roller")
+    distance: Length = Field(description="distance from the pivot to the cam's centre")
+    radius: Length | None = Field(None, description="radius of the roller")
     angle: PositiveAngle | None = Field(
         None,
         description="angle between arm and line of centres with the follower on the base circle, instead of "
@@ -148,7 +150,7 @@ class SwingingFollowerRecord(Record):
     )
     face: Position = Field(0.0, description="distance of the flat face from the pivot, positive away from the cam")
     rotation: Literal["clockwise", "counterclockwise"] = Field(
-        "clockwise", description="sense in which the follower turns on the rise"
+        "clockwise", description="sense in which the follower turns during the rise"
     )
 
     def build(self, base_radius: float | None) -> Follower | None:
@@ -175,39 +177,41 @@ FollowerRecord = Annotated[FlatRecord | RollerRecord | SwingingFollowerRecord, F
 class CamDesignRecord(PartRecord[valvetrain.Cam]):
     """Cam without a shaft: its lift over one revolution, and the follower that determines the profile."""
 
-    at: Name | None = Field(None, description="the name of a node of the camshaft")
-    follower: FollowerRecord | None = Field(None, description="follower that touches the cam")
+    at: Name | None = Field(None, description="name of a node of the camshaft")
+    follower: FollowerRecord | None = None
     law: LawValue | None = Field(None, description="motion law: a name, { id = ..., ... }, or a law file (.toml)")
-    return_law: LawValue | None = Field(None, description="law of the return, reversed; that of the rise by default")
-    lift: Annotated[float, WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]})] | None = Field(
-        None, gt=0.0, description='above the ramps; a string such as "10 deg" where the follower swings'
+    return_law: LawValue | None = Field(
+        None, description="law that the return follows in reverse; by default that of the rise"
     )
-    lift_table: LiftValue | None = Field(None, description="file of the whole lift, instead of a law")
+    lift: Annotated[float, WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]})] | None = Field(
+        None, gt=0.0, description='lift above the ramps; for a swinging follower also an angle such as "10 deg"'
+    )
+    lift_table: LiftValue | None = Field(None, description="file with the whole lift, instead of a law")
     rise: PositiveAngle | None = Field(None, description="cam angle of the rise")
     dwell: Angle = Field(0.0, description="cam angle of the upper dwell")
     fall: PositiveAngle | None = Field(None, alias="return", description="cam angle of the return")
     phase: SignedAngle = Field(
-        0.0, description="cam angle at which the rise begins, after the ramp (or of the table's zero)"
+        0.0, description="cam angle at the beginning of the rise (after the ramp), or at the zero of a lift table"
     )
     centreline: SignedAngle | None = Field(
         None, description="cam angle of the maximum lift (the middle of an upper dwell), instead of phase"
     )
-    timing: TimingRecord | None = Field(
-        None, description="cam position by the angle at which the follower reaches a checking lift, instead of phase"
-    )
+    timing: TimingRecord | None = Field(None, description="instead of phase")
     tdc: SignedAngle | None = Field(
         None,
         description="cam angle at overlap TDC of its cylinder, between exhaust and intake stroke, for the cam card",
     )
-    ramps: RampsRecord | None = Field(None, description="before the rise and after the return")
+    ramps: RampsRecord | None = None
     single_dwell: Literal["high", "low"] | None = Field(
         None,
-        description="at high or at low lift, for a cam with only one dwell and a law that begins with an acceleration",
+        description="position of the only dwell, at high or at low lift, for a law that begins with nonzero "
+        "acceleration",
     )
-    base_radius: Length | None = Field(None, description="of the base circle")
-    width: Length | None = Field(None, description="of the cam along its shaft")
+    base_radius: Length | None = Field(None, description="radius of the base circle")
+    width: Length | None = Field(None, description="width of the cam along its shaft")
     rotation: Literal["clockwise", "counterclockwise"] = Field(
-        "counterclockwise", description="sense of rotation in the drawing of the profile; `axis` gives that in space"
+        "counterclockwise",
+        description="sense of rotation in the drawing of the profile; `axis` gives the sense in space",
     )
 
     @field_validator("lift", mode="before")
@@ -275,9 +279,9 @@ class CamDesignRecord(PartRecord[valvetrain.Cam]):
 class CamRecord(CamDesignRecord):
     """A cam on its shaft."""
 
-    at: Name = Field(description="the name of a node of the camshaft")  # pyright: ignore[reportIncompatibleVariableOverride, reportGeneralTypeIssues]
+    at: Name = Field(description="name of a node of the camshaft")  # pyright: ignore[reportIncompatibleVariableOverride, reportGeneralTypeIssues]
     axis: Vector | None = Field(
         None,
-        description="axis and sense of rotation, by the right-hand rule; by default along the shaft to positive "
-        "coordinates",
+        description="axis of rotation, with its sense by the right-hand rule; by default along the shaft towards "
+        "positive coordinates",
     )

@@ -29,11 +29,13 @@ from flexcam.case.schema.base import (
 )
 from flexcam.valvetrain import DAMPING_DEPTH, CheckValve, Lubrication, OilChamber, PlungerTravel
 
-_CamName = Annotated[Name, Field(description="the name of a cam")]
-_FollowerName = Annotated[Name, Field(description="the name of the point that the cam moves")]
-_LiftDirection = Annotated[LineValue | None, Field(description="of the lift; from cam to follower by default")]
+_CamName = Annotated[Name, Field(description="name of a cam")]
+_FollowerName = Annotated[Name, Field(description="name of the point that the cam moves")]
+_LiftDirection = Annotated[
+    LineValue | None, Field(description="direction of the lift; by default from cam to follower")
+]
 _Restitution = Annotated[
-    Ratio | None, Field(le=1.0, description="coefficient of restitution: speed of separation per speed of approach")
+    Ratio | None, Field(le=1.0, description="coefficient of restitution: separation speed over approach speed")
 ]
 _DampingDepth = Annotated[
     Length, Field(description="penetration over which the damper becomes active; reduce it for small mechanisms")
@@ -57,7 +59,7 @@ class PublishedLoadRecord(Record):
 
 
 class BilateralRecord(Record):
-    """Bilateral contact: the cam moves its follower through a stiffness and cannot separate from it."""
+    """Bilateral contact: the cam moves its follower through a stiffness, without separation."""
 
     model: Literal["bilateral"]
     cam: _CamName
@@ -71,19 +73,20 @@ class LubricationRecord(PartRecord[Lubrication]):
 
     viscosity: Viscosity = Field(description="dynamic viscosity of the oil at the inlet")
     pressure_viscosity: Annotated[float, Unit("pressure-viscosity coefficient", above=True)] = Field(
-        description="alpha of Barus: the viscosity grows by exp(alpha p)"
+        description="alpha of Barus: the viscosity grows as exp(alpha p)"
     )
     roughness: Length | None = Field(
-        None, description="rms roughness of both surfaces together, for lambda: root of the sum of squares"
+        None, description="combined rms roughness of both surfaces (root of the sum of squares), for lambda"
     )
     conductivity: Annotated[float, Unit("thermal conductivity", above=True)] | None = Field(
-        None, description="of both bodies, for the flash temperature; needs friction of the contact"
+        None,
+        description="thermal conductivity of both bodies, for the flash temperature; needs `friction` of the contact",
     )
     specific_heat: Annotated[float, Unit("specific heat", above=True)] | None = Field(
-        None, description="of both bodies, for the flash temperature"
+        None, description="specific heat of both bodies, for the flash temperature"
     )
     wear_coefficient: Annotated[float, Unit("wear coefficient", above=True)] | None = Field(
-        None, description="of the cam: worn volume per load and sliding distance, for the wear under a flat face"
+        None, description="worn volume of the cam per load and sliding distance, for the wear under a flat face"
     )
     kind = Lubrication
 
@@ -94,24 +97,25 @@ class LubricationRecord(PartRecord[Lubrication]):
 
 
 class UnilateralRecord(Record):
-    """Unilateral contact: the cam lifts its follower and may separate from it."""
+    """Unilateral contact: the cam lifts its follower, and the two may separate."""
 
     model: Literal["unilateral"]
     cam: _CamName
     follower: _FollowerName
     direction: _LiftDirection = None
     stiffness: Literal["hertz"] | PositiveStiffness = Field(
-        description="a value, or hertz for line contact with the cam's own curvature", union_mode="left_to_right"
+        description="a value, or hertz for Hertz line contact with the curvature of the cam", union_mode="left_to_right"
     )
     dissipation: Annotated[float, Unit("inverse velocity")] = Field(
-        0.0, description="chi of Hunt and Crossley: elastic force times (1 + chi times the rate of approach)"
+        0.0,
+        description="chi of Hunt and Crossley: the force is the elastic force times (1 + chi times the approach speed)",
     )
     restitution: _Restitution = None
     friction: Annotated[float, Unit("number", most=2.0)] = Field(
-        0.0, description="Coulomb's coefficient along a flat face"
+        0.0, description="Coulomb friction coefficient along a flat face"
     )
-    friction_speed: Velocity = Field(0.01, description="sliding velocity over which friction changes its sign, m/s")
-    lubrication: LubricationRecord | None = Field(None, description="oil and surfaces, for film and wear")
+    friction_speed: Velocity = Field(0.01, description="velocity v0 of the regularized friction tanh(v/v0), m/s")
+    lubrication: LubricationRecord | None = None
 
     def _check(self) -> None:
         if "friction" in self.model_fields_set:
@@ -133,8 +137,10 @@ class SeatRecord(Record):
     """A stop, such as a valve seat."""
 
     model: Literal["seat"]
-    at: Name = Field(description="the name of a point")
-    direction: LineValue | None = Field(None, description="away from the seat; a rocker's point has its own")
+    at: Name = Field(description="name of a point")
+    direction: LineValue | None = Field(
+        None, description="direction away from the seat; omitted at a point of a rocker, which has its own"
+    )
     stiffness: PositiveStiffness
     damping: DampingValue = 0.0
     damping_depth: _DampingDepth = DAMPING_DEPTH
@@ -144,10 +150,10 @@ class SeatRecord(Record):
 class _GapRecord(Record):
     """Connection between a rocker and its point, or between two nodes."""
 
-    at: Name | None = Field(None, description="the name of a rocker: the lash is at its point `to`")
+    at: Name | None = Field(None, description="name of a rocker; the lash is at the point `to` of this rocker")
     start: Name | None = Field(None, alias="from", description="node, or point of a rocker, that pushes")
     to: Name | None = Field(None, description="node that is pushed")
-    direction: LineValue | None = Field(None, description="direction in which `from` pushes, between nodes")
+    direction: LineValue | None = Field(None, description="direction in which `from` pushes `to`")
 
     def _check(self) -> None:
         between = self.start is not None and self.to is not None and self.direction is not None
@@ -166,16 +172,12 @@ class LashRecord(_GapRecord):
     """Lash between a rocker and the point it drives, or between two nodes; about an axis, the backlash of a drive."""
 
     model: Literal["lash"]
-    direction: DirectionValue | None = Field(
-        None, description="direction in which `from` pushes or turns, between nodes"
-    )
-    gap: Annotated[float, Unit("length", axis="angle")] = Field(
-        description="clearance at the point of the rocker, or between the two nodes; rad about an axis"
-    )
+    direction: DirectionValue | None = Field(None, description="direction in which `from` pushes or turns `to`")
+    gap: Annotated[float, Unit("length", axis="angle")] = Field(description="clearance, m, or rad about an axis")
     stiffness: Annotated[float, Unit("stiffness", above=True, axis="rotational stiffness")] | None = Field(
         None,
-        description="of the closed contact; by default ten times EA/L of the softest member that ends there; "
-        "required about an axis, N m/rad",
+        description="stiffness of the closed contact; by default ten times EA/L of the softest member that ends "
+        "there; required about an axis, N m/rad",
     )
     damping: AxisDamping = Field(0.0, description="N s/m, or N m s/rad about an axis")
     damping_depth: Annotated[float, Unit("length", above=True, axis="angle")] = Field(
@@ -184,22 +186,22 @@ class LashRecord(_GapRecord):
 
 
 class CheckValveRecord(PartRecord[CheckValve]):
-    """Ball check valve through which the chamber of an adjuster is refilled."""
+    """Ball check valve through which oil refills the chamber of an adjuster."""
 
     cracking_pressure: Annotated[float, Unit("pressure")] = Field(
         0.0, description="supply pressure minus chamber pressure at which the ball leaves its seat"
     )
     seat_diameter: Length
     ball_travel: Length = Field(description="travel of the ball from its seat to its cage")
-    density: Density = Field(850.0, description="of the oil")
+    density: Density = Field(850.0, description="density of the oil")
     discharge: Annotated[float, Unit("number", above=True, most=1.0)] = Field(
-        0.62, description="coefficient of the flow between ball and seat"
+        0.62, description="discharge coefficient between ball and seat"
     )
     kind = CheckValve
 
 
 class OilRecord(PartRecord[OilChamber]):
-    """Oil chamber under the plunger of an adjuster, which gives its stiffness and its leak-down."""
+    """Oil chamber under the plunger of an adjuster, from which stiffness and leak-down follow."""
 
     viscosity: Viscosity = Field(description="dynamic viscosity of the oil")
     bulk_modulus: Annotated[float, Unit("bulk modulus", above=True)] = Field(
@@ -212,19 +214,19 @@ class OilRecord(PartRecord[OilChamber]):
         description="height of the oil under the plunger, including the space of the check valve"
     )
     air: Annotated[float, Unit("number", most=0.5)] = Field(
-        0.0, description="fraction of the volume, at `pressure` or `supply_pressure`"
+        0.0, description="volume fraction of air, at `pressure` or `supply_pressure`"
     )
     pressure: Pressure | None = Field(
         None,
-        description="absolute oil pressure, typical of the loaded chamber, which defines the stiffness of the air; 1 "
+        description="typical absolute pressure in the loaded chamber, which determines the stiffness of the air; 1 "
         "MPa by default",
     )
     supply_pressure: Pressure | None = Field(
         None,
-        description="absolute oil pressure upstream of the check valve, instead of `pressure`; the air then follows "
-        "the pressure of the chamber",
+        description="absolute oil pressure upstream of the check valve, instead of `pressure`; the stiffness of the "
+        "air then follows the chamber pressure",
     )
-    check_valve: CheckValveRecord | None = Field(None, description="cracking pressure and flow; needs supply_pressure")
+    check_valve: CheckValveRecord | None = Field(None, description="needs supply_pressure")
 
     def _check(self) -> None:
         super()._check()
@@ -249,20 +251,22 @@ class TravelRecord(PartRecord[PlungerTravel]):
     compression: Length = Field(description="travel from the installed position to the bottom")
     extension: Length = Field(description="travel from the installed position to the retaining ring")
     stiffness: PositiveStiffness = Field(description="stiffness of both stops")
-    damping: DampingValue = Field(0.0, description="of both stops")
+    damping: DampingValue = Field(0.0, description="damping of both stops")
     kind = PlungerTravel
 
 
 class AdjusterRecord(_GapRecord):
-    """Hydraulic lash adjuster, instead of a lash."""
+    """Hydraulic lash adjuster in place of a lash."""
 
     model: Literal["lash-adjuster"]
-    stiffness: PositiveStiffness | None = Field(None, description="of the oil column; by default from `oil`")
+    stiffness: PositiveStiffness | None = Field(None, description="stiffness of the oil column; by default from `oil`")
     leak: PositiveDamping | None = Field(None, description="force per velocity of leak-down; by default from `oil`")
-    oil: OilRecord | None = Field(None, description="chamber under the plunger, for stiffness and leak")
+    oil: OilRecord | None = None
     refill: PositiveDamping = Field(description="force per velocity while the check valve is open")
-    plunger_force: Force = Field(description="force of the plunger at rest, from its spring and the supply pressure")
-    travel: TravelRecord | None = Field(None, description="stops of the plunger, which needs its own node with a mass")
+    plunger_force: Force = Field(description="force on the plunger at rest, from its spring and the supply pressure")
+    travel: TravelRecord | None = Field(
+        None, description="stops of the plunger; the plunger then needs its own node with a mass"
+    )
 
     def _check(self) -> None:
         super()._check()

@@ -62,9 +62,11 @@ class MaterialRecord(PartRecord[Material]):
     density: Annotated[float, Unit("density")] = Field(description="mass per volume")
     ultimate_strength: Stress | None = Field(None, description="for the margin against fatigue")
     endurance_limit: Stress | None = Field(
-        None, description="stress amplitude of unlimited life, for the margin against fatigue"
+        None, description="stress amplitude for unlimited life, for the margin against fatigue"
     )
-    expansion: Annotated[float, Unit("thermal expansion")] = Field(0.0, description="linear, per kelvin")
+    expansion: Annotated[float, Unit("thermal expansion")] = Field(
+        0.0, description="coefficient of linear thermal expansion"
+    )
     kind = Material
 
 
@@ -131,11 +133,12 @@ class CustomRecord(_SectionRecord):
     J: SecondMoment  # pyright: ignore[reportIncompatibleVariableOverride, reportGeneralTypeIssues]
     fibre_y: Length | None = Field(
         None,
-        description="extreme fibre along local y; twice the radius of gyration by default, too small for open profiles",
+        description="distance of the extreme fibre along local y; by default twice the radius of gyration, too small "
+        "for open profiles",
     )
-    fibre_z: Length | None = Field(None, description="extreme fibre along local z; as fibre_y")
+    fibre_z: Length | None = Field(None, description="as fibre_y, along local z")
     torsion_arm: Length | None = Field(
-        None, description="c of the torsional shear stress T c/J; twice the smaller fibre distance by default"
+        None, description="c of the torsional shear stress T c/J; by default twice the smaller fibre distance"
     )
 
     def build(self) -> Section:
@@ -149,10 +152,10 @@ SectionRecord = Annotated[CircleRecord | TubeRecord | RectangleRecord | CustomRe
 
 
 class MemberRecord(Record):
-    """Material, section and elements of a line group of the mesh or of a chain of named nodes."""
+    """Beam along a line group of the mesh or a chain of named nodes."""
 
-    material: Name = Field(description="the name of a material")
-    section: Name = Field(description="the name of a section")
+    material: Name = Field(description="name of a material")
+    section: Name = Field(description="name of a section")
     nodes: list[Name] | None = Field(
         None, min_length=2, description="named nodes along the member (without a mesh file)"
     )
@@ -161,16 +164,16 @@ class MemberRecord(Record):
         ge=1,
         le=1_000_000,
         strict=True,
-        description="into how many equal elements each span between two nodes is divided",
+        description="number of equal elements in each span between two nodes",
     )
     orientation: Vector | None = Field(None, description="vector in the local x-y plane, global axes")
     shear: Flag = Field(False, description="shear deformation (Timoshenko)")
     rotary_inertia: Flag = Field(True, description="rotary inertia of the sections in bending")
     mass: Literal["consistent", "lumped"] = "consistent"
-    geometric_stiffness: Flag = Field(False, description="axial force and bending act on each other within a run")
-    bow: Position = Field(0.0, description="initial half wave in the local x-y plane, at mid-length")
+    geometric_stiffness: Flag = Field(False, description="couple axial force and bending during a run")
+    bow: Position = Field(0.0, description="height of an initial half-wave bow in the local x-y plane")
     temperature: Annotated[float, Unit("temperature", signed=True)] = Field(
-        0.0, description="rise over the temperature of assembly; needs expansion of the material"
+        0.0, description="temperature rise since assembly; needs `expansion` of the material"
     )
 
     def _check(self) -> None:
@@ -184,13 +187,16 @@ _Product = Annotated[float, Unit("inertia", signed=True)]
 class MassRecord(PartRecord[valvetrain.MassAt]):
     """Rigid body at a point."""
 
-    at: Name = Field(description="the name of a point")
+    at: Name = Field(description="name of a point")
     mass: MassValue
-    inertia: tuple[Inertia, Inertia, Inertia] = Field((0.0, 0.0, 0.0), description="about its centre, global axes")
-    offset: Point = Field((0.0, 0.0, 0.0), description="from the node to its centre, global axes")
+    inertia: tuple[Inertia, Inertia, Inertia] = Field(
+        (0.0, 0.0, 0.0), description="moments of inertia about the centre of mass, global axes"
+    )
+    offset: Point = Field((0.0, 0.0, 0.0), description="offset from the node to the centre of mass, global axes")
     products: tuple[_Product, _Product, _Product] = Field(
         (0.0, 0.0, 0.0),
-        description="of inertia about its centre, integrals of xy, xz and yz over the mass, global axes",
+        description="products of inertia about the centre of mass (integrals of xy, xz and yz over the mass), global "
+        "axes",
     )
 
     def build(self) -> valvetrain.MassAt:
@@ -205,17 +211,17 @@ _MatrixFile = Annotated[
 
 
 class SuperelementRecord(Record):
-    """Elastic body by its matrices, which another program computed; its axes are the global ones."""
+    """Elastic body given by matrices from another program, in global axes."""
 
     nodes: dict[Annotated[str, Field(pattern=r"^[1-9][0-9]*$")], Name] = Field(
-        min_length=2, description='named nodes by their numbers in the files: { 12 = "left", 31 = "right" }'
+        min_length=2, description='node numbers in the files and names of the nodes: { 12 = "left", 31 = "right" }'
     )
-    units: Literal["m-kg-s", "mm-t-s"] = Field(description="the units of the files, m-kg-s or mm-t-s")
+    units: Literal["m-kg-s", "mm-t-s"] = Field(description="units of the files")
     stiffness: _MatrixFile
     mass: _MatrixFile
     damping: _MatrixFile | None = None
     modes: int | None = Field(
-        None, ge=0, strict=True, description="modes with fixed interface; all by default, up to 200"
+        None, ge=0, strict=True, description="number of fixed-interface modes, at most 200; all by default"
     )
 
     def matrices(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -236,14 +242,14 @@ class SuperelementRecord(Record):
 
 
 class RigidLinkRecord(Record):
-    """Massless rigid connection: nodes follow a leading node as points of one body, or in only some components."""
+    """Massless rigid connection: dependent nodes follow an independent node in all or some components."""
 
-    start: Name = Field(alias="from", description="the name of the node that leads")
-    to: list[Name] = Field(min_length=1, description="the names of the nodes that follow; they may lie at its place")
+    start: Name = Field(alias="from", description="name of the independent node")
+    to: list[Name] = Field(min_length=1, description="names of the dependent nodes, which may coincide with it")
     components: list[Component] = Field(
         default=[*COMPONENTS],
         min_length=1,
-        description="components that follow, in global axes; translations alone make a ball joint",
+        description="connected components, in global axes; translations alone make a ball joint",
     )
 
 
@@ -259,7 +265,7 @@ class FilmRecord(Record):
 class BearingRecord(Record):
     """Bearing perpendicular to the shaft: isotropic stiffness and damping, or an oil film."""
 
-    at: Name = Field(description="the name of a point")
+    at: Name = Field(description="name of a point")
     stiffness: Stiffness | None = None
     damping: DampingValue = 0.0
     film: FilmRecord | None = None
@@ -276,10 +282,10 @@ _SlidingSpeed = Annotated[float, Unit("velocity", above=True, axis="speed")]
 
 
 class FrictionRecord(Record):
-    """Friction of a guide, a seal or a pivot, to ground or between two points, or between nested springs."""
+    """Friction of a guide, seal or pivot (against ground or between two points) or between nested springs."""
 
-    at: Name | None = Field(None, description="the name of the point that slides")
-    to: Name | None = Field(None, description="the other side; ground where absent")
+    at: Name | None = Field(None, description="name of the point that slides")
+    to: Name | None = Field(None, description="other point; ground by default")
     direction: DirectionValue | None = Field(None, description="direction in which the point slides")
     spring: Name | None = Field(None, description="inner spring or damper of a nest, instead of at and direction")
     inside: Name | None = Field(None, description="outer spring of the nest, with the same ends")
@@ -296,12 +302,13 @@ class FrictionRecord(Record):
         None, description="force at which sliding begins; equal to `force` by default"
     )
     stribeck_speed: _SlidingSpeed = Field(
-        0.1, description="speed over which the breakaway force falls to `force`, m/s, or rad/s about an axis"
+        0.1,
+        description="speed over which friction falls from the breakaway force to `force`, m/s, or rad/s about an axis",
     )
     friction_speed: _SlidingSpeed = Field(
-        0.01, description="speed over which the force reverses, m/s, or rad/s about an axis"
+        0.01, description="velocity v0 of the regularized friction tanh(v/v0), m/s, or rad/s about an axis"
     )
-    damping: AxisDamping = Field(0.0, description="viscous part, N s/m, or N m s/rad about an axis")
+    damping: AxisDamping = Field(0.0, description="viscous friction, N s/m, or N m s/rad about an axis")
 
     def _check(self) -> None:
         slide, coils = (self.at, self.direction), (self.spring, self.inside)
@@ -325,26 +332,29 @@ class FrictionRecord(Record):
 
 
 class LoadRecord(PartRecord[valvetrain.GivenLoad]):
-    """Force at a point, constant or from a table, or constant force distributed over a member."""
+    """Load at a point (constant or from a table), or constant load distributed over a member."""
 
     at: Name | None = Field(None, description="point of application")
     member: Name | None = Field(None, description="member over which the load is distributed")
     direction: DirectionValue = Field(description=DIRECTION)
     force: Annotated[float, Unit("force", signed=True, axis="moment")] | None = Field(
-        None, description="N at a point, N m about an axis"
+        None, description="constant force in N, or moment in N m about an axis"
     )
     force_per_length: Annotated[float, Unit("stiffness", signed=True)] | None = Field(
-        None, description="N/m over a member"
+        None, description="constant force per length of the member"
     )
     table: LoadValue | None = Field(
-        None, description="file with the force, the moment or the pressure over the cam or crank angle or over time"
+        None, description="file with the force, moment or pressure over cam angle, crank angle or time"
     )
     area: Annotated[float, Unit("area", above=True)] | None = Field(
-        None, description="on which the pressure of a table acts"
+        None, description="area on which the pressure of a table acts"
     )
-    phase: SignedAngle | None = Field(None, description="cam angle at which the zero of a table over an angle lies")
+    phase: SignedAngle | None = Field(None, description="cam angle at which a table over an angle has its zero")
     repeat: bool | None = Field(
-        None, strict=True, description="whether a table repeats; by default each revolution, but not over time"
+        None,
+        strict=True,
+        description="whether the table repeats; by default a table over an angle repeats each revolution, a table "
+        "over time does not",
     )
 
     def _check(self) -> None:
@@ -372,16 +382,18 @@ class LoadRecord(PartRecord[valvetrain.GivenLoad]):
         return valvetrain.GivenLoad(size or 0.0, vector, self.at, self.member)
 
 
-_DefinedPoint = Annotated[Name, Field(description="the name of the point that it defines")]
+_DefinedPoint = Annotated[Name, Field(description="name of the point that the rocker defines")]
 _Arms = Annotated[tuple[Length, Length], Field(description="lengths of the arms at `from` and at `to`")]
-_DrivenDirection = Annotated[LineValue | None, Field(description="motion at `from`; along the member there by default")]
+_DrivenDirection = Annotated[
+    LineValue | None, Field(description="direction of motion at `from`; by default along the member there")
+]
 
 
 class LumpedRecord(Record):
     """Rocker without bending: the motion at `to` is the motion at `from` times the ratio of the arms."""
 
     model: Literal["lumped"]
-    start: Name = Field(alias="from", description="the name of the node that drives it")
+    start: Name = Field(alias="from", description="name of the driving node")
     to: _DefinedPoint
     arms: _Arms
     inertia: Inertia = Field(0.0, description="moment of inertia about the rocker's shaft")
@@ -389,26 +401,27 @@ class LumpedRecord(Record):
 
 
 class LeverRecord(Record):
-    """Rocker or finger follower with finite rotation: its ratio depends on its angle, its arms are elastic."""
+    """Rocker or finger follower with finite rotation: its ratio depends on its angle, and its arms are elastic."""
 
     model: Literal["lever"]
     start: Name = Field(
-        alias="from", description="the name of the node that drives it; a new name for a finger that the cam touches"
+        alias="from", description="name of the driving node; for a finger that the cam touches, a new name"
     )
     to: _DefinedPoint
     arms: _Arms
     angles: tuple[SignedAngle, SignedAngle] = Field(
-        (0.0, 0.0), description="of both arms as installed; 0 where an arm is perpendicular to the motion of its end"
+        (0.0, 0.0),
+        description="angles of both arms as installed; 0 if an arm is perpendicular to the motion of its end",
     )
     inertia: Annotated[float, Unit("inertia", above=True)] = Field(
         description="moment of inertia about the lever's axis"
     )
     stiffness: PositiveStiffness = Field(description="stiffness of the arm at `to`")
-    damping: DampingValue = Field(0.0, description="of the arm at `to`")
+    damping: DampingValue = Field(0.0, description="damping of the arm at `to`")
     drive_stiffness: PositiveStiffness | None = Field(
-        None, description="of the arm at `from`, if a node drives it; equal to `stiffness` by default"
+        None, description="stiffness of the arm at `from`, if a node drives the lever; equal to `stiffness` by default"
     )
-    drive_damping: DampingValue = Field(0.0, description="of the arm at `from`, if a node drives it")
+    drive_damping: DampingValue = Field(0.0, description="damping of the arm at `from`, if a node drives the lever")
     direction: _DrivenDirection = None
 
 
@@ -421,14 +434,16 @@ class RepeatRecord(Record):
     names: list[Name] = Field(
         default=[], description="names that replace the mark; by default the numbers of the firing order"
     )
-    spacing: Point | None = Field(None, description="from each copy to the next, global axes")
-    offsets: list[Point] | None = Field(None, description="of every copy from the given nodes, instead of spacing")
+    spacing: Point | None = Field(None, description="offset from each copy to the next, global axes")
+    offsets: list[Point] | None = Field(
+        None, description="offset of every copy from the given nodes, instead of spacing"
+    )
     firing_order: str | None = Field(
-        None, description="of the whole engine; its cylinders fire at equal intervals of one camshaft revolution",
+        None, description="firing order of the whole engine, with equal intervals over one camshaft revolution",
         examples=["1-3-4-2"],
     )  # fmt: skip
     phases: list[SignedAngle] | None = Field(
-        None, description="cam angle by which every copy is later, instead of firing_order"
+        None, description="delay of every copy in cam angle, instead of firing_order"
     )
 
     def _check(self) -> None:

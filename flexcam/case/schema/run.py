@@ -31,12 +31,12 @@ from flexcam.fem.assembly import Damping
 
 
 class ToleranceRecord(Record):
-    """Allowed error of each quantity in `fidelity.norm`, relative to its own maximum; no limit without an entry."""
+    """Allowed error of each quantity in `fidelity.norm`, relative to its maximum; no limit for absent quantities."""
 
     lift: Tolerance | None = None
     velocity: Tolerance | None = None
     acceleration: Tolerance | None = None
-    force: Tolerance | None = Field(None, description="of every contact")
+    force: Tolerance | None = Field(None, description="force of every contact")
 
     def _check(self) -> None:
         if not self.by_quantity():
@@ -49,17 +49,18 @@ class ToleranceRecord(Record):
 
 
 class FidelityRecord(Record):
-    """Model of the case and the degrees of freedom that are integrated."""
+    """Model of the case and the degrees of freedom to integrate."""
 
     model: Literal["beams", "rigid", "sdof", "chain"] = Field(
-        "beams", description="flexible members, rigid ones, one mass for the train, or a chain of masses"
+        "beams", description="flexible members, rigid members, one mass for the train, or a chain of masses"
     )
     masses: int = Field(
         3, ge=1, le=1000, strict=True, description="number of masses of a chain, at nodes along its train"
     )
     tolerance: Tolerance | ToleranceRecord | None = Field(
         None,
-        description='run the cheapest model whose lift is within it, such as "1 %", or a table by quantity',
+        description='maximum error of the lift, such as "1 %", or a table by quantity; flexcam then runs the cheapest '
+        "model within it",
         union_mode="left_to_right",
     )
     norm: Literal["max", "rms"] | None = Field(
@@ -67,15 +68,17 @@ class FidelityRecord(Record):
         description="norm of the errors of `tolerance` and `trade`: maximum or root mean square (rms); by default "
         "max for forces and rms for motions",
     )
-    estimate: Flag = Field(False, description="also run with other steps and elements, and estimate the errors")
+    estimate: Flag = Field(False, description="estimate the errors by runs with other steps and elements")
     prune: Flag = Field(
-        True, description="omit inactive degrees of freedom; this changes only the computing time, no result"
+        True,
+        description="omit inactive degrees of freedom, for the same results in less time",
     )
     modes: Count | None = Field(
-        None, description="number of modes to integrate, with static correction; every degree of freedom by default"
+        None, description="number of modes to integrate, with static correction; by default all degrees of freedom"
     )
     reduction: Literal["modes", "craig-bampton"] = Field(
-        "modes", description="modes of the whole train, or of each part between loads, probes and contacts"
+        "modes",
+        description="modes of the whole train, or Craig-Bampton modes of each part between loads, probes and contacts",
     )
 
     def _check(self) -> None:
@@ -129,14 +132,14 @@ class GeneralizedAlphaRecord(PartRecord[dynamics.Scheme]):
 
 
 class BatheRecord(PartRecord[dynamics.Method]):
-    """Composite method of Bathe: two stages, no parameter, high frequencies vanish within a step."""
+    """Composite method of Bathe with two stages and no parameter; high frequencies vanish within a step."""
 
     method: Literal["bathe"]
     kind = dynamics.bathe
 
 
 class CollocationRecord(PartRecord[dynamics.Method]):
-    """Exponential collocation: exact for the linear structure, contact forces to fourth order; needs numba."""
+    """Exponential collocation: exact for the linear structure, fourth order in contact forces; needs numba."""
 
     method: Literal["collocation"]
     kind = dynamics.collocation
@@ -150,7 +153,7 @@ class CentralDifferenceRecord(PartRecord[dynamics.Method]):
 
 
 class ScipyReferenceRecord(PartRecord[dynamics.Method]):
-    """Integrators of scipy, as a check of small models: slow, with an accuracy set by the tolerance."""
+    """Integrators of scipy, to check small models; slow, with an accuracy set by the tolerance."""
 
     method: Literal["radau", "dop853"]
     tolerance: Annotated[float, Field(ge=1e-13, le=1e-2)] = Field(1e-9, description="relative local error")
@@ -180,10 +183,10 @@ class ResultStartRecord(Record):
 
 
 class GivenStartRecord(Record):
-    """Start from given displacements and velocities; others are zero."""
+    """Start from given displacements and velocities; all others are zero."""
 
-    displacement: dict[str, float] = Field(default={}, description='"point.component" to length or angle')
-    velocity: dict[str, float] = Field(default={}, description='"point.component" to velocity or angular speed')
+    displacement: dict[str, float] = Field(default={}, description='"point.component" = length or angle')
+    velocity: dict[str, float] = Field(default={}, description='"point.component" = velocity or angular velocity')
 
     @field_validator("displacement", "velocity", mode="before")
     @classmethod
@@ -216,7 +219,7 @@ StartRecord = Annotated[
 
 
 class FluctuationRecord(Record):
-    """Fluctuation of the camshaft speed about its mean, in orders of its rotation."""
+    """Fluctuation of the camshaft speed about its mean, in orders of the camshaft."""
 
     orders: list[PositiveNumber] = Field(min_length=1, description="periods per camshaft revolution")
     amplitudes: list[Ratio] = Field(description='fractions of the mean speed, such as "2 %"; their sum is below 1')
@@ -230,9 +233,9 @@ class FluctuationRecord(Record):
 
 
 class FreeRunningRecord(Record):
-    """Speed of a freely rotating cam, as its reduced inertia changes with the lift."""
+    """Speed of a freely rotating cam, whose reduced inertia changes with the lift."""
 
-    cam: Name = Field(description="the name of a cam")
+    cam: Name = Field(description="name of a cam")
     cam_mass: Annotated[float, Unit("mass", above=True)] = Field(description="mass of the cam, as a disc")
     follower_mass: MassValue = Field(description="mass of the follower")
 
@@ -240,7 +243,7 @@ class FreeRunningRecord(Record):
 class PhaserRecord(PartRecord[dynamics.Phaser]):
     """Phaser that turns the cams of a shaft relative to their drive."""
 
-    cams: list[Name] = Field(min_length=1, description="names of cams; all of a shaft")
+    cams: list[Name] = Field(min_length=1, description="names of all cams of the shaft")
     shift: list[tuple[Annotated[float, Unit("angle")], SignedAngle]] = Field(
         min_length=2,
         description="rows of two angles: rotation of the drive since the start, and rotation of the cams ahead of "
@@ -259,9 +262,9 @@ class PhaserRecord(PartRecord[dynamics.Phaser]):
 
 
 class AdaptiveRecord(PartRecord[dynamics.Adaptive]):
-    """Adaptive steps with an error below a tolerance; results are saved at the given steps."""
+    """Adaptive steps with an error below a tolerance; flexcam saves results at the given steps."""
 
-    tolerance: PositiveNumber = Field(1e-6, description="maximum error of a step relative to the motion (energy)")
+    tolerance: PositiveNumber = Field(1e-6, description="maximum relative error of a step, in the energy norm")
     smallest: Time | None = Field(None, description="minimum step; by default 2^-16 of the given step")
     kind = dynamics.Adaptive
 
@@ -271,25 +274,25 @@ class RunRecord(Record):
 
     speed: CamshaftSpeed = None
     crank_speed: CrankshaftSpeed = None
-    revolutions: PositiveNumber = Field(2.0, description="of the camshaft")
+    revolutions: PositiveNumber = Field(2.0, description="number of camshaft revolutions")
     steps_per_revolution: int | None = Field(
-        None, ge=1, le=100_000_000, strict=True, description="3600 by default, without `step`"
+        None, ge=1, le=100_000_000, strict=True, description="number of steps; 3600 by default, unless `step` is given"
     )
-    step: Time | None = Field(None, description="instead of steps_per_revolution")
+    step: Time | None = Field(None, description="time step, instead of steps_per_revolution")
     engine: dynamics.EngineName = Field(
         "auto",
-        description="solver: auto chooses the fastest suitable one; with the same integrator all give the same "
+        description="solver engine; auto selects the fastest suitable one; with the same integrator all give the same "
         "numbers, except in chatter",
     )
     adaptive: AdaptiveRecord | None = Field(None, description="step size control; fixed steps by default")
-    fluctuation: FluctuationRecord | None = Field(None, description="fluctuation of the speed about its mean")
-    free_running: FreeRunningRecord | None = Field(None, description="speed of a freely rotating cam")
+    fluctuation: FluctuationRecord | None = None
+    free_running: FreeRunningRecord | None = None
     start: StartRecord = Field(
         "rest", description="at rest as installed, in static equilibrium, in the periodic state, or from a given state"
     )
     gravity: Gravity = Field(
         (0.0, 0.0, 0.0),
-        description="along the global axes x, y, z; masses and springs at output points of rockers have no weight",
+        description="components in global axes; masses and springs at output points of rockers have no weight",
     )
     integrator: IntegratorRecord | None = Field(
         None,
@@ -317,7 +320,9 @@ class OutputRecord(Record):
     """Saved quantities and instants."""
 
     probes: list[Name] = Field(default=[], description="points saved at every step")
-    field_every: int = Field(20, ge=1, le=1_000_000_000, strict=True, description="steps between saved fields")
+    field_every: int = Field(
+        20, ge=1, le=1_000_000_000, strict=True, description="number of steps between saved fields"
+    )
 
     @field_validator("probes")
     @classmethod

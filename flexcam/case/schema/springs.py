@@ -48,13 +48,13 @@ class WireRecord(Record):
 
     diameter: Length
     coil_diameter: Length | None = Field(
-        None, description="of the coil's mean circle; required unless the spring has `coils`"
+        None, description="mean diameter of the coil; required unless the spring has `coils`"
     )
     active_coils: PositiveNumber | None = Field(
-        None, description="with shear_modulus, gives the stiffness of the spring"
+        None, description="number of active coils; gives the stiffness of the spring with shear_modulus"
     )
-    shear_modulus: Stress | None = Field(None, description="with active_coils, or with coils of the spring")
-    density: Density | None = Field(None, description="with coils of the spring, gives its mass")
+    shear_modulus: Stress | None = Field(None, description="needed with active_coils and with `coils` of the spring")
+    density: Density | None = Field(None, description="gives the mass of a spring with `coils`")
 
     def _check(self) -> None:
         if self.coil_diameter is not None and self.coil_diameter < 2.0 * self.diameter:
@@ -76,13 +76,11 @@ class WireRecord(Record):
 
 
 class CoilsRecord(PartRecord[Coils]):
-    """Neighbouring active coils of a spring, of equal pitch."""
+    """Adjacent active coils of a spring with equal pitch."""
 
     turns: PositiveNumber = Field(description="number of coils")
-    diameter: Length | tuple[Length, Length] = Field(
-        description="diameter of the mean circle; two values where it tapers"
-    )
-    pitch: Length = Field(description="rise per coil of the free spring")
+    diameter: Length | tuple[Length, Length] = Field(description="mean diameter of the coils; two values for a taper")
+    pitch: Length = Field(description="rise per coil in the free spring")
 
     def build(self) -> Coils:
         """Build the coils."""
@@ -111,46 +109,46 @@ class PulsationRecord(PartRecord[valvetrain.Pulsation]):
 class SpringRecord(PartRecord[valvetrain.Spring]):
     """Spring and damper along one direction, to ground or to another point."""
 
-    at: Name = Field(description="the name of a point")
-    to: Name | None = Field(None, description="the other end; ground where absent")
+    at: Name = Field(description="name of a point")
+    to: Name | None = Field(None, description="point at the other end; ground by default")
     direction: DirectionValue = Field(description=DIRECTION)
     stiffness: Annotated[float, Unit("stiffness", axis="rotational stiffness")] = Field(
         0.0, description="N/m, or N m/rad about an axis"
     )
     damping: AxisDamping = Field(0.0, description="N s/m, or N m s/rad about an axis")
-    link: Flag = Field(False, description="represents a part of the train, which is rigid in the rigid model")
-    installed_force: Force | None = Field(None, description="preload; pushes the point opposite to `direction`")
+    link: Flag = Field(
+        False, description="the spring represents a part of the train; the rigid model treats it as rigid"
+    )
+    installed_force: Force | None = Field(None, description="preload, which pushes the point opposite to `direction`")
     installed_compression: Length | None = Field(
         None, description="compression from the free to the installed length, instead of installed_force"
     )
     force_table: _ForceTable | None = Field(
         None,
-        description="rows of travel from the free length and force, or a file with the columns travel and force, "
+        description="rows of travel (from the free length) and force, or a file with the columns travel and force, "
         "instead of stiffness",
     )
     coils: list[CoilsRecord] | None = Field(
         None,
         min_length=1,
-        description="tables { turns, diameter, pitch } of coils, from the fixed to the moving end; "
-        "they replace stiffness and require wire",
+        description="tables { turns, diameter, pitch }, from the fixed to the moving end; they replace stiffness and "
+        "require wire",
     )
-    mass: MassValue = Field(0.0, description="distributed over its length")
+    mass: MassValue = Field(0.0, description="mass, distributed over the length")
     elements: int = Field(
         1, ge=1, le=1000, strict=True,
-        description="equal elements of the spring, or of each entry of `coils`; by default 1, or 4 to 16 in all for a "
-        "spring with mass",
+        description="number of equal elements of the spring, or of each entry of `coils`; by default 1, or 4 to 16 in "
+        "all for a spring with mass",
         json_schema_extra=_without_default,
     )  # fmt: skip
     clash_travel: Length | None = Field(
         None, description="travel along `direction` from the installed length to coil bind"
     )
     clash_stiffness: PositiveStiffness | None = Field(
-        None, description="of the contact between neighbouring elements; by default 50 times that of an element"
+        None, description="contact stiffness between adjacent elements; by default 50 times the stiffness of an element"
     )
-    pulsation: PulsationRecord | None = Field(
-        None, description="variation of its stiffness with the cam angle; none by default"
-    )
-    wire: WireRecord | None = Field(None, description="for the shear stress, and the stiffness where none is given")
+    pulsation: PulsationRecord | None = None
+    wire: WireRecord | None = None
 
     @property
     def active_coils(self) -> float | None:
