@@ -33,9 +33,8 @@ flexcam guarantees:
 - **Bounded time and memory.** flexcam estimates memory and disk space before a run and refuses what does not fit.
 - **No collisions.** Parallel runs in threads and processes equal single runs to rounding; two writers of one file cannot mix.
 
-The tables list the damaged, hostile and random input and the machine faults that tests try, with their number in the last run and the
-outcome. A line summarizes the rows of a test that have the same outcome; [trust.csv](trust.csv) has all rows with their tests. `make
-trust` generates this page.
+The tables list the damaged, hostile and random input and the machine faults of the last test run. A line summarizes the rows of a test
+that have the same outcome; [trust.csv](trust.csv) has all rows with their tests. `make trust` generates this page.
 """
 
 KINDS = {
