@@ -32,7 +32,10 @@ EXTREMES = (
 PARTS = {
     "right": ("Right", "The result agrees with theory."),
     "warns": ("Warns", "The run continues and prints a warning."),
-    "refuses": ("Refuses", "flexcam prints the cause and the remedy instead of a result. The exit code is 2 for invalid input, 3 for a failed run."),
+    "refuses": (
+        "Refuses",
+        "flexcam prints cause and remedy instead of a result. Exit code 2 for invalid input, 3 for a failed run.",
+    ),
     "not yet": ("Not yet", "The expected behaviour is missing; the tests are marked."),
 }
 SHOWN = 4
