@@ -17,9 +17,10 @@ PAGE = ROOT / "docs/extremes.md"
 
 HEAD = """# Extreme parameters: right, warning, refused
 
-The range in which flexcam is right, and its warnings and refusals beyond. Deviations are relative unless a unit is given. A line sums
-up the rows of a test and begins its message; [extremes.csv](extremes.csv) has all {count} rows and messages with their tests in
-`tests/extremes`, which give the reasons for the tolerances. `make extremes` generates this page.
+These tables show the range in which the results of flexcam are right, and what it warns about or refuses beyond. Deviations are
+relative unless a unit is given. A line summarizes the rows of a test, with the beginning of a message; [extremes.csv](extremes.csv)
+has all {count} rows and messages with their tests in `tests/extremes`, which give the reasons for the tolerances. `make extremes`
+generates this page.
 """
 EXTREMES = (
     "step times frequency", "steps per revolution", "camshaft speed", "many revolutions", "ratio of masses",
@@ -31,7 +32,10 @@ EXTREMES = (
 PARTS = {
     "right": ("Right", "The result agrees with theory."),
     "warns": ("Warns", "The run continues and prints a warning."),
-    "refuses": ("Refuses", "flexcam gives no result but the cause and the remedy. Exit code 2 for input, 3 for a run."),
+    "refuses": (
+        "Refuses",
+        "flexcam prints cause and remedy instead of a result. Exit code 2 for invalid input, 3 for a failed run.",
+    ),
     "not yet": ("Not yet", "The expected behaviour is missing; the tests are marked."),
 }
 SHOWN = 4

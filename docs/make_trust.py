@@ -18,30 +18,32 @@ PAGE = ROOT / "docs/trust.md"
 
 HEAD = """# Robustness
 
-flexcam promises:
+flexcam guarantees:
 
-- **No silent fault.** A case, mesh, lift table or result that is wrong is refused with its place, the given and the permitted value,
-  the remedy and exit code 2. All faults come in one report, except those that depend on others; equilibrium is checked
-  afterwards. A run that fails ends with a status, its cause, place and remedy, and exit code 3.
-- **Nothing is lost.** No file is overwritten without `--overwrite`. A result appears under its name when it is complete. A run that
-  fails, is stopped or killed leaves the file of its last saved steps, which opens as a result, and `--resume` continues it.
-- **No wrong number from a damaged file.** Results and tables of sweeps have checksums. A changed bit is found before a number is used.
-- **No harm from files of others.** Cases and results execute no code and read no other files than those they name in their folder.
+- **No silent fault.** flexcam refuses an invalid case, mesh, lift table or result with exit code 2. Its message has the place, the
+  given and the permitted value, and the remedy. One report lists all errors, except those that depend on others; the check of
+  equilibrium follows. A run that fails ends with exit code 3 and a status with cause, place and remedy.
+- **Nothing is lost.** flexcam overwrites no file without `--overwrite`. A result appears under its name only when it is complete. A
+  run that fails, is stopped or killed leaves a file of its last saved steps, which opens as a result; `--resume` continues a stopped
+  or killed run.
+- **No wrong number from a damaged file.** Results and tables of sweeps have checksums. flexcam detects a changed bit before it uses a
+  number.
+- **No harm from files of others.** flexcam executes no code from cases and results, and reads only [files in permitted
+  folders](security.md#cases).
 - **Bounded time and memory.** flexcam estimates memory and disk space before a run and refuses what does not fit.
 - **No collisions.** Parallel runs in threads and processes equal single runs to rounding; two writers of one file cannot mix.
 
-The tables list the damaged, hostile and random input and the machine faults that tests try, with their number in the last run and the
-outcome. A line sums up the rows of a test with one outcome; [trust.csv](trust.csv) has all rows with their tests. `make trust`
-generates this page.
+The tables list the damaged, hostile and random input and the machine faults of the last test run. A line summarizes the rows of a test
+that have the same outcome; [trust.csv](trust.csv) has all rows with their tests. `make trust` generates this page.
 """
 
 KINDS = {
-    "mutated": ("Mutated input", "Random changes with fixed seeds. flexcam accepts or refuses each with its own message, within ten seconds and a memory limit."),
+    "mutated": ("Mutated input", "Random changes with fixed seeds. flexcam accepts each input or refuses it with one of its messages, within ten seconds and a memory limit."),
     "planted": ("Invalid input", "One fault per input."),
     "damaged": ("Damaged results", "flexcam refuses the file, or reads correct data."),
     "hostile": ("Hostile files", "Files that try to execute code, read other files or exhaust memory."),
     "killed": ("Killed and interrupted runs", "The test reads the remaining files and compares them with those of an uninterrupted run."),
-    "machine": ("Disks, folders, memory, time", "The message and the remaining files."),
+    "machine": ("Disks, folders, memory, time", "The tests check the message and the remaining files."),
     "together": ("Concurrent processes", "Threads and processes that run or write at the same time."),
 }  # fmt: skip
 """Parts of the page in order, with heading and text."""

@@ -85,7 +85,7 @@ def expect_phase_and_energy(expect, response, turns, per_turn):
     expect.right(TURNS, given, what="phase behind by", reference=drift, computed=found, tolerance=allowed,
                  absolute=True, unit=" rad")  # fmt: skip
     energy = 0.5 * (history.velocity**2 + history.displacement**2)
-    expect.right(TURNS, given, what="energy by that of the start", reference=1.0, tolerance=1e-9,
+    expect.right(TURNS, given, what="energy relative to that of the start", reference=1.0, tolerance=1e-9,
                  computed=float(energy[np.argmax(np.abs(energy - 0.5))] / 0.5))  # fmt: skip
 
 

@@ -181,7 +181,8 @@ def test_killed_run_keeps_earlier_result(killed_runs, tried):
     for i, one in enumerate(killed_runs.runs):
         target = one.path.with_name(f"{CASE.stem}.vtkhdf")
         assert target.read_bytes() == b"the result before" if i % 4 > 1 else not target.exists()
-    tried("killed", f"the same: {killed_runs.engine} engine", len(killed_runs.runs), "the earlier result is unchanged")
+    what = f"kill -9, a result of the same name exists: {killed_runs.engine} engine"
+    tried("killed", what, len(killed_runs.runs), "the earlier result is unchanged")
 
 
 def test_h5py_reads_all_chunks_after_kill(killed_runs, tried):
