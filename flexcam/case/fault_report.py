@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
+from pathlib import PurePath
 from typing import Any, cast, get_args, get_origin
 
 from pydantic import BaseModel
@@ -158,7 +159,8 @@ def convert_errors(
         key = fault.where, fault.given
         first = faults.setdefault(key, fault)
         if fault.allowed not in first.allowed:  # the value matches neither of two allowed types
-            faults[key] = replace(first, allowed=f"{first.allowed}, or {fault.allowed}", why=first.why or fault.why)
+            both = "" if fault.allowed.startswith(first.allowed) else f"{first.allowed}, or "
+            faults[key] = replace(first, allowed=f"{both}{fault.allowed}", why=first.why or fault.why)
     return list(faults.values())
 
 
@@ -272,7 +274,8 @@ def _locate_fault(
     steps = inside.split(".")
     known = {name for name, _ in fields_at(path, root)}
     first = next((i for i, step in enumerate(steps) if step in known), None)
-    if first is None:
+    file = value_at(value, ["file"]) if isinstance(value, dict) else value
+    if first is None or inside.startswith(PurePath(str(file)).name):
         return f"{places.place(path)}: {inside}", given
     inner = value_at(value, steps[first:])
     place = places.place((*path, *steps[first:]))
