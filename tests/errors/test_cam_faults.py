@@ -170,7 +170,9 @@ def test_fault_names_key_line_and_remedy(name, faults_of):
     reported = [one for one in found if is_at(one["where"], full)]
     assert reported, f"no fault at {full}: {[one['where'] for one in found]}"
     assert [one for one in reported if what in one["given"] and said in " ".join(one.values())], reported
-    assert all(list(one) == ["where", "given", "allowed", "why", "remedy"] and (one["allowed"] or one["why"]) for one in found)
+    assert all(
+        list(one) == ["where", "given", "allowed", "why", "remedy"] and (one["allowed"] or one["why"]) for one in found
+    )
     assert [word for word in LIBRARY_WORDS if word in json.dumps(found)] == []
     lines = [
         case_text.splitlines()[int(n) - 1] for one in reported for n in re.findall(r"\(line (\d+)\)", one["where"])

@@ -107,7 +107,8 @@ class TubeRecord(_SectionRecord):
     shape: Literal["tube"]
     outer_diameter: _EndLengths
     inner_diameter: Annotated[
-        _Thickness | tuple[_Thickness, _Thickness], Field(description="one value, or two in brackets for a tapered member")
+        _Thickness | tuple[_Thickness, _Thickness],
+        Field(description="one value, or two in brackets for a tapered member"),
     ]
     kind = Section.tube
 
