@@ -225,6 +225,9 @@ class CaseFile:
     def read(self, overrides: Sequence[str] = (), *, mesh: Mesh | None = None) -> Case:
         """Return the checked case with overrides."""
         raw, places, file_faults = self.complete(overrides)
+        if "cams" in raw and raw.keys() <= CamsRecord.model_fields.keys():
+            why, remedy = f"{self.path} has only cams", "give a complete case; flexcam cam reads a file of cams"
+            raise refuse("case file", str(self.path), "", why, remedy)
         if mesh is None or "mesh" not in raw:
             mesh, mesh_faults = self._mesh(raw, places)
             file_faults += mesh_faults

@@ -428,7 +428,7 @@ def _lift_of_profile(
         ("max lift", f"{format_quantity('m', lift[high])} {_at(angle[high])}"),
         ("min lift", f"{format_quantity('m', lift[low])} {_at(angle[low])}"),
     ]
-    if lift[low] < -cam_analysis.NEGATIVE_LIFT_TOLERANCE * lift[high]:
+    if lift[low] < -cam_analysis.NEGATIVE_LIFT_TOLERANCE * np.abs(xy).max():
         rows.append(("warning", "the profile lies inside the base circle; check its radius and the unit"))
     if bridge is not None:
         place = format_quantity("m", *bridge.point, digits=4, separator=", ")

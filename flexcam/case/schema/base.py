@@ -81,9 +81,8 @@ class Unit:
             return replace(self, dimension=self.axis, axis="").validate(value)
         kind = DIMENSIONS[self.dimension]
         if isinstance(value, str) and kind.si and _BARE.fullmatch(value.strip()) and float(value) != 0.0:
-            unit = kind.example.split(" ", 1)[1]
-            remedy = f"write '{value.strip()} {unit}', or another unit"
-            raise value_error(self.description, "the text has no unit", remedy)
+            units = dict.fromkeys((kind.example.split(" ", 1)[1], kind.si))
+            raise value_error(self.description, "the text has no unit", f"add a unit, such as {' or '.join(units)}")
         try:
             number = parse(value, self.dimension, noise=self.signed or self.noise)
         except InputError as refusal:
