@@ -129,10 +129,7 @@ def value_at(table: object, path: Sequence[str]) -> object:
 def correct_keys(
     errors: Iterable[ErrorDetails], raw: Mapping[str, Any], places: KeyLocations, root: type[BaseModel]
 ) -> tuple[dict[str, Any], list[ErrorDetails], KeyLocations]:
-    """Return tables with misspelt keys replaced by those that are meant, pydantic's errors on these, and the sources.
-
-    Faults inside a renamed table have the name that the file contains.
-    """
+    """Return tables with misspelt keys replaced by those that are meant, the errors on these and the sources."""
     tables, misspelt, written = deepcopy(dict(raw)), list[ErrorDetails](), dict[Path, Path]()
     for error in errors:
         path = _path(error, raw)
@@ -196,15 +193,13 @@ REPLACED_KEYS = {key: [other for other in keys if other != key] for keys in _EXC
 
 
 def _meant_key(path: Path, raw: Mapping[str, Any], places: KeyLocations, root: type[BaseModel]) -> str:
-    """Return the key of a table that an unknown key means; empty if none is similar, not yet given and fits its value.
-
-    An override may replace a given key.
-    """
+    """Return the key of a table that an unknown key means: a similar one that is not given and fits the value."""
     fields = list(fields_at(path[:-1], root))
     table, known = cast("Mapping[str, Any]", value_at(raw, path[:-1])), dict(fields)
     usual, fitting = _SYNONYMS.get(path[-1], ""), [name for name, key in fields if _fits(table[path[-1]], key)]
     meant = usual if usual in fitting else "" if path[-1] in known else similar_name(path[-1], fitting)
-    return "" if meant in table and not places.notes.get(path, "").startswith("--set") else meant
+    overridden = places.notes.get(path, "").startswith("--set")  # an override may replace a given key
+    return "" if meant in table and not overridden else meant
 
 
 def _fits(value: object, key: FieldInfo) -> bool:
@@ -301,8 +296,7 @@ def _locate_fault(
     steps = inside.split(".")
     known = {name for name, _ in fields_at(path, root)}
     first = next((i for i, step in enumerate(steps) if step in known), None)
-    file = value_at(value, ["file"]) if isinstance(value, dict) else value
-    if first is None or inside.startswith(PurePath(str(file)).name):
+    if first is None or inside.startswith(PurePath(str(value_at(value, ["file"]) or value)).name):
         return f"{places.place(path)}: {inside}", given
     inner = value_at(value, steps[first:])
     place = places.place((*path, *steps[first:]))

@@ -32,7 +32,8 @@ REFUSED = {
         "--over: got run.crank_speed, expected another value",
     ),
     "an interval without its option": (
-        ("optimize", INLINE, "--vary", STIFF, "--least", "frequency.1"), f"no interval, expected {STIFF}=LOW:HIGH",
+        ("optimize", INLINE, "--vary", STIFF, "--least", "frequency.1"),
+        f"no interval, expected {STIFF}=LOW:HIGHunit, such as {STIFF}=36:44N/mm",
     ),
     "a unit that an interval cannot have": (
         ("optimize", INLINE, "--vary", f"{STIFF}=30:60foo", "--most", "frequency.1"),
@@ -70,6 +71,12 @@ REFUSED = {
     "a cutter for a profile": (("cam", "--from-profile", "p.csv", "--cutter", "9 mm"), "which reads no case"),
     "a follower without a profile": (("cam", CAM, "--follower", "{}"), "applies only with --from-profile"),
     "no cam": (("cam",), "or --from-profile FILE"),
+    "only cams": (("limits", CAM), "li-fb2.toml has only cams. Give a complete case"),
+    "a limit without a map": (("limits", ENGINE, "--limit", "float"), "--limit: only for a map, which needs --over"),
+    "a misspelt result": (
+        ("sensitivity", INLINE, "--of", "springs.valve.force", "--to", STIFF),
+        "--of: there is no result 'springs.valve.force'. Did you mean 'springs.valve.force.largest'",
+    ),
     "a profile without a follower": (("cam", "--from-profile", "p.csv"), "--follower: missing"),
     "a huge scale": (("view", INLINE, "--scale", "1e300", "--save", "x.png"), "at most 1e+06"),
     "no folder": (("run", INLINE, "-o", ""), "-o: missing, expected a value"),
