@@ -285,7 +285,7 @@ def describe_decay(ready: PreparedRun, member: str) -> str:
             motion = max(shares, key=lambda part: shares[part]).removeprefix(f"{member} ")
             mode = f"The lowest mode of member {member} ({motion}, {lowest.modes.frequencies[i]:.4g} Hz)"
             if rate <= 0.0:
-                return f"{mode} is not damped"
+                return f"{mode} is not damped; the stress repeats only with damping, such as run.damping.modal"
             turns = 1.0 / (rate * ready.revolution)
             return f"{mode} decays to 37 % of its amplitude in {turns:.3g} revolutions" if turns > 1.0 else ""
     return ""

@@ -188,8 +188,7 @@ def harmonic_fit(
     """
     positive("tolerance", tolerance, "m")
     if not 1 <= count <= _MAX_FITTED:
-        remedy = "give more harmonics, or use a lower speed" if count < 1 else ""
-        raise refuse("count", count, f"a whole number from 1 to {_MAX_FITTED}", "", remedy)
+        raise refuse("count", count, f"a whole number from 1 to {_MAX_FITTED}")
     points = max(_MIN_POINTS, _POINTS_PER_HARMONIC * count)
     ends = [end for section in strict or () for end in section] if strict is not None else list(wanted.joints)
     even = np.linspace(0.0, math.tau, points, endpoint=False)

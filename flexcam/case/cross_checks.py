@@ -84,14 +84,16 @@ class RawTables:
                 continue  # its own fault
             other = first.setdefault(at, name) if at else name
             if other != name and leaders.get(name, name) != leaders.get(other, other):
-                remedy = f"use {other!r} instead of {name!r}, move it, or join both by a rigid link"
+                remedy = f"move {name!r}, join both by a rigid link, or use {other!r} in place of {name!r}"
+                if any({name, other} <= {*_as_list(member.get("nodes"))} for _, member in self._parts("members")):
+                    remedy = f"move {name!r}"
                 given, why = f"the coordinates of {other!r}", "members are connected only at a shared node"
                 yield self._fault(("nodes", name), given, "other coordinates", why, remedy)
         for name, table in self._parts("members"):
             nodes = [node for node in _as_list(table.get("nodes")) if isinstance(node, str)]
             for node in dict.fromkeys(node for node in nodes if nodes.count(node) > 1):
-                allowed, why = "a chain that contains each node once", "a closed member has no end to start from"
-                yield self._fault(("members", name, "nodes"), repr(node), allowed, why, "divide it into two members")
+                allowed, remedy = "every node once", "divide a closed member into two"
+                yield self._fault(("members", name, "nodes"), f"{node!r} twice", allowed, "", remedy)
 
     def _fault(self, path: Path, given: str, allowed: str, why: str = "", remedy: str = "") -> Fault:
         return Fault(self.places.place(path), given, allowed, why, remedy)

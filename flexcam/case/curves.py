@@ -162,7 +162,7 @@ class _LiftFile(Record):
     file: str = Field(description="table of angle and lift, or TOML with harmonics; relative to the case file")
     column: str | None = Field(None, description="name of the column of the lift, or of the lobe, if there are several")
     angle: Literal["cam", "crank"] | None = Field(None, description="of which shaft the angles are")
-    unit: Literal["mm", "um", "m", "in"] | None = Field(None, description="of the lift")
+    unit: Literal["um", "mm", "cm", "m", "in", "thou"] | None = Field(None, description="of the lift")
     tolerance: Annotated[float, Unit("length")] | None = Field(
         None, description="allowed rms change by smoothing, 0 for none; that of the noise by default"
     )
@@ -336,7 +336,7 @@ def _read_toml_table(path: Path, name: str, text: str | None, make: Callable[[Ta
         content = parse_toml(read_text(path) if text is None else text)
     except FileNotFoundError:
         near = suggest_name(path.name, [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else [])
-        raise refuse(str(path), "a missing file", f"an existing file with a table [{name}]", "", near) from None
+        raise refuse(str(path), "a missing file", "", "this file does not exist", near) from None
     except (OSError, ValueError) as fault:
         allowed = f"a readable file with a table [{name}]"
         raise refuse(str(path), "no TOML document", allowed, system_message(fault)) from None

@@ -9,13 +9,16 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
+from pathlib import PurePath
 from typing import Any, cast, get_args, get_origin
 
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from flexcam.case.schema.base import describe_type_error, fields_at, records_at, units_in
+from flexcam.case.schema.base import describe_type_error, fields_at, records_at, records_in, units_in
 from flexcam.core.errors import NAMES, Fault, format_value, similar_name, suggest_name
+from flexcam.core.units import DIMENSIONS, NUMBER, is_convertible
 
 _TABLE = re.compile(r"\s*\[{1,2}([^\]]+)\]{1,2}\s*(?:#.*)?$")
 _KEY = re.compile(r"""\s*((?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*'))*)\s*=""")
@@ -124,19 +127,20 @@ def value_at(table: object, path: Sequence[str]) -> object:
 
 
 def correct_keys(
-    errors: Iterable[ErrorDetails], raw: Mapping[str, Any], root: type[BaseModel]
-) -> tuple[dict[str, Any], list[ErrorDetails]]:
-    """Return tables with misspelt keys replaced by those that are meant, and pydantic's errors on these keys."""
-    tables, misspelt = deepcopy(dict(raw)), list[ErrorDetails]()
+    errors: Iterable[ErrorDetails], raw: Mapping[str, Any], places: KeyLocations, root: type[BaseModel]
+) -> tuple[dict[str, Any], list[ErrorDetails], KeyLocations]:
+    """Return tables with misspelt keys replaced by those that are meant, the errors on these and the sources."""
+    tables, misspelt, written = deepcopy(dict(raw)), list[ErrorDetails](), dict[Path, Path]()
     for error in errors:
         path = _path(error, raw)
         holder = value_at(tables, path[:-1])
         if error["type"] == "extra_forbidden" and isinstance(holder, dict):
-            table, key = cast("dict[str, Any]", holder), _meant_key(path, root)
-            if key and key not in table:
+            table, key = cast("dict[str, Any]", holder), _meant_key(path, tables, places, root)
+            if key and table.keys().isdisjoint([key, *REPLACED_KEYS.get(key, ())]):
                 table[key] = table.pop(path[-1])
                 misspelt.append(error)
-    return tables, misspelt
+                written[(*path[:-1], key)] = path
+    return tables, misspelt, replace(places, templates={**places.templates, **written})
 
 
 def convert_errors(
@@ -154,11 +158,12 @@ def convert_errors(
                 continue  # of the elements missing in a row, only the last one is reported
         if isinstance(error["input"], dict) and path in tables:
             continue  # a table in the place of a number: only the faults of the table are reported
-        fault = _fault(error, path, places, root)
+        fault = _fault(error, path, raw, places, root)
         key = fault.where, fault.given
         first = faults.setdefault(key, fault)
         if fault.allowed not in first.allowed:  # the value matches neither of two allowed types
-            faults[key] = replace(first, allowed=f"{first.allowed}, or {fault.allowed}", why=first.why or fault.why)
+            both = "" if fault.allowed.startswith(first.allowed) else f"{first.allowed}, or "
+            faults[key] = replace(first, allowed=f"{both}{fault.allowed}", why=first.why or fault.why)
     return list(faults.values())
 
 
@@ -182,16 +187,34 @@ _SYNONYMS = {
 """Other words of engineers for keys."""
 
 
-def _meant_key(path: Path, root: type[BaseModel]) -> str:
-    """Return the key of a table that an unknown key means; empty if none is similar."""
-    known = [name for name, _ in fields_at(path[:-1], root)]
-    if path[-1] in known:  # of another variant of the table
-        return ""
-    usual = _SYNONYMS.get(path[-1], "")
-    return usual if usual in known else similar_name(path[-1], known)
+_EXCLUSIVE = (("speed", "crank_speed"), ("steps_per_revolution", "step"), ("phase", "centreline", "timing"))
+# Keys of `[run]` and of cams, and the keys they replace.
+REPLACED_KEYS = {key: [other for other in keys if other != key] for keys in _EXCLUSIVE for key in keys}
 
 
-def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[BaseModel]) -> Fault:
+def _meant_key(path: Path, raw: Mapping[str, Any], places: KeyLocations, root: type[BaseModel]) -> str:
+    """Return the key of a table that an unknown key means: a similar one that is not given and fits the value."""
+    fields = list(fields_at(path[:-1], root))
+    table, known = cast("Mapping[str, Any]", value_at(raw, path[:-1])), dict(fields)
+    usual, fitting = _SYNONYMS.get(path[-1], ""), [name for name, key in fields if _fits(table[path[-1]], key)]
+    meant = usual if usual in fitting else "" if path[-1] in known else similar_name(path[-1], fitting)
+    overridden = places.notes.get(path, "").startswith("--set")  # an override may replace a given key
+    return "" if meant in table and not overridden else meant
+
+
+def _fits(value: object, key: FieldInfo) -> bool:
+    """Return whether a value may be that of a key: a quantity in a unit of the key, and no number for a table."""
+    units = [unit for part in (*key.metadata, key.annotation) for unit in units_in(part)]
+    quantity = NUMBER.match(value) if isinstance(value, str) else None
+    if units and quantity:
+        kinds = {name for name, kind in DIMENSIONS.items() if is_convertible(quantity[2], kind.si)}
+        return not kinds or not kinds.isdisjoint({kind for unit in units for kind in (unit.dimension, unit.axis)})
+    return bool(units) or not isinstance(value, int | float) or not records_in(key.annotation)
+
+
+def _fault(
+    error: ErrorDetails, path: Path, raw: Mapping[str, Any], places: KeyLocations, root: type[BaseModel]
+) -> Fault:
     context, value = cast("Mapping[str, Any]", error.get("ctx", {})), cast("object", error["input"])
     where, given = places.place(path), _shorten(value)
     tag = str(context.get("discriminator", "")).strip("'")
@@ -209,7 +232,8 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
         case "model_type" | "model_attributes_type" | "dict_type":
             keyed = len(path) > 1 and records_at(path, root) != records_at(path[:-1], root)  # no table of named parts
             known = dict(fields_at(path, root)) if keyed else {}
-            allowed = f"a table with keys among {', '.join(known)}" if known else "a table"
+            names = (f"{name} (required)" if key.is_required() else name for name, key in known.items())
+            allowed = f"a table with keys among {', '.join(names)}" if known else "a table"
             return Fault(where, given, allowed, "", "write it as { key = value } or under a [header]")
         case "missing":
             kind = "a value" if records_at(path, root) == records_at(path[:-1], root) else f"a table [{'.'.join(path)}]"
@@ -221,16 +245,16 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
         case "extra_forbidden":
             known = list(dict.fromkeys(name for name, _ in fields_at(path[:-1], root)))
             if path[-1] in known:
-                variants, usual = _variants_with(path, root), _SYNONYMS.get(path[-1], "")
+                variants, meant = _variants_with(path, root), _meant_key(path, raw, places, root)
                 remedy = f"remove it, or change {variants.partition(' ')[0]}"
-                if any(usual in record.model_fields for record in _own_records(path, root, error["loc"])):
-                    remedy = f"did you mean {usual!r}?"
+                if any(meant in record.model_fields for record in _own_records(path, root, error["loc"])):
+                    remedy = f"did you mean {meant!r}?"
                 allowed = f"{variants} with this key" if "=" in variants else "this key only in another table"
                 return Fault(where, f"key {path[-1]!r}", allowed, "", remedy)
             fallback = f"did you mean the table [{path[-1]}s]?" if f"{path[-1]}s" in root.model_fields else "remove it"
             if path[-1] == "radius" and "diameter" in known:
                 fallback = "give the diameter, twice the radius"
-            meant = _meant_key(path, root)
+            meant = _meant_key(path, raw, places, root)
             hint = f"did you mean {meant!r}?" if meant else fallback
             return Fault(where, f"key {path[-1]!r}", ", ".join(known), "there is no such key", hint)
         case "literal_error" | "union_tag_invalid":
@@ -272,7 +296,7 @@ def _locate_fault(
     steps = inside.split(".")
     known = {name for name, _ in fields_at(path, root)}
     first = next((i for i, step in enumerate(steps) if step in known), None)
-    if first is None:
+    if first is None or inside.startswith(PurePath(str(value_at(value, ["file"]) or value)).name):
         return f"{places.place(path)}: {inside}", given
     inner = value_at(value, steps[first:])
     place = places.place((*path, *steps[first:]))

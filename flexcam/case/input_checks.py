@@ -376,7 +376,7 @@ def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
     for name in seats if closed and all(closed.values()) and not lost else ():
         if float(first.channels[f"contacts.{name}.force"][0]) <= 0.0:
             why = "nothing holds the valve on its seat with the cams on their base circles"
-            causes = ["the direction and the installed_force of its spring"]
+            causes = ["that a spring closes the valve, its direction and its installed_force"]
             if any(member.temperature for member in model.members.values()):
                 causes.append("the temperature of the members, which may expand by more than the lash")
             causes += ["the direction of the loads"] if model.loads else []
@@ -508,7 +508,8 @@ def check_coil_bind(model: Model, speed: float) -> list[str]:
     warnings, why = list[str](), "reaches coil bind before full lift: full lift needs"
     for name, excess in touching_coils(model, speed).items():
         key = "travel; give its coils more turns or pitch" if model.springs[name].coils else "clash_travel"
-        warnings.append(f"Warning: spring {name!r} {why} {1e3 * excess:.3g} mm more {key}")
+        more = math.ceil(1e5 * excess - 1e-6) / 100.0  # so that this travel is enough
+        warnings.append(f"Warning: spring {name!r} {why} {more:g} mm more {key}")
     return warnings
 
 

@@ -30,7 +30,15 @@ from flexcam.case.case import (
     si_unit,
 )
 from flexcam.case.cross_checks import RawTables
-from flexcam.case.fault_report import KeyLocations, convert_errors, correct_keys, parse_toml, sort_faults, value_at
+from flexcam.case.fault_report import (
+    REPLACED_KEYS,
+    KeyLocations,
+    convert_errors,
+    correct_keys,
+    parse_toml,
+    sort_faults,
+    value_at,
+)
 from flexcam.case.fault_report import Path as KeyPath
 from flexcam.case.problem_builder import build_equations, check_run, locate_run_faults
 from flexcam.case.repetition import Repetition
@@ -201,11 +209,12 @@ class CaseFile:
         try:
             return parse_toml(self.text)
         except ValueError as fault:
-            if match := re.match(r"Cannot (?:overwrite|declare).*line (\d+)", str(fault)):
-                line = self.text.split("\n")[int(match[1]) - 1].strip()
-                table, key = line.partition("#")[0].strip(), repr(line.partition("=")[0].strip())
+            pattern = r"(?:Cannot (?:overwrite|declare)|Duplicate inline table key (\S+)).*line (\d+)"
+            if match := re.match(pattern, str(fault)):
+                line = self.text.split("\n")[int(match[2]) - 1].strip()
+                table, key = line.partition("#")[0].strip(), match[1] or repr(line.partition("=")[0].strip())
                 name, given = (table, table) if line.startswith("[") else (key, f"key {key}")
-                where, why = f"{self.path}, line {match[1]}", f"{name} is given twice"
+                where, why = f"{self.path}, line {match[2]}", f"{name} is given twice"
                 raise refuse(where, given, "every key and table only once", why, "delete one of the two") from None
             if self.path.suffix != ".toml":
                 why = f"it is not a TOML document: {fault}"
@@ -216,6 +225,9 @@ class CaseFile:
     def read(self, overrides: Sequence[str] = (), *, mesh: Mesh | None = None) -> Case:
         """Return the checked case with overrides."""
         raw, places, file_faults = self.complete(overrides)
+        if "cams" in raw and raw.keys() <= CamsRecord.model_fields.keys():
+            why, remedy = f"{self.path} has only cams", "give a complete case; flexcam cam reads a file of cams"
+            raise refuse("case file", str(self.path), "", why, remedy)
         if mesh is None or "mesh" not in raw:
             mesh, mesh_faults = self._mesh(raw, places)
             file_faults += mesh_faults
@@ -227,7 +239,7 @@ class CaseFile:
     def complete_refusal(self, refusal: InputError, overrides: Sequence[str] = ()) -> InputError:
         """Return an error with the faults of all other parts added: faulty ones are left out until none is found."""
         raw, places, file_faults = self.complete(overrides)
-        tables = self._correct_keys(raw)
+        tables, places = self._correct_keys(raw, places)
         mesh, mesh_faults = self._mesh(tables, places)
         _, part_faults, cross_faults = self._check(raw, mesh, places)
         faults = dict.fromkeys([*refusal.faults, *file_faults, *mesh_faults, *part_faults, *cross_faults])
@@ -242,17 +254,18 @@ class CaseFile:
                 break
         return InputError(sort_faults(dict.fromkeys(_name_unknown_part(f, faults, raw, places) for f in faults)))
 
-    def _correct_keys(self, raw: Mapping[str, Any]) -> dict[str, Any]:
-        """Return tables in which keys that are meant replace misspelt ones."""
-        tables, misspelt = correct_keys(_validate(CaseRecord, raw, self.path)[1], raw, CaseRecord)
-        return self._correct_keys(tables) if misspelt else tables
+    def _correct_keys(self, raw: Mapping[str, Any], places: KeyLocations) -> tuple[dict[str, Any], KeyLocations]:
+        """Return tables in which keys that are meant replace misspelt ones, and the sources of all keys."""
+        tables, misspelt, places = correct_keys(_validate(CaseRecord, raw, self.path)[1], raw, places, CaseRecord)
+        return self._correct_keys(tables, places) if misspelt else (tables, places)
 
     def _check(
         self, raw: Mapping[str, Any], mesh: Mesh | None, places: KeyLocations, overrides: Sequence[str] = ()
     ) -> tuple[Case | None, list[Fault], list[Fault]]:
         """Return the case of some tables, the faults of their values, and those of their references."""
         record, faults = _record(CaseRecord, raw, places, self.path, self.files)
-        tables = RawTables(raw if record else self._correct_keys(raw), mesh, places)
+        corrected, places = (raw, places) if record else self._correct_keys(raw, places)
+        tables = RawTables(corrected, mesh, places)
         cross_faults = [*tables.exclusive_key_faults()]
         if "repeat" not in raw:  # otherwise names and places of the copies are unknown
             cross_faults += [*tables.reference_faults(), *tables.coincident_node_faults()]
@@ -422,10 +435,10 @@ def _record(
     record, errors = _validate(kind, raw, case, files)
     if record is not None:
         return record, []
-    tables, misspelt = correct_keys(errors, raw, kind)
+    tables, misspelt, new_places = correct_keys(errors, raw, places, kind)
     if not misspelt:
         return None, convert_errors(errors, raw, places, kind)
-    return None, [*convert_errors(misspelt, raw, places, kind), *_record(kind, tables, places, case, files)[1]]
+    return None, [*convert_errors(misspelt, raw, places, kind), *_record(kind, tables, new_places, case, files)[1]]
 
 
 def has_mechanism(path: Path) -> bool:
@@ -444,9 +457,6 @@ def read_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamsRecord:
     return record
 
 
-_EXCLUSIVE = (("speed", "crank_speed"), ("steps_per_revolution", "step"), ("phase", "centreline", "timing"))
-# Keys of `[run]` and of cams, and the keys they replace.
-REPLACED_KEYS = {key: [other for other in keys if other != key] for keys in _EXCLUSIVE for key in keys}
 _OPTIONAL_TABLES = {"adaptive", "damping", "fluctuation", "free_running", "integrator"}  # optional nested tables
 
 

@@ -216,11 +216,12 @@ def refuse_without(required: str, options: Mapping[str, object], *, present: boo
             raise refuse(option, _describe_option(value), "", f"it applies only with {required}", "leave it out")
 
 
-def refuse_with(other: str, why: str, options: Mapping[str, object], remedy: str = "leave it out") -> None:
+def refuse_with(other: str, effect: str, options: Mapping[str, object]) -> None:
     """Raise an error for options that have no effect together with another one; None is an option not given."""
     for option, value in options.items():
         if value is not None:
-            raise refuse(option, _describe_option(value), "", f"it cannot be combined with {other}: {why}", remedy)
+            why, remedy = f"not allowed with {other}, which {effect}", f"leave {option} out"
+            raise refuse(option, _describe_option(value), "", why, remedy)
 
 
 def _describe_option(value: object) -> str:
@@ -237,8 +238,9 @@ def speed_range(
     low = 0.5 * speed if lowest is None else parse_quantity("--lowest", lowest, "speed", "rpm") / scale
     high = most * speed if highest is None else parse_quantity("--highest", highest, "speed", "rpm") / scale
     if not high > low:
-        text = highest or f"{scale * high / RPM:g} rpm, {most:g} times that of the case"
-        raise refuse("--highest", text, f"a speed above the lowest, {scale * low / RPM:g} rpm")
+        text, why = highest or f"{scale * high / RPM:g} rpm", f"the default is {most:g} times the speed of the case"
+        why, remedy = ("", "") if highest else (why, "give --highest")
+        raise refuse("--highest", text, f"a speed above the lowest, {scale * low / RPM:g} rpm", why, remedy)
     if not low > 0.0:
         raise refuse("--lowest", lowest, "a speed above zero")
     return low, high

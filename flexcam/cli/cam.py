@@ -39,7 +39,7 @@ _CASE, _PROFILE = Group("Cams of a case file", sort_key=1), Group("Cam from a me
 _MIN_POINTS, _MAX_POINTS = 12, 100_000
 _STEPS = {"lift": "m", "velocity": "m/rad", "acceleration": "m/rad^2", "jerk": "m/rad^3"}
 _ProfileFormat = Literal["csv", "dxf", "vtp"]
-_LengthUnit = Literal["um", "mm", "cm", "m", "in"]
+_LengthUnit = Literal["um", "mm", "cm", "m", "in", "thou"]
 # SI units of the numbers of a card by the last part of their names; others are lengths.
 _UNITS = {
     "velocity": "m/rad", "sliding_velocity": "m/rad", "acceleration": "m/rad^2", "jerk": "m/rad^3", "ratio": "1",
@@ -289,7 +289,7 @@ def cam(
             "CASE": case, "--cam": name, "--format": forms, "--cutter": cutter, "--pressure-angle": pressure_angle,
             "--checking-lift": checking_lifts, "--plot": plot, "--plot-format": plot_format, "--set": overrides,
         }  # fmt: skip
-        cli.refuse_with("--from-profile", "it concerns the cams of a case, not a profile", of_case)
+        cli.refuse_with("--from-profile", "reads no case", of_case)
     of_profile = {"--follower": follower, "--base-radius": base_radius, "--unit": unit, "--clockwise": clockwise}
     cli.refuse_without("--from-profile", of_profile, present=profile is not None)
     cli.check_number("--points", points, _MIN_POINTS, _MAX_POINTS)
@@ -428,7 +428,7 @@ def _lift_of_profile(
         ("max lift", f"{format_quantity('m', lift[high])} {_at(angle[high])}"),
         ("min lift", f"{format_quantity('m', lift[low])} {_at(angle[low])}"),
     ]
-    if lift[low] < -cam_analysis.NEGATIVE_LIFT_TOLERANCE * lift[high]:
+    if lift[low] < -cam_analysis.NEGATIVE_LIFT_TOLERANCE * np.abs(xy).max():
         rows.append(("warning", "the profile lies inside the base circle; check its radius and the unit"))
     if bridge is not None:
         place = format_quantity("m", *bridge.point, digits=4, separator=", ")

@@ -72,8 +72,8 @@ def compare(
     of_speeds = {"--count": count, "--tolerance": tolerance, "--contact": contact}
     cli.refuse_without("--lowest, --highest or --plot", of_speeds, present=over_speed)
     if over_speed:
-        why = "these always compare three models"
-        cli.refuse_with("--lowest, --highest or --plot", why, {"--probe": probe, "--against": against})
+        other = "--lowest, --highest or --plot"
+        cli.refuse_with(other, "compare all three models", {"--probe": probe, "--against": against})
         part = positive("--tolerance", parse(tolerance or "5 %", "number", "--tolerance"), "1", zero=True)
         read = cli.load_beams(case, overrides)
         speeds = cli.spaced_speeds(lowest, highest, 8 if count is None else count, read)

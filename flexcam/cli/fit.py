@@ -76,15 +76,16 @@ def fit(
 
 def _fit_output(variables: Sequence[Variable], measured: Measurement, result: Fit) -> cli.CommandOutput:
     keys, curves = [variable.key for variable in variables], measured.curves
+    leave = "leave it out of --vary, or " if len(keys) > 1 else ""
     words = [
         f"The curves do not determine {' and '.join(keys[i] for i in group)}: "
-        + ("leave some of them out of --vary" if len(group) > 1 else "it does not change them; leave it out of --vary")
+        + ("leave some of them out of --vary" if len(group) > 1 else f"they do not depend on it; {leave}fit others")
         for group in result.undetermined
     ]
     words += [
         f"The curves hardly determine {variable.key}: its 95 % interval is wider than its range, "
         f"{variable.low:g} to {variable.high:g} {variable.unit}".rstrip()
-        + "; leave it out of --vary, or fit more curves"
+        + f"; {leave}fit more curves"
         for variable, half in zip(variables, result.intervals.tolist(), strict=True)
         if variable.high - variable.low < 2.0 * half < math.inf
     ]

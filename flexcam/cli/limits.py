@@ -94,8 +94,8 @@ def limits(
     of_map = {"--over": over, "--and": beside, "--limit": which, "--csv": csv, "--plot": plot}
     if options := [name for name, value in of_map.items() if value is not None]:
         if over is None or beside is None:
-            allowed = "--over KEY=SPEC and --and KEY=SPEC"
-            raise refuse("limits", f"{' and '.join(options)} alone", allowed, "a map needs two keys")
+            given, why = " and ".join(options), "only for a map, which needs --over KEY=SPEC and --and KEY=SPEC"
+            raise refuse(given, "given alone", "", why, f"give both, or leave {given} out")
         if deviation is not None or cutoff is not None:
             text = "--lift-deviation or --low-pass with --over"
             raise refuse("limits", text, "one of them", "a map has only the other limits")
@@ -342,9 +342,7 @@ def stability(
     scale = read.turns
     contacts = {contact.model for contact in read.record.contacts.values()} & {"unilateral", "bilateral"}
     if lowest is None and highest is None and plot is None:
-        if count is not None:
-            why, remedy = "otherwise only the speed of the case is assessed", "add one, or leave --count out"
-            raise refuse("--count", count, "--count with --lowest, --highest or --plot", why, remedy)
+        cli.refuse_without("--lowest, --highest or --plot", {"--count": count}, present=False)
         result = assess_stability(read)
         return cli.CommandOutput([_stability_table(result, scale, contacts)], _stability_json(result, scale))
     speeds = cli.spaced_speeds(lowest, highest, 11 if count is None else count, read)

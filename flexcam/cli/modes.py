@@ -263,8 +263,7 @@ def campbell(
     case gives crank_speed, otherwise those of the camshaft.
     """
     if response:
-        why = "the orders of the response need no modes"
-        cli.refuse_with("--response", why, {"--modes": modes, "--contact": contact}, "leave one out")
+        cli.refuse_with("--response", "needs no modes", {"--modes": modes, "--contact": contact})
     of_response = {"--channel": channels, "--probe": probes, "--csv": csv}
     cli.refuse_without("--response", of_response, present=response)
     read, numbers = collect_errors(

@@ -263,8 +263,8 @@ def _orbits(options: FigureOptions) -> Figure:
     channels = (name for name in options.first.response.channels if name.endswith(".eccentricity"))
     bearings = [name.removesuffix(".eccentricity") for name in channels]
     if not bearings:
-        allowed = "a run of the flexible model with an oil film in a bearing (bearings.NAME.film)"
-        raise refuse("--what", "orbits", allowed)
+        why = "orbits need a run of the flexible model with an oil film in a bearing (bearings.NAME.film)"
+        raise refuse("--what", "orbits", "", why)
     return plotting.histories.orbit_figure(responses, bearings)
 
 

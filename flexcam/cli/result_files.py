@@ -105,7 +105,7 @@ def export(
         if is_set and form not in forms:
             raise refuse(option, f"--format {form}", f"--format {' or '.join(forms)}", why)
     skipped = {"--every": every} if every != 1 and instants is not None else {}
-    cli.refuse_with("--instants", "it sets the number of instants", skipped)
+    cli.refuse_with("--instants", "sets the number of instants", skipped)
     target = (
         io.create_folder(source.parent if folder is None else io.check_folder_name(folder)) / f"{source.stem}.{form}"
     )

@@ -189,7 +189,10 @@ def _suggest_unit(text: str, symbol: str, expected: Exponents) -> str:
             return hint
     if symbol[0].isdigit():
         return "write a power with ^, such as mm^3"
-    return "" if text == symbol else _suggest_unit(symbol, symbol, _NONE)
+    hint = "" if text == symbol else _suggest_unit(symbol, symbol, _NONE)
+    corrected = text.replace(symbol, hint.removeprefix("did you mean '").removesuffix("'?"))
+    fits = (is_convertible(corrected, kind.si) for kind in DIMENSIONS.values() if kind.exponents == expected)
+    return hint if "?" not in hint or any(fits) else ""
 
 
 def _letters(unit: str) -> str:
@@ -348,6 +351,12 @@ def to_display_unit(unit: str, *, thin: bool = False) -> tuple[float, str]:
     symbol = "µm" if thin and unit == "m" else _DISPLAY_UNITS[_unit_system.get()].get(unit, unit)
     factor = 1.0 if symbol == unit else 1.0 / conversion_factor(symbol, unit, "unit")
     return factor, "" if symbol == "1" else symbol.replace("^2", "²").replace("^3", "³")
+
+
+def input_unit(unit: str) -> tuple[float, str]:
+    """Return factor and symbol of `to_display_unit`, as a case or an option spells the unit."""
+    factor, symbol = to_display_unit(unit)
+    return factor, symbol.replace("²", "^2").replace("³", "^3")
 
 
 def format_quantity(unit: str, *values: float, digits: int = 6, separator: str = " to ") -> str:

@@ -153,7 +153,7 @@ def _angle_factor(column: str, angle: AngleKind | None, head: str, path: Path) -
     kinds = [kind for kind in ("cam", "crank") if any(word.startswith(kind) for word in words)]
     kind = angle or (kinds[0] if len(kinds) == 1 else None)
     if kind is None:
-        remedy = 'add angle = "cam" or angle = "crank", or a header line such as cam_deg, lift_mm'
+        remedy = 'write lift_table = { file = ..., angle = "cam" } or angle = "crank", or a header cam_deg, lift_mm'
         value, why = repr(head) if head else "no header line", "the crankshaft turns twice as fast as the camshaft"
         raise refuse(f"{path.name}, angle", value, "cam or crank angles", why, remedy)
     unit = _HEADER_UNIT.search(column)
@@ -169,7 +169,7 @@ def _lift_factor(column: str, requested: str | None, head: str, path: Path) -> f
     units = [word for word in _header_words(column) if word in _LENGTHS]
     unit = requested or (units[-1] if units else None)
     if unit not in _LENGTHS:
-        remedy = 'add unit = "mm" or unit = "in", or a header line such as cam_deg, lift_mm'
+        remedy = 'write lift_table = { file = ..., unit = "mm" }, or a header line such as cam_deg, lift_mm'
         raise refuse(f"{path.name}, unit of the lift", unit or head or "no header line", _UNITS, "", remedy)
     return _LENGTHS[unit]
 
@@ -210,7 +210,8 @@ def _profile_factor(head: list[str], requested: str | None, path: Path) -> float
         raise refuse(where, " and ".join(units), "one unit", why, remedy)
     if not units or units[0] not in _LENGTHS:
         remedy = "add --unit mm, or a header line such as x [mm], y [mm]"
-        raise refuse(where, requested or ", ".join(head)[:60] or "no header line", _UNITS, "", remedy)
+        given = requested or (repr(", ".join(head)[:60]) if head else "no header line")
+        raise refuse(where, given, _UNITS if requested else "a header line with a unit", "", remedy)
     return _LENGTHS[units[0]]
 
 

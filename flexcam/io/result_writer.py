@@ -191,7 +191,7 @@ class ResultFile:
             undo.callback(self._discard)
             check_writable(
                 "partial result", self.partial, overwrite=overwrite or resume is not None,
-                remedy="continue it with --resume, or replace it with --overwrite",
+                remedy="replace it with --overwrite, or, if it has a checkpoint, continue it with --resume",
             )  # fmt: skip
             try:
                 with convert_write_errors():

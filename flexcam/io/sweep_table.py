@@ -63,7 +63,7 @@ class SweepTable:
     def __getitem__(self, name: str) -> FloatArray:
         """Return a scalar of all variants, shape (variants,); NaN for missing values."""
         if name not in self.scalars:
-            raise InputError([unknown_scalar_fault(name, self.scalars)])
+            raise InputError([unknown_scalar_fault(name, self.scalars, prefixes=False)])
         return self.scalars[name]
 
     def column(self, name: str) -> Column:
@@ -71,7 +71,8 @@ class SweepTable:
         if (key := next((column for column in self.inputs if column.name == name), None)) is not None:
             return key
         if name not in self.scalars:
-            raise InputError([unknown_scalar_fault(name, [*(column.name for column in self.inputs), *self.scalars])])
+            names = [*(column.name for column in self.inputs), *self.scalars]
+            raise InputError([unknown_scalar_fault(name, names, prefixes=False)])
         factor, unit = to_display_unit(self.units[name])
         return Column(name, unit, factor * self.scalars[name])
 
@@ -96,8 +97,8 @@ def is_scalar_prefix(name: str, known: Iterable[str]) -> bool:
 _MAX_LISTED = 24  # maximum number of scalars listed in a message; of more, only prefixes are listed
 
 
-def unknown_scalar_fault(name: str, known: Iterable[str]) -> Fault:
-    """Return the fault of a scalar that no variant has."""
+def unknown_scalar_fault(name: str, known: Iterable[str], *, prefixes: bool = True) -> Fault:
+    """Return the fault of a scalar that no variant has; suggest a prefix of scalars only if it is allowed."""
     names = list(known)
     parts = [item.split(".") for item in names]
     begins = list(dict.fromkeys(".".join(part[:i]) for part in parts for i in range(1, len(part))))
@@ -107,7 +108,7 @@ def unknown_scalar_fault(name: str, known: Iterable[str]) -> Fault:
     group = ".".join(name.split(".")[:2])
     if head and group in groups:
         head, allowed = f"a result under {group}: ", ", ".join([item for item in names if item.startswith(f"{group}.")])
-    near = suggest_name(name, [*begins, *names])
+    near = suggest_name(name, [*(begins if prefixes else ()), *names])
     return Fault("scalars", repr(name), head + allowed, "there is no such result", near)
 
 

@@ -40,7 +40,7 @@ def make_table(plan: Plan, rows: Sequence[Row], about: Mapping[str, str] | None 
 
 
 _WORDS = {  # the facts that identify a journal
-    "format": "the format of the journal",
+    "format": "the format of the progress file",
     "flexcam": "the version of flexcam",
     "case": "the case, or a file it names",
     "plan": "the keys, their values, or how they are sampled",
@@ -60,16 +60,16 @@ class Journal:
     ) -> None:
         if path.exists() and not (resume or overwrite):
             why, remedy = "a sweep was begun here", "--resume finishes it, --overwrite starts again"
-            raise refuse("journal", str(path), "none, or --resume", why, remedy)
+            raise refuse("progress file", str(path), "none, or --resume", why, remedy)
         create_folder(path.parent)
         self._path, self._head, self._fresh = path, dict(belongs), True
         try:
             self._file = open_with_lock(path)
         except BlockingIOError:
             allowed, why = "one that no other process writes", "another sweep is running here"
-            raise refuse("journal", str(path), allowed, why, "wait for it") from None
+            raise refuse("progress file", str(path), allowed, why, "wait for it") from None
         except OSError as fault:
-            raise refuse("journal", str(path), "a file that can be written", system_message(fault)) from None
+            raise refuse("progress file", str(path), "a file that can be written", system_message(fault)) from None
         try:
             self.rows, self._end = _read_journal(path, belongs) if resume else (dict[int, list[Row]](), 0)
         except InputError:
@@ -135,15 +135,14 @@ def _read_journal(path: Path, belongs: Mapping[str, Any]) -> tuple[dict[int, lis
             raise ValueError("a line has changed since it was written")
         differences = [words for name, words in _WORDS.items() if head.get(name) != belongs.get(name)]
         if differences:
-            given, why = f"{path}, of another sweep", f"what differs: {'; '.join(differences)}"
-            remedy = "--overwrite starts again; or name another folder"
-            raise refuse("journal", given, "the journal of this sweep", why, remedy)
+            why = f"{path} belongs to another sweep; what differs: {'; '.join(differences)}"
+            raise refuse("progress file", str(path), "", why, "--overwrite starts again; or name another folder")
         return {int(c["chunk"]): [_parse_row(row, c["units"]) for row in c["rows"]] for c in chunks}, end
     except InputError:
         raise
     except (ValueError, KeyError, TypeError, AttributeError) as fault:
         why = f"it is damaged: {fault}"
-        raise refuse("journal", str(path), "the journal of a sweep", why, "--overwrite starts again") from None
+        raise refuse("progress file", str(path), "the progress of a sweep", why, "--overwrite starts again") from None
 
 
 def _parse_row(raw: Mapping[str, Any], units: Mapping[str, str]) -> Row:

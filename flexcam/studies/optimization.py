@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, parse_all, refuse, require_packages
-from flexcam.core.units import DIMENSIONS, NUMBER, RPM, conversion_factor, unit_of
+from flexcam.core.units import DIMENSIONS, NUMBER, RPM, conversion_factor, input_unit, unit_of
 from flexcam.studies.plan import Row, check_seed
 from flexcam.studies.variables import PointEvaluator
 
@@ -59,7 +59,8 @@ class Constraint:
         if text_unit:
             return number * self._factor(text_unit, base_unit) / (RPM if unit.endswith("rpm") else 1.0)
         if number and unit and unit in {kind.si for kind in DIMENSIONS.values()}:
-            raise refuse("--subject", self.words, "a bound with its unit", "", f"add the unit, such as {unit}")
+            remedy = f"add the unit, such as {input_unit(unit)[1]}"
+            raise refuse("--subject", self.words, "a bound with its unit", "", remedy)
         return number
 
     def _factor(self, text_unit: str, base_unit: str) -> float:

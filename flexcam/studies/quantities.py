@@ -125,6 +125,8 @@ def is_run_scalar(case: Case, name: str) -> bool:
 def _unknown_name_fault(name: str, known: Iterable[str], cams: Iterable[str]) -> Fault:
     of_cams = [f"cams.{cam}.{kind}" for cam in cams for kind in _CAM_PROPERTIES]
     near = suggest_name(name, [*known, "frequency.1", *(f"limits.{limit}" for limit in LIMITS), *of_cams])
+    if near:
+        return Fault("scalar", repr(name), "", f"there is no result {name!r}", near)
     allowed = unknown_scalar_fault(name, known).allowed
     allowed += "" if allowed.startswith("a result under") else f"; {_KINDS}"
     return Fault("scalar", repr(name), allowed, "there is no such result", near)

@@ -11,7 +11,7 @@ from flexcam.case.case import Case, find_unit
 from flexcam.case.variants import get_number, make_overrides, number_after_override
 from flexcam.core import FloatArray
 from flexcam.core.errors import Fault, InputError, parse_all, refuse
-from flexcam.core.units import DIMENSIONS
+from flexcam.core.units import DIMENSIONS, input_unit
 from flexcam.dynamics import Cause, Status
 from flexcam.studies.plan import Axis, Row, parse_axis
 
@@ -58,7 +58,10 @@ def _variable(case: Case, setting: str, where: str) -> Variable:
     key, _, spec = (part.strip() for part in setting.partition("="))
     number = get_number(case, key, where)  # raises an error for an unknown key
     if not spec:
-        raise refuse(where, "no interval", f"{key}=LOW:HIGHunit, such as {key}=0.9:1.1{number.unit.removeprefix('SI')}")
+        factor, unit = input_unit(number.unit.removeprefix("SI"))
+        around = factor * number.value or 1.0
+        low, high = sorted((0.9 * around, 1.1 * around))
+        raise refuse(where, "no interval", f"{key}=LOW:HIGHunit, such as {key}={low:.4g}:{high:.4g}{unit}")
     ends = parse_axis(key, spec, where=where)
     low, *_, high = ends.values[0], ends.values[-1]
     if not ends.interval or low.number is None or high.number is None:

@@ -15,6 +15,7 @@ import numpy as np
 from flexcam.cams import event_extremes
 from flexcam.core import FloatArray, IntArray, Triplets
 from flexcam.core.errors import refuse
+from flexcam.core.units import ROUNDING
 from flexcam.dynamics import (
     AngleVector,
     CamMotion,
@@ -306,6 +307,6 @@ def touching_coils(model: Model, speed: float) -> dict[str, float]:
     compressions: dict[str, float] = {}
     for force, scalars, _ in forces.parts:
         compression = (scalars.stop - scalars.start) * float(penetrations[:, scalars].max(initial=0.0))
-        if force.name.endswith(".clash") and compression > 0.0:
+        if force.name.endswith(".clash") and compression > ROUNDING:
             compressions[force.name.split(".")[1]] = compression
     return compressions

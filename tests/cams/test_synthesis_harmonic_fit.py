@@ -192,3 +192,8 @@ def test_harmonics_below_frequency(frequency, speed, count):
 def test_invalid_frequencies_raise_error(frequency, speed):
     with pytest.raises(InputError):
         harmonics_below(frequency, speed)
+
+
+def test_number_of_harmonics_below_one_is_refused():
+    with pytest.raises(InputError, match=r"^count: got 0, expected a whole number from 1 to 200\.$"):
+        harmonic_fit(WANTED, 0, tolerance=1e-3)

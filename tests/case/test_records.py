@@ -62,7 +62,7 @@ def test_text_without_unit_is_refused():
         read_case(CASE.parents[2] / "cases/pushrod-engine/intake.toml", ['cams.intake.lift="8.4"'])
     fault = refusal.value.faults[0]
     assert (fault.where.split(" ")[0], fault.why) == ("cams.intake.lift", "the text has no unit")
-    assert fault.remedy.startswith("write '8.4 mm'")
+    assert fault.remedy == "add a unit, such as mm or m"
 
 
 def test_custom_section_has_given_fibre_distances():

@@ -88,3 +88,17 @@ def test_existing_lift_table_is_not_overwritten(wide_flexcam, tmp_path):
     assert "--overwrite" in wide_flexcam("cam", "--from-profile", "p.csv", *FLAT, "-o", "a.csv").err
     assert "ends in .csv" in wide_flexcam("cam", "--from-profile", "p.csv", *FLAT, "-o", "a.txt").err
     assert (tmp_path / "a.csv").read_text() == "mine"
+
+
+def test_header_without_unit_is_refused(wide_flexcam, tmp_path):
+    write_profile(tmp_path, HarmonicLift(0.003, (-0.003,), (0.0,)), FlatFollower(0.018), "x, y")
+    refused = wide_flexcam("cam", "--from-profile", "p.csv", *FLAT)
+    assert refused.err.startswith("p.csv, unit: got 'x, y', expected a header line with a unit. Add --unit mm")
+    assert wide_flexcam("cam", "--from-profile", "p.csv", "--unit", "thou", *FLAT).code == 0
+
+
+def test_rounded_points_on_base_circle_give_no_warning(wide_flexcam, tmp_path):
+    angle = np.radians(np.arange(0.0, 360.0, 5.0))
+    circle = 18.0 * np.column_stack([np.cos(angle), np.sin(angle)])
+    np.savetxt(tmp_path / "p.csv", circle, fmt="%.4f", delimiter=",", header="x [mm], y [mm]", comments="")
+    assert "base circle" not in wide_flexcam("cam", "--from-profile", "p.csv", *FLAT).out

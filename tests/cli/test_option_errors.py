@@ -22,7 +22,7 @@ REFUSED = {
     "too many speeds for modes": (("campbell", INLINE, "--count", HUGE), "2 to 10000"),
     "too many speeds of a picture": (("plot", INLINE, "--what", "campbell", "--count", HUGE), "2 to 10000"),
     "too many orders": (("campbell", INLINE, "--orders", "1:9999"), "1 to 1000"),
-    "speeds of no map": (("stability", INLINE, "--count", "5"), "--count with --lowest, --highest or --plot"),
+    "speeds of no map": (("stability", INLINE, "--count", "5"), "applies only with --lowest, --highest or --plot"),
     "a negative height": (("limits", ENGINE, "--bounce-height=-1mm"), "zero or more"),
     "a negative part": (("compare", ENGINE, "--lowest", "1000rpm", "--tolerance=-5%"), "--tolerance: got -0.05"),
     "a part in mm": (("compare", ENGINE, "--lowest", "1000rpm", "--tolerance", "5mm"), "--tolerance: got '5mm'"),
@@ -32,7 +32,8 @@ REFUSED = {
         "--over: got run.crank_speed, expected another value",
     ),
     "an interval without its option": (
-        ("optimize", INLINE, "--vary", STIFF, "--least", "frequency.1"), f"no interval, expected {STIFF}=LOW:HIGH",
+        ("optimize", INLINE, "--vary", STIFF, "--least", "frequency.1"),
+        f"no interval, expected {STIFF}=LOW:HIGHunit, such as {STIFF}=36:44N/mm",
     ),
     "a unit that an interval cannot have": (
         ("optimize", INLINE, "--vary", f"{STIFF}=30:60foo", "--most", "frequency.1"),
@@ -45,7 +46,7 @@ REFUSED = {
         ("sensitivity", INLINE, "--of", "nonsense", "--to", STIFF), "multiplier.N (Floquet) with N from 1; limits.NAME",
     ),
     "orbits without oil films": (
-        ("plot", INLINE, "--what", "orbits"), "got orbits, expected a run of the flexible model with an oil film",
+        ("plot", INLINE, "--what", "orbits"), "--what: orbits need a run of the flexible model with an oil film",
     ),
     "one goal twice": (
         ("optimize", INLINE, "--vary", f"{STIFF}=30:60kN/m", "--least", "frequency.1", "--most", "frequency.1"),
@@ -54,7 +55,7 @@ REFUSED = {
     "forms without a folder": (("cam", CAM, "--format", "csv"), "--format: it applies only with -o"),
     "a kind without pictures": (("cam", CAM, "--plot-format", "png"), "--plot-format: it applies only with --plot"),
     "two kinds of instants": (
-        ("export", INLINE, "--format", "csv", "--every", "2", "--instants", "5"), "combined with --instants",
+        ("export", INLINE, "--format", "csv", "--every", "2", "--instants", "5"), "not allowed with --instants",
     ),
     "a mesh at instants": (("export", INLINE, "--format", "msh", "--every", "2"), "a mesh none"),
     "speeds of no comparison": (("compare", ENGINE, "--count", "5"), "applies only with --lowest, --highest or --plot"),
@@ -66,10 +67,16 @@ REFUSED = {
     "some orders of a response": (("campbell", "--response", INLINE, "--orders", "2,4"), "Write 1:4"),
     "a law beside the list": (("law", "--list", "shm"), "--list alone"),
     "no law": (("law",), "or --list"),
-    "a cam beside a profile": (("cam", CAM, "--from-profile", "p.csv"), "combined with --from-profile"),
-    "a cutter for a profile": (("cam", "--from-profile", "p.csv", "--cutter", "9 mm"), "combined with --from-profile"),
+    "a cam beside a profile": (("cam", CAM, "--from-profile", "p.csv"), "--from-profile, which reads no case"),
+    "a cutter for a profile": (("cam", "--from-profile", "p.csv", "--cutter", "9 mm"), "which reads no case"),
     "a follower without a profile": (("cam", CAM, "--follower", "{}"), "applies only with --from-profile"),
     "no cam": (("cam",), "or --from-profile FILE"),
+    "only cams": (("limits", CAM), "li-fb2.toml has only cams. Give a complete case"),
+    "a limit without a map": (("limits", ENGINE, "--limit", "float"), "--limit: only for a map, which needs --over"),
+    "a misspelt result": (
+        ("sensitivity", INLINE, "--of", "springs.valve.force", "--to", STIFF),
+        "--of: there is no result 'springs.valve.force'. Did you mean 'springs.valve.force.largest'",
+    ),
     "a profile without a follower": (("cam", "--from-profile", "p.csv"), "--follower: missing"),
     "a huge scale": (("view", INLINE, "--scale", "1e300", "--save", "x.png"), "at most 1e+06"),
     "no folder": (("run", INLINE, "-o", ""), "-o: missing, expected a value"),

@@ -81,7 +81,8 @@ def test_refused_speeds_refer_to_given_shaft(flexcam, files):
     assert (fault["where"], fault["given"]) == ("--highest", "2000rpm")
     assert fault["allowed"] == "a speed above the lowest, 9000 rpm"
     (fault,) = flexcam(*engine, "--lowest", "9000rpm", "--json").json["errors"]
-    assert fault["given"] == "8000 rpm, 2 times that of the case"
+    assert (fault["given"], fault["remedy"]) == ("8000 rpm", "give --highest")
+    assert fault["why"] == "the default is 2 times the speed of the case"
 
 
 @pytest.mark.parametrize("name", ["bad case", "unknown option", "result exists", "folder of an export is a file"])

@@ -140,7 +140,9 @@ def test_resume_of_complete_run_is_refused(case, flexcam, assert_refused, tmp_pa
 
 
 def test_resume_without_saved_steps_is_refused(write_partial_result, assert_refused):
-    assert_refused(write_partial_result(blocks=0), RESUME, "before its first checkpoint", "--overwrite")
+    partial = write_partial_result(blocks=0)
+    assert_refused(partial, RESUME, "before its first checkpoint", "--overwrite")
+    assert_refused(partial, RESUME[:2], "Replace it with --overwrite, or, if it has a checkpoint, continue it")
 
 
 def test_resume_with_other_override_is_refused(write_partial_result, assert_refused):

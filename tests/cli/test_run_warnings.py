@@ -161,6 +161,7 @@ def test_spring_that_opens_valve_causes_warning(flexcam, direct):
         message for message in flexcam("check", direct, "--json").json["warnings"] if "contacts.seat" in message
     )
     assert "nothing holds the valve on its seat" in warning
+    assert "check that a spring closes the valve" in warning
     assert "the temperature" not in warning
 
 
@@ -335,3 +336,5 @@ def test_stress_warning_names_slowly_decaying_mode(engine, flexcam):
         "run", engine, "--set", "run.revolutions=2", "--set", "run.damping.beta=1e-4 s", "--name", "damped"
     )
     assert "decays to 37 %" not in damped.out
+    undamped = flexcam("run", engine, "--set", "run.revolutions=2", "--set", "run.damping.beta=0 s", "--name", "u")
+    assert "repeats only with damping, such as run.damping.modal" in " ".join(undamped.out.split())

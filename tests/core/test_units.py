@@ -269,3 +269,9 @@ def test_display_units():
     assert shown["m"][0] * 25.4e-3 == pytest.approx(1.0, rel=1e-15)
     assert shown["W"][0] * 745.69987158227022 == pytest.approx(1.0, rel=1e-15)
     assert to_display_unit("m") == (1e3, "mm")
+
+
+def test_suggested_unit_gives_dimension_of_quantity():
+    with pytest.raises(InputError) as refusal:
+        parse("7.8 g/ccm", "density")
+    assert refusal.value.faults[0].remedy == "write its symbol, such as kg/m^3"

@@ -74,7 +74,7 @@ FAULTS = {  # the cam, the key that must be reported, a part of `given`, a part 
     "parameter that is no number": (cam_text(LAW, 'law = { id = "cosine", coefficients = [nan] }'), "law", "nan", "coefficients"),
     "law that begins elsewhere": (cam_text(LAW, 'law = { id = "cosine", coefficients = [1, 2] }'), "law", "s(0) = 3", "from 0 to 1"),
     "law of the return": (cam_text(LAW, f'{LAW}\nreturn_law = "cycloid"'), "return_law", "'cycloid'", "did you mean 'cycloidal'"),
-    "no law file": (cam_text("3-4-5", "none.toml"), "law", "", "an existing file"),
+    "no law file": (cam_text("3-4-5", "none.toml"), "law", "", "this file does not exist"),
     "law file misspelt": (cam_text("3-4-5", "splitt.toml"), "law", "", "did you mean 'split.toml'"),
     "angle below zero of a swinging follower": (cam_text("6 mm", "-6 deg", ROLLER, SWING.format('radius = "9 mm"')), "lift", "-6 deg", "an angle"),
     "decimal commas": (cam_with_lift_table('"comma.csv"'), "lift_table", "cam_deg, lift_mm", "use decimal points"),
@@ -86,7 +86,7 @@ FAULTS = {  # the cam, the key that must be reported, a part of `given`, a part 
     "lift table without a file": (cam_with_lift_table('{ angle = "cam" }'), "lift_table.file", "nothing", "add file"),
     "another shaft": (cam_with_lift_table('{ file = "good.csv", angle = "shaft" }'), "lift_table.angle", "'shaft'", "'crank'"),
     "tolerance in kg": (cam_with_lift_table('{ file = "good.csv", tolerance = "2 kg" }'), "lift_table", "2 kg", "a length"),
-    "no head": (cam_with_lift_table('"nohead.csv"'), "lift_table", "no header line", 'angle = "crank"'),
+    "no head": (cam_with_lift_table('"nohead.csv"'), "lift_table", "no header line", 'write lift_table = { file = ..., angle = "cam" }'),
     "no unit": (cam_with_lift_table('"nounit.csv"'), "lift_table", "cam_deg, lift", 'unit = "mm"'),
     "angle in kg": (cam_with_lift_table('"kg.csv"'), "lift_table", "crank_kg", "crank_deg or crank_rad"),
     "no shaft": (cam_with_lift_table('"noshaft.csv"'), "lift_table", "angle_deg", "the crankshaft turns twice as fast"),
@@ -170,7 +170,9 @@ def test_fault_names_key_line_and_remedy(name, faults_of):
     reported = [one for one in found if is_at(one["where"], full)]
     assert reported, f"no fault at {full}: {[one['where'] for one in found]}"
     assert [one for one in reported if what in one["given"] and said in " ".join(one.values())], reported
-    assert all(list(one) == ["where", "given", "allowed", "why", "remedy"] and one["allowed"] for one in found)
+    assert all(
+        list(one) == ["where", "given", "allowed", "why", "remedy"] and (one["allowed"] or one["why"]) for one in found
+    )
     assert [word for word in LIBRARY_WORDS if word in json.dumps(found)] == []
     lines = [
         case_text.splitlines()[int(n) - 1] for one in reported for n in re.findall(r"\(line (\d+)\)", one["where"])
@@ -220,3 +222,16 @@ def test_random_lift_table_is_read_or_refused(odd, tmp_path_factory):
     except InputError:
         return
     assert 0.001 < event.height < 0.012
+
+
+@pytest.mark.parametrize("value", ['"lift.csv"', '{ file = "lift.csv" }'])
+def test_fault_of_file_named_like_key_is_reported_once(value, text, substitute, tmp_path):
+    (tmp_path / "lift.csv").write_text(FILES["few.csv"], encoding="utf-8")
+    path = tmp_path / "file.toml"
+    edit = ('law = "shm"\nlift = "6 mm"\nrise = "180 deg"\nreturn = "180 deg"\n', f"lift_table = {value}\n")
+    path.write_text(substitute(text, edit), encoding="utf-8")
+    with pytest.raises(InputError) as refusal:
+        read_case(path)
+    assert [re.sub(r"line \d+", "line", fault.where) for fault in refusal.value.faults] == [
+        "cams.intake.lift_table (line): lift.csv: lift table"
+    ]

@@ -11,7 +11,7 @@ import pytest
 from flexcam import InputError, RunFailedError, prepare, read_case, read_result
 from flexcam.analysis.run_checks import check_input, check_lobes
 from flexcam.case.builder import build_model
-from flexcam.case.input_checks import TYPICAL_RANGES, check_values
+from flexcam.case.input_checks import TYPICAL_RANGES, check_coil_bind, check_values
 from flexcam.cli.main import main
 
 ROOT = Path(__file__).parents[2]
@@ -345,3 +345,12 @@ def test_override_of_several_lines_is_refused():
         read_case(CASE, ["run.speed=300\nrevolutions=5"])
     with pytest.raises(InputError, match=r"run\.speed"):
         read_case(CASE, ["run.speed=300\n[run]"])
+
+
+def test_coil_bind_warning_names_sufficient_travel():
+    """The travel is 5 mm; the warning names 4.88 mm, and the sum gives no warning, despite rounding errors."""
+    case = ROOT / "cases/pushrod-engine/intake.toml"
+    variants = (read_case(case, [f"springs.valve.clash_travel={mm} mm"]) for mm in (5, 9.88))
+    (warning,), none = (check_coil_bind(build_model(variant), variant.speed) for variant in variants)
+    assert warning.endswith("full lift needs 4.88 mm more clash_travel")
+    assert none == []

@@ -103,6 +103,12 @@ def test_duplicate_table_is_refused(tmp_path):
         read_case(tmp_path / "case.toml")
 
 
+def test_duplicate_inline_key_is_refused(tmp_path):
+    (tmp_path / "case.toml").write_text("[masses]\nlobe = { mass = 1, mass = 2 }\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"line 2: got key 'mass', .*'mass' is given twice\. Delete one"):
+        read_case(tmp_path / "case.toml")
+
+
 def test_messages_show_plain_numbers_and_shapes():
     assert "got [0.5, 1.5]" in str(refuse("x", np.array([0.5, 1.5]), "one"))
     assert "got 0.5" in str(refuse("x", np.float64(0.5), "one"))

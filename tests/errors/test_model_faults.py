@@ -211,8 +211,36 @@ def test_misspelt_mesh_key_is_reported_with_other_faults(tmp_path, substitute, f
         (("crank_speed", "crank_sped"), "run.crank_sped (line 110)"), (("[nodes]", "[node]"), "node (line 10)"),
         (("\nlift = ", "\nlfit = "), "cams.intake.lfit (line 80)"),
         (("[cams.intake]", "[cam.intake]"), "cam (line 77)"),
+        (('installed_force = "400 N"', 'installed_length = "40 mm"'), "springs.valve.installed_length (line 64)"),
+        (("[run]", '[run]\nspeed_fluctuation = 0.1'), "run.speed_fluctuation (line 110)"),
+        (("[run]", '[run]\nsped = "2000 rpm"'), "run.sped (line 110)"),
     ],
 )  # fmt: skip
 def test_misspelt_shared_key_causes_no_further_fault(edit, place, starter, substitute, faults_of):
     """The checks across tables use the intended key."""
     assert [fault.where for fault in faults_of(substitute(starter, edit))] == [place]
+
+
+@pytest.mark.parametrize(
+    ("edit", "remedies"),
+    [
+        (('installed_force = "400 N"', 'preload = "400 N"'), ["did you mean 'installed_force'?"]),
+        (('installed_force = "400 N"', 'installed_length = "40 mm"'), ["remove it"]),
+        (('dissipation = "0.3 s/m"', 'damping = "0.3 s/m"'), ["did you mean 'dissipation'?"]),
+        (('dissipation = "0.3 s/m"', 'damping = "0.3 s/m"\ndissipation = 0.3'), ["remove it, or change model"]),
+    ],
+)  # fmt: skip
+def test_suggested_key_is_not_given_and_fits_value(edit, remedies, starter, substitute, faults_of):
+    assert [fault.remedy for fault in faults_of(substitute(starter, edit))] == remedies
+
+
+def test_fault_inside_misspelt_table_has_written_name(starter, substitute, faults_of):
+    edit = ("[run]", '[run]\nspeed_fluctuation = { orders = [2], amplitudes = ["1 rpm"] }')
+    places = [fault.where for fault in faults_of(substitute(starter, edit))]
+    assert places == ["run.speed_fluctuation (line 110)", "run.speed_fluctuation.amplitudes.0 (line 110)"]
+
+
+def test_node_of_same_member_is_not_suggested(starter, substitute, faults_of):
+    """With it the member would contain a node twice."""
+    (fault,) = faults_of(substitute(starter, ('"274 mm"', '"24 mm"')))
+    assert fault.remedy == "move 'pushrod-top'"

@@ -136,7 +136,7 @@ FAULTS = {
     "three arms": ('arms = ["25 mm", ', 'arms = ["25 mm", 1, ', "rockers.rocker.arms", "25 mm", "2"),
     # geometry
     "two nodes at one place": ('rear = ["180 mm"', 'rear = ["60 mm"', "nodes.rear", "front", "shared node"),
-    "closed member": ('"cam", "rear"]', '"cam", "drive"]', "members.camshaft", "drive", "chain"),
+    "closed member": ('"cam", "rear"]', '"cam", "drive"]', "members.camshaft", "drive", "divide a closed member"),
     "node twice in a row": ('"cam", "rear"]', '"cam", "cam"]', "members.camshaft", "cam", ""),
     "member of one node": ('["tappet", "pushrod-top"]', '["tappet"]', "members.pushrod.nodes", "tappet", "2"),
     "wire without coils and mean diameter": ('stiffness = "40 kN/m"', 'stiffness = "40 kN/m"\nwire = { diameter = "4.6 mm" }', "springs.valve.wire.coil_diameter", "nothing", "The key is required unless the spring has the key coils."),

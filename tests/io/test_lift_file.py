@@ -188,8 +188,8 @@ UNDEFINED = {  # header, given options, missing option, a part of the remedy
     "no shaft": ("angle_deg, lift_mm\n", {}, "angle", "cam_deg, lift_mm"),
     "two shafts": ("cam crank, lift_mm\n", {}, "angle", "cam_deg, lift_mm"),
     "no unit": ("cam_deg, lift\n", {}, "unit", "cam_deg, lift_mm"),
-    "unknown unit": ("cam_deg, lift_ft\n", {}, "unit", 'unit = "in"'),
-    "unknown unit given": ("cam_deg, lift_mm\n", {"unit": "ft"}, "unit", 'unit = "in"'),
+    "unknown unit": ("cam_deg, lift_ft\n", {}, "unit", 'unit = "mm"'),
+    "unknown unit given": ("cam_deg, lift_mm\n", {"unit": "ft"}, "unit", 'unit = "mm"'),
 }
 
 

@@ -192,7 +192,7 @@ def test_constraints_with_units():
     assert parse_constraint("frequency.1 >= 0.9 kHz").bound("Hz") == pytest.approx(900.0)
     assert parse_constraint("deviation.peak <= 0.05").bound("1") == 0.05
     assert parse_constraint("contacts.intake.force.least >= 0").bound("N") == 0.0
-    with pytest.raises(InputError, match="Add the unit, such as Pa"):
+    with pytest.raises(InputError, match="Add the unit, such as MPa"):
         parse_constraint("springs.valve.stress.largest <= 800").bound("Pa")
     assert parse_constraint("deviation.peak <= 5 %").bound("1") == pytest.approx(0.05)
     assert parse_constraint("limits.loss_of_contact >= 7000").bound("crank rpm") == 7000.0

@@ -251,7 +251,7 @@ def test_foreign_or_locked_journal_raises_error(tmp_path):
     write_journal(path, [0])
     whole = path.read_bytes()
     for words, change in (("version", {"flexcam": "2"}), ("a file it names", {"case": "d"}), ("values", {"plan": "q"})):
-        with pytest.raises(InputError, match=words):
+        with pytest.raises(InputError, match=rf"^progress file: .* belongs to another sweep; what differs: .*{words}"):
             Journal(path, HEAD | change, resume=True)
     with pytest.raises(InputError, match="resume finishes it"):
         Journal(path, HEAD)

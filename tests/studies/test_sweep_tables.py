@@ -18,6 +18,7 @@ from flexcam.io.sweep_table import (
     read_table,
     table_dataset,
     table_frame,
+    unknown_scalar_fault,
     write_table,
 )
 from flexcam.studies.journal import make_table
@@ -155,6 +156,13 @@ def test_invalid_files_and_names_raise_error(table, tmp_path):
     with pytest.raises(InputError, match="deviaton"):
         table.select(["contacts", "deviaton"])
     assert list(table.select(["late", "contacts"]).scalars) == ["late", "contacts.a.force.largest"]
+
+
+def test_prefix_is_suggested_only_where_allowed():
+    """A figure needs a column."""
+    scalars = ["springs.valve.stress.largest"]
+    remedies = [unknown_scalar_fault("springs.valve.stres", scalars, prefixes=p).remedy for p in (True, False)]
+    assert remedies == ["did you mean 'springs.valve.stress'?", "did you mean 'springs.valve.stress.largest'?"]
 
 
 def test_scalars_are_selected_by_prefix():

@@ -81,9 +81,8 @@ class Unit:
             return replace(self, dimension=self.axis, axis="").validate(value)
         kind = DIMENSIONS[self.dimension]
         if isinstance(value, str) and kind.si and _BARE.fullmatch(value.strip()) and float(value) != 0.0:
-            unit = kind.example.split(" ", 1)[1]
-            remedy = f"write '{value.strip()} {unit}', or another unit"
-            raise value_error(self.description, "the text has no unit", remedy)
+            units = dict.fromkeys((kind.example.split(" ", 1)[1], kind.si))
+            raise value_error(self.description, "the text has no unit", f"add a unit, such as {' or '.join(units)}")
         try:
             number = parse(value, self.dimension, noise=self.signed or self.noise)
         except InputError as refusal:
@@ -249,19 +248,19 @@ def records_at(path: tuple[str, ...], root: type[BaseModel]) -> list[type[BaseMo
             for record in records
             for name, field in record.model_fields.items()
             if (field.alias or name) == step
-            for inner in _records_in(field.annotation)
+            for inner in records_in(field.annotation)
         ]
         # A step that is not a field is a user-defined name in a table of names.
         records = matches or records
     return records
 
 
-def _records_in(annotation: object) -> list[type[BaseModel]]:
+def records_in(annotation: object) -> list[type[BaseModel]]:
     """Return the tables contained in a type: in unions, tables of names and annotated types."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     parts: list[object] = [*get_args(annotation)]
-    return [record for part in parts for record in _records_in(part)]
+    return [record for part in parts for record in records_in(part)]
 
 
 def fields_at(path: tuple[str, ...], root: type[BaseModel]) -> Iterator[tuple[str, FieldInfo]]:

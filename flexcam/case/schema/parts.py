@@ -73,7 +73,7 @@ class MaterialRecord(PartRecord[Material]):
 _Thickness = Annotated[float, Unit("length")]
 _EndLengths = Annotated[
     Length | tuple[Length, Length],
-    Field(description="one value, or two for a tapered member: at its first and last node"),
+    Field(description="one value, or two in brackets for a tapered member (first and last node)"),
 ]
 
 
@@ -109,7 +109,8 @@ class TubeRecord(_SectionRecord):
     shape: Literal["tube"]
     outer_diameter: _EndLengths
     inner_diameter: Annotated[
-        _Thickness | tuple[_Thickness, _Thickness], Field(description="one value, or two for a tapered member")
+        _Thickness | tuple[_Thickness, _Thickness],
+        Field(description="one value, or two in brackets for a tapered member"),
     ]
     kind = Section.tube
 
