@@ -40,14 +40,14 @@ def measure_compilation() -> dict[str, float]:
     repeats = range(COMPILED_REPEATS)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        install = ["pip", "install", "--quiet", "--disable-pip-version-check", "--no-deps", "--target", folder / "wheel"]
-        time_command([sys.executable, "-m", *install, ROOT], FLEXCAM_COMPILE="1")
+        install = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", folder / "wheel", ROOT]
+        time_command(install, FLEXCAM_COMPILE="1")
         run = [sys.executable, "-m", "flexcam", "run", COMPILED_CASE, "--overwrite", "-o", folder / "results"]
         first = [time_command(run, FLEXCAM_CACHE=str(folder / str(i))) for i in repeats]
         later = [time_command(run, FLEXCAM_CACHE=str(folder / "0")) for _ in repeats]
         without = [time_command([*run, "--set", "run.engine=direct"]) for _ in repeats]
-        run.insert(1, "-P")
-        wheel = [time_command(run, PYTHONPATH=str(folder / "wheel"), FLEXCAM_CACHE=str(folder / "new")) for _ in repeats]
+        from_wheel = {"PYTHONPATH": str(folder / "wheel"), "FLEXCAM_CACHE": str(folder / "new")}
+        wheel = [time_command([run[0], "-P", *run[1:]], **from_wheel) for _ in repeats]
         if (folder / "new").exists():
             message = "the wheel has no code for this Python"
             raise RuntimeError(message)
