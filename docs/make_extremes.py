@@ -17,10 +17,9 @@ PAGE = ROOT / "docs/extremes.md"
 
 HEAD = """# Extreme parameters: right, warning, refused
 
-These tables show the range in which the results of flexcam are right, and what it warns about or refuses beyond. Deviations are
-relative unless a unit is given. A line summarizes the rows of a test, with the beginning of a message; [extremes.csv](extremes.csv)
-has all {count} rows and messages with their tests in `tests/extremes`, which give the reasons for the tolerances. `make extremes`
-generates this page.
+Deviations are relative unless a unit is given. A line summarizes the rows of a test, with the beginning of a message;
+[extremes.csv](extremes.csv) has all {count} rows and messages with their tests in `tests/extremes`, which give the reasons for the
+tolerances. `make extremes` generates this page.
 """
 EXTREMES = (
     "step times frequency", "steps per revolution", "camshaft speed", "many revolutions", "ratio of masses",
@@ -38,7 +37,7 @@ PARTS = {
     ),
     "not yet": ("Not yet", "The expected behaviour is missing; the tests are marked."),
 }
-SHOWN = 4
+SHOWN = 3
 """Maximum number of rows whose values a line shows; with more rows it shows the first one."""
 WORDS = 8
 """Maximum number of words of a message in a line."""

@@ -20,21 +20,17 @@ HEAD = """# Robustness
 
 flexcam guarantees:
 
-- **No silent fault.** flexcam refuses an invalid case, mesh, lift table or result with exit code 2. Its message has the place, the
-  given and the permitted value, and the remedy. One report lists all errors, except those that depend on others; the check of
-  equilibrium follows. A run that fails ends with exit code 3 and a status with cause, place and remedy.
-- **Nothing is lost.** flexcam overwrites no file without `--overwrite`. A result appears under its name only when it is complete. A
-  run that fails, is stopped or killed leaves a file of its last saved steps, which opens as a result; `--resume` continues a stopped
-  or killed run.
-- **No wrong number from a damaged file.** Results and tables of sweeps have checksums. flexcam detects a changed bit before it uses a
-  number.
+- **No silent fault.** flexcam refuses an invalid case, mesh, lift table or result with a message that has the place, the given and the
+  permitted value, and the remedy. One report lists all errors, except those that depend on others; the check of equilibrium follows.
+- **Nothing is lost.** flexcam overwrites no file without `--overwrite`, and keeps the steps of [unfinished runs](restart.md).
+- **No wrong number from a damaged file.** Results and tables of sweeps have [checksums](security.md#integrity).
 - **No harm from files of others.** flexcam executes no code from cases and results, and reads only [files in permitted
   folders](security.md#cases).
-- **Bounded time and memory.** flexcam estimates memory and disk space before a run and refuses what does not fit.
+- **Bounded time and memory.** flexcam refuses [runs that do not fit](long-runs.md#memory-and-disk).
 - **No collisions.** Parallel runs in threads and processes equal single runs to rounding; two writers of one file cannot mix.
 
-The tables list the damaged, hostile and random input and the machine faults of the last test run. A line summarizes the rows of a test
-that have the same outcome; [trust.csv](trust.csv) has all rows with their tests. `make trust` generates this page.
+The tables count the tests of the last test run. A line summarizes the rows of a test that have the same outcome;
+[trust.csv](trust.csv) has all rows with their tests. `make trust` generates this page.
 """
 
 KINDS = {

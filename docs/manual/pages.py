@@ -8,7 +8,7 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from manual.rows import Row
-from manual.tables import anchor, by_source, largest_error, sections
+from manual.tables import by_source, largest_error, sections
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def pages(rows: list[Row]) -> dict[str, str]:
     found["index.md"] = made.get_template("index.md.j2").render(
         systems=[_summary(one, its[one.name]) for one in SYSTEMS],
         benchmarks=[_summary(one, its[one.name]) for one in BENCHMARKS],
-        others=[(source, anchor(source), len(group), largest_error(group)) for source, group in by_source(others)],
+        others={"sources": len(by_source(others)), "rows": len(others), "error": largest_error(others)},
         total=len(rows),
     )
     return found

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import re
 
 from manual.rows import Row
 
@@ -43,11 +42,6 @@ def largest_error(rows: list[Row]) -> str:
 def by_source(rows: list[Row]) -> list[tuple[str, list[Row]]]:
     """Return the rows by source."""
     return [(source, list(group)) for source, group in itertools.groupby(rows, key=lambda row: row["source"])]
-
-
-def anchor(title: str) -> str:
-    """Return the anchor of a heading, as MyST and GitHub make it."""
-    return re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-")
 
 
 def sections(rows: list[Row]) -> str:
