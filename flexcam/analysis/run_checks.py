@@ -453,7 +453,7 @@ def _check_accuracy(ready: PreparedRun, extremes: ExtremesSink, stats: Stats) ->
 
 
 def _check_deflections(ready: PreparedRun, extremes: ExtremesSink) -> Iterator[str]:
-    """Yield warnings about members that deflect or turn too far for small displacements."""
+    """Yield warnings about members that deform or turn too far for small displacements."""
     mesh, shape = ready.model.mesh, build_structure(ready.model).dofs.nodal(extremes.most_bent[None])[0, :, :3]
     for name, line in mesh.lines.items():
         length = np.linalg.norm(np.diff(mesh.nodes[line], axis=0), axis=1).sum()
