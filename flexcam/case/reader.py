@@ -249,7 +249,7 @@ class CaseFile:
             case, part_faults, cross_faults = self._check(valid.tables(), mesh, KeyLocations({}))
             if case is not None and not cross_faults:
                 part_faults = _case_faults(case, valid)
-            faults |= dict.fromkeys(places.locate(fault) for fault in part_faults if not valid.follows(fault))
+                faults |= dict.fromkeys(places.locate(fault) for fault in part_faults if not valid.follows(fault))
             if not valid.leave_out([*part_faults, *cross_faults]):
                 break
         return InputError(sort_faults(dict.fromkeys(_name_unknown_part(f, faults, raw, places) for f in faults)))
