@@ -50,8 +50,8 @@ planted: $(VENV)/.dev
 	$(BIN)/python -m tests.planted.plant
 
 lint: $(VENV)/.dev
-	$(BIN)/ruff check flexcam tests meshes benchmarks docs examples
-	$(BIN)/ruff format --check flexcam tests meshes benchmarks docs examples
+	$(BIN)/ruff check flexcam tests meshes benchmarks docs examples hatch_build.py
+	$(BIN)/ruff format --check flexcam tests meshes benchmarks docs examples hatch_build.py
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
 	$(BIN)/lint-imports
 	$(MAKE) --no-print-directory prose

@@ -10,6 +10,7 @@ import re
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tarfile
 import tempfile
 import venv
@@ -35,7 +36,7 @@ assert run.stats.engine == "kernel" and run.status.ok, run.status
 assert "numba" not in sys.modules, "the wheel lacks the compiled kernel of this Python"
 """
 """Run with contacts, whose compiled code is part of the wheel."""
-HAS_COMPILER = shutil.which("cc") is not None
+HAS_COMPILER = shutil.which("cc") is not None and Path(sysconfig.get_path("include"), "Python.h").exists()
 SOURCES = (
     "hatch_build.py",
     "README.md",
@@ -116,7 +117,8 @@ def main(into: Path) -> None:
         raise SystemExit(message)
     with tempfile.TemporaryDirectory(prefix="flexcam-wheel-") as folder:
         check_wheel(wheel, Path(folder))
-    sys.stdout.write(f"{wheel.name} and {archive.name} are complete, in {into}\n")
+    code = "with" if HAS_COMPILER else "WITHOUT (no C compiler, or no header files of Python)"
+    sys.stdout.write(f"{wheel.name} and {archive.name} are complete, in {into}, {code} the compiled kernel\n")
 
 
 if __name__ == "__main__":

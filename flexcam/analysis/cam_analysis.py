@@ -58,7 +58,7 @@ from flexcam.valvetrain import (
 
 _HARMONICS = 10
 NEGATIVE_LIFT_TOLERANCE = 1e-4
-"""Allowed negative lift relative to the maximum lift: a ten-thousandth, less than the grinding tolerance."""
+"""Allowed negative lift relative to the maximum lift, or to the size of a profile: less than the grinding tolerance."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ from flexcam.core import DENSE_LIMIT
 from flexcam.core.errors import Fault, InputError
 from flexcam.dynamics import Method, Problem, SaveAt, integrated_size, outline
 from flexcam.dynamics.engine_selection import MAX_MODES, candidate_engines
+from flexcam.dynamics.kernel_step import PROGRAM
 from flexcam.dynamics.solve import AT_ONCE, LEAST_AT_ONCE
 from flexcam.fem.mesh import Mesh
 from flexcam.io import RECOVERED_FIELDS, VECTORS, count_output_points, result_bytes
@@ -118,7 +119,8 @@ def estimate_resources(
     # blocks are joined from parts, and histories from blocks
     numbers = matrices + together * (_STEP_ARRAYS * size + 3 * row) + 2 * (block * row + histories)
     numbers += (block // save.field_every + 1) * field_values
-    machine = _BASE + (_COMPILER if "kernel" in engines else 0) + _ENTRY * entries + _STEP * together
+    compiler = _COMPILER if "kernel" in engines and PROGRAM.load_extension() is None else 0
+    machine = _BASE + compiler + _ENTRY * entries + _STEP * together
     return ResourceEstimate(machine + _NUMBER * numbers, result_bytes(names, mesh, save, problem.steps))
 
 

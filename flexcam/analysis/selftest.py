@@ -86,7 +86,7 @@ def installation_info() -> dict[str, str]:
             info[package] = version(package)
         except PackageNotFoundError:
             info[package] = "not installed"
-    info["compiled code"] = "no compiler: install numba for long runs and contacts"
+    info["compiled code"] = "missing: install numba, and leave NUMBA_DISABLE_JIT unset"
     if PROGRAM.load_extension() is not None:
         info["compiled code"] = "part of this installation"
     elif PROGRAM.is_available():

@@ -336,7 +336,7 @@ def _read_toml_table(path: Path, name: str, text: str | None, make: Callable[[Ta
         content = parse_toml(read_text(path) if text is None else text)
     except FileNotFoundError:
         near = suggest_name(path.name, [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else [])
-        raise refuse(str(path), "a missing file", "", "this file does not exist", near) from None
+        raise refuse(str(path), "a missing file", "", "this file does not exist", near or "correct its path") from None
     except (OSError, ValueError) as fault:
         allowed = f"a readable file with a table [{name}]"
         raise refuse(str(path), "no TOML document", allowed, system_message(fault)) from None

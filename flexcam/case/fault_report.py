@@ -296,6 +296,7 @@ def _locate_fault(
     steps = inside.split(".")
     known = {name for name, _ in fields_at(path, root)}
     first = next((i for i, step in enumerate(steps) if step in known), None)
+    # A fault in a file begins with the name of the file, which may look like a key.
     if first is None or inside.startswith(PurePath(str(value_at(value, ["file"]) or value)).name):
         return f"{places.place(path)}: {inside}", given
     inner = value_at(value, steps[first:])

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from decimal import Context, Decimal
 from typing import Literal
 
-from flexcam.core.errors import InputError, refuse, suggest_name
+from flexcam.core.errors import InputError, refuse, similar_name
 
 RPM = math.pi / 30.0
 """One revolution per minute, rad/s."""
@@ -172,8 +172,8 @@ def is_unit(symbol: str) -> bool:
     return _unit(symbol) is not None
 
 
-def _suggest_unit(text: str, symbol: str, expected: Exponents) -> str:
-    """Return a suggestion for the unknown symbol of a text, of the same dimension if any is close, or an empty text."""
+def _similar_unit(text: str, symbol: str, expected: Exponents) -> str:
+    """Return the unit that an unknown symbol of a text means, if possible of the dimension; empty if none is close."""
     letters = _letters(text)
     for dimensions in ({expected}, {kind.exponents for kind in DIMENSIONS.values()}):
         bases = [base for base, (_, exponents) in _PREFIXED.items() if exponents in dimensions]
@@ -182,17 +182,15 @@ def _suggest_unit(text: str, symbol: str, expected: Exponents) -> str:
         known = [unit for unit in _PLAIN if _PLAIN[unit][1] in dimensions] + prefixed
         if text == symbol:
             alike = [unit for unit in known if len(unit) == len(text) == 2 and unit[0] == text[0]]  # "mn": "mm"
-            hint = f"did you mean {alike[0]!r}?" if alike else suggest_name(text, known)
+            near = alike[0] if alike else similar_name(text, known)
         else:  # a compound of other units would change the quantity
-            hint = next((f"did you mean {unit!r}?" for unit in known if _letters(unit) == letters), "")
-        if hint:
-            return hint
-    if symbol[0].isdigit():
-        return "write a power with ^, such as mm^3"
-    hint = "" if text == symbol else _suggest_unit(symbol, symbol, _NONE)
-    corrected = text.replace(symbol, hint.removeprefix("did you mean '").removesuffix("'?"))
+            near = next((unit for unit in known if _letters(unit) == letters), "")
+        if near:
+            return near
+    near = "" if text == symbol or symbol[0].isdigit() else _similar_unit(symbol, symbol, _NONE)
+    corrected = text.replace(symbol, near)
     fits = (is_convertible(corrected, kind.si) for kind in DIMENSIONS.values() if kind.exponents == expected)
-    return hint if "?" not in hint or any(fits) else ""
+    return near if near and any(fits) else ""
 
 
 def _letters(unit: str) -> str:
@@ -206,7 +204,9 @@ def _unit_product(text: str, where: str, expected: Exponents) -> tuple[Decimal, 
         unit = _unit(match[2]) if match else None
         if match is None or unit is None:
             symbol = match[2] if match else text[position:]
-            hint = _FOREIGN.get(symbol) or _suggest_unit(text.strip(), symbol, expected)
+            near = _similar_unit(text.strip(), symbol, expected)
+            hint = f"did you mean {near!r}?" if near else "write a power with ^, such as mm^3" * symbol[0].isdigit()
+            hint = _FOREIGN.get(symbol, hint)
             examples = (kind.example.partition(" ")[2] for kind in DIMENSIONS.values() if kind.exponents == expected)
             example = next(filter(None, examples), "mm")
             given, why = f"unit {symbol!r} in {text!r}", f"the unit {symbol!r} is unknown"
@@ -354,8 +354,8 @@ def to_display_unit(unit: str, *, thin: bool = False) -> tuple[float, str]:
 
 
 def input_unit(unit: str) -> tuple[float, str]:
-    """Return factor and symbol of `to_display_unit`, as a case or an option spells the unit."""
-    factor, symbol = to_display_unit(unit)
+    """Return factor and symbol of `to_display_unit`, as a case or an option spells the unit; rpm for a speed."""
+    factor, symbol = (1.0 / RPM, "rpm") if unit == "rad/s" else to_display_unit(unit)
     return factor, symbol.replace("²", "^2").replace("³", "^3")
 
 

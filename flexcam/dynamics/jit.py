@@ -30,7 +30,7 @@ Functions = dict[str, Callable[..., Any]]
 """Functions by name."""
 
 _OPTIONS: dict[str, Any] = {
-    "nogil": True,
+    "nogil": True,  # not in an extension module, which runs one thread at a time
     "error_model": "numpy",
     "fastmath": {"reassoc", "contract", "nsz"},  # sums in any order; NaN and infinity stay what they are
     "_nrt": False,  # no array is created in compiled code, so that references need no counting
@@ -55,10 +55,10 @@ class Program:
 
     @cached_property
     def digest(self) -> str:
-        """Digest of the source text."""
-        sources = dict.fromkeys(sys.modules[function.__module__].__file__ or "" for function in self.functions)
-        text = b"".join(Path(path).read_bytes() for path in sources)
-        return hashlib.sha256(text).hexdigest()[:16]
+        """Digest of the source text, with this module for its options, and of the signatures."""
+        modules = dict.fromkeys((__name__, *(function.__module__ for function in self.functions)))
+        text = b"".join(Path(sys.modules[name].__file__ or "").read_bytes() for name in modules)
+        return hashlib.sha256(text + repr(self.entries).encode()).hexdigest()[:16]
 
     @property
     def extension(self) -> str:
@@ -106,7 +106,7 @@ def compile_functions(program: Program, *, cached: bool = True) -> Functions:
             program.functions, {}, lambda function: (entry if function.__name__ in entries else inner)(function)
         )
     if not (use_cache and any((cache_root() / program.digest).rglob("*.nbi"))):
-        _LOGGER.info("compiling the time integration, once per installation: about ten seconds")
+        _LOGGER.info("compiling the time integration, once per installation: up to half a minute")
     for name in entries:
         uncached = partial(compile_functions, program, cached=False) if use_cache else None
         compiled[name] = _Entry(compiled[name], program.argument_types(name), uncached)

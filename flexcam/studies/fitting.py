@@ -234,7 +234,7 @@ def fit_curves(points: PointEvaluator, measured: Measurement, *, steps: int = 50
     free = int(known.sum()) - len(variables)
     if free < 1:
         given = f"{known.sum()} measured value{'' if known.sum() == 1 else 's'}"
-        raise refuse("--to", given, f"at least {len(variables) + 1}", "they must outnumber the values of --vary")
+        raise refuse("--to", given, f"at least {len(variables) + 1}", "a fit needs more than values of --vary")
     if outside := [v.key for v in variables if v.start is not None and not 0.0 <= v.start <= 1.0]:
         raise refuse("--vary", outside[0], "an interval that contains the value of the case", "the search begins there")
     begin = np.array([0.5 if v.start is None else v.start for v in variables])

@@ -32,6 +32,12 @@ def test_python_overrides_equal_text_overrides():
     assert read_case(FINGER, case.overrides).record == case.record
 
 
+def test_misspelt_override_of_given_key_gives_one_fault():
+    with pytest.raises(InputError) as caught:
+        read_case(FINGER, ["springs.valve.stifness=45 kN/m"])
+    assert [fault.remedy for fault in caught.value.faults] == ["did you mean 'stiffness'?"]
+
+
 def test_fault_of_python_value_names_key():
     with pytest.raises(InputError, match=r"springs\.valve\.stiffness.*45 kg"):
         read_case(FINGER, {"springs.valve.stiffness": "45 kg"})

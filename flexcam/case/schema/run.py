@@ -139,7 +139,7 @@ class BatheRecord(PartRecord[dynamics.Method]):
 
 
 class CollocationRecord(PartRecord[dynamics.Method]):
-    """Exponential collocation: exact for the linear structure, fourth order in contact forces; needs numba."""
+    """Exponential collocation: exact for the linear structure, fourth order in contact forces."""
 
     method: Literal["collocation"]
     kind = dynamics.collocation
