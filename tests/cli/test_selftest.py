@@ -65,4 +65,4 @@ def test_installation_info_lists_missing_extras(monkeypatch):
     assert parts["extra design"] == "not there (pymoo): pip install 'flexcam[design]'"
     assert parts["extra tables"] == "usable"
     assert parts["no-such-package"] == "not installed"
-    assert parts["compiled code"].startswith("no compiler")
+    assert parts["compiled code"].startswith("missing: install numba")
