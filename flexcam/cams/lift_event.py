@@ -159,7 +159,7 @@ class LiftEvent(Event):
         for name, ramp, span, height in parts:
             if ramp and (excess := ramp.slope * span / height) > 1.0:
                 given = f"a maximum slope of {ramp.slope * 1e3:.4g} mm/rad in the {name} ramp"
-                why = "the main lift cannot continue a steeper ramp"
+                why = "the main lift cannot continue such a slope"
                 allowed = f"a maximum slope of at most {1e3 * height / span:.4g} mm/rad"
                 longer = math.ceil(10.0 * math.degrees(ramp.duration * excess)) / 10.0
                 remedy = f"make the ramp at least {longer:g} deg long, or lower"

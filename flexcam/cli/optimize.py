@@ -112,7 +112,7 @@ def optimize(
             begin = "this start" if starts in (None, 1) else f"any of {starts} starts"
             text = f"the gradient search found no variant that meets all constraints from {begin}"
             other = "start elsewhere (--set, --starts), such as at a speed without contact loss"
-            remedy = f"{remedy}, {other}, or use --method evolution"
+            remedy = f"widen the intervals, relax a constraint, {other}, or use --method evolution"
         status = Status(Cause.INFEASIBLE, text, remedy)
     return replace(output, files=files, status=status)
 

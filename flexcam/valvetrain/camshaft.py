@@ -138,10 +138,7 @@ _ROUNDING = 1e-9
 
 
 def undriven_shafts(structure: Structure) -> list[tuple[list[str], str, bool]]:
-    """Return the cams and the rotation of every shaft that can turn without deforming a part, and whether it is loose.
-
-    The rotation is a component such as ``rx``; a loose shaft has no bearings.
-    """
+    """Return cams and rotation (``rx``) of every shaft that can turn freely, and whether it can also move away."""
     model, shafts = structure.model, dict[tuple[int, ...], tuple[list[str], str, bool]]()
     for contact in model.cam_contacts.values():
         point = model.cams[contact.cam].at

@@ -45,6 +45,13 @@ REFUSED = {
     "an unknown result": (
         ("sensitivity", INLINE, "--of", "nonsense", "--to", STIFF), "multiplier.N (Floquet) with N from 1; limits.NAME",
     ),
+    "the derivative by a text": (
+        ("sensitivity", INLINE, "--of", "frequency.1", "--to", "title"), "texts cannot be varied here.\n",
+    ),
+    "the derivative by a whole number": (
+        ("sensitivity", INLINE, "--of", "frequency.1", "--to", "run.steps_per_revolution"), "Compare its values with",
+    ),
+    "a result without another": (("compare", "x.vtkhdf"), "Add --against with another result or a case"),
     "orbits without oil films": (
         ("plot", INLINE, "--what", "orbits"), "--what: orbits need a run of the flexible model with an oil film",
     ),
