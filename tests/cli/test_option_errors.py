@@ -70,7 +70,7 @@ REFUSED = {
     "a channel without a response": (
         ("campbell", INLINE, "--channel", "contacts.intake.force"), "--channel: it applies only with --response",
     ),
-    "modes of a response": (("campbell", "--response", INLINE, "--modes", "3"), "need no modes"),
+    "modes of a response": (("campbell", "--response", INLINE, "--modes", "3"), "needs no modes"),
     "some orders of a response": (("campbell", "--response", INLINE, "--orders", "2,4"), "Write 1:4"),
     "a law beside the list": (("law", "--list", "shm"), "--list alone"),
     "no law": (("law",), "or --list"),
@@ -81,8 +81,8 @@ REFUSED = {
     "only cams": (("limits", CAM), "li-fb2.toml has only cams. Give a complete case"),
     "a limit without a map": (("limits", ENGINE, "--limit", "float"), "--limit: only for a map, which needs --over"),
     "a misspelt result": (
-        ("sensitivity", INLINE, "--of", "springs.valve.force", "--to", STIFF),
-        "--of: there is no result 'springs.valve.force'. Did you mean 'springs.valve.force.largest'",
+        ("sensitivity", INLINE, "--of", "contacts.intake.force", "--to", STIFF),
+        "--of: there is no result 'contacts.intake.force'. Did you mean 'contacts.intake.force.largest'",
     ),
     "a profile without a follower": (("cam", "--from-profile", "p.csv"), "--follower: missing"),
     "a huge scale": (("view", INLINE, "--scale", "1e300", "--save", "x.png"), "at most 1e+06"),
