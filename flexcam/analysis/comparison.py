@@ -127,7 +127,8 @@ def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -
     motion, base = scalar_history(flexible, probe), rigid[probe]
     lift = value_range(rigid.time, base.displacement, base.velocity)
     if lift == 0.0:
-        why, remedy = "it does not move in the other result", "add a follower's point to output.probes"
+        why = "it does not move in the other result"
+        remedy = "run a whole revolution, or add a follower's point to output.probes"
         raise refuse("probe", repr(probe), "a point that the cam moves", why, remedy)
     parts = [_compute_deviation(name, motion, base, flexible) for name in ("displacement", "velocity", "acceleration")]
     instant = peak(flexible.time, motion.acceleration[:count])[1]

@@ -104,6 +104,12 @@ def compute_metrics(ready: PreparedRun, response: Response, names: Sequence[str]
     return [metric for metric in metrics if not metric.name.startswith(("cams.", "supports.")) or changes(metric)]
 
 
+def describe_span(ready: PreparedRun, steps: int) -> str:
+    """Return the part of a run that its metrics cover: ``last revolution``, or ``first 0.53 revolutions``."""
+    revolutions = steps * ready.problem.step / ready.revolution
+    return "last revolution" if revolutions > 1.0 - _ROUNDING else f"first {revolutions:.4g} revolutions"
+
+
 _WORDS = {
     "valve_loft": "valve loft over the nose",
     "seating_velocity": "seating velocity",

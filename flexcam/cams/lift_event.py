@@ -155,12 +155,15 @@ class LiftEvent(Event):
         if closing and closing.height >= self._top:
             given, top = f"a closing ramp of {1e3 * closing.height:.4g} mm", f"below {1e3 * self._top:.4g} mm"
             raise refuse("ramps.closing_height", given, top, "the return ends at that height", "make the ramp lower")
-        for ramp, span, height in ((opening, self.rise, self.lift), (closing, self.fall, self._fall_lift)):
-            if ramp and ramp.slope * span > height:
-                given = f"a slope of {ramp.slope * 1e3:.4g} mm/rad"
+        parts = ("opening", opening, self.rise, self.lift), ("closing", closing, self.fall, self._fall_lift)
+        for name, ramp, span, height in parts:
+            if ramp and (excess := ramp.slope * span / height) > 1.0:
+                given = f"a maximum slope of {ramp.slope * 1e3:.4g} mm/rad in the {name} ramp"
                 why = "the main lift cannot continue such a slope"
-                allowed = f"a slope (height / duration) of at most {1e3 * height / span:.4g} mm/rad"
-                raise refuse("ramps", given, allowed, why, "make the ramp longer or lower")
+                allowed = f"a maximum slope of at most {1e3 * height / span:.4g} mm/rad"
+                longer = math.ceil(10.0 * math.degrees(ramp.duration * excess)) / 10.0
+                remedy = f"make the ramp at least {longer:g} deg long, or lower"
+                raise refuse("ramps", given, allowed, why, remedy)
 
     @property
     def _ramps(self) -> tuple[Ramp | None, Ramp | None]:

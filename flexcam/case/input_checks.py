@@ -558,6 +558,10 @@ def _check_lash(model: Model) -> Iterator[str]:
 
 def _check_drives(model: Model) -> Iterator[str]:
     """Yield warnings about camshafts whose rotation is free: no support, spring or lash ties it to the drive."""
-    for cams, component in undriven_shafts(build_structure(model)):
+    for cams, component, is_loose in undriven_shafts(build_structure(model)):
+        what = "nothing drives the shaft, and contact forces turn it"
         remedy = f"add {component} to the support of its drive end, or a spring about its axis"
-        yield f"Warning: cams.{', cams.'.join(cams)}: nothing drives the shaft, and contact forces turn it; {remedy}"
+        if is_loose:
+            what = "nothing holds the shaft, and contact forces push it away"
+            remedy = f"add supports: bearings of the shaft, {component} at its drive end, and guides of the followers"
+        yield f"Warning: cams.{', cams.'.join(cams)}: {what}; {remedy}"

@@ -61,6 +61,7 @@ def get_number(case: Case, key: str, where: str) -> Number:
             given = next((f"use {other}, which the case gives" for other in others if known.get(other) is not None), "")
             raise refuse(where, key, "a number that the case gives", "", given or "give it a value in the case")
         why, remedy = "whole numbers and texts cannot be varied here", "compare its values with flexcam sweep"
+        remedy = "" if isinstance(value, str) else remedy
         raise refuse(where, f"{key} = {value!r}", "the key of a number with a continuous value", why, remedy)
     unit = find_unit(case.record, copies[0].split("."))
     return Number(key, value, "SI" if unit is None else unit)

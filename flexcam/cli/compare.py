@@ -81,6 +81,9 @@ def compare(
         return _compare_over_speed(read, speeds, part, contact)
     if against is not None:
         return _compare_pair(case, against, probe, overrides)
+    if Source(case).is_result:
+        remedy = "add --against with another result or a case, or give the case file of this result"
+        raise refuse("compare", str(case), "a case file (.toml), or a result with --against", "", remedy)
     read = cli.load_beams(case, overrides)
     at = probe or scalar_probe(prepare(read))
     result = deviation(read, at)

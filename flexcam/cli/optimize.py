@@ -109,9 +109,10 @@ def optimize(
     elif trials.best is None:
         text, remedy = "no variant meets all constraints", "widen the intervals, or relax a constraint"
         if by_gradient:
-            text = "the gradient search found no variant that meets all constraints from this start"
-            other = "another point (--set, --starts), such as a speed without contact loss"
-            remedy = f"start at {other}, or use --method evolution"
+            begin = "this start" if starts in (None, 1) else f"any of {starts} starts"
+            text = f"the gradient search found no variant that meets all constraints from {begin}"
+            other = "start elsewhere (--set, --starts), such as at a speed without contact loss"
+            remedy = f"widen the intervals, relax a constraint, {other}, or use --method evolution"
         status = Status(Cause.INFEASIBLE, text, remedy)
     return replace(output, files=files, status=status)
 

@@ -28,6 +28,7 @@ from flexcam.analysis.run_metrics import (
     CHATTER,
     GROWTH,
     compute_metrics,
+    describe_span,
     figures_of_merit,
     revolution_change,
     usual_name,
@@ -128,12 +129,12 @@ def _describe_run(
     stressed = strength.members() if case.record.fidelity.model == "beams" else {}
     change = revolution_change(ready, response, strength if stressed else None)
     merit = figures_of_merit(case, figures) if figures else ()
-    remaining = [figure for figure in figures if not usual_name(figure)]
+    remaining, span = [figure for figure in figures if not usual_name(figure)], describe_span(ready, stats.steps)
     parts: list[Table | str] = [
         tables.run_table(case, extremes),
         *([tables.strength_table(strength)] if stressed else []),
-        *([tables.merit_table(ready.model, merit)] if merit else []),
-        *([tables.metrics_table(ready.model, remaining)] if remaining else []),
+        *([tables.merit_table(ready.model, merit, span)] if merit else []),
+        *([tables.metrics_table(ready.model, remaining, span)] if remaining else []),
         *([error_table(errors)] if errors else []),
         *(describe_choice(choice) if choice else []),
         *tables.describe_contacts(case, figures),
@@ -149,7 +150,7 @@ def _describe_run(
             slow = run_checks.describe_decay(ready, change.member) if change.stress_change > GROWTH else ""
             hint += f". {slow}" if slow else ""
         parts.append(f"Difference between the last two revolutions: {run_checks.describe_change(change)}{hint}")
-    elif len(response.time) and ready.model.cam_contacts and stats.unknowns and stats.periodicity < 0.0:
+    elif status.ok and ready.model.cam_contacts and stats.unknowns and stats.periodicity < 0.0:
         parts.append("Fewer than two revolutions: the start may affect the results; set run.revolutions = 2 to see how")
     parts += run_checks.describe_method(ready)
     if balance := run_checks.describe_balance(extremes, stats):
@@ -167,7 +168,7 @@ def _describe_run(
         "energy_lost": run_checks.energy_residual(extremes),
         "energy_numerical": run_checks.numerical_dissipation(extremes),
         "imbalance": stats.imbalance if stats.imbalance >= 0.0 else None, "warnings": list(warnings),
-        "train": {figure.name: figure.value for figure in figures},
+        "metrics_of": span, "train": {figure.name: figure.value for figure in figures},
         "figures_of_merit": merit, "errors": errors, "choice": choice and choice_json(choice), "strength": stressed,
     }  # fmt: skip
     return cli.CommandOutput(parts, json, status=status)

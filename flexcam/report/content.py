@@ -18,7 +18,7 @@ from flexcam.analysis.model_choice import estimate_errors, evaluate_ladder
 from flexcam.analysis.natural_modes import modes
 from flexcam.analysis.preparation import PreparedRun
 from flexcam.analysis.run import member_strength, reload_result, run
-from flexcam.analysis.run_metrics import Margins, compute_margins
+from flexcam.analysis.run_metrics import Margins, compute_margins, describe_span
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.reader import case_from_result
@@ -262,8 +262,9 @@ def result_tables(about: ReportSubject, compared: Comparison | None, figures: li
     response, known = about.result.response, about.known
     turns = 1.0 if known is None else known.case.turns
     sheets = [report_table(tables.comparison_table(compared, turns))] if compared is not None else []
-    sheets += [report_table(tables.metrics_table(known.ready.model if known else None, figures))] if figures else []
     if known is not None:
+        span = describe_span(known.ready, response.stats.steps)
+        sheets += [report_table(tables.metrics_table(known.ready.model, figures, span))] if figures else []
         strength = member_strength(known.ready, known.response)
         sheets += [report_table(tables.strength_table(strength))] if strength.members() else []
         probes = report_table(tables.run_table(known.case, ExtremesSink.of(response)))

@@ -154,7 +154,7 @@ def _compare_rigid(about: ReportSubject, known: RestoredCase, main: str) -> tupl
     """Return the comparison of a result with its rigid train, or the reason why there is none."""
     if about.rigid is None or not main:
         return None, []
-    why = f"nothing moves {main} in it: name a point that the cam moves under output.probes."
+    why = f"nothing moves {main} in it: run a whole revolution, or name a point that the cam moves under output.probes."
     if np.ptp(about.rigid[main].displacement):
         try:
             names = ("flexible", "rigid")

@@ -280,8 +280,8 @@ def run_table(case: Case, extremes: ExtremesSink) -> Table:
     return plain_table(f"{case.title}, {case.speed_text}", ("probe", "min", "max"), rows or [(message, "", "")])
 
 
-def metrics_table(model: Model | None, figures: Sequence[Metric]) -> Table:
-    """Return the table of the metrics of the last revolution; metrics of many parts of one kind share a row."""
+def metrics_table(model: Model | None, figures: Sequence[Metric], span: str = "last revolution") -> Table:
+    """Return the table of the metrics of a part of a run; metrics of many parts of one kind share a row."""
     rows: dict[tuple[str, ...], list[tuple[float, str, str]]] = {}
     places: dict[tuple[tuple[str, ...], str], str] = {}
     for figure in figures:
@@ -304,7 +304,7 @@ def metrics_table(model: Model | None, figures: Sequence[Metric]) -> Table:
                 (_metric_label(f"{kind.removesuffix('s')} {part}", quantity),
                  text + places[(parts_kind, kind, *quantity), part]) for _, text, part in parts
             ]  # fmt: skip
-    return facts_table("Metrics of the last revolution", cells)
+    return facts_table(f"Metrics of the {span}", cells)
 
 
 def _metric_label(place: str, quantity: Sequence[str]) -> str:
@@ -333,7 +333,7 @@ def _part_kind(model: Model | None, metric: str) -> str:
     return _CONTACT_KINDS[type(model.contacts[part.partition(".")[0]]).__name__]
 
 
-def merit_table(model: Model, figures: Sequence[FigureOfMerit]) -> Table:
+def merit_table(model: Model, figures: Sequence[FigureOfMerit], span: str) -> Table:
     """Return the table of the figures of merit: a row per figure with its parts, or the range of many of one kind."""
     rows: dict[str, list[tuple[float, str, str]]] = {}
     count = Counter(fom.name for fom in figures)
@@ -353,7 +353,7 @@ def merit_table(model: Model, figures: Sequence[FigureOfMerit]) -> Table:
             texts = [(f"{value} ({part})" if part else value).replace(" ", _NO_BREAK) for _, value, part in parts]
             text = fill(", ".join(texts), _CELL).replace(_NO_BREAK, " ")
         cells.append((name, text))
-    return facts_table("Figures of merit, last revolution", cells)
+    return facts_table(f"Figures of merit, {span}", cells)
 
 
 def _range_text(parts: list[tuple[float, str, str]]) -> str:

@@ -16,7 +16,7 @@ from flexcam.analysis.run import check_case_resources
 from flexcam.case.case import Case
 from flexcam.case.fault_report import KeyLocations
 from flexcam.case.reader import CaseFile
-from flexcam.core.errors import Fault, InputError, refuse, require_packages
+from flexcam.core.errors import Fault, InputError, collect_errors, refuse, require_packages
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.io import atomic_write_path, check_writable
 from flexcam.io.sweep_table import PARQUET, SweepTable, is_scalar_prefix, unknown_scalar_fault, write_table
@@ -183,9 +183,11 @@ def make_sweep(
         why, remedy = "every combination is run, and none is drawn", "add --sample, or leave it out"
         raise refuse("--seed", seed, "--seed only with --sample", why, remedy)
     number = seed if seed is not None else defaults.seed if defaults else 0
-    plan = make_plan(axes, None if method == GRID else parse_sample(method, number), limit=limit)
+    plan, _ = collect_errors(
+        lambda: make_plan(axes, None if method == GRID else parse_sample(method, number), limit=limit),
+        lambda: _check_units(file, axes),
+    )
     first = validate_plan(file, plan)
-    require_units(first, [axis for axis in axes if axis.where.startswith("--set")])
     if first.record.fidelity.estimate:
         where, why = first.place(("fidelity", "estimate")), "a sweep stores no estimates"
         raise refuse(where, "true", "false", why, "--set fidelity.estimate=false")
@@ -193,6 +195,14 @@ def make_sweep(
     check_names(file, plan, names)
     bundle, size = make_bundle(file, plan), chunk_size(plan, first)
     return Sweep(first.name, first.record.title, plan, bundle, size, names, channels=not are_probe_scalars(names))
+
+
+def _check_units(file: CaseFile, axes: Sequence[Axis]) -> None:
+    try:
+        first = file.read([f"{axis.key}={axis.values[0].text}" for axis in axes])
+    except InputError:  # the check of the variants reports it
+        return
+    require_units(first, [axis for axis in axes if axis.where.startswith("--set")])
 
 
 _MAX_CHUNK_SIZE = 16  # maximum number of variants per chunk, which limits the loss in a crash

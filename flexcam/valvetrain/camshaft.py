@@ -137,15 +137,17 @@ _ROUNDING = 1e-9
 """Rotation by a free motion of size 1 that is rounding, rad."""
 
 
-def undriven_shafts(structure: Structure) -> list[tuple[list[str], str]]:
-    """Return the cams and the rotation, such as ``rx``, of every shaft that can turn without deforming a part."""
-    model, shafts = structure.model, dict[tuple[int, ...], tuple[list[str], str]]()
+def undriven_shafts(structure: Structure) -> list[tuple[list[str], str, bool]]:
+    """Return cams and rotation (``rx``) of every shaft that can turn freely, and whether it can also move away."""
+    model, shafts = structure.model, dict[tuple[int, ...], tuple[list[str], str, bool]]()
     for contact in model.cam_contacts.values():
         point = model.cams[contact.cam].at
         shaft = tuple(model.mesh.connected_nodes(model.mesh.node(point), turning=True).tolist())
         geared = len(_shaft_nodes(model, contact.cam)) > len(shaft)
         if not geared and np.abs(structure.row(point, contact.rotation) @ structure.free).max(initial=0.0) > _ROUNDING:
-            cams, _ = shafts.setdefault(shaft, ([], ROTATIONS[int(np.argmax(np.abs(contact.shaft_axis)))]))
+            away = np.abs(structure.row(point, contact.direction) @ structure.free).max() > _ROUNDING
+            rotation = ROTATIONS[int(np.argmax(np.abs(contact.shaft_axis)))]
+            cams, *_ = shafts.setdefault(shaft, ([], rotation, bool(away and not model.bearings)))
             cams += [contact.cam] if contact.cam not in cams else []
     return list(shafts.values())
 

@@ -139,7 +139,10 @@ class Metric:
 
 
 def train_metrics(model: Model, response: Response, period: float, names: Sequence[str] | None = None) -> list[Metric]:
-    """Return the metrics of the last revolution of a run; with names at least those, without costly other ones."""
+    """Return the metrics of the last revolution of a run; with names at least those, without costly other ones.
+
+    A shorter run has no means.
+    """
     if not len(response.time):
         return []
     last = response.latest(period)
@@ -159,7 +162,8 @@ def train_metrics(model: Model, response: Response, period: float, names: Sequen
         if isinstance(contact, Lash) and f"contacts.{name}.gap" in response.channels:
             gap = float(response.channels[f"contacts.{name}.gap"][last].max())
             figures.append(Metric(f"contacts.{name}.{_GAP}", gap, "rad" if contact.turns else "m"))
-    figures += _drive(model, response, last)
+    if response.time[-1] - response.time[0] > period * (1.0 - _SAME_SPAN):
+        figures += _drive(model, response, last)
     for channel, unit in response.outline.channels:
         name, values = _metric_name(channel), response.channels[channel][last]
         if name.endswith("margin"):
@@ -359,6 +363,7 @@ def _drive(model: Model, response: Response, last: Bools) -> list[Metric]:
 
 
 _MIN_INSTANTS = 2
+_SAME_SPAN = 1e-6  # relative difference of times that is rounding
 _ROUNDING = 1e-12  # relative to the largest torque
 
 

@@ -198,5 +198,7 @@ def test_steepest_valid_ramp():
     duration, take_off = 0.3, 0.25
     steepest = LIFT / RISE * duration * (1 - 0.6 * take_off)
     LiftEvent(LAWS["3-4-5"], LIFT, RISE, RISE, ramp=Ramp(steepest * 0.9999, duration, take_off))
-    with pytest.raises(InputError, match="a slope of"):
+    message = r"maximum slope of .* in the opening ramp, expected a maximum slope of .* at least 17.3 deg long"
+    with pytest.raises(InputError, match=message):
         LiftEvent(LAWS["3-4-5"], LIFT, RISE, RISE, ramp=Ramp(steepest * 1.001, duration, take_off))
+    LiftEvent(LAWS["3-4-5"], LIFT, RISE, RISE, ramp=Ramp(steepest * 1.001, np.radians(17.3), take_off))

@@ -45,6 +45,13 @@ REFUSED = {
     "an unknown result": (
         ("sensitivity", INLINE, "--of", "nonsense", "--to", STIFF), "multiplier.N (Floquet) with N from 1; limits.NAME",
     ),
+    "the derivative by a text": (
+        ("sensitivity", INLINE, "--of", "frequency.1", "--to", "title"), "texts cannot be varied here.\n",
+    ),
+    "the derivative by a whole number": (
+        ("sensitivity", INLINE, "--of", "frequency.1", "--to", "run.steps_per_revolution"), "Compare its values with",
+    ),
+    "a result without another": (("compare", "x.vtkhdf"), "Add --against with another result or a case"),
     "orbits without oil films": (
         ("plot", INLINE, "--what", "orbits"), "--what: orbits need a run of the flexible model with an oil film",
     ),
@@ -63,7 +70,7 @@ REFUSED = {
     "a channel without a response": (
         ("campbell", INLINE, "--channel", "contacts.intake.force"), "--channel: it applies only with --response",
     ),
-    "modes of a response": (("campbell", "--response", INLINE, "--modes", "3"), "need no modes"),
+    "modes of a response": (("campbell", "--response", INLINE, "--modes", "3"), "needs no modes"),
     "some orders of a response": (("campbell", "--response", INLINE, "--orders", "2,4"), "Write 1:4"),
     "a law beside the list": (("law", "--list", "shm"), "--list alone"),
     "no law": (("law",), "or --list"),
@@ -74,8 +81,8 @@ REFUSED = {
     "only cams": (("limits", CAM), "li-fb2.toml has only cams. Give a complete case"),
     "a limit without a map": (("limits", ENGINE, "--limit", "float"), "--limit: only for a map, which needs --over"),
     "a misspelt result": (
-        ("sensitivity", INLINE, "--of", "springs.valve.force", "--to", STIFF),
-        "--of: there is no result 'springs.valve.force'. Did you mean 'springs.valve.force.largest'",
+        ("sensitivity", INLINE, "--of", "contacts.intake.force", "--to", STIFF),
+        "--of: there is no result 'contacts.intake.force'. Did you mean 'contacts.intake.force.largest'",
     ),
     "a profile without a follower": (("cam", "--from-profile", "p.csv"), "--follower: missing"),
     "a huge scale": (("view", INLINE, "--scale", "1e300", "--save", "x.png"), "at most 1e+06"),

@@ -269,6 +269,21 @@ def test_figures_of_merit_are_not_repeated_as_metrics(flexcam, engine, tmp_path)
     assert "contact intake: max force" in others
 
 
+def test_metrics_of_part_of_revolution_are_marked(flexcam, engine):
+    """Means over a part of a revolution are no means; a lash may still close."""
+    few = ("--set", "run.steps_per_revolution=360", "--set", "run.revolutions=0.15", "-o", "out", "--overwrite")
+    out = flexcam("run", engine, *few).out
+    assert "Figures of merit, first 0.15 revolutions" in out
+    assert "Metrics of the first 0.15 revolutions" in out
+    assert "stays open" not in out
+    report = flexcam("run", engine, *few, "--json").json
+    assert report["metrics_of"] == "first 0.15 revolutions"
+    assert "supports.drive.torque.largest" in report["train"]
+    assert not [name for name in report["train"] if name.endswith(".mean")]
+    assert flexcam("report", "out/engine.vtkhdf").code == 0
+    assert "Metrics of the first 0.15 revolutions" in Path("out/engine.html").read_text(encoding="utf-8")
+
+
 COIL_SPRING = 'springs.valve={ at = "valve", direction = "uy", installed_force = 400, '
 COIL_SPRING += "wire = { diameter = 4.6e-3, shear_modulus = 79e9 }, "
 COIL_SPRING += "coils = [{ turns = 6, diameter = 28e-3, pitch = 8e-3 }] }"
@@ -288,6 +303,7 @@ COIL_SPRING += "coils = [{ turns = 6, diameter = 28e-3, pitch = 8e-3 }] }"
             'supports.drive=["ux", "uy", "uz"]',
             "cams.intake: nothing drives the shaft, and contact forces turn it",
         ),
+        ("supports={}", "nothing holds the shaft, and contact forces push it away; add supports: bearings of the"),
         ("run.crank_speed=4000", "4000 rad/s is unusual"),
         ("run.speed=2500rpm", "run.speed is the speed of the camshaft; the crankshaft turns at 5000 rpm"),
     ],

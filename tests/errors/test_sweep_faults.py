@@ -67,6 +67,11 @@ def test_invalid_plans_are_refused():
     assert len(make_plan(parse_axes(["a=0:100:1", "b=0:100:1"]), limit=10201)) == 10201
 
 
+def test_interval_without_unit_and_step_has_both_faults(case):
+    given = [fault.given for fault in faults(lambda: make_sweep(case, ["run.speed=1000:3000"]))]
+    assert given == ["an interval", "numbers without a unit"]
+
+
 def test_faults_of_keys_units_and_values_are_in_one_report(case):
     wrong = ["run.speed=1000:3000:1000kN", "springs.valve.stifness=1,2kN/m", "cams.intake.lift=-1:5:3mm"]
     found = {fault.where: fault for fault in faults(lambda: make_sweep(case, wrong))}
