@@ -63,6 +63,6 @@ def test_installation_info_lists_missing_extras(monkeypatch):
     monkeypatch.setattr(Program, "is_available", lambda program: False)
     parts = installation_info()
     assert parts["extra design"] == "not there (pymoo): pip install 'flexcam[design]'"
-    assert parts["extra tables"] == "usable"
+    assert parts["extra tables"] == "installed"
     assert parts["no-such-package"] == "not installed"
     assert parts["compiled code"].startswith("no compiler")

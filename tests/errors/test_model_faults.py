@@ -237,7 +237,10 @@ def test_suggested_key_is_not_given_and_fits_value(edit, remedies, starter, subs
 def test_fault_inside_misspelt_table_has_written_name(starter, substitute, faults_of):
     edit = ("[run]", '[run]\nspeed_fluctuation = { orders = [2], amplitudes = ["1 rpm"] }')
     places = [fault.where for fault in faults_of(substitute(starter, edit))]
-    assert places == ["run.speed_fluctuation (line 110)", "run.speed_fluctuation.amplitudes.0 (line 110)"]
+    assert places == [
+        "run.speed_fluctuation (line 110)",
+        "run.speed_fluctuation.amplitudes.0 (line 110, entry 1 of amplitudes)",
+    ]
 
 
 def test_node_of_same_member_is_not_suggested(starter, substitute, faults_of):
