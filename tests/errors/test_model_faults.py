@@ -77,7 +77,7 @@ def starter(tmp_path):
 def test_report_contains_exactly_the_faults(name, starter, substitute, faults_of):
     edits, places = zip(*COMBINED_FAULTS[name], strict=True)
     wheres = [fault.where for fault in faults_of(substitute(starter, *edits))]
-    assert sorted(re.sub(r" \(line \d+\)", "", one) for one in wheres) == sorted(chain.from_iterable(places))
+    assert sorted(re.sub(r" \(line [^)]*\)", "", one) for one in wheres) == sorted(chain.from_iterable(places))
     lines = [int(re.search(r"line (\d+)", one)[1]) for one in wheres]
     assert lines == sorted(lines)
 
