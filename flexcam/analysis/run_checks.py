@@ -192,10 +192,10 @@ def _check_follower_nodes(model: Model) -> Iterator[str]:
         zero = np.zeros(1)
         expected = float(follower.contact(zero, zero, zero, cam.turn).trace.imag[0])
         if abs(height - expected) > _MAX_FOLLOWER_OFFSET * expected:
-            place = f"its follower {part.follower!r} is {1e3 * height:.4g} mm from the centre of its cam along the lift"
-            parts = "base circle gives" if isinstance(follower, FlatFollower) else "base circle and the roller give"
-            remedy = "correct the node, base_radius or the follower"
-            yield f"Warning: contacts.{name}: {place}, the {parts} {1e3 * expected:.4g} mm; {remedy}"
+            place = f"in the lift direction, the node of follower {part.follower!r} is {1e3 * height:.4g} mm"
+            source = "base_radius and the roller" if isinstance(follower, RollerFollower) else "base_radius"
+            place += f" from the cam centre, but it should be {1e3 * expected:.4g} mm (from {source})"
+            yield f"Warning: contacts.{name}: {place}; correct the node, base_radius or the follower"
 
 
 # During and after a run

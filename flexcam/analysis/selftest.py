@@ -93,7 +93,7 @@ def installation_info() -> dict[str, str]:
         info["compiled code"] = f"compiled at first use, kept in {cache_root()}"
     for extra, modules in _EXTRAS.items():
         missing = ", ".join(name for name in modules if find_spec(name) is None)
-        info[f"extra {extra}"] = f"not there ({missing}): pip install 'flexcam[{extra}]'" if missing else "usable"
+        info[f"extra {extra}"] = f"not there ({missing}): pip install 'flexcam[{extra}]'" if missing else "installed"
     return info
 
 
@@ -218,7 +218,8 @@ def _train_checks() -> Iterator[Check]:
     with temporary_folder() as folder:
         case = read_case(new_case("published-model", folder / "case.toml")[0])
         source, resonant = "flexcam 0.1 (paper of Tayeb and Sliman: near 4000 rpm)", 60.0 * excited_mode(case)
-        yield Check("speed at which the loaded mode resonates", source, 4027.0, resonant, 0.5 / 4027.0, "rpm")
+        quantity = "resonance speed of the mode that the cam force excites"
+        yield Check(quantity, source, 4027.0, resonant, 0.5 / 4027.0, "rpm")
         ready = prepare(case)
         sink = open_result_file(ready, folder)
         run = solve(replace(ready.problem, engine="direct"), ready.scheme, save=ready.save, sinks=[sink])

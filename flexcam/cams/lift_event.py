@@ -15,6 +15,7 @@ from flexcam.cams.law_criteria import LIMIT_OFFSET, Extreme, bisect, curve_minim
 from flexcam.cams.motion_law import Law, Ramp, RampTransition, ReversedLaw
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse
+from flexcam.core.units import format_quantity
 
 _SNAP = 1e-9  # angles this close to a joint (rad) count as on it, so that rounding does not select the side of a jump
 GRID = np.linspace(0.0, math.tau, 7201)
@@ -258,6 +259,13 @@ class DelayedEvent(Event):
     def __call__(self, angle: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the given order (0 to 4) by the cam angle (rad), m/rad^order, shape as `angle`."""
         return self.event(np.asarray(angle, dtype=float) - self.phase, order)
+
+
+def describe_height(event: Event) -> str:
+    """Return the largest lift as text, with the height of the ramp if there is one."""
+    inner = event.event if isinstance(event, DelayedEvent) else event
+    ramp, text = inner.ramp if isinstance(inner, LiftEvent) else None, format_quantity("m", event.height)
+    return f"{text} including the {format_quantity('m', ramp.height)} ramp" if ramp else text
 
 
 def unique_angles(angles: FloatArray) -> tuple[float, ...]:

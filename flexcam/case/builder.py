@@ -380,7 +380,8 @@ class _Geometry:
             span = self.mesh.nodes[self.mesh.node(record.follower)] - cam
             if float(span @ lift[:3]) < -_PERPENDICULAR_TOLERANCE * float(np.linalg.norm(span)):
                 why = "the follower lies on the other side, and the cam would pass through it"
-                remedy = "change its sign; a closing cam needs another node beyond the shaft, with a lash to this one"
+                remedy = "reverse the sign of direction; for a desmodromic closing cam, define a second follower node "
+                remedy += "on the far side of the shaft and connect it to this follower by a lash"
                 raise refuse("direction", given, "a direction from the cam to its follower", why, remedy)
         return lift
 

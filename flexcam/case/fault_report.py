@@ -35,6 +35,8 @@ class KeyLocations:
     notes: Mapping[Path, str]
     #: template by path of a copy, such as ``springs.valve-{cylinder}`` of ``springs.valve-1``
     templates: Mapping[Path, Path] = field(default_factory=dict[Path, Path])
+    #: tables of the case, in which a path with an index, which counts from 0, names an entry of a list
+    raw: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
     @classmethod
     def of_text(cls, text: str) -> KeyLocations:
@@ -56,11 +58,19 @@ class KeyLocations:
         """
         for end in range(len(path), 0, -1):
             if path[:end] in self.notes:
-                return f"{'.'.join(path)} ({self.notes[path[:end]]})"
+                return f"{'.'.join(path)} ({self.notes[path[:end]]}{self._entry(path)})"
             if path[:end] in self.templates:
                 return self.place(self.templates[path[:end]] + path[end:])
         below = next((note for key, note in self.notes.items() if path and key[: len(path)] == path), "")
         return f"{'.'.join(path)} ({below})" if below else ".".join(path) or "case file"
+
+    def _entry(self, path: Path) -> str:
+        """Return the entry of a list at a key path, such as ``, entry 2 of coils``; empty if there is none."""
+        words = ""
+        for i, step in enumerate(path):
+            if step.isdigit() and isinstance(value_at(self.raw, path[:i]), list):
+                words = f"entry {int(step) + 1} of {words or path[i - 1]}"
+        return words and f", {words}"
 
     def locate(self, fault: Fault) -> Fault:
         """Return a fault at a key path with the source of the key added."""
@@ -72,7 +82,7 @@ def sort_faults(faults: Iterable[Fault]) -> list[Fault]:
     """Return faults sorted by line; faults without a line come last."""
 
     def line(fault: Fault) -> float:
-        match = re.search(r" \(line (\d+)\)", fault.where)
+        match = re.search(r" \(line (\d+)", fault.where)
         return int(match[1]) if match else math.inf
 
     return sorted(faults, key=line)
@@ -228,7 +238,9 @@ def _fault(
             return Fault(places.place(path[:-1]), given, f"{int(path[-1]) + 1} values", "", "")
         case "too_long" | "too_short":
             minimum, maximum = context.get("min_length"), context.get("max_length")
-            return Fault(where, given, f"{maximum} values" if maximum else f"{minimum} or more values", "", "")
+            entries = cast("Sequence[object]", value)
+            what = "rows" if any(isinstance(entry, list) for entry in entries) else "values"
+            return Fault(where, given, f"{maximum} {what}" if maximum else f"at least {minimum} {what}", "", "")
         case "model_type" | "model_attributes_type" | "dict_type":
             keyed = len(path) > 1 and records_at(path, root) != records_at(path[:-1], root)  # no table of named parts
             known = dict(fields_at(path, root)) if keyed else {}

@@ -292,7 +292,7 @@ class CaseFile:
         repeats = record.repeat if record else dict.fromkeys(marks, RepeatRecord.model_validate({"names": ["1"]}))
         faulty: dict[str, Any] = {} if record else {"repeat": repeat}
         copies = Repetition.of(tables, repeats)
-        places = replace(places, templates=copies.templates)
+        places = replace(places, templates=copies.templates, raw=copies.tables)
         later = [entry for entry in overrides if entry not in first and not faulty]
         places, later_faults = _apply_overrides(copies.tables, places, later)
         return copies.tables | faulty, places, [*first_faults, *faults, *copies.faults(places), *later_faults]

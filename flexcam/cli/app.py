@@ -213,7 +213,7 @@ def refuse_without(required: str, options: Mapping[str, object], *, present: boo
     """Raise an error for options that have no effect without another one; None and False are options not given."""
     for option, value in options.items():
         if not present and value is not None and value is not False:
-            raise refuse(option, _describe_option(value), "", f"it applies only with {required}", "leave it out")
+            raise refuse(option, _describe_option(value), "", f"it applies only with {required}", f"leave {option} out")
 
 
 def refuse_with(other: str, effect: str, options: Mapping[str, object]) -> None:

@@ -323,8 +323,8 @@ def cam(
     }  # fmt: skip
     followers = [facts.profile.follower for facts in by_cam.values() if facts.profile]
     if pressure_angle is not None and followers and all(isinstance(shape, FlatFollower) for shape in followers):
-        why = "flat followers have no pressure angle"
-        raise refuse("--pressure-angle", pressure_angle, "a cam with a roller follower", why, "leave it out")
+        why, remedy = "flat followers have no pressure angle", "leave --pressure-angle out"
+        raise refuse("--pressure-angle", pressure_angle, "a cam with a roller follower", why, remedy)
     for option, value in (("-o", output), ("--cutter", cutter)):
         if value is not None and not any(facts.profile for facts in by_cam.values()):
             why, remedy = f"{', '.join(by_cam)} has no profile", "give the cam base_radius and follower"

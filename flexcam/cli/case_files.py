@@ -135,7 +135,8 @@ def selftest(*, as_json: cli.Json = False) -> cli.CommandOutput:
         for result in checks
     ]  # fmt: skip
     heads = ("quantity", "reference", "computed", "error", "allowed", "result", "source of the reference")
-    parts = [plain_table("Checks", heads, rows), facts_table("Installed packages", installation_info().items())]
+    installed = [(name.replace("extra ", "optional packages: "), text) for name, text in installation_info().items()]
+    parts = [plain_table("Checks", heads, rows), facts_table("Installed packages", installed)]
     parts += [f"All {len(checks)} checks passed"] if status.ok else []
     json = {
         "status": status.cause, "message": status.text, "remedy": status.remedy,

@@ -45,7 +45,8 @@ flexcam compare case.toml --lowest 2000rpm --highest 7000rpm --count 6 --plot fo
 def compare(
     case: Annotated[Path, Parameter(help="Case file (.toml), or result file (.vtkhdf) with --against.")], *,
     probe: Annotated[str | None, Parameter(
-        help=f"Component such as tappet.uy, or point of a rocker; {cli.DEFAULT_PROBE}.")] = None,
+        help="Output point of a rocker (valve), or a component of another point (tappet.uy); "
+        f"{cli.DEFAULT_PROBE}.")] = None,
     against: Annotated[str | None, Parameter(
         help="Model of the same case, such as sdof (flexcam trade lists the models), or another case or result; the "
         "rigid model by default.")] = None,
@@ -54,8 +55,8 @@ def compare(
     count: Annotated[int | None, Parameter(
         group=_SPEEDS, help="Number of speeds, evenly spaced; 8 by default.")] = None,
     tolerance: Annotated[str | None, Parameter(
-        group=_SPEEDS, help="Allowed difference of the minimum and of the maximum forces of two models, as a fraction "
-        "of the larger maximum force; 5 % by default.")] = None,
+        group=_SPEEDS, help="Two models count as equal if their minimum forces, and also their maximum forces, differ "
+        "by at most this fraction of the larger maximum; 5 % by default.")] = None,
     contact: Annotated[str | None, Parameter(group=_SPEEDS, help="Cam contact, if a case has several.")] = None,
     plot: Annotated[Path | None, Parameter(
         group=_SPEEDS, help="Also draw the forces over speed (.svg, .png or .pdf).")] = None,
@@ -102,7 +103,7 @@ def _compare_pair(case: Path, against: str, probe: str | None, overrides: cli.Ov
     first, second = (Source(path, tuple(overrides or ())) for path in (case, Path(against)))
     if overrides and first.is_result and second.is_result:
         why = "results cannot be changed"
-        raise refuse("--set", overrides[0], "--set only with a case", why, "give the case, or leave it out")
+        raise refuse("--set", overrides[0], "--set only with a case", why, "give the case, or leave --set out")
     run = first.response if first.is_result else _run(first.case)
     at = probe or scalar_probe(first.ready)
     if second.is_result:

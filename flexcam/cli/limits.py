@@ -63,7 +63,7 @@ def limits(
         "of flexcam sweep --set.")] = None,
     beside: Annotated[str | None, Parameter("--and", group=_MAP, help="Second parameter and its values.")] = None,
     which: Annotated[list[Literal["loss_of_contact", "float", "bounce", "coil_clash", "buckling"]] | None, Parameter(
-        "--limit", group=_MAP, help="Limit of the map; loss_of_contact by default. Repeatable.")] = None,
+        "--limit", group=_MAP, help="Speed limit that the map shows; loss_of_contact by default. Repeatable.")] = None,
     workers: Annotated[int | None, Parameter(
         "--workers", help="Number of processes; by default one per core, or only one for a map.")] = None,
     csv: Annotated[cli.Csv, Parameter(group=_MAP)] = None,
@@ -194,6 +194,7 @@ _SHOWN = 5
 _HARMLESS = "chatter (harmless)"
 _NEAR = f"within {100.0 * RESONANCE_WIDTH:g} % of this speed"
 _STRONG_HARMONIC = f"cam harmonic with at least {100.0 * MIN_FORCE_RATIO:g} % of the maximum cam force"
+_NO_CONTACT = 'no cam contact with model = "unilateral" or "bilateral" (a published-load is a force and cannot open)'
 _WORDS = {
     "broken off": "the run at this speed ended early; its contacts are assessed up to there",
     "numerical": "the time integration is unstable: use a smaller step or an unconditionally stable integrator",
@@ -219,7 +220,7 @@ def _stability_table(result: Stability, scale: float, contacts: set[str]) -> Tab
     rows = [
         ("integrator", _describe_amplification(result)),
         ("periodic motion", _describe_growth(result)),
-        ("loss of contact", opened if contacts else "not assessed: no cam contact"),
+        ("loss of contact", opened if contacts else f"not assessed: {_NO_CONTACT}"),
         ("resonances", _count_resonances(result, scale)),
         *((f"harmonic {r.harmonic}" + (f", {r.contact}" if several else ""), _format_resonance(r, scale))
           for r in result.within[:_SHOWN]),
@@ -239,7 +240,8 @@ def _describe_amplification(result: Stability) -> str:
         return "not assessed"
     stable = "unstable" if "numerical" in result.causes else "stable"
     words = (
-        f"{stable}: spectral radius {worst.radius:.9g} at {worst.frequency:.5g} Hz, motion of {', '.join(worst.moving)}"
+        f"{stable}: spectral radius {worst.radius:.9g} at {worst.frequency:.5g} Hz; "
+        f"this mode moves mainly {', '.join(worst.moving)}"
     )
     return words + (f"; max stable step {worst.critical_step:.4g} s" if math.isfinite(worst.critical_step) else "")
 
@@ -272,7 +274,9 @@ def _describe_growth(result: Stability) -> str:
         grows = f"a revolution has {events} impacts, which amplify small disturbances {largest:.3g} times ({moving})"
         change = "" if result.change is None else describe_change(result.change)
         return f"chatters: {grows}" + (f". Difference between the last two revolutions: {change}" if change else "")
-    return f"max multiplier {largest:.6g} (above 1 grows), growth {result.floquet.growth:.4g} 1/s, motion of {moving}"
+    growth = f"growth rate {result.floquet.growth:.4g} 1/s"
+    multiplier = f"largest Floquet multiplier {largest:.6g} (above 1 a disturbance grows)"
+    return f"{multiplier}, {growth}; the disturbance moves mainly {moving}"
 
 
 def _stability_json(result: Stability, scale: float) -> dict[str, object]:

@@ -62,7 +62,7 @@ def _describe_mac(likeness: FloatArray, nodes: int) -> tuple[Table, str]:
     head = ("here / there", *map(str, range(1, likeness.shape[1] + 1)))
     few = nodes < max(likeness.shape)
     doubt = ", fewer than the modes: the table means little; give both models nodes at the same places" if few else ""
-    unmoved = " -: the mode moves no such node; points of rockers and springs are not compared."
+    unmoved = " A dash: the mode moves none of the common nodes; points of rockers and springs are not compared."
     words = f"The models have {nodes} moving node{'s' * (nodes != 1)} in common{doubt}."
     return plain_table("Modal assurance criterion", head, rows), words + unmoved * bool(np.isnan(likeness).any())
 
@@ -78,8 +78,8 @@ def modes(
     count: Annotated[int, Parameter(help="Number of modes, from the lowest.")] = 12,
     prestress: Annotated[Literal["rest", "equilibrium"] | None, Parameter(
         help="Axial forces included in the modes with open contacts: as installed (rest), or under all loads "
-        "(equilibrium); none by default. With contacts closed, the modes always include the axial forces of members "
-        "with geometric_stiffness, and no others.")] = None,
+        "(equilibrium); none by default. It has no effect on the modes with closed contacts: they always include the "
+        "axial forces in members that have geometric_stiffness.")] = None,
     mac: Annotated[Path | None, Parameter(
         help="Second case file, whose modes are compared by the modal assurance criterion.")] = None,
     folder: Annotated[Path | None, Parameter(

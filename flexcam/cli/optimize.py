@@ -214,7 +214,7 @@ def _optimum(design: OptimizationProblem, trials: Evaluations) -> tuple[list[Tab
     if design.bounds:
         parts += [_constraint_table(design, trials, at), _DISTANCE]
         if any(active and violation <= _ROUNDING for _, violation, _, active in _constraints(design, trials, at)):
-            parts.append("active: changing the value or the varied values by 1 % violates the constraint")
+            parts.append("active: changing the result, or the varied values, by 1 % violates the constraint")
     if ends := [v.key for v, x in point if min(x - v.low, v.high - x) <= 0.01 * (v.high - v.low)]:
         parts.append(f"At an end of its interval: {', '.join(ends)}; a wider interval may have a better variant.")
     best = None if trials.best is None else _variant_json(design, trials, trials.best)
@@ -222,8 +222,8 @@ def _optimum(design: OptimizationProblem, trials: Evaluations) -> tuple[list[Tab
 
 
 _DISTANCE = (
-    "distance to violation: change of the varied values, in % of their intervals, to the nearest evaluated variant "
-    "that violates the constraint"
+    "distance to violation: how far, in % of their intervals, the varied values are from the nearest evaluated variant "
+    "that violates the constraint; a dash: this variant violates it"
 )
 
 
@@ -266,7 +266,7 @@ def _constraint_table(design: OptimizationProblem, trials: Evaluations, at: int)
             margin = f"violated by {format_decimals(100.0 * violation, 2)} %"
         else:
             margin = f"{-violation:.2%} (active)" if active else f"{-violation:.1%}"
-        away = "none found" if math.isinf(distance) else f"{distance:.2%}"
+        away = "-" if violation > _ROUNDING else "none found" if math.isinf(distance) else f"{distance:.2%}"
         rows.append((constraint.words, _value(design, trials, at, constraint.name), margin, away))
     head = ("subject to", "value", "margin", "distance to violation")
     return plain_table("Constraints", head, rows)

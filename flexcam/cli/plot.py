@@ -73,26 +73,29 @@ class FigureOptions:
         "the table of a sweep (.h5 or .csv).")]
     _: KW_ONLY
     what: Annotated[FigureKind | None, Parameter(
-        help="Kind of figure; motion by default, sweep for a table. svaj: lift and its derivatives; orbits: journals "
-        "in their oil films; waterfall: orders over speed; map: a channel over cam angle and speed; work-precision: "
-        "error of simpler models against computing cost (unknowns times steps).")] = None
+        help="Kind of figure. Default: motion; if the file is the table of a sweep: sweep. svaj: lift and its "
+        "derivatives; orbits: journals in their oil films; waterfall: orders over speed; map: a channel over cam angle "
+        "and speed; work-precision: error of simpler models against computing cost (unknowns times steps).")] = None
     probe: Annotated[str | None, Parameter(
-        help=f"motion, waterfall, work-precision: point or component; {cli.DEFAULT_PROBE}.")] = None
+        help=f"--what motion, waterfall, work-precision: point or component; {cli.DEFAULT_PROBE}.")] = None
     channels: Annotated[list[str] | None, Parameter(
-        "--channel", help="motion, force, torque, waterfall: force or other channel, repeatable; profile, map: channel "
-        "shown by colours; spring: force of the spring.")] = None
+        "--channel", help="--what motion, force, torque, waterfall: force or other channel, repeatable; profile, map: "
+        "channel shown by colours; spring: force of the spring.")] = None
     over: Annotated[Literal["angle", "time", "crank"] | None, Parameter(
-        help="motion, force, torque, energy: abscissa; angle (cam angle) by default. crank: the last revolution "
+        help="--what motion, force, torque, energy: abscissa; angle (cam angle) by default. crank: the last revolution "
         "over crank angle, with zero at top dead centre if the cam has the key tdc, otherwise at cam angle 0.")] = None
     rigid: Annotated[bool, Parameter(
-        help="motion, force, torque: also draw the rigid model, and for motion the difference from it.")] = False
-    cam: Annotated[str | None, Parameter(help="svaj, profile: draw only this cam.")] = None
-    angle: Annotated[str | None, Parameter(help="profile: cam angle at which it is drawn, such as '90 deg'.")] = None
+        help="--what motion, force, torque: also draw the rigid model, and for motion the difference from it.")] = False
+    cam: Annotated[str | None, Parameter(help="--what svaj, profile: draw only this cam.")] = None
+    angle: Annotated[str | None, Parameter(
+        help="--what profile: cam angle at which it is drawn, such as '90 deg'.")] = None
     count: Annotated[int | None, Parameter(
-        help="modes: number of modes, 6 by default; campbell, waterfall, map: number of speeds, 9 by default.")] = None
-    x: Annotated[str | None, Parameter("--x", help="sweep: abscissa; the first varied key by default.")] = None
-    y: Annotated[list[str] | None, Parameter("--y", help="sweep: result value or other column, repeatable.")] = None
-    as_map: Annotated[bool, Parameter("--map", help="sweep: contours over both varied keys.")] = False
+        help="--what modes: number of modes, 6 by default; campbell, waterfall, map: number of speeds, 9 by "
+        "default.")] = None
+    x: Annotated[str | None, Parameter("--x", help="--what sweep: abscissa; the first varied key by default.")] = None
+    y: Annotated[list[str] | None, Parameter(
+        "--y", help="--what sweep: result value or other column, repeatable.")] = None
+    as_map: Annotated[bool, Parameter("--map", help="--what sweep: contours over both varied keys.")] = False
     sources: Annotated[Mapping[str, Source], Parameter(parse=False)] = field(default_factory=dict[str, Source])
     # fmt: on
 

@@ -94,16 +94,16 @@ def export(
     """
     for option, forms, is_set, why in (
         ("--paraview", ("pvd",), macro, "the macro opens that collection"),
-        ("--field", ("pvd", "vtm"), fields is not None, "it applies only to these formats; leave it out"),
+        ("--field", ("pvd", "vtm"), fields is not None, "it applies only to these formats"),
         ("--probe", ("csv",), probes is not None, "only the table has probes"),
         ("--every", ("pvd", "csv"), every != 1,
          "for vtm and glb use --instants; stl has one instant (--at), a mesh none"),
         ("--instants", ("csv", "vtm", "glb"), instants is not None,
-         "format pvd writes the saved instants (see --every), stl a single one (see --at); leave it out"),
+         "format pvd writes the saved instants (see --every), stl a single one (see --at)"),
         ("--at", ("stl",), at is not None, "only format stl writes a single instant"),
     ):  # fmt: skip
         if is_set and form not in forms:
-            raise refuse(option, f"--format {form}", f"--format {' or '.join(forms)}", why)
+            raise refuse(option, f"--format {form}", f"--format {' or '.join(forms)}", why, f"leave {option} out")
     skipped = {"--every": every} if every != 1 and instants is not None else {}
     cli.refuse_with("--instants", "sets the number of instants", skipped)
     target = (

@@ -151,7 +151,8 @@ def _describe_run(
             hint += f". {slow}" if slow else ""
         parts.append(f"Difference between the last two revolutions: {run_checks.describe_change(change)}{hint}")
     elif status.ok and ready.model.cam_contacts and stats.unknowns and stats.periodicity < 0.0:
-        parts.append("Fewer than two revolutions: the start may affect the results; set run.revolutions = 2 to see how")
+        hint = "with run.revolutions = 2, flexcam prints the difference between the two revolutions"
+        parts.append(f"Fewer than two revolutions: the start may affect the results; {hint}")
     parts += run_checks.describe_method(ready)
     if balance := run_checks.describe_balance(extremes, stats):
         parts.append(f"Energy balance: {balance}")

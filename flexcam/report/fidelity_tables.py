@@ -19,8 +19,8 @@ _REFERENCE_ERROR_TOLERANCE = 0.05
 _DIGITS = 12  # maximum number of decimals
 _KINDS = ("lift", "velocity", "acceleration")
 TRADE_LEGEND = (
-    "* Pareto-optimal: no model with less work has a smaller maximum error over the columns; work is the number of "
-    "unknowns times the number of steps"
+    "* Pareto-optimal: no model with less work has a smaller error (the largest of its error columns); work is the "
+    "number of unknowns times the number of steps"
 )
 
 

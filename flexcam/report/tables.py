@@ -18,6 +18,7 @@ from flexcam.analysis.preparation import PreparedRun
 from flexcam.analysis.resources import ResourceEstimate, format_size
 from flexcam.analysis.run_checks import describe_balance, describe_contact_loss
 from flexcam.analysis.run_metrics import SPRING_MARGIN, FigureOfMerit, Margins
+from flexcam.cams.lift_event import describe_height
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.core import FloatArray
@@ -106,7 +107,7 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
         ("supports", ", ".join(f"{point}: {' '.join(dofs)}" for point, dofs in model.supports.items()) or "none"),
         *((f"rocker {n}", f"{r.start} to {r.point}, ratio {r.ratio:g}, along {_vector(r.direction)}")
           for n, r in model.rockers.items()),
-        *((f"cam {n}", f"at {c.at}, lift {format_quantity('m', c.event.height)}"
+        *((f"cam {n}", f"at {c.at}, lift {describe_height(c.event)}"
            + (", behind a phaser" if c.phaser else "")) for n, c in model.cams.items()),
         *((f"contact {n}", _contact(model, c)) for n, c in model.contacts.items()),
         *((f"friction {n}", f"{format_quantity(_unit(f), f.force)} "
@@ -116,7 +117,7 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
         *([("gravity", f"{_vector(factor * np.array(model.gravity))} {unit}{omitted}")] if any(model.gravity) else []),
         ("speed", ready.case.speed_text),
         ("steps", f"{problem.steps} of {problem.step:.4g} s ({per_revolution:.6g} per revolution)"),
-        ("free motions", "; ".join(free) + " (contacts open)" if free else "none"),
+        ("free motions", "; ".join(free) + " (contacts open; shares of the kinetic energy)" if free else "none"),
         ("lowest frequencies", ", ".join(lowest) + " Hz (contacts open)" if lowest else "none"),
     ]  # fmt: skip
     if takes:
@@ -196,8 +197,10 @@ def _contact(model: Model, contact: valvetrain.Contact) -> str:
                 return f"{what} of {format_quantity('m', contact.gap)} {place}, {stiffness}"
             return f"hydraulic adjuster {place}, oil {stiffness}, leak {format_quantity('N s/m', contact.leak)}"
         case _:
-            what = "published load of " if isinstance(contact, valvetrain.PublishedLoad) else ""
-            return f"{what}{contact.cam} lifts {contact.follower} along {_vector(contact.direction)}"
+            what = f"{contact.cam} lifts"
+            if isinstance(contact, valvetrain.PublishedLoad):
+                what = f"force of the Tayeb-Sliman model, from cam {contact.cam}, acts on"
+            return f"{what} {contact.follower} along {_vector(contact.direction)}"
 
 
 def _link(model: Model, name: str) -> str:
@@ -250,8 +253,8 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
     other = comparison.names[1]
     deviation = f"{comparison.probe} deviates by up to {peak} of the range of the {other} motion (rms {rms})."
     angle, lift = comparison.peak_acceleration_deg % 360.0, 100.0 * comparison.peak_lift
-    there = f"At this angle the {other} motion is at {lift:.3g} % of its range."
-    words = [f"{deviation} Its peak acceleration is {ratio} times the {other} one, at cam {angle:.1f} deg. {there}"]
+    there = f"at cam {angle:.1f} deg, where the {other} motion has reached {lift:.3g} % of its range."
+    words = [f"{deviation} Its peak acceleration is {ratio} times the {other} one, {there}"]
     if mode_hz is not None:
         nearest = "The nearest mode that the cam force excites is at"
         speed, share = f"{mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} camshaft rpm", comparison.speed_rpm / (60.0 * mode_hz)
@@ -345,7 +348,9 @@ def merit_table(model: Model, figures: Sequence[FigureOfMerit], span: str) -> Ta
         many = count[fom.name] > _MAX_PARTS and len(kinds) > 1
         name = f"{fom.name}, {_part_kind(model, fom.metric)}" if many else fom.name
         name += " (model without friction)" if fom.name.startswith("mean drive ") and not rubs else ""
-        rows.setdefault(name, []).append((fom.value, value, fom.part))
+        name += " (negative: below the rigid lift)" if fom.metric.endswith(".valve_loft") else ""
+        part = f"{fom.metric.partition('.')[0].removesuffix('s')} {fom.part}" if fom.part else ""
+        rows.setdefault(name, []).append((fom.value, value, part))
     cells: list[tuple[str, str]] = []
     for name, parts in rows.items():
         text = _range_text(parts)
@@ -461,7 +466,7 @@ def limits_legend(found: Limits) -> str:
     """Return the explanation of the columns of the speed limits."""
     from flexcam.analysis.limits import SPACING
 
-    text = "A run has six revolutions; an event in any of the last five counts. "
+    text = "A run has six revolutions; an event counts if it occurs in any of the last five revolutions. "
     if any(_limit_range(limit, 1.0) for limit in found.limits.values()):
         text += "uncertainty: range of speeds in which the limit lies; wider if the event is absent at some speeds "
         text += "just above the limit or occurs at some speeds just below it. "

@@ -305,9 +305,9 @@ def make_plan(axes: Sequence[Axis], sampled: Sample | None = None, *, limit: int
     """Return a plan after checking the number of variants."""
     plan = Plan(tuple(axes), sampled)
     if sampled is None and (intervals := [axis for axis in axes if axis.interval]):
-        given, allowed, why = "an interval", "a range with a step, or a list", "a grid needs points"
-        remedy = "write start:stop:step; flexcam sweep can also sample it: --sample sobol:512"
-        raise InputError(Fault(axis.where, given, allowed, why, remedy) for axis in intervals)
+        given, allowed = "an interval", "a range with a step, or a list"
+        remedy = "add a step (1000:8000:500rpm), or let flexcam sweep choose points in it with --sample sobol:512"
+        raise InputError(Fault(axis.where, given, allowed, "", remedy) for axis in intervals)
     if not plan.varied_axes:
         given = " ".join(axis.where for axis in axes) or "no --set"
         raise refuse("sweep", given, "at least one key with several values", "nothing varies",

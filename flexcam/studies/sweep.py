@@ -180,7 +180,7 @@ def make_sweep(
     axes = _axes(file, settings, limit)
     method = sampled if sampled is not None else (defaults.sample if defaults else None) or GRID
     if seed is not None and method == GRID:
-        why, remedy = "every combination is run, and none is drawn", "add --sample, or leave it out"
+        why, remedy = "every combination is run, and none is drawn", "add --sample, or leave --seed out"
         raise refuse("--seed", seed, "--seed only with --sample", why, remedy)
     number = seed if seed is not None else defaults.seed if defaults else 0
     plan, _ = collect_errors(

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from flexcam.cams import CamProfile, FlatFollower, SwingFlatFollower, SwingRollerFollower, undercut
+from flexcam.cams.lift_event import describe_height
 from flexcam.cams.lift_table import MAX_LIFT
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse
@@ -337,7 +338,7 @@ def hertz_line(
         if np.isfinite(roller) and not undercut(cam_radius, follower).any():
             why = f"the profile has a hollow that is narrower than the roller, {place}"
         radius = f"{1e3 * follower.base_radius:g} mm"
-        allowed = f"a larger base circle for a lift of {1e3 * cam.event.height:.4g} mm"
+        allowed = f"a larger base circle for a lift of {describe_height(cam.event)}"
         remedy = "flexcam cam prints the minimum base-circle radius; a longer event also helps"
         if cam.event.height > MAX_LIFT:
             remedy = f"did you mean a lift of {cam.event.height:.3g} mm?"

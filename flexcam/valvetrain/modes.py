@@ -291,8 +291,8 @@ def describe_inactive(structure: Structure, dofs: ActiveDofs) -> list[str]:
     """Describe the inactive degrees of freedom of a structure."""
     texts: list[str] = []
     for group in dofs.inactive:
-        reason = "nothing holds or loads it" if group.free else "nothing loads it"
-        reason = "its loads are constant and in static equilibrium, so it does not move" if group.loaded else reason
+        reason = "not held and not loaded" if group.free else "not loaded"
+        reason = "constant loads in static equilibrium, no motion" if group.loaded else reason
         texts.append(f"{_place(structure, group.unknowns)}: {reason}")
     return [f"{text} ({texts.count(text)} times)" if texts.count(text) > 1 else text for text in dict.fromkeys(texts)]
 

@@ -152,7 +152,7 @@ def test_mac_is_undefined_without_moving_compared_node(flexcam):
     flexcam("new", "pushrod-engine")
     args = ("modes", "pushrod-engine.toml", "--count", "2", "--mac", "pushrod-engine.toml")
     assert flexcam(*args, "--json").json["mac"] == [[pytest.approx(1.0), None], [None, None]]
-    assert "-: the mode moves no such node" in flexcam(*args).out
+    assert "A dash: the mode moves none of the common nodes" in flexcam(*args).out
 
 
 def test_mac_reports_few_common_nodes(flexcam, column, tmp_path):

@@ -158,7 +158,7 @@ def test_name_option_sets_result_name(flexcam, tmp_path):
 
 
 def test_check_lists_published_load(flexcam, tayeb):
-    assert re.search(r"published load of intake\s+lifts tappet", flexcam("check", tayeb(3)).out)
+    assert re.search(r"Tayeb-Sliman model,\s+from\s+cam\s+intake,\s+acts\s+on\s+tappet", flexcam("check", tayeb(3)).out)
 
 
 def test_check_prints_installed_rate_of_coil_spring(flexcam, tmp_path):

@@ -13,4 +13,4 @@ LIBRARY_WORDS = (
 
 def is_at(where, key):
     """Return whether a fault is at a key or inside it; ``a.b (line 3): c`` is inside ``a.b`` as well."""
-    return re.sub(r" \(line \d+\)", "", where).replace(": ", ".").startswith(key)
+    return re.sub(r" \(line [^)]*\)", "", where).replace(": ", ".").startswith(key)

@@ -167,7 +167,7 @@ def test_fault_names_key_line_and_remedy(name, text, faults_of):
         "the message contains words of a library"
     )
     if name not in WITHOUT_LINE:
-        lines = [int(m[1]) for f in found if (m := re.search(r"\(line (\d+)\)", f.where))]
+        lines = [int(m[1]) for f in found if (m := re.search(r"\(line (\d+)", f.where))]
         assert lines, f"no line: {[f.where for f in found]}"
         assert not key or set(lines) & set(key_lines(bad, key)), f"lines {lines} are not those of {key}"
     if "did you mean" in said:

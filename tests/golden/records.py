@@ -142,7 +142,7 @@ def _flatten_list(values: list[object], path: str) -> Iterator[tuple[str, object
 def _flatten_words(values: list[str], path: str) -> Iterator[tuple[str, object]]:
     """Yield a list of words unchanged, places of invalid input without their lines, and the number of prose texts."""
     if path.endswith("/where"):
-        yield path, [re.sub(r" \(line \d+\)", "", value) for value in values]
+        yield path, [re.sub(r" \(line [^)]*\)", "", value) for value in values]
     elif values and all(WORD.fullmatch(value) for value in values):
         yield path, values
     else:

@@ -280,9 +280,12 @@ class AdjusterRecord(_GapRecord):
             why = "the retaining ring holds the plunger, not the rocker"
             raise value_error("from, to and direction", why, "give the plunger a node and a mass", inside="travel")
         if not self.column[1] > self.refill:
-            given = f"leak {self.column[1]:g} N s/m, refill {self.refill:g} N s/m"
-            why = "oil flows more easily through the check valve than past the plunger"
-            raise value_error("a resistance `leak` above the resistance `refill`", why, given=given)
+            given = f"leak {self.column[1]:.4g} N s/m, refill {self.refill:g} N s/m"
+            why, remedy = "oil flows more easily through the check valve than past the plunger", ""
+            if self.oil is not None and self.leak is None:
+                why += f"; `leak` follows from `oil`, here with a clearance of {1e3 * self.oil.clearance:g} mm"
+                remedy = "check oil.clearance"
+            raise value_error("a resistance `leak` above the resistance `refill`", why, remedy, given=given)
 
     @property
     def column(self) -> tuple[float, float]:
