@@ -348,7 +348,7 @@ def merit_table(model: Model, figures: Sequence[FigureOfMerit], span: str) -> Ta
         many = count[fom.name] > _MAX_PARTS and len(kinds) > 1
         name = f"{fom.name}, {_part_kind(model, fom.metric)}" if many else fom.name
         name += " (model without friction)" if fom.name.startswith("mean drive ") and not rubs else ""
-        name += " (negative: below the rigid lift)" if fom.metric.endswith(".valve_loft") else ""
+        name += " (above the rigid lift)" if fom.metric.endswith(".valve_loft") else ""
         part = f"{fom.metric.partition('.')[0].removesuffix('s')} {fom.part}" if fom.part else ""
         rows.setdefault(name, []).append((fom.value, value, part))
     cells: list[tuple[str, str]] = []
