@@ -139,7 +139,7 @@ class LiftEvent(Event):
         if total > math.tau + _SNAP:
             given = f"{math.degrees(total):g} deg in all"
             why = "the event repeats every revolution"
-            remedy = "shorten it; 2 deg of crank angle are 1 deg of cam angle"
+            remedy = "shorten it; if these are crank angles, halve them"
             if (longest := max(self.rise, self.dwell, self.fall)) > 2.0 * math.tau:  # degrees without a unit
                 remedy = f"a number without a unit is in rad: write '{longest:g} deg'"
             raise refuse("rise + dwell + return", given, "up to 360 deg of cam angle, ramps included", why, remedy)

@@ -270,7 +270,7 @@ def _make_law(name: str, parameters: Table) -> Law:
         table = f'{{ id = "{name}", {", ".join(f"{key} = {value}" for key, value in values.items())} }}'
         options = " ".join(f"--with {key}={value}" for key, value in values.items())
         remedy = f"write law = {table} in a case, or add {options} to flexcam law"
-        raise refuse(missing[0], "nothing", "a value", why, remedy)
+        raise refuse(missing[0], "nothing", "", why, remedy)
     parameters = _validate(record, parameters, f"a parameter of {name}", "law")
     return kind(**parameters)
 

@@ -193,6 +193,7 @@ def _path(error: ErrorDetails, raw: Mapping[str, Any]) -> Path:
 
 _SYNONYMS = {
     "rate": "stiffness", "preload": "installed_force", "clearance": "gap", "lash": "gap", "damping": "dissipation",
+    "step_size": "step", "time_step": "step", "rpm": "speed",
 }  # fmt: skip
 """Other words of engineers for keys."""
 

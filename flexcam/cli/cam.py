@@ -196,8 +196,8 @@ def _profile(facts: CamFacts, speed: float | None) -> list[tuple[str, str]]:
         minimum = "no radius meets the limits with this lift"
     elif facts.least_base_radius:
         flat, angle = isinstance(profile.follower, FlatFollower), f"{math.degrees(facts.allowed_pressure_angle):g} deg"
-        limits = "undercut" if flat else f"undercut, or pressure angle above {angle}"
-        minimum = f"below {format_quantity('m', facts.least_base_radius)}: {limits}"
+        limits = "undercut" if flat else f"undercut or a pressure angle above {angle}"
+        minimum = f"{limits} at radii below {format_quantity('m', facts.least_base_radius)}"
     hollow = "none" if peaks.hollow is None else f"{format_quantity('m', peaks.hollow.value)} {_at(peaks.hollow.at)}"
     convex = format_quantity("m", peaks.convex.value) if peaks.convex.value > 0.0 else "none: the profile is undercut"
     rows = [

@@ -55,8 +55,8 @@ def compare(
     count: Annotated[int | None, Parameter(
         group=_SPEEDS, help="Number of speeds, evenly spaced; 8 by default.")] = None,
     tolerance: Annotated[str | None, Parameter(
-        group=_SPEEDS, help="Two models count as equal if their minimum forces, and also their maximum forces, differ "
-        "by at most this fraction of the larger maximum; 5 % by default.")] = None,
+        group=_SPEEDS, help="Two models agree if both their minimum and their maximum forces differ by at most this "
+        "fraction of the larger of the two maximum forces; 5 % by default.")] = None,
     contact: Annotated[str | None, Parameter(group=_SPEEDS, help="Cam contact, if a case has several.")] = None,
     plot: Annotated[Path | None, Parameter(
         group=_SPEEDS, help="Also draw the forces over speed (.svg, .png or .pdf).")] = None,

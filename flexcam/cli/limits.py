@@ -59,8 +59,8 @@ def limits(
     low_pass: Annotated[str | None, Parameter(
         help="Also find contact loss in the cam force after a low-pass filter, such as 5kHz.")] = None,
     over: Annotated[str | None, Parameter(
-        "--over", group=_MAP, help="First parameter and its values: KEY=START:STOP:STEPunit, or another form "
-        "of flexcam sweep --set.")] = None,
+        "--over", group=_MAP, help="First parameter and its values: KEY=START:STOP:STEPunit, a list "
+        "(40,50,60kN/m) or a number of values (40:70#4kN/m).")] = None,
     beside: Annotated[str | None, Parameter("--and", group=_MAP, help="Second parameter and its values.")] = None,
     which: Annotated[list[Literal["loss_of_contact", "float", "bounce", "coil_clash", "buckling"]] | None, Parameter(
         "--limit", group=_MAP, help="Speed limit that the map shows; loss_of_contact by default. Repeatable.")] = None,
@@ -94,7 +94,7 @@ def limits(
     of_map = {"--over": over, "--and": beside, "--limit": which, "--csv": csv, "--plot": plot}
     if options := [name for name, value in of_map.items() if value is not None]:
         if over is None or beside is None:
-            given, why = " and ".join(options), "only for a map, which needs --over KEY=SPEC and --and KEY=SPEC"
+            given, why = " and ".join(options), "a map needs both --over and --and, each with KEY=START:STOP:STEPunit"
             raise refuse(given, "given alone", "", why, f"give both, or leave {given} out")
         if deviation is not None or cutoff is not None:
             text = "--lift-deviation or --low-pass with --over"

@@ -73,7 +73,7 @@ class FigureOptions:
         "the table of a sweep (.h5 or .csv).")]
     _: KW_ONLY
     what: Annotated[FigureKind | None, Parameter(
-        help="Kind of figure. Default: motion; if the file is the table of a sweep: sweep. svaj: lift and its "
+        help="Kind of figure; by default motion, or sweep for the table of a sweep. svaj: lift and its "
         "derivatives; orbits: journals in their oil films; waterfall: orders over speed; map: a channel over cam angle "
         "and speed; work-precision: error of simpler models against computing cost (unknowns times steps).")] = None
     probe: Annotated[str | None, Parameter(

@@ -82,8 +82,8 @@ def export(
     instants: Annotated[int | None, Parameter(
         help="csv: number of evenly spaced instants, interpolated between steps; vtm, glb: number of instants of the "
         "last revolution, by default 36 and 72.")] = None,
-    at: Annotated[str | None, Parameter(help="stl: cam angle, such as 90deg; by default full lift "
-        "of a result, 0 deg of a case.")] = None,
+    at: Annotated[str | None, Parameter(help="stl: cam angle, such as 90deg; by default full lift for "
+        "a result file, 0 deg for a case file.")] = None,
     macro: Annotated[bool, Parameter(
         "--paraview", help="pvd: also write NAME.paraview.py, which opens it in ParaView.")] = False,
     overwrite: cli.Overwrite = False, as_json: cli.Json = False,

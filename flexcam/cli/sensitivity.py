@@ -73,7 +73,7 @@ def sensitivity(
         raise refuse("--sobol", "--sobol and --tolerance", "one of them", "they are different studies")
     if (tolerances is not None) == (keys is not None):
         text = "both --to and --tolerance" if keys else "neither --to nor --tolerance"
-        raise refuse("sensitivity", text, "--to KEY, or --tolerance KEY=±SPEC")
+        raise refuse("sensitivity", text, "--to KEY, or --tolerance KEY=±2%")
     derivatives = tolerances is None and sobol is None
     cli.refuse_without("--tolerance", {"--count": count}, present=tolerances is not None)
     cli.refuse_without("--sobol or --tolerance", {"--seed": seed}, present=not derivatives)

@@ -253,8 +253,8 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
     other = comparison.names[1]
     deviation = f"{comparison.probe} deviates by up to {peak} of the range of the {other} motion (rms {rms})."
     angle, lift = comparison.peak_acceleration_deg % 360.0, 100.0 * comparison.peak_lift
-    there = f"at cam {angle:.1f} deg, where the {other} motion has reached {lift:.3g} % of its range."
-    words = [f"{deviation} Its peak acceleration is {ratio} times the {other} one, {there}"]
+    there = f"at cam {angle:.1f} deg, where the {other} motion is at {lift:.3g} % of its range."
+    words = [f"{deviation} Its peak acceleration is {ratio} times that of the {other} motion, {there}"]
     if mode_hz is not None:
         nearest = "The nearest mode that the cam force excites is at"
         speed, share = f"{mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} camshaft rpm", comparison.speed_rpm / (60.0 * mode_hz)

@@ -322,7 +322,8 @@ def hertz_line(
     where, given = f"contacts.{name}.{key}", "hertz" if key == "stiffness" else "a table"
     if cam.follower is None or cam.width is None:
         missing = [*(cam.missing if cam.follower is None else ()), *(["width"] if cam.width is None else [])]
-        hint = "or give a stiffness" if key == "stiffness" else "or leave lubrication out"
+        number = "or write the stiffness as a number, such as '200 MN/m'"
+        hint = number if key == "stiffness" else "or leave lubrication out"
         why, remedy = f"cams.{contact.cam} has no {' and no '.join(missing)}", f"add {' and '.join(missing)}, {hint}"
         raise refuse(where, given, "a cam with base_radius, follower and width", why, remedy)
     material = _cam_material(structure, cam)

@@ -79,7 +79,7 @@ REFUSED = {
     "a follower without a profile": (("cam", CAM, "--follower", "{}"), "applies only with --from-profile"),
     "no cam": (("cam",), "or --from-profile FILE"),
     "only cams": (("limits", CAM), "li-fb2.toml has only cams. Give a complete case"),
-    "a limit without a map": (("limits", ENGINE, "--limit", "float"), "--limit: only for a map, which needs --over"),
+    "a limit without a map": (("limits", ENGINE, "--limit", "float"), "--limit: a map needs both --over and --and"),
     "a misspelt result": (
         ("sensitivity", INLINE, "--of", "contacts.intake.force", "--to", STIFF),
         "--of: there is no result 'contacts.intake.force'. Did you mean 'contacts.intake.force.largest'",

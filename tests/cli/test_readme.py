@@ -96,8 +96,8 @@ def test_readme_contact_claims_match_measurements():
     took = {method: maker.time_at(settings, 1e-3) for method, settings in methods.items()}
     own = took["flexcam, `collocation`"]
     words = " ".join(README.split())
-    assert "to within 0.1 %, diffrax is faster than flexcam. CVODES takes the same time as flexcam" in words
-    assert "or up to 40 % more; Exudyn, MuJoCo and scipy take longer." in words
+    assert "accurate to 0.1 % in this benchmark, diffrax needs less time than flexcam. CVODES takes the same" in words
+    assert "time as flexcam or up to 40 % more; Exudyn, MuJoCo and scipy take longer." in words
     for method, time in took.items():
         if method.startswith("diffrax"):
             assert time < own

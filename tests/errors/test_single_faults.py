@@ -200,7 +200,7 @@ def test_hertz_contact_fault_names_missing_cam_keys(missing, text, substitute, f
         substitute(text, ('model = "published-load"', HERTZ), ("[cams.intake]", f"[cams.intake]\n{given}"))
     )
     assert fault.why == f"cams.intake has no {' and no '.join(missing)}"
-    assert fault.remedy == f"add {' and '.join(missing)}, or give a stiffness"
+    assert fault.remedy == f"add {' and '.join(missing)}, or write the stiffness as a number, such as '200 MN/m'"
 
 
 WITHOUT_LINE = {"neither mesh nor nodes", "no format", "no run"}
