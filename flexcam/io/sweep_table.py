@@ -104,7 +104,7 @@ def unknown_scalar_fault(name: str, known: Iterable[str], *, prefixes: bool = Tr
     begins = list(dict.fromkeys(".".join(part[:i]) for part in parts for i in range(1, len(part))))
     groups = list(dict.fromkeys(".".join(part[:2]) for part in parts))
     allowed = ", ".join(names if len(names) <= _MAX_LISTED else groups) or "(no run was completed)"
-    head = "a result under " if len(names) > _MAX_LISTED else ""
+    head = "a result of " if len(names) > _MAX_LISTED else ""
     group = ".".join(name.split(".")[:2])
     if head and group in groups:
         head, allowed = f"a result under {group}: ", ", ".join([item for item in names if item.startswith(f"{group}.")])

@@ -19,7 +19,7 @@ FAULTS = {
     "table": ("[masses]", "[mases]", "mases", "mases", "did you mean 'masses'"),
     "key at the top": ('title = "', 'titel = "', "titel", "titel", "did you mean 'title'"),
     "key of a material": ("density =", "densty =", "materials.steel.densty", "densty", "did you mean 'density'"),
-    "key of a section": ("{ shape = ", "{ diametr = 1, shape = ", "sections.shaft.diametr", "diametr", "did you mean 'diameter'"),
+    "key of a section": ("{ shape = ", "{ diametr = 1, shape = ", "sections.shaft.diametr", "diametr", "remove it"),
     "key of a member": ('camshaft = { nodes', 'camshaft = { element = 2, nodes', "members.camshaft.element", "element", "did you mean 'elements'"),
     "key of a mass": ('mass = "0.15 kg"', 'mass = "0.15 kg", ofset = 1', "masses.lobe.ofset", "ofset", "did you mean 'offset'"),
     "rate of a spring": ("stiffness =", "rate =", "springs.valve.rate", "rate", "did you mean 'stiffness'"),
