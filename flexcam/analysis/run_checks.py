@@ -16,7 +16,7 @@ import numpy as np
 
 from flexcam.analysis.histories import response_block
 from flexcam.analysis.preparation import PreparedRun
-from flexcam.analysis.run_metrics import RevolutionChange, describe_span
+from flexcam.analysis.run_metrics import RevolutionChange, has_whole_revolution
 from flexcam.cams import FlatFollower, Follower, RollerFollower, profile_at, undercut
 from flexcam.case.input_checks import check_model, check_values
 from flexcam.core import rounding_fraction
@@ -231,7 +231,7 @@ class RunMonitor:
 
 def check_run(ready: PreparedRun, monitor: RunMonitor, metrics: list[Metric], stats: Stats) -> list[str]:
     """Return warnings about a run."""
-    revolved = describe_span(ready, stats.steps) == "last revolution"
+    revolved = has_whole_revolution(ready, stats.steps)
     return [
         *check_input(ready),
         *describe_model_limits(ready),

@@ -104,10 +104,16 @@ def compute_metrics(ready: PreparedRun, response: Response, names: Sequence[str]
     return [metric for metric in metrics if not metric.name.startswith(("cams.", "supports.")) or changes(metric)]
 
 
+def has_whole_revolution(ready: PreparedRun, steps: int) -> bool:
+    """Return whether some steps of a run cover a revolution."""
+    return steps * ready.problem.step > ready.revolution * (1.0 - _ROUNDING)
+
+
 def describe_span(ready: PreparedRun, steps: int) -> str:
     """Return the part of a run that its metrics cover: ``last revolution``, or ``first 0.53 revolutions``."""
-    revolutions = steps * ready.problem.step / ready.revolution
-    return "last revolution" if revolutions > 1.0 - _ROUNDING else f"first {revolutions:.4g} revolutions"
+    if has_whole_revolution(ready, steps):
+        return "last revolution"
+    return f"first {steps * ready.problem.step / ready.revolution:.4g} revolutions"
 
 
 _WORDS = {

@@ -270,7 +270,7 @@ def _make_law(name: str, parameters: Table) -> Law:
         table = f'{{ id = "{name}", {", ".join(f"{key} = {value}" for key, value in values.items())} }}'
         options = " ".join(f"--with {key}={value}" for key, value in values.items())
         remedy = f"write law = {table} in a case, or add {options} to flexcam law"
-        raise refuse(missing[0], "nothing", "", why, remedy)
+        raise refuse(missing[0], "nothing", "a value", why, remedy)
     parameters = _validate(record, parameters, f"a parameter of {name}", "law")
     return kind(**parameters)
 
@@ -336,7 +336,8 @@ def _read_toml_table(path: Path, name: str, text: str | None, make: Callable[[Ta
         content = parse_toml(read_text(path) if text is None else text)
     except FileNotFoundError:
         near = suggest_name(path.name, [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else [])
-        raise refuse(str(path), "a missing file", "", "this file does not exist", near or "correct its path") from None
+        allowed = f"an existing file with a table [{name}]"
+        raise refuse(str(path), "a missing file", allowed, "", near or "correct its path") from None
     except (OSError, ValueError) as fault:
         allowed = f"a readable file with a table [{name}]"
         raise refuse(str(path), "no TOML document", allowed, system_message(fault)) from None

@@ -226,8 +226,8 @@ class CaseFile:
         """Return the checked case with overrides."""
         raw, places, file_faults = self.complete(overrides)
         if "cams" in raw and raw.keys() <= CamsRecord.model_fields.keys():
-            why, remedy = f"{self.path} has only cams", "give a complete case; flexcam cam reads a file of cams"
-            raise refuse("case file", str(self.path), "", why, remedy)
+            remedy = "give a complete case; flexcam cam reads a file of cams"
+            raise refuse("case file", str(self.path), "a complete case", "it has only cams", remedy)
         if mesh is None or "mesh" not in raw:
             mesh, mesh_faults = self._mesh(raw, places)
             file_faults += mesh_faults

@@ -205,7 +205,8 @@ def _unit_product(text: str, where: str, expected: Exponents) -> tuple[Decimal, 
         if match is None or unit is None:
             symbol = match[2] if match else text[position:]
             near = _similar_unit(text.strip(), symbol, expected)
-            hint = f"did you mean {near!r}?" if near else "write a power with ^, such as mm^3" * symbol[0].isdigit()
+            hint = "write a power with ^, such as mm^3" if symbol[0].isdigit() else ""
+            hint = f"did you mean {near!r}?" if near else hint
             hint = _FOREIGN.get(symbol, hint)
             examples = (kind.example.partition(" ")[2] for kind in DIMENSIONS.values() if kind.exponents == expected)
             example = next(filter(None, examples), "mm")

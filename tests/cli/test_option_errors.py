@@ -78,7 +78,7 @@ REFUSED = {
     "a cutter for a profile": (("cam", "--from-profile", "p.csv", "--cutter", "9 mm"), "which reads no case"),
     "a follower without a profile": (("cam", CAM, "--follower", "{}"), "applies only with --from-profile"),
     "no cam": (("cam",), "or --from-profile FILE"),
-    "only cams": (("limits", CAM), "li-fb2.toml has only cams. Give a complete case"),
+    "only cams": (("limits", CAM), "expected a complete case. It has only cams. Give a complete case"),
     "a limit without a map": (("limits", ENGINE, "--limit", "float"), "--limit: a map needs both --over and --and"),
     "a misspelt result": (
         ("sensitivity", INLINE, "--of", "contacts.intake.force", "--to", STIFF),

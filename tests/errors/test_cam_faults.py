@@ -74,7 +74,7 @@ FAULTS = {  # the cam, the key that must be reported, a part of `given`, a part 
     "parameter that is no number": (cam_text(LAW, 'law = { id = "cosine", coefficients = [nan] }'), "law", "nan", "coefficients"),
     "law that begins elsewhere": (cam_text(LAW, 'law = { id = "cosine", coefficients = [1, 2] }'), "law", "s(0) = 3", "from 0 to 1"),
     "law of the return": (cam_text(LAW, f'{LAW}\nreturn_law = "cycloid"'), "return_law", "'cycloid'", "did you mean 'cycloidal'"),
-    "no law file": (cam_text("3-4-5", "none.toml"), "law", "", "this file does not exist"),
+    "no law file": (cam_text("3-4-5", "none.toml"), "law", "a missing file", "correct its path"),
     "law file misspelt": (cam_text("3-4-5", "splitt.toml"), "law", "", "did you mean 'split.toml'"),
     "angle below zero of a swinging follower": (cam_text("6 mm", "-6 deg", ROLLER, SWING.format('radius = "9 mm"')), "lift", "-6 deg", "an angle"),
     "decimal commas": (cam_with_lift_table('"comma.csv"'), "lift_table", "cam_deg, lift_mm", "use decimal points"),

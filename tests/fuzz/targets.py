@@ -44,10 +44,8 @@ class BrokenError(AssertionError):
 
 
 def check_refusal(refusal: InputError) -> str:
-    """Return ``refused`` if all faults have a place and a given value, and say what is allowed, or why and what to do."""
-    faults = refusal.faults
-    said = (f.where and f.given and (f.allowed or (f.why and f.remedy)) for f in faults)
-    if not faults or not all(said):
+    """Return ``refused`` if all faults have a place, a given value and an allowed value."""
+    if not refusal.faults or not all(fault.where and fault.given and fault.allowed for fault in refusal.faults):
         raise BrokenError(f"an empty refusal: {refusal}")
     return "refused"
 
