@@ -20,8 +20,8 @@ from tests.planted.anchors import AnchorError, Edit, Fault, Package
 
 ROOT = Path(__file__).resolve().parents[2]
 COPIED = (
-    "flexcam", "tests", "docs", "meshes", "cases", "examples", "benchmarks", "pyproject.toml", "Makefile",
-    "CITATION.cff", ".pre-commit-config.yaml", *(page.name for page in ROOT.glob("*.md")),
+    "flexcam", "tests", "docs", "meshes", "cases", "examples", "benchmarks", "pyproject.toml", "hatch_build.py",
+    "Makefile", "CITATION.cff", ".pre-commit-config.yaml", *(page.name for page in ROOT.glob("*.md")),
 )  # fmt: skip
 """Files and folders that the tests need."""
 WORKERS = os.cpu_count() or 1
