@@ -1,7 +1,5 @@
 """A restart continues at the cam angle of the result, for any new speed."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

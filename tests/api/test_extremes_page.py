@@ -1,7 +1,5 @@
 """The page of extremes is generated from its CSV file, whose rows match the tests that record them."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Modules loaded by ``import flexcam``, by small objects and by commands."""
 
-from __future__ import annotations
-
 import resource
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Events with a return that differs from the rise, with one dwell or in any phase, and invalid events."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 
@@ -176,8 +174,7 @@ def test_full_revolution_is_valid():
 
 
 @pytest.mark.parametrize(
-    ("changes", "where"),
-    [({"phase": math.nan}, "phase"), ({"phase": math.inf}, "phase"), ({"dwell": -0.1}, "dwell")],
+    ("changes", "where"), [({"phase": math.nan}, "phase"), ({"phase": math.inf}, "phase"), ({"dwell": -0.1}, "dwell")]
 )
 def test_invalid_phase_or_dwell_raises_error(changes, where):
     with pytest.raises(InputError, match=f"^{where}:"):

@@ -1,7 +1,5 @@
 """Lift events: periodicity, phase, dwells, and one-sided values at jumps."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Laws reversed about their middle."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -3,8 +3,6 @@
 R. L. Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 3 and 4.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Minimax laws: optimality by independent methods, bounds and conditions, and infeasible problems."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

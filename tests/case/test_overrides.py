@@ -1,7 +1,5 @@
 """Overrides of a case as Python values."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

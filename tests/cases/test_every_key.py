@@ -1,7 +1,5 @@
 """All keys of the case format are in a case that runs."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

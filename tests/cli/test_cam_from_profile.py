@@ -1,7 +1,5 @@
 """cam --from-profile: the lift from profile points, bridged hollows and unreadable files."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The command campbell: natural frequencies over speed, and orders of the response."""
 
-from __future__ import annotations
-
 import math
 import sys
 from pathlib import Path

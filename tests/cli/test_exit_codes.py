@@ -1,7 +1,5 @@
 """Exit codes 3, 130, 143 and 70: a failed run, a stopped run, and an internal error of flexcam."""
 
-from __future__ import annotations
-
 import json
 import re
 import signal

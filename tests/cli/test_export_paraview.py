@@ -1,7 +1,5 @@
 """`flexcam export --paraview` writes the collection and its macro, or neither of them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """flexcam plot: content of figures of results and cases, refusals and appearance."""
 
-from __future__ import annotations
-
 import shutil
 import xml.etree.ElementTree as ET  # the files are our own
 from pathlib import Path

@@ -1,7 +1,5 @@
 """flexcam plot: the values of its curves, markers and maps."""
 
-from __future__ import annotations
-
 import math
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """flexcam report: complete, failed and several results; without the case file; malicious strings; refusals."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

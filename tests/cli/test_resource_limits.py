@@ -1,7 +1,5 @@
 """Runs that are too large are refused, and runs beyond the time limit end with a partial result."""
 
-from __future__ import annotations
-
 import itertools
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Warnings of a run: contact loss, bounce, coil clash and buckling, with location and value."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace
@@ -299,10 +297,7 @@ COIL_SPRING += "coils = [{ turns = 6, diameter = 28e-3, pitch = 8e-3 }] }"
         (COIL_SPRING, "mm more travel; give its coils more turns or pitch"),
         ("contacts.lash.gap=0.6mm", "the lash of 0.375 mm at the follower exceeds the ramp height of 0.3 mm"),
         ("contacts.lash.gap=0.2m", "the lash of 125 mm at the follower exceeds the lift of 6.3 mm"),
-        (
-            'supports.drive=["ux", "uy", "uz"]',
-            "cams.intake: nothing drives the shaft, and contact forces turn it",
-        ),
+        ('supports.drive=["ux", "uy", "uz"]', "cams.intake: nothing drives the shaft, and contact forces turn it"),
         ("supports={}", "nothing holds the shaft, and contact forces push it away; add supports: bearings of the"),
         ("run.crank_speed=4000", "4000 rad/s is unusual"),
         ("run.speed=2500rpm", "run.speed is the speed of the camshaft; the crankshaft turns at 5000 rpm"),

@@ -1,7 +1,5 @@
 """`flexcam selftest`: checks, failed checks and missing extras."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 

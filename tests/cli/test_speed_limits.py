@@ -1,7 +1,5 @@
 """The command limits: speeds of contact loss, bounce, coil clash and buckling."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Commands of design studies: sensitivity, optimize and maps of limits; closed forms on the published model."""
 
-from __future__ import annotations
-
 import csv
 import math
 import multiprocessing

@@ -1,7 +1,5 @@
 """flexcam sweep: tables, journal, signals, and resuming after a crash."""
 
-from __future__ import annotations
-
 import json
 import random
 import signal

@@ -5,8 +5,6 @@ top). Measured distances: 0 between Mesa's EGL and GLX, 0 after softening by res
 brightness; 14 and more for cam angles 30 deg apart, 60 and more for another case. The limit is 8 bits.
 """
 
-from __future__ import annotations
-
 import base64
 import io
 import json

@@ -1,7 +1,5 @@
 """Triplets, factorization and null space, against dense numpy, on both sides of the dense limit, in any unit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -3,8 +3,6 @@
 The reference is DOP853 at 1e-12.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -95,8 +93,7 @@ def test_order_with_nonlinear_law(pair, run, laws, local_force, fitted_order, sc
 def rotating_vector(order_sign=1.0):
     """Return g(angle) = cos e0 + sin e1, with its derivatives by the angle."""
     return AngleVector(
-        order_sign * np.eye(2),
-        (lambda a, n: np.cos(a + n * np.pi / 2), lambda a, n: np.sin(a + n * np.pi / 2)),
+        order_sign * np.eye(2), (lambda a, n: np.cos(a + n * np.pi / 2), lambda a, n: np.sin(a + n * np.pi / 2))
     )
 
 

@@ -1,7 +1,5 @@
 """Encodings and special characters in case files: byte order marks, decimal commas, control characters, Unicode."""
 
-from __future__ import annotations
-
 import pytest
 from matplotlib.figure import Figure
 

@@ -1,7 +1,5 @@
 """Warnings about implausible but possible input; valid cases give no warnings."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Faults of Gmsh files name the numbers of nodes, elements and groups in the file."""
 
-from __future__ import annotations
-
 import struct
 import time
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Error messages: format versions, name suggestions, and no Python terms."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

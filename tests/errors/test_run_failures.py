@@ -1,7 +1,5 @@
 """Failed runs report cause, time and remedy and return the finished part; singular models are refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Faults of sweeps: all in one report, before any run, with the option that caused them."""
 
-from __future__ import annotations
-
 import time
 
 import pytest

@@ -1,7 +1,5 @@
 """Errors of the operating system while a result is written: message, exit code and remaining files."""
 
-from __future__ import annotations
-
 import os
 import re
 import resource

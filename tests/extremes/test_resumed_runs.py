@@ -3,8 +3,6 @@
 The tests cover all engines, methods and models of a case, so that a missing part of the checkpoint is detected.
 """
 
-from __future__ import annotations
-
 import functools
 import zlib
 from dataclasses import replace

@@ -3,8 +3,6 @@
 A rotation on the wrong side of the element matrices shows only in skew axes: hence random rotations.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -150,11 +148,7 @@ def test_arguments_are_unchanged(frame, readonly):
     force = readonly(np.ones(len(body.beams)))
     for name in ("length", "triads", "EA", "rho_A", "phi_y", "lumped"):
         getattr(body.beams, name).setflags(write=False)
-    M, K, G = (
-        mass(body.beams, body.dofs),
-        stiffness(body.beams, body.dofs),
-        geometric(body.beams, force, body.dofs),
-    )
+    M, K, G = (mass(body.beams, body.dofs), stiffness(body.beams, body.dofs), geometric(body.beams, force, body.dofs))
     for part in (M, K, G):
         part.values.setflags(write=False)
     before = M.values.copy(), K.values.copy()

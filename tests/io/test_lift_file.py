@@ -1,7 +1,5 @@
 """Lift tables as text: separators, headers and given options; laws and lifts as TOML."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Exact round trip of the case with all options, its damping and all numbers of the run."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

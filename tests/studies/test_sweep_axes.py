@@ -1,7 +1,5 @@
 """Axes and plans of sweeps: parsed text and resulting values."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from decimal import Decimal
 

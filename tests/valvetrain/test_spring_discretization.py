@@ -1,7 +1,5 @@
 """Number of parts of springs with mass: rule against closed forms, user-defined numbers, and discretization error."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

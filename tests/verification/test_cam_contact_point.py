@@ -8,8 +8,6 @@ roller centre. F. Y. Chen, Mechanics and Design of Cam Mechanisms (1982), ch. 4 
 Mechanics (1985), sec. 4.2 (line contact); S. P. Timoshenko, Strength of Materials I (1955) for shafts and beams.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -8,8 +8,6 @@
 - A rigid follower leaves its cam if its deceleration exceeds the spring force over the mass.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -293,13 +293,7 @@ def test_restart_continues_at_same_angle(case, tmp_path, lines):
     assert begins == pytest.approx(end, abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    "lines",
-    [
-        FLUCTUATION_KEY,
-        FREE_RUNNING_KEY,
-    ],
-)
+@pytest.mark.parametrize("lines", [FLUCTUATION_KEY, FREE_RUNNING_KEY])
 def test_restart_at_another_speed_continues_at_same_angle(case, tmp_path, lines):
     end, begins = restart_angles(case, tmp_path, lines, speed=1100)
     assert begins == pytest.approx(end, abs=1e-9)

@@ -126,12 +126,7 @@ def impact_oscillator(w, e, phase=0.0):
     one, row = Triplets.from_dense([[1.0]]), np.array([1.0])
     push = Load("drive", np.ones(1), lambda motion: np.cos(motion.angle + phase))
     seat = LocalForce(
-        "seat",
-        (AngleVector.constant(-row),),
-        (AngleVector.constant(row),),
-        elastic_stop(1e9),
-        (constant(0.0),),
-        e,
+        "seat", (AngleVector.constant(-row),), (AngleVector.constant(row),), elastic_stop(1e9), (constant(0.0),), e
     )
     return System(one, Triplets.zeros(1), one, ("x",), (push,), (seat,))
 

@@ -6,8 +6,6 @@ finger follower is along the path a1 phi of the contact. R. L. Norton, Cam Desig
 (2009), ch. 8 and 17 (lever ratios, equivalent systems).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

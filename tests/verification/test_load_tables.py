@@ -5,8 +5,6 @@ up to t1, and x = r/k (t1 - (sin(w t) - sin(w (t - t1)))/w) after it (R. W. Clou
 Structures, 3rd ed., ch. 6, Duhamel's integral).
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

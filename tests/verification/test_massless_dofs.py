@@ -5,8 +5,6 @@ Two masses on springs k to ground and to a massless joint between them under the
 joint would keep an alternating error of the start, and its acceleration an increasing one.
 """
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

@@ -3,8 +3,6 @@
 A rigid body moves its points by ``u + theta x r`` (H. Goldstein, Classical Mechanics, 3rd ed., sec. 4.8, small angles).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

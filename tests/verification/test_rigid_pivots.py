@@ -6,8 +6,6 @@ displacement p and a valve displacement t = s L/a - p (L/a - 1), the energy of t
 (2009), ch. 17).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -5,8 +5,6 @@ height has the modal force 2 F/pi. Coulomb friction reduces the modal amplitude 
 Den Hartog, Mechanical Vibrations, 4th ed., sec. 8.2), here 16 F/(pi^3 k).
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -5,8 +5,6 @@ the maximum shear stress K_W 8 F D/(pi d^3) with Wahl's factor. A. M. Wahl, Mech
 conical spring has k = G d^4/(2 n (D1 + D2) (D1^2 + D2^2)).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
