@@ -42,14 +42,6 @@ def test_return_uses_rise_law_by_default():
     np.testing.assert_array_equal(event(fall_law=None)(grid, 2), event(fall_law=LAWS["3-4-5"])(grid, 2))
 
 
-def test_acceleration_scales_with_inverse_square_of_angle():
-    """Same law up in 1.0 and down in 1.6 rad: peaks as the squares of the angles."""
-    one = event(fall_law=None)
-    up = one(PHASE + np.linspace(0, RISE, 2001), 2)
-    down = one(PHASE + RISE + DWELL + np.linspace(0, FALL, 2001), 2)
-    assert np.abs(up).max() / np.abs(down).max() == pytest.approx((FALL / RISE) ** 2, rel=1e-6)
-
-
 @settings(max_examples=40, deadline=None)
 @given(st.floats(-50.0, 50.0), st.floats(-10.0, 10.0), st.integers(0, 3))
 def test_phase_shifts_event(phase, angle, order):

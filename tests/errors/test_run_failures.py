@@ -125,32 +125,6 @@ def test_singular_tangent_gives_failure_status():
     assert_finite_with_remedy(response)
 
 
-class InterruptSink:
-    """Sink that raises KeyboardInterrupt at its second block."""
-
-    def __init__(self):
-        self.blocks, self.status = 0, None
-
-    def write(self, block):
-        self.blocks += 1
-        if self.blocks == 2:
-            raise KeyboardInterrupt
-
-    def close(self, status, stats):
-        self.status = status
-
-
-def test_interrupt_returns_finished_steps():
-    sink = InterruptSink()
-    response = solve(
-        Problem(mass_chain(3), DRIVE, STEP, 500, initial_state(3)), newmark(), save=SaveAt(10, 5), sinks=[sink]
-    )
-    assert response.status.cause is Cause.INTERRUPTED
-    assert sink.status is response.status
-    assert len(response.time) >= 50
-    assert_finite_with_remedy(response)
-
-
 def test_nearly_coincident_nodes_give_status_rounding():
     """An element of 30 nm next to one of 55 mm: the stiffnesses differ by 18 decades."""
     case = Path(__file__).parents[2] / "cases/direct-acting/bucket.toml"

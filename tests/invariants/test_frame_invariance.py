@@ -128,8 +128,7 @@ def test_matrices_are_symmetric_and_positive(frame, theory):
     assert np.abs(G - G.T).max() <= 1e-14 * np.abs(G).max()
 
 
-@pytest.mark.parametrize("length", [1e-6, 1e6])
-@pytest.mark.parametrize("weight", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize(("length", "weight"), [(1e-6, 1e6), (1e6, 1e-6)])
 def test_results_scale_with_units(frame, theory, length, weight):
     """Lengths in um or Mm and masses in mg or kt (E and rho follow): equal frequencies, scaled displacements."""
     unit = Material(207e9 * weight / length, 0.29, 7800.0 * weight / length**3)
