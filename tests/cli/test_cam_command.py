@@ -134,13 +134,6 @@ def test_check_warns_of_contact_at_face_edge(tmp_path, face, warns):
     assert any("crosses the edge" in warning for warning in check_input(ready)) == warns
 
 
-def test_maxima_of_cycloidal_cam(run_cam):
-    """6 mm in half a turn: 2 h/b, 2 pi h/b^2 and 4 pi^2 h/b^3."""
-    cam = first_cam(run_cam, "model-2-cycloidal")
-    closed = [2 * 0.006 / math.pi, 2 * 0.006 / math.pi, 4 * 0.006 / math.pi]
-    assert [cam[key] for key in ("velocity", "acceleration", "jerk")] == pytest.approx(closed, rel=1e-10)
-
-
 @pytest.mark.parametrize("model", [1, 2, 3])
 def test_valve_events_with_rocker(model, run_cam):
     """The valve moves 1.6 times the cam lift 3 mm (1 - cos theta)."""
@@ -268,23 +261,6 @@ def test_cam_card_of_four_cylinder_camshaft(run_cam):
     assert sorted(after) == [*["110.00 deg ATDC"] * 4, *["110.00 deg BTDC"] * 4]
     pairs = {row.partition("   ")[0] for row in rows if " and exhaust" in row}
     assert pairs == {f"intake-{i} and exhaust-{i}" for i in range(1, 5)}
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (
-            ["--set", "cams.intake.phase=10deg", "--set", "cams.intake.centreline=1rad"],
-            "one of phase, centreline, timing",
-        ),
-        (["--checking-lift", "0 mm"], "--checking-lift"),
-    ],
-)
-def test_invalid_cam_card_options_are_refused(run_cam, tmp_path, words, said):
-    (tmp_path / "card.toml").write_text(CYLINDER)
-    done = run_cam("card.toml", *words)
-    assert (done.code, done.out) == (2, "")
-    assert said in done.err
 
 
 def fb2_profile(base, count=720):
@@ -423,6 +399,7 @@ REFUSED = {  # argument, location, given value, part of the message
     "--pressure-angle=90 deg": ("--pressure-angle", "90 deg", "below 90 deg"),
     "--pressure-angle=0": ("--pressure-angle", "0", "above zero"),
     "--cutter=40": ("--cutter", "40", "write '40 mm'"),
+    "--checking-lift=0 mm": ("--checking-lift", "0 mm", "above zero"),
     "--cam=exhuast": ("--cam", "exhuast", "did you mean 'exhaust'"),
     "--points=11": ("--points", "11", "from 12"),
     "--set=cams.exhaust.lft=7 mm": ("cams.exhaust.lft", "lft", "did you mean 'lift'"),
@@ -438,11 +415,9 @@ def test_cam_refuses_invalid_options(words, run_cam):
     done = run_cam("li-fb2", words, "--json")
     assert (done.code, done.err) == (2, "")
     (fault,) = done.json["errors"]
-    assert (where in fault["where"], given in fault["given"], expected in " ".join(fault.values())) == (
-        True,
-        True,
-        True,
-    )
+    assert where in fault["where"]
+    assert given in fault["given"]
+    assert expected in " ".join(fault.values())
 
 
 def test_lash_delays_valve_events(run_cam, tmp_path):

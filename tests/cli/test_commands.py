@@ -109,12 +109,6 @@ def test_run_json_describes_written_result(flexcam, case, tmp_path):
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["case.vtkhdf"]
 
 
-def test_modes_prints_published_frequency(flexcam, case):
-    found = flexcam("modes", "case.toml", "--count", "4", "--json").json
-    assert len(found["frequencies_hz"]) == 4
-    assert found["frequencies_hz"][1] == pytest.approx(67.114, rel=1e-4)  # the digits of the published value
-
-
 def test_compare_at_published_speed(flexcam, case):
     """The digits of the published table at 3000 rpm, SHM, for published model 1."""
     finer = ("--set", "run.revolutions=2", "--set", "run.steps_per_revolution=3600")
@@ -137,12 +131,6 @@ def test_override_sets_speed_of_case(words, flexcam, case):
     found = flexcam("check", "case.toml", *words, "--json").json
     assert found["case"]["run"]["speed"] == pytest.approx(4000.0 * math.pi / 30.0, rel=1e-15)
     assert found["step_s"] == pytest.approx(60.0 / 4000.0 / 720.0, rel=1e-12)
-
-
-def test_override_changes_result(flexcam, case):
-    slow, fast = (flexcam("compare", "case.toml", "--json", "--set", f"run.speed={n}rpm").json for n in (1000, 4000))
-    assert (slow["speed_rpm"], fast["speed_rpm"]) == (pytest.approx(1000.0), pytest.approx(4000.0))
-    assert fast["peak_deviation"] > 3.0 * slow["peak_deviation"]
 
 
 def test_crank_speed_is_twice_camshaft_speed(flexcam, case):
