@@ -26,9 +26,9 @@ VARIANTS = {
 }
 
 
-@pytest.mark.parametrize("way", mostly_slow(VARIANTS, 2))
-def test_case_with_all_keys_runs(way):
-    path, overrides = VARIANTS[way]
+@pytest.mark.parametrize("variant", mostly_slow(VARIANTS, 2))
+def test_case_with_all_keys_runs(variant):
+    path, overrides = VARIANTS[variant]
     assert run(read_case(path, overrides)).status.ok
 
 

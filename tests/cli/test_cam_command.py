@@ -113,17 +113,17 @@ def test_crowned_face_on_tapered_lobe(run_cam):
     assert "the contact is -2.6" in " ".join(run_cam(*words).out.split())
 
 
-@pytest.mark.parametrize(("face", "said"), [
+@pytest.mark.parametrize(("face", "message"), [
     ('crown_radius = "1.2 m", taper = "0.3 deg"', "6.28 mm from its middle"),  # 6 mm is half the width
     ('crown_radius = "1.2 m", taper = "0.3 deg", axial_offset = "-1 mm"', "7.28 mm from its middle"),
     ('taper = "0.1 deg"', "at the edge of the lobe"),
     ('crown_radius = "1 m"', ""),
 ])  # fmt: skip
-def test_check_warns_of_contact_outside_lobe(tmp_path, face, said):
+def test_check_warns_of_contact_outside_lobe(tmp_path, face, message):
     (path,) = new_case("direct-acting", tmp_path / "case.toml")
     ready = prepare(read_case(path, [f'cams.intake.follower={{ type = "flat", {face} }}', "cams.intake.width=12 mm"]))
     warned = [warning for warning in check_input(ready) if "edge contact" in warning]
-    assert (len(warned), said in "".join(warned)) == (bool(said), True)
+    assert (len(warned), message in "".join(warned)) == (bool(message), True)
 
 
 @pytest.mark.parametrize(("face", "warns"), [("28 mm", True), ("28.2 mm", False)])
@@ -300,13 +300,13 @@ def test_negative_lift_is_reported(run_cam, tmp_path):
     assert "never" not in output
 
 
-@pytest.mark.parametrize(("shift", "said"), [("0.003", "never"), ("0.02", "always")])
-def test_valve_that_never_opens_or_closes(run_cam, tmp_path, shift, said):
+@pytest.mark.parametrize(("shift", "message"), [("0.003", "never"), ("0.02", "always")])
+def test_valve_that_never_opens_or_closes(run_cam, tmp_path, shift, message):
     lift = f"format = 1\n[lift]\nmean = {shift}\ncosine = [-0.0001]\nsine = [0.0]\n".replace("0.003", "0.0001")
     (tmp_path / "c.toml").write_text(lift)
     (tmp_path / "cam.toml").write_text('format = 1\n[cams.c]\nlift_table = "c.toml"\n')
     rows = [row for row in run_cam("cam.toml").out.splitlines() if row.startswith("valve open")]
-    assert [row.split()[-1] for row in rows] == [said, said]
+    assert [row.split()[-1] for row in rows] == [message, message]
 
 
 def test_profile_files(run_cam, tmp_path):

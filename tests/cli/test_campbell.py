@@ -161,7 +161,7 @@ def test_table_of_response_orders(flexcam):
 
 
 @pytest.mark.parametrize(
-    "told",
+    "words",
     [
         ("campbell", "--orders", "0:3"), ("campbell", "--orders", "3:1"), ("campbell", "--orders", "one"),
         ("campbell", "--modes", "0"), ("campbell", "--contact", "nosuch"), ("campbell", "--count", "1"),
@@ -175,8 +175,8 @@ def test_table_of_response_orders(flexcam):
         ),
     ],
 )  # fmt: skip
-def test_campbell_refuses_invalid_options(flexcam, told):
-    done = flexcam(told[0], PUBLISHED, *QUICK, *told[1:])
+def test_campbell_refuses_invalid_options(flexcam, words):
+    done = flexcam(words[0], PUBLISHED, *QUICK, *words[1:])
     assert done.code == 2
     assert "expected" in done.err
 
@@ -189,7 +189,7 @@ def test_campbell_does_not_overwrite_csv(flexcam, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("steps", "said"),
+    ("steps", "message"),
     [
         (("run.steps_per_revolution=20",),
          ("run.steps_per_revolution (--set", "got 20,", "49 or more for 24 orders", "Use more steps, or ask for 9")),
@@ -199,14 +199,14 @@ def test_campbell_does_not_overwrite_csv(flexcam, tmp_path):
          ("orders: got 24 of a last revolution of 20 steps", "up to 9", "Use 49 steps per revolution")),
     ],
 )  # fmt: skip
-def test_too_few_steps_for_orders_are_refused(flexcam, steps, said):
+def test_too_few_steps_for_orders_are_refused(flexcam, steps, message):
     """The message names the key of the steps, before any run if the key determines their number."""
     orders = ("--orders", "1:60") if "0.001s" in steps[0] else ()
     overrides = [word for step in steps for word in ("--set", step)]
     args = ("--response", "--lowest", "500rpm", "--highest", "1000rpm", "--count", "2")
     done = flexcam("campbell", PUBLISHED, *args, *overrides, *orders)
     assert done.code == 2
-    for part in said:
+    for part in message:
         assert part in done.err
     assert "angle" not in done.err
 

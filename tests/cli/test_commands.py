@@ -76,7 +76,7 @@ def test_narrow_terminal_truncates_no_number(words, flexcam, case, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (("check",), "CASE (--case) is missing. See flexcam check --help."),
         (("synthesize", "law"), "MINIMIZE (--minimize) is missing. See flexcam synthesize law --help."),
@@ -85,10 +85,10 @@ def test_narrow_terminal_truncates_no_number(words, flexcam, case, monkeypatch):
         (("chek",), 'Did you mean "check"?'),
     ],
 )
-def test_invalid_command_line_is_refused_with_hint(flexcam, case, words, told):
+def test_invalid_command_line_is_refused_with_hint(flexcam, case, words, message):
     refused = flexcam(*words)
     assert refused.code == 2
-    assert told in refused.err
+    assert message in refused.err
 
 
 def test_info_and_run_print_same_number_of_unknowns(flexcam, tmp_path, tayeb):

@@ -55,18 +55,18 @@ def engine(tmp_path):
     return new_case("pushrod-engine", tmp_path / "engine.toml")[0]
 
 
-@pytest.mark.parametrize(("steps", "told"), [(400, True), (800, False)])
-def test_coarse_steps_recommend_collocation(engine, flexcam, steps, told):
+@pytest.mark.parametrize(("steps", "warned"), [(400, True), (800, False)])
+def test_coarse_steps_recommend_collocation(engine, flexcam, steps, warned):
     output = flexcam("run", engine, "--set", f"run.steps_per_revolution={steps}").out
-    assert ("With 800 steps, for example, flexcam uses collocation" in " ".join(output.split())) is told
+    assert ("With 800 steps, for example, flexcam uses collocation" in " ".join(output.split())) is warned
     assert "Newmark" not in flexcam("run", engine, "--set", "run.integrator={method='newmark'}", "--name", "other").out
 
 
-@pytest.mark.parametrize(("rpm", "told"), [(60_000, True), (5000, False)])
-def test_valve_that_does_not_close_causes_warning(engine, flexcam, rpm, told):
+@pytest.mark.parametrize(("rpm", "warned"), [(60_000, True), (5000, False)])
+def test_valve_that_does_not_close_causes_warning(engine, flexcam, rpm, warned):
     output = flexcam("run", engine, "--set", f"run.crank_speed={rpm}rpm").out
-    assert ("the valve does not close at 'seat'" in output) is told
-    assert ("seating velocity  " in output) is not told
+    assert ("the valve does not close at 'seat'" in output) is warned
+    assert ("seating velocity  " in output) is not warned
 
 
 def test_contact_description_states_contact_loss(engine):
@@ -177,15 +177,15 @@ def test_warning_names_cause_of_open_seat(overrides, cause, flexcam, tmp_path):
     assert cause in warning
 
 
-@pytest.mark.parametrize(("override", "told"), [
+@pytest.mark.parametrize(("override", "warned"), [
     ("run.revolutions=1", True), ("run.revolutions=2", False), ("fidelity.model=rigid", False),
 ])  # fmt: skip
-def test_short_run_warns_of_start_transient(override, told, flexcam, tmp_path):
+def test_short_run_warns_of_start_transient(override, warned, flexcam, tmp_path):
     """A rigid train follows the cam angle for any start."""
     new_case("lumped-train", tmp_path / "train.toml")
     quick = ("--set", "run.revolutions=1", "--set", "run.steps_per_revolution=360", "--set", override)
     out = flexcam("run", tmp_path / "train.toml", "-o", tmp_path, *quick).out
-    assert ("Fewer than two revolutions" in out) is told
+    assert ("Fewer than two revolutions" in out) is warned
 
 
 @pytest.mark.slow

@@ -154,7 +154,7 @@ def test_linear_response_has_logarithmic_derivative_of_one(flexcam, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("names", "fixed", "said"),
+    ("names", "fixed", "message"),
     [
         (("limits.loss_of_contact",), (), "A limit is the result of a search"),
         (("contacts.intake.open_on_the_lift",), (), "It counts events or instants"),
@@ -163,11 +163,11 @@ def test_linear_response_has_logarithmic_derivative_of_one(flexcam, tmp_path):
     ],
     ids=["limit", "count", "modes", "integrator"],
 )
-def test_exact_derivatives_refuse_unsupported_quantities(flexcam, names, fixed, said):
+def test_exact_derivatives_refuse_unsupported_quantities(flexcam, names, fixed, message):
     options = [word for name in names for word in ("--of", name)]
     done = flexcam("sensitivity", ENGINE, *options, "--to", "springs.valve.stiffness", "--method", "exact", *fixed)
     assert done.code == 2
-    assert said in done.err
+    assert message in done.err
     assert "Use --method differences" in done.err
 
 

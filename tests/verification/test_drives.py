@@ -448,7 +448,7 @@ def test_locked_phaser_is_equivalent_to_cam_phase():
 
 
 @pytest.mark.parametrize(
-    ("rows", "options", "said"),
+    ("rows", "options", "message"),
     [
         ('[["0 deg", "0 deg"], ["10 deg", "-60 deg"]]', (), "must keep turning"),
         ('[[0, 0], ["900 deg", 0], ["901 deg", "-60 deg"], ["2000 deg", 0]]', (), "keep turning"),
@@ -460,8 +460,8 @@ def test_locked_phaser_is_equivalent_to_cam_phase():
          "phasers.intake turns it"),
     ],
 )  # fmt: skip
-def test_invalid_phasers_raise_error(rows, options, said):
-    with pytest.raises(InputError, match=said):
+def test_invalid_phasers_raise_error(rows, options, message):
+    with pytest.raises(InputError, match=message):
         prepare(read_case(INLINE, (f'phasers.intake={{ cams = ["intake"], shift = {rows} }}', *options)))
 
 

@@ -282,7 +282,7 @@ def test_journal_position_of_case_matches_ocvirk(tmp_path, overrides, sense, spe
 
 
 @pytest.mark.parametrize(
-    ("override", "told"),
+    ("override", "message"),
     [
         ("bearings.left.stiffness=1e8", "either stiffness or film"),
         ('bearings.left={ at = "left" }', "either stiffness or film"),
@@ -291,8 +291,8 @@ def test_journal_position_of_case_matches_ocvirk(tmp_path, overrides, sense, spe
         (f'bearings.left={{ at = "apart", {FILM} }}', "a node of a member with a cam"),
     ],
 )
-def test_invalid_bearings_raise_error(tmp_path, override, told):
-    with pytest.raises(InputError, match=told):
+def test_invalid_bearings_raise_error(tmp_path, override, message):
+    with pytest.raises(InputError, match=message):
         flexcam.run(read_shaft_case(tmp_path, override))
 
 
