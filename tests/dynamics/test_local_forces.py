@@ -18,7 +18,7 @@ from flexcam.dynamics import (
 from tests.integrators import WITH_CONTACTS
 from tests.thinning import mostly_slow
 
-STEPS = np.array([200, 400])
+STEPS = np.array([300, 600])
 ROW, SPRING, DAMPER = np.array([1.0, -1.0]), 400.0, 6.0
 K = np.array([[30.0, -12.0], [-12.0, 20.0]])
 C = np.array([[0.4, -0.1], [-0.1, 0.3]])
