@@ -74,6 +74,7 @@ FAULTS = {
     "play without a direction": ([('to = "stem"\ndirection = "uy"', 'to = "stem"')], "contacts.play", "", "direction"),
     "play with an unknown direction": ([('to = "stem"\ndirection = "uy"', 'to = "stem"\ndirection = "uyy"')], "contacts.play.direction", "'uyy'", "Did you mean 'uy'"),
     "play about an axis": ([('to = "stem"\ndirection = "uy"', 'to = "stem-end"\ndirection = "rz"')], "contacts.play.gap", "0.1 mm", "unit of angle"),
+    "gap negative": ([('gap = "0.1 mm"', 'gap = "-0.1 mm"')], "contacts.play.gap", "-0.1 mm", "zero or more"),
     "two plays at one rocker": ([("[contacts.tip]", ON_FINGER)], "contacts", "finger", ""),
     "play and adjuster at one rocker": ([("[contacts.tip]", OIL_ON_FINGER)], "contacts", "finger", ""),
     # adjusters
@@ -91,6 +92,7 @@ FAULTS = {
     # nonlinear springs
     "stiffness beside a table": ([(STEM, f"{STEM}\n{ROWS}")], "springs.stem", "force_table, stiffness = '40 kN/m'", "either force_table or a stiffness"),
     "table with a force that falls": ([(STEM, ROWS.replace('"900 N"', '"250 N"'))], "springs.stem.force_table", "250 N", "increasing travel and force"),
+    "table in one row": ([(STEM, "force_table = [[0, 0]]")], "springs.stem.force_table", "", "2"),
     "table that does not reach the installed force": ([(STEM, f'installed_force = "1 kN"\n{ROWS}')], "springs.stem.force_table", "", "covers the installed_force, 1000 N. Its forces reach from 0 to 900 N"),
     "table beside coils": ([(STEM, f"{ROWS}\n{UNEVEN}")], "springs.stem", "", "either force_table or coils"),
     "table of a spring that pulsates": ([(STEM, f"{ROWS}\npulsation = {{ order = 1, amplitude = 0.1 }}")], "springs.stem", "", "without pulsation"),
@@ -108,6 +110,7 @@ FAULTS = {
     # speed
     "fewer amplitudes than orders": ([('["3 %", 0.01]', '["3 %"]')], "run.fluctuation", "3 %", "as many amplitudes as orders"),
     "fewer phases than orders": ([('["30 deg", 0]', '["30 deg"]')], "run.fluctuation", "", "as many phases"),
+    "no orders": ([(SWING, "fluctuation = { orders = [], amplitudes = [] }")], "run.fluctuation.orders", "[]", "1"),
     "amplitudes that stop the shaft": ([('["3 %", 0.01]', '["60 %", 0.4]')], "run.fluctuation", "60 %", "below 1"),
     "two ways to turn": ([(SWING, f"{SWING}\n{FREE}")], "run", "", "one of fluctuation, free_running"),
     "free running with an unknown cam": ([(SWING, FREE.replace('"intake"', '"intak"'))], "run.free_running.cam", "'intak'", "Did you mean 'intake'"),
