@@ -8,8 +8,6 @@ and rows of the fixture `tried`, about bad input and injected faults, to ``build
 ``build/flexcam`` caches compiled code by a hash of its source, unless FLEXCAM_CACHE names another folder.
 """
 
-from __future__ import annotations
-
 import gc
 import json
 import math

@@ -1,7 +1,5 @@
 """Perturbation of problems by rounding."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 

@@ -1,7 +1,5 @@
 """Sinks for tests of `solve`."""
 
-from __future__ import annotations
-
 
 class Cut:
     """A sink that raises `KeyboardInterrupt` after a number of blocks."""

@@ -1,7 +1,5 @@
 """The default probe of a case is at a point that a cam moves, along its motion."""
 
-from __future__ import annotations
-
 import pytest
 
 from flexcam import prepare, read_case

@@ -1,7 +1,5 @@
 """Figures of merit of a run against closed forms: one mass on a spring under a harmonic cam, and energy balances."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Mapping of an initial state from the nodes of one mesh to those of another."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

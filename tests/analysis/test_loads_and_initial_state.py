@@ -2,8 +2,6 @@
 
 # ruff: noqa: E501 - lines of case files
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A massless beam with a body at an offset: two bending modes and one axial mode."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

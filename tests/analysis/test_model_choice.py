@@ -231,7 +231,7 @@ def error_estimate(size, total, unit="m"):
 
 
 @pytest.mark.parametrize(
-    ("one", "text"),
+    ("error", "text"),
     [
         (error_estimate(0.010431, 2e-5), "10.431 ± 0.020 mm"),
         (error_estimate(0.010431, 2.04e-3), "10.4 ± 2.0 mm"),
@@ -244,8 +244,8 @@ def error_estimate(size, total, unit="m"):
         (error_estimate(1e-16, 2e-20), "1e-13 ± 2e-17 mm"),
     ],
 )
-def test_format_with_error(one, text):
-    assert format_with_error(one) == text
+def test_format_with_error(error, text):
+    assert format_with_error(error) == text
 
 
 def test_total_error_is_sum():

@@ -1,7 +1,5 @@
 """Estimated against actual resources of a run, and available resources of the system."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

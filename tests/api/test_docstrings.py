@@ -1,7 +1,5 @@
 """Public functions and classes have annotations, no **kwargs, and docstrings whose parameters match the signature."""
 
-from __future__ import annotations
-
 import dataclasses
 import importlib
 import inspect

@@ -1,7 +1,5 @@
 """Docstrings, imports and documentation pages of the twelve packages agree with the import contract."""
 
-from __future__ import annotations
-
 import ast
 import re
 import tomllib

@@ -1,7 +1,5 @@
 """The performance page is generated from its measurements, also from a part of them."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 

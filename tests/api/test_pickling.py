@@ -1,7 +1,5 @@
 """Cases, models and responses can be copied and sent to other processes."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Representations of large objects are short."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import flexcam

@@ -1,7 +1,5 @@
 """Runs in threads and processes give the same results as single runs."""
 
-from __future__ import annotations
-
 import multiprocessing
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path

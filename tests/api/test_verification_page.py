@@ -110,7 +110,7 @@ def test_rows_of_skipped_tests_are_preserved(manual, stored_rows):
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({}, []),
         ({"computed": 7.0}, []),  # digits may differ between machines; the test itself checks the value
@@ -120,12 +120,12 @@ def test_rows_of_skipped_tests_are_preserved(manual, stored_rows):
         ({"reason": "a guess"}, ["changed"]),
     ],
 )
-def test_changed_rows_are_reported(manual, stored_rows, change, said):
+def test_changed_rows_are_reported(manual, stored_rows, change, message):
     rows = manual["rows"]
     counts = Counter(rows.function(row) for row in stored_rows)
     one = next(row for row in stored_rows if counts[rows.function(row)] == 1)
     found = rows.differences(stored_rows, [one | change])
-    assert [text.partition(":")[0] for text in found] == said
+    assert [text.partition(":")[0] for text in found] == message
 
 
 def test_rows_round_trip(manual, stored_rows, tmp_path):

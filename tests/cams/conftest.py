@@ -5,8 +5,6 @@ pivot of a swinging follower is at (distance, 0), its arm at an angle to the lin
 is 1.
 """
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Events with a return that differs from the rise, with one dwell or in any phase, and invalid events."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 
@@ -42,14 +40,6 @@ def test_rise_and_return_follow_their_laws(up, down, rise, fall, dwell, phase, o
 def test_return_uses_rise_law_by_default():
     grid = np.linspace(0.0, TURN, 721)
     np.testing.assert_array_equal(event(fall_law=None)(grid, 2), event(fall_law=LAWS["3-4-5"])(grid, 2))
-
-
-def test_acceleration_scales_with_inverse_square_of_angle():
-    """Same law up in 1.0 and down in 1.6 rad: peaks as the squares of the angles."""
-    one = event(fall_law=None)
-    up = one(PHASE + np.linspace(0, RISE, 2001), 2)
-    down = one(PHASE + RISE + DWELL + np.linspace(0, FALL, 2001), 2)
-    assert np.abs(up).max() / np.abs(down).max() == pytest.approx((FALL / RISE) ** 2, rel=1e-6)
 
 
 @settings(max_examples=40, deadline=None)
@@ -176,8 +166,7 @@ def test_full_revolution_is_valid():
 
 
 @pytest.mark.parametrize(
-    ("changes", "where"),
-    [({"phase": math.nan}, "phase"), ({"phase": math.inf}, "phase"), ({"dwell": -0.1}, "dwell")],
+    ("changes", "where"), [({"phase": math.nan}, "phase"), ({"phase": math.inf}, "phase"), ({"dwell": -0.1}, "dwell")]
 )
 def test_invalid_phase_or_dwell_raises_error(changes, where):
     with pytest.raises(InputError, match=f"^{where}:"):

@@ -1,7 +1,5 @@
 """B-spline laws: polynomials as splines, interpolation of points, and invalid arguments."""
 
-from __future__ import annotations
-
 import math
 from itertools import accumulate
 

@@ -1,7 +1,5 @@
 """Profile faults and the minimum base circle, for lifts whose limits have a closed form."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Cam profiles: points, normals and curvature against Fourier series, circles and closed forms."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Discontinuities at the joints of an event: exact size and side."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

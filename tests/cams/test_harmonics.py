@@ -1,7 +1,5 @@
 """Periodic lifts, and the harmonics of any lift."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

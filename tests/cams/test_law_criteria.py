@@ -1,7 +1,5 @@
 """Criteria of laws: shared extremes, plateaus, jumps and violations."""
 
-from __future__ import annotations
-
 import math
 import re
 

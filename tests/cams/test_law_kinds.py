@@ -1,7 +1,5 @@
 """Kinds of law with any parameters: end values, derivatives, and one-sided limits at jumps."""
 
-from __future__ import annotations
-
 import math
 from itertools import product
 

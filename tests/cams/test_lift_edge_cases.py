@@ -1,7 +1,5 @@
 """Edge cases of laws, lifts and lift tables that an earlier version got wrong; docstrings state its error."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Extremes over a revolution: closed forms, joints with steps, laws with overshoot."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Lift of a follower from the points of a profile."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

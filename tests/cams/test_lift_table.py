@@ -1,7 +1,5 @@
 """Lift tables: exact interpolation, and invariance to order, origin and unit of the table."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Invalid lift tables: each error names the row or angle and a remedy."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

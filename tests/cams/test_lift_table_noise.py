@@ -1,7 +1,5 @@
 """Noisy lift tables: narrow lobes, outliers, noise on the base circle, random points."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

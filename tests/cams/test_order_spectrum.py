@@ -1,7 +1,5 @@
 """Order spectrum of a history: trigonometric polynomials, known lifts, and a gap at the ends."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

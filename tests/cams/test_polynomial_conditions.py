@@ -1,7 +1,5 @@
 """Polynomials with user-defined conditions: satisfied exactly, or an error states the reason."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

@@ -4,8 +4,6 @@ R. L. Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 7; J. V
 (1989). The pressure angle is measured from the normal to the motion, counterclockwise.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Edge cases of cam geometry and synthesis that an earlier version got wrong."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A profile is the envelope of its follower: no point is inside, and it touches at every cam angle."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from flexcam.cams import cam_profile, find_profile_faults

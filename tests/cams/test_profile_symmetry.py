@@ -1,7 +1,5 @@
 """Mirror symmetry and scaling of cam profiles."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Ramps before and after the main lift: height, slope, and continuity at the joints."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

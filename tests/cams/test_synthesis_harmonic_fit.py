@@ -1,7 +1,5 @@
 """Lifts of a few harmonics: minimum deviation, within the tolerance in the dwells."""
 
-from __future__ import annotations
-
 import math
 import re
 

@@ -1,7 +1,5 @@
 """Least squares with inequality constraints, against another solver and the optimality conditions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Minimax laws: optimality by independent methods, bounds and conditions, and infeasible problems."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -107,11 +105,11 @@ def test_optimum_of_one_coefficient_matches_search(name, degree):
     assert minimax(family, {name: 1.0}).objective == pytest.approx(searched.fun, rel=2e-6)  # the grid of 1/4000
 
 
-@pytest.mark.parametrize(("other", "name"), [(2, "Ca"), (3, "Cj"), (5, "rms")])
-def test_optimum_of_two_harmonics_matches_search(other, name):
+@pytest.mark.parametrize(("order", "name"), [(2, "Ca"), (3, "Cj"), (5, "rms")])
+def test_optimum_of_two_harmonics_matches_search(order, name):
     from scipy.optimize import minimize_scalar
 
-    family = HarmonicFamily((1, other))
+    family = HarmonicFamily((1, order))
 
     def value(c):
         law = family.law(np.array([1 - c, c]))

@@ -1,7 +1,5 @@
 """Pareto fronts: no law dominates another, and the ends are the two single optima."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Polydyne cams against the closed form of a single mass and its motion by time integration."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Opening, closing, duration and overlap in crank angles, against the inverse of a law."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

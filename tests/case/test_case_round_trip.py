@@ -1,7 +1,5 @@
 """Written cases can be read again, and have the units of the user."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

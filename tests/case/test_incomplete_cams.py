@@ -1,7 +1,5 @@
 """Cams without all keys of their lift are refused; missing keys have no defaults."""
 
-from __future__ import annotations
-
 import pytest
 
 from flexcam import InputError

@@ -1,7 +1,5 @@
 """Overrides of a case as Python values."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
@@ -105,13 +103,13 @@ def test_misspelt_override_suggests_key(override, meant):
 
 
 @pytest.mark.parametrize(
-    ("path", "said"),
+    ("path", "message"),
     [
         (FINGER, "a table that the case has: cams.intake.law, cams.intake.ramps, cams.intake.follower."),
         (INLINE, "a table that the case has. cams.intake contains no table."),
     ],
 )
-def test_fault_of_unknown_table_names_existing_tables(path, said):
+def test_fault_of_unknown_table_names_existing_tables(path, message):
     with pytest.raises(InputError) as refusal:
         read_case(path, ["cams.intake.spiral.height=0.1 mm"])
-    assert str(refusal.value).endswith(f"got cams.intake.spiral, expected {said}")
+    assert str(refusal.value).endswith(f"got cams.intake.spiral, expected {message}")

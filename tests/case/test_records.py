@@ -1,7 +1,5 @@
 """Each table of a case builds its part of the model once; changed copies build their own."""
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Cached runs of cases for several tests."""
 
-from __future__ import annotations
-
 import functools
 from pathlib import Path
 

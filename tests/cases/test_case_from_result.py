@@ -1,7 +1,5 @@
 """The case stored in a result gives the same model on the same mesh, even if the files of the case are gone."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """All cases of the repository run; the published ones reproduce the 3000 rpm column of their table."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Energy balance of all shipped cases, also with steps that are too long for their contacts."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """All engines agree on all shipped cases: motion, channels, energies, internal states and events."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """All keys of the case format are in a case that runs."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 
@@ -28,9 +26,9 @@ VARIANTS = {
 }
 
 
-@pytest.mark.parametrize("way", mostly_slow(VARIANTS, 2))
-def test_case_with_all_keys_runs(way):
-    path, overrides = VARIANTS[way]
+@pytest.mark.parametrize("variant", mostly_slow(VARIANTS, 2))
+def test_case_with_all_keys_runs(variant):
+    path, overrides = VARIANTS[variant]
     assert run(read_case(path, overrides)).status.ok
 
 

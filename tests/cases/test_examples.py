@@ -1,7 +1,5 @@
 """All examples run in their folder, pass their own assertions, draw a figure and leave no files."""
 
-from __future__ import annotations
-
 import runpy
 from pathlib import Path
 

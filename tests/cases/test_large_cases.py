@@ -1,7 +1,5 @@
 """Expected results of the large cases of the repository, as stated in the heads of their files."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -2,8 +2,6 @@
 
 # ruff: noqa: E501 - tables, a row to a line
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Overrides of a case: numbers in lists, and keys that replace exclusive ones."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """All TOML blocks of documents are valid TOML, and those that are complete cases run."""
 
-from __future__ import annotations
-
 import re
 import runpy
 import tomllib

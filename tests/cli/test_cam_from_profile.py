@@ -1,7 +1,5 @@
 """cam --from-profile: the lift from profile points, bridged hollows and unreadable files."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path
@@ -59,7 +57,7 @@ def test_profile_inside_base_circle_is_reported(wide_flexcam, tmp_path):
     assert "check its radius" in wide_flexcam("cam", "--from-profile", "p.csv", *FLAT).out
 
 
-@pytest.mark.parametrize(("text", "words", "said"), [
+@pytest.mark.parametrize(("text", "words", "message"), [
     ("x [mm], y [mm]\n1, 2\nnull, 3\n2, 3\n1\n", FLAT, ["line 3", "line 5"]),
     ("x [mm], z\n1, 2\n", FLAT, ["one column x and one y"]),
     ("x, y\n1, 2\n", FLAT, ["--unit mm"]),
@@ -74,12 +72,12 @@ def test_profile_inside_base_circle_is_reported(wide_flexcam, tmp_path):
     ("1, 2\n", ("--follower", '{ type = "roller", radios = 3 }'), ["follower.radios", "did you mean 'radius'"]),
     ("1, 2\n", (*FLAT, "--points", "3"), ["--points"]),
 ])  # fmt: skip
-def test_invalid_profile_is_refused(text, words, said, wide_flexcam, tmp_path):
+def test_invalid_profile_is_refused(text, words, message, wide_flexcam, tmp_path):
     if text is not None:
         (tmp_path / "p.csv").write_text(text)
     done = wide_flexcam("cam", "--from-profile", "p.csv", *words)
     assert (done.code, done.out) == (2, "")
-    assert [part for part in said if part.lower() not in done.err.lower()] == []
+    assert [part for part in message if part.lower() not in done.err.lower()] == []
 
 
 def test_existing_lift_table_is_not_overwritten(wide_flexcam, tmp_path):

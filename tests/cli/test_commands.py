@@ -2,8 +2,6 @@
 
 # ruff: noqa: E501 - tables, a row to a line
 
-from __future__ import annotations
-
 import math
 import re
 
@@ -78,7 +76,7 @@ def test_narrow_terminal_truncates_no_number(words, flexcam, case, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (("check",), "CASE (--case) is missing. See flexcam check --help."),
         (("synthesize", "law"), "MINIMIZE (--minimize) is missing. See flexcam synthesize law --help."),
@@ -87,10 +85,10 @@ def test_narrow_terminal_truncates_no_number(words, flexcam, case, monkeypatch):
         (("chek",), 'Did you mean "check"?'),
     ],
 )
-def test_invalid_command_line_is_refused_with_hint(flexcam, case, words, told):
+def test_invalid_command_line_is_refused_with_hint(flexcam, case, words, message):
     refused = flexcam(*words)
     assert refused.code == 2
-    assert told in refused.err
+    assert message in refused.err
 
 
 def test_info_and_run_print_same_number_of_unknowns(flexcam, tmp_path, tayeb):
@@ -109,12 +107,6 @@ def test_run_json_describes_written_result(flexcam, case, tmp_path):
     assert result.response.status.ok
     assert len(result.response.time) == 721
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["case.vtkhdf"]
-
-
-def test_modes_prints_published_frequency(flexcam, case):
-    found = flexcam("modes", "case.toml", "--count", "4", "--json").json
-    assert len(found["frequencies_hz"]) == 4
-    assert found["frequencies_hz"][1] == pytest.approx(67.114, rel=1e-4)  # the digits of the published value
 
 
 def test_compare_at_published_speed(flexcam, case):
@@ -139,12 +131,6 @@ def test_override_sets_speed_of_case(words, flexcam, case):
     found = flexcam("check", "case.toml", *words, "--json").json
     assert found["case"]["run"]["speed"] == pytest.approx(4000.0 * math.pi / 30.0, rel=1e-15)
     assert found["step_s"] == pytest.approx(60.0 / 4000.0 / 720.0, rel=1e-12)
-
-
-def test_override_changes_result(flexcam, case):
-    slow, fast = (flexcam("compare", "case.toml", "--json", "--set", f"run.speed={n}rpm").json for n in (1000, 4000))
-    assert (slow["speed_rpm"], fast["speed_rpm"]) == (pytest.approx(1000.0), pytest.approx(4000.0))
-    assert fast["peak_deviation"] > 3.0 * slow["peak_deviation"]
 
 
 def test_crank_speed_is_twice_camshaft_speed(flexcam, case):

@@ -1,7 +1,5 @@
 """The command compare: a lumped train, a case with its result, and models over speed."""
 
-from __future__ import annotations
-
 import math
 import re
 import shutil

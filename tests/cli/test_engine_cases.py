@@ -2,8 +2,6 @@
 
 # ruff: noqa: E501 - tables, a row to a line
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -69,13 +67,13 @@ OPENING = (
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("way", ENGINE_VARIANTS)
-def test_restarted_run_equals_uninterrupted_run(way, engine, flexcam, tmp_path):
+@pytest.mark.parametrize("variant", ENGINE_VARIANTS)
+def test_restarted_run_equals_uninterrupted_run(variant, engine, flexcam, tmp_path):
     """Two halves of 0.1 revolutions on the opening flank; a step does not depend on the start of its run."""
     options = ("--set", "run.steps_per_revolution=720", "--set", "cams.intake.phase=0", "--set", "output.field_every=6")
-    engine("whole", *ENGINE_VARIANTS[way])
-    engine("first", *ENGINE_VARIANTS[way])
-    engine("second", *ENGINE_VARIANTS[way])
+    engine("whole", *ENGINE_VARIANTS[variant])
+    engine("first", *ENGINE_VARIANTS[variant])
+    engine("second", *ENGINE_VARIANTS[variant])
     second = (tmp_path / "second.toml").read_text(encoding="utf-8")
     (tmp_path / "second.toml").write_text(
         second.replace('start = "equilibrium"', 'start = { result = "out/first.vtkhdf" }'), encoding="utf-8"
@@ -95,10 +93,10 @@ def test_restarted_run_equals_uninterrupted_run(way, engine, flexcam, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "way", mostly_slow(["lever without play", "free running"], 2)
+    "variant", mostly_slow(["lever without play", "free running"], 2)
 )  # the other parts are in every-engine.toml
-def test_check_modes_and_compare_on_engine_variants(way, engine, flexcam):
-    case = engine("case", *ENGINE_VARIANTS[way])
+def test_check_modes_and_compare_on_engine_variants(variant, engine, flexcam):
+    case = engine("case", *ENGINE_VARIANTS[variant])
     options = (*OPENING, "--json")
     for verb in ("check", "modes", "compare"):
         done = flexcam(verb, case, *options)

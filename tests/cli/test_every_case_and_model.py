@@ -3,8 +3,6 @@
 Exit code 0 is a result, 2 a refusal with its reason (a chain for a train with one node), 3 a run that ended early.
 """
 
-from __future__ import annotations
-
 import json
 from itertools import product
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Exit codes 3, 130, 143 and 70: a failed run, a stopped run, and an internal error of flexcam."""
 
-from __future__ import annotations
-
 import json
 import re
 import signal
@@ -14,7 +12,6 @@ import pytest
 from flexcam import read_result
 from flexcam.cli import main
 from flexcam.dynamics import Cause, RunFailedError, Status
-from flexcam.io import ResultFile
 
 DIVERGING = (
     "--set",
@@ -187,14 +184,3 @@ def test_closed_output_pipe_is_no_error(words, case, crash_folder):
     assert "Traceback" not in done.stderr
     assert "BrokenPipe" not in done.stderr
     assert not list(Path(crash_folder).glob("flexcam-crash-*"))
-
-
-def test_full_disk_is_no_internal_error(case, flexcam, monkeypatch):
-    def write(self, block):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(ResultFile, "write", write)
-    done = flexcam("run", "case.toml", "--json")
-    assert done.code == 3
-    assert "No space left on device" in done.err
-    assert done.json["status"]

@@ -1,7 +1,5 @@
 """`flexcam export --paraview` writes the collection and its macro, or neither of them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -31,29 +29,29 @@ def test_existing_macro_prevents_export_of_collection(flexcam, result_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (("--format", "csv"), "--format pvd"),
         (("--field", "velocity"), "displacement among them"),
         (("--field", "displacement", "--field", "no"), "--field: got 'no'"),
     ],
 )
-def test_unsuitable_paraview_options_are_refused(words, told, flexcam, result_path):
+def test_unsuitable_paraview_options_are_refused(words, message, flexcam, result_path):
     refused = flexcam("export", result_path, "--paraview", *words)
     assert refused.code == 2
-    assert told in refused.err
+    assert message in refused.err
     assert not Path("case.pvd").exists()
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (("--instants", "9"), "--format csv"), (("--format", "pvd", "--probe", "valve"), "--format csv"),
         (("--format", "csv", "--field", "velocity"), "--format pvd"),
         (("--format", "csv", "--instants", "1"), "from 2 to"),
     ],
 )  # fmt: skip
-def test_options_of_other_format_are_refused(words, told, flexcam, result_path):
+def test_options_of_other_format_are_refused(words, message, flexcam, result_path):
     refused = flexcam("export", result_path, *words)
     assert refused.code == 2
-    assert told in refused.err
+    assert message in refused.err

@@ -1,7 +1,5 @@
 """`flexcam export` of solids: STL, VTM and GLB files of results and cases, and unsuitable options."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Command fit: a case fitted to the exported result of a run with other values, its files, and refused measurements."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

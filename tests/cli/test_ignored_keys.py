@@ -1,7 +1,5 @@
 """Every key that a user gives has an effect, or the command reports that it ignores the key."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Inactive degrees of freedom: `check` lists them, `run` prints their number, and results contain them."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

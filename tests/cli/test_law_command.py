@@ -2,8 +2,6 @@
 
 # ruff: noqa: E501 - tables, a row to a line
 
-from __future__ import annotations
-
 import inspect
 import math
 import xml.etree.ElementTree as ET  # the files are our own
@@ -99,15 +97,15 @@ def test_list_of_all_laws(wide_flexcam, tmp_path):
     assert (tmp_path / "all.svg").stat().st_size > 10_000
 
 
-@pytest.mark.parametrize(("name", "said"), [
+@pytest.mark.parametrize(("name", "message"), [
     ("parabolic", ["C_j infinite", "next to a dwell the acceleration jumps, by +4 at z = 0 and by +4 at z = 1"]),
     ("pavlovic-trigonometric", ["next to a dwell the velocity jumps, by +0.0208333 at z = 0"]),
     ("pavlovic-new", ["not symmetric: s(1/2) = 0.498047", "by +9.8696 at z = 0", "1.39843 at z = 0.766805"]),
 ])  # fmt: skip
-def test_law_output_text(name, said, wide_flexcam):
+def test_law_output_text(name, message, wide_flexcam):
     """Check the errata of docs/verification/pavlovic-lutovac.md: s' = 1/48, s(1/2) = 0.498047, a step of pi^2."""
     words = wide_flexcam("law", name).out
-    assert [text for text in said if text not in words] == []
+    assert [text for text in message if text not in words] == []
 
 
 @pytest.mark.parametrize("kind", KINDS)

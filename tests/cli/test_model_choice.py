@@ -192,19 +192,19 @@ def test_reference_has_beams_for_case_with_rigid_model(run_trade):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (("--repeats", 0), "--repeats"), (("--probe", "nosuch"), "nosuch"), (("--probe", "cam"), "one scalar"),
         (("--csv", "there.csv"), "--overwrite"), (("--plot", "there.svg"), "--overwrite"),
     ],
 )  # fmt: skip
-def test_trade_refuses_invalid_options(flexcam, tayeb, tmp_path, words, said):
+def test_trade_refuses_invalid_options(flexcam, tayeb, tmp_path, words, message):
     for name in ("there.csv", "there.svg"):
         (tmp_path / name).write_text("mine", encoding="utf-8")
     quick = ("--set", "run.steps_per_revolution=90", "--set", "run.revolutions=0.2")
     done = flexcam("trade", tayeb(1), *quick, *words)
     assert done.code == 2
-    assert said in done.err
+    assert message in done.err
     assert (tmp_path / "there.csv").read_text(encoding="utf-8") == "mine"
     if words[0] == "--csv":
         assert flexcam("trade", tayeb(1), *quick, *words, "--overwrite").code == 0
@@ -293,7 +293,7 @@ def test_tolerances_of_several_quantities(run_case):
 
 
 @pytest.mark.parametrize(
-    ("key", "said"),
+    ("key", "message"),
     [
         ("tolerance=-1", "zero or more"), ('tolerance="1 mm"', "mm"), ("tolerance={}", "tolerance"),
         ("tolerance={ speed = 1 }", "lift, velocity, acceleration, force"), ("tolerance=true", "number"),
@@ -301,29 +301,29 @@ def test_tolerances_of_several_quantities(run_case):
         ("tolerance=nan", "finite"),
     ],
 )  # fmt: skip
-def test_invalid_fidelity_values_are_refused(run_case, key, said):
+def test_invalid_fidelity_values_are_refused(run_case, key, message):
     done = run_case(key, json=False)
     assert done.code == 2
     assert f"fidelity.{key.partition('=')[0]}" in done.err
-    assert said in done.err
+    assert message in done.err
 
 
 @pytest.mark.parametrize(
-    ("key", "said"),
+    ("key", "message"),
     [
         ('tolerance={ lift = "1 %", lfit = "2 %" }', "Remove it."),
         ("tolerance={ lift = -1 }", "fidelity.tolerance.lift ("), ('model="SDOF"', "Did you mean 'sdof'?"),
     ],
 )  # fmt: skip
-def test_wrong_fidelity_key_gives_single_error(run_case, key, said):
+def test_wrong_fidelity_key_gives_single_error(run_case, key, message):
     done = run_case(key, json=False)
     assert done.code == 2
     assert len(done.err.strip().splitlines()) == 1
-    assert said in done.err
+    assert message in done.err
 
 
 @pytest.mark.parametrize(
-    ("keys", "said"),
+    ("keys", "message"),
     [
         (["masses=2"], "it counts the masses of a chain, and the model is beams"),
         (["masses=2", 'model="sdof"'], "it counts the masses of a chain, and the model is sdof"),
@@ -333,13 +333,13 @@ def test_wrong_fidelity_key_gives_single_error(run_case, key, said):
         (["masses=2", "model=chain"], ""), (['tolerance="99 %"'], ""), (["modes=3"], ""),
     ],
 )  # fmt: skip
-def test_check_warns_of_ineffective_fidelity_keys(flexcam, tayeb, keys, said):
+def test_check_warns_of_ineffective_fidelity_keys(flexcam, tayeb, keys, message):
     overrides = [word for key in keys for word in ("--set", f"fidelity.{key}")]
     done = flexcam("check", tayeb(1), *overrides)
     assert done.code == 0
     output = " ".join((done.out + done.err).split())
-    assert said in output
-    assert ("Warning: fidelity" in output) == bool(said)
+    assert message in output
+    assert ("Warning: fidelity" in output) == bool(message)
 
 
 def test_fidelity_errors_name_line_of_case(flexcam, case):

@@ -1,7 +1,5 @@
 """The command modes: files for ParaView, prestress and modal assurance criterion."""
 
-from __future__ import annotations
-
 import math
 import re
 

@@ -1,7 +1,5 @@
 """Starter cases: list, comments of keys, check and run, and no overwriting of existing files."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from importlib.resources import files

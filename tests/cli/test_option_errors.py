@@ -1,7 +1,5 @@
 """Contradictory, repeated, incomplete or excessive options are refused or reported."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -18,10 +18,7 @@ STUDY_OPTIONS = {
     "optimize": ("--vary", f"{STIFF}=30:60kN/m", "--least", "frequency.1"),
 }
 
-CHECKS = {
-    "folder": create_folder,
-    "try": check_folder,
-}
+CHECKS = {"folder": create_folder, "try": check_folder}
 
 
 @pytest.mark.parametrize("check", CHECKS)

@@ -1,7 +1,5 @@
 """flexcam plot: content of figures of results and cases, refusals and appearance."""
 
-from __future__ import annotations
-
 import shutil
 import xml.etree.ElementTree as ET  # the files are our own
 from pathlib import Path
@@ -144,12 +142,12 @@ def test_profile_plot_coloured_by_channel(flexcam, intake, tmp_path):
     assert "A file of cams is not run" in flexcam("plot", cams_file, *coloured[2:], "contacts.intake.force").err
 
 
-@pytest.mark.parametrize(("what", "said"), [("svaj", "Swinging roller follower of Li (2014)"), ("profile", "pivot")])
-def test_plot_of_file_with_cams_only(what, said, flexcam, tmp_path):
+@pytest.mark.parametrize(("what", "message"), [("svaj", "Swinging roller follower of Li (2014)"), ("profile", "pivot")])
+def test_plot_of_file_with_cams_only(what, message, flexcam, tmp_path):
     """A file of cams without a mechanism has lifts and profiles, as for `flexcam cam`."""
     path = Path(__file__).parents[2] / "cases/cams/li-swing.toml"
     assert flexcam("plot", path, "--what", what, "-o", "cams.svg").code == 0
-    assert said in svg_texts(tmp_path / "cams.svg")
+    assert message in svg_texts(tmp_path / "cams.svg")
     assert flexcam("plot", path, "-o", "motion.svg").code == 2
 
 
@@ -163,16 +161,16 @@ def test_plot_of_run_that_ended_early(flexcam, case, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("what", "said"), [("campbell", "natural frequency, Hz"), ("waterfall", "order of the camshaft")]
+    ("what", "message"), [("campbell", "natural frequency, Hz"), ("waterfall", "order of the camshaft")]
 )
-def test_plots_of_orders_over_speed(what, said, flexcam, case, tmp_path):
+def test_plots_of_orders_over_speed(what, message, flexcam, case, tmp_path):
     """The figures of `flexcam campbell` without and with --response, from 0.5 to 1.5 times the speed of the case."""
     assert flexcam("plot", "case.toml", "--what", what, "--count", "2", "-o", "orders.svg").code == 0
-    assert said in svg_texts(tmp_path / "orders.svg")
+    assert message in svg_texts(tmp_path / "orders.svg")
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     mostly_slow(
         [
             (["nosuch.vtkhdf"], "no such file"),
@@ -197,13 +195,13 @@ def test_plots_of_orders_over_speed(what, said, flexcam, case, tmp_path):
         2,
     ),
 )
-def test_plot_refuses_invalid_arguments(words, said, flexcam, result, tmp_path):
+def test_plot_refuses_invalid_arguments(words, message, flexcam, result, tmp_path):
     write_text(tmp_path / "taken.svg", "mine")
     write_text(tmp_path / "text.vtkhdf", "no result")
     before = sorted(tmp_path.rglob("*"))
     done = flexcam("plot", *words)
     assert done.code == 2
-    assert said in done.err
+    assert message in done.err
     assert sorted(tmp_path.rglob("*")) == before, "nothing is written"
     assert (tmp_path / "taken.svg").read_text() == "mine"
 

@@ -1,7 +1,5 @@
 """flexcam plot: the values of its curves, markers and maps."""
 
-from __future__ import annotations
-
 import math
 import shutil
 from pathlib import Path
@@ -271,7 +269,7 @@ def test_csv_table_equals_hdf5_table(table, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["case.sweep.h5"], "--y: missing, expected contacts.intake.pressure.largest"),
         (
@@ -290,11 +288,11 @@ def test_csv_table_equals_hdf5_table(table, tmp_path):
         (["case.toml", "--what", "sweep", "--y", "a"], "one table of a sweep"),
     ],
 )
-def test_data_plots_refuse_invalid_arguments(words, said, flexcam, table, case, tmp_path):
+def test_data_plots_refuse_invalid_arguments(words, message, flexcam, table, case, tmp_path):
     (tmp_path / "other.csv").write_text("a,b\n1,2\n")
     done = flexcam("plot", *words)
     assert done.code == 2
-    assert said.lower() in done.err.lower()
+    assert message.lower() in done.err.lower()
 
 
 def test_waterfall_lines_start_at_their_speeds():

@@ -4,8 +4,6 @@ A new user copies the commands from top to bottom, so they run in this order in 
 that take many seconds run there with fewer steps or variants, and unchanged in the slow test.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import re

@@ -2,8 +2,6 @@
 
 # ruff: noqa: E501 - tables, a row to a line
 
-from __future__ import annotations
-
 import pytest
 
 from tests.thinning import mostly_slow
@@ -71,18 +69,6 @@ def test_result_given_as_case_is_refused(flexcam, files):
     (fault,) = flexcam("run", "out/case.vtkhdf", "--json").json["errors"]
     assert fault["why"] == "it is a result"
     assert fault["remedy"] == "give the case file of this result"
-
-
-def test_refused_speeds_refer_to_given_shaft(flexcam, files):
-    """A refused crank speed is not printed as the camshaft speed, which is half of it."""
-    flexcam("new", "pushrod-engine", "-o", "engine.toml")
-    engine = ("limits", "engine.toml", "--set", "run.crank_speed=4000rpm")
-    (fault,) = flexcam(*engine, "--lowest", "9000rpm", "--highest", "2000rpm", "--json").json["errors"]
-    assert (fault["where"], fault["given"]) == ("--highest", "2000rpm")
-    assert fault["allowed"] == "a speed above the lowest, 9000 rpm"
-    (fault,) = flexcam(*engine, "--lowest", "9000rpm", "--json").json["errors"]
-    assert (fault["given"], fault["remedy"]) == ("8000 rpm", "give --highest")
-    assert fault["why"] == "the default is 2 times the speed of the case"
 
 
 @pytest.mark.parametrize("name", ["bad case", "unknown option", "result exists", "folder of an export is a file"])

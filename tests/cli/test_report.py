@@ -1,7 +1,5 @@
 """flexcam report: complete, failed and several results; without the case file; malicious strings; refusals."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
@@ -173,7 +171,7 @@ def test_report_with_errors_trade_and_limits(flexcam, case, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["nosuch.vtkhdf"], "no such file"),
         (["case.toml"], "a result file of flexcam"),
@@ -185,12 +183,12 @@ def test_report_with_errors_trade_and_limits(flexcam, case, tmp_path):
         ([], "results"),
     ],
 )
-def test_report_refuses_invalid_arguments(words, said, flexcam, result, tmp_path):
+def test_report_refuses_invalid_arguments(words, message, flexcam, result, tmp_path):
     write_text(tmp_path / "taken.html", "mine")
     before = sorted(tmp_path.rglob("*"))
     done = flexcam("report", *words)
     assert done.code == 2
-    assert said in done.err
+    assert message in done.err
     assert sorted(tmp_path.rglob("*")) == before, "nothing is written"
 
 

@@ -3,8 +3,6 @@
 The browser is Debian's Chromium, controlled by playwright. FLEXCAM_REQUIRE_PARAVIEW=1 makes a missing browser an error.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 

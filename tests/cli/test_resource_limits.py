@@ -1,9 +1,6 @@
 """Runs that are too large are refused, and runs beyond the time limit end with a partial result."""
 
-from __future__ import annotations
-
 import itertools
-import time
 from pathlib import Path
 
 import pytest
@@ -81,13 +78,6 @@ def test_time_limit_ends_run(flexcam, case, path, monkeypatch):
     response = read_result(ended.json["result"]).response
     assert response.status.cause is Cause.TIME_LIMIT
     assert response.stats.steps == ended.json["steps"] == len(response.time) - 1 > 0
-
-
-def test_time_limit_in_real_time(flexcam, case):
-    start = time.perf_counter()
-    ended = flexcam("run", case, "--set", "run.revolutions=1e6", "--allow-large", "--time-limit", "0.3 s")
-    assert ended.code == 3
-    assert 0.3 < time.perf_counter() - start < 20.0  # a busy machine
 
 
 def test_run_without_checkpoint_cannot_resume(flexcam, case):

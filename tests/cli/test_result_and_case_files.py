@@ -1,7 +1,5 @@
 """Commands on result and case files: info, check, schema, check --echo, export; versions and progress."""
 
-from __future__ import annotations
-
 import csv
 import math
 import re

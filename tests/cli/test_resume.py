@@ -1,7 +1,5 @@
 """``flexcam run --resume``: stopped runs continue; other cases are refused without changes of files."""
 
-from __future__ import annotations
-
 import signal
 import time
 from dataclasses import replace

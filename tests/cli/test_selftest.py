@@ -1,8 +1,5 @@
 """`flexcam selftest`: checks, failed checks and missing extras."""
 
-from __future__ import annotations
-
-import time
 from dataclasses import replace
 
 import pytest
@@ -16,12 +13,10 @@ load_commands(["selftest"])
 COMMAND = "flexcam.cli.case_files.all_checks"
 
 
-def test_selftest_passes_within_30_seconds(flexcam, tmp_path):
+def test_selftest_passes_without_other_files(flexcam, tmp_path):
     """In an empty folder: the selftest needs no other file and leaves no file there."""
-    start = time.perf_counter()
     done = flexcam("selftest")
     assert done.code == 0
-    assert time.perf_counter() - start < 30.0
     assert "All 23 checks passed" in done.out
     for words in ("tip of a", "buckling", "4027", "kernel solver", "numpy", "optional packages: tables"):
         assert words in done.out

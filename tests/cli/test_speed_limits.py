@@ -1,7 +1,5 @@
 """The command limits: speeds of contact loss, bounce, coil clash and buckling."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from functools import partial
@@ -237,14 +235,14 @@ def test_failed_run_makes_limit_unknown(highest, failed, rpm, words, one_mass, m
     assert limit.known == ("not known" not in words)
 
 
-@pytest.mark.parametrize(("lift", "told"), [("6 mm", "0.1 mm"), ("0.2 mm", "0.004 mm")])
-def test_bounce_threshold_depends_on_lift(lift, told, one_mass):
+@pytest.mark.parametrize(("lift", "threshold"), [("6 mm", "0.1 mm"), ("0.2 mm", "0.004 mm")])
+def test_bounce_threshold_depends_on_lift(lift, threshold, one_mass):
     """The threshold is 0.1 mm, or 2 % of a small lift."""
     seat = 'seat = { at = "mass", direction = "-uz", model = "seat", stiffness = "50 MN/m" }\n[run]'
     case = one_mass(('lift = "6 mm"', f'lift = "{lift}"'), ("[run]", seat))
     search = Search(100.0, 101.0, tolerance=10.0, spacing=1.0)
     found = find_limits(read_case(case, QUICK[1:2]), search, among=("bounce",)).limits
-    assert found["bounce"].words.endswith(f"criterion: the valve leaves its seat again by more than {told}")
+    assert found["bounce"].words.endswith(f"criterion: the valve leaves its seat again by more than {threshold}")
 
 
 @pytest.mark.parametrize(("highest", "rpm"), [(4500.0, 4030.0), (4000.0, None)])

@@ -2,8 +2,6 @@
 
 # ruff: noqa: E501 - tables, a row to a line
 
-from __future__ import annotations
-
 import io
 import math
 import re
@@ -137,14 +135,14 @@ return = "180 deg"
 """
 
 
-@pytest.mark.parametrize("words", [("--speed", "500 rpm"), ("--count", "200")])
-def test_negative_polydyne_lift_is_reported_with_remedy(wide_flexcam, words):
+def test_negative_polydyne_lift_is_reported_with_remedy(wide_flexcam):
     """A larger base circle has no effect; a lower speed and more harmonics reduce it, here below the tolerance."""
     cam = ("synthesize", "polydyne", ROOT / "cases/pushrod-engine/intake.toml", "--frequency", "400 Hz")
     for more in ((), ("--set", "cams.intake.base_radius=30 mm")):
         output = " ".join(wide_flexcam(*cam, *more).out.split())
         assert "inside its base circle. A lower design speed (--speed) can reduce" in output
-    assert "base circle" not in wide_flexcam(*cam, *words).out
+    for words in (("--speed", "500 rpm"), ("--count", "200")):
+        assert "base circle" not in wide_flexcam(*cam, *words).out
 
 
 @pytest.mark.parametrize(("line", "words"), [("", ("--speed", "3000 rpm")), ('speed = "3000 rpm"', ())])

@@ -1,7 +1,5 @@
 """A valve train of watch size, in millimetres and milligrams: no printed value is rounded to zero. Units of tables."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

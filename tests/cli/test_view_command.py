@@ -5,8 +5,6 @@ top). Measured distances: 0 between Mesa's EGL and GLX, 0 after softening by res
 brightness; 14 and more for cam angles 30 deg apart, 60 and more for another case. The limit is 8 bits.
 """
 
-from __future__ import annotations
-
 import base64
 import io
 import json
@@ -102,12 +100,12 @@ def test_result_is_drawn_at_full_lift(flexcam, intake):
 
 
 @pytest.mark.parametrize(
-    ("first", "told"), [(0.0, "cam angle 10.0 deg"), (1080.0, "cam angle 10.0 deg of the last revolution")]
+    ("first", "title"), [(0.0, "cam angle 10.0 deg"), (1080.0, "cam angle 10.0 deg of the last revolution")]
 )
-def test_title_shows_angle_within_revolution(first, told):
+def test_title_shows_angle_within_revolution(first, title):
     motion = case_motion(build_structure(build_model(read_case(FINGER))), 100.0, count=36)
     later = replace(motion, angle=motion.angle + np.radians(first))
-    assert later.words(1, "A title", 2.0) == f"A title\n{told}\nelastic part x 2"
+    assert later.words(1, "A title", 2.0) == f"A title\n{title}\nelastic part x 2"
 
 
 @pytest.mark.usefixtures("drawing")
@@ -346,11 +344,11 @@ def test_window_slider_sets_cam_angle(on_a_screen, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("option", "given", "said"),
+    ("option", "given", "message"),
     [("--at", "nan", "180 deg"), ("--scale", "inf", "finite"), ("--mode", "0", "at least 1")],
 )
-def test_view_refuses_invalid_numbers(flexcam, tmp_path, option, given, said):
+def test_view_refuses_invalid_numbers(flexcam, tmp_path, option, given, message):
     case = tmp_path / "train.toml"
     assert flexcam("new", "lumped-train", "-o", case).code == 0
     done = flexcam("view", case, option, given, "--save", tmp_path / "x.png")
-    assert (done.code, option in done.err, said in done.err) == (2, True, True)
+    assert (done.code, option in done.err, message in done.err) == (2, True, True)

@@ -1,7 +1,5 @@
 """Generalized eigenproblem against fifty digits: graded, repeated, clustered and free systems."""
 
-from __future__ import annotations
-
 import mpmath
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """All relative links of Markdown pages lead to an existing file and heading."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

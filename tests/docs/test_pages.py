@@ -1,7 +1,5 @@
 """Tutorials, topics and how-to pages: code runs, commands end with the stated exit code, outputs are as shown."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import shlex

@@ -1,7 +1,5 @@
 """The prose linter detects all patterns of its rules, and long sentences, in pages and Python texts."""
 
-from __future__ import annotations
-
 import json
 import os
 import runpy

@@ -1,7 +1,5 @@
 """Recipes for extensions of flexcam are applied to a copy of the tree: files, diffs and commands."""
 
-from __future__ import annotations
-
 import os
 import shlex
 import shutil

@@ -1,7 +1,5 @@
 """The reference of the site describes all public names and all commands."""
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 import re

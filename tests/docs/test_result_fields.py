@@ -1,7 +1,5 @@
 """The page of the result file lists exactly the datasets of results, with units and dimensions."""
 
-from __future__ import annotations
-
 import re
 from fnmatch import fnmatchcase
 from pathlib import Path

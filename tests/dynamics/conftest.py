@@ -1,7 +1,5 @@
 """Two damped masses with initial velocities under a suddenly applied load, with the exact solution."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import expm

@@ -4,8 +4,6 @@ O. C. Zienkiewicz and Y. M. Xie, Earthq. Eng. Struct. Dyn. 20 (1991): the local 
 h^2 (beta - 1/6) (a1 - a0), of third order, so the error of a run follows tolerance^(2/3).
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Cache of cam functions, and conservative force laws."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Checkpoints: round trip of the state, and resumed runs without a file."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 from pathlib import Path
 

@@ -4,8 +4,6 @@ A mass falls from a height onto a stop; the phase of the touchdown within the st
 squares over the phases, because a single phase may be accurate by chance.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -123,12 +121,7 @@ def test_impact_of_two_masses_conserves_momentum():
     M = Triplets.from_dense(np.diag([2.0, 0.5]))
     row = np.array([1.0, -1.0])
     force = LocalForce(
-        "both",
-        (AngleVector.constant(row),),
-        (AngleVector.constant(-row),),
-        elastic_stop(1e8),
-        (constant(-1e-3),),
-        0.5,
+        "both", (AngleVector.constant(row),), (AngleVector.constant(-row),), elastic_stop(1e8), (constant(-1e-3),), 0.5
     )
     probes = (Probe("all", ("a", "b"), np.eye(2), (None, None)),)
     system = System(M, Triplets.zeros(2), Triplets.zeros(2), ("a", "b"), (), (force,), probes)

@@ -1,7 +1,5 @@
 """Selection of the engine, errors of an explicit engine, and reproducibility of runs."""
 
-from __future__ import annotations
-
 import hashlib
 import subprocess
 import sys

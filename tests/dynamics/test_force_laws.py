@@ -3,8 +3,6 @@
 A new law needs a row in `CASES`; everything here then applies to it.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -225,8 +223,7 @@ def chain(law):
 
 @pytest.mark.parametrize("path", ["direct", "kernel"])
 @pytest.mark.parametrize(
-    "name",
-    ["bilateral", "stop", "hunt-crossley", "line contact", "table", "lever, point", "arch", "lift of a contact"],
+    "name", ["bilateral", "stop", "hunt-crossley", "line contact", "table", "lever, point", "arch", "lift of a contact"]
 )
 def test_run_from_static_equilibrium_is_constant(name, path):
     law, _, _ = CASES[name]
@@ -252,7 +249,7 @@ def test_direct_and_kernel_engine_agree(name):
     system = chain(law)
     start = State(np.full(law.scalars, 0.1 * size), np.full(law.scalars, 0.01))
     runs = [
-        solve(Problem(system, ConstantSpeed(30.0), 2e-5, 300, start, engine=path), newmark())
+        solve(Problem(system, ConstantSpeed(30.0), 2e-5, 120, start, engine=path), newmark())
         for path in ("direct", "kernel")
     ]
     one, other = (run["all"].displacement for run in runs)

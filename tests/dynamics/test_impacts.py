@@ -1,7 +1,5 @@
 """Simultaneous impacts of several contacts, against closed forms of Newton's law of restitution."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

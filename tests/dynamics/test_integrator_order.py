@@ -3,8 +3,6 @@
 Newmark's method with a0 = 0 loses an order (1.0 to 1.2 measured in another code); a start from rest hides it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Cache of compiled code: its folder, and runs with empty, damaged or missing cache and in two processes."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

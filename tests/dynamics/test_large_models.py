@@ -1,7 +1,5 @@
 """Large models: solvers agree, and memory is proportional to the number of unknowns."""
 
-from __future__ import annotations
-
 import sys
 import tracemalloc
 

@@ -1,7 +1,5 @@
 """A run does not change how the memory allocator of the process treats freed memory."""
 
-from __future__ import annotations
-
 import platform
 import subprocess
 import sys

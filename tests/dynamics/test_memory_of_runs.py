@@ -1,7 +1,5 @@
 """Memory of a run: last revolution and extremes only, independent of the length of the run."""
 
-from __future__ import annotations
-
 import tracemalloc
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Blocks of modal steps equal single steps, for slow and stiff modes and all integrators."""
 
-from __future__ import annotations
-
 import mpmath
 import numpy as np
 import pytest

@@ -4,8 +4,6 @@ References: closed forms of beams. Rounding in K shifts omega^2 by up to about e
 the minimum eigenvalue, which grows as n^4 with the number of elements: it sets the tolerances.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 

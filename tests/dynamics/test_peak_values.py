@@ -1,7 +1,5 @@
 """Peak values between the instants of a history: cubics in closed form, sines, and all reports of peaks."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Reduced bases: exact statics and lowest modes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

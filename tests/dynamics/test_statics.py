@@ -1,7 +1,5 @@
 """Static displacement: exact nodal values; unloaded free motions are valid, loaded ones are errors that name them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -1,7 +1,5 @@
 """Rounding of the stiffness on very fine meshes causes an error instead of a wrong result."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

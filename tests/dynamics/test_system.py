@@ -1,7 +1,5 @@
 """Cam motion, angle vectors and load tables of a system."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

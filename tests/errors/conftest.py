@@ -1,7 +1,5 @@
 """Fixtures for invalid cases: texts of valid cases, substitutions in them, and the reported faults."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Helpers for fault reports: location of a fault and words of libraries that no message contains."""
 
-from __future__ import annotations
-
 import re
 
 LIBRARY_WORDS = (

@@ -2,8 +2,6 @@
 
 # ruff: noqa: E501 - tables, a row to a line
 
-from __future__ import annotations
-
 import json
 import math
 import re
@@ -36,8 +34,7 @@ FILES = {
     "nohead.csv": table(head=""), "kg.csv": table(head="crank_kg, lift_mm"), "nounit.csv": table(head="cam_deg, lift"), "noshaft.csv": table(head="angle_deg, lift_mm"),
     "back.csv": table(ROWS[:9] + ROWS[7:]), "gap.csv": table(ROWS[:20] + ROWS[30:]), "few.csv": table(ROWS[::9]),
     "below.csv": table([(angle, lift - 1.0) for angle, lift in ROWS]), "twice.csv": table([*ROWS, (365, 0.1)]),
-    "crank.csv": table([(2 * angle, lift) for angle, lift in [*ROWS, (370, 0.1)]], "crank_deg, lift_mm"),
-    "nan.csv": table([*ROWS[:9], (45, math.nan), *ROWS[10:]]), "word.csv": table([*ROWS[:9], (45, "open"), *ROWS[10:]]),
+    "word.csv": table([*ROWS[:9], (45, "open"), *ROWS[10:]]),
     "comma.csv": "cam_deg, lift_mm\n90,5, 1,25\n", "nans.csv": table([*ROWS[:9], (45, math.nan), (50, 1), (55, math.nan), *ROWS[12:]]),
     "open.csv": table(ROWS[:30]), "flat.csv": table([(angle, 0) for angle, _ in ROWS]), "empty.csv": "",
     "radians.csv": table([(math.radians(angle), lift) for angle, lift in ROWS], "crank_deg, lift_mm"),
@@ -60,15 +57,12 @@ def cam_with_lift_table(value):
 
 FAULTS = {  # the cam, the key that must be reported, a part of `given`, a part of the message
     "no law": (cam_text(LAW, ""), "law", "nothing", "add 'law'"),
-    "no lift": (cam_text('lift = "6 mm"\n', ""), "lift", "nothing", "'6 mm'"),
-    "no return": (cam_text('return = "100 deg"\n', ""), "return", "nothing", "add 'return'"),
     "law beside a lift table": (cam_text(LAW, f'{LAW}\nlift_table = "good.csv"'), "law", "law", "remove one"),
     "ramps beside a lift table": (cam_with_lift_table('"good.csv"\nramps = { height = "1 mm", duration = "9 deg" }'), "ramps", "ramps", "the lift table defines"),
     "unknown id": (cam_text(LAW, 'law = { id = "sccaa", b = 1 }'), "law", "sccaa", "did you mean 'scca'"),
     "no id": (cam_text(LAW, "law = { b = 1 }"), "law", "", "the kind of law is required"),
     "parameter that is missing": (cam_text(LAW, 'law = { id = "scca", b = 0.2 }'), "law.c", "nothing", "the law scca requires c, d"),
     "parameter that does not exist": (cam_text(LAW, 'law = { id = "fb2", splitt = 0.2 }'), "law.splitt", "0.2", "did you mean 'split'"),
-    "parameter of another type": (cam_text(LAW, 'law = { id = "fb2", split = "x" }'), "law.split", "'x'", "split"),
     "parameter out of range": (cam_text(LAW, 'law = { id = "fb2", split = 2 }'), "law.split", "2", "between 0 and 1"),
     "parameters that do not fit": (cam_text(LAW, 'law = { id = "scca", b = 1, c = 1, d = 1 }'), "law", "1", "sum to 1"),
     "parameter that is no number": (cam_text(LAW, 'law = { id = "cosine", coefficients = [nan] }'), "law", "nan", "coefficients"),
@@ -81,10 +75,8 @@ FAULTS = {  # the cam, the key that must be reported, a part of `given`, a part 
     "two numbers that are none": (cam_with_lift_table('"nans.csv"'), "lift_table", "'45, nan'", "line 11"),
     "law file with a lift": (cam_text("3-4-5", "lift.toml"), "law", "lift", "[law]"),
     "law file with a bad parameter": (cam_text("3-4-5", "split.toml"), "law", "7", "split.toml"),
-    "no lift table": (cam_with_lift_table('"none.csv"'), "lift_table", "none.csv", "readable"),
     "key of a lift table": (cam_with_lift_table('{ file = "good.csv", angel = "cam" }'), "lift_table.angel", "cam", "did you mean 'angle'"),
     "lift table without a file": (cam_with_lift_table('{ angle = "cam" }'), "lift_table.file", "nothing", "add file"),
-    "another shaft": (cam_with_lift_table('{ file = "good.csv", angle = "shaft" }'), "lift_table.angle", "'shaft'", "'crank'"),
     "tolerance in kg": (cam_with_lift_table('{ file = "good.csv", tolerance = "2 kg" }'), "lift_table", "2 kg", "a length"),
     "no head": (cam_with_lift_table('"nohead.csv"'), "lift_table", "no header line", 'write lift_table = { file = ..., angle = "cam" }'),
     "no unit": (cam_with_lift_table('"nounit.csv"'), "lift_table", "cam_deg, lift", 'unit = "mm"'),
@@ -98,8 +90,6 @@ FAULTS = {  # the cam, the key that must be reported, a part of `given`, a part 
     "a lift beyond any length": (cam_with_lift_table('"long.csv"'), "lift_table", "6e+297 m as the largest lift", "1e-09 to 100000 m"),
     "lift below zero": (cam_with_lift_table('"below.csv"'), "lift_table", "-1 mm at 0 deg", "subtract"),
     "cam beyond 360 deg": (cam_with_lift_table('"twice.csv"'), "lift_table", "365 deg", "360 deg"),
-    "crank beyond 720 deg": (cam_with_lift_table('"crank.csv"'), "lift_table", "deg", "shorten the table"),
-    "not a number": (cam_with_lift_table('"nan.csv"'), "lift_table", "nan", "finite"),
     "word": (cam_with_lift_table('"word.csv"'), "lift_table", "45, open", "line 11"),
     "open end": (cam_with_lift_table('"open.csv"'), "lift_table", "mm at 145 deg", "measure the whole lift"),
     "no lift at all": (cam_with_lift_table('"flat.csv"'), "lift_table", "0 m as the largest lift", "check the column, its sign"),
@@ -110,14 +100,10 @@ FAULTS = {  # the cam, the key that must be reported, a part of `given`, a part 
     "rise without a unit": (cam_text('rise = "100 deg"', "rise = 100"), "", "deg in all", "write '100 deg'"),
     "steep ramps": (CAM + 'ramps = { height = "3 mm", duration = "5 deg" }\n', "ramps", "", "mm/rad"),
     "ramps beyond the revolution": (CAM + 'ramps = { height = "0.3 mm", duration = "90 deg" }\n', "", "380 deg", "ramps included"),
-    "ramps in deg": (CAM + 'ramps = { height = "3 deg", duration = "5 deg" }\n', "ramps.height", "3 deg", "a length"),
-    "ramps without a duration": (CAM + 'ramps = { height = "1 mm" }\n', "ramps.duration", "nothing", "add 'duration'"),
     "high dwell beside a low one": (CAM + 'single_dwell = "high"\n', "", "200 deg", "no lower dwell"),
     "low dwell beside a high one": (CAM + 'single_dwell = "low"\ndwell = "9 deg"\n', "dwell", "9 deg", "no upper dwell"),
     "high dwell with ramps": (CAM + 'single_dwell = "high"\ndwell = "140 deg"\nramps = { height = "1 um", duration = "10 deg" }\n', "ramps", "", "to ramp from"),
     "another dwell": (CAM + 'single_dwell = "middle"\n', "single_dwell", "middle", "'high' or 'low'"),
-    "unknown follower": (cam_text('"roller"', '"rollr"'), "follower", "'rollr'", "did you mean 'roller'"),
-    "follower without a type": (cam_text('type = "roller", ', ""), "follower.type", "nothing", "'flat', 'roller', 'swing'"),
     "follower as a word": (cam_text(ROLLER, '"flat"'), "follower", "'flat'", "table"),
     "roller without a radius": (cam_text(', radius = "9 mm"', ""), "follower", "nothing", "add 'radius'"),
     "key of a follower": (cam_text('"9 mm" }', '"9 mm", ofset = 1 }'), "follower", "ofset", "did you mean 'offset'"),

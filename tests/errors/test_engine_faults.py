@@ -2,8 +2,6 @@
 
 # ruff: noqa: E501 - tables, a row to a line
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -38,31 +36,14 @@ OTHER_FINGER = '[rockers.other]\nmodel = "lever"\nfrom = "pad"\nto = "twin"\ndir
 # fault: changes, the key that must be reported, a part of `given`, a part of the whole message
 FAULTS = {
     # members
-    "geometric stiffness as a text": ([("geometric_stiffness = true", 'geometric_stiffness = "yes"')], "members.pushrod.geometric_stiffness", "'yes'", ""),
-    "geometric stiffness as a number": ([("geometric_stiffness = true", "geometric_stiffness = 1")], "members.pushrod.geometric_stiffness", "1", ""),
-    "bow in a wrong unit": ([('bow = "0.3 mm"', 'bow = "0.3 deg"')], "members.pushrod.bow", "0.3 deg", "length"),
-    "bow not finite": ([('bow = "0.3 mm"', "bow = nan")], "members.pushrod.bow", "nan", "finite"),
-    "bow as a switch": ([('bow = "0.3 mm"', "bow = true")], "members.pushrod.bow", "true", "length"),
-    "bow misspelt": ([('bow = "0.3 mm"', 'bwo = "0.3 mm"')], "members.pushrod.bwo", "bwo", "Did you mean 'bow'"),
     "bow without geometric stiffness": ([("geometric_stiffness = true\n", "")], "members.pushrod", "", "geometric_stiffness"),
     # levers
-    "inertia of a lever missing": ([('inertia = "6e-5 kg m^2"\n', "")], "rockers.rocker.inertia", "nothing", "required"),
-    "inertia of a lever zero": ([('inertia = "6e-5 kg m^2"', "inertia = 0")], "rockers.rocker.inertia", "0", "above zero"),
-    "stiffness of a lever missing": ([('stiffness = "5 MN/m"\n', "")], "rockers.rocker.stiffness", "nothing", "required"),
-    "stiffness of a lever zero": ([('stiffness = "5 MN/m"', "stiffness = 0")], "rockers.rocker.stiffness", "0", "above zero"),
-    "damping of a lever negative": ([('damping = "50 N s/m"', 'damping = "-50 N s/m"')], "rockers.rocker.damping", "-50", "zero or more"),
-    "drive stiffness in a wrong unit": ([('drive_stiffness = "8 MN/m"', 'drive_stiffness = "8 MN"')], "rockers.rocker.drive_stiffness", "8 MN", "stiffness"),
-    "drive damping negative": ([('drive_damping = "60 N s/m"', 'drive_damping = "-1 N s/m"')], "rockers.rocker.drive_damping", "-1", "zero or more"),
-    "three angles": ([(ANGLES, 'angles = ["1 deg", 0, 0]')], "rockers.rocker.angles", "1 deg", "2"),
-    "angle in a wrong unit": ([(ANGLES, 'angles = ["-8 mm", 0]')], "rockers.rocker.angles", "-8 mm", "angle"),
-    "arms negative": ([(ARMS, 'arms = ["-25 mm", "40 mm"]')], "rockers.rocker.arms", "-25 mm", "above zero"),
     "angles of a lumped rocker": ([('model = "lever"\nfrom = "top"', 'model = "lumped"\nfrom = "top"')], "rockers.rocker.angles", "angles", "Remove it"),
     "model of a rocker": ([('model = "lever"\nfrom = "top"', 'model = "levr"\nfrom = "top"')], "rockers.rocker.model", "'levr'", "Did you mean 'lever'"),
     "lever's lift exceeds its arm": ([(ARMS, 'arms = ["2.5 mm", "4 mm"]')], "rockers.rocker", "", ""),
     "lever installed along its motion": ([(ANGLES, 'angles = ["90 deg", "-6 deg"]')], "rockers.rocker.angles", "90 deg", "at most 75 deg from the perpendicular"),
     "lever installed backwards": ([(ANGLES, 'angles = ["200 deg", "-6 deg"]')], "rockers.rocker.angles", "200 deg", ""),
     "lever whose point stands along its motion": ([(ANGLES, 'angles = ["0 deg", "90 deg"]')], "rockers.rocker.angles", "90 deg", ""),
-    "lever at a misspelt node": ([('from = "top"', 'from = "tpo"')], "rockers.rocker.from", "'tpo'", "Did you mean 'top'"),
     "lever at a misspelt node, with a direction": ([('from = "top"', 'from = "tpo"\ndirection = "uy"')], "rockers.rocker.from", "'tpo'", "Did you mean 'top'"),
     "lever along a held direction": ([('from = "top"\n', 'from = "top"\ndirection = "ux"\n')], "rockers.rocker", "", ""),
     # finger followers
@@ -76,26 +57,16 @@ FAULTS = {
     # friction and impacts
     "friction under a roller": ([('stiffness = "80 MN/m"\n', 'stiffness = "80 MN/m"\nfriction = 0.1\n')], "contacts.exhaust.friction", "0.1", "roller"),
     "friction without a profile": ([('stiffness = "40 MN/m"\n', 'stiffness = "40 MN/m"\nfriction = 0.1\n'), NO_PROFILE], "contacts.direct.friction", "0.1", "profile"),
-    "friction negative": ([("friction = 0.08", "friction = -0.1")], "contacts.intake.friction", "-0.1", "zero or more"),
-    "friction above two": ([("friction = 0.08", "friction = 3")], "contacts.intake.friction", "3", "2"),
-    "friction in a unit": ([("friction = 0.08", 'friction = "0.1 N"')], "contacts.intake.friction", "0.1 N", "number"),
     "friction of a bilateral contact": ([('model = "unilateral"\nstiffness = "40 MN/m"\ndissipation = "0.3 s/m"', 'model = "bilateral"\nstiffness = "40 MN/m"\nfriction = 0.1')], "contacts.direct.friction", "friction", "Remove it"),
     "breakaway force below the friction": ([("[output]", '[friction.guide]\nat = "stem"\ndirection = "uy"\nforce = "50 N"\nbreakaway_force = "8 N"\n[output]')], "friction.guide.breakaway_force", "8 N", "at least `force`, 50 N."),
     "damping of a cam contact": ([("friction = 0.08", 'damping = "9 N s/m"')], "contacts.intake.damping", "damping", "Did you mean 'dissipation'?"),
-    "friction speed zero": ([('friction_speed = "20 mm/s"', "friction_speed = 0")], "contacts.intake.friction_speed", "0", "above zero"),
-    "friction speed in a wrong unit": ([('friction_speed = "20 mm/s"', 'friction_speed = "20 mm"')], "contacts.intake.friction_speed", "20 mm", "velocity"),
     "friction speed without friction": ([("friction = 0.08\n", "")], "contacts.intake", "", "friction"),
-    "restitution above one": ([("restitution = 0.3", "restitution = 1.5")], "contacts.seat.restitution", "1.5", "1"),
-    "restitution negative": ([("restitution = 0.4", "restitution = -0.5")], "contacts.intake.restitution", "-0.5", "zero or more"),
-    "restitution as a text": ([("restitution = 0.3", 'restitution = "half"')], "contacts.seat.restitution", "half", "number"),
     "restitution of a play": ([('gap = "0.05 mm"', 'gap = "0.05 mm"\nrestitution = 0.3')], "contacts.tip.restitution", "restitution", "Remove it"),
     "restitution at a point without mass": ([('exhaust = { at = "exhaust", mass = "0.08 kg" }\n', ""), ('stiffness = "60 MN/m", damping = "100 N s/m" }\nstem', 'stiffness = "60 MN/m", restitution = 0.3 }\nstem')], "contacts.exhaust-seat", "restitution", "mass"),
     # plays
     "play at an unknown rocker": ([('at = "finger"', 'at = "fingr"')], "contacts.tip.at", "'fingr'", "Did you mean 'finger'"),
     "adjuster at an unknown rocker": ([('at = "rocker"', 'at = "rockr"')], "contacts.adjuster.at", "'rockr'", "Did you mean 'rocker'"),
     "adjuster at a node": ([('at = "rocker"', 'at = "tappet"')], "contacts.adjuster.at", "'tappet'", "a rocker"),
-    "play from an unknown node": ([('from = "lifter-top"', 'from = "lifter-tp"')], "contacts.play.from", "'lifter-tp'", "Did you mean 'lifter-top'"),
-    "play to an unknown node": ([('to = "stem"', 'to = "stm"')], "contacts.play.to", "'stm'", "Did you mean 'stem'"),
     "play from a node to itself": ([('from = "lifter-top"', 'from = "stem"')], "contacts.play", "stem", ""),
     "play to a rocker's point": ([('to = "stem"', 'to = "valve"')], "contacts.play.to", "'valve'", "at = 'rocker'"),
     "play at a rocker and between nodes": ([('from = "lifter-top"', 'at = "finger"\nfrom = "lifter-top"')], "contacts.play", "", "either at"),
@@ -104,29 +75,17 @@ FAULTS = {
     "play with an unknown direction": ([('to = "stem"\ndirection = "uy"', 'to = "stem"\ndirection = "uyy"')], "contacts.play.direction", "'uyy'", "Did you mean 'uy'"),
     "play about an axis": ([('to = "stem"\ndirection = "uy"', 'to = "stem-end"\ndirection = "rz"')], "contacts.play.gap", "0.1 mm", "unit of angle"),
     "gap negative": ([('gap = "0.1 mm"', 'gap = "-0.1 mm"')], "contacts.play.gap", "-0.1 mm", "zero or more"),
-    "gap missing": ([('gap = "0.1 mm"\n', "")], "contacts.play.gap", "nothing", "required"),
     "two plays at one rocker": ([("[contacts.tip]", ON_FINGER)], "contacts", "finger", ""),
     "play and adjuster at one rocker": ([("[contacts.tip]", OIL_ON_FINGER)], "contacts", "finger", ""),
     # adjusters
     "leak below refill": ([('leak = "100 kN s/m"', 'leak = "100 N s/m"')], "contacts.adjuster", "leak 100 N s/m", "resistance `leak` above the resistance `refill`"),
-    "leak equal to refill": ([('leak = "100 kN s/m"', 'leak = "200 N s/m"')], "contacts.adjuster", "", "resistance `leak` above"),
-    "leak in a wrong unit": ([('leak = "100 kN s/m"', 'leak = "100 kN/m"')], "contacts.adjuster.leak", "100 kN/m", "damping"),
     "leak missing": ([('leak = "100 kN s/m"\n', "")], "contacts.adjuster", "stiffness = '15 MN/m'", "expected stiffness and leak, or oil"),
-    "refill zero": ([('refill = "200 N s/m"', "refill = 0")], "contacts.adjuster.refill", "0", "above zero"),
-    "plunger force negative": ([('plunger_force = "20 N"', 'plunger_force = "-20 N"')], "contacts.adjuster.plunger_force", "-20 N", "zero or more"),
-    "plunger force missing": ([('plunger_force = "20 N"\n', "")], "contacts.adjuster.plunger_force", "nothing", "required"),
-    "oil without stiffness": ([('stiffness = "15 MN/m"', "stiffness = 0")], "contacts.adjuster.stiffness", "0", "above zero"),
     "gap of an adjuster": ([('plunger_force = "20 N"', 'plunger_force = "20 N"\ngap = 0')], "contacts.adjuster.gap", "gap", "Remove it"),
     "model of an adjuster": ([('"lash-adjuster"', '"lash-adjustor"')], "contacts.adjuster.model", "'lash-adjustor'", "Did you mean 'lash-adjuster'"),
     # wire
     "coil too tight": ([(WIRE, 'wire = { diameter = "14 mm", coil_diameter = "26 mm" }')], "springs.exhaust.wire.coil_diameter", "26 mm", "twice the wire diameter"),
     "coils without a shear modulus": ([(WIRE, 'wire = { diameter = "4 mm", coil_diameter = "26 mm", active_coils = 4 }')], "springs.exhaust.wire", "4", "shear_modulus"),
     "no coil diameter": ([(WIRE, 'wire = { diameter = "4 mm" }')], "springs.exhaust.wire.coil_diameter", "nothing", "required"),
-    "wire of diameter zero": ([(WIRE, 'wire = { diameter = 0, coil_diameter = "26 mm" }')], "springs.exhaust.wire.diameter", "0", "above zero"),
-    "coils negative": ([(COILS, COILS.replace("3.5", "-3.5"))], "springs.valve.wire.active_coils", "-3.5", "above zero"),
-    "shear modulus in a wrong unit": ([(COILS, COILS.replace("GPa", "kN"))], "springs.valve.wire.shear_modulus", "80 kN", "stress"),
-    "key of a wire": ([(WIRE, WIRE.replace("coil_d", "coild"))], "springs.exhaust.wire.coildiameter", "coildiameter", "Did you mean 'coil_diameter'"),
-    "wire as a text": ([(WIRE, 'wire = "4 mm"')], "springs.exhaust.wire", "'4 mm'", "table"),
     "stiffness beside that of the wire": ([(COILS, f'stiffness = "50 kN/m"\n{COILS}')], "springs.valve", "", "stiffness"),
     "wire of a spring that twists": ([("[springs.tappet]", TWIST.format(COILS))], "springs.twist", "", ""),
     "clash of a spring without stiffness": ([(COILS, WIRE)], "springs.valve", "", "stiffness"),
@@ -134,8 +93,6 @@ FAULTS = {
     "stiffness beside a table": ([(STEM, f"{STEM}\n{ROWS}")], "springs.stem", "force_table, stiffness = '40 kN/m'", "either force_table or a stiffness"),
     "table with a force that falls": ([(STEM, ROWS.replace('"900 N"', '"250 N"'))], "springs.stem.force_table", "250 N", "increasing travel and force"),
     "table in one row": ([(STEM, "force_table = [[0, 0]]")], "springs.stem.force_table", "", "2"),
-    "table of three columns": ([(STEM, "force_table = [[0, 0, 0], [1, 1, 1]]")], "springs.stem.force_table", "", "2"),
-    "table in a wrong unit": ([(STEM, ROWS.replace("900 N", "900 mm"))], "springs.stem.force_table", "900 mm", "force"),
     "table that does not reach the installed force": ([(STEM, f'installed_force = "1 kN"\n{ROWS}')], "springs.stem.force_table", "", "covers the installed_force, 1000 N. Its forces reach from 0 to 900 N"),
     "table beside coils": ([(STEM, f"{ROWS}\n{UNEVEN}")], "springs.stem", "", "either force_table or coils"),
     "table of a spring that pulsates": ([(STEM, f"{ROWS}\npulsation = {{ order = 1, amplitude = 0.1 }}")], "springs.stem", "", "without pulsation"),
@@ -153,25 +110,14 @@ FAULTS = {
     # speed
     "fewer amplitudes than orders": ([('["3 %", 0.01]', '["3 %"]')], "run.fluctuation", "3 %", "as many amplitudes as orders"),
     "fewer phases than orders": ([('["30 deg", 0]', '["30 deg"]')], "run.fluctuation", "", "as many phases"),
-    "no amplitudes": ([(', amplitudes = ["3 %", 0.01]', "")], "run.fluctuation.amplitudes", "nothing", "required"),
     "no orders": ([(SWING, "fluctuation = { orders = [], amplitudes = [] }")], "run.fluctuation.orders", "[]", "1"),
-    "order negative": ([("orders = [2, 4]", "orders = [-2, 4]")], "run.fluctuation.orders", "-2", "above zero"),
-    "order not finite": ([("orders = [2, 4]", "orders = [inf, 4]")], "run.fluctuation.orders", "inf", "finite"),
-    "orders as a number": ([("orders = [2, 4]", "orders = 2")], "run.fluctuation.orders", "2", "list"),
-    "amplitude negative": ([('["3 %", 0.01]', '["-3 %", 0.01]')], "run.fluctuation.amplitudes", "-3 %", "zero or more"),
     "amplitudes that stop the shaft": ([('["3 %", 0.01]', '["60 %", 0.4]')], "run.fluctuation", "60 %", "below 1"),
-    "phase in a wrong unit": ([('["30 deg", 0]', '["30 mm", 0]')], "run.fluctuation.phases", "30 mm", "angle"),
-    "key of a fluctuation": ([("phases =", "phase =")], "run.fluctuation.phase", "phase", "Did you mean 'phases'"),
     "two ways to turn": ([(SWING, f"{SWING}\n{FREE}")], "run", "", "one of fluctuation, free_running"),
     "free running with an unknown cam": ([(SWING, FREE.replace('"intake"', '"intak"'))], "run.free_running.cam", "'intak'", "Did you mean 'intake'"),
     "free running without a base circle": ([(SWING, FREE.replace('"intake"', '"direct"')), NO_PROFILE], "cams.direct", "", "base_radius"),
-    "cam mass zero": ([(SWING, FREE.replace('"0.4 kg"', "0"))], "run.free_running.cam_mass", "0", "above zero"),
-    "cam mass missing": ([(SWING, FREE.replace('cam_mass = "0.4 kg", ', ""))], "run.free_running.cam_mass", "nothing", "required"),
-    "follower mass negative": ([(SWING, FREE.replace('"0.1 kg"', '"-0.1 kg"'))], "run.free_running.follower_mass", "-0.1 kg", "zero or more"),
     # start
     "periodic with half an order": ([PERIODIC, ("orders = [2, 4]", "orders = [0.5, 4]")], "run", "", "whole orders"),
     "periodic with a step that does not fit": ([PERIODIC, ("steps_per_revolution = 720", 'step = "31 us"')], "run.step", "3.1e-05 s", "whole number of steps"),
-    "start misspelt": ([('start = "equilibrium"', 'start = "periodical"')], "run.start", "'periodical'", "Did you mean 'periodic'"),
 }  # fmt: skip
 
 

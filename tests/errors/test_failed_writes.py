@@ -1,7 +1,5 @@
 """Plots, reports and tables that cannot be written: message, exit code, and the unchanged earlier file."""
 
-from __future__ import annotations
-
 import gc
 import resource
 import sys

@@ -1,7 +1,5 @@
 """Files that refer to other files, exhaust memory or contain code are refused before they are read."""
 
-from __future__ import annotations
-
 import io
 import os
 import pickle

@@ -1,7 +1,5 @@
 """Runs that end early, by each engine: the status names parts of the system, and the saved response is finite."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

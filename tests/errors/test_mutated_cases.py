@@ -2,8 +2,6 @@
 
 # ruff: noqa: E501 - tables, a row to a line
 
-from __future__ import annotations
-
 import warnings
 from pathlib import Path
 
@@ -12,6 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from flexcam import FlexcamError, InputError, prepare, read_case
+from tests.thinning import mostly_slow
 
 LINES = (Path(__file__).parents[1] / "data/inline.toml").read_text(encoding="utf-8").splitlines()
 VALUES = [
@@ -99,7 +98,7 @@ def test_mutated_case_is_accepted_or_refused(steps, path):
 KEYS = [i for i, line in enumerate(LINES) if "=" in line and not line.startswith("#")]
 
 
-@pytest.mark.parametrize(("first", "value"), list(enumerate(VALUES)))
+@pytest.mark.parametrize(("first", "value"), mostly_slow(list(enumerate(VALUES)), 2))
 def test_unusual_values_at_every_key_are_accepted_or_refused(first, value, path):
     """Each value is set at every tenth key, with a different first key for each value."""
     broken = {}

@@ -1,7 +1,5 @@
 """Faults of rotating members that are not round and of cams of one shaft with opposite axes."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

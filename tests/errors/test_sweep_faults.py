@@ -1,12 +1,9 @@
 """Faults of sweeps: all in one report, before any run, with the option that caused them."""
 
-from __future__ import annotations
-
-import time
-
 import pytest
 
 from flexcam import InputError
+from flexcam.case.reader import CaseFile
 from flexcam.studies.plan import make_plan, parse_axes, parse_sample
 from flexcam.studies.sweep import make_sweep
 
@@ -87,11 +84,11 @@ def test_unknown_table_suggests_similar_name(case):
     assert faults(lambda: make_sweep(case, ["sprigs.valve.stiffness=1,2kN/m"]))[0].remedy == "did you mean 'springs'?"
 
 
-def test_many_invalid_variants_are_refused_quickly(case):
-    start = time.process_time()
-    found = faults(lambda: make_sweep(case, ["run.speed=1:9000:1kN"]))
-    assert len(found) == 1
-    assert time.process_time() - start < 1.0  # checking all variants takes seconds
+def test_only_ends_of_invalid_axis_are_read(case, monkeypatch):
+    read, variants = CaseFile.read, []
+    monkeypatch.setattr(CaseFile, "read", lambda file, *words: variants.append(words) or read(file, *words))
+    assert len(faults(lambda: make_sweep(case, ["run.speed=1:9000:1kN"]))) == 1
+    assert 0 < len(variants) < 10
 
 
 def test_faults_of_sweep_table_name_line(case, text):

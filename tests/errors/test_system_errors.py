@@ -1,7 +1,5 @@
 """Errors of the operating system while a result is written: message, exit code and remaining files."""
 
-from __future__ import annotations
-
 import os
 import re
 import resource
@@ -312,13 +310,3 @@ def test_full_standard_error_keeps_exit_code(words, code, tmp_path):
             env=buffered, check=False,
         )  # fmt: skip
     assert done.returncode == code
-
-
-@pytest.mark.parametrize("words", [pytest.param(("new", "--list"), marks=pytest.mark.slow), ("schema",)], ids=" ".join)
-def test_closed_output_pipe_ends_command_silently(words):
-    reading, writing = os.pipe()
-    os.close(reading)
-    program = "import sys; from flexcam.cli.main import main; main(sys.argv[1:])"
-    done = subprocess.run([sys.executable, "-c", program, *words], stdout=writing, stderr=subprocess.PIPE, timeout=60)
-    os.close(writing)
-    assert (done.returncode, done.stderr) == (0, b"")

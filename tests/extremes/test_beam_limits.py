@@ -5,8 +5,6 @@ beam, with b^2 = rho A L^4 w^2/(E I), r^2 = I/(A L^2), s^2 = E I/(kappa G A L^2)
 Columns: S. P. Timoshenko, J. M. Gere, Theory of Elastic Stability, 2nd ed. (1961), secs. 1.4, 2.1.
 """
 
-from __future__ import annotations
-
 import math
 import re
 
@@ -186,8 +184,7 @@ def test_modes_above_critical_load_are_refused(expect, column):
 
 
 @pytest.mark.parametrize(
-    ("bow", "name"),
-    [(0.0, "straight column"), pytest.param(1e-6, "column with a bow of 1 um", marks=pytest.mark.slow)],
+    ("bow", "name"), [(0.0, "straight column"), pytest.param(1e-6, "column with a bow of 1 um", marks=pytest.mark.slow)]
 )
 def test_statics_above_critical_load_is_refused(expect, column, bow, name):
     case = column(1.001, bow)
@@ -197,10 +194,7 @@ def test_statics_above_critical_load_is_refused(expect, column, bow, name):
     except RunFailedError as refusal:
         message = str(refusal.status)
     expect.refuses(
-        AXIAL,
-        f"{name}, P = 1.001 of its critical load, statics",
-        message,
-        "the force in members.rod.bending pushes",
+        AXIAL, f"{name}, P = 1.001 of its critical load, statics", message, "the force in members.rod.bending pushes"
     )
 
 

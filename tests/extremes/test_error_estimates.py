@@ -1,7 +1,5 @@
 """Error estimates of random trains cover the true error and are not far above it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -7,8 +7,6 @@
 - The same law as a motion (y'' + w^2 y = w^2 s) has no jump in its force and stays of second order for all positions.
 """
 
-from __future__ import annotations
-
 import math
 import re
 

@@ -4,8 +4,6 @@ The lift is (1 - cos theta)/2, so that the loads consist of few harmonics; the r
 from the installed state is known in closed form: q'' + w^2 q = a cos(n W t) + b sin(n W t).
 """
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Random but feasible engines: each run is complete, or its status names the cause."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

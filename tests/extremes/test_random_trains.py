@@ -1,7 +1,5 @@
 """Random but feasible trains: each run is complete or its status names the cause, without exceptions or NaN."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -4,8 +4,6 @@ A `State` and a result file contain the state: displacement, velocity, accelerat
 contacts.
 """
 
-from __future__ import annotations
-
 import functools
 import shutil
 from dataclasses import replace

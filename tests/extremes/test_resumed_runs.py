@@ -3,8 +3,6 @@
 The tests cover all engines, methods and models of a case, so that a missing part of the checkpoint is detected.
 """
 
-from __future__ import annotations
-
 import functools
 import zlib
 from dataclasses import replace
@@ -62,8 +60,8 @@ RUNS = {
 }  # fmt: skip
 
 
-def prepare_run(way, *, steps=STEPS, save=SAVE):
-    path, *overrides = RUNS[way]
+def prepare_run(kind, *, steps=STEPS, save=SAVE):
+    path, *overrides = RUNS[kind]
     ready = prepare(read_case(path, overrides))
     return replace(ready, problem=replace(ready.problem, steps=steps), save=save)
 
@@ -97,8 +95,8 @@ def uninterrupted(tmp_path_factory):
     """Return a function that gives the response of the uninterrupted run and the content of its file."""
 
     @functools.cache
-    def make(way):
-        response, file = solve_to_file(prepare_run(way), tmp_path_factory.mktemp("whole"))
+    def make(kind):
+        response, file = solve_to_file(prepare_run(kind), tmp_path_factory.mktemp("whole"))
         assert response.status.ok, response.status
         return response, content(file.path)
 
@@ -119,18 +117,18 @@ SLOW = {
 """Runs whose checkpoint has the same parts as that of another run."""
 
 
-@pytest.mark.parametrize("way", [pytest.param(way, marks=[pytest.mark.slow] * (way in SLOW)) for way in RUNS])
-def test_resumed_run_equals_uninterrupted_run(way, uninterrupted, tried, tmp_path):
+@pytest.mark.parametrize("kind", [pytest.param(kind, marks=[pytest.mark.slow] * (kind in SLOW)) for kind in RUNS])
+def test_resumed_run_equals_uninterrupted_run(kind, uninterrupted, tried, tmp_path):
     """The run is interrupted twice, at random blocks, and prepared anew in between."""
-    response, expected = uninterrupted(way)
-    first, second = sorted(np.random.default_rng(zlib.crc32(way.encode())).choice(np.arange(1, 8), 2, replace=False))
-    broken, _ = solve_to_file(prepare_run(way), tmp_path, cut=first)
+    response, expected = uninterrupted(kind)
+    first, second = sorted(np.random.default_rng(zlib.crc32(kind.encode())).choice(np.arange(1, 8), 2, replace=False))
+    broken, _ = solve_to_file(prepare_run(kind), tmp_path, cut=first)
     assert broken.status.cause is Cause.INTERRUPTED
-    ready = prepare_run(way)
+    ready = prepare_run(kind)
     earlier = open_partial_result(ready, tmp_path)
     assert earlier.checkpoint.steps == 20 * first
     solve_to_file(ready, tmp_path, cut=second, earlier=earlier)
-    ready = prepare_run(way)
+    ready = prepare_run(kind)
     earlier = open_partial_result(ready, tmp_path)
     assert earlier.checkpoint.steps == 20 * second
     again, file = solve_to_file(ready, tmp_path, earlier=earlier)
@@ -142,22 +140,22 @@ def test_resumed_run_equals_uninterrupted_run(way, uninterrupted, tried, tmp_pat
         assert np.array_equal(getattr(again, name), getattr(response, name)), name
     for name in ("displacement", "velocity", "acceleration"):
         assert np.array_equal(getattr(again.probes, name), getattr(response.probes, name)), name
-    tried("killed", f"stopped twice and resumed: {way}", 2, "every dataset equals that of the uninterrupted run")
+    tried("killed", f"stopped twice and resumed: {kind}", 2, "every dataset equals that of the uninterrupted run")
 
 
 def test_time_limit_before_first_block_keeps_checkpoint(uninterrupted, tmp_path):
     """The next run continues from the same checkpoint."""
-    way = "general, linear"
-    solve_to_file(prepare_run(way), tmp_path, cut=3)
-    ready = prepare_run(way)
+    kind = "general, linear"
+    solve_to_file(prepare_run(kind), tmp_path, cut=3)
+    ready = prepare_run(kind)
     earlier = open_partial_result(ready, tmp_path)
     timed_out = solve(
         ready.problem, ready.scheme, save=ready.save, sinks=[open_result_file(ready, tmp_path, resume=earlier)],
         resume=earlier, until=0.0,
     )  # fmt: skip
     assert timed_out.status.cause is Cause.TIME_LIMIT
-    ready = prepare_run(way)
+    ready = prepare_run(kind)
     earlier = open_partial_result(ready, tmp_path)
     assert earlier.checkpoint.steps >= 60
     _, file = solve_to_file(ready, tmp_path, earlier=earlier)
-    assert not different_names(content(file.path), uninterrupted(way)[1])
+    assert not different_names(content(file.path), uninterrupted(kind)[1])

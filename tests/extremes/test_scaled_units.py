@@ -4,8 +4,6 @@ Each number of the model is scaled by its dimension, kg^a m^b s^c. A case text w
 mechanism has them, and a wrong unit is the likely cause.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

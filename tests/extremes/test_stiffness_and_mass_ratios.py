@@ -5,8 +5,6 @@ Two unknowns: omega^2 = (b +- sqrt(b^2 - 4 c))/2 with b = (k1 + k2)/m1 + k2/m2 a
 k2/k1 = 1e14 that is 1.1 %, which no solver can recover.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -4,8 +4,6 @@ Average acceleration advances the phase by exactly 2 atan(w dt/2) per step and k
 The Finite Element Method (1987), ch. 9): the displacement is cos(2 n atan(w dt/2)) after n steps.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -3,8 +3,6 @@
 Signs follow from the definitions: rz = dv/dx, ry = -dw/dx, right-hand rule.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

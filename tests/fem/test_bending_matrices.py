@@ -4,8 +4,6 @@ Interdependent interpolation of the Timoshenko beam: Z. Friedman, J. B. Kosmatka
 with xi = x/L, deflection v = (f v1 + ...)/(1 + phi), rotation of the section r, shear strain v' - r.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Numbering of the free components; refinement, element ranges, connected nodes and errors of meshes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

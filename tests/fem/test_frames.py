@@ -1,7 +1,5 @@
 """Local axes: orthonormal, right-handed, local x along the member, documented default orientation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

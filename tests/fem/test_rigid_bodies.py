@@ -1,7 +1,5 @@
 """Point masses and scalar springs: kinetic energy of a rigid body, stiffness matrices."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

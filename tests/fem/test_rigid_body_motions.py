@@ -3,8 +3,6 @@
 The reference is statics: a free part has six motions; each independent support or spring removes one.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -4,8 +4,6 @@ Torsion of a rectangle: S. P. Timoshenko, J. N. Goodier, Theory of Elasticity, 3
 (J = k1 (2a)^3 (2b) with sides 2b >= 2a, three printed digits). Cowper (1966), Table 1: shear factors.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Changed inputs are accepted or refused with an error of flexcam; includes inputs that failed in the past."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from random import Random
 

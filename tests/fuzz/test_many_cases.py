@@ -1,7 +1,5 @@
 """Thousands of changed inputs: cases and cam files."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.fuzz.targets import GROUPS, check_all

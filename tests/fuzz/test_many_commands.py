@@ -1,7 +1,5 @@
 """Thousands of changed inputs: command lines."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.fuzz.targets import GROUPS, check_all

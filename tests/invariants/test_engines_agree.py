@@ -4,8 +4,6 @@ The allowed difference is measured: direct runs of the same system with its unkn
 by the rounding of the system itself.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -5,8 +5,6 @@ impacts amplify the difference at every touchdown. The amplification is measured
 loads changed by this tolerance, and by one with its unknowns in another order.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

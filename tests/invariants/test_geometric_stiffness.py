@@ -4,8 +4,6 @@ J. S. Przemieniecki, Theory of Matrix Structural Analysis (1968), sec. 15.2. The
 the element, (u2 - u1)/L + (1/2L) int (v'^2 + w'^2) dx, with Gauss integration of v' from Hermite functions.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

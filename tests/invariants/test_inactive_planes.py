@@ -1,7 +1,5 @@
 """Inactive bending planes of a straight strut are removed until something excites them, without change of results."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

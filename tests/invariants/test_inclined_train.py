@@ -1,7 +1,5 @@
 """A pushrod train inclined by 45 deg with stiff guide springs moves as the upright train with supports."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

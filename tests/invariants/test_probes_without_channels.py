@@ -1,7 +1,5 @@
 """Runs that save only probes give the same probes as complete runs, with every engine."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Removal of inactive unknowns does not change results: random systems, shafts in space, initial states."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

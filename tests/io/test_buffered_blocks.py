@@ -1,7 +1,5 @@
 """Buffering of small blocks: the file is the same as without buffering, and an interrupt loses no block."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

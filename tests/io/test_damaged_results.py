@@ -1,7 +1,5 @@
 """Damaged results are refused, with the name of the damaged part, or read correctly."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from random import Random

@@ -1,7 +1,5 @@
 """Meshes generated and written by Gmsh: formats 2.2 and 4.1, text and binary."""
 
-from __future__ import annotations
-
 import os
 import signal
 

@@ -1,7 +1,5 @@
 """Gmsh files: exact round trip, formats 2.2 and 4.1, and refused files."""
 
-from __future__ import annotations
-
 import meshio
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """The macro of an exported collection; `test_paraview` runs it in ParaView."""
 
-from __future__ import annotations
-
 import ast
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A run interrupted at any point leaves a file that flexcam and VTK read, with consistent steps."""
 
-from __future__ import annotations
-
 import h5py
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Cam profiles as CSV, DXF and VTK, read back by numpy, ezdxf and VTK."""
 
-from __future__ import annotations
-
 import csv
 import math
 

@@ -1,7 +1,5 @@
 """ParaView collections: VTK's XML reader finds all exported steps exactly, for any folder name."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET  # flexcam has written the files
 
 import numpy as np

@@ -2,8 +2,6 @@
 
 # ruff: noqa: E501 - tables, a row to a line
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 
@@ -38,12 +36,6 @@ def is_physical(name):
     return name == TIMES or not name.startswith(counts)
 
 
-@pytest.mark.parametrize("series", ["displacement", "velocity", "acceleration"])
-def test_probe_round_trip_is_exact(stored, series):
-    for name in ("valve", "cam", "cam.uy"):
-        assert np.array_equal(getattr(stored.result.response[name], series), getattr(stored.response[name], series))
-
-
 def test_order_of_names_is_preserved(stored):
     """The order of columns and the first name of a node depend on it: by default HDF5 sorts names."""
     read, expected = stored.result.response, stored.response
@@ -51,17 +43,6 @@ def test_order_of_names_is_preserved(stored):
     assert list(stored.result.mesh.points) == list(stored.ready.model.mesh.points)
     assert read.outline.probes == expected.outline.probes
     assert np.array_equal(read.probes.displacement, expected.probes.displacement)
-
-
-@pytest.mark.parametrize("name", ["time", "angle", "field_time", "field_angle"])
-def test_time_and_angle_round_trip_is_exact(stored, name):
-    assert np.array_equal(getattr(stored.result.response, name), getattr(stored.response, name))
-
-
-def test_channel_round_trip_is_exact(stored):
-    assert set(stored.result.response.channels) == set(stored.response.channels) != set()
-    for name, values in stored.response.channels.items():
-        assert np.array_equal(stored.result.response.channels[name], values)
 
 
 def test_field_round_trip_is_exact(stored, nodal_vectors):
@@ -72,6 +53,7 @@ def test_field_round_trip_is_exact(stored, nodal_vectors):
             file_values = file["VTKHDF/PointData"][name][()].reshape(37, len(node), 3)
             assert np.array_equal(file_values, values[:, node]), name
             assert np.array_equal(stored.result.field(name), values), name
+            assert np.abs(values).max() > 0.0, name
 
 
 def test_unknowns_are_read_in_order_of_nodes(stored, nodal_vectors):
@@ -82,16 +64,6 @@ def test_unknowns_are_read_in_order_of_nodes(stored, nodal_vectors):
     }.items():  # fmt: skip
         six = np.concatenate([nodal_vectors[name] for name in names], axis=2)
         assert np.array_equal(getattr(read, series), six.reshape(37, -1))
-
-
-def test_fields_are_not_all_zero(nodal_vectors):
-    assert all(np.abs(values).max() > 0.0 for values in nodal_vectors.values())
-
-
-def test_status_and_statistics_round_trip(stored):
-    assert stored.result.response.status == stored.response.status
-    assert stored.result.response.stats == stored.response.stats
-    assert stored.result.response.stats.steps == 720
 
 
 def test_result_contains_case_text(stored):
@@ -123,23 +95,21 @@ def test_physical_datasets_have_units(datasets):
     assert not [name for name, attrs in physical.items() if not str(attrs.get("units", ""))]
 
 
-@pytest.mark.parametrize(
-    ("name", "unit"),
-    [("history/time", "s"), ("history/cam_angle", "rad"), ("history/probes/valve/velocity", "m/s"), ("VTKHDF/Points", "m"),
-     ("VTKHDF/PointData/rotation", "rad"), ("VTKHDF/PointData/acceleration", "m/s^2"), ("VTKHDF/PointData/angular_velocity", "rad/s"),
-     ("VTKHDF/Steps/Values", "s"), ("history/channels/contacts.intake.force", "N"), ("history/channels/contacts.intake.torque", "N m")],
-)  # fmt: skip
-def test_dataset_has_unit(datasets, name, unit):
-    assert datasets[name][2]["units"].decode() == unit
+UNITS = {
+    "history/time": "s", "history/cam_angle": "rad", "history/probes/valve/velocity": "m/s", "VTKHDF/Points": "m",
+    "VTKHDF/PointData/rotation": "rad", "VTKHDF/PointData/acceleration": "m/s^2", "VTKHDF/PointData/angular_velocity": "rad/s",
+    "VTKHDF/Steps/Values": "s", "history/channels/contacts.intake.force": "N", "history/channels/contacts.intake.torque": "N m",
+}  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "path", ["probes/valve/displacement", "probes/cam/velocity", "channels/contacts.intake.force", "cam_angle"]
-)
-def test_dimension_scale_of_histories_is_time(stored, path):
+def test_datasets_have_units(datasets):
+    assert {name: datasets[name][2]["units"].decode() for name in UNITS} == UNITS
+
+
+def test_dimension_scale_of_histories_is_time(stored):
     with h5py.File(stored.path, "r") as file:
-        scales = [scale.name for scale in file["history"][path].dims[0].values()]
-    assert scales == ["/history/time"]
+        for path in ("probes/valve/displacement", "channels/contacts.intake.force", "cam_angle"):
+            assert [scale.name for scale in file["history"][path].dims[0].values()] == ["/history/time"], path
 
 
 def test_vtk_attributes_have_required_types(stored):
@@ -172,17 +142,6 @@ def test_all_steps_have_offsets(stored, nodal_vectors):
         for name in ("PartOffsets", "PointOffsets", "CellOffsets", "ConnectivityIdOffsets", "NumberOfParts"):
             assert len(steps[name]) == 37
             assert np.all(steps[name][()] == (name == "NumberOfParts")), "the mesh is stored once"
-
-
-def test_changed_byte_is_refused(stored, tmp_path):
-    """All blocks of numbers have a fletcher32 checksum."""
-    with h5py.File(stored.path, "r") as file:
-        at = file["history/probes/valve/displacement"].id.get_chunk_info(0).byte_offset
-    damaged = bytearray(stored.path.read_bytes())
-    damaged[at + 100] ^= 1
-    (tmp_path / "damaged.vtkhdf").write_bytes(damaged)
-    with pytest.raises(InputError, match="damaged"):
-        read_result(tmp_path / "damaged.vtkhdf")
 
 
 def test_existing_result_is_not_overwritten(stored, ready, solve_into):

@@ -1,7 +1,5 @@
 """A visible partial result is always complete, also while its next copy is written."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

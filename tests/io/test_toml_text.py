@@ -1,7 +1,5 @@
 """Readable TOML text: short arrays on one line, and unchanged content."""
 
-from __future__ import annotations
-
 import tomllib
 
 from hypothesis import example, given, settings

@@ -1,7 +1,5 @@
 """VTK's reader opens all steps of a result file, with equal times, geometry and values."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

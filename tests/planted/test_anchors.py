@@ -1,7 +1,5 @@
 """Every fault has exactly one place in the tree, and anchors do not depend on layout and file."""
 
-from __future__ import annotations
-
 import ast
 import re
 

@@ -1,7 +1,5 @@
 """Figures of laws, lifts, spectra and profiles: axes, labels, number of curves, and values."""
 
-from __future__ import annotations
-
 import math
 import xml.etree.ElementTree as ET  # the files are our own
 

@@ -1,7 +1,5 @@
 """Scenes: closed solids of correct volume, exact profiles, centre lines through nodes, positions of parts."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

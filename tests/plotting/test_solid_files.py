@@ -1,7 +1,5 @@
 """Files of solids: closed STL of correct volume, GLB with the positions of the scene, named blocks in ParaView."""
 
-from __future__ import annotations
-
 import json
 import math
 import struct

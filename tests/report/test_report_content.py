@@ -1,7 +1,5 @@
 """Content of a report: reduced curves, texts, tables, deflected members, and escaping of the page."""
 
-from __future__ import annotations
-
 import html.parser
 import itertools
 import json

@@ -1,7 +1,5 @@
 """Studies with many runs of one case: progress is reported after each run, and Ctrl-C in a run ends the study."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from pathlib import Path

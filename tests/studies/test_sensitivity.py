@@ -1,7 +1,5 @@
 """Derivatives by finite differences and from matrices, against closed forms."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Sobol indices of a function with known indices, and tolerance analysis of parts."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Axes and plans of sweeps: parsed text and resulting values."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from decimal import Decimal
 
@@ -21,7 +19,7 @@ def axis_texts(spec):
     return [value.text for value in parse_axis("key", spec).values]
 
 
-@settings(deadline=None)  # independent of the load of the machine
+@settings(deadline=None, max_examples=40)  # independent of the load of the machine
 @given(NUMBERS, STEPS, st.integers(0, 300), UNITS, st.booleans())
 def test_range_by_step_includes_stop_on_grid(start, step, count, unit, down):
     step = -step if down else step
@@ -35,7 +33,7 @@ def test_range_by_step_includes_stop_on_grid(start, step, count, unit, down):
     assert beyond.values == found.values
 
 
-@settings(deadline=None)  # independent of the load of the machine
+@settings(deadline=None, max_examples=40)  # independent of the load of the machine
 @given(NUMBERS, NUMBERS, st.integers(2, 300), UNITS)
 def test_range_by_count_is_even_with_both_ends(start, stop, count, unit):
     if start == stop:
@@ -47,7 +45,7 @@ def test_range_by_count_is_even_with_both_ends(start, stop, count, unit):
     assert steps == pytest.approx([float(stop - start) / (count - 1)] * (count - 1), rel=1e-6, abs=1e-9)
 
 
-@settings(deadline=None)  # independent of the load of the machine
+@settings(deadline=None, max_examples=40)  # independent of the load of the machine
 @given(st.lists(NUMBERS, min_size=1, max_size=20), UNITS)
 def test_unit_at_end_of_list_applies_to_all(numbers, unit):
     found = parse_axis("key", ",".join(map(str, numbers)) + unit)
@@ -56,7 +54,7 @@ def test_unit_at_end_of_list_applies_to_all(numbers, unit):
     assert found.is_numeric
 
 
-@settings(deadline=None)  # independent of the load of the machine
+@settings(deadline=None, max_examples=40)  # independent of the load of the machine
 @given(NUMBERS, STEPS, st.floats(0, 1, exclude_max=True))
 def test_interval_is_sampled_inside(low, width, part):
     found = parse_axis("key", f"{low}:{low + width} kN/m")
@@ -67,7 +65,7 @@ def test_interval_is_sampled_inside(low, width, part):
     assert value.text.endswith("kN/m")
 
 
-@settings(deadline=None)  # independent of the load of the machine
+@settings(deadline=None, max_examples=40)  # independent of the load of the machine
 @given(st.text(max_size=40))
 def test_any_text_is_axis_or_input_error(spec):
     with suppress(InputError):

@@ -1,7 +1,5 @@
 """Sweep execution: identical tables from all executors, also with killed workers, failed rows and resumed journals."""
 
-from __future__ import annotations
-
 import errno
 import json
 import multiprocessing

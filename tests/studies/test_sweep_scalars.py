@@ -1,7 +1,5 @@
 """Scalars of a sweep row equal the results of the other commands for the same run."""
 
-from __future__ import annotations
-
 import math
 import re
 

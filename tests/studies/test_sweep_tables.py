@@ -1,7 +1,5 @@
 """Tables of sweeps: round trips, reproducible bytes, no NaN in files."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Case text of a variant: changed values with the comments of the original file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Shared functions of equal cam profiles."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from flexcam.cams import LAWS, FlatFollower, LiftEvent

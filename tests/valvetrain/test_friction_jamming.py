@@ -1,7 +1,5 @@
 """Jamming of a rigid follower: friction carries the complete force, and no contact force gives equilibrium."""
 
-from __future__ import annotations
-
 import pytest
 
 from flexcam import InputError, build_model, read_case

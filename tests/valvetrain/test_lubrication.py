@@ -1,7 +1,5 @@
 """Channels of a lubricated contact: values from force and cam angle, and invalid input."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Names of the metrics of a train."""
 
-from __future__ import annotations
-
 from flexcam.fem.mesh import chain
 from flexcam.valvetrain import Model, train_metric_names
 

@@ -1,7 +1,5 @@
 """Topology of trains: lash, moved nodes, ratios and opposed contacts of each cam."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Fixtures: cases from text, and straight beams in classical supports."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

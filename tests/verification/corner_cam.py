@@ -5,8 +5,6 @@ chaos in cam-follower impacting systems, Nonlinear Dynamics 50 (2007) 409. The d
 of Siconos: arcs about three centres under a knife-edge follower, no gravity.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path

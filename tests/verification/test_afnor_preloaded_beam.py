@@ -5,8 +5,6 @@ P_cr = pi^2 EI/L^2; with rotary inertia the exact value is divided by sqrt(1 + n
 list (28.702, 114.807; 22.434, 109.080; 33.827, 120.261 Hz) are these formulas rounded.
 """
 
-from __future__ import annotations
-
 import math
 
 import pytest

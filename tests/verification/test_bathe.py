@@ -4,8 +4,6 @@ K. J. Bathe and M. M. I. Baig, Computers and Structures 83 (2005); K. J. Bathe, 
 reference is built here from the trapezoidal rule and the backward difference, not taken from the code.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -8,8 +8,6 @@ roller centre. F. Y. Chen, Mechanics and Design of Cam Mechanisms (1982), ch. 4 
 Mechanics (1985), sec. 4.2 (line contact); S. P. Timoshenko, Strength of Materials I (1955) for shafts and beams.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -670,7 +668,7 @@ def test_axial_force_of_finger_member_with_roller(record, tmp_path, turn, side):
 
 
 @pytest.mark.parametrize(
-    ("given", "wanted", "where", "said"),
+    ("given", "wanted", "where", "message"),
     [
         ('arm = "40 mm"', 'arm = "41 mm"', "cams.intake.follower.arm", "40 mm, from pivot to pad"),
         ('distance = "46 mm"', 'distance = "46 mm", rotation = "counterclockwise"', "follower.rotation", "clockwise"),
@@ -678,7 +676,7 @@ def test_axial_force_of_finger_member_with_roller(record, tmp_path, turn, side):
     ],
 )
 @pytest.mark.parametrize("pad", ['radius = "8 mm"', 'face = "0 mm"'])
-def test_follower_inconsistent_with_member_raises_error(tmp_path, pad, given, wanted, where, said):
+def test_follower_inconsistent_with_member_raises_error(tmp_path, pad, given, wanted, where, message):
     """The arm is the length of the member from the pivot to the node, and the pivot is at the origin of the arm."""
     path, text = tmp_path / "finger.toml", MEMBER.format(pad=pad)
     assert text.count(given) == 1
@@ -686,7 +684,7 @@ def test_follower_inconsistent_with_member_raises_error(tmp_path, pad, given, wa
     with pytest.raises(InputError) as refused:
         prepare(read_case(path))
     assert where in str(refused.value)
-    assert said in str(refused.value)
+    assert message in str(refused.value)
 
 
 @pytest.mark.parametrize(

@@ -7,22 +7,12 @@ and top do not depend on that choice. F. I. T. Petrescu and R. V. V. Petrescu, S
 print their formulas.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 import pytest
 
-from flexcam.cams import (
-    LAWS,
-    FlatFollower,
-    LiftEvent,
-    SwingRollerFollower,
-    cam_profile,
-    lift_from_profile,
-    profile_at,
-)
+from flexcam.cams import LAWS, FlatFollower, LiftEvent, SwingRollerFollower, cam_profile, lift_from_profile, profile_at
 
 LI = "Li, Cam motion simulation and optimization (2014)"
 CASE = "swinging roller follower, l = 145, a = 140, R = 16 mm, 30 deg + 10 deg"

@@ -5,8 +5,6 @@ A cam with inertia on a rotational spring lifts a mass on a spring. The referenc
 phi) - y``. A lift that is linear in the twist, ``s + s' phi``, serves for comparison.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import partial

@@ -4,8 +4,6 @@ T. J. R. Hughes, The Finite Element Method (1987), ch. 9: the central difference
 taken at the new instant, its period error at x = w dt is x / (2 asin(x/2)) - 1 without damping.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 

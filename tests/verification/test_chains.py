@@ -5,8 +5,6 @@ its frequencies are above those of the full model: the shapes are Rayleigh's (R.
 Structures).
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

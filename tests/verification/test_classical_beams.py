@@ -4,8 +4,6 @@ S. P. Timoshenko, Vibration Problems in Engineering, 3rd ed., sec. 53-58: sin x 
 tanh x. f = x^2/(2 pi L^2) sqrt(EI/(rho A)). The roots are computed here.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -9,8 +9,6 @@ SDNL301, sdnl301a.comm: a tube between four pairs of stops under nodal forces. T
 of bending and five along the axis, which are not excited.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Exponential collocation: exact without contacts, fourth order with them, against closed forms and DOP853."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

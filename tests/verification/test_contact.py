@@ -8,8 +8,6 @@
 - A rigid follower leaves its cam if its deceleration exceeds the spring force over the mass.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -180,15 +178,15 @@ def test_hertz_line_load_inverts_approach():
         assert slope == pytest.approx((around[1] - around[0]) / (2 * step), rel=1e-6)
 
 
-@pytest.mark.parametrize(("one", "other", "load"), [(0.016, 0.0085, 1.2e5), (0.2, 0.06, 2e6), (1e-3, 4e-4, 800.0)])
-def test_approach_of_two_cylinders_by_johnson(record, one, other, load):
+@pytest.mark.parametrize(("R1", "R2", "load"), [(0.016, 0.0085, 1.2e5), (0.2, 0.06, 2e6), (1e-3, 4e-4, 800.0)])
+def test_approach_of_two_cylinders_by_johnson(record, R1, R2, load):
     """K. L. Johnson, Contact Mechanics (1985), eq. 5.57 for either cylinder, with the half width of both."""
-    compliance, relative = (1.0 - 0.3**2) / (math.pi * 207e9), one * other / (one + other)
+    compliance, relative = (1.0 - 0.3**2) / (math.pi * 207e9), R1 * R2 / (R1 + R2)
     a = math.sqrt(8.0 * load * relative * compliance)
-    approach = compliance * load * sum(2.0 * math.log(4.0 * R / a) - 1.0 for R in (one, other))
-    law = HertzLine(0.01, 207e9, 0.3, constant(relative), 2.0 * (one + other), rolls=True)
+    approach = compliance * load * sum(2.0 * math.log(4.0 * R / a) - 1.0 for R in (R1, R2))
+    law = HertzLine(0.01, 207e9, 0.3, constant(relative), 2.0 * (R1 + R2), rolls=True)
     found = line_contact_load(law, approach, relative)[0]
-    record(source=SOURCE, case=f"cylinders of {1e3 * one:g} and {1e3 * other:g} mm", quantity="load of a line contact",
+    record(source=SOURCE, case=f"cylinders of {1e3 * R1:g} and {1e3 * R2:g} mm", quantity="load of a line contact",
            unit="N/m", reference=load, computed=found, tolerance=1e-9, reason="Newton's iteration")  # fmt: skip
 
 

@@ -8,8 +8,6 @@ The multipliers of this orbit have the product e^2; with c'' < 0 at the impact t
 Alzate et al. report a corner-impact bifurcation with an abrupt change to chaos below that speed.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

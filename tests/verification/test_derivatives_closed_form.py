@@ -4,8 +4,6 @@ The closed forms are in `benchmarks.measure.derivatives`, derived there by the c
 follows from the complex equation, integrated with DOP853 at 1e-13.
 """
 
-from __future__ import annotations
-
 import pytest
 
 from benchmarks.measure import derivatives

@@ -4,8 +4,6 @@ Within the lash 2 g a shaft without torque turns uniformly; on a flank of rotati
 a period of sqrt(k/J). Under the torque T its equilibrium is g + T/k.
 """
 
-from __future__ import annotations
-
 import math
 from functools import partial
 

@@ -293,13 +293,7 @@ def test_restart_continues_at_same_angle(case, tmp_path, lines):
     assert begins == pytest.approx(end, abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    "lines",
-    [
-        FLUCTUATION_KEY,
-        FREE_RUNNING_KEY,
-    ],
-)
+@pytest.mark.parametrize("lines", [FLUCTUATION_KEY, FREE_RUNNING_KEY])
 def test_restart_at_another_speed_continues_at_same_angle(case, tmp_path, lines):
     end, begins = restart_angles(case, tmp_path, lines, speed=1100)
     assert begins == pytest.approx(end, abs=1e-9)
@@ -454,7 +448,7 @@ def test_locked_phaser_is_equivalent_to_cam_phase():
 
 
 @pytest.mark.parametrize(
-    ("rows", "options", "said"),
+    ("rows", "options", "message"),
     [
         ('[["0 deg", "0 deg"], ["10 deg", "-60 deg"]]', (), "must keep turning"),
         ('[[0, 0], ["900 deg", 0], ["901 deg", "-60 deg"], ["2000 deg", 0]]', (), "keep turning"),
@@ -466,8 +460,8 @@ def test_locked_phaser_is_equivalent_to_cam_phase():
          "phasers.intake turns it"),
     ],
 )  # fmt: skip
-def test_invalid_phasers_raise_error(rows, options, said):
-    with pytest.raises(InputError, match=said):
+def test_invalid_phasers_raise_error(rows, options, message):
+    with pytest.raises(InputError, match=message):
         prepare(read_case(INLINE, (f'phasers.intake={{ cams = ["intake"], shift = {rows} }}', *options)))
 
 

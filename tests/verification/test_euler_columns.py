@@ -4,8 +4,6 @@ P L^2/EI with n equal elements; the digits are those of an independent script. A
 that turn by -r and r, so that 2 EI/L r = P L/6 r, which gives 12.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -5,8 +5,6 @@ with the noise s, has the half width t s k/sqrt(n). For the damped oscillator, n
 intervals must contain the true values about that often.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import partial

@@ -84,10 +84,11 @@ def test_multipliers_of_mathieu_equation(record, a, q, damping):
 
 
 def test_unstable_tongue_at_one():
+    """The period error of 500 steps, h^2/12, shifts the ends by less than 1e-5."""
     q = 0.1
     low, high = 1 - q - q**2 / 8 + q**3 / 64, 1 + q - q**2 / 8 - q**3 / 64
     for a, stable in ((low - 2e-4, True), (low + 2e-4, False), (1.0, False), (high - 2e-4, False), (high + 2e-4, True)):
-        assert bool(abs(multipliers(a, q)[0]) <= 1.0 + 1e-6) is stable
+        assert bool(abs(multipliers(a, q, steps=500)[0]) <= 1.0 + 1e-6) is stable
 
 
 def test_multipliers_without_pulsation_have_unit_modulus():
@@ -126,12 +127,7 @@ def impact_oscillator(w, e, phase=0.0):
     one, row = Triplets.from_dense([[1.0]]), np.array([1.0])
     push = Load("drive", np.ones(1), lambda motion: np.cos(motion.angle + phase))
     seat = LocalForce(
-        "seat",
-        (AngleVector.constant(-row),),
-        (AngleVector.constant(row),),
-        elastic_stop(1e9),
-        (constant(0.0),),
-        e,
+        "seat", (AngleVector.constant(-row),), (AngleVector.constant(row),), elastic_stop(1e9), (constant(0.0),), e
     )
     return System(one, Triplets.zeros(1), one, ("x",), (push,), (seat,))
 

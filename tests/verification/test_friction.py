@@ -5,8 +5,6 @@ without friction: J. P. Den Hartog, Mechanical Vibrations, 4th ed., sec. 8.2. A 
 opens by h and closes once.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -10,8 +10,6 @@
   Bolotin, The Dynamic Stability of Elastic Systems (1964), secs. 1-5.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

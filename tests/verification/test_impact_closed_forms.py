@@ -9,8 +9,6 @@
 - A ball that falls on a floor: the derivative of its state by initial height and speed.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

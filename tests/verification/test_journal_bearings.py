@@ -4,8 +4,6 @@ Closed forms: M. I. Friswell, J. E. T. Penny, S. D. Garvey and A. W. Lees, Dynam
 5.5.1, eqs. 5.83 to 5.87, with the bearing of its example.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -16,16 +14,7 @@ from scipy.optimize import brentq
 import flexcam
 from flexcam.core import Triplets
 from flexcam.core.errors import InputError
-from flexcam.dynamics import (
-    ConstantSpeed,
-    Load,
-    Probe,
-    Problem,
-    System,
-    equilibrium,
-    newmark,
-    solve,
-)
+from flexcam.dynamics import ConstantSpeed, Load, Probe, Problem, System, equilibrium, newmark, solve
 from flexcam.dynamics.force_laws import ANSWER, LOCAL_ROWS, PENETRATION, RATE, short_bearing
 from flexcam.valvetrain import FilmBearing
 from flexcam.valvetrain.coupling import opposed_force
@@ -293,7 +282,7 @@ def test_journal_position_of_case_matches_ocvirk(tmp_path, overrides, sense, spe
 
 
 @pytest.mark.parametrize(
-    ("override", "told"),
+    ("override", "message"),
     [
         ("bearings.left.stiffness=1e8", "either stiffness or film"),
         ('bearings.left={ at = "left" }', "either stiffness or film"),
@@ -302,8 +291,8 @@ def test_journal_position_of_case_matches_ocvirk(tmp_path, overrides, sense, spe
         (f'bearings.left={{ at = "apart", {FILM} }}', "a node of a member with a cam"),
     ],
 )
-def test_invalid_bearings_raise_error(tmp_path, override, told):
-    with pytest.raises(InputError, match=told):
+def test_invalid_bearings_raise_error(tmp_path, override, message):
+    with pytest.raises(InputError, match=message):
         flexcam.run(read_shaft_case(tmp_path, override))
 
 

@@ -6,8 +6,6 @@ Relaxation of Nonlinear Viscoelastic Materials (1976), sec. 5.2. Under tension t
 refills with c0/k.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 Values and places are recomputed from the printed formulas; the trigonometric law is the one of the printed figures.
 """
 
-from __future__ import annotations
-
 import math
 import re
 

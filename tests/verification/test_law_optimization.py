@@ -6,8 +6,6 @@ to 52.5, that of the 4-5-6-7 polynomial, so that the comparison is fair. Bounds 
 analytically and by a linear program over jerks that are constant on each of many intervals.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

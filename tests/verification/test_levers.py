@@ -6,8 +6,6 @@ finger follower is along the path a1 phi of the contact. R. L. Norton, Cam Desig
 (2009), ch. 8 and 17 (lever ratios, equivalent systems).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -210,13 +208,13 @@ def test_rigid_finger_matches_closed_form(record, finger_case, angles, speed):
 
 
 @pytest.mark.parametrize("angles", FINGER_ANGLES)
-@pytest.mark.parametrize("way", ["uy", "-uy"])
-def test_stiff_finger_matches_rigid_finger(record, finger_case, angles, way):
-    case = finger_case(angles, way=way, lines='damping = { beta = "1e-7 s" }')
+@pytest.mark.parametrize("direction", ["uy", "-uy"])
+def test_stiff_finger_matches_rigid_finger(record, finger_case, angles, direction):
+    case = finger_case(angles, way=direction, lines='damping = { beta = "1e-7 s" }')
     response = run(case)
     exact = RigidLever(case, response.angle, angles, finger=True)
     record_errors(
-        record, response, exact, f"stiff finger {angles}, {way}", 5e-3, 2e-5, "contact and arm give 2 to 4 um"
+        record, response, exact, f"stiff finger {angles}, {direction}", 5e-3, 2e-5, "contact and arm give 2 to 4 um"
     )
 
 

@@ -8,8 +8,6 @@ Ripple is the maximum positive acceleration of the valve over that of the cam li
 rest. According to the paper the fluctuation is "even more than doubled".
 """
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 from pathlib import Path

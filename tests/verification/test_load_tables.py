@@ -5,8 +5,6 @@ up to t1, and x = r/k (t1 - (sin(w t) - sin(w (t - t1)))/w) after it (R. W. Clou
 Structures, 3rd ed., ch. 6, Duhamel's integral).
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
@@ -153,7 +151,7 @@ def test_cam_force_with_gas_pressure(record, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("rows", "overrides", "said"),
+    ("rows", "overrides", "message"),
     [
         ("time [s],force [mm]\n0,0\n1,1\n", {}, "a unit of force such as N"),
         ("time [s],force [N]\n0,0\n0,1\n", {}, "increasing values"),
@@ -173,8 +171,8 @@ def test_cam_force_with_gas_pressure(record, tmp_path):
         ("crank angle [deg],force [N]\n120,0\n180,400\n240,0\n", {}, "60 of 360 deg of cam angle"),
     ],
 )  # fmt: skip
-def test_invalid_table_raises_error(rows, overrides, said, tmp_path):
-    with pytest.raises(InputError, match=said):
+def test_invalid_table_raises_error(rows, overrides, message, tmp_path):
+    with pytest.raises(InputError, match=message):
         write_case(tmp_path, rows, **overrides)
 
 

@@ -10,8 +10,6 @@
 - Wear: Hertz's pressure times the sliding velocity, integrated at a point of the cam during the passage of the contact.
 """
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 
@@ -20,14 +18,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import k0e
 
-from flexcam.cams import (
-    FlatFollower,
-    HarmonicLift,
-    RollerFollower,
-    SwingFlatFollower,
-    SwingRollerFollower,
-    profile_at,
-)
+from flexcam.cams import FlatFollower, HarmonicLift, RollerFollower, SwingFlatFollower, SwingRollerFollower, profile_at
 from flexcam.valvetrain.lubrication import (
     Film,
     cam_surface_velocity,

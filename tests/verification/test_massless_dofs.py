@@ -5,8 +5,6 @@ Two masses on springs k to ground and to a massless joint between them under the
 joint would keep an alternating error of the start, and its acceleration an increasing one.
 """
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np
@@ -55,10 +53,10 @@ def joint_system(history, *, damper=0.0, joints=1):
     return System(*(Triplets.from_dense(m) for m in (masses, C, K)), names, (load,), probes=(probe,))
 
 
-def run_system(made, method, way):
-    response = solve(Problem(made, ConstantSpeed(SPEED), STEP, STEPS, engine=way), METHODS[method])
+def run_system(made, method, engine):
+    response = solve(Problem(made, ConstantSpeed(SPEED), STEP, STEPS, engine=engine), METHODS[method])
     assert response.status.ok
-    assert response.stats.engine == way
+    assert response.stats.engine == engine
     return response.time, response["all"]
 
 
@@ -77,16 +75,16 @@ def exact_under_ramp(t):
     return rate * np.array([2.0 * tau - np.sin(s * tau) / s, on * (2.0 - np.cos(s * tau)), s * np.sin(s * tau)])
 
 
-@pytest.mark.parametrize("way", ENGINES)
+@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("method", mostly_slow(METHODS, 2))
 @pytest.mark.parametrize(
     ("history", "exact", "broken"),
     [(sine, exact_under_sine, 0), (ramp_from_kink, exact_under_ramp, 1000)],
     ids=["start", "kink"],
 )
-def test_joint_rates_are_exact_after_start_and_kink(history, exact, broken, method, way):
+def test_joint_rates_are_exact_after_start_and_kink(history, exact, broken, method, engine):
     """The run starts at rest though the load begins at once; the kink is within a step."""
-    time, joint = run_system(joint_system(history), method, way)
+    time, joint = run_system(joint_system(history), method, engine)
     wanted = exact(time)
     later = np.abs(np.arange(len(time)) - broken - 1.5) > 2.0
     # Periods are (s h)^2/12 = 1e-5 long, over 40 rad; the part alpha of the old forces delays by a part of a step.
@@ -114,11 +112,11 @@ def exact_damped_joint(damper):
     return x[1], v, a
 
 
-@pytest.mark.parametrize("way", [pytest.param("direct", marks=pytest.mark.slow), "kernel"])
-def test_damped_joint_does_not_oscillate(way):
+@pytest.mark.parametrize("engine", [pytest.param("direct", marks=pytest.mark.slow), "kernel"])
+def test_damped_joint_does_not_oscillate(engine):
     """The damper reduces the velocity error of the start to zero; the acceleration has no such error."""
     damper = 2.0  # the joint follows in c/(2 k) = 1e-4 s, a step
-    _, joint = run_system(joint_system(sine, damper=damper), "average acceleration", way)
+    _, joint = run_system(joint_system(sine, damper=damper), "average acceleration", engine)
     for found, right, allowed in zip(
         (joint.displacement, joint.velocity, joint.acceleration),
         exact_damped_joint(damper),
@@ -132,7 +130,7 @@ def test_stiffness_damping_on_modal_engine():
     """Rayleigh damping does not couple the natural modes, so that they are integrated separately."""
     made = joint_system(sine)
     made = System(made.mass, made.stiffness.scale(1e-5), made.stiffness, made.names, made.loads, probes=made.probes)
-    (_, one), (_, other) = (run_system(made, "average acceleration", way) for way in ("modal", "direct"))
+    (_, one), (_, other) = (run_system(made, "average acceleration", engine) for engine in ("modal", "direct"))
     size = np.abs(other.acceleration).max()
     np.testing.assert_allclose(one.acceleration, other.acceleration, rtol=0.0, atol=1e-8 * size)
     assert (
@@ -144,7 +142,7 @@ def test_stiffness_damping_on_modal_engine():
 def test_engines_agree_for_damped_and_undamped_joints(method):
     """The massless motions are combined so that the damper acts on one of them."""
     made = joint_system(sine, damper=2.0, joints=2)
-    (_, one), (_, other) = (run_system(made, method, way) for way in ("direct", "kernel"))
+    (_, one), (_, other) = (run_system(made, method, engine) for engine in ("direct", "kernel"))
     for found, right in zip(
         (one.displacement, one.velocity, one.acceleration), (other.displacement, other.velocity, other.acceleration),
         strict=True,

@@ -4,8 +4,6 @@ Beam of FV5, 1e6 N/m from t = 0, Rayleigh damping alpha 5.36 1/s, beta 7.46e-5 s
 at 0.0117 s, static 0.538 mm. Static reference by Timoshenko: 5 q L^4/(384 EI) + q L^2/(8 kappa A G).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -5,8 +5,6 @@ quadratic in w^2; torsion and axial by bar theory. Printed: 42.649 (x2), 77.542,
 (x2) Hz.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -7,8 +7,6 @@ T'/T = (x/2)/atan(x/2), x = w dt; linear acceleration stable up to x = 2 sqrt 3;
 of HHT and rho_inf of generalized-alpha.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -5,8 +5,6 @@ Gaussian, of 0.5 to 5 um as of a lift gauge. Second differences of points h apar
 error of an acceleration from an unsmoothed table at fine spacing.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

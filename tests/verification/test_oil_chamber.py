@@ -6,8 +6,6 @@ pressure; flow through an orifice: p. 27, eq. 2.36; through the gap: H. E. Merri
 sec. 2-3.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -5,8 +5,6 @@ independently on 1001 angles over the rise (rounded as given here). The lost lif
 with every acceleration.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 import runpy

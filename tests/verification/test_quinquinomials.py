@@ -5,8 +5,6 @@ mechanisms (2021), tables 1 to 3 and figure 1. The extremes are recomputed to fi
 (75.515, 138.079, -106.376, ...) come from a coarse grid.
 """
 
-from __future__ import annotations
-
 import math
 from fractions import Fraction
 

@@ -6,8 +6,6 @@ other reference integrates the oscillator with s itself (order 8, error 1e-12 pe
 integral of s''.
 """
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 
@@ -15,16 +13,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from flexcam.cams import (
-    LAWS,
-    BSplineLaw,
-    CompoundCycloid,
-    Harmonic,
-    Polynomial,
-    ReversedLaw,
-    Scca,
-    residual_spectrum,
-)
+from flexcam.cams import LAWS, BSplineLaw, CompoundCycloid, Harmonic, Polynomial, ReversedLaw, Scca, residual_spectrum
 from tests.thinning import mostly_slow
 
 SOURCE = "Residual vibration after a rise, spectrum of a law"

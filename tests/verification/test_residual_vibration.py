@@ -6,8 +6,6 @@ pi l|/(pi l |1 - l^2|): e.g. M. P. Koster, Vibrations of Cam Mechanisms (1974), 
 published beam model, whose pushrod is far stiffer than its spring.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -5,8 +5,6 @@ L. Norton, Cam Design and Manufacturing Handbook, 2nd ed. (2009), ch. 10 (force-
 Handbook (2004), ch. 12 (jump).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -7,8 +7,6 @@ includes the parts behind closed lashes (R. L. Norton, Cam Design and Manufactur
 17).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

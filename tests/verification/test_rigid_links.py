@@ -3,8 +3,6 @@
 A rigid body moves its points by ``u + theta x r`` (H. Goldstein, Classical Mechanics, 3rd ed., sec. 4.8, small angles).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -191,7 +189,7 @@ def test_cam_drives_rigid_rocker(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         (('to = ["push", "valve"]', 'to = ["push", "valv"]'), "valve"),
         (('to = ["push", "valve"]', 'to = ["push", "shaft"]'), "leads"),
@@ -199,10 +197,10 @@ def test_cam_drives_rigid_rocker(tmp_path):
         (("] } }\nmasses", '] }, more = { from = "push", to = ["valve"] } }\nmasses'), "follows in rigid_links.rocker"),
     ],
 )
-def test_invalid_rigid_links_raise_error(tmp_path, change, said):
+def test_invalid_rigid_links_raise_error(tmp_path, change, message):
     with pytest.raises(InputError) as refused:
         build_model(write_and_read_case(tmp_path, ROCKER.replace(*change)))
-    assert said in str(refused.value)
+    assert message in str(refused.value)
 
 
 SHAFT = f"""

@@ -6,8 +6,6 @@ displacement p and a valve displacement t = s L/a - p (L/a - 1), the energy of t
 (2009), ch. 17).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -130,11 +128,11 @@ PIVOT_CONTACTS = {
 END_ORDERS = ['from = "ground", to = "pivot", direction = "uy"', 'from = "pivot", to = "ground", direction = "-uy"']
 
 
-@pytest.mark.parametrize("way", END_ORDERS, ids=["pushed", "pushing"])
+@pytest.mark.parametrize("ends", END_ORDERS, ids=["pushed", "pushing"])
 @pytest.mark.parametrize("stand", PIVOT_CONTACTS.values(), ids=PIVOT_CONTACTS)
-def test_pivot_on_adjuster(finger, stand, way):
+def test_pivot_on_adjuster(finger, stand, ends):
     """The pivot is fixed in the rigid model, and otherwise on its oil as on a spring, for either order of the ends."""
-    case = finger(GUIDED, contacts=f"stand = {{ {way}, {stand} }}")
+    case = finger(GUIDED, contacts=f"stand = {{ {ends}, {stand} }}")
     rigid = run(case, rigid=True)
     lift = build_model(case).cams["intake"].event(rigid.angle, 0)
     np.testing.assert_allclose(rigid.channels["contacts.intake.force"], lever_equilibrium(lift, 1e8)[0], rtol=2e-4)

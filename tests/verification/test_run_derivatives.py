@@ -6,8 +6,6 @@
 - Valve trains in contact, with an adjuster, and from a periodic state: central differences of full runs, extrapolated.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

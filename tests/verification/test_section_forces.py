@@ -4,8 +4,6 @@ Sources: statics of the part beyond the cut; S. P. Timoshenko, J. N. Goodier, Th
 (torsion of rectangles); J. E. Shigley, Mechanical Engineering Design, 9th ed., eq. 6-46 (Goodman).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Speed of contact loss: closed contact at 0.99 of it, loss at 1.01, and the rigid condition for a stiff train."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -6,8 +6,6 @@ the ratios of a rigid train. All other data of `cases/spin-test` are assumed, so
 depend on the assumed spring, whose surge differs from speed to speed, so that the comparison is no proof.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cache
 

@@ -5,8 +5,6 @@ height has the modal force 2 F/pi. Coulomb friction reduces the modal amplitude 
 Den Hartog, Mechanical Vibrations, 4th ed., sec. 8.2), here 16 F/(pi^3 k).
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
@@ -321,7 +319,7 @@ def test_energy_of_slow_cycles_with_interference(record, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         (('springs.outer.wire={ diameter = "4 mm", coil_diameter = "27.9 mm" }', "springs.outer.stiffness=24e3"),
          r"friction.nest.*'outer' without such coils.*[Aa]dd coil_diameter, active_coils and shear_modulus"),
@@ -336,8 +334,8 @@ def test_energy_of_slow_cycles_with_interference(record, tmp_path):
         (('friction.nest={ spring = "inner", inside = "outer" }',), r"a force, or for a nest with interference"),
     ],
 )  # fmt: skip
-def test_invalid_interference_raises_error(tmp_path, options, said):
-    with pytest.raises(InputError, match=f"(?s){said}"):
+def test_invalid_interference_raises_error(tmp_path, options, message):
+    with pytest.raises(InputError, match=f"(?s){message}"):
         build_model(interference_case(tmp_path, *options))
 
 

@@ -5,8 +5,6 @@ the maximum shear stress K_W 8 F D/(pi d^3) with Wahl's factor. A. M. Wahl, Mech
 conical spring has k = G d^4/(2 n (D1 + D2) (D1^2 + D2^2)).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -234,7 +232,7 @@ def test_force_table_from_file(case, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("travel [mm], load [N]\n0, 0\n1, 40\n2, 90\n", "columns travel and force. It has travel, load"),
         ("travel [mm], force [mm]\n0, 0\n1, 40\n2, 90\n", "expected a unit of force"),
@@ -243,12 +241,12 @@ def test_force_table_from_file(case, tmp_path):
         (None, "spring.csv"),
     ],
 )
-def test_invalid_force_table_file_raises_error(case, tmp_path, text, said):
+def test_invalid_force_table_file_raises_error(case, tmp_path, text, message):
     if text is not None:
         (tmp_path / "spring.csv").write_text(text)
     with pytest.raises(InputError, match=r"springs\.valve\.force_table") as refusal:
         case(TABLE_FILE)
-    assert said in str(refusal.value)
+    assert message in str(refusal.value)
 
 
 FAST_RUN = ("run.revolutions=1", "run.speed=3000 rpm")

@@ -5,8 +5,6 @@ follow from the laws. With the parts b, c, d the SCCA family has the peak accele
 pi (pi - 2) b + pi^2). Gutman's and Freudenstein's accelerations are cubics of sin(2 pi z).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

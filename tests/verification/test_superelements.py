@@ -5,8 +5,6 @@ modes of the fixed interface the reduction of Craig and Bampton only changes the
 frequencies are accurate to four digits (R. R. Craig and M. C. C. Bampton, AIAA Journal 6 (1968)).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.io import mmwrite
@@ -125,10 +123,7 @@ def test_superelement_weight_matches_beam(record, case):
 
 @pytest.mark.parametrize(
     ("change", "words"),
-    [
-        (lambda K, M: (K * (1.0 + 0.02j), M), "complex numbers"),
-        (lambda K, M: (K[:11, :11], M), "11 rows"),
-    ],
+    [(lambda K, M: (K * (1.0 + 0.02j), M), "complex numbers"), (lambda K, M: (K[:11, :11], M), "11 rows")],
 )
 def test_unsupported_matrices_raise_error(case, change, words):
     with pytest.raises(InputError, match=words):

@@ -10,8 +10,6 @@ with the contact force K (lift - y). A start on this motion must stay on it; onl
 w^2 dt^2/4 for w^2 in the average acceleration method.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

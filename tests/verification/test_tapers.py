@@ -5,8 +5,6 @@ given by R. D. Blevins, Formulas for Natural Frequency and Mode Shape (1979), ta
 ``5.315`` with the section of the base. The elongation of a bar of linearly varying diameter is ``4 F L/(pi E d1 d2)``.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -5,8 +5,6 @@ print has none), so the table of deviations, 67.11 Hz and the growth at 4000 rpm
 not of the print. The tests prove the errata of the print.
 """
 
-from __future__ import annotations
-
 import math
 from itertools import product
 

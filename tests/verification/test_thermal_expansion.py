@@ -6,8 +6,6 @@ part I, 3rd ed., sec. 7). A pinned column with a half-sine bow d0 deflects furth
 Timoshenko and J. M. Gere, Theory of Elastic Stability, 2nd ed., sec. 1.12).
 """
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -6,8 +6,6 @@ about all axes its frequencies are those of its principal moments, at any angle:
 guide it vibrates about x with the moment m L^2/12 sin^2 a.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
