@@ -34,7 +34,6 @@ from flexcam.valvetrain import (
     Lash,
     Metric,
     Model,
-    ModelModes,
     PublishedLoad,
     ResolutionSink,
     build_structure,
@@ -75,11 +74,6 @@ MAX_PERIODICITY_ERROR = 1e-3
 
 
 # Before a run
-
-
-def check_modes(modes: ModelModes) -> list[str]:
-    """Return warnings about modes."""
-    return [sentence for sentence in (modes.modes.describe_rounding(),) if sentence]
 
 
 def check_input(ready: PreparedRun) -> list[str]:

@@ -51,7 +51,7 @@ from flexcam.dynamics.massless import FORCE_TOLERANCE, MasslessMotions
 from flexcam.studies.evaluation import compute_scalars
 from flexcam.studies.executors import open_evaluators
 from flexcam.studies.optimization import Evaluations, OptimizationProblem, ProblemEvaluator
-from flexcam.studies.plan import Planes, Row, check_seed, make_bundle
+from flexcam.studies.plan import Planes, Row, check_seed
 from flexcam.studies.quantities import compute_quantities, is_run_scalar, quantity_row
 from flexcam.studies.variables import Runs, Variable, WorstCase, interval_widths
 from flexcam.valvetrain import Metric, extreme_history
@@ -164,9 +164,8 @@ def gradient_evaluator(
     sizes = interval_widths(file.read(fixed), variables).tolist()
     row = partial(quantity_row, names=tuple(names))
     derive = partial(_derivative_row, names=tuple(names), keys=tuple(v.key for v in variables), sizes=sizes)
-    source, conditions = make_bundle(file, None, fixed), worst or WorstCase(((),), {})
-    with open_evaluators(source, (row, derive), fixed, workers=workers, advance=advance) as evaluators:
-        yield conditions.over(*evaluators)
+    with open_evaluators(file, fixed, row, derive, workers=workers, advance=advance) as evaluators:
+        yield (worst or WorstCase(((),), {})).over(*evaluators)
 
 
 def _derivative_row(case: Case, names: Sequence[str], keys: Sequence[str], sizes: Sequence[float]) -> Row:

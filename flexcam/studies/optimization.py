@@ -57,17 +57,16 @@ class Constraint:
         number, text_unit = _split_bound(self.text)
         base_unit = "rad/s" if unit.endswith("rpm") else unit
         if text_unit:
-            return number * self._factor(text_unit, base_unit) / (RPM if unit.endswith("rpm") else 1.0)
+            try:
+                factor = conversion_factor(text_unit, base_unit, "--subject")
+            except InputError:
+                allowed = f"a bound with {unit_of(base_unit)}"
+                raise refuse("--subject", self.words, allowed, "units differ") from None
+            return number * factor / (RPM if unit.endswith("rpm") else 1.0)
         if number and unit and unit in {kind.si for kind in DIMENSIONS.values()}:
             remedy = f"add the unit, such as {input_unit(unit)[1]}"
             raise refuse("--subject", self.words, "a bound with its unit", "", remedy)
         return number
-
-    def _factor(self, text_unit: str, base_unit: str) -> float:
-        try:
-            return conversion_factor(text_unit, base_unit, "--subject")
-        except InputError:
-            raise refuse("--subject", self.words, f"a bound with {unit_of(base_unit)}", "units differ") from None
 
     def violation(self, value: float, unit: str) -> float:
         """Return the violation of the bound by a value, relative to the bound; negative if it is satisfied."""
@@ -90,10 +89,7 @@ def parse_constraint(text: str) -> Constraint:
 
 def parse_constraints(texts: Sequence[str]) -> tuple[Constraint, ...]:
     """Parse several constraints."""
-    constraints, faults = parse_all(parse_constraint, texts)
-    if faults:
-        raise InputError(faults)
-    return tuple(constraints)
+    return tuple(parse_all(parse_constraint, texts))
 
 
 def _split_bound(text: str) -> tuple[float, str]:
@@ -205,7 +201,7 @@ class ProblemEvaluator:
         points = [tuple(point) for point in self._design.points.at(np.clip(parts, 0.0, 1.0)).tolist()]
         new = [point for point in dict.fromkeys(points) if point not in self._rows]
         if new:
-            for point, row in zip(new, self._design.points.iterate_rows(np.array(new)), strict=True):
+            for point, row in zip(new, self._design.points.rows(np.array(new)), strict=True):
                 self._rows[point] = row
         return [self._rows[point] for point in points]
 
@@ -238,21 +234,26 @@ class ProblemEvaluator:
 
 
 def optimize(design: OptimizationProblem, *, evaluations: int = 200, seed: int = 0) -> Evaluations:
-    """Search for the best variant that satisfies all constraints.
+    """Search for the best variant that satisfies all constraints, or for the Pareto front of two goals.
 
     Differential evolution (R. Storn and K. Price, J. Global Optim. 11 (1997) 341) evaluates whole generations, with
     constraints before the goal: J. Lampinen, Proc. CEC (2002) 1468. Then COBYQA, a trust region of quadratic models
     without derivatives (T. M. Ragonneau and Z. Zhang, 2024), refines the best variant.
+    Two goals need NSGA-II: K. Deb et al., IEEE Trans. Evol. Comput. 6 (2002) 182, as implemented in pymoo.
     """
-    if len(design.goals) != 1:
-        raise refuse("goals", len(design.goals), "one", "several goals have a Pareto front instead of one optimum")
-    generation = generation_size(len(design.points.variables))
+    two = len(design.goals) > 1
+    if two:
+        require_packages("optimize", "two goals", "design", "pymoo")
+    generation = (2 if two else 1) * generation_size(len(design.points.variables))
     if evaluations < 2 * generation:
         raise refuse("--evaluations", evaluations, f"{2 * generation} or more", "the search needs two generations")
     check_seed(seed)
     judge = ProblemEvaluator(design)
 
     def search() -> None:
+        if two:
+            _run_nsga2(judge, design, generation, evaluations // generation, seed)
+            return
         _differential_evolution(judge, design, generation, int(_GLOBAL_FRACTION * evaluations), seed)
         remaining = evaluations - judge.count
         if remaining > 0:
@@ -314,34 +315,14 @@ def _refine(judge: ProblemEvaluator, known: Evaluations, design: OptimizationPro
     )  # fmt: skip
 
 
-def find_pareto_front(design: OptimizationProblem, *, evaluations: int = 400, seed: int = 0) -> Evaluations:
-    """Search for the Pareto front of two goals.
-
-    NSGA-II: K. Deb et al., IEEE Trans. Evol. Comput. 6 (2002) 182, as implemented in pymoo.
-    """
-    if len(design.goals) != 2:
-        raise refuse("goals", len(design.goals), "two", "a Pareto front needs two goals")
-    require_packages("optimize", "two goals", "design", "pymoo")
-    size = 2 * generation_size(len(design.points.variables))
-    if evaluations < 2 * size:
-        raise refuse("--evaluations", evaluations, f"{2 * size} or more", "the search needs two generations")
-    check_seed(seed)
-    judge = ProblemEvaluator(design)
-
-    def search() -> None:
-        if design.start is not None:
-            judge.evaluate(design.start[None])  # the front is not worse than the given case
-        _run_nsga2(judge, design, size, evaluations // size, seed)
-
-    return judge.run_search(search)
-
-
 def _run_nsga2(judge: ProblemEvaluator, design: OptimizationProblem, size: int, generations: int, seed: int) -> None:
     from pymoo.algorithms.moo.nsga2 import NSGA2
     from pymoo.core.evaluator import Evaluator
     from pymoo.core.problem import Problem
     from pymoo.problems.static import StaticProblem
 
+    if design.start is not None:
+        judge.evaluate(design.start[None])  # the front is not worse than the given case
     variables, bounds = len(design.points.variables), len(design.bounds) + 1
     problem = Problem(n_var=variables, n_obj=2, n_ieq_constr=bounds, xl=0.0, xu=1.0)
     algorithm = NSGA2(pop_size=size)
