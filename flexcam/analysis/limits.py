@@ -133,7 +133,7 @@ def find_limits(
     """
     conditions = _conditions(_checked_model(case), search).items()
     described = {name: words for name, (_, words) in conditions if among is None or name in among}
-    serial = partial(evaluate_speed, case, search, runs=runs)
+    start = start or (lambda speeds: [partial(evaluate_speed, case, search, speed, runs=runs) for speed in speeds])
     pending: dict[float, Callable[[], ConditionResults]] = {}
     done: dict[float, ConditionResults] = {}
     limits: dict[str, Limit] = {}
@@ -144,7 +144,7 @@ def find_limits(
         begun = [speed for speed in needed if speed not in pending]
         later = [speed for speed in max(queues.values(), key=len)[1:] if speed not in pending and speed not in begun]
         begun += later[: max(ahead - len(begun) - len(pending.keys() - done.keys()), 0)]
-        pending.update(zip(begun, start(begun) if start else [partial(serial, speed) for speed in begun], strict=True))
+        pending.update(zip(begun, start(begun), strict=True))
         for speed in track_progress([speed for speed in pending if speed in needed][:1], advance):
             done[speed] = pending[speed]()
         for name, speeds in list(queues.items()):

@@ -234,7 +234,6 @@ def evaluate_model(
 
 
 def _timed_run(ready: PreparedRun, until: float | None) -> tuple[Response, float]:
-    """Return a run and its processor time, s."""
     start = time.process_time()
     response = solve(ready.problem, ready.scheme, save=ready.save, until=until)
     reraise_interrupt(response.status)

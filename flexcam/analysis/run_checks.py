@@ -53,8 +53,6 @@ _LIFT_TOLERANCE = 1e-3
 # are variations of the radius with the same nodes
 _MAX_FOLLOWER_OFFSET = 0.1
 _SAME_LOBE_ANGLE = 1.0  # angle between two lifts, deg, up to which they may be the same lobe
-# ratio of shaft radius to base radius from which the shaft is thicker; equal radii are valid
-_SHAFT_RADIUS_RATIO = 1.0 + 1e-9
 # relative size of a deflection from which its rounding is reported: tables show four digits
 _MIN_DEFLECTION_ERROR = 1e-4
 # maximum relative displacement of a member's points, in parts of its length: the error of linear beams is 1 %
@@ -126,11 +124,11 @@ def _check_geometric_stiffness(ready: PreparedRun) -> Iterator[str]:
 def check_lobes(model: Model) -> list[str]:
     """Return warnings about impossible lobes, and about followers that are not at the base circle."""
     known = [(name, cam, cam.follower) for name, cam in model.cams.items() if cam.follower is not None]
-    lobes = [warning for name, cam, follower in known for warning in _check_lobe(model, name, cam, follower)]
+    lobes = [warning for name, cam, follower in known for warning in _check_lobe(name, cam, follower)]
     return [*lobes, *_check_shared_lobes(model), *_check_follower_nodes(model)]
 
 
-def _check_lobe(model: Model, name: str, cam: Cam, follower: Follower) -> Iterator[str]:
+def _check_lobe(name: str, cam: Cam, follower: Follower) -> Iterator[str]:
     with suppress(InputError):  # no profile exists: code that needs it raises the error
         if undercut(profile_at(cam.event, follower, _ANGLES, cam.turn).radius, follower).any():
             radius, lift = (format_quantity("m", size, digits=3) for size in (follower.base_radius, cam.event.height))
@@ -145,13 +143,6 @@ def _check_lobe(model: Model, name: str, cam: Cam, follower: Follower) -> Iterat
         if needed > follower.face_diameter:
             need = f"a diameter of {1e3 * needed:.4g} mm, but face_diameter is {1e3 * follower.face_diameter:.4g} mm"
             yield f"Warning: cams.{name}: the contact line crosses the edge of the follower's face, which needs {need}"
-    node = model.mesh.points.get(cam.at, np.empty(0, dtype=int))
-    members = [member for part, member in model.members.items() if np.isin(node, model.mesh.lines[part]).any()]
-    sections = (member.section.at(0.5) for member in members)
-    shaft_radius = max((section.radius for section in sections if section.round), default=0.0)
-    if shaft_radius > _SHAFT_RADIUS_RATIO * follower.base_radius:
-        radii = f"its base circle has a radius of {1e3 * follower.base_radius:.4g} mm, its shaft one of"
-        yield f"Warning: cams.{name}: {radii} {1e3 * shaft_radius:.4g} mm: the follower would run on the shaft"
 
 
 def _check_shared_lobes(model: Model) -> Iterator[str]:
@@ -333,51 +324,36 @@ def _check_seating(metrics: Sequence[Metric]) -> Iterator[str]:
 def check_events(metrics: Iterable[Metric]) -> list[str]:
     """Return warnings about events of the last revolution: contact loss, valve bounce, coil clash, buckling."""
     known = list(metrics)
-    bounces = dict(_metrics_with_suffix(known, ".bounces"))
+    counts = dict(_metrics_with_suffix(known, ".bounces"))
+    times = {name: "once" if count == 1.0 else f"{count:.0f} times" for name, count in counts.items()}
     return [
-        *(
-            f"Warning: the follower of {name!r} loses contact with its cam for {math.degrees(angle):.3g} deg of the "
-            "lift: do not use the motion after the loss for design"
-            for name, angle in _metrics_with_suffix(known, ".open_on_the_lift")
-            if angle > OPEN
-        ),
-        *(
-            f"Warning: the valve bounces {'once' if bounces[name] == 1.0 else f'{bounces[name]:.0f} times'} at "
-            f"{name!r}, up to {1e3 * height:.3g} mm above its seat"
-            for name, height in _metrics_with_suffix(known, ".bounce_height")
-            if height > BOUNCE_HEIGHT
-        ),
-        *(
-            f"Warning: coils of {name!r} touch: {-1e3 * clearance:.3g} mm beyond coil bind"
-            for name, clearance in _metrics_with_suffix(known, ".clearance.least")
-            if clearance < 0.0
-        ),
-        *(
-            f"Warning: the compression of member {name!r} exceeds its buckling load, margin {margin:.4g}"
-            for name, margin in _metrics_with_suffix(known, ".buckling_margin")
-            if margin < 1.0
-        ),
-        *(
-            f"Warning: the journal of {name!r} reaches {eccentricity:.3g} of its clearance: beyond {THINNEST} its oil "
-            "film is not that of the theory"
-            for name, eccentricity in _metrics_with_suffix(known, ".eccentricity.largest")
-            if eccentricity > THINNEST
-        ),
-        *(
-            f"Warning: the {what} of {name!r} reaches {1e-6 * stress:.4g} MPa: {usual}"
-            for suffix, (limit, what, usual) in _USUAL_STRESSES.items()
-            for name, stress in _metrics_with_suffix(known, suffix)
-            if stress > limit
-        ),
+        f"Warning: {sentence.format(name=name, size=factor * value, times=times.get(name))}"
+        for suffix, limit, is_minimum, factor, sentence in _EVENTS
+        for name, value in _metrics_with_suffix(known, suffix)
+        if (value < limit if is_minimum else value > limit)
     ]
 
 
-_USUAL_STRESSES = {
-    ".pressure.largest": (2.5e9, "contact pressure", "hardened steel may yield under it"),
-    ".stress.largest": (1.5e9, "shear stress in the wire", "no wire of valve springs endures it"),
-}
-"""Metrics, and the stress, Pa, above which flexcam warns: 1.67 times a yield stress of 1.5 GPa (K. L. Johnson, Contact
-Mechanics, 1985, section 6.1), and three quarters of the tensile strength of the strongest wire, 2 GPa."""
+# End of the name of a metric, limit, whether this is a minimum, factor from SI to the size in the sentence. Stresses:
+# 1.67 times a yield stress of 1.5 GPa (K. L. Johnson, Contact Mechanics, 1985, section 6.1), and three quarters of the
+# tensile strength of the strongest wire, 2 GPa.
+_EVENTS = (
+    (".open_on_the_lift", OPEN, False, math.degrees(1.0),
+     ("the follower of {name!r} loses contact with its cam for {size:.3g} deg of the lift: "
+      "do not use the motion after the loss for design")),
+    (".bounce_height", BOUNCE_HEIGHT, False, 1e3,
+     "the valve bounces {times} at {name!r}, up to {size:.3g} mm above its seat"),
+    (".clearance.least", 0.0, True, -1e3, "coils of {name!r} touch: {size:.3g} mm beyond coil bind"),
+    (".buckling_margin", 1.0, True, 1.0,
+     "the compression of member {name!r} exceeds its buckling load, margin {size:.4g}"),
+    (".eccentricity.largest", THINNEST, False, 1.0,
+     ("the journal of {name!r} reaches {size:.3g} of its clearance: "
+      f"beyond {THINNEST} its oil film is not that of the theory")),
+    (".pressure.largest", 2.5e9, False, 1e-6,
+     "the contact pressure of {name!r} reaches {size:.4g} MPa: hardened steel may yield under it"),
+    (".stress.largest", 1.5e9, False, 1e-6,
+     "the shear stress in the wire of {name!r} reaches {size:.4g} MPa: no wire of valve springs endures it"),
+)  # fmt: skip
 
 
 def describe_contact_loss(metrics: Iterable[Metric]) -> str:
@@ -447,7 +423,6 @@ def _check_accuracy(ready: PreparedRun, extremes: ExtremesSink, stats: Stats) ->
 
 
 def _check_deflections(ready: PreparedRun, extremes: ExtremesSink) -> Iterator[str]:
-    """Yield warnings about members that deform or turn too far for small displacements."""
     mesh, shape = ready.model.mesh, build_structure(ready.model).dofs.nodal(extremes.most_bent[None])[0, :, :3]
     for name, line in mesh.lines.items():
         length = np.linalg.norm(np.diff(mesh.nodes[line], axis=0), axis=1).sum()

@@ -80,9 +80,7 @@ def parse_constraint(text: str) -> Constraint:
     match = _CONSTRAINT.match(text)
     if match is None:
         allowed = "NAME <= VALUE or NAME >= VALUE, in quotes"
-        parts = re.match(r"\s*(\S+)\s*([<>])\s*([^<>=]+)$", text)
-        example = f"{parts[1]} {parts[2]}= {parts[3].strip()}" if parts else "frequency.1 >= 900 Hz"
-        raise refuse("--subject", repr(text), allowed, "", f"write '{example}'")
+        raise refuse("--subject", repr(text), allowed, "", "write 'frequency.1 >= 900 Hz'")
     _split_bound(match[3])
     return Constraint(match[1], "<=" if match[2] == "<=" else ">=", match[3])
 

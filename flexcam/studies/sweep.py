@@ -303,7 +303,6 @@ def run_sweep_to_files(
 def _run_missing_chunks(
     sweep: Sweep, target: OutputTarget, journal: Journal, workers: Workers, advance: Callable[[int], None] | None
 ) -> None:
-    """Run the chunks missing in the journal."""
     rows = journal.rows
     if advance:
         advance(sum(len(part) for part in rows.values()))
