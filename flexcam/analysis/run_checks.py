@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Literal, Self
 
 import numpy as np
 
@@ -369,18 +369,11 @@ def _metrics_with_suffix(metrics: Iterable[Metric], suffix: str) -> Iterator[tup
             yield metric.name.removesuffix(suffix).partition(".")[2], metric.value
 
 
-def energy_residual(extremes: ExtremesSink) -> float:
-    """Return the residual of the energy balance, relative to its terms."""
-    return abs(_largest_share(extremes, "residual"))
+def energy_share(extremes: ExtremesSink, part: Literal["residual", "numerical"]) -> float:
+    """Return the residual of the energy balance or the numerical dissipation, relative to the largest energy.
 
-
-def numerical_dissipation(extremes: ExtremesSink) -> float:
-    """Return the relative numerical dissipation of the time integration; negative if it adds energy."""
-    return _largest_share(extremes, "numerical")
-
-
-def _largest_share(extremes: ExtremesSink, part: str) -> float:
-    """Return the maximum of a term of the energy balance relative to the largest range of work and stored energies."""
+    This is the largest range of work and stored energies; a dissipation is negative if the integrator adds energy.
+    """
     bounds = (extremes.channel(f"energy.{name}") for name in ("work", "kinetic", "strain"))
     largest_range = max(maximum - minimum for minimum, maximum in bounds)
     return max(extremes.channel(f"energy.{part}"), key=abs) / largest_range if largest_range > 0.0 else 0.0
@@ -392,7 +385,7 @@ def describe_balance(extremes: ExtremesSink, stats: Stats) -> str:
         return ""
     balance = f"equilibrium of forces within {stats.imbalance:.1e} of the largest force"
     forces = balance if stats.imbalance >= 0.0 else "forces not checked"
-    residual, numerical = energy_residual(extremes), numerical_dissipation(extremes)
+    residual, numerical = abs(energy_share(extremes, "residual")), energy_share(extremes, "numerical")
     verb = "added" if numerical < 0.0 else "removed"
     energies = f"residual {residual:.1e}, energy {verb} by the integrator {abs(numerical):.2g} (of the largest energy)"
     return f"{energies}; {forces}"
@@ -400,11 +393,11 @@ def describe_balance(extremes: ExtremesSink, stats: Stats) -> str:
 
 def _check_accuracy(ready: PreparedRun, extremes: ExtremesSink, stats: Stats) -> Iterator[str]:
     """Yield warnings about the balances of energy and forces, the start and rounding; NaN counts as large."""
-    if not (share := energy_residual(extremes)) <= _MAX_ENERGY_RESIDUAL:
+    if not (share := abs(energy_share(extremes, "residual"))) <= _MAX_ENERGY_RESIDUAL:
         residual = f"the energy balance has a residual of {100.0 * share:.2g} %"
         why = "the steps are too long, or a contact is too stiff for them"
         yield f"Warning: {residual}: {why}; use more steps per revolution"
-    if not abs(share := numerical_dissipation(extremes)) <= _MAX_ENERGY_RESIDUAL:
+    if not abs(share := energy_share(extremes, "numerical")) <= _MAX_ENERGY_RESIDUAL:
         verb = "dissipates" if share > 0.0 else "adds"
         remedy = "" if ready.scheme == default_method(ready.problem) else ", or leave run.integrator out"
         why = f"{100.0 * abs(share):.3g} % of the largest energy: the steps are too long"

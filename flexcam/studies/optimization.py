@@ -115,7 +115,7 @@ def is_active(violation: float) -> bool:
     return violation >= -_ACTIVE_TOLERANCE
 
 
-_POINTS_PER_VARIABLE, _MIN_POINTS, _MAX_POINTS = 6, 12, 64  # points of a generation; the first number per variable
+_POINTS_PER_VARIABLE, _MIN_POINTS, _MAX_POINTS = 6, 12, 64  # points of a generation; twice as many for two goals
 _GLOBAL_FRACTION = 0.7  # fraction of the evaluations for the global search; the others refine the best variant
 _TRUST_RADIUS = 0.05  # initial radius of the trust region relative to the intervals
 _LARGE_COST = 1e30
@@ -182,7 +182,7 @@ class ProblemEvaluator:
     """Evaluates points of an optimization problem and keeps their rows in order."""
 
     def __init__(self, design: OptimizationProblem) -> None:
-        self._design = design
+        self.design = design
         self._rows: dict[tuple[float, ...], Row] = {}
 
     @property
@@ -196,16 +196,16 @@ class ProblemEvaluator:
 
     def rows(self, parts: FloatArray) -> list[Row]:
         """Return the rows at fractions of the intervals, shape (m, k)."""
-        points = [tuple(point) for point in self._design.points.at(np.clip(parts, 0.0, 1.0)).tolist()]
+        points = [tuple(point) for point in self.design.points.at(np.clip(parts, 0.0, 1.0)).tolist()]
         new = [point for point in dict.fromkeys(points) if point not in self._rows]
         if new:
-            for point, row in zip(new, self._design.points.rows(np.array(new)), strict=True):
+            for point, row in zip(new, self.design.points.rows(np.array(new)), strict=True):
                 self._rows[point] = row
         return [self._rows[point] for point in points]
 
     def judge(self, rows: Sequence[Row]) -> tuple[FloatArray, FloatArray]:
         """Return the costs of rows, and the relative violations of the constraints with a zero for a complete run."""
-        goals, bounds = self._design.goals, self._design.bounds
+        goals, bounds = self.design.goals, self.design.bounds
         values = np.array([[row_value(row, goal.name) for goal in goals] for row in rows], dtype=float)
         signed = values.reshape(len(rows), len(goals)) * np.array([-1.0 if goal.most else 1.0 for goal in goals])
         violations = np.full((len(rows), len(bounds) + 1), _FAILED_VIOLATION)
@@ -217,7 +217,7 @@ class ProblemEvaluator:
 
     def evaluations(self) -> Evaluations:
         """Return all evaluations so far."""
-        points, rows, (low, high) = np.array(list(self._rows)), tuple(self._rows.values()), self._design.points.ends
+        points, rows, (low, high) = np.array(list(self._rows)), tuple(self._rows.values()), self.design.points.ends
         return Evaluations(points, (points - low) / (high - low), rows, *self.judge(rows))
 
     def run_search(self, search: Callable[[], None]) -> Evaluations:
@@ -242,7 +242,8 @@ def optimize(design: OptimizationProblem, *, evaluations: int = 200, seed: int =
     two = len(design.goals) > 1
     if two:
         require_packages("optimize", "two goals", "design", "pymoo")
-    generation = (2 if two else 1) * generation_size(len(design.points.variables))
+    generation = min(max(_POINTS_PER_VARIABLE * len(design.points.variables), _MIN_POINTS), _MAX_POINTS)
+    generation *= 2 if two else 1
     if evaluations < 2 * generation:
         raise refuse("--evaluations", evaluations, f"{2 * generation} or more", "the search needs two generations")
     check_seed(seed)
@@ -250,28 +251,21 @@ def optimize(design: OptimizationProblem, *, evaluations: int = 200, seed: int =
 
     def search() -> None:
         if two:
-            _run_nsga2(judge, design, generation, evaluations // generation, seed)
+            _run_nsga2(judge, generation, evaluations // generation, seed)
             return
-        _differential_evolution(judge, design, generation, int(_GLOBAL_FRACTION * evaluations), seed)
-        remaining = evaluations - judge.count
-        if remaining > 0:
-            _refine(judge, judge.evaluations(), design, remaining)
+        _differential_evolution(judge, generation, int(_GLOBAL_FRACTION * evaluations), seed)
+        if (remaining := evaluations - judge.count) > 0:
+            _refine(judge, remaining)
 
     return judge.run_search(search)
 
 
-def generation_size(variables: int) -> int:
-    """Return the number of points of a generation."""
-    return min(max(_POINTS_PER_VARIABLE * variables, _MIN_POINTS), _MAX_POINTS)
-
-
-def _differential_evolution(
-    judge: ProblemEvaluator, design: OptimizationProblem, generation: int, evaluations: int, seed: int
-) -> None:
+def _differential_evolution(judge: ProblemEvaluator, generation: int, evaluations: int, seed: int) -> None:
     from scipy.optimize import Bounds, NonlinearConstraint, differential_evolution
     from scipy.stats import qmc
 
-    rng, variables = np.random.default_rng(seed), len(design.points.variables)
+    design, rng = judge.design, np.random.default_rng(seed)
+    variables = len(design.points.variables)
     start = qmc.LatinHypercube(variables, seed=rng).random(generation)
     if design.start is not None:
         start[0] = design.start  # the result is not worse than the given case
@@ -290,9 +284,10 @@ def _differential_evolution(
     )  # fmt: skip
 
 
-def _refine(judge: ProblemEvaluator, known: Evaluations, design: OptimizationProblem, evaluations: int) -> None:
+def _refine(judge: ProblemEvaluator, evaluations: int) -> None:
     from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
+    known = judge.evaluations()
     start = known.parts[known.nearest if known.best is None else known.best]
     finite = known.costs[np.isfinite(known.costs)]
     size = float(np.ptp(finite)) if len(finite) > 1 else 1.0
@@ -308,17 +303,18 @@ def _refine(judge: ProblemEvaluator, known: Evaluations, design: OptimizationPro
     count = len(start)
     minimize(
         cost, start, method="COBYQA", bounds=Bounds(np.zeros(count), np.ones(count)),
-        constraints=NonlinearConstraint(violations, -np.inf, 0.0) if design.bounds else (),
+        constraints=NonlinearConstraint(violations, -np.inf, 0.0) if judge.design.bounds else (),
         options={"maxfev": evaluations, "initial_tr_radius": _TRUST_RADIUS, "final_tr_radius": 1e-5},
     )  # fmt: skip
 
 
-def _run_nsga2(judge: ProblemEvaluator, design: OptimizationProblem, size: int, generations: int, seed: int) -> None:
+def _run_nsga2(judge: ProblemEvaluator, size: int, generations: int, seed: int) -> None:
     from pymoo.algorithms.moo.nsga2 import NSGA2
     from pymoo.core.evaluator import Evaluator
     from pymoo.core.problem import Problem
     from pymoo.problems.static import StaticProblem
 
+    design = judge.design
     if design.start is not None:
         judge.evaluate(design.start[None])  # the front is not worse than the given case
     variables, bounds = len(design.points.variables), len(design.bounds) + 1
