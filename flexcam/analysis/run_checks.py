@@ -53,6 +53,8 @@ _LIFT_TOLERANCE = 1e-3
 # are variations of the radius with the same nodes
 _MAX_FOLLOWER_OFFSET = 0.1
 _SAME_LOBE_ANGLE = 1.0  # angle between two lifts, deg, up to which they may be the same lobe
+# ratio of shaft radius to base radius from which the shaft is thicker; equal radii are valid
+_SHAFT_RADIUS_RATIO = 1.0 + 1e-9
 # relative size of a deflection from which its rounding is reported: tables show four digits
 _MIN_DEFLECTION_ERROR = 1e-4
 # maximum relative displacement of a member's points, in parts of its length: the error of linear beams is 1 %
@@ -124,11 +126,11 @@ def _check_geometric_stiffness(ready: PreparedRun) -> Iterator[str]:
 def check_lobes(model: Model) -> list[str]:
     """Return warnings about impossible lobes, and about followers that are not at the base circle."""
     known = [(name, cam, cam.follower) for name, cam in model.cams.items() if cam.follower is not None]
-    lobes = [warning for name, cam, follower in known for warning in _check_lobe(name, cam, follower)]
+    lobes = [warning for name, cam, follower in known for warning in _check_lobe(model, name, cam, follower)]
     return [*lobes, *_check_shared_lobes(model), *_check_follower_nodes(model)]
 
 
-def _check_lobe(name: str, cam: Cam, follower: Follower) -> Iterator[str]:
+def _check_lobe(model: Model, name: str, cam: Cam, follower: Follower) -> Iterator[str]:
     with suppress(InputError):  # no profile exists: code that needs it raises the error
         if undercut(profile_at(cam.event, follower, _ANGLES, cam.turn).radius, follower).any():
             radius, lift = (format_quantity("m", size, digits=3) for size in (follower.base_radius, cam.event.height))
@@ -143,6 +145,13 @@ def _check_lobe(name: str, cam: Cam, follower: Follower) -> Iterator[str]:
         if needed > follower.face_diameter:
             need = f"a diameter of {1e3 * needed:.4g} mm, but face_diameter is {1e3 * follower.face_diameter:.4g} mm"
             yield f"Warning: cams.{name}: the contact line crosses the edge of the follower's face, which needs {need}"
+    node = model.mesh.points.get(cam.at, np.empty(0, dtype=int))
+    members = [member for part, member in model.members.items() if np.isin(node, model.mesh.lines[part]).any()]
+    sections = (member.section.at(0.5) for member in members)
+    shaft_radius = max((section.radius for section in sections if section.round), default=0.0)
+    if shaft_radius > _SHAFT_RADIUS_RATIO * follower.base_radius:
+        radii = f"its base circle has a radius of {1e3 * follower.base_radius:.4g} mm, its shaft one of"
+        yield f"Warning: cams.{name}: {radii} {1e3 * shaft_radius:.4g} mm: the follower would run on the shaft"
 
 
 def _check_shared_lobes(model: Model) -> Iterator[str]:
