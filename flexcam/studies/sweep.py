@@ -281,8 +281,8 @@ def run_sweep_to_files(
     begun = target.resume and journal_contains(target.journal(asked.name), "channels")
     if begun or target.histories:  # the journal has all scalars, or result files are kept
         asked = replace(asked, channels=True)
-    with _open_journal(asked, target) as journal:
-        try:
+    try:
+        with _open_journal(asked, target) as journal:
             _run_missing_chunks(asked, target, journal, workers or SerialWorkers(), advance)
             table = _make_table(asked, journal.rows)
             try:
@@ -292,12 +292,8 @@ def run_sweep_to_files(
                 mended = [replace(f, remedy="; ".join(filter(None, (f.remedy, remedy)))) for f in refusal.faults]
                 raise InputError(mended) from None
             return table, [write_table(table, path, overwrite=True) for path in target.tables(asked.name)]
-        except KeyboardInterrupt:
-            text, remedy = "stopped before the first variant ended", "run it again"
-            if count := sum(len(part) for part in journal.rows.values()):
-                text = f"stopped: {count} of {len(asked.plan)} variants are kept in {target.journal(asked.name)}"
-                remedy = "the same command with --resume does the rest"
-            raise RunFailedError(Status(Cause.INTERRUPTED, text, remedy)) from None
+    except KeyboardInterrupt:
+        raise RunFailedError(_interrupted_status(asked, target)) from None
 
 
 def _run_missing_chunks(
@@ -321,6 +317,18 @@ def _run_missing_chunks(
             journal.add(chunk.index, [replace(row, history=None) for row in results])
             if advance:
                 advance(len(results))
+
+
+def _interrupted_status(sweep: Sweep, target: OutputTarget) -> Status:
+    """Return the status of an interrupted sweep; the file has its finished rows, also one written at the interrupt."""
+    path, count = target.journal(sweep.name), 0
+    if path.exists():
+        with _open_journal(sweep, replace(target, resume=True)) as journal:
+            count = sum(len(part) for part in journal.rows.values())
+    if not count:
+        return Status(Cause.INTERRUPTED, "stopped before the first variant ended", "run it again")
+    text = f"stopped: {count} of {len(sweep.plan)} variants are kept in {path}"
+    return Status(Cause.INTERRUPTED, text, "the same command with --resume does the rest")
 
 
 @contextmanager
