@@ -22,6 +22,7 @@ from flexcam.core import FloatArray
 from flexcam.core.errors import refuse
 from flexcam.core.units import RPM
 from flexcam.dynamics import (
+    SERIES,
     SLOPES,
     History,
     ProgressCallback,
@@ -67,7 +68,7 @@ class Comparison:
     probe: str  #: name of the probe
     speed_rpm: float  #: camshaft speed, rpm
     lift: float  #: range of the motion of the rigid system at the probe, m
-    deviations: tuple[Deviation, Deviation, Deviation]  #: deviations of displacement, velocity and acceleration
+    deviations: tuple[Deviation, ...]  #: deviations of displacement, velocity and acceleration
     status: Status  #: status of the flexible run; the values of an incomplete run cover its finished part
     #: names of the compared systems: the first replaces the flexible, the second the rigid one
     names: tuple[str, str] = ("flexible", "rigid")
@@ -130,10 +131,9 @@ def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -
         why = "it does not move in the other result"
         remedy = "run a whole revolution, or add a follower's point to output.probes"
         raise refuse("probe", repr(probe), "a point that the cam moves", why, remedy)
-    parts = [_compute_deviation(name, motion, base, flexible) for name in ("displacement", "velocity", "acceleration")]
+    deviations = tuple(_compute_deviation(name, motion, base, flexible) for name in SERIES)
     instant = peak(flexible.time, motion.acceleration[:count])[1]
     angle = float(np.degrees(np.interp(instant, flexible.time, flexible.angle)))
-    deviations = parts[0], parts[1], parts[2]
     share = abs(float(np.interp(instant, rigid.time, base.displacement))) / lift
     return Comparison(probe, speed_rpm, lift, deviations, flexible.status, peak_acceleration_deg=angle, peak_lift=share)
 
@@ -207,17 +207,19 @@ def compare_models_over_speed(
 ) -> list[SpeedResult]:
     """Run a case over speeds with a rigid train, a bilateral contact and a unilateral contact."""
     model = prepare(case).model
-    known = [name for name, part in model.contacts.items() if isinstance(part, CamContact) and part.unilateral]
+    parts = model.contacts.items()
+    known = {name: part for name, part in parts if isinstance(part, CamContact) and part.unilateral}
     if not known or (contact is not None and contact not in known):
         allowed = f"one of {', '.join(known)}" if known else 'a cam contact with model = "unilateral"'
         raise refuse("contacts", "none" if contact is None else repr(contact), allowed)
-    chosen, results = contact or known[0], list[SpeedResult]()
+    chosen, results = contact or next(iter(known)), list[SpeedResult]()
     for speed in track_progress(speeds, advance):
         variant = case.at_speed(speed)
         rigid, free = prepare(variant, rigid=True), prepare(variant)
         rigid_force = _force_range(rigid, free, chosen, len(speeds))
         forces: dict[str, ForceRange | None] = {"rigid": rigid_force}
-        bilateral = _with_bilateral_contact(free, chosen, rigid_force.largest if rigid_force else 0.0)
+        largest = rigid_force.largest if rigid_force else 0.0
+        bilateral = _with_bilateral_contact(free, chosen, known[chosen], largest)
         for name, ready in (("bilateral", bilateral), ("unilateral", free)):
             forces[name] = _force_range(ready, free, chosen, len(speeds))
         results.append(SpeedResult(speed / RPM, forces))
@@ -249,10 +251,7 @@ def _force_range(ready: PreparedRun, free: PreparedRun, contact: str, runs: int)
     return ForceRange(float(force.min()), float(force.max()))
 
 
-def _with_bilateral_contact(ready: PreparedRun, contact: str, force: float) -> PreparedRun:
-    part = ready.model.contacts[contact]
-    if not isinstance(part, CamContact):
-        raise refuse("contacts", repr(contact), "a contact with a stiffness")
+def _with_bilateral_contact(ready: PreparedRun, contact: str, part: CamContact, force: float) -> PreparedRun:
     stiffness = part.stiffness
     if stiffness is None:  # the secant stiffness of the Hertz contact at full lift
         cam = ready.model.cams[part.cam]

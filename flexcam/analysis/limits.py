@@ -68,13 +68,9 @@ class Search:
     nearby: bool = False  #: whether further speeds near a limit show its uncertainty
 
     def __post_init__(self) -> None:
-        positive("lowest", self.lowest, "rad/s")
-        positive("tolerance", self.tolerance, "rad/s")
         for name, unit in (("lift_deviation", "m"), ("low_pass", "Hz")):
             if (value := getattr(self, name)) is not None:
                 positive(name, value, unit)
-        if not self.highest > self.lowest:
-            raise refuse("highest", f"{self.highest / RPM:g} rpm", f"a speed above {self.lowest / RPM:g} rpm")
 
     def speeds(self) -> list[float]:
         """Return the powers of ``1 + spacing`` that enclose the range, rad/s."""
@@ -135,10 +131,9 @@ def find_limits(
     `start` begins runs at several speeds at a time, up to `ahead`; by default they follow each other. Runs
     that a limit needs begin first; free processes run the later speeds of the limit that names the most.
     """
-    model = _checked_model(case)
-    conditions = _conditions(model, search).items()
+    conditions = _conditions(_checked_model(case), search).items()
     described = {name: words for name, (_, words) in conditions if among is None or name in among}
-    serial = partial(evaluate_speed, case, search, described, runs=runs, model=model)
+    start = start or (lambda speeds: [partial(evaluate_speed, case, search, speed, runs=runs) for speed in speeds])
     pending: dict[float, Callable[[], ConditionResults]] = {}
     done: dict[float, ConditionResults] = {}
     limits: dict[str, Limit] = {}
@@ -149,7 +144,7 @@ def find_limits(
         begun = [speed for speed in needed if speed not in pending]
         later = [speed for speed in max(queues.values(), key=len)[1:] if speed not in pending and speed not in begun]
         begun += later[: max(ahead - len(begun) - len(pending.keys() - done.keys()), 0)]
-        pending.update(zip(begun, start(begun) if start else [partial(serial, speed) for speed in begun], strict=True))
+        pending.update(zip(begun, start(begun), strict=True))
         for speed in track_progress([speed for speed in pending if speed in needed][:1], advance):
             done[speed] = pending[speed]()
         for name, speeds in list(queues.items()):
@@ -163,12 +158,9 @@ def find_limits(
     return Limits({name: limits[name] for name in described}, search.lowest / RPM, search.highest / RPM)
 
 
-def evaluate_speed(
-    case: Case, search: Search, among: Collection[str] | None, speed: float, *, runs: int = 1,
-    model: Model | None = None,
-) -> ConditionResults:  # fmt: skip
-    """Run a case at a camshaft speed, rad/s, and return which parts meet the conditions of some limits."""
-    ready = prepare(case.at_speed(speed, _REVOLUTIONS), model=model)
+def evaluate_speed(case: Case, search: Search, speed: float, *, runs: int = 1) -> ConditionResults:
+    """Run a case at a camshaft speed, rad/s, and return which parts meet the conditions of the limits."""
+    ready = prepare(case.at_speed(speed, _REVOLUTIONS))
     system = ready.problem.system
     names = {f"contacts.{name}.force" for name in ready.model.cam_contacts} | {
         f"contacts.{name}.{quantity}" for name, part in ready.model.contacts.items() if isinstance(part, Seat)
@@ -180,8 +172,7 @@ def evaluate_speed(
     reraise_interrupt(response.status)
     if not response.status.ok:
         return f"the run at {shaft_speed(speed, case.turns)} ended: {response.status.text}"
-    conditions = _conditions(ready.model, search).items()
-    return {name: condition(response, ready) for name, (condition, _) in conditions if among is None or name in among}
+    return {name: condition(response, ready) for name, (condition, _) in _conditions(ready.model, search).items()}
 
 
 def applicable_limits(case: Case) -> tuple[str, ...]:
@@ -208,8 +199,8 @@ def _bisect_limit(name: str, words: str, search: Search) -> Generator[Speeds, Co
     The generator receives the result of the run at the first of the speeds that it yields.
     """
     width = search.tolerance / RPM
-    low, parts = 0.0, list[str]()
-    speeds = search.speeds()
+    unreached = Limit(None, width, f"not reached up to the highest speed of the search; criterion: {words}")
+    low, parts, speeds = 0.0, list[str](), search.speeds()
     for number, high in enumerate(speeds):
         answers = yield speeds[number:]
         if isinstance(answers, str):
@@ -218,7 +209,7 @@ def _bisect_limit(name: str, words: str, search: Search) -> Generator[Speeds, Co
             break
         low = high
     else:
-        return Limit(None, width, f"not reached up to the highest speed of the search; criterion: {words}")
+        return unreached
     above, examined, failed_above = yield from _bands(name, high, search)
     low, failure = low or high, ""
     while high - low > search.tolerance and low < search.highest and high > search.lowest:
@@ -240,7 +231,7 @@ def _bisect_limit(name: str, words: str, search: Search) -> Generator[Speeds, Co
     if high > search.highest:
         if failure:
             return Limit(None, width, f"{words}: not known up to the highest speed of the search{failure}", known=False)
-        return Limit(None, width, f"not reached up to the highest speed of the search; criterion: {words}")
+        return unreached
     limit = Limit(
         high / RPM, (high - low) / RPM, f"{words} ({', '.join(parts)}){failure or failed_above}", bands, examined
     )
@@ -281,11 +272,11 @@ def _bands(
     return bands, previous, ""
 
 
+_ANY_SEARCH = Search(1.0, 2.0)
 _RELATIVE_BOUNCE_HEIGHT = 0.02  # bounce height relative to the lift, which is the smaller limit for lifts up to 5 mm
 
 
-def _conditions(model: Model, search: Search | None = None) -> dict[str, tuple[Condition, str]]:
-    settings = search or Search(1.0, 2.0)
+def _conditions(model: Model, search: Search = _ANY_SEARCH) -> dict[str, tuple[Condition, str]]:
     conditions: dict[str, tuple[Condition, str]] = {}
     lifts = [format_quantity("m", main_lift(model, name), digits=3) for name in model.cams]
     loss = f"the follower leaves its cam for over {math.degrees(OPEN):g} deg"
@@ -293,17 +284,17 @@ def _conditions(model: Model, search: Search | None = None) -> dict[str, tuple[C
         lifted = f"above {' or '.join(dict.fromkeys(lifts))} of lift"
         conditions["loss_of_contact"] = (_open_contacts, f"{loss} {lifted}")
         conditions["float"] = (_floating_contacts, f"{loss} over the nose")
-        if (cutoff := settings.low_pass) is not None:
+        if (cutoff := search.low_pass) is not None:
             zero = f"is zero for over {math.degrees(OPEN):g} deg {lifted}"
             words = f"the cam force, low-pass filtered at {cutoff:g} Hz, {zero}"
             conditions["filtered_loss"] = (lambda response, ready: _filtered_contacts(response, ready, cutoff), words)
     if any(isinstance(part, Seat) for part in model.contacts.values()):
         heights = [valve_ratio(model, name) * cam.event.height for name, cam in model.cams.items()]
         default = min(BOUNCE_HEIGHT, _RELATIVE_BOUNCE_HEIGHT * max(heights, default=math.inf))
-        height = default if settings.bounce_height is None else settings.bounce_height
+        height = default if search.bounce_height is None else search.bounce_height
         words = f"the valve leaves its seat again by more than {format_quantity('m', height)}"
         conditions["bounce"] = (lambda response, ready: _bouncing_seats(response, ready, height), words)
-        if (deviation := settings.lift_deviation) is not None:
+        if (deviation := search.lift_deviation) is not None:
             words = f"over the nose the valve lifts more than {format_quantity('m', deviation)} above the rigid train"
             conditions["lift_deviation"] = (lambda response, ready: _lofted_valves(response, ready, deviation), words)
     if any(spring.clash_travel is not None for spring in model.springs.values()):

@@ -162,7 +162,6 @@ class ModelEvaluation:
 
 def reference_run(case: Case, probe: str, until: float | None = None, *, work: int = 0) -> Reference:
     """Return a converged run of a case with its error; `work` is the steps per revolution of all planned runs."""
-    _refuse_result(case)
     steps, norm = steps_per_revolution_of(case), case.record.fidelity.norm
     work = max(work, total_work(case, ()))
     # The engine that was requested for the case may not suit the size of the reference; all engines agree to rounding.
@@ -186,12 +185,6 @@ def reference_run(case: Case, probe: str, until: float | None = None, *, work: i
     return Reference(finest, errors, {name: finest.size(name) for name in errors}, _REFERENCE_STEPS_RATIO * steps, norm)
 
 
-def _refuse_result(case: Case) -> None:
-    if isinstance(case.record.run.start, ResultStartRecord):
-        where, why = case.place(("run", "start")), "the result fits only one mesh, and flexcam tries others"
-        raise refuse(where, "a start from a result", "another start", why, "give rest, equilibrium, periodic or values")
-
-
 def total_work(case: Case, rungs: Sequence[ModelLevel], repeats: int = 1) -> int:
     """Return the steps per revolution of all runs that compare models with the reference of a case."""
     return sum(n for _, n in _REFERENCES) * steps_per_revolution_of(case) + repeats * sum(
@@ -204,7 +197,9 @@ _REFERENCE_NAME = f"the reference, of {_FINER} times the elements and {_REFERENC
 
 def candidate_models(case: Case) -> list[ModelLevel]:
     """Return the models of a case with its own steps and fewer, in ascending order of work."""
-    _refuse_result(case)
+    if isinstance(case.record.run.start, ResultStartRecord):
+        where, why = case.place(("run", "start")), "the result fits only one mesh, and flexcam tries others"
+        raise refuse(where, "a start from a result", "another start", why, "give rest, equilibrium, periodic or values")
     steps = steps_per_revolution_of(case)
     counts = [steps // n for n in (8, 4, 2, 1) if steps % n == 0 and (steps // n >= _MIN_STEPS or n == 1)]
     levels = [(level, n) for level in model_ladder(case) for n in counts]
@@ -239,7 +234,6 @@ def evaluate_model(
 
 
 def _timed_run(ready: PreparedRun, until: float | None) -> tuple[Response, float]:
-    """Return a run and its processor time, s."""
     start = time.process_time()
     response = solve(ready.problem, ready.scheme, save=ready.save, until=until)
     reraise_interrupt(response.status)
@@ -331,7 +325,6 @@ def select_case(case: Case, until: float | None = None) -> tuple[Case, Choice | 
     fidelity = case.record.fidelity
     if not fidelity.tolerances:
         return case, None
-    _refuse_result(case)
     try:
         choice = choose_model(case, scalar_probe(prepare_without_periodic_search(case)), fidelity.tolerances, until)
     except RunFailedError as failure:

@@ -113,24 +113,25 @@ def waterfall(
     """Return the orders of histories over speed."""
     _check_steps(case, max(speeds), count)
     rpm = np.array(speeds) / RPM
-    orders: dict[Signal, list[OrderSpectrum | None]] = {signal: [] for signal in signals}
+    missing = OrderSpectrum(np.full(count + 1, complex(math.nan)), math.nan)
+    orders: dict[Signal, list[OrderSpectrum]] = {signal: [] for signal in signals}
     statuses: list[Status] = []
     units: dict[Signal, str] = {}
     for run in run_over_speeds(case, speeds, advance):
         statuses.append(run if isinstance(run, Status) else run[1].status)
         for signal, spectra in orders.items():
             if isinstance(run, Status) or not run[1].status.ok:
-                spectra.append(None)
+                spectra.append(missing)
                 continue
             spectra.append(last_revolution_orders(run[1], signal.of(run[1]), count))
             units[signal] = signal.unit(run[1])
-    missing = np.full(count + 1, math.nan)
-    waterfalls: list[Waterfall] = []
-    for signal, spectra in orders.items():
-        amplitudes = np.array([missing if spectrum is None else spectrum.amplitudes for spectrum in spectra])
-        gaps = np.array([math.nan if spectrum is None else spectrum.gap for spectrum in spectra])
-        waterfalls.append(Waterfall(signal, units.get(signal, ""), rpm, amplitudes, gaps, tuple(statuses)))
-    return waterfalls
+    return [
+        Waterfall(
+            signal, units.get(signal, ""), rpm, np.array([spectrum.amplitudes for spectrum in spectra]),
+            np.array([spectrum.gap for spectrum in spectra]), tuple(statuses),
+        )
+        for signal, spectra in orders.items()
+    ]  # fmt: skip
 
 
 def _check_steps(case: Case, fastest: float, count: int) -> None:

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Literal, Self
 
 import numpy as np
 
@@ -34,7 +34,6 @@ from flexcam.valvetrain import (
     Lash,
     Metric,
     Model,
-    ModelModes,
     PublishedLoad,
     ResolutionSink,
     build_structure,
@@ -75,11 +74,6 @@ MAX_PERIODICITY_ERROR = 1e-3
 
 
 # Before a run
-
-
-def check_modes(modes: ModelModes) -> list[str]:
-    """Return warnings about modes."""
-    return [sentence for sentence in (modes.modes.describe_rounding(),) if sentence]
 
 
 def check_input(ready: PreparedRun) -> list[str]:
@@ -339,51 +333,36 @@ def _check_seating(metrics: Sequence[Metric]) -> Iterator[str]:
 def check_events(metrics: Iterable[Metric]) -> list[str]:
     """Return warnings about events of the last revolution: contact loss, valve bounce, coil clash, buckling."""
     known = list(metrics)
-    bounces = dict(_metrics_with_suffix(known, ".bounces"))
+    counts = dict(_metrics_with_suffix(known, ".bounces"))
+    times = {name: "once" if count == 1.0 else f"{count:.0f} times" for name, count in counts.items()}
     return [
-        *(
-            f"Warning: the follower of {name!r} loses contact with its cam for {math.degrees(angle):.3g} deg of the "
-            "lift: do not use the motion after the loss for design"
-            for name, angle in _metrics_with_suffix(known, ".open_on_the_lift")
-            if angle > OPEN
-        ),
-        *(
-            f"Warning: the valve bounces {'once' if bounces[name] == 1.0 else f'{bounces[name]:.0f} times'} at "
-            f"{name!r}, up to {1e3 * height:.3g} mm above its seat"
-            for name, height in _metrics_with_suffix(known, ".bounce_height")
-            if height > BOUNCE_HEIGHT
-        ),
-        *(
-            f"Warning: coils of {name!r} touch: {-1e3 * clearance:.3g} mm beyond coil bind"
-            for name, clearance in _metrics_with_suffix(known, ".clearance.least")
-            if clearance < 0.0
-        ),
-        *(
-            f"Warning: the compression of member {name!r} exceeds its buckling load, margin {margin:.4g}"
-            for name, margin in _metrics_with_suffix(known, ".buckling_margin")
-            if margin < 1.0
-        ),
-        *(
-            f"Warning: the journal of {name!r} reaches {eccentricity:.3g} of its clearance: beyond {THINNEST} its oil "
-            "film is not that of the theory"
-            for name, eccentricity in _metrics_with_suffix(known, ".eccentricity.largest")
-            if eccentricity > THINNEST
-        ),
-        *(
-            f"Warning: the {what} of {name!r} reaches {1e-6 * stress:.4g} MPa: {usual}"
-            for suffix, (limit, what, usual) in _USUAL_STRESSES.items()
-            for name, stress in _metrics_with_suffix(known, suffix)
-            if stress > limit
-        ),
+        f"Warning: {sentence.format(name=name, size=factor * value, times=times.get(name))}"
+        for suffix, limit, is_minimum, factor, sentence in _EVENTS
+        for name, value in _metrics_with_suffix(known, suffix)
+        if (value < limit if is_minimum else value > limit)
     ]
 
 
-_USUAL_STRESSES = {
-    ".pressure.largest": (2.5e9, "contact pressure", "hardened steel may yield under it"),
-    ".stress.largest": (1.5e9, "shear stress in the wire", "no wire of valve springs endures it"),
-}
-"""Metrics, and the stress, Pa, above which flexcam warns: 1.67 times a yield stress of 1.5 GPa (K. L. Johnson, Contact
-Mechanics, 1985, section 6.1), and three quarters of the tensile strength of the strongest wire, 2 GPa."""
+# End of the name of a metric, limit, whether this is a minimum, factor from SI to the size in the sentence. Stresses:
+# 1.67 times a yield stress of 1.5 GPa (K. L. Johnson, Contact Mechanics, 1985, section 6.1), and three quarters of the
+# tensile strength of the strongest wire, 2 GPa.
+_EVENTS = (
+    (".open_on_the_lift", OPEN, False, math.degrees(1.0),
+     ("the follower of {name!r} loses contact with its cam for {size:.3g} deg of the lift: "
+      "do not use the motion after the loss for design")),
+    (".bounce_height", BOUNCE_HEIGHT, False, 1e3,
+     "the valve bounces {times} at {name!r}, up to {size:.3g} mm above its seat"),
+    (".clearance.least", 0.0, True, -1e3, "coils of {name!r} touch: {size:.3g} mm beyond coil bind"),
+    (".buckling_margin", 1.0, True, 1.0,
+     "the compression of member {name!r} exceeds its buckling load, margin {size:.4g}"),
+    (".eccentricity.largest", THINNEST, False, 1.0,
+     ("the journal of {name!r} reaches {size:.3g} of its clearance: "
+      f"beyond {THINNEST} its oil film is not that of the theory")),
+    (".pressure.largest", 2.5e9, False, 1e-6,
+     "the contact pressure of {name!r} reaches {size:.4g} MPa: hardened steel may yield under it"),
+    (".stress.largest", 1.5e9, False, 1e-6,
+     "the shear stress in the wire of {name!r} reaches {size:.4g} MPa: no wire of valve springs endures it"),
+)  # fmt: skip
 
 
 def describe_contact_loss(metrics: Iterable[Metric]) -> str:
@@ -399,18 +378,11 @@ def _metrics_with_suffix(metrics: Iterable[Metric], suffix: str) -> Iterator[tup
             yield metric.name.removesuffix(suffix).partition(".")[2], metric.value
 
 
-def energy_residual(extremes: ExtremesSink) -> float:
-    """Return the residual of the energy balance, relative to its terms."""
-    return abs(_largest_share(extremes, "residual"))
+def energy_share(extremes: ExtremesSink, part: Literal["residual", "numerical"]) -> float:
+    """Return the residual of the energy balance or the numerical dissipation, relative to the largest energy.
 
-
-def numerical_dissipation(extremes: ExtremesSink) -> float:
-    """Return the relative numerical dissipation of the time integration; negative if it adds energy."""
-    return _largest_share(extremes, "numerical")
-
-
-def _largest_share(extremes: ExtremesSink, part: str) -> float:
-    """Return the maximum of a term of the energy balance relative to the largest range of work and stored energies."""
+    This is the largest range of work and stored energies; a dissipation is negative if the integrator adds energy.
+    """
     bounds = (extremes.channel(f"energy.{name}") for name in ("work", "kinetic", "strain"))
     largest_range = max(maximum - minimum for minimum, maximum in bounds)
     return max(extremes.channel(f"energy.{part}"), key=abs) / largest_range if largest_range > 0.0 else 0.0
@@ -422,7 +394,7 @@ def describe_balance(extremes: ExtremesSink, stats: Stats) -> str:
         return ""
     balance = f"equilibrium of forces within {stats.imbalance:.1e} of the largest force"
     forces = balance if stats.imbalance >= 0.0 else "forces not checked"
-    residual, numerical = energy_residual(extremes), numerical_dissipation(extremes)
+    residual, numerical = abs(energy_share(extremes, "residual")), energy_share(extremes, "numerical")
     verb = "added" if numerical < 0.0 else "removed"
     energies = f"residual {residual:.1e}, energy {verb} by the integrator {abs(numerical):.2g} (of the largest energy)"
     return f"{energies}; {forces}"
@@ -430,11 +402,11 @@ def describe_balance(extremes: ExtremesSink, stats: Stats) -> str:
 
 def _check_accuracy(ready: PreparedRun, extremes: ExtremesSink, stats: Stats) -> Iterator[str]:
     """Yield warnings about the balances of energy and forces, the start and rounding; NaN counts as large."""
-    if not (share := energy_residual(extremes)) <= _MAX_ENERGY_RESIDUAL:
+    if not (share := abs(energy_share(extremes, "residual"))) <= _MAX_ENERGY_RESIDUAL:
         residual = f"the energy balance has a residual of {100.0 * share:.2g} %"
         why = "the steps are too long, or a contact is too stiff for them"
         yield f"Warning: {residual}: {why}; use more steps per revolution"
-    if not abs(share := numerical_dissipation(extremes)) <= _MAX_ENERGY_RESIDUAL:
+    if not abs(share := energy_share(extremes, "numerical")) <= _MAX_ENERGY_RESIDUAL:
         verb = "dissipates" if share > 0.0 else "adds"
         remedy = "" if ready.scheme == default_method(ready.problem) else ", or leave run.integrator out"
         why = f"{100.0 * abs(share):.3g} % of the largest energy: the steps are too long"
@@ -453,7 +425,6 @@ def _check_accuracy(ready: PreparedRun, extremes: ExtremesSink, stats: Stats) ->
 
 
 def _check_deflections(ready: PreparedRun, extremes: ExtremesSink) -> Iterator[str]:
-    """Yield warnings about members that deform or turn too far for small displacements."""
     mesh, shape = ready.model.mesh, build_structure(ready.model).dofs.nodal(extremes.most_bent[None])[0, :, :3]
     for name, line in mesh.lines.items():
         length = np.linalg.norm(np.diff(mesh.nodes[line], axis=0), axis=1).sum()

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from flexcam.analysis.natural_modes import modes
 from flexcam.analysis.preparation import prepare_without_periodic_search
 from flexcam.analysis.run import estimate_case_resources
-from flexcam.analysis.run_checks import check_input, check_modes
+from flexcam.analysis.run_checks import check_input
 from flexcam.analysis.selftest import all_checks, installation_info
 from flexcam.case.case import CaseRecord
 from flexcam.case.input_checks import check_coil_bind
@@ -70,7 +70,7 @@ def check(
     read = cli.load_case(case, overrides)
     ready = prepare_without_periodic_search(read)
     modal, resources = modes(read), estimate_case_resources(ready, "revolution")
-    warnings = check_modes(modal) + check_input(ready)
+    warnings = [*filter(None, [modal.modes.describe_rounding()]), *check_input(ready)]
     if not ready.problem.system.is_kinematic:  # `check_input` has it for rigid trains; a run reports it from its motion
         warnings += check_coil_bind(ready.model, read.speed)
     springs = {name: spring for name, spring in ready.model.springs.items() if spring.table or spring.coils}

@@ -20,9 +20,8 @@ from flexcam.cli import app as cli
 from flexcam.cli.study_options import NewCase, Vary, WorkerCount, write_variant
 from flexcam.dynamics import Cause, Status
 from flexcam.report.terminal import format_csv, plain_table, show_count, with_unit
-from flexcam.studies.executors import open_evaluator
+from flexcam.studies.executors import open_evaluators
 from flexcam.studies.fitting import Fit, Measurement, curve_row, fit_curves, read_measurement
-from flexcam.studies.plan import make_bundle
 from flexcam.studies.variables import PointEvaluator, Variable, variables_of
 
 _TO = "Measured curves (.csv, .mf4): columns such as 'crank angle [deg]' or 'time [s]', and 'valve displacement [mm]'."
@@ -60,9 +59,7 @@ def fit(
     variables, data = variables_of(read, vary, "--vary"), read_measurement(to, read, column or (), noise or ())
     with (
         show_count(None, "runs") as advance,
-        open_evaluator(
-            make_bundle(file, None, fixed), partial(curve_row, measured=data), fixed, workers=workers, advance=advance
-        ) as runs,
+        open_evaluators(file, fixed, partial(curve_row, measured=data), workers=workers, advance=advance) as (runs,),
     ):
         points = PointEvaluator(read, variables, runs)
         result = fit_curves(points, data, steps=steps)

@@ -143,7 +143,7 @@ def _map_limits(
         create_evaluator(file, (), names, search, plan=plan, workers=workers, runs=len(plan), advance=advance) as runs,
     ):
         interruptible = InterruptibleRuns(runs)
-        result = limit_map(plan, kinds, interruptible).with_units(case)
+        result = limit_map(plan, kinds, interruptible)
     return replace(limit_map_output(result, shaft_name(case.turns)), status=interruptible.status)
 
 

@@ -21,7 +21,6 @@ from flexcam.analysis.natural_modes import modes as case_modes
 from flexcam.analysis.orders import Signal, Waterfall, largest_orders, waterfall
 from flexcam.analysis.preparation import prepare, scalar_probe
 from flexcam.analysis.run import output_geometry
-from flexcam.analysis.run_checks import check_modes
 from flexcam.analysis.stability import MIN_HARMONIC_RATIO
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
@@ -98,6 +97,7 @@ def modes(
         lambda: None if folder is None else check_folder_name(folder),
     )
     model_modes = case_modes(read, count, prestress=prestress)
+    warnings = [*filter(None, [model_modes.modes.describe_rounding()])]
     criterion, node_count = None, 0
     if mac is not None:
         other = read_case(mac)
@@ -120,7 +120,7 @@ def modes(
         *([table, columns + note] if moves else [none]),
         *(_closed_mode_table(cam_modes, count, read.turns) for cam_modes in closed),
         *explain_planes([*moves, *closed_moves]),
-        *check_modes(model_modes),
+        *warnings,
         *filter(None, [missing]),
     ]
     if criterion is not None:
@@ -138,7 +138,7 @@ def modes(
         "title": read.record.title,
         "frequencies_hz": model_modes.modes.frequencies, "free_motions": model_modes.modes.rigid,
         "effective_masses": model_modes.effective, "lost": model_modes.modes.lost,
-        "rounding": model_modes.modes.rounding, "warnings": check_modes(model_modes),
+        "rounding": model_modes.modes.rounding, "warnings": warnings,
         "moves": moves,
         "mac": criterion, "mac_nodes": node_count,
         "closed": closed_hz, "files": files,

@@ -94,8 +94,7 @@ def optimize(
             begins = 1 if starts is None else starts
             trials = optimize_by_gradient(design, evaluations=evaluations, starts=begins, seed=seed)
         else:
-            search = optimization.optimize if len(goals) == 1 else optimization.find_pareto_front
-            trials = search(design, evaluations=evaluations, seed=seed)
+            trials = optimization.optimize(design, evaluations=evaluations, seed=seed)
     files: list[Path] = []
     if target is not None and trials.best is not None:
         best = (*options.fixed, *design.points.overrides(trials.points[trials.best]))

@@ -23,8 +23,15 @@ from flexcam.report.terminal import format_csv, format_number, plain_table
 from flexcam.studies import sensitivity as studies
 from flexcam.studies.plan import check_power_of_two
 from flexcam.studies.quantities import frequency_number
-from flexcam.studies.sensitivity import STEP_OFFSETS, Method, Sensitivity
-from flexcam.studies.tolerance_analysis import QUANTILES, parse_scatters, sample_parts, scalar_distribution
+from flexcam.studies.sensitivity import (
+    QUANTILES,
+    STEP_OFFSETS,
+    Method,
+    Sensitivity,
+    parse_scatters,
+    sample_parts,
+    scalar_distribution,
+)
 from flexcam.studies.variables import InterruptibleRuns, PointEvaluator, Variable, column, variables_of
 
 _NO_EFFECT = 1e-9  # relative change of a result per relative change of a value that is rounding
@@ -178,13 +185,12 @@ def _sobol_indices(options: StudyOptions, keys: list[str], count: int, seed: int
     variables = variables_of(options.case, keys, "--to")
     check_power_of_two("--sobol", count, 2)
     options.initial_quantities(count)
-    low, high = (np.array([getattr(variable, end) for variable in variables]) for end in ("low", "high"))
     with options.evaluators(count * (len(variables) + 2)) as runs:
         interruptible = InterruptibleRuns(runs)
         points = PointEvaluator(options.case, variables, interruptible)
 
         def values(parts: FloatArray) -> FloatArray:
-            rows = points.rows(low + parts * (high - low))
+            rows = list(points.rows(points.at(parts)))
             if interruptible.is_interrupted and interruptible.done < _MIN_BASE_POINTS * (len(variables) + 2):
                 raise KeyboardInterrupt  # a single base point gives no indices
             return np.column_stack([column(rows, name) for name in options.names])
@@ -236,7 +242,7 @@ def _tolerance_analysis(options: StudyOptions, tolerances: list[str], count: int
     variables = tuple(Variable(tol.key, tol.middle - tol.half, tol.middle + tol.half) for tol in scatters)
     with options.evaluators(count) as runs:
         interruptible = InterruptibleRuns(runs)
-        all_rows = PointEvaluator(options.case, variables, interruptible).rows(parts)
+        all_rows = list(PointEvaluator(options.case, variables, interruptible).rows(parts))
     run = [row.status.cause is not Cause.INTERRUPTED for row in all_rows]
     rows, parts = list(compress(all_rows, run)), parts[run]
     names = options.names

@@ -119,15 +119,20 @@ def require_packages(where: str, given: str, extra: str, *names: str) -> None:
         raise refuse(where, given, "installed packages", why, remedy)
 
 
-def parse_all(read: Callable[[str], ParsedValue], given: Iterable[str]) -> tuple[list[ParsedValue], list[Fault]]:
-    """Return the values read from texts, and the faults of those that cannot be read."""
+def parse_all(
+    read: Callable[[str], ParsedValue], given: Iterable[str],
+    check: Callable[[list[ParsedValue]], Iterable[Fault]] | None = None,
+) -> list[ParsedValue]:  # fmt: skip
+    """Return the values read from texts; all their faults, and those that `check` finds, are in one error."""
     values, faults = list[ParsedValue](), list[Fault]()
     for text in given:
         try:
             values.append(read(text))
         except InputError as refusal:
             faults += refusal.faults
-    return values, faults
+    if faults := [*faults, *(check(values) if check else ())]:
+        raise InputError(faults)
+    return values
 
 
 def collect_errors(

@@ -97,19 +97,23 @@ def is_scalar_prefix(name: str, known: Iterable[str]) -> bool:
 _MAX_LISTED = 24  # maximum number of scalars listed in a message; of more, only prefixes are listed
 
 
-def unknown_scalar_fault(name: str, known: Iterable[str], *, prefixes: bool = True) -> Fault:
-    """Return the fault of a scalar that no variant has; suggest a prefix of scalars only if it is allowed."""
+def unknown_scalar_fault(name: str, known: Iterable[str], *, prefixes: bool = True, others: str = "") -> Fault:
+    """Return the fault of a scalar that no variant has; suggest a prefix of scalars only if it is allowed.
+
+    `others` describes allowed names that are no scalars; a name like those of one part needs no such list.
+    """
     names = list(known)
     parts = [item.split(".") for item in names]
     begins = list(dict.fromkeys(".".join(part[:i]) for part in parts for i in range(1, len(part))))
     groups = list(dict.fromkeys(".".join(part[:2]) for part in parts))
-    allowed = ", ".join(names if len(names) <= _MAX_LISTED else groups) or "(no run was completed)"
-    head = "a result of " if len(names) > _MAX_LISTED else ""
     group = ".".join(name.split(".")[:2])
-    if head and group in groups:
-        head, allowed = f"a result under {group}: ", ", ".join([item for item in names if item.startswith(f"{group}.")])
+    if len(names) > _MAX_LISTED and group in groups:
+        allowed = f"a result under {group}: {', '.join(item for item in names if item.startswith(f'{group}.'))}"
+    else:
+        listed = f"a result of {', '.join(groups)}" if len(names) > _MAX_LISTED else ", ".join(names)
+        allowed = "; ".join(filter(None, (listed or "(no run was completed)", others)))
     near = suggest_name(name, [*(begins if prefixes else ()), *names])
-    return Fault("scalars", repr(name), head + allowed, "there is no such result", near)
+    return Fault("scalars", repr(name), allowed, "there is no such result", near)
 
 
 def table_frame(table: SweepTable) -> pd.DataFrame:

@@ -26,10 +26,11 @@ from urllib.parse import urlsplit
 
 from flexcam import __version__
 from flexcam.case.case import Case
+from flexcam.case.reader import CaseFile
 from flexcam.core.errors import refuse, require_packages, system_message
 from flexcam.dynamics import Cause, ProgressCallback, RunFailedError, Status, track_progress
 from flexcam.io import temporary_folder
-from flexcam.studies.plan import Bundle, Row, evaluate_each, open_case
+from flexcam.studies.plan import Bundle, Plan, Row, evaluate_each, make_bundle, open_case
 from flexcam.studies.variables import Runs
 
 Variants = Sequence[tuple[str, ...]]  # overrides by variant
@@ -57,7 +58,8 @@ def divide_variants(variants: Sequence[tuple[str, ...]], size: int) -> tuple[Chu
 class Pool:
     """Started workers."""
 
-    submit: Callable[[Variants], Future[list[Row]]]  #: function that submits variants; its future returns their rows
+    #: function that submits a function and the variants it evaluates; its future returns their rows
+    submit: Callable[[Evaluate, Variants], Future[list[Row]]]
     window: int  #: number of chunks submitted at a time; more would only wait
     lost: tuple[type[BaseException], ...]  #: exceptions of a future whose worker died
     has_workers: Callable[[], bool] | None = None  #: function that returns whether any worker is left; None if one is
@@ -68,12 +70,12 @@ class SerialWorkers:
     """Serial execution in the calling process, for few variants and for debugging."""
 
     @contextmanager
-    def open_pool(self, source: Bundle | Path, evaluate: Evaluate) -> Generator[Pool]:
+    def open_pool(self, source: Bundle | Path) -> Generator[Pool]:
         """Yield a pool of this process."""
         open_case.cache_clear()  # files may have changed since an earlier pool of this process
         with _unpack(source) as case:
 
-            def submit(variants: Variants) -> Future[list[Row]]:
+            def submit(evaluate: Evaluate, variants: Variants) -> Future[list[Row]]:
                 future: Future[list[Row]] = Future()
                 future.set_result(evaluate(case, variants))
                 return future
@@ -92,10 +94,10 @@ class ProcessWorkers:
             raise refuse("--workers", self.count, "a whole number, at least 1")
 
     @contextmanager
-    def open_pool(self, source: Bundle | Path, evaluate: Evaluate) -> Generator[Pool]:
+    def open_pool(self, source: Bundle | Path) -> Generator[Pool]:
         """Yield a pool of new processes, started on demand."""
         with _unpack(source) as case, open_processes(self.count) as submit:
-            yield Pool(partial(submit, evaluate, case), self.count + 1, (BrokenProcessPool,))
+            yield Pool(lambda run, variants: submit(run, case, variants), self.count + 1, (BrokenProcessPool,))
 
 
 def count_cores() -> int:
@@ -177,27 +179,27 @@ _NO_WORKERS_STATUS = Status(Cause.WORKER_LOST, "the cluster has no workers left"
 _CLUSTER_LOST_STATUS = Status(Cause.WORKER_LOST, "the connection to the scheduler was lost", "--resume does the rest")
 _PATIENCE = 60.0  # time without a finished chunk after which flexcam checks the workers of a cluster, s
 # Function that runs chunks and yields each with its rows as soon as it is finished.
-ChunkRunner = Callable[[Iterable[Chunk]], Iterator[tuple[Chunk, list[Row]]]]
+ChunkRunner = Callable[[Evaluate, Iterable[Chunk]], Iterator[tuple[Chunk, list[Row]]]]
 
 
 @contextmanager
-def open_runner(workers: Workers, source: Bundle | Path, evaluate: Evaluate) -> Generator[ChunkRunner]:
+def open_runner(workers: Workers, source: Bundle | Path) -> Generator[ChunkRunner]:
     """Yield a function that runs chunks on workers, which remain between its calls.
 
     A chunk whose worker was killed is repeated alone, and then its variants one by one: a variant that kills its worker
     again gets a row with that status.
     """
-    start = partial(workers.open_pool, source, evaluate)
+    start = partial(workers.open_pool, source)
     with ExitStack() as stack:
         pools: list[Pool] = []
 
-        def run(chunks: Iterable[Chunk]) -> Iterator[tuple[Chunk, list[Row]]]:
+        def run(evaluate: Evaluate, chunks: Iterable[Chunk]) -> Iterator[tuple[Chunk, list[Row]]]:
             waiting = deque(chunks)
             while waiting:
                 suspects = list[Chunk]()
                 if not pools:
                     pools.append(stack.enter_context(start()))
-                for chunk, future in _submit_chunks(pools[0], waiting):
+                for chunk, future in _submit_chunks(pools[0], evaluate, waiting):
                     if future.cancelled():
                         raise RunFailedError(_CLUSTER_LOST_STATUS)
                     if isinstance(future.exception(), pools[0].lost):
@@ -208,19 +210,19 @@ def open_runner(workers: Workers, source: Bundle | Path, evaluate: Evaluate) -> 
                     pools.clear()
                     stack.close()
                 for chunk in suspects:
-                    yield chunk, _repeat(start, chunk.variants)
+                    yield chunk, _repeat(start, evaluate, chunk.variants)
 
         yield run
 
 
-def _submit_chunks(pool: Pool, waiting: deque[Chunk]) -> Iterator[tuple[Chunk, Future[list[Row]]]]:
+def _submit_chunks(pool: Pool, evaluate: Evaluate, waiting: deque[Chunk]) -> Iterator[tuple[Chunk, Future[list[Row]]]]:
     """Yield chunks and their finished futures; chunks rejected by a broken pool remain in the queue."""
     running: dict[Future[list[Row]], Chunk] = {}
     broken = False
     while running or (waiting and not broken):
         while waiting and not broken and len(running) < pool.window:
             try:
-                running[pool.submit(waiting[0].variants)] = waiting[0]
+                running[pool.submit(evaluate, waiting[0].variants)] = waiting[0]
                 waiting.popleft()
             except pool.lost:
                 broken = True
@@ -231,16 +233,16 @@ def _submit_chunks(pool: Pool, waiting: deque[Chunk]) -> Iterator[tuple[Chunk, F
             yield running.pop(future), future
 
 
-def _repeat(start: Callable[[], AbstractContextManager[Pool]], variants: Variants) -> list[Row]:
+def _repeat(start: Callable[[], AbstractContextManager[Pool]], evaluate: Evaluate, variants: Variants) -> list[Row]:
     """Return the rows of variants whose worker was killed, run together alone, and if it dies again, one by one."""
     with start() as pool:
         try:
-            return pool.submit(variants).result()
+            return pool.submit(evaluate, variants).result()
         except pool.lost:
             pass
     if len(variants) == 1:
         return [Row(KILLED_STATUS)]
-    return [row for variant in variants for row in _repeat(start, (variant,))]
+    return [row for variant in variants for row in _repeat(start, evaluate, (variant,))]
 
 
 _TIMEOUT = 5.0  # timeout of a scheduler, and then of its workers, s
@@ -260,7 +262,7 @@ class ClusterWorkers:
             raise refuse("--workers", self.count, "a whole number, at least 1")
 
     @contextmanager
-    def open_pool(self, source: Bundle | Path, evaluate: Evaluate) -> Generator[Pool]:
+    def open_pool(self, source: Bundle | Path) -> Generator[Pool]:
         """Yield the workers of the cluster."""
         require_packages("--scheduler", self.address, "cluster", "distributed")
         from distributed import Client, KilledWorker, LocalCluster
@@ -282,8 +284,11 @@ class ClusterWorkers:
                 _check_workers(client, self)
                 # A task that loads the case instead of the case itself: Dask repeats it if a worker is lost.
                 case = client.submit(copy, source, pure=False)
-                submit = partial(client.get_executor(pure=False).submit, evaluate, case)
-                yield Pool(submit, _UNLIMITED, (KilledWorker,), lambda: bool(client.scheduler_info()["workers"]))
+                submit = client.get_executor(pure=False).submit
+                yield Pool(
+                    lambda run, variants: submit(run, case, variants), _UNLIMITED, (KilledWorker,),
+                    lambda: bool(client.scheduler_info()["workers"]),
+                )  # fmt: skip
         except CommClosedError:  # an OSError, but none of a disk
             raise RunFailedError(_CLUSTER_LOST_STATUS) from None
 
@@ -347,45 +352,24 @@ def _check_workers(client: Any, workers: ClusterWorkers) -> None:  # noqa: ANN40
 
 
 @contextmanager
-def open_evaluator(
-    source: Bundle, evaluate: Callable[[Case], Row], fixed: Sequence[str] = (),
-    *, workers: int = 1, advance: ProgressCallback | None = None,
-) -> Generator[Runs]:  # fmt: skip
-    """Yield a function that distributes variants to workers, which end with the context and evaluate one by one."""
-    with open_evaluators(source, (evaluate,), fixed, workers=workers, advance=advance) as (runs,):
-        yield runs
-
-
-@contextmanager
 def open_evaluators(
-    source: Bundle, functions: Sequence[Callable[[Case], Row]], fixed: Sequence[str] = (),
-    *, workers: int = 1, advance: ProgressCallback | None = None,
+    file: CaseFile, fixed: Sequence[str], *functions: Callable[[Case], Row],
+    plan: Plan | None = None, workers: int = 1, advance: ProgressCallback | None = None,
 ) -> Generator[list[Runs]]:  # fmt: skip
-    """Yield a function for each evaluation of a variant, as `open_evaluator`, all with the same workers.
+    """Yield, for each function, one that evaluates variants of a file, as it is now, on the same workers.
 
-    The progress counts the variants of the first function.
+    The workers evaluate variants one by one, and end with the context. The progress counts those of the first function.
     """
-    evaluate = partial(_evaluate_numbered, functions=tuple(functions), fixed=tuple(fixed))
-    with open_runner(SerialWorkers() if workers == 1 else ProcessWorkers(workers), source, evaluate) as run_chunks:
 
-        def run(variants: Variants, number: int) -> Iterator[Row]:
-            finished, count, shown = dict[int, Row](), 0, None if number else advance
-            chunks = divide_variants([(str(number), *variant) for variant in variants], 1)
-            for chunk, rows in track_progress(run_chunks(chunks), shown):
-                finished[chunk.index] = rows[0]
-                while count in finished:
-                    yield finished.pop(count)
-                    count += 1
+    def run(variants: Variants, evaluate: Evaluate, shown: ProgressCallback | None) -> Iterator[Row]:
+        finished, count = dict[int, Row](), 0
+        for chunk, rows in track_progress(run_chunks(evaluate, divide_variants(variants, 1)), shown):
+            finished[chunk.index] = rows[0]
+            while count in finished:
+                yield finished.pop(count)
+                count += 1
 
-        yield [partial(run, number=number) for number in range(len(functions))]
-
-
-def _evaluate_numbered(
-    source: Bundle | Path, variants: Variants, functions: Sequence[Callable[[Case], Row]], fixed: tuple[str, ...]
-) -> list[Row]:
-    """Return the rows of variants, whose overrides follow the number of the function that evaluates them."""
-    return [
-        row
-        for number, *overrides in variants
-        for row in evaluate_each(source, [tuple(overrides)], functions[int(number)], fixed)
-    ]
+    evaluations = [partial(evaluate_each, evaluate=function, fixed=tuple(fixed)) for function in functions]
+    pool = SerialWorkers() if workers == 1 else ProcessWorkers(workers)
+    with open_runner(pool, make_bundle(file, plan, fixed)) as run_chunks:
+        yield [partial(run, evaluate=each, shown=None if i else advance) for i, each in enumerate(evaluations)]

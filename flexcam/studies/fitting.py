@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -18,7 +18,7 @@ from flexcam.case.case import Case
 from flexcam.core import FloatArray
 from flexcam.core.errors import positive, refuse, suggest_name
 from flexcam.core.units import conversion_factor
-from flexcam.dynamics import SERIES, RunFailedError, SaveAt, Status, outline, solve
+from flexcam.dynamics import SERIES, Outline, RunFailedError, SaveAt, Status, outline, solve
 from flexcam.io.exports import scalar_probes
 from flexcam.io.files import ABSCISSAS, find_abscissa, read_mdf
 from flexcam.io.number_tables import read_columns
@@ -91,32 +91,31 @@ def read_measurement(path: Path, case: Case, only: Sequence[str] = (), noises: S
         if unknown := [name for name in names if name not in known]:
             near = suggest_name(unknown[0], known)
             raise refuse(option, repr(unknown[0]), ", ".join(known), "there is no such column", near)
-    curves: list[Curve] = []
+    output, curves = outline(build_problem(case)[1]), list[Curve]()
     for name in selected:
-        curve, (unit, values) = _find_curve(case, name, f"{path.name}, column {name!r}"), columns[name]
-        factor = conversion_factor(unit, curve.unit, f"--to, column {name!r}")
-        noise = positive("--noise", levels[name] * factor, curve.unit) if name in levels else None
-        curves.append(replace(curve, values=values * factor, noise=noise))
+        label, history = _find_history(output, name, f"{path.name}, column {name!r}")
+        (given, values), unit = columns[name], history_units(output)[history]
+        factor = conversion_factor(given, unit, f"--to, column {name!r}")
+        noise = positive("--noise", levels[name] * factor, unit) if name in levels else None
+        curves.append(Curve(label, history, unit, values * factor, noise))
     return Measurement("time" if over == "time" else "angle", instants, tuple(curves))
 
 
 _LISTED = 20  # number of results that a message lists
 
 
-def _find_curve(case: Case, name: str, where: str) -> Curve:
-    """Return a curve without values by its name: a channel, or a component of a probe with its series."""
-    output = outline(build_problem(case)[1])
-    channels, probes, units = dict(output.channels), scalar_probes(output), history_units(output)
+def _find_history(output: Outline, name: str, where: str) -> tuple[str, str]:
+    """Return the label and the history of a column: a channel, or a component of a probe with its series."""
+    channels, probes = dict(output.channels), scalar_probes(output)
     if name in channels:
-        return Curve(name, name, units[name], np.zeros(0))
+        return name, name
     probe, _, series = name.rpartition(" ") if name.rpartition(" ")[2] in SERIES else (name, "", "displacement")
     if probe not in probes:
         known = [*(f"{point} {series}" for point in probes), *channels]
         near = suggest_name(name, [*probes, *known])
         allowed = ", ".join(known[:_LISTED]) + (f" and {len(known) - _LISTED} more" if len(known) > _LISTED else "")
         raise refuse(where, "a name that is no result of the case", f"one of {allowed}", "", near)
-    history = f"probes.{probe}.{series}"
-    return Curve(f"{probe} {series}", history, units[history], np.zeros(0))
+    return f"{probe} {series}", f"probes.{probe}.{series}"
 
 
 def curve_row(case: Case, measured: Measurement) -> Row:
@@ -197,7 +196,7 @@ class _Residuals:
 
     def _rows(self, parts: FloatArray) -> list[Row]:
         self.runs += len(parts)
-        return self.points.rows(self.points.at(parts))
+        return list(self.points.rows(self.points.at(parts)))
 
     def _curves(self, row: Row) -> FloatArray:
         if row.history is None:

@@ -51,7 +51,7 @@ from flexcam.dynamics.massless import FORCE_TOLERANCE, MasslessMotions
 from flexcam.studies.evaluation import compute_scalars
 from flexcam.studies.executors import open_evaluators
 from flexcam.studies.optimization import Evaluations, OptimizationProblem, ProblemEvaluator
-from flexcam.studies.plan import Planes, Row, check_seed, make_bundle
+from flexcam.studies.plan import Planes, Row, check_seed
 from flexcam.studies.quantities import compute_quantities, is_run_scalar, quantity_row
 from flexcam.studies.variables import Runs, Variable, WorstCase, interval_widths
 from flexcam.valvetrain import Metric, extreme_history
@@ -164,9 +164,8 @@ def gradient_evaluator(
     sizes = interval_widths(file.read(fixed), variables).tolist()
     row = partial(quantity_row, names=tuple(names))
     derive = partial(_derivative_row, names=tuple(names), keys=tuple(v.key for v in variables), sizes=sizes)
-    source, conditions = make_bundle(file, None, fixed), worst or WorstCase(((),), {})
-    with open_evaluators(source, (row, derive), fixed, workers=workers, advance=advance) as evaluators:
-        yield conditions.over(*evaluators)
+    with open_evaluators(file, fixed, row, derive, workers=workers, advance=advance) as evaluators:
+        yield (worst or WorstCase(((),), {})).over(*evaluators)
 
 
 def _derivative_row(case: Case, names: Sequence[str], keys: Sequence[str], sizes: Sequence[float]) -> Row:
@@ -344,13 +343,13 @@ def optimize_by_gradient(
         raise refuse("--starts", starts, "1 or more")
     check_seed(seed)
     judge, count = ProblemEvaluator(design), len(design.points.variables)
+    tangents = _Tangents(judge)
     first = np.full(count, 0.5) if design.start is None else design.start
     begins = [first, *np.random.default_rng(seed).random((starts - 1, count))]
-    tangents = _Tangents(design, judge)
 
     def search() -> None:
         for i, begin in enumerate(begins):
-            _descend(tangents, judge, begin, judge.count + (evaluations - judge.count) // (starts - i))
+            _descend(tangents, begin, judge.count + (evaluations - judge.count) // (starts - i))
 
     result = judge.run_search(search)
     if tangents.warning and judge.count == starts:
@@ -360,22 +359,22 @@ def optimize_by_gradient(
 
 
 class _Tangents:
-    def __init__(self, design: OptimizationProblem, judge: ProblemEvaluator) -> None:
-        self._design, self._judge = design, judge
-        self._widths = interval_widths(design.points.case, design.points.variables)
+    def __init__(self, judge: ProblemEvaluator) -> None:
+        self.judge, points = judge, judge.design.points
+        self._widths = interval_widths(points.case, points.variables)
         self.warning = ""  #: why the last variant without derivatives has none
         self.is_flat = False  #: whether the goal has no slope at the first point
 
     def plane(self, x: FloatArray) -> Plane | None:
         """Return the tangents at a point; None if its run fails or has no derivative."""
-        [row] = self._judge.rows(x[None])
-        costs, violations = self._judge.judge([row])
+        [row] = self.judge.rows(x[None])
+        costs, violations = self.judge.judge([row])
         if not (row.status.ok and math.isfinite(costs[0, 0])):
             return None
         if not row.derivatives:
             self.warning = row.status.text
             return None
-        goal, bounds = self._design.goals[0], self._design.bounds
+        goal, bounds = self.judge.design.goals[0], self.judge.design.bounds
 
         def slope(name: str) -> FloatArray:
             return self._widths * np.array(row.derivatives[name])
@@ -391,15 +390,15 @@ class _Tangents:
                 if sign * offset < 0.0
             ]
         cost_slope = (-1.0 if goal.most else 1.0) * slope(goal.name)
-        self.is_flat = self.is_flat or (self._judge.count == 1 and not cost_slope.any())
+        self.is_flat = self.is_flat or (self.judge.count == 1 and not cost_slope.any())
         if not all(np.isfinite(gradient).all() for gradient in (cost_slope, *(gradient for _, _, gradient in cuts))):
             return None
         return Plane(x, float(costs[0, 0]), cost_slope, violations[0, :-1], cuts)
 
 
-def _descend(tangents: _Tangents, judge: ProblemEvaluator, start: FloatArray, end: int) -> None:
+def _descend(tangents: _Tangents, start: FloatArray, end: int) -> None:
     """Search from a point until the box is small or a number of variants is reached."""
-    best = tangents.plane(start)
+    judge, best = tangents.judge, tangents.plane(start)
     if best is None:
         return
     planes, radius, margin, is_corrected = [best], _BOX, _LEAST_INSIDE, False

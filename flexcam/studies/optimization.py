@@ -57,17 +57,16 @@ class Constraint:
         number, text_unit = _split_bound(self.text)
         base_unit = "rad/s" if unit.endswith("rpm") else unit
         if text_unit:
-            return number * self._factor(text_unit, base_unit) / (RPM if unit.endswith("rpm") else 1.0)
+            try:
+                factor = conversion_factor(text_unit, base_unit, "--subject")
+            except InputError:
+                allowed = f"a bound with {unit_of(base_unit)}"
+                raise refuse("--subject", self.words, allowed, "units differ") from None
+            return number * factor / (RPM if unit.endswith("rpm") else 1.0)
         if number and unit and unit in {kind.si for kind in DIMENSIONS.values()}:
             remedy = f"add the unit, such as {input_unit(unit)[1]}"
             raise refuse("--subject", self.words, "a bound with its unit", "", remedy)
         return number
-
-    def _factor(self, text_unit: str, base_unit: str) -> float:
-        try:
-            return conversion_factor(text_unit, base_unit, "--subject")
-        except InputError:
-            raise refuse("--subject", self.words, f"a bound with {unit_of(base_unit)}", "units differ") from None
 
     def violation(self, value: float, unit: str) -> float:
         """Return the violation of the bound by a value, relative to the bound; negative if it is satisfied."""
@@ -81,19 +80,14 @@ def parse_constraint(text: str) -> Constraint:
     match = _CONSTRAINT.match(text)
     if match is None:
         allowed = "NAME <= VALUE or NAME >= VALUE, in quotes"
-        parts = re.match(r"\s*(\S+)\s*([<>])\s*([^<>=]+)$", text)
-        example = f"{parts[1]} {parts[2]}= {parts[3].strip()}" if parts else "frequency.1 >= 900 Hz"
-        raise refuse("--subject", repr(text), allowed, "", f"write '{example}'")
+        raise refuse("--subject", repr(text), allowed, "", "write 'frequency.1 >= 900 Hz'")
     _split_bound(match[3])
     return Constraint(match[1], "<=" if match[2] == "<=" else ">=", match[3])
 
 
 def parse_constraints(texts: Sequence[str]) -> tuple[Constraint, ...]:
     """Parse several constraints."""
-    constraints, faults = parse_all(parse_constraint, texts)
-    if faults:
-        raise InputError(faults)
-    return tuple(constraints)
+    return tuple(parse_all(parse_constraint, texts))
 
 
 def _split_bound(text: str) -> tuple[float, str]:
@@ -121,7 +115,7 @@ def is_active(violation: float) -> bool:
     return violation >= -_ACTIVE_TOLERANCE
 
 
-_POINTS_PER_VARIABLE, _MIN_POINTS, _MAX_POINTS = 6, 12, 64  # points of a generation; the first number per variable
+_POINTS_PER_VARIABLE, _MIN_POINTS, _MAX_POINTS = 6, 12, 64  # points of a generation; twice as many for two goals
 _GLOBAL_FRACTION = 0.7  # fraction of the evaluations for the global search; the others refine the best variant
 _TRUST_RADIUS = 0.05  # initial radius of the trust region relative to the intervals
 _LARGE_COST = 1e30
@@ -188,7 +182,7 @@ class ProblemEvaluator:
     """Evaluates points of an optimization problem and keeps their rows in order."""
 
     def __init__(self, design: OptimizationProblem) -> None:
-        self._design = design
+        self.design = design
         self._rows: dict[tuple[float, ...], Row] = {}
 
     @property
@@ -202,16 +196,16 @@ class ProblemEvaluator:
 
     def rows(self, parts: FloatArray) -> list[Row]:
         """Return the rows at fractions of the intervals, shape (m, k)."""
-        points = [tuple(point) for point in self._design.points.at(np.clip(parts, 0.0, 1.0)).tolist()]
+        points = [tuple(point) for point in self.design.points.at(np.clip(parts, 0.0, 1.0)).tolist()]
         new = [point for point in dict.fromkeys(points) if point not in self._rows]
         if new:
-            for point, row in zip(new, self._design.points.iterate_rows(np.array(new)), strict=True):
+            for point, row in zip(new, self.design.points.rows(np.array(new)), strict=True):
                 self._rows[point] = row
         return [self._rows[point] for point in points]
 
     def judge(self, rows: Sequence[Row]) -> tuple[FloatArray, FloatArray]:
         """Return the costs of rows, and the relative violations of the constraints with a zero for a complete run."""
-        goals, bounds = self._design.goals, self._design.bounds
+        goals, bounds = self.design.goals, self.design.bounds
         values = np.array([[row_value(row, goal.name) for goal in goals] for row in rows], dtype=float)
         signed = values.reshape(len(rows), len(goals)) * np.array([-1.0 if goal.most else 1.0 for goal in goals])
         violations = np.full((len(rows), len(bounds) + 1), _FAILED_VIOLATION)
@@ -223,7 +217,7 @@ class ProblemEvaluator:
 
     def evaluations(self) -> Evaluations:
         """Return all evaluations so far."""
-        points, rows, (low, high) = np.array(list(self._rows)), tuple(self._rows.values()), self._design.points.ends
+        points, rows, (low, high) = np.array(list(self._rows)), tuple(self._rows.values()), self.design.points.ends
         return Evaluations(points, (points - low) / (high - low), rows, *self.judge(rows))
 
     def run_search(self, search: Callable[[], None]) -> Evaluations:
@@ -238,41 +232,40 @@ class ProblemEvaluator:
 
 
 def optimize(design: OptimizationProblem, *, evaluations: int = 200, seed: int = 0) -> Evaluations:
-    """Search for the best variant that satisfies all constraints.
+    """Search for the best variant that satisfies all constraints, or for the Pareto front of two goals.
 
     Differential evolution (R. Storn and K. Price, J. Global Optim. 11 (1997) 341) evaluates whole generations, with
     constraints before the goal: J. Lampinen, Proc. CEC (2002) 1468. Then COBYQA, a trust region of quadratic models
     without derivatives (T. M. Ragonneau and Z. Zhang, 2024), refines the best variant.
+    Two goals need NSGA-II: K. Deb et al., IEEE Trans. Evol. Comput. 6 (2002) 182, as implemented in pymoo.
     """
-    if len(design.goals) != 1:
-        raise refuse("goals", len(design.goals), "one", "several goals have a Pareto front instead of one optimum")
-    generation = generation_size(len(design.points.variables))
+    two = len(design.goals) > 1
+    if two:
+        require_packages("optimize", "two goals", "design", "pymoo")
+    generation = min(max(_POINTS_PER_VARIABLE * len(design.points.variables), _MIN_POINTS), _MAX_POINTS)
+    generation *= 2 if two else 1
     if evaluations < 2 * generation:
         raise refuse("--evaluations", evaluations, f"{2 * generation} or more", "the search needs two generations")
     check_seed(seed)
     judge = ProblemEvaluator(design)
 
     def search() -> None:
-        _differential_evolution(judge, design, generation, int(_GLOBAL_FRACTION * evaluations), seed)
-        remaining = evaluations - judge.count
-        if remaining > 0:
-            _refine(judge, judge.evaluations(), design, remaining)
+        if two:
+            _run_nsga2(judge, generation, evaluations // generation, seed)
+            return
+        _differential_evolution(judge, generation, int(_GLOBAL_FRACTION * evaluations), seed)
+        if (remaining := evaluations - judge.count) > 0:
+            _refine(judge, remaining)
 
     return judge.run_search(search)
 
 
-def generation_size(variables: int) -> int:
-    """Return the number of points of a generation."""
-    return min(max(_POINTS_PER_VARIABLE * variables, _MIN_POINTS), _MAX_POINTS)
-
-
-def _differential_evolution(
-    judge: ProblemEvaluator, design: OptimizationProblem, generation: int, evaluations: int, seed: int
-) -> None:
+def _differential_evolution(judge: ProblemEvaluator, generation: int, evaluations: int, seed: int) -> None:
     from scipy.optimize import Bounds, NonlinearConstraint, differential_evolution
     from scipy.stats import qmc
 
-    rng, variables = np.random.default_rng(seed), len(design.points.variables)
+    design, rng = judge.design, np.random.default_rng(seed)
+    variables = len(design.points.variables)
     start = qmc.LatinHypercube(variables, seed=rng).random(generation)
     if design.start is not None:
         start[0] = design.start  # the result is not worse than the given case
@@ -291,9 +284,10 @@ def _differential_evolution(
     )  # fmt: skip
 
 
-def _refine(judge: ProblemEvaluator, known: Evaluations, design: OptimizationProblem, evaluations: int) -> None:
+def _refine(judge: ProblemEvaluator, evaluations: int) -> None:
     from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
+    known = judge.evaluations()
     start = known.parts[known.nearest if known.best is None else known.best]
     finite = known.costs[np.isfinite(known.costs)]
     size = float(np.ptp(finite)) if len(finite) > 1 else 1.0
@@ -309,39 +303,20 @@ def _refine(judge: ProblemEvaluator, known: Evaluations, design: OptimizationPro
     count = len(start)
     minimize(
         cost, start, method="COBYQA", bounds=Bounds(np.zeros(count), np.ones(count)),
-        constraints=NonlinearConstraint(violations, -np.inf, 0.0) if design.bounds else (),
+        constraints=NonlinearConstraint(violations, -np.inf, 0.0) if judge.design.bounds else (),
         options={"maxfev": evaluations, "initial_tr_radius": _TRUST_RADIUS, "final_tr_radius": 1e-5},
     )  # fmt: skip
 
 
-def find_pareto_front(design: OptimizationProblem, *, evaluations: int = 400, seed: int = 0) -> Evaluations:
-    """Search for the Pareto front of two goals.
-
-    NSGA-II: K. Deb et al., IEEE Trans. Evol. Comput. 6 (2002) 182, as implemented in pymoo.
-    """
-    if len(design.goals) != 2:
-        raise refuse("goals", len(design.goals), "two", "a Pareto front needs two goals")
-    require_packages("optimize", "two goals", "design", "pymoo")
-    size = 2 * generation_size(len(design.points.variables))
-    if evaluations < 2 * size:
-        raise refuse("--evaluations", evaluations, f"{2 * size} or more", "the search needs two generations")
-    check_seed(seed)
-    judge = ProblemEvaluator(design)
-
-    def search() -> None:
-        if design.start is not None:
-            judge.evaluate(design.start[None])  # the front is not worse than the given case
-        _run_nsga2(judge, design, size, evaluations // size, seed)
-
-    return judge.run_search(search)
-
-
-def _run_nsga2(judge: ProblemEvaluator, design: OptimizationProblem, size: int, generations: int, seed: int) -> None:
+def _run_nsga2(judge: ProblemEvaluator, size: int, generations: int, seed: int) -> None:
     from pymoo.algorithms.moo.nsga2 import NSGA2
     from pymoo.core.evaluator import Evaluator
     from pymoo.core.problem import Problem
     from pymoo.problems.static import StaticProblem
 
+    design = judge.design
+    if design.start is not None:
+        judge.evaluate(design.start[None])  # the front is not worse than the given case
     variables, bounds = len(design.points.variables), len(design.bounds) + 1
     problem = Problem(n_var=variables, n_obj=2, n_ieq_constr=bounds, xl=0.0, xu=1.0)
     algorithm = NSGA2(pop_size=size)

@@ -32,12 +32,12 @@ from functools import cached_property, lru_cache
 from itertools import product
 from math import prod
 from pathlib import Path, PurePosixPath
-from typing import Literal, NamedTuple, cast
+from typing import NamedTuple
 
 from flexcam.case.case import Case
 from flexcam.case.reader import CaseFile
 from flexcam.case.repetition import iterate_texts
-from flexcam.core.errors import Fault, InputError, refuse, suggest_name
+from flexcam.core.errors import Fault, InputError, parse_all, refuse, suggest_name
 from flexcam.dynamics import Cause, RunFailedError, Status, reraise_interrupt
 from flexcam.io import find_referenced_file, temporary_folder
 
@@ -50,7 +50,6 @@ _DIGITS = Context(prec=17)
 _SAMPLED = Context(prec=10)
 _MAX_EXPONENT = 300  # maximum exponent of a number
 _MIN_FIXED_EXPONENT, _MAX_FIXED_EXPONENT = -6, 16  # range of decimal exponents written in fixed notation
-_MANY = 10**15
 
 MAX_VARIANTS = 10_000  # default maximum number of variants
 FORMS = "a range 1000:8000:50rpm or 1000:8000#141rpm, a list 30,40,50 kN/m, an interval 30:60 kN/m, or one value"
@@ -105,21 +104,18 @@ def parse_axis(key: str, spec: str, *, where: str = "", limit: int = MAX_VARIANT
 
 def parse_axes(settings: Sequence[str], *, limit: int = MAX_VARIANTS, option: str = "--set") -> tuple[Axis, ...]:
     """Return the axes of several ``key=spec``."""
-    axes, faults = dict[str, Axis](), list[Fault]()
-    for setting in settings:
+    axes = dict[str, Axis]()
+
+    def read(setting: str) -> None:
         key, equals, spec = setting.partition("=")
         key, where = key.strip(), f"{option} {setting}"
         if not equals or not key:
-            faults.append(Fault(where, repr(setting), f"key=values: {FORMS}", "", "write run.speed=1000:4000:50rpm"))
-        elif key in axes:
-            faults.append(Fault(where, repr(key), "every key once", "it is given twice", "write a list"))
-        else:
-            try:
-                axes[key] = parse_axis(key, spec, where=where, limit=limit)
-            except InputError as refusal:
-                faults += refusal.faults
-    if faults:
-        raise InputError(faults)
+            raise refuse(where, repr(setting), f"key=values: {FORMS}", "", "write run.speed=1000:4000:50rpm")
+        if key in axes:
+            raise refuse(where, repr(key), "every key once", "it is given twice", "write a list")
+        axes[key] = parse_axis(key, spec, where=where, limit=limit)
+
+    parse_all(read, settings)
     return tuple(axes.values())
 
 
@@ -160,9 +156,8 @@ def _range(key: str, where: str, match: re.Match[str], limit: int) -> Axis:
 def check_count(where: str, count: int, limit: int) -> None:
     """Raise an error if the number of runs exceeds the limit."""
     if count > limit:
-        given = f"{count} variants" if count < _MANY else "more variants than could ever be run"
-        remedy = f"use fewer values, or allow them with --limit {count}" if count < _MANY else "use fewer values"
-        raise refuse(where, given, f"up to {limit}", "each is a run", remedy)
+        remedy = f"use fewer values, or allow them with --limit {count}"
+        raise refuse(where, f"{count} variants", f"up to {limit}", "each is a run", remedy)
 
 
 def _list(key: str, where: str, spec: str, limit: int) -> Axis:
@@ -214,7 +209,7 @@ def _join_unit(number: str, unit: str) -> str:
 class Sample:
     """Sampling method."""
 
-    kind: Literal["lhs", "sobol"]  #: Latin hypercube or Sobol sequence of `scipy.stats.qmc`, scrambled
+    kind: str  #: ``lhs`` or ``sobol``: Latin hypercube or Sobol sequence of `scipy.stats.qmc`, scrambled
     count: int  #: number of points; a power of two for a Sobol sequence, which is balanced then
     seed: int = 0  #: seed of the random generator
 
@@ -231,15 +226,12 @@ class Sample:
 def parse_sample(text: str, seed: int = 0) -> Sample:
     """Parse a sampling method."""
     allowed = "lhs:N (Latin hypercube) or sobol:N (Sobol's sequence), such as sobol:512"
-    match = re.match(r"(lhs|sobol):(\d{1,15})$", text.strip())
+    match = re.match(r"(lhs|sobol):([1-9]\d{0,14})$", text.strip())
     if match is None:
         raise refuse("--sample", repr(text), allowed, "", suggest_name(text.partition(":")[0], ["lhs", "sobol"]))
-    count, kind = int(match[2]), cast("Literal['lhs', 'sobol']", match[1])
-    if count < 1:
-        raise refuse("--sample", text, "1 point or more", "the plan is empty")
-    if kind == "sobol":
-        check_power_of_two("--sample", count)
-    return Sample(kind, count, check_seed(seed))
+    if match[1] == "sobol":
+        check_power_of_two("--sample", int(match[2]))
+    return Sample(match[1], int(match[2]), check_seed(seed))
 
 
 def check_power_of_two(where: str, count: int, least: int = 1) -> None:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-import pickle
 import re
 from collections.abc import Generator, Iterable, Mapping, Sequence
 from concurrent.futures import Future
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 
 import numpy as np
 
@@ -25,7 +24,7 @@ from flexcam.analysis.limits import (
 from flexcam.analysis.preparation import build_problem, prepare
 from flexcam.cams import Event, event_extremes, harmonics, joints
 from flexcam.case.builder import build_model
-from flexcam.case.case import Case, find_unit
+from flexcam.case.case import Case
 from flexcam.case.problem_builder import steps_per_revolution
 from flexcam.case.reader import CaseFile
 from flexcam.case.variants import Number, get_number
@@ -35,10 +34,10 @@ from flexcam.core.units import RPM, shaft_name
 from flexcam.dynamics import Cause, ProgressCallback, RunFailedError, Status, floquet, outline, solve
 from flexcam.io.sweep_table import unknown_scalar_fault
 from flexcam.studies.evaluation import are_probe_scalars, evaluate, get_history, history_units, scalar_names
-from flexcam.studies.executors import KILLED_STATUS, BrokenProcessPool, open_evaluator, open_processes
-from flexcam.studies.plan import Axis, Plan, Row, Value, make_bundle, make_plan
+from flexcam.studies.executors import KILLED_STATUS, BrokenProcessPool, open_evaluators, open_processes
+from flexcam.studies.plan import Axis, Plan, Row, Value, make_plan
 from flexcam.studies.variables import Runs, column
-from flexcam.valvetrain import Metric, Model, build_structure, model_modes
+from flexcam.valvetrain import Metric, build_structure, model_modes
 
 _FREQUENCY = re.compile(r"frequency\.([1-9]\d{0,2})$")
 _CAM = re.compile(r"cams\.(.+)\.(area|velocity|acceleration|deceleration|jerk)$")
@@ -127,9 +126,7 @@ def _unknown_name_fault(name: str, known: Iterable[str], cams: Iterable[str]) ->
     near = suggest_name(name, [*known, "frequency.1", *(f"limits.{limit}" for limit in LIMITS), *of_cams])
     if near:
         return Fault("scalar", repr(name), "", f"there is no result {name!r}", near)
-    allowed = unknown_scalar_fault(name, known).allowed
-    allowed += "" if allowed.startswith("a result under") else f"; {_KINDS}"
-    return Fault("scalar", repr(name), allowed, "there is no such result", near)
+    return replace(unknown_scalar_fault(name, known, others=_KINDS), where="scalar", remedy="")
 
 
 def require_complete(row: Row) -> Row:
@@ -180,9 +177,6 @@ def _multipliers(case: Case, matches: _Matches) -> dict[str, Metric]:
 
 def _limits(case: Case, matches: _Matches, search: Search | None, runs: int) -> dict[str, Metric]:
     names = [match[1] for match in matches.values()]
-    if unknown := [name for name in names if name not in LIMITS]:
-        allowed = ", ".join(f"limits.{name}" for name in LIMITS)
-        raise refuse("scalar", f"limits.{unknown[0]}", allowed, "", suggest_name(unknown[0], LIMITS))
     scale, unit = case.turns, f"{shaft_name(case.turns)} rpm"
     where = search or Search(0.5 * case.speed, 2.0 * case.speed, 10.0 * RPM / scale)
     limits = find_limits(case, where, names, runs=runs).limits
@@ -222,13 +216,15 @@ def _number(case: Case, name: str) -> Number | None:
         return None
 
 
+@contextmanager
 def create_evaluator(
     file: CaseFile, fixed: Sequence[str], names: Sequence[str], search: Search | None = None,
     *, plan: Plan | None = None, workers: int = 1, runs: int = 1, advance: ProgressCallback | None = None,
-) -> AbstractContextManager[Runs]:  # fmt: skip
-    """Return a context with a function that evaluates variants of the file as it is now."""
+) -> Generator[Runs]:  # fmt: skip
+    """Yield a function that evaluates variants of the file as it is now."""
     row = partial(quantity_row, names=tuple(names), search=search, runs=runs)
-    return open_evaluator(make_bundle(file, plan, fixed), row, fixed, workers=workers, advance=advance)
+    with open_evaluators(file, fixed, row, plan=plan, workers=workers, advance=advance) as (evaluate_variants,):
+        yield evaluate_variants
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,12 +236,6 @@ class LimitMap:
     #: ``crank_speed``, else of the camshaft; NaN if the limit is not met in the search range, or a run failed
     rpm: Mapping[str, FloatArray]
     statuses: tuple[Status, ...]  #: status of every variant, row by row
-
-    def with_units(self, case: Case) -> LimitMap:
-        """Return the same map with units for numbers given without one: those of the case."""
-        units = [axis.unit or find_unit(case.record, axis.key.split(".")) or "" for axis in self.axes]
-        first, second = (replace(axis, unit=unit) for axis, unit in zip(self.axes, units, strict=True))
-        return replace(self, axes=(first, second))
 
 
 def grid_plan(first: Axis, second: Axis, fixed: Sequence[str] = ()) -> Plan:
@@ -285,17 +275,4 @@ def open_speed_runs(case: Case, search: Search, workers: int) -> Generator[Speed
             except BrokenProcessPool:
                 raise RunFailedError(KILLED_STATUS) from None
 
-        packed = pickle.dumps((case, search))
-        yield lambda speeds: [partial(wait, submit(_evaluate_packed_speed, packed, speed)) for speed in speeds]
-
-
-def _evaluate_packed_speed(packed: bytes, speed: float) -> ConditionResults:
-    case, search, model = _unpack_search(packed)
-    return evaluate_speed(case, search, None, speed, model=model)
-
-
-@lru_cache(maxsize=1)
-def _unpack_search(packed: bytes) -> tuple[Case, Search, Model]:
-    """Return a case, a search for its limits, and its model, built once per worker."""
-    case, search = pickle.loads(packed)  # noqa: S301 - from the process that started this worker
-    return case, search, build_model(case)
+        yield lambda speeds: [partial(wait, submit(evaluate_speed, case, search, speed)) for speed in speeds]

@@ -1,4 +1,4 @@
-"""Sensitivity: derivatives of quantities with respect to numbers of a case, and Sobol indices.
+"""Sensitivity: derivatives of quantities with respect to numbers of a case, Sobol indices, and tolerances of parts.
 
 Derivatives of natural frequencies follow from derivatives of the matrices, those of runs from the tangent of the time
 integration where it applies, all others from central differences of two step sizes with an error estimate.
@@ -7,9 +7,11 @@ integration where it applies, all others from central differences of two step si
 from __future__ import annotations
 
 import math
+import re
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -17,14 +19,15 @@ import numpy as np
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.reader import CaseFile
-from flexcam.case.variants import Number, get_number
+from flexcam.case.variants import Number, get_number, number_after_override
 from flexcam.core import FloatArray, IntArray, Triplets
-from flexcam.core.errors import InputError, parse_all, refuse
+from flexcam.core.errors import parse_all, refuse
+from flexcam.core.units import DIMENSIONS, parse
 from flexcam.dynamics import modes
 from flexcam.studies.gradients import COUNTED, compute_gradient, exact_refusal, make_neighbours
-from flexcam.studies.plan import Row, check_power_of_two, check_seed
+from flexcam.studies.plan import Row, Sample, check_power_of_two, check_seed
 from flexcam.studies.quantities import frequency_number, is_run_scalar, require_complete
-from flexcam.studies.variables import Runs, column
+from flexcam.studies.variables import Runs, column, duplicate_key_faults
 from flexcam.valvetrain import build_structure
 
 STEP_OFFSETS = (-1.0, -0.5, 0.5, 1.0)  # offsets of the evaluated points, in steps
@@ -131,20 +134,17 @@ class Sensitivity:
         return self.by.value * self.derivative / self.value if self.value != 0.0 else math.nan
 
 
-def get_numbers(case: Case, keys: Sequence[str], option: str = "--to") -> list[Number]:
+def get_numbers(case: Case, keys: Sequence[str]) -> list[Number]:
     """Return the numbers with respect to which derivatives are computed."""
 
     def read(key: str) -> Number:
-        number = get_number(case, key, option)
+        number = get_number(case, key, "--to")
         if number.value == 0.0:
             why, remedy = "the step is a fraction of the number", f"give it a small value first: --set {key}=..."
-            raise refuse(option, f"{key} = 0", "a number that is not zero", why, remedy)
+            raise refuse("--to", f"{key} = 0", "a number that is not zero", why, remedy)
         return number
 
-    numbers, faults = parse_all(read, dict.fromkeys(keys))
-    if faults:
-        raise InputError(faults)
-    return numbers
+    return parse_all(read, dict.fromkeys(keys))
 
 
 Method = Literal["exact", "differences"]  # methods for derivatives of runs: along the motion, or by differences of runs
@@ -184,54 +184,45 @@ def sensitivities(
         raise refuse("--relative-step", relative_step, "1e-8 to 0.2", "it is a fraction of each number")
     case = file.read(fixed)
     numbers = get_numbers(case, keys)
-    frequencies = [name for name in names if frequency_number(name)]
+    frequencies = {name: number for name in names if (number := frequency_number(name))}
     exact = exact_names(case, names, method)
     responses = [name for name in names if name not in frequencies and name not in exact]
-    results = {
-        (row.scalar, number.key): row
-        for number in numbers
-        for row in _frequency_sensitivities(file, fixed, case, frequencies, number)
-    }
+    rows = list[Sensitivity]()
+    if frequencies:
+        rows += _frequency_sensitivities(file, fixed, case, frequencies, numbers)
     if exact:
-        results |= _exact_sensitivities(case, exact, numbers)
+        rows += _exact_sensitivities(case, exact, numbers)
     if responses:
-        results |= _response_sensitivities(case, responses, numbers, runs, relative_step)
+        rows += _response_sensitivities(case, responses, numbers, runs, relative_step)
+    results = {(row.scalar, row.by.key): row for row in rows}
     return [results[name, number.key] for name in dict.fromkeys(names) for number in numbers]
 
 
 def _frequency_sensitivities(
-    file: CaseFile, fixed: Sequence[str], case: Case, names: Sequence[str], number: Number
-) -> list[Sensitivity]:
-    if not names:
-        return []
-    step = abs(number.value) * _MATRIX_STEP
-    count = max(frequency_number(name) or 0 for name in names)
+    file: CaseFile, fixed: Sequence[str], case: Case, frequencies: Mapping[str, int], numbers: Sequence[Number]
+) -> Iterator[Sensitivity]:
     structure = build_structure(build_model(case))
-    pairs = list[MatrixPair]()
-    for variant in make_neighbours(case, number, (part * step for part in STEP_OFFSETS)):
-        neighbour = build_structure(build_model(file.read((*fixed, *variant))))
-        if neighbour.mass.size != structure.mass.size:
-            allowed, why = "a number that does not change the unknowns", "their matrices are compared"
-            raise refuse("--to", variant[-1], allowed, why)
-        pairs.append((neighbour.mass, neighbour.stiffness))
-    result = frequency_derivatives((structure.mass, structure.stiffness), pairs, step, count, structure.free)
-    rows: list[Sensitivity] = []
-    for name in names:
-        i, size = (frequency_number(name) or 0) - 1, len(result.frequencies)
-        if i >= size:
-            raise refuse("--of", name, f"frequency.1 to frequency.{size}", "the model has no more modes")
-        value, slope, repeated = float(result.frequencies[i]), float(result.values[i]), result.repeated[i]
-        note = "one of several equal frequencies: the slopes are those of their branches" if repeated else ""
-        rows.append(Sensitivity(name, "Hz", value, number, slope, None, not repeated, note))
-    return rows
+    for number in numbers:
+        step, pairs = abs(number.value) * _MATRIX_STEP, list[MatrixPair]()
+        for variant in make_neighbours(case, number, (part * step for part in STEP_OFFSETS)):
+            neighbour = build_structure(build_model(file.read((*fixed, *variant))))
+            if neighbour.mass.size != structure.mass.size:
+                allowed, why = "a number that does not change the unknowns", "their matrices are compared"
+                raise refuse("--to", variant[-1], allowed, why)
+            pairs.append((neighbour.mass, neighbour.stiffness))
+        middle, count = (structure.mass, structure.stiffness), max(frequencies.values())
+        result = frequency_derivatives(middle, pairs, step, count, structure.free)
+        for name, i in frequencies.items():
+            if i > (size := len(result.frequencies)):
+                raise refuse("--of", name, f"frequency.1 to frequency.{size}", "the model has no more modes")
+            value, slope, repeated = (each[i - 1] for each in (result.frequencies, result.values, result.repeated))
+            note = "one of several equal frequencies: the slopes are those of their branches" if repeated else ""
+            yield Sensitivity(name, "Hz", float(value), number, float(slope), None, not repeated, note)
 
 
-def _exact_sensitivities(
-    case: Case, names: Sequence[str], numbers: Sequence[Number]
-) -> dict[tuple[str, str], Sensitivity]:
+def _exact_sensitivities(case: Case, names: Sequence[str], numbers: Sequence[Number]) -> Iterator[Sensitivity]:
     gradient = compute_gradient(case, names, numbers)
     warning = f"no derivative: {gradient.warning}; --method differences shows what remains" if gradient.warning else ""
-    results = dict[tuple[str, str], Sensitivity]()
     for name in names:
         if name not in gradient.values:
             raise refuse("--of", name, "a result that this run has", "the run did not give it")
@@ -240,23 +231,21 @@ def _exact_sensitivities(
             slope = math.nan if warning else gradient.derivatives[name, number.key]
             smooth = not math.isnan(slope)
             note = warning or ("" if smooth else "no exact derivative: use --method differences")
-            results[name, number.key] = Sensitivity(name, metric.unit, metric.value, number, slope, None, smooth, note)
-    return results
+            yield Sensitivity(name, metric.unit, metric.value, number, slope, None, smooth, note)
 
 
 def _response_sensitivities(
     case: Case, names: Sequence[str], numbers: Sequence[Number], runs: Runs, relative_step: float
-) -> dict[tuple[str, str], Sensitivity]:
+) -> Iterator[Sensitivity]:
     steps, variants = [abs(number.value) * relative_step for number in numbers], list[tuple[str, ...]]()
     for number, step in zip(numbers, steps, strict=True):
         variants += make_neighbours(case, number, (part * step for part in STEP_OFFSETS))
     middle, *rows = runs([(), *variants])
     require_complete(middle)
-    results, count = dict[tuple[str, str], Sensitivity](), len(STEP_OFFSETS)
-    for i, (number, step) in enumerate(zip(numbers, steps, strict=True)):
+    for number, step in zip(numbers, steps, strict=True):
+        neighbours, rows = rows[: len(STEP_OFFSETS)], rows[len(STEP_OFFSETS) :]
         for name in names:
-            results[name, number.key] = _response(name, middle, rows[count * i : count * (i + 1)], number, step)
-    return results
+            yield _response(name, middle, neighbours, number, step)
 
 
 def _response(name: str, middle: Row, neighbours: Sequence[Row], number: Number, step: float) -> Sensitivity:
@@ -337,3 +326,101 @@ def _compute_indices(values: FloatArray, requested: int, seed: int) -> SobolIndi
     low, high = ends.confidence_interval
     both = np.where(np.isfinite([low, high]), [low, high], [[first, total]] * 2)  # the index if resampling gave none
     return SobolIndices(first, total, both[:, 0], both[:, 1], variance, used, requested)
+
+
+_SPEC = re.compile(r"\s*(?:(normal)\s*:|uniform\s*:)?\s*(?:±|\+-|\+/-)\s*(\S.*?)\s*$")
+_SIGMAS = 3.0  # half width of a normal scatter in standard deviations: 99.7 % of the parts lie within
+_TRUNCATION = 5.0  # truncation of a normal scatter in standard deviations: one part in two million lies beyond
+
+QUANTILES = (0.01, 0.05, 0.5, 0.95, 0.99)  # reported quantiles
+
+
+@dataclass(frozen=True)
+class PartScatter:
+    """Scatter of a number of a case from part to part."""
+
+    key: str  #: key of the case
+    middle: float  #: centre and half width, SI
+    half: float
+    #: distribution: uniform between both ends, or normal with the ends at three standard deviations
+    kind: Literal["uniform", "normal"]
+
+    def value(self, part: float) -> float:
+        """Return the quantile for a probability from 0 to 1; `_TRUNCATION` deviations limit a normal scatter."""
+        if self.kind == "uniform":
+            return self.middle + self.half * (2.0 * part - 1.0)
+        from statistics import NormalDist
+
+        tail = NormalDist().cdf(-_TRUNCATION)
+        return self.middle + self.half / _SIGMAS * NormalDist().inv_cdf(min(max(part, tail), 1.0 - tail))
+
+
+def parse_scatters(case: Case, settings: Sequence[str]) -> list[PartScatter]:
+    """Parse the scatter of several ``KEY=±SPEC`` texts."""
+    read = partial(_parse_scatter, case)
+    return parse_all(read, settings, lambda found: duplicate_key_faults("--tolerance", [s.key for s in found]))
+
+
+def _parse_scatter(case: Case, setting: str) -> PartScatter:
+    where = f"--tolerance {setting}"
+    key, equals, spec = setting.partition("=")
+    match = _SPEC.match(spec)
+    if not equals or match is None:
+        allowed, remedy = "KEY=±2%, ±0.05mm, or normal:±2%", "write it as in springs.valve.stiffness=±5%"
+        raise refuse(where, repr(spec or setting), allowed, "", remedy)
+    number = get_number(case, key.strip(), where)
+    dimension = next((name for name, entry in DIMENSIONS.items() if entry.si == number.unit), None)
+    if match[2].endswith("%"):
+        half = abs(number.value) * parse(match[2], "number", where)
+    elif dimension is None:
+        why = "the unit of this number depends on other keys"
+        raise refuse(where, repr(match[2]), "a percentage such as ±2%", why)
+    else:
+        half = parse(match[2], dimension, where)
+    if not half > 0.0:
+        raise refuse(where, repr(spec), "a width above zero", "the value would not vary")
+    scatter = PartScatter(number.key, number.value, half, "normal" if match[1] else "uniform")
+    maximum = 100.0 if scatter.kind == "uniform" else 100.0 * _SIGMAS / _TRUNCATION
+    if match[2].endswith("%") and half >= 0.01 * maximum * abs(number.value):
+        why = "some parts would have zero or the other sign"
+        raise refuse(where, repr(spec), f"less than ±{maximum:g} %", why, f"give less, such as {key}=±5%")
+    for end in (0.0, 1.0):
+        number_after_override(case, number.key, repr(scatter.value(end)), where)  # raises an error for an invalid value
+    return scatter
+
+
+def sample_parts(scatters: Sequence[PartScatter], count: int, seed: int = 0) -> FloatArray:
+    """Return sampled numbers of parts, shape (count, scatters)."""
+    if count < 8:
+        raise refuse("--count", count, "a whole number, at least 8", "mean and spread need more samples")
+    parts = Sample("lhs", count, check_seed(seed)).points(len(scatters))
+    return np.array([[scatter.value(part) for scatter, part in zip(scatters, row, strict=True)] for row in parts])
+
+
+@dataclass(frozen=True, eq=False)
+class ScalarDistribution:
+    """Distribution of a scalar."""
+
+    values: FloatArray  #: values of the valid sets of parts, shape (n,)
+    missing: int  #: number of sets without a value: their run failed, or a limit was not met
+    mean: float  #: mean and standard deviation
+    deviation: float
+    quantiles: Mapping[float, float]  #: quantiles for `QUANTILES`
+    ranks: FloatArray  #: Spearman rank correlation with each number, shape (k,): sign and strength of its influence
+
+
+def scalar_distribution(points: FloatArray, values: FloatArray) -> ScalarDistribution:
+    """Return the distribution of a scalar over sets of parts."""
+    known = ~np.isnan(values)
+    data = values[known]
+    missing = len(values) - len(data)
+    if len(data) < 2:
+        empty, ranks = dict.fromkeys(QUANTILES, math.nan), np.full(points.shape[1], math.nan)
+        return ScalarDistribution(data, missing, math.nan, math.nan, empty, ranks)
+    from scipy.stats import rankdata
+
+    quantiles = dict(zip(QUANTILES, np.quantile(data, QUANTILES).tolist(), strict=True))
+    x, y = (rank - rank.mean(axis=0) for rank in (rankdata(points[known], axis=0), rankdata(data)))
+    sizes = np.sqrt((x * x).sum(axis=0) * (y @ y))
+    ranks = np.divide(x.T @ y, sizes, out=np.zeros(len(sizes)), where=sizes > 0.0)
+    return ScalarDistribution(data, missing, float(data.mean()), float(data.std(ddof=1)), quantiles, ranks)

@@ -16,7 +16,7 @@ from flexcam.analysis.run import check_case_resources
 from flexcam.case.case import Case
 from flexcam.case.fault_report import KeyLocations
 from flexcam.case.reader import CaseFile
-from flexcam.core.errors import Fault, InputError, collect_errors, refuse, require_packages
+from flexcam.core.errors import Fault, InputError, collect_errors, parse_all, refuse, require_packages
 from flexcam.dynamics import Cause, RunFailedError, Status
 from flexcam.io import atomic_write_path, check_writable
 from flexcam.io.sweep_table import PARQUET, SweepTable, is_scalar_prefix, unknown_scalar_fault, write_table
@@ -38,31 +38,22 @@ from flexcam.studies.plan import (
 )
 from flexcam.studies.variables import require_units
 
-_QUICK_CHECK_LIMIT = 1000  # variants above which the ends of the axes are checked first: reading a case takes 0.5 ms
 _MAX_LISTED = 3  # number of variants and values listed in a report
 
 
 def validate_plan(file: CaseFile, plan: Plan) -> Case:
-    """Check every variant of a plan."""
-    variants = plan.variants
-    if len(variants) > _QUICK_CHECK_LIMIT:  # thousands of variants need not repeat an unknown key or a wrong unit
-        _check_variants(file, plan, end_variants(plan))
-    _check_variants(file, plan, range(len(variants)))
-    return file.read(variants[0])
-
-
-def _check_variants(file: CaseFile, plan: Plan, indices: Sequence[int]) -> None:
-    """Raise an error that reports faults of the same reason at the same key once."""
+    """Check every variant of a plan; faults of the same reason at the same key are reported once. Return the first."""
     variants, groups = plan.variants, dict[tuple[str, str, str], list[tuple[int, Fault]]]()
-    for i in indices:
+    for i, variant in enumerate(variants):
         try:
-            file.read(variants[i])
+            file.read(variant)
         except InputError as refusal:
             for fault in refusal.faults:
                 placed = _locate_fault(fault, plan.axes)
                 groups.setdefault((placed.where, fault.allowed, fault.why), []).append((i, placed))
     if groups:
-        raise InputError(_summarize_faults(group, len(indices)) for group in groups.values())
+        raise InputError(_summarize_faults(group, len(variants)) for group in groups.values())
+    return file.read(variants[0])
 
 
 def end_variants(plan: Plan) -> list[int]:
@@ -86,7 +77,7 @@ def _locate_fault(fault: Fault, axes: Sequence[Axis]) -> Fault:
 
 
 def _summarize_faults(group: Sequence[tuple[int, Fault]], count: int) -> Fault:
-    """Return the fault of several variants, with their numbers if these are not all of the checked ones."""
+    """Return the fault of several variants, with their numbers if these are not all."""
     fault, indices = group[0][1], list(dict.fromkeys(i for i, _ in group))
     where = f"in variant{'s' * (len(indices) > 1)} {_list_some([str(i + 1) for i in indices])}"
     why = "; ".join(filter(None, (fault.why, where if len(indices) < count else "")))
@@ -219,27 +210,19 @@ def chunk_size(plan: Plan, case: Case) -> int:
 
 def _axes(file: CaseFile, settings: Sequence[str], limit: int) -> tuple[Axis, ...]:
     """Return the axes of the case's table, replaced and extended by those of the command line."""
-    defaults, places, faults = file.sweep, KeyLocations.of_text(file.text), list[Fault]()
-    axes: dict[str, Axis] = {}
-    keys = {setting.partition("=")[0].strip() for setting in settings}
-    for key, spec in (defaults.set_ if defaults else {}).items():
-        if key in keys:
-            axes[key] = parse_axis(key, "0")  # preserves its position
-            continue
-        try:
-            axes[key] = parse_axis(key, spec, where=places.place(("sweep", "set", key)), limit=limit)
-        except InputError as refusal:
-            faults += refusal.faults
-    try:
-        axes |= {axis.key: axis for axis in parse_axes(settings, limit=limit)}
-    except InputError as refusal:
-        faults += refusal.faults
+    defaults, places = file.sweep.set_ if file.sweep else {}, KeyLocations.of_text(file.text)
+    replaced = {setting.partition("=")[0].strip() for setting in settings}
+
+    def read(key: str) -> Axis:
+        spec = "0" if key in replaced else defaults[key]  # a replaced axis keeps its position
+        return parse_axis(key, spec, where=places.place(("sweep", "set", key)), limit=limit)
+
+    pair = collect_errors(lambda: parse_all(read, defaults), lambda: parse_axes(settings, limit=limit))
+    axes = {axis.key: axis for part in pair for axis in part}
     for axis in axes.values():
         if axis.key.partition(".")[0] == "sweep":
             allowed, remedy = "a key of the mechanism or its run", "use --sample or --seed"
-            faults.append(Fault(axis.where, axis.key, allowed, "it defines the sweep", remedy))
-    if faults:
-        raise InputError(faults)
+            raise refuse(axis.where, axis.key, allowed, "it defines the sweep", remedy)
     return tuple(axes.values())
 
 
@@ -281,8 +264,8 @@ def run_sweep(
 ) -> SweepTable:
     """Run a sweep and return its table without writing files."""
     rows: dict[int, list[Row]] = {}
-    with open_runner(workers or SerialWorkers(), asked.bundle, asked.evaluate()) as run_chunks:
-        for chunk, results in run_chunks(asked.chunks):
+    with open_runner(workers or SerialWorkers(), asked.bundle) as run_chunks:
+        for chunk, results in run_chunks(asked.evaluate(), asked.chunks):
             rows[chunk.index] = results
             if advance:
                 advance(len(results))
@@ -316,15 +299,14 @@ def run_sweep_to_files(
 def _run_missing_chunks(
     sweep: Sweep, target: OutputTarget, journal: Journal, workers: Workers, advance: Callable[[int], None] | None
 ) -> None:
-    """Run the chunks missing in the journal."""
     rows = journal.rows
     if advance:
         advance(sum(len(part) for part in rows.values()))
     late = {i for i, part in rows.items() if any(row.status.cause is Cause.TIME_LIMIT for row in part)}  # run again
     missing = [chunk for chunk in sweep.chunks if chunk.index not in rows or chunk.index in late]
     stale = target.existing_histories(sweep.name) if target.histories and not rows else []
-    with open_runner(workers, sweep.bundle, sweep.evaluate(histories=target.histories)) as run_chunks:
-        for chunk, results in run_chunks(missing):
+    with open_runner(workers, sweep.bundle) as run_chunks:
+        for chunk, results in run_chunks(sweep.evaluate(histories=target.histories), missing):
             while stale:  # result files of an earlier sweep would not match the table
                 stale.pop().unlink()
             for variant, row in enumerate(results, start=chunk.first + 1):
@@ -338,7 +320,7 @@ def _run_missing_chunks(
 
 
 def _interrupted_status(sweep: Sweep, target: OutputTarget) -> Status:
-    """Return the status of an interrupted sweep; its finished rows are in the journal."""
+    """Return the status of an interrupted sweep; the file has its finished rows, also one written at the interrupt."""
     path, count = target.journal(sweep.name), 0
     if path.exists():
         with _open_journal(sweep, replace(target, resume=True)) as journal:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from flexcam.case.case import Case, find_unit
 from flexcam.case.variants import get_number, make_overrides, number_after_override
 from flexcam.core import FloatArray
-from flexcam.core.errors import Fault, InputError, parse_all, refuse
+from flexcam.core.errors import Fault, parse_all, refuse
 from flexcam.core.units import DIMENSIONS, input_unit
 from flexcam.dynamics import Cause, Status
 from flexcam.studies.plan import Axis, Row, parse_axis
@@ -35,11 +36,8 @@ class Variable:
 
 def variables_of(case: Case, settings: Sequence[str], option: str) -> tuple[Variable, ...]:
     """Return the variables of ``KEY=LOW:HIGHunit`` texts."""
-    variables, faults = parse_all(lambda setting: _variable(case, setting, f"{option} {setting}"), settings)
-    faults += duplicate_key_faults(option, [variable.key for variable in variables])
-    if faults:
-        raise InputError(faults)
-    return tuple(variables)
+    read = partial(_variable, case, option)
+    return tuple(parse_all(read, settings, lambda found: duplicate_key_faults(option, [v.key for v in found])))
 
 
 def interval_widths(case: Case, variables: Sequence[Variable]) -> FloatArray:
@@ -54,7 +52,8 @@ def duplicate_key_faults(option: str, keys: Sequence[str]) -> list[Fault]:
     return [Fault(option, repr(key), "every key once", "it is given twice", "") for key in repeated]
 
 
-def _variable(case: Case, setting: str, where: str) -> Variable:
+def _variable(case: Case, option: str, setting: str) -> Variable:
+    where = f"{option} {setting}"
     key, _, spec = (part.strip() for part in setting.partition("="))
     number = get_number(case, key, where)  # raises an error for an unknown key
     if not spec:
@@ -110,7 +109,7 @@ class PointEvaluator:
         pairs = zip(self.variables, np.asarray(point).tolist(), strict=True)
         return make_overrides(self.case, {variable.key: variable.text(value) for variable, value in pairs})
 
-    def iterate_rows(self, points: FloatArray) -> Iterator[Row]:
+    def rows(self, points: FloatArray) -> Iterator[Row]:
         """Yield the rows of points of shape (m, k) as soon as they are finished; equal points are evaluated once."""
         variants = [self.overrides(point) for point in np.asarray(points)]
         known: dict[tuple[str, ...], Row] = {}
@@ -119,10 +118,6 @@ class PointEvaluator:
             if variant not in known:
                 known[variant] = next(new)
             yield known[variant]
-
-    def rows(self, points: FloatArray) -> list[Row]:
-        """Return the rows of points of shape (m, k)."""
-        return list(self.iterate_rows(points))
 
 
 def column(rows: Sequence[Row], name: str) -> FloatArray:

@@ -14,7 +14,6 @@ from flexcam.studies import gradients
 from flexcam.studies.optimization import (
     Goal,
     OptimizationProblem,
-    find_pareto_front,
     is_active,
     optimize,
     pareto_indices,
@@ -35,7 +34,7 @@ class KnownFunctions:
     case = None
     at, ends = PointEvaluator.at, PointEvaluator.ends
 
-    def iterate_rows(self, points):
+    def rows(self, points):
         self.calls.append(len(points))
         return [self._row(point) for point in points]
 
@@ -173,7 +172,7 @@ def test_front_of_two_parabolas():
     """(x - 1)^2 + y^2 against (x - 3)^2 + y^2: the front is y = 0, 1 <= x <= 3, with sqrt f1 + sqrt f2 = 2."""
     pytest.importorskip("pymoo")
     known = KnownFunctions({"left": lambda x, y: (x - 1.0) ** 2 + y**2, "right": lambda x, y: (x - 3.0) ** 2 + y**2})
-    found = find_pareto_front(OptimizationProblem(known, (Goal("left"), Goal("right"))), evaluations=960)
+    found = optimize(OptimizationProblem(known, (Goal("left"), Goal("right"))), evaluations=960)
     best = pareto_indices(found)
     assert len(best) > 20
     roots = np.sqrt(found.costs[best]).sum(axis=1)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from flexcam.core.errors import InputError
-from flexcam.studies.sensitivity import sobol_indices
-from flexcam.studies.tolerance_analysis import PartScatter, sample_parts, scalar_distribution
+from flexcam.studies.sensitivity import PartScatter, sample_parts, scalar_distribution, sobol_indices
 
 A, B = 7.0, 0.1
 

@@ -91,10 +91,10 @@ class ScriptedWorkers:
         self.submitted = []
 
     @contextmanager
-    def open_pool(self, source, evaluate):
+    def open_pool(self, source):
         broken = []
 
-        def submit(variants):
+        def submit(evaluate, variants):
             future = Future()
             if broken:
                 raise BrokenProcessPool
@@ -112,8 +112,8 @@ class ScriptedWorkers:
 def test_variant_that_kills_worker_is_failed_row():
     plan = Plan(parse_axes(["key=a,b,poison,d,e,f,g,h"]))
     chunks, workers = divide_variants(plan.variants, 3), ScriptedWorkers()
-    with open_runner(workers, Bundle("", "", {}), evaluate_chunk) as run:
-        rows = {chunk.index: some for chunk, some in run(chunks)}
+    with open_runner(workers, Bundle("", "", {})) as run:
+        rows = {chunk.index: some for chunk, some in run(evaluate_chunk, chunks)}
     found = [row.status for _, some in sorted(rows.items()) for row in some]
     assert [status.cause for status in found] == [Cause.WORKER_LOST if i == 2 else Cause.DONE for i in range(8)]
     assert [status.text for status in found if status.ok] == [f"key={letter}" for letter in "abdefgh"]
@@ -127,14 +127,14 @@ def test_cluster_without_workers_ends_sweep(sweep, monkeypatch):
 
     class Empty:
         @contextmanager
-        def open_pool(self, source, evaluate):
-            yield Pool(lambda variants: Future(), 2, (), lambda: False)
+        def open_pool(self, source):
+            yield Pool(lambda evaluate, variants: Future(), 2, (), lambda: False)
 
     with (
         pytest.raises(RunFailedError, match="no workers left"),
-        open_runner(Empty(), sweep.bundle, sweep.evaluate()) as run,
+        open_runner(Empty(), sweep.bundle) as run,
     ):
-        list(run(sweep.chunks))
+        list(run(sweep.evaluate(), sweep.chunks))
 
 
 def test_failed_run_is_row_with_cause():
@@ -191,8 +191,8 @@ def thread_counts(case, variants):
 
 def test_worker_processes_use_one_blas_thread(sweep, monkeypatch):
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
-    with ProcessWorkers(1).open_pool(sweep.bundle, thread_counts) as pool:
-        assert set(pool.submit([()]).result()) == {1}
+    with ProcessWorkers(1).open_pool(sweep.bundle) as pool:
+        assert set(pool.submit(thread_counts, [()]).result()) == {1}
 
 
 @pytest.mark.slow

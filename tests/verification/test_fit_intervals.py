@@ -14,9 +14,8 @@ import pytest
 from scipy.special import stdtrit
 
 from flexcam.case.reader import CaseFile
-from flexcam.studies.executors import open_evaluator
+from flexcam.studies.executors import open_evaluators
 from flexcam.studies.fitting import Curve, Measurement, curve_row, fit_curves
-from flexcam.studies.plan import make_bundle
 from flexcam.studies.variables import PointEvaluator, variables_of
 
 SOURCE = "Fits to synthetic measurements"
@@ -49,7 +48,7 @@ def case_file(tmp_path_factory):
 def fit_case(file, measured, *settings, fixed=()):
     case = file.read(fixed)
     variables = variables_of(case, settings, "--vary")
-    with open_evaluator(make_bundle(file, None, fixed), partial(curve_row, measured=measured), fixed) as runs:
+    with open_evaluators(file, fixed, partial(curve_row, measured=measured)) as (runs,):
         return fit_curves(PointEvaluator(case, variables, runs), measured)
 
 
