@@ -9,7 +9,6 @@ from typing import Annotated
 
 from cyclopts import Group, Parameter
 
-from flexcam.analysis.limits import Search
 from flexcam.analysis.run import check_case_resources
 from flexcam.case.reader import CaseFile as OpenCase
 from flexcam.case.variants import case_text
@@ -43,8 +42,7 @@ class StudyOptions:
         self.names, self.workers = tuple(dict.fromkeys(names)), workers
         of_limits = any(name.startswith("limits.") for name in names)
         cli.refuse_without("limits.NAME", {"--lowest": lowest, "--highest": highest}, present=of_limits)
-        low, high = cli.speed_range(lowest, highest, 2, self.case, most=2.0)
-        self.search = Search(low, high, cli.parse_accuracy(accuracy, self.case.turns))
+        self.search = cli.speed_search(lowest, highest, accuracy, self.case)
         check_names(self.case, self.names, option)
         if not allow_large and any(frequency_number(name) is None for name in names):
             check_case_resources(self.case, together=workers)
