@@ -81,7 +81,6 @@ DEFAULT_PROBE = (
     "default: the valve end of a rocker, if listed in output.probes; otherwise the first listed point that a cam moves"
 )
 CaseFile = Annotated[Path, Parameter(help="Case file (.toml).")]
-ResultPath = Annotated[Path, Parameter(help="Result file (.vtkhdf).")]
 Overrides = Annotated[
     list[str] | None, Parameter("--set", help="Override a value of the case, such as run.speed=4000rpm. Repeatable.")
 ]

@@ -15,9 +15,7 @@ from cyclopts import Group, Parameter
 from rich.table import Table
 
 from flexcam import plotting
-from flexcam.analysis.natural_modes import Campbell, closed_modes, modal_assurance
-from flexcam.analysis.natural_modes import campbell as find_crossings
-from flexcam.analysis.natural_modes import modes as case_modes
+from flexcam.analysis import natural_modes
 from flexcam.analysis.orders import Signal, Waterfall, largest_orders, waterfall
 from flexcam.analysis.preparation import prepare, scalar_probe
 from flexcam.analysis.run import output_geometry
@@ -98,17 +96,18 @@ def modes(
         lambda: cli.check_number("--count", count),
         lambda: None if folder is None else check_folder_name(folder),
     )
-    model_modes = case_modes(read, count, prestress=prestress)
+    model_modes = natural_modes.modes(read, count, prestress=prestress)
     criterion, node_count = None, 0
     if mac is not None:
         other = read_case(mac)
-        criterion, node_count = modal_assurance(read, model_modes, other, case_modes(other, count, prestress=prestress))
+        other_modes = natural_modes.modes(other, count, prestress=prestress)
+        criterion, node_count = natural_modes.modal_assurance(read, model_modes, other, other_modes)
     files: list[Path] = []
     if folder is not None:
         path = create_folder(folder) / f"{read.name}-modes.vtkhdf"
         drawn = output_geometry(build_model(read))
         files = write_modes(path, drawn, model_modes.modes.frequencies, model_modes.modes.shapes, overwrite=overwrite)
-    closed, missing = closed_modes(read)
+    closed, missing = natural_modes.closed_modes(read)
     moves = [model_modes.words(i) for i in range(len(model_modes.shares))]
     states = {cam.contact: [_elastic_modes(state, count) for state in (cam.base_circle, cam.full_lift)]
               for cam in closed}  # fmt: skip
@@ -154,7 +153,7 @@ _DASH = (
 )
 
 
-def _modes_table(chart: Campbell, scale: float) -> Table:
+def _modes_table(chart: natural_modes.Campbell, scale: float) -> Table:
     low, high = (f"Hz at {scale * chart.rpm[i]:.6g}" for i in (0, -1))
 
     def cell(column: FloatArray, i: int) -> str:
@@ -169,7 +168,7 @@ def _modes_table(chart: Campbell, scale: float) -> Table:
     return plain_table(title, ("mode", low, high, "excitable", "what moves"), rows)
 
 
-def _crossing_table(chart: Campbell, scale: float) -> Table | str:
+def _crossing_table(chart: natural_modes.Campbell, scale: float) -> Table | str:
     rows = [
         (f"{scale * crossing.rpm:.6g}", str(crossing.harmonic), str(crossing.mode + 1), f"{crossing.frequency:.5g}",
          format_number(1e3 * crossing.amplitude, 3), format_number(crossing.load, 3), crossing.words)
@@ -275,7 +274,7 @@ def modes_over_speed(
     """Return natural modes over speed and their crossings with orders of the cam."""
     scale = case.turns
     with show_count(len(speeds), "speeds") as advance:
-        chart = find_crossings(case, speeds, orders=orders, modes=count, contact=contact, advance=advance)
+        chart = natural_modes.campbell(case, speeds, orders=orders, modes=count, contact=contact, advance=advance)
     weak = ", ".join(str(n) for n in orders if n not in chart.lifts)
     below = f"{100.0 * MIN_HARMONIC_RATIO:g} % of the largest"
     left_out = f"Left out, because their amplitude in the lift acceleration is below {below}: orders {weak}"

@@ -29,7 +29,7 @@ flexcam info results/case.vtkhdf
 flexcam info results/case.vtkhdf --verify
 """)
 def info(
-    result: cli.ResultPath, *,
+    result: Annotated[Path, Parameter(help="Result file (.vtkhdf).")], *,
     verify: Annotated[bool, Parameter(help="Read the whole file and compare its checksums.")] = False,
     as_json: cli.Json = False,
 ) -> cli.CommandOutput:  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -63,15 +64,10 @@ class StudyOptions:
         """Yield the function that evaluates variants, with derivatives by some variables, and show the progress."""
         scalars = self.names if names is None else names
         with show_count(count if scalars else 0, "variants") as advance:
+            evaluator = partial(create_evaluator, search=self.search, runs=count)
             if variables:
-                context = gradient_evaluator(
-                    self.file, self.fixed, scalars, variables, worst=worst, workers=self.workers, advance=advance
-                )
-            else:
-                context = create_evaluator(
-                    self.file, self.fixed, scalars, self.search, workers=self.workers, runs=count, advance=advance
-                )
-            with context as runs:
+                evaluator = partial(gradient_evaluator, variables=variables, worst=worst)
+            with evaluator(self.file, self.fixed, scalars, workers=self.workers, advance=advance) as runs:
                 yield worst.over(runs) if worst and not variables else runs
 
 

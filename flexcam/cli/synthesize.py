@@ -149,15 +149,15 @@ def law(
     law_family = _family(family, degree, pieces, orders, rest, symmetric=not asymmetric)
     weights, limits = _numbers("--minimize", minimize, 1.0), _numbers("--bound", bounds or [], None)
     fixed = [_condition(text) for text in conditions or []]
+    goals = None
     if against is not None:
         if len(weights) != 1 or limits:
             allowed = "one criterion of --minimize, and no --bound"
             raise refuse("--pareto", "with --bound or several --minimize", allowed)
-        number, first = 9 if count is None else count, next(iter(weights))
-        front = pareto(law_family, first, against, count=number, conditions=fixed, monotone=not turning_back)
+        number, goals = 9 if count is None else count, (next(iter(weights)), against)
+        front = pareto(law_family, *goals, count=number, conditions=fixed, monotone=not turning_back)
     else:
         front = [minimax(law_family, weights, bounds=limits, conditions=fixed, monotone=not turning_back)]
-    goals = None if against is None else (next(iter(weights)), against)
     files = _write_law_files(front, goals, output, plot, overwrite=overwrite)
     parts = [_pareto_table(front) if against else synthesis_table(front[0]), _LEGEND]
     names = {path: f'{path}  (in a case: law = "{path.name}")' for path in files if path.suffix == ".toml"}
