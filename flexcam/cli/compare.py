@@ -13,11 +13,13 @@ from flexcam import plotting
 from flexcam.analysis import comparison
 from flexcam.analysis.model_choice import evaluate_ladder, model_ladder
 from flexcam.analysis.preparation import prepare, scalar_probe
+from flexcam.analysis.run import run as run_case
 from flexcam.case.case import Case
 from flexcam.cli import app as cli
-from flexcam.cli.sources import Source, solve_source
+from flexcam.cli.sources import Source
 from flexcam.core.errors import collect_errors, positive, refuse, suggest_name
 from flexcam.core.units import RPM, parse, shaft_name
+from flexcam.dynamics import Response, reraise_interrupt
 from flexcam.report import fidelity_tables as fidelity
 from flexcam.report.tables import comparison_table, describe_comparison, describe_contacts
 from flexcam.report.terminal import format_csv, format_decimals, plain_table, show_count
@@ -94,15 +96,18 @@ def _compare_pair(case: Path, against: str, probe: str | None, overrides: cli.Ov
     if overrides and first.is_result and second.is_result:
         why = "results cannot be changed"
         raise refuse("--set", overrides[0], "--set only with a case", why, "give the case, or leave --set out")
-    run, at = first.response, probe or scalar_probe(first.ready)
-    if second.is_result or second.path.suffix == ".toml":
+    run = first.response if first.is_result else _run(first.case)
+    at = probe or scalar_probe(first.ready)
+    if second.is_result:
         reference = second.response
+    elif second.path.suffix == ".toml":
+        reference = _run(second.case)
     else:
         models = {} if first.is_result else {model.name: model.case for model in model_ladder(first.case)}
         if against not in models:
             allowed = f"a case, a result, or one of {', '.join(models)}" if models else "a case or a result"
             raise refuse("--against", repr(against), allowed, "", suggest_name(against, list(models)))
-        reference = solve_source(prepare(models[against]))
+        reference = _run(models[against])
     pairs = (case.stem, second.path.stem), (case.name, second.path.name), (str(case), against)
     names = next((pair for pair in pairs if pair[0] != pair[1]), pairs[0])
     angle, duration = (float(series[-1] - series[0]) for series in (run.angle, run.time))
@@ -121,6 +126,12 @@ def _comparison_json(result: comparison.Comparison) -> dict[str, object]:
         "peak_acceleration_ratio": result.peak_acceleration_ratio,
         "deviations": [{**asdict(row), "of_rigid": row.relative_peak} for row in result.deviations],
     }  # fmt: skip
+
+
+def _run(case: Case) -> Response:
+    response = run_case(case)
+    reraise_interrupt(response.status)
+    return response
 
 
 def _compare_over_speed(case: Case, speeds: list[float], tolerance: float, contact: str | None) -> cli.CommandOutput:

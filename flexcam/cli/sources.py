@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 from flexcam.analysis.cam_analysis import CamSet, load_cams
 from flexcam.analysis.natural_modes import modes as case_modes
 from flexcam.analysis.preparation import PreparedRun, prepare
-from flexcam.analysis.resources import check_resources
-from flexcam.analysis.run import estimate_case_resources, reload_result
+from flexcam.analysis.run import reload_result
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
 from flexcam.case.reader import case_from_result, has_mechanism
@@ -66,12 +65,12 @@ class Source:
     @cached_property
     def response(self) -> Response:
         """Response of the result, or of a run of the case."""
-        return solve_source(self.ready) if self.result is None else self.result.response
+        return _solve_source(self.ready) if self.result is None else self.result.response
 
     @cached_property
     def rigid(self) -> Response:
         """Response with rigid members."""
-        return solve_source(prepare(self.case, rigid=True))
+        return _solve_source(prepare(self.case, rigid=True))
 
     @cached_property
     def cams_only(self) -> CamSet | None:
@@ -101,9 +100,7 @@ class Source:
         return f"{self.case.record.title or self.stem}, {self.case.speed_text}"
 
 
-def solve_source(ready: PreparedRun) -> Response:
-    """Run a prepared case and show the progress."""
-    check_resources(estimate_case_resources(ready))
+def _solve_source(ready: PreparedRun) -> Response:
     with show_progress(ready.problem.steps) as bar:
         response = solve(ready.problem, ready.scheme, save=ready.save, sinks=bar)
     reraise_interrupt(response.status)
