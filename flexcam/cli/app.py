@@ -21,10 +21,10 @@ import numpy as np
 from cyclopts import App, Parameter
 
 from flexcam import __version__, plotting
+from flexcam.analysis.limits import Search
 from flexcam.case.case import Case
 from flexcam.case.fault_report import parse_toml
 from flexcam.case.reader import read_case
-from flexcam.case.schema.base import Record
 from flexcam.core.errors import Fault, InputError, collect_errors, refuse
 from flexcam.core.units import RPM, UnitSystem, parse, set_unit_system
 from flexcam.dynamics import Cause, Status
@@ -54,22 +54,15 @@ _MAX_SPEEDS = 10_000
 _BARE = re.compile(r"\s*[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?\s*$")  # a number without unit
 _TIME_UNITS = {"h": 3600.0, "min": 60.0, "s": 1.0, "ms": 1e-3}
 _PART_OF_TIME = r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(h|min|ms|s)\s*"
-_ACCURACY = ("fidelity.tolerance", "fidelity.estimate")
-_MODEL = ("fidelity.model", "fidelity.masses", "fidelity.modes", "fidelity.reduction")
-_NORM = ("fidelity.norm",)
-# Keys of the case that some commands ignore: the commands, the keys, and what the commands do instead
+_ACCURACY, _MODEL = ("tolerance", "estimate"), ("model", "masses", "modes", "reduction")
+# Keys of [fidelity] that some commands ignore: the commands, the keys, and what the commands do instead
 IGNORED_KEYS = (
-    (
-        ("campbell", "compare", "limits", "plot", "stability", "view"), (*_ACCURACY, *_NORM),
-        "only flexcam run chooses a model and estimates errors; name the model by fidelity.model",
-    ),
-    (("sensitivity", "optimize", "fit"), ("fidelity.estimate",), "it estimates no errors of its runs"),
+    (("campbell", "compare", "limits", "plot", "stability", "view"), (*_ACCURACY, "norm"),
+     "only flexcam run chooses a model and estimates errors; name the model by fidelity.model"),
+    (("sensitivity", "optimize", "fit"), ("estimate",), "it estimates no errors of its runs"),
     (("trade",), (*_MODEL, *_ACCURACY), "it compares every model of the ladder with a converged one"),
-    (
-        ("modes", "synthesize"), (*_MODEL, *_ACCURACY, *_NORM),
-        "natural modes are those of all degrees of freedom of the members",
-    ),
-    (("cam",), (*_MODEL, *_ACCURACY, *_NORM), "a cam needs no model of the train"),
+    (("modes", "synthesize"), (*_MODEL, *_ACCURACY, "norm"),
+     "natural modes are those of all degrees of freedom of the members"),
 )  # fmt: skip
 
 
@@ -88,7 +81,6 @@ DEFAULT_PROBE = (
     "default: the valve end of a rocker, if listed in output.probes; otherwise the first listed point that a cam moves"
 )
 CaseFile = Annotated[Path, Parameter(help="Case file (.toml).")]
-ResultPath = Annotated[Path, Parameter(help="Result file (.vtkhdf).")]
 Overrides = Annotated[
     list[str] | None, Parameter("--set", help="Override a value of the case, such as run.speed=4000rpm. Repeatable.")
 ]
@@ -178,18 +170,11 @@ def warn_ignored_keys(overrides: Sequence[str] | None, case: Case | None = None)
         crank = f"the crankshaft turns at {2.0 * case.speed / RPM:.6g} rpm"
         text = f"replaces run.crank_speed: run.speed is the speed of the camshaft; {crank}"
         print_message(f"Note: --set {pairs[keys.index('run.speed')]} {text}")
+    given = {} if case is None else case.record.fidelity.model_dump(exclude_unset=True, exclude_defaults=True)
     for commands, ignored, why in IGNORED_KEYS:
-        if case is not None and command in commands:
-            changed = [case.place(key) for key in (tuple(k.split(".")) for k in ignored) if _has_value(case, *key)]
-            if changed:
-                has = "has" if len(changed) == 1 else "have"
-                print_message(f"Note: {', '.join(changed)} {has} no effect in {command}: {why}")
-
-
-def _has_value(case: Case, table: str, key: str) -> bool:
-    record: Record = getattr(case.record, table)
-    default: object = type(record).model_fields[key].default
-    return key in record.model_fields_set and getattr(record, key) != default
+        if case is not None and command in commands and (changed := [key for key in ignored if key in given]):
+            places, has = [case.place(("fidelity", key)) for key in changed], "has" if len(changed) == 1 else "have"
+            print_message(f"Note: {', '.join(places)} {has} no effect in {command}: {why}")
 
 
 def load_beams(path: Path, overrides: Sequence[str] | None) -> Case:
@@ -209,31 +194,22 @@ def check_number(option: str, number: int | None, low: int = 1, high: float = ma
         raise refuse(option, number, f"a whole number{',' * math.isinf(high)} {allowed}", why)
 
 
+def refuse_options(options: Mapping[str, object], why: str) -> None:
+    """Raise an error for options that have no effect; None and False are options not given."""
+    for option, value in options.items():
+        if value is not None and value is not False:
+            values = cast("list[object]", value) if isinstance(value, list) else [value]
+            raise refuse(option, ", ".join(map(str, values)), "", why, f"leave {option} out")
+
+
 def refuse_without(required: str, options: Mapping[str, object], *, present: bool) -> None:
-    """Raise an error for options that have no effect without another one; None and False are options not given."""
-    for option, value in options.items():
-        if not present and value is not None and value is not False:
-            raise refuse(option, _describe_option(value), "", f"it applies only with {required}", f"leave {option} out")
+    """Raise an error for options that have no effect without another one."""
+    if not present:
+        refuse_options(options, f"it applies only with {required}")
 
 
-def refuse_with(other: str, effect: str, options: Mapping[str, object]) -> None:
-    """Raise an error for options that have no effect together with another one; None is an option not given."""
-    for option, value in options.items():
-        if value is not None:
-            why, remedy = f"not allowed with {other}, which {effect}", f"leave {option} out"
-            raise refuse(option, _describe_option(value), "", why, remedy)
-
-
-def _describe_option(value: object) -> str:
-    """Return the value of an option as it was given; several values are separated by commas."""
-    return ", ".join(str(item) for item in cast("list[object]", value)) if isinstance(value, list) else str(value)
-
-
-def speed_range(
-    lowest: str | None, highest: str | None, count: int, case: Case, most: float = 1.5
-) -> tuple[float, float]:
+def _speed_range(lowest: str | None, highest: str | None, case: Case, most: float) -> tuple[float, float]:
     """Return the range of camshaft speeds of a command, rad/s; by default half to `most` times the case's speed."""
-    check_number("--count", count, 2, _MAX_SPEEDS, "a curve over speed needs several speeds")
     speed, scale = case.speed, case.turns
     low = 0.5 * speed if lowest is None else parse_quantity("--lowest", lowest, "speed", "rpm") / scale
     high = most * speed if highest is None else parse_quantity("--highest", highest, "speed", "rpm") / scale
@@ -248,8 +224,9 @@ def speed_range(
 
 def spaced_speeds(lowest: str | None, highest: str | None, count: int, case: Case) -> list[float]:
     """Return evenly spaced camshaft speeds of the range of a command, rad/s, without rounding errors in rpm."""
+    check_number("--count", count, 2, _MAX_SPEEDS, "a curve over speed needs several speeds")
     unit = RPM / case.turns
-    low, high = speed_range(lowest, highest, count, case)
+    low, high = _speed_range(lowest, highest, case, 1.5)
     return [float(f"{speed / unit:.12g}") * unit for speed in np.linspace(low, high, count).tolist()]
 
 
@@ -262,12 +239,14 @@ def joint_status(statuses: Sequence[Status], what: str) -> Status:
     return Status(first.cause, f"none of {len(statuses)} {what} was completed; the first: {first.text}", remedy)
 
 
-def parse_accuracy(text: str, scale: float) -> float:
-    """Return the accuracy of a speed search, of the camshaft in rad/s."""
-    width = parse_quantity("--accuracy", text, "speed", "rpm") / scale
+def speed_search(lowest: str | None, highest: str | None, accuracy: str, case: Case) -> Search:
+    """Return the search for speed limits in the range of a command."""
+    low, high = _speed_range(lowest, highest, case, 2.0)
+    width = parse_quantity("--accuracy", accuracy, "speed", "rpm") / case.turns
     if not width > 0.0:
-        raise refuse("--accuracy", text, "a speed above zero", "the search halves the interval until it is this narrow")
-    return width
+        why = "the search halves the interval until it is this narrow"
+        raise refuse("--accuracy", accuracy, "a speed above zero", why)
+    return Search(low, high, width)
 
 
 def check_distinct_files(written: Mapping[str, Path | None], read: Sequence[Path] = ()) -> None:

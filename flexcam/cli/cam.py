@@ -289,7 +289,7 @@ def cam(
             "CASE": case, "--cam": name, "--format": forms, "--cutter": cutter, "--pressure-angle": pressure_angle,
             "--checking-lift": checking_lifts, "--plot": plot, "--plot-format": plot_format, "--set": overrides,
         }  # fmt: skip
-        cli.refuse_with("--from-profile", "reads no case", of_case)
+        cli.refuse_options(of_case, "not allowed with --from-profile, which reads no case")
     of_profile = {"--follower": follower, "--base-radius": base_radius, "--unit": unit, "--clockwise": clockwise}
     cli.refuse_without("--from-profile", of_profile, present=profile is not None)
     cli.check_number("--points", points, _MIN_POINTS, _MAX_POINTS)

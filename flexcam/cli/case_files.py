@@ -107,9 +107,8 @@ def schema(*, as_json: cli.Json = False) -> None:
     The output is JSON with and without --json.
     """
     del as_json
-    print_json(
-        {"$schema": "https://json-schema.org/draft/2020-12/schema", **CaseRecord.model_json_schema(by_alias=True)}
-    )
+    standard = "https://json-schema.org/draft/2020-12/schema"
+    print_json({"$schema": standard, **CaseRecord.model_json_schema(by_alias=True)})
 
 
 @cli.command("""\

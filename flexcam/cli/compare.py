@@ -11,14 +11,6 @@ from cyclopts import Group, Parameter
 
 from flexcam import plotting
 from flexcam.analysis import comparison
-from flexcam.analysis.comparison import (
-    MODELS,
-    check_claims,
-    compare_responses,
-    describe_common_part,
-    deviation,
-    excited_mode,
-)
 from flexcam.analysis.model_choice import evaluate_ladder, model_ladder
 from flexcam.analysis.preparation import prepare, scalar_probe
 from flexcam.analysis.run import run as run_case
@@ -73,8 +65,8 @@ def compare(
     of_speeds = {"--count": count, "--tolerance": tolerance, "--contact": contact}
     cli.refuse_without("--lowest, --highest or --plot", of_speeds, present=over_speed)
     if over_speed:
-        other = "--lowest, --highest or --plot"
-        cli.refuse_with(other, "compare all three models", {"--probe": probe, "--against": against})
+        why = "not allowed with --lowest, --highest or --plot, which compare all three models"
+        cli.refuse_options({"--probe": probe, "--against": against}, why)
         part = positive("--tolerance", parse(tolerance or "5 %", "number", "--tolerance"), "1", zero=True)
         read = cli.load_beams(case, overrides)
         speeds = cli.spaced_speeds(lowest, highest, 8 if count is None else count, read)
@@ -87,10 +79,10 @@ def compare(
         raise refuse("compare", str(case), "a case file (.toml), or a result with --against", "", remedy)
     read = cli.load_beams(case, overrides)
     at = probe or scalar_probe(prepare(read))
-    result = deviation(read, at)
+    result = comparison.deviation(read, at)
     published = any(contact.model == "published-load" for contact in read.record.contacts.values())
-    mode_hz = excited_mode(read) if published else None
-    claims = check_claims(read, at, result) if read.record.paper and result.status.ok else []
+    mode_hz = comparison.excited_mode(read) if published else None
+    claims = comparison.check_claims(read, at, result) if read.record.paper and result.status.ok else []
     json = {**_comparison_json(result), "loaded_mode_hz": mode_hz, "claims": claims}
     parts = [comparison_table(result, read.turns), *describe_comparison(result, mode_hz), *describe_contacts(read)]
     if claims:
@@ -120,9 +112,10 @@ def _compare_pair(case: Path, against: str, probe: str | None, overrides: cli.Ov
     names = next((pair for pair in pairs if pair[0] != pair[1]), pairs[0])
     angle, duration = (float(series[-1] - series[0]) for series in (run.angle, run.time))
     rpm = angle / duration / RPM if duration > 0.0 else 0.0
-    result = compare_responses(run, reference, at, rpm, names)
+    result = comparison.compare_responses(run, reference, at, rpm, names)
     json = {**_comparison_json(result), "compared": list(result.names)}
-    parts = [comparison_table(result), *describe_comparison(result, None), *describe_common_part(run, reference, names)]
+    common = comparison.describe_common_part(run, reference, names)
+    parts = [comparison_table(result), *describe_comparison(result, None), *common]
     return cli.CommandOutput(parts, json, status=result.status)
 
 
@@ -154,9 +147,10 @@ def _compare_over_speed(case: Case, speeds: list[float], tolerance: float, conta
             when = f"{begin} {scale * rpm:.6g} {shaft} rpm{end}"
         words.append(f"The {first} and {second} forces differ by more than {tolerance:.0%} {when}.")
         divergences[f"{first}_{second}_part_rpm"] = None if rpm is None else scale * rpm
-    head = (f"{shaft} rpm", *(f"{name}, N" for name in MODELS))
+    head = (f"{shaft} rpm", *(f"{name}, N" for name in comparison.MODELS))
     rpm = np.array([scale * point.rpm for point in points])
-    forces = {name: [f and (f.least, f.largest) for f in (at.forces[name] for at in points)] for name in MODELS}
+    of_model = {name: [point.forces[name] for point in points] for name in comparison.MODELS}
+    forces = {name: [f and (f.least, f.largest) for f in found] for name, found in of_model.items()}
     cells = [
         [" to ".join(format_decimals(end, 0) for end in pair) if pair else "did not finish" for pair in pairs]
         for pairs in forces.values()
@@ -196,13 +190,12 @@ def trade(
     at = probe or scalar_probe(prepare(read))
     with show_count(None, "models") as advance:
         reference, models = evaluate_ladder(read, at, repeats=repeats, advance=advance)
-    warnings, kinds = fidelity.trade_warnings(reference, models), fidelity.error_kinds(reference)
-    errors = fidelity.reference_errors(reference)
+    warnings, errors = fidelity.trade_warnings(reference, models), fidelity.reference_errors(reference)
     data = {"steps_per_revolution": reference.steps, "errors": errors, "sizes": reference.size}
-    head = ("model", "steps_per_revolution", "unknowns", "work", "cpu_s", *kinds, "best", "status")
+    head = ("model", "steps_per_revolution", "unknowns", "work", "cpu_s", *errors, "best", "status")
     rows = [
         (model.rung, model.steps, model.unknowns, model.work, model.seconds,
-         *(model.errors.get(kind, "") for kind in kinds), model.best, model.status.cause)
+         *(model.errors.get(kind, "") for kind in errors), model.best, model.status.cause)
         for model in models
     ]  # fmt: skip
     return cli.CommandOutput(

@@ -81,15 +81,13 @@ def limits(
     otherwise those of the camshaft.
     """
     read = cli.load_beams(case, overrides)
-    scale = read.turns
-    low, high = cli.speed_range(lowest, highest, 2, read, most=2.0)
-    width = cli.parse_accuracy(accuracy, scale)
+    scale, search = read.turns, cli.speed_search(lowest, highest, accuracy, read)
     height = cli.parse_optional("--bounce-height", bounce_height, "length", "mm")
     if height is not None:
         positive("--bounce-height", height, "m", zero=True)
     deviation = cli.parse_optional("--lift-deviation", lift_deviation, "length", "mm")
     cutoff = cli.parse_optional("--low-pass", low_pass, "frequency", "Hz")
-    search = Search(low, high, width, height, deviation, cutoff)
+    search = replace(search, bounce_height=height, lift_deviation=deviation, low_pass=cutoff)
     cli.check_number("--workers", workers)
     of_map = {"--over": over, "--and": beside, "--limit": which, "--csv": csv, "--plot": plot}
     if options := [name for name, value in of_map.items() if value is not None]:
@@ -312,15 +310,8 @@ def _growth_table(results: Sequence[Stability], scale: float, contacts: set[str]
          ", ".join(_verdict(result)) or ("not assessed" if result.floquet is None else "no cause found"))
         for result in results
     ]  # fmt: skip
-    heads = (
-        f"{shaft_name(scale)} rpm",
-        "spectral radius of integrator",
-        "max Floquet multiplier",
-        "growth, 1/s",
-        "contact loss, deg",
-        "verdict",
-    )
-    return plain_table("Stability over speed", heads, rows)
+    what = ("spectral radius of integrator", "max Floquet multiplier", "growth, 1/s", "contact loss, deg", "verdict")
+    return plain_table("Stability over speed", (f"{shaft_name(scale)} rpm", *what), rows)
 
 
 @cli.command("""\

@@ -15,9 +15,7 @@ from cyclopts import Group, Parameter
 from rich.table import Table
 
 from flexcam import plotting
-from flexcam.analysis.natural_modes import Campbell, ClosedModes, closed_modes, modal_assurance
-from flexcam.analysis.natural_modes import campbell as find_crossings
-from flexcam.analysis.natural_modes import modes as case_modes
+from flexcam.analysis import natural_modes
 from flexcam.analysis.orders import Signal, Waterfall, largest_orders, waterfall
 from flexcam.analysis.preparation import prepare, scalar_probe
 from flexcam.analysis.run import output_geometry
@@ -36,20 +34,21 @@ from flexcam.report.terminal import NOISE, format_csv, format_number, plain_tabl
 from flexcam.valvetrain import ModelModes, explain_planes
 
 
-def _elastic(model_modes: ModelModes, count: int) -> slice:
-    return slice(model_modes.modes.rigid, model_modes.modes.rigid + count)
+def _elastic_modes(modes: ModelModes, count: int) -> list[tuple[float, str]]:
+    """Return the frequencies, Hz, of the lowest modes above zero, and what moves in them."""
+    frequencies: list[float] = modes.modes.frequencies.tolist()
+    first = modes.modes.rigid
+    return [(frequencies[i], modes.words(i)) for i in range(len(frequencies))[first : first + count]]
 
 
-def _closed_mode_table(cam_modes: ClosedModes, count: int, turns: float) -> Table:
-    table = plain_table(f"Modes with closed contacts, cam of contact {cam_modes.contact}", ("no.",), ())
+def _closed_mode_table(contact: str, states: Sequence[list[tuple[float, str]]], turns: float) -> Table:
+    table = plain_table(f"Modes with closed contacts, cam of contact {contact}", ("no.",), ())
     cells: list[list[tuple[str, ...]]] = []
-    for place, modes in (("base circle", cam_modes.base_circle), ("full lift", cam_modes.full_lift)):
+    for place, modes in zip(("base circle", "full lift"), states, strict=True):
         table.add_column(f"{place}\nHz", justify="right", no_wrap=True)
         table.add_column(f"{shaft_name(turns)}\nrpm", justify="right", no_wrap=True)
         table.add_column("what moves", justify="left", overflow="fold")
-        hertz: list[float] = modes.modes.frequencies.tolist()
-        elastic = range(len(hertz))[_elastic(modes, count)]
-        cells.append([(f"{hertz[i]:.2f}", f"{60.0 * turns * hertz[i]:.0f}", modes.words(i)) for i in elastic])
+        cells.append([(f"{hertz:.2f}", f"{60.0 * turns * hertz:.0f}", words) for hertz, words in modes])
     for number, row in enumerate(zip_longest(*cells, fillvalue=("", "", "")), start=1):
         table.add_row(str(number), *chain.from_iterable(row))
     return table
@@ -96,29 +95,31 @@ def modes(
         lambda: cli.check_number("--count", count),
         lambda: None if folder is None else check_folder_name(folder),
     )
-    model_modes = case_modes(read, count, prestress=prestress)
+    model_modes = natural_modes.modes(read, count, prestress=prestress)
     warnings = [*filter(None, [model_modes.modes.describe_rounding()])]
     criterion, node_count = None, 0
     if mac is not None:
         other = read_case(mac)
-        criterion, node_count = modal_assurance(read, model_modes, other, case_modes(other, count, prestress=prestress))
+        other_modes = natural_modes.modes(other, count, prestress=prestress)
+        criterion, node_count = natural_modes.modal_assurance(read, model_modes, other, other_modes)
     files: list[Path] = []
     if folder is not None:
         path = create_folder(folder) / f"{read.name}-modes.vtkhdf"
         drawn = output_geometry(build_model(read))
         files = write_modes(path, drawn, model_modes.modes.frequencies, model_modes.modes.shapes, overwrite=overwrite)
-    closed, missing = closed_modes(read)
+    closed, missing = natural_modes.closed_modes(read)
     moves = [model_modes.words(i) for i in range(len(model_modes.shares))]
-    states = [state for cam_modes in closed for state in (cam_modes.base_circle, cam_modes.full_lift)]
-    closed_moves = [state.words(i) for state in states for i in range(len(state.shares))[_elastic(state, count)]]
+    states = {cam.contact: [_elastic_modes(state, count) for state in (cam.base_circle, cam.full_lift)]
+              for cam in closed}  # fmt: skip
+    closed_moves = [words for of_cam in states.values() for elastic in of_cam for _, words in elastic]
     first = model_modes.modes.rigid + 1
     columns = f"ux, uy, uz {to_display_unit('kg')[1]}: effective mass of the mode for base excitation along x, y, z."
     note = f" For sensitivity and optimize, frequency.1 is no. {first}, the first mode above zero." if first > 1 else ""
     table = mode_table(model_modes, f"{read.title}: modes, contacts open", read.turns)
-    none = f"{read.title}: no modes with contacts open. {_NO_MODES}"
+    none = "no modes with contacts open. A mode needs a mass, or a member with density, that can move."
     parts = [
-        *([table, columns + note] if moves else [none]),
-        *(_closed_mode_table(cam_modes, count, read.turns) for cam_modes in closed),
+        *([table, columns + note] if moves else [f"{read.title}: {none}"]),
+        *(_closed_mode_table(contact, of_cam, read.turns) for contact, of_cam in states.items()),
         *explain_planes([*moves, *closed_moves]),
         *warnings,
         *filter(None, [missing]),
@@ -128,11 +129,8 @@ def modes(
     if files:
         parts.append(f"{files[0]}: choose a mode in Warp By Vector and press play; {files[1]} has the static shapes")
     closed_hz = {
-        cam_modes.contact: {
-            "base_circle_hz": cam_modes.base_circle.modes.frequencies[_elastic(cam_modes.base_circle, count)],
-            "full_lift_hz": cam_modes.full_lift.modes.frequencies[_elastic(cam_modes.full_lift, count)],
-        }
-        for cam_modes in closed
+        contact: {"base_circle_hz": [hertz for hertz, _ in base], "full_lift_hz": [hertz for hertz, _ in lifted]}
+        for contact, (base, lifted) in states.items()
     }
     json = {
         "title": read.record.title,
@@ -146,8 +144,6 @@ def modes(
     return cli.CommandOutput(parts, json)
 
 
-_NO_MODES = "A mode needs a mass, or a member with density, that can move."
-
 _MODES, _RESPONSE = Group("Natural modes", sort_key=1), Group("Orders of the response", sort_key=2)
 _MAX_ORDER = 1000  # the harmonics of a lift are below a thousandth of the maximum long before
 _MAX_TABLE_ORDERS = 8  # in the table: those with the largest amplitudes
@@ -157,39 +153,32 @@ _DASH = (
 )
 
 
-def _modes_table(chart: Campbell, scale: float) -> Table:
+def _modes_table(chart: natural_modes.Campbell, scale: float) -> Table:
     low, high = (f"Hz at {scale * chart.rpm[i]:.6g}" for i in (0, -1))
 
     def cell(column: FloatArray, i: int) -> str:
         return format_number(column[i], 5) if chart.statuses[i].ok else "failed"
 
+    modes = zip(chart.frequencies.T, chart.reached, chart.words, strict=True)
     rows = [
         (str(i), cell(column, 0), cell(column, -1), "yes" if reached else "no", words)
-        for i, (column, reached, words) in enumerate(
-            zip(chart.frequencies.T, chart.reached, chart.words, strict=True), start=1
-        )
+        for i, (column, reached, words) in enumerate(modes, start=1)
     ]
     title = f"Natural frequencies over {shaft_name(scale)} rpm, {chart.contact} at full lift (rigid-body modes omitted)"
     return plain_table(title, ("mode", low, high, "excitable", "what moves"), rows)
 
 
-def _crossing_table(chart: Campbell, scale: float) -> Table | str:
+def _crossing_table(chart: natural_modes.Campbell, scale: float) -> Table | str:
     rows = [
         (f"{scale * crossing.rpm:.6g}", str(crossing.harmonic), str(crossing.mode + 1), f"{crossing.frequency:.5g}",
          format_number(1e3 * crossing.amplitude, 3), format_number(crossing.load, 3), crossing.words)
         for crossing in chart.crossings
     ]  # fmt: skip
+    if not rows:
+        return "Resonances in this speed range: none"
     title = "Resonances: speeds at which an order of the cam force coincides with a natural frequency"
-    head = (
-        f"{shaft_name(scale)} rpm",
-        "order",
-        "mode",
-        "Hz",
-        "lift amplitude, mm",
-        "cam force amplitude, N",
-        "what moves",
-    )
-    return plain_table(title, head, rows) if rows else "Resonances in this speed range: none"
+    what = ("order", "mode", "Hz", "lift amplitude, mm", "cam force amplitude, N", "what moves")
+    return plain_table(title, (f"{shaft_name(scale)} rpm", *what), rows)
 
 
 def _describe_incomplete_runs(statuses: Sequence[Status], rpm: FloatArray, scale: float) -> list[str]:
@@ -263,7 +252,8 @@ def campbell(
     case gives crank_speed, otherwise those of the camshaft.
     """
     if response:
-        cli.refuse_with("--response", "needs no modes", {"--modes": modes, "--contact": contact})
+        why = "not allowed with --response, which needs no modes"
+        cli.refuse_options({"--modes": modes, "--contact": contact}, why)
     of_response = {"--channel": channels, "--probe": probes, "--csv": csv}
     cli.refuse_without("--response", of_response, present=response)
     read, numbers = collect_errors(
@@ -284,17 +274,14 @@ def modes_over_speed(
     """Return natural modes over speed and their crossings with orders of the cam."""
     scale = case.turns
     with show_count(len(speeds), "speeds") as advance:
-        chart = find_crossings(case, speeds, orders=orders, modes=count, contact=contact, advance=advance)
-    incomplete = _describe_incomplete_runs(chart.statuses, chart.rpm, scale)
+        chart = natural_modes.campbell(case, speeds, orders=orders, modes=count, contact=contact, advance=advance)
     weak = ", ".join(str(n) for n in orders if n not in chart.lifts)
     below = f"{100.0 * MIN_HARMONIC_RATIO:g} % of the largest"
-    left_out = (
-        [f"Left out, because their amplitude in the lift acceleration is below {below}: orders {weak}"] if weak else []
-    )
+    left_out = f"Left out, because their amplitude in the lift acceleration is below {below}: orders {weak}"
     dash = [_DASH] if any(np.isnan(chart.frequencies[i]).any() for i in (0, -1) if chart.statuses[i].ok) else []
     parts = [
-        _modes_table(chart, scale), *dash, _crossing_table(chart, scale), *left_out, *explain_planes(chart.words),
-        *incomplete,
+        _modes_table(chart, scale), *dash, _crossing_table(chart, scale), *([left_out] if weak else []),
+        *explain_planes(chart.words), *_describe_incomplete_runs(chart.statuses, chart.rpm, scale),
     ]  # fmt: skip
     modes = [
         {"frequencies_hz": column, "reached": reached, "moves": words}

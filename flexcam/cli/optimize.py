@@ -25,7 +25,7 @@ from flexcam.report.terminal import facts_table, format_csv, format_decimals, fo
 from flexcam.studies import optimization
 from flexcam.studies.evaluation import evaluate
 from flexcam.studies.gradients import optimize_by_gradient
-from flexcam.studies.optimization import Constraint, Evaluations, Goal, OptimizationProblem, is_active, row_value
+from flexcam.studies.optimization import ROUNDING, Constraint, Evaluations, Goal, OptimizationProblem, row_value
 from flexcam.studies.plan import make_plan, parse_axes
 from flexcam.studies.quantities import is_run_scalar
 from flexcam.studies.sensitivity import exact_names
@@ -35,8 +35,6 @@ from flexcam.valvetrain import Metric
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-
-_ROUNDING = 1e-9  # tolerance of a constraint for rounding, relative to its bound
 # Distance to a variant that violates a constraint, relative to the intervals, below which the constraint is active.
 _ACTIVE_DISTANCE = 0.01
 _AT_BOUND = 5e-5  # margin, relative to the bound, that is printed as zero: any change may violate the constraint
@@ -212,7 +210,7 @@ def _optimum(design: OptimizationProblem, trials: Evaluations) -> tuple[list[Tab
     parts: list[Table | str] = [facts_table(title, rows)]
     if design.bounds:
         parts += [_constraint_table(design, trials, at), _DISTANCE]
-        if any(active and violation <= _ROUNDING for _, violation, _, active in _constraints(design, trials, at)):
+        if any(active and violation <= ROUNDING for _, violation, _, active in _constraints(design, trials, at)):
             parts.append("active: changing the result, or the varied values, by 1 % violates the constraint")
     if ends := [v.key for v, x in point if min(x - v.low, v.high - x) <= 0.01 * (v.high - v.low)]:
         parts.append(f"At an end of its interval: {', '.join(ends)}; a wider interval may have a better variant.")
@@ -260,12 +258,12 @@ def _constraint_table(design: OptimizationProblem, trials: Evaluations, at: int)
     rows = list[Sequence[str]]()
     for constraint, violation, distance, active in _constraints(design, trials, at):
         if _is_zero(constraint, trials, at):  # nothing to which a margin is relative
-            margin = "violated" if violation > _ROUNDING else "active" if active else "met"
-        elif violation > _ROUNDING:
+            margin = "violated" if violation > ROUNDING else "active" if active else "met"
+        elif violation > ROUNDING:
             margin = f"violated by {format_decimals(100.0 * violation, 2)} %"
         else:
             margin = f"{-violation:.2%} (active)" if active else f"{-violation:.1%}"
-        away = "-" if violation > _ROUNDING else "none found" if math.isinf(distance) else f"{distance:.2%}"
+        away = "-" if violation > ROUNDING else "none found" if math.isinf(distance) else f"{distance:.2%}"
         rows.append((constraint.words, _value(design, trials, at, constraint.name), margin, away))
     head = ("subject to", "value", "margin", "distance to violation")
     return plain_table("Constraints", head, rows)
@@ -281,7 +279,7 @@ def _constraints(
          else trials.distance_to_violation(at, i))
         for i, (constraint, violation) in bounds
     ]  # fmt: skip
-    return [(*row, is_active(row[1]) or row[2] <= _ACTIVE_DISTANCE) for row in rows]
+    return [(*row, optimization.is_active(row[1]) or row[2] <= _ACTIVE_DISTANCE) for row in rows]
 
 
 def _is_zero(constraint: Constraint, trials: Evaluations, at: int) -> bool:

@@ -47,6 +47,7 @@ FigureKind = Literal[
     "waterfall", "map", "sweep", "work-precision",
 ]  # fmt: skip
 _OF_CAMS = ("svaj", "profile")
+_OF_ONE_FILE = ("profile", "spring", "goodman", "modes", "campbell", "waterfall", "work-precision")
 # Kinds of figures to which an option applies
 _APPLIES = {
     "probe": ("motion", "waterfall", "work-precision"),
@@ -174,6 +175,8 @@ def plot(
     target = output or Path(f"{files[0].name.partition('.')[0] if files else 'flexcam'}-{what}.svg")
     plotting.figures.check_figure_path(target, overwrite=overwrite)
     sources = {} if what == "sweep" else name_sources(open_sources(files, overrides, cams=what in _OF_CAMS))
+    if what in _OF_ONE_FILE and len(sources) > 1:
+        raise refuse("--what", what, "one file", f"{len(sources)} were given")
     figure = _FIGURES[what](replace(asked, what=what, sources=sources))
     plotting.figures.save_figure(figure, target, overwrite=overwrite)
     trains = [source.ready.model for source in sources.values()] if asked.rigid else []
@@ -282,7 +285,7 @@ def _svaj(options: FigureOptions) -> Figure:
 
 
 def _profile(options: FigureOptions) -> Figure:
-    source = _single_source(options)
+    source = options.first
     cam_name = options.cam if options.channels is None else _cam_of_channel(source, options, options.channels)
     cam = next((cam for cam in _cams(source, cam_name).values() if cam.follower is not None), None)
     if cam is None or cam.follower is None:
@@ -320,7 +323,7 @@ def _profile_values(source: Source, cam: Cam, profile: CamProfile, channel: str)
 
 
 def _spring(options: FigureOptions) -> Figure:
-    source = _single_source(options)
+    source = options.first
     springs = {
         f"springs.{name}.force": spring
         for name, spring in source.ready.model.springs.items()
@@ -339,7 +342,7 @@ def _spring(options: FigureOptions) -> Figure:
 
 
 def _goodman(options: FigureOptions) -> Figure:
-    source = _single_source(options)
+    source = options.first
     points = member_strength(*source.reloaded).members()
     if not points:
         raise refuse("--what", "goodman", "a run of the flexible model with saved fields")
@@ -387,18 +390,18 @@ def _sweep(options: FigureOptions) -> Figure:
 def _modes(options: FigureOptions) -> Figure:
     count = 6 if options.count is None else options.count
     cli.check_number("--count", count)
-    case = _single_source(options).case
+    case = options.first.case
     structure = build_structure(build_model(case))
     return plotting.spectra.mode_figure(structure, modes(case, count), title=case.title)
 
 
 def _campbell(options: FigureOptions) -> Figure:
-    case = _single_source(options).case
+    case = options.first.case
     return modes_over_speed(case, _speeds(options, case), range(1, _ORDERS + 1)).figure()
 
 
 def _waterfall(options: FigureOptions) -> Figure:
-    case = _single_source(options).case
+    case = options.first.case
     signals = select_signals(case, options.channels, None if options.probe is None else [options.probe])
     return orders_of_response(case, _speeds(options, case), signals, _ORDERS).figure()
 
@@ -408,7 +411,7 @@ def _speeds(options: FigureOptions, case: Case) -> list[float]:
 
 
 def _work_precision(options: FigureOptions) -> Figure:
-    source = _single_source(options)
+    source = options.first
     probe = options.probe or scalar_probe(source.ready)
     figure = plotting.histories.work_precision_figure(evaluate_ladder(source.case, probe, repeats=1)[1])
     return plotting.figures.add_title(figure, source.title)
@@ -419,12 +422,6 @@ _FIGURES: Mapping[str, Callable[[FigureOptions], Figure]] = {
     "svaj": _svaj, "profile": _profile, "spring": _spring, "goodman": _goodman, "modes": _modes, "campbell": _campbell,
     "waterfall": _waterfall, "map": _map, "sweep": _sweep, "work-precision": _work_precision,
 }  # fmt: skip
-
-
-def _single_source(options: FigureOptions) -> Source:
-    if len(options.sources) > 1:
-        raise refuse("--what", str(options.what), "one file", f"{len(options.sources)} were given")
-    return options.first
 
 
 def _cams(source: Source, name: str | None) -> Mapping[str, Cam]:

@@ -29,7 +29,7 @@ flexcam info results/case.vtkhdf
 flexcam info results/case.vtkhdf --verify
 """)
 def info(
-    result: cli.ResultPath, *,
+    result: Annotated[Path, Parameter(help="Result file (.vtkhdf).")], *,
     verify: Annotated[bool, Parameter(help="Read the whole file and compare its checksums.")] = False,
     as_json: cli.Json = False,
 ) -> cli.CommandOutput:  # fmt: skip
@@ -104,11 +104,10 @@ def export(
     ):  # fmt: skip
         if is_set and form not in forms:
             raise refuse(option, f"--format {form}", f"--format {' or '.join(forms)}", why, f"leave {option} out")
-    skipped = {"--every": every} if every != 1 and instants is not None else {}
-    cli.refuse_with("--instants", "sets the number of instants", skipped)
-    target = (
-        io.create_folder(source.parent if folder is None else io.check_folder_name(folder)) / f"{source.stem}.{form}"
-    )
+    if every != 1 and instants is not None:
+        cli.refuse_options({"--every": every}, "not allowed with --instants, which sets the number of instants")
+    folder = source.parent if folder is None else io.check_folder_name(folder)
+    target = io.create_folder(folder) / f"{source.stem}.{form}"
     if form in ("msh", "inp"):
         model = build_model(read_case(source))
         io.write_mesh(model.mesh, target, overwrite=overwrite)
@@ -158,10 +157,9 @@ def _write_solids(
         raise refuse("--field", ", ".join(fields), "one field with --format vtm", "", "choose one")
     angle = cli.parse_optional("--at", at, "angle", "deg")
     folder = target.with_name(f"{target.stem}-solids")
-    if target.suffix != ".stl":
-        io.check_writable(
-            "export", target if target.suffix == ".glb" else folder.with_suffix(".pvd"), overwrite=overwrite
-        )
+    written = {".glb": target, ".vtm": folder.with_suffix(".pvd")}.get(target.suffix)
+    if written is not None:
+        io.check_writable("export", written, overwrite=overwrite)
     (read,) = open_sources([source], None)
     mechanism, motion, title, still = displayed_mechanism(read, color=fields[0] if fields else None, angle=angle)
     if target.suffix == ".stl":

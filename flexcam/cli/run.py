@@ -13,7 +13,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
-from flexcam.analysis import run_checks
+from flexcam.analysis import run_checks, run_metrics
 from flexcam.analysis.model_choice import Choice, Error, estimate_errors, select_case
 from flexcam.analysis.preparation import PreparedRun, prepare, prepare_without_periodic_search, scalar_probe
 from flexcam.analysis.resources import check_resources
@@ -23,15 +23,6 @@ from flexcam.analysis.run import (
     open_result_file,
     strength_sink,
     summary_sink,
-)
-from flexcam.analysis.run_metrics import (
-    CHATTER,
-    GROWTH,
-    compute_metrics,
-    describe_span,
-    figures_of_merit,
-    revolution_change,
-    usual_name,
 )
 from flexcam.case.case import Case
 from flexcam.case.problem_builder import excitation_without_period
@@ -94,13 +85,13 @@ def run(
 
     @cache
     def metrics(_: int) -> list[Metric]:
-        return compute_metrics(ready, memory.response())
+        return run_metrics.compute_metrics(ready, memory.response())
 
     def doubtful(stats: Stats) -> list[str]:
         recent = memory.response()
         sentences = run_checks.check_run(ready, monitor, metrics(stats.steps), stats)
         if stats.steps == ready.problem.steps:
-            sentences += run_checks.check_transient(ready, revolution_change(ready, recent))
+            sentences += run_checks.check_transient(ready, run_metrics.revolution_change(ready, recent))
         return sentences
 
     sink = open_result_file(ready, folder, overwrite=overwrite, resume=earlier, warnings=doubtful)
@@ -127,9 +118,10 @@ def _describe_run(
 ) -> cli.CommandOutput:  # fmt: skip
     case, stats, status = ready.case, response.stats, response.status
     stressed = strength.members() if case.record.fidelity.model == "beams" else {}
-    change = revolution_change(ready, response, strength if stressed else None)
-    merit = figures_of_merit(case, figures) if figures else ()
-    remaining, span = [figure for figure in figures if not usual_name(figure)], describe_span(ready, stats.steps)
+    change = run_metrics.revolution_change(ready, response, strength if stressed else None)
+    merit = run_metrics.figures_of_merit(case, figures) if figures else ()
+    remaining = [figure for figure in figures if not run_metrics.usual_name(figure)]
+    span = run_metrics.describe_span(ready, stats.steps)
     parts: list[Table | str] = [
         tables.run_table(case, extremes),
         *([tables.strength_table(strength)] if stressed else []),
@@ -144,10 +136,10 @@ def _describe_run(
         error = f"{100.0 * stats.periodicity:.2g} % of the amplitude"
         parts.append(f"Periodic start: the state after one revolution differs from that at its start by {error}")
     if change:
-        chatters, hint = change.force > CHATTER and not excitation_without_period(case), ""
-        if chatters or change.stress_change > GROWTH:
+        chatters, hint = change.force > run_metrics.CHATTER and not excitation_without_period(case), ""
+        if chatters or change.stress_change > run_metrics.GROWTH:
             hint = ". Run more revolutions until the values repeat, or use the largest value of several revolutions"
-            slow = run_checks.describe_decay(ready, change.member) if change.stress_change > GROWTH else ""
+            slow = run_checks.describe_decay(ready, change.member) if change.stress_change > run_metrics.GROWTH else ""
             hint += f". {slow}" if slow else ""
         parts.append(f"Difference between the last two revolutions: {run_checks.describe_change(change)}{hint}")
     elif status.ok and ready.model.cam_contacts and stats.unknowns and stats.periodicity < 0.0:

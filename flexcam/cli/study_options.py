@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Group, Parameter
 
-from flexcam.analysis.limits import Search
 from flexcam.analysis.run import check_case_resources
 from flexcam.case.reader import CaseFile as OpenCase
 from flexcam.case.variants import case_text
@@ -43,8 +43,7 @@ class StudyOptions:
         self.names, self.workers = tuple(dict.fromkeys(names)), workers
         of_limits = any(name.startswith("limits.") for name in names)
         cli.refuse_without("limits.NAME", {"--lowest": lowest, "--highest": highest}, present=of_limits)
-        low, high = cli.speed_range(lowest, highest, 2, self.case, most=2.0)
-        self.search = Search(low, high, cli.parse_accuracy(accuracy, self.case.turns))
+        self.search = cli.speed_search(lowest, highest, accuracy, self.case)
         check_names(self.case, self.names, option)
         if not allow_large and any(frequency_number(name) is None for name in names):
             check_case_resources(self.case, together=workers)
@@ -65,15 +64,10 @@ class StudyOptions:
         """Yield the function that evaluates variants, with derivatives by some variables, and show the progress."""
         scalars = self.names if names is None else names
         with show_count(count if scalars else 0, "variants") as advance:
+            evaluator = partial(create_evaluator, search=self.search, runs=count)
             if variables:
-                context = gradient_evaluator(
-                    self.file, self.fixed, scalars, variables, worst=worst, workers=self.workers, advance=advance
-                )
-            else:
-                context = create_evaluator(
-                    self.file, self.fixed, scalars, self.search, workers=self.workers, runs=count, advance=advance
-                )
-            with context as runs:
+                evaluator = partial(gradient_evaluator, variables=variables, worst=worst)
+            with evaluator(self.file, self.fixed, scalars, workers=self.workers, advance=advance) as runs:
                 yield worst.over(runs) if worst and not variables else runs
 
 

@@ -149,15 +149,15 @@ def law(
     law_family = _family(family, degree, pieces, orders, rest, symmetric=not asymmetric)
     weights, limits = _numbers("--minimize", minimize, 1.0), _numbers("--bound", bounds or [], None)
     fixed = [_condition(text) for text in conditions or []]
+    goals = None
     if against is not None:
         if len(weights) != 1 or limits:
             allowed = "one criterion of --minimize, and no --bound"
             raise refuse("--pareto", "with --bound or several --minimize", allowed)
-        number, first = 9 if count is None else count, next(iter(weights))
-        front = pareto(law_family, first, against, count=number, conditions=fixed, monotone=not turning_back)
+        number, goals = 9 if count is None else count, (next(iter(weights)), against)
+        front = pareto(law_family, *goals, count=number, conditions=fixed, monotone=not turning_back)
     else:
         front = [minimax(law_family, weights, bounds=limits, conditions=fixed, monotone=not turning_back)]
-    goals = None if against is None else (next(iter(weights)), against)
     files = _write_law_files(front, goals, output, plot, overwrite=overwrite)
     parts = [_pareto_table(front) if against else synthesis_table(front[0]), _LEGEND]
     names = {path: f'{path}  (in a case: law = "{path.name}")' for path in files if path.suffix == ".toml"}
@@ -243,26 +243,24 @@ def harmonic(
     strict = cli.parse_quantity("--tolerance", tolerance, "length", "um")
     wide = cli.parse_optional("--bound", bound, "length", "mm")
     cam = cam_analysis.harmonic_cam(cli.load_case(case, overrides), name, tolerance=strict, count=count, bound=wide)
+    fit, hertz = cam.fit, cam.frequency / (2.0 * math.pi)
     about = {"flexcam": __version__, "made_for": str(case), "harmonics": cam.count}
-    lift = cam.fit.event.with_delay(-cam.phase)
+    lift, ends = fit.event.with_delay(-cam.phase), [end.value for end in event_extremes(fit.event)]
     files = [] if output is None else [write_lift(lift, output, about=about, overwrite=overwrite)]
     json = {
-        "harmonics": cam.count, "harmonics_below_first_mode": cam.limit,
-        "first_mode_hz": cam.frequency / (2.0 * math.pi), "dwell_deviation": cam.fit.strict_deviation,
-        "deviation": cam.fit.deviation, "rms_deviation": cam.fit.rms_deviation,
-        "lift": [end.value for end in event_extremes(cam.fit.event)],
+        "harmonics": cam.count, "harmonics_below_first_mode": cam.limit, "first_mode_hz": hertz,
+        "dwell_deviation": fit.strict_deviation, "deviation": fit.deviation, "rms_deviation": fit.rms_deviation,
+        "lift": ends,
     }  # fmt: skip
-    fit, hertz = cam.fit, cam.frequency / (2.0 * math.pi)
     rows = [
         ("harmonics", f"{cam.count}; {cam.limit} lie below the lowest mode that the cam excites, {hertz:.4g} Hz"),
         ("max deviation in the dwells", f"{1e6 * fit.strict_deviation:.4g} um"),
         ("max deviation elsewhere", f"{1e6 * fit.deviation:.4g} um, {1e6 * fit.rms_deviation:.4g} um rms"),
-        ("lift", format_quantity("m", *(end.value for end in event_extremes(fit.event)))),
+        ("lift", format_quantity("m", *ends)),
     ]
+    tables = [facts_table("Lift composed of low harmonics", rows)]
     describe_file = partial(cli.describe_lift_file, phase=cam.phase)
-    return cli.CommandOutput(
-        [facts_table("Lift composed of low harmonics", rows)], json, files=files, describe_file=describe_file
-    )
+    return cli.CommandOutput(tables, json, files=files, describe_file=describe_file)
 
 
 @_command("""\

@@ -17,7 +17,6 @@ _ROUNDING = 1e-10
 # Error of the reference relative to the quantity's size from which a warning is given
 _REFERENCE_ERROR_TOLERANCE = 0.05
 _DIGITS = 12  # maximum number of decimals
-_KINDS = ("lift", "velocity", "acceleration")
 TRADE_LEGEND = (
     "* Pareto-optimal: no model with less work has a smaller error (the largest of its error columns); work is the "
     "number of unknowns times the number of steps"
@@ -26,7 +25,7 @@ TRADE_LEGEND = (
 
 def trade_table(against: Reference, found: Sequence[ModelEvaluation]) -> Table:
     """Return the table of a case's model ladder."""
-    kinds, ranks = error_kinds(against), not _rough_quantities(against)
+    kinds, ranks = list(against.errors), not _rough_quantities(against)
     rows = [
         ("*" if model.best and ranks else "", model.rung, str(model.steps), str(model.unknowns), f"{model.work:.3g}",
          f"{model.seconds:.3g}", *(_percent(model.errors.get(kind)) for kind in kinds),
@@ -34,17 +33,12 @@ def trade_table(against: Reference, found: Sequence[ModelEvaluation]) -> Table:
         for model in found
     ]  # fmt: skip
     ref = reference_errors(against)
-    rows.append(("", "reference", str(against.steps), "", "", "", *(_percent(ref[k]) for k in kinds), "its own error"))
+    rows.append(("", "reference", str(against.steps), "", "", "", *map(_percent, ref.values()), "its own error"))
     errors = (kind.replace("acceleration", "accel.") for kind in kinds)  # a longer word would be broken in a terminal
     heads = ("", "model", "steps per rev", "unknowns", "work", "cpu s", *errors, "")
     mixed = "rms error of motions and maximum error of forces"
     norm = {"max": "maximum error", "rms": "rms error", None: mixed}[against.norm]
     return plain_table(f"Cost and error of models ({norm}, in % of the maximum)", heads, rows)
-
-
-def error_kinds(against: Reference) -> list[str]:
-    """Return the quantities whose errors are known: motions, then forces."""
-    return [*(kind for kind in _KINDS if kind in against.errors), *(k for k in against.errors if k not in _KINDS)]
 
 
 def reference_errors(against: Reference) -> dict[str, float]:

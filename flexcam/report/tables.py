@@ -285,28 +285,27 @@ def run_table(case: Case, extremes: ExtremesSink) -> Table:
 
 def metrics_table(model: Model | None, figures: Sequence[Metric], span: str = "last revolution") -> Table:
     """Return the table of the metrics of a part of a run; metrics of many parts of one kind share a row."""
-    rows: dict[tuple[str, ...], list[tuple[float, str, str]]] = {}
-    places: dict[tuple[tuple[str, ...], str], str] = {}
+    rows: dict[tuple[str, ...], list[tuple[float, str, str, str]]] = {}  # value, text, part and place
     for figure in figures:
         factor, unit = to_display_unit(figure.unit, thin=".film." in figure.name or ".wear." in figure.name)
         value = factor * figure.value + 0.0  # the sum removes the sign of a negative zero
         kind, part, *quantity = figure.name.split(".")
         quantity = [word.replace("force", "torque") if unit == "N m" else word for word in quantity]
-        key = _part_kind(model, figure.name), kind, *quantity
-        rows.setdefault(key, []).append((value, f"{value:.4g} {unit}".rstrip(), part))
-        places[key, part] = "" if figure.angle is None else f" at cam {math.degrees(figure.angle):.1f} deg"
+        place = "" if figure.angle is None else f" at cam {math.degrees(figure.angle):.1f} deg"
         if model is not None and quantity == ["open_on_the_lift"]:
             lift = format_quantity("m", valvetrain.main_lift(model, model.cam_contacts[part].cam), digits=3)
-            places[key, part] = f" (above {lift} of lift)"
+            place = f" (above {lift} of lift)"
+        key = _part_kind(model, figure.name), kind, *quantity
+        rows.setdefault(key, []).append((value, f"{value:.4g} {unit}".rstrip(), part, place))
     cells: list[tuple[str, str]] = []
     for (parts_kind, kind, *quantity), parts in rows.items():
         if len(parts) > _MAX_PARTS:
-            cells.append((_metric_label(parts_kind, quantity), _range_text(parts)))
+            cells.append((_metric_label(parts_kind, quantity), _range_text([part[:3] for part in parts])))
         else:
             cells += [
-                (_metric_label(f"{kind.removesuffix('s')} {part}", quantity),
-                 text + places[(parts_kind, kind, *quantity), part]) for _, text, part in parts
-            ]  # fmt: skip
+                (_metric_label(f"{kind.removesuffix('s')} {part}", quantity), text + place)
+                for _, text, part, place in parts
+            ]
     return facts_table(f"Metrics of the {span}", cells)
 
 

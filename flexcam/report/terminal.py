@@ -167,54 +167,36 @@ def plain_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str 
     table = _create_table(title)
     cells = [[cell if isinstance(cell, str) else format_number(cell) for cell in row] for row in rows]
     longest = [max((len(row[i]) for row in cells), default=0) for i in range(len(columns))]
-    heads, limit = list(columns), result_console().width
+    limit = result_console().width
     unbroken = sum(size + 1 for size in longest if size <= _NUMBER) <= limit  # otherwise their digits are wrapped
-    width = sum(max(len(head), _needed_width(size, _WORDS)) + _GAP for head, size in zip(heads, longest, strict=True))
-    widths: list[int | None] = [None] * len(heads)
-    if width - _GAP > limit:  # numbers are never wrapped: use headers of several lines and small gaps
-        narrow, gap = _column_widths(columns, longest, limit)
-        heads = [fill(head, width) for head, width in zip(columns, narrow, strict=True)]
-        widths, table.padding = [*narrow], (0, gap, 0, 0)
-    for i, (head, size, width) in enumerate(zip(heads, longest, widths, strict=True)):
+    widths, gap = _column_widths(columns, longest, limit)
+    table.padding = (0, gap, 0, 0)
+    for i, (head, size, width) in enumerate(zip(columns, longest, widths, strict=True)):
         justify = "left" if i == 0 or (i == len(columns) - 1 and size > _NUMBER) else "right"
-        table.add_column(
-            head,
-            justify=justify,
-            width=width if size <= _NUMBER else None,
-            no_wrap=unbroken and size <= _NUMBER,
-            overflow="fold",
-        )
+        no_wrap, narrow = unbroken and size <= _NUMBER, width if size <= _NUMBER else None
+        table.add_column(fill(head, max(width, 1)), justify=justify, width=narrow, no_wrap=no_wrap, overflow="fold")
     for row in cells:
         table.add_row(*row)
     return table
 
 
-def _needed_width(size: int, words: int) -> int:
-    """Return the width of cells of at most a number of characters; numbers are not wrapped, words may be."""
-    return size if size <= _NUMBER else min(size, words)
-
-
 def _column_widths(heads: Sequence[str], longest: Sequence[int], limit: int) -> tuple[list[int], int]:
-    """Return column widths and their gap with wrapped headers; words are wrapped so that numbers need not be.
+    """Return column widths and their gap; headers and words are wrapped as far as necessary, numbers never.
 
     Columns of words become narrow first. In a terminal that is too narrow for the rest, headers break inside a word.
     """
     words = [max(map(len, head.split()), default=1) for head in heads]
-    for wide in range(_WORDS, _NUMBER, -1):
-        lower = [max(_needed_width(size, wide), word) for size, word in zip(longest, words, strict=True)]
-        if sum(lower) + 2 * len(lower) - 2 <= limit:
+    tries = [(_WORDS, list(map(len, heads)), _GAP), *((wide, words, 2) for wide in range(_WORDS, _NUMBER, -1))]
+    tries += [(_NUMBER, [min(letters, word) for word in words], 1) for letters in range(max(words), 0, -1)]
+    lower, gap = list[int](), _GAP
+    for wide, of_heads, gap in tries:
+        lower = [max(min(size, wide), letters) for size, letters in zip(longest, of_heads, strict=True)]
+        if sum(lower) + gap * (len(lower) - 1) <= limit:
             break
-    else:
-        for letters in range(max(words, default=1), 0, -1):
-            lower = [max(_needed_width(size, _NUMBER), min(letters, word), 1)
-                     for size, word in zip(longest, words, strict=True)]  # fmt: skip
-            if sum(lower) + len(lower) <= limit:
-                return lower, 1
-        return [max(_needed_width(size, _NUMBER), 1) for size in longest], 1
     widths = [max(len(head), size) for head, size in zip(heads, longest, strict=True)]
     for i in sorted(range(len(heads)), key=lambda i: lower[i] - widths[i]):  # the longest first
-        widths[i] -= min(widths[i] - lower[i], max(sum(widths) + 2 * len(widths) - 2 - limit, 0))
-    return widths, 2
+        widths[i] -= min(widths[i] - lower[i], max(sum(widths) + gap * (len(widths) - 1) - limit, 0))
+    return widths, gap
 
 
 def facts_table(title: str, rows: Iterable[tuple[str, str]]) -> Table:

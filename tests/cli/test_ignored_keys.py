@@ -25,7 +25,7 @@ def is_known_key(key):
 @pytest.mark.parametrize(("commands", "keys", "why"), IGNORED_KEYS)
 def test_ignored_keys_name_existing_commands_and_keys(commands, keys, why):
     assert set(commands) <= set(COMMAND_FILES)
-    assert all(is_known_key(key) for key in keys)
+    assert all(is_known_key(f"fidelity.{key}") for key in keys)
     assert why
 
 
