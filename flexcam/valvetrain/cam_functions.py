@@ -72,7 +72,6 @@ class _OfProfile(DerivedCamFunction):
     slope: Callable[[CamProfile], FloatArray]
 
     def of(self, cam: CamFunctionCache, order: int) -> FloatArray:
-        """Return a derivative, see `DerivedCamFunction`."""
         return (self.value, self.slope)[order](cached_profile(self.cam, cam))
 
 
@@ -95,7 +94,6 @@ def _profile_function(value: Values, slope: Values) -> Callable[[Cam], AngleFunc
 
     @_by_shape
     def function(cam: Cam) -> AngleFunction:
-        """Return a function of the cam angle."""
         return _OfProfile(cam, value, slope)
 
     return function
@@ -140,14 +138,12 @@ reach = _profile_function(lambda p: p.touch.reach, lambda p: p.touch.reach_rate)
 """Lift per motion along the normal."""
 
 cam_sliding = _profile_function(
-    lambda p: _along_face(p) / p.touch.reach,
-    lambda p: _by_reach_rate(p, _along_face(p), _along_face_rate(p)),
+    lambda p: _along_face(p) / p.touch.reach, lambda p: _by_reach_rate(p, _along_face(p), _along_face_rate(p))
 )
 """Path per cam angle, m, of the cam's surface along a flat face, divided by the reach."""
 
 _sliding_by_reach = _profile_function(
-    lambda p: p.touch.sliding / p.touch.reach,
-    lambda p: _by_reach_rate(p, p.touch.sliding, p.touch.sliding_rate),
+    lambda p: p.touch.sliding / p.touch.reach, lambda p: _by_reach_rate(p, p.touch.sliding, p.touch.sliding_rate)
 )
 
 
@@ -183,7 +179,6 @@ class _SlidingDistance(DerivedCamFunction):
         self._sums = np.concatenate([[0.0], np.cumsum(0.5 * width * (values @ w))])
 
     def of(self, cam: CamFunctionCache, order: int) -> FloatArray:
-        """Return a derivative, see `DerivedCamFunction`."""
         distance = cam(self._path, order - 1) if order else self._distance(cam.angle)
         if not self._face_ratio:
             return distance

@@ -91,7 +91,6 @@ def _probes(structure: Structure) -> tuple[Probe, ...]:
 
 @lru_cache(maxsize=4)
 def _at_any_speed(structure: Structure) -> tuple[Triplets, tuple[Coupling, ...]]:
-    """Return damping, and couplings other than contacts."""
     return structure.dampers + _damping(structure), _joints(structure)
 
 
@@ -123,7 +122,6 @@ def _reactions(end: ShaftDrive) -> list[Observable]:
 def _torque(
     structure: Structure, i: int, contacts: Sequence[Coupling], parts: Sequence[_Part], speed: float
 ) -> Observable:
-    """Return the torque of a shaft drive."""
     model, end = structure.model, find_shaft_drives(structure)[i]
     torques = [inertia_torque(end), *map(_offset_positions, _reactions(end), parts[len(contacts) :])]
     for part, (name, contact), coupling in zip(parts, model.contacts.items(), contacts, strict=False):
