@@ -248,12 +248,12 @@ class Branch:
         column = self._column(len(self.stops) + drive)
         return 0.0 if column is None else -self.train.scale * float(self.positions(lift)[1][0, column])
 
-    def drive_effect(self, drive: int, z: FloatArray, acting: FloatArray) -> FloatArray:
+    def drive_effect(self, drive: Drive, z: FloatArray, acting: FloatArray) -> FloatArray:
         """Return the work of forces on z, shape (m, d), per motion of a cam, shape (m,); one if it is left out."""
-        if drive not in self.drives:
+        constraint = len(self.stops) + self.train.drives.index(drive)
+        if constraint not in self.kept:
             return np.ones(len(z))
-        virtual = self.virtual_motions(z)[:, :, self.kept.index(len(self.stops) + drive)]
-        return (virtual * acting).sum(axis=1)
+        return (self.virtual_motions(z)[:, :, self.kept.index(constraint)] * acting).sum(axis=1)
 
     def fits(self, z: FloatArray, forces: FloatArray, lift: FloatArray) -> Bools:
         """Return at which instants nothing overlaps and every closed stop presses."""

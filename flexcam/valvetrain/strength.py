@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -142,17 +142,8 @@ class Bars:
 
     def tension(self, moved: FloatArray) -> FloatArray:
         """Return the axial force, N, tension positive, shape (m, e), of displacements of all unknowns, shape (m, n)."""
-        tension = np.zeros((len(moved), len(self.elements)))
-        for numbers, force in self._ends:
-            tension += moved[:, numbers] * force
-        return tension
-
-    def rows(self) -> FloatArray:
-        """Return the tension by all unknowns, shape (e, n)."""
-        rows = np.zeros((len(self.elements), self.structure.dofs.size))
-        for numbers, force in self._ends:
-            rows[np.arange(len(self.elements)), numbers] += force
-        return rows
+        ends = (moved[:, numbers] * force for numbers, force in self._ends)
+        return sum(ends, np.zeros((len(moved), len(self.elements))))
 
     @cached_property
     def _ends(self) -> list[tuple[IntArray, FloatArray]]:
@@ -171,10 +162,7 @@ class Bars:
 def linear_compression(bars: Bars) -> Observable:
     """Return the largest compression of some elements, N, from the motion of their ends along them."""
     thermal = bars.structure.beams.thermal[bars.elements]
-    if bars.structure.dofs.size > DENSE_LIMIT:
-        return lambda obs: (thermal - bars.tension(obs.displacement)).max(axis=1)
-    rows = bars.rows()
-    return lambda obs: (thermal - obs.moved.extract(rows)).max(axis=1)
+    return lambda obs: (thermal - bars.tension(obs.displacement)).max(axis=1)
 
 
 def arch_laws(arch: Arch) -> list[ForceLaw]:
@@ -200,7 +188,7 @@ def geometric_stiffness_forces(structure: Structure) -> Coupling:
             pairs = zip([D @ _local_rows(structure, e) for D, e in shapes], arch_laws(arch), strict=True)
             expansion = structure.beams.thermal[elements] / arch.axial  # a free elongation causes no force
             forces += [
-                replace(opposed_force(f"{where}.bending", rows, law), offset=(constant(-free), *_NO_OFFSET))
+                opposed_force(f"{where}.bending", rows, law, (constant(-free), *_NO_OFFSET))
                 for (rows, law), free in zip(pairs, expansion.tolist(), strict=True)
             ]
             compression = _compression(arch, slice(start, start + SCALARS * len(elements)))
