@@ -69,13 +69,10 @@ class ModelModes:
     def words(self, mode: int) -> str:
         """Describe a mode, such as ``mass valve 60 %, pushrod axial 30 %``."""
         shares = sorted(self.shares[mode].items(), key=lambda item: -item[1])
-        named = [
-            f"{' '.join(dict.fromkeys(part.split()))} {100.0 * share:.0f} %"  # a rocker may be named "rocker"
-            for part, share in shares
-            if share >= _ENERGY_FRACTION
-        ]
-        free = "free motion: " if mode < self.modes.rigid else ""
-        return free + ", ".join(named)
+        parts = [(part, share) for part, share in shares if share >= _ENERGY_FRACTION]
+        # A rocker may be named "rocker".
+        named = [f"{' '.join(dict.fromkeys(part.split()))} {100.0 * share:.0f} %" for part, share in parts]
+        return ("free motion: " if mode < self.modes.rigid else "") + ", ".join(named)
 
 
 def model_modes(

@@ -320,10 +320,8 @@ def find_closed_stops(train: RigidTrain, lift: FloatArray) -> Closed:
         on = [i for i, is_closed in enumerate(closed) if is_closed]
         rows = [*(rows[0] for _, rows, _ in ends), *(stops[i].row for i in on), *(drive.row for drive in train.drives)]
         values = [*(float(rows[0] @ z - error[0]) for error, rows, _ in ends), *(gaps[i] for i in on), *lift.tolist()]
-        C, compliance = (
-            np.array(rows).reshape(len(rows), d),
-            np.repeat([0.0, _COMPLIANCE], [len(ends), len(rows) - len(ends)]),
-        )
+        C = np.array(rows).reshape(len(rows), d)
+        compliance = np.repeat([0.0, _COMPLIANCE], [len(ends), len(rows) - len(ends)])
         matrix = np.block([[elastic, C.T], [C, -np.diag(compliance)]])
         solution = np.linalg.lstsq(matrix, np.concatenate([train.load(closed), values]))[0]
         change, z = float(np.abs(solution[:d] - z).max()), solution[:d].astype(np.float64)

@@ -111,11 +111,9 @@ _MOTION_TOLERANCE = 1e-14  # relative square of the ends' motion that counts as 
 
 def compressed_members(model: Model) -> list[str]:
     """Return the members with a compression channel: all without a cam, and those with geometric stiffness."""
-    shafts = {
-        node
-        for cam in model.cams.values()
-        for node in model.mesh.connected_nodes(model.mesh.node(cam.at), turning=True).tolist()
-    }
+    shafts = set[int]()
+    for cam in model.cams.values():
+        shafts.update(model.mesh.connected_nodes(model.mesh.node(cam.at), turning=True).tolist())
     return [
         name for name, member in model.members.items()
         if member.geometric_stiffness or shafts.isdisjoint(model.mesh.lines[name].tolist())
@@ -286,13 +284,9 @@ class StrengthSink:
         self.instants += len(block.field_time)
         nodal, fields = self._structure.dofs.nodal, block.fields
         forces = section_forces(
-            self._structure.beams,
-            nodal(fields.displacement),
-            velocity=nodal(fields.velocity),
-            acceleration=nodal(fields.acceleration),
-            damping=self._structure.model.damping,
-            spread=self._spread,
-        )
+            self._structure.beams, nodal(fields.displacement), velocity=nodal(fields.velocity),
+            acceleration=nodal(fields.acceleration), damping=self._structure.model.damping, spread=self._spread,
+        )  # fmt: skip
         rotated = _rotate_moments(forces, block.field_angle[:, None, None] * self._turns[:, None])
         self._normal = _extend_range(self._normal, self._fibres.normal(rotated))
         self._shear = _extend_range(self._shear, self._fibres.shear(forces))

@@ -220,14 +220,10 @@ def scalar_inertias(structure: Structure) -> dict[str, list[ScalarInertia]]:
     for name, spring in model.springs.items():
         if spring.mass > 0.0:
             parts = zip(spring.parts, spring_parts(structure, name, spring), strict=True)
-            inertias[f"spring {name}"] = [
-                inertia
-                for part, (low, high) in parts  # consistent: m/6 [2 1; 1 2]
-                for inertia in (
-                    ScalarInertia(0.5 * (low + high), part.mass, spring.direction[:3]),
-                    ScalarInertia(high - low, part.mass / 12.0, zero),
-                )
-            ]
+            inertias[f"spring {name}"] = own = list[ScalarInertia]()
+            for part, (low, high) in parts:  # consistent: m/6 [2 1; 1 2]
+                own.append(ScalarInertia(0.5 * (low + high), part.mass, spring.direction[:3]))
+                own.append(ScalarInertia(high - low, part.mass / 12.0, zero))
     return inertias
 
 
