@@ -181,9 +181,8 @@ class RigidTrain:
         base = next((branch for branch in self.branches if branch.fits(*branch.positions(lifts), lifts)[0]), None)
         if base is None:
             return {}
-        gaps = [stop.gap - float(stop.row @ base.positions(lifts)[0][0]) for stop in self.stops]
-        pairs = list(zip(self.stops, gaps, strict=True))
-        touching = tuple(not isinstance(stop.part, Adjuster) and abs(gap) <= _CLOSED for stop, gap in pairs)
+        z = base.positions(lifts)[0][0]
+        touching = tuple(abs(s.gap - s.row @ z) <= _CLOSED and not isinstance(s.part, Adjuster) for s in self.stops)
         seated = Branch(self, touching)
         lifted = Branch(self, tuple(on and not stop.is_seat for on, stop in zip(touching, self.stops, strict=True)))
         shared = {

@@ -261,8 +261,7 @@ class StrengthSink:
         mesh, members = structure.model.mesh, structure.model.members
         self._fibres = fibres(list(sections_at_nodes(mesh, members).values()))
         self._spread = element_loads(structure)
-        self._normal: tuple[FloatArray, FloatArray] | None = None
-        self._shear: tuple[FloatArray, FloatArray] | None = None
+        self._normal = self._shear = np.array(np.inf), np.array(-np.inf)  # smallest and largest stress
         self._von_mises = np.zeros((len(structure.beams), 2))
         # cam angles of the last two revolutions, rad, and the maximum von Mises stresses of the members there, Pa
         self._recent = np.zeros(0), np.zeros((0, len(mesh.lines)))
@@ -329,7 +328,7 @@ class StrengthSink:
 
     def members(self) -> dict[str, MemberStrength]:
         """Return the strength results of every member; empty without saved fields."""
-        if self._normal is None or self._shear is None:
+        if not self.instants:
             return {}
         (normal, swing), (shear, twist) = _halves(*self._normal), _halves(*self._shear)
         mean, alternating = _equivalent(normal, shear), _equivalent(swing, twist)
@@ -371,9 +370,8 @@ def _rotate_moments(forces: FloatArray, angle: FloatArray) -> FloatArray:
     return rotated
 
 
-def _extend_range(bounds: tuple[FloatArray, FloatArray] | None, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    minimum, maximum = values.min(axis=0), values.max(axis=0)
-    return (minimum, maximum) if bounds is None else (np.minimum(bounds[0], minimum), np.maximum(bounds[1], maximum))
+def _extend_range(bounds: tuple[FloatArray, FloatArray], values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    return np.minimum(bounds[0], values.min(axis=0)), np.maximum(bounds[1], values.max(axis=0))
 
 
 def _halves(minimum: FloatArray, maximum: FloatArray) -> tuple[FloatArray, FloatArray]:
