@@ -387,7 +387,7 @@ WEAR_REVOLUTIONS = 1e6
 def _lubrication_channels(structure: Structure, name: str, contact: CamContact) -> list[Channel]:
     """Return the channels of film, flash temperature and wear, if the contact has oil.
 
-    The two forces of the contact law are along the lift, and friction divided by the reach.
+    The forces of the contact law are that along the lift and the friction divided by the reach.
     """
     lubrication, cam = contact.lubrication, structure.model.cams[contact.cam]
     if lubrication is None:

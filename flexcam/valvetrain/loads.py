@@ -89,7 +89,7 @@ def couple_published_load(structure: Structure, name: str, contact: PublishedLoa
     cam = structure.model.cams[contact.cam]
     train, K = _at_any_speed(structure, name, contact)
     force = preload(structure, contact, train, cam, speed)
-    push, twist = structure.push(contact), -structure.row(cam.at, contact.rotation)
+    push, twist = structure.push(name), -structure.row(cam.at, contact.rotation)
     arm = derivative(cam.event)
 
     def torque(motion: CamMotion) -> FloatArray:

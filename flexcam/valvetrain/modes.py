@@ -247,9 +247,8 @@ class ContactModes:
 
 def contact_modes(structure: Structure, contact: str, held: Sequence[tuple[str, Triplets]]) -> ContactModes:
     """Return the modes of a train, and the modal force of a contact in each."""
-    pair = structure.model.cam_contacts[contact]
     modes = model_modes(structure, held=held)
-    return ContactModes(modes, np.abs(structure.push(pair) @ modes.modes.shapes))
+    return ContactModes(modes, np.abs(structure.push(contact) @ modes.modes.shapes))
 
 
 def contact_stiffness(
@@ -327,7 +326,7 @@ def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Calla
         allowed = f"up to {_MAX_RESPONSE_UNKNOWNS} for a polydyne cam"
         raise refuse("model", f"{system.size} unknowns", allowed, "", "use fewer elements")
     structure, pair = build_structure(model), model.cam_contacts[contact]
-    push, stiffness, free = structure.push(pair), system.stiffness, system.free
+    push, stiffness, free = structure.push(contact), system.stiffness, system.free
     if isinstance(pair, PublishedLoad):
         force = series_stiffness(structure, pair, f"contacts.{contact}.follower") * push
     else:

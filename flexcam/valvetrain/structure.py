@@ -19,18 +19,7 @@ from flexcam.fem.dofs import COMPONENTS, DofMap, dof_map, rigid_ties
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.rigid_bodies import free_motions, mass_at, place_matrix, scalar_matrix
 from flexcam.valvetrain.model import Model
-from flexcam.valvetrain.parts import (
-    Adjuster,
-    CamPair,
-    Lash,
-    Lever,
-    LoadTable,
-    Rocker,
-    Seat,
-    Spring,
-    path_name,
-    tip_name,
-)
+from flexcam.valvetrain.parts import Adjuster, Lash, Lever, LoadTable, Rocker, Seat, Spring, path_name, tip_name
 
 _ACROSS = 1e-6  # cosine below which directions are orthogonal
 
@@ -64,10 +53,10 @@ class Structure:
             return factor * self.reach(rocker)
         return self.dofs.vector(find_node(self.model, point, where), direction)
 
-    def push(self, pair: CamPair) -> FloatArray:
+    def push(self, contact: str) -> FloatArray:
         """Return the row of the motion of a follower away from its cam along the lift, shape (n,)."""
-        cam = self.model.cams[pair.cam]
-        return self.row(pair.follower, pair.direction) - self.row(cam.at, pair.direction)
+        pair = self.model.cam_contacts[contact]
+        return self.row(pair.follower, pair.direction) - self.row(self.model.cams[pair.cam].at, pair.direction)
 
     def is_node(self, point: str) -> bool:
         """Return whether a point is a node of the mesh."""
