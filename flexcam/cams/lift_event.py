@@ -279,20 +279,11 @@ def _from(law: Law, ramp: Ramp | None, span_by_lift: float) -> Law:
     return RampTransition(law, ramp.slope * span_by_lift) if ramp else law
 
 
+@lru_cache(maxsize=64)  # the same cam is evaluated at every speed
 def event_extremes(event: Event, order: int = 0) -> tuple[Extreme, Extreme]:
     """Return the minimum and maximum of a lift or of its derivative."""
-    try:
-        return _cached_extremes(event, order)
-    except TypeError:  # an event that contains arrays cannot be a key
-        return _extremes(event, order)
-
-
-def _extremes(event: Event, order: int) -> tuple[Extreme, Extreme]:
     peak = curve_minimum(lambda angle: -event(angle, order), event.joints)
     return curve_minimum(lambda angle: event(angle, order), event.joints), Extreme(-peak.value, peak.at)
-
-
-_cached_extremes = lru_cache(maxsize=64)(_extremes)  # cache of extremes, as the same cam is evaluated at every speed
 
 
 _DWELL_TOLERANCE = 1e-9  # relative difference of lifts within a dwell

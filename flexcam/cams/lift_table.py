@@ -162,14 +162,10 @@ def _fit_within_tolerance(theta: FloatArray, s: FloatArray, count: int, toleranc
             middle = 0.5 * (low + high)
             low, high = (middle, high) if fit.rms_change(10.0**middle) <= tolerance else (low, middle)
         return fit, 10.0**low
-    if tolerance > 0.0:
+    if tolerance > 0.0 or (len(theta) > _KNOTS[-1] and rms > _INTERPOLATION_TOLERANCE * float(s.max())):
         given = f"{1e6 * tolerance:.4g} um for {count} points"
         why = f"a spline of {_KNOTS[-1]} knots cannot follow them closer"
         raise refuse("tolerance", given, f"{1e6 * rms:.4g} um or more", why, "allow more, because the points scatter")
-    if len(theta) > _KNOTS[-1] and rms > _INTERPOLATION_TOLERANCE * float(s.max()):
-        given, allowed = f"0 for {len(theta)} points", f"{1e6 * rms:.4g} um or more, or up to {_KNOTS[-1]} points"
-        why = f"a spline of {_KNOTS[-1]} knots cannot pass through them all"
-        raise refuse("tolerance", given, allowed, why, "allow some, or leave out points")
     return fit, _MIN_WEIGHT
 
 
@@ -210,7 +206,6 @@ class _Fit:
         self.lift, self.count = s, count
 
     def coefficients(self, weight: float) -> FloatArray:
-        """Return the coefficients of the spline at a roughness weight."""
         if weight > _ILL:
             solution = np.linalg.solve(self.square + weight * self.rough, self.rows.T @ self.lift)
         else:  # the normal equations would lose so small a weight
@@ -220,15 +215,12 @@ class _Fit:
         return np.asarray(solution, dtype=float)
 
     def changes(self, weight: float) -> FloatArray:
-        """Return the changes of the measured points."""
         return self.rows[: self.count] @ self.coefficients(weight) - self.lift[: self.count]
 
     def rms_change(self, weight: float) -> float:
-        """Return the root mean square change of the measured points."""
         return float(np.sqrt(np.mean(self.changes(weight) ** 2)))
 
     def largest_change(self, weight: float) -> float:
-        """Return the largest change of a measured point."""
         return float(np.abs(self.changes(weight)).max())
 
     def score(self, weight: float) -> float:

@@ -237,7 +237,7 @@ def couple_cam(structure: Structure, name: str, contact: CamContact, *, twists: 
         Channel(f"{where}.torque", "N m", torque),
         Channel(f"{where}.gap", "m", gap),
         *_profile_channels(structure, name, contact, cam),
-        *lubrication_channels(structure, name, contact, force_sum(0), force_sum(1)),
+        *_lubrication_channels(structure, name, contact),
     ))  # fmt: skip
 
 
@@ -308,10 +308,8 @@ def _cam_law(structure: Structure, name: str, contact: CamContact, cam: Cam) -> 
         return spring_damper(contact.stiffness or 0.0)
     if contact.stiffness is not None:
         return hunt_crossley_contact(contact.stiffness, contact.dissipation)
-    line = hertz_line(structure, name, contact, cam)
-    if isinstance(cam.follower, FlatFollower):
-        return line.law()
-    return line.law(reach(cam))
+    cosine = ONE if isinstance(cam.follower, FlatFollower) else reach(cam)
+    return hertz_line(structure, name, contact, cam).law(cosine)
 
 
 def hertz_line(
@@ -386,17 +384,14 @@ WEAR_REVOLUTIONS = 1e6
 """Number of revolutions of the channel `wear`."""
 
 
-def lubrication_channels(
-    structure: Structure, name: str, contact: CamContact, force: Observable, friction: Observable
-) -> list[Channel]:
+def _lubrication_channels(structure: Structure, name: str, contact: CamContact) -> list[Channel]:
     """Return the channels of film, flash temperature and wear, if the contact has oil.
 
-    `force` and `friction` are the forces of the contact law, N, along the lift and divided by the reach.
+    The forces of the contact law are that along the lift and the friction divided by the reach.
     """
-    lubrication = contact.lubrication
+    lubrication, cam = contact.lubrication, structure.model.cams[contact.cam]
     if lubrication is None:
         return []
-    cam = structure.model.cams[contact.cam]
     where, line = f"contacts.{name}", hertz_line(structure, name, contact, cam, "lubrication")
     film = Film(line.plane_strain, lubrication.viscosity, lubrication.pressure_viscosity)
     wear_coefficient = lubrication.wear_coefficient
@@ -408,7 +403,7 @@ def lubrication_channels(
     def state(obs: Observation) -> tuple[CamProfile, FloatArray, FloatArray]:
         """Return profile, load per length (N/m) and relative radius of curvature (m)."""
         profile = cached_profile(cam, obs.cam)
-        load = np.maximum(force(obs), 0.0) / (profile.touch.reach * line.width)
+        load = np.maximum(obs.forces[:, 0], 0.0) / (profile.touch.reach * line.width)
         return profile, load, obs.cam(line.radius, 0)
 
     def entrainment(obs: Observation) -> FloatArray:
@@ -417,13 +412,10 @@ def lubrication_channels(
     def minimum_film(obs: Observation) -> FloatArray:
         return film.minimum(entrainment(obs), *state(obs)[1:])
 
-    def central_film(obs: Observation) -> FloatArray:
-        return film.central(entrainment(obs), *state(obs)[1:])
-
     channels = [
         Channel(f"{where}.entrainment", "m/s", entrainment),
         Channel(f"{where}.film", "m", minimum_film),
-        Channel(f"{where}.central_film", "m", central_film),
+        Channel(f"{where}.central_film", "m", lambda obs: film.central(entrainment(obs), *state(obs)[1:])),
     ]
     if lubrication.roughness is not None:
         roughness = lubrication.roughness
@@ -438,7 +430,7 @@ def lubrication_channels(
         def temperature(obs: Observation) -> FloatArray:
             profile, load, radius = state(obs)
             u1, sliding = (v * obs.motion.speed for v in (cam_surface_velocity(profile), profile.touch.sliding))
-            heat = np.abs(friction(obs) / profile.touch.reach * sliding) / line.width
+            heat = np.abs(obs.forces[:, 1] / profile.touch.reach * sliding) / line.width
             width = half_width(load, radius, line.plane_strain)
             return flash_temperature(heat, width, effusivity, u1, u1 - sliding)
 

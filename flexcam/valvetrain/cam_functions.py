@@ -72,7 +72,6 @@ class _OfProfile(DerivedCamFunction):
     slope: Callable[[CamProfile], FloatArray]
 
     def of(self, cam: CamFunctionCache, order: int) -> FloatArray:
-        """Return a derivative, see `DerivedCamFunction`."""
         return (self.value, self.slope)[order](cached_profile(self.cam, cam))
 
 
@@ -95,7 +94,6 @@ def _profile_function(value: Values, slope: Values) -> Callable[[Cam], AngleFunc
 
     @_by_shape
     def function(cam: Cam) -> AngleFunction:
-        """Return a function of the cam angle."""
         return _OfProfile(cam, value, slope)
 
     return function
@@ -140,14 +138,12 @@ reach = _profile_function(lambda p: p.touch.reach, lambda p: p.touch.reach_rate)
 """Lift per motion along the normal."""
 
 cam_sliding = _profile_function(
-    lambda p: _along_face(p) / p.touch.reach,
-    lambda p: _by_reach_rate(p, _along_face(p), _along_face_rate(p)),
+    lambda p: _along_face(p) / p.touch.reach, lambda p: _by_reach_rate(p, _along_face(p), _along_face_rate(p))
 )
 """Path per cam angle, m, of the cam's surface along a flat face, divided by the reach."""
 
 _sliding_by_reach = _profile_function(
-    lambda p: p.touch.sliding / p.touch.reach,
-    lambda p: _by_reach_rate(p, p.touch.sliding, p.touch.sliding_rate),
+    lambda p: p.touch.sliding / p.touch.reach, lambda p: _by_reach_rate(p, p.touch.sliding, p.touch.sliding_rate)
 )
 
 
@@ -175,29 +171,22 @@ class _SlidingDistance(DerivedCamFunction):
     """
 
     def __init__(self, path: AngleFunction, cam: Cam, face_ratio: float) -> None:
+        from scipy.interpolate import CubicHermiteSpline
+
         self._cam, self._face_ratio = cam, face_ratio
         width = ANGLES[1]
         x, w = np.polynomial.legendre.leggauss(4)
         values = path((ANGLES[:-1, None] + 0.5 * width * (1.0 + x)).ravel(), 0).reshape(-1, 4)
-        self._path, self._slopes = path, path(ANGLES, 0)
-        self._sums = np.concatenate([[0.0], np.cumsum(0.5 * width * (values @ w))])
+        sums = np.concatenate([[0.0], np.cumsum(0.5 * width * (values @ w))])
+        self._path, self._whole = path, float(sums[-1])
+        self._within = CubicHermiteSpline(ANGLES, sums, path(ANGLES, 0))
 
     def of(self, cam: CamFunctionCache, order: int) -> FloatArray:
-        """Return a derivative, see `DerivedCamFunction`."""
-        distance = cam(self._path, order - 1) if order else self._distance(cam.angle)
+        revolutions, remainder = np.divmod(cam.angle, 2.0 * np.pi)
+        distance = cam(self._path, order - 1) if order else revolutions * self._whole + self._within(remainder)
         if not self._face_ratio:
             return distance
         profile = cached_profile(self._cam, cam)
         if order:
             return distance + self._face_ratio * _by_reach_rate(profile, profile.lift, profile.velocity)
         return distance + self._face_ratio * profile.lift / profile.touch.reach
-
-    def _distance(self, angle: FloatArray) -> FloatArray:
-        width, sums, slopes = ANGLES[1], self._sums, self._slopes
-        revolutions, remainder = np.divmod(angle, 2.0 * np.pi)
-        i = np.minimum((remainder / width).astype(int), len(ANGLES) - 2)
-        z = (remainder - ANGLES[i]) / width
-        y = 1.0 - z
-        # Hermite's cubic through sums and slopes.
-        ends = y * y * (1.0 + 2.0 * z) * sums[i] + z * z * (3.0 - 2.0 * z) * sums[i + 1]
-        return revolutions * sums[-1] + ends + width * z * y * (y * slopes[i] - z * slopes[i + 1])

@@ -228,9 +228,8 @@ def free_running(
 ) -> SpeedByAngle:
     """Return the drive of a freely running cam."""
     if cam not in model.cams:
-        raise refuse(
-            "run.free_running.cam", repr(cam), f"one of {', '.join(model.cams)}", "", suggest_name(cam, model.cams)
-        )
+        allowed = f"one of {', '.join(model.cams)}"
+        raise refuse("run.free_running.cam", repr(cam), allowed, remedy=suggest_name(cam, model.cams))
     part = model.cams[cam]
     if part.follower is None:
         why = "the inertia of the cam follows from its base circle"

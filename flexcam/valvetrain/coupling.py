@@ -36,11 +36,11 @@ class Coupling:
 _zero = constant(0.0)
 
 
-def opposed_force(name: str, rows: FloatArray, law: ForceLaw, offset: AngleFunction = _zero) -> LocalForce:
+def opposed_force(name: str, rows: FloatArray, law: ForceLaw, offsets: tuple[AngleFunction, ...] = ()) -> LocalForce:
     """Return a local force that acts against the rows it senses, A = -G, none of which changes with the cam angle."""
     sense = tuple(AngleVector.constant(row) for row in rows)
     act = tuple(AngleVector.constant(-row) for row in rows)
-    return LocalForce(name, sense, act, law, (offset,) * len(rows))
+    return LocalForce(name, sense, act, law, offsets or (_zero,) * len(rows))
 
 
 def conservative_force(

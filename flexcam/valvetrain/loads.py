@@ -89,9 +89,7 @@ def couple_published_load(structure: Structure, name: str, contact: PublishedLoa
     cam = structure.model.cams[contact.cam]
     train, K = _at_any_speed(structure, name, contact)
     force = preload(structure, contact, train, cam, speed)
-    lift = contact.direction
-    push = structure.row(contact.follower, lift) - structure.row(cam.at, lift)
-    twist = -structure.row(cam.at, contact.rotation)
+    push, twist = structure.push(name), -structure.row(cam.at, contact.rotation)
     arm = derivative(cam.event)
 
     def torque(motion: CamMotion) -> FloatArray:
@@ -107,7 +105,7 @@ def couple_published_load(structure: Structure, name: str, contact: PublishedLoa
         act = AngleVector.constant(push)
         if contact.cam_torque:
             act = AngleVector(np.array([push, twist]), (constant(1.0), arm))
-        sense = AngleVector.constant(structure.row(cam.at, lift))
+        sense = AngleVector.constant(structure.row(cam.at, contact.direction))
         local = (LocalForce(f"contacts.{name}", (sense,), (act,), spring_damper(K), (constant(0.0),)),)
 
     def total(factor: AngleFunction | None = None) -> Observable:

@@ -54,12 +54,15 @@ class Chain:
     unstrained: tuple[str, ...]  #: members beyond the last kept point, with spring forces but no inertia forces
 
 
-def build_chain(model: Model, speed: float, count: int, *, contact: str | None = None, lumped: bool = False) -> Chain:
+def build_chain(model: Model, speed: float, count: int, *, lumped: bool = False) -> Chain:
     """Return the train of a model as a chain of masses."""
     model = straighten(model)
     structure, system = build_structure(model), build_system(model, speed)
-    cam_contact = _contact(model, contact)
-    points = _train(structure, cam_contact)
+    if len(model.cam_contacts) != 1:
+        given, why = f"{len(model.cam_contacts)} contacts of a cam", "the few masses represent the train of one cam"
+        raise refuse("contact", given, "one", why, "choose another model")
+    (contact,) = model.cam_contacts.values()
+    points = _train(structure, contact)
     if not 1 <= count <= len(points):
         given, why = f"{count} masses", "a mass sits at a node of the train"
         raise refuse("count", given, f"1 to {len(points)}", why, "use more elements in its members")
@@ -68,7 +71,7 @@ def build_chain(model: Model, speed: float, count: int, *, contact: str | None =
     names, rows = _kept_rows(system, chain_points)
     shapes = static_shapes(system, rows)
     reduced = project_system(system, ModeBasis(shapes, tuple(names)))
-    motions = rows @ follower_train(structure, cam_contact, "chain").motion
+    motions = rows @ follower_train(structure, contact, "chain").motion
     k = len(chain_points)
     ratios, mass = motions[:k], reduced.mass.dense().copy()
     mass[:k, :k] = np.diag(mass[:k, :k] @ ratios / ratios)  # the same momentum in a rigid motion
@@ -92,17 +95,6 @@ def straighten(model: Model) -> Model:
     """Return a model without bowing members and with springs of one part."""
     members = {n: replace(member, geometric_stiffness=False, bow=0.0) for n, member in model.members.items()}
     return replace(model, members=members, springs={n: condense_spring(spring) for n, spring in model.springs.items()})
-
-
-def _contact(model: Model, name: str | None) -> PublishedLoad | CamContact:
-    if name in model.cam_contacts:
-        return model.cam_contacts[name]
-    if name is not None:
-        raise refuse("contact", repr(name), f"one of {', '.join(model.cam_contacts) or '(there is none)'}")
-    if len(model.cam_contacts) != 1:
-        given, why = f"{len(model.cam_contacts)} contacts of a cam", "the few masses represent the train of one cam"
-        raise refuse("contact", given, "one", why, "choose another model")
-    return next(iter(model.cam_contacts.values()))
 
 
 def _kept_rows(system: System, chain_points: Sequence[tuple[str, FloatArray]]) -> tuple[list[str], FloatArray]:

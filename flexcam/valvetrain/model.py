@@ -80,7 +80,6 @@ class Model:
     bearings: Mapping[str, FilmBearing] = field(default_factory=dict[str, FilmBearing])
 
     def __reduce__(self) -> tuple[type[Model], tuple[object, ...]]:
-        """Return the constructor and its arguments, for pickle and copy."""
         values = (getattr(self, item.name) for item in fields(self))
         return type(self), tuple(dict(value) if isinstance(value, Mapping) else value for value in values)  # pyright: ignore[reportUnknownArgumentType, reportUnknownVariableType]
 

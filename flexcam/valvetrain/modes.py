@@ -69,13 +69,10 @@ class ModelModes:
     def words(self, mode: int) -> str:
         """Describe a mode, such as ``mass valve 60 %, pushrod axial 30 %``."""
         shares = sorted(self.shares[mode].items(), key=lambda item: -item[1])
-        named = [
-            f"{' '.join(dict.fromkeys(part.split()))} {100.0 * share:.0f} %"  # a rocker may be named "rocker"
-            for part, share in shares
-            if share >= _ENERGY_FRACTION
-        ]
-        free = "free motion: " if mode < self.modes.rigid else ""
-        return free + ", ".join(named)
+        parts = [(part, share) for part, share in shares if share >= _ENERGY_FRACTION]
+        # A rocker may be named "rocker".
+        named = [f"{' '.join(dict.fromkeys(part.split()))} {100.0 * share:.0f} %" for part, share in parts]
+        return ("free motion: " if mode < self.modes.rigid else "") + ", ".join(named)
 
 
 def model_modes(
@@ -202,7 +199,9 @@ def modal_basis(problem: Problem, count: int, *, by_parts: bool = False) -> Mode
     if not subset.size:
         return ModeBasis(np.zeros((n, 0)), shift=subset.offset)
     reduced = project_system(problem.system, subset)
-    rows = _interface_rows(reduced)
+    forces = [vector.vectors for force in reduced.local_forces for vector in (*force.sense, *force.act)]
+    rows = np.concatenate([reduced.load_vectors(), *forces, *(probe.rows for probe in reduced.probes)])
+    rows = rows[rows.any(axis=1)]
     if by_parts:
         boundary, parts = _parts(reduced, rows)
         vectors = dynamics.craig_bampton(reduced.mass, reduced.stiffness, boundary, parts, count)
@@ -221,13 +220,6 @@ def _parts(system: System, rows: FloatArray) -> tuple[IntArray, list[IntArray]]:
     coupling = system.stiffness.part(inner) + system.mass.part(inner)
     labels = connected_components(len(inner), coupling.rows, coupling.cols)
     return np.flatnonzero(interface), [inner[group] for group in component_members(labels)]
-
-
-def _interface_rows(system: System) -> FloatArray:
-    """Return the rows of all loads, local forces and probes, shape (k, n)."""
-    forces = [vector.vectors for force in system.local_forces for vector in (*force.sense, *force.act)]
-    rows = np.concatenate([system.load_vectors(), *forces, *(probe.rows for probe in system.probes)])
-    return rows[rows.any(axis=1)]
 
 
 _COMPLIANCE_FRACTION = 1e-4  # fraction of the static contact compliance above which a mode is relevant for the contact
@@ -255,12 +247,8 @@ class ContactModes:
 
 def contact_modes(structure: Structure, contact: str, held: Sequence[tuple[str, Triplets]]) -> ContactModes:
     """Return the modes of a train, and the modal force of a contact in each."""
-    pair = structure.model.cam_contacts[contact]
     modes = model_modes(structure, held=held)
-    push = structure.row(pair.follower, pair.direction) - structure.row(
-        structure.model.cams[pair.cam].at, pair.direction
-    )
-    return ContactModes(modes, np.abs(push @ modes.modes.shapes))
+    return ContactModes(modes, np.abs(structure.push(contact) @ modes.modes.shapes))
 
 
 def contact_stiffness(
@@ -338,12 +326,9 @@ def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Calla
         allowed = f"up to {_MAX_RESPONSE_UNKNOWNS} for a polydyne cam"
         raise refuse("model", f"{system.size} unknowns", allowed, "", "use fewer elements")
     structure, pair = build_structure(model), model.cam_contacts[contact]
-    where = f"contacts.{contact}.follower"
-    lift = pair.direction
-    push = structure.row(pair.follower, lift) - structure.row(model.cams[pair.cam].at, lift)
-    stiffness, free = system.stiffness, system.free
+    push, stiffness, free = structure.push(contact), system.stiffness, system.free
     if isinstance(pair, PublishedLoad):
-        force = series_stiffness(structure, pair, where) * push
+        force = series_stiffness(structure, pair, f"contacts.{contact}.follower") * push
     else:
         if pair.stiffness is None:
             allowed, why = "a constant such as '50 MN/m'", "a polydyne cam needs a linear train"
@@ -354,7 +339,7 @@ def lift_transfer(model: Model, contact: str, probe: str, speed: float) -> Calla
         if isinstance(lash, Lash | Adjuster):
             closed = scalar_matrix(stop_row(structure, name, lash), lash.stiffness)
             stiffness, free = stiffness + closed, None
-    row = structure.row(probe, np.zeros(6) if probe in model.rocker_points else lift, "probe")
+    row = structure.row(probe, np.zeros(6) if probe in model.rocker_points else pair.direction, "probe")
     M, C, K = (np.asarray(matrix.dense()) for matrix in (system.mass, system.damping, stiffness))
     static = float(row @ static_displacement(stiffness, force, system.names, free))
 

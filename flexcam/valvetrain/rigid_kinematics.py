@@ -117,16 +117,10 @@ def is_in_train(model: Model, contact: CamPair, lash: Lash | Adjuster) -> bool:
 @lru_cache(maxsize=4)
 def rigid_trains(structure: Structure) -> tuple[RigidTrain, ...]:
     """Return the parts that cams move or seats stop, without loads."""
-    model, cam_contacts = structure.model, structure.model.cam_contacts
-    drives = [
-        Drive(
-            name,
-            contact,
-            model.cams[contact.cam].lift,
-            structure.row(contact.follower, contact.direction, f"contacts.{name}.follower"),
-        )
-        for name, contact in cam_contacts.items()
-    ]
+    model, drives = structure.model, list[Drive]()
+    for name, contact in model.cam_contacts.items():
+        row = structure.row(contact.follower, contact.direction, f"contacts.{name}.follower")
+        drives.append(Drive(name, contact, model.cams[contact.cam].lift, row))
     stops = [
         Stop(name, part, stop_row(structure, name, part), part.gap if isinstance(part, Lash) else 0.0)
         for name, part in model.contacts.items() if isinstance(part, Seat | Lash | Adjuster)
@@ -139,10 +133,8 @@ def rigid_trains(structure: Structure) -> tuple[RigidTrain, ...]:
     motions = strain_free_motions(structure, links)
     rows = [*(item.row for item in (*drives, *stops, *links)), *(end.path + end.moved for end in levers)]
     stiffness = soft_stiffness(structure)
-    trains = (
-        _train(dofs, motions[dofs], stiffness.part(dofs).dense(), drives, stops, levers)
-        for dofs in coupled_groups(structure, rows)
-    )
+    groups = coupled_groups(structure, rows)
+    trains = (_train(dofs, motions[dofs], stiffness.part(dofs).dense(), drives, stops, levers) for dofs in groups)
     return tuple(train for train in trains if train.drives or any(stop.is_seat for stop in train.stops))
 
 
@@ -170,26 +162,23 @@ def _train(
     """Return the train of some coupled unknowns by their motions without strain, shape (k, r)."""
     vectors, values, _ = np.linalg.svd(motions, full_matrices=False)
     free = vectors[:, : int(np.count_nonzero(values > RANK))].T
-    drives = [replace(drive, row=free @ drive.row[dofs]) for drive in drives]
-    stops = [replace(stop, row=free @ stop.row[dofs]) for stop in stops]
-    levers = [replace(lever, path=free @ lever.path[dofs], moved=free @ lever.moved[dofs]) for lever in levers]
-    drives = [drive for drive in drives if np.abs(drive.row).max(initial=0.0) > RANK]
-    stops = [stop for stop in stops if np.abs(stop.row).max(initial=0.0) > RANK]
-    levers = [lever for lever in levers if np.abs(lever.path).max(initial=0.0) > RANK]
-    sensed = [*(item.row for item in (*drives, *stops)), *(row for end in levers for row in (end.path, end.moved))]
-    basis = np.array(sensed).reshape(len(sensed), len(free))
-    basis = (
-        np.linalg.svd(basis, full_matrices=False)[2][: int(np.linalg.matrix_rank(basis, rtol=RANK))]
-        if sensed
-        else basis
-    )
-    shapes = _least_energy_motions(free @ stiffness @ free.T, basis)
+
+    def moves(row: FloatArray) -> bool:
+        return float(np.abs(free @ row[dofs]).max(initial=0.0)) > RANK
+
+    drives, stops = [drive for drive in drives if moves(drive.row)], [stop for stop in stops if moves(stop.row)]
+    levers = [lever for lever in levers if moves(lever.path)]
+    rows = [*(item.row for item in (*drives, *stops)), *(row for end in levers for row in (end.path, end.moved))]
+    sensed = np.array([free @ row[dofs] for row in rows]).reshape(len(rows), len(free))
+    _, values, vectors = np.linalg.svd(sensed, full_matrices=False)
+    basis = vectors[: int(np.count_nonzero(values > RANK * values.max(initial=0.0)))]
+    shapes = _least_energy_motions(free @ stiffness @ free.T, basis) @ free
     return RigidTrain(
-        dofs, shapes @ free,
-        tuple(replace(drive, row=shapes @ drive.row) for drive in drives),
-        tuple(replace(stop, row=shapes @ stop.row) for stop in stops),
-        tuple(replace(lever, path=shapes @ lever.path, moved=shapes @ lever.moved) for lever in levers),
-        shapes @ free @ stiffness @ free.T @ shapes.T, np.zeros(len(shapes)),
+        dofs, shapes,
+        tuple(replace(drive, row=shapes @ drive.row[dofs]) for drive in drives),
+        tuple(replace(stop, row=shapes @ stop.row[dofs]) for stop in stops),
+        tuple(replace(end, path=shapes @ end.path[dofs], moved=shapes @ end.moved[dofs]) for end in levers),
+        shapes @ stiffness @ shapes.T, np.zeros(len(shapes)),
     )  # fmt: skip
 
 
@@ -243,13 +232,10 @@ def valve_ratio(model: Model, cam: str) -> float:
     structure = build_structure(model)
     for name, contact in model.cam_contacts.items():
         if contact.cam == cam:
-            ends = [
-                (seat.at, seat.direction)
-                for seat in model.contacts.values()
-                if isinstance(seat, Seat) and driving_contact(model, seat.at) == name
-            ]
-            rocker = rocker_of(model, contact)
-            ends += [] if rocker is None else [(rocker.point, np.zeros(6))]
+            seats = (seat for seat in model.contacts.values() if isinstance(seat, Seat))
+            ends = [(seat.at, seat.direction) for seat in seats if driving_contact(model, seat.at) == name]
+            if rocker := rocker_of(model, contact):
+                ends.append((rocker.point, np.zeros(6)))
             motion = follower_train(structure, contact, f"contacts.{name}.follower").motion
             return abs(float(structure.row(*ends[0]) @ motion)) if ends else 1.0
     return 1.0

@@ -15,7 +15,6 @@ import numpy as np
 from flexcam.cams import event_extremes
 from flexcam.core import FloatArray, IntArray, Triplets
 from flexcam.core.errors import refuse
-from flexcam.core.units import ROUNDING
 from flexcam.dynamics import (
     AngleVector,
     CamMotion,
@@ -41,7 +40,7 @@ from flexcam.valvetrain.loads import given_loads, preload, spring_share, steady_
 from flexcam.valvetrain.model import Model
 from flexcam.valvetrain.parts import CamContact, Lash, PublishedLoad
 from flexcam.valvetrain.rigid_kinematics import RigidTrain, follower_train, load_trains, soft_stiffness
-from flexcam.valvetrain.rigid_train import PULL
+from flexcam.valvetrain.rigid_train import PULL, Drive
 from flexcam.valvetrain.springs import condense_spring, couple_springs
 from flexcam.valvetrain.structure import Structure, build_structure, spring_stretches
 from flexcam.valvetrain.system_builder import assemble_system, couple_contact, couple_contacts
@@ -128,15 +127,15 @@ class RigidTrains:
             forces = forces + contact.friction_ratio(rate)[:, None] * sliding
         return forces
 
-    def jams(self, name: str, motion: CamMotion, work: VirtualWork, rate: FloatArray) -> bool:
-        """Return whether friction carries all of the force of a cam contact at some instant."""
+    def jamming_drive(self, motion: CamMotion, work: VirtualWork, rate: FloatArray) -> Drive | None:
+        """Return a cam whose friction carries all of its force at some instant; None without one."""
         for train in self.trains:
-            for i, drive in enumerate(train.drives):
-                if drive.name == name:
-                    unit_forces, solution = self._unit_forces(train, name, work, rate), train.solve(motion.cam)
-                    return any(branch.drive_effect(i, solution.z[0, rows], unit_forces[rows]).min(initial=1.0) <= 0.0
-                               for branch, rows in solution.branches)  # fmt: skip
-        return False
+            for drive in (drive for drive in train.drives if self.contacts[drive.name].sliding is not None):
+                acting, solution = self._unit_forces(train, drive.name, work, rate), train.solve(motion.cam)
+                for branch, rows in solution.branches:
+                    if branch.drive_effect(drive, solution.z[0, rows], acting[rows]).min(initial=1.0) <= 0.0:
+                        return drive
+        return None
 
 
 def _balance(virtual: FloatArray, vectors: FloatArray, residual: FloatArray) -> FloatArray:
@@ -179,7 +178,7 @@ def _build(model: Model, speed: float) -> tuple[System, RigidTrains]:
     trains = load_trains(structure, steady_load(loads, structure.dofs.size))
     system = assemble_system(structure, _damping(structure, trains), couplings)
     motion = RigidTrains(structure.dofs.size, trains, _constraint_forces(model, system))
-    _check_friction(model, system, motion)
+    _check_friction(system, motion)
     return replace(system, prescribed_motion=motion), motion
 
 
@@ -249,25 +248,19 @@ def _damping(structure: Structure, trains: Sequence[RigidTrain]) -> Triplets:
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 721)
 _REST = 1e-6  # rad/s, where nothing has inertia
 _FAST = 1e9  # rad/s, where friction has its full size
+_TOUCHING = 1e-12  # compression of coils beyond their touch that is more than rounding, m
 
 
-def _check_friction(model: Model, system: System, motion: RigidTrains) -> None:
+def _check_friction(system: System, motion: RigidTrains) -> None:
     """Refuse a friction that carries all of the force of its follower at some angle: it jams."""
     cam, forces = ConstantSpeed(_FAST).at(_ANGLES / _FAST), LocalForces(system)
     inputs = forces.prescribed_inputs(cam)
     rate = forces.sense_motion(*motion.at(cam)[:2], inputs)[1]
-    for name, contact in model.cam_contacts.items():
-        if (
-            isinstance(contact, CamContact)
-            and contact.friction
-            and motion.jams(name, cam, forces.virtual_work(inputs), rate)
-        ):
-            allowed, why = (
-                "a friction at which the face slides",
-                "friction alone would hold the rigid follower: it jams",
-            )
-            remedy = "lower it, or place the pivot nearer to the line of the face"
-            raise refuse(f"contacts.{name}.friction", contact.friction, allowed, why, remedy)
+    drive = motion.jamming_drive(cam, forces.virtual_work(inputs), rate)
+    if drive is not None and isinstance(drive.contact, CamContact):
+        allowed, why = "a friction at which the face slides", "friction alone would hold the rigid follower: it jams"
+        remedy = "lower it, or place the pivot nearer to the line of the face"
+        raise refuse(f"contacts.{drive.name}.friction", drive.contact.friction, allowed, why, remedy)
 
 
 def shared_forces(model: Model) -> dict[str, float]:
@@ -304,9 +297,8 @@ def touching_coils(model: Model, speed: float) -> dict[str, float]:
     tops = [cam.drive_angle(event_extremes(cam.event)[1].at) for cam in cams]
     motion, forces = ConstantSpeed(speed).at(np.array(tops) / speed), LocalForces(system)
     penetrations = forces.sense_motion(*trains.at(motion)[:2], forces.prescribed_inputs(motion))[0]
-    compressions: dict[str, float] = {}
-    for force, scalars, _ in forces.parts:
-        compression = (scalars.stop - scalars.start) * float(penetrations[:, scalars].max(initial=0.0))
-        if force.name.endswith(".clash") and compression > ROUNDING:
-            compressions[force.name.split(".")[1]] = compression
-    return compressions
+    clashes = [
+        (force.name.split(".")[1], scalars) for force, scalars, _ in forces.parts if force.name.endswith(".clash")
+    ]
+    pairs = ((name, (s.stop - s.start) * float(penetrations[:, s].max(initial=0.0))) for name, s in clashes)
+    return {name: compression for name, compression in pairs if compression > _TOUCHING}

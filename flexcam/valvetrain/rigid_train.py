@@ -181,9 +181,8 @@ class RigidTrain:
         base = next((branch for branch in self.branches if branch.fits(*branch.positions(lifts), lifts)[0]), None)
         if base is None:
             return {}
-        gaps = [stop.gap - float(stop.row @ base.positions(lifts)[0][0]) for stop in self.stops]
-        pairs = list(zip(self.stops, gaps, strict=True))
-        touching = tuple(not isinstance(stop.part, Adjuster) and abs(gap) <= _CLOSED for stop, gap in pairs)
+        z = base.positions(lifts)[0][0]
+        touching = tuple(abs(s.gap - s.row @ z) <= _CLOSED and not isinstance(s.part, Adjuster) for s in self.stops)
         seated = Branch(self, touching)
         lifted = Branch(self, tuple(on and not stop.is_seat for on, stop in zip(touching, self.stops, strict=True)))
         shared = {
@@ -248,12 +247,12 @@ class Branch:
         column = self._column(len(self.stops) + drive)
         return 0.0 if column is None else -self.train.scale * float(self.positions(lift)[1][0, column])
 
-    def drive_effect(self, drive: int, z: FloatArray, acting: FloatArray) -> FloatArray:
+    def drive_effect(self, drive: Drive, z: FloatArray, acting: FloatArray) -> FloatArray:
         """Return the work of forces on z, shape (m, d), per motion of a cam, shape (m,); one if it is left out."""
-        if drive not in self.drives:
+        constraint = len(self.stops) + self.train.drives.index(drive)
+        if constraint not in self.kept:
             return np.ones(len(z))
-        virtual = self.virtual_motions(z)[:, :, self.kept.index(len(self.stops) + drive)]
-        return (virtual * acting).sum(axis=1)
+        return (self.virtual_motions(z)[:, :, self.kept.index(constraint)] * acting).sum(axis=1)
 
     def fits(self, z: FloatArray, forces: FloatArray, lift: FloatArray) -> Bools:
         """Return at which instants nothing overlaps and every closed stop presses."""
@@ -320,10 +319,8 @@ def find_closed_stops(train: RigidTrain, lift: FloatArray) -> Closed:
         on = [i for i, is_closed in enumerate(closed) if is_closed]
         rows = [*(rows[0] for _, rows, _ in ends), *(stops[i].row for i in on), *(drive.row for drive in train.drives)]
         values = [*(float(rows[0] @ z - error[0]) for error, rows, _ in ends), *(gaps[i] for i in on), *lift.tolist()]
-        C, compliance = (
-            np.array(rows).reshape(len(rows), d),
-            np.repeat([0.0, _COMPLIANCE], [len(ends), len(rows) - len(ends)]),
-        )
+        C = np.array(rows).reshape(len(rows), d)
+        compliance = np.repeat([0.0, _COMPLIANCE], [len(ends), len(rows) - len(ends)])
         matrix = np.block([[elastic, C.T], [C, -np.diag(compliance)]])
         solution = np.linalg.lstsq(matrix, np.concatenate([train.load(closed), values]))[0]
         change, z = float(np.abs(solution[:d] - z).max()), solution[:d].astype(np.float64)

@@ -254,8 +254,8 @@ def nest_interference(inner: Spring, outer: Spring) -> float:
 _FINE = 64  # minimum number of parts for natural frequencies, with which the first one is 1e-4 too high
 
 
-def spring_frequencies(spring: Spring, travel: float = 0.0, count: int = 3) -> FloatArray:
-    """Return the first natural frequencies of a spring with both ends fixed at a travel, Hz; none without mass."""
+def spring_frequencies(spring: Spring, travel: float) -> FloatArray:
+    """Return the lowest three natural frequencies of a spring with fixed ends at a travel, Hz; none without mass."""
     if spring.mass == 0.0:
         return np.zeros(0)
     curve = spring_curve(spring)
@@ -267,7 +267,7 @@ def spring_frequencies(spring: Spring, travel: float = 0.0, count: int = 3) -> F
     M = (2.0 * np.diag(m[:-1] + m[1:]) + np.diag(m[1:-1], 1) + np.diag(m[1:-1], -1)) / 6.0
     L = np.linalg.cholesky(M)
     squares = np.linalg.eigvalsh(np.linalg.solve(L, np.linalg.solve(L, K).T))
-    return np.sqrt(squares[:count]) / (2.0 * math.pi)
+    return np.sqrt(squares[:3]) / (2.0 * math.pi)
 
 
 # parts per half wave, and minimum number of parts, as a valve that hits its seat excites surge at any speed
@@ -336,8 +336,7 @@ def _part_forces(where: str, spring: Spring, rows: FloatArray) -> dict[str, Loca
         forces["table"] = opposed_force(f"{where}.table", rows, table_law(spring))
     if spring.clash_travel is not None:
         offsets = tuple(constant(-(part.travel or 0.0)) for part in spring.parts)
-        clash = opposed_force(f"{where}.clash", rows, elastic_stop(spring.clash_stiffness))
-        forces["clash"] = replace(clash, offset=offsets)
+        forces["clash"] = opposed_force(f"{where}.clash", rows, elastic_stop(spring.clash_stiffness), offsets)
     return forces
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -111,11 +111,9 @@ _MOTION_TOLERANCE = 1e-14  # relative square of the ends' motion that counts as 
 
 def compressed_members(model: Model) -> list[str]:
     """Return the members with a compression channel: all without a cam, and those with geometric stiffness."""
-    shafts = {
-        node
-        for cam in model.cams.values()
-        for node in model.mesh.connected_nodes(model.mesh.node(cam.at), turning=True).tolist()
-    }
+    shafts = set[int]()
+    for cam in model.cams.values():
+        shafts.update(model.mesh.connected_nodes(model.mesh.node(cam.at), turning=True).tolist())
     return [
         name for name, member in model.members.items()
         if member.geometric_stiffness or shafts.isdisjoint(model.mesh.lines[name].tolist())
@@ -142,17 +140,8 @@ class Bars:
 
     def tension(self, moved: FloatArray) -> FloatArray:
         """Return the axial force, N, tension positive, shape (m, e), of displacements of all unknowns, shape (m, n)."""
-        tension = np.zeros((len(moved), len(self.elements)))
-        for numbers, force in self._ends:
-            tension += moved[:, numbers] * force
-        return tension
-
-    def rows(self) -> FloatArray:
-        """Return the tension by all unknowns, shape (e, n)."""
-        rows = np.zeros((len(self.elements), self.structure.dofs.size))
-        for numbers, force in self._ends:
-            rows[np.arange(len(self.elements)), numbers] += force
-        return rows
+        ends = (moved[:, numbers] * force for numbers, force in self._ends)
+        return sum(ends, np.zeros((len(moved), len(self.elements))))
 
     @cached_property
     def _ends(self) -> list[tuple[IntArray, FloatArray]]:
@@ -171,10 +160,7 @@ class Bars:
 def linear_compression(bars: Bars) -> Observable:
     """Return the largest compression of some elements, N, from the motion of their ends along them."""
     thermal = bars.structure.beams.thermal[bars.elements]
-    if bars.structure.dofs.size > DENSE_LIMIT:
-        return lambda obs: (thermal - bars.tension(obs.displacement)).max(axis=1)
-    rows = bars.rows()
-    return lambda obs: (thermal - obs.moved.extract(rows)).max(axis=1)
+    return lambda obs: (thermal - bars.tension(obs.displacement)).max(axis=1)
 
 
 def arch_laws(arch: Arch) -> list[ForceLaw]:
@@ -200,7 +186,7 @@ def geometric_stiffness_forces(structure: Structure) -> Coupling:
             pairs = zip([D @ _local_rows(structure, e) for D, e in shapes], arch_laws(arch), strict=True)
             expansion = structure.beams.thermal[elements] / arch.axial  # a free elongation causes no force
             forces += [
-                replace(opposed_force(f"{where}.bending", rows, law), offset=(constant(-free), *_NO_OFFSET))
+                opposed_force(f"{where}.bending", rows, law, (constant(-free), *_NO_OFFSET))
                 for (rows, law), free in zip(pairs, expansion.tolist(), strict=True)
             ]
             compression = _compression(arch, slice(start, start + SCALARS * len(elements)))
@@ -275,8 +261,7 @@ class StrengthSink:
         mesh, members = structure.model.mesh, structure.model.members
         self._fibres = fibres(list(sections_at_nodes(mesh, members).values()))
         self._spread = element_loads(structure)
-        self._normal: tuple[FloatArray, FloatArray] | None = None
-        self._shear: tuple[FloatArray, FloatArray] | None = None
+        self._normal = self._shear = np.array(np.inf), np.array(-np.inf)  # smallest and largest stress
         self._von_mises = np.zeros((len(structure.beams), 2))
         # cam angles of the last two revolutions, rad, and the maximum von Mises stresses of the members there, Pa
         self._recent = np.zeros(0), np.zeros((0, len(mesh.lines)))
@@ -298,13 +283,9 @@ class StrengthSink:
         self.instants += len(block.field_time)
         nodal, fields = self._structure.dofs.nodal, block.fields
         forces = section_forces(
-            self._structure.beams,
-            nodal(fields.displacement),
-            velocity=nodal(fields.velocity),
-            acceleration=nodal(fields.acceleration),
-            damping=self._structure.model.damping,
-            spread=self._spread,
-        )
+            self._structure.beams, nodal(fields.displacement), velocity=nodal(fields.velocity),
+            acceleration=nodal(fields.acceleration), damping=self._structure.model.damping, spread=self._spread,
+        )  # fmt: skip
         rotated = _rotate_moments(forces, block.field_angle[:, None, None] * self._turns[:, None])
         self._normal = _extend_range(self._normal, self._fibres.normal(rotated))
         self._shear = _extend_range(self._shear, self._fibres.shear(forces))
@@ -347,7 +328,7 @@ class StrengthSink:
 
     def members(self) -> dict[str, MemberStrength]:
         """Return the strength results of every member; empty without saved fields."""
-        if self._normal is None or self._shear is None:
+        if not self.instants:
             return {}
         (normal, swing), (shear, twist) = _halves(*self._normal), _halves(*self._shear)
         mean, alternating = _equivalent(normal, shear), _equivalent(swing, twist)
@@ -389,9 +370,8 @@ def _rotate_moments(forces: FloatArray, angle: FloatArray) -> FloatArray:
     return rotated
 
 
-def _extend_range(bounds: tuple[FloatArray, FloatArray] | None, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    minimum, maximum = values.min(axis=0), values.max(axis=0)
-    return (minimum, maximum) if bounds is None else (np.minimum(bounds[0], minimum), np.maximum(bounds[1], maximum))
+def _extend_range(bounds: tuple[FloatArray, FloatArray], values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    return np.minimum(bounds[0], values.min(axis=0)), np.maximum(bounds[1], values.max(axis=0))
 
 
 def _halves(minimum: FloatArray, maximum: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -53,6 +53,11 @@ class Structure:
             return factor * self.reach(rocker)
         return self.dofs.vector(find_node(self.model, point, where), direction)
 
+    def push(self, contact: str) -> FloatArray:
+        """Return the row of the motion of a follower away from its cam along the lift, shape (n,)."""
+        pair = self.model.cam_contacts[contact]
+        return self.row(pair.follower, pair.direction) - self.row(self.model.cams[pair.cam].at, pair.direction)
+
     def is_node(self, point: str) -> bool:
         """Return whether a point is a node of the mesh."""
         return point not in self.model.rocker_points
@@ -220,14 +225,10 @@ def scalar_inertias(structure: Structure) -> dict[str, list[ScalarInertia]]:
     for name, spring in model.springs.items():
         if spring.mass > 0.0:
             parts = zip(spring.parts, spring_parts(structure, name, spring), strict=True)
-            inertias[f"spring {name}"] = [
-                inertia
-                for part, (low, high) in parts  # consistent: m/6 [2 1; 1 2]
-                for inertia in (
-                    ScalarInertia(0.5 * (low + high), part.mass, spring.direction[:3]),
-                    ScalarInertia(high - low, part.mass / 12.0, zero),
-                )
-            ]
+            inertias[f"spring {name}"] = own = list[ScalarInertia]()
+            for part, (low, high) in parts:  # consistent: m/6 [2 1; 1 2]
+                own.append(ScalarInertia(0.5 * (low + high), part.mass, spring.direction[:3]))
+                own.append(ScalarInertia(high - low, part.mass / 12.0, zero))
     return inertias
 
 

@@ -69,16 +69,11 @@ def assemble_system(
         replace(channel, value=_offset_positions(channel.value, part)) for c, part in pairs for channel in c.channels
     ]
     return System(
-        mass=structure.mass,
-        damping=damping,
-        stiffness=structure.stiffness,
-        names=structure.dofs.names,
+        mass=structure.mass, damping=damping, stiffness=structure.stiffness, names=structure.dofs.names,
         loads=tuple(load for c in couplings for load in c.loads),
         local_forces=tuple(force for c in couplings for force in c.forces),
-        probes=_probes(structure),
-        channels=(*channels, *further),
-        free=structure.free,
-    )
+        probes=_probes(structure), channels=(*channels, *further), free=structure.free,
+    )  # fmt: skip
 
 
 @lru_cache(maxsize=4)
@@ -88,7 +83,6 @@ def _probes(structure: Structure) -> tuple[Probe, ...]:
 
 @lru_cache(maxsize=4)
 def _at_any_speed(structure: Structure) -> tuple[Triplets, tuple[Coupling, ...]]:
-    """Return damping, and couplings other than contacts."""
     return structure.dampers + _damping(structure), _joints(structure)
 
 
@@ -100,13 +94,8 @@ def _build_lazily(build: Callable[[], Observable]) -> Observable:
 
 def _joints(structure: Structure) -> tuple[Coupling, ...]:
     """Return the couplings other than contacts and loads."""
-    return (
-        lever_joints(structure),
-        couple_springs(structure),
-        couple_friction(structure),
-        geometric_stiffness_forces(structure),
-        shaft_channels(structure),
-    )
+    parts = lever_joints, couple_springs, couple_friction, geometric_stiffness_forces, shaft_channels
+    return tuple(couple(structure) for couple in parts)
 
 
 @lru_cache(maxsize=4)
@@ -120,7 +109,6 @@ def _reactions(end: ShaftDrive) -> list[Observable]:
 def _torque(
     structure: Structure, i: int, contacts: Sequence[Coupling], parts: Sequence[_Part], speed: float
 ) -> Observable:
-    """Return the torque of a shaft drive."""
     model, end = structure.model, find_shaft_drives(structure)[i]
     torques = [inertia_torque(end), *map(_offset_positions, _reactions(end), parts[len(contacts) :])]
     for part, (name, contact), coupling in zip(parts, model.contacts.items(), contacts, strict=False):

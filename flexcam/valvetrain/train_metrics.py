@@ -155,7 +155,9 @@ def train_metrics(model: Model, response: Response, period: float, names: Sequen
             figures += _extreme(model, response, f"contacts.{name}.{_NOSE_FORCE}", "N", last)
     for name, contact in model.contacts.items():
         if isinstance(contact, Seat) and f"contacts.{name}.gap" in response.channels:  # the rigid model has no seat
-            figures += _seat(model, response, name, last)
+            if (landing := valve_seating(model, response, name, last)) is not None:
+                values = (landing.velocity, "m/s"), (float(landing.bounces), "1"), (landing.height, "m")
+                figures += [Metric(f"contacts.{name}.{end}", *pair) for end, pair in zip(_SEATING, values, strict=True)]
             if names is None or f"contacts.{name}.{_LOFT}" in names:
                 loft = valve_loft(model, response, name, contact, last)
                 figures += [] if loft is None else [Metric(f"contacts.{name}.{_LOFT}", loft, "m")]
@@ -256,14 +258,6 @@ _LARGEST = (
 _SIGNED = (".compression", ".leak_down")
 
 
-def _seat(model: Model, response: Response, name: str, last: Bools) -> list[Metric]:
-    result = valve_seating(model, response, name, last)
-    if result is None:
-        return []
-    values = (result.velocity, "m/s"), (float(result.bounces), "1"), (result.height, "m")
-    return [Metric(f"contacts.{name}.{suffix}", *value) for suffix, value in zip(_SEATING, values, strict=True)]
-
-
 _LOFT, _NOSE_FORCE, _FRICTION_POWER = "valve_loft", "nose_force.least", "friction_power.mean"
 _GAP, _OPEN = "gap.largest", "open_on_the_lift"
 _DRIVE = ("torque.mean", "power.mean")
@@ -341,23 +335,23 @@ def _drive(model: Model, response: Response, last: Bools) -> list[Metric]:
     time, angle = response.time[begin:], response.angle[begin:]
     if len(time) < _MIN_INSTANTS:
         return []
-    metrics: list[Metric] = []
+    metrics, duration = list[Metric](), float(time[-1] - time[0])
     for where in _parts_with(response.channels, "torque"):
         cam = driven_cam(model, where)
         shaft_angle = angle if cam is None else cam.angle(angle)
         torque, span = response.channels[f"{where}.torque"][begin:], float(shaft_angle[-1] - shaft_angle[0])
         work = float(np.trapezoid(torque, shaft_angle))
         work = work if abs(work) > _ROUNDING * span * float(np.abs(torque).max()) else 0.0
-        values = (work / span, "N m"), (work / float(time[-1] - time[0]), "W")
+        values = (work / span, "N m"), (work / duration, "W")
         metrics += [Metric(f"{where}.{name}", *value) for name, value in zip(_DRIVE, values, strict=True)]
     for where in _parts_with(response.channels, "friction"):
         cam = model.cams[model.cam_contacts[where.removeprefix("contacts.")].cam]
         shaft_angle = cam.angle(angle)
         loss = response.channels[f"{where}.friction"][begin:] * sliding_ratio(cam)(shaft_angle, 0)
-        mean = float(np.trapezoid(np.abs(loss), shaft_angle)) / float(time[-1] - time[0])
+        mean = float(np.trapezoid(np.abs(loss), shaft_angle)) / duration
         metrics.append(Metric(f"{where}.{_FRICTION_POWER}", mean, "W"))
     for where in _parts_with(response.channels, "power"):
-        mean = float(np.trapezoid(response.channels[f"{where}.power"][begin:], time)) / float(time[-1] - time[0])
+        mean = float(np.trapezoid(response.channels[f"{where}.power"][begin:], time)) / duration
         metrics.append(Metric(f"{where}.{_FRICTION_POWER}", mean, "W"))
     return metrics
 
