@@ -49,6 +49,13 @@ class RawTables:
     mesh: Mesh | None  #: mesh of the mesh file; None for a case with its own nodes, or if the file could not be read
     places: KeyLocations  #: source of every key
 
+    def faults(self) -> Iterator[Fault]:
+        """Yield all faults across tables; those of names and places only if the copies of parts are known."""
+        yield from self.exclusive_key_faults()
+        if "repeat" not in self.raw:
+            yield from self.reference_faults()
+            yield from self.coincident_node_faults()
+
     def reference_faults(self) -> Iterator[Fault]:
         """Yield names without a target, or with several nodes where one is required."""
         yield from self._part_faults()

@@ -23,7 +23,7 @@ _INNER = frozenset(("mesh", "members", "superelements", "springs", "rockers"))  
 # Parts and keys whose checks search other tables, and those tables and keys.
 _SEARCHED: Mapping[str, AbstractSet[str]] = {
     "bearings": {"cams", "members"}, "rockers": {"contacts", "supports", "members"}, "cams": {"members"},
-    "contacts": {"members"},
+    "contacts": TRAIN, "run.damping.modal": TRAIN,
     "run.start": TRAIN, "run.start.displacement": _INNER, "run.start.velocity": _INNER, "run.step": {"run.speed"},
     "run.steps_per_revolution": {"run.speed"}, "run.adaptive.smallest": {"run", "run.step", "run.speed"},
 }  # fmt: skip
@@ -48,11 +48,10 @@ def _path(fault: Fault) -> Path:
 class ValidParts:
     """Tables of a case from which faulty parts are left out; the smallest change that cures a fault is made first."""
 
-    given: dict[str, Any]  #: tables that are left
+    given: dict[str, Any]  #: tables that are left, which this object may change
     mesh: Mesh | None
     #: parts and keys that were changed, and tables that lack a part, as `springs.valve` and `springs`
     changed: set[str] = field(default_factory=set[str])
-    replaced: set[str] = field(default_factory=set[str])  #: parts that have a stand-in
 
     def keeps(self, kinds: Iterable[str]) -> bool:
         """Return whether no part of some tables was changed."""
@@ -66,19 +65,18 @@ class ValidParts:
     def tables(self) -> dict[str, Any]:
         """Return the tables; if parts are missing, with masses that let every point move."""
         tables, nodes = deepcopy(self.given) | {"format": 1}, self._table("nodes")
-        if self.mesh is None and not nodes:
-            tables["nodes"] = nodes = {"stand-in": [0.0, 0.0, 0.0]}
+        lines, points = list[str](), list(nodes)
+        if self.mesh is not None:
+            lines, points = list(self.mesh.lines), [name for name, at in self.mesh.points.items() if len(at) == 1]
+        else:
+            tables.pop("mesh", None)
+            tables["nodes"] = nodes or {"stand-in": [0.0, 0.0, 0.0]}
         extra: dict[str, dict[str, Any]] = {kind: {"stand-in": _STAND_INS[kind]} for kind in ("materials", "sections")}
-        extra["members"] = {name: {"material": "stand-in", "section": "stand-in"} for name in self._lines}
+        extra["members"] = {name: {"material": "stand-in", "section": "stand-in"} for name in lines}
         if not self.connected:
-            points = nodes if self.mesh is None else [name for name, n in self.mesh.points.items() if len(n) == 1]
-            extra["masses"] = {f"at {name}": {"at": name, "mass": 1.0, "inertia": [1.0, 1.0, 1.0]} for name in points}
+            mass = {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}
+            extra["masses"] = {f"at {name}": {"at": name, **mass} for name in points}
         return tables | {kind: parts | self._table(kind) for kind, parts in extra.items()}
-
-    @property
-    def _lines(self) -> Iterable[str]:
-        """Members that a mesh file defines."""
-        return () if self.mesh is None else self.mesh.lines
 
     def follows(self, fault: Fault) -> bool:
         """Return whether a fault may follow from the changes."""
@@ -94,21 +92,17 @@ class ValidParts:
         parts: dict[Path, list[Fault]] = {}
         for fault in faults:
             parts.setdefault(_path(fault)[:2], []).append(fault)
-        changes = [[self._cure(fault) for fault in part_faults] for part_faults in parts.values()]
-        uncured = [part for part, cured in zip(parts, changes, strict=True) if not any(cured)]
-        replaced = [self._replace(*part) for part in uncured]
-        return len(uncured) < len(parts) or any(replaced)
+        cured = {part: [self._cure(fault) for fault in causes] for part, causes in parts.items()}
+        return any([any(cures) or self._replace(*part) for part, cures in cured.items()])  # noqa: C419 - all of them
 
     def _table(self, *path: str) -> dict[str, Any]:
         table = value_at(self.given, path)
         return cast("dict[str, Any]", table) if isinstance(table, dict) else {}
 
     def _cure(self, fault: Fault) -> bool:
-        """Remove an unknown or optional key, or replace a quantity by an example; return whether this was possible."""
+        """Remove an optional key, or replace a quantity by an example; return whether this was possible."""
         path = _path(fault)
         holder, key, part = self._table(*path[:-1]), path[-1], ".".join(path[:2])
-        if fault.given == f"key {key!r}":
-            return holder.pop(key, None) is not None
         if path[0] in _OPTIONAL and len(path) > 1:
             self.changed.add(part)
             return self._table(path[0]).pop(path[1], None) is not None
@@ -121,19 +115,18 @@ class ValidParts:
 
     def _replace(self, kind: str, name: str = "") -> bool:
         """Replace a part by its stand-in, or remove it; return whether this changed it."""
-        entire = not name or kind in _OPTIONAL
-        holder, key = (self.given, kind) if entire else (self._table(kind), name)
-        part, stand_in = kind if entire else f"{kind}.{name}", _STAND_INS.get(kind)
+        path = (kind,) if not name or kind in _OPTIONAL else (kind, name)
+        holder, part = self._table(*path[:-1]), ".".join(path)
+        table, old = self._table(*path), holder.get(path[-1])
         self.changed.add(part)
-        if stand_in is None or part in self.replaced:
-            if name not in self._lines:
-                self.changed.add(kind)
-            return holder.pop(key, None) is not None
-        table = self._table(*part.split("."))
-        new = {at: table.get(at) if value is None else value for at, value in stand_in.items()}
+        new = {key: table.get(key) if value is None else value for key, value in _STAND_INS.get(kind, {}).items()}
+        new = {key: value for key, value in new.items() if value is not None}
         if isinstance(nodes := new.get("nodes"), list):
             named = (n for n in cast("list[object]", nodes) if isinstance(n, str) and n in self._table("nodes"))
             new["nodes"] = list(dict.fromkeys(named))
-        self.replaced.add(part)
-        holder[key] = {at: value for at, value in new.items() if value is not None}
-        return True
+        if new and new != old:
+            holder[path[-1]] = new
+        else:
+            self.changed.add(kind)
+            holder.pop(path[-1], None)
+        return old is not None
