@@ -242,7 +242,7 @@ def _fits(value: object, key: FieldInfo) -> bool:
 
 def _fields(path: Path, root: type[BaseModel], steps: Sequence[int | str]) -> dict[str, FieldInfo]:
     """Return the keys of the table of a key, in the variant that the steps of pydantic name, with their fields."""
-    records, tags = records_at(path[:-1], root), [*(Counter(steps) - Counter(path))]
+    records, tags = records_at(path[:-1], root), [*(Counter(map(str, steps)) - Counter(path))]
     own = [r for r in records if any(x in tags for key in r.model_fields.values() for x in get_args(key.annotation))]
     fields: dict[str, FieldInfo] = {}
     for record in own or records:
