@@ -118,11 +118,6 @@ def si_unit(path: tuple[str, ...]) -> str | None:
     return units.pop() if len(units) == 1 else None
 
 
-def example_value(path: tuple[str, ...]) -> str | None:
-    """Return an example of a quantity, such as ``25 mm``; None for other keys."""
-    return next((DIMENSIONS[unit.dimension].example for units in _units_at(path) for unit in units), None)
-
-
 def _units_at(path: tuple[str, ...]) -> list[list[Unit]]:
     """Return the units of a key in each of the tables that may contain it."""
     while path and path[-1].isdigit():

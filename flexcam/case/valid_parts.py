@@ -9,7 +9,6 @@ from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Any, cast
 
-from flexcam.case.case import example_value
 from flexcam.case.fault_report import Path, value_at
 from flexcam.core.errors import Fault
 from flexcam.fem.mesh import Mesh
@@ -23,7 +22,7 @@ _INNER = frozenset(("mesh", "members", "superelements", "springs", "rockers"))  
 # Parts and keys whose checks search other tables, and those tables and keys.
 _SEARCHED: Mapping[str, AbstractSet[str]] = {
     "bearings": {"cams", "members"}, "rockers": {"contacts", "supports", "members"}, "cams": {"members"},
-    "contacts": TRAIN, "run.damping.modal": TRAIN,
+    "contacts": {"members"}, "run.damping.modal": TRAIN,
     "run.start": TRAIN, "run.start.displacement": _INNER, "run.start.velocity": _INNER, "run.step": {"run.speed"},
     "run.steps_per_revolution": {"run.speed"}, "run.adaptive.smallest": {"run", "run.step", "run.speed"},
 }  # fmt: skip
@@ -32,6 +31,8 @@ _STAND_INS: Mapping[str, Mapping[str, Any]] = {
     "materials": {"E": 2e11, "nu": 0.3, "density": 8e3, "expansion": 1e-5},
     "sections": {"shape": "circle", "diameter": 0.01},
     "members": {"nodes": None, "material": "stand-in", "section": "stand-in"},
+    "masses": {"at": None, "mass": 1.0},
+    "springs": {"at": None, "to": None, "direction": None, "stiffness": 1e4},
     "rockers": {"model": "lumped", "from": None, "to": None, "direction": None, "arms": [1.0, 1.0]},
     "cams": {"at": None, "axis": None, "law": "cycloidal", "lift": 1e-3, "rise": 1.0, "return": 1.0,
              "base_radius": 0.1, "width": 0.01, "follower": {"type": "flat"}},
@@ -46,7 +47,7 @@ def _path(fault: Fault) -> Path:
 
 @dataclass
 class ValidParts:
-    """Tables of a case from which faulty parts are left out; the smallest change that cures a fault is made first."""
+    """Tables of a case from which faulty parts are left out: replaced by a valid part of its kind, else removed."""
 
     given: dict[str, Any]  #: tables that are left, which this object may change
     mesh: Mesh | None
@@ -76,6 +77,8 @@ class ValidParts:
         if not self.connected:
             mass = {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}
             extra["masses"] = {f"at {name}": {"at": name, **mass} for name in points}
+            contacts = self._table("contacts").items()  # the preload of a published load needs a whole train
+            tables["contacts"] = {name: part for name, part in contacts if part.get("model") != "published-load"}
         return tables | {kind: parts | self._table(kind) for kind, parts in extra.items()}
 
     def follows(self, fault: Fault) -> bool:
@@ -88,37 +91,22 @@ class ValidParts:
         return not self.changed.isdisjoint(keys)
 
     def leave_out(self, faults: Iterable[Fault]) -> bool:
-        """Leave out what has a fault; return whether anything was left to change."""
-        parts: dict[Path, list[Fault]] = {}
-        for fault in faults:
-            parts.setdefault(_path(fault)[:2], []).append(fault)
-        cured = {part: [self._cure(fault) for fault in causes] for part, causes in parts.items()}
-        return any([any(cures) or self._replace(*part) for part, cures in cured.items()])  # noqa: C419 - all of them
+        """Leave out the parts that have a fault; return whether anything was left to change."""
+        changes = [self._leave_out(*part) for part in dict.fromkeys(_path(fault)[:2] for fault in faults)]
+        return any(changes)
 
     def _table(self, *path: str) -> dict[str, Any]:
         table = value_at(self.given, path)
         return cast("dict[str, Any]", table) if isinstance(table, dict) else {}
 
-    def _cure(self, fault: Fault) -> bool:
-        """Remove an optional key, or replace a quantity by an example; return whether this was possible."""
-        path = _path(fault)
-        holder, key, part = self._table(*path[:-1]), path[-1], ".".join(path[:2])
-        if path[0] in _OPTIONAL and len(path) > 1:
-            self.changed.add(part)
-            return self._table(path[0]).pop(path[1], None) is not None
-        example = example_value(path) if holder and len(path) > 2 else None
-        if example is None or holder.get(key) == example:
-            return False
-        holder[key] = example
-        self.changed.add(part)
-        return True
-
-    def _replace(self, kind: str, name: str = "") -> bool:
-        """Replace a part by its stand-in, or remove it; return whether this changed it."""
+    def _leave_out(self, kind: str, name: str = "") -> bool:
+        """Remove an optional key, replace a part by its stand-in, or remove it; return whether this changed it."""
+        if kind in _OPTIONAL and self._table(kind).pop(name, None) is not None:
+            self.changed.add(f"{kind}.{name}")
+            return True
         path = (kind,) if not name or kind in _OPTIONAL else (kind, name)
-        holder, part = self._table(*path[:-1]), ".".join(path)
-        table, old = self._table(*path), holder.get(path[-1])
-        self.changed.add(part)
+        holder, table, old = self._table(*path[:-1]), self._table(*path), value_at(self.given, path)
+        self.changed.add(".".join(path))
         new = {key: table.get(key) if value is None else value for key, value in _STAND_INS.get(kind, {}).items()}
         new = {key: value for key, value in new.items() if value is not None}
         if isinstance(nodes := new.get("nodes"), list):
