@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -51,7 +50,7 @@ def parse_follower(follower: str, base_radius: str | None = None, *, clockwise: 
         remedy = "give a table in braces with quotes around each string"
         raise refuse("follower", follower, allowed, "", remedy) from None
     raw = {"follower": table, "base_radius": base_radius}
-    record, faults, *_ = check_record(_FollowerRecord, raw, KeyLocations({}), Path())
+    record, faults, *_ = check_record(_FollowerRecord, raw, KeyLocations({}), {})
     if record is None or faults:
         raise InputError(faults)
     result = record.follower.build(record.base_radius)

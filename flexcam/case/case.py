@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
@@ -100,16 +100,11 @@ class CamsRecord(Record):
     speed: CamshaftSpeed = None
 
 
-class SweepFileRecord(Record):
-    """Case of which only the table ``[sweep]`` is read."""
+class PartialRecord(Record):
+    """Case of which only these tables are read: before copies of parts exist, and for the options of a sweep."""
 
-    sweep: SweepRecord
-
-
-class RepeatFileRecord(Record):
-    """Case of which only the table ``[repeat]`` is read, before its copies exist."""
-
-    repeat: dict[Name, RepeatRecord]
+    repeat: dict[Name, RepeatRecord] = Field(default={})
+    sweep: SweepRecord | None = None
 
 
 def si_unit(path: tuple[str, ...]) -> str | None:
@@ -125,7 +120,7 @@ def _units_at(path: tuple[str, ...]) -> list[list[Unit]]:
     fields = [field for name, field in fields_at(path[:-1], CaseRecord) if name == path[-1]]
     if not fields and len(path) > 1:  # a name in a table of names, such as nodes
         fields = [field for name, field in fields_at(path[:-2], CaseRecord) if name == path[-2]]
-    return [[unit for part in (*field.metadata, field.annotation) for unit in units_in(part)] for field in fields]
+    return [units_in(field) for field in fields]
 
 
 def resolve_record(record: CaseRecord) -> dict[str, Any]:
@@ -205,8 +200,6 @@ class Case:
         Source of every key: line or override.
     files
         Texts of the law and lift files, by name in the case.
-    reread
-        Function that reads a case again with other values by table and key.
     result_name
         Name of its results; that of its file by default.
 
@@ -222,7 +215,6 @@ class Case:
     mesh: Mesh | None
     places: KeyLocations
     files: Mapping[str, str]
-    reread: Callable[[Case, Mapping[str, object]], Case]
     result_name: str = ""
 
     def __repr__(self) -> str:
@@ -305,7 +297,9 @@ class Case:
         ``case.replace({"springs.valve.stiffness": "60 kN/m"})``, or ``case.replace({"springs": {"valve": {"stiffness":
         6e4}}})``
         """
-        return self.reread(self, values)
+        from flexcam.case.reader import replace_values  # which imports this module
+
+        return replace_values(self, values)
 
     def with_stable_method(self) -> Case:
         """Return the same case if its method is stable at any time step, otherwise with the average acceleration."""

@@ -205,8 +205,7 @@ class RawTables:
                 of_lash = kind == "contacts" and key == "at" and table.get("model") != "seat"
                 owner = next((rocker for rocker, to in outputs.items() if to == table.get(key)), None)
                 if kind == "contacts" and key in ("to", "follower") and owner is not None:
-                    remedy = f"write at = {owner!r} for a lash or an adjuster there"
-                    remedy = "name the node that the cam moves" if key == "follower" else remedy
+                    remedy = f"write at = {owner!r} for a lash or an adjuster there" if key == "to" else ""
                     why = f"it is the output point of rocker {owner!r}"
                     yield self._fault((kind, name, key), repr(table.get(key)), "a node", why, remedy)
                 elif not of_lash and not (kind == "rockers" and _is_finger(table, counts)):

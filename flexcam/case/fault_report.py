@@ -6,10 +6,9 @@ import math
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
-from pathlib import Path as FilePath
 from pathlib import PurePath
 from typing import Any, TypeVar, cast, get_args, get_origin
 
@@ -139,15 +138,14 @@ def value_at(table: object, path: Sequence[str]) -> object:
 
 
 def check_record(
-    kind: type[AnyRecord], raw: Mapping[str, Any], places: KeyLocations, case: FilePath,
-    texts: dict[str, str] | None = None,
-) -> tuple[AnyRecord | None, list[Fault], dict[str, Any], KeyLocations]:  # fmt: skip
+    kind: type[AnyRecord], raw: Mapping[str, Any], places: KeyLocations, context: Mapping[str, Any]
+) -> tuple[AnyRecord | None, list[Fault], dict[str, Any], KeyLocations]:
     """Return the record of some tables, their faults, the tables with known keys only, and the sources of these.
 
-    A misspelt key counts as the one that is meant, so that one mistake does not cause further faults. Relative file
-    names refer to the folder of the case; the texts of these files join `texts`.
+    A misspelt key counts as the one that is meant, so that one mistake does not cause further faults. The context has
+    the file of the `case`, to whose folder file names refer, and the `texts` of these files, which reading adds.
     """
-    raw, faults, context = dict(raw), list[Fault](), {"case": case, "texts": {} if texts is None else texts}
+    raw, faults = dict(raw), list[Fault]()
     while True:
         record, errors = None, list[ErrorDetails]()
         try:
@@ -218,6 +216,17 @@ def _path(error: ErrorDetails, raw: Mapping[str, Any]) -> Path:
     return tuple(path)
 
 
+def iterate_values(table: object, path: Path = ()) -> Iterator[tuple[Path, object]]:
+    """Yield path and value of all values in nested tables and lists."""
+    if isinstance(table, list):
+        table = {str(i): item for i, item in enumerate(cast("list[object]", table))}
+    if isinstance(table, dict):
+        for name, item in cast("dict[str, object]", table).items():
+            yield from iterate_values(item, (*path, name))
+    else:
+        yield path, table
+
+
 _SYNONYMS = {
     "rate": "stiffness", "preload": "installed_force", "clearance": "gap", "lash": "gap", "damping": "dissipation",
     "step_size": "step", "time_step": "step", "rpm": "speed",
@@ -232,8 +241,7 @@ REPLACED_KEYS = {key: [other for other in keys if other != key] for keys in _EXC
 
 def _fits(value: object, key: FieldInfo) -> bool:
     """Return whether a value may be that of a key: a quantity in a unit of the key, and no number for a table."""
-    units = [unit for part in (*key.metadata, key.annotation) for unit in units_in(part)]
-    quantity = NUMBER.match(value) if isinstance(value, str) else None
+    units, quantity = units_in(key), NUMBER.match(value) if isinstance(value, str) else None
     if units and quantity:
         kinds = {kind for unit in units for kind in (unit.dimension, unit.axis) if kind}
         return any(is_convertible(quantity[2], DIMENSIONS[kind].si) for kind in kinds)
@@ -287,8 +295,7 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
             why, remedy = "it is the version of the case format", "a newer flexcam may have written it"
             return Fault(where, given, "1", why, remedy)
         case "string_pattern_mismatch":
-            mark = re.search(r"\{([^{}]*)\}", path[-1] if path else "")
-            return Fault(where, given, NAMES, f"there is no [repeat.{mark[1]}]" if mark else "", "")
+            return Fault(where, given, NAMES, "", "")
         case "list_type" | "tuple_type" if description := _describe_field(path, root, error["loc"]):
             allowed, _, why = description.partition("; ")
             allowed = allowed if "in brackets" in description else f"{describe_type_error(error)}: {allowed}"
@@ -340,7 +347,7 @@ def _describe_field(path: Path, root: type[BaseModel], steps: Sequence[int | str
     key = _fields(path, root, steps).get(path[-1])
     if key is None:
         return ""
-    units = [unit for part in (*key.metadata, key.annotation) for unit in units_in(part) if not unit.axis]
+    units = [unit for unit in units_in(key) if not unit.axis]
     kinds, parts = [unit.description for unit in units[:1]], get_args(key.annotation)
     if kinds and get_origin(key.annotation) is tuple and Ellipsis not in parts:
         kinds = [f"{len(parts)} values in brackets, each {kinds[0]}"]

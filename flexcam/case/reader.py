@@ -20,22 +20,14 @@ from flexcam.case.case import (
     CamsRecord,
     Case,
     CaseRecord,
-    RepeatFileRecord,
-    SweepFileRecord,
+    PartialRecord,
     SweepRecord,
     find_unit,
     resolve_record,
     si_unit,
 )
 from flexcam.case.cross_checks import RawTables
-from flexcam.case.fault_report import (
-    REPLACED_KEYS,
-    KeyLocations,
-    check_record,
-    parse_toml,
-    sort_faults,
-    value_at,
-)
+from flexcam.case.fault_report import REPLACED_KEYS, KeyLocations, check_record, parse_toml, sort_faults, value_at
 from flexcam.case.fault_report import Path as KeyPath
 from flexcam.case.problem_builder import build_equations, check_run, locate_run_faults
 from flexcam.case.repetition import Repetition
@@ -181,9 +173,7 @@ class CaseFile:
         try:
             return cls(source, read_text(source))
         except FileNotFoundError:
-            below = next(source.parent.glob(f"*/{source.stem}.toml"), None)
             near = suggest_name(source.name, [file.name for file in source.parent.glob("*.toml")])
-            near = near or (f"did you mean {str(below)!r}?" if below else "")
             raise refuse("case file", str(source), "", f"{source} does not exist", near) from None
         except OSError as fault:
             if source.suffix == ".vtkhdf":
@@ -213,9 +203,6 @@ class CaseFile:
                 name, given = (table, table) if line.startswith("[") else (key, f"key {key}")
                 where, why = f"{self.path}, line {match[2]}", f"{name} is given twice"
                 raise refuse(where, given, "every key and table only once", why, "delete one of the two") from None
-            if self.path.suffix != ".toml":
-                why = f"it is not a TOML document: {fault}"
-                raise refuse("case file", str(self.path), "a case file (.toml)", why) from None
             remedy = "strings need quotes, tables need [brackets]"
             raise refuse(str(self.path), "text that is not TOML", "a TOML document", str(fault), remedy) from None
 
@@ -249,12 +236,12 @@ class CaseFile:
         self, raw: Mapping[str, Any], places: KeyLocations, overrides: Sequence[str] = ()
     ) -> tuple[Case | None, list[Fault], dict[str, Any], KeyLocations]:
         """Return the case of some tables, their faults, the tables with known keys only, and the sources of these."""
-        record, faults, tables, places = check_record(CaseRecord, raw, places, self.path, self.files)
+        record, faults, tables, places = check_record(CaseRecord, raw, places, {"case": self.path, "texts": self.files})
         mesh, mesh_faults = self._mesh(tables, places)
         faults += [*mesh_faults, *RawTables(tables, mesh, places).faults()]
         if record is None:
             return None, faults, tables, places
-        case = Case(self.path, self.text, tuple(overrides), record, mesh, places, self.files, replace_values)
+        case = Case(self.path, self.text, tuple(overrides), record, mesh, places, self.files)
         return case, faults, tables, places
 
     def templates(self, overrides: Sequence[str]) -> tuple[list[str], dict[str, Any], KeyLocations, list[Fault]]:
@@ -270,7 +257,7 @@ class CaseFile:
         """
         first, tables, places, first_faults = self.templates(overrides)
         repeat = tables.get("repeat", {})
-        record, faults, *_ = check_record(RepeatFileRecord, {"repeat": repeat}, places, self.path)
+        record, faults, *_ = check_record(PartialRecord, {"repeat": repeat}, places, {})
         marks = [mark.strip("{}") for mark in cast("dict[str, Any]", repeat)] if isinstance(repeat, dict) else []
         repeats = record.repeat if record else dict.fromkeys(marks, RepeatRecord.model_validate({"names": ["1"]}))
         faulty: dict[str, Any] = {} if record else {"repeat": repeat}
@@ -286,7 +273,7 @@ class CaseFile:
         if "sweep" not in self.raw:
             return None
         places = KeyLocations.of_text(self.text)
-        record, faults, *_ = check_record(SweepFileRecord, {"sweep": self.raw["sweep"]}, places, self.path)
+        record, faults, *_ = check_record(PartialRecord, {"sweep": self.raw["sweep"]}, places, {})
         if record is None or faults:
             raise InputError(faults)
         return record.sweep
@@ -400,7 +387,7 @@ def read_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamsRecord:
     """Read and check a file that contains only cams."""
     file = CaseFile.open(path)
     raw, places, faults = file.complete(overrides)
-    record, record_faults, tables, places = check_record(CamsRecord, raw, places, file.path)
+    record, record_faults, tables, places = check_record(CamsRecord, raw, places, {"case": file.path})
     faults += [*record_faults, *RawTables(tables, None, places).reference_faults()]
     if faults or record is None:
         raise InputError(faults)

@@ -118,6 +118,11 @@ class Dimension:
     least: float
     most: float
 
+    @property
+    def indefinite(self) -> str:
+        """Name with its article, such as ``an angle``."""
+        return f"{'an' if self.name[0] in 'aeiou' else 'a'} {self.name}"
+
 
 def _table(*rows: tuple[str, Exponents, str, str, float, float]) -> dict[str, Dimension]:
     return {row[0]: Dimension(*row) for row in rows}
@@ -230,8 +235,7 @@ def parse(
 ) -> float:
     """Parse a quantity and return its SI value; messages offer a number in SI if a plain number is allowed."""
     kind = DIMENSIONS[dimension]
-    article = "an" if kind.name[0] in "aeiou" else "a"
-    allowed = f"{article} {kind.name} such as {kind.example!r}"
+    allowed = f"{kind.indefinite} such as {kind.example!r}"
     allowed += f"{PLAIN_NUMBER}{kind.si}" if kind.si and plain else ""
     no_unit = "the value is dimensionless", "leave the unit out, or write a percentage such as '5 %'"
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):  # pyright: ignore[reportUnnecessaryIsInstance] - file content
@@ -271,9 +275,7 @@ def parse(
     if si != 0.0 and not kind.least <= abs(si) <= kind.most:
         minimum, maximum = (limit / float(factor) for limit in (kind.least, kind.most))
         why = f"between {minimum:g} and {maximum:g} {text or kind.si}".rstrip()
-        raise refuse(
-            where, repr(value), allowed, f"no mechanism has such {article} {kind.name}: {why}", "check the unit"
-        )
+        raise refuse(where, repr(value), allowed, f"no mechanism has such {kind.indefinite}: {why}", "check the unit")
     return si
 
 
