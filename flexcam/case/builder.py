@@ -45,10 +45,8 @@ def parse_follower(follower: str, base_radius: str | None = None, *, clockwise: 
         table = parse_toml(f"follower = {follower}")["follower"]
     except ValueError as fault:
         allowed = 'a table in TOML notation, such as { type = "roller", radius = "9 mm" }'
-        if follower.lstrip().startswith("{"):
-            raise refuse("follower", follower, allowed, str(fault)) from None
         remedy = "give a table in braces with quotes around each string"
-        raise refuse("follower", follower, allowed, "", remedy) from None
+        raise refuse("follower", follower, allowed, str(fault), remedy) from None
     raw = {"follower": table, "base_radius": base_radius}
     record, faults, *_ = check_record(_FollowerRecord, raw, KeyLocations({}), {})
     if record is None or faults:

@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
 from pydantic import BaseModel, Field, ValidationError
 
-from flexcam.case.fault_report import KeyLocations
+from flexcam.case.fault_report import KeyLocations, value_at
 from flexcam.case.fault_report import Path as KeyPath
 from flexcam.case.schema.base import CamshaftSpeed, Component, Name, Point, Record, Unit, fields_at, units_in
 from flexcam.case.schema.cams import CamDesignRecord, CamRecord
@@ -139,10 +141,20 @@ def find_unit(record: CaseRecord, path: Sequence[str]) -> str | None:
     if si is not None and not any(unit.axis for units in _units_at(tuple(path)) for unit in units):
         return si
     table, rest = _enclosing_table(record, path)
+    tables = deepcopy(table.model_dump(mode="json", by_alias=True))
+    holder, number = cast("Any", value_at(tables, rest[:-1])), value_at(tables, rest)
+    if number is None:
+        return None
+    key = int(rest[-1]) if isinstance(holder, list) else rest[-1]
     # Moments may omit the radian, so rotational stiffness is tried first.
     kinds = sorted(DIMENSIONS.values(), key=lambda kind: path[-1] not in kind.name)
     units = [*(kind.si for kind in kinds if kind.si), ""]
-    return next((unit for unit in units if _accepts_unit(table, rest, unit)), None)
+    for unit in units:
+        holder[key] = f"{number!r} {unit}" if unit else number
+        with suppress(ValidationError, InputError):
+            if type(table).model_validate(tables) == table:
+                return unit
+    return None
 
 
 def _enclosing_table(record: BaseModel, path: Sequence[str]) -> tuple[BaseModel, Sequence[str]]:
@@ -156,28 +168,6 @@ def _enclosing_table(record: BaseModel, path: Sequence[str]) -> tuple[BaseModel,
         elif isinstance(value, dict):
             value = cast("dict[str, object]", value).get(step)
     return innermost
-
-
-def _accepts_unit(table: BaseModel, path: Sequence[str], unit: str) -> bool:
-    """Return whether a table keeps its values with a number in a given unit."""
-    try:
-        candidate = _set_unit(table.model_dump(mode="json", by_alias=True), path, unit)
-        return type(table).model_validate(candidate) == table
-    except (ValidationError, InputError, KeyError, IndexError):
-        return False
-
-
-def _set_unit(value: object, path: Sequence[str], unit: str) -> object:
-    """Return the raw value with a unit appended to the number at a path."""
-    if not path:
-        return f"{value!r} {unit}" if unit else value
-    step, *rest = path
-    if isinstance(value, list):
-        row = [*cast("list[object]", value)]
-        row[int(step)] = _set_unit(row[int(step)], rest, unit)
-        return row
-    table = cast("dict[str, object]", value)
-    return {**table, step: _set_unit(table[step], rest, unit)}
 
 
 @dataclass(frozen=True, eq=False)

@@ -152,10 +152,9 @@ def check_record(
             record = kind.model_validate(raw, context=context)
         except ValidationError as refusal:
             errors = refusal.errors(include_url=False)
-        unknown = [error for error in errors if error["type"] == "extra_forbidden"]
-        if not unknown:
+        raw, places, unknown_faults = _correct_keys(errors, raw, places, kind)
+        if not unknown_faults:
             return record, [*faults, *_convert_errors(errors, raw, places, kind)], raw, places
-        raw, places, unknown_faults = _correct_keys(unknown, raw, places, kind)
         faults += unknown_faults
 
 
@@ -163,11 +162,14 @@ def _correct_keys(
     errors: Iterable[ErrorDetails], raw: Mapping[str, Any], places: KeyLocations, root: type[BaseModel]
 ) -> tuple[dict[str, Any], KeyLocations, list[Fault]]:
     """Return tables whose unknown keys are replaced by those that are meant, or removed; and sources and faults."""
-    tables, faults, written = deepcopy(dict(raw)), list[Fault](), dict[Path, Path]()
-    for path, error in ((_path(error, raw), error) for error in errors):
-        table, key = cast("dict[str, Any]", value_at(tables, path[:-1])), path[-1]
-        if key not in table:  # another alternative of the table does not have it either
+    faults, written = list[Fault](), dict[Path, Path]()
+    unknown = [(_path(error, raw), error) for error in errors if error["type"] == "extra_forbidden"]
+    tables = deepcopy(dict(raw)) if unknown else dict(raw)
+    for path, error in unknown:
+        table, key = value_at(tables, path[:-1]), path[-1]
+        if not isinstance(table, dict) or key not in table:  # another alternative of the table does not have it either
             continue
+        table = cast("dict[str, Any]", table)
         value, known = table.pop(key), _fields(path, root, error["loc"])
         meant = _SYNONYMS.get(key, "")
         meant = meant if meant in known else similar_name(key, known)
@@ -295,7 +297,8 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
             why, remedy = "it is the version of the case format", "a newer flexcam may have written it"
             return Fault(where, given, "1", why, remedy)
         case "string_pattern_mismatch":
-            return Fault(where, given, NAMES, "", "")
+            mark = re.search(r"\{([^{}]*)\}", path[-1] if path else "")
+            return Fault(where, given, NAMES, f"there is no [repeat.{mark[1]}]" if mark else "", "")
         case "list_type" | "tuple_type" if description := _describe_field(path, root, error["loc"]):
             allowed, _, why = description.partition("; ")
             allowed = allowed if "in brackets" in description else f"{describe_type_error(error)}: {allowed}"
