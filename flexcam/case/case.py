@@ -142,15 +142,15 @@ def find_unit(record: CaseRecord, path: Sequence[str]) -> str | None:
         return si
     table, rest = _enclosing_table(record, path)
     tables = deepcopy(table.model_dump(mode="json", by_alias=True))
-    holder, number = cast("Any", value_at(tables, rest[:-1])), value_at(tables, rest)
+    holder, number = value_at(tables, rest[:-1]), value_at(tables, rest)
     if number is None:
         return None
-    key = int(rest[-1]) if isinstance(holder, list) else rest[-1]
+    key: Any = int(rest[-1]) if isinstance(holder, list) else rest[-1]
     # Moments may omit the radian, so rotational stiffness is tried first.
     kinds = sorted(DIMENSIONS.values(), key=lambda kind: path[-1] not in kind.name)
     units = [*(kind.si for kind in kinds if kind.si), ""]
     for unit in units:
-        holder[key] = f"{number!r} {unit}" if unit else number
+        cast("dict[str, object]", holder)[key] = f"{number!r} {unit}" if unit else number
         with suppress(ValidationError, InputError):
             if type(table).model_validate(tables) == table:
                 return unit
