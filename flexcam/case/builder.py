@@ -9,13 +9,12 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
-from pydantic import ValidationError
 
 from flexcam import valvetrain
 from flexcam.cams import Follower, Turn, unique_event
 from flexcam.case.case import Case, CaseRecord
 from flexcam.case.cross_checks import mesh_faults, model_faults
-from flexcam.case.fault_report import KeyLocations, convert_errors, parse_toml
+from flexcam.case.fault_report import KeyLocations, check_record, parse_toml
 from flexcam.case.schema import contacts, parts
 from flexcam.case.schema.base import Length, Record
 from flexcam.case.schema.cams import FollowerRecord
@@ -46,16 +45,12 @@ def parse_follower(follower: str, base_radius: str | None = None, *, clockwise: 
         table = parse_toml(f"follower = {follower}")["follower"]
     except ValueError as fault:
         allowed = 'a table in TOML notation, such as { type = "roller", radius = "9 mm" }'
-        if follower.lstrip().startswith("{"):
-            raise refuse("follower", follower, allowed, str(fault)) from None
         remedy = "give a table in braces with quotes around each string"
-        raise refuse("follower", follower, allowed, "", remedy) from None
+        raise refuse("follower", follower, allowed, str(fault), remedy) from None
     raw = {"follower": table, "base_radius": base_radius}
-    try:
-        record = _FollowerRecord.model_validate(raw)
-    except ValidationError as refusal:
-        faults = convert_errors(refusal.errors(include_url=False), raw, KeyLocations({}), _FollowerRecord)
-        raise InputError(faults) from None
+    record, faults, *_ = check_record(_FollowerRecord, raw, KeyLocations({}), {})
+    if record is None or faults:
+        raise InputError(faults)
     result = record.follower.build(record.base_radius)
     if result is None:
         allowed, why = "the radius of the base circle", "the lift starts there"

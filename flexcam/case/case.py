@@ -6,14 +6,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
 from pydantic import BaseModel, Field, ValidationError
 
-from flexcam.case.fault_report import KeyLocations
+from flexcam.case.fault_report import KeyLocations, value_at
 from flexcam.case.fault_report import Path as KeyPath
 from flexcam.case.schema.base import CamshaftSpeed, Component, Name, Point, Record, Unit, fields_at, units_in
 from flexcam.case.schema.cams import CamDesignRecord, CamRecord
@@ -100,27 +102,17 @@ class CamsRecord(Record):
     speed: CamshaftSpeed = None
 
 
-class SweepFileRecord(Record):
-    """Case of which only the table ``[sweep]`` is read."""
+class PartialRecord(Record):
+    """Case of which only these tables are read: before copies of parts exist, and for the options of a sweep."""
 
-    sweep: SweepRecord
-
-
-class RepeatFileRecord(Record):
-    """Case of which only the table ``[repeat]`` is read, before its copies exist."""
-
-    repeat: dict[Name, RepeatRecord]
+    repeat: dict[Name, RepeatRecord] = Field(default={})
+    sweep: SweepRecord | None = None
 
 
 def si_unit(path: tuple[str, ...]) -> str | None:
     """Return the SI unit of a key; None if it has none, or if it depends on other keys or on the position in a list."""
     units = {DIMENSIONS[unit.dimension].si for first in _units_at(path)[:1] for unit in first if not unit.axis}
     return units.pop() if len(units) == 1 else None
-
-
-def example_value(path: tuple[str, ...]) -> str | None:
-    """Return an example of a quantity, such as ``25 mm``; None for other keys."""
-    return next((DIMENSIONS[unit.dimension].example for units in _units_at(path) for unit in units), None)
 
 
 def _units_at(path: tuple[str, ...]) -> list[list[Unit]]:
@@ -130,7 +122,7 @@ def _units_at(path: tuple[str, ...]) -> list[list[Unit]]:
     fields = [field for name, field in fields_at(path[:-1], CaseRecord) if name == path[-1]]
     if not fields and len(path) > 1:  # a name in a table of names, such as nodes
         fields = [field for name, field in fields_at(path[:-2], CaseRecord) if name == path[-2]]
-    return [[unit for part in (*field.metadata, field.annotation) for unit in units_in(part)] for field in fields]
+    return [units_in(field) for field in fields]
 
 
 def resolve_record(record: CaseRecord) -> dict[str, Any]:
@@ -149,10 +141,20 @@ def find_unit(record: CaseRecord, path: Sequence[str]) -> str | None:
     if si is not None and not any(unit.axis for units in _units_at(tuple(path)) for unit in units):
         return si
     table, rest = _enclosing_table(record, path)
+    tables = deepcopy(table.model_dump(mode="json", by_alias=True))
+    holder, number = value_at(tables, rest[:-1]), value_at(tables, rest)
+    if number is None:
+        return None
+    key: Any = int(rest[-1]) if isinstance(holder, list) else rest[-1]
     # Moments may omit the radian, so rotational stiffness is tried first.
     kinds = sorted(DIMENSIONS.values(), key=lambda kind: path[-1] not in kind.name)
     units = [*(kind.si for kind in kinds if kind.si), ""]
-    return next((unit for unit in units if _accepts_unit(table, rest, unit)), None)
+    for unit in units:
+        cast("dict[str, object]", holder)[key] = f"{number!r} {unit}" if unit else number
+        with suppress(ValidationError, InputError):
+            if type(table).model_validate(tables) == table:
+                return unit
+    return None
 
 
 def _enclosing_table(record: BaseModel, path: Sequence[str]) -> tuple[BaseModel, Sequence[str]]:
@@ -166,28 +168,6 @@ def _enclosing_table(record: BaseModel, path: Sequence[str]) -> tuple[BaseModel,
         elif isinstance(value, dict):
             value = cast("dict[str, object]", value).get(step)
     return innermost
-
-
-def _accepts_unit(table: BaseModel, path: Sequence[str], unit: str) -> bool:
-    """Return whether a table keeps its values with a number in a given unit."""
-    try:
-        candidate = _set_unit(table.model_dump(mode="json", by_alias=True), path, unit)
-        return type(table).model_validate(candidate) == table
-    except (ValidationError, InputError, KeyError, IndexError):
-        return False
-
-
-def _set_unit(value: object, path: Sequence[str], unit: str) -> object:
-    """Return the raw value with a unit appended to the number at a path."""
-    if not path:
-        return f"{value!r} {unit}" if unit else value
-    step, *rest = path
-    if isinstance(value, list):
-        row = [*cast("list[object]", value)]
-        row[int(step)] = _set_unit(row[int(step)], rest, unit)
-        return row
-    table = cast("dict[str, object]", value)
-    return {**table, step: _set_unit(table[step], rest, unit)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,8 +190,6 @@ class Case:
         Source of every key: line or override.
     files
         Texts of the law and lift files, by name in the case.
-    reread
-        Function that reads a case again with other values by table and key.
     result_name
         Name of its results; that of its file by default.
 
@@ -227,7 +205,6 @@ class Case:
     mesh: Mesh | None
     places: KeyLocations
     files: Mapping[str, str]
-    reread: Callable[[Case, Mapping[str, object]], Case]
     result_name: str = ""
 
     def __repr__(self) -> str:
@@ -310,7 +287,9 @@ class Case:
         ``case.replace({"springs.valve.stiffness": "60 kN/m"})``, or ``case.replace({"springs": {"valve": {"stiffness":
         6e4}}})``
         """
-        return self.reread(self, values)
+        from flexcam.case.reader import replace_values  # which imports this module
+
+        return replace_values(self, values)
 
     def with_stable_method(self) -> Case:
         """Return the same case if its method is stable at any time step, otherwise with the average acceleration."""

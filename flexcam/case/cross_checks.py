@@ -32,12 +32,14 @@ _PART_REFERENCES = (  # table, key, referenced table and description of the valu
     ("loads", "member", "members", "a member"),
     ("friction", "spring", "springs", "a spring"),
     ("friction", "inside", "springs", "a spring"),
+    ("phasers", "cams", "cams", "a cam"),
 )
 _POINT_REFERENCES = (  # table, key and whether the output point of a rocker is allowed
     ("masses", "at", True), ("springs", "at", True), ("springs", "to", True), ("bearings", "at", False),
     ("friction", "at", True), ("friction", "to", True), ("loads", "at", True), ("rockers", "from", False),
     ("cams", "at", False), ("contacts", "follower", True), ("contacts", "at", True), ("contacts", "from", True),
-    ("contacts", "to", False),
+    ("contacts", "to", False), ("superelements", "nodes", False), ("rigid_links", "from", False),
+    ("rigid_links", "to", False),
 )  # fmt: skip
 
 
@@ -48,6 +50,13 @@ class RawTables:
     raw: Table  #: parsed TOML before validation; values of the wrong type are skipped
     mesh: Mesh | None  #: mesh of the mesh file; None for a case with its own nodes, or if the file could not be read
     places: KeyLocations  #: source of every key
+
+    def faults(self) -> Iterator[Fault]:
+        """Yield all faults across tables; those of names and places only if the copies of parts are known."""
+        yield from self.exclusive_key_faults()
+        if "repeat" not in self.raw:
+            yield from self.reference_faults()
+            yield from self.coincident_node_faults()
 
     def reference_faults(self) -> Iterator[Fault]:
         """Yield names without a target, or with several nodes where one is required."""
@@ -129,14 +138,14 @@ class RawTables:
             yield self._fault(("phasers",), "a phaser", "no phaser with run.free_running", "the shaft has no drive")
         first: dict[object, str] = {}
         for name, table in self._parts("phasers"):
-            for cam in _as_list(table.get("cams")):
-                yield from self._check_name(("phasers", name, "cams"), cam, list(self._table("cams")), "a cam")
+            for cam in _names(table.get("cams")):
                 if first.setdefault(cam, name) != name:
                     given, why = repr(cam), f"phasers.{first[cam]} turns it"
                     yield self._fault(("phasers", name, "cams"), given, "other cams", why)
         for kind, key, target, what in _PART_REFERENCES:
             for name, table in self._parts(kind):
-                yield from self._check_name((kind, name, key), table.get(key), list(self._table(target)), what)
+                for value in _names(table.get(key)):
+                    yield from self._check_name((kind, name, key), value, list(self._table(target)), what)
 
     def _lift_faults(self) -> Iterator[Fault]:
         """Yield missing keys of cams, and keys that conflict with a lift file."""
@@ -196,24 +205,18 @@ class RawTables:
                 of_lash = kind == "contacts" and key == "at" and table.get("model") != "seat"
                 owner = next((rocker for rocker, to in outputs.items() if to == table.get(key)), None)
                 if kind == "contacts" and key in ("to", "follower") and owner is not None:
-                    remedy = f"write at = {owner!r} for a lash or an adjuster there"
-                    remedy = "name the node that the cam moves" if key == "follower" else remedy
+                    remedy = f"write at = {owner!r} for a lash or an adjuster there" if key == "to" else ""
                     why = f"it is the output point of rocker {owner!r}"
                     yield self._fault((kind, name, key), repr(table.get(key)), "a node", why, remedy)
                 elif not of_lash and not (kind == "rockers" and _is_finger(table, counts)):
                     allowed = with_rockers if rocker_point_allowed else counts
-                    yield from self._check_point((kind, name, key), table.get(key), allowed)
+                    for point in _names(table.get(key)):
+                        yield from self._check_point((kind, name, key), point, allowed)
         for name, table in self._parts("superelements"):
-            nodes = list(cast("Table", table["nodes"]).values()) if isinstance(table.get("nodes"), Mapping) else []
-            for point in nodes:
-                yield from self._check_point(("superelements", name, "nodes"), point, counts)
+            nodes = _names(table.get("nodes"))
             if len({*map(str, nodes)}) < len(nodes):
                 given, why = ", ".join(map(str, nodes)), "each interface node is another node of the case"
                 yield self._fault(("superelements", name, "nodes"), given, "different nodes", why)
-        for name, table in self._parts("rigid_links"):
-            yield from self._check_point(("rigid_links", name, "from"), table.get("from"), counts)
-            for point in _as_list(table.get("to")):
-                yield from self._check_point(("rigid_links", name, "to"), point, counts)
         for name in self._table("supports"):
             yield from self._check_name(("supports", name), name, list(counts), "a point")
         for probe in _as_list(self._table("output").get("probes")):
@@ -230,6 +233,11 @@ def _exclusive_keys(table: Table, pair: tuple[str, str], minimum: int, where: st
 
 def _as_list(value: object) -> list[object]:
     return cast("list[object]", value) if isinstance(value, list) else []
+
+
+def _names(value: object) -> list[object]:
+    """Return the names that a reference gives: one, or those of a list or a table."""
+    return list(cast("Table", value).values()) if isinstance(value, Mapping) else _as_list(value) or [value]
 
 
 def _is_finger(rocker: Table, nodes: Mapping[str, int]) -> bool:

@@ -6,17 +6,17 @@ import math
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
-from typing import Any, cast, get_args, get_origin
+from typing import Any, TypeVar, cast, get_args, get_origin
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from flexcam.case.schema.base import describe_type_error, fields_at, records_at, records_in, units_in
+from flexcam.case.schema.base import Record, describe_type_error, fields_at, records_at, records_in, units_in
 from flexcam.core.errors import NAMES, Fault, format_value, similar_name, suggest_name
 from flexcam.core.units import DIMENSIONS, NUMBER, is_convertible
 
@@ -25,6 +25,7 @@ _KEY = re.compile(r"""\s*((?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[A-Za-
 _PART = re.compile(r"""[A-Za-z0-9_-]+|"[^"]*"|'[^']*'""")
 
 Path = tuple[str, ...]
+AnyRecord = TypeVar("AnyRecord", bound=Record)
 
 
 @dataclass(frozen=True)
@@ -136,42 +137,68 @@ def value_at(table: object, path: Sequence[str]) -> object:
     return value
 
 
-def correct_keys(
+def check_record(
+    kind: type[AnyRecord], raw: Mapping[str, Any], places: KeyLocations, context: Mapping[str, Any]
+) -> tuple[AnyRecord | None, list[Fault], dict[str, Any], KeyLocations]:
+    """Return the record of some tables, their faults, the tables with known keys only, and the sources of these.
+
+    A misspelt key counts as the one that is meant, so that one mistake does not cause further faults. The context has
+    the file of the `case`, to whose folder file names refer, and the `texts` of these files, which reading adds.
+    """
+    raw, faults = dict(raw), list[Fault]()
+    while True:
+        record, errors = None, list[ErrorDetails]()
+        try:
+            record = kind.model_validate(raw, context=context)
+        except ValidationError as refusal:
+            errors = refusal.errors(include_url=False)
+        raw, places, unknown_faults = _correct_keys(errors, raw, places, kind)
+        if not unknown_faults:
+            return record, [*faults, *_convert_errors(errors, raw, places, kind)], raw, places
+        faults += unknown_faults
+
+
+def _correct_keys(
     errors: Iterable[ErrorDetails], raw: Mapping[str, Any], places: KeyLocations, root: type[BaseModel]
-) -> tuple[dict[str, Any], list[ErrorDetails], KeyLocations]:
-    """Return tables with misspelt keys replaced by those that are meant, the errors on these and the sources."""
-    tables, misspelt, written = deepcopy(dict(raw)), list[ErrorDetails](), dict[Path, Path]()
-    for error in errors:
-        path = _path(error, raw)
-        holder = value_at(tables, path[:-1])
-        if error["type"] == "extra_forbidden" and isinstance(holder, dict):
-            table, key = cast("dict[str, Any]", holder), _meant_key(path, tables, places, root)
-            if key and table.keys().isdisjoint([key, *REPLACED_KEYS.get(key, ())]):
-                table[key] = table.pop(path[-1])
-                misspelt.append(error)
-                written[(*path[:-1], key)] = path
-    return tables, misspelt, replace(places, templates={**places.templates, **written})
+) -> tuple[dict[str, Any], KeyLocations, list[Fault]]:
+    """Return tables whose unknown keys are replaced by those that are meant, or removed; and sources and faults."""
+    faults, written = list[Fault](), dict[Path, Path]()
+    unknown = [(_path(error, raw), error) for error in errors if error["type"] == "extra_forbidden"]
+    tables = deepcopy(dict(raw)) if unknown else dict(raw)
+    for path, error in unknown:
+        table, key = value_at(tables, path[:-1]), path[-1]
+        if not isinstance(table, dict) or key not in table:  # another alternative of the table does not have it either
+            continue
+        table = cast("dict[str, Any]", table)
+        value, known = table.pop(key), _fields(path, root, error["loc"])
+        meant = _SYNONYMS.get(key, "")
+        meant = meant if meant in known else similar_name(key, known)
+        overridden = places.notes.get(path, "").startswith("--set")  # an override may replace a given key
+        hint = f"did you mean the table [{key}s]?" if f"{key}s" in root.model_fields else "remove it"
+        if meant and _fits(value, known[meant]) and (overridden or meant not in table):
+            hint = f"did you mean {meant!r}?"
+            if table.keys().isdisjoint([meant, *REPLACED_KEYS.get(meant, ())]):
+                table[meant], written[(*path[:-1], meant)] = value, path
+        faults.append(Fault(places.place(path), f"key {key!r}", ", ".join(known), "there is no such key", hint))
+    return tables, replace(places, templates={**places.templates, **written}), faults
 
 
-def convert_errors(
+def _convert_errors(
     errors: Iterable[ErrorDetails], raw: Mapping[str, Any], places: KeyLocations, root: type[BaseModel]
 ) -> list[Fault]:
     """Return pydantic's errors on some tables as faults, one per key path."""
     faults: dict[tuple[str, str], Fault] = {}
     located = [(_path(error, raw), error) for error in errors]
-    missing = Counter(path for path, error in located if error["type"] == "missing")
     tables = {path[:depth] for path, _ in located for depth in range(len(path))}
     for path, error in located:
-        if error["type"] == "missing" and path[-1].isdigit():
-            following = (*path[:-1], str(int(path[-1]) + 1))
-            if missing[path] == missing[following]:
-                continue  # of the elements missing in a row, only the last one is reported
         if isinstance(error["input"], dict) and path in tables:
             continue  # a table in the place of a number: only the faults of the table are reported
-        fault = _fault(error, path, raw, places, root)
+        fault = _fault(error, path, places, root)
         key = fault.where, fault.given
         first = faults.setdefault(key, fault)
-        if fault.allowed not in first.allowed:  # the value matches neither of two allowed types
+        if error["type"] == "missing" and path[-1].isdigit():  # only the last element that a row lacks is reported
+            faults[key] = fault
+        elif fault.allowed not in first.allowed:  # the value matches neither of two allowed types
             both = "" if fault.allowed.startswith(first.allowed) else f"{first.allowed}, or "
             faults[key] = replace(first, allowed=f"{both}{fault.allowed}", why=first.why or fault.why)
     return list(faults.values())
@@ -191,6 +218,17 @@ def _path(error: ErrorDetails, raw: Mapping[str, Any]) -> Path:
     return tuple(path)
 
 
+def iterate_values(table: object, path: Path = ()) -> Iterator[tuple[Path, object]]:
+    """Yield path and value of all values in nested tables and lists."""
+    if isinstance(table, list):
+        table = {str(i): item for i, item in enumerate(cast("list[object]", table))}
+    if isinstance(table, dict):
+        for name, item in cast("dict[str, object]", table).items():
+            yield from iterate_values(item, (*path, name))
+    else:
+        yield path, table
+
+
 _SYNONYMS = {
     "rate": "stiffness", "preload": "installed_force", "clearance": "gap", "lash": "gap", "damping": "dissipation",
     "step_size": "step", "time_step": "step", "rpm": "speed",
@@ -203,37 +241,33 @@ _EXCLUSIVE = (("speed", "crank_speed"), ("steps_per_revolution", "step"), ("phas
 REPLACED_KEYS = {key: [other for other in keys if other != key] for keys in _EXCLUSIVE for key in keys}
 
 
-def _meant_key(path: Path, raw: Mapping[str, Any], places: KeyLocations, root: type[BaseModel]) -> str:
-    """Return the key of a table that an unknown key means: a similar one that is not given and fits the value."""
-    fields = list(fields_at(path[:-1], root))
-    table, known = cast("Mapping[str, Any]", value_at(raw, path[:-1])), dict(fields)
-    usual, fitting = _SYNONYMS.get(path[-1], ""), [name for name, key in fields if _fits(table[path[-1]], key)]
-    meant = usual if usual in fitting else "" if path[-1] in known else similar_name(path[-1], fitting)
-    overridden = places.notes.get(path, "").startswith("--set")  # an override may replace a given key
-    return "" if meant in table and not overridden else meant
-
-
 def _fits(value: object, key: FieldInfo) -> bool:
     """Return whether a value may be that of a key: a quantity in a unit of the key, and no number for a table."""
-    units = [unit for part in (*key.metadata, key.annotation) for unit in units_in(part)]
-    quantity = NUMBER.match(value) if isinstance(value, str) else None
+    units, quantity = units_in(key), NUMBER.match(value) if isinstance(value, str) else None
     if units and quantity:
-        kinds = {name for name, kind in DIMENSIONS.items() if is_convertible(quantity[2], kind.si)}
-        return not kinds or not kinds.isdisjoint({kind for unit in units for kind in (unit.dimension, unit.axis)})
+        kinds = {kind for unit in units for kind in (unit.dimension, unit.axis) if kind}
+        return any(is_convertible(quantity[2], DIMENSIONS[kind].si) for kind in kinds)
     return bool(units) or not isinstance(value, int | float) or not records_in(key.annotation)
 
 
-def _fault(
-    error: ErrorDetails, path: Path, raw: Mapping[str, Any], places: KeyLocations, root: type[BaseModel]
-) -> Fault:
+def _fields(path: Path, root: type[BaseModel], steps: Sequence[int | str]) -> dict[str, FieldInfo]:
+    """Return the keys of the table of a key, in the variant that the steps of pydantic name, with their fields."""
+    records, tags = records_at(path[:-1], root), [*(Counter(map(str, steps)) - Counter(path))]
+    own = [r for r in records if any(x in tags for key in r.model_fields.values() for x in get_args(key.annotation))]
+    fields: dict[str, FieldInfo] = {}
+    for record in own or records:
+        for name, key in record.model_fields.items():
+            fields.setdefault(key.alias or name, key)
+    return fields
+
+
+def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[BaseModel]) -> Fault:
     context, value = cast("Mapping[str, Any]", error.get("ctx", {})), cast("object", error["input"])
     where, given = places.place(path), _shorten(value)
     tag = str(context.get("discriminator", "")).strip("'")
     match error["type"]:
         case "flexcam":
             where, given = _locate_fault(context, path, value, places, root)
-            if isinstance(value, str) and value and path and (variants := _variants_with(path, root, value)):
-                return Fault(where, given, str(context["allowed"]), f"{value!r} is available only with {variants}", "")
             return Fault(where, given, str(context["allowed"]), str(context["why"]), str(context["remedy"]))
         case "missing" if path[-1].isdigit():  # an element of a row
             return Fault(places.place(path[:-1]), given, f"{int(path[-1]) + 1} values", "", "")
@@ -243,11 +277,7 @@ def _fault(
             what = "rows" if any(isinstance(entry, list) for entry in entries) else "values"
             return Fault(where, given, f"{maximum} {what}" if maximum else f"at least {minimum} {what}", "", "")
         case "model_type" | "model_attributes_type" | "dict_type":
-            keyed = len(path) > 1 and records_at(path, root) != records_at(path[:-1], root)  # no table of named parts
-            known = dict(fields_at(path, root)) if keyed else {}
-            names = (f"{name} (required)" if key.is_required() else name for name, key in known.items())
-            allowed = f"a table with keys among {', '.join(names)}" if known else "a table"
-            return Fault(where, given, allowed, "", "write it as { key = value } or under a [header]")
+            return Fault(where, given, "a table", "", "write it as { key = value } or under a [header]")
         case "missing":
             kind = "a value" if records_at(path, root) == records_at(path[:-1], root) else f"a table [{'.'.join(path)}]"
             return _missing_key_fault(path, _describe_field(path, root, error["loc"]) or kind, places)
@@ -255,39 +285,18 @@ def _fault(
             fields = [record.model_fields[tag] for record in records_at(path, root) if tag in record.model_fields]
             allowed = ", ".join(repr(value) for field in fields for value in get_args(field.annotation))
             return _missing_key_fault((*path, tag), allowed, places)
-        case "extra_forbidden":
-            known = list(dict.fromkeys(name for name, _ in fields_at(path[:-1], root)))
-            if path[-1] in known:
-                variants, meant = _variants_with(path, root), _meant_key(path, raw, places, root)
-                remedy = f"remove it, or change {variants.partition(' ')[0]}"
-                if any(meant in record.model_fields for record in _own_records(path, root, error["loc"])):
-                    remedy = f"did you mean {meant!r}?"
-                allowed = f"{variants} with this key" if "=" in variants else "this key only in another table"
-                return Fault(where, f"key {path[-1]!r}", allowed, "", remedy)
-            fallback = f"did you mean the table [{path[-1]}s]?" if f"{path[-1]}s" in root.model_fields else "remove it"
-            if path[-1] == "radius" and "diameter" in known:
-                fallback = "give the diameter, twice the radius"
-            meant = _meant_key(path, raw, places, root)
-            hint = f"did you mean {meant!r}?" if meant else fallback
-            return Fault(where, f"key {path[-1]!r}", ", ".join(known), "there is no such key", hint)
         case "literal_error" | "union_tag_invalid":
             allowed = str(context.get("expected") or context.get("expected_tags"))
             if tag:  # pydantic converts the value of a tag to text
-                where, table = places.place((*path, tag)), value
-                value = context["tag"]
-                if isinstance(table, dict):
-                    value = cast("dict[str, object]", table).get(tag, value)
+                where, value = places.place((*path, tag)), value_at(value, [tag])
             near = suggest_name(str(value), re.findall(r"'([^']*)'", allowed))
             return Fault(where, format_value(value), allowed, "", near)
         case "int_type" | "int_parsing" | "int_from_float":
-            return Fault(where, given, f"a whole number ({_describe_field(path, root)})", "", "")
+            return Fault(where, given, f"a whole number ({_describe_field(path, root, error['loc'])})", "", "")
         case "less_than_equal" | "greater_than_equal" if path == ("format",):
             why, remedy = "it is the version of the case format", "a newer flexcam may have written it"
             return Fault(where, given, "1", why, remedy)
         case "string_pattern_mismatch":
-            if path[:2] == ("output", "probes") and "." in str(value):
-                why, point = "flexcam saves every component of a point", str(value).partition(".")[0]
-                return Fault(where, given, "a point of the case", why, f"write {point!r}")
             mark = re.search(r"\{([^{}]*)\}", path[-1] if path else "")
             return Fault(where, given, NAMES, f"there is no [repeat.{mark[1]}]" if mark else "", "")
         case "list_type" | "tuple_type" if description := _describe_field(path, root, error["loc"]):
@@ -319,21 +328,6 @@ def _locate_fault(
     return place, _shorten(inner, allowed)
 
 
-def _variants_with(path: Path, root: type[BaseModel], value: str = "") -> str:
-    """Return the variants of a table that have a key, or a word as its value, such as ``model = 'unilateral'``."""
-    records = records_at(path[:-1], root)
-    tags, names = ("model", "type", "shape", "method"), list[str]()
-    tag = next((key for key in tags if all(key in r.model_fields for r in records)), "")
-    for record in records if tag else ():
-        for key, info in record.model_fields.items():
-            words = [word for part in get_args(info.annotation) for word in get_args(part)]
-            if (info.alias or key) == path[-1] and (not value or value in words):
-                names += map(repr, get_args(record.model_fields[tag].annotation))
-    if names:
-        return f"{tag} = {' or '.join(names)}"
-    return "" if value else "another table"
-
-
 def _missing_key_fault(path: Path, allowed: str, places: KeyLocations) -> Fault:
     return Fault(places.place(path), "nothing", allowed, "the key is required", f"add {path[-1]!r}")
 
@@ -351,20 +345,13 @@ def _shorten(value: object, words: Sequence[str] = ()) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def _describe_field(path: Path, root: type[BaseModel], steps: tuple[int | str, ...] = ()) -> str:
-    """Return the quantity or the description of a key, in the variant of its table that the steps name."""
-    for record in _own_records(path, root, steps) or records_at(path[:-1], root):
-        for name, key in record.model_fields.items():
-            if (key.alias or name) == path[-1]:
-                units = [unit for part in (*key.metadata, key.annotation) for unit in units_in(part) if not unit.axis]
-                kinds, parts = [unit.description for unit in units[:1]], get_args(key.annotation)
-                if kinds and get_origin(key.annotation) is tuple and Ellipsis not in parts:
-                    kinds = [f"{len(parts)} values in brackets, each {kinds[0]}"]
-                return ": ".join(filter(None, (*kinds, key.description)))
-    return ""
-
-
-def _own_records(path: Path, root: type[BaseModel], steps: tuple[int | str, ...]) -> list[type[BaseModel]]:
-    """Return the variants of the table of a key that the steps name."""
-    records = records_at(path[:-1], root)
-    return [r for r in records if any(x in steps for key in r.model_fields.values() for x in get_args(key.annotation))]
+def _describe_field(path: Path, root: type[BaseModel], steps: Sequence[int | str]) -> str:
+    """Return the quantity or the description of a key."""
+    key = _fields(path, root, steps).get(path[-1])
+    if key is None:
+        return ""
+    units = [unit for unit in units_in(key) if not unit.axis]
+    kinds, parts = [unit.description for unit in units[:1]], get_args(key.annotation)
+    if kinds and get_origin(key.annotation) is tuple and Ellipsis not in parts:
+        kinds = [f"{len(parts)} values in brackets, each {kinds[0]}"]
+    return ": ".join(filter(None, (*kinds, key.description)))

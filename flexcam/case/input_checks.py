@@ -9,14 +9,14 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from itertools import permutations, product
+from itertools import chain, permutations, product
 from typing import Any, cast
 
 import numpy as np
 
 from flexcam.cams import DelayedEvent, LiftEvent, valve_event
 from flexcam.case.case import Case, resolve_record, si_unit
-from flexcam.case.fault_report import value_at
+from flexcam.case.fault_report import iterate_values, value_at
 from flexcam.case.reader import case_tables, template_tables
 from flexcam.core.units import RPM, format_quantity
 from flexcam.dynamics import Method, Problem, RunFailedError, SaveAt, Scheme, equilibrium, newmark, solve
@@ -182,25 +182,14 @@ def _bare_number_warnings(case: Case) -> Iterator[str]:
         speed = run.get(key)
         if isinstance(speed, int | float) and _IMPLAUSIBLE_SPEED <= speed <= maximum and speed == round(speed):
             yield _bare_number(case, ("run", key), speed, "rad/s", "rpm", RPM)
-    for path, value in (pair for tables in (template_tables(case), case_tables(case)) for pair in _numbers(tables, ())):
-        if abs(value) > _IMPLAUSIBLE_ANGLE and si_unit(path) == "rad":
+    for path, value in chain(iterate_values(template_tables(case)), iterate_values(case_tables(case))):
+        if isinstance(value, int | float) and abs(value) > _IMPLAUSIBLE_ANGLE and si_unit(path) == "rad":
             yield _bare_number(case, path, value, "rad", "deg", math.radians(1.0))
 
 
 def _bare_number(case: Case, path: tuple[str, ...], value: float, si: str, unit: str, size: float) -> str:
     hint = f"did you mean {value:g} {unit}? Write the unit"
     return f"{case.place(path)}: {value:g} without a unit is in {si}, {value / size:.6g} {unit}: {hint}"
-
-
-def _numbers(value: object, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], float]]:
-    """Yield path and value of the numbers of nested tables and lists."""
-    if isinstance(value, list):
-        value = {str(i): item for i, item in enumerate(cast("list[object]", value))}
-    if isinstance(value, dict):
-        for name, item in cast("dict[str, object]", value).items():
-            yield from _numbers(item, (*path, name))
-    elif isinstance(value, int | float):
-        yield path, float(value)
 
 
 _ROUNDING_MARGIN = 1.02  # margin for published properties, which are rounded to a percent

@@ -11,47 +11,34 @@ from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path, PurePath
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 import numpy as np
-from pydantic import ValidationError
-from pydantic_core import ErrorDetails
 
 from flexcam.case.builder import build_model
 from flexcam.case.case import (
     CamsRecord,
     Case,
     CaseRecord,
-    RepeatFileRecord,
-    SweepFileRecord,
+    PartialRecord,
     SweepRecord,
     find_unit,
     resolve_record,
     si_unit,
 )
 from flexcam.case.cross_checks import RawTables
-from flexcam.case.fault_report import (
-    REPLACED_KEYS,
-    KeyLocations,
-    convert_errors,
-    correct_keys,
-    parse_toml,
-    sort_faults,
-    value_at,
-)
+from flexcam.case.fault_report import REPLACED_KEYS, KeyLocations, check_record, parse_toml, sort_faults, value_at
 from flexcam.case.fault_report import Path as KeyPath
 from flexcam.case.problem_builder import build_equations, check_run, locate_run_faults
 from flexcam.case.repetition import Repetition
-from flexcam.case.schema.base import Record, records_at
+from flexcam.case.schema.base import records_at
 from flexcam.case.schema.cams import LIFT_TABLE_CONFLICTS
 from flexcam.case.schema.parts import RepeatRecord
 from flexcam.case.valid_parts import TRAIN, ValidParts
 from flexcam.core.errors import Fault, InputError, refuse, suggest_name, system_message
 from flexcam.dynamics import RunFailedError
-from flexcam.fem.assembly import Damping
 from flexcam.fem.mesh import Mesh
 from flexcam.io import Result, read_mesh, read_text, resolve_file
-from flexcam.valvetrain import CamContact, PublishedLoad
 from flexcam.valvetrain.springs import count_spring_parts
 
 
@@ -144,8 +131,10 @@ def case_from_result(result: Result) -> Case:
     """Return the case of a result, from the texts stored in it and on its mesh."""
     about = result.about
     source, text = Path(about["case_file"]), about["case"]
-    file = CaseFile(source, text, files=json.loads(about.get("files", "{}")))
-    case = file.read(json.loads(about["overrides"]), mesh=result.mesh)
+    file, overrides = CaseFile(source, text, files=json.loads(about.get("files", "{}"))), json.loads(about["overrides"])
+    if name := file.complete(overrides)[0].get("mesh"):
+        file.meshes[name] = result.mesh
+    case = file.read(overrides)
     pairs = ((case.record.nodes, result.mesh.points), (case.record.members, result.mesh.lines))
     if missing := [name for names, known in pairs for name in names if name not in known]:
         raise refuse("result", f"a mesh without {', '.join(missing)}", "the mesh of its case", "", "compute it again")
@@ -184,9 +173,7 @@ class CaseFile:
         try:
             return cls(source, read_text(source))
         except FileNotFoundError:
-            below = next(source.parent.glob(f"*/{source.stem}.toml"), None)
             near = suggest_name(source.name, [file.name for file in source.parent.glob("*.toml")])
-            near = near or (f"did you mean {str(below)!r}?" if below else "")
             raise refuse("case file", str(source), "", f"{source} does not exist", near) from None
         except OSError as fault:
             if source.suffix == ".vtkhdf":
@@ -216,63 +203,46 @@ class CaseFile:
                 name, given = (table, table) if line.startswith("[") else (key, f"key {key}")
                 where, why = f"{self.path}, line {match[2]}", f"{name} is given twice"
                 raise refuse(where, given, "every key and table only once", why, "delete one of the two") from None
-            if self.path.suffix != ".toml":
-                why = f"it is not a TOML document: {fault}"
-                raise refuse("case file", str(self.path), "a case file (.toml)", why) from None
             remedy = "strings need quotes, tables need [brackets]"
             raise refuse(str(self.path), "text that is not TOML", "a TOML document", str(fault), remedy) from None
 
-    def read(self, overrides: Sequence[str] = (), *, mesh: Mesh | None = None) -> Case:
+    def read(self, overrides: Sequence[str] = ()) -> Case:
         """Return the checked case with overrides."""
-        raw, places, file_faults = self.complete(overrides)
+        raw, places, faults = self.complete(overrides)
         if "cams" in raw and raw.keys() <= CamsRecord.model_fields.keys():
             remedy = "give a complete case; flexcam cam reads a file of cams"
             raise refuse("case file", str(self.path), "a complete case", "it has only cams", remedy)
-        if mesh is None or "mesh" not in raw:
-            mesh, mesh_faults = self._mesh(raw, places)
-            file_faults += mesh_faults
-        case, faults, cross_faults = self._check(raw, mesh, places, overrides)
-        if case is None or file_faults or faults or cross_faults:
+        case, other_faults, *_ = self._check(raw, places, overrides)
+        if case is None or faults or other_faults:
             raise self.complete_refusal(InputError(()), overrides)
         return _with_spring_parts(case)
 
     def complete_refusal(self, refusal: InputError, overrides: Sequence[str] = ()) -> InputError:
         """Return an error with the faults of all other parts added: faulty ones are left out until none is found."""
         raw, places, file_faults = self.complete(overrides)
-        tables, places = self._correct_keys(raw, places)
-        mesh, mesh_faults = self._mesh(tables, places)
-        _, part_faults, cross_faults = self._check(raw, mesh, places)
-        faults = dict.fromkeys([*refusal.faults, *file_faults, *mesh_faults, *part_faults, *cross_faults])
-        valid = ValidParts(tables, mesh)
-        valid.leave_out(self._mesh(tables, KeyLocations({}))[1])
+        _, part_faults, tables, places = self._check(raw, places)
+        faults = dict.fromkeys([*refusal.faults, *file_faults, *part_faults])
+        valid = ValidParts(deepcopy(tables), self._mesh(tables, places)[0])
         while len(faults) <= _MAX_FAULTS and "repeat" not in raw:
-            case, part_faults, cross_faults = self._check(valid.tables(), mesh, KeyLocations({}))
-            if case is not None and not cross_faults:
+            case, part_faults, *_ = self._check(valid.tables(), KeyLocations({}))
+            if case is not None and not part_faults:
                 part_faults = _case_faults(case, valid)
                 faults |= dict.fromkeys(places.locate(fault) for fault in part_faults if not valid.follows(fault))
-            if not valid.leave_out([*part_faults, *cross_faults]):
+            if not valid.leave_out(part_faults):
                 break
         return InputError(sort_faults(dict.fromkeys(_name_unknown_part(f, faults, raw, places) for f in faults)))
 
-    def _correct_keys(self, raw: Mapping[str, Any], places: KeyLocations) -> tuple[dict[str, Any], KeyLocations]:
-        """Return tables in which keys that are meant replace misspelt ones, and the sources of all keys."""
-        tables, misspelt, places = correct_keys(_validate(CaseRecord, raw, self.path)[1], raw, places, CaseRecord)
-        return self._correct_keys(tables, places) if misspelt else (tables, places)
-
     def _check(
-        self, raw: Mapping[str, Any], mesh: Mesh | None, places: KeyLocations, overrides: Sequence[str] = ()
-    ) -> tuple[Case | None, list[Fault], list[Fault]]:
-        """Return the case of some tables, the faults of their values, and those of their references."""
-        record, faults = _record(CaseRecord, raw, places, self.path, self.files)
-        corrected, places = (raw, places) if record else self._correct_keys(raw, places)
-        tables = RawTables(corrected, mesh, places)
-        cross_faults = [*tables.exclusive_key_faults()]
-        if "repeat" not in raw:  # otherwise names and places of the copies are unknown
-            cross_faults += [*tables.reference_faults(), *tables.coincident_node_faults()]
+        self, raw: Mapping[str, Any], places: KeyLocations, overrides: Sequence[str] = ()
+    ) -> tuple[Case | None, list[Fault], dict[str, Any], KeyLocations]:
+        """Return the case of some tables, their faults, the tables with known keys only, and the sources of these."""
+        record, faults, tables, places = check_record(CaseRecord, raw, places, {"case": self.path, "texts": self.files})
+        mesh, mesh_faults = self._mesh(tables, places)
+        faults += [*mesh_faults, *RawTables(tables, mesh, places).faults()]
         if record is None:
-            return None, faults, cross_faults
-        case = Case(self.path, self.text, tuple(overrides), record, mesh, places, self.files, replace_values)
-        return case, faults, cross_faults
+            return None, faults, tables, places
+        case = Case(self.path, self.text, tuple(overrides), record, mesh, places, self.files)
+        return case, faults, tables, places
 
     def templates(self, overrides: Sequence[str]) -> tuple[list[str], dict[str, Any], KeyLocations, list[Fault]]:
         """Return the overrides of templates, the tables with them but without copies, the sources and the faults."""
@@ -287,7 +257,7 @@ class CaseFile:
         """
         first, tables, places, first_faults = self.templates(overrides)
         repeat = tables.get("repeat", {})
-        record, faults = _record(RepeatFileRecord, {"repeat": repeat}, places, self.path)
+        record, faults, *_ = check_record(PartialRecord, {"repeat": repeat}, places, {})
         marks = [mark.strip("{}") for mark in cast("dict[str, Any]", repeat)] if isinstance(repeat, dict) else []
         repeats = record.repeat if record else dict.fromkeys(marks, RepeatRecord.model_validate({"names": ["1"]}))
         faulty: dict[str, Any] = {} if record else {"repeat": repeat}
@@ -303,8 +273,8 @@ class CaseFile:
         if "sweep" not in self.raw:
             return None
         places = KeyLocations.of_text(self.text)
-        record, faults = _record(SweepFileRecord, {"sweep": self.raw["sweep"]}, places, self.path)
-        if record is None:
+        record, faults, *_ = check_record(PartialRecord, {"sweep": self.raw["sweep"]}, places, {})
+        if record is None or faults:
             raise InputError(faults)
         return record.sweep
 
@@ -349,13 +319,6 @@ def _case_faults(case: Case, valid: ValidParts) -> Sequence[Fault]:
         model = build_model(case)
         if len(model.mesh.nodes) > _MAX_NODES:
             return ()
-        if not valid.connected:  # published loads and Rayleigh damping need a whole train
-            loads = {name: load for name, load in model.contacts.items() if isinstance(load, PublishedLoad)}
-            contacts = {
-                name: CamContact(load.cam, load.follower, load.direction, load.shaft_axis, 1e6, unilateral=False)
-                for name, load in loads.items()
-            }
-            model = replace(model, contacts={**model.contacts, **contacts}, damping=Damping())
         possible = valid.connected and (kind != "rigid" or valid.keeps(_RIGID))
         equations = build_equations(case, model, kind if possible else "beams")
         check_run(case, *equations, method=valid.keeps((*TRAIN, "materials", "sections")))
@@ -415,32 +378,6 @@ def _with_unit(value: object, unit: str | None) -> object:
     return f"{value!r} {unit}" if isinstance(value, float) and unit else value
 
 
-AnyRecord = TypeVar("AnyRecord", bound=Record)
-
-
-def _validate(
-    kind: type[AnyRecord], raw: Mapping[str, Any], case: Path, files: dict[str, str] | None = None
-) -> tuple[AnyRecord | None, list[ErrorDetails]]:
-    """Return the checked record; relative file names refer to the folder of the case, whose texts join `files`."""
-    try:
-        return kind.model_validate(raw, context={"case": case, "texts": {} if files is None else files}), []
-    except ValidationError as refusal:
-        return None, refusal.errors(include_url=False)
-
-
-def _record(
-    kind: type[AnyRecord], raw: Mapping[str, Any], places: KeyLocations, case: Path, files: dict[str, str] | None = None
-) -> tuple[AnyRecord | None, list[Fault]]:
-    """Return the checked record, or the faults; a misspelt key counts as the one that is meant."""
-    record, errors = _validate(kind, raw, case, files)
-    if record is not None:
-        return record, []
-    tables, misspelt, new_places = correct_keys(errors, raw, places, kind)
-    if not misspelt:
-        return None, convert_errors(errors, raw, places, kind)
-    return None, [*convert_errors(misspelt, raw, places, kind), *_record(kind, tables, new_places, case, files)[1]]
-
-
 def has_mechanism(path: Path) -> bool:
     """Return whether a file describes a mechanism or only cams."""
     return not {"members", "masses", "superelements", "run"}.isdisjoint(CaseFile.open(path).raw)
@@ -450,8 +387,8 @@ def read_cams(path: str | Path, overrides: Sequence[str] = ()) -> CamsRecord:
     """Read and check a file that contains only cams."""
     file = CaseFile.open(path)
     raw, places, faults = file.complete(overrides)
-    record, record_faults = _record(CamsRecord, raw, places, file.path)
-    faults += [*record_faults, *RawTables(raw, None, places).reference_faults()]
+    record, record_faults, tables, places = check_record(CamsRecord, raw, places, {"case": file.path})
+    faults += [*record_faults, *RawTables(tables, None, places).reference_faults()]
     if faults or record is None:
         raise InputError(faults)
     return record

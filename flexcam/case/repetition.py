@@ -104,16 +104,6 @@ def map_texts(value: object, change: Callable[[str], str]) -> object:
     return change(value) if isinstance(value, str) else value
 
 
-def iterate_texts(value: object) -> Iterator[str]:
-    """Yield all texts of raw tables."""
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, dict | list):
-        inner = cast("dict[str, object] | list[object]", value)
-        for item in inner.values() if isinstance(inner, dict) else inner:
-            yield from iterate_texts(item)
-
-
 def _shift(kind: str, part: object, offset: Sequence[float], phase: float) -> object:
     """Return a part moved by an offset, m, and delayed by a cam angle, rad; invalid values stay for their own fault."""
     if kind == "nodes" and isinstance(part, list) and len(cast("list[object]", part)) == 3:

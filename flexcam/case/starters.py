@@ -6,7 +6,7 @@ import tomllib
 from importlib.resources import files
 from pathlib import Path
 
-from flexcam.case.repetition import iterate_texts
+from flexcam.case.fault_report import iterate_values
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.io import check_writable, write_text
 
@@ -28,7 +28,8 @@ def new_case(template: str, path: Path | None = None, *, overwrite: bool = False
     target = path or Path(f"{template}.toml")
     if target.suffix != ".toml":
         raise refuse("-o", str(target), "a name that ends in .toml", "the output is a case file")
-    tables = [name for name in iterate_texts(tomllib.loads(text)) if name.endswith((".csv", ".mtx"))]
+    texts = [value for _, value in iterate_values(tomllib.loads(text)) if isinstance(value, str)]
+    tables = [name for name in texts if name.endswith((".csv", ".mtx"))]
     contents = {target: text, **{target.with_name(name): _read_template(name) for name in tables}}
     for file, content in contents.items():
         same = file != target and file.is_file() and file.read_bytes() == content.encode()  # of another starter case

@@ -9,7 +9,6 @@ from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Any, cast
 
-from flexcam.case.case import example_value
 from flexcam.case.fault_report import Path, value_at
 from flexcam.core.errors import Fault
 from flexcam.fem.mesh import Mesh
@@ -23,7 +22,7 @@ _INNER = frozenset(("mesh", "members", "superelements", "springs", "rockers"))  
 # Parts and keys whose checks search other tables, and those tables and keys.
 _SEARCHED: Mapping[str, AbstractSet[str]] = {
     "bearings": {"cams", "members"}, "rockers": {"contacts", "supports", "members"}, "cams": {"members"},
-    "contacts": {"members"},
+    "contacts": {"members"}, "run.damping.modal": TRAIN,
     "run.start": TRAIN, "run.start.displacement": _INNER, "run.start.velocity": _INNER, "run.step": {"run.speed"},
     "run.steps_per_revolution": {"run.speed"}, "run.adaptive.smallest": {"run", "run.step", "run.speed"},
 }  # fmt: skip
@@ -32,6 +31,8 @@ _STAND_INS: Mapping[str, Mapping[str, Any]] = {
     "materials": {"E": 2e11, "nu": 0.3, "density": 8e3, "expansion": 1e-5},
     "sections": {"shape": "circle", "diameter": 0.01},
     "members": {"nodes": None, "material": "stand-in", "section": "stand-in"},
+    "masses": {"at": None, "mass": 1.0},
+    "springs": {"at": None, "to": None, "direction": None, "stiffness": 1e4},
     "rockers": {"model": "lumped", "from": None, "to": None, "direction": None, "arms": [1.0, 1.0]},
     "cams": {"at": None, "axis": None, "law": "cycloidal", "lift": 1e-3, "rise": 1.0, "return": 1.0,
              "base_radius": 0.1, "width": 0.01, "follower": {"type": "flat"}},
@@ -46,13 +47,12 @@ def _path(fault: Fault) -> Path:
 
 @dataclass
 class ValidParts:
-    """Tables of a case from which faulty parts are left out; the smallest change that cures a fault is made first."""
+    """Tables of a case from which faulty parts are left out: replaced by a valid part of its kind, else removed."""
 
-    given: dict[str, Any]  #: tables that are left
+    given: dict[str, Any]  #: tables that are left, which this object may change
     mesh: Mesh | None
     #: parts and keys that were changed, and tables that lack a part, as `springs.valve` and `springs`
     changed: set[str] = field(default_factory=set[str])
-    replaced: set[str] = field(default_factory=set[str])  #: parts that have a stand-in
 
     def keeps(self, kinds: Iterable[str]) -> bool:
         """Return whether no part of some tables was changed."""
@@ -66,19 +66,20 @@ class ValidParts:
     def tables(self) -> dict[str, Any]:
         """Return the tables; if parts are missing, with masses that let every point move."""
         tables, nodes = deepcopy(self.given) | {"format": 1}, self._table("nodes")
-        if self.mesh is None and not nodes:
-            tables["nodes"] = nodes = {"stand-in": [0.0, 0.0, 0.0]}
+        lines, points = list[str](), list(nodes)
+        if self.mesh is not None:
+            lines, points = list(self.mesh.lines), [name for name, at in self.mesh.points.items() if len(at) == 1]
+        else:
+            tables.pop("mesh", None)
+            tables["nodes"] = nodes or {"stand-in": [0.0, 0.0, 0.0]}
         extra: dict[str, dict[str, Any]] = {kind: {"stand-in": _STAND_INS[kind]} for kind in ("materials", "sections")}
-        extra["members"] = {name: {"material": "stand-in", "section": "stand-in"} for name in self._lines}
+        extra["members"] = {name: {"material": "stand-in", "section": "stand-in"} for name in lines}
         if not self.connected:
-            points = nodes if self.mesh is None else [name for name, n in self.mesh.points.items() if len(n) == 1]
-            extra["masses"] = {f"at {name}": {"at": name, "mass": 1.0, "inertia": [1.0, 1.0, 1.0]} for name in points}
+            mass = {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}
+            extra["masses"] = {f"at {name}": {"at": name, **mass} for name in points}
+            contacts = self._table("contacts").items()  # the preload of a published load needs a whole train
+            tables["contacts"] = {name: part for name, part in contacts if part.get("model") != "published-load"}
         return tables | {kind: parts | self._table(kind) for kind, parts in extra.items()}
-
-    @property
-    def _lines(self) -> Iterable[str]:
-        """Members that a mesh file defines."""
-        return () if self.mesh is None else self.mesh.lines
 
     def follows(self, fault: Fault) -> bool:
         """Return whether a fault may follow from the changes."""
@@ -90,50 +91,30 @@ class ValidParts:
         return not self.changed.isdisjoint(keys)
 
     def leave_out(self, faults: Iterable[Fault]) -> bool:
-        """Leave out what has a fault; return whether anything was left to change."""
-        parts: dict[Path, list[Fault]] = {}
-        for fault in faults:
-            parts.setdefault(_path(fault)[:2], []).append(fault)
-        changes = [[self._cure(fault) for fault in part_faults] for part_faults in parts.values()]
-        uncured = [part for part, cured in zip(parts, changes, strict=True) if not any(cured)]
-        replaced = [self._replace(*part) for part in uncured]
-        return len(uncured) < len(parts) or any(replaced)
+        """Leave out the parts that have a fault; return whether anything was left to change."""
+        changes = [self._leave_out(*part) for part in dict.fromkeys(_path(fault)[:2] for fault in faults)]
+        return any(changes)
 
     def _table(self, *path: str) -> dict[str, Any]:
         table = value_at(self.given, path)
         return cast("dict[str, Any]", table) if isinstance(table, dict) else {}
 
-    def _cure(self, fault: Fault) -> bool:
-        """Remove an unknown or optional key, or replace a quantity by an example; return whether this was possible."""
-        path = _path(fault)
-        holder, key, part = self._table(*path[:-1]), path[-1], ".".join(path[:2])
-        if fault.given == f"key {key!r}":
-            return holder.pop(key, None) is not None
-        if path[0] in _OPTIONAL and len(path) > 1:
-            self.changed.add(part)
-            return self._table(path[0]).pop(path[1], None) is not None
-        example = example_value(path) if holder and len(path) > 2 else None
-        if example is None or holder.get(key) == example:
-            return False
-        holder[key] = example
-        self.changed.add(part)
-        return True
-
-    def _replace(self, kind: str, name: str = "") -> bool:
-        """Replace a part by its stand-in, or remove it; return whether this changed it."""
-        entire = not name or kind in _OPTIONAL
-        holder, key = (self.given, kind) if entire else (self._table(kind), name)
-        part, stand_in = kind if entire else f"{kind}.{name}", _STAND_INS.get(kind)
-        self.changed.add(part)
-        if stand_in is None or part in self.replaced:
-            if name not in self._lines:
-                self.changed.add(kind)
-            return holder.pop(key, None) is not None
-        table = self._table(*part.split("."))
-        new = {at: table.get(at) if value is None else value for at, value in stand_in.items()}
+    def _leave_out(self, kind: str, name: str = "") -> bool:
+        """Remove an optional key, replace a part by its stand-in, or remove it; return whether this changed it."""
+        if kind in _OPTIONAL and self._table(kind).pop(name, None) is not None:
+            self.changed.add(f"{kind}.{name}")
+            return True
+        path = (kind,) if not name or kind in _OPTIONAL else (kind, name)
+        holder, table, old = self._table(*path[:-1]), self._table(*path), value_at(self.given, path)
+        self.changed.add(".".join(path))
+        new = {key: table.get(key) if value is None else value for key, value in _STAND_INS.get(kind, {}).items()}
+        new = {key: value for key, value in new.items() if value is not None}
         if isinstance(nodes := new.get("nodes"), list):
             named = (n for n in cast("list[object]", nodes) if isinstance(n, str) and n in self._table("nodes"))
             new["nodes"] = list(dict.fromkeys(named))
-        self.replaced.add(part)
-        holder[key] = {at: value for at, value in new.items() if value is not None}
-        return True
+        if new and new != old:
+            holder[path[-1]] = new
+        else:
+            self.changed.add(kind)
+            holder.pop(path[-1], None)
+        return old is not None

@@ -18,7 +18,7 @@ import numpy as np
 
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case, find_unit
-from flexcam.case.fault_report import value_at
+from flexcam.case.fault_report import iterate_values, value_at
 from flexcam.case.reader import REPLACED_KEYS, CaseFile, case_tables
 from flexcam.case.repetition import map_texts, name_pattern
 from flexcam.case.schema.run import GivenStartRecord
@@ -42,7 +42,8 @@ class Number:
 
 def get_number(case: Case, key: str, where: str) -> Number:
     """Return a number of a case by key."""
-    known = dict(_iterate_values(case.record.model_dump(mode="json", by_alias=True), ""))
+    record = case.record.model_dump(mode="json", by_alias=True)
+    known = {".".join(path): value for path, value in iterate_values(record)}
     numbers = [name for name, value in known.items() if isinstance(value, float)]
     copies = [key] if key in known else [name for name in known if name_pattern(key).fullmatch(name)]
     if not copies:
@@ -65,18 +66,6 @@ def get_number(case: Case, key: str, where: str) -> Number:
         raise refuse(where, f"{key} = {value!r}", "the key of a number with a continuous value", why, remedy)
     unit = find_unit(case.record, copies[0].split("."))
     return Number(key, value, "SI" if unit is None else unit)
-
-
-def _iterate_values(value: object, path: str) -> Iterator[tuple[str, object]]:
-    if isinstance(value, dict):
-        inner = cast("dict[str, object]", value)
-    elif isinstance(value, list):
-        inner = {str(i): item for i, item in enumerate(cast("list[object]", value))}
-    else:
-        yield path, value
-        return
-    for name, item in inner.items():
-        yield from _iterate_values(item, f"{path}.{name}".lstrip("."))
 
 
 def make_overrides(case: Case, values: Mapping[str, str]) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ symmetric matrices, Proc. 24th ACM Nat. Conf. (1969), in reverse order.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -134,35 +135,27 @@ def factorize(matrix: Triplets) -> Factor:
     scale = diagonal_scale(matrix)
     if matrix.size <= DENSE_LIMIT:
         return _dense_inverse(scale[:, None] * matrix.dense() * scale, scale)
-    return _sparse(matrix, scale)
+    scaled = _scaled_csr(matrix, scale)
+    return band_factor(scaled, scale) or _sparse_lu(scaled.tocsc(), scale)
+
+
+def _scaled_csr(matrix: Triplets, scale: FloatArray) -> csr_array:
+    from scipy.sparse import diags_array
+
+    return (diags_array(scale) @ matrix.csr() @ diags_array(scale)).tocsr()
 
 
 def _dense_inverse(scaled: FloatArray, scale: FloatArray) -> _Inverse:
-    try:
+    with suppress(np.linalg.LinAlgError):
         inverse = np.linalg.inv(scaled)
-    except np.linalg.LinAlgError:
-        raise SingularMatrixError(_null_unknowns(scaled)) from None
-    if not np.isfinite(inverse).all() or np.abs(inverse).max(initial=0.0) > 1.0 / np.finfo(float).eps:
-        raise SingularMatrixError(_null_unknowns(scaled))
-    return _Inverse(scale[:, None] * inverse * scale)
-
-
-def _null_unknowns(scaled: FloatArray) -> tuple[int, ...]:
-    """Return the unknowns with the largest motion in the null vector of the matrix."""
-    return _largest_unknowns(np.linalg.svd(scaled)[2][-1])
+        if np.isfinite(inverse).all() and np.abs(inverse).max(initial=0.0) <= 1.0 / np.finfo(float).eps:
+            return _Inverse(scale[:, None] * inverse * scale)
+    raise SingularMatrixError(_largest_unknowns(np.linalg.svd(scaled)[2][-1]))
 
 
 def _largest_unknowns(motion: FloatArray) -> tuple[int, ...]:
     size = np.abs(motion)
     return tuple(np.flatnonzero(size > 0.5 * size.max()).tolist())
-
-
-def _sparse(matrix: Triplets, scale: FloatArray) -> Factor:
-    from scipy.sparse import diags_array
-
-    scaling = diags_array(scale)
-    scaled = (scaling @ matrix.csr() @ scaling).tocsr()
-    return band_factor(scaled, scale) or _sparse_lu(scaled.tocsc(), scale)
 
 
 def _sparse_lu(scaled: csc_array, scale: FloatArray) -> _SparseLU:
@@ -210,25 +203,15 @@ def null_space(matrix: Triplets) -> FloatArray:
     if matrix.size == 0:
         return np.zeros((0, 0))
     scale = diagonal_scale(matrix)
-    search = _dense_motions if matrix.size <= 2 * DENSE_LIMIT else _lanczos_motions
-    return scale[:, None] * search(matrix, scale)
+    if matrix.size <= 2 * DENSE_LIMIT:
+        values, vectors = np.linalg.eigh(scale[:, None] * matrix.dense() * scale)
+    else:
+        from scipy.sparse.linalg import eigsh
 
-
-def _dense_motions(matrix: Triplets, scale: FloatArray) -> FloatArray:
-    values, vectors = np.linalg.eigh(scale[:, None] * matrix.dense() * scale)
-    return vectors[:, values < _FREE_TOLERANCE]
-
-
-def _lanczos_motions(matrix: Triplets, scale: FloatArray) -> FloatArray:
-    from scipy.sparse import diags_array
-    from scipy.sparse.linalg import eigsh
-
-    scaling = diags_array(scale)
-    scaled = (scaling @ matrix.csr() @ scaling).tocsc()
-    start = np.random.default_rng(0).standard_normal(matrix.size)
-    shift = -1e-10
-    values, vectors = eigsh(scaled, k=min(_MAX_DIMENSION, matrix.size - 2), sigma=shift, v0=start)
-    return vectors[:, np.abs(values) < _FREE_TOLERANCE]
+        start, count = np.random.default_rng(0).standard_normal(matrix.size), min(_MAX_DIMENSION, matrix.size - 2)
+        values, vectors = eigsh(_scaled_csr(matrix, scale).tocsc(), k=count, sigma=-1e-10, v0=start)
+        values = np.abs(values)
+    return scale[:, None] * vectors[:, values < _FREE_TOLERANCE]
 
 
 def select_constraints(motions: FloatArray) -> list[int]:

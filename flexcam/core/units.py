@@ -10,7 +10,7 @@ import re
 from contextvars import ContextVar
 from dataclasses import dataclass
 from decimal import Context, Decimal
-from typing import Literal
+from typing import Literal, cast
 
 from flexcam.core.errors import InputError, refuse, similar_name
 
@@ -35,6 +35,7 @@ _FOREIGN = {
 PLAIN_NUMBER = ", or a number in "
 """Offer of a number in SI in a message, followed by the unit; options of commands need a unit."""
 
+_MAX_UNIT = 40  # length of a unit up to which a similar one is searched
 _UNITS = "a unit such as mm, kg, kN/m, GPa, rpm, deg"
 """Allowed units where the quantity is not given, for messages."""
 
@@ -117,6 +118,11 @@ class Dimension:
     least: float
     most: float
 
+    @property
+    def indefinite(self) -> str:
+        """Name with its article, such as ``an angle``."""
+        return f"{'an' if self.name[0] in 'aeiou' else 'a'} {self.name}"
+
 
 def _table(*rows: tuple[str, Exponents, str, str, float, float]) -> dict[str, Dimension]:
     return {row[0]: Dimension(*row) for row in rows}
@@ -172,53 +178,50 @@ def is_unit(symbol: str) -> bool:
     return _unit(symbol) is not None
 
 
-def _similar_unit(text: str, symbol: str, expected: Exponents) -> str:
-    """Return the unit that an unknown symbol of a text means, if possible of the dimension; empty if none is close."""
-    letters = _letters(text)
-    for dimensions in ({expected}, {kind.exponents for kind in DIMENSIONS.values()}):
-        bases = [base for base, (_, exponents) in _PREFIXED.items() if exponents in dimensions]
-        bases += [kind.si for kind in DIMENSIONS.values() if kind.exponents in dimensions and kind.si[:1] not in "1"]
-        prefixed = [prefix + base for base in bases if base != "kg" for prefix in ("", "k", "M", "G", "c", "m", "u")]
-        known = [unit for unit in _PLAIN if _PLAIN[unit][1] in dimensions] + prefixed
-        if text == symbol:
-            alike = [unit for unit in known if len(unit) == len(text) == 2 and unit[0] == text[0]]  # "mn": "mm"
-            near = alike[0] if alike else similar_name(text, known)
-        else:  # a compound of other units would change the quantity
-            near = next((unit for unit in known if _letters(unit) == letters), "")
-        if near:
-            return near
-    near = "" if text == symbol or symbol[0].isdigit() else _similar_unit(symbol, symbol, _NONE)
-    corrected = text.replace(symbol, near)
-    fits = (is_convertible(corrected, kind.si) for kind in DIMENSIONS.values() if kind.exponents == expected)
-    return near if near and any(fits) else ""
-
-
-def _letters(unit: str) -> str:
-    return re.sub(r"[\s*^]", "", unit).lower()
-
-
-def _unit_product(text: str, where: str, expected: Exponents) -> tuple[Decimal, Exponents]:
+def _unit_product(text: str) -> tuple[Decimal, Exponents] | str:
+    """Return factor and dimension of a unit, or its first part that is unknown."""
     factor, exponents, position, divide = Decimal(1), _NONE, 0, False
     while position < len(text):
         match = _FACTOR.match(text, position)
         unit = _unit(match[2]) if match else None
         if match is None or unit is None:
-            symbol = match[2] if match else text[position:]
-            near = _similar_unit(text.strip(), symbol, expected)
-            hint = "write a power with ^, such as mm^3" if symbol[0].isdigit() else ""
-            hint = f"did you mean {near!r}?" if near else hint
-            hint = _FOREIGN.get(symbol, hint)
-            examples = (kind.example.partition(" ")[2] for kind in DIMENSIONS.values() if kind.exponents == expected)
-            example = next(filter(None, examples), "mm")
-            given, why = f"unit {symbol!r} in {text!r}", f"the unit {symbol!r} is unknown"
-            raise refuse(where, given, _UNITS, why, hint or f"write its symbol, such as {example}")
+            return match[2] if match else text[position:]
         # As in print, a '/' applies to all factors up to the next '*' or '/': N s/m, kg/(m s) is kg/m/s.
         divide = match[1] == "/" or (match[1] == "" and divide)
         power = int(match[3] or 1) * (-1 if divide else 1)
         factor = _EXACT.multiply(factor, _EXACT.power(unit[0], power))
-        exponents = tuple(a + power * b for a, b in zip(exponents, unit[1], strict=True))
+        exponents = cast("Exponents", tuple(a + power * b for a, b in zip(exponents, unit[1], strict=True)))
         position = match.end()
-    return factor, exponents  # pyright: ignore[reportReturnType]
+    return factor, exponents
+
+
+def _parse_unit(text: str, where: str, expected: Exponents) -> tuple[Decimal, Exponents]:
+    """Return factor and dimension of a unit; the message on an unknown one suggests one of the expected dimension."""
+    product = _unit_product(text)
+    if not isinstance(product, str):
+        return product
+    near = _similar_unit(text.strip(), product, expected)
+    examples = (kind.example.partition(" ")[2] for kind in DIMENSIONS.values() if kind.exponents == expected)
+    hint = f"did you mean {near!r}?" if near else f"write its symbol, such as {next(filter(None, examples), 'mm')}"
+    given, why = f"unit {product!r} in {text!r}", f"the unit {product!r} is unknown"
+    raise refuse(where, given, _UNITS, why, _FOREIGN.get(product, hint))
+
+
+def _similar_unit(text: str, symbol: str, expected: Exponents) -> str:
+    """Return what an unknown part of a unit means, if possible so that the unit has a dimension; empty if unclear."""
+    if symbol[0].isdigit():
+        return re.sub(r"(?<=[A-Za-z])(?=\d)", "^", text)
+    if len(text) > _MAX_UNIT:
+        return ""
+    bases = [*_PREFIXED, *(kind.si for kind in DIMENSIONS.values() if kind.exponents == expected)]
+    units = [*_PLAIN, *(prefix + base for base in bases for prefix in ("", "k", "M", "G", "c", "m", "u"))]
+    products = {unit: _unit_product(text.replace(symbol, unit)) for unit in units}
+    fitting = [unit for unit, product in products.items() if not isinstance(product, str) and product[1] == expected]
+    alike = [unit for unit in fitting if len(unit) == len(symbol) == 2 and unit[0] == symbol[0]]  # "mn": "mm"
+    if near := alike[0] if alike else similar_name(symbol, fitting):
+        return near
+    compounds = (f"{symbol[:i]} {symbol[i:]}" for i in range(1, len(symbol)))
+    return next((text.replace(symbol, unit) for unit in compounds if not isinstance(_unit_product(unit), str)), "")
 
 
 def _equal_dimension(actual: Exponents, expected: Exponents) -> bool:
@@ -232,8 +235,7 @@ def parse(
 ) -> float:
     """Parse a quantity and return its SI value; messages offer a number in SI if a plain number is allowed."""
     kind = DIMENSIONS[dimension]
-    article = "an" if kind.name[0] in "aeiou" else "a"
-    allowed = f"{article} {kind.name} such as {kind.example!r}"
+    allowed = f"{kind.indefinite} such as {kind.example!r}"
     allowed += f"{PLAIN_NUMBER}{kind.si}" if kind.si and plain else ""
     no_unit = "the value is dimensionless", "leave the unit out, or write a percentage such as '5 %'"
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):  # pyright: ignore[reportUnnecessaryIsInstance] - file content
@@ -246,16 +248,12 @@ def parse(
             why, remedy = "it is a range of values", "give one value; flexcam sweep runs a range"
             raise refuse(where, repr(value), allowed, why, remedy)
         if re.match(r",\d", text):
-            given = value.strip()
-            meant = [f"{given.replace(',', '')!r} if it separates thousands"] if re.match(r",\d{3}(?!\d)", text) else []
-            meant += [] if re.search(r"[.,]\d", text[1:]) else [f"{given.replace(',', '.')!r} if it is a decimal comma"]
-            raise refuse(
-                where, repr(value), allowed, "a comma is not allowed", f"write {', '.join(meant) or 'a point'}"
-            )
+            remedy = f"write {value.strip().replace(',', '.')!r} if it is a decimal comma"
+            raise refuse(where, repr(value), allowed, "a comma is not allowed", remedy)
     else:
         raise refuse(where, repr(value), allowed, "it does not begin with a number")
     try:
-        factor, exponents = _unit_product(text, where, kind.exponents) if text else (Decimal(1), kind.exponents)
+        factor, exponents = _parse_unit(text, where, kind.exponents) if text else (Decimal(1), kind.exponents)
     except InputError as refusal:
         fault = refusal.faults[0]
         why, remedy = (fault.why, fault.remedy) if kind.si else no_unit
@@ -266,7 +264,7 @@ def parse(
             why = f"{text!r} is not a unit of {kind.name}"
             remedy = f"use a unit such as {kind.example.partition(' ')[2]}"
         force = _POUND.sub("lbf", text)
-        if force != text and _equal_dimension(_unit_product(force, where, kind.exponents)[1], kind.exponents):
+        if force != text and _equal_dimension(_parse_unit(force, where, kind.exponents)[1], kind.exponents):
             remedy = f"use {force!r}, because 'lb' is a mass"
         raise refuse(where, repr(value), allowed, why, remedy)
     si = float(_EXACT.multiply(number, factor))
@@ -277,16 +275,14 @@ def parse(
     if si != 0.0 and not kind.least <= abs(si) <= kind.most:
         minimum, maximum = (limit / float(factor) for limit in (kind.least, kind.most))
         why = f"between {minimum:g} and {maximum:g} {text or kind.si}".rstrip()
-        raise refuse(
-            where, repr(value), allowed, f"no mechanism has such {article} {kind.name}: {why}", "check the unit"
-        )
+        raise refuse(where, repr(value), allowed, f"no mechanism has such {kind.indefinite}: {why}", "check the unit")
     return si
 
 
 def conversion_factor(unit: str, si: str, where: str) -> float:
     """Return the factor from a unit, such as ``kN``, to an SI unit of the same quantity, such as ``N``."""
-    divisor, expected = _unit_product(si, where, _NONE) if si not in ("", "1") else (Decimal(1), _NONE)
-    factor, exponents = _unit_product(unit, where, expected) if unit not in ("", "1") else (Decimal(1), _NONE)
+    divisor, expected = _parse_unit(si, where, _NONE) if si not in ("", "1") else (Decimal(1), _NONE)
+    factor, exponents = _parse_unit(unit, where, expected) if unit not in ("", "1") else (Decimal(1), _NONE)
     if exponents != expected:
         given, remedy = (
             (repr(unit), "") if unit else ("no unit", f"write it in brackets after the name, such as [{si}]")

@@ -35,8 +35,8 @@ from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
 from flexcam.case.case import Case
+from flexcam.case.fault_report import iterate_values
 from flexcam.case.reader import CaseFile
-from flexcam.case.repetition import iterate_texts
 from flexcam.core.errors import Fault, InputError, parse_all, refuse, suggest_name
 from flexcam.dynamics import Cause, RunFailedError, Status, reraise_interrupt
 from flexcam.io import find_referenced_file, temporary_folder
@@ -392,9 +392,10 @@ def make_bundle(file: CaseFile, plan: Plan | None = None, overrides: Sequence[st
     """Return a case with its files as plain data, and those that a plan or overrides name."""
     texts = [value.text for axis in plan.axes for value in axis.values] if plan else []
     texts += [override.partition("=")[2] for override in overrides]
-    names = [text.strip(" \"'") for text in texts]
+    names = [value for _, value in iterate_values(file.raw) if isinstance(value, str)]
+    names += [text.strip(" \"'") for text in texts]
     files = {file.path.name: file.text.encode()}
-    for text in dict.fromkeys([*iterate_texts(file.raw), *names]):
+    for text in dict.fromkeys(names):
         if not os.path.isabs(text) and (referenced := find_referenced_file(file.path, text)):
             files[PurePosixPath(Path(os.path.normpath(text))).as_posix()] = referenced.read_bytes()
     digest = hashlib.sha256()

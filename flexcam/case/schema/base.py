@@ -43,8 +43,6 @@ def describe_type_error(error: ErrorDetails) -> str:
         "greater_than_equal": f"{context.get('ge')} or more", "less_than_equal": f"{context.get('le')} or less",
         "string_too_short": "a string that is not empty", "finite_number": "a finite number",
     }  # fmt: skip
-    if error["type"] in {"list_type", "tuple_type"} and str(error["input"]).startswith("["):
-        return "a list in brackets, with quotes around each string"
     return {**_TYPE_NAMES, **limits}.get(error["type"]) or error["msg"].replace("Input should be ", "")
 
 
@@ -99,7 +97,7 @@ class Unit:
     def description(self) -> str:
         """Kind of quantity with an example, for messages."""
         kind = DIMENSIONS[self.dimension]
-        return f"{'an' if kind.name[0] in 'aeiou' else 'a'} {kind.name} (such as {kind.example!r})"
+        return f"{kind.indefinite} (such as {kind.example!r})"
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
         return core_schema.with_info_plain_validator_function(self.validate)
@@ -271,8 +269,9 @@ def fields_at(path: tuple[str, ...], root: type[BaseModel]) -> Iterator[tuple[st
 
 
 def units_in(annotation: object) -> list[Unit]:
-    """Return the units contained in a type, without those of its tables."""
+    """Return the units contained in a type or a field, without those of its tables."""
     if isinstance(annotation, Unit):
         return [annotation]
-    parts: list[object] = [*get_args(annotation)]
+    of_field = isinstance(annotation, FieldInfo)
+    parts: list[object] = [*annotation.metadata, annotation.annotation] if of_field else [*get_args(annotation)]
     return [unit for part in parts for unit in units_in(part)]

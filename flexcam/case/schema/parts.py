@@ -161,11 +161,7 @@ class MemberRecord(Record):
         None, min_length=2, description="named nodes along the member (without a mesh file)"
     )
     elements: int = Field(
-        1,
-        ge=1,
-        le=1_000_000,
-        strict=True,
-        description="number of equal elements in each span between two nodes",
+        1, ge=1, le=1_000_000, strict=True, description="number of equal elements in each span between two nodes"
     )
     orientation: Vector | None = Field(None, description="vector in the local x-y plane, global axes")
     shear: Flag = Field(False, description="shear deformation (Timoshenko)")

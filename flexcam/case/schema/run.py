@@ -69,10 +69,7 @@ class FidelityRecord(Record):
         "max for forces and rms for motions",
     )
     estimate: Flag = Field(False, description="estimate the errors by runs with other steps and elements")
-    prune: Flag = Field(
-        True,
-        description="omit inactive degrees of freedom, for the same results in less time",
-    )
+    prune: Flag = Field(True, description="omit inactive degrees of freedom, for the same results in less time")
     modes: Count | None = Field(
         None, description="number of modes to integrate, with static correction; by default all degrees of freedom"
     )
