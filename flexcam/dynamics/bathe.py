@@ -27,11 +27,6 @@ class Bathe(Method):
     0.0
     """
 
-    @property
-    def order(self) -> int:
-        """Order of accuracy of displacement, velocity and acceleration."""
-        return 2
-
     def amplification(self, omega_dt: float, damping: float = 0.0) -> FloatArray:
         """Return the matrix that takes (d, dt v, dt^2 a) of one mode over a step, as `Method` says."""
         halved = np.array([1.0, 0.5, 0.25])

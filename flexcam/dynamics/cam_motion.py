@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Protocol, TypeVar, cast
 
 import numpy as np
@@ -369,7 +369,7 @@ class SpeedByAngle:
         return 0.5 * width * (w / self._speed(points.ravel(), 0).reshape(points.shape)).sum(axis=1)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class PrescribedInputs:
     """Prescribed inputs of the local forces at m instants.
 
@@ -383,53 +383,20 @@ class PrescribedInputs:
     acts: FloatArray  #: 1 where an acting vector belongs to a force, shape (c, a)
     cam: CamFunctionCache  #: functions of the cam angle at these instants
 
-    @cached_property
-    def _cuts(self) -> list[int]:
+    def __post_init__(self) -> None:
         (c, k), a = self.senses.shape, self.acts.shape[1]
-        return np.cumsum([0, k, k, a, c, c]).tolist()
-
-    def _part(self, i: int) -> FloatArray:
-        return self.rows[:, self._cuts[i] : self._cuts[i + 1]]
-
-    @property
-    def parts(self) -> list[FloatArray]:
-        """The parts of the rows."""
-        return np.split(self.rows, self._cuts[1:], axis=1)
+        cuts = [0, *accumulate([k, k, a, c, c]), self.rows.shape[1]]
+        #: The parts of the rows; they are views, shape (m, k), (m, a), (m, c) or, of f functions, (m, f).
+        self.parts = [self.rows[:, begin:end] for begin, end in pairwise(cuts)]
+        (
+            self.sensing_weights, self.sensing_rates, self.acting_weights, self.offset, self.offset_rate,
+            self.functions,
+        ) = self.parts  # fmt: skip
 
     def followed_by(self, later: PrescribedInputs) -> PrescribedInputs:
         """Return the instants and later ones."""
         angle = np.concatenate([self.angle, later.angle])
         return replace(self, angle=angle, rows=np.vstack([self.rows, later.rows]), cam=CamFunctionCache(angle))
-
-    @property
-    def sensing_weights(self) -> FloatArray:
-        """Weights of the sensing vectors, shape (m, k)."""
-        return self._part(0)
-
-    @property
-    def sensing_rates(self) -> FloatArray:
-        """Their time derivatives, shape (m, k)."""
-        return self._part(1)
-
-    @property
-    def acting_weights(self) -> FloatArray:
-        """Weights of the acting vectors, shape (m, a)."""
-        return self._part(2)
-
-    @property
-    def offset(self) -> FloatArray:
-        """Prescribed parts of the sensed scalars, shape (m, c)."""
-        return self._part(3)
-
-    @property
-    def offset_rate(self) -> FloatArray:
-        """Their time derivatives, shape (m, c)."""
-        return self._part(4)
-
-    @property
-    def functions(self) -> int:
-        """Column of the first function of the laws."""
-        return self._cuts[5]
 
     def at(self, instants: IntArray | slice) -> PrescribedInputs:
         """Return some of the instants."""

@@ -41,11 +41,6 @@ class CentralDifference(Method):
     2.0
     """
 
-    @property
-    def order(self) -> int:
-        """Order of accuracy of displacement and velocity."""
-        return 2
-
     def amplification(self, omega_dt: float, damping: float = 0.0) -> FloatArray:
         """Return the matrix that takes (d, dt v, dt^2 a) of one mode over a step, as `Method` says."""
         return family_matrix(0.0, 0.5, omega_dt, damping)

@@ -198,8 +198,7 @@ class DirectEngine:
             self._control.halvings, self._control.rejected = control
 
     def _at(self, time: float) -> StepInputs:
-        motion = self._problem.drive.at(np.array([time]))
-        return StepInputs(time, self._system.load_vector(motion)[0], self._forces.prescribed_inputs(motion))
+        return StepInputs.of(self._problem, self._forces, time)
 
 
 def _step_floor_status(fault: StepFloorError, system: System, at: float, angle: float) -> Status:

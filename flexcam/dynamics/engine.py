@@ -92,7 +92,7 @@ def in_range(
     names = [*(3 * system.names), *(name for force in system.local_forces for name in [force.name] * len(force.sense))]
     place = instant(float(track.time[index]), float(angle[count]))
     text = f"{names[int(np.argmax(sizes))]} is not finite {place}"
-    return track.until(count), Status(Cause.NOT_FINITE, text, "use a smaller step, more damping or a lower speed")
+    return track.steps(0, count), Status(Cause.NOT_FINITE, text, "use a smaller step, more damping or a lower speed")
 
 
 def all_within(values: FloatArray) -> bool:
@@ -125,8 +125,7 @@ def convergence_failure(forces: list[str], at: float, angle: float) -> Status:
 def first_track(problem: Problem, forces: LocalForces) -> Trajectory:
     """Return the first instant of a problem."""
     start = problem.start or State.rest(problem.system.size)
-    motion = problem.drive.at(problem.times(np.zeros(1, dtype=np.intp)))
-    to = StepInputs(start.time, problem.system.load_vector(motion)[0], forces.prescribed_inputs(motion))
+    to = StepInputs.of(problem, forces, start.time)
     return Trajectory.of([[InitialAcceleration(problem.system, forces).first(start, to)]], forces.contact_sides)
 
 

@@ -121,7 +121,7 @@ class Tangents:
         """Return damping and stiffness at an instant, shape (n, n) each."""
         row, state, forces = slice(i, i + 1), self._state(i)[None], self._forces
         inputs = self._schedule.at(row)
-        narrow = forces.tangents(self._penetration[row], self._rate[row], state, inputs.rows[:, inputs.functions :])[2]
+        narrow = forces.tangents(self._penetration[row], self._rate[row], state, inputs.functions)[2]
         linear = linearize(forces, inputs, narrow)
         (act,) = linear.act
         return self._C - act.T @ linear.by_v[0], self._K - act.T @ linear.by_d[0]

@@ -91,8 +91,7 @@ class VariedProblem:
         forces, depth, rate = self.forces, sensed.penetration, sensed.rate
         lift = forces.lifts.depth(depth) - self._lifts.depth(depth)
         lift_rate = forces.lifts.depth_rate(depth, rate) - self._lifts.depth_rate(depth, rate)
-        functions = inputs.rows[:, inputs.functions :]
-        answer = forces.evaluate(depth - lift, sensed.track.state, functions, rate=rate - lift_rate)[1]
+        answer = forces.evaluate(depth - lift, sensed.track.state, inputs.functions, rate=rate - lift_rate)[1]
         return answer, lift, lift_rate
 
     def states_after(self, sensed: SensedTrajectory, lengths: FloatArray, scalars: FloatArray) -> FloatArray:
@@ -102,8 +101,7 @@ class VariedProblem:
 
     def impact_change(self, old: StepState, contacts: IntArray) -> FloatArray:
         """Return the change of the velocities by an impact at switching scalars, shape (n,)."""
-        motion = self.problem.drive.at(self.times(np.array([old.time])))
-        to = StepInputs(old.time, np.zeros(len(old.d)), self.forces.prescribed_inputs(motion))
+        to = StepInputs.of(self.problem, self.forces, float(self.times(np.array(old.time))))
         impact = self.accelerations.impact_data(to, contacts)
         rate = impact.sense @ old.v + impact.turning @ old.d
         rate = rate + to.inputs.offset_rate[0][self.forces.switching[contacts]]
@@ -181,8 +179,7 @@ class _ParameterChange:
         else:
             states = np.zeros_like(states)
         response = np.zeros_like(rate)
-        functions = slice(after.functions, None)
-        if not (self._same_laws and np.array_equal(after.rows[:, functions], before.rows[:, functions])):
+        if not (self._same_laws and np.array_equal(after.functions, before.functions)):
             old, new = original.answers, varied.answers
             response, sensed, rate = new[0] - old[0], sensed + new[1] - old[1], rate + new[2] - old[2]
         return [force, *(change / self._width for change in (sensed, rate, response, states))]

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.blocks import Arrays, Series, select_prefix
 from flexcam.dynamics.cam_motion import CamFunctionCache, PrescribedInputs
+from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.problem import Problem
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +54,12 @@ class StepInputs:
     load: FloatArray  #: loads in the unknowns, shape (n,)
     inputs: PrescribedInputs  #: prescribed inputs of the local forces
     row: int = 0  #: of the inputs
+
+    @classmethod
+    def of(cls, problem: Problem, forces: LocalForces, time: float) -> StepInputs:
+        """Return those of a problem at a time, s."""
+        motion = problem.drive.at(np.array([time]))
+        return cls(time, problem.system.load_vector(motion)[0], forces.prescribed_inputs(motion))
 
     @property
     def angle(self) -> float:
@@ -103,30 +111,16 @@ class Trajectory:
         """All arrays with a row per instant."""
         return self.time, self.d, self.v, self.a, self.local, self.state, self.impulse, self.pressed
 
-    def between(self, first: int, last: int) -> Trajectory:
-        """Return the instants of a range of output steps."""
-        return self._select(slice(first, last), np.arange(last - first))
+    def steps(self, first: int, last: int | None = None) -> Trajectory:
+        """Return the instants of a range of output steps; without `last` all instants that follow."""
+        begins = np.append(0, self.ends + 1)
+        begin = begins[min(first, len(self.ends))]
+        return self._select(slice(begin, None if last is None else begins[last]), self.ends[first:last] - begin)
 
-    def at_ends(self, steps: IntArray | slice = slice(None)) -> Trajectory:
-        """Return the instants at the ends of steps alone, by default of all."""
+    def at_ends(self, steps: IntArray | slice) -> Trajectory:
+        """Return the instants at the ends of some steps alone."""
         ends = self.ends[steps]
         return self._select(ends, np.arange(len(ends)))
-
-    def last(self) -> Trajectory:
-        """Return the last instant alone."""
-        return self._select(slice(-1, None), np.zeros(1, dtype=np.intp))
-
-    def until(self, count: int) -> Trajectory:
-        """Return the instants of the first steps."""
-        end = int(self.ends[count - 1]) + 1 if count else 0
-        return self._select(slice(0, end), self.ends[:count])
-
-    def after(self, count: int) -> Trajectory:
-        """Return the instants after the first steps."""
-        if not count or not len(self.ends):
-            return self
-        begin = int(self.ends[count - 1]) + 1
-        return self._select(slice(begin, None), self.ends[count:] - begin)
 
     def _select(self, part: slice | IntArray, ends: IntArray) -> Trajectory:
         time, d, v, a, local, state, impulse, pressed = (rows[part] for rows in self.rows)

@@ -252,7 +252,7 @@ class _Neighbour:
         change[track.ends] = self._width * changes[:, :, self._parameter]
         d, v, state = track.d + change[:, :n], track.v + change[:, n : 2 * n], track.state + change[:, 2 * n :]
         sensed, rate, _ = forces.sense_motion(d, v, inputs)
-        local = forces.evaluate(sensed, state, inputs.rows[:, inputs.functions :], rate=rate)[1]
+        local = forces.evaluate(sensed, state, inputs.functions, rate=rate)[1]
         a = track.a if self._width == 0.0 else np.full_like(d, np.nan)
         if self._width != 0.0 and self._accelerations:
             a = side.accelerations.accelerations(side.forces_without_inertia(motion, inputs, d, v, local).T).T
