@@ -328,13 +328,12 @@ class SpeedByAngle:
         omega over the cam angle, rad/s, above zero; the first derivative is used too.
     start, time
         Initial cam angle, rad, and its time, s.
-    points
-        Number of points of the inverted time table; Newton's method refines its values.
     """
 
-    def __init__(self, speed: AngleFunction, start: float = 0.0, time: float = 0.0, points: int = 7201) -> None:
+    def __init__(self, speed: AngleFunction, start: float = 0.0, time: float = 0.0) -> None:
         self._speed, self._start = speed, start
-        self._angles = np.linspace(0.0, 2.0 * np.pi, points)
+        #: Angles of the inverted time table; Newton's method refines its values.
+        self._angles = np.linspace(0.0, 2.0 * np.pi, 7201)
         if float(speed(self._angles, 0).min()) <= 0.0:
             raise refuse("speed", "a speed of zero or less at some angle", "a speed above zero at every cam angle")
         self._times = np.concatenate([[0.0], np.cumsum(self._travel_times(self._angles[:-1], np.diff(self._angles)))])
@@ -357,7 +356,6 @@ class SpeedByAngle:
         return CamMotion(total, speed, self._speed(angle, 1) * speed, time)
 
     def _time_at(self, angle: FloatArray) -> FloatArray:
-        """Return the time of an angle within the revolution."""
         step = self._angles[1]
         i = np.clip(np.floor(angle / step).astype(int), 0, len(self._angles) - 2)
         return self._times[i] + self._travel_times(self._angles[i], angle - self._angles[i])

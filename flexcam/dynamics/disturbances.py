@@ -181,7 +181,6 @@ class Disturbances:
         return self._current if self._shift is None else self._current - flow[:, None] * self._shift
 
     def _linearize(self, motion: _LinearizedMotion, first: int, last: int) -> Linear:
-        """Return the linear forces at some successive instants, with every contact on its side within the steps."""
         at, rows = slice(first, last + 1), slice(motion.begin[first], motion.begin[first] + last - first + 1)
         answer = None if motion.explicit is None else motion.explicit.answer[at]
         return linearize(self._forces, motion.trajectory.inputs.at(at), motion.tangents[rows], answer)
@@ -199,7 +198,6 @@ class Disturbances:
         return penetration
 
     def _steps(self, motion: _LinearizedMotion, first: int, last: int) -> tuple[StepSequence, FloatArray]:
-        """Return the equal steps between some instants, and the contributions of the parameters to them."""
         part, linear = slice(first, last), self._linearize(motion, first, last)
         few = self._parameters is not None and self._current.shape[1] <= _FEW
         sequence = StepSequence(

@@ -13,7 +13,7 @@ from flexcam.dynamics.cam_motion import CamMotion
 from flexcam.dynamics.force_laws import FIRST
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.local_forces import LocalForces
-from flexcam.dynamics.problem import Problem, State
+from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.status import Cause, RunFailedError, Stats, Status
 from flexcam.dynamics.step_state import StepInputs, StepState, Trajectory
 from flexcam.dynamics.system import PrescribedMotion, System
@@ -116,17 +116,17 @@ def instant(at: float, angle: float) -> str:
     return f"at t = {at:.6g} s, cam angle {np.degrees(angle):.2f} deg"
 
 
-def convergence_failure(forces: list[str], at: float, angle: float) -> Status:
+def convergence_failure(forces: list[str], to: StepInputs) -> Status:
     """Return the status of a local Newton iteration that did not converge."""
-    text = f"{', '.join(dict.fromkeys(forces))} did not converge within the step {instant(at, angle)}"
+    text = f"{', '.join(dict.fromkeys(forces))} did not converge within the step {instant(to.time, to.angle)}"
     return Status(Cause.NO_CONVERGENCE, text, "use a smaller step or a softer contact")
 
 
 def first_track(problem: Problem, forces: LocalForces) -> Trajectory:
     """Return the first instant of a problem."""
-    start = problem.start or State.rest(problem.system.size)
+    start = problem.initial_state
     to = StepInputs.of(problem, forces, start.time)
-    return Trajectory.of([[InitialAcceleration(problem.system, forces).first(start, to)]], forces.contact_sides)
+    return Trajectory.of([[InitialAcceleration(problem.system, forces).first(start, to)]], forces)
 
 
 class KinematicEngine(Engine):

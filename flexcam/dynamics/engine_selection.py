@@ -128,7 +128,6 @@ class _UnsuitableEngineError(ValueError):
 
 
 def _modal_problem(problem: Problem, method: Method, engine: EngineName) -> tuple[ModalCoordinates, Problem]:
-    """Return the modes of a problem, and the problem in modal coordinates."""
     system = problem.system
     if not isinstance(method, Scheme) and not (engine == "kernel" and isinstance(method, Collocation)):
         raise _UnsuitableEngineError("it integrates only with newmark, hht and generalized-alpha")

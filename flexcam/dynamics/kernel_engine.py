@@ -26,7 +26,7 @@ from flexcam.dynamics.integrator import At, NoConvergenceError
 from flexcam.dynamics.kernel import TOO_LONG, UNSETTLED
 from flexcam.dynamics.kernel_step import Kernel
 from flexcam.dynamics.local_forces import LocalForces
-from flexcam.dynamics.problem import Problem, State
+from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.status import Cause, Stats, Status
 from flexcam.dynamics.step_state import StepInputs, StepState, Trajectory
 
@@ -167,7 +167,7 @@ class KernelEngine:
         row, status = 0, Status()
         if self._last is None:
             to = StepInputs(float(times[0]), loads[0], inputs, 0)
-            self._last, row = self._starter.first(self._problem.start or State.rest(self._system.size), to), 1
+            self._last, row = self._starter.first(self._problem.initial_state, to), 1
             rows[0] = _row(self._last)
             self._inputs = kernel.instant(loads, inputs, 0)
         state, sides = kernel.state(self._last), self._sides(self._last)
@@ -188,7 +188,7 @@ class KernelEngine:
                 try:
                     moments = self._single_steps.walk(now, to)
                 except NoConvergenceError as fault:
-                    status = convergence_failure(fault.forces, to.time, to.angle)
+                    status = convergence_failure(fault.forces, to)
                     break
                 self._iterations += sum(moment.iterations for moment in moments)
                 single_steps[row] = moments
@@ -213,7 +213,7 @@ class KernelEngine:
             return track if len(time) == len(inputs.angle) else replace(track, cam=None)
         parts, first = list[Trajectory](), 0
         for row, moments in single_steps.items():
-            parts += [track.steps(first, row), Trajectory.of([moments], self._forces.contact_sides)]
+            parts += [track.steps(first, row), Trajectory.of([moments], self._forces)]
             first = row + 1
         return Trajectory.concatenate([*parts, track.steps(first)])
 
@@ -241,8 +241,7 @@ class KernelEngine:
 
     def _sides(self, moment: StepState) -> IntArray:
         """Return the switching scalars, and which of them count as pressed."""
-        pressed = self._forces.contact_sides(moment.penetration) if moment.pressed is None else moment.pressed
-        return np.array([self._forces.switching, pressed], dtype=np.intp)
+        return np.array([self._forces.switching, moment.sides(self._forces)], dtype=np.intp)
 
     def _at(self, time: float) -> StepInputs:
         """Return the prescribed inputs of an instant, by the polynomial through the Chebyshev points of its step.
@@ -252,7 +251,7 @@ class KernelEngine:
         """
         begin, end = self._span
         if not begin <= time < end:
-            step, start = self._problem.step, float(self._problem.times(np.zeros(1, dtype=np.intp))[0])
+            step, start = self._problem.step, self._problem.initial_state.time
             begin = start + step * math.floor((time - start) / step)
             end = max(begin + step, time)
             self._span, self._nodes = (begin, end), self._fit(begin, end)
@@ -277,7 +276,6 @@ class KernelEngine:
         return self._system.load_vector(motion), self._forces.prescribed_inputs(motion)
 
     def _event_stepper(self, events: int = 0) -> EventStepper:
-        """Return the stepper of single steps, with the events located so far."""
         step = self._problem.step / self._division
         steppers = partial(KernelStepper, self._kernel, self._at)
         stepper = EventStepper(step, self._forces, self._starter, self._at, steppers, balances=self._balances)
@@ -286,5 +284,4 @@ class KernelEngine:
 
 
 def _row(moment: StepState) -> FloatArray:
-    """Return a row of results of an instant."""
     return np.concatenate([stack_instant(moment), moment.inner])

@@ -75,11 +75,8 @@ class StepOperator:
 
     def followed_by(self, shorter: StepOperator) -> StepOperator:
         """Return the steps of both lengths."""
-        lengths, slopes, operator, answers, give, inverse = (
-            np.concatenate([getattr(step, name) for step in (self, shorter)])
-            for name in ("lengths", "slopes", "operator", "answers", "give", "inverse")
-        )
-        return StepOperator(lengths, slopes, self.scheme, operator, answers, give, self.hold, inverse)
+        names = ("lengths", "slopes", "operator", "answers", "give", "inverse")
+        return replace(self, **{name: np.concatenate([getattr(self, name), getattr(shorter, name)]) for name in names})
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,9 +280,8 @@ class Kernel:
 
     def touches_between(self, now: StepState, new: StepState) -> bool:
         """Return whether in the last call a switching scalar had another side at the middle than at both ends."""
-        before, after = (self.forces.contact_sides(moment.penetration) for moment in (now, new))
+        before, after = now.sides(self.forces), self.forces.contact_sides(new.penetration)
         middle = self._local[0, DEPTH, self.forces.switching] > 0.0
-        before = before if now.pressed is None else now.pressed
         return bool(((middle != before) & (middle != after)).any())
 
     def unconverged_forces(self) -> list[str]:

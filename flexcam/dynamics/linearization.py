@@ -65,7 +65,6 @@ def linearize(
 
 
 def _rows(stack: VectorStack, weights: FloatArray, scalars: IntArray) -> FloatArray:
-    """Return the vectors of some scalars at m instants, shape (m, c, n)."""
     vectors = np.tile(stack.rows[scalars], (len(weights), 1, 1))
     for place, scalar, vector in stack.varying_vectors:
         vectors[:, scalars == scalar] += (weights[:, place, None] * vector)[:, None]
@@ -283,7 +282,6 @@ def _dense(matrix: FloatArray) -> FloatArray:
 
 
 def _multiply(matrix: FloatArray, columns: FloatArray) -> FloatArray:
-    """Return the product of a matrix of `_compact` with columns."""
     return matrix.T * columns if len(matrix) < len(columns) else matrix @ columns
 
 

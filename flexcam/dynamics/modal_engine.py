@@ -256,7 +256,6 @@ class ModalPropagator:
         return StepBlocks(np.concatenate([state[None], ends])[:count], ends, causes[:-1], rising)
 
     def _single(self, last: int, histories: FloatArray) -> StepBlocks:
-        """Return single steps, and advance the state."""
         forces = self.modal_forces(histories)
         states = np.empty((3, *forces.shape))
         self.steps.walk(self.state, forces, states)
@@ -290,7 +289,6 @@ class ModalEngine(Engine):
         return in_range(track, before, self._system, self._problem.drive.at(times).angle)
 
     def _first_instant(self) -> Trajectory | None:
-        """Return the first instant if the run is at its start; else None."""
         if self._propagator.at >= 0:
             return None
         first = first_track(self._problem, self._forces)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,6 +33,10 @@ class StepState:
     impulse: FloatArray | None = None  #: of impacts at this instant, N s, shape (c,); None without impact
     iterations: int = 0  #: Newton iterations of the step
     stride: float | None = None  #: internal step of a method with its own step control, s; None for its default
+
+    def sides(self, forces: LocalForces) -> NDArray[np.bool_]:
+        """Return the sides of the switching scalars."""
+        return forces.contact_sides(self.penetration) if self.pressed is None else self.pressed
 
     @classmethod
     def from_checkpoint(cls, name: str, arrays: Arrays) -> StepState | None:
@@ -83,8 +87,8 @@ class Trajectory:
     cam: CamFunctionCache | None = None  #: functions of the cam angle at these instants, if available
 
     @classmethod
-    def of(cls, steps: Sequence[Sequence[StepState]], sides: Callable[[FloatArray], NDArray[np.bool_]]) -> Trajectory:
-        """Return the instants of some steps, one sequence per step, with the sides of the switching scalars."""
+    def of(cls, steps: Sequence[Sequence[StepState]], forces: LocalForces) -> Trajectory:
+        """Return the instants of some steps, one sequence per step."""
         moments = [moment for part in steps for moment in part]
         zeros = np.zeros(len(moments[0].local))
         return cls(
@@ -92,7 +96,7 @@ class Trajectory:
             v=np.array([m.v for m in moments]), a=np.array([m.a for m in moments]),
             local=np.array([m.local for m in moments]), state=np.array([m.inner for m in moments]),
             impulse=np.array([zeros if m.impulse is None else m.impulse for m in moments]),
-            pressed=np.array([sides(m.penetration) if m.pressed is None else m.pressed for m in moments]),
+            pressed=np.array([m.sides(forces) for m in moments]),
             ends=np.cumsum([len(part) for part in steps]) - 1,
         )  # fmt: skip
 
