@@ -56,12 +56,6 @@ class AngleVector:
         """Return a vector that does not depend on the angle, shape (n,)."""
         return cls(vector[None, :], ())
 
-    def weights(self, angle: FloatArray, order: int = 0) -> FloatArray:
-        """Return the weights of the vectors, shape (len(angle), k), or their derivatives by the angle."""
-        if not self.functions:
-            return np.full((*angle.shape, 1), 0.0 if order else 1.0)
-        return np.stack([function(angle, order) for function in self.functions], axis=-1)
-
 
 def constant(value: float) -> AngleFunction:
     """Return the function of the cam angle that is `value` everywhere."""

@@ -195,7 +195,11 @@ def solve(
     if checkpoint_sinks and not can_resume and status.cause in (Cause.TIME_LIMIT, Cause.INTERRUPTED):
         status = replace(status, remedy=_NOTHING_TO_RESUME)
     stats = replace(stats, steps=max(stats.steps - 1, 0), seconds=time.perf_counter() - begin)
-    status = _close(sinks, status, stats)
+    for sink in sinks:
+        try:
+            sink.close(status, stats)
+        except OSError as fault:
+            status = _write_failure(fault)
     memory.close(status, stats)
     if status.cause is Cause.SINGULAR:
         raise RunFailedError(status)
@@ -238,16 +242,6 @@ class _SingleThread:
 
 
 _SINGLE_THREAD = _SingleThread()
-
-
-def _close(sinks: Sequence[Sink], status: Status, stats: Stats) -> Status:
-    """Close all sinks with the status, and return the final status: saving the last results may fail."""
-    for sink in sinks:
-        try:
-            sink.close(status, stats)
-        except OSError as fault:
-            status = _write_failure(fault)
-    return status
 
 
 def _write_failure(fault: OSError) -> Status:

@@ -156,9 +156,3 @@ class ProbeTrajectory:
     time: FloatArray  #: s, shape (b,)
     probes: Series  #: all scalars of the probes without their prescribed part, shape (b, p)
     fields: Series  #: the motions at saved fields, shape (f, n)
-
-    @classmethod
-    def empty(cls, probes: int, size: int) -> ProbeTrajectory:
-        """Return an empty sequence for a system size."""
-        outputs, motion = np.zeros((0, probes)), np.zeros((0, size))
-        return cls(np.zeros(0), Series(outputs, outputs, outputs), Series(motion, motion, motion))

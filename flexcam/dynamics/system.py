@@ -131,16 +131,6 @@ class Observation:
         """Of all unknowns, shape (m, n)."""
         return self.moved.whole(0)
 
-    @property
-    def velocity(self) -> FloatArray:
-        """Of all unknowns, shape (m, n)."""
-        return self.moved.whole(1)
-
-    @property
-    def acceleration(self) -> FloatArray:
-        """Of all unknowns, shape (m, n)."""
-        return self.moved.whole(2)
-
     def part(self, loads: slice, scalars: slice, states: slice) -> Observation:
         """Return the observation of selected loads, sensed scalars and internal states."""
         return Observation(
