@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
-from functools import lru_cache
 
 import numpy as np
 
@@ -217,7 +216,7 @@ class StepSequence:
     ) -> None:  # fmt: skip
         _, c, n = linear.act.shape
         self._half, self._shape, self._linear, self._rules = 0.5 * length, (c, n), linear, (T, B)
-        self._propagate, self._compiled = (compiled or _python())["propagate_disturbances"], compiled is not None
+        self._propagate, self._compiled = (compiled or _PYTHON)["propagate_disturbances"], compiled is not None
         inverse, by_new, by_v = stepper.inverse(length), linear.by_d[1:], linear.by_v[1:]
         rest = (1.0 - T)[:, :, None] * linear.followed[1:]
         difference = (T - B)[:, :, None] * linear.followed[:-1]
@@ -265,9 +264,7 @@ class StepSequence:
         return states.swapaxes(1, 2)
 
 
-@lru_cache
-def _python() -> Functions:
-    return bind(FUNCTIONS_OF_TANGENTS, NUMPY)
+_PYTHON = bind(FUNCTIONS_OF_TANGENTS, NUMPY)
 
 
 def _compact(matrix: FloatArray) -> FloatArray:
