@@ -28,7 +28,7 @@ from flexcam.dynamics.integrator import Method
 from flexcam.dynamics.law_data import ForceLaw
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.massless import MasslessMotions
-from flexcam.dynamics.problem import Problem, State
+from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.system import LocalForce, System
 
 _MOTION_TOLERANCE = 1e-13
@@ -183,7 +183,6 @@ def _find_motion(motion: FloatArray, weights: FloatArray) -> NDArray[np.bool_]:
 
 
 def _spread_to_groups(marked: NDArray[np.bool_], labels: IntArray) -> NDArray[np.bool_]:
-    """Return the unknowns of groups with at least one marked member."""
     groups = np.zeros(len(labels), dtype=bool)
     groups[labels[marked]] = True
     return groups[labels]
@@ -191,7 +190,7 @@ def _spread_to_groups(marked: NDArray[np.bool_], labels: IntArray) -> NDArray[np
 
 def active_dofs_of(problem: Problem) -> ActiveDofs:
     """Return the active unknowns of a problem."""
-    start = problem.start or State.rest(problem.system.size)
+    start = problem.initial_state
     return find_active_dofs(problem.system, start.displacement, start.velocity, start.inner)
 
 
@@ -205,8 +204,7 @@ def basis_of(problem: Problem) -> Basis | None:
 
 def reduce_problem(problem: Problem, basis: Basis) -> Problem:
     """Return a problem in the coordinates of a basis."""
-    system = problem.system
-    start = problem.start or State.rest(system.size)
+    system, start = problem.system, problem.initial_state
     weight = _weight(system)
     d, v = (basis.project(motion, weight) for motion in (start.displacement - basis.offset, start.velocity))
     a = None if start.acceleration is None else basis.project(start.acceleration, weight)

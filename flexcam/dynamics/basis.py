@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -13,50 +12,12 @@ from flexcam.dynamics.cam_motion import AngleFunction, Constant
 from flexcam.dynamics.system import Channel, LocalForce, MotionView, Observation, Probe, System
 
 
-class Basis(Protocol):
-    """Transformation of n unknowns to m generalized coordinates."""
-
-    @property
-    def offset(self) -> FloatArray:
-        """Offset u0 of the n unknowns at q = 0; it must not couple with the coordinates."""
-        ...
-
-    @property
-    def size(self) -> int:
-        """Number of coordinates m."""
-        ...
-
-    def coordinate_names(self, names: Sequence[str]) -> tuple[str, ...]:
-        """Return names of the m coordinates from those of the n unknowns."""
-        ...
-
-    def matrix(self, full: Triplets) -> Triplets:
-        """Return ``T' A T``."""
-        ...
-
-    def rows(self, full: FloatArray) -> FloatArray:
-        """Return ``A T`` of rows or one row, shape (..., n) to (..., m)."""
-        ...
-
-    def expand(self, motion: FloatArray) -> FloatArray:
-        """Return ``T q`` of motions as rows, shape (..., m) to (..., n)."""
-        ...
-
-    def project(self, motion: FloatArray, weight: Triplets) -> FloatArray:
-        """Return the projection q of a motion, shape (n,) to (m,), in the norm of a weight such as the mass."""
-        ...
-
-    def free(self, motions: FloatArray | None) -> FloatArray | None:
-        """Return the free motions in the m coordinates, shape (m, k); None if they must be computed."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
 class DofSubset:
-    """Subset of the unknowns; the others are constant."""
+    """Subset of m of n unknowns; the others are constant."""
 
     kept: IntArray  #: indices of the unknowns, shape (m,)
-    offset: FloatArray  #: displacement of the others, shape (n,); zero for unknowns kept
+    offset: FloatArray  #: u0, displacement of the others, shape (n,); zero for unknowns kept
 
     @property
     def size(self) -> int:
@@ -69,15 +30,15 @@ class DofSubset:
         return tuple(names[i] for i in kept)
 
     def matrix(self, full: Triplets) -> Triplets:
-        """Return the kept part."""
+        """Return the kept part of a matrix, ``T' A T``."""
         return full.part(self.kept)
 
     def rows(self, full: FloatArray) -> FloatArray:
-        """Return the kept columns."""
+        """Return the kept columns of rows or one row, ``A T``, shape (..., n) to (..., m)."""
         return full[..., self.kept]
 
     def expand(self, motion: FloatArray) -> FloatArray:
-        """Return the motions expanded to all unknowns, zero for the others."""
+        """Return motions expanded to all unknowns, ``T q``, zero for the others, shape (..., m) to (..., n)."""
         full = np.zeros((*motion.shape[:-1], len(self.offset)))
         full[..., self.kept] = motion
         return full
@@ -139,7 +100,7 @@ class ModeBasis:
         return motion @ self.vectors.T
 
     def project(self, motion: FloatArray, weight: Triplets) -> FloatArray:
-        """Return the coordinates of the nearest motion."""
+        """Return the coordinates of the nearest motion, in the norm of a weight such as the mass."""
         heavy = weight.multiply(self.vectors)
         return np.asarray(np.linalg.lstsq(self.vectors.T @ heavy, heavy.T @ motion)[0], dtype=float)
 
@@ -147,6 +108,9 @@ class ModeBasis:
         """Return None: the free motions are recomputed, at low cost."""
         return None
 
+
+Basis = DofSubset | ModeBasis
+"""Transformation of n unknowns to m generalized coordinates; its offset must not couple with them."""
 
 _ROUNDING = 1e-9
 """Relative size below which an entry is rounding."""
@@ -240,14 +204,12 @@ class _ExpandedMotion:
         self._whole: dict[int, FloatArray] = {}
 
     def whole(self, order: int) -> FloatArray:
-        """Return the motion of all unknowns, see `MotionView`."""
         if order not in self._whole:
             motion = self._expansion.basis.expand(self._inside.whole(order))
             self._whole[order] = motion + self._expansion.offset if order == 0 else motion
         return self._whole[order]
 
     def extract(self, rows: FloatArray, order: int = 0) -> FloatArray:
-        """Return scalars of the motion, see `MotionView`."""
         key = id(rows), order
         if key not in self._extracted:
             projected, offset = self._expansion.project(rows)

@@ -27,11 +27,6 @@ class Bathe(Method):
     0.0
     """
 
-    @property
-    def order(self) -> int:
-        """Order of accuracy of displacement, velocity and acceleration."""
-        return 2
-
     def amplification(self, omega_dt: float, damping: float = 0.0) -> FloatArray:
         """Return the matrix that takes (d, dt v, dt^2 a) of one mode over a step, as `Method` says."""
         halved = np.array([1.0, 0.5, 0.25])
@@ -57,7 +52,6 @@ class _Stepper:
         self._second = ImplicitStage(system, forces, (step / 3.0) ** 2, step / 3.0, 0.5 * step)
 
     def advance(self, now: StepState, to: StepInputs) -> StepState:
-        """Return the next instant, as `Stepper` says."""
         half = self._first.advance(now, self._at(to.time - 0.5 * self._dt))
         # a = (v0 - 4 vh + 3 v)/dt and v = (d0 - 4 dh + 3 d)/dt, solved for v and d.
         v = (4.0 * half.v - now.v) / 3.0

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Protocol, TypeVar, cast
 
 import numpy as np
@@ -55,12 +55,6 @@ class AngleVector:
     def constant(cls, vector: FloatArray) -> AngleVector:
         """Return a vector that does not depend on the angle, shape (n,)."""
         return cls(vector[None, :], ())
-
-    def weights(self, angle: FloatArray, order: int = 0) -> FloatArray:
-        """Return the weights of the vectors, shape (len(angle), k), or their derivatives by the angle."""
-        if not self.functions:
-            return np.full((*angle.shape, 1), 0.0 if order else 1.0)
-        return np.stack([function(angle, order) for function in self.functions], axis=-1)
 
 
 def constant(value: float) -> AngleFunction:
@@ -328,13 +322,12 @@ class SpeedByAngle:
         omega over the cam angle, rad/s, above zero; the first derivative is used too.
     start, time
         Initial cam angle, rad, and its time, s.
-    points
-        Number of points of the inverted time table; Newton's method refines its values.
     """
 
-    def __init__(self, speed: AngleFunction, start: float = 0.0, time: float = 0.0, points: int = 7201) -> None:
+    def __init__(self, speed: AngleFunction, start: float = 0.0, time: float = 0.0) -> None:
         self._speed, self._start = speed, start
-        self._angles = np.linspace(0.0, 2.0 * np.pi, points)
+        #: Angles of the inverted time table; Newton's method refines its values.
+        self._angles = np.linspace(0.0, 2.0 * np.pi, 7201)
         if float(speed(self._angles, 0).min()) <= 0.0:
             raise refuse("speed", "a speed of zero or less at some angle", "a speed above zero at every cam angle")
         self._times = np.concatenate([[0.0], np.cumsum(self._travel_times(self._angles[:-1], np.diff(self._angles)))])
@@ -357,7 +350,6 @@ class SpeedByAngle:
         return CamMotion(total, speed, self._speed(angle, 1) * speed, time)
 
     def _time_at(self, angle: FloatArray) -> FloatArray:
-        """Return the time of an angle within the revolution."""
         step = self._angles[1]
         i = np.clip(np.floor(angle / step).astype(int), 0, len(self._angles) - 2)
         return self._times[i] + self._travel_times(self._angles[i], angle - self._angles[i])
@@ -369,7 +361,7 @@ class SpeedByAngle:
         return 0.5 * width * (w / self._speed(points.ravel(), 0).reshape(points.shape)).sum(axis=1)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class PrescribedInputs:
     """Prescribed inputs of the local forces at m instants.
 
@@ -383,53 +375,20 @@ class PrescribedInputs:
     acts: FloatArray  #: 1 where an acting vector belongs to a force, shape (c, a)
     cam: CamFunctionCache  #: functions of the cam angle at these instants
 
-    @cached_property
-    def _cuts(self) -> list[int]:
+    def __post_init__(self) -> None:
         (c, k), a = self.senses.shape, self.acts.shape[1]
-        return np.cumsum([0, k, k, a, c, c]).tolist()
-
-    def _part(self, i: int) -> FloatArray:
-        return self.rows[:, self._cuts[i] : self._cuts[i + 1]]
-
-    @property
-    def parts(self) -> list[FloatArray]:
-        """The parts of the rows."""
-        return np.split(self.rows, self._cuts[1:], axis=1)
+        cuts = [0, *accumulate([k, k, a, c, c]), self.rows.shape[1]]
+        #: The parts of the rows; they are views, shape (m, k), (m, a), (m, c) or, of f functions, (m, f).
+        self.parts = [self.rows[:, begin:end] for begin, end in pairwise(cuts)]
+        (
+            self.sensing_weights, self.sensing_rates, self.acting_weights, self.offset, self.offset_rate,
+            self.functions,
+        ) = self.parts  # fmt: skip
 
     def followed_by(self, later: PrescribedInputs) -> PrescribedInputs:
         """Return the instants and later ones."""
         angle = np.concatenate([self.angle, later.angle])
         return replace(self, angle=angle, rows=np.vstack([self.rows, later.rows]), cam=CamFunctionCache(angle))
-
-    @property
-    def sensing_weights(self) -> FloatArray:
-        """Weights of the sensing vectors, shape (m, k)."""
-        return self._part(0)
-
-    @property
-    def sensing_rates(self) -> FloatArray:
-        """Their time derivatives, shape (m, k)."""
-        return self._part(1)
-
-    @property
-    def acting_weights(self) -> FloatArray:
-        """Weights of the acting vectors, shape (m, a)."""
-        return self._part(2)
-
-    @property
-    def offset(self) -> FloatArray:
-        """Prescribed parts of the sensed scalars, shape (m, c)."""
-        return self._part(3)
-
-    @property
-    def offset_rate(self) -> FloatArray:
-        """Their time derivatives, shape (m, c)."""
-        return self._part(4)
-
-    @property
-    def functions(self) -> int:
-        """Column of the first function of the laws."""
-        return self._cuts[5]
 
     def at(self, instants: IntArray | slice) -> PrescribedInputs:
         """Return some of the instants."""

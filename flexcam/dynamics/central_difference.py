@@ -41,11 +41,6 @@ class CentralDifference(Method):
     2.0
     """
 
-    @property
-    def order(self) -> int:
-        """Order of accuracy of displacement and velocity."""
-        return 2
-
     def amplification(self, omega_dt: float, damping: float = 0.0) -> FloatArray:
         """Return the matrix that takes (d, dt v, dt^2 a) of one mode over a step, as `Method` says."""
         return family_matrix(0.0, 0.5, omega_dt, damping)
@@ -76,7 +71,6 @@ class _Stepper:
         self._stage = ImplicitStage(system, forces, 0.0, 0.5 * step, step, inverse=self._massless.inverse)
 
     def advance(self, now: StepState, to: StepInputs) -> StepState:
-        """Return the next instant, as `Stepper` says."""
         dt, light = self._dt, self._massless
         d = light.place(now.d + dt * now.v + 0.5 * dt**2 * now.a, to.load)
         new = self._stage.solve(d, now.v + 0.5 * dt * now.a, now, to)

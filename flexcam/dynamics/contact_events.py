@@ -121,7 +121,7 @@ class EventStepper:
         instants: list[StepState] = []
         for _ in range(MOST_EVENTS):
             trial = self._advance(now, to)
-            if not len(self._forces.switching) or not (self._side(now) != self._side(trial)).any():
+            if not len(self._forces.switching) or not (now.sides(self._forces) != trial.sides(self._forces)).any():
                 return [*instants, trial]
             instants += self._first_event(now, trial, to)
             now = instants[-1]
@@ -140,13 +140,11 @@ class EventStepper:
             self._halved[halvings] = self._stepper(self._step / 2.0**halvings)
         return self._halved[halvings].advance(now, to)
 
-    def _side(self, moment: StepState) -> Bools:
-        return self._forces.contact_sides(moment.penetration) if moment.pressed is None else moment.pressed
-
     def _first_event(self, now: StepState, trial: StepState, to: StepInputs) -> list[StepState]:
         """Return the instant of the first event, and the one after an impact."""
         self.events += 1
-        side, crossed = self._side(now), self._side(now) != self._side(trial)
+        side = now.sides(self._forces)
+        crossed = side != trial.sides(self._forces)
         length = to.time - now.time
         (penetration, rate), (new_penetration, new_rate) = self._penetrations(now), self._penetrations(trial)
         roots = np.full(len(crossed), np.inf)
@@ -167,7 +165,7 @@ class EventStepper:
         self, now: StepState, trial: StepState, to: StepInputs, scalar: int, guess: float
     ) -> tuple[StepState, StepInputs]:
         """Return the instant of a zero crossing near a given time, by Newton's method within a bracket."""
-        length, side = to.time - now.time, bool(self._side(now)[scalar])
+        length, side = to.time - now.time, bool(now.sides(self._forces)[scalar])
         low, high, elapsed = 0.0, length, guess
         tolerance = max(TIME_TOLERANCE * length, ROUNDING * abs(to.time))
         moment, inputs, was_crossed = trial, to, False
@@ -204,6 +202,5 @@ class EventStepper:
         return [moment, replace(after, pressed=pressed, penetration=penetration)]
 
     def _penetrations(self, moment: StepState) -> tuple[FloatArray, FloatArray]:
-        """Return the switching scalars and their rates."""
         lifts, index = self._forces.lifts, self._forces.switching
         return lifts.depth(moment.penetration)[index], lifts.depth_rate(moment.penetration, moment.rate)[index]

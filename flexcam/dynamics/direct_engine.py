@@ -23,8 +23,8 @@ from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, inst
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.integrator import At, Method, NoConvergenceError, Stepper
 from flexcam.dynamics.local_forces import LocalForces
-from flexcam.dynamics.problem import Adaptive, Problem, State
-from flexcam.dynamics.status import Cause, Stats, Status
+from flexcam.dynamics.problem import Adaptive, Problem
+from flexcam.dynamics.status import Cause, RunFailedError, Stats, Status
 from flexcam.dynamics.step_state import StepInputs, StepState, Trajectory
 from flexcam.dynamics.system import System
 
@@ -35,14 +35,6 @@ Pilot = Callable[[Problem, Method], Series]
 _MAX_HALVINGS = 16
 _DOUBLING_LIMIT = 1.0 / 16.0
 """Fraction of the tolerance below which the step is doubled: the error grows by 8, with a safety factor of 2."""
-
-
-class StepFloorError(ArithmeticError):
-    """The error at the smallest step, s, is too large, `times` the tolerance, most at one unknown."""
-
-    def __init__(self, unknown: int, times: float, step: float) -> None:
-        super().__init__(f"unknown {unknown}: {times:.3g} times the tolerance at {step:.3g} s")
-        self.unknown, self.times, self.step = unknown, times, step
 
 
 class EnergyNorm:
@@ -76,25 +68,28 @@ def _taylor_defect(old: StepState, new: StepState, unseen: float) -> FloatArray:
 
 
 class StepController:
-    """Step size control on top of an `EventStepper`, whose largest step, s, is halved as the error requires."""
+    """Step size control on top of an `EventStepper`: the step of the problem is halved as the error requires."""
 
-    def __init__(self, walker: EventStepper, at: At, step: float, adaptive: Adaptive, norm: EnergyNorm) -> None:
-        self._event_stepper, self._at, self._step, self._norm = walker, at, step, norm
-        self._tolerance = adaptive.tolerance
-        smallest = adaptive.smallest or step / 2.0**_MAX_HALVINGS
-        self._max_halvings = min(max(math.floor(math.log2(step / smallest)), 0), _MAX_HALVINGS)
+    def __init__(self, walker: EventStepper, at: At, problem: Problem, adaptive: Adaptive, norm: EnergyNorm) -> None:
+        self._event_stepper, self._at, self._norm = walker, at, norm
+        self._step, self._names, self._tolerance = problem.step, problem.system.names, adaptive.tolerance
+        smallest = adaptive.smallest or problem.step / 2.0**_MAX_HALVINGS
+        self._max_halvings = min(max(math.floor(math.log2(problem.step / smallest)), 0), _MAX_HALVINGS)
         self.halvings = 0  #: of the given step
         self.rejected = 0  #: steps repeated with half their length
 
     def walk(self, now: StepState, to: StepInputs) -> list[StepState]:
-        """Return the instants after `now` up to `to`, one full step later."""
+        """Return the instants after `now` up to `to`, one full step later.
+
+        `RunFailedError` if the error is too large at the smallest step.
+        """
         begin, total, done = now.time, 2**self._max_halvings, 0
         instants: list[StepState] = []
         while done < total:
             length = total >> self.halvings
             last = done + length == total
             inputs = to if last else self._at(begin + (done + length) / total * self._step)
-            part, ratio = self._try_step(now, inputs)
+            part, ratio = self._try_step(now, inputs, to)
             if not part:
                 self.halvings += 1
                 continue
@@ -104,7 +99,7 @@ class StepController:
                 self.halvings -= 1
         return instants
 
-    def _try_step(self, now: StepState, inputs: StepInputs) -> tuple[list[StepState], float]:
+    def _try_step(self, now: StepState, inputs: StepInputs, to: StepInputs) -> tuple[list[StepState], float]:
         """Return a step and its error relative to the tolerance; no step if the error is too large."""
         events = self._event_stepper.events
         part = self._event_stepper.walk(now, inputs)
@@ -113,7 +108,12 @@ class StepController:
         if ratio <= 1.0:
             return part, ratio
         if self.halvings == self._max_halvings:
-            raise StepFloorError(unknown, ratio, self._step / 2.0**self._max_halvings)
+            text = (
+                f"the error of {self._names[unknown]} stays at {ratio:.3g} times the tolerance with steps of "
+                f"{self._step / 2.0**self._max_halvings:.3g} s {instant(to.time, to.angle)}"
+            )
+            remedy = "allow a larger run.adaptive.tolerance or a smaller smallest step"
+            raise RunFailedError(Status(Cause.STEP_TOO_SMALL, text, remedy))
         self._event_stepper.events = events
         self.rejected += 1
         return [], ratio
@@ -140,7 +140,7 @@ class DirectEngine:
         self._control: StepController | None = None
         if problem.adaptive is not None and problem.system.size:
             norm = EnergyNorm(problem.system, pilot(problem, scheme), scheme.velocity_error)
-            self._control = StepController(self._event_stepper, self._at, problem.step, problem.adaptive, norm)
+            self._control = StepController(self._event_stepper, self._at, problem, problem.adaptive, norm)
         self._last: StepState | None = None
         self._iterations, self._substeps = 0, 0
 
@@ -150,21 +150,19 @@ class DirectEngine:
         motion = self._problem.drive.at(times)
         inputs = self._forces.prescribed_inputs(motion)
         before = None if self._last is None else stack_instant(self._last)
-        instants, status = self._advance_steps(times, motion.angle, inputs, self._system.load_vector(motion))
+        instants, status = self._advance_steps(times, inputs, self._system.load_vector(motion))
         if not instants:
             return no_instants(self._system.size, self._forces), status
         self._iterations += sum(m.iterations for part in instants for m in part)
         self._substeps += sum(len(part) for part in instants)
-        track, fault = in_range(Trajectory.of(instants, self._forces.contact_sides), before, self._system, motion.angle)
+        track, fault = in_range(Trajectory.of(instants, self._forces), before, self._system, motion.angle)
         return track, status if fault.ok else fault
 
     def _advance_steps(
-        self, times: FloatArray, angle: FloatArray, inputs: PrescribedInputs, loads: FloatArray
+        self, times: FloatArray, inputs: PrescribedInputs, loads: FloatArray
     ) -> tuple[list[list[StepState]], Status]:
-        """Return the instants per step: events, and the end of the step last."""
         instants: list[list[StepState]] = []
-        stepper = self._control or self._event_stepper
-        start = self._problem.start or State.rest(self._system.size)
+        stepper, start = self._control or self._event_stepper, self._problem.initial_state
         for i, load in enumerate(loads):
             if self._stop():
                 return instants, STOPPED
@@ -172,9 +170,9 @@ class DirectEngine:
             try:
                 part = stepper.walk(self._last, to) if self._last else [self._starter.first(start, to)]
             except NoConvergenceError as fault:
-                return instants, convergence_failure(fault.forces, float(times[i]), float(angle[i]))
-            except StepFloorError as fault:
-                return instants, _step_floor_status(fault, self._system, float(times[i]), float(angle[i]))
+                return instants, convergence_failure(fault.forces, to)
+            except RunFailedError as fault:
+                return instants, fault.status
             instants.append(part)
             self._last = part[-1]
         return instants, Status()
@@ -198,13 +196,4 @@ class DirectEngine:
             self._control.halvings, self._control.rejected = control
 
     def _at(self, time: float) -> StepInputs:
-        motion = self._problem.drive.at(np.array([time]))
-        return StepInputs(time, self._system.load_vector(motion)[0], self._forces.prescribed_inputs(motion))
-
-
-def _step_floor_status(fault: StepFloorError, system: System, at: float, angle: float) -> Status:
-    text = (
-        f"the error of {system.names[fault.unknown]} stays at {fault.times:.3g} times the tolerance with steps of "
-        f"{fault.step:.3g} s {instant(at, angle)}"
-    )
-    return Status(Cause.STEP_TOO_SMALL, text, "allow a larger run.adaptive.tolerance or a smaller smallest step")
+        return StepInputs.of(self._problem, self._forces, time)

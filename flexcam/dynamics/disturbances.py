@@ -123,7 +123,7 @@ class Disturbances:
                 if ends[i + 1]:
                     blocks.append(self._at_fixed_time(motion.flow[i + 1])[None])
             i += count
-        self._last = track.last()
+        self._last = track.at_ends(slice(-1, None))
         return motion.trajectory.track, np.concatenate([np.zeros((0, *self._current.shape)), *blocks])
 
     def _propagate(self, motion: _LinearizedMotion, first: int, last: int, ends: Bools) -> FloatArray:
@@ -154,7 +154,7 @@ class Disturbances:
         begin = np.arange(len(time)) + np.cumsum(np.append(False, changed))
         row_sides = sides[instants]
         row_sides[begin[1:][changed] - 1] = sides[:-1][changed]
-        depth, speed, functions = penetration[instants], rate[instants], inputs.rows[:, inputs.functions :]
+        depth, speed, functions = penetration[instants], rate[instants], inputs.functions
         depth = self._set_sides(row_sides, depth, speed)
         states = track.state[instants]
         tangents = forces.tangents(depth, speed, states, functions[instants])[2]
@@ -181,7 +181,6 @@ class Disturbances:
         return self._current if self._shift is None else self._current - flow[:, None] * self._shift
 
     def _linearize(self, motion: _LinearizedMotion, first: int, last: int) -> Linear:
-        """Return the linear forces at some successive instants, with every contact on its side within the steps."""
         at, rows = slice(first, last + 1), slice(motion.begin[first], motion.begin[first] + last - first + 1)
         answer = None if motion.explicit is None else motion.explicit.answer[at]
         return linearize(self._forces, motion.trajectory.inputs.at(at), motion.tangents[rows], answer)
@@ -199,7 +198,6 @@ class Disturbances:
         return penetration
 
     def _steps(self, motion: _LinearizedMotion, first: int, last: int) -> tuple[StepSequence, FloatArray]:
-        """Return the equal steps between some instants, and the contributions of the parameters to them."""
         part, linear = slice(first, last), self._linearize(motion, first, last)
         few = self._parameters is not None and self._current.shape[1] <= _FEW
         sequence = StepSequence(
@@ -262,7 +260,8 @@ class Disturbances:
         n, switching = self._problem.system.size, self._forces.switching
         impulse = np.zeros_like(new.local) if new.impulse is None else new.impulse
         contacts = np.flatnonzero(impulse[switching] > 0.0)
-        hit, rate = self._starter.impact_data(self._instant(old.time), contacts), old.rate[switching[contacts]]
+        to, rate = StepInputs.of(self._problem, self._forces, old.time), old.rate[switching[contacts]]
+        hit = self._starter.impact_data(to, contacts)
         before, shift = self._current, self._shift
         if shift is None:  # at the end of a step
             first = int(np.argmax(rate))
@@ -282,7 +281,7 @@ class Disturbances:
 
     def _change(self, old: StepState, contacts: IntArray, factor: FloatArray, delay: float) -> FloatArray:
         """Return the change of the impact velocities per delay of the same motion, shape (n,)."""
-        to = self._instant(old.time + delay)
+        to = StepInputs.of(self._problem, self._forces, old.time + delay)
         hit = self._starter.impact_data(to, contacts)
         rate = hit.sense @ old.v + hit.turning @ old.d + to.inputs.offset_rate[0][self._forces.switching[contacts]]
         return hit.velocity_change(rate, factor)
@@ -302,8 +301,8 @@ class Disturbances:
 
         histories = forces.sense_motion(track.d[at], track.v[at], inputs)
         by_penetration, by_rate = slope(histories[0]), slope(histories[1])
-        depth, functions = np.repeat(depth, 3, axis=0), inputs.rows[:, inputs.functions :]
-        force, state_rows, tangents = forces.tangents(depth, sensed.rate[at], track.state[at], functions)
+        depth = np.repeat(depth, 3, axis=0)
+        force, state_rows, tangents = forces.tangents(depth, sensed.rate[at], track.state[at], inputs.functions)
         (row, places, column), change = forces.coupled_scalars, slope(force)
         for i, rates in enumerate((by_penetration, by_rate)):
             change += (tangents[1::3, i][:, row, places] * rates[:, column]) @ (row[:, None] == np.arange(forces.count))
@@ -313,10 +312,6 @@ class Disturbances:
         result[:, n : 2 * n] = slope(self._problem.system.load_vector(motion)) + change @ forces.act.vectors
         result[:, 2 * n :] = state_rows[1::3, FLOW] * by_penetration[:, forces.table.owners]
         return result
-
-    def _instant(self, time: float) -> StepInputs:
-        motion = self._problem.drive.at(np.array([time]))
-        return StepInputs(time, self._problem.system.load_vector(motion)[0], self._forces.prescribed_inputs(motion))
 
     def _source(self, motion: _LinearizedMotion, linear: Linear, part: slice) -> FloatArray:
         """Return the forces of the parameters on the unknowns at some instants, shape (m, n, k)."""

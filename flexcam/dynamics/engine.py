@@ -13,7 +13,7 @@ from flexcam.dynamics.cam_motion import CamMotion
 from flexcam.dynamics.force_laws import FIRST
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.local_forces import LocalForces
-from flexcam.dynamics.problem import Problem, State
+from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.status import Cause, RunFailedError, Stats, Status
 from flexcam.dynamics.step_state import StepInputs, StepState, Trajectory
 from flexcam.dynamics.system import PrescribedMotion, System
@@ -92,7 +92,7 @@ def in_range(
     names = [*(3 * system.names), *(name for force in system.local_forces for name in [force.name] * len(force.sense))]
     place = instant(float(track.time[index]), float(angle[count]))
     text = f"{names[int(np.argmax(sizes))]} is not finite {place}"
-    return track.until(count), Status(Cause.NOT_FINITE, text, "use a smaller step, more damping or a lower speed")
+    return track.steps(0, count), Status(Cause.NOT_FINITE, text, "use a smaller step, more damping or a lower speed")
 
 
 def all_within(values: FloatArray) -> bool:
@@ -116,18 +116,17 @@ def instant(at: float, angle: float) -> str:
     return f"at t = {at:.6g} s, cam angle {np.degrees(angle):.2f} deg"
 
 
-def convergence_failure(forces: list[str], at: float, angle: float) -> Status:
+def convergence_failure(forces: list[str], to: StepInputs) -> Status:
     """Return the status of a local Newton iteration that did not converge."""
-    text = f"{', '.join(dict.fromkeys(forces))} did not converge within the step {instant(at, angle)}"
+    text = f"{', '.join(dict.fromkeys(forces))} did not converge within the step {instant(to.time, to.angle)}"
     return Status(Cause.NO_CONVERGENCE, text, "use a smaller step or a softer contact")
 
 
 def first_track(problem: Problem, forces: LocalForces) -> Trajectory:
     """Return the first instant of a problem."""
-    start = problem.start or State.rest(problem.system.size)
-    motion = problem.drive.at(problem.times(np.zeros(1, dtype=np.intp)))
-    to = StepInputs(start.time, problem.system.load_vector(motion)[0], forces.prescribed_inputs(motion))
-    return Trajectory.of([[InitialAcceleration(problem.system, forces).first(start, to)]], forces.contact_sides)
+    start = problem.initial_state
+    to = StepInputs.of(problem, forces, start.time)
+    return Trajectory.of([[InitialAcceleration(problem.system, forces).first(start, to)]], forces)
 
 
 class KinematicEngine(Engine):

@@ -26,7 +26,6 @@ from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.modal_coordinates import ModalCoordinates, diagonal, find_modal_coordinates, modal_problem
 from flexcam.dynamics.modal_engine import ModalEngine, ProbeEngine, probe_rows
 from flexcam.dynamics.problem import EngineName, Problem
-from flexcam.dynamics.system import System
 
 MAX_MODES = 500
 """Number of unknowns up to which all modes are computed, within half a second."""
@@ -128,7 +127,6 @@ class _UnsuitableEngineError(ValueError):
 
 
 def _modal_problem(problem: Problem, method: Method, engine: EngineName) -> tuple[ModalCoordinates, Problem]:
-    """Return the modes of a problem, and the problem in modal coordinates."""
     system = problem.system
     if not isinstance(method, Scheme) and not (engine == "kernel" and isinstance(method, Collocation)):
         raise _UnsuitableEngineError("it integrates only with newmark, hht and generalized-alpha")
@@ -140,8 +138,11 @@ def _modal_problem(problem: Problem, method: Method, engine: EngineName) -> tupl
         )
     if engine == "modal" and system.local_forces:
         raise _UnsuitableEngineError(f"the force {system.local_forces[0].name} depends on the motion")
-    if engine == "kernel":
-        _require_compiler(system)
+    if engine == "kernel" and not PROGRAM.is_available():
+        raise _UnsuitableEngineError("numba is not installed, or NUMBA_DISABLE_JIT is set")
+    for force in system.local_forces:
+        if not isinstance(force.law, ForceLaw):
+            raise _UnsuitableEngineError(f"the law of {force.name} is a Python object")
     coordinates = find_modal_coordinates(system)
     if coordinates is None:
         raise _UnsuitableEngineError("mass or stiffness are not symmetric and positive, or modes coincide")
@@ -149,14 +150,6 @@ def _modal_problem(problem: Problem, method: Method, engine: EngineName) -> tupl
     if engine == "modal" and diagonal(transformed.system.damping) is None:
         raise _UnsuitableEngineError("the damping couples the modes")
     return coordinates, transformed
-
-
-def _require_compiler(system: System) -> None:
-    if not PROGRAM.is_available():
-        raise _UnsuitableEngineError("numba is not installed, or NUMBA_DISABLE_JIT is set")
-    for force in system.local_forces:
-        if not isinstance(force.law, ForceLaw):
-            raise _UnsuitableEngineError(f"the law of {force.name} is a Python object")
 
 
 def forces_of(selected: SelectedEngine, method: Method) -> LocalForces:

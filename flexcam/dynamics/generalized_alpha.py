@@ -140,8 +140,6 @@ def family_matrix(
 
 
 class _Stepper:
-    """A step of the family; one stage."""
-
     def __init__(self, system: System, forces: LocalForces, scheme: Scheme, step: float) -> None:
         self._scheme, self._dt = scheme, step
         self._M, self._C, self._K = map(select_storage, (system.mass, system.damping, system.stiffness))
@@ -150,7 +148,6 @@ class _Stepper:
         self._massless = find_massless_rates(system, average=scheme.average)
 
     def advance(self, now: StepState, to: StepInputs) -> StepState:
-        """Return the next instant, as `Stepper` says."""
         s, dt, old = self._scheme, self._dt, None
         d, v = predict(now.d, now.v, now.a, dt, s.beta, s.gamma)
         if s.alpha_f or s.alpha_m:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +23,10 @@ from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, no_i
 from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.integrator import At, NoConvergenceError
-from flexcam.dynamics.kernel import (
-    TOO_LONG,
-    UNSETTLED,
-)
+from flexcam.dynamics.kernel import TOO_LONG, UNSETTLED
 from flexcam.dynamics.kernel_step import Kernel
 from flexcam.dynamics.local_forces import LocalForces
-from flexcam.dynamics.problem import Problem, State
+from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.status import Cause, Stats, Status
 from flexcam.dynamics.step_state import StepInputs, StepState, Trajectory
 
@@ -57,7 +55,7 @@ _TOO_STIFF = Status(
 class KernelStepper:
     """A single step of the kernel of any length, for `flexcam.dynamics.contact_events`."""
 
-    def __init__(self, kernel: Kernel, step: float, at: At) -> None:
+    def __init__(self, kernel: Kernel, at: At, step: float) -> None:
         # Trials before an impact press the contact deeper than it will be: they are not divided for its stiffness.
         self._operator = replace(kernel.operator(step / kernel.stages), hold=np.zeros((0, 0)))
         self._kernel, self._at = kernel, at
@@ -106,7 +104,7 @@ class KernelEngine:
         parts, status = list[Trajectory](), Status()
         if len(rows) > remainder:
             track, status = self._advance_rows(rows[: len(rows) - remainder])
-            parts.append(track.after(int(self._at_middle)))
+            parts.append(track.steps(1) if self._at_middle else track)
             self._at_middle = False
         if remainder and status.ok:
             middle, status = self._advance_to_middle(rows[-1:])
@@ -122,7 +120,7 @@ class KernelEngine:
         track, status = self._advance_rows(np.append(step, step + 1))
         self._last, self._inputs, self._iterations, self._single_steps.events = saved
         self._at_middle = len(track.ends) > 0
-        return track.until(min(len(track.ends), 1)), Status() if self._at_middle else status
+        return track.steps(0, int(self._at_middle)), Status() if self._at_middle else status
 
     def _advance_rows(self, steps: IntArray) -> tuple[Trajectory, Status]:
         """Advance by some steps, and divide them from the first one on in which contacts are too stiff for it."""
@@ -133,7 +131,7 @@ class KernelEngine:
             done += len(part.ends)
             if status is not _TOO_STIFF or self._division == _MOST_DIVISIONS:
                 track = Trajectory.concatenate(parts) if len(parts) > 1 else part
-                return (track if status.ok else track.until(len(track.ends))), status
+                return (track if status.ok else track.steps(0, len(track.ends))), status
             self._division, self._divisions_done = 2 * self._division, 2 * self._divisions_done
             self._kernel.shorten(self._problem.step / self._division)
             self._single_steps = self._event_stepper(self._single_steps.events)
@@ -169,7 +167,7 @@ class KernelEngine:
         row, status = 0, Status()
         if self._last is None:
             to = StepInputs(float(times[0]), loads[0], inputs, 0)
-            self._last, row = self._starter.first(self._problem.start or State.rest(self._system.size), to), 1
+            self._last, row = self._starter.first(self._problem.initial_state, to), 1
             rows[0] = _row(self._last)
             self._inputs = kernel.instant(loads, inputs, 0)
         state, sides = kernel.state(self._last), self._sides(self._last)
@@ -190,7 +188,7 @@ class KernelEngine:
                 try:
                     moments = self._single_steps.walk(now, to)
                 except NoConvergenceError as fault:
-                    status = convergence_failure(fault.forces, to.time, to.angle)
+                    status = convergence_failure(fault.forces, to)
                     break
                 self._iterations += sum(moment.iterations for moment in moments)
                 single_steps[row] = moments
@@ -215,9 +213,9 @@ class KernelEngine:
             return track if len(time) == len(inputs.angle) else replace(track, cam=None)
         parts, first = list[Trajectory](), 0
         for row, moments in single_steps.items():
-            parts += [track.between(first, row), Trajectory.of([moments], self._forces.contact_sides)]
+            parts += [track.steps(first, row), Trajectory.of([moments], self._forces)]
             first = row + 1
-        return Trajectory.concatenate([*parts, track.between(first, len(time))])
+        return Trajectory.concatenate([*parts, track.steps(first)])
 
     def statistics(self, stats: Stats) -> Stats:
         """Return the statistics with the counts of this engine."""
@@ -243,8 +241,7 @@ class KernelEngine:
 
     def _sides(self, moment: StepState) -> IntArray:
         """Return the switching scalars, and which of them count as pressed."""
-        pressed = self._forces.contact_sides(moment.penetration) if moment.pressed is None else moment.pressed
-        return np.array([self._forces.switching, pressed], dtype=np.intp)
+        return np.array([self._forces.switching, moment.sides(self._forces)], dtype=np.intp)
 
     def _at(self, time: float) -> StepInputs:
         """Return the prescribed inputs of an instant, by the polynomial through the Chebyshev points of its step.
@@ -254,13 +251,12 @@ class KernelEngine:
         """
         begin, end = self._span
         if not begin <= time < end:
-            step, start = self._problem.step, float(self._problem.times(np.zeros(1, dtype=np.intp))[0])
+            step, start = self._problem.step, self._problem.initial_state.time
             begin = start + step * math.floor((time - start) / step)
             end = max(begin + step, time)
             self._span, self._nodes = (begin, end), self._fit(begin, end)
         if self._nodes is None:
-            loads, inputs = self._prescribed(np.array([time]))
-            return StepInputs(time, loads[0], inputs)
+            return StepInputs.of(self._problem, self._forces, time)
         phase = math.acos(min(max(2.0 * (time - begin) / (end - begin) - 1.0, -1.0), 1.0))
         row, n = np.cos(_ORDERS * phase) @ self._nodes, self._system.size
         angle, sense, act = row[n : n + 1], self._forces.sense.owner, self._forces.act.owner
@@ -280,16 +276,12 @@ class KernelEngine:
         return self._system.load_vector(motion), self._forces.prescribed_inputs(motion)
 
     def _event_stepper(self, events: int = 0) -> EventStepper:
-        """Return the stepper of single steps, with the events located so far."""
         step = self._problem.step / self._division
-        stepper = EventStepper(step, self._forces, self._starter, self._at, self._stepper, balances=self._balances)
+        steppers = partial(KernelStepper, self._kernel, self._at)
+        stepper = EventStepper(step, self._forces, self._starter, self._at, steppers, balances=self._balances)
         stepper.events = events
         return stepper
 
-    def _stepper(self, step: float) -> KernelStepper:
-        return KernelStepper(self._kernel, step, self._at)
-
 
 def _row(moment: StepState) -> FloatArray:
-    """Return a row of results of an instant."""
     return np.concatenate([stack_instant(moment), moment.inner])

@@ -75,11 +75,8 @@ class StepOperator:
 
     def followed_by(self, shorter: StepOperator) -> StepOperator:
         """Return the steps of both lengths."""
-        lengths, slopes, operator, answers, give, inverse = (
-            np.concatenate([getattr(step, name) for step in (self, shorter)])
-            for name in ("lengths", "slopes", "operator", "answers", "give", "inverse")
-        )
-        return StepOperator(lengths, slopes, self.scheme, operator, answers, give, self.hold, inverse)
+        names = ("lengths", "slopes", "operator", "answers", "give", "inverse")
+        return replace(self, **{name: np.concatenate([getattr(self, name), getattr(shorter, name)]) for name in names})
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +192,7 @@ class Kernel:
         self._mode_runs = list_runs((groups[:, None] == groups).astype(float))
         #: Scalars of contacts without impacts, whose opening and closing divides a step.
         self._touching = np.setdiff1d(forces.touching, forces.switching) if stages == 2 else _NO_SCALARS
-        self.whole = self._usual_steps(problem.step)  #: steps of the usual length, and parts of them
+        self.shorten(problem.step)
         self._answer_runs = list_runs(np.abs(self.whole.answers).sum(axis=(0, 1)))
         can_move, coupling = find_coupling(forces, self.whole)
         can_move = np.tile(can_move != 0.0, (stages, stages))
@@ -219,13 +216,11 @@ class Kernel:
         """Return a step whose stages have a length, s."""
         return self._system.operator(self._scheme, step)
 
-    def _usual_steps(self, step: float) -> StepOperator:
-        whole = self.operator(step)
-        return whole.followed_by(self.operator(step / PARTS)) if len(self._touching) else whole
-
     def shorten(self, step: float) -> None:
         """Make a length, s, that of usual steps."""
-        self.whole = self._usual_steps(step)
+        whole = self.operator(step)
+        #: Steps of the usual length, and parts of them.
+        self.whole = whole.followed_by(self.operator(step / PARTS)) if len(self._touching) else whole
 
     def given(self, loads: FloatArray, inputs: PrescribedInputs) -> FloatArray:
         """Return the prescribed inputs of steps side by side: loads and those of the local forces, by stage."""
@@ -283,9 +278,8 @@ class Kernel:
 
     def touches_between(self, now: StepState, new: StepState) -> bool:
         """Return whether in the last call a switching scalar had another side at the middle than at both ends."""
-        before, after = (self.forces.contact_sides(moment.penetration) for moment in (now, new))
+        before, after = now.sides(self.forces), self.forces.contact_sides(new.penetration)
         middle = self._local[0, DEPTH, self.forces.switching] > 0.0
-        before = before if now.pressed is None else now.pressed
         return bool(((middle != before) & (middle != after)).any())
 
     def unconverged_forces(self) -> list[str]:

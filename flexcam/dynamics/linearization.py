@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
-from functools import lru_cache
 
 import numpy as np
 
@@ -65,7 +64,6 @@ def linearize(
 
 
 def _rows(stack: VectorStack, weights: FloatArray, scalars: IntArray) -> FloatArray:
-    """Return the vectors of some scalars at m instants, shape (m, c, n)."""
     vectors = np.tile(stack.rows[scalars], (len(weights), 1, 1))
     for place, scalar, vector in stack.varying_vectors:
         vectors[:, scalars == scalar] += (weights[:, place, None] * vector)[:, None]
@@ -121,7 +119,7 @@ class Tangents:
         """Return damping and stiffness at an instant, shape (n, n) each."""
         row, state, forces = slice(i, i + 1), self._state(i)[None], self._forces
         inputs = self._schedule.at(row)
-        narrow = forces.tangents(self._penetration[row], self._rate[row], state, inputs.rows[:, inputs.functions :])[2]
+        narrow = forces.tangents(self._penetration[row], self._rate[row], state, inputs.functions)[2]
         linear = linearize(forces, inputs, narrow)
         (act,) = linear.act
         return self._C - act.T @ linear.by_v[0], self._K - act.T @ linear.by_d[0]
@@ -218,7 +216,7 @@ class StepSequence:
     ) -> None:  # fmt: skip
         _, c, n = linear.act.shape
         self._half, self._shape, self._linear, self._rules = 0.5 * length, (c, n), linear, (T, B)
-        self._propagate, self._compiled = (compiled or _python())["propagate_disturbances"], compiled is not None
+        self._propagate, self._compiled = (compiled or _PYTHON)["propagate_disturbances"], compiled is not None
         inverse, by_new, by_v = stepper.inverse(length), linear.by_d[1:], linear.by_v[1:]
         rest = (1.0 - T)[:, :, None] * linear.followed[1:]
         difference = (T - B)[:, :, None] * linear.followed[:-1]
@@ -266,9 +264,7 @@ class StepSequence:
         return states.swapaxes(1, 2)
 
 
-@lru_cache
-def _python() -> Functions:
-    return bind(FUNCTIONS_OF_TANGENTS, NUMPY)
+_PYTHON = bind(FUNCTIONS_OF_TANGENTS, NUMPY)
 
 
 def _compact(matrix: FloatArray) -> FloatArray:
@@ -283,7 +279,6 @@ def _dense(matrix: FloatArray) -> FloatArray:
 
 
 def _multiply(matrix: FloatArray, columns: FloatArray) -> FloatArray:
-    """Return the product of a matrix of `_compact` with columns."""
     return matrix.T * columns if len(matrix) < len(columns) else matrix @ columns
 
 

@@ -28,7 +28,6 @@ from flexcam.dynamics.force_laws import (
     CUSTOM,
     ENERGY_BY_STATE,
     FIRST,
-    FLOW,
     FUNCTIONS,
     FUNCTIONS_OF_LAWS,
     KIND,
@@ -327,7 +326,7 @@ class LocalForces:
         """Mask of the scalars of circulatory laws, shape (c,)."""
         return self.mask(lambda force: force.kind.circulatory)
 
-    @property
+    @cached_property
     def prescribed_cuts(self) -> IntArray:
         """Columns at which the parts of the prescribed inputs begin, and their number, shape (7,)."""
         senses, acts, c = len(self.sense.vectors), len(self.act.vectors), self.count
@@ -391,15 +390,13 @@ class LocalForces:
         local[PENETRATION], local[RATE], local[ANSWER] = penetration, rate, 0.0
         tangent[:] = 0.0
         states[STATE], states[BEGIN], states[SPAN] = state, penetration[table.owners], 0.0
-        self._evaluate(table.laws, table.constants, inputs.rows, i, inputs.functions, local, tangent, states)
+        column = int(self.prescribed_cuts[-2])
+        self._evaluate(table.laws, table.constants, inputs.rows, i, column, local, tangent, states)
         by_penetration, by_rate = np.zeros((2, self.count, self.count))
         for first, size in table.laws[:, [FIRST, SCALARS]].tolist():
             part = slice(first, first + size)
             by_penetration[part, part], by_rate[part, part] = tangent[:, part, :size]
-        # The force depends on x - z of the scalar x of the law, and z' = a (x - z).
-        by_state = -by_penetration[:, table.owners]
-        rates, flow = states[STATE_RATE].copy(), states[FLOW].copy()
-        return Reaction(local[ANSWER].copy(), by_penetration, by_rate, rates, by_state, flow)
+        return Reaction(local[ANSWER].copy(), by_penetration, by_rate, states[STATE_RATE].copy())
 
     def follow_states(
         self, steps: FloatArray, penetration: FloatArray, begin: FloatArray, state: FloatArray

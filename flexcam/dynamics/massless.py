@@ -90,7 +90,6 @@ class _CondensedSolver:
     light: MasslessMotions
 
     def solve(self, right: FloatArray) -> FloatArray:
-        """Solve, see `Factor`."""
         return self.light.expand(self.factor.solve(self.light.condense_force(right)[self.light.kept]))
 
 
@@ -116,7 +115,6 @@ def find_massless_motions(system: System) -> FloatArray:
 
 
 def _unit(size: int, places: IntArray) -> FloatArray:
-    """Return the columns of the identity at some places, shape (size, k)."""
     columns = np.zeros((size, len(places)))
     columns[places, np.arange(len(places))] = 1.0
     return columns

@@ -66,11 +66,9 @@ class _Rows:
 
     @property
     def arrays(self) -> FloatArray:
-        """The rows added so far."""
         return self._array[:, : self.count]
 
     def add(self, arrays: tuple[FloatArray, ...]) -> None:
-        """Add rows to every array."""
         end = self.count + len(arrays[0])
         if not self.count or end > self._array.shape[1]:
             minimum, columns = max(end, 2 * self.count), arrays[0].shape[1:]
@@ -87,7 +85,6 @@ class _Rows:
 
 
 def _response(outline: Outline, block: Block, end: tuple[Status, Stats]) -> Response:
-    """Return a response of one block that holds everything."""
     return Response(
         outline=outline, time=block.time, angle=block.angle, probes=block.probes,
         channels={name: block.channels[:, i] for i, (name, _) in enumerate(outline.channels)},
@@ -195,7 +192,6 @@ class _Bounds:
         self._has_rows = False
 
     def widen(self, rows: FloatArray) -> None:
-        """Extend the range by some rows."""
         if len(rows):
             bounds = [self.least[None], self.largest[None]] if self._has_rows else []
             values = np.concatenate([rows, *bounds])

@@ -162,7 +162,6 @@ def _clear_rounding(modal: Triplets, damping: Triplets, motions: ModalCoordinate
 
 
 def _drop_coupling(damping: Triplets) -> Triplets:
-    """Return a damping without negligible coupling of modes."""
     full = damping.dense()
     size = np.sqrt(np.abs(np.diag(full)))
     coupled = np.abs(full) > _COUPLED * np.outer(size, size)

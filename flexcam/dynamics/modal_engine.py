@@ -256,7 +256,6 @@ class ModalPropagator:
         return StepBlocks(np.concatenate([state[None], ends])[:count], ends, causes[:-1], rising)
 
     def _single(self, last: int, histories: FloatArray) -> StepBlocks:
-        """Return single steps, and advance the state."""
         forces = self.modal_forces(histories)
         states = np.empty((3, *forces.shape))
         self.steps.walk(self.state, forces, states)
@@ -290,7 +289,6 @@ class ModalEngine(Engine):
         return in_range(track, before, self._system, self._problem.drive.at(times).angle)
 
     def _first_instant(self) -> Trajectory | None:
-        """Return the first instant if the run is at its start; else None."""
         if self._propagator.at >= 0:
             return None
         first = first_track(self._problem, self._forces)
@@ -338,7 +336,7 @@ class OutputMatrices:
     def of(cls, rows: FloatArray, course: ModalPropagator) -> OutputMatrices:
         """Return the matrices for a propagator with blocks."""
         stride, length, count = course.stride, course.length, 3 * len(rows)
-        if stride is None:
+        if stride is None:  # without blocks no motion is computed from them
             return cls(rows, np.zeros((0, 0)))
         causes, histories = 3 * rows.shape[1], len(course.pushes)
         matrix = np.zeros((causes + histories * (length + 1), length, count))
@@ -351,10 +349,8 @@ class OutputMatrices:
             by_load[:, instant, instant - 1 :] = answers[:, : length + 1 - instant]
         return cls(rows, matrix.reshape(len(matrix), length * count))
 
-    def evaluate(self, part: StepBlocks, course: ModalPropagator) -> FloatArray:
-        """Return displacements, velocities and accelerations after every step of a sequence, shape (m, 3, p)."""
-        if part.states is not None:
-            return (part.states / course.scale[:, None] @ self.rows.T).swapaxes(0, 1)
+    def evaluate(self, part: StepBlocks) -> FloatArray:
+        """Return displacements, velocities and accelerations after every step of blocks, shape (m, 3, p)."""
         count, p = len(part.begins), len(self.rows)
         result = np.concatenate([part.causes.reshape(count, -1), part.rising], axis=1) @ self.matrix
         result = result.reshape(count, -1, 3, p)
@@ -374,18 +370,16 @@ class ProbeEngine(ModalEngine):
         """Return the saved results of successive steps, up to the last in range, and a status, see `Engine`."""
         rows = self._view.rows
         if self._stop():
-            return ProbeTrajectory.empty(len(rows), self._system.size), STOPPED
-        saved = self._save.fields(steps, self._problem.steps)
-        earlier = self.state()
-        history = self._evaluate(steps, saved)
-        if history is not None:
+            nothing = Series(*np.zeros((3, 0, 0)))
+            return ProbeTrajectory(np.zeros(0), nothing, nothing), STOPPED
+        saved, earlier = self._save.fields(steps, self._problem.steps), self.state()
+        if self._propagator.stride is not None and (history := self._evaluate(steps, saved)) is not None:
             return history, Status()
-        self.restore(earlier)  # repeat instant by instant to find the diverging motion
+        self.restore(earlier)  # instant by instant where motions grow, to find the diverging one
         track, status = self.advance(steps)
-        probes = Series(*(motion @ rows.T for motion in (track.d, track.v, track.a)))
-        return ProbeTrajectory(
-            track.time, probes, Series(track.d, track.v, track.a).at(saved[: len(track.time)])
-        ), status
+        motion = Series(track.d, track.v, track.a)
+        probes = Series(*(values @ rows.T for values in motion))
+        return ProbeTrajectory(track.time, probes, motion.at(saved[: len(track.time)])), status
 
     def _evaluate(self, steps: IntArray, saved: NDArray[np.bool_]) -> ProbeTrajectory | None:
         """Return the saved results of steps; None if a value diverges."""
@@ -398,7 +392,7 @@ class ProbeEngine(ModalEngine):
             fields[:, 0] = first.d[0], first.v[0], first.a[0]
             values[0] = fields[:, 0] @ self._view.rows.T
         part = modes.advance(int(steps[-1]), histories)
-        outputs, later = self._view.evaluate(part, modes), rows > 0
+        outputs, later = self._view.evaluate(part), rows > 0
         values[1 : 1 + len(outputs)] = outputs
         fields[:, later] = self._states(part, rows[later], histories) / modes.scale[:, None]
         values = values[int(steps[0]) - begin : int(steps[-1]) - begin + 1]
@@ -408,8 +402,6 @@ class ProbeEngine(ModalEngine):
 
     def _states(self, part: StepBlocks, rows: IntArray, histories: FloatArray) -> FloatArray:
         """Return the states after selected steps, counted from the state before them, shape (3, r, n)."""
-        if part.states is not None:
-            return part.states[:, rows - 1]
         block, step = np.divmod(rows - 1, self._propagator.length)
         result = part.ends[block].swapaxes(0, 1).copy()
         last = self._propagator.length - 1  # the last step of a run may not end a block

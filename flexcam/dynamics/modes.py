@@ -327,7 +327,6 @@ def _by_mass(mass: Triplets, K: FloatArray) -> tuple[FloatArray, FloatArray, Flo
 
 
 def _with_errors(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return eigenvalues bounded by rounding, and their relative errors."""
     eps, largest = np.finfo(float).eps, float(values.max(initial=0.0))
     bounded = np.maximum(values, max(eps**2 * largest, np.finfo(float).tiny))
     return bounded, np.where(values > 0.0, len(values) * eps * largest / bounded, np.inf)
@@ -414,7 +413,6 @@ def craig_bampton(
 
 
 def _fixed_interface_modes(mass: Triplets, stiffness: Triplets, group: IntArray, count: int) -> FloatArray:
-    """Return the fixed-interface modes of a group, expanded to all unknowns."""
     local = modes(mass.part(group), stiffness.part(group), count, free=np.zeros((len(group), 0)))
     shapes = np.zeros((stiffness.size, local.shapes.shape[1]))
     shapes[group] = local.shapes

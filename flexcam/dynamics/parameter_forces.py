@@ -47,7 +47,7 @@ class VariedProblem:
     def __init__(self, problem: Problem, original: Problem, compiled: Functions | None) -> None:
         self.problem, self.forces = problem, LocalForces(problem.system, compiled)
         self._lifts = LocalForces(original.system).lifts if self.forces.lifts else self.forces.lifts
-        self._begin = original.start.time if original.start else 0.0
+        self._begin = original.initial_state.time
         #: Stiffness, damping and mass.
         self.matrices = [m.dense() for m in (problem.system.stiffness, problem.system.damping, problem.system.mass)]
         self.stretch = problem.step / original.step  #: ratio of the steps
@@ -91,8 +91,7 @@ class VariedProblem:
         forces, depth, rate = self.forces, sensed.penetration, sensed.rate
         lift = forces.lifts.depth(depth) - self._lifts.depth(depth)
         lift_rate = forces.lifts.depth_rate(depth, rate) - self._lifts.depth_rate(depth, rate)
-        functions = inputs.rows[:, inputs.functions :]
-        answer = forces.evaluate(depth - lift, sensed.track.state, functions, rate=rate - lift_rate)[1]
+        answer = forces.evaluate(depth - lift, sensed.track.state, inputs.functions, rate=rate - lift_rate)[1]
         return answer, lift, lift_rate
 
     def states_after(self, sensed: SensedTrajectory, lengths: FloatArray, scalars: FloatArray) -> FloatArray:
@@ -102,8 +101,7 @@ class VariedProblem:
 
     def impact_change(self, old: StepState, contacts: IntArray) -> FloatArray:
         """Return the change of the velocities by an impact at switching scalars, shape (n,)."""
-        motion = self.problem.drive.at(self.times(np.array([old.time])))
-        to = StepInputs(old.time, np.zeros(len(old.d)), self.forces.prescribed_inputs(motion))
+        to = StepInputs.of(self.problem, self.forces, float(self.times(np.array(old.time))))
         impact = self.accelerations.impact_data(to, contacts)
         rate = impact.sense @ old.v + impact.turning @ old.d
         rate = rate + to.inputs.offset_rate[0][self.forces.switching[contacts]]
@@ -125,23 +123,19 @@ class _Evaluation:
 
     @cached_property
     def push(self) -> FloatArray:
-        """Effect of the local forces on the unknowns, N, shape (m, n)."""
         return self._side.push(self._sensed.track.local, self.inputs.acting_weights)
 
     @cached_property
     def sensed(self) -> tuple[FloatArray, FloatArray]:
-        """Sensed scalars and their rates, shape (m, c)."""
         track = self._sensed.track
         return self._side.forces.sense_motion(track.d, track.v, self.inputs)[:2]
 
     @cached_property
     def states_after(self) -> FloatArray:
-        """Internal states after the steps, shape (m - 1, s)."""
         return self._side.states_after(self._sensed, self._lengths, self.sensed[0])
 
     @cached_property
     def answers(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Answers of the laws, and the lifts beyond the original with their rates, shape (m, c)."""
         return self._side.answers(self._sensed, self.inputs)
 
 
@@ -181,8 +175,7 @@ class _ParameterChange:
         else:
             states = np.zeros_like(states)
         response = np.zeros_like(rate)
-        functions = slice(after.functions, None)
-        if not (self._same_laws and np.array_equal(after.rows[:, functions], before.rows[:, functions])):
+        if not (self._same_laws and np.array_equal(after.functions, before.functions)):
             old, new = original.answers, varied.answers
             response, sensed, rate = new[0] - old[0], sensed + new[1] - old[1], rate + new[2] - old[2]
         return [force, *(change / self._width for change in (sensed, rate, response, states))]
@@ -225,15 +218,7 @@ class ParameterForces:
 
     def initial_state(self) -> FloatArray:
         """Return the derivatives of the initial displacements, velocities and internal states, shape (2n + s, p)."""
-
-        def start(side: VariedProblem) -> FloatArray:
-            state = side.problem.start
-            if state is None:
-                return np.zeros(2 * side.problem.system.size + len(side.forces.start_state))
-            inner = side.forces.start_state if state.inner is None else state.inner
-            return np.concatenate([state.displacement, state.velocity, inner])
-
-        return self._difference(start)
+        return self._difference(lambda side: side.problem.initial_state.stack(side.forces.start_state))
 
     def along(self, sensed: SensedTrajectory, lengths: FloatArray) -> ExplicitDerivatives:
         """Return the derivatives at all instants of a motion, with the lengths of the steps between them, s."""

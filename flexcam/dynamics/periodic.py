@@ -194,7 +194,6 @@ def solve_periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9,
     RunFailedError
         If the time limit was reached.
     """
-    start = problem.start or State.rest(problem.system.size)
     search_problem = replace(problem, runs=problem.runs * _USUAL_REVOLUTIONS)
     selected = select_engine(search_problem, scheme, SaveAt(field_every=problem.steps + 1))
     linear = not problem.system.local_forces and 0 < selected.problem.system.size <= MAX_UNKNOWNS
@@ -204,7 +203,7 @@ def solve_periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9,
     for basis in selected.bases:
         displacement = basis.expand(state.displacement) + basis.offset
         state = replace(state, displacement=displacement, velocity=basis.expand(state.velocity))
-    return replace(state, time=start.time)
+    return replace(state, time=problem.initial_state.time)
 
 
 Norm = Callable[[FloatArray], FloatArray]
@@ -228,8 +227,6 @@ def _energy_norm(problem: Problem, bases: Sequence[Basis]) -> Norm:
 
 
 class _Revolutions:
-    """Revolutions of a problem from given states."""
-
     def __init__(self, selected: SelectedEngine, scheme: Method, until: float | None) -> None:
         self.problem, self._selected, self._scheme, self._until = selected.problem, selected, scheme, until
         weights = _weights(self.problem)
@@ -257,7 +254,7 @@ def _fixed_point(revolutions: _Revolutions, search: _Newton | _Anderson, norm: N
     """Return the state with the smallest residual, in the unknowns of the engine."""
     problem = revolutions.problem
     motion = slice(2 * problem.system.size)
-    x: FloatArray | None = _pack(problem, problem.start or State.rest(problem.system.size))
+    x: FloatArray | None = problem.initial_state.stack(LocalForces(problem.system).start_state)
     best, smallest, reference, stalled, first = x, np.inf, np.inf, 0, 0.0
     for _ in range(_MAX_REVOLUTIONS):
         revolution, error = revolutions.turn(x, derived=search.derives), np.inf
@@ -286,11 +283,9 @@ class _Newton:
 
     @property
     def derives(self) -> bool:
-        """True if the next revolution needs its derivative."""
         return self._change is None
 
     def next(self, x: FloatArray, revolution: PeriodMap) -> FloatArray | None:
-        """Return the next state after a revolution; None to stop."""
         w = self._weights
         if self._change is None:
             self._change = np.eye(len(w)) - w[:, None] * revolution.derivative / w
@@ -311,7 +306,6 @@ class _Anderson:
         self._residuals: list[FloatArray] = []
 
     def next(self, x: FloatArray, revolution: PeriodMap) -> FloatArray:
-        """Return the next state after a revolution."""
         points = self._points = [*self._points, x][-_MEMORY:]
         residuals = self._residuals = [*self._residuals, revolution.end - x][-_MEMORY:]
         if len(points) == 1:
@@ -326,15 +320,9 @@ class _Anderson:
         return points[-1] + residuals[-1] - weights @ (dx + df)
 
 
-def _pack(problem: Problem, state: State) -> FloatArray:
-    inner = LocalForces(problem.system).start_state if state.inner is None else state.inner
-    return np.concatenate([state.displacement, state.velocity, inner])
-
-
 def _unpack(problem: Problem, x: FloatArray) -> State:
     n = problem.system.size
-    begin = problem.start.time if problem.start else 0.0
-    return State(x[:n], x[n : 2 * n], begin, x[2 * n :] if len(x) > 2 * n else None)
+    return State(x[:n], x[n : 2 * n], problem.initial_state.time, x[2 * n :] if len(x) > 2 * n else None)
 
 
 def _weights(problem: Problem) -> FloatArray:

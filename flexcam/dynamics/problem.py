@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
@@ -50,6 +51,10 @@ class State:
     def rest(cls, size: int) -> State:
         """Return zero displacement and velocity at time zero."""
         return cls(np.zeros(size), np.zeros(size))
+
+    def stack(self, inner: FloatArray) -> FloatArray:
+        """Return displacements, velocities and internal states, `inner` by default, in a row."""
+        return np.concatenate([self.displacement, self.velocity, inner if self.inner is None else self.inner])
 
 
 @dataclass(frozen=True)
@@ -132,6 +137,11 @@ class Problem:
     engine: EngineName = "auto"
     runs: int = 1
 
+    @cached_property
+    def initial_state(self) -> State:
+        """Initial state, also if it is rest."""
+        return self.start or State.rest(self.system.size)
+
     def times(self, steps: IntArray) -> FloatArray:
         """Return the times of steps.
 
@@ -145,8 +155,7 @@ class Problem:
         ndarray
             s, shape (b,).
         """
-        begin = self.start.time if self.start else 0.0
-        return np.asarray(begin + steps * self.step, dtype=float)
+        return np.asarray(self.initial_state.time + steps * self.step, dtype=float)
 
     def __post_init__(self) -> None:
         positive("step", self.step, "s")

@@ -68,7 +68,6 @@ def value_range(time: FloatArray, values: FloatArray, slopes: FloatArray | None 
 
 
 def _add_turning_points(time: FloatArray, values: FloatArray, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the instants of a history and its turning points, and the values there."""
     instants, extremes = turning_points(time, values, slopes)
     return np.concatenate([time, instants]), np.concatenate([values, extremes])
 

@@ -195,7 +195,11 @@ def solve(
     if checkpoint_sinks and not can_resume and status.cause in (Cause.TIME_LIMIT, Cause.INTERRUPTED):
         status = replace(status, remedy=_NOTHING_TO_RESUME)
     stats = replace(stats, steps=max(stats.steps - 1, 0), seconds=time.perf_counter() - begin)
-    status = _close(sinks, status, stats)
+    for sink in sinks:
+        try:
+            sink.close(status, stats)
+        except OSError as fault:
+            status = _write_failure(fault)
     memory.close(status, stats)
     if status.cause is Cause.SINGULAR:
         raise RunFailedError(status)
@@ -240,16 +244,6 @@ class _SingleThread:
 _SINGLE_THREAD = _SingleThread()
 
 
-def _close(sinks: Sequence[Sink], status: Status, stats: Stats) -> Status:
-    """Close all sinks with the status, and return the final status: saving the last results may fail."""
-    for sink in sinks:
-        try:
-            sink.close(status, stats)
-        except OSError as fault:
-            status = _write_failure(fault)
-    return status
-
-
 def _write_failure(fault: OSError) -> Status:
     text = f"the result could not be written: {fault}"
     remedy = "free space or name another folder; --resume continues from the saved part, if there is one"
@@ -264,8 +258,6 @@ def singular_status(fault: SingularMatrixError, system: System) -> Status:
 
 
 class _Observer:
-    """Observations of a motion."""
-
     def __init__(self, problem: Problem, forces: LocalForces, save: SaveAt, order: int) -> None:
         self._problem, self._system, self._save, self._forces = problem, problem.system, save, forces
         self._balance = EnergyBalance(problem.system, forces, order)
@@ -343,11 +335,9 @@ class _Run(_Observer):
         self.status = Status()
 
     def state(self) -> Arrays:
-        """Return the state for the next block that is not part of the problem."""
         return {**self._engine.state(), **self._balance.state(), **self._residual.state()}
 
     def restore(self, state: Arrays) -> None:
-        """Restore the state."""
         self._engine.restore(state)
         self._balance.restore(state)
         self._residual.restore(state)
@@ -391,7 +381,6 @@ class _Run(_Observer):
         )  # fmt: skip
 
     def statistics(self, stats: Stats) -> Stats:
-        """Return the statistics with the counts of this run."""
         stats = self._engine.statistics(stats)
         return replace(stats, imbalance=self._residual.share) if self._save.channels and self._save.energies else stats
 
@@ -436,9 +425,7 @@ def pilot(problem: Problem, method: Method) -> Series:
     The given steps may be beyond the stability limit; an unbounded motion is no reference.
     """
     stable = method if method.stability_limit() == math.inf else newmark()
-    begin = problem.start.time if problem.start else 0.0
-    times: FloatArray = begin + problem.step * np.arange(problem.steps + 1, dtype=float)
-    angle = problem.drive.at(times).angle
+    angle = problem.drive.at(problem.times(np.arange(problem.steps + 1))).angle
     steps = max(int(np.count_nonzero(angle < angle[0] + 2.0 * np.pi)), 1)
     revolution = replace(problem, steps=min(steps, problem.steps), adaptive=None)
     return solve(revolution, stable, save=SaveAt(field_every=max(revolution.steps // _PILOT_FIELDS, 1))).fields

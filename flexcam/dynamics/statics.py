@@ -9,7 +9,7 @@ reduces the residual.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -19,7 +19,6 @@ from flexcam.core import (
     ROUNDING_LIMIT,
     Factor,
     FloatArray,
-    IntArray,
     SingularMatrixError,
     Triplets,
     diagonal_scale,
@@ -64,7 +63,7 @@ def solve_equilibrium(
     """Return the static equilibrium displacement of loads, stiffness and local forces."""
     free = null_space(system.stiffness) if system.free is None else system.free
     free = np.linalg.qr(free)[0] if free.shape[1] else free
-    potential = _Potential.of(system, forces, forces.prescribed_inputs(motion), load)
+    potential = _Potential(system, forces, forces.prescribed_inputs(motion), load)
     u = np.zeros(system.size) if near is None else near
     minimum = float(np.abs(free.T @ load).max(initial=0.0)) / _FALL
     previous, energy, tips = np.inf, None, bool(forces.lifts)
@@ -110,66 +109,46 @@ def _refuse_unstable(potential: _Potential, u: FloatArray, tangent: Triplets) ->
             raise RunFailedError(status) from None
 
 
-@dataclass(frozen=True, eq=False)
-class _LawContribution:
-    """Effect of one local law on its unknowns at a cam angle."""
-
-    name: str
-    scalars: slice  #: its indices among the sensed scalars
-    touched: IntArray  #: the unknowns, shape (t,)
-    act: FloatArray  #: acting vectors on these unknowns, shape (c, t)
-    sense: FloatArray  #: sensing vectors on these unknowns, shape (c, t)
-
-    def tangent(self, by_penetration: FloatArray, size: int) -> Triplets:
-        """Return the n x n stiffness of the law from the derivatives of the forces, shape (c, c)."""
-        local = Triplets.from_dense(-self.act.T @ by_penetration[self.scalars, self.scalars] @ self.sense)
-        return Triplets(size, self.touched[local.rows], self.touched[local.cols], local.values)
-
-
-@dataclass(frozen=True, eq=False)
 class _Potential:
-    """Potential energy of a system at rest, its negative gradient (the residual) and its tangent."""
+    """Potential energy of a system at rest at a cam angle under a load, with its negative gradient and its tangent."""
 
-    system: System
-    forces: LocalForces
-    inputs: PrescribedInputs
-    act: FloatArray
-    sense: FloatArray
-    touching: tuple[_LawContribution, ...]
-    stored: StoredEnergy
-    load: FloatArray
-
-    @classmethod
-    def of(cls, system: System, forces: LocalForces, inputs: PrescribedInputs, load: FloatArray) -> _Potential:
-        """Return the potential at a cam angle under a load of shape (n,)."""
-        act = inputs.acting_matrix(0) @ forces.act.vectors
-        sense = inputs.sensing_matrix(0) @ forces.sense.vectors
-        laws: list[_LawContribution] = []
-        for force, part, _ in forces.parts:
-            unknowns = np.flatnonzero((act[part] != 0.0).any(axis=0) | (sense[part] != 0.0).any(axis=0))
-            laws.append(_LawContribution(force.name, part, unknowns, act[part, unknowns], sense[part, unknowns]))
-        return cls(system, forces, inputs, act, sense, tuple(laws), StoredEnergy(forces), load)
+    def __init__(self, system: System, forces: LocalForces, inputs: PrescribedInputs, load: FloatArray) -> None:
+        self.system, self._forces, self._inputs, self._load = system, forces, inputs, load
+        self._stored = StoredEnergy(forces)
+        self._act = act = inputs.acting_matrix(0) @ forces.act.vectors
+        self._sense = sense = inputs.sensing_matrix(0) @ forces.sense.vectors
+        self._unknowns = [
+            np.flatnonzero((act[part] != 0.0).any(axis=0) | (sense[part] != 0.0).any(axis=0))
+            for _, part, _ in forces.parts
+        ]
 
     def at(self, u: FloatArray) -> tuple[FloatArray, float, Triplets]:
         """Return the residual forces (n,), the magnitude of the forces, and the tangent."""
         reaction, stiffness = self._reaction(u), self.system.stiffness
-        strain, acting = stiffness.times(u), reaction.force @ self.act
-        local = [law.tangent(reaction.by_penetration, stiffness.size) for law in self.touching]
-        size = max(float(np.abs(part).max(initial=0.0)) for part in (self.load, strain, acting))
-        residual = self.load + acting - strain
+        strain, acting = stiffness.times(u), reaction.force @ self._act
+        local = [matrix for _, matrix in self._tangents(reaction)]
+        size = max(float(np.abs(part).max(initial=0.0)) for part in (self._load, strain, acting))
+        residual = self._load + acting - strain
         return residual, max(size, np.finfo(float).tiny), Triplets.sum([stiffness, *local])
 
     def parts(self, u: FloatArray) -> list[tuple[str, Triplets]]:
-        """Return name and stiffness of each local force."""
-        reaction = self._reaction(u)
-        return [(law.name, law.tangent(reaction.by_penetration, self.system.size)) for law in self.touching]
+        return self._tangents(self._reaction(u))
+
+    def _tangents(self, reaction: Reaction) -> list[tuple[str, Triplets]]:
+        result: list[tuple[str, Triplets]] = []
+        for (force, part, _), unknowns in zip(self._forces.parts, self._unknowns, strict=True):
+            act, sense = self._act[part, unknowns], self._sense[part, unknowns]
+            local = Triplets.from_dense(-act.T @ reaction.by_penetration[part, part] @ sense)
+            rows, cols = unknowns[local.rows], unknowns[local.cols]
+            result.append((force.name, Triplets(self.system.size, rows, cols, local.values)))
+        return result
 
     def _reaction(self, u: FloatArray) -> Reaction:
-        forces = self.forces
-        return forces.respond(self._penetration(u), np.zeros(forces.count), forces.start_state, self.inputs)
+        forces = self._forces
+        return forces.respond(self._penetration(u), np.zeros(forces.count), forces.start_state, self._inputs)
 
     def _penetration(self, u: FloatArray) -> FloatArray:
-        return self.sense @ u + self.inputs.offset[0]
+        return self._sense @ u + self._inputs.offset[0]
 
     def rounding(self, u: FloatArray) -> float:
         """Return the rounding of the residual, as strain forces are sums of large terms."""
@@ -179,9 +158,9 @@ class _Potential:
 
     def energy(self, u: FloatArray) -> float:
         """Return the potential energy; laws without energy do not contribute."""
-        state = self.forces.start_state[None]
-        stored = float(self.stored.at(self._penetration(u)[None], state, self.inputs.cam)[0][0])
-        return 0.5 * float(u @ self.system.stiffness.times(u)) - float(self.load @ u) + stored
+        state = self._forces.start_state[None]
+        stored = float(self._stored.at(self._penetration(u)[None], state, self._inputs.cam)[0][0])
+        return 0.5 * float(u @ self.system.stiffness.times(u)) - float(self._load @ u) + stored
 
     def line_search(
         self, u: FloatArray, step: FloatArray, residual: FloatArray, known: float | None, scale: FloatArray
@@ -190,9 +169,9 @@ class _Potential:
 
         Without a potential it is half the square of the residual, in which `scale` makes forces and torques comparable.
         """
-        if not self.forces.storing.all():
+        if not self._forces.storing.all():
             return 1.0, None  # a linear coupling: the full step is exact
-        circulatory = bool(self.forces.circulatory.any())
+        circulatory = bool(self._forces.circulatory.any())
 
         def merit(u: FloatArray) -> float:
             return 0.5 * float(np.square(scale * self.at(u)[0]).sum()) if circulatory else self.energy(u)

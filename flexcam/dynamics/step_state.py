@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.blocks import Arrays, Series, select_prefix
 from flexcam.dynamics.cam_motion import CamFunctionCache, PrescribedInputs
+from flexcam.dynamics.local_forces import LocalForces
+from flexcam.dynamics.problem import Problem
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +33,10 @@ class StepState:
     impulse: FloatArray | None = None  #: of impacts at this instant, N s, shape (c,); None without impact
     iterations: int = 0  #: Newton iterations of the step
     stride: float | None = None  #: internal step of a method with its own step control, s; None for its default
+
+    def sides(self, forces: LocalForces) -> NDArray[np.bool_]:
+        """Return the sides of the switching scalars."""
+        return forces.contact_sides(self.penetration) if self.pressed is None else self.pressed
 
     @classmethod
     def from_checkpoint(cls, name: str, arrays: Arrays) -> StepState | None:
@@ -52,6 +58,12 @@ class StepInputs:
     load: FloatArray  #: loads in the unknowns, shape (n,)
     inputs: PrescribedInputs  #: prescribed inputs of the local forces
     row: int = 0  #: of the inputs
+
+    @classmethod
+    def of(cls, problem: Problem, forces: LocalForces, time: float) -> StepInputs:
+        """Return those of a problem at a time, s."""
+        motion = problem.drive.at(np.array([time]))
+        return cls(time, problem.system.load_vector(motion)[0], forces.prescribed_inputs(motion))
 
     @property
     def angle(self) -> float:
@@ -75,8 +87,8 @@ class Trajectory:
     cam: CamFunctionCache | None = None  #: functions of the cam angle at these instants, if available
 
     @classmethod
-    def of(cls, steps: Sequence[Sequence[StepState]], sides: Callable[[FloatArray], NDArray[np.bool_]]) -> Trajectory:
-        """Return the instants of some steps, one sequence per step, with the sides of the switching scalars."""
+    def of(cls, steps: Sequence[Sequence[StepState]], forces: LocalForces) -> Trajectory:
+        """Return the instants of some steps, one sequence per step."""
         moments = [moment for part in steps for moment in part]
         zeros = np.zeros(len(moments[0].local))
         return cls(
@@ -84,7 +96,7 @@ class Trajectory:
             v=np.array([m.v for m in moments]), a=np.array([m.a for m in moments]),
             local=np.array([m.local for m in moments]), state=np.array([m.inner for m in moments]),
             impulse=np.array([zeros if m.impulse is None else m.impulse for m in moments]),
-            pressed=np.array([sides(m.penetration) if m.pressed is None else m.pressed for m in moments]),
+            pressed=np.array([m.sides(forces) for m in moments]),
             ends=np.cumsum([len(part) for part in steps]) - 1,
         )  # fmt: skip
 
@@ -103,30 +115,16 @@ class Trajectory:
         """All arrays with a row per instant."""
         return self.time, self.d, self.v, self.a, self.local, self.state, self.impulse, self.pressed
 
-    def between(self, first: int, last: int) -> Trajectory:
-        """Return the instants of a range of output steps."""
-        return self._select(slice(first, last), np.arange(last - first))
+    def steps(self, first: int, last: int | None = None) -> Trajectory:
+        """Return the instants of a range of output steps; without `last` all instants that follow."""
+        begins = np.append(0, self.ends + 1)
+        begin = begins[min(first, len(self.ends))]
+        return self._select(slice(begin, None if last is None else begins[last]), self.ends[first:last] - begin)
 
-    def at_ends(self, steps: IntArray | slice = slice(None)) -> Trajectory:
-        """Return the instants at the ends of steps alone, by default of all."""
+    def at_ends(self, steps: IntArray | slice) -> Trajectory:
+        """Return the instants at the ends of some steps alone."""
         ends = self.ends[steps]
         return self._select(ends, np.arange(len(ends)))
-
-    def last(self) -> Trajectory:
-        """Return the last instant alone."""
-        return self._select(slice(-1, None), np.zeros(1, dtype=np.intp))
-
-    def until(self, count: int) -> Trajectory:
-        """Return the instants of the first steps."""
-        end = int(self.ends[count - 1]) + 1 if count else 0
-        return self._select(slice(0, end), self.ends[:count])
-
-    def after(self, count: int) -> Trajectory:
-        """Return the instants after the first steps."""
-        if not count or not len(self.ends):
-            return self
-        begin = int(self.ends[count - 1]) + 1
-        return self._select(slice(begin, None), self.ends[count:] - begin)
 
     def _select(self, part: slice | IntArray, ends: IntArray) -> Trajectory:
         time, d, v, a, local, state, impulse, pressed = (rows[part] for rows in self.rows)
@@ -158,9 +156,3 @@ class ProbeTrajectory:
     time: FloatArray  #: s, shape (b,)
     probes: Series  #: all scalars of the probes without their prescribed part, shape (b, p)
     fields: Series  #: the motions at saved fields, shape (f, n)
-
-    @classmethod
-    def empty(cls, probes: int, size: int) -> ProbeTrajectory:
-        """Return an empty sequence for a system size."""
-        outputs, motion = np.zeros((0, probes)), np.zeros((0, size))
-        return cls(np.zeros(0), Series(outputs, outputs, outputs), Series(motion, motion, motion))

@@ -24,9 +24,6 @@ class Reaction:
     by_penetration: FloatArray  #: derivatives by the sensed scalars, shape (c, c)
     by_rate: FloatArray  #: derivatives by their rates, shape (c, c)
     state_rate: FloatArray = field(default_factory=lambda: np.zeros(0))  #: rates of the internal states, shape (s,)
-    by_state: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))  #: derivatives by the states, shape (c, s)
-    #: Rates of the states per unit of what each leaves of the scalar it follows, 1/s, shape (s,).
-    flow: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
 class CustomLaw(Protocol):
@@ -133,16 +130,6 @@ class Observation:
     def displacement(self) -> FloatArray:
         """Of all unknowns, shape (m, n)."""
         return self.moved.whole(0)
-
-    @property
-    def velocity(self) -> FloatArray:
-        """Of all unknowns, shape (m, n)."""
-        return self.moved.whole(1)
-
-    @property
-    def acceleration(self) -> FloatArray:
-        """Of all unknowns, shape (m, n)."""
-        return self.moved.whole(2)
 
     def part(self, loads: slice, scalars: slice, states: slice) -> Observation:
         """Return the observation of selected loads, sensed scalars and internal states."""

@@ -25,7 +25,6 @@ from flexcam.dynamics.engine import iterate_tracks
 from flexcam.dynamics.engine_selection import SelectedEngine, create_engine, forces_of, select_engine
 from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.integrator import Method
-from flexcam.dynamics.kernel_step import PROGRAM
 from flexcam.dynamics.linearization import split_state
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.parameter_forces import ParameterForces, Variation, VariedProblem
@@ -113,10 +112,9 @@ def tangent_run(
     variations = [replace(variation, problem=_without_acceleration(variation.problem)) for variation in variations]
     selected = select_engine(replace(problem, prune=_same_active_dofs(problem, variations)), method, SaveAt())
     reduced = [replace(variation, problem=_project(variation.problem, selected)) for variation in variations]
-    compiled = PROGRAM.compile() if selected.engine == "kernel" else None
-    parameters = ParameterForces(_project(problem, selected), reduced, compiled)
-    _check_structure(selected.problem, parameters)
     forces = forces_of(selected, method)
+    parameters = ParameterForces(_project(problem, selected), reduced, forces.compiled)
+    _check_structure(selected.problem, parameters)
     initial = _initial_disturbances(selected.problem, forces, parameters)
     if period is not None:
         initial = _periodic_disturbances(selected, method, forces, parameters, initial, period)
@@ -252,7 +250,7 @@ class _Neighbour:
         change[track.ends] = self._width * changes[:, :, self._parameter]
         d, v, state = track.d + change[:, :n], track.v + change[:, n : 2 * n], track.state + change[:, 2 * n :]
         sensed, rate, _ = forces.sense_motion(d, v, inputs)
-        local = forces.evaluate(sensed, state, inputs.rows[:, inputs.functions :], rate=rate)[1]
+        local = forces.evaluate(sensed, state, inputs.functions, rate=rate)[1]
         a = track.a if self._width == 0.0 else np.full_like(d, np.nan)
         if self._width != 0.0 and self._accelerations:
             a = side.accelerations.accelerations(side.forces_without_inertia(motion, inputs, d, v, local).T).T

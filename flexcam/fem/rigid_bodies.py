@@ -122,7 +122,6 @@ def free_motions(mesh: Mesh, dofs: DofMap, springs: Iterable[FloatArray]) -> Flo
 
 
 def _row_product(row: FloatArray, free: FloatArray) -> FloatArray:
-    """Return the product of a sparse row with motions, shape (1, k)."""
     at = np.flatnonzero(row != 0.0)
     return row[None, at] @ free[at]
 

@@ -160,7 +160,7 @@ def test_elastic_force_is_derivative_of_energy(name):
     law, size, _ = CASES[name]
     forces, inputs = stack_law(law)
     x, _, z = sample_points(name)
-    functions = np.repeat(inputs.rows[:, inputs.functions :], len(x), axis=0)
+    functions = np.repeat(inputs.functions, len(x), axis=0)
     _, elastic, by_state = forces.evaluate(x, z, functions)
     h = 1e-6 * size
     for i in range(law.scalars):
@@ -188,7 +188,7 @@ def test_dissipated_power_is_never_negative(name):
         moving, still = forces.respond(x, v, z, inputs), forces.respond(x, 0.0 * v, z, inputs)
         power = float((moving.force - still.force) @ v)
         if law.states:
-            _, _, by_state = forces.evaluate(x[None], z[None], inputs.rows[:, inputs.functions :])
+            _, _, by_state = forces.evaluate(x[None], z[None], inputs.functions)
             power -= float(by_state[0] @ moving.state_rate)
         if law.kind == LEVER_KIND:  # the law excludes the linear spring and damper of the structure
             damping, arm, driven, start = law.constants[1:]
@@ -202,7 +202,7 @@ def test_compiled_and_python_laws_agree(name):
     law, _, _ = CASES[name]
     x, _, z = sample_points(name)
     (python, inputs), (compiled, _) = stack_law(law), stack_law(law, compiled=True)
-    functions = np.repeat(inputs.rows[:, inputs.functions :], len(x), axis=0)
+    functions = np.repeat(inputs.functions, len(x), axis=0)
     for one, other in zip(python.evaluate(x, z, functions), compiled.evaluate(x, z, functions), strict=True):
         # a dozen roundings, which the compiler may reorder
         np.testing.assert_allclose(other, one, rtol=1e-12, atol=1e-13 * np.abs(one).max(initial=0.0))

@@ -5,7 +5,7 @@ import pytest
 
 from flexcam.core import Triplets
 from flexcam.core.errors import InputError
-from flexcam.dynamics import AngleVector, CamMotion, ConstantSpeed, Load, System, constant
+from flexcam.dynamics import CamMotion, ConstantSpeed, Load, System
 
 
 def test_constant_speed():
@@ -13,13 +13,6 @@ def test_constant_speed():
     np.testing.assert_array_equal([motion.angle, motion.speed, motion.rate], [[0.5, 6.5], [3.0, 3.0], [0.0, 0.0]])
     with pytest.raises(InputError):
         ConstantSpeed(0.0)
-
-
-def test_angle_vector_weights():
-    vector = AngleVector(np.eye(2), (constant(2.0), lambda angle, order: np.cos(angle + order * np.pi / 2)))
-    angles = np.array([0.1, 0.9, 2.0])
-    np.testing.assert_allclose(vector.weights(angles), np.column_stack([[2.0] * 3, np.cos(angles)]))
-    np.testing.assert_allclose(vector.weights(angles, 1), np.column_stack([[0.0] * 3, -np.sin(angles)]), atol=1e-15)
 
 
 def test_load_tables():
