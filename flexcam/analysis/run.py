@@ -24,7 +24,7 @@ from flexcam.case.case import Case
 from flexcam.case.input_checks import check_values
 from flexcam.case.schema.run import ResultStartRecord
 from flexcam.core.errors import Fault, InputError, refuse
-from flexcam.dynamics import Response, RunFailedError, Series, Sink, Stats, fingerprint, outline, solve
+from flexcam.dynamics import Response, RunFailedError, Sink, Stats, fingerprint, outline, solve
 from flexcam.dynamics.blocks import CompletedPart
 from flexcam.dynamics.memory import RecentSink
 from flexcam.fem.assembly import sections_at_nodes
@@ -200,16 +200,13 @@ def reload_result(case: Case, result: Result) -> tuple[PreparedRun, Response]:
     if response.fields.displacement.shape[1] != free.size:
         raise refuse("result", "a result with another number of nodes", "a result of this case")
     internal = names.unknowns[int(free.sum()) :]
+    # Internal nodes of a spring do not move in the rigid model and are not stored.
+    missing = None if response.stats.unknowns else np.zeros((len(response.field_time), len(internal)))
     try:
-        fields = unknown_fields(response, free, internal)
+        fields = unknown_fields(response, free, internal, missing)
     except InputError as refusal:
-        if response.stats.unknowns:
-            why = f"it does not contain {refusal.faults[0].given}"
-            raise refuse("result", "a result without an unknown of the case", "a result of this case", why) from None
-        # Internal nodes of a spring do not move in the rigid model and are not stored.
-        zeros = np.zeros((len(response.field_time), len(internal)))
-        known = unknown_fields(response, free, ())
-        fields = Series(*(np.append(values, zeros, axis=1) for values in known))
+        why = f"it does not contain {refusal.faults[0].given}"
+        raise refuse("result", "a result without an unknown of the case", "a result of this case", why) from None
     return ready, replace(response, outline=names, fields=fields, evaluator=partial(_metrics_by_name, case))
 
 
