@@ -177,8 +177,7 @@ def check_integrity(file: Any, where: str, source: Path, expected: int) -> None:
         if form.isdigit() and int(form) > expected:
             why, remedy = "it is newer", "update flexcam"
         raise refuse(where, f"{source} of format {form}", f"format {expected}", why, remedy)
-    if fault := hdf5.digest_fault(file):
-        raise InputError([fault])
+    hdf5.check_digest(file)
 
 
 def _result(file: Any) -> Result:  # noqa: ANN401

@@ -49,13 +49,9 @@ def partial_path(path: Path) -> Path:
 
 
 class TemporaryResult:
-    """Temporary result file, locked by one process.
+    """Temporary result file, locked by one process."""
 
-    It begins with `size` bytes of zeros: HDF5 without space can abort the process, so that a full disk must show
-    before.
-    """
-
-    def __init__(self, path: Path, shown: Path, size: int = 0) -> None:
+    def __init__(self, path: Path, shown: Path) -> None:
         self.path, self._shown, self._copy = path, shown, path.with_suffix(schema.COPYING_SUFFIX)
         if path.is_symlink():
             allowed, why = "a regular file", "it is a symbolic link, and its target would be overwritten"
@@ -66,12 +62,6 @@ class TemporaryResult:
             allowed, why = "a result that no other run is writing", "another run is writing it now"
             raise refuse("result", str(shown), allowed, why, "wait for its end, or name another folder") from None
         except OSError as fault:
-            raise _unwritable(path, fault) from None
-        try:
-            with path.open("wb") as file:
-                file.write(bytes(size + _LAYOUT_BYTES))
-        except OSError as fault:
-            self.discard()
             raise _unwritable(path, fault) from None
 
     def show(self) -> None:
@@ -129,8 +119,8 @@ def convert_write_errors() -> Generator[None]:
 def write_checkpoint(file: Any, checkpoint: Checkpoint) -> None:  # noqa: ANN401 - h5py has no types
     """Write a checkpoint into an open result file; an earlier one is replaced."""
     packed = BytesIO()
-    extra = {schema.CHECKPOINT_STEPS: checkpoint.steps, schema.CHECKPOINT_PROBLEM: checkpoint.problem}
-    arrays: dict[str, Any] = {**checkpoint.arrays, **extra}
+    arrays: dict[str, Any] = dict(checkpoint.arrays)
+    arrays |= {schema.CHECKPOINT_STEPS: checkpoint.steps, schema.CHECKPOINT_PROBLEM: checkpoint.problem}
     np.savez(packed, **arrays)
     content = np.frombuffer(packed.getvalue(), dtype=np.uint8)
     if schema.CHECKPOINT not in file:
@@ -168,9 +158,7 @@ class ResultFile:
         self._checkpoint, self._warnings = resume, warnings
         self._waiting: list[Block] = []
         self._received, self._total, self._bytes = 0, steps + 1, 0
-        size = sum(map(len, about.values())) + _NUMBER * _CONSTANT_VALUES * len(geometry.node)
-        size += _DATASET * len(outline.channels)
-        self._draft = TemporaryResult(path.with_suffix(schema.WRITING_SUFFIX), self.partial, size)
+        self._draft = TemporaryResult(path.with_suffix(schema.WRITING_SUFFIX), self.partial)
         try:
             remedy = "replace it with --overwrite, or, if it has a checkpoint, continue it with --resume"
             overwrite = overwrite or resume is not None
@@ -190,6 +178,9 @@ class ResultFile:
 
     @convert_write_errors()
     def _create(self, geometry: Geometry, save: SaveAt, about: Mapping[str, str]) -> None:
+        size = sum(map(len, about.values())) + _NUMBER * _CONSTANT_VALUES * len(geometry.node)
+        size += _DATASET * len(self._outline.channels) + _LAYOUT_BYTES
+        self._draft.path.write_bytes(bytes(size))  # HDF5 can abort the process on a full disk, which shows here
         # Every chunk is written once and in full: a cache would keep all chunks and search them at every flush.
         self._file: Any = h5py.File(self._draft.path, "w", locking=False, rdcc_nbytes=0)
         # HDF5 caches the chunk index of a long run, and counts only a tenth of its memory.
@@ -218,7 +209,7 @@ class ResultFile:
         self._probes: list[tuple[str, slice, hdf5.GrowingDataset]] = []
         for name, components in self._outline.probes:
             group = probes.create_group(name, track_order=True)
-            hdf5.write_text_attribute(group, schema.COMPONENTS, components)
+            group.attrs[schema.COMPONENTS] = hdf5.encode(components)
             turns = any(component in ROTATIONS for component in components)
             for series, unit in SERIES.items():
                 units = f"{unit}; rotations {unit.replace('m', 'rad', 1)}" if turns else unit
@@ -302,10 +293,7 @@ class ResultFile:
         texts = {schema.CAUSE: str(status.cause), schema.TEXT: status.text, schema.REMEDY: status.remedy}
         hdf5.write_texts(group, {**texts, schema.WARNINGS: warnings})
         for name, value in vars(stats).items():
-            if isinstance(value, str):
-                hdf5.write_text_attribute(group, name, value)
-            else:
-                group.attrs[name] = value
+            group.attrs[name] = hdf5.encode(value) if isinstance(value, str) else value
         if status.ok and schema.CHECKPOINT in self._file:  # a complete run needs none
             del self._file[schema.CHECKPOINT]
         elif not status.ok and self._checkpoint is not None:

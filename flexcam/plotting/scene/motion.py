@@ -15,7 +15,6 @@ from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import InputError, refuse, suggest_name
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import SERIES, CamMotion, Response
-from flexcam.fem.dofs import ROTATIONS
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.recovery import deflection
 from flexcam.io import Result
@@ -142,12 +141,11 @@ def full_lift(case: Case, response: Response, angle: FloatArray) -> int:
     points = {rocker.to for rocker in case.record.rockers.values()}
     names = [name for name, _ in response.outline.probes]
     for candidates in ([name for name in names if name in points], [name for name in names if "." not in name]):
-        paths: list[FloatArray] = []
-        for name in candidates:
-            history = response[name]
-            columns = history.displacement.reshape(len(history.displacement), -1).T
-            turns = [axis in ROTATIONS for axis in history.components] if history.displacement.ndim > 1 else [False]
-            paths += [np.abs(path[at]) for path, turn in zip(columns, turns, strict=True) if not turn]
+        paths = [
+            np.abs(path[at])
+            for name, series, unit, path in (response.motions(candidates) if candidates else ())
+            if series == "displacement" and (unit == "m" or name in candidates)  # no rotation beside others
+        ]
         farthest = max(paths, key=lambda path: float(np.ptp(path)), default=np.zeros(1))
         if np.ptp(farthest) > 0.0:
             return int(np.argmax(farthest))
