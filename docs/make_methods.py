@@ -42,7 +42,7 @@ def method_figure(methods: Mapping[str, Method], damping: float = 0.0) -> Figure
             axis.semilogx(steps, values, label=name, color=colour, linestyle=dashes)
     period.set_ylim(-20.0, 60.0)
     ratio.set_ylim(-0.5, 6.0)
-    add_legend(figure, radius, len(methods))
+    add_legend(figure, radius)
     return figure
 
 

@@ -200,7 +200,7 @@ def draw(found: dict) -> None:
     axes.set_xlabel("processor time per revolution, ms")
     axes.set_ylabel("relative rms error of the cam force")
     axes.set_ylim(3e-6, 0.2)
-    add_legend(figure, axes, len(methods), columns=3)
+    add_legend(figure, axes, columns=3)
     save_figure(figure, PICTURE, overwrite=True)
 
 

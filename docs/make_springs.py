@@ -44,7 +44,7 @@ def spring_figure() -> Figure:
         )
         for axis, curve_values in zip(axes, values, strict=True):
             axis.plot(1e3 * travel, curve_values, label=name, color=colour, linestyle=dashes)
-    add_legend(figure, axes[0], len(SPRINGS))
+    add_legend(figure, axes[0])
     return figure
 
 

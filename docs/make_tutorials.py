@@ -83,7 +83,7 @@ def cantilever() -> dict[str, Figure]:
         1e3 * response.time, 1e3 * displacement, color=RED, linestyle="--", label="Newmark, 200 steps per period"
     )
     difference.plot(1e3 * response.time, 1e3 * (displacement - theory), color="black")
-    add_legend(step_figure, motion, 2)
+    add_legend(step_figure, motion)
     return {"cantilever-force": static_figure, "cantilever-modes": mode_figure, "cantilever-step": step_figure}
 
 
@@ -96,13 +96,13 @@ def published_cam() -> dict[str, Figure]:
         force = response.channels["contacts.intake.force"]
         for axis, values in zip(axes, (1e3 * valve.displacement, valve.velocity, force), strict=True):
             draw(axis, response, values, name, colour, dashes)
-    add_legend(motions, axes[0], 2)
+    add_legend(motions, axes[0])
     speed_figure, (speeds,) = create_stacked_axes(("valve, mm",), "cam angle, deg", height=2.6)
     for rpm, (colour, dashes) in zip((1000, 2000, 3000, 4000), line_styles(), strict=False):
         response = run(TAYEB, f"run.speed={rpm}rpm")
         draw(speeds, response, 1e3 * response["valve"].displacement, f"{rpm} rpm", colour, dashes)
     draw(speeds, rigid, 1e3 * rigid["valve"].displacement, "rigid", "black", "-")
-    add_legend(speed_figure, speeds, 5, columns=5)
+    add_legend(speed_figure, speeds, columns=5)
     beat, (upper, lower) = create_stacked_axes(("no damping:\nvalve, mm", "10 % of critical:\nvalve, mm"), "revolution")
     for axis, damping in ((upper, "0"), (lower, "0.1")):
         response = run(
@@ -159,12 +159,12 @@ def pushrod_engine(folder: Path) -> dict[str, Figure]:
         for axis, values in zip(rows, (1e3 * response["valve"].displacement, force), strict=False):
             draw(axis, response, values, name, colour, dashes)
     draw(rows[2], flexible, flexible.channels["springs.valve.force"], "flexible", BLUE, "-")
-    add_legend(run_figure, rows[0], 2)
+    add_legend(run_figure, rows[0])
     speeds, (nose,) = create_stacked_axes(("cam force of the\nrigid train, kN",), "cam angle, deg", height=2.4)
     for rpm, (colour, dashes) in zip((5000, 5602, 6348), line_styles(), strict=False):
         response = run(path, f"run.crank_speed={rpm}rpm", rigid=True)
         draw(nose, response, 1e-3 * response.channels["contacts.intake.force"], f"{rpm} rpm", colour, dashes)
-    add_legend(speeds, nose, 3)
+    add_legend(speeds, nose)
     loss_figure, rows = create_stacked_axes(("50 kN/m:\ncam force, kN", "70 kN/m:\ncam force, kN"), "cam angle, deg")
     for axis, rate in zip(rows, (50, 70), strict=True):
         response = run(
@@ -208,7 +208,7 @@ def measured_lift(folder: Path) -> dict[str, Figure]:
         np.degrees(fine), 1e3 * interpolated(fine, 2), color="0.65", linewidth=0.9, label="through every point"
     )
     accelerations.plot(np.degrees(fine), 1e3 * event(fine, 2), color=BLUE, label="noise estimated")
-    add_legend(smooth_figure, accelerations, 2)
+    add_legend(smooth_figure, accelerations)
     residual_figure, rows = create_stacked_axes(
         ("estimated noise:\nresidual, µm", "5 µm:\nresidual, µm"), "cam angle, deg"
     )
@@ -226,7 +226,7 @@ def measured_lift(folder: Path) -> dict[str, Figure]:
     for name, overrides, colour in (("through every point", [raw], "0.65"), ("smoothed", [], BLUE)):
         response = run(folder / "lift.toml", *overrides)
         draw(force, response, response.channels["contacts.intake.force"], name, colour, "-")
-    add_legend(force_figure, force, 2)
+    add_legend(force_figure, force)
     return {
         "lift-table": table_figure, "lift-smooth": smooth_figure, "lift-residuals": residual_figure,
         "lift-force": force_figure,
@@ -270,8 +270,8 @@ def redesign(folder: Path) -> dict[str, Figure]:
         for axis, key, scale in ((force, "intake.nose_force.least", 1.0), (loft, "seat.valve_loft", 1e3)):
             values = [scale * row[f"contacts.{key}"] for row in rows]
             axis.plot(speeds, values, ".", label=name, color=colour, linestyle=dashes)
-    add_legend(law_figure, lift, 3)
-    add_legend(speed_figure, force, 3)
+    add_legend(law_figure, lift)
+    add_legend(speed_figure, force)
     return {"redesign-laws": law_figure, "redesign-speed": speed_figure}
 
 

@@ -119,4 +119,4 @@ for name, (colour, dashes) in zip(shown, line_styles(), strict=False):
     opening, acceleration = setting.motion(angle, omega(angle, 0)), setting.accelerations(angle, omega)[1]
     upper.plot(np.degrees(angle), 1e3 * opening, label=name, color=colour, linestyle=dashes)
     lower.plot(np.degrees(angle), 1e-3 * acceleration, color=colour, linestyle=dashes)
-add_legend(figure, upper, len(shown))
+add_legend(figure, upper)

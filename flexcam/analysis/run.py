@@ -24,7 +24,7 @@ from flexcam.case.case import Case
 from flexcam.case.input_checks import check_values
 from flexcam.case.schema.run import ResultStartRecord
 from flexcam.core.errors import Fault, InputError, refuse
-from flexcam.dynamics import Response, RunFailedError, Series, Sink, Stats, fingerprint, outline, solve
+from flexcam.dynamics import Response, RunFailedError, Sink, Stats, fingerprint, outline, solve
 from flexcam.dynamics.blocks import CompletedPart
 from flexcam.dynamics.memory import RecentSink
 from flexcam.fem.assembly import sections_at_nodes
@@ -198,9 +198,9 @@ def reload_result(case: Case, result: Result) -> tuple[PreparedRun, Response]:
     response = result.response
     free = build_structure(ready.model).dofs.numbers >= 0
     internal = names.unknowns[int(free.sum()) :]
-    stored = internal if response.stats.unknowns else ()  # the rigid model moves and stores no internal spring nodes
-    zeros = np.zeros((len(response.field_time), len(internal) - len(stored)))
-    fields = Series(*(np.append(values, zeros, axis=1) for values in unknown_fields(response, free, stored)))
+    # Internal nodes of a spring do not move in the rigid model and are not stored.
+    missing = None if response.stats.unknowns else np.zeros((len(response.field_time), len(internal)))
+    fields = unknown_fields(response, free, internal, missing)
     return ready, replace(response, outline=names, fields=fields, evaluator=partial(_metrics_by_name, case))
 
 

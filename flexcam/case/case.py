@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, replace
@@ -190,6 +190,8 @@ class Case:
         Source of every key: line or override.
     files
         Texts of the law and lift files, by name in the case.
+    reread
+        Function that reads a case again with other values by table and key.
     result_name
         Name of its results; that of its file by default.
 
@@ -205,6 +207,7 @@ class Case:
     mesh: Mesh | None
     places: KeyLocations
     files: Mapping[str, str]
+    reread: Callable[[Case, Mapping[str, object]], Case]
     result_name: str = ""
 
     def __repr__(self) -> str:
@@ -287,9 +290,7 @@ class Case:
         ``case.replace({"springs.valve.stiffness": "60 kN/m"})``, or ``case.replace({"springs": {"valve": {"stiffness":
         6e4}}})``
         """
-        from flexcam.case.reader import replace_values  # which imports this module
-
-        return replace_values(self, values)
+        return self.reread(self, values)
 
     def with_stable_method(self) -> Case:
         """Return the same case if its method is stable at any time step, otherwise with the average acceleration."""

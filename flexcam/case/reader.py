@@ -241,7 +241,7 @@ class CaseFile:
         faults += [*mesh_faults, *RawTables(tables, mesh, places).faults()]
         if record is None:
             return None, faults, tables, places
-        case = Case(self.path, self.text, tuple(overrides), record, mesh, places, self.files)
+        case = Case(self.path, self.text, tuple(overrides), record, mesh, places, self.files, replace_values)
         return case, faults, tables, places
 
     def templates(self, overrides: Sequence[str]) -> tuple[list[str], dict[str, Any], KeyLocations, list[Fault]]:

@@ -22,7 +22,7 @@ from flexcam.cams import KINDS, HarmonicLift, Law
 from flexcam.core import FloatArray
 from flexcam.core.errors import refuse, suggest_name
 from flexcam.io.files import atomic_write_path, check_writable, format_toml, write_columns, write_text
-from flexcam.io.number_tables import NumberTable, Row, find_table, read_rows, refuse_rows
+from flexcam.io.number_tables import NumberTable, Row, find_table, read_rows
 from flexcam.io.vtk import write_polylines
 
 _LENGTHS = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "μm": 1e-6, "inch": 0.0254, '"': 0.0254,
@@ -68,7 +68,7 @@ def read_lift(
     if path.suffix.lower() == ".mr":
         return _read_lobe(path, rows, column)
     table = _find_columns(path, rows, "rows of an angle and a lift")
-    names, head, width = _lift_columns(table, path), table.head, table.width
+    names = _lift_columns(table, path)
     lifts = [i for i, name in enumerate(names) if i and "lift" in _header_words(name)] or [1]
     if column is not None:
         lifts = [i for i, name in enumerate(names) if i and column == name]
@@ -76,11 +76,10 @@ def read_lift(
         listed = ", ".join(names) or "no header line"
         remedy = suggest_name(column, names) if column else 'name one: lift_table = { file = ..., column = "..." }'
         raise refuse(f"{path.name}, column of the lift", column or listed, listed, "", remedy)
-    faulty, allowed = table.faulty((0, lifts[0])), f"{width} finite numbers in each row"
-    refuse_rows(path, faulty, allowed, "correct or remove the row, or write # before it")
-    to_rad = _angle_factor(names[0] if names else "", angle, head, path)
-    scale = _lift_factor(names[lifts[0]] if names else "", unit, head, path)
-    values = np.array(table.numbers)[:, [0, lifts[0]]]
+    allowed, remedy = f"{table.width} finite numbers in each row", "correct or remove the row, or write # before it"
+    values = table.select(path, [0, lifts[0]], allowed, remedy)
+    to_rad = _angle_factor(names[0] if names else "", angle, table.head, path)
+    scale = _lift_factor(names[lifts[0]] if names else "", unit, table.head, path)
     return LiftColumns(values[:, 0] * to_rad, values[:, 1] * scale, tuple(number for number, _ in table.rows))
 
 
@@ -179,8 +178,7 @@ def read_profile(path: Path, *, unit: str | None = None) -> FloatArray:
     table = _find_columns(path, read_rows(path, "profile", "rows of x and y"), "rows of x and y")
     columns = _profile_columns(table.names, path)
     scale = _profile_factor([table.names[column] for column in columns] if table.names else [], unit, path)
-    refuse_rows(path, table.faulty(columns), "numbers", "correct or remove the row")
-    points = scale * np.array(table.numbers)[:, columns]
+    points = scale * table.select(path, columns, "numbers", "correct or remove the row")
     closed = len(points) > 1 and bool(np.abs(points[0] - points[-1]).max() < 1e-9 * np.abs(points).max())
     return points[:-1] if closed else points
 

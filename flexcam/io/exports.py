@@ -59,10 +59,9 @@ def write_collection(path: Path, times: FloatArray, files: Sequence[Path]) -> No
     """Write a ``.pvd`` file that lists a file per instant; each lies in a folder next to it."""
     from xml.sax.saxutils import quoteattr  # imports urllib
 
-    lines: list[str] = []
-    for time, file in zip(times.tolist(), files, strict=True):
-        name = quoteattr(f"{file.parent.name}/{file.name}")
-        lines.append(f'    <DataSet timestep="{time!r}" part="0" file={name}/>')
+    names = [quoteattr(f"{file.parent.name}/{file.name}") for file in files]
+    instants = zip(times.tolist(), names, strict=True)
+    lines = [f'    <DataSet timestep="{time!r}" part="0" file={name}/>' for time, name in instants]
     write_vtk(path, "Collection", lines)
 
 

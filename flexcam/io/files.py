@@ -32,8 +32,8 @@ ALLOWED_FOLDERS_VARIABLE = "FLEXCAM_FILES"
 ABSCISSAS = {"time": ("s", 1.0), "cam angle": ("rad", 1.0), "crank angle": ("rad", 2.0)}
 """SI unit of an abscissa, and its revolutions per camshaft revolution."""
 
-_DAMAGED = (ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, TypeError, ValueError, struct.error)
-"""Exceptions that asammdf raises for damaged files."""
+READ_ERRORS = (ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, TypeError, ValueError, struct.error)
+"""Exceptions that h5py, numpy and asammdf raise for damaged files."""
 
 
 def file_size(path: Path) -> int:
@@ -105,7 +105,7 @@ def read_mdf(path: Path, where: str, names: Sequence[str] = ()) -> dict[str, tup
             return columns
     except InputError:
         raise
-    except (MdfException, *_DAMAGED) as fault:
+    except (MdfException, *READ_ERRORS) as fault:
         raise refuse(where, str(path), "a readable MDF file", system_message(fault)) from None
 
 

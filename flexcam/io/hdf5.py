@@ -22,18 +22,16 @@ import numpy as np
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import Fault, InputError, format_shape, refuse, system_message
-from flexcam.io.files import file_size
+from flexcam.io.files import READ_ERRORS, file_size
 from flexcam.io.result_schema import DIGEST, UNITS
 
 _module: Any = h5py
+_DATASET: Any = _module.h5d.DatasetID
 
 _CHUNK_VALUES = 4096  # maximum number in a chunk, as far as blocks can be halved
 _ROWS = 1 << 16  # read at a time for the digest
 _LARGEST = 1e300  # absolute value that no number of a file reaches: units could not be converted
 _REMEDY = "compute the result again, or restore the file from a copy"
-
-READ_ERRORS = (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError, ArithmeticError)
-"""Exceptions that h5py and numpy raise on damaged content."""
 
 SCALES = frozenset({"DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME"})
 """Attributes that attach dimension scales to datasets, for other readers; flexcam ignores them."""
@@ -64,7 +62,7 @@ class GrowingDataset:
             name, (0, *self._columns), kind, maxshape=(None, *self._columns), fletcher32=True,
             chunks=(chunk_rows(rows, width or 1), *self._columns), track_times=False,
         )  # fmt: skip
-        write_text_attribute(self.dataset, UNITS, unit)
+        self.dataset.attrs[UNITS] = encode(unit)
         self._length, self._kind = 0, kind
 
     def __len__(self) -> int:
@@ -93,12 +91,12 @@ def create_fixed_dataset(group: Any, name: str, values: FloatArray | IntArray, u
     chunk = (max(1, min(len(array), _CHUNK_VALUES // width)), *array.shape[1:])
     options = {"chunks": chunk, "fletcher32": True} if array.size else {}
     dataset = group.create_dataset(name, data=array, track_times=False, **options)
-    write_text_attribute(dataset, UNITS, unit)
+    dataset.attrs[UNITS] = encode(unit)
     return dataset
 
 
-def _encode(content: str | Sequence[str]) -> Any:  # noqa: ANN401 - an array
-    """Return one or more texts as UTF-8 bytes of one length."""
+def encode(content: str | Sequence[str]) -> Any:  # noqa: ANN401 - an array
+    """Return one or more texts as UTF-8 bytes of one length, for an attribute or a dataset."""
     single = isinstance(content, str)
     parts = [text.encode(errors="backslashreplace") for text in ([content] if single else content)]
     return np.array(parts[0] if single else parts, dtype=_module.string_dtype("utf-8", max([1, *map(len, parts)])))
@@ -107,7 +105,7 @@ def _encode(content: str | Sequence[str]) -> Any:  # noqa: ANN401 - an array
 def write_texts(group: Any, content: Mapping[str, str | Sequence[str]]) -> None:  # noqa: ANN401
     """Write texts into a group, a dataset per name of one text or several."""
     for name, text in content.items():
-        group.create_dataset(name, data=_encode(text), track_times=False)
+        group.create_dataset(name, data=encode(text), track_times=False)
 
 
 def read_texts(group: Any) -> dict[str, str]:  # noqa: ANN401
@@ -120,11 +118,6 @@ def read_text_column(item: Any) -> list[str]:  # noqa: ANN401
     if not isinstance(item, _module.Dataset) or item.dtype.kind != "S" or not item.size:
         raise refuse(item.name, "numbers, a group or nothing", "texts", "", _REMEDY)
     return [bytes(text).decode(errors="replace") for text in np.atleast_1d(item[()])]
-
-
-def write_text_attribute(one: Any, name: str, content: str | Sequence[str]) -> None:  # noqa: ANN401
-    """Write one or more texts as an attribute."""
-    one.attrs[name] = _encode(content)
 
 
 def read_text_attribute(one: Any, name: str) -> str:  # noqa: ANN401
@@ -153,12 +146,8 @@ def _walk(file: Any) -> Iterator[tuple[str, Any, bool]]:  # noqa: ANN401
             yield f"{path}/{name.decode()}", item, new
             if new:
                 addresses.add(int(link.u))
-                if not _is_dataset(item):
+                if not isinstance(item, _DATASET):
                     groups.append((f"{path}/{name.decode()}", item))
-
-
-def _is_dataset(item: Any) -> bool:  # noqa: ANN401
-    return isinstance(item, _module.h5d.DatasetID)
 
 
 def _attribute_names(item: Any) -> list[str]:  # noqa: ANN401
@@ -169,7 +158,7 @@ def _attribute_names(item: Any) -> list[str]:  # noqa: ANN401
 
 def datasets(file: Any) -> list[Any]:  # noqa: ANN401
     """Return all datasets of a file; a dataset with several names is listed once."""
-    return [_module.Dataset(item) for _, item, new in _walk(file) if new and _is_dataset(item)]
+    return [_module.Dataset(item) for _, item, new in _walk(file) if new and isinstance(item, _DATASET)]
 
 
 def digest(file: Any) -> str:  # noqa: ANN401
@@ -190,7 +179,7 @@ def _digest_input(file: Any, faults: list[Fault]) -> Iterator[Any]:  # noqa: ANN
         yield path.encode()
         if new:
             yield from _attributes(item)
-        if new and _is_dataset(item):
+        if new and isinstance(item, _DATASET):
             yield f"{item.dtype.str} {item.shape}".encode()
             dataset = _module.Dataset(item)
             rows = dataset.shape[0] if dataset.shape else 0
@@ -215,14 +204,13 @@ def write_digest(file: Any) -> None:  # noqa: ANN401
     file.attrs[DIGEST] = np.bytes_(digest(file).encode())
 
 
-def digest_fault(file: Any) -> Fault | None:  # noqa: ANN401
-    """Return the fault of the digest of a file; None if it is correct."""
+def check_digest(file: Any) -> None:  # noqa: ANN401
+    """Raise an error if the content of a file does not match its digest."""
     if DIGEST not in file.attrs:
-        return Fault("/, seal", "nothing", "a seal", "without it the content may be damaged", _REMEDY)
-    if bytes(file.attrs[DIGEST]).decode("ascii", "replace") == digest(file):
-        return None
-    why = "a number, a name, a unit, a text or a length has changed since the file was written"
-    return Fault("/, seal", "a seal that does not match", "an intact file", why, _REMEDY)
+        raise refuse("/, seal", "nothing", "a seal", "without it the content may be damaged", _REMEDY)
+    if bytes(file.attrs[DIGEST]).decode("ascii", "replace") != digest(file):
+        why = "a number, a name, a unit, a text or a length has changed since the file was written"
+        raise refuse("/, seal", "a seal that does not match", "an intact file", why, _REMEDY)
 
 
 def read_numbers(item: Any, rows: int | slice | None = None, width: tuple[int, ...] = (), kind: str = "f8") -> Any:  # noqa: ANN401
@@ -277,7 +265,7 @@ def _faults(file: Any, size: int) -> Iterator[Fault]:  # noqa: ANN401
     for path, item, new in (("/", file.id, True), *_walk(file)):
         for given in _unsafe_contents(item, new):
             yield Fault(path, given, allowed, why, "if an earlier flexcam wrote it, compute it again")
-        if new and _is_dataset(item):
+        if new and isinstance(item, _DATASET):
             declared += math.prod(item.shape or (0,)) * item.dtype.itemsize
     if declared > limit:
         given, why = f"{declared:.3g} bytes declared in a file of {size}", "reading them would exhaust the memory"
@@ -289,12 +277,13 @@ def _unsafe_contents(item: Any, new: bool) -> Iterator[str]:  # noqa: ANN401
     if item is None:
         yield "a soft link or an external link"
         return
-    if not new and not _is_dataset(item):
+    is_dataset = isinstance(item, _DATASET)
+    if not new and not is_dataset:
         yield "a group that contains itself or occurs twice"
     for name in _attribute_names(item) if new else ():
         if _module.h5a.open(item, name.encode()).dtype.kind not in "fiubS":
             yield f"attribute {name}, a text of variable length or a reference"
-    if not new or not _is_dataset(item):
+    if not new or not is_dataset:
         return
     plist, chunks = item.get_create_plist(), list[Any]()
     if plist.get_layout() == _module.h5d.VIRTUAL or plist.get_external_count():

@@ -16,15 +16,18 @@ from flexcam.io.files import read_source
 
 _LIMIT = 3000  # unknowns: the matrices are dense while they are reduced
 
+Label = tuple[int, int]
+"""Node number and component (1 to 6) of a row or column."""
+
 
 @dataclass(frozen=True, eq=False)
 class NodalMatrix:
     """Square matrix over components of nodes."""
 
-    labels: tuple[tuple[int, int], ...]  #: node number and component (1 to 6) of every row
+    labels: tuple[Label, ...]  #: labels of the rows
     values: FloatArray  #: shape (n, n)
 
-    def ordered(self, labels: list[tuple[int, int]]) -> FloatArray:
+    def ordered(self, labels: list[Label]) -> FloatArray:
         """Return the matrix in another order of its rows; rows that it lacks are zero."""
         index = {label: i for i, label in enumerate(labels)}
         rows = np.array([index[label] for label in self.labels], dtype=np.intp)
@@ -69,33 +72,29 @@ def _read_market(text: str, where: str) -> NodalMatrix:
 
 
 def _read_list(text: str, where: str) -> NodalMatrix:
-    ends: list[tuple[tuple[int, int], tuple[int, int]]] = []
-    entries: list[float] = []
+    entries: dict[tuple[Label, Label], float] = {}
     for number, line in enumerate(text.splitlines(), start=1):
         if not line.strip() or line.lstrip().startswith("*"):
             continue
         try:
             node1, dof1, node2, dof2, value = re.split(r"[,\s]+", line.strip().rstrip(","))
-            entries.append(float(value.replace("D", "E")))
-            ends.append(((int(node1), int(dof1)), (int(node2), int(dof2))))
+            entries[(int(node1), int(dof1)), (int(node2), int(dof2))] = float(value.replace("D", "E"))
         except ValueError:
             allowed = "node, component, node, component, value, or a Matrix Market file"
             raise refuse(where, f"line {number}: {line.strip()[:60]}", allowed) from None
-    return _fill(ends, entries, where)
+    return _fill(entries, where)
 
 
-def _fill(
-    ends: list[tuple[tuple[int, int], tuple[int, int]]], entries: list[float], where: str, *, one_sided: bool = True
-) -> NodalMatrix:
-    """Return the matrix of entries at pairs of rows; one-sided entries stand for their transposed places, too."""
-    labels = sorted({label for pair in ends for label in pair})
+def _fill(entries: dict[tuple[Label, Label], float], where: str, *, one_sided: bool = True) -> NodalMatrix:
+    """Return the matrix of entries; one-sided entries stand for their transposed places, too."""
+    labels = sorted({label for pair in entries for label in pair})
     _check_size(len(labels), where)
     if not labels or not all(1 <= dof <= 6 for _, dof in labels):
         raise refuse(where, "components beyond 1 to 6" if labels else "no entry", "entries of components 1 to 6")
     place = {label: i for i, label in enumerate(labels)}
-    i, j = (np.array([place[pair[side]] for pair in ends]) for side in (0, 1))
+    i, j = np.array([[place[row], place[column]] for row, column in entries]).T
     values, known = np.zeros((2, len(labels), len(labels)))
-    values[i, j], known[i, j] = entries, 1.0
+    values[i, j], known[i, j] = list(entries.values()), 1.0
     if not np.isfinite(values).all():
         raise refuse(where, "an infinite entry", "finite numbers")
     return NodalMatrix(tuple(labels), np.where(known > 0.0, values, values.T) if one_sided else values)
@@ -116,19 +115,17 @@ def _read_punch(text: str, where: str, name: str | None) -> NodalMatrix:
     if form not in ("1", "6") or kind not in ("1", "2"):
         given = f"{chosen} of form {form} and type {kind}"
         raise refuse(where, given, "a square or symmetric matrix of real numbers: form 1 or 6, type 1 or 2")
-    ends: list[tuple[tuple[int, int], tuple[int, int]]] = []
-    entries: list[float] = []
+    entries: dict[tuple[Label, Label], float] = {}
     for card in (card for card in cards if card[1] == chosen and card[2] != "0"):
         try:
             column = int(card[2]), int(card[3] or 0) or 1  # scalar points, such as modes, have no component
             for i in range(5, len(card), 4):
                 if card[i]:
                     node, dof, value = (*card[i : i + 3], "", "")[:3]
-                    entries.append(_punch_number(value))
-                    ends.append(((int(node), int(dof or 0) or 1), column))
+                    entries[(int(node), int(dof or 0) or 1), column] = _punch_number(value)
         except ValueError:
             raise refuse(where, f"DMIG {' '.join(card[1:5])[:60]}", "numbers of nodes, components and values") from None
-    return _fill(ends, entries, where, one_sided=form == "6")
+    return _fill(entries, where, one_sided=form == "6")
 
 
 def _punch_cards(text: str) -> Iterator[list[str]]:

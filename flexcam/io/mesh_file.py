@@ -54,15 +54,12 @@ def read_mesh(path: Path) -> Mesh:
         near = suggest_name(path.name, [file.name for file in path.parent.glob("*.msh")])
         raise refuse("mesh", str(path), "an existing file", "the path is relative to the case file", near)
     raw = _read_msh(path)
-    faults = [*_number_faults(raw)]
-    faults += [fault for group in raw.groups for fault in _group_faults(group)]
-    if not faults:
-        faults = [*_length_faults(raw)]
-    members = [group for group in raw.groups if group.kind == _LINE]
-    if not faults and not members:
-        faults.append(Fault("mesh", "no lines", "line elements in named groups", "", "add a physical curve"))
-    if faults:
+    faults = [*_number_faults(raw), *(fault for group in raw.groups for fault in _group_faults(group))]
+    if faults or (faults := [*_length_faults(raw)]):
         raise InputError(faults)
+    members = [group for group in raw.groups if group.kind == _LINE]
+    if not members:
+        raise refuse("mesh", "no lines", "line elements in named groups", "", "add a physical curve")
     place = np.argsort(raw.numbers, kind="stable")
 
     def index(numbers: IntArray) -> IntArray:
@@ -220,14 +217,6 @@ def _invalid(given: str, allowed: str, why: str = "") -> InputError:
     return refuse("mesh", given, allowed, why, "export it again from Gmsh")
 
 
-def _is_number(word: bytes, kind: type[float | int]) -> bool:
-    try:
-        kind(word)
-    except ValueError:
-        return False
-    return True
-
-
 class _TextReader:
     def __init__(self, name: str, text: bytes) -> None:
         self._name, self._words, self._next = name, text.split(), 0
@@ -243,12 +232,15 @@ class _TextReader:
             allowed, why = f"{self._next + count} or more by its counts", "entries or numbers are missing"
             raise _invalid(f"{len(self._words)} numbers in ${self._name}", allowed, why)
         self._next += count
-        try:
-            return np.array(words, dtype="S").astype(float if kind == "f" else np.int64)
-        except (ValueError, OverflowError):
-            number = float if kind == "f" else int
-            wrong = next((word for word in words if not _is_number(word, number)), words[0]).decode("ascii", "replace")
-            raise _invalid(f"{wrong!r} in ${self._name}", f"a {'' if kind == 'f' else 'whole '}number") from None
+        number = np.float64 if kind == "f" else np.int64
+        values = np.empty(count, number)
+        for i, word in enumerate(words):
+            try:
+                values[i] = number(word)
+            except (ValueError, OverflowError):
+                wrong = word.decode("ascii", "replace")
+                raise _invalid(f"{wrong!r} in ${self._name}", f"a {'' if kind == 'f' else 'whole '}number") from None
+        return values
 
     def end(self) -> None:
         """Raise an error if the section contains more numbers."""
@@ -272,7 +264,6 @@ class _BinaryReader:
         return int(match[1])
 
     def read(self, kind: str, count: int) -> Any:  # noqa: ANN401
-        """Return the next numbers."""
         item = np.dtype(self._kinds[kind])
         if count < 0 or self._next + count * item.itemsize > len(self._data):
             given = f"{len(self._data)} bytes from ${self._name} on"

@@ -50,6 +50,12 @@ class NumberTable:
             if len(numbers) != self.width or np.isinf(numbers).any() or np.isnan([numbers[i] for i in columns]).any()
         ]
 
+    def select(self, path: Path, columns: Sequence[int], allowed: str, remedy: str) -> FloatArray:
+        """Return columns without empty cells, shape (rows, columns); raise an error for the first faulty rows."""
+        if bad := self.faulty(columns)[:_MAX_FAULTS]:
+            raise InputError(Fault(f"{path.name}, line {n}", repr(line[:40]), allowed, "", remedy) for n, line in bad)
+        return np.array(self.numbers)[:, columns]
+
 
 def read_rows(path: Path, where: str, content: str, text: str | None = None) -> list[Row]:
     """Return the rows of a file, or of its known text, without comments and empty lines.
@@ -72,13 +78,6 @@ def _remove_comment(line: str) -> str:
     in_name = before.strip() and after[:1].strip() and not _numbers(before)
     text = (line if in_name else before).lstrip()
     return re.sub(r"[^\S\t]+$", "", text)  # a tab at the end belongs to an empty cell
-
-
-def refuse_rows(path: Path, bad: Sequence[Row], allowed: str, remedy: str) -> None:
-    """Raise an error for the first bad rows of a file, if there are any."""
-    faults = [Fault(f"{path.name}, line {n}", repr(line[:40]), allowed, "", remedy) for n, line in bad[:_MAX_FAULTS]]
-    if faults:
-        raise InputError(faults)
 
 
 def find_table(rows: Sequence[Row]) -> NumberTable:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexcam.core import FloatArray, IntArray
+from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse, suggest_name
 from flexcam.dynamics import SERIES, Block, Cause, Outline, Response, SaveAt, Series, Stats, Status
 from flexcam.dynamics.blocks import Checkpoint
@@ -108,16 +107,28 @@ class Result:
         return nodal[..., first : first + 3]
 
 
-def unknown_fields(response: Response, free: NDArray[np.bool_], internal: Sequence[str]) -> Series:
+def unknown_fields(
+    response: Response, free: NDArray[np.bool_], internal: Sequence[str], missing: FloatArray | None = None
+) -> Series:
     """Return the saved fields in unknowns: the free components of the nodes, shape (nodes, 6), then internal ones.
 
-    Internal ones are stored as probes at every step; InputError if one is not.
+    Internal ones are stored as probes at every step; one that is not has the values of its column in `missing`.
+    Without these it raises an InputError.
     """
     rows = np.searchsorted(response.time, response.field_time - 1e-12 * np.abs(response.field_time))
+    rows = np.minimum(rows, len(response.time) - 1)
+
+    def internal_values(series: str, name: str, i: int) -> FloatArray:
+        try:
+            return getattr(response[name], series)[rows]
+        except InputError:
+            if missing is None:
+                raise
+            return missing[:, i]
 
     def columns(series: str) -> FloatArray:
         nodal = getattr(response.fields, series).reshape(-1, *free.shape)[:, free]
-        return np.concatenate([nodal, *(getattr(response[name], series)[rows, None] for name in internal)], axis=1)
+        return np.column_stack([nodal, *(internal_values(series, name, i) for i, name in enumerate(internal))])
 
     return Series(*map(columns, SERIES))
 
@@ -166,14 +177,18 @@ def check_integrity(file: Any, where: str, source: Path, expected: int) -> None:
         if form.isdigit() and int(form) > expected:
             why, remedy = "it is newer", "update flexcam"
         raise refuse(where, f"{source} of format {form}", f"format {expected}", why, remedy)
-    if fault := hdf5.digest_fault(file):
-        raise InputError([fault])
+    hdf5.check_digest(file)
 
 
 def _result(file: Any) -> Result:  # noqa: ANN401
-    times, data = file[schema.FIELD_TIME], file[schema.POINT_DATA]
-    count = min(int(file[schema.FIELD_STEPS].attrs[schema.VTK_STEPS]), len(times))
+    data, history = file[schema.POINT_DATA], file[schema.HISTORY]
+    count = min(int(file[schema.FIELD_STEPS].attrs[schema.VTK_STEPS]), len(file[schema.FIELD_TIME]))
     points, mesh = int(hdf5.read_numbers(file[schema.POINT_COUNT], 1, kind="i8")[0]), _mesh(file)
+    outline = Outline(
+        tuple(f"node {n}.{c}" for n in range(len(mesh.nodes)) for c in COMPONENTS),
+        tuple((name, hdf5.read_text_list(probe, schema.COMPONENTS)) for name, probe in file[schema.PROBES].items()),
+        tuple((name, hdf5.read_text_attribute(item, schema.UNITS)) for name, item in file[schema.CHANNELS].items()),
+    )
 
     def values(name: str, rows: int, width: int, kind: str = "f8") -> Any:  # noqa: ANN401
         return hdf5.read_numbers(data[name], rows, (width,) if width > 1 else (), kind)
@@ -181,7 +196,7 @@ def _result(file: Any) -> Result:  # noqa: ANN401
     moving = {name: values(name, count * points, width) for name, (_, width) in schema.RECOVERED_FIELDS.items()}
     return Result(
         mesh=mesh,
-        response=_response(file, count, len(mesh.nodes)),
+        response=_response(file, outline, slice(0, int(history.attrs[schema.STEPS])), slice(0, count)),
         constant={name: values(name, points, width, kind) for name, (kind, width) in schema.CONSTANT_DATA.items()},
         recovered={name: rows.reshape(count, points, *rows.shape[1:]) for name, rows in moving.items()},
         about=_read_about(file),
@@ -191,20 +206,17 @@ def _result(file: Any) -> Result:  # noqa: ANN401
 
 def _read_about(file: Any) -> dict[str, str]:  # noqa: ANN401
     """Return the texts about a run; raise an error if its case is missing or cannot be read."""
+    from pydantic import TypeAdapter
+
     about = hdf5.read_texts(file[schema.ABOUT])
     for name, kind in schema.ABOUT_CASE.items():
         try:
             text = about.get(name, "{}") if name == schema.ABOUT_FILES else about[name]
-            content = text if kind is str else json.loads(text)
-        except (KeyError, ValueError, RecursionError):
-            content = None
-        if isinstance(content, kind) and name in schema.ABOUT_TEXTS:
-            values: Any = content
-            texts: list[Any] = list(values.values() if kind is dict else values)
-            content = content if all(isinstance(item, str) for item in texts) else None
-        if not isinstance(content, kind):
+            if kind is not str:
+                TypeAdapter(kind).validate_json(text)
+        except (KeyError, ValueError):
             given, allowed = f"nothing about {name!r} of its case, or something else", "a result that keeps its case"
-            raise refuse(f"/{schema.ABOUT}", given, allowed, "", "compute it again")
+            raise refuse(f"/{schema.ABOUT}", given, allowed, "", "compute it again") from None
     return about
 
 
@@ -221,56 +233,39 @@ def _mesh(file: Any) -> Mesh:  # noqa: ANN401
         raise refuse(f"/{schema.MESH_NODES}", f"{fault.where}, {fault.given}", fault.allowed, fault.why) from None
 
 
-def _response(file: Any, count: int, nodes: int) -> Response:  # noqa: ANN401
-    steps = int(file[schema.HISTORY].attrs[schema.STEPS])
-    probes, channels = file[schema.PROBES], dict(file[schema.CHANNELS].items())
-    outline = Outline(
-        tuple(f"node {n}.{c}" for n in range(nodes) for c in COMPONENTS),
-        tuple((name, hdf5.read_text_list(probe, schema.COMPONENTS)) for name, probe in probes.items()),
-        tuple((name, hdf5.read_text_attribute(channel, schema.UNITS)) for name, channel in channels.items()),
-    )
-    node = hdf5.read_numbers(file[schema.POINT_DATA][schema.NODE], kind="i8")
+def _response(file: Any, outline: Outline, rows: slice, fields: slice) -> Response:  # noqa: ANN401
+    """Return some rows of the histories and some saved fields, with six components per node."""
+    time, field_time = (_read_times(file[name], r) for name, r in ((schema.TIME, rows), (schema.FIELD_TIME, fields)))
+    probes, channels, data = (file[name] for name in (schema.PROBES, schema.CHANNELS, schema.POINT_DATA))
+    node, nodes = hdf5.read_numbers(data[schema.NODE], kind="i8"), len(file[schema.MESH_NODES])
+
+    def probe_columns(series: str) -> FloatArray:
+        parts = [hdf5.read_numbers(probes[name][series], rows, (len(names),)) for name, names in outline.probes]
+        return np.column_stack([np.zeros((len(time), 0)), *parts])
+
+    def nodal_values(series: str) -> FloatArray:
+        values = np.zeros((len(field_time), nodes, 6))  # coincident points of a joint have the same values
+        points = slice(fields.start * len(node), fields.stop * len(node))
+        for name, (source, first, _) in VECTORS.items():
+            if source == series:
+                vectors = hdf5.read_numbers(data[name], points, (3,))
+                values[:, node, first : first + 3] = vectors.reshape(len(values), len(node), 3)
+        return values.reshape(-1, 6 * nodes)
+
     return Response(
-        outline=outline,
-        time=_read_times(file[schema.TIME], steps),
-        angle=hdf5.read_numbers(file[schema.CAM_ANGLE], steps),
-        probes=_read_probes(file, outline, slice(0, steps)),
-        channels={name: hdf5.read_numbers(channel, steps) for name, channel in channels.items()},
-        field_time=_read_times(file[schema.FIELD_TIME], count),
-        field_angle=hdf5.read_numbers(file[schema.FIELD_CAM_ANGLE], count),
-        fields=Series(*(_nodal_values(file, series, node, nodes, slice(0, count)) for series in SERIES)),
-        status=read_status(file),
-        stats=_stats(file),
-    )
+        outline=outline, time=time, angle=hdf5.read_numbers(file[schema.CAM_ANGLE], rows),
+        probes=Series(*map(probe_columns, SERIES)),
+        channels={name: hdf5.read_numbers(channels[name], rows) for name, _ in outline.channels},
+        field_time=field_time, field_angle=hdf5.read_numbers(file[schema.FIELD_CAM_ANGLE], fields),
+        fields=Series(*map(nodal_values, SERIES)), status=read_status(file), stats=_stats(file),
+    )  # fmt: skip
 
 
-def _read_times(item: Any, count: int) -> FloatArray:  # noqa: ANN401
-    times = hdf5.read_numbers(item, count)
+def _read_times(item: Any, rows: slice) -> FloatArray:  # noqa: ANN401
+    times = hdf5.read_numbers(item, rows)
     if not (np.diff(times) > 0.0).all():
         raise refuse(item.name, "times that do not ascend", "a time per step")
     return times
-
-
-def _read_probes(file: Any, outline: Outline, rows: slice) -> Series:  # noqa: ANN401
-    empty = np.zeros((rows.stop - rows.start, 0))
-
-    def columns(series: str) -> FloatArray:
-        group = file[schema.PROBES]
-        parts = [hdf5.read_numbers(group[name][series], rows, (len(names),)) for name, names in outline.probes]
-        return np.concatenate([empty, *parts], axis=1)
-
-    return Series(*map(columns, SERIES))
-
-
-def _nodal_values(file: Any, series: str, node: IntArray, nodes: int, fields: slice) -> FloatArray:  # noqa: ANN401
-    """Return one series of saved fields at the nodes; coincident points of a joint have the same values."""
-    values = np.zeros((fields.stop - fields.start, nodes, 6))
-    rows = slice(fields.start * len(node), fields.stop * len(node))
-    for name, (source, first, _) in VECTORS.items():
-        if source == series:
-            points = hdf5.read_numbers(file[schema.POINT_DATA][name], rows, (3,))
-            values[:, node, first : first + 3] = points.reshape(len(values), len(node), 3)
-    return values.reshape(-1, 6 * nodes)
 
 
 def _status_texts(file: Any) -> dict[str, str]:  # noqa: ANN401
@@ -333,7 +328,7 @@ class PartialResult:
     """Partial result of an incomplete run: its texts, its status and the checkpoint at which the run continues."""
 
     def __init__(self, path: Path, geometry: Geometry, outline: Outline, save: SaveAt) -> None:
-        self._path, self._geometry, self._outline, self._save = path, geometry, outline, save
+        self._path, self._outline, self._save = path, outline, save
         self._free = geometry.dofs.numbers >= 0
         with hdf5.open_hdf5(path, *_OPEN_MESSAGES) as file:
             _check_result(file, path)
@@ -350,34 +345,15 @@ class PartialResult:
 
     def blocks(self) -> Iterator[Block]:
         """Yield the blocks up to the checkpoint."""
-        size, field = self._save.block, 0
-        with hdf5.open_hdf5(self._path, *_OPEN_MESSAGES) as file:
-            for first in range(0, self.checkpoint.steps, size):
-                steps = np.arange(first, min(first + size, self.checkpoint.steps))
-                saved = np.flatnonzero(steps % self._save.field_every == 0)  # does not include the last step of the run
-                fields = slice(field, field + len(saved))
-                yield self._block(file, slice(first, first + len(steps)), saved, fields)
-                field += len(saved)
-
-    def _block(self, file: Any, rows: slice, saved: IntArray, fields: slice) -> Block:  # noqa: ANN401
-        time, angle = (hdf5.read_numbers(file[name], rows) for name in (schema.TIME, schema.CAM_ANGLE))
-        probes = _read_probes(file, self._outline, rows)
-        channels = [hdf5.read_numbers(file[schema.CHANNELS][name], rows) for name, _ in self._outline.channels]
-        return Block(
-            time=time, angle=angle, probes=probes, channels=np.column_stack([np.zeros((len(time), 0)), *channels]),
-            field_time=time[saved], field_angle=angle[saved],
-            fields=Series(*(self._unknowns(file, series, fields, getattr(probes, series)[saved]) for series in SERIES)),
-        )  # fmt: skip
-
-    def _unknowns(self, file: Any, series: str, fields: slice, probes: FloatArray) -> FloatArray:  # noqa: ANN401
-        """Return saved fields in the degrees of freedom of the run: nodal ones, then those recorded as probes."""
-        node, nodes = self._geometry.node, len(self._geometry.mesh.nodes)
-        nodal = _nodal_values(file, series, node, nodes, fields).reshape(-1, nodes, 6)
+        every, last = self._save.field_every, self.checkpoint.steps
         internal = self._outline.unknowns[int(self._free.sum()) :]
-        return np.concatenate([nodal[:, self._free], *(self._internal_dofs(name, probes) for name in internal)], axis=1)
-
-    def _internal_dofs(self, name: str, probes: FloatArray) -> FloatArray:
-        try:
-            return probes[:, self._outline.columns(name)]
-        except InputError:  # internal nodes of a spring do not move in the rigid model and are not stored
-            return np.zeros((len(probes), 1))
+        with hdf5.open_hdf5(self._path, *_OPEN_MESSAGES) as file:
+            for first in range(0, last, self._save.block):
+                rows = slice(first, min(first + self._save.block, last))
+                fields = slice(-(-rows.start // every), -(-rows.stop // every))  # without the last step of the run
+                part = _response(file, self._outline, rows, fields)
+                # Internal nodes of a spring do not move in the rigid model and are not stored.
+                unknowns = unknown_fields(part, self._free, internal, np.zeros((len(part.field_time), len(internal))))
+                channels = np.column_stack([np.zeros((len(part.time), 0)), *part.channels.values()])
+                saved = part.field_time, part.field_angle, unknowns
+                yield Block(part.time, part.angle, part.probes, channels, *saved)

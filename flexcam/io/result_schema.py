@@ -5,6 +5,8 @@ Names are paths from the root; docs/result-format.md describes the contents.
 
 from __future__ import annotations
 
+from typing import Any
+
 FORMAT = 3
 TABLE_FORMAT = 3
 """Version of the file; since version 3 one digest covers names, attributes, texts and numbers."""
@@ -34,11 +36,10 @@ TIME_SCALE = "time"
 ABOUT = "about"
 ABOUT_FORMAT = "format"
 ABOUT_FILES = "files"  # of a case that names some
-ABOUT_CASE: dict[str, type] = {"case": str, "case_file": str, "overrides": list, "resolved": dict, ABOUT_FILES: dict}
+ABOUT_CASE: dict[str, Any] = {
+    "case": str, "case_file": str, "overrides": list[str], "resolved": dict[str, Any], ABOUT_FILES: dict[str, str],
+}  # fmt: skip
 """Texts that restore the case of a result, and the types of their JSON; a text is stored unchanged."""
-
-ABOUT_TEXTS = ("overrides", ABOUT_FILES)
-"""Those of them whose JSON contains strings alone."""
 
 MODES_KIND, MODES_FREQUENCIES = "kind", "frequencies_hz"
 """Texts about a file of modes."""

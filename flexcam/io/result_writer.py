@@ -8,7 +8,7 @@ import re
 import shutil
 import time
 from collections.abc import Callable, Generator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -49,13 +49,9 @@ def partial_path(path: Path) -> Path:
 
 
 class TemporaryResult:
-    """Temporary result file, locked by one process.
+    """Temporary result file, locked by one process."""
 
-    It begins with `size` bytes of zeros: HDF5 without space can abort the process, so that a full disk must show
-    before.
-    """
-
-    def __init__(self, path: Path, shown: Path, size: int = 0) -> None:
+    def __init__(self, path: Path, shown: Path) -> None:
         self.path, self._shown, self._copy = path, shown, path.with_suffix(schema.COPYING_SUFFIX)
         if path.is_symlink():
             allowed, why = "a regular file", "it is a symbolic link, and its target would be overwritten"
@@ -67,27 +63,9 @@ class TemporaryResult:
             raise refuse("result", str(shown), allowed, why, "wait for its end, or name another folder") from None
         except OSError as fault:
             raise _unwritable(path, fault) from None
-        try:
-            with path.open("wb") as file:
-                file.write(bytes(size + _LAYOUT_BYTES))
-        except OSError as fault:
-            self.discard()
-            raise _unwritable(path, fault) from None
-        self._last, self._cost = time.perf_counter(), 0.0
 
-    def begin(self) -> None:
-        """Start the timer after the layout; the first copy is assumed to take as long as the layout."""
-        now = time.perf_counter()
-        self._last, self._cost = now, now - self._last
-
-    @property
-    def is_copy_due(self) -> bool:
-        """True if the next copy is due."""
-        return self._cost <= _MAX_COPY_TIME * (time.perf_counter() - self._last)
-
-    def show(self, prepared: float | None = None) -> None:
+    def show(self) -> None:
         """Publish a copy of the file; without space for it the previous copy remains."""
-        start = time.perf_counter() if prepared is None else prepared
         try:
             if shutil.disk_usage(self.path.parent).free > _REQUIRED_SPACE * self.path.stat().st_size:
                 self._copy.unlink(missing_ok=True)  # a link there would redirect the copy
@@ -96,8 +74,6 @@ class TemporaryResult:
         except OSError:  # the run may still have space when its copy does not
             with suppress(OSError):
                 self._copy.unlink(missing_ok=True)
-        self._last = time.perf_counter()
-        self._cost = self._last - start
 
     def rename(self, path: Path) -> None:
         """Synchronize the file to disk and rename it to its final name; no further writes are possible."""
@@ -143,8 +119,8 @@ def convert_write_errors() -> Generator[None]:
 def write_checkpoint(file: Any, checkpoint: Checkpoint) -> None:  # noqa: ANN401 - h5py has no types
     """Write a checkpoint into an open result file; an earlier one is replaced."""
     packed = BytesIO()
-    extra = {schema.CHECKPOINT_STEPS: checkpoint.steps, schema.CHECKPOINT_PROBLEM: checkpoint.problem}
-    arrays: dict[str, Any] = {**checkpoint.arrays, **extra}
+    arrays: dict[str, Any] = dict(checkpoint.arrays)
+    arrays |= {schema.CHECKPOINT_STEPS: checkpoint.steps, schema.CHECKPOINT_PROBLEM: checkpoint.problem}
     np.savez(packed, **arrays)
     content = np.frombuffer(packed.getvalue(), dtype=np.uint8)
     if schema.CHECKPOINT not in file:
@@ -176,32 +152,35 @@ class ResultFile:
         warnings: Callable[[Stats], Sequence[str]] | None = None,
     ) -> None:  # fmt: skip
         check_writable("result", path, overwrite=overwrite)
-        self.path = path
-        self.partial = partial_path(path)
-        self._overwrite = overwrite
+        start = time.perf_counter()
+        self.path, self.partial, self._overwrite = path, partial_path(path), overwrite
         self._geometry, self._outline = geometry, outline
-        self._checkpoint = resume
-        self._warnings = warnings
+        self._checkpoint, self._warnings = resume, warnings
         self._waiting: list[Block] = []
         self._received, self._total, self._bytes = 0, steps + 1, 0
-        size = sum(map(len, about.values())) + _NUMBER * _CONSTANT_VALUES * len(geometry.node)
-        size += _DATASET * len(outline.channels)
-        self._draft = TemporaryResult(path.with_suffix(schema.WRITING_SUFFIX), self.partial, size)
-        with ExitStack() as undo:
-            undo.callback(self._discard)
-            check_writable(
-                "partial result", self.partial, overwrite=overwrite or resume is not None,
-                remedy="replace it with --overwrite, or, if it has a checkpoint, continue it with --resume",
-            )  # fmt: skip
-            try:
-                with convert_write_errors():
-                    self._create(geometry, save, about)
-            except OSError as fault:
+        self._draft = TemporaryResult(path.with_suffix(schema.WRITING_SUFFIX), self.partial)
+        try:
+            remedy = "replace it with --overwrite, or, if it has a checkpoint, continue it with --resume"
+            overwrite = overwrite or resume is not None
+            check_writable("partial result", self.partial, overwrite=overwrite, remedy=remedy)
+            self._create(geometry, save, about)
+        except BaseException as fault:
+            self._discard()
+            if isinstance(fault, OSError):
                 raise _unwritable(self.path, fault) from None
-            undo.pop_all()
-        self._draft.begin()
+            raise
+        self._schedule_copy(start)  # the first one is assumed to take as long as the layout
 
+    def _schedule_copy(self, start: float) -> None:
+        """Set the time of the next copy, which is assumed to take as long as the time since a start."""
+        now = time.perf_counter()
+        self._next_copy = now + (now - start) / _MAX_COPY_TIME
+
+    @convert_write_errors()
     def _create(self, geometry: Geometry, save: SaveAt, about: Mapping[str, str]) -> None:
+        size = sum(map(len, about.values())) + _NUMBER * _CONSTANT_VALUES * len(geometry.node)
+        size += _DATASET * len(self._outline.channels) + _LAYOUT_BYTES
+        self._draft.path.write_bytes(bytes(size))  # HDF5 can abort the process on a full disk, which shows here
         # Every chunk is written once and in full: a cache would keep all chunks and search them at every flush.
         self._file: Any = h5py.File(self._draft.path, "w", locking=False, rdcc_nbytes=0)
         # HDF5 caches the chunk index of a long run, and counts only a tenth of its memory.
@@ -230,7 +209,7 @@ class ResultFile:
         self._probes: list[tuple[str, slice, hdf5.GrowingDataset]] = []
         for name, components in self._outline.probes:
             group = probes.create_group(name, track_order=True)
-            hdf5.write_text_attribute(group, schema.COMPONENTS, components)
+            group.attrs[schema.COMPONENTS] = hdf5.encode(components)
             turns = any(component in ROTATIONS for component in components)
             for series, unit in SERIES.items():
                 units = f"{unit}; rotations {unit.replace('m', 'rad', 1)}" if turns else unit
@@ -248,9 +227,9 @@ class ResultFile:
         arrays = (block.channels, *(getattr(rows, name) for rows in (block.probes, block.fields) for name in SERIES))
         self._bytes += sum(array.nbytes for array in arrays)
         if self._bytes > _MIN_WRITE_BYTES or self._received == self._total:  # an interrupted run loses little
-            with convert_write_errors():
-                self._append_waiting()
+            self._append_waiting()
 
+    @convert_write_errors()
     def _append_waiting(self) -> None:
         if not self._waiting:
             return
@@ -274,14 +253,15 @@ class ResultFile:
     def write_checkpoint(self, checkpoint: Checkpoint) -> None:
         """Store the checkpoint after the last block, and publish a copy when one is due."""
         self._checkpoint = checkpoint
-        if self._draft.is_copy_due:
-            start = time.perf_counter()
+        start = time.perf_counter()
+        if start >= self._next_copy:
             with convert_write_errors():
                 self._append_waiting()
                 write_checkpoint(self._file, checkpoint)
                 hdf5.write_digest(self._file)
                 self._file.flush()
-            self._draft.show(start)
+            self._draft.show()
+            self._schedule_copy(start)
 
     def close(self, status: Status, stats: Stats) -> None:
         """Write the status of the run and rename the file: to its final name if complete, else to the partial one."""
@@ -289,8 +269,7 @@ class ResultFile:
             self._discard()  # stopped before it reached the end of the earlier partial result, which remains
             return
         try:
-            with convert_write_errors():
-                self._write_status(status, stats)
+            self._write_status(status, stats)
         except OSError:
             self._discard()
             raise
@@ -306,6 +285,7 @@ class ResultFile:
             self._file.close()
         self._draft.discard()
 
+    @convert_write_errors()
     def _write_status(self, status: Status, stats: Stats) -> None:
         self._append_waiting()
         group = self._file.create_group(schema.STATUS)
@@ -313,10 +293,7 @@ class ResultFile:
         texts = {schema.CAUSE: str(status.cause), schema.TEXT: status.text, schema.REMEDY: status.remedy}
         hdf5.write_texts(group, {**texts, schema.WARNINGS: warnings})
         for name, value in vars(stats).items():
-            if isinstance(value, str):
-                hdf5.write_text_attribute(group, name, value)
-            else:
-                group.attrs[name] = value
+            group.attrs[name] = hdf5.encode(value) if isinstance(value, str) else value
         if status.ok and schema.CHECKPOINT in self._file:  # a complete run needs none
             del self._file[schema.CHECKPOINT]
         elif not status.ok and self._checkpoint is not None:

@@ -175,18 +175,18 @@ def write_hdf5(table: SweepTable, path: Path) -> None:
             if isinstance(column.values, tuple):
                 hdf5.write_texts(inputs, {column.name: column.values})
             else:
-                _numbers(inputs, column.name, column.values, column.unit)
+                _write_numbers(inputs, column.name, column.values, column.unit)
         scalars, valid = (file.create_group(name, track_order=True) for name in ("scalars", "valid"))
         for name, values in table.scalars.items():
             known = np.isfinite(values)
-            _numbers(scalars, name, np.where(known, values, 0.0), table.units[name])
+            _write_numbers(scalars, name, np.where(known, values, 0.0), table.units[name])
             valid.create_dataset(name, data=known, track_times=False)
         parts = {name: [str(getattr(s, name)) for s in table.statuses] for name in ("cause", "text", "remedy")}
         hdf5.write_texts(file.create_group("status", track_order=True), parts)
         hdf5.write_digest(file)
 
 
-def _numbers(group: Any, name: str, values: Any, unit: str) -> None:  # noqa: ANN401 - h5py has no types
+def _write_numbers(group: Any, name: str, values: Any, unit: str) -> None:  # noqa: ANN401 - h5py has no types
     group.create_dataset(name, data=values, track_times=False).attrs["unit"] = np.bytes_(unit.encode())
 
 
@@ -228,13 +228,12 @@ def write_table(table: SweepTable, path: Path, *, overwrite: bool = False) -> Pa
         require_packages(*PARQUET)
     check_writable("table", path, overwrite=overwrite)
     with atomic_write_path(path) as draft:
-        match path.suffix:
-            case ".h5":
-                write_hdf5(table, draft)
-            case ".csv":
-                draft.write_text(format_csv(table), encoding="utf-8", newline="")
-            case _:
-                table_frame(table).to_parquet(draft)
+        if path.suffix == ".h5":
+            write_hdf5(table, draft)
+        elif path.suffix == ".csv":
+            draft.write_text(format_csv(table), encoding="utf-8", newline="")
+        else:
+            table_frame(table).to_parquet(draft)
     return path
 
 

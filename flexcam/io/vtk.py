@@ -24,7 +24,7 @@ from flexcam.fem.recovery import Fibres, fibres, section_forces
 from flexcam.fem.sections import Section
 from flexcam.io import result_schema as schema
 from flexcam.io.files import atomic_write_path
-from flexcam.io.hdf5 import GrowingDataset, create_fixed_dataset, write_text_attribute
+from flexcam.io.hdf5 import GrowingDataset, create_fixed_dataset, encode
 
 _TYPES = {"float64": "Float64", "int64": "Int64"}
 
@@ -103,10 +103,6 @@ class Geometry:
         """First point of every member, then the total number of member points, shape (members + 1,)."""
         return np.cumsum([0, *(len(line) for line in self.mesh.lines.values())])
 
-    def cells(self) -> IntArray:
-        """Return the member index of every cell, shape (cells,); vertices come first with -1."""
-        return np.concatenate([np.full(len(self.free_nodes), -1), np.arange(len(self.mesh.lines))])
-
     @cached_property
     def fibres(self) -> Fibres:
         """Return the extreme fibres of all elements."""
@@ -120,12 +116,9 @@ class Geometry:
             self.beams, nodal, velocity=velocity, acceleration=acceleration, damping=self.damping, spread=self.spread
         )
         fibre = self.fibres
-        values = (
-            forces[..., :3], forces[..., 3:], fibre.axial(forces), fibre.bending(forces), fibre.shear(forces),
-            fibre.von_mises(forces),
-        )  # fmt: skip
-        names = schema.RECOVERED_FIELDS
-        return {name: self._point_values(array) for name, array in zip(names, values, strict=True)}
+        stresses = fibre.axial(forces), fibre.bending(forces), fibre.shear(forces), fibre.von_mises(forces)
+        values = map(self._point_values, (forces[..., :3], forces[..., 3:], *stresses))
+        return dict(zip(schema.RECOVERED_FIELDS, values, strict=True))
 
     def _point_values(self, values: FloatArray) -> FloatArray:
         """Return the larger of the adjacent element end values at every point, from shape (times, e, 2, ...)."""
@@ -229,5 +222,6 @@ def _write_lines(file: Any, geometry: Geometry) -> None:  # noqa: ANN401 - h5py 
         create_fixed_dataset(group, schema.CONNECTIVITY_COUNT, np.array([len(connectivity)]))
         create_fixed_dataset(group, schema.CONNECTIVITY, connectivity)
         create_fixed_dataset(group, schema.OFFSETS, offsets)
-    member = create_fixed_dataset(file, schema.MEMBER, geometry.cells())
-    write_text_attribute(member, schema.MEMBER_NAMES, list(mesh.lines))
+    members = np.concatenate([np.full(single, -1), np.arange(len(mesh.lines))])  # of the cells: vertices, then lines
+    member = create_fixed_dataset(file, schema.MEMBER, members)
+    member.attrs[schema.MEMBER_NAMES] = encode(list(mesh.lines))

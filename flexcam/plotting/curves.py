@@ -40,7 +40,7 @@ def law_figure(laws: Mapping[str, cams.Law]) -> Figure:
     """Return a figure with lift, velocity, acceleration and jerk of laws."""
     figure, axes = create_stacked_axes(LAW_LABELS, LAW_POSITION)
     draw_laws(axes, laws)
-    add_legend(figure, axes[0], len(laws))
+    add_legend(figure, axes[0])
     return add_title(figure, _single_name(laws))
 
 
@@ -69,7 +69,7 @@ def lift_figure(events: Mapping[str, cams.Event]) -> Figure:
             steps = tuple(math.degrees(joint.angle - 0.5 * _JUMP_OFFSET) for joint in joints if joint.steps[order])
             curve = _insert_gaps(np.degrees(angle), steps, factor * event(angle, order))
             axis.plot(*curve, label=name, color=color, linestyle=dashes)
-    add_legend(figure, axes[0], len(events))
+    add_legend(figure, axes[0])
     axes[-1].set(xticks=range(0, 361, 45), xlim=(0.0, 360.0))
     return figure
 
@@ -115,7 +115,7 @@ def spectrum_figure(laws: Mapping[str, cams.Law]) -> Figure:
         axes.plot(_RATIOS, cams.residual_spectrum(law, _RATIOS), label=name, color=color, linestyle=dashes)
     axes.set(xlabel="rise time over the period of the oscillator", ylabel="residual amplitude over lift")
     axes.set(ylim=(0.0, 1.1), xlim=(0.0, float(_RATIOS[-1])))
-    add_legend(figure, axes, len(laws))
+    add_legend(figure, axes)
     return add_title(figure, _single_name(laws))
 
 
@@ -229,7 +229,7 @@ def law_front_figure(front: Sequence[cams.Synthesis], first: str, second: str) -
     below = add_stacked_axes(right, LAW_LABELS, LAW_POSITION)
     draw_laws(below, {str(i): result.law for i, result in enumerate(front, start=1)})
     below[0].set_title(f"Its laws, {_UNIT}", fontsize="medium")
-    add_legend(right, below[0], len(front), columns=10)
+    add_legend(right, below[0], columns=10)
     return figure
 
 
@@ -277,7 +277,7 @@ def spring_figure(springs: Mapping[str, tuple[Spring, float]]) -> Figure:
                 axis.axvline(length * bind, color=colour, linewidth=0.8, linestyle=":")
     if not lower.lines or all(spring.wire is None for spring, _ in springs.values()):
         lower.text(0.5, 0.5, "no wire given", transform=lower.transAxes, ha="center", color="0.3")
-    add_legend(figure, upper, len(upper.lines), columns=2)
+    add_legend(figure, upper, columns=2)
     return figure
 
 

@@ -117,10 +117,10 @@ def add_stacked_axes(figure: FigureBase, labels: Sequence[str], below: str) -> l
     return axes
 
 
-def add_legend(figure: FigureBase, axes: Axes, count: int, *, columns: int = 4) -> None:
+def add_legend(figure: FigureBase, axes: Axes, *, columns: int = 4) -> None:
     """Add a legend with the names of several curves above the axes, in as many columns as fit."""
-    if count > 1:
-        lines, names = axes.get_legend_handles_labels()
-        fitting = 110 // (max(map(len, names), default=0) + 7)  # characters per line; the line before a name takes 7
-        number = max(1, min(count, columns, fitting))
+    lines, names = axes.get_legend_handles_labels()
+    if len(names) > 1:
+        fitting = 110 // (max(map(len, names)) + 7)  # characters per line; the line before a name takes 7
+        number = max(1, min(len(names), columns, fitting))
         figure.legend(lines, names, loc="outside upper center", fontsize="small", ncols=number)

@@ -172,7 +172,7 @@ def orbit_figure(responses: Mapping[str, Response], bearings: Sequence[str]) -> 
             axes.plot(angle, radius, color=colour, linestyle=dashes, label=escape_math(name))
         axes.set(title=short_name(bearing), ylim=(0.0, 1.0), yticks=(0.25, 0.5, 0.75, 1.0))
         axes.grid(alpha=0.3)
-    add_legend(figure, figure.axes[0], len(responses))
+    add_legend(figure, figure.axes[0])
     return figure
 
 
@@ -244,8 +244,7 @@ def short_name(channel: str) -> str:
 
 
 def _finish_axes(figure: Figure, axes: Sequence[Axes], over: Abscissa, title: str) -> Figure:
-    lines, _ = axes[0].get_legend_handles_labels()
-    add_legend(figure, axes[0], len(lines))
+    add_legend(figure, axes[0])
     first, last = axes[-1].dataLim.intervalx
     if over != "time" and abs(last - first - 360.0) < _WHOLE:
         last = first + 360.0
@@ -271,10 +270,10 @@ def bars_figure(
     keys = max(len(values) for values in groups.values())
     figure, axes = create_axes((7.0, 0.8 + len(groups) * (0.5 + 0.35 * keys)), len(groups), sharex=False, grid="x")
     for axis, (name, values) in zip(axes, groups.items(), strict=True):
-        order = sorted(range(len(values)), key=lambda i: abs(list(values.values())[i]))
-        sizes = np.array(list(values.values()))[order]
-        spread = None if ends is None else np.abs(ends[name][:, order] - sizes)
-        axis.barh([list(values)[i] for i in order], sizes, xerr=spread, color=COLOURS[0], capsize=3, height=0.6)
+        sizes = np.array(list(values.values()))
+        order = np.argsort(np.abs(sizes), kind="stable")
+        spread = None if ends is None else np.abs(ends[name] - sizes)[:, order]
+        axis.barh(np.array(list(values))[order], sizes[order], xerr=spread, color=COLOURS[0], capsize=3, height=0.6)
         axis.axvline(0.0, color="black", linewidth=0.8)
         axis.set_title(name, fontsize="medium", loc="left")
         axis.set_xlabel(label)
@@ -385,7 +384,7 @@ def sweep_figure(table: SweepTable, x: str, names: Sequence[str]) -> Figure:
         if missing.any():
             axis.plot(places[missing], np.full(int(missing.sum()), 0.03), "x", color="black",
                       transform=axis.get_xaxis_transform(), label=FAILED)  # fmt: skip
-    add_legend(figure, axes[0], len(axes[0].get_legend_handles_labels()[0]))
+    add_legend(figure, axes[0])
     return figure
 
 
@@ -432,16 +431,16 @@ def work_precision_figure(found: Sequence[ModelEvaluation]) -> Figure:
     kinds = ("lift", "acceleration")
     figure, axes = create_stacked_axes(tuple(f"error of {kind}, %" for kind in kinds), "unknowns times steps")
     runs = sorted((run for run in found if run.errors), key=lambda run: (run.rung, run.steps))
-    names = 0
+    label = "Pareto-optimal"  # of the first model only
     for (name, group), (colour, dashes) in zip(groupby(runs, key=lambda run: run.rung), line_styles(), strict=False):
-        points, names = list(group), names + 1
+        points = list(group)
         best = [run for run in points if run.best]
         line = {"label": name, "linestyle": dashes, "marker": "o", "markersize": 4}
-        square = {"linestyle": "none", "marker": "s", "markersize": 8, "fillstyle": "none"}
-        square |= {} if names > 1 else {"label": "Pareto-optimal"}
+        square = {"label": label, "linestyle": "none", "marker": "s", "markersize": 8, "fillstyle": "none"}
+        label = ""
         for axis, kind in zip(axes, kinds, strict=True):
             for subset, style in ((points, line), (best, square)):
                 errors = [100.0 * run.errors[kind] for run in subset]
                 axis.loglog([max(run.work, 1) for run in subset], errors, color=colour, **style)
-    add_legend(figure, axes[0], names + 1)
+    add_legend(figure, axes[0])
     return figure

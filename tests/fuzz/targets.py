@@ -30,7 +30,7 @@ from flexcam.cli.main import main
 from flexcam.core.errors import InputError
 from flexcam.dynamics import Response, RunFailedError, solve
 from flexcam.io import open_hdf5, read_lift, read_mesh, read_profile, read_result, write_digest
-from flexcam.io.hdf5 import READ_ERRORS
+from flexcam.io.files import READ_ERRORS
 from flexcam.io.sweep_table import read_table
 from tests.fuzz import damage, mutate
 

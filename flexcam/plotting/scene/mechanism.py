@@ -254,7 +254,7 @@ class Mechanism:
         solids = [parts.lobe_solid(place, float(angle[0]), displacement)]
         if not self.structure.model.mesh.on_members()[place.node]:
             middle, reach = place.centre + displacement[:3], 1.1 * place.width * place.axis
-            solids.append(cylinder("shaft", middle - reach, middle + reach, 0.4 * place.follower.base_radius))
+            solids.append(cylinder("shaft", middle - reach, middle + reach, 0.4 * place.profile.follower.base_radius))
         yield place.contact.cam, solids
         yield place.contact.follower, parts.follower_solids(place, instant)
 

@@ -15,10 +15,10 @@ from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import InputError, refuse, suggest_name
 from flexcam.core.units import to_display_unit
 from flexcam.dynamics import SERIES, CamMotion, Response
-from flexcam.fem.dofs import ROTATIONS
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.recovery import deflection
 from flexcam.io import Result
+from flexcam.io.result_reader import unknown_fields
 from flexcam.io.result_schema import FIELDS
 from flexcam.valvetrain import Model, Structure
 from flexcam.valvetrain import rigid_motion as find_rigid_motion
@@ -141,12 +141,11 @@ def full_lift(case: Case, response: Response, angle: FloatArray) -> int:
     points = {rocker.to for rocker in case.record.rockers.values()}
     names = [name for name, _ in response.outline.probes]
     for candidates in ([name for name in names if name in points], [name for name in names if "." not in name]):
-        paths: list[FloatArray] = []
-        for name in candidates:
-            history = response[name]
-            columns = history.displacement.reshape(len(history.displacement), -1).T
-            turns = [axis in ROTATIONS for axis in history.components] if history.displacement.ndim > 1 else [False]
-            paths += [np.abs(path[at]) for path, turn in zip(columns, turns, strict=True) if not turn]
+        paths = [
+            np.abs(path[at])
+            for name, series, unit, path in (response.motions(candidates) if candidates else ())
+            if series == "displacement" and (unit == "m" or name in candidates)  # no rotation beside others
+        ]
         farthest = max(paths, key=lambda path: float(np.ptp(path)), default=np.zeros(1))
         if np.ptp(farthest) > 0.0:
             return int(np.argmax(farthest))
@@ -159,7 +158,10 @@ def result_motion(structure: Structure, result: Result, speed: float, colour: st
     if not len(response.field_time):
         raise refuse("result", "no saved field", "at least one", "", "run the case again")
     rigid = rigid_motion(structure, response.field_angle, speed)[0]
-    motion = Motion(structure, response.field_angle, rigid, _structure_dofs(structure, response, rigid) - rigid)
+    free = structure.dofs.numbers >= 0
+    count = int(free.sum())
+    fields = unknown_fields(response, free, structure.dofs.names[count:], rigid[:, count:])
+    motion = Motion(structure, response.field_angle, rigid, fields.displacement - rigid)
     if colour is None:
         return motion
     if colour not in FIELDS:
@@ -207,21 +209,6 @@ def rigid_motion(structure: Structure, angle: FloatArray, speed: float) -> tuple
     except InputError:  # such as a follower on a leaf spring
         zeros = np.zeros((len(angle), structure.dofs.size))
         return zeros, zeros, zeros
-
-
-def _structure_dofs(structure: Structure, response: Response, rigid: FloatArray) -> FloatArray:
-    """Return the degrees of freedom of the structure at the saved fields; missing ones move as in the rigid model."""
-    numbers, count = structure.dofs.numbers, int((structure.dofs.numbers >= 0).sum())
-    nodal = response.fields.displacement.reshape(len(rigid), -1, 6)
-    unknowns = rigid.copy()
-    unknowns[:, numbers[numbers >= 0]] = nodal[:, numbers >= 0]
-    rows = np.clip(np.searchsorted(response.time, response.field_time - 1e-12), 0, len(response.time) - 1)
-    components = dict(response.outline.probes)
-    for i, name in enumerate(structure.dofs.names[count:], start=count):
-        group, _, component = name.rpartition(".")
-        if name in components or component in components.get(group, ()):
-            unknowns[:, i] = response[name].displacement[rows]
-    return unknowns
 
 
 def _member_translations(structure: Structure, unknowns: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from flexcam.cams import CamProfile, Follower, SwingFlatFollower, SwingRollerFollower
+from flexcam.cams import CamProfile, SwingFlatFollower, SwingRollerFollower
 from flexcam.core import ComplexArray, FloatArray
 from flexcam.fem.dofs import COMPONENTS
 from flexcam.plotting.scene import solids
@@ -44,26 +44,21 @@ class CamPlacement:
         return np.array([self.profile.turn * np.cross(self.lift, self.axis), self.lift])
 
     @property
-    def follower(self) -> Follower:
-        """Follower of the profile."""
-        return self.profile.follower
-
-    @property
     def side(self) -> int:
         """1 if the pivot of a swinging follower lies along the first axis from its contact end, else -1."""
-        follower = self.follower
+        follower = self.profile.follower
         return follower.side if isinstance(follower, SwingRollerFollower | SwingFlatFollower) else 1
 
     def contact_end(self, lift: float) -> complex:
         """Return the contact end of the follower (a roller's centre) at a lift, in the plane, m."""
-        touch = self.follower.contact(np.array([lift]), np.zeros(1), np.zeros(1), self.profile.turn)
+        touch = self.profile.follower.contact(np.array([lift]), np.zeros(1), np.zeros(1), self.profile.turn)
         return complex(touch.trace[0]) * self._upright_rotation
 
     @property
     def _upright_rotation(self) -> complex:
         """Rotation of the drawing after which the initial follower motion is along the imaginary axis."""
         zero = np.zeros(1)
-        return 1j / complex(self.follower.contact(zero, zero, zero, self.profile.turn).motion[0])
+        return 1j / complex(self.profile.follower.contact(zero, zero, zero, self.profile.turn).motion[0])
 
     def contour(self, angle: float) -> ComplexArray:
         """Return the profile at a cam angle, rad, in the rotated drawing, m, shape (n,), counterclockwise."""
@@ -85,9 +80,9 @@ def follower_solids(place: CamPlacement, instant: SceneState) -> list[Solid]:
     A flat face is a disc on the cam, with a neck to the node if that is farther away.
     """
     displacement = instant.at(place.contact.follower, place.lift)
-    if math.isfinite(place.follower.roller_radius):
+    if math.isfinite(place.profile.follower.roller_radius):
         return _roller(place, displacement, instant)
-    base, radius = place.follower.base_radius, place.face
+    base, radius = place.profile.follower.base_radius, place.face
     face = place.centre + base * place.lift + displacement
     thick = 0.3 * radius
     profile = [(0.0, 0.96 * radius), (0.04 * radius, radius), (thick, radius)]
@@ -103,7 +98,7 @@ def _roller(place: CamPlacement, displacement: np.ndarray, instant: SceneState) 
     swings = finger or place.side != 1
     centre = place.contact_end(float(displacement @ place.lift) if swings else 0.0)
     middle = place.centre + in_space(centre, place.plane) + (0.0 if swings else 1.0) * displacement
-    half, radius = 0.55 * place.width * place.axis, place.follower.roller_radius
+    half, radius = 0.55 * place.width * place.axis, place.profile.follower.roller_radius
     parts = [solids.cylinder("roller", middle - half, middle + half, radius)]
     if not finger and place.ahead - place.contact_end(0.0).imag > 1.2 * radius:
         node = middle + (place.ahead - centre.imag) * place.lift

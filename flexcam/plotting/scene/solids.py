@@ -38,12 +38,10 @@ class Solid:
 def loft(kind: str, rings: FloatArray, *, cyclic: bool = False, values: FloatArray | None = None) -> Solid:
     """Return the solid spanned by rings of points."""
     count, around = rings.shape[:2]
-    points = rings.reshape(-1, 3)
-    spread = None if values is None else np.repeat(values, around)
+    points, index = rings.reshape(-1, 3), np.repeat(np.arange(len(rings)), around)
     if not cyclic:
-        points = np.concatenate([points, rings[[0, -1]].mean(axis=1)])
-        spread = None if values is None or spread is None else np.append(spread, values[[0, -1]])
-    return Solid(kind, points, _loft_faces(count, around, cyclic), spread)
+        points, index = np.concatenate([points, rings[[0, -1]].mean(axis=1)]), np.append(index, [0, count - 1])
+    return Solid(kind, points, _loft_faces(count, around, cyclic), None if values is None else values[index])
 
 
 @lru_cache(maxsize=256)
