@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,9 @@ from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.blocks import Arrays, Series, select_prefix
 from flexcam.dynamics.cam_motion import CamFunctionCache, PrescribedInputs
 from flexcam.dynamics.local_forces import LocalForces
-from flexcam.dynamics.problem import Problem
+
+if TYPE_CHECKING:
+    from flexcam.dynamics.problem import Problem
 
 
 @dataclass(frozen=True, eq=False)
