@@ -103,6 +103,10 @@ class Geometry:
         """First point of every member, then the total number of member points, shape (members + 1,)."""
         return np.cumsum([0, *(len(line) for line in self.mesh.lines.values())])
 
+    def cells(self) -> IntArray:
+        """Return the member index of every cell, shape (cells,); vertices come first with -1."""
+        return np.concatenate([np.full(len(self.free_nodes), -1), np.arange(len(self.mesh.lines))])
+
     @cached_property
     def fibres(self) -> Fibres:
         """Return the extreme fibres of all elements."""
@@ -222,6 +226,5 @@ def _write_lines(file: Any, geometry: Geometry) -> None:  # noqa: ANN401 - h5py 
         create_fixed_dataset(group, schema.CONNECTIVITY_COUNT, np.array([len(connectivity)]))
         create_fixed_dataset(group, schema.CONNECTIVITY, connectivity)
         create_fixed_dataset(group, schema.OFFSETS, offsets)
-    members = np.concatenate([np.full(single, -1), np.arange(len(mesh.lines))])  # of the cells: vertices, then lines
-    member = create_fixed_dataset(file, schema.MEMBER, members)
+    member = create_fixed_dataset(file, schema.MEMBER, geometry.cells())
     member.attrs[schema.MEMBER_NAMES] = encode(list(mesh.lines))
