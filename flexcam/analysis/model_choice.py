@@ -162,6 +162,9 @@ class ModelEvaluation:
 
 def reference_run(case: Case, probe: str, until: float | None = None, *, work: int = 0) -> Reference:
     """Return a converged run of a case with its error; `work` is the steps per revolution of all planned runs."""
+    if isinstance(case.record.run.start, ResultStartRecord):
+        where, why = case.place(("run", "start")), "the result fits only one mesh, and flexcam tries others"
+        raise refuse(where, "a start from a result", "another start", why, "give rest, equilibrium, periodic or values")
     steps, norm = steps_per_revolution_of(case), case.record.fidelity.norm
     work = max(work, total_work(case, ()))
     # The engine that was requested for the case may not suit the size of the reference; all engines agree to rounding.
@@ -197,9 +200,6 @@ _REFERENCE_NAME = f"the reference, of {_FINER} times the elements and {_REFERENC
 
 def candidate_models(case: Case) -> list[ModelLevel]:
     """Return the models of a case with its own steps and fewer, in ascending order of work."""
-    if isinstance(case.record.run.start, ResultStartRecord):
-        where, why = case.place(("run", "start")), "the result fits only one mesh, and flexcam tries others"
-        raise refuse(where, "a start from a result", "another start", why, "give rest, equilibrium, periodic or values")
     steps = steps_per_revolution_of(case)
     counts = [steps // n for n in (8, 4, 2, 1) if steps % n == 0 and (steps // n >= _MIN_STEPS or n == 1)]
     levels = [(level, n) for level in model_ladder(case) for n in counts]

@@ -171,15 +171,16 @@ def _correct_keys(
             continue
         table = cast("dict[str, Any]", table)
         value, known = table.pop(key), _fields(path, root, error["loc"])
-        meant = _SYNONYMS.get(key, "")
-        meant = meant if meant in known else similar_name(key, known)
+        meant, variant = _SYNONYMS.get(key, ""), _variant_with(path, root)
+        meant = meant if meant in known or variant else similar_name(key, known)
         overridden = places.notes.get(path, "").startswith("--set")  # an override may replace a given key
         hint = f"did you mean the table [{key}s]?" if f"{key}s" in root.model_fields else "remove it"
-        if meant and _fits(value, known[meant]) and (overridden or meant not in table):
+        if meant in known and _fits(value, known[meant]) and (overridden or meant not in table):
             hint = f"did you mean {meant!r}?"
             if table.keys().isdisjoint([meant, *REPLACED_KEYS.get(meant, ())]):
                 table[meant], written[(*path[:-1], meant)] = value, path
-        faults.append(Fault(places.place(path), f"key {key!r}", ", ".join(known), "there is no such key", hint))
+        why = f"it is a key of {variant}" if variant else "there is no such key"
+        faults.append(Fault(places.place(path), f"key {key!r}", ", ".join(known), why, hint))
     return tables, replace(places, templates={**places.templates, **written}), faults
 
 
@@ -248,6 +249,15 @@ def _fits(value: object, key: FieldInfo) -> bool:
         kinds = {kind for unit in units for kind in (unit.dimension, unit.axis) if kind}
         return any(is_convertible(quantity[2], DIMENSIONS[kind].si) for kind in kinds)
     return bool(units) or not isinstance(value, int | float) or not records_in(key.annotation)
+
+
+def _variant_with(path: Path, root: type[BaseModel]) -> str:
+    """Return the variant of its table that has a key, such as ``model = 'unilateral'``; empty if there is none."""
+    for record in records_at(path[:-1], root):
+        tags = [tag for tag in ("model", "type", "shape", "method") if tag in record.model_fields]
+        if path[-1] in record.model_fields and tags:
+            return f"{tags[0]} = {get_args(record.model_fields[tags[0]].annotation)[0]!r}"
+    return ""
 
 
 def _fields(path: Path, root: type[BaseModel], steps: Sequence[int | str]) -> dict[str, FieldInfo]:

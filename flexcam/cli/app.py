@@ -21,7 +21,6 @@ import numpy as np
 from cyclopts import App, Parameter
 
 from flexcam import __version__, plotting
-from flexcam.analysis.limits import Search
 from flexcam.case.case import Case
 from flexcam.case.fault_report import parse_toml
 from flexcam.case.reader import read_case
@@ -239,14 +238,14 @@ def joint_status(statuses: Sequence[Status], what: str) -> Status:
     return Status(first.cause, f"none of {len(statuses)} {what} was completed; the first: {first.text}", remedy)
 
 
-def speed_search(lowest: str | None, highest: str | None, accuracy: str, case: Case) -> Search:
-    """Return the search for speed limits in the range of a command."""
+def search_range(lowest: str | None, highest: str | None, accuracy: str, case: Case) -> tuple[float, float, float]:
+    """Return the lowest and highest speed of a search for speed limits and its accuracy, rad/s."""
     low, high = _speed_range(lowest, highest, case, 2.0)
     width = parse_quantity("--accuracy", accuracy, "speed", "rpm") / case.turns
     if not width > 0.0:
         why = "the search halves the interval until it is this narrow"
         raise refuse("--accuracy", accuracy, "a speed above zero", why)
-    return Search(low, high, width)
+    return low, high, width
 
 
 def check_distinct_files(written: Mapping[str, Path | None], read: Sequence[Path] = ()) -> None:

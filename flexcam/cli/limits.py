@@ -81,7 +81,7 @@ def limits(
     otherwise those of the camshaft.
     """
     read = cli.load_beams(case, overrides)
-    scale, search = read.turns, cli.speed_search(lowest, highest, accuracy, read)
+    scale, search = read.turns, Search(*cli.search_range(lowest, highest, accuracy, read))
     height = cli.parse_optional("--bounce-height", bounce_height, "length", "mm")
     if height is not None:
         positive("--bounce-height", height, "m", zero=True)

@@ -10,6 +10,7 @@ from typing import Annotated
 
 from cyclopts import Group, Parameter
 
+from flexcam.analysis.limits import Search
 from flexcam.analysis.run import check_case_resources
 from flexcam.case.reader import CaseFile as OpenCase
 from flexcam.case.variants import case_text
@@ -43,7 +44,7 @@ class StudyOptions:
         self.names, self.workers = tuple(dict.fromkeys(names)), workers
         of_limits = any(name.startswith("limits.") for name in names)
         cli.refuse_without("limits.NAME", {"--lowest": lowest, "--highest": highest}, present=of_limits)
-        self.search = cli.speed_search(lowest, highest, accuracy, self.case)
+        self.search = Search(*cli.search_range(lowest, highest, accuracy, self.case))
         check_names(self.case, self.names, option)
         if not allow_large and any(frequency_number(name) is None for name in names):
             check_case_resources(self.case, together=workers)

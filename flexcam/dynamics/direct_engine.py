@@ -19,7 +19,15 @@ from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.blocks import Arrays, Series, flatten
 from flexcam.dynamics.cam_motion import PrescribedInputs
 from flexcam.dynamics.contact_events import EventStepper
-from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, instant, no_instants, stack_instant
+from flexcam.dynamics.engine import (
+    STOPPED,
+    convergence_failure,
+    in_range,
+    inputs_at,
+    instant,
+    no_instants,
+    stack_instant,
+)
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.integrator import At, Method, NoConvergenceError, Stepper
 from flexcam.dynamics.local_forces import LocalForces
@@ -196,4 +204,4 @@ class DirectEngine:
             self._control.halvings, self._control.rejected = control
 
     def _at(self, time: float) -> StepInputs:
-        return StepInputs.of(self._problem, self._forces, time)
+        return inputs_at(self._problem, self._forces, time)

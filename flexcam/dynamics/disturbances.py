@@ -16,13 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
+from flexcam.dynamics.engine import inputs_at
 from flexcam.dynamics.force_laws import BY_BEGIN, BY_TRAVEL, FLOW, STATE_RATE
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.linearization import Linear, LinearStep, StepSequence, directions, linearize, split_state
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.parameter_forces import ExplicitDerivatives, ParameterForces
 from flexcam.dynamics.problem import Problem
-from flexcam.dynamics.step_state import SensedTrajectory, StepInputs, StepState, Trajectory
+from flexcam.dynamics.step_state import SensedTrajectory, StepState, Trajectory
 
 _MAX_VALUES, _MIN_STEPS = 100_000, 32
 """Number of derivatives of forces that are prepared together, and minimum number of steps."""
@@ -260,7 +261,7 @@ class Disturbances:
         n, switching = self._problem.system.size, self._forces.switching
         impulse = np.zeros_like(new.local) if new.impulse is None else new.impulse
         contacts = np.flatnonzero(impulse[switching] > 0.0)
-        to, rate = StepInputs.of(self._problem, self._forces, old.time), old.rate[switching[contacts]]
+        to, rate = inputs_at(self._problem, self._forces, old.time), old.rate[switching[contacts]]
         hit = self._starter.impact_data(to, contacts)
         before, shift = self._current, self._shift
         if shift is None:  # at the end of a step
@@ -281,7 +282,7 @@ class Disturbances:
 
     def _change(self, old: StepState, contacts: IntArray, factor: FloatArray, delay: float) -> FloatArray:
         """Return the change of the impact velocities per delay of the same motion, shape (n,)."""
-        to = StepInputs.of(self._problem, self._forces, old.time + delay)
+        to = inputs_at(self._problem, self._forces, old.time + delay)
         hit = self._starter.impact_data(to, contacts)
         rate = hit.sense @ old.v + hit.turning @ old.d + to.inputs.offset_rate[0][self._forces.switching[contacts]]
         return hit.velocity_change(rate, factor)

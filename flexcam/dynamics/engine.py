@@ -42,6 +42,12 @@ _BLOCK, _VALUES = 500, 1_000_000
 """Largest number of steps whose instants are in memory together, and of these times unknowns."""
 
 
+def inputs_at(problem: Problem, forces: LocalForces, time: float) -> StepInputs:
+    """Return the prescribed inputs of a problem at a time, s."""
+    motion = problem.drive.at(np.array([time]))
+    return StepInputs(time, problem.system.load_vector(motion)[0], forces.prescribed_inputs(motion))
+
+
 def iterate_tracks(engine: Engine, steps: int, size: int = 0) -> Iterator[Trajectory]:
     """Yield the instants of all steps of an engine in blocks, shorter for systems of many unknowns, `size`.
 
@@ -125,7 +131,7 @@ def convergence_failure(forces: list[str], to: StepInputs) -> Status:
 def first_track(problem: Problem, forces: LocalForces) -> Trajectory:
     """Return the first instant of a problem."""
     start = problem.initial_state
-    to = StepInputs.of(problem, forces, start.time)
+    to = inputs_at(problem, forces, start.time)
     return Trajectory.of([[InitialAcceleration(problem.system, forces).first(start, to)]], forces)
 
 

@@ -19,7 +19,7 @@ from flexcam.dynamics.blocks import Arrays, flatten
 from flexcam.dynamics.cam_motion import CamFunctionCache, PrescribedInputs
 from flexcam.dynamics.collocation import Collocation
 from flexcam.dynamics.contact_events import EventStepper
-from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, no_instants, stack_instant
+from flexcam.dynamics.engine import STOPPED, convergence_failure, in_range, inputs_at, no_instants, stack_instant
 from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.integrator import At, NoConvergenceError
@@ -256,7 +256,7 @@ class KernelEngine:
             end = max(begin + step, time)
             self._span, self._nodes = (begin, end), self._fit(begin, end)
         if self._nodes is None:
-            return StepInputs.of(self._problem, self._forces, time)
+            return inputs_at(self._problem, self._forces, time)
         phase = math.acos(min(max(2.0 * (time - begin) / (end - begin) - 1.0, -1.0), 1.0))
         row, n = np.cos(_ORDERS * phase) @ self._nodes, self._system.size
         angle, sense, act = row[n : n + 1], self._forces.sense.owner, self._forces.act.owner

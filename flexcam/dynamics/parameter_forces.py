@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.cam_motion import CamMotion, PrescribedInputs
+from flexcam.dynamics.engine import inputs_at
 from flexcam.dynamics.force_laws import NEW_STATE
 from flexcam.dynamics.initial_acceleration import InitialAcceleration
 from flexcam.dynamics.jit import Functions
 from flexcam.dynamics.linearization import Linear
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.problem import Problem
-from flexcam.dynamics.step_state import SensedTrajectory, StepInputs, StepState, Trajectory
+from flexcam.dynamics.step_state import SensedTrajectory, StepState, Trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +102,7 @@ class VariedProblem:
 
     def impact_change(self, old: StepState, contacts: IntArray) -> FloatArray:
         """Return the change of the velocities by an impact at switching scalars, shape (n,)."""
-        to = StepInputs.of(self.problem, self.forces, float(self.times(np.array(old.time))))
+        to = inputs_at(self.problem, self.forces, float(self.times(np.array(old.time))))
         impact = self.accelerations.impact_data(to, contacts)
         rate = impact.sense @ old.v + impact.turning @ old.d
         rate = rate + to.inputs.offset_rate[0][self.forces.switching[contacts]]

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 
 from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import finite_array, positive, refuse
+from flexcam.dynamics.basis import Basis
 from flexcam.dynamics.cam_motion import Drive
 from flexcam.dynamics.system import System
-
-if TYPE_CHECKING:
-    from flexcam.dynamics.basis import Basis
 
 
 @dataclass(frozen=True, eq=False)

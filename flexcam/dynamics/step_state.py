@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,6 @@ from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.blocks import Arrays, Series, select_prefix
 from flexcam.dynamics.cam_motion import CamFunctionCache, PrescribedInputs
 from flexcam.dynamics.local_forces import LocalForces
-
-if TYPE_CHECKING:
-    from flexcam.dynamics.problem import Problem
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,12 +57,6 @@ class StepInputs:
     load: FloatArray  #: loads in the unknowns, shape (n,)
     inputs: PrescribedInputs  #: prescribed inputs of the local forces
     row: int = 0  #: of the inputs
-
-    @classmethod
-    def of(cls, problem: Problem, forces: LocalForces, time: float) -> StepInputs:
-        """Return those of a problem at a time, s."""
-        motion = problem.drive.at(np.array([time]))
-        return cls(time, problem.system.load_vector(motion)[0], forces.prescribed_inputs(motion))
 
     @property
     def angle(self) -> float:

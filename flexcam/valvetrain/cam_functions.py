@@ -94,6 +94,7 @@ def _profile_function(value: Values, slope: Values) -> Callable[[Cam], AngleFunc
 
     @_by_shape
     def function(cam: Cam) -> AngleFunction:
+        """Return a function of the cam angle."""
         return _OfProfile(cam, value, slope)
 
     return function
