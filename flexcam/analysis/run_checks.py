@@ -249,7 +249,7 @@ def check_transient(ready: PreparedRun, change: RevolutionChange | None) -> list
     if change is not None:
         size = f"difference between its last two revolutions: {describe_change(change)}"
     remedy = 'run more revolutions, or use run.start = "periodic"'
-    oil = f"the oil of hydraulic adjuster {', '.join(adjusters)} may still be in a transient"
+    oil = f"the oil of {', '.join(f'contacts.{name}' for name in adjusters)} may still be in a transient"
     return [f"Warning: {oil}: {size}; {remedy}"]
 
 
@@ -257,7 +257,8 @@ def describe_change(change: RevolutionChange) -> str:
     """Describe the difference of the last revolution from the one before."""
     texts = [f"motion {100.0 * change.motion:.2g} % of its range"]
     if change.contact:
-        texts.append(f"force of contact {change.contact} {100.0 * change.force:.2g} % (rms)")
+        force = f"force of contact {change.contact} {100.0 * change.force:.2g} %"
+        texts.append(f"{force} (rms on the lift, relative to its rms)")
     if change.stress_change > _SAME_STRESS:
         factor, unit = to_display_unit("Pa")
         before, last = (f"{factor * stress:.3g}" for stress in change.stress)
@@ -281,7 +282,8 @@ def describe_decay(ready: PreparedRun, member: str) -> str:
             if rate <= 0.0:
                 return f"{mode} is not damped; the stress repeats only with damping, such as run.damping.modal"
             turns = 1.0 / (rate * ready.revolution)
-            return f"{mode} decays to 37 % of its amplitude in {turns:.3g} revolutions" if turns > 1.0 else ""
+            longer = "the stress repeats only after several times as many"
+            return f"{mode} decays to 37 % of its amplitude in {turns:.3g} revolutions; {longer}" if turns > 1.0 else ""
     return ""
 
 
@@ -439,9 +441,9 @@ def _check_resolution(ready: PreparedRun, sink: ResolutionSink) -> Iterator[str]
     if is_coarse := resolution.steps < _MIN_STEPS:
         per_revolution = ready.revolution / ready.problem.step
         enough = math.ceil(0.1 * per_revolution * _MIN_STEPS / resolution.steps) * 10
-        motion = f"the mean frequency of the motion, {resolution.frequency:.4g} Hz"
-        period = f"only {resolution.steps:.3g} time steps per period of {motion}"
-        yield f"Warning: {period}; use at least {enough} steps per revolution"
+        mean = f"the accelerations have a mean frequency of {resolution.frequency:.4g} Hz"
+        period = f"only {resolution.steps:.3g} time steps per period of it"
+        yield f"Warning: {mean}, and the run has {period}; use about {enough} steps per revolution and check again"
     for name, count in resolution.elements.items():
         if count < _MIN_ELEMENTS and not is_coarse:  # otherwise the steps determine the frequency
             enough = math.ceil(_MIN_ELEMENTS / count) * case.record.members[name].elements

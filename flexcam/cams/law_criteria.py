@@ -90,7 +90,7 @@ class Criteria:
         for order, name in _STEPS:
             steps = ((0, self.ends[0][order]), (1, -self.ends[1][order]))  # right limit minus left limit
             jumps = [f"by {step:+.6g} at z = {z}" for z, step in steps if abs(step) > _ZERO]
-            texts += [f"next to a dwell the {name} jumps, {' and '.join(jumps)}"] if jumps else []
+            texts += [f"the {name} jumps at a dwell, {' and '.join(jumps)}"] if jumps else []
         inside = [name for order, name in _STEPS if order in self.jumps]
         texts += [f"jumps inside the rise: {', '.join(inside)}"] if inside else []
         return (*texts, *([] if self.symmetric else [f"not symmetric: s(1/2) = {self.middle:.6g}"]))

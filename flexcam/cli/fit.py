@@ -80,7 +80,7 @@ def _fit_output(variables: Sequence[Variable], measured: Measurement, result: Fi
         for group in result.undetermined
     ]
     words += [
-        f"The curves hardly determine {variable.key}: its 95 % interval is wider than its range, "
+        f"The curves hardly determine {variable.key}: its 95 % interval is wider than its --vary range, "
         f"{variable.low:g} to {variable.high:g} {variable.unit}".rstrip()
         + f"; {leave}fit more curves"
         for variable, half in zip(variables, result.intervals.tolist(), strict=True)
@@ -91,7 +91,7 @@ def _fit_output(variables: Sequence[Variable], measured: Measurement, result: Fi
         for i, j in result.correlated_pairs()
     ]
     words += [
-        f"{variable.key} is at an end of its interval; a wider interval may fit better"
+        f"{variable.key} is at an end of its --vary range; a wider range may fit better"
         for variable, x in zip(variables, result.values.tolist(), strict=True)
         if min(x - variable.low, variable.high - x) <= 1e-3 * (variable.high - variable.low)
     ]
@@ -128,7 +128,7 @@ def _fit_output(variables: Sequence[Variable], measured: Measurement, result: Fi
     tables = [
         plain_table("Fitted values", ("value", "before", "after", "95 % interval, ±"),
                     [(with_unit(v.key, v.unit), *x) for v, x in zip(variables, numbers, strict=True)]),
-        plain_table("Residuals, root mean square", ("curve", "before", "after", "noise"),
+        plain_table("Residuals, root mean square", ("curve", "before", "after", "estimated noise"),
                     [(f"{c.label}, {c.unit}", *x) for c, x in zip(curves, rms, strict=True)]),
     ]  # fmt: skip
     return cli.CommandOutput(

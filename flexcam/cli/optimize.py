@@ -211,9 +211,9 @@ def _optimum(design: OptimizationProblem, trials: Evaluations) -> tuple[list[Tab
     if design.bounds:
         parts += [_constraint_table(design, trials, at), _DISTANCE]
         if any(active and violation <= ROUNDING for _, violation, _, active in _constraints(design, trials, at)):
-            parts.append("active: changing the result, or the varied values, by 1 % violates the constraint")
+            parts.append("active: the result is within 1 % of its bound, or a change of the values by 1 % violates it")
     if ends := [v.key for v, x in point if min(x - v.low, v.high - x) <= 0.01 * (v.high - v.low)]:
-        parts.append(f"At an end of its interval: {', '.join(ends)}; a wider interval may have a better variant.")
+        parts.append(f"At an end of its --vary range: {', '.join(ends)}; a wider range may have a better variant.")
     best = None if trials.best is None else _variant_json(design, trials, trials.best)
     return parts, {"best": best, "nearest": _variant_json(design, trials, at)}
 

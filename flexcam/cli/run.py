@@ -136,11 +136,12 @@ def _describe_run(
         error = f"{100.0 * stats.periodicity:.2g} % of the amplitude"
         parts.append(f"Periodic start: the state after one revolution differs from that at its start by {error}")
     if change:
-        chatters, hint = change.force > run_metrics.CHATTER and not excitation_without_period(case), ""
-        if chatters or change.stress_change > run_metrics.GROWTH:
+        hint, grows = "", change.stress_change > run_metrics.GROWTH
+        if grows:
+            slow = run_checks.describe_decay(ready, change.member)
+            hint = f". Run more revolutions until the values repeat{f'. {slow}' if slow else ''}"
+        elif change.force > run_metrics.CHATTER and not excitation_without_period(case):
             hint = ". Run more revolutions until the values repeat, or use the largest value of several revolutions"
-            slow = run_checks.describe_decay(ready, change.member) if change.stress_change > run_metrics.GROWTH else ""
-            hint += f". {slow}" if slow else ""
         parts.append(f"Difference between the last two revolutions: {run_checks.describe_change(change)}{hint}")
     elif status.ok and ready.model.cam_contacts and stats.unknowns and stats.periodicity < 0.0:
         hint = "with run.revolutions = 2, flexcam prints the difference between the two revolutions"

@@ -52,9 +52,9 @@ def synthesis_table(found: Synthesis) -> Table:
         ("objective", f"{found.objective:.9g}"),
         *(("not converged", reason) for reason in found.open),
         ("lower bound of the family", bound),
-        ("lower bound, any end conditions", overall),
+        ("lower bound of all laws", overall),
         ("C_v, C_a, C_j, C_m", ", ".join(format_criteria(c))),
-        *(("between two dwells", violation) for violation in c.violations),
+        *(("unmet between two dwells", violation) for violation in c.violations),
     ]
     return facts_table(f"Best of {found.family}", rows)
 

@@ -160,6 +160,8 @@ def instability_status(names: Sequence[str], motion: FloatArray, parts: Iterable
         energies[name] += float(motion @ part.times(motion))
     minimum = min(energies.values(), default=0.0)
     causes = [name for name, energy in energies.items() if energy < 0.0 and energy <= _ALSO * minimum]
-    force = f"the force in {' and '.join(causes)}" if causes else "a force"
-    reason = f"{force} pushes {unknowns} aside, and nothing holds them"
+    reason = f"a force pushes {unknowns} aside, and nothing holds them"
+    if causes:
+        verb = "buckle or fold over under their" if len(causes) > 1 else "buckles or folds over under its"
+        reason = f"{' and '.join(causes)} {verb} force, which moves {unknowns} aside"
     return replace(NOT_POSITIVE, text=f"{NOT_POSITIVE.text}: {reason}")

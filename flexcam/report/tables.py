@@ -111,7 +111,7 @@ def model_table(ready: PreparedRun, modes: ModelModes, takes: ResourceEstimate |
            + (", behind a phaser" if c.phaser else "")) for n, c in model.cams.items()),
         *((f"contact {n}", _contact(model, c)) for n, c in model.contacts.items()),
         *((f"friction {n}", f"{format_quantity(_unit(f), f.force)} "
-           + (f"at {f.at}" if f.springs is None else f"of {' in '.join(f.springs)}"))
+           + (f"at {f.at}" if f.springs is None else f"between springs {' and '.join(f.springs)}"))
           for n, f in model.friction.items()),
         *((f"load {n}", _load(load)) for n, load in model.loads.items()),
         *([("gravity", f"{_vector(factor * np.array(model.gravity))} {unit}{omitted}")] if any(model.gravity) else []),
@@ -253,7 +253,7 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
     other = comparison.names[1]
     deviation = f"{comparison.probe} deviates by up to {peak} of the range of the {other} motion (rms {rms})."
     angle, lift = comparison.peak_acceleration_deg % 360.0, 100.0 * comparison.peak_lift
-    there = f"at cam {angle:.1f} deg, where the {other} motion is at {lift:.3g} % of its range."
+    there = f"at cam {angle:.1f} deg, where the displacement of the {other} motion is {lift:.3g} % of its range."
     words = [f"{deviation} Its peak acceleration is {ratio} times that of the {other} motion, {there}"]
     if mode_hz is not None:
         nearest = "The nearest mode that the cam force excites is at"
@@ -321,7 +321,7 @@ def _metric_label(place: str, quantity: Sequence[str]) -> str:
 
 _METRIC_KINDS = {"largest": "max", "least": "min", "mean": "mean"}
 _METRIC_WORDS = {
-    "open_on_the_lift": "loss of contact during the lift", "leak_down": "leak-down",
+    "open_on_the_lift": "loss of contact during the lift", "leak_down": "leak-down (below zero: extended)",
     "nose_force": "force over the nose", ".nose": ".at the nose", "stress.largest": "shear stress of the wire.largest",
     "wear.largest": "wear in 1e6 revolutions.largest",
 }  # fmt: skip
@@ -484,14 +484,14 @@ def limits_table(found: Limits, margins: Margins, scale: float) -> Table:
         for name, limit in ordered
     ]  # fmt: skip
     if margins.rigid_rpm is not None:
-        words = "loss of contact of the rigid train: its inertia force equals its spring force"
-        rows.append(("(rigid train)", f"{scale * margins.rigid_rpm:.6g}", "", "", words))
+        words = "of the rigid train: its inertia force equals its spring force"
+        rows.append(("contact loss, rigid", f"{scale * margins.rigid_rpm:.6g}", "", "", words))
     if margins.spring_margin is not None:
         words = "of the rigid train at the speed of the case"
         rows.append(("spring margin", f"{margins.spring_margin:.1%}", "", "", words))
     for name, margin in margins.buckling_margins.items():
-        words = "buckling load divided by the static compression at full lift"
-        rows.append((f"{name}, static buckling margin", f"{margin:.3g} (ratio)", "", "", words))
+        words = "static: buckling load divided by the compression at full lift"
+        rows.append((f"buckling margin, {name}", f"{margin:.3g} (ratio)", "", "", words))
     if margins.unknown:
         rows.append(("buckling margins", "not known", "", "", margins.unknown))
     heads = ("limit", f"{shaft_name(scale)} rpm", "uncertainty", "occurs at", "event")

@@ -100,8 +100,8 @@ VIOLATIONS = {
 def test_violations_of_laws(name):
     found = criteria(LAWS[name])
     words = {
-        "velocity": "next to a dwell the velocity jumps", "acceleration": "next to a dwell the acceleration jumps",
-        "jerk": "next to a dwell the jerk jumps", "inside": "jumps inside the rise", "symmetric": "not symmetric",
+        "velocity": "the velocity jumps at a dwell", "acceleration": "the acceleration jumps at a dwell",
+        "jerk": "the jerk jumps at a dwell", "inside": "jumps inside the rise", "symmetric": "not symmetric",
     }  # fmt: skip
     assert [re.split("[:,]", violation)[0] for violation in found.violations] == [
         words[key] for key in VIOLATIONS[name]

@@ -64,7 +64,7 @@ def test_fit_warns_of_undetermined_values(flexcam, files):
     shown = flexcam(*args, *(word for key, ends in keys.items() for word in ("--vary", f"{key}={ends}"))).out
     assert f"The curves do not determine {' and '.join(keys)}: leave some of them out" in " ".join(shown.split())
     shown = flexcam(*args, "--vary", "springs.one.damping=1:5.5 N s/m").out
-    assert "springs.one.damping is at an end of its interval" in shown
+    assert "springs.one.damping is at an end of its --vary range" in shown
     assert "Successive residuals of mass.uy displacement are correlated" in shown
 
 
@@ -75,7 +75,7 @@ def test_fit_reports_interval_wider_than_range(flexcam, tmp_path):
     varied = ("--vary", "springs.one.damping=3:20 N s/m")
     shown = " ".join(flexcam("fit", "case.toml", "--to", "m.csv", *varied).out.split())
     range_text = "3 to 20 N s/m; fit more curves"
-    expected = f"springs.one.damping: its 95 % interval is wider than its range, {range_text}"
+    expected = f"springs.one.damping: its 95 % interval is wider than its --vary range, {range_text}"
     assert f"The curves hardly determine {expected}" in shown
 
 

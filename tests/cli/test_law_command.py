@@ -98,8 +98,8 @@ def test_list_of_all_laws(wide_flexcam, tmp_path):
 
 
 @pytest.mark.parametrize(("name", "message"), [
-    ("parabolic", ["C_j infinite", "next to a dwell the acceleration jumps, by +4 at z = 0 and by +4 at z = 1"]),
-    ("pavlovic-trigonometric", ["next to a dwell the velocity jumps, by +0.0208333 at z = 0"]),
+    ("parabolic", ["C_j infinite", "the acceleration jumps at a dwell, by +4 at z = 0 and by +4 at z = 1"]),
+    ("pavlovic-trigonometric", ["the velocity jumps at a dwell, by +0.0208333 at z = 0"]),
     ("pavlovic-new", ["not symmetric: s(1/2) = 0.498047", "by +9.8696 at z = 0", "1.39843 at z = 0.766805"]),
 ])  # fmt: skip
 def test_law_output_text(name, message, wide_flexcam):

@@ -132,7 +132,7 @@ def test_frequency_of_prestressed_pinned_pushrod(flexcam, column, share, factor)
 def test_prestress_beyond_buckling_fails(flexcam, column):
     done = flexcam("modes", column(1.05 * EULER), "--prestress", "equilibrium")
     assert done.code == 3
-    assert "the force in members.pushrod pushes" in done.err
+    assert "members.pushrod buckles or folds over" in done.err
 
 
 def test_mac_of_case_with_itself(flexcam, column):

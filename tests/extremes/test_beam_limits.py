@@ -180,7 +180,7 @@ def test_modes_above_critical_load_are_refused(expect, column):
     with pytest.raises(RunFailedError) as refusal:
         modes(column(1.001), 2, prestress="equilibrium")
     expect.refuses(AXIAL, "straight column, P = 1.001 of its critical load, modes", str(refusal.value.status),
-                   "the force in members.rod.bending pushes", "a member buckles")  # fmt: skip
+                   "members.rod.bending buckles or folds over", "a member buckles")  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -194,7 +194,7 @@ def test_statics_above_critical_load_is_refused(expect, column, bow, name):
     except RunFailedError as refusal:
         message = str(refusal.status)
     expect.refuses(
-        AXIAL, f"{name}, P = 1.001 of its critical load, statics", message, "the force in members.rod.bending pushes"
+        AXIAL, f"{name}, P = 1.001 of its critical load, statics", message, "members.rod.bending buckles or folds over"
     )
 
 
