@@ -133,8 +133,6 @@ def _describe_search(
         conditions = worst.conditions if worst else ((),)
         json["warnings"] = _check_variant(options, design.points.overrides(trials.points[trials.best]), conditions)
         parts += json["warnings"]
-    if not trials.stopped and trials.best is None:
-        json = {"status": "ok", **json}
     return cli.CommandOutput(parts, json, _csv(design, trials), lambda: _search_figure(design, trials))
 
 

@@ -384,6 +384,8 @@ def test_search_without_feasible_variant_is_reported(flexcam, oscillator, tmp_pa
     assert reason in " ".join(done.err.split())
     assert "violated by" in done.out
     assert "active" not in done.out
+    done = flexcam("optimize", oscillator, *options, *bound, "--method", *method.split(), "--json")
+    assert (done.code, done.json["status"]) == (3, "infeasible")
 
 
 def test_variant_without_derivatives_keeps_values(monkeypatch):
