@@ -140,7 +140,7 @@ def value_at(table: object, path: Sequence[str]) -> object:
 def check_record(
     kind: type[AnyRecord], raw: Mapping[str, Any], places: KeyLocations, context: Mapping[str, Any]
 ) -> tuple[AnyRecord | None, list[Fault], dict[str, Any], KeyLocations]:
-    """Return the record of some tables, their faults, the tables with known keys only, and the sources of these.
+    """Return the record of some tables, their faults, the tables without unknown keys, and the sources of these.
 
     A misspelt key counts as the one that is meant, so that one mistake does not cause further faults. The context has
     the file of the `case`, to whose folder file names refer, and the `texts` of these files, which reading adds.

@@ -235,7 +235,7 @@ class CaseFile:
     def _check(
         self, raw: Mapping[str, Any], places: KeyLocations, overrides: Sequence[str] = ()
     ) -> tuple[Case | None, list[Fault], dict[str, Any], KeyLocations]:
-        """Return the case of some tables, their faults, the tables with known keys only, and the sources of these."""
+        """Return the case of some tables, their faults, the tables without unknown keys, and the sources of these."""
         record, faults, tables, places = check_record(CaseRecord, raw, places, {"case": self.path, "texts": self.files})
         mesh, mesh_faults = self._mesh(tables, places)
         faults += [*mesh_faults, *RawTables(tables, mesh, places).faults()]

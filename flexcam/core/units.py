@@ -208,7 +208,7 @@ def _parse_unit(text: str, where: str, expected: Exponents) -> tuple[Decimal, Ex
 
 
 def _similar_unit(text: str, symbol: str, expected: Exponents) -> str:
-    """Return what an unknown part of a unit means, if possible so that the unit has a dimension; empty if unclear."""
+    """Return the meaning of an unknown part of a unit, preferably one of a dimension; empty if unclear."""
     if symbol[0].isdigit():
         return re.sub(r"(?<=[A-Za-z])(?=\d)", "^", text)
     if len(text) > _MAX_UNIT:

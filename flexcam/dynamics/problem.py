@@ -139,7 +139,7 @@ class Problem:
 
     @cached_property
     def initial_state(self) -> State:
-        """Initial state, also if it is rest."""
+        """Initial state; rest if none is given."""
         return self.start or State.rest(self.system.size)
 
     def times(self, steps: IntArray) -> FloatArray:
