@@ -83,7 +83,7 @@ class TestNewLaw:
         assert not found.symmetric
         assert found.rest_at_ends == 1
         steps, middle = found.violations
-        assert re.search(r"the acceleration jumps, by .9.8696 at z = 0 and by .9.8696 at z = 1$", steps)
+        assert re.search(r"the acceleration jumps at a dwell, by .9.8696 at z = 0 and by .9.8696 at z = 1$", steps)
         assert middle == "not symmetric: s(1/2) = 0.498047"
 
     def test_law_matches_printed_products(self):
@@ -112,7 +112,7 @@ def test_printed_trigonometric_law_has_velocity_jumps(record, end):
     record(source=SOURCE, case="trigonometric as computed in print", quantity=f"f'({end})", unit="1", reference=1 / 48,
            computed=found.ends[end][1], tolerance=1e-12, reason="exact")  # fmt: skip
     assert found.rest_at_ends == 0
-    assert re.search(r"the velocity jumps, by .0.0208333 at z = 0 and by .0.0208333 at z = 1$", found.violations[0])
+    assert re.search(r"the velocity jumps at a dwell, by .0.0208333 at z = 0 and by .0.0208333 at z = 1$", found.violations[0])
 
 
 @pytest.mark.parametrize(
