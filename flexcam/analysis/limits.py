@@ -68,9 +68,13 @@ class Search:
     nearby: bool = False  #: whether further speeds near a limit show its uncertainty
 
     def __post_init__(self) -> None:
+        positive("lowest", self.lowest, "rad/s")
+        positive("tolerance", self.tolerance, "rad/s")
         for name, unit in (("lift_deviation", "m"), ("low_pass", "Hz")):
             if (value := getattr(self, name)) is not None:
                 positive(name, value, unit)
+        if not self.highest > self.lowest:
+            raise refuse("highest", f"{self.highest / RPM:g} rpm", f"a speed above {self.lowest / RPM:g} rpm")
 
     def speeds(self) -> list[float]:
         """Return the powers of ``1 + spacing`` that enclose the range, rad/s."""

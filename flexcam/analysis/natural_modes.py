@@ -164,6 +164,12 @@ def campbell(
     advance: ProgressCallback | None = None,
 ) -> Campbell:  # fmt: skip
     """Return natural frequencies over speed and their crossings with the orders of a cam; the speeds rise."""
+    if len(speeds) < 2 or not (np.diff(speeds) > 0.0).all() or speeds[0] <= 0.0:
+        raise refuse("speeds", f"{len(speeds)} speeds", "two or more, rising, above zero")
+    if not orders or min(orders) < 1:
+        raise refuse("orders", str(list(orders)), "whole numbers, each at least 1")
+    if modes < 1:
+        raise refuse("modes", modes, "a whole number, at least 1")
     name, cam = _select_contact(case, contact)
     rpm = np.array(speeds) / RPM
     sizes = lift_harmonics(build_model(case).cams[cam].event, max(orders))

@@ -197,6 +197,8 @@ def reload_result(case: Case, result: Result) -> tuple[PreparedRun, Response]:
     names = outline(ready.problem.system)
     response = result.response
     free = build_structure(ready.model).dofs.numbers >= 0
+    if response.fields.displacement.shape[1] != free.size:
+        raise refuse("result", "a result with another number of nodes", "a result of this case")
     internal = names.unknowns[int(free.sum()) :]
     # Internal nodes of a spring do not move in the rigid model and are not stored.
     missing = None if response.stats.unknowns else np.zeros((len(response.field_time), len(internal)))

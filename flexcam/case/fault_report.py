@@ -179,8 +179,13 @@ def _correct_keys(
             hint = f"did you mean {meant!r}?"
             if table.keys().isdisjoint([meant, *REPLACED_KEYS.get(meant, ())]):
                 table[meant], written[(*path[:-1], meant)] = value, path
-        why = f"it is a key of {variant}" if variant else "there is no such key"
-        faults.append(Fault(places.place(path), f"key {key!r}", ", ".join(known), why, hint))
+        allowed, why = ", ".join(name for name in known if name != key), "there is no such key"
+        if key in known:  # of a table whose variants its keys distinguish
+            why = "it excludes another key of the table"
+        elif variant:
+            why = f"it is a key of {variant}"
+            hint = hint if hint.startswith("did") else f"remove it, or change {variant.partition(' ')[0]}"
+        faults.append(Fault(places.place(path), f"key {key!r}", allowed, why, hint))
     return tables, replace(places, templates={**places.templates, **written}), faults
 
 
@@ -252,12 +257,14 @@ def _fits(value: object, key: FieldInfo) -> bool:
 
 
 def _variant_with(path: Path, root: type[BaseModel]) -> str:
-    """Return the variant of its table that has a key, such as ``model = 'unilateral'``; empty if there is none."""
-    for record in records_at(path[:-1], root):
-        tags = [tag for tag in ("model", "type", "shape", "method") if tag in record.model_fields]
-        if path[-1] in record.model_fields and tags:
-            return f"{tags[0]} = {get_args(record.model_fields[tags[0]].annotation)[0]!r}"
-    return ""
+    """Return the variants of its table that have a key, such as ``model = 'unilateral'``; empty if there are none."""
+    records = [record for record in records_at(path[:-1], root) if path[-1] in record.model_fields]
+    tags = [
+        tag for tag in ("model", "type", "shape", "method") if any(tag in record.model_fields for record in records)
+    ]
+    words = [repr(word) for tag in tags[:1] for record in records if tag in record.model_fields
+             for word in get_args(record.model_fields[tag].annotation)]  # fmt: skip
+    return f"{tags[0]} = {' or '.join(words)}" if words else ""
 
 
 def _fields(path: Path, root: type[BaseModel], steps: Sequence[int | str]) -> dict[str, FieldInfo]:
@@ -307,6 +314,9 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
             why, remedy = "it is the version of the case format", "a newer flexcam may have written it"
             return Fault(where, given, "1", why, remedy)
         case "string_pattern_mismatch":
+            if path[:2] == ("output", "probes") and "." in str(value):
+                why, point = "flexcam saves every component of a point", str(value).partition(".")[0]
+                return Fault(where, given, "a point of the case", why, f"write {point!r}")
             mark = re.search(r"\{([^{}]*)\}", path[-1] if path else "")
             return Fault(where, given, NAMES, f"there is no [repeat.{mark[1]}]" if mark else "", "")
         case "list_type" | "tuple_type" if description := _describe_field(path, root, error["loc"]):

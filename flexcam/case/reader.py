@@ -203,6 +203,9 @@ class CaseFile:
                 name, given = (table, table) if line.startswith("[") else (key, f"key {key}")
                 where, why = f"{self.path}, line {match[2]}", f"{name} is given twice"
                 raise refuse(where, given, "every key and table only once", why, "delete one of the two") from None
+            if self.path.suffix != ".toml":
+                why = f"it is not a TOML document: {fault}"
+                raise refuse("case file", str(self.path), "a case file (.toml)", why) from None
             remedy = "strings need quotes, tables need [brackets]"
             raise refuse(str(self.path), "text that is not TOML", "a TOML document", str(fault), remedy) from None
 

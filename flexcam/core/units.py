@@ -248,7 +248,10 @@ def parse(
             why, remedy = "it is a range of values", "give one value; flexcam sweep runs a range"
             raise refuse(where, repr(value), allowed, why, remedy)
         if re.match(r",\d", text):
-            remedy = f"write {value.strip().replace(',', '.')!r} if it is a decimal comma"
+            given = value.strip()
+            meant = [f"{given.replace(',', '')!r} if it separates thousands"] if re.match(r",\d{3}(?!\d)", text) else []
+            meant += [] if re.search(r"[.,]\d", text[1:]) else [f"{given.replace(',', '.')!r} if it is a decimal comma"]
+            remedy = f"write {', '.join(meant) or 'a point'}"
             raise refuse(where, repr(value), allowed, "a comma is not allowed", remedy)
     else:
         raise refuse(where, repr(value), allowed, "it does not begin with a number")

@@ -225,7 +225,7 @@ def test_misspelt_shared_key_causes_no_further_fault(edit, place, starter, subst
         (('installed_force = "400 N"', 'preload = "400 N"'), ["did you mean 'installed_force'?"]),
         (('installed_force = "400 N"', 'installed_length = "40 mm"'), ["remove it"]),
         (('dissipation = "0.3 s/m"', 'damping = "0.3 s/m"'), ["did you mean 'dissipation'?"]),
-        (('dissipation = "0.3 s/m"', 'damping = "0.3 s/m"\ndissipation = 0.3'), ["remove it"]),
+        (('dissipation = "0.3 s/m"', 'damping = "0.3 s/m"\ndissipation = 0.3'), ["remove it, or change model"]),
     ],
 )  # fmt: skip
 def test_suggested_key_is_not_given_and_fits_value(edit, remedies, starter, substitute, faults_of):

@@ -112,7 +112,8 @@ def test_printed_trigonometric_law_has_velocity_jumps(record, end):
     record(source=SOURCE, case="trigonometric as computed in print", quantity=f"f'({end})", unit="1", reference=1 / 48,
            computed=found.ends[end][1], tolerance=1e-12, reason="exact")  # fmt: skip
     assert found.rest_at_ends == 0
-    assert re.search(r"the velocity jumps at a dwell, by .0.0208333 at z = 0 and by .0.0208333 at z = 1$", found.violations[0])
+    jumps = r"the velocity jumps at a dwell, by .0.0208333 at z = 0 and by .0.0208333 at z = 1$"
+    assert re.search(jumps, found.violations[0])
 
 
 @pytest.mark.parametrize(
