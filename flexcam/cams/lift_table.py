@@ -206,6 +206,7 @@ class _Fit:
         self.lift, self.count = s, count
 
     def coefficients(self, weight: float) -> FloatArray:
+        """Return the coefficients of the spline at a roughness weight."""
         if weight > _ILL:
             solution = np.linalg.solve(self.square + weight * self.rough, self.rows.T @ self.lift)
         else:  # the normal equations would lose so small a weight
@@ -215,12 +216,15 @@ class _Fit:
         return np.asarray(solution, dtype=float)
 
     def changes(self, weight: float) -> FloatArray:
+        """Return the changes of the measured points."""
         return self.rows[: self.count] @ self.coefficients(weight) - self.lift[: self.count]
 
     def rms_change(self, weight: float) -> float:
+        """Return the root mean square change of the measured points."""
         return float(np.sqrt(np.mean(self.changes(weight) ** 2)))
 
     def largest_change(self, weight: float) -> float:
+        """Return the largest change of a measured point."""
         return float(np.abs(self.changes(weight)).max())
 
     def score(self, weight: float) -> float:

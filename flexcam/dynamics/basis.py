@@ -204,12 +204,14 @@ class _ExpandedMotion:
         self._whole: dict[int, FloatArray] = {}
 
     def whole(self, order: int) -> FloatArray:
+        """Return the motion of all unknowns, see `MotionView`."""
         if order not in self._whole:
             motion = self._expansion.basis.expand(self._inside.whole(order))
             self._whole[order] = motion + self._expansion.offset if order == 0 else motion
         return self._whole[order]
 
     def extract(self, rows: FloatArray, order: int = 0) -> FloatArray:
+        """Return scalars of the motion, see `MotionView`."""
         key = id(rows), order
         if key not in self._extracted:
             projected, offset = self._expansion.project(rows)

@@ -52,6 +52,7 @@ class _Stepper:
         self._second = ImplicitStage(system, forces, (step / 3.0) ** 2, step / 3.0, 0.5 * step)
 
     def advance(self, now: StepState, to: StepInputs) -> StepState:
+        """Return the next instant, as `Stepper` says."""
         half = self._first.advance(now, self._at(to.time - 0.5 * self._dt))
         # a = (v0 - 4 vh + 3 v)/dt and v = (d0 - 4 dh + 3 d)/dt, solved for v and d.
         v = (4.0 * half.v - now.v) / 3.0

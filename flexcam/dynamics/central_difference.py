@@ -71,6 +71,7 @@ class _Stepper:
         self._stage = ImplicitStage(system, forces, 0.0, 0.5 * step, step, inverse=self._massless.inverse)
 
     def advance(self, now: StepState, to: StepInputs) -> StepState:
+        """Return the next instant, as `Stepper` says."""
         dt, light = self._dt, self._massless
         d = light.place(now.d + dt * now.v + 0.5 * dt**2 * now.a, to.load)
         new = self._stage.solve(d, now.v + 0.5 * dt * now.a, now, to)

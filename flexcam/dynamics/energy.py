@@ -102,6 +102,7 @@ class _EnergyState:
     impulse: FloatArray
 
     def last(self) -> _EnergyState:
+        """Return the last instant alone."""
         return _EnergyState(*(getattr(self, n)[-1:] for n in self.__dataclass_fields__))
 
 
@@ -258,11 +259,13 @@ class _QuadraticForm:
         self._matrix: FloatArray | csr_array = select_storage(matrix) if self._diagonal is None else np.zeros((0, 0))
 
     def times(self, rows: FloatArray) -> FloatArray:
+        """Return the product with every row, shape (m, n)."""
         if self._diagonal is not None:
             return rows * self._diagonal
         return np.asarray(rows @ self._matrix, dtype=float)
 
     def twice(self, rows: FloatArray) -> FloatArray:
+        """Return x A x of every row x, shape (m,)."""
         return np.square(rows) @ self._diagonal if self._diagonal is not None else _dot(self.times(rows), rows)
 
 

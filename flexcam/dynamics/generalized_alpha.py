@@ -148,6 +148,7 @@ class _Stepper:
         self._massless = find_massless_rates(system, average=scheme.average)
 
     def advance(self, now: StepState, to: StepInputs) -> StepState:
+        """Return the next instant, as `Stepper` says."""
         s, dt, old = self._scheme, self._dt, None
         d, v = predict(now.d, now.v, now.a, dt, s.beta, s.gamma)
         if s.alpha_f or s.alpha_m:

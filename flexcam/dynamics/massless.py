@@ -90,6 +90,7 @@ class _CondensedSolver:
     light: MasslessMotions
 
     def solve(self, right: FloatArray) -> FloatArray:
+        """Solve, see `Factor`."""
         return self.light.expand(self.factor.solve(self.light.condense_force(right)[self.light.kept]))
 
 

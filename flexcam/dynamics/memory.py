@@ -66,9 +66,11 @@ class _Rows:
 
     @property
     def arrays(self) -> FloatArray:
+        """The rows added so far."""
         return self._array[:, : self.count]
 
     def add(self, arrays: tuple[FloatArray, ...]) -> None:
+        """Add rows to every array."""
         end = self.count + len(arrays[0])
         if not self.count or end > self._array.shape[1]:
             minimum, columns = max(end, 2 * self.count), arrays[0].shape[1:]
@@ -192,6 +194,7 @@ class _Bounds:
         self._has_rows = False
 
     def widen(self, rows: FloatArray) -> None:
+        """Extend the range by some rows."""
         if len(rows):
             bounds = [self.least[None], self.largest[None]] if self._has_rows else []
             values = np.concatenate([rows, *bounds])

@@ -124,19 +124,23 @@ class _Evaluation:
 
     @cached_property
     def push(self) -> FloatArray:
+        """Effect of the local forces on the unknowns, N, shape (m, n)."""
         return self._side.push(self._sensed.track.local, self.inputs.acting_weights)
 
     @cached_property
     def sensed(self) -> tuple[FloatArray, FloatArray]:
+        """Sensed scalars and their rates, shape (m, c)."""
         track = self._sensed.track
         return self._side.forces.sense_motion(track.d, track.v, self.inputs)[:2]
 
     @cached_property
     def states_after(self) -> FloatArray:
+        """Internal states after the steps, shape (m - 1, s)."""
         return self._side.states_after(self._sensed, self._lengths, self.sensed[0])
 
     @cached_property
     def answers(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Answers of the laws, and the lifts beyond the original with their rates, shape (m, c)."""
         return self._side.answers(self._sensed, self.inputs)
 
 

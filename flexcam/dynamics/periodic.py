@@ -283,9 +283,11 @@ class _Newton:
 
     @property
     def derives(self) -> bool:
+        """True if the next revolution needs its derivative."""
         return self._change is None
 
     def next(self, x: FloatArray, revolution: PeriodMap) -> FloatArray | None:
+        """Return the next state after a revolution; None to stop."""
         w = self._weights
         if self._change is None:
             self._change = np.eye(len(w)) - w[:, None] * revolution.derivative / w
@@ -306,6 +308,7 @@ class _Anderson:
         self._residuals: list[FloatArray] = []
 
     def next(self, x: FloatArray, revolution: PeriodMap) -> FloatArray:
+        """Return the next state after a revolution."""
         points = self._points = [*self._points, x][-_MEMORY:]
         residuals = self._residuals = [*self._residuals, revolution.end - x][-_MEMORY:]
         if len(points) == 1:

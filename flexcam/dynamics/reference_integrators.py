@@ -87,6 +87,7 @@ class _ScipyStepper:
         self._light, self._starter, self._n = MasslessMotions(system), InitialAcceleration(system, forces), system.size
 
     def advance(self, now: StepState, to: StepInputs) -> StepState:
+        """Return the next instant, as `Stepper` says."""
         from scipy.integrate import solve_ivp
 
         length = to.time - now.time

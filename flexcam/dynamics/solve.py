@@ -335,9 +335,11 @@ class _Run(_Observer):
         self.status = Status()
 
     def state(self) -> Arrays:
+        """Return the state for the next block that is not part of the problem."""
         return {**self._engine.state(), **self._balance.state(), **self._residual.state()}
 
     def restore(self, state: Arrays) -> None:
+        """Restore the state."""
         self._engine.restore(state)
         self._balance.restore(state)
         self._residual.restore(state)
@@ -381,6 +383,7 @@ class _Run(_Observer):
         )  # fmt: skip
 
     def statistics(self, stats: Stats) -> Stats:
+        """Return the statistics with the counts of this run."""
         stats = self._engine.statistics(stats)
         return replace(stats, imbalance=self._residual.share) if self._save.channels and self._save.energies else stats
 

@@ -132,6 +132,7 @@ class _Potential:
         return residual, max(size, np.finfo(float).tiny), Triplets.sum([stiffness, *local])
 
     def parts(self, u: FloatArray) -> list[tuple[str, Triplets]]:
+        """Return name and stiffness of each local force."""
         return self._tangents(self._reaction(u))
 
     def _tangents(self, reaction: Reaction) -> list[tuple[str, Triplets]]:

@@ -264,6 +264,7 @@ class _BinaryReader:
         return int(match[1])
 
     def read(self, kind: str, count: int) -> Any:  # noqa: ANN401
+        """Return the next numbers."""
         item = np.dtype(self._kinds[kind])
         if count < 0 or self._next + count * item.itemsize > len(self._data):
             given = f"{len(self._data)} bytes from ${self._name} on"

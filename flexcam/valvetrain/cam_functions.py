@@ -72,6 +72,7 @@ class _OfProfile(DerivedCamFunction):
     slope: Callable[[CamProfile], FloatArray]
 
     def of(self, cam: CamFunctionCache, order: int) -> FloatArray:
+        """Return a derivative, see `DerivedCamFunction`."""
         return (self.value, self.slope)[order](cached_profile(self.cam, cam))
 
 
@@ -183,6 +184,7 @@ class _SlidingDistance(DerivedCamFunction):
         self._within = CubicHermiteSpline(ANGLES, sums, path(ANGLES, 0))
 
     def of(self, cam: CamFunctionCache, order: int) -> FloatArray:
+        """Return a derivative, see `DerivedCamFunction`."""
         revolutions, remainder = np.divmod(cam.angle, 2.0 * np.pi)
         distance = cam(self._path, order - 1) if order else revolutions * self._whole + self._within(remainder)
         if not self._face_ratio:
