@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from copy import deepcopy
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
@@ -141,7 +140,7 @@ def find_unit(record: CaseRecord, path: Sequence[str]) -> str | None:
     if si is not None and not any(unit.axis for units in _units_at(tuple(path)) for unit in units):
         return si
     table, rest = _enclosing_table(record, path)
-    tables = deepcopy(table.model_dump(mode="json", by_alias=True))
+    tables = table.model_dump(mode="json", by_alias=True)
     holder, number = value_at(tables, rest[:-1]), value_at(tables, rest)
     if number is None:
         return None

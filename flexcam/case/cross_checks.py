@@ -138,13 +138,13 @@ class RawTables:
             yield self._fault(("phasers",), "a phaser", "no phaser with run.free_running", "the shaft has no drive")
         first: dict[object, str] = {}
         for name, table in self._parts("phasers"):
-            for cam in _names(table.get("cams")):
+            for cam in _names("phasers", table.get("cams")):
                 if first.setdefault(cam, name) != name:
                     given, why = repr(cam), f"phasers.{first[cam]} turns it"
                     yield self._fault(("phasers", name, "cams"), given, "other cams", why)
         for kind, key, target, what in _PART_REFERENCES:
             for name, table in self._parts(kind):
-                for value in _names(table.get(key)):
+                for value in _names(kind, table.get(key)):
                     yield from self._check_name((kind, name, key), value, list(self._table(target)), what)
 
     def _lift_faults(self) -> Iterator[Fault]:
@@ -205,15 +205,16 @@ class RawTables:
                 of_lash = kind == "contacts" and key == "at" and table.get("model") != "seat"
                 owner = next((rocker for rocker, to in outputs.items() if to == table.get(key)), None)
                 if kind == "contacts" and key in ("to", "follower") and owner is not None:
-                    remedy = f"write at = {owner!r} for a lash or an adjuster there" if key == "to" else ""
+                    remedy = f"write at = {owner!r} for a lash or an adjuster there"
+                    remedy = "name the node that the cam moves" if key == "follower" else remedy
                     why = f"it is the output point of rocker {owner!r}"
                     yield self._fault((kind, name, key), repr(table.get(key)), "a node", why, remedy)
                 elif not of_lash and not (kind == "rockers" and _is_finger(table, counts)):
                     allowed = with_rockers if rocker_point_allowed else counts
-                    for point in _names(table.get(key)):
+                    for point in _names(kind, table.get(key)):
                         yield from self._check_point((kind, name, key), point, allowed)
         for name, table in self._parts("superelements"):
-            nodes = _names(table.get("nodes"))
+            nodes = _names("superelements", table.get("nodes"))
             if len({*map(str, nodes)}) < len(nodes):
                 given, why = ", ".join(map(str, nodes)), "each interface node is another node of the case"
                 yield self._fault(("superelements", name, "nodes"), given, "different nodes", why)
@@ -235,8 +236,10 @@ def _as_list(value: object) -> list[object]:
     return cast("list[object]", value) if isinstance(value, list) else []
 
 
-def _names(value: object) -> list[object]:
-    """Return the names that a reference gives: one, or those of a list or a table."""
+def _names(kind: str, value: object) -> list[object]:
+    """Return the names that a reference gives: one, or in some tables those of a list or a table."""
+    if kind not in ("phasers", "superelements", "rigid_links"):
+        return [value]
     return list(cast("Table", value).values()) if isinstance(value, Mapping) else _as_list(value) or [value]
 
 

@@ -175,6 +175,7 @@ def _correct_keys(
         meant = meant if meant in known or variant else similar_name(key, known)
         overridden = places.notes.get(path, "").startswith("--set")  # an override may replace a given key
         hint = f"did you mean the table [{key}s]?" if f"{key}s" in root.model_fields else "remove it"
+        hint = "give the diameter, twice the radius" if key == "radius" and "diameter" in known else hint
         if meant in known and _fits(value, known[meant]) and (overridden or meant not in table):
             hint = f"did you mean {meant!r}?"
             if table.keys().isdisjoint([meant, *REPLACED_KEYS.get(meant, ())]):
@@ -256,15 +257,20 @@ def _fits(value: object, key: FieldInfo) -> bool:
     return bool(units) or not isinstance(value, int | float) or not records_in(key.annotation)
 
 
-def _variant_with(path: Path, root: type[BaseModel]) -> str:
-    """Return the variants of its table that have a key, such as ``model = 'unilateral'``; empty if there are none."""
-    records = [record for record in records_at(path[:-1], root) if path[-1] in record.model_fields]
-    tags = [
-        tag for tag in ("model", "type", "shape", "method") if any(tag in record.model_fields for record in records)
-    ]
-    words = [repr(word) for tag in tags[:1] for record in records if tag in record.model_fields
-             for word in get_args(record.model_fields[tag].annotation)]  # fmt: skip
-    return f"{tags[0]} = {' or '.join(words)}" if words else ""
+def _variant_with(path: Path, root: type[BaseModel], value: str = "") -> str:
+    """Return the variants of its table that have a key, such as ``model = 'unilateral'``; empty if there are none.
+
+    With a value, only those count in which the key may be this word.
+    """
+    for tag in ("model", "type", "shape", "method"):
+        words = list[str]()
+        for fields in (record.model_fields for record in records_at(path[:-1], root)):
+            if tag in fields and path[-1] in fields:
+                known = [word for part in get_args(fields[path[-1]].annotation) for word in get_args(part)]
+                words += map(repr, get_args(fields[tag].annotation)) if not value or value in known else ()
+        if words:
+            return f"{tag} = {' or '.join(words)}"
+    return ""
 
 
 def _fields(path: Path, root: type[BaseModel], steps: Sequence[int | str]) -> dict[str, FieldInfo]:
@@ -285,6 +291,8 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
     match error["type"]:
         case "flexcam":
             where, given = _locate_fault(context, path, value, places, root)
+            if isinstance(value, str) and value and path and (variant := _variant_with(path, root, value)):
+                return Fault(where, given, str(context["allowed"]), f"{value!r} is available only with {variant}", "")
             return Fault(where, given, str(context["allowed"]), str(context["why"]), str(context["remedy"]))
         case "missing" if path[-1].isdigit():  # an element of a row
             return Fault(places.place(path[:-1]), given, f"{int(path[-1]) + 1} values", "", "")
@@ -294,7 +302,11 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
             what = "rows" if any(isinstance(entry, list) for entry in entries) else "values"
             return Fault(where, given, f"{maximum} {what}" if maximum else f"at least {minimum} {what}", "", "")
         case "model_type" | "model_attributes_type" | "dict_type":
-            return Fault(where, given, "a table", "", "write it as { key = value } or under a [header]")
+            keyed = len(path) > 1 and records_at(path, root) != records_at(path[:-1], root)  # no table of named parts
+            known = dict(fields_at(path, root)) if keyed else {}
+            names = (f"{name} (required)" if key.is_required() else name for name, key in known.items())
+            allowed = f"a table with keys among {', '.join(names)}" if known else "a table"
+            return Fault(where, given, allowed, "", "write it as { key = value } or under a [header]")
         case "missing":
             kind = "a value" if records_at(path, root) == records_at(path[:-1], root) else f"a table [{'.'.join(path)}]"
             return _missing_key_fault(path, _describe_field(path, root, error["loc"]) or kind, places)

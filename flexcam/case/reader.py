@@ -173,7 +173,9 @@ class CaseFile:
         try:
             return cls(source, read_text(source))
         except FileNotFoundError:
+            below = next(source.parent.glob(f"*/{source.stem}.toml"), None)
             near = suggest_name(source.name, [file.name for file in source.parent.glob("*.toml")])
+            near = near or (f"did you mean {str(below)!r}?" if below else "")
             raise refuse("case file", str(source), "", f"{source} does not exist", near) from None
         except OSError as fault:
             if source.suffix == ".vtkhdf":

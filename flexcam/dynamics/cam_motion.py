@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Protocol, TypeVar, cast
@@ -361,7 +361,7 @@ class SpeedByAngle:
         return 0.5 * width * (w / self._speed(points.ravel(), 0).reshape(points.shape)).sum(axis=1)
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class PrescribedInputs:
     """Prescribed inputs of the local forces at m instants.
 
@@ -374,16 +374,26 @@ class PrescribedInputs:
     senses: FloatArray  #: 1 where a sensing vector belongs to a scalar, shape (c, k)
     acts: FloatArray  #: 1 where an acting vector belongs to a force, shape (c, a)
     cam: CamFunctionCache  #: functions of the cam angle at these instants
+    # The parts of the rows, which are views.
+    sensing_weights: FloatArray = field(init=False)  #: weights of the sensing vectors, shape (m, k)
+    sensing_rates: FloatArray = field(init=False)  #: their time derivatives, shape (m, k)
+    acting_weights: FloatArray = field(init=False)  #: weights of the acting vectors, shape (m, a)
+    offset: FloatArray = field(init=False)  #: prescribed parts of the sensed scalars, shape (m, c)
+    offset_rate: FloatArray = field(init=False)  #: their time derivatives, shape (m, c)
+    functions: FloatArray = field(init=False)  #: functions of the laws, shape (m, f)
 
     def __post_init__(self) -> None:
         (c, k), a = self.senses.shape, self.acts.shape[1]
         cuts = [0, *accumulate([k, k, a, c, c]), self.rows.shape[1]]
-        #: The parts of the rows; they are views, shape (m, k), (m, a), (m, c) or, of f functions, (m, f).
-        self.parts = [self.rows[:, begin:end] for begin, end in pairwise(cuts)]
-        (
-            self.sensing_weights, self.sensing_rates, self.acting_weights, self.offset, self.offset_rate,
-            self.functions,
-        ) = self.parts  # fmt: skip
+        names = ("sensing_weights", "sensing_rates", "acting_weights", "offset", "offset_rate", "functions")
+        for name, (begin, end) in zip(names, pairwise(cuts), strict=True):
+            object.__setattr__(self, name, self.rows[:, begin:end])
+
+    @property
+    def parts(self) -> tuple[FloatArray, ...]:
+        """The parts of the rows."""
+        weights = self.sensing_weights, self.sensing_rates, self.acting_weights
+        return (*weights, self.offset, self.offset_rate, self.functions)
 
     def followed_by(self, later: PrescribedInputs) -> PrescribedInputs:
         """Return the instants and later ones."""

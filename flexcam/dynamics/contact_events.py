@@ -121,7 +121,7 @@ class EventStepper:
         instants: list[StepState] = []
         for _ in range(MOST_EVENTS):
             trial = self._advance(now, to)
-            if not len(self._forces.switching) or not (now.sides(self._forces) != trial.sides(self._forces)).any():
+            if not len(self._forces.switching) or not (self._sides(now) != self._sides(trial)).any():
                 return [*instants, trial]
             instants += self._first_event(now, trial, to)
             now = instants[-1]
@@ -140,11 +140,14 @@ class EventStepper:
             self._halved[halvings] = self._stepper(self._step / 2.0**halvings)
         return self._halved[halvings].advance(now, to)
 
+    def _sides(self, moment: StepState) -> Bools:
+        return moment.sides(self._forces.contact_sides)
+
     def _first_event(self, now: StepState, trial: StepState, to: StepInputs) -> list[StepState]:
         """Return the instant of the first event, and the one after an impact."""
         self.events += 1
-        side = now.sides(self._forces)
-        crossed = side != trial.sides(self._forces)
+        side = self._sides(now)
+        crossed = side != self._sides(trial)
         length = to.time - now.time
         (penetration, rate), (new_penetration, new_rate) = self._penetrations(now), self._penetrations(trial)
         roots = np.full(len(crossed), np.inf)
@@ -165,7 +168,7 @@ class EventStepper:
         self, now: StepState, trial: StepState, to: StepInputs, scalar: int, guess: float
     ) -> tuple[StepState, StepInputs]:
         """Return the instant of a zero crossing near a given time, by Newton's method within a bracket."""
-        length, side = to.time - now.time, bool(now.sides(self._forces)[scalar])
+        length, side = to.time - now.time, bool(self._sides(now)[scalar])
         low, high, elapsed = 0.0, length, guess
         tolerance = max(TIME_TOLERANCE * length, ROUNDING * abs(to.time))
         moment, inputs, was_crossed = trial, to, False

@@ -163,7 +163,7 @@ class DirectEngine:
             return no_instants(self._system.size, self._forces), status
         self._iterations += sum(m.iterations for part in instants for m in part)
         self._substeps += sum(len(part) for part in instants)
-        track, fault = in_range(Trajectory.of(instants, self._forces), before, self._system, motion.angle)
+        track, fault = in_range(Trajectory.of(instants, self._forces.contact_sides), before, self._system, motion.angle)
         return track, status if fault.ok else fault
 
     def _advance_steps(

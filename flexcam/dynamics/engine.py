@@ -132,7 +132,7 @@ def first_track(problem: Problem, forces: LocalForces) -> Trajectory:
     """Return the first instant of a problem."""
     start = problem.initial_state
     to = inputs_at(problem, forces, start.time)
-    return Trajectory.of([[InitialAcceleration(problem.system, forces).first(start, to)]], forces)
+    return Trajectory.of([[InitialAcceleration(problem.system, forces).first(start, to)]], forces.contact_sides)
 
 
 class KinematicEngine(Engine):

@@ -61,7 +61,7 @@ class Method(ABC):
 
     @property
     def order(self) -> int:
-        """Order of accuracy of displacement and velocity."""
+        """Order of accuracy of displacement and velocity; 2 unless a method overrides it."""
         return 2
 
     @property

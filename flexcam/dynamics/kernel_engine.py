@@ -213,7 +213,7 @@ class KernelEngine:
             return track if len(time) == len(inputs.angle) else replace(track, cam=None)
         parts, first = list[Trajectory](), 0
         for row, moments in single_steps.items():
-            parts += [track.steps(first, row), Trajectory.of([moments], self._forces)]
+            parts += [track.steps(first, row), Trajectory.of([moments], self._forces.contact_sides)]
             first = row + 1
         return Trajectory.concatenate([*parts, track.steps(first)])
 
@@ -241,7 +241,7 @@ class KernelEngine:
 
     def _sides(self, moment: StepState) -> IntArray:
         """Return the switching scalars, and which of them count as pressed."""
-        return np.array([self._forces.switching, moment.sides(self._forces)], dtype=np.intp)
+        return np.array([self._forces.switching, moment.sides(self._forces.contact_sides)], dtype=np.intp)
 
     def _at(self, time: float) -> StepInputs:
         """Return the prescribed inputs of an instant, by the polynomial through the Chebyshev points of its step.

@@ -278,7 +278,7 @@ class Kernel:
 
     def touches_between(self, now: StepState, new: StepState) -> bool:
         """Return whether in the last call a switching scalar had another side at the middle than at both ends."""
-        before, after = now.sides(self.forces), self.forces.contact_sides(new.penetration)
+        before, after = now.sides(self.forces.contact_sides), self.forces.contact_sides(new.penetration)
         middle = self._local[0, DEPTH, self.forces.switching] > 0.0
         return bool(((middle != before) & (middle != after)).any())
 

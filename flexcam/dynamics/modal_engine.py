@@ -370,8 +370,8 @@ class ProbeEngine(ModalEngine):
         """Return the saved results of successive steps, up to the last in range, and a status, see `Engine`."""
         rows = self._view.rows
         if self._stop():
-            nothing = Series(*np.zeros((3, 0, 0)))
-            return ProbeTrajectory(np.zeros(0), nothing, nothing), STOPPED
+            probes, motion = np.zeros((3, 0, len(rows))), np.zeros((3, 0, self._system.size))
+            return ProbeTrajectory(np.zeros(0), Series(*probes), Series(*motion)), STOPPED
         saved, earlier = self._save.fields(steps, self._problem.steps), self.state()
         if self._propagator.stride is not None and (history := self._evaluate(steps, saved)) is not None:
             return history, Status()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from flexcam.core import FloatArray, IntArray
 from flexcam.dynamics.blocks import Arrays, Series, select_prefix
 from flexcam.dynamics.cam_motion import CamFunctionCache, PrescribedInputs
-from flexcam.dynamics.local_forces import LocalForces
+
+ContactSides = Callable[[FloatArray], NDArray[np.bool_]]
+"""Function that returns the sides of zero of the switching scalars for a penetration."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +35,9 @@ class StepState:
     iterations: int = 0  #: Newton iterations of the step
     stride: float | None = None  #: internal step of a method with its own step control, s; None for its default
 
-    def sides(self, forces: LocalForces) -> NDArray[np.bool_]:
-        """Return the sides of the switching scalars."""
-        return forces.contact_sides(self.penetration) if self.pressed is None else self.pressed
+    def sides(self, of_penetration: ContactSides) -> NDArray[np.bool_]:
+        """Return the sides of the switching scalars: `pressed`, or else those that a function finds."""
+        return of_penetration(self.penetration) if self.pressed is None else self.pressed
 
     @classmethod
     def from_checkpoint(cls, name: str, arrays: Arrays) -> StepState | None:
@@ -80,8 +82,8 @@ class Trajectory:
     cam: CamFunctionCache | None = None  #: functions of the cam angle at these instants, if available
 
     @classmethod
-    def of(cls, steps: Sequence[Sequence[StepState]], forces: LocalForces) -> Trajectory:
-        """Return the instants of some steps, one sequence per step."""
+    def of(cls, steps: Sequence[Sequence[StepState]], sides: ContactSides) -> Trajectory:
+        """Return the instants of some steps, one sequence per step, with the sides of the switching scalars."""
         moments = [moment for part in steps for moment in part]
         zeros = np.zeros(len(moments[0].local))
         return cls(
@@ -89,7 +91,7 @@ class Trajectory:
             v=np.array([m.v for m in moments]), a=np.array([m.a for m in moments]),
             local=np.array([m.local for m in moments]), state=np.array([m.inner for m in moments]),
             impulse=np.array([zeros if m.impulse is None else m.impulse for m in moments]),
-            pressed=np.array([m.sides(forces) for m in moments]),
+            pressed=np.array([m.sides(sides) for m in moments]),
             ends=np.cumsum([len(part) for part in steps]) - 1,
         )  # fmt: skip
 

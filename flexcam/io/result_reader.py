@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -213,8 +214,8 @@ def _read_about(file: Any) -> dict[str, str]:  # noqa: ANN401
         try:
             text = about.get(name, "{}") if name == schema.ABOUT_FILES else about[name]
             if kind is not str:
-                TypeAdapter(kind).validate_json(text)
-        except (KeyError, ValueError):
+                TypeAdapter(kind).validate_python(json.loads(text), strict=True)
+        except (KeyError, ValueError, RecursionError):
             given, allowed = f"nothing about {name!r} of its case, or something else", "a result that keeps its case"
             raise refuse(f"/{schema.ABOUT}", given, allowed, "", "compute it again") from None
     return about

@@ -8,7 +8,7 @@ import re
 import shutil
 import time
 from collections.abc import Callable, Generator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -159,16 +159,16 @@ class ResultFile:
         self._waiting: list[Block] = []
         self._received, self._total, self._bytes = 0, steps + 1, 0
         self._draft = TemporaryResult(path.with_suffix(schema.WRITING_SUFFIX), self.partial)
-        try:
+        with ExitStack() as undo:
+            undo.callback(self._discard)
             remedy = "replace it with --overwrite, or, if it has a checkpoint, continue it with --resume"
             overwrite = overwrite or resume is not None
             check_writable("partial result", self.partial, overwrite=overwrite, remedy=remedy)
-            self._create(geometry, save, about)
-        except BaseException as fault:
-            self._discard()
-            if isinstance(fault, OSError):
+            try:
+                self._create(geometry, save, about)
+            except OSError as fault:
                 raise _unwritable(self.path, fault) from None
-            raise
+            undo.pop_all()
         self._schedule_copy(start)  # the first one is assumed to take as long as the layout
 
     def _schedule_copy(self, start: float) -> None:

@@ -36,7 +36,10 @@ from flexcam.valvetrain import Metric, ModelModes, Structure, build_structure
 MODES = 12  # number of modes, as in `flexcam modes`
 _SAME_LIFT = 0.01
 _SAME_ACCELERATION = 0.1  # relative difference in acceleration up to which the rigid train counts as equivalent
-_COUNTED = ("members", "masses", "springs", "rockers", "cams", "contacts")
+_COUNTED = {
+    "members": "member", "masses": "mass", "springs": "spring", "rockers": "rocker", "cams": "cam",
+    "contacts": "contact",
+}  # fmt: skip
 _MODELS = {"beams": "flexible beams", "rigid": "rigid members", "sdof": "one mass", "chain": "a chain of masses"}
 _MAX_NUMBER_LENGTH = 24  # maximum length of a cell that counts as a number, characters
 _LIMIT_TOLERANCE = 0.01  # width of the bracket of limits relative to the speed
@@ -103,9 +106,8 @@ def describe_model(about: ReportSubject, known: RestoredCase, figures: Sequence[
     per = 2.0 * math.pi / (case.speed * ready.problem.step)
     revolutions = f"{float(np.ptp(response.angle)) / (2.0 * math.pi):.4g}" if len(response.angle) else "0"
     covers = f"{revolutions} revolution{'' if revolutions == '1' else 's'}"
-    counts = {kind: len(getattr(record, kind)) for kind in _COUNTED}
-    single = {kind: kind.removesuffix("es" if kind == "masses" else "s") for kind in _COUNTED}
-    parts = [f"{count} {kind if count > 1 else single[kind]}" for kind, count in counts.items() if count]
+    counts = {key: len(getattr(record, key)) for key in _COUNTED}
+    parts = [f"{count} {key if count > 1 else _COUNTED[key]}" for key, count in counts.items() if count]
     steps = f"{response.stats.steps} steps ({per:.6g} per revolution) of {tables.describe_dofs(known.response)}"
     sentences = [
         f"Modelled with {kind}: {', '.join(parts)}.",

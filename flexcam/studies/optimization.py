@@ -239,7 +239,9 @@ def optimize(design: OptimizationProblem, *, evaluations: int = 200, seed: int =
     without derivatives (T. M. Ragonneau and Z. Zhang, 2024), refines the best variant.
     Two goals need NSGA-II: K. Deb et al., IEEE Trans. Evol. Comput. 6 (2002) 182, as implemented in pymoo.
     """
-    two = len(design.goals) > 1
+    if len(design.goals) > 2:
+        raise refuse("goals", len(design.goals), "one or two", "")
+    two = len(design.goals) == 2
     if two:
         require_packages("optimize", "two goals", "design", "pymoo")
     generation = min(max(_POINTS_PER_VARIABLE * len(design.points.variables), _MIN_POINTS), _MAX_POINTS)

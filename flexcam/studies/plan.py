@@ -32,7 +32,7 @@ from functools import cached_property, lru_cache
 from itertools import product
 from math import prod
 from pathlib import Path, PurePosixPath
-from typing import NamedTuple
+from typing import Literal, NamedTuple, cast
 
 from flexcam.case.case import Case
 from flexcam.case.fault_report import iterate_values
@@ -50,6 +50,8 @@ _DIGITS = Context(prec=17)
 _SAMPLED = Context(prec=10)
 _MAX_EXPONENT = 300  # maximum exponent of a number
 _MIN_FIXED_EXPONENT, _MAX_FIXED_EXPONENT = -6, 16  # range of decimal exponents written in fixed notation
+
+_MANY = 10**15
 
 MAX_VARIANTS = 10_000  # default maximum number of variants
 FORMS = "a range 1000:8000:50rpm or 1000:8000#141rpm, a list 30,40,50 kN/m, an interval 30:60 kN/m, or one value"
@@ -156,8 +158,9 @@ def _range(key: str, where: str, match: re.Match[str], limit: int) -> Axis:
 def check_count(where: str, count: int, limit: int) -> None:
     """Raise an error if the number of runs exceeds the limit."""
     if count > limit:
-        remedy = f"use fewer values, or allow them with --limit {count}"
-        raise refuse(where, f"{count} variants", f"up to {limit}", "each is a run", remedy)
+        given = f"{count} variants" if count < _MANY else "more variants than could ever be run"
+        remedy = f"use fewer values, or allow them with --limit {count}" if count < _MANY else "use fewer values"
+        raise refuse(where, given, f"up to {limit}", "each is a run", remedy)
 
 
 def _list(key: str, where: str, spec: str, limit: int) -> Axis:
@@ -209,7 +212,7 @@ def _join_unit(number: str, unit: str) -> str:
 class Sample:
     """Sampling method."""
 
-    kind: str  #: ``lhs`` or ``sobol``: Latin hypercube or Sobol sequence of `scipy.stats.qmc`, scrambled
+    kind: Literal["lhs", "sobol"]  #: Latin hypercube or Sobol sequence of `scipy.stats.qmc`, scrambled
     count: int  #: number of points; a power of two for a Sobol sequence, which is balanced then
     seed: int = 0  #: seed of the random generator
 
@@ -229,9 +232,10 @@ def parse_sample(text: str, seed: int = 0) -> Sample:
     match = re.match(r"(lhs|sobol):([1-9]\d{0,14})$", text.strip())
     if match is None:
         raise refuse("--sample", repr(text), allowed, "", suggest_name(text.partition(":")[0], ["lhs", "sobol"]))
-    if match[1] == "sobol":
-        check_power_of_two("--sample", int(match[2]))
-    return Sample(match[1], int(match[2]), check_seed(seed))
+    kind, count = cast("Literal['lhs', 'sobol']", match[1]), int(match[2])
+    if kind == "sobol":
+        check_power_of_two("--sample", count)
+    return Sample(kind, count, check_seed(seed))
 
 
 def check_power_of_two(where: str, count: int, least: int = 1) -> None:

@@ -43,6 +43,8 @@ def describe_type_error(error: ErrorDetails) -> str:
         "greater_than_equal": f"{context.get('ge')} or more", "less_than_equal": f"{context.get('le')} or less",
         "string_too_short": "a string that is not empty", "finite_number": "a finite number",
     }  # fmt: skip
+    if error["type"] in {"list_type", "tuple_type"} and str(error["input"]).startswith("["):
+        return "a list in brackets, with quotes around each string"
     return {**_TYPE_NAMES, **limits}.get(error["type"]) or error["msg"].replace("Input should be ", "")
 
 
