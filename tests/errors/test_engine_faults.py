@@ -62,6 +62,7 @@ FAULTS = {
     "damping of a cam contact": ([("friction = 0.08", 'damping = "9 N s/m"')], "contacts.intake.damping", "damping", "Did you mean 'dissipation'?"),
     "friction speed without friction": ([("friction = 0.08\n", "")], "contacts.intake", "", "friction"),
     "restitution of a play": ([('gap = "0.05 mm"', 'gap = "0.05 mm"\nrestitution = 0.3')], "contacts.tip.restitution", "restitution", "Remove it"),
+    "Hertz stiffness of a seat": ([('stiffness = "60 MN/m", damping = "100 N s/m" }\nstem', 'stiffness = "hertz" }\nstem')], "contacts.exhaust-seat.stiffness", "'hertz'", "only with model = 'unilateral'"),
     "restitution at a point without mass": ([('exhaust = { at = "exhaust", mass = "0.08 kg" }\n', ""), ('stiffness = "60 MN/m", damping = "100 N s/m" }\nstem', 'stiffness = "60 MN/m", restitution = 0.3 }\nstem')], "contacts.exhaust-seat", "restitution", "mass"),
     # plays
     "play at an unknown rocker": ([('at = "finger"', 'at = "fingr"')], "contacts.tip.at", "'fingr'", "Did you mean 'finger'"),

@@ -36,6 +36,7 @@ FAULTS = {
     "revolutions per minute without an angle": ('"3000 rpm"', '"3000 1/min"', "run.speed", "3000 1/min", "rpm"),
     "no number": ('lift = "6 mm"', 'lift = "six mm"', "cams.intake.lift", "six mm", "number"),
     "decimal comma": ('lift = "6 mm"', 'lift = "6,5 mm"', "cams.intake.lift", "6,5 mm", "'6.5 mm'"),
+    "comma between thousands": ('lift = "6 mm"', 'lift = "1,500 mm"', "cams.intake.lift", "1,500 mm", "'1500 mm' if it separates thousands"),
     "range": ('lift = "6 mm"', 'lift = "6:7 mm"', "cams.intake.lift", "6:7 mm", "flexcam sweep runs a range"),
     "empty text": ('lift = "6 mm"', 'lift = ""', "cams.intake.lift", "''", "number"),
     "angle without unit": ('rise = "180 deg"', "rise = 180", "cams.intake", "deg", "'180 deg'"),
@@ -56,6 +57,10 @@ FAULTS = {
     "text as a switch": ("pushrod = { ", 'pushrod = { shear = "yes", ', "members.pushrod.shear", "'yes'", ""),
     "number as a switch": ("pushrod = { ", "pushrod = { shear = 1, ", "members.pushrod.shear", "1", ""),
     "truths as a direction": ('direction = "uy"', "direction = [false, true, false]", "springs.valve.direction", "true", "number"),
+    "component of a probe": ('probes = ["valve", "cam"]', 'probes = ["valve.uy", "cam"]', "output.probes", "'valve.uy'", "every component"),
+    "list in quotes": ('probes = ["valve", "cam"]', 'probes = "[valve, cam]"', "output.probes", "[valve, cam]", "quotes around each string"),
+    "number as a table": ("revolutions = 1", "revolutions = 1\ndamping = 0.02", "run.damping", "0.02", "a table with keys among"),
+    "radius of a circle": ('diameter = "25 mm"', 'radius = "12.5 mm"', "sections.shaft.radius", "radius", "twice the radius"),
     "text as a probe list": ('probes = ["valve", "cam"]', 'probes = "valve"', "output.probes", "'valve'", "list"),
     "date as a length": ('lift = "6 mm"', "lift = 2024-05-01", "cams.intake.lift", "2024", "length"),
     # ranges
