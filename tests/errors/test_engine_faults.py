@@ -59,7 +59,7 @@ FAULTS = {
     "friction without a profile": ([('stiffness = "40 MN/m"\n', 'stiffness = "40 MN/m"\nfriction = 0.1\n'), NO_PROFILE], "contacts.direct.friction", "0.1", "profile"),
     "friction of a bilateral contact": ([('model = "unilateral"\nstiffness = "40 MN/m"\ndissipation = "0.3 s/m"', 'model = "bilateral"\nstiffness = "40 MN/m"\nfriction = 0.1')], "contacts.direct.friction", "friction", "Remove it"),
     "breakaway force below the friction": ([("[output]", '[friction.guide]\nat = "stem"\ndirection = "uy"\nforce = "50 N"\nbreakaway_force = "8 N"\n[output]')], "friction.guide.breakaway_force", "8 N", "at least `force`, 50 N."),
-    "damping of a cam contact": ([("friction = 0.08", 'damping = "9 N s/m"')], "contacts.intake.damping", "damping", "Did you mean 'dissipation'?"),
+    "damping of a cam contact": ([('stiffness = "40 MN/m"\ndissipation = "0.3 s/m"', 'stiffness = "40 MN/m"\ndamping = "0.3 s/m"')], "contacts.direct.damping", "damping", "Did you mean 'dissipation'?"),
     "friction speed without friction": ([("friction = 0.08\n", "")], "contacts.intake", "", "friction"),
     "restitution of a play": ([('gap = "0.05 mm"', 'gap = "0.05 mm"\nrestitution = 0.3')], "contacts.tip.restitution", "restitution", "Remove it"),
     "Hertz stiffness of a seat": ([('stiffness = "60 MN/m", damping = "100 N s/m" }\nstem', 'stiffness = "hertz" }\nstem')], "contacts.exhaust-seat.stiffness", "'hertz'", "only with model = 'unilateral'"),
