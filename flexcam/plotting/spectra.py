@@ -167,11 +167,12 @@ _MIN_MOTION = 1e-6  # motion relative to the maximum of a mode below which a cur
 _TITLE_WIDTH = 58  # characters per line of a title of one column
 
 
-def _draw_mode(axes: Axes, structure: Structure, member: str, motion: FloatArray) -> None:
-    """Draw the motion of a member in a mode over its length, relative to the maximum of the mode."""
+def draw_mode(axes: Axes, structure: Structure, member: str, nodal: FloatArray, size: float) -> None:
+    """Draw the motion of a member in a mode over its length."""
     length = structure.beams.length[structure.model.mesh.element_ranges()[member], None]
     along = np.cumsum(length, axis=0) - length + length * np.linspace(0.0, 1.0, _PARTS + 1)
     place = to_display_unit("m")[0] * along.ravel()
+    motion = _member_motion(structure, member, nodal) / size
     for values, name, (colour, dashes) in zip(motion.T, _MOTIONS, line_styles(), strict=False):
         if np.abs(values).max() > _MIN_MOTION:
             axes.plot(place, values, label=name, color=colour, linestyle=dashes)
@@ -194,27 +195,26 @@ def mode_figure(structure: Structure, found: ModelModes, *, title: str = "") -> 
         why = "shapes are drawn along members; flexcam modes says what moves in a train of masses"
         raise refuse("members", "none", "one or more", why)
     shapes = structure.dofs.nodal_modes(found.modes.shapes.T, structure.model.mesh.extent)
-    moving: list[dict[str, FloatArray]] = []  # relative to the maximum of each mode
-    for nodal in shapes:
-        motions = {name: _member_motion(structure, name, nodal) for name in members}
-        largest = max(float(np.abs(motion).max()) for motion in motions.values())
-        moving.append({n: m / largest for n, m in motions.items() if np.abs(m).max() > _MIN_MOTION * largest})
+    motions = [
+        {name: float(np.abs(_member_motion(structure, name, nodal)).max()) for name in members} for nodal in shapes
+    ]
+    moving = [[name for name, size in sizes.items() if size > _MIN_MOTION * max(sizes.values())] for sizes in motions]
     columns = max(map(len, moving), default=1) or 1
-    heights = [2.2 if motions else 0.4 for motions in moving]
+    heights = [2.2 if names else 0.4 for names in moving]
     figure = Figure(figsize=(2.0 + 4.0 * columns, 1.0 + sum(heights)), layout="constrained")
     rows = np.atleast_1d(np.asarray(figure.subfigures(len(moving), 1, height_ratios=heights)))
     handles: dict[str, Artist] = {}
-    for mode, (row, motions) in enumerate(zip(rows, moving, strict=True)):
+    for mode, (row, nodal, names) in enumerate(zip(rows, shapes, moving, strict=True)):
         words = f"mode {mode + 1}, {found.modes.frequencies[mode]:.4g} Hz: {found.words(mode)}"
-        lines = textwrap.wrap(words if motions else f"{words}; no member moves", _TITLE_WIDTH * columns)
+        lines = textwrap.wrap(words if names else f"{words}; no member moves", _TITLE_WIDTH * columns)
         row.suptitle("\n".join(lines), fontsize="small", x=0.02, ha="left")
-        if not motions:
+        if not names:
             continue
         grid = row.subplots(1, columns, squeeze=False)[0]
-        for axes in grid[len(motions) :]:
+        for axes in grid[len(names) :]:
             axes.set_axis_off()
-        for axes, (member, motion) in zip(grid, motions.items(), strict=False):
-            _draw_mode(axes, structure, member, motion)
+        for axes, member in zip(grid, names, strict=False):
+            draw_mode(axes, structure, member, nodal, max(motions[mode].values()))
             axes.set_xlabel(f"along {member}, {to_display_unit('m')[1]}")
             handles |= {name: line for line, name in zip(*axes.get_legend_handles_labels(), strict=True)}
     figure.legend(list(handles.values()), list(handles), loc="outside lower center", fontsize="small", ncols=4)

@@ -1,6 +1,7 @@
 """Docstrings, imports and documentation pages of the twelve packages agree with the import contract."""
 
 import ast
+import importlib.util
 import re
 import tomllib
 from pathlib import Path
@@ -114,6 +115,23 @@ def test_paths_in_developer_pages_exist(page):
             *ROOT.glob(f"tests/**/{name}"),
         ]
         assert any(path.exists() for path in places), name
+
+
+def test_scripts_import_existing_names():
+    """The examples run only when the pages are built, and the benchmarks on request."""
+    missing = []
+    for folder in ("examples", "docs", "benchmarks", "meshes"):
+        for path in (ROOT / folder).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] == "flexcam":
+                    module = importlib.import_module(node.module)
+                    names = [alias.name for alias in node.names]
+                    missing += [f"{path.name}: {node.module}.{name}" for name in names if not has_name(module, name)]
+    assert not missing
+
+
+def has_name(module, name):
+    return hasattr(module, name) or importlib.util.find_spec(f"{module.__name__}.{name}") is not None
 
 
 def test_make_targets_in_pages_exist():
