@@ -131,7 +131,8 @@ def test_scripts_import_existing_names():
 
 
 def has_name(module, name):
-    return hasattr(module, name) or importlib.util.find_spec(f"{module.__name__}.{name}") is not None
+    is_package = hasattr(module, "__path__")
+    return hasattr(module, name) or (is_package and importlib.util.find_spec(f"{module.__name__}.{name}") is not None)
 
 
 def test_make_targets_in_pages_exist():
