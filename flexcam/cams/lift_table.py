@@ -162,10 +162,14 @@ def _fit_within_tolerance(theta: FloatArray, s: FloatArray, count: int, toleranc
             middle = 0.5 * (low + high)
             low, high = (middle, high) if fit.rms_change(10.0**middle) <= tolerance else (low, middle)
         return fit, 10.0**low
-    if tolerance > 0.0 or (len(theta) > _KNOTS[-1] and rms > _INTERPOLATION_TOLERANCE * float(s.max())):
+    if tolerance > 0.0:
         given = f"{1e6 * tolerance:.4g} um for {count} points"
         why = f"a spline of {_KNOTS[-1]} knots cannot follow them closer"
         raise refuse("tolerance", given, f"{1e6 * rms:.4g} um or more", why, "allow more, because the points scatter")
+    if len(theta) > _KNOTS[-1] and rms > _INTERPOLATION_TOLERANCE * float(s.max()):
+        given, allowed = f"0 for {len(theta)} points", f"{1e6 * rms:.4g} um or more, or up to {_KNOTS[-1]} points"
+        why = f"a spline of {_KNOTS[-1]} knots cannot pass through them all"
+        raise refuse("tolerance", given, allowed, why, "allow some, or leave out points")
     return fit, _MIN_WEIGHT
 
 

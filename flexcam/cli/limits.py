@@ -92,8 +92,8 @@ def limits(
     of_map = {"--over": over, "--and": beside, "--limit": which, "--csv": csv, "--plot": plot}
     if options := [name for name, value in of_map.items() if value is not None]:
         if over is None or beside is None:
-            given, why = " and ".join(options), "a map needs both --over and --and, each with KEY=START:STOP:STEPunit"
-            raise refuse(given, "given alone", "", why, f"give both, or leave {given} out")
+            given, allowed = " and ".join(options), "both --over and --and, each with KEY=START:STOP:STEPunit"
+            raise refuse(given, "an incomplete map", allowed, "", f"give both, or leave {given} out")
         if deviation is not None or cutoff is not None:
             text = "--lift-deviation or --low-pass with --over"
             raise refuse("limits", text, "one of them", "a map has only the other limits")
