@@ -77,7 +77,9 @@ REFUSED = {
     "a follower without a profile": (("cam", CAM, "--follower", "{}"), "applies only with --from-profile"),
     "no cam": (("cam",), "or --from-profile FILE"),
     "only cams": (("limits", CAM), "expected a complete case. It has only cams. Give a complete case"),
-    "a limit without a map": (("limits", ENGINE, "--limit", "float"), "--limit: got an incomplete map, expected both --over and --and"),
+    "a limit without a map": (
+        ("limits", ENGINE, "--limit", "float"), "--limit: got an incomplete map, expected both --over and --and",
+    ),
     "a misspelt result": (
         ("sensitivity", INLINE, "--of", "contacts.intake.force", "--to", STIFF),
         "--of: there is no result 'contacts.intake.force'. Did you mean 'contacts.intake.force.largest'",
