@@ -258,7 +258,7 @@ def describe_change(change: RevolutionChange) -> str:
     texts = [f"motion {100.0 * change.motion:.2g} % of its range"]
     if change.contact:
         force = f"force of contact {change.contact} {100.0 * change.force:.2g} %"
-        texts.append(f"{force} (rms on the lift, relative to its rms)")
+        texts.append(f"{force} (rms of the difference during the lift, relative to the rms of the force)")
     if change.stress_change > _SAME_STRESS:
         factor, unit = to_display_unit("Pa")
         before, last = (f"{factor * stress:.3g}" for stress in change.stress)
@@ -442,8 +442,8 @@ def _check_resolution(ready: PreparedRun, sink: ResolutionSink) -> Iterator[str]
         per_revolution = ready.revolution / ready.problem.step
         enough = math.ceil(0.1 * per_revolution * _MIN_STEPS / resolution.steps) * 10
         mean = f"the accelerations have a mean frequency of {resolution.frequency:.4g} Hz"
-        period = f"only {resolution.steps:.3g} time steps per period of it"
-        yield f"Warning: {mean}, and the run has {period}; use about {enough} steps per revolution and check again"
+        period = f"a vibration of this frequency has only {resolution.steps:.3g} time steps per period"
+        yield f"Warning: {mean}; {period}; use about {enough} steps per revolution and check again"
     for name, count in resolution.elements.items():
         if count < _MIN_ELEMENTS and not is_coarse:  # otherwise the steps determine the frequency
             enough = math.ceil(_MIN_ELEMENTS / count) * case.record.members[name].elements

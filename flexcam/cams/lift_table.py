@@ -296,9 +296,11 @@ def _remarks(
     smooth, lowest = spline(GRID), min(float(s.min()), 0.0)
     i = int(np.argmin(smooth))
     if smooth[i] < -max(_BELOW * top, -1.5 * lowest):
-        dip = f"smoothing makes the lift dip {-1e6 * smooth[i]:.3g} um below the base circle"
+        dip = f"the spline through the table dips {-1e6 * smooth[i]:.3g} um below the base circle"
         level = "below it" if lowest == 0.0 else f"more than {-1e6 * lowest:.3g} um below it"
-        remedy = f"reduce the tolerance of {1e6 * tolerance:.3g} um" if tolerance else "check the points there"
+        remedy = "check the points there, or add some"
+        if tolerance:
+            remedy += f", or change the tolerance of {1e6 * tolerance:.3g} um"
         place = f"at {math.degrees(GRID[i]):.4g} deg of cam angle"
         remarks.append(f"{dip} {place}, although no point of the table is {level}: {remedy}")
     return remarks

@@ -39,7 +39,7 @@ from flexcam.core.html import html_table
 from flexcam.core.units import DIMENSIONS, shaft_speed
 from flexcam.fem.mesh import Mesh
 
-_Format = Annotated[int, Field(ge=1, le=1, strict=True, description="version of the case format, 1")]
+_Format = Annotated[int, Field(ge=1, le=1, strict=True, description="version of the case format: 1")]
 
 
 class SweepRecord(Record):

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from flexcam.case.schema.base import Record, describe_type_error, fields_at, records_at, records_in, units_in
+from flexcam.case.schema.base import Record, describe_type_error, fields_at, keys_of, records_at, records_in, units_in
 from flexcam.core.errors import NAMES, Fault, format_value, similar_name, suggest_name
 from flexcam.core.units import DIMENSIONS, NUMBER, is_convertible
 
@@ -175,6 +175,8 @@ def _correct_keys(
         meant = meant if meant in known or variant else similar_name(key, known)
         overridden = places.notes.get(path, "").startswith("--set")  # an override may replace a given key
         hint = f"did you mean the table [{key}s]?" if f"{key}s" in root.model_fields else "remove it"
+        if len(path) == 1 and (tables_with := _tables_with(key, root)):
+            hint = f"did you mean {tables_with[0]}.{key}?"
         hint = "give the diameter, twice the radius" if key == "radius" and "diameter" in known else hint
         if meant in known and _fits(value, known[meant]) and (overridden or meant not in table):
             hint = f"did you mean {meant!r}?"
@@ -188,6 +190,15 @@ def _correct_keys(
             hint = hint if hint.startswith("did") else f"remove it, or change {variant.partition(' ')[0]}"
         faults.append(Fault(places.place(path), f"key {key!r}", allowed, why, hint))
     return tables, replace(places, templates={**places.templates, **written}), faults
+
+
+def _tables_with(key: str, root: type[BaseModel]) -> list[str]:
+    """Return the tables of a case, without tables of named parts, that have a key."""
+    return [
+        name for name, field in root.model_fields.items()
+        if dict not in map(get_origin, (field.annotation, *get_args(field.annotation)))
+        and any(key in dict(keys_of(record)) for record in records_in(field.annotation))
+    ]  # fmt: skip
 
 
 def _convert_errors(
@@ -303,10 +314,15 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
             return Fault(where, given, f"{maximum} {what}" if maximum else f"at least {minimum} {what}", "", "")
         case "model_type" | "model_attributes_type" | "dict_type":
             keyed = len(path) > 1 and records_at(path, root) != records_at(path[:-1], root)  # no table of named parts
-            known = dict(fields_at(path, root)) if keyed else {}
-            names = (f"{name} (required)" if key.is_required() else name for name, key in known.items())
-            allowed = f"a table with keys among {', '.join(names)}" if known else "a table"
-            return Fault(where, given, allowed, "", "write it as { key = value } or under a [header]")
+            variants = [dict(keys_of(record)) for record in records_at(path, root)] if keyed else []
+            names = dict.fromkeys(name for keys in variants for name in keys)
+            required = {name for name in names if all(name in keys and keys[name].is_required() for keys in variants)}
+            listed = ", ".join(f"{name} (required)" if name in required else name for name in names)
+            allowed = f"a table with keys among {listed}" if names else "a table"
+            remedy = "write it as { key = value } or under a [header]"
+            if any("type" in keys and value in get_args(keys["type"].annotation) for keys in variants):
+                remedy = f"write it as {{ type = {format_value(value)} }}"
+            return Fault(where, given, allowed, "", remedy)
         case "missing":
             kind = "a value" if records_at(path, root) == records_at(path[:-1], root) else f"a table [{'.'.join(path)}]"
             return _missing_key_fault(path, _describe_field(path, root, error["loc"]) or kind, places)
@@ -361,7 +377,8 @@ def _locate_fault(
 
 
 def _missing_key_fault(path: Path, allowed: str, places: KeyLocations) -> Fault:
-    return Fault(places.place(path), "nothing", allowed, "the key is required", f"add {path[-1]!r}")
+    entry = "format = 1" if path == ("format",) else repr(path[-1])
+    return Fault(places.place(path), "nothing", allowed, "the key is required", f"add {entry}")
 
 
 def _shorten(value: object, words: Sequence[str] = ()) -> str:

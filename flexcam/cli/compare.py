@@ -47,8 +47,8 @@ def compare(
     count: Annotated[int | None, Parameter(
         group=_SPEEDS, help="Number of speeds, evenly spaced; 8 by default.")] = None,
     tolerance: Annotated[str | None, Parameter(
-        group=_SPEEDS, help="Two models agree if both their minimum and their maximum forces differ by at most this "
-        "fraction of the larger of the two maximum forces; 5 % by default.")] = None,
+        group=_SPEEDS, help="Allowed difference of the minimum forces of two models, and of their maximum forces, "
+        "relative to the larger maximum force; 5 % by default.")] = None,
     contact: Annotated[str | None, Parameter(group=_SPEEDS, help="Cam contact, if a case has several.")] = None,
     plot: Annotated[Path | None, Parameter(
         group=_SPEEDS, help="Also draw the forces over speed (.svg, .png or .pdf).")] = None,
@@ -57,8 +57,8 @@ def compare(
     """Compare the flexible model with the rigid one, or any two models, cases or results.
 
     With --lowest, --highest or --plot it compares the contact forces of three models over a range of speeds: rigid,
-    flexible with bilateral contact, and flexible with unilateral contact. It prints the speed above which
-    the models differ.
+    flexible with a contact that never opens (bilateral), and flexible with one that can open (unilateral). It prints
+    the speed above which the models differ.
     Speeds are those of the crankshaft if the case gives crank_speed, otherwise those of the camshaft.
     """
     over_speed = any(option is not None for option in (lowest, highest, plot))

@@ -98,8 +98,8 @@ def _fit_output(variables: Sequence[Variable], measured: Measurement, result: Fi
     if result.misfit > 2.0:
         words.append(f"The residuals are {result.misfit:.2g} times the noise: the model does not describe the curves.")
     words += [
-        f"Successive residuals of {curve.label} are correlated ({r:+.2f}): the model may have a systematic error, "
-        "and the true intervals be wider"
+        f"Successive residuals of {curve.label} are correlated ({r:+.2f}): the model may have a systematic error; "
+        "the true intervals may then be wider"
         for curve, r in zip(curves, result.serial, strict=True) if r > 3.0 / np.sqrt(len(measured.instants))
     ]  # fmt: skip
     numbers = np.array([result.start, result.values, result.intervals]).T.tolist()

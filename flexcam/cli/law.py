@@ -53,7 +53,7 @@ def _law_facts(name: str, result: Criteria) -> Table:
         ("symmetric", "yes" if result.symmetric else "no"),
         ("rms of s', s'', s'''", ", ".join(f"{value:.6g}" for value in result.rms)),
         ("harmonics of s''", ", ".join(f"{remove_noise(value, largest):.3g}" for value in result.harmonics)),
-        *(("unmet between two dwells", violation) for violation in result.violations),
+        *(("between two dwells", violation) for violation in result.violations),
     ]  # fmt: skip
     return facts_table(f"Motion law {name}, z = angle / duration of the rise", rows)
 

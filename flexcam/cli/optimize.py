@@ -217,8 +217,8 @@ def _optimum(design: OptimizationProblem, trials: Evaluations) -> tuple[list[Tab
 
 
 _DISTANCE = (
-    "distance to violation: how far, in % of their intervals, the varied values are from the nearest evaluated variant "
-    "that violates the constraint; a dash: this variant violates it"
+    "distance to violation: distance of this variant from the nearest evaluated one that violates the constraint, in % "
+    "of the --vary intervals; a dash: this variant violates it"
 )
 
 

@@ -149,7 +149,8 @@ flexcam plot results/case.vtkhdf --what profile --channel contacts.intake.pressu
 def plot(
     asked: Annotated[FigureOptions, Parameter("*")], *,
     output: Annotated[Path | None, Parameter(
-        ["-o", "--output"], help="File of the figure (.svg, .png or .pdf); SOURCE-WHAT.svg by default.")] = None,
+        ["-o", "--output"], help="File of the figure (.svg, .png or .pdf); by default NAME-WHAT.svg in "
+        "the current folder, such as case-motion.svg.")] = None,
     overrides: cli.Overrides = None, units: cli.Units = None, overwrite: cli.Overwrite = False,
     as_json: cli.Json = False,
 ) -> cli.CommandOutput:  # fmt: skip

@@ -73,7 +73,8 @@ def run(
         loaded = replace(loaded, result_name=name)
     until = None if duration is None else start + duration
     if not resume:  # before the model is chosen, which requires computations
-        check_writable("result", folder / f"{loaded.name}.vtkhdf", overwrite=overwrite)
+        remedy = "use --overwrite, or give another --name or folder (-o)"
+        check_writable("result", folder / f"{loaded.name}.vtkhdf", overwrite=overwrite, remedy=remedy)
     read, choice = select_case(loaded, until)
     probe = scalar_probe(prepare_without_periodic_search(read)) if read.record.fidelity.estimate else ""
     ready = prepare(read, until=until, allow_large=allow_large)
@@ -137,11 +138,15 @@ def _describe_run(
         parts.append(f"Periodic start: the state after one revolution differs from that at its start by {error}")
     if change:
         hint, grows = "", change.stress_change > run_metrics.GROWTH
-        if grows:
-            slow = run_checks.describe_decay(ready, change.member)
-            hint = f". Run more revolutions until the values repeat{f'. {slow}' if slow else ''}"
-        elif change.force > run_metrics.CHATTER and not excitation_without_period(case):
-            hint = ". Run more revolutions until the values repeat, or use the largest value of several revolutions"
+        if grows or (change.force > run_metrics.CHATTER and not excitation_without_period(case)):
+            hint = ". Run more revolutions until the values repeat"
+            if change.contact:
+                hint += (
+                    ". If they never do, contacts chatter (see flexcam stability): use the largest value of several "
+                )
+                hint += "revolutions"
+            slow = run_checks.describe_decay(ready, change.member) if grows else ""
+            hint += f". {slow}" if slow else ""
         parts.append(f"Difference between the last two revolutions: {run_checks.describe_change(change)}{hint}")
     elif status.ok and ready.model.cam_contacts and stats.unknowns and stats.periodicity < 0.0:
         hint = "with run.revolutions = 2, flexcam prints the difference between the two revolutions"

@@ -152,7 +152,8 @@ def _angle_factor(column: str, angle: AngleKind | None, head: str, path: Path) -
     kinds = [kind for kind in ("cam", "crank") if any(word.startswith(kind) for word in words)]
     kind = angle or (kinds[0] if len(kinds) == 1 else None)
     if kind is None:
-        remedy = 'write lift_table = { file = ..., angle = "cam" } or angle = "crank", or a header cam_deg, lift_mm'
+        table = 'lift_table = { file = ..., angle = "cam", unit = "mm" }'
+        remedy = f"add a header line such as cam_deg, lift_mm or crank_deg, lift_mm, or write {table}"
         value, why = repr(head) if head else "no header line", "the crankshaft turns twice as fast as the camshaft"
         raise refuse(f"{path.name}, angle", value, "cam or crank angles", why, remedy)
     unit = _HEADER_UNIT.search(column)

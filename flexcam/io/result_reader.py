@@ -38,7 +38,7 @@ def suggest_alternative(path: Path) -> str:
         final = path.with_name(_SUFFIXES.sub("", path.name) + RESULT_SUFFIX)
         partial, writing = partial_path(final), final.with_suffix(schema.WRITING_SUFFIX)
         for file, remedy in (
-            (final, f"its run is complete: {final}"),
+            (final, f"the result of the complete run is {final}"),
             (partial, f"{partial} contains the finished part of a run that is running or was stopped"),
             (writing, f"a run is writing {writing}, or was killed before its first copy; try again after its end"),
         ):

@@ -151,7 +151,8 @@ class ResultFile:
         steps: int, save: SaveAt, about: Mapping[str, str], overwrite: bool = False, resume: Checkpoint | None = None,
         warnings: Callable[[Stats], Sequence[str]] | None = None,
     ) -> None:  # fmt: skip
-        check_writable("result", path, overwrite=overwrite)
+        remedy = "use --overwrite: the older result is replaced when the run is complete"
+        check_writable("result", path, overwrite=overwrite, remedy=remedy)
         start = time.perf_counter()
         self.path, self.partial, self._overwrite = path, partial_path(path), overwrite
         self._geometry, self._outline = geometry, outline

@@ -110,7 +110,9 @@ def unknown_scalar_fault(name: str, known: Iterable[str], *, prefixes: bool = Tr
     if len(names) > _MAX_LISTED and group in groups:
         allowed = f"a result under {group}: {', '.join(item for item in names if item.startswith(f'{group}.'))}"
     else:
-        listed = f"a result of {', '.join(groups)}" if len(names) > _MAX_LISTED else ", ".join(names)
+        listed = ", ".join(names)
+        if len(names) > _MAX_LISTED:
+            listed = f"a result such as {names[-1]}; the names begin with {', '.join(groups)}"
         allowed = "; ".join(filter(None, (listed or "(no run was completed)", others)))
     near = suggest_name(name, [*(begins if prefixes else ()), *names])
     return Fault("scalars", repr(name), allowed, "there is no such result", near)

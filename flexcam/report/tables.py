@@ -447,10 +447,10 @@ def _limit_bands(limit: Limit, scale: float) -> str:
             return f"at {low}"
         return f"{low} to {last}" if end else f"{low} to at least {last}"
 
-    texts = [words(*band) for band in limit.bands_rpm]
-    if texts and limit.bands_rpm[-1][1] and limit.examined_rpm:
-        texts.append(f"not at {_limit_rpm(limit, scale, limit.examined_rpm)}")
-    return ", ".join(texts)
+    text = " and ".join(words(*band) for band in limit.bands_rpm)
+    if text and limit.bands_rpm[-1][1] and limit.examined_rpm:
+        text += f", not at {_limit_rpm(limit, scale, limit.examined_rpm)}"
+    return text
 
 
 def _limit_range(limit: Limit, scale: float) -> str:

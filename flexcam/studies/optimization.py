@@ -79,8 +79,8 @@ def parse_constraint(text: str) -> Constraint:
     """Parse a constraint."""
     match = _CONSTRAINT.match(text)
     if match is None:
-        allowed = "NAME <= VALUE or NAME >= VALUE, in quotes"
-        raise refuse("--subject", repr(text), allowed, "", "write 'frequency.1 >= 900 Hz'")
+        allowed, remedy = "NAME <= VALUE or NAME >= VALUE, in quotes", "use <= or >=, as in 'frequency.1 >= 900 Hz'"
+        raise refuse("--subject", repr(text), allowed, "", remedy)
     _split_bound(match[3])
     return Constraint(match[1], "<=" if match[2] == "<=" else ">=", match[3])
 

@@ -297,13 +297,18 @@ class Plan:
         )
 
 
+def _interval_remedy(axis: Axis) -> str:
+    low, high = (f"{value.number:.10g}" for value in axis.values)
+    remedy = f"give a number of values, as in {low}:{high}#5{axis.unit}, or a step"
+    return remedy + (", or use --sample sobol:512" if axis.where.startswith("--set") else "")
+
+
 def make_plan(axes: Sequence[Axis], sampled: Sample | None = None, *, limit: int = MAX_VARIANTS) -> Plan:
     """Return a plan after checking the number of variants."""
     plan = Plan(tuple(axes), sampled)
     if sampled is None and (intervals := [axis for axis in axes if axis.interval]):
         given, allowed = "an interval", "a range with a step, or a list"
-        remedy = "add a step (1000:8000:500rpm), or let flexcam sweep choose points in it with --sample sobol:512"
-        raise InputError(Fault(axis.where, given, allowed, "", remedy) for axis in intervals)
+        raise InputError(Fault(axis.where, given, allowed, "", _interval_remedy(axis)) for axis in intervals)
     if not plan.varied_axes:
         given = " ".join(axis.where for axis in axes) or "no --set"
         raise refuse("sweep", given, "at least one key with several values", "nothing varies",

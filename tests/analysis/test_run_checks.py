@@ -84,7 +84,7 @@ def test_fine_run_has_no_warnings():
 
 def test_coarse_steps_cause_warning():
     words = run_warnings(CASE, "run.steps_per_revolution=12")
-    assert any("time steps per period of it" in one for one in words)
+    assert any("time steps per period;" in one for one in words)
 
 
 @dataclass(frozen=True)

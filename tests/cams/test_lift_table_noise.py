@@ -123,7 +123,7 @@ def test_ripple_below_base_circle_causes_remark():
     lift = np.where((theta > 1.0) & (theta < 2.0), 0.008, 0.0)
     remarks = lift_table(theta, lift, tolerance=0.0)[1].remarks
     (remark,) = [one for one in remarks if "um below the base circle at" in one]
-    assert remark.endswith("although no point of the table is below it: check the points there")
+    assert remark.endswith("although no point of the table is below it: check the points there, or add some")
 
 
 @pytest.mark.parametrize("seed", [26, 31, 32, 59])

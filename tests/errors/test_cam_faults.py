@@ -78,7 +78,7 @@ FAULTS = {  # the cam, the key that must be reported, a part of `given`, a part 
     "key of a lift table": (cam_with_lift_table('{ file = "good.csv", angel = "cam" }'), "lift_table.angel", "cam", "did you mean 'angle'"),
     "lift table without a file": (cam_with_lift_table('{ angle = "cam" }'), "lift_table.file", "nothing", "add file"),
     "tolerance in kg": (cam_with_lift_table('{ file = "good.csv", tolerance = "2 kg" }'), "lift_table", "2 kg", "a length"),
-    "no head": (cam_with_lift_table('"nohead.csv"'), "lift_table", "no header line", 'write lift_table = { file = ..., angle = "cam" }'),
+    "no head": (cam_with_lift_table('"nohead.csv"'), "lift_table", "no header line", 'write lift_table = { file = ..., angle = "cam", unit = "mm" }'),
     "no unit": (cam_with_lift_table('"nounit.csv"'), "lift_table", "cam_deg, lift", 'unit = "mm"'),
     "angle in kg": (cam_with_lift_table('"kg.csv"'), "lift_table", "crank_kg", "crank_deg or crank_rad"),
     "no shaft": (cam_with_lift_table('"noshaft.csv"'), "lift_table", "angle_deg", "the crankshaft turns twice as fast"),

@@ -10,8 +10,8 @@ MISSING = {
     "a run is writing it": (["case.partial.vtkhdf", "case.writing"], "case.vtkhdf", "case.partial.vtkhdf contains"),
     "its first copy is to come": (["case.writing"], "case.vtkhdf", "run is writing"),
     "what it writes": (["case.partial.vtkhdf", "case.writing"], "case.writing", "case.partial.vtkhdf contains"),
-    "it ended": (["case.vtkhdf"], "case.partial.vtkhdf", "Its run is complete"),
-    "it ended, what it wrote": (["case.vtkhdf"], "case.writing", "Its run is complete"),
+    "it ended": (["case.vtkhdf"], "case.partial.vtkhdf", "The result of the complete run is"),
+    "it ended, what it wrote": (["case.vtkhdf"], "case.writing", "The result of the complete run is"),
     "another name": (["intake-2.vtkhdf"], "intake2.vtkhdf", "Did you mean 'intake-2.vtkhdf'?"),
     "a partial result under another name": (["a.partial.vtkhdf"], "b.vtkhdf", "There is no such file"),
 }  # fmt: skip

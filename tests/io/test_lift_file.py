@@ -182,7 +182,7 @@ def test_invalid_columns_are_refused(refusal):
 UNDEFINED = {  # header, given options, missing option, a part of the remedy
     "no head": ("", {}, "angle", 'angle = "cam"'),
     "no head, shaft given": ("", {"angle": "cam"}, "unit", 'unit = "mm"'),
-    "no head, unit given": ("", {"unit": "mm"}, "angle", 'angle = "crank"'),
+    "no head, unit given": ("", {"unit": "mm"}, "angle", 'angle = "cam"'),
     "no shaft": ("angle_deg, lift_mm\n", {}, "angle", "cam_deg, lift_mm"),
     "two shafts": ("cam crank, lift_mm\n", {}, "angle", "cam_deg, lift_mm"),
     "no unit": ("cam_deg, lift\n", {}, "unit", "cam_deg, lift_mm"),

@@ -316,7 +316,7 @@ def test_maximum_of_single_part_has_cam_angle():
 
 def test_speed_bands_of_limit():
     """Speeds above the last examined one are unknown."""
-    ends = {4922.8: "4000 to 4252, 4688 to at least 4923", 4688.3: "4000 to 4252, at 4688"}
+    ends = {4922.8: "4000 to 4252 and 4688 to at least 4923", 4688.3: "4000 to 4252 and at 4688"}
     for examined, shown in ends.items():
         limit = Limit(4000.0, 5.0, "event", ((4000.0, 4252.4), (4688.3, None)), examined)
         table = limits_table(Limits({"float": limit}, 1000.0, 9000.0), Margins(None, None, {}), 1.0)

@@ -266,8 +266,13 @@ def records_in(annotation: object) -> list[type[BaseModel]]:
 def fields_at(path: tuple[str, ...], root: type[BaseModel]) -> Iterator[tuple[str, FieldInfo]]:
     """Yield the keys of the tables at a path with their fields."""
     for record in records_at(path, root):
-        for name, field in record.model_fields.items():
-            yield field.alias or name, field
+        yield from keys_of(record)
+
+
+def keys_of(record: type[BaseModel]) -> Iterator[tuple[str, FieldInfo]]:
+    """Yield the keys of a table with their fields."""
+    for name, field in record.model_fields.items():
+        yield field.alias or name, field
 
 
 def units_in(annotation: object) -> list[Unit]:

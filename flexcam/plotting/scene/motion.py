@@ -165,7 +165,7 @@ def result_motion(structure: Structure, result: Result, speed: float, colour: st
     if colour is None:
         return motion
     if colour not in FIELDS:
-        raise refuse("--color", repr(colour), ", ".join(FIELDS), remedy=suggest_name(colour, FIELDS))
+        raise refuse("field", repr(colour), ", ".join(FIELDS), remedy=suggest_name(colour, FIELDS))
     if colour in result.recovered:
         values = result.recovered[colour]
     else:
@@ -183,7 +183,7 @@ def case_motion(structure: Structure, speed: float, colour: str | None = None, c
         return motion
     if colour not in series:
         why, remedy = "a case is shown as a rigid mechanism", "solve it with flexcam run and view the result"
-        raise refuse("--color", repr(colour), ", ".join(series), why, remedy)
+        raise refuse("field", repr(colour), ", ".join(series), why, remedy)
     return _coloured(motion, _member_translations(structure, series[colour]), colour)
 
 
