@@ -221,6 +221,7 @@ COILS += 'wire = { diameter = "4 mm", shear_modulus = "80 GPa", density = "7850 
 TABLE = 'springs.lifter={ at = "lifter", direction = "uy", installed_force = 10, force_table = [[0, 0], [0.04, 24], [0.05, 40]] }'
 
 
+@pytest.mark.slow
 def test_nonlinear_springs_change_run(unchanged):
     one = run_channels(ENGINE, COILS)
     assert any_change(unchanged, one)
@@ -270,6 +271,7 @@ superelements = { arm = { nodes = { 1 = "foot", 2 = "tip" }, units = "m-kg-s", m
 PAPERS = ("checks/mathieu.toml", "checks/pump-up.toml", "li/valve-train.toml", "petrescu/valve-spring.toml")
 
 
+@pytest.mark.slow
 def test_every_key_of_the_format_is_in_a_case(rewrite, tmp_path):
     shutil.copy(DATA / "lift.csv", tmp_path)
     cases = [

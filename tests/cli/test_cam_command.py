@@ -210,6 +210,7 @@ def test_cam_card_values(run_cam, tmp_path):
             assert [event["opens"] / DEG, event["closes"] / DEG] == pytest.approx([opens, closes], abs=1e-6)
 
 
+@pytest.mark.slow
 def test_cam_card_text_and_timing_plot(run_cam, tmp_path):
     (tmp_path / "card.toml").write_text(CYLINDER)
     done = run_cam("card.toml", "--checking-lift", "4 mm", "--plot", "pictures")
@@ -270,6 +271,7 @@ def fb2_profile(base, count=720):
     return cam_profile(event, RollerFollower(base, 0.01), count=count)
 
 
+@pytest.mark.slow
 def test_undercut_and_cutter_findings(run_cam):
     """Undercut: r0 + s + s'' has its minimum at the nose, where s'' = -12 mm."""
     (undercut,) = first_cam(run_cam, "petrescu-cos", "--set=cams.valve.base_radius=5 mm")["findings"]
@@ -429,6 +431,7 @@ def test_lash_delays_valve_events(run_cam, tmp_path):
     assert event(np.array([opens, closes])) == pytest.approx([2e-3, 2e-3], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_durations_at_follower_and_valve(flexcam):
     """Durations at 0.050 in refer to the tappet; rocker and lash change the valve. A machine uses cam angles."""
     case = Path(__file__).parents[2] / "cases/pushrod-engine/intake.toml"

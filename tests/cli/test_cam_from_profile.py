@@ -21,6 +21,7 @@ def write_profile(tmp_path, event, follower, head="x [mm], y [mm]"):
     np.savetxt(tmp_path / "p.csv", points, fmt="%.12g", delimiter=",", header=head, comments="")
 
 
+@pytest.mark.slow
 def test_profile_to_lift_round_trip(wide_flexcam, tmp_path):
     """The profile written by `cam` gives the original lift; a case accepts the lift table."""
     assert wide_flexcam("cam", FB2, "-o", ".", "--format", "csv").code == 0

@@ -57,6 +57,7 @@ def test_force_at_crossing_equals_force_of_run(flexcam):
     assert report["crossings"][0]["load"] == pytest.approx(exact["resonances"][0]["load_n"], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_campbell_of_engine_with_spring_surge(flexcam):
     """Crank speeds, orders of the camshaft: the spring surge at 455 Hz crosses order 11 at 120 * 455 / 11."""
     args = ("--lowest", "4500rpm", "--highest", "5200rpm", "--count", "2", "--orders", "11,12", "--modes", "5")
@@ -136,6 +137,7 @@ def test_failure_at_all_speeds_has_exit_code_3(command, flexcam):
     assert "none of 2 speeds was completed" in done.err
 
 
+@pytest.mark.slow
 def test_simple_harmonic_lift_has_only_first_order(flexcam, tmp_path):
     """The rigid train follows the lift h/2 (1 - cos): order 1 only, i h/2 omega^2 with the rocker ratio i."""
     csv, picture = tmp_path / "orders.csv", tmp_path / "orders.svg"
@@ -226,6 +228,7 @@ def test_spring_surge_does_not_change_modes_over_speed(flexcam):
     assert surge["frequencies_hz"] == pytest.approx(2 * [605.8], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_modes_of_shaft_with_open_backlash(flexcam):
     """Without an equilibrium, the closed coils of the run are used."""
     case = flexcam("new", "gear-drive", "--json").json["files"][0]

@@ -52,6 +52,7 @@ def test_compare_over_speed_refuses_invalid_options(flexcam):
         assert flexcam("compare", CASE, "--lowest", "2000rpm", *options).code == 2
 
 
+@pytest.mark.slow
 def test_compared_case_and_result_have_distinct_names(flexcam, tmp_path):
     """Both have the name `my`: the suffix distinguishes case and result, the folder two results."""
     shutil.copy(Path(__file__).parents[1] / "data/inline.toml", tmp_path / "my.toml")
@@ -64,6 +65,7 @@ def test_compared_case_and_result_have_distinct_names(flexcam, tmp_path):
     assert names == ["a/my.vtkhdf", "b/my.vtkhdf"]
 
 
+@pytest.mark.slow
 def test_compare_reports_common_range_of_unequal_runs(flexcam, tmp_path):
     shutil.copy(Path(__file__).parents[1] / "data/inline.toml", tmp_path / "my.toml")
     for name, turns in (("short", 0.1), ("long", 0.2)):

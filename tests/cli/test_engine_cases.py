@@ -92,6 +92,7 @@ def test_restarted_run_equals_uninterrupted_run(variant, engine, flexcam, tmp_pa
             np.testing.assert_allclose(continued, expected[36:], rtol=0.0, atol=tolerance, err_msg=name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "variant", mostly_slow(["lever without play", "free running"], 2)
 )  # the other parts are in every-engine.toml
@@ -136,6 +137,7 @@ def test_result_without_adjuster_state_is_refused_as_start(engine, flexcam, tmp_
     assert "internal states" in done.err
 
 
+@pytest.mark.slow
 def test_result_of_lumped_rocker_is_refused_for_lever(engine, flexcam, tmp_path):
     options = ("--set", "run.revolutions=0.01", "--set", "run.steps_per_revolution=360")
     engine("first")

@@ -70,6 +70,7 @@ main.main(["run", "case.toml", "--set", "run.revolutions=200"])
 """
 
 
+@pytest.mark.slow
 def test_signal_during_destructor_stops_run(case, tmp_path):
     """Python drops an exception of a signal handler in a destructor or a weak reference's callback; h5py has many.
 

@@ -34,6 +34,7 @@ def files(tmp_path, flexcam):
     return case, export
 
 
+@pytest.mark.slow
 def test_fit_recovers_values_of_exported_run(flexcam, files, tmp_path):
     """The exported result has no noise, so the fit finds the values of its run; the fitted case contains them."""
     case, export = files
@@ -126,6 +127,7 @@ def write_mdf(path, *groups):
         file.save(path, overwrite=True)
 
 
+@pytest.mark.slow
 def test_fit_to_mdf_file(flexcam, files, tmp_path):
     """An MDF4 file gives the values of the CSV file: crank angle, another unit and rate, and an unrelated channel."""
     case, export = files

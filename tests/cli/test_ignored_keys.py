@@ -57,6 +57,7 @@ def test_keys_with_effect_on_modes_are_not_reported(flexcam):
     assert done.json != plain.json
 
 
+@pytest.mark.slow
 def test_note_names_line_of_ignored_key(flexcam, tmp_path):
     """The tolerance of a case chooses the model of a run; commands that examine one model ignore it."""
     text = INLINE.read_text(encoding="utf-8") + '\n[fidelity]\ntolerance = "5 %"\nestimate = true\n'

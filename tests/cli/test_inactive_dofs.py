@@ -72,6 +72,7 @@ def test_pruned_result_equals_unpruned_result(start, tayeb):
     assert pruned.fields.displacement[-1, side] != 0.0
 
 
+@pytest.mark.slow
 def test_run_continues_from_pruned_result(flexcam, case, tmp_path):
     """The continued run equals the uninterrupted run: the result also contains the inactive unknowns."""
     short = ("--set", "run.steps_per_revolution=720", "--set", SIDEWAYS, "--set", "run.start=equilibrium")

@@ -61,6 +61,7 @@ def fine_valve(tayeb):
     return run(read_case(tayeb(1), [FEW[0], *finer]))["valve"]
 
 
+@pytest.mark.slow
 def test_trade_table_and_files(run_trade):
     done = run_trade(*QUICKER, "--csv", "trade.csv", "--plot", "trade.svg")
     assert done.code == 0
@@ -109,6 +110,7 @@ def test_inaccurate_reference_causes_warning(flexcam, ladder):
     assert ladder["warnings"] == []
 
 
+@pytest.mark.slow
 def test_failed_reference_is_reported(run_trade, monkeypatch):
     """Its elements and steps differ from those of the case, whose own run need not fail."""
 

@@ -133,6 +133,7 @@ def test_crank_angle_plot_shows_dead_centres_and_overlap(draw_figure, flexcam):
     assert [axes.get_ylabel() for axes in figure.axes[-2:]] == ["intake force\nN", "exhaust force\nN"]
 
 
+@pytest.mark.slow
 def test_valve_overlap_with_phaser(draw_figure, flexcam):
     """The intake opens 40 deg of the crankshaft earlier than without the phaser; no contact loss is marked."""
     assert flexcam("new", "cam-phaser", "-o", "phaser.toml").code == 0

@@ -30,6 +30,7 @@ def page_text(page):
     return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", remove_scripts(page)))
 
 
+@pytest.mark.slow
 def test_report_content_without_case_file(flexcam, result, case):
     """The report from the result alone, after the case file is deleted, is identical."""
     done = flexcam("report", result, "--json")

@@ -55,6 +55,7 @@ def engine(tmp_path):
     return new_case("pushrod-engine", tmp_path / "engine.toml")[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("steps", "warned"), [(400, True), (800, False)])
 def test_coarse_steps_recommend_collocation(engine, flexcam, steps, warned):
     output = flexcam("run", engine, "--set", f"run.steps_per_revolution={steps}").out
@@ -62,6 +63,7 @@ def test_coarse_steps_recommend_collocation(engine, flexcam, steps, warned):
     assert "Newmark" not in flexcam("run", engine, "--set", "run.integrator={method='newmark'}", "--name", "other").out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rpm", "warned"), [(60_000, True), (5000, False)])
 def test_valve_that_does_not_close_causes_warning(engine, flexcam, rpm, warned):
     output = flexcam("run", engine, "--set", f"run.crank_speed={rpm}rpm").out
@@ -111,6 +113,7 @@ def test_lash_that_stays_open_causes_warning(flexcam, tmp_path):
     assert (expected in wrong, expected in right) == (True, False)
 
 
+@pytest.mark.slow
 def test_output_of_desmodromic_pair(flexcam, tmp_path):
     """The gap of 9.03 mm is a running clearance of 0.03 mm above the lift; spring and nose force are not printed."""
     case = new_case("desmodromic", tmp_path / "case.toml")[0]
@@ -209,6 +212,7 @@ def test_adjuster_transient_causes_warning(flexcam):
     assert f"{words} (rms on the lift, relative to its rms)" in pumping[0]
 
 
+@pytest.mark.slow
 def test_steps_too_long_for_seat_impact_cause_warning(flexcam):
     """The force of a 60 MN/m seat under 90 g has its maximum after 60 us, two of 720 steps at 4142 rpm."""
     case = Path(__file__).parents[2] / "cases/pushrod-engine/intake.toml"
@@ -228,6 +232,7 @@ def test_contact_duration_of_permanently_closed_contact():
     assert contact_duration(closed[2:], 1) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("friction", "name"), [("0", "mean drive power (model without friction)"), ("0.1", "mean drive power")]
 )
@@ -267,6 +272,7 @@ def test_figures_of_merit_are_not_repeated_as_metrics(flexcam, engine, tmp_path)
     assert "contact intake: max force" in others
 
 
+@pytest.mark.slow
 def test_metrics_of_part_of_revolution_are_marked(flexcam, engine):
     """Means over a part of a revolution are no means; a lash may still close."""
     few = ("--set", "run.steps_per_revolution=360", "--set", "run.revolutions=0.15", "-o", "out", "--overwrite")

@@ -163,6 +163,7 @@ def test_limits_share_runs(one_mass, ahead):
     assert set(active_counts) == ({1, 2} if ahead == 1 else {3})  # two limits need two runs at a time
 
 
+@pytest.mark.slow
 def test_valve_loft_is_compared_with_threshold():
     """A valve loft of 0.3 mm exceeds a threshold of 0.25 mm, but not one of 0.5 mm."""
     ready = prepare(read_case(CASE, ["run.steps_per_revolution=360", "run.crank_speed=1000rpm"]))

@@ -99,6 +99,7 @@ def test_step_above_stability_limit_is_numerical_instability(flexcam):
     assert "numerical" in found["verdict"]
 
 
+@pytest.mark.slow
 def test_contact_loss_is_in_verdict(flexcam):
     found = flexcam(
         "stability", ENGINE, "--set", "run.crank_speed=7000rpm", "--set", "run.revolutions=1", *QUICK, "--json"

@@ -291,6 +291,7 @@ def test_tolerance_scatter_of_frequency(flexcam, oscillator, tmp_path):
     assert "Rank correlation" in flexcam("sensitivity", oscillator, "--of", "frequency.1", *args).out
 
 
+@pytest.mark.slow
 def test_minimum_stiffness_with_frequency_bound(flexcam, oscillator, tmp_path):
     """Minimum k with f >= 110 Hz: k = m (2 pi f)^2, at the bound; the written case has this value."""
     best, table = tmp_path / "best.toml", tmp_path / "all.csv"
@@ -753,6 +754,7 @@ def test_map_of_limits_over_two_values(flexcam, tmp_path):
     assert picture.read_text(encoding="utf-8").count("<path") > 5
 
 
+@pytest.mark.slow
 def test_evaluations_receive_number_of_runs(flexcam, monkeypatch):
     """Compilation is worthwhile for ninety runs of 2 880 steps, not for one: a search took fifteen times as long."""
     quantities = sys.modules["flexcam.studies.quantities"]

@@ -90,6 +90,7 @@ def test_sweep_histories_are_result_files(flexcam, case, tmp_path):
         assert abs(response["valve"].displacement).max() == table["probes.valve.displacement.largest"][i]
 
 
+@pytest.mark.slow
 def test_histories_of_earlier_sweep_require_overwrite(flexcam, case, tmp_path):
     args = ("--set", "run.revolutions=0.1", "--histories", "--workers", "0")
     out, histories = tmp_path / "out", tmp_path / "out/case.sweep"
@@ -108,6 +109,7 @@ def test_histories_of_earlier_sweep_require_overwrite(flexcam, case, tmp_path):
     assert len(list(histories.iterdir())) == 2
 
 
+@pytest.mark.slow
 def test_sweep_does_not_overwrite_existing_files(flexcam, case, tmp_path):
     words = ("sweep", case, *QUICK, "--set", "run.speed=1000,2000rpm", "--workers", "0", "-o", tmp_path / "out")
     assert flexcam(*words).code == 0
@@ -197,6 +199,7 @@ def unanswered_address(listening):
         yield f"tcp://127.0.0.1:{server.getsockname()[1]}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("listening", [False, True])
 def test_scheduler_without_answer_is_refused(flexcam, case, tmp_path, monkeypatch, listening):
     monkeypatch.setattr("flexcam.studies.executors._TIMEOUT", 0.5)
@@ -211,7 +214,9 @@ def test_scheduler_without_answer_is_refused(flexcam, case, tmp_path, monkeypatc
 @pytest.mark.parametrize(
     ("address", "why"),
     [
-        ("tcp://nobody.invalid:8786", "Name or service not known"),  # RFC 2606: never exists
+        pytest.param(  # RFC 2606: never exists
+            "tcp://nobody.invalid:8786", "Name or service not known", marks=pytest.mark.slow
+        ),
         ("tcp://127.0.0.1", "missing port number"),
         ("http://127.0.0.1:8786", "unknown address scheme"),
     ],

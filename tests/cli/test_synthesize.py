@@ -81,6 +81,7 @@ def test_deviation_equals_that_of_valve_in_run(wide_flexcam):
     assert [found["ratio"], found["plain"][4]] == pytest.approx([1.6, deviation], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_resonant_speeds_have_no_deviation(wide_flexcam):
     """150 Hz is the third harmonic at 3000 rpm, which the polydyne cam omits; other harmonics match at other speeds."""
     words = (*POLYDYNE, "--frequency", "150Hz", "--set=cams.intake.law=4-5-6-7", "--set=cams.intake.rise=60 deg")
@@ -135,6 +136,7 @@ return = "180 deg"
 """
 
 
+@pytest.mark.slow
 def test_negative_polydyne_lift_is_reported_with_remedy(wide_flexcam):
     """A larger base circle has no effect; a lower speed and more harmonics reduce it, here below the tolerance."""
     cam = ("synthesize", "polydyne", ROOT / "cases/pushrod-engine/intake.toml", "--frequency", "400 Hz")
@@ -231,6 +233,7 @@ def test_refusal_states_tolerance_of_few_harmonics(wide_flexcam):
     assert wide_flexcam(*SHORT, "--count", "3", "--tolerance", f"{0.98 * float(tolerance)} um").code == 2
 
 
+@pytest.mark.slow
 def test_law_of_minimum_acceleration(wide_flexcam, tmp_path, monkeypatch):
     """As in docs/motion.md: splines on 24 pieces, jerk bound 52.5, no law below 8/(1 + sqrt(1 - 32/J))."""
     found = facts(wide_flexcam, *MIN_ACCELERATION, "--bound", "Cj=52.5", "-o", "new/best.toml", "--plot", "best.svg")

@@ -62,6 +62,7 @@ def test_imperial_units_of_tables_without_run(flexcam, tmp_path, command):
     assert expected[command] in " ".join(done.out.split())
 
 
+@pytest.mark.slow
 def test_imperial_units_of_figures_without_run(flexcam, tmp_path):
     flexcam("new", "pushrod-engine", "-o", "engine.toml")
     for what, expected in (("spring", "force, lbf"), ("svaj", "in/rad²"), ("profile", "x, in")):

@@ -87,6 +87,7 @@ def test_hash_distinguishes_angles_and_cases(flexcam):
     assert image_hash("made.png") - image_hash(ROOT / "tests/data/pictures/finger.png") > 5 * MAX_HASH_DISTANCE
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("drawing")
 def test_result_is_drawn_at_full_lift(flexcam, intake):
     read = read_result(intake)
@@ -166,6 +167,7 @@ def test_movie_shows_motion_of_cam(flexcam, intake, monkeypatch):
     assert Path("train.mp4").stat().st_size > 2000
 
 
+@pytest.mark.slow
 def test_page_is_self_contained(flexcam, tmp_path):
     """The page contains the motion, to 1/65535 of its box; it loads no other file, and the title is escaped."""
     case = tmp_path / "case.toml"

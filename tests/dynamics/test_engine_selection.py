@@ -213,6 +213,7 @@ def digest(path):
     return hashlib.sha256(run.probes.acceleration.tobytes()).hexdigest()
 
 
+@pytest.mark.slow
 def test_processes_give_bit_identical_runs():
     code = "from tests.dynamics.test_engine_selection import FORCED, digest\nprint(*map(digest, FORCED))"
     words = [sys.executable, "-c", code]

@@ -221,6 +221,7 @@ def test_vtk_reads_all_steps_after_kill(killed_runs, tried):
     tried("killed", f"kill -9, file read by VTK: {killed_runs.engine} engine", len(some), "every step is readable")
 
 
+@pytest.mark.slow
 def test_resumed_killed_runs_equal_uninterrupted_run(killed_runs, tried):
     """The resumed runs also remove the temporary files of the killed ones."""
     some = [one.path.parent for one in killed_runs.runs if one.reported][:60:5]

@@ -15,6 +15,7 @@ import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
+from queue import SimpleQueue
 
 from tests.planted.anchors import AnchorError, Edit, Fault, Package
 
@@ -40,8 +41,8 @@ def copy_tree(source: Path, target: Path) -> None:
 def run_tests(tree: Path, tests: list[str], cache: Path, workers: int = 0) -> str:
     """Run the tests on the tree; return the output of pytest if a test fails, else an empty string.
 
-    Raise SystemExit if the suite cannot run. The cache of machine code is common to all trees: its key is the source
-    text, so that a tree with a fault in this text has separate code.
+    Raise SystemExit if the suite cannot run. The cache of machine code is common to all trees in one folder: its key is
+    the source text, so that a tree with a fault in this text has separate code, and the path of the folder.
     """
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-n", str(workers), *tests]
     environment = {
@@ -78,13 +79,17 @@ def check_suite(faults: list[Fault], sound: Path, cache: Path) -> None:
         raise SystemExit(message)
 
 
-def is_caught(fault: Fault, edit: Edit, sound: Path, cache: Path) -> bool:
-    """Return whether the tests of a fault fail on a tree with the fault."""
-    with tempfile.TemporaryDirectory() as folder:
-        tree = Path(folder)
+def is_caught(fault: Fault, edit: Edit, sound: Path, cache: Path, trees: SimpleQueue[Path]) -> bool:
+    """Return whether the tests of a fault fail on a tree with the fault, in a free folder of `trees`."""
+    tree = trees.get()
+    try:
+        tree.mkdir()
         copy_tree(sound, tree)
         edit.apply(tree)
         return bool(run_tests(tree, fault["tests"], cache))
+    finally:
+        shutil.rmtree(tree)
+        trees.put(tree)
 
 
 def find_survivors(faults: list[Fault]) -> list[str]:
@@ -98,9 +103,11 @@ def find_survivors(faults: list[Fault]) -> list[str]:
         package = Package(sound)
         edits = [package.edit(fault) for fault in faults]
         check_suite(faults, sound, cache)
-        for fault, seen in zip(
-            faults, threads.map(partial(is_caught, sound=sound, cache=cache), faults, edits), strict=True
-        ):
+        trees = SimpleQueue[Path]()
+        for number in range(WORKERS):
+            trees.put(Path(folder) / f"tree-{number}")
+        outcomes = threads.map(partial(is_caught, sound=sound, cache=cache, trees=trees), faults, edits)
+        for fault, seen in zip(faults, outcomes, strict=True):
             sys.stdout.write(f"{'caught' if seen else 'SURVIVED'}: {fault['name']}\n")
             sys.stdout.flush()
             survived += [] if seen else [fault["name"]]

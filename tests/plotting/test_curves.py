@@ -58,6 +58,7 @@ def line_style(line):
     return line.get_color(), line.get_linestyle()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", [["4-5-6-7"], list(LAWS)], ids=len)
 def test_law_figure(names):
     figure = law_figure({name: LAWS[name] for name in names})
@@ -80,6 +81,7 @@ def test_law_figure(names):
     assert [legend for legend in figure.legends if legend.get_window_extent().y0 < top] == [], "it covers no curve"
 
 
+@pytest.mark.slow
 def test_law_front_figure():
     """One criterion over the other from end to end; a law has equal colours in the front and the curves."""
     front = pareto(HarmonicFamily((1, 2, 3)), "Ca", "Cj", count=3)
@@ -229,6 +231,7 @@ def picture():
     return law_figure({"shm": LAWS["shm"]})
 
 
+@pytest.mark.slow
 def test_figures_are_written_in_all_formats(picture, tmp_path):
     assert save_figure(picture, tmp_path / "a.svg") == tmp_path / "a.svg"
     tree = ET.parse(tmp_path / "a.svg")  # noqa: S314

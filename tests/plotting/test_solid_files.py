@@ -116,6 +116,7 @@ def test_root_rotates_lift_to_y(tmp_path):
     assert "animations" not in content
 
 
+@pytest.mark.slow
 def test_vtk_reader_reproduces_motion(tmp_path):
     """The glTF reader of VTK, with animation, gives the bounds of all parts at every instant."""
     vtk = pytest.importorskip("vtk")
@@ -168,6 +169,7 @@ print("TOLD " + json.dumps([list(source.TimestepValues), found]))
 """
 
 
+@pytest.mark.slow
 def test_paraview_shows_named_blocks(pvbatch, tmp_path):
     _, parts = build_scene("direct-acting/finger", 3)
     collection = write_vtm(tmp_path / "a-solids.pvd", parts, np.array([0.0, 0.5, 1.0]))[0]

@@ -287,6 +287,7 @@ def test_negative_zero_is_shown_without_sign():
     assert list(made.columns[1].cells) == ["0 N"]
 
 
+@pytest.mark.slow
 def test_model_ladder_reports_error_of_reference():
     """Sixty steps of Newmark's method do not resolve the vibration of a contact of 4 MN/m."""
     case = read_case(

@@ -209,6 +209,7 @@ def test_derivatives_match_finite_differences(record, case, key):
                computed=0.5 * (slopes[1] - slopes[0]), tolerance=1e-4, reason="differences over 1e-5")  # fmt: skip
 
 
+@pytest.mark.slow
 def test_floquet_multipliers_match_finite_differences(record, case):
     """The reference is the derivative of the map over a part of a revolution with contact loss."""
     problem = prepare(case(*JUMPS, 'run.start="rest"', "run.steps_per_revolution=720")).problem

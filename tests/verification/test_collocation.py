@@ -228,6 +228,7 @@ def test_energy_balance_with_short_contacts():
     assert np.abs(channels["energy.residual"]).max() < 2e-3 * work
 
 
+@pytest.mark.slow
 def test_saved_output_does_not_change_result():
     """The steps of one run are divided from a certain step on, those of the other are not."""
     words = ("run.revolutions=0.3", "run.integrator.method=collocation")

@@ -125,6 +125,7 @@ def test_periodic_orbit_with_one_impact(record):
                computed=float(abs(one)), tolerance=1e-5, reason="average acceleration at 5760 steps")  # fmt: skip
 
 
+@pytest.mark.slow
 def test_corner_impact_bifurcation_speed(record):
     """The speed is extrapolated from the impact angles at three higher speeds."""
     corner = START + CORNER

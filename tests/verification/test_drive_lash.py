@@ -89,6 +89,7 @@ def test_free_flight_between_flanks(record, case, engine):
     assert np.abs(found.channels["energy.residual"]).max() < 1e-9  # of 2 mJ
 
 
+@pytest.mark.slow
 def test_engines_agree(case):
     fewer = ("run.revolutions=0.3", "run.steps_per_revolution=5000", "run.integrator.method=newmark", *DAMPED)
     one, other = (solve_case(case(*fewer, f"run.engine={name}")) for name in ("direct", "kernel"))

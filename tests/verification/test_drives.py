@@ -413,6 +413,7 @@ def test_common_phaser_is_equivalent_to_moved_drive(record, kind):
     assert np.abs(found.channels[force] - still[force]).max() > 1e-3 * np.abs(still[force]).max()
 
 
+@pytest.mark.slow
 def test_phaser_affects_only_its_shaft():
     """Each shaft of a head with two has its own schedule: the cams of the other shaft do not change.
 

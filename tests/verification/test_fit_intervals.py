@@ -103,6 +103,7 @@ def test_intervals_cover_true_values(record, case_file):
                reason="fifty draws: 0.90 to 1 happens 19 times in 20")  # fmt: skip
 
 
+@pytest.mark.slow
 def test_linearly_dependent_values_are_undetermined(case_file):
     """For two springs at one mass, the data determine the sum but neither stiffness."""
     measured = simulate_measurement(case_file, (), np.linspace(0.0, 0.04, 60), 2e-4, np.random.default_rng(1))

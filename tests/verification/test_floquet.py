@@ -83,6 +83,7 @@ def test_multipliers_of_mathieu_equation(record, a, q, damping):
            reason="average acceleration at 2000 steps")  # fmt: skip
 
 
+@pytest.mark.slow
 def test_unstable_tongue_at_one():
     """The period error of 500 steps, h^2/12, shifts the ends by less than 1e-5."""
     q = 0.1
@@ -147,6 +148,7 @@ def map_derivative(problem, step):
     return np.array([(after(state + unit) - after(state - unit)) / (2.0 * unit.max()) for unit in units]).T
 
 
+@pytest.mark.slow
 def test_impact_oscillator_matches_finite_differences(record):
     """The disturbance changes the times of the impacts."""
     w, steps = 2.6, 1000
@@ -229,6 +231,7 @@ class Lift:
         return 0.05 * np.sin(angle + order * math.pi / 2.0)
 
 
+@pytest.mark.slow
 def test_moving_seat_matches_finite_differences():
     """The prescribed motion changes the time of the impact and the approach velocity."""
     w, steps = 2.6, 700

@@ -115,6 +115,7 @@ def test_bound_over_all_laws_matches_closed_form(optimized, rest, record):
            reason="the best law's jerk turns between the intervals' ends")  # fmt: skip
 
 
+@pytest.mark.slow
 def test_more_pieces_converge_to_bound(rest, record):
     found = [
         minimax(SplineFamily(degree=5, pieces=n, rest=rest), {"Ca": 1.0}, bounds={"Cj": JERK})

@@ -90,6 +90,7 @@ def test_smooth_table_is_unchanged(spacing, record):
            absolute=True, reason="spline of that spacing where the jerk's slope steps")  # fmt: skip
 
 
+@pytest.mark.slow
 def test_second_order_convergence_with_spacing(fitted_order, record):
     """The spline passes through smooth points; the fourth derivative of the lobe jumps at its ends: second order."""
     spacings = np.array([4.0, 2.0, 1.0, 0.5])

@@ -209,6 +209,7 @@ def test_anderson_and_newton_agree(monkeypatch):
     np.testing.assert_allclose(newton, anderson, atol=1e-7 * np.abs(newton).max())
 
 
+@pytest.mark.slow
 def test_residual_is_equal_on_direct_and_kernel_engine():
     """A tolerance of one ends the search after the first revolution."""
     words = ("run.steps_per_revolution=360", "run.revolutions=1")

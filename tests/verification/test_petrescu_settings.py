@@ -141,6 +141,7 @@ def integrate_opening(case):
     return top - start
 
 
+@pytest.mark.slow
 def test_opening_of_single_mass_over_time(record):
     """The lost lift of the closed form is the deflection of the train under the preload, before the cam turns."""
     case = read_case(CASE, ["run.steps_per_revolution=14400"])

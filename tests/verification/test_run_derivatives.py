@@ -210,6 +210,7 @@ def test_trains_in_contact_match_differences(record, path, key, names, fixed):
                reason="differences of contact runs over 1e-4 contain the noise of events")  # fmt: skip
 
 
+@pytest.mark.slow
 def test_second_local_maximum_matches_differences(record):
     """The second highest local maximum of the cam force has a value and a derivative at a constant instant."""
     file, fixed = CaseFile.open(Path(BUCKET)), (*ONE_REVOLUTION, "run.engine=kernel")

@@ -96,6 +96,7 @@ def test_friction_power_matches_dissipation(tmp_path):
     np.testing.assert_allclose(metrics["friction.nest.friction_power.mean"], power, rtol=1e-4)  # 1500 trapezoids
 
 
+@pytest.mark.slow
 def test_engines_agree(tmp_path):
     direct, kernel = (
         solve_run(prepare_nest(tmp_path, outer=5, engine=engine, turns=1.0)) for engine in ("direct", "kernel")
