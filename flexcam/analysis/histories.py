@@ -9,8 +9,9 @@ from typing import Literal
 import numpy as np
 
 from flexcam.core import FloatArray
-from flexcam.core.errors import refuse
-from flexcam.dynamics import SLOPES, Block, History, Response, Series, peak, value_range
+from flexcam.core.errors import refuse, suggest_name
+from flexcam.dynamics import SLOPES, Block, History, Outline, Response, Series, peak, value_range
+from flexcam.io.exports import scalar_probes
 from flexcam.valvetrain import seating
 
 _INSTANT_TOLERANCE = 1e-6  # tolerance for equal instants relative to a step
@@ -47,10 +48,19 @@ class Histories:
 
 def scalar_history(response: Response, probe: str) -> History:
     """Return the history of a scalar probe."""
-    history = response[probe]
-    if history.displacement.ndim != 1:
-        raise refuse("probe", repr(probe), "one scalar: " + ", ".join(f"{probe}.{c}" for c in history.components))
-    return history
+    check_scalar_probe(response.outline, probe)
+    return response[probe]
+
+
+def check_scalar_probe(outline: Outline, probe: str) -> None:
+    """Raise an error if there is no scalar probe of this name."""
+    scalars, several = list(scalar_probes(outline)), dict(outline.probes).get(probe, ())
+    if len(several) > 1:
+        components = ", ".join(f"{probe}.{component}" for component in several)
+        raise refuse("probe", repr(probe), components, "it has several components", "name one")
+    if probe not in scalars:
+        allowed = ", ".join(scalars) or "(no probe was saved)"
+        raise refuse("probe", repr(probe), allowed, "there is no such probe", suggest_name(probe, scalars))
 
 
 def extract_histories(response: Response, probe: str) -> Histories:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flexcam.analysis.histories import check_scalar_probe
 from flexcam.analysis.resources import check_mesh_memory
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case
@@ -38,6 +39,7 @@ from flexcam.dynamics import (
     installed_state,
     method_refusal,
     moving_equilibrium,
+    outline,
     solve_periodic,
 )
 from flexcam.fem.dofs import COMPONENTS
@@ -73,8 +75,11 @@ class PreparedRun:
         return self.case.with_run({"integrator": CollocationRecord(method="collocation")})
 
 
-def scalar_probe(ready: PreparedRun) -> str:
-    """Return the default probe of a case: the point of a rocker, else the first moved by a cam, else the first."""
+def scalar_probe(ready: PreparedRun, name: str | None = None) -> str:
+    """Return a scalar probe by name; by default that of a rocker, else the first that a cam moves, else the first."""
+    if name is not None:
+        check_scalar_probe(outline(ready.problem.system), name)
+        return name
     points = [rocker.point for rocker in ready.model.rockers.values()]
     probes = [probe for probe in ready.problem.system.probes if probe.name in ready.model.probes]
     if not probes:

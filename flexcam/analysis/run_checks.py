@@ -270,15 +270,18 @@ _SAME_STRESS = 0.02  # relative change of a stress that is not mentioned
 
 
 def describe_decay(ready: PreparedRun, member: str) -> str:
-    """Return the decay of the lowest mode of a member; empty if within a revolution, or without such a mode."""
+    """Return the decay of the lowest mode, if it is undamped, or of that of a member; empty if within a revolution."""
     lowest = model_modes(build_structure(ready.model), _DECAY_MODES)
     for i in range(lowest.modes.rigid, len(lowest.modes.omegas)):
+        shape, frequency = lowest.modes.shapes[:, i], f"{lowest.modes.frequencies[i]:.4g} Hz"
+        rate = 0.5 * float(shape @ ready.problem.system.damping.times(shape))
+        if i == lowest.modes.rigid and rate <= 0.0:
+            remedy = "the motion repeats only with damping, such as run.damping.modal"
+            return f"The lowest mode ({frequency}) is not damped; {remedy}"
         shares = {part: share for part, share in lowest.shares[i].items() if part.startswith(f"{member} ")}
         if sum(shares.values()) > _OWN_MODE:
-            shape = lowest.modes.shapes[:, i]
-            rate = 0.5 * float(shape @ ready.problem.system.damping.times(shape))
             motion = max(shares, key=lambda part: shares[part]).removeprefix(f"{member} ")
-            mode = f"The lowest mode of member {member} ({motion}, {lowest.modes.frequencies[i]:.4g} Hz)"
+            mode = f"The lowest mode of member {member} ({motion}, {frequency})"
             if rate <= 0.0:
                 return f"{mode} is not damped; the stress repeats only with damping, such as run.damping.modal"
             turns = 1.0 / (rate * ready.revolution)

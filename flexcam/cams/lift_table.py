@@ -289,18 +289,19 @@ def _remarks(
         estimate = f"the noise estimated from the table ({1e6 * noise:.2g} um)"
         text = f"smoothing moves {points} by more than {_FAR:g} times {estimate}"
         worst = f"{1e6 * change[j]:.3g} um at {math.degrees(theta[j]):.4g} deg of cam angle"
-        why = "outliers, a kink in the lift, or too few points on the lobe; check the table or set a tolerance"
+        why = "outliers, a kink in the lift, or too few points on the lobe; check the table, or set a small tolerance"
         if tolerance is not None:
             why = f"reduce the tolerance of {1e6 * tolerance:.3g} um, or correct outliers"
         remarks.append(f"{text}, by up to {worst}: {why}")
     smooth, lowest = spline(GRID), min(float(s.min()), 0.0)
     i = int(np.argmin(smooth))
     if smooth[i] < -max(_BELOW * top, -1.5 * lowest):
-        dip = f"the spline through the table dips {-1e6 * smooth[i]:.3g} um below the base circle"
+        curve = "the spline through the points" if tolerance == 0.0 else "the smoothed lift"
+        dip = f"{curve} dips {-1e6 * smooth[i]:.3g} um below the base circle"
         level = "below it" if lowest == 0.0 else f"more than {-1e6 * lowest:.3g} um below it"
         remedy = "check the points there, or add some"
         if tolerance:
-            remedy += f", or change the tolerance of {1e6 * tolerance:.3g} um"
+            remedy = f"leave out the tolerance of {1e6 * tolerance:.3g} um, or {remedy}"
         place = f"at {math.degrees(GRID[i]):.4g} deg of cam angle"
         remarks.append(f"{dip} {place}, although no point of the table is {level}: {remedy}")
     return remarks
@@ -361,7 +362,8 @@ def find_table_faults(theta: FloatArray, s: FloatArray) -> list[Fault]:
         faults.append(Fault(f"angle, row {i + 2}", given, "angles that ascend", "", "sort the rows, each angle once"))
     elif theta[-1] - theta[0] > math.tau + 1e-9:
         given = f"{math.degrees(theta[-1] - theta[0]):g} deg of cam angle"
-        remedy = "shorten the table, or mark crank angles with angle = 'crank'"
+        table = 'lift_table = { file = ..., angle = "crank" }'
+        remedy = f"shorten the table; for crank angles write crank_deg in its header line, or {table}"
         faults.append(Fault("angle", given, "360 deg at most", "the lift repeats every revolution", remedy))
     elif theta[-1] - theta[0] < _MIN_RANGE:
         given, allowed = f"{math.degrees(theta[-1] - theta[0]):g} deg of cam angle", "20 deg or more"

@@ -174,14 +174,17 @@ def _correct_keys(
         meant, variant = _SYNONYMS.get(key, ""), _variant_with(path, root)
         meant = meant if meant in known or variant else similar_name(key, known)
         overridden = places.notes.get(path, "").startswith("--set")  # an override may replace a given key
-        hint = f"did you mean the table [{key}s]?" if f"{key}s" in root.model_fields else "remove it"
-        if len(path) == 1 and (tables_with := _tables_with(key, root)):
+        hint = "remove it"
+        if f"{key}s" in root.model_fields and not isinstance(value, str | float):
+            hint = f"did you mean the table [{key}s]?"
+        elif len(path) == 1 and (tables_with := _tables_with(key, root)):
             hint = f"did you mean {tables_with[0]}.{key}?"
         hint = "give the diameter, twice the radius" if key == "radius" and "diameter" in known else hint
         if meant in known and _fits(value, known[meant]) and (overridden or meant not in table):
             hint = f"did you mean {meant!r}?"
             if table.keys().isdisjoint([meant, *REPLACED_KEYS.get(meant, ())]):
                 table[meant], written[(*path[:-1], meant)] = value, path
+        hint = "did you mean 'crank_speed', or 'speed' of the camshaft?" if key == "rpm" and "speed" in known else hint
         allowed, why = ", ".join(name for name in known if name != key), "there is no such key"
         if key in known:  # of a table whose variants its keys distinguish
             why = "it excludes another key of the table"
@@ -249,7 +252,8 @@ def iterate_values(table: object, path: Path = ()) -> Iterator[tuple[Path, objec
 
 _SYNONYMS = {
     "rate": "stiffness", "preload": "installed_force", "clearance": "gap", "lash": "gap", "damping": "dissipation",
-    "step_size": "step", "time_step": "step", "rpm": "speed",
+    "step_size": "step", "time_step": "step", "steps": "steps_per_revolution", "rpm": "speed", "zeta": "modal",
+    "node": "at",
 }  # fmt: skip
 """Other words of engineers for keys."""
 
@@ -319,7 +323,12 @@ def _fault(error: ErrorDetails, path: Path, places: KeyLocations, root: type[Bas
             required = {name for name in names if all(name in keys and keys[name].is_required() for keys in variants)}
             listed = ", ".join(f"{name} (required)" if name in required else name for name in names)
             allowed = f"a table with keys among {listed}" if names else "a table"
-            remedy = "write it as { key = value } or under a [header]"
+            place = ".".join(path)
+            remedy = (
+                f"write {place.rpartition('.')[2]} = {{ KEY = ... }} with one of these keys, or the header [{place}]"
+            )
+            if not names:
+                remedy = "write it as { key = value } or under a [header]"
             if any("type" in keys and value in get_args(keys["type"].annotation) for keys in variants):
                 remedy = f"write it as {{ type = {format_value(value)} }}"
             return Fault(where, given, allowed, "", remedy)

@@ -96,7 +96,7 @@ def make_problem(case: Case, model: Model, system: System) -> Problem:
     step = run.step or revolution / per_revolution
     steps = round(run.revolutions * revolution / step)
     if steps < 1:
-        given = f"{run.revolutions:g} revolutions with a step of {step:g} s"
+        given = f"revolutions = {run.revolutions:g} with a step of {step:g} s"
         raise refuse("run", given, "at least one step", "", "use more revolutions or a smaller step")
     adaptive, prune = run.adaptive.part if run.adaptive else None, case.record.fidelity.prune
     return Problem(system, drive, step, steps, adaptive=adaptive, prune=prune, engine=run.engine)

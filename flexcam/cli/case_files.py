@@ -63,8 +63,8 @@ def check(
 ) -> cli.CommandOutput:  # fmt: skip
     """Check a case file and summarize its model: size, masses, natural frequencies, warnings.
 
-    It reports all errors at once, with one exception: errors of a table that refers to a faulty table may appear only
-    after you correct the faulty one. If the TOML syntax is wrong, it reports only this. It
+    It reports as many errors as possible at once. Some checks of a table run only after you correct the errors in it
+    and in the tables to which it refers: check again. If the TOML syntax is wrong, it reports only this. It
     estimates the memory and disk space of a run, but does not run the case.
     """
     read = cli.load_case(case, overrides)

@@ -36,9 +36,7 @@ flexcam compare case.toml --lowest 2000rpm --highest 7000rpm --count 6 --plot fo
 """)
 def compare(
     case: Annotated[Path, Parameter(help="Case file (.toml), or result file (.vtkhdf) with --against.")], *,
-    probe: Annotated[str | None, Parameter(
-        help="Output point of a rocker (valve), or a component of another point (tappet.uy); "
-        f"{cli.DEFAULT_PROBE}.")] = None,
+    probe: cli.Probe = None,
     against: Annotated[str | None, Parameter(
         help="Model of the same case, such as sdof (flexcam trade lists the models), or another case or result; the "
         "rigid model by default.")] = None,
@@ -78,7 +76,7 @@ def compare(
         remedy = "add --against with another result or a case, or give the case file of this result"
         raise refuse("compare", str(case), "a case file (.toml), or a result with --against", "", remedy)
     read = cli.load_beams(case, overrides)
-    at = probe or scalar_probe(prepare(read))
+    at = scalar_probe(prepare(read), probe)
     result = comparison.deviation(read, at)
     published = any(contact.model == "published-load" for contact in read.record.contacts.values())
     mode_hz = comparison.excited_mode(read) if published else None
@@ -97,7 +95,7 @@ def _compare_pair(case: Path, against: str, probe: str | None, overrides: cli.Ov
         why = "results cannot be changed"
         raise refuse("--set", overrides[0], "--set only with a case", why, "give the case, or leave --set out")
     run = first.response if first.is_result else _run(first.case)
-    at = probe or scalar_probe(first.ready)
+    at = scalar_probe(first.ready, probe)
     if second.is_result:
         reference = second.response
     elif second.path.suffix == ".toml":
@@ -170,24 +168,24 @@ flexcam trade case.toml --csv trade.csv --plot trade.svg --repeats 5
 """)
 def trade(
     case: cli.CaseFile, *,
-    probe: Annotated[str | None, Parameter(help=f"Probe whose motion is compared; {cli.DEFAULT_PROBE}.")] = None,
+    probe: cli.Probe = None,
     repeats: Annotated[int, Parameter(help="Runs of every model; their median time is shown.")] = 3,
     csv: cli.Csv = None, plot: cli.Picture = None, overrides: cli.Overrides = None, overwrite: cli.Overwrite = False,
     as_json: cli.Json = False,
 ) -> cli.CommandOutput:  # fmt: skip
     """Compare error and run time of all models of a case, from rigid to flexible.
 
-    Use it to choose the settings in [fidelity] and the number of elements. The reference is a converged run of the
-    flexible model. Models: rigid; sdof (one mass); chain 3 (a chain of three masses); modes N (the beams, reduced
-    to N modes); beams N (N elements per span of a member); beams (the case itself); beams x2 (twice as many elements
-    as the case).
+    Use it to choose the settings in [fidelity] and the number of elements. The reference is a run of the flexible
+    model with more elements and steps; the last row shows its own error. Models: rigid; sdof (one mass); chain 3 (a
+    chain of three masses); modes N (the beams, reduced to N modes); beams N (N elements per span of a member); beams
+    (the case itself); beams x2 (twice as many elements as the case).
     """
     read, _ = collect_errors(
         lambda: cli.load_case(case, overrides),
         lambda: cli.check_number("--repeats", repeats),
         lambda: cli.check_targets(csv, plot, case, overwrite=overwrite),
     )
-    at = probe or scalar_probe(prepare(read))
+    at = scalar_probe(prepare(read), probe)
     with show_count(None, "models") as advance:
         reference, models = evaluate_ladder(read, at, repeats=repeats, advance=advance)
     warnings, errors = fidelity.trade_warnings(reference, models), fidelity.reference_errors(reference)
@@ -199,7 +197,7 @@ def trade(
         for model in models
     ]  # fmt: skip
     return cli.CommandOutput(
-        [fidelity.trade_table(reference, models), fidelity.TRADE_LEGEND, *warnings],
+        [fidelity.trade_table(reference, models), fidelity.trade_legend(reference), *warnings],
         {"reference": data, "rungs": [fidelity.evaluation_json(model) for model in models], "warnings": warnings},
         format_csv(head, rows), title=read.title,
         draw=lambda: plotting.histories.work_precision_figure(models),

@@ -87,8 +87,8 @@ def modes(
 ) -> cli.CommandOutput:  # fmt: skip
     """Compute natural frequencies and mode shapes, and name the parts that move in each mode.
 
-    It prints the modes with all contacts open. For each cam it also prints the modes with closed contacts at two
-    angles: on the base circle and at full lift.
+    It prints the modes with all contacts open. For each contact of a cam it also prints the modes with closed contacts
+    at two angles: on the base circle and at full lift.
     """
     read, _ = collect_errors(
         lambda: cli.load_case(case, overrides),

@@ -183,7 +183,7 @@ def report(
         help="Result files (.vtkhdf), including those of runs that ended early.")], *,
     output: Annotated[Path | None, Parameter(
         ["-o", "--output"], help="HTML file; in the folder of the first result by default.")] = None,
-    probe: Annotated[str | None, Parameter(help=f"Probe whose motion is shown first; {cli.DEFAULT_PROBE}.")] = None,
+    probe: cli.Probe = None,
     errors: Annotated[bool, Parameter(help="Also estimate the errors; this runs the case again.")] = False,
     limits: Annotated[bool, Parameter(help="Also find the speed limits; this takes many runs.")] = False,
     trade: Annotated[bool, Parameter(help="Also compare simpler models; this runs each of them.")] = False,

@@ -34,7 +34,7 @@ from flexcam.io import check_folder, check_folder_name, check_writable
 from flexcam.report import tables
 from flexcam.report.fidelity_tables import choice_json, describe_choice, error_table
 from flexcam.report.terminal import show_progress
-from flexcam.valvetrain import Metric, StrengthSink
+from flexcam.valvetrain import CamContact, Metric, StrengthSink
 
 
 @cli.command("""\
@@ -140,7 +140,8 @@ def _describe_run(
         hint, grows = "", change.stress_change > run_metrics.GROWTH
         if grows or (change.force > run_metrics.CHATTER and not excitation_without_period(case)):
             hint = ". Run more revolutions until the values repeat"
-            if change.contact:
+            pair = ready.model.cam_contacts.get(change.contact)
+            if isinstance(pair, CamContact) and pair.unilateral:
                 hint += (
                     ". If they never do, contacts chatter (see flexcam stability): use the largest value of several "
                 )

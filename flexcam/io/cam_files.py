@@ -169,7 +169,8 @@ def _lift_factor(column: str, requested: str | None, head: str, path: Path) -> f
     units = [word for word in _header_words(column) if word in _LENGTHS]
     unit = requested or (units[-1] if units else None)
     if unit not in _LENGTHS:
-        remedy = 'write lift_table = { file = ..., unit = "mm" }, or a header line such as cam_deg, lift_mm'
+        angle = "crank_deg" if head.lower().startswith("crank") else "cam_deg"
+        remedy = f'write lift_table = {{ file = ..., unit = "mm" }}, or a header line such as {angle}, lift_mm'
         raise refuse(f"{path.name}, unit of the lift", unit or head or "no header line", _UNITS, "", remedy)
     return _LENGTHS[unit]
 

@@ -30,7 +30,7 @@ from flexcam.dynamics.memory import ExtremesSink
 from flexcam.io import Result, read_result
 from flexcam.io.exports import energies
 from flexcam.report import tables
-from flexcam.report.fidelity_tables import TRADE_LEGEND, error_table, format_with_error, trade_table, trade_warnings
+from flexcam.report.fidelity_tables import error_table, format_with_error, trade_legend, trade_table, trade_warnings
 from flexcam.valvetrain import Metric, ModelModes, Structure, build_structure
 
 MODES = 12  # number of modes, as in `flexcam modes`
@@ -311,7 +311,7 @@ def additional_content(
         best = ", ".join(f"{model.rung} at {model.steps} steps" for model in rungs if model.best)
         words = f"Error over work, both logarithmic. Best models in both: {best}. The table has the numbers"
         png = plotting.figures.render_png(plotting.histories.work_precision_figure(rungs))
-        pictures.append(Picture("Error and cost of models", png, f"{words} ({TRADE_LEGEND})."))
+        pictures.append(Picture("Error and cost of models", png, f"{words} ({trade_legend(against)})."))
     return sentences, sheets, pictures
 
 

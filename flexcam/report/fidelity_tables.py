@@ -17,10 +17,6 @@ _ROUNDING = 1e-10
 # Error of the reference relative to the quantity's size from which a warning is given
 _REFERENCE_ERROR_TOLERANCE = 0.05
 _DIGITS = 12  # maximum number of decimals
-TRADE_LEGEND = (
-    "* Pareto-optimal: no model with less work has a smaller error (the largest of its error columns); work is the "
-    "number of unknowns times the number of steps"
-)
 
 
 def trade_table(against: Reference, found: Sequence[ModelEvaluation]) -> Table:
@@ -33,12 +29,20 @@ def trade_table(against: Reference, found: Sequence[ModelEvaluation]) -> Table:
         for model in found
     ]  # fmt: skip
     ref = reference_errors(against)
-    rows.append(("", "reference", str(against.steps), "", "", "", *map(_percent, ref.values()), "its own error"))
+    rows.append(("", "reference", str(against.steps), "", "", "", *map(_percent, ref.values()), "own error"))
     errors = (kind.replace("acceleration", "accel.") for kind in kinds)  # a longer word would be broken in a terminal
     heads = ("", "model", "steps per rev", "unknowns", "work", "cpu s", *errors, "")
     mixed = "rms error of motions and maximum error of forces"
     norm = {"max": "maximum error", "rms": "rms error", None: mixed}[against.norm]
     return plain_table(f"Cost and error of models ({norm}, in % of the maximum)", heads, rows)
+
+
+def trade_legend(against: Reference) -> str:
+    """Return the explanation of the table of a case's model ladder."""
+    work = "work: number of unknowns times number of steps"
+    if _rough_quantities(against):
+        return work
+    return f"* Pareto-optimal: no model with less work has a smaller error (the largest of its error columns); {work}"
 
 
 def reference_errors(against: Reference) -> dict[str, float]:

@@ -103,7 +103,7 @@ class TestDistance:
         assert replace(one, slopes={"lift": 1.0 - 2.0 * one.time}).size("lift") == pytest.approx(0.25, rel=1e-15)
 
     def test_probe_with_several_scalars_raises_error(self):
-        with pytest.raises(InputError, match="one scalar"):
+        with pytest.raises(InputError, match="several components"):
             run_histories(read_case(INLINE, ["run.revolutions=0.01"]), "cam")
 
 

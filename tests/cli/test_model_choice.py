@@ -196,7 +196,7 @@ def test_reference_has_beams_for_case_with_rigid_model(run_trade):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--repeats", 0), "--repeats"), (("--probe", "nosuch"), "nosuch"), (("--probe", "cam"), "one scalar"),
+        (("--repeats", 0), "--repeats"), (("--probe", "nosuch"), "nosuch"), (("--probe", "cam"), "several components"),
         (("--csv", "there.csv"), "--overwrite"), (("--plot", "there.svg"), "--overwrite"),
     ],
 )  # fmt: skip
