@@ -141,7 +141,7 @@ class LiftEvent(Event):
             why = "the event repeats every revolution"
             remedy = "shorten it; if these are crank angles, halve them"
             if (longest := max(self.rise, self.dwell, self.fall)) > 2.0 * math.tau:  # degrees without a unit
-                remedy = f"a number without a unit is in rad: write '{longest:g} deg'"
+                remedy = f"a number without a unit is in rad: in a case write '{longest:g} deg'"
             raise refuse("rise + dwell + return", given, "up to 360 deg of cam angle, ramps included", why, remedy)
         if self.single_dwell == "low" and self.dwell > 0.0:
             raise refuse("dwell", f"{math.degrees(self.dwell):g} deg", "0", 'single_dwell = "low" has no upper dwell')

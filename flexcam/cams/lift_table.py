@@ -389,10 +389,14 @@ def base_level(theta: FloatArray, s: FloatArray) -> float:
 
 
 def scatter(theta: FloatArray, s: FloatArray) -> float:
-    """Return the standard deviation of a table's noise, from the deviation from parabolas through three neighbours."""
+    """Return the standard deviation of a table's noise, from the deviation from parabolas through three neighbours.
+
+    Points of equal lift, such as zeros written for the base circle, show no noise and do not count.
+    """
     differences, weights = _divided_differences(theta, s, 4)
     miss = np.abs(differences) / np.sqrt((weights**2).sum(axis=1))
-    return _OF_MEDIAN * float(np.median(miss))
+    changing = np.ptp(sliding_window_view(s, 4), axis=1) > 0.0
+    return _OF_MEDIAN * float(np.median(miss[changing])) if changing.any() else 0.0
 
 
 def _divided_differences(theta: FloatArray, s: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:

@@ -77,7 +77,7 @@ class Polynomial(SmoothLaw):
     def __call__(self, z: FloatArray, order: int = 0) -> FloatArray:
         """Return the derivative of the given order at z."""
         powers, powers_of_rest = self._derivatives[order]
-        near_end, from_start = 1.0 - z < _NEAR_END, np.asarray(polyval(z, powers), dtype=float)
+        near_end, from_start = np.asarray(1.0 - z < _NEAR_END), np.asarray(polyval(z, powers), dtype=float)
         if not near_end.any():
             return from_start
         return np.where(near_end, (-1.0) ** order * polyval(1.0 - z, powers_of_rest), from_start)

@@ -171,7 +171,7 @@ def _correct_keys(
             continue
         table = cast("dict[str, Any]", table)
         value, known = table.pop(key), _fields(path, root, error["loc"])
-        meant, variant = _SYNONYMS.get(key, ""), _variant_with(path, root)
+        meant, variant = SYNONYMS.get(key, ""), _variant_with(path, root)
         meant = meant if meant in known or variant else similar_name(key, known)
         overridden = places.notes.get(path, "").startswith("--set")  # an override may replace a given key
         hint = "remove it"
@@ -250,7 +250,7 @@ def iterate_values(table: object, path: Path = ()) -> Iterator[tuple[Path, objec
         yield path, table
 
 
-_SYNONYMS = {
+SYNONYMS = {
     "rate": "stiffness", "preload": "installed_force", "clearance": "gap", "lash": "gap", "damping": "dissipation",
     "step_size": "step", "time_step": "step", "steps": "steps_per_revolution", "rpm": "speed", "zeta": "modal",
     "node": "at",

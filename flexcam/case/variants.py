@@ -18,7 +18,7 @@ import numpy as np
 
 from flexcam.case.builder import build_model
 from flexcam.case.case import Case, find_unit
-from flexcam.case.fault_report import iterate_values, value_at
+from flexcam.case.fault_report import SYNONYMS, iterate_values, value_at
 from flexcam.case.reader import REPLACED_KEYS, CaseFile, case_tables
 from flexcam.case.repetition import map_texts, name_pattern
 from flexcam.case.schema.run import GivenStartRecord
@@ -48,7 +48,8 @@ def get_number(case: Case, key: str, where: str) -> Number:
     copies = [key] if key in known else [name for name in known if name_pattern(key).fullmatch(name)]
     if not copies:
         last, names = key.rpartition(".")[2], [name.rpartition(".")[2] for name in numbers]
-        near = suggest_name(key, numbers) or suggest_name(last, names)
+        meant = key.removesuffix(last) + SYNONYMS.get(last, last)
+        near = suggest_name(meant, numbers) or suggest_name(last, names)
         allowed = f"a numeric key of the case, such as {', '.join(numbers[:6])}"
         raise refuse(where, repr(key), allowed, "there is no such key", near or "flexcam check --echo prints all keys")
     value = known[copies[0]]

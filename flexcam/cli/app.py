@@ -80,7 +80,7 @@ DEFAULT_PROBE = (
     "default: the valve end of a rocker, if listed in output.probes; otherwise the first listed point that a cam moves"
 )
 Probe = Annotated[str | None, Parameter(
-    help="Output point of a rocker (valve), or a component of another point (tappet.uy); "
+    help="Valve end of a rocker (valve), or a component of another point (tappet.uy); "
     f"{DEFAULT_PROBE}.")]  # fmt: skip
 CaseFile = Annotated[Path, Parameter(help="Case file (.toml).")]
 Overrides = Annotated[

@@ -45,8 +45,8 @@ def compare(
     count: Annotated[int | None, Parameter(
         group=_SPEEDS, help="Number of speeds, evenly spaced; 8 by default.")] = None,
     tolerance: Annotated[str | None, Parameter(
-        group=_SPEEDS, help="Allowed difference of the minimum forces of two models, and of their maximum forces, "
-        "relative to the larger maximum force; 5 % by default.")] = None,
+        group=_SPEEDS, help="Two models count as different if their minimum contact forces, or their maximum ones, "
+        "differ by more than this share of the larger maximum force; 5 % by default.")] = None,
     contact: Annotated[str | None, Parameter(group=_SPEEDS, help="Cam contact, if a case has several.")] = None,
     plot: Annotated[Path | None, Parameter(
         group=_SPEEDS, help="Also draw the forces over speed (.svg, .png or .pdf).")] = None,
@@ -113,7 +113,7 @@ def _compare_pair(case: Path, against: str, probe: str | None, overrides: cli.Ov
     result = comparison.compare_responses(run, reference, at, rpm, names)
     json = {**_comparison_json(result), "compared": list(result.names)}
     common = comparison.describe_common_part(run, reference, names)
-    parts = [comparison_table(result), *describe_comparison(result, None), *common]
+    parts = [comparison_table(result, first.case.turns), *describe_comparison(result, None), *common]
     return cli.CommandOutput(parts, json, status=result.status)
 
 
@@ -155,8 +155,9 @@ def _compare_over_speed(case: Case, speeds: list[float], tolerance: float, conta
     ]
     rows = zip((f"{speed:.6g}" for speed in rpm), *cells, strict=True)
     ranges = {name: np.array([pair or (np.nan, np.nan) for pair in pairs]).T for name, pairs in forces.items()}
+    title = "Min and max contact force above the ramp (or lash) plus 5 % of the lift"
     return cli.CommandOutput(
-        [plain_table("Min and max contact force during the lift", head, rows), " ".join(words)],
+        [plain_table(title, head, rows), " ".join(words)],
         {"shaft": shaft, "rpm": rpm, "forces_n": forces, **divergences, "tolerance": tolerance}, title=case.title,
         draw=lambda: plotting.spectra.force_figure(rpm, ranges, shaft),
     )  # fmt: skip
@@ -176,9 +177,9 @@ def trade(
     """Compare error and run time of all models of a case, from rigid to flexible.
 
     Use it to choose the settings in [fidelity] and the number of elements. The reference is a run of the flexible
-    model with more elements and steps; the last row shows its own error. Models: rigid; sdof (one mass); chain 3 (a
-    chain of three masses); modes N (the beams, reduced to N modes); beams N (N elements per span of a member); beams
-    (the case itself); beams x2 (twice as many elements as the case).
+    model with more elements and steps; the last row is this reference with its estimated error. Models: rigid; sdof
+    (one mass); chain 3 (a chain of three masses); modes N (the beams, reduced to N modes); beams N (N elements per
+    span of a member); beams (the case itself); beams x2 (twice as many elements as the case).
     """
     read, _ = collect_errors(
         lambda: cli.load_case(case, overrides),

@@ -113,7 +113,8 @@ def modes(
               for cam in closed}  # fmt: skip
     closed_moves = [words for of_cam in states.values() for elastic in of_cam for _, words in elastic]
     first = model_modes.modes.rigid + 1
-    columns = f"ux, uy, uz {to_display_unit('kg')[1]}: effective mass of the mode for base excitation along x, y, z."
+    columns = f"ux, uy, uz {to_display_unit('kg')[1]}: effective mass of the mode for base excitation along x, y, z. "
+    columns += f"{shaft_name(read.turns)} rpm: speed at which the camshaft turns once per period of the mode."
     note = f" For sensitivity and optimize, frequency.1 is no. {first}, the first mode above zero." if first > 1 else ""
     table = mode_table(model_modes, f"{read.title}: modes, contacts open", read.turns)
     none = "no modes with contacts open. A mode needs a mass, or a member with density, that can move."

@@ -85,11 +85,13 @@ def _polydyne_properties_table(cam: cam_analysis.PolydyneCam) -> Table:
     rows = [
         ("lift", format_quantity("m", *(end.value for end in lift))),
         ("acceleration", format_quantity("m/rad^2", *(end.value for end in bend), digits=5)),
-        ("truncation", f"max {1e6 * design.left_out:.3g} um at the cam, with {count} harmonics"),
+        ("harmonics", f"{count}; truncation changes the target motion by up to {1e6 * design.left_out:.3g} um"),
     ]  # fmt: skip
     if lift[0].value < -cam_analysis.NEGATIVE_LIFT_TOLERANCE * lift[1].value:
         below = f"the profile lies up to {format_quantity('m', -lift[0].value, digits=4)} inside its base circle"
-        rows.append(("warning", f"{below}. A lower design speed (--speed) can reduce this depth"))
+        rows.append(
+            ("warning", f"{below}. A lower design speed (--speed) or more harmonics (--count) can reduce this depth")
+        )
     return facts_table("Polydyne cam", rows)
 
 

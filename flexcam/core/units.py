@@ -202,7 +202,7 @@ def _parse_unit(text: str, where: str, expected: Exponents) -> tuple[Decimal, Ex
         return product
     near = _similar_unit(text.strip(), product, expected)
     examples = (kind.example.partition(" ")[2] for kind in DIMENSIONS.values() if kind.exponents == expected)
-    hint = f"did you mean {near!r}?" if near else f"write its symbol, such as {next(filter(None, examples), 'mm')}"
+    hint = f"did you mean {near!r}?" if near else f"use a known unit, such as {next(filter(None, examples), 'mm')}"
     given, why = f"unit {product!r} in {text!r}", f"the unit {product!r} is unknown"
     raise refuse(where, given, _UNITS, why, _FOREIGN.get(product, hint))
 
@@ -210,7 +210,9 @@ def _parse_unit(text: str, where: str, expected: Exponents) -> tuple[Decimal, Ex
 def _similar_unit(text: str, symbol: str, expected: Exponents) -> str:
     """Return the meaning of an unknown part of a unit, preferably one of a dimension; empty if unclear."""
     if symbol[0].isdigit():
-        return re.sub(r"(?<=[A-Za-z])(?=\d)", "^", text)
+        power = re.sub(r"(?<=[A-Za-z])(?=\d)", "^", text)
+        product = _unit_product(power)
+        return "" if isinstance(product, str) or product[1] != expected else power
     if len(text) > _MAX_UNIT:
         return ""
     bases = [*_PREFIXED, *(kind.si for kind in DIMENSIONS.values() if kind.exponents == expected)]

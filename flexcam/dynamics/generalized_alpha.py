@@ -57,7 +57,7 @@ class Scheme(Method):
     Raises
     ------
     InputError
-        If a parameter is invalid: beta below zero, gamma below 1/2 (energy growth), or a weight of 1.
+        If a parameter is invalid: beta not above zero or above 1, gamma below 1/2 (energy growth), or a weight of 1.
     """
 
     beta: float
@@ -67,8 +67,8 @@ class Scheme(Method):
 
     def __post_init__(self) -> None:
         if not 0.0 < self.beta <= 1.0:
-            why = "beta = 0 is the explicit rule"
-            raise refuse("integrator.beta", self.beta, "a value above 0 and up to 1", why, "central-difference")
+            remedy = "use central-difference for the explicit rule with beta = 0" if self.beta == 0.0 else ""
+            raise refuse("integrator.beta", self.beta, "a value above 0 and up to 1", "", remedy)
         if not 0.5 - _ROUNDING <= self.gamma + self.alpha_m - self.alpha_f <= 1.5:
             why = "below 1/2 the scheme feeds energy into every mode"
             raise refuse("integrator.gamma", self.gamma, "gamma + alpha_m - alpha_f of 1/2 or more", why)
@@ -168,7 +168,7 @@ def newmark(*, beta: float = 0.25, gamma: float = 0.5) -> Scheme:
     Raises
     ------
     InputError
-        If beta is below zero or gamma below 1/2, at which energy grows.
+        If beta is not above zero or is above 1, or if gamma is below 1/2, at which energy grows.
 
     Examples
     --------

@@ -47,6 +47,9 @@ def normalized_response(frequency_ratio: FloatArray, damping_ratio: float) -> Co
     return np.divide(1.0, denominator, out=np.full(denominator.shape, complex(math.inf, 0.0)), where=denominator != 0.0)
 
 
+_ASYMMETRY = 1e-9
+"""Difference of a matrix from its transpose, relative to the largest entry, that is rounding."""
+
 ERROR_LIMIT = 1e-6
 """Relative error of an eigenvalue above which a mode is omitted."""
 
@@ -250,6 +253,9 @@ def _dense(
 ) -> tuple[FloatArray, FloatArray, int]:
     """Return modes from the more accurate side: low ones from ``K^-1 M``, high ones from ``M^-1 K``."""
     M, K = mass.dense(), stiffness.dense()
+    for what, matrix in (("mass", M), ("stiffness", K)):
+        if np.abs(matrix - matrix.T).max(initial=0.0) > _ASYMMETRY * np.abs(matrix).max(initial=0.0):
+            raise refuse(what, "a matrix that is not symmetric", "a symmetric one")
     squares, shapes, errors = _by_stiffness(M, K, diagonal_scale(stiffness), rigid)
     if (errors > ERROR_LIMIT).any() and (high := _by_mass(mass, K)) is not None:
         high = tuple(values[..., rigid.shape[1] :] for values in high)

@@ -164,7 +164,7 @@ class Problem:
             raise refuse("run.adaptive.smallest", f"{smallest:.4g} s", f"up to the step, {self.step:.4g} s")
         if self.engine not in ENGINES:
             raise refuse("run.engine", repr(self.engine), ", ".join(ENGINES))
-        if self.steps < 1:
+        if not hasattr(self.steps, "__index__") or self.steps < 1:
             raise refuse("steps", self.steps, "a whole number, at least 1")
         for name in ("displacement", "velocity"):
             if self.start is not None and (size := getattr(self.start, name).size) != self.system.size:

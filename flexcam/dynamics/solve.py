@@ -100,7 +100,7 @@ def solve(
     problem
         System, drive, step and initial state; not modified.
     scheme
-        From `newmark`, `bathe`, `central_difference`, `exact`, `radau` or another constructor.
+        From `newmark`, `bathe`, `central_difference`, `collocation`, `radau` or another constructor.
     save
         Output settings; None for the defaults of `SaveAt`.
     sinks

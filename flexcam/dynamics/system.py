@@ -305,6 +305,13 @@ class System:
     prescribed_motion: PrescribedMotion | None = None
     stored: float = 0.0
 
+    def __post_init__(self) -> None:
+        lengths = [("names", len(self.names)), ("damping", self.damping.size), ("stiffness", self.stiffness.size)]
+        lengths += [(f"load {load.name}", len(load.vector)) for load in self.loads]
+        for what, length in lengths:
+            if length != self.size:
+                raise refuse(what, f"size {length}", f"the size of the mass matrix, {self.size}")
+
     def __repr__(self) -> str:
         """Return size and parts, not the values."""
         return f"<System of {self.size} unknowns, {len(self.loads)} loads, {len(self.local_forces)} local forces>"
@@ -334,7 +341,7 @@ class System:
         """
         if not self.loads:
             return np.zeros((*motion.angle.shape, 0))
-        return np.stack([load.history(motion) for load in self.loads], axis=-1)
+        return np.stack([np.broadcast_to(load.history(motion), motion.angle.shape) for load in self.loads], axis=-1)
 
     def load_vector(self, motion: CamMotion) -> FloatArray:
         """Return the loads in the unknowns at some instants.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from flexcam.fem.elements import beam
 from flexcam.fem.elements.beam import Beams
 from flexcam.fem.mesh import Mesh
 from flexcam.fem.sections import Material, Section, Taper
+
+_MassKind = Literal["consistent", "lumped"]
 
 
 @dataclass(frozen=True)
@@ -51,10 +53,14 @@ class Member:
     orientation: tuple[float, float, float] | None = None
     shear: bool = False
     rotary_inertia: bool = True
-    mass: Literal["consistent", "lumped"] = "consistent"
+    mass: _MassKind = "consistent"
     geometric_stiffness: bool = False
     bow: float = 0.0
     temperature: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.mass not in get_args(_MassKind):
+            raise refuse("mass", repr(self.mass), " or ".join(get_args(_MassKind)))
 
 
 def build_beams(mesh: Mesh, members: Mapping[str, Member]) -> Beams:

@@ -32,7 +32,10 @@ def component(name: str, where: str = "component") -> int:
 
 
 def direction(value: str | FloatArray | Sequence[float], where: str = "direction") -> FloatArray:
-    """Return a direction as a row of the six components of a node."""
+    """Return a direction as a row of the six components of a node.
+
+    Its translations have the length one, and its rotations are arms in m, or of length one if it has no translations.
+    """
     if isinstance(value, str):
         unit, name = np.zeros(6), value[1:] if value[:1] in ("+", "-") else value
         if name not in COMPONENTS:
@@ -47,11 +50,7 @@ def direction(value: str | FloatArray | Sequence[float], where: str = "direction
     if len(vector) not in (3, 6) or not vector.any():
         raise refuse(where, vector.tolist(), f"{_DIRECTIONS}, not all zero")
     six[: len(vector)] = vector
-    for part in (six[:3], six[3:]):
-        length = np.linalg.norm(part)
-        if length > 0.0:
-            part /= length
-    return six
+    return six / (np.linalg.norm(six[:3]) or np.linalg.norm(six[3:]))
 
 
 _DIRECTIONS = "a component such as 'uy' or '-uy', or three or six numbers"

@@ -250,6 +250,8 @@ def open_hdf5(path: Path, where: str, allowed: str, remedy: str = "") -> Generat
         why = "it is damaged or not from flexcam"
         if isinstance(fault, OSError) and "signature" in str(fault):  # message of HDF5 for another kind of file
             why = "it is not an HDF5 file"
+        elif "file locking flag" in str(fault):
+            why, remedy = "this process has the file open in another way", remedy or "close it first"
         elif sizes := re.search(r"truncated file: eof = (\d+),.* stored_eof = (\d+)", str(fault)):
             why = f"it is incomplete: {sizes[1]} of {sizes[2]} bytes"
             remedy = remedy or "copy it again, or compute it again"

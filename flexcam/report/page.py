@@ -147,7 +147,8 @@ def _warnings(known: RestoredCase, figures: list[Metric], *, drawn_rigid: bool) 
     warnings = check_run(known.ready, monitor, figures, known.response.stats)
     warnings += check_shared_seat_load(known.ready.model) if drawn_rigid else []
     sentences = [warning.removeprefix("Warning: ") for warning in warnings]
-    return [f"{sentence[:1].upper()}{sentence[1:]}." for sentence in sentences]
+    keys = [sentence.partition(" ")[0] for sentence in sentences]  # a key begins with a small letter
+    return [f"{s if '.' in key else s[:1].upper() + s[1:]}." for s, key in zip(sentences, keys, strict=True)]
 
 
 def _compare_rigid(about: ReportSubject, known: RestoredCase, main: str) -> tuple[Comparison | None, list[str]]:

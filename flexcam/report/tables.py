@@ -252,7 +252,7 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
     ratio = format_decimals(comparison.peak_acceleration_ratio, 2)
     other = comparison.names[1]
     deviation = f"{comparison.probe} deviates by up to {peak} of the range of the {other} motion (rms {rms})."
-    angle, lift = comparison.peak_acceleration_deg % 360.0, 100.0 * comparison.peak_lift
+    angle, lift = comparison.peak_acceleration_deg % 360.0, 100.0 * remove_noise(comparison.peak_lift, 1.0)
     there = f"at cam {angle:.1f} deg, where the displacement of the {other} motion is {lift:.3g} % of its range."
     words = [f"{deviation} Its peak acceleration is {ratio} times that of the {other} motion, {there}"]
     if mode_hz is not None:
@@ -395,7 +395,7 @@ def describe_dofs(response: Response) -> str:
     size, integrated = response.stats.size or len(response.outline.unknowns), response.stats.unknowns
     if not response.stats.is_complete:
         return f"{response.stats.size} unknowns" if response.stats.size else "unknowns not counted"
-    rest = f", of which {integrated} are integrated (the rest are fixed, or computed from these)"
+    rest = f", of which {integrated} are integrated (nothing loads the others, or they follow from these)"
     count = f"{size} unknowns" + (rest if integrated != size else "")
     method = f"; {response.stats.integrator}" if response.stats.integrator else ""
     return count + method + _ENGINES.get(response.stats.engine, "")

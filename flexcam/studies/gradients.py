@@ -221,7 +221,8 @@ def _run_planes(
     residual = (ready.problem.start.periodicity or 0.0) if periodic and ready.problem.start else 0.0
     warning = f"the periodic start repeats only to {residual:.1g}" if residual > _PERIODIC else ""
     if tangent.growth > CHAOTIC_GROWTH:
-        warning = f"the motion is chaotic: a small disturbance grows {tangent.growth:.1g} times"
+        why = "the motion is chaotic, or the run needs more steps per revolution"
+        warning = f"a small disturbance grows {tangent.growth:.1g} times: {why}"
     return scalars, planes, tangent.growth, warning
 
 

@@ -132,3 +132,13 @@ def test_cross_validation_does_not_overfit_noise(seed):
     theta, peak = np.arange(180) * 2.0 * DEGREE, np.abs(LOBE(FINE, 2)).max()
     event, _ = lift_table(theta, LOBE(theta) + noise(180, 2e-6, seed))
     assert np.abs(event(FINE, 2) - LOBE(FINE, 2)).max() < 0.025 * peak
+
+
+def test_zeros_on_base_circle_do_not_hide_noise():
+    """A table whose base circle was set to zero has noise on the lobe alone."""
+    theta = np.arange(720) * 0.5 * DEGREE
+    lift = np.where(LOBE(theta) > 0.0, LOBE(theta) + noise(720, 2e-6), 0.0)
+    assert np.mean(lift == 0.0) > 0.5
+    report = lift_table(theta, lift)[1]
+    assert report.scatter == pytest.approx(2e-6, rel=0.3)
+    assert not any("smoothing moves" in remark for remark in report.remarks)

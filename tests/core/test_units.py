@@ -274,4 +274,4 @@ def test_display_units():
 def test_suggested_unit_gives_dimension_of_quantity():
     with pytest.raises(InputError) as refusal:
         parse("7.8 g/ccm", "density")
-    assert refusal.value.faults[0].remedy == "write its symbol, such as kg/m^3"
+    assert refusal.value.faults[0].remedy == "use a known unit, such as kg/m^3"

@@ -104,7 +104,7 @@ FAULTS = {  # the cam, the key that must be reported, a part of `given`, a part 
     "low dwell beside a high one": (CAM + 'single_dwell = "low"\ndwell = "9 deg"\n', "dwell", "9 deg", "no upper dwell"),
     "high dwell with ramps": (CAM + 'single_dwell = "high"\ndwell = "140 deg"\nramps = { height = "1 um", duration = "10 deg" }\n', "ramps", "", "to ramp from"),
     "another dwell": (CAM + 'single_dwell = "middle"\n', "single_dwell", "middle", "'high' or 'low'"),
-    "follower as a word": (cam_text(ROLLER, '"flat"'), "follower", "'flat'", "table"),
+    "follower as a word": (cam_text(ROLLER, '"flat"'), "follower", "'flat'", "write it as { type = 'flat' }"),
     "roller without a radius": (cam_text(', radius = "9 mm"', ""), "follower", "nothing", "add 'radius'"),
     "key of a follower": (cam_text('"9 mm" }', '"9 mm", ofset = 1 }'), "follower", "ofset", "did you mean 'offset'"),
     "triangle that does not close": (cam_text(ROLLER, SWING.format('radius = "1 um"'), "18 mm", "1 mm"), "follower", "base_radius + radius", "form a triangle"),

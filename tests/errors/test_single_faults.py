@@ -23,8 +23,10 @@ FAULTS = {
     "key of another variant": ('"newmark"', '"newmark", rho_inf = 0.5', "run.integrator.rho_inf", "rho_inf", "method = 'generalized-alpha'"),
     "inner name of a cam's return": ("return =", "fall =", "cams.intake.fall", "fall", "return"),
     "inner name of a rocker's from": ("from =", "start =", "rockers.rocker.start", "start", "from"),
+    "key without its table": ("format = 1\n", "format = 1\ncrank_speed = 500\n", "crank_speed", "crank_speed", "did you mean run.crank_speed?"),
+    "node of a mass": ('at = "cam"', 'node = "cam"', "masses.lobe.node", "node", "did you mean 'at'?"),
     # missing keys
-    "no format": ("format = 1\n", "", "format", "nothing", "required"),
+    "no format": ("format = 1\n", "", "format", "nothing", "add format = 1"),
     "no run": (re.compile(r"\[run\].*(?=\[output\])", re.S), "", "run", "nothing", "required"),
     "no Young's modulus": ('E = "207 GPa"\n', "", "materials.steel.E", "nothing", "Young's modulus"),
     "no shape": ('shape = "circle", ', "", "sections.shaft", "", "circle"),

@@ -9,7 +9,7 @@ from flexcam import read_case
 from flexcam.analysis.natural_modes import modes
 from flexcam.case.builder import build_model
 from flexcam.core.errors import InputError
-from flexcam.fem.dofs import COMPONENTS, dof_map
+from flexcam.fem.dofs import COMPONENTS, direction, dof_map
 from flexcam.fem.mesh import Mesh, chain, refine
 from flexcam.valvetrain import build_structure
 
@@ -122,3 +122,9 @@ def test_modes_of_springs_do_not_move_members():
     shapes = found.modes.shapes.T
     assert structure.dofs.nodal(shapes)[1].any()
     assert not structure.dofs.nodal_modes(shapes, structure.model.mesh.extent)[1].any()
+
+
+def test_direction_of_six_numbers_keeps_its_arm():
+    """A force of unit length with an arm of 0.1 m, not a force and a moment of unit length each."""
+    assert direction([0.0, 2.0, 0.0, 0.2, 0.0, 0.0]) == pytest.approx([0.0, 1.0, 0.0, 0.1, 0.0, 0.0])
+    assert direction([0.0, 0.0, 0.0, 0.0, 3.0, 4.0]) == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.6, 0.8])

@@ -225,3 +225,26 @@ def test_derivative_of_bounce_by_initial_height(record, case_of):
     ):  # fmt: skip
         record(source=source, case=case, quantity=quantity, unit=unit, reference=float(reference),
                computed=float(computed), tolerance=1e-8, reason=reason)  # fmt: skip
+
+
+@pytest.mark.parametrize("method", ["bathe", "dop853"])
+def test_rebounds_within_a_step_obey_restitution(case_of, method):
+    """Half an oscillation on the stiffness of the floor is shorter than a step: no end of a step lies in contact."""
+    case = case_of(
+        BODY_TEXT
+        + f"""
+        masses.body = {{ at = "body", mass = "0.1 kg" }}
+        contacts.floor = {{ at = "body", model = "seat", direction = "uy", stiffness = "60 MN/m", restitution = 0.8 }}
+        [run]
+        speed = "1 rad/s"
+        step = "0.25 ms"
+        revolutions = 0.1
+        gravity = [0.0, -9.81, 0.0]
+        start = {{ displacement = {{ "body.uy" = "100 mm" }} }}
+        integrator = {{ method = "{method}" }}
+        """
+    )
+    height = run(case)["body.uy"].displacement
+    tops = height[1:-1][(height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:])]
+    exact = [0.1 * 0.8 ** (2 * bounce) for bounce in (1, 2, 3)]
+    assert tops[:3] == pytest.approx(exact, abs=8e-8)  # the highest saved instant: g (h/2)^2/2 below the top

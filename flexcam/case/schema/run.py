@@ -230,7 +230,7 @@ class FluctuationRecord(Record):
 
 
 class FreeRunningRecord(Record):
-    """Speed of a freely rotating cam, whose reduced inertia changes with the lift."""
+    """Speed of a freely rotating cam by the model of Petrescu, in which its moment of inertia changes with the lift."""
 
     cam: Name = Field(description="name of a cam")
     cam_mass: Annotated[float, Unit("mass", above=True)] = Field(description="mass of the cam, as a disc")
