@@ -142,10 +142,8 @@ def _describe_run(
             hint = ". Run more revolutions until the values repeat"
             pair = ready.model.cam_contacts.get(change.contact)
             if isinstance(pair, CamContact) and pair.unilateral:
-                hint += (
-                    ". If they never do, contacts chatter (see flexcam stability): use the largest value of several "
-                )
-                hint += "revolutions"
+                never = "If they never do, contacts chatter (see flexcam stability)"
+                hint += f". {never}: use the largest value of several revolutions"
             slow = run_checks.describe_decay(ready, change.member) if grows else ""
             hint += f". {slow}" if slow else ""
         parts.append(f"Difference between the last two revolutions: {run_checks.describe_change(change)}{hint}")

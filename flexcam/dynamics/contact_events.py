@@ -122,8 +122,8 @@ class EventStepper:
         for _ in range(MOST_EVENTS):
             trial = self._advance(now, to)
             if not len(self._forces.switching) or not (self._sides(now) != self._sides(trial)).any():
-                if self._rebounds(now, trial):
-                    raise NoConvergenceError([])  # the step is halved: its ends do not show the impact
+                if names := self._rebounds(now, trial):
+                    raise NoConvergenceError(names)  # the step is halved: its ends do not show the impact
                 return [*instants, trial]
             instants += self._first_event(now, trial, to)
             now = instants[-1]
@@ -145,12 +145,13 @@ class EventStepper:
     def _sides(self, moment: StepState) -> Bools:
         return moment.sides(self._forces.contact_sides)
 
-    def _rebounds(self, now: StepState, trial: StepState) -> bool:
-        """Return whether the force of a contact with restitution may act and vanish between the ends of a step."""
+    def _rebounds(self, now: StepState, trial: StepState) -> list[str]:
+        """Return the contacts with restitution whose force may act and vanish between the ends of a step."""
         (penetration, rate), (_, new_rate) = self._penetrations(now), self._penetrations(trial)
         reaches = penetration + (trial.time - now.time) * rate > 0.0
         turns = (rate > _SLOW) & (new_rate < -_SLOW)
-        return bool((reaches & turns & ~self._sides(now) & ~np.isnan(self._forces.restitution)).any())
+        rebounds = reaches & turns & ~self._sides(now) & ~np.isnan(self._forces.restitution)
+        return [self._forces.names[i] for i in self._forces.switching[rebounds]]
 
     def _first_event(self, now: StepState, trial: StepState, to: StepInputs) -> list[StepState]:
         """Return the instant of the first event, and the one after an impact."""
