@@ -209,7 +209,7 @@ def test_adjuster_transient_causes_warning(flexcam):
     assert "Difference between the last two revolutions:" in flexcam("run", case, *few, "--overwrite").out
     pumping = check_transient(prepare(read_case(case)), RevolutionChange(0.02, 0.1, "intake"))
     words = "difference between its last two revolutions: motion 2 % of its range, force of contact intake 10 %"
-    assert f"{words} (rms on the lift, relative to its rms)" in pumping[0]
+    assert f"{words} (rms of the difference during the lift, relative to the rms of the force)" in pumping[0]
 
 
 @pytest.mark.slow
