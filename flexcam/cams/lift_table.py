@@ -334,6 +334,7 @@ _BASE = 0.01
 """Fraction of the largest lift below which a point is on the base circle, and by which a lift may bend across a gap."""
 
 _SCATTERS = 6.0  # standard deviations of the noise allowed for a point on the base circle: one in 1e9 lies outside
+_MIN_LOBE = 0.2  # part of the points with changing lift from which the noise is that of the lobe
 _OF_MEDIAN = 1.4826  # ratio of standard deviation to median absolute value of normal noise
 _GAP, _GAP_RATIO, _WIDE = math.radians(3.0), 3.0, math.radians(20.0)
 """A step is wide above 3 deg and three times its neighbours, or above 20 deg."""
@@ -391,12 +392,14 @@ def base_level(theta: FloatArray, s: FloatArray) -> float:
 def scatter(theta: FloatArray, s: FloatArray) -> float:
     """Return the standard deviation of a table's noise, from the deviation from parabolas through three neighbours.
 
-    Points of equal lift, such as zeros written for the base circle, show no noise and do not count.
+    Points of equal lift, such as zeros written for the base circle, show no noise and do not count beside a lobe of
+    usual width. A narrower lobe has too few points for an estimate.
     """
     differences, weights = _divided_differences(theta, s, 4)
     miss = np.abs(differences) / np.sqrt((weights**2).sum(axis=1))
     changing = np.ptp(sliding_window_view(s, 4), axis=1) > 0.0
-    return _OF_MEDIAN * float(np.median(miss[changing])) if changing.any() else 0.0
+    counted = miss[changing] if np.mean(changing) >= _MIN_LOBE else miss
+    return _OF_MEDIAN * float(np.median(counted))
 
 
 def _divided_differences(theta: FloatArray, s: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
