@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flexcam.analysis.histories import scalar_history
 from flexcam.analysis.preparation import PreparedRun, prepare
 from flexcam.cams import OrderSpectrum, order_spectrum
 from flexcam.case.case import Case
@@ -46,11 +47,7 @@ class Signal:
                 near = suggest_name(self.name, known)
                 raise refuse("--channel", repr(self.name), f"one of {', '.join(known)}", "", near)
             return known[self.name]
-        history = response[self.name]
-        if history.acceleration.ndim != 1:
-            allowed = f"one of its components: {', '.join(f'{self.name}.{part}' for part in history.components)}"
-            raise refuse("--probe", repr(self.name), allowed, "an order is that of one scalar")
-        return history.acceleration
+        return scalar_history(response, self.name).acceleration
 
     def unit(self, response: Response) -> str:
         """Return the unit of the history."""

@@ -275,15 +275,15 @@ def describe_decay(ready: PreparedRun, member: str) -> str:
     for i in range(lowest.modes.rigid, len(lowest.modes.omegas)):
         shape, frequency = lowest.modes.shapes[:, i], f"{lowest.modes.frequencies[i]:.4g} Hz"
         rate = 0.5 * float(shape @ ready.problem.system.damping.times(shape))
-        if i == lowest.modes.rigid and rate <= 0.0:
-            remedy = "the motion repeats only with damping, such as run.damping.modal"
-            return f"The lowest mode ({frequency}) is not damped; {remedy}"
         shares = {part: share for part, share in lowest.shares[i].items() if part.startswith(f"{member} ")}
-        if sum(shares.values()) > _OWN_MODE:
+        is_own, is_undamped = sum(shares.values()) > _OWN_MODE, rate <= 0.0
+        mode = f"The lowest mode ({frequency})"
+        if is_own:
             motion = max(shares, key=lambda part: shares[part]).removeprefix(f"{member} ")
             mode = f"The lowest mode of member {member} ({motion}, {frequency})"
-            if rate <= 0.0:
-                return f"{mode} is not damped; the stress repeats only with damping, such as run.damping.modal"
+        if is_undamped and (is_own or i == lowest.modes.rigid):
+            return f"{mode} is not damped; the motion repeats only with damping, such as run.damping.modal"
+        if is_own:
             turns = 1.0 / (rate * ready.revolution)
             longer = "the stress repeats only after several times as many"
             return f"{mode} decays to 37 % of its amplitude in {turns:.3g} revolutions; {longer}" if turns > 1.0 else ""

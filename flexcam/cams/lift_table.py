@@ -392,8 +392,8 @@ def base_level(theta: FloatArray, s: FloatArray) -> float:
 def scatter(theta: FloatArray, s: FloatArray) -> float:
     """Return the standard deviation of a table's noise, from the deviation from parabolas through three neighbours.
 
-    Points of equal lift, such as zeros written for the base circle, show no noise and do not count beside a lobe of
-    usual width. A narrower lobe has too few points for an estimate.
+    Points of equal lift, such as zeros written for the base circle, show no noise and do not count if the lobe has
+    its usual width. A narrower lobe has too few points for an estimate.
     """
     differences, weights = _divided_differences(theta, s, 4)
     miss = np.abs(differences) / np.sqrt((weights**2).sum(axis=1))

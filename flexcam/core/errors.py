@@ -43,7 +43,7 @@ _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 _PLAIN_START = re.compile(r"(?!flexcam|pip|asammdf|pymoo|pandas)(?:a|[a-z]{2,})(?:'s)?(?:,? |$)")
 
 
-def _capitalize(text: str) -> str:
+def capitalize(text: str) -> str:
     """Return a sentence with a capital letter, unless it begins with a name, a key or an option."""
     return text[:1].upper() + text[1:] if _PLAIN_START.match(text) else text
 
@@ -71,8 +71,8 @@ class Fault:
         head = f"{where}: {why}"
         if allowed:
             actual = "missing" if given == "nothing" else f"got {given}"
-            head = f"{where}: {actual}, expected {allowed}. {_capitalize(why)}"
-        text = " ".join(end_sentence(part.strip()) for part in (head, _capitalize(remedy)) if part.strip())
+            head = f"{where}: {actual}, expected {allowed}. {capitalize(why)}"
+        text = " ".join(end_sentence(part.strip()) for part in (head, capitalize(remedy)) if part.strip())
         return printable(text.replace("\n", "\\n"))
 
     def as_dict(self) -> dict[str, str]:

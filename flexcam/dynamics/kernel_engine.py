@@ -71,7 +71,10 @@ class KernelStepper:
         ending, _, iterations = kernel.advance(self._operator, state, (0, 1), input_rows, results)
         if ending == UNSETTLED:
             raise NoConvergenceError(kernel.unconverged_forces())
-        return replace(kernel.moment(state, to.time), iterations=iterations)
+        new = replace(kernel.moment(state, to.time), iterations=iterations)
+        if kernel.stages > 1 and self._operator.lengths[0] > kernel.shortest and kernel.touches_between(now, new):
+            raise NoConvergenceError([])  # the step is halved: its end does not show the contact
+        return new
 
 
 class KernelEngine:

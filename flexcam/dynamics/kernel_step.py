@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from flexcam.core import FloatArray, IntArray, component_members, connected_components
 from flexcam.dynamics.cam_motion import CamMotion, PrescribedInputs
 from flexcam.dynamics.collocation import Collocation, stage_coefficients
-from flexcam.dynamics.force_laws import FIRST, OWN, SCALARS, STATE, STATE_ROWS
+from flexcam.dynamics.force_laws import DEPTH, FIRST, OWN, SCALARS, STATE, STATE_ROWS
 from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.integrator import unconverged_forces
 from flexcam.dynamics.jit import Program
@@ -31,6 +31,8 @@ from flexcam.dynamics.system import System
 from flexcam.dynamics.tangent_kernel import FUNCTIONS_OF_TANGENTS
 
 _NONE = np.zeros((0, 0))
+_SHORTEST = 64.0
+"""Fraction of a step below which contacts that close and open again within it are not looked for."""
 _STRONG = 0.05
 """Motion of a scalar by the force of another law, relative to their own, above which both laws are in one block."""
 _CLOSED = 1e-6
@@ -208,7 +210,7 @@ class Kernel:
         self._cuts = np.cumsum([0, *(stages * size for size in sizes)])
         width = max(int(self._cuts[-1]), self.columns, n, stages * c)
         self._parts = np.zeros((PART_ROWS, width))
-        self._length = 0.0
+        self._length, self.shortest = 0.0, problem.step / _SHORTEST
 
     def operator(self, step: float) -> StepOperator:
         """Return a step whose stages have a length, s."""
@@ -273,6 +275,12 @@ class Kernel:
         )  # fmt: skip
         row, iterations = count.tolist()
         return int(ending), row, iterations
+
+    def touches_between(self, now: StepState, new: StepState) -> bool:
+        """Return whether in the last call a switching scalar had another side at the middle than at both ends."""
+        before, after = now.sides(self.forces.contact_sides), self.forces.contact_sides(new.penetration)
+        middle = self._local[0, DEPTH, self.forces.switching] > 0.0
+        return bool(((middle != before) & (middle != after)).any())
 
     def unconverged_forces(self) -> list[str]:
         """Return the names of the forces that did not converge in the last call."""

@@ -25,7 +25,7 @@ from flexcam.analysis.preparation import scalar_probe
 from flexcam.analysis.run_checks import RunMonitor, check_run
 from flexcam.analysis.run_metrics import compute_margins, compute_metrics
 from flexcam.case.input_checks import check_shared_seat_load
-from flexcam.core.errors import FlexcamError, InputError
+from flexcam.core.errors import FlexcamError, InputError, capitalize
 from flexcam.core.units import RPM
 from flexcam.io.exports import scalar_probes
 from flexcam.report import content
@@ -147,8 +147,7 @@ def _warnings(known: RestoredCase, figures: list[Metric], *, drawn_rigid: bool) 
     warnings = check_run(known.ready, monitor, figures, known.response.stats)
     warnings += check_shared_seat_load(known.ready.model) if drawn_rigid else []
     sentences = [warning.removeprefix("Warning: ") for warning in warnings]
-    keys = [sentence.partition(" ")[0] for sentence in sentences]  # a key begins with a small letter
-    return [f"{s if '.' in key else s[:1].upper() + s[1:]}." for s, key in zip(sentences, keys, strict=True)]
+    return [f"{capitalize(sentence)}." for sentence in sentences]
 
 
 def _compare_rigid(about: ReportSubject, known: RestoredCase, main: str) -> tuple[Comparison | None, list[str]]:

@@ -299,8 +299,8 @@ class Plan:
 
 def _interval_remedy(axis: Axis) -> str:
     low, high = (f"{value.number:.10g}" for value in axis.values)
-    remedy = f"give a number of values, as in {low}:{high}#5{axis.unit}, or a step"
-    return remedy + (", or use --sample sobol:512" if axis.where.startswith("--set") else "")
+    many = f"give a number of values, as in {low}:{high}#5{axis.unit}, or a step"
+    return f"{many}; flexcam sweep --sample draws values from an interval"
 
 
 def make_plan(axes: Sequence[Axis], sampled: Sample | None = None, *, limit: int = MAX_VARIANTS) -> Plan:
@@ -311,9 +311,8 @@ def make_plan(axes: Sequence[Axis], sampled: Sample | None = None, *, limit: int
         raise InputError(Fault(axis.where, given, allowed, "", _interval_remedy(axis)) for axis in intervals)
     if not plan.varied_axes:
         given = " ".join(axis.where for axis in axes) or "no --set"
-        key = next((axis.key for axis in axes if axis.key.startswith("run.")), "run.crank_speed")
         raise refuse("sweep", given, "at least one key with several values", "nothing varies",
-                     f"write start:stop:step, such as --set {key}=1000:4000:500rpm")  # fmt: skip
+                     "write start:stop:step, such as --set run.crank_speed=1000:4000:500rpm")  # fmt: skip
     check_count("--sample" if sampled else "sweep", len(plan), limit)
     return plan
 

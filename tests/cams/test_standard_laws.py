@@ -68,6 +68,10 @@ def test_peak_values(name):
             assert np.abs(LAWS[name](FINE, order)).max() == pytest.approx(peak, rel=tolerance)
 
 
+def test_law_of_a_number(name):
+    assert LAWS[name](0.3) == LAWS[name](np.array([0.3]))[0]
+
+
 def test_peak_table_covers_every_law():
     assert set(PEAKS) == set(LAWS)
 

@@ -271,7 +271,6 @@ superelements = { arm = { nodes = { 1 = "foot", 2 = "tip" }, units = "m-kg-s", m
 PAPERS = ("checks/mathieu.toml", "checks/pump-up.toml", "li/valve-train.toml", "petrescu/valve-spring.toml")
 
 
-@pytest.mark.slow
 def test_every_key_of_the_format_is_in_a_case(rewrite, tmp_path):
     shutil.copy(DATA / "lift.csv", tmp_path)
     cases = [

@@ -6,6 +6,7 @@ Signs follow from the definitions: rz = dv/dx, ry = -dw/dx, right-hand rule.
 import numpy as np
 import pytest
 
+from flexcam.core.errors import InputError
 from flexcam.fem.assembly import Member, build_beams
 from flexcam.fem.elements import beam
 from flexcam.fem.mesh import Mesh
@@ -62,3 +63,8 @@ def test_rotary_inertia_can_be_switched_off():
     plain = build_beams(mesh, {"bar": Member(MATERIAL, SECTION, rotary_inertia=False)})
     assert plain.rho_Iy[0] == plain.rho_Iz[0] == 0.0
     assert plain.rho_Ip[0] == pytest.approx(MATERIAL.density * (SECTION.Iy + SECTION.Iz))
+
+
+def test_unknown_kind_of_mass_is_refused():
+    with pytest.raises(InputError, match="mass: got 'Lumped', expected consistent or lumped"):
+        Member(MATERIAL, SECTION, mass="Lumped")

@@ -182,3 +182,8 @@ def test_all_numeric_datasets_have_checksum(seeds):
         bare = [one for one in named.values() if not one.fletcher32]
         assert all(one.dtype.kind == "S" or not one.size for one in bare)
         assert len(named) > 2 * len(bare)
+
+
+def test_file_that_is_open_elsewhere_is_not_called_damaged(seeds):
+    with h5py.File(seeds / "small.vtkhdf", "r"), pytest.raises(InputError, match="This process has the file open"):
+        read_result(seeds / "small.vtkhdf")

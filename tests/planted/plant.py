@@ -41,8 +41,8 @@ def copy_tree(source: Path, target: Path) -> None:
 def run_tests(tree: Path, tests: list[str], cache: Path, workers: int = 0) -> str:
     """Run the tests on the tree; return the output of pytest if a test fails, else an empty string.
 
-    Raise SystemExit if the suite cannot run. The cache of machine code is common to all trees in one folder: its key is
-    the source text, so that a tree with a fault in this text has separate code, and the path of the folder.
+    Raise SystemExit if the suite cannot run. The key of the cache of machine code is the path of the tree and the
+    source text: trees at one path share it, but for those with a fault in this text.
     """
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-n", str(workers), *tests]
     environment = {

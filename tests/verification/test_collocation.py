@@ -197,8 +197,9 @@ def test_fourth_order_of_flexible_train_with_contacts():
     assert coarse > 10.0 * middle
 
 
-def test_bounce_height_with_restitution(record):
-    """A ball under constant force bounces to e^2 of its height; flight is exact, and impacts are located."""
+@pytest.fixture
+def ball():
+    """Return a ball under constant force above the ground, e = 0.8."""
     one = Triplets.from_dense(np.eye(1))
     none = Triplets.zeros(1)
     ground = LocalForce(
@@ -210,13 +211,31 @@ def test_bounce_height_with_restitution(record):
         0.8,
     )
     load = Load("weight", -9.81 * np.ones(1), lambda motion: np.ones_like(motion.angle))
-    system = System(one, none, none, ("x",), (load,), (ground,), (Probe("all", ("x",), np.eye(1), (None,)),))
+    return System(one, none, none, ("x",), (load,), (ground,), (Probe("all", ("x",), np.eye(1), (None,)),))
+
+
+def test_bounce_height_with_restitution(record, ball):
+    """A ball under constant force bounces to e^2 of its height; flight is exact, and impacts are located."""
     fall = math.sqrt(2.0 / 9.81)
     end = fall * (1.0 + 0.8 * 2.0 + 0.8**2)  # at the top of the second bounce
-    height = displacement_history(system, collocation(), 101, end, State(np.ones(1), np.zeros(1)))
+    height = displacement_history(ball, collocation(), 101, end, State(np.ones(1), np.zeros(1)))
     record(source="Contact and springs, closed-form solutions", case="ball, e = 0.8, collocation",
            quantity="height of the second bounce", unit="m",
            reference=0.8**4, computed=height[-1], tolerance=1e-9, reason="location of the impacts")  # fmt: skip
+
+
+def test_impacts_within_a_step_that_begins_at_rest(ball):
+    """The ball falls from rest and lands three times within the first step: its ends and rates show no impact."""
+    step, start = 0.005, 6.3e-6
+    landing, speed = math.sqrt(2.0 * start / 9.81), math.sqrt(2.0 * start * 9.81)
+    for _ in range(2):
+        speed *= 0.8
+        landing += 2.0 * speed / 9.81
+    after = step - landing
+    exact = 0.8 * speed * after - 0.5 * 9.81 * after**2
+    assert 0.0 < exact < start
+    height = displacement_history(ball, collocation(), 2, 2.0 * step, State(np.array([start]), np.zeros(1)))
+    assert height[1] == pytest.approx(exact, abs=1e-10)  # impacts to 1e-9 of a step; flight is exact
 
 
 def test_energy_balance_with_short_contacts():
