@@ -12,12 +12,12 @@ ENGINES: tuple[EngineName, ...] = ("auto", "kernel", "direct")
 """The automatic selection, the compiled engine, and the engine for every system."""
 
 
-def available_engines(problem: Problem, method: Method | None = None, save: SaveAt | None = None) -> dict[str, bool]:
+def available_engines(problem: Problem, method: Method | None = None) -> dict[str, bool]:
     """Return the engines that can solve a problem; True for the automatic selection."""
     found: dict[str, bool] = {}
     for engine in ENGINES:
         try:
-            selected = select_engine(replace(problem, engine=engine), method or newmark(), save or SaveAt()).engine
+            selected = select_engine(replace(problem, engine=engine), method or newmark()).engine
         except InputError:
             continue
         found.setdefault(selected, engine == "auto")

@@ -27,7 +27,7 @@ def measure_table() -> list[dict[str, object]]:
     for name, overrides in CASES:
         ready = prepare_run(name, overrides)
         labels = {"case": name, "overrides": list(overrides)}
-        engines = available_engines(ready.problem, ready.scheme, ready.save)
+        engines = available_engines(ready.problem, ready.scheme)
         rows += [labels | _row(ready, *engine) for engine in engines.items()]
     return rows
 

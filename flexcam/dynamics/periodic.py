@@ -21,7 +21,6 @@ import numpy as np
 from flexcam.core import ComplexArray, FloatArray, SingularMatrixError
 from flexcam.core.errors import refuse
 from flexcam.dynamics.basis import Basis
-from flexcam.dynamics.blocks import SaveAt
 from flexcam.dynamics.disturbances import Disturbances
 from flexcam.dynamics.engine import iterate_tracks
 from flexcam.dynamics.engine_selection import SelectedEngine, create_engine, forces_of, select_engine
@@ -58,7 +57,7 @@ def period_map(
     every = max(problem.steps // _FIELDS, 1)
     try:
         forces = forces_of(selected, method)
-        engine = create_engine(selected, method, forces, SaveAt(field_every=problem.steps + 1), stop, pilot)
+        engine = create_engine(selected, method, forces, stop, pilot)
         disturbances = Disturbances(problem, forces) if derived else None
         dividing = np.setdiff1d(forces.touching, forces.switching)  # contacts that open and close within steps
         closed = [np.zeros((0, len(dividing)), dtype=bool)]
@@ -132,7 +131,7 @@ def floquet(problem: Problem, method: Method | None = None) -> Floquet:
     """
     chosen = method or newmark()
     unpruned = replace(problem, prune=False)  # what the motion leaves at rest may still be unstable
-    selected = select_engine(unpruned, chosen, SaveAt(field_every=problem.steps + 1))
+    selected = select_engine(unpruned, chosen)
     n = selected.problem.system.size
     if not 0 < n <= MAX_UNKNOWNS:
         raise refuse("system", f"{n} unknowns", f"1 to {MAX_UNKNOWNS}", "it advances a basis of disturbances")
@@ -195,7 +194,7 @@ def solve_periodic(problem: Problem, scheme: Method, *, tolerance: float = 1e-9,
         If the time limit was reached.
     """
     search_problem = replace(problem, runs=problem.runs * _USUAL_REVOLUTIONS)
-    selected = select_engine(search_problem, scheme, SaveAt(field_every=problem.steps + 1))
+    selected = select_engine(search_problem, scheme)
     linear = not problem.system.local_forces and 0 < selected.problem.system.size <= MAX_UNKNOWNS
     revolutions, norm = _Revolutions(selected, scheme, until), _energy_norm(problem, selected.bases)
     search = _Newton(revolutions.weights) if linear else _Anderson(revolutions.weights, revolutions.patience)

@@ -19,7 +19,6 @@ from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import refuse
 from flexcam.dynamics.active_dofs import basis_of, reduce_problem
 from flexcam.dynamics.basis import DofSubset
-from flexcam.dynamics.blocks import SaveAt
 from flexcam.dynamics.disturbances import Disturbances
 from flexcam.dynamics.engine import iterate_tracks
 from flexcam.dynamics.engine_selection import SelectedEngine, create_engine, forces_of, select_engine
@@ -110,7 +109,7 @@ def tangent_run(
         raise refuse("case", "adaptive steps or a reduced basis", "constant steps in all unknowns", "")
     problem = _without_acceleration(problem)
     variations = [replace(variation, problem=_without_acceleration(variation.problem)) for variation in variations]
-    selected = select_engine(replace(problem, prune=_same_active_dofs(problem, variations)), method, SaveAt())
+    selected = select_engine(replace(problem, prune=_same_active_dofs(problem, variations)), method)
     reduced = [replace(variation, problem=_project(variation.problem, selected)) for variation in variations]
     forces = forces_of(selected, method)
     parameters = ParameterForces(_project(problem, selected), reduced, forces.compiled)
@@ -207,7 +206,7 @@ def _integrate(
 ) -> Iterator[tuple[Trajectory, FloatArray]]:
     """Yield the motion of a problem block by block with the disturbances by its parameters, see `Disturbances`."""
     problem = selected.problem
-    engine = create_engine(selected, method, forces, SaveAt(field_every=problem.steps + 1), lambda: False, pilot)
+    engine = create_engine(selected, method, forces, lambda: False, pilot)
     disturbances = Disturbances(problem, forces, initial, parameters)
     for track in iterate_tracks(engine, problem.steps):
         yield disturbances.follow(track)

@@ -41,7 +41,6 @@ from flexcam.dynamics.kernel_step import PROGRAM
 from tests.thinning import mostly_slow
 
 FORCED = ["modal", "kernel"]
-DEFAULT_SAVE = SaveAt()
 
 
 class PythonLaw:
@@ -88,14 +87,14 @@ def engine_error(problem, method=None):
 ])  # fmt: skip
 def test_adaptive_steps_and_bathe_need_direct_engine(path, options, method, words):
     assert words in engine_error(make_problem(masses(2), path, **options), method)
-    assert select_engine(make_problem(masses(2), steps=2000, **options), method, DEFAULT_SAVE).engine == "direct"
+    assert select_engine(make_problem(masses(2), steps=2000, **options), method).engine == "direct"
 
 
 @pytest.mark.parametrize("path", FORCED)
 def test_size_limit_of_engines(path):
     assert "501 unknowns" in engine_error(make_problem(masses(501), path))
-    assert select_engine(make_problem(masses(501), steps=100_000), newmark(), DEFAULT_SAVE).engine == "direct"
-    assert select_engine(make_problem(masses(250), path), newmark(), DEFAULT_SAVE).engine == path
+    assert select_engine(make_problem(masses(501), steps=100_000), newmark()).engine == "direct"
+    assert select_engine(make_problem(masses(250), path), newmark()).engine == path
 
 
 @pytest.mark.parametrize(("n", "steps", "path"), [
@@ -103,7 +102,7 @@ def test_size_limit_of_engines(path):
 ])  # fmt: skip
 def test_engine_depends_on_size(n, steps, path):
     """A modal analysis costs the cube of the unknowns and saves a time per step nearly independent of them."""
-    assert select_engine(make_problem(masses(n), steps=steps), newmark(), DEFAULT_SAVE).engine == path
+    assert select_engine(make_problem(masses(n), steps=steps), newmark()).engine == path
 
 
 def test_engine_errors_name_local_forces_and_damping():
@@ -139,11 +138,8 @@ def test_undetermined_unknown_fails_run(path, damping):
 def test_engine_without_compiler(monkeypatch):
     monkeypatch.setattr(Program, "is_available", lambda program: False)
     assert "numba is not installed" in engine_error(make_problem(masses(2), "kernel"))
-    assert (
-        select_engine(make_problem(masses(2, law=elastic_stop(1e3)), steps=10_000), newmark(), DEFAULT_SAVE).engine
-        == "direct"
-    )
-    assert select_engine(make_problem(masses(2), steps=400_000), newmark(), DEFAULT_SAVE).engine == "modal"
+    assert select_engine(make_problem(masses(2, law=elastic_stop(1e3)), steps=10_000), newmark()).engine == "direct"
+    assert select_engine(make_problem(masses(2), steps=400_000), newmark()).engine == "modal"
 
 
 @pytest.mark.parametrize(("law", "steps", "runs", "path"), [
@@ -153,9 +149,7 @@ def test_engine_without_compiler(monkeypatch):
 ])  # fmt: skip
 def test_engine_depends_on_total_steps(law, steps, runs, path):
     for method in (newmark(), hht(), generalized_alpha()):
-        assert (
-            select_engine(make_problem(masses(3, law=law), steps=steps, runs=runs), method, DEFAULT_SAVE).engine == path
-        )
+        assert select_engine(make_problem(masses(3, law=law), steps=steps, runs=runs), method).engine == path
 
 
 @pytest.mark.parametrize(("steps", "runs", "path"), [
@@ -164,7 +158,7 @@ def test_engine_depends_on_total_steps(law, steps, runs, path):
 def test_engine_with_coupled_damping(steps, runs, path):
     """No mode is uncoupled: the kernel engine is used, or the direct engine for short runs."""
     problem = make_problem(masses(2, damping=1.0), steps=steps, runs=runs)
-    assert select_engine(problem, newmark(), DEFAULT_SAVE).engine == path
+    assert select_engine(problem, newmark()).engine == path
 
 
 def test_engine_depends_on_pruned_system():
@@ -174,7 +168,7 @@ def test_engine_depends_on_pruned_system():
         "far", (AngleVector.constant(far),), (AngleVector.constant(-far),), PythonLaw(), (constant(0.0),)
     )
     system = replace(masses(3), local_forces=(force,))
-    assert select_engine(make_problem(system, steps=2000, prune=True), newmark(), DEFAULT_SAVE).engine in (
+    assert select_engine(make_problem(system, steps=2000, prune=True), newmark()).engine in (
         "direct",
         "modal",
     )

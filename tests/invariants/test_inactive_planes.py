@@ -112,7 +112,7 @@ def test_steady_lateral_load_activates_plane(rod):
 def test_kernel_engine_skips_inactive_plane(rod, across, scalars):
     ready = rod(2e-4, *across)
     general, compiled = (solve(replace(ready.problem, engine=path), ready.scheme) for path in ("direct", "kernel"))
-    selection = select_engine(replace(ready.problem, engine="kernel"), ready.scheme, ready.save)
+    selection = select_engine(replace(ready.problem, engine="kernel"), ready.scheme)
     assert set(LocalForces(selection.problem.system).table.laws[:, 2].tolist()) == {scalars}
     for kind in ("displacement", "velocity"):
         one, other = (getattr(run.probes, kind) for run in (general, compiled))
@@ -122,7 +122,7 @@ def test_kernel_engine_skips_inactive_plane(rod, across, scalars):
 def test_kernel_engine_reduces_straight_strut_to_bar(rod):
     """Without bending, only the elongation of an element remains, and no force beyond that of a bar."""
     ready = rod(0.0)
-    selection = select_engine(replace(ready.problem, engine="kernel"), ready.scheme, ready.save)
+    selection = select_engine(replace(ready.problem, engine="kernel"), ready.scheme)
     assert set(LocalForces(selection.problem.system).table.laws[:, 2].tolist()) == {1}
     general, compiled = (solve(replace(ready.problem, engine=path), ready.scheme) for path in ("direct", "kernel"))
     one, other = general.probes.displacement, compiled.probes.displacement
