@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any, cast
 
 from pydantic import BaseModel, Field, ValidationError
 
@@ -65,7 +65,6 @@ class CaseRecord(Record):
 
     format: _Format
     title: str = ""
-    paper: Literal["tayeb-sliman"] | None = Field(None, description="published system whose claims `compare` checks")
     mesh: str | None = Field(None, description="Gmsh file, relative to the case file")
     nodes: dict[Name, Point] = Field(default={}, description="named nodes, instead of a mesh file")
     materials: dict[Name, MaterialRecord] = Field(default={})

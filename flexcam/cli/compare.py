@@ -80,12 +80,8 @@ def compare(
     result = comparison.deviation(read, at)
     published = any(contact.model == "published-load" for contact in read.record.contacts.values())
     mode_hz = comparison.excited_mode(read) if published else None
-    claims = comparison.check_claims(read, at, result) if read.record.paper and result.status.ok else []
-    json = {**_comparison_json(result), "loaded_mode_hz": mode_hz, "claims": claims}
+    json = {**_comparison_json(result), "loaded_mode_hz": mode_hz}
     parts = [comparison_table(result, read.turns), *describe_comparison(result, mode_hz), *describe_contacts(read)]
-    if claims:
-        rows = [(claim.statement, "yes" if claim.reproduced else "no", claim.finding) for claim in claims]
-        parts.append(plain_table("Claims of the paper and this computation", ("claim", "reproduced", "computed"), rows))
     return cli.CommandOutput(parts, json, status=result.status)
 
 
