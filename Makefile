@@ -107,7 +107,7 @@ dependencies:
 	$(PYTHON) tests/dependencies.py
 
 test-slow-rotation: $(VENV)/.dev
-	$(BIN)/python tests/slow_rotation.py 300
+	$(BIN)/python tests/slow_rotation.py 240
 
 # The verification manual, from the rows that the tests record.
 verification: $(VENV)/.dev

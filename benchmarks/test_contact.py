@@ -11,7 +11,7 @@ from benchmarks.measure.contact import prepare_run, run
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_run(benchmark, engine):
-    ready = prepare_run("pushrod-engine/intake")
+    ready = prepare_run("pushrod-engine/intake", ("run.steps_per_revolution=900",))
     response = benchmark(run, ready, engine)
     assert response.status.ok
     assert response.stats.events > 0

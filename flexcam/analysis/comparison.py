@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexcam.analysis.histories import scalar_history
+from flexcam.analysis.histories import check_scalar_probe
 from flexcam.analysis.preparation import PreparedRun, prepare
 from flexcam.analysis.run import run
 from flexcam.cams import event_extremes
@@ -119,7 +119,8 @@ def compare(flexible: Response, rigid: Response, probe: str, speed_rpm: float) -
     if not np.array_equal(flexible.time, rigid.time[:count]):
         why = "the results are compared instant by instant"
         raise refuse("responses", "responses at different instants", "the same instants", why)
-    motion, base = scalar_history(flexible, probe), rigid[probe]
+    check_scalar_probe(probe, flexible.outline, rigid.outline)
+    motion, base = flexible[probe], rigid[probe]
     lift = value_range(rigid.time, base.displacement, base.velocity)
     if lift == 0.0:
         why = "it does not move in the other result"
@@ -158,7 +159,7 @@ def describe_common_part(one: Response, other: Response, names: tuple[str, str])
     longer, end = max(zip(names, ends, strict=True), key=lambda pair: pair[1])
     if end - last < _SAME_ANGLE:
         return []
-    return [f"Compared: revolutions {first:.4g} to {last:.4g}, which both runs have; {longer} continues to {end:.4g}"]
+    return [f"Compared: revolutions {first:.4g} to {last:.4g}, which both runs have; '{longer}' continues to {end:.4g}"]
 
 
 def _mean_rpm(response: Response) -> float:

@@ -48,18 +48,22 @@ class Histories:
 
 def scalar_history(response: Response, probe: str) -> History:
     """Return the history of a scalar probe."""
-    check_scalar_probe(response.outline, probe)
+    check_scalar_probe(probe, response.outline)
     return response[probe]
 
 
-def check_scalar_probe(outline: Outline, probe: str) -> None:
-    """Raise an error if there is no scalar probe of this name."""
-    scalars, several = list(scalar_probes(outline)), dict(outline.probes).get(probe, ())
+def check_scalar_probe(probe: str, *outlines: Outline) -> None:
+    """Raise an error if not all responses have a scalar probe of this name."""
+    known = [scalar_probes(outline) for outline in outlines]
+    scalars = [name for name in known[0] if all(name in names for names in known)]
+    several = dict(outlines[0].probes).get(probe, ())
     if len(several) > 1:
         components = ", ".join(f"{probe}.{component}" for component in several)
         raise refuse("probe", repr(probe), components, "it has several components", "name one")
     if probe not in scalars:
         allowed = ", ".join(scalars) or "(no probe was saved)"
+        if any(probe in names for names in known):
+            raise refuse("probe", repr(probe), allowed, "one of the models has no such probe", "choose another --probe")
         raise refuse("probe", repr(probe), allowed, "there is no such probe", suggest_name(probe, scalars))
 
 

@@ -78,12 +78,13 @@ class PreparedRun:
 def scalar_probe(ready: PreparedRun, name: str | None = None) -> str:
     """Return a scalar probe by name; by default that of a rocker, else the first that a cam moves, else the first."""
     if name is not None:
-        check_scalar_probe(outline(ready.problem.system), name)
+        check_scalar_probe(name, outline(ready.problem.system))
         return name
     points = [rocker.point for rocker in ready.model.rockers.values()]
     probes = [probe for probe in ready.problem.system.probes if probe.name in ready.model.probes]
     if not probes:
-        raise refuse("output.probes", "none", "at least one point to compare at", "", 'add probes = ["valve"]')
+        remedy = "name a point of the case with --probe, or add probes, such as ['valve']"
+        raise refuse("output.probes", "none", "at least one point", "", remedy)
     ordered = sorted(probes, key=lambda probe: probe.name not in points)
     driven = _driven_probes(ready)
     default = next((driven[probe.name] for probe in ordered if probe.name in driven), None)

@@ -163,7 +163,7 @@ class LiftEvent(Event):
                 why = "the main lift cannot continue such a slope"
                 allowed = f"a maximum slope of at most {1e3 * height / span:.4g} mm/rad"
                 longer = math.ceil(10.0 * math.degrees(ramp.duration * excess)) / 10.0
-                remedy = f"make the ramp at least {longer:g} deg long, or lower"
+                remedy = f"make the ramp at least {longer:g} deg long, or reduce its height"
                 raise refuse("ramps", given, allowed, why, remedy)
 
     @property

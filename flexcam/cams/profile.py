@@ -283,7 +283,7 @@ def lift_from_profile(points: ArrayLike, follower: Follower, angle: ArrayLike, *
     outline = np.append(outline, outline[0])
     chord = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(outline)))])
     if (np.diff(chord) <= 0.0).any():
-        raise refuse("points", "the same point twice", "different points, the first not repeated")
+        raise refuse("points", "two equal neighbouring points", "different ones")
     curve = make_interp_spline(chord, np.column_stack([outline.real, outline.imag]), k=5, bc_type="periodic")
     phasor = np.exp(1j * turn * finite_array("angle", np.ravel(angle), (None,)))
     length = float(chord[-1])

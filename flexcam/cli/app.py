@@ -93,7 +93,7 @@ Csv = Annotated[Path | None, Parameter("--csv", help="Also write a table to this
 Folder = Annotated[Path, Parameter(["-o", "--output"], help="Folder of the results.")]
 Overwrite = Annotated[bool, Parameter("--overwrite", help="Replace existing files.")]
 AllowLarge = Annotated[bool, Parameter("--allow-large", help="Run even if memory or disk space seem too small.")]
-CamName = Annotated[str | None, Parameter("--cam", help="Name of the cam; not needed if there is only one.")]
+CamName = Annotated[str | None, Parameter("--cam", help="Name of the cam, if the case has several.")]
 Lowest = Annotated[
     str | None, Parameter("--lowest", help="Lowest speed, such as 1000rpm; half the speed of the case by default.")
 ]

@@ -45,8 +45,8 @@ def compare(
     count: Annotated[int | None, Parameter(
         group=_SPEEDS, help="Number of speeds, evenly spaced; 8 by default.")] = None,
     tolerance: Annotated[str | None, Parameter(
-        group=_SPEEDS, help="Two models count as different if their minimum contact forces, or their maximum ones, "
-        "differ by more than this share of the larger maximum force; 5 % by default.")] = None,
+        group=_SPEEDS, help="Two models count as different if their minimum or maximum contact forces differ by more "
+        "than this share of the larger of the two maximum forces; 5 % by default.")] = None,
     contact: Annotated[str | None, Parameter(group=_SPEEDS, help="Cam contact, if a case has several.")] = None,
     plot: Annotated[Path | None, Parameter(
         group=_SPEEDS, help="Also draw the forces over speed (.svg, .png or .pdf).")] = None,
@@ -151,7 +151,7 @@ def _compare_over_speed(case: Case, speeds: list[float], tolerance: float, conta
     ]
     rows = zip((f"{speed:.6g}" for speed in rpm), *cells, strict=True)
     ranges = {name: np.array([pair or (np.nan, np.nan) for pair in pairs]).T for name, pairs in forces.items()}
-    title = "Min and max contact force above the ramp (or lash) plus 5 % of the lift"
+    title = "Min and max contact force while the lift is above the ramp (or lash) plus 5 % of the lift"
     return cli.CommandOutput(
         [plain_table(title, head, rows), " ".join(words)],
         {"shaft": shaft, "rpm": rpm, "forces_n": forces, **divergences, "tolerance": tolerance}, title=case.title,

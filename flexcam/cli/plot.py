@@ -172,7 +172,8 @@ def plot(
     if units and any(path.suffix == ".csv" for path in files):
         raise refuse("--units", units, "the .h5 table of the sweep", "a CSV table has its own units")
     if what != "sweep" and any(path.suffix in _TABLES for path in files):
-        raise refuse("--what", what, "sweep", "the file is the table of a sweep")
+        why, remedy = "a .csv or .h5 file must be the table of a sweep", "for a lift table, give the case that uses it"
+        raise refuse("--what", what, "sweep", why, remedy)
     target = output or Path(f"{files[0].name.partition('.')[0] if files else 'flexcam'}-{what}.svg")
     plotting.figures.check_figure_path(target, overwrite=overwrite)
     sources = {} if what == "sweep" else name_sources(open_sources(files, overrides, cams=what in _OF_CAMS))

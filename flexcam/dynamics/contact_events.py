@@ -104,6 +104,7 @@ class EventStepper:
     ) -> None:  # fmt: skip
         self._step, self._forces, self._starter, self._at = step, forces, starter, at
         self._stepper, self._balances = stepper, balances
+        self._bouncing = ~np.isnan(forces.restitution)  # which contacts have a restitution
         self._halved = dict[int, Stepper]()
         self.events = 0  #: number of events located so far
 
@@ -147,10 +148,12 @@ class EventStepper:
 
     def _rebounds(self, now: StepState, trial: StepState) -> list[str]:
         """Return the contacts with restitution whose force may act and vanish between the ends of a step."""
+        if not self._bouncing.any():
+            return []
         (penetration, rate), (_, new_rate) = self._penetrations(now), self._penetrations(trial)
         reaches = penetration + (trial.time - now.time) * rate > 0.0
         turns = (rate > _SLOW) & (new_rate < -_SLOW)
-        rebounds = reaches & turns & ~self._sides(now) & ~np.isnan(self._forces.restitution)
+        rebounds = reaches & turns & ~self._sides(now) & self._bouncing
         return [self._forces.names[i] for i in self._forces.switching[rebounds]]
 
     def _first_event(self, now: StepState, trial: StepState, to: StepInputs) -> list[StepState]:
@@ -203,11 +206,10 @@ class EventStepper:
 
     def _apply_impact(self, moment: StepState, inputs: StepInputs, closed: Bools) -> list[StepState]:
         restitution = self._forces.restitution
-        bouncing = ~np.isnan(restitution)
-        closing = closed & (self._penetrations(moment)[1] > _SLOW) & bouncing
+        closing = closed & (self._penetrations(moment)[1] > _SLOW) & self._bouncing
         if not closing.any() or moment.pressed is None:
             return [moment]
-        after = self._starter.impact(moment, inputs, np.flatnonzero(moment.pressed & bouncing))
+        after = self._starter.impact(moment, inputs, np.flatnonzero(moment.pressed & self._bouncing))
         # Without restitution a contact stays closed unless another impulse separates it.
         stays_closed = self._penetrations(after)[1] > np.where(restitution == 0.0, -_SLOW, 0.0)
         pressed, penetration = np.where(closing, stays_closed, moment.pressed), after.penetration.copy()

@@ -72,7 +72,7 @@ def no_instants(size: int, forces: LocalForces) -> Trajectory:
 LARGEST = 1e100
 """Magnitude (SI) above which a motion has diverged; its square, needed for stresses, is still finite."""
 
-CONTINUE = "the finished part is saved; --resume continues it (add --overwrite to replace an older result)"
+CONTINUE = "the finished part is saved; --resume continues it (with --overwrite if a complete result has the same name)"
 """Remedy for a run that ends before its last step."""
 
 STOPPED = Status(Cause.INTERRUPTED, "stopped by a signal", CONTINUE)

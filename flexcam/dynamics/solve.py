@@ -171,6 +171,7 @@ def solve(
                     sink.write(block)
             run.restore(resume.checkpoint.arrays)
             stats = run.statistics(replace(stats, steps=resume.checkpoint.steps))
+            begin -= float(resume.checkpoint.arrays["seconds"])
         with limit_blas_threads(selected):
             for block in run.blocks(stats.steps):
                 expanded = reduce(expand_block, selected.bases, block)
@@ -178,7 +179,8 @@ def solve(
                     sink.write(expanded)
                 stats = run.statistics(replace(stats, steps=stats.steps + len(block.time)))
                 if checkpoint_sinks and run.status.ok:
-                    checkpoint = Checkpoint(stats.steps, digest, run.state())
+                    seconds = np.array(time.perf_counter() - begin)
+                    checkpoint = Checkpoint(stats.steps, digest, {**run.state(), "seconds": seconds})
                     for sink in checkpoint_sinks:
                         sink.write_checkpoint(checkpoint)
                     can_resume = True

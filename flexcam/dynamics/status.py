@@ -162,6 +162,6 @@ def instability_status(names: Sequence[str], motion: FloatArray, parts: Iterable
     causes = [name for name, energy in energies.items() if energy < 0.0 and energy <= _ALSO * minimum]
     reason = f"a force pushes {unknowns} aside, and nothing holds them"
     if causes:
-        verb = "buckle or fold over under their" if len(causes) > 1 else "buckles or folds over under its"
-        reason = f"{' and '.join(causes)} {verb} force, which moves {unknowns} aside"
+        verb = "buckle or fold over" if len(causes) > 1 else "buckles or folds over"
+        reason = f"{' and '.join(causes)} {verb} under load; largest motion: {unknowns}"
     return replace(NOT_POSITIVE, text=f"{NOT_POSITIVE.text}: {reason}")

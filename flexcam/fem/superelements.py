@@ -77,7 +77,8 @@ def _symmetric(name: str, matrix: FloatArray) -> FloatArray:
     scale = np.where(size > 0.0, size, 1.0)
     minimum = float(np.linalg.eigvalsh(even / np.outer(scale, scale)).min())
     if minimum < -_SYMMETRY:
-        raise refuse(name, f"a motion with negative energy ({minimum:.3g} scaled)", "a positive semi-definite matrix")
+        given, why = f"an eigenvalue of {minimum:.3g}, with unit diagonal", "no motion has negative energy"
+        raise refuse(name, given, "a positive semi-definite matrix", why, "check whether the file is complete")
     return even
 
 
@@ -110,7 +111,7 @@ def _free_of_rigid_motions(stiffness: FloatArray, positions: FloatArray) -> Floa
     if strained:
         kinds = ("x", "y", "z", "rotation about x", "rotation about y", "rotation about z")
         names = ", ".join(kinds[i] for i in strained)
-        why = "the matrix is that of a free body, with its nodes where the case has them, in global axes"
+        why = "the matrix must be that of a free body in global axes, with its nodes at the positions in the case"
         raise refuse("stiffness", f"a stiffness against rigid motion: {names}", "none", why, "compare nodes and units")
     free = np.eye(len(R)) - R @ np.linalg.pinv(R)
     exact = free.T @ stiffness @ free

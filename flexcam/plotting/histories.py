@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
-from flexcam.analysis.histories import scalar_history
+from flexcam.analysis.histories import check_scalar_probe, scalar_history
 from flexcam.analysis.model_choice import ModelEvaluation
 from flexcam.core import FloatArray
 from flexcam.core.errors import InputError, refuse, suggest_name
@@ -107,6 +107,7 @@ def motion_figure(
     `lift` is the name of a point that a cam lifts: its displacement times `sign` is a lift, positive as it opens. With
     `deviation` the last axes have the difference of the displacement from the rigid run.
     """
+    check_scalar_probe(probe, *(response.outline for response in responses.values()))
     component = probe.rpartition(".")[2]
     name, gap = lift or probe, " " if len(lift or probe) <= _SHORT_NAME else "\n"
     words = {series: "lift" if lift and series == "displacement" else series for series in SERIES}

@@ -251,10 +251,11 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
     peak, rms = (f"{100.0 * value:.3g} %" for value in (comparison.peak_deviation, comparison.rms_deviation))
     ratio = format_decimals(comparison.peak_acceleration_ratio, 2)
     other = comparison.names[1]
-    deviation = f"{comparison.probe} deviates by up to {peak} of the range of the {other} motion (rms {rms})."
+    of_other = f"of the {other} motion" if other == "rigid" else f"of the motion in '{other}'"
+    deviation = f"{comparison.probe} deviates by up to {peak} of the range {of_other} (rms {rms})."
     angle, lift = comparison.peak_acceleration_deg % 360.0, 100.0 * remove_noise(comparison.peak_lift, 1.0)
-    there = f"at cam {angle:.1f} deg, where the displacement of the {other} motion is {lift:.3g} % of its range."
-    words = [f"{deviation} Its peak acceleration is {ratio} times that of the {other} motion, {there}"]
+    there = f"at cam {angle:.1f} deg, where the displacement {of_other} is {lift:.3g} % of its range."
+    words = [f"{deviation} Its peak acceleration is {ratio} times that {of_other}, {there}"]
     if mode_hz is not None:
         nearest = "The nearest mode that the cam force excites is at"
         speed, share = f"{mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} camshaft rpm", comparison.speed_rpm / (60.0 * mode_hz)
@@ -470,8 +471,8 @@ def limits_legend(found: Limits) -> str:
         text += "uncertainty: range of speeds in which the limit lies; wider if the event is absent at some speeds "
         text += "just above the limit or occurs at some speeds just below it. "
     text += "occurs at: range of examined speeds, from the limit upwards, at which the event occurs. "
-    text += f"Only a few speeds above the limit are examined, {100.0 * SPACING:g} % apart. "
-    return text + "at least: the event still occurs at the highest of them; not at: it is absent at the highest of them"
+    text += f"Only a few speeds above the limit are examined, {100.0 * SPACING:g} % apart; "
+    return text + "'at least' or 'not at' says whether the event still occurs at the highest of them"
 
 
 def limits_table(found: Limits, margins: Margins, scale: float) -> Table:

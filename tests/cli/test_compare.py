@@ -47,6 +47,16 @@ def test_compare_models_over_speed_with_plot(flexcam, tmp_path):
     assert "The bilateral and unilateral forces differ by more than 5% from 7000 crank rpm upward." in output
 
 
+def test_probe_of_one_model_only_is_refused(flexcam):
+    """The default probe is that of the first case; the message lists the probes that both models have."""
+    quick = ("--set", "run.steps_per_revolution=90", "--set", "run.revolutions=0.1", "--set", "run.speed=2500rpm")
+    done = flexcam("compare", CASE, "--against", CASE.parents[1] / "direct-acting/bucket.toml", *quick)
+    assert done.code == 2
+    assert "got 'valve', expected cam.ux" in done.err
+    assert "tappet" not in done.err
+    assert "One of the models has no such probe" in done.err
+
+
 def test_compare_over_speed_refuses_invalid_options(flexcam):
     for options in (("--count", "1"), ("--contact", "nosuch"), ("--highest", "100rpm")):
         assert flexcam("compare", CASE, "--lowest", "2000rpm", *options).code == 2

@@ -101,6 +101,7 @@ def canvas_image(page):
     return page.evaluate("document.querySelector('canvas').toDataURL()")
 
 
+@pytest.mark.slow
 def test_zoom_applies_to_all_charts(page):
     """By numbers, buttons and mouse."""
     assert visible_range(page) == [0, 720]

@@ -74,6 +74,7 @@ def test_resume_without_file(path, channels, every):
     assert earlier.checkpoint.steps == 300
     later = solve(problem, ready.scheme, save=save, resume=earlier)
     assert replace(later.stats, seconds=0.0) == replace(whole.stats, seconds=0.0)
+    assert later.stats.seconds > earlier.checkpoint.arrays["seconds"] > 0.0, "the time of both parts"
     for name in ("displacement", "velocity", "acceleration"):
         assert np.array_equal(getattr(later.probes, name), getattr(whole.probes, name)), name
         assert np.array_equal(getattr(later.fields, name), getattr(whole.fields, name)), name
