@@ -84,7 +84,7 @@ def test_compare_reports_common_range_of_unequal_runs(flexcam, tmp_path):
     short, long = "out/short.vtkhdf", "out/long.vtkhdf"
     for pair in ((short, long), (long, short)):
         output = " ".join(flexcam("compare", pair[0], "--against", pair[1]).out.split())
-        assert "Compared: revolutions 0 to 0.1, which both runs have; long continues to 0.2" in output
+        assert "Compared: revolutions 0 to 0.1, which both runs have; 'long' continues to 0.2" in output
     assert "Compared:" not in flexcam("compare", long, "--against", long).out
 
 
