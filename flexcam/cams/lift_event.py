@@ -140,8 +140,10 @@ class LiftEvent(Event):
             given = f"{math.degrees(total):g} deg in all"
             why = "the event repeats every revolution"
             remedy = "shorten it; if these are crank angles, halve them"
-            if (longest := max(self.rise, self.dwell, self.fall)) > 2.0 * math.tau:  # degrees without a unit
-                remedy = f"a number without a unit is in rad: in a case write '{longest:g} deg'"
+            degrees = [angle for angle in (self.rise, self.dwell, self.fall) if angle > 2.0 * math.tau]
+            degrees += [ramp.duration for ramp in self._ramps if ramp and ramp.duration > math.pi]
+            if degrees:  # without a unit
+                remedy = f"a number without a unit is in rad: in a case write '{max(degrees):g} deg'"
             raise refuse("rise + dwell + return", given, "up to 360 deg of cam angle, ramps included", why, remedy)
         if self.single_dwell == "low" and self.dwell > 0.0:
             raise refuse("dwell", f"{math.degrees(self.dwell):g} deg", "0", 'single_dwell = "low" has no upper dwell')

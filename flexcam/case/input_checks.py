@@ -301,7 +301,7 @@ def _slenderness_warnings(case: Case) -> Iterator[str]:
             why = f"its second moment changes by {share} per element, which has one section"
             yield f"{place}: {why}; use elements = {elements}"
         if not _MIN_SLENDERNESS <= length / size <= _MAX_SLENDERNESS:
-            sizes = f"{length:g} m long and {size:g} m thick, {length / size:.2g} to one"
+            sizes = f"{length:g} m long and {size:g} m thick (length / thickness = {length / size:.2g})"
             yield f"{place}: {sizes}: do lengths and sections have the same unit?"
 
 
@@ -365,7 +365,7 @@ def _check_open_contacts(model: Model, problem: Problem) -> Iterator[str]:
     for name in seats if closed and all(closed.values()) and not lost else ():
         if float(first.channels[f"contacts.{name}.force"][0]) <= 0.0:
             why = "nothing holds the valve on its seat with the cams on their base circles"
-            causes = ["that a spring closes the valve, its direction and its installed_force"]
+            causes = ["the direction and installed_force of the spring that closes the valve"]
             if any(member.temperature for member in model.members.values()):
                 causes.append("the temperature of the members, which may expand by more than the lash")
             causes += ["the direction of the loads"] if model.loads else []
@@ -516,7 +516,7 @@ def _check_valve_angles(model: Model) -> Iterator[str]:
         if opening and opening.duration > _MAX_OPENING:
             span = f"{math.degrees(opening.duration):.4g} deg of the crank"
             why = "did you give crank angles? Angles of a cam are those of the camshaft, half as large"
-            yield f"Warning: cams.{name}: it holds its valve open for {span}: {why}"
+            yield f"Warning: cams.{name}: its lift exceeds a tenth of the maximum for {span}: {why}"
 
 
 def _check_loose_masses(model: Model) -> Iterator[str]:

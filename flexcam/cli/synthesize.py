@@ -89,9 +89,7 @@ def _polydyne_properties_table(cam: cam_analysis.PolydyneCam) -> Table:
     ]  # fmt: skip
     if lift[0].value < -cam_analysis.NEGATIVE_LIFT_TOLERANCE * lift[1].value:
         below = f"the profile lies up to {format_quantity('m', -lift[0].value, digits=4)} inside its base circle"
-        rows.append(
-            ("warning", f"{below}. A lower design speed (--speed) or more harmonics (--count) can reduce this depth")
-        )
+        rows.append(("warning", f"{below}. A lower design speed (--speed) reduces this depth"))
     return facts_table("Polydyne cam", rows)
 
 

@@ -122,6 +122,9 @@ def journal_contains(path: Path, fact: str) -> bool:
         return False
 
 
+_START_AGAIN = "leave out --resume and use --overwrite to start again"
+
+
 def _read_journal(path: Path, belongs: Mapping[str, Any]) -> tuple[dict[int, list[Row]], int]:
     """Return the rows of a journal, and the length of its complete lines in bytes."""
     content = path.read_bytes()
@@ -136,13 +139,13 @@ def _read_journal(path: Path, belongs: Mapping[str, Any]) -> tuple[dict[int, lis
         differences = [words for name, words in _WORDS.items() if head.get(name) != belongs.get(name)]
         if differences:
             why = f"{path} belongs to another sweep; what differs: {'; '.join(differences)}"
-            raise refuse("progress file", str(path), "", why, "--overwrite starts again; or name another folder")
+            raise refuse("progress file", str(path), "", why, f"{_START_AGAIN}, or name another folder")
         return {int(c["chunk"]): [_parse_row(row, c["units"]) for row in c["rows"]] for c in chunks}, end
     except InputError:
         raise
     except (ValueError, KeyError, TypeError, AttributeError) as fault:
         why = f"it is damaged: {fault}"
-        raise refuse("progress file", str(path), "the progress of a sweep", why, "--overwrite starts again") from None
+        raise refuse("progress file", str(path), "the progress of a sweep", why, _START_AGAIN) from None
 
 
 def _parse_row(raw: Mapping[str, Any], units: Mapping[str, str]) -> Row:

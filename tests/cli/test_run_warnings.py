@@ -162,7 +162,7 @@ def test_spring_that_opens_valve_causes_warning(flexcam, direct):
         message for message in flexcam("check", direct, "--json").json["warnings"] if "contacts.seat" in message
     )
     assert "nothing holds the valve on its seat" in warning
-    assert "check that a spring closes the valve" in warning
+    assert "check the direction and installed_force of the spring that closes the valve" in warning
     assert "the temperature" not in warning
 
 

@@ -98,6 +98,7 @@ FAULTS = {  # the cam, the key that must be reported, a part of `given`, a part 
     "lift in kg of a swinging follower": (cam_text("6 mm", "6 kg", ROLLER, SWING.format('radius = "9 mm"')), "lift", "6 kg", "a length"),
     "rise in crank angles": (cam_text("100 deg", "200 deg"), "", "400 deg in all", "if these are crank angles, halve them"),
     "rise without a unit": (cam_text('rise = "100 deg"', "rise = 100"), "", "deg in all", "write '100 deg'"),
+    "ramps without a unit": (CAM + 'ramps = { height = "0.3 mm", duration = 25 }\n', "", "deg in all", "write '25 deg'"),
     "steep ramps": (CAM + 'ramps = { height = "3 mm", duration = "5 deg" }\n', "ramps", "", "mm/rad"),
     "ramps beyond the revolution": (CAM + 'ramps = { height = "0.3 mm", duration = "90 deg" }\n', "", "380 deg", "ramps included"),
     "high dwell beside a low one": (CAM + 'single_dwell = "high"\n', "", "200 deg", "no lower dwell"),
