@@ -210,7 +210,8 @@ class ModalEngine(Engine):
             return no_instants(self._system.size, self._forces), STOPPED
         first, times = self._first_instant(), self._problem.times(steps)
         row = int(steps[0]) - self._at
-        states = self._advance_states(int(steps[-1])) / self._scale
+        states = self._advance_states(int(steps[-1]))
+        states[1:] /= self._scale[1:]
         if first is None:
             track = self._track(times, states[:, row:])
         else:  # the first instant is unchanged
@@ -242,7 +243,7 @@ class ModalEngine(Engine):
         """Return the states of steps in blocks, the last of which may extend beyond the last step."""
         steps, length, n = len(histories) - 1, block.length, self._system.size
         if not steps:
-            return self._state[:, None]
+            return self._state[:, None].copy()
         count = -(-steps // length)
         histories = np.concatenate([histories, np.zeros((count * length - steps, histories.shape[1]))])
         begins, ends = self._advance_ends(block, histories, count)

@@ -328,8 +328,7 @@ class _Run(_Observer):
     def __init__(self, problem: Problem, engine: Engine, forces: LocalForces, save: SaveAt, order: int) -> None:
         super().__init__(problem, forces, save, order)
         self._engine = engine
-        limit = _PRESCRIBED_AT_ONCE if problem.system.prescribed_motion else AT_ONCE
-        self._at_once = max(limit // max(problem.system.size, 1), LEAST_AT_ONCE)
+        self._at_once = max(AT_ONCE // max(problem.system.size, 1), LEAST_AT_ONCE)
         self.status = Status()
 
     def state(self) -> Arrays:
@@ -416,10 +415,8 @@ def pilot(problem: Problem, method: Method) -> Series:
     return solve(revolution, stable, save=SaveAt(field_every=max(revolution.steps // _PILOT_FIELDS, 1))).fields
 
 
-AT_ONCE, LEAST_AT_ONCE = 50_000, 8
-"""Unknowns times steps in memory together, so that a dozen arrays fit the cache; minimum steps."""
-
-_PRESCRIBED_AT_ONCE = 4 * AT_ONCE  # of a prescribed motion, whose functions of the cam angle cost more per call
+AT_ONCE, LEAST_AT_ONCE = 200_000, 8
+"""Unknowns times steps in memory together: more take no less time; minimum steps."""
 
 _PILOT_FIELDS = 200
 """Number of fields of the pilot run."""
