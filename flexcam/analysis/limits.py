@@ -371,7 +371,8 @@ def _filtered_contacts(response: Response, ready: PreparedRun, cutoff: float) ->
     rate = (len(time) - 1) / (end - begin)
     channels: dict[str, FloatArray] = dict(response.channels)
     if 2.0 * cutoff >= rate:
-        given, allowed = f"{cutoff:g} Hz", f"a frequency below {0.5 * rate:g} Hz, half the steps per second"
+        speed = shaft_speed(ready.case.speed, ready.case.turns)
+        given, allowed = f"{cutoff:g} Hz", f"a frequency below {0.5 * rate:g} Hz, half the steps per second at {speed}"
         raise refuse("low_pass", given, allowed, "", "raise run.steps_per_revolution")
     low_pass = butter(_FILTER_ORDER, cutoff, fs=rate, output="sos")
     for name in ready.model.cam_contacts:

@@ -105,6 +105,7 @@ class EventStepper:
         self._step, self._forces, self._starter, self._at = step, forces, starter, at
         self._stepper, self._balances = stepper, balances
         self._bouncing = ~np.isnan(forces.restitution)  # which contacts have a restitution
+        self._bounces = bool(self._bouncing.any())
         self._halved = dict[int, Stepper]()
         self.events = 0  #: number of events located so far
 
@@ -123,7 +124,7 @@ class EventStepper:
         for _ in range(MOST_EVENTS):
             trial = self._advance(now, to)
             if not len(self._forces.switching) or not (self._sides(now) != self._sides(trial)).any():
-                if names := self._rebounds(now, trial):
+                if self._bounces and (names := self._rebounds(now, trial)):
                     raise NoConvergenceError(names)  # the step is halved: its ends do not show the impact
                 return [*instants, trial]
             instants += self._first_event(now, trial, to)
@@ -148,8 +149,6 @@ class EventStepper:
 
     def _rebounds(self, now: StepState, trial: StepState) -> list[str]:
         """Return the contacts with restitution whose force may act and vanish between the ends of a step."""
-        if not self._bouncing.any():
-            return []
         (penetration, rate), (_, new_rate) = self._penetrations(now), self._penetrations(trial)
         reaches = penetration + (trial.time - now.time) * rate > 0.0
         turns = (rate > _SLOW) & (new_rate < -_SLOW)

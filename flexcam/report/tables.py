@@ -254,8 +254,8 @@ def describe_comparison(comparison: Comparison, mode_hz: float | None) -> list[s
     of_other = f"of the {other} motion" if other == "rigid" else f"of the motion in '{other}'"
     deviation = f"{comparison.probe} deviates by up to {peak} of the range {of_other} (rms {rms})."
     angle, lift = comparison.peak_acceleration_deg % 360.0, 100.0 * remove_noise(comparison.peak_lift, 1.0)
-    there = f"at cam {angle:.1f} deg, where the displacement {of_other} is {lift:.3g} % of its range."
-    words = [f"{deviation} Its peak acceleration is {ratio} times that {of_other}, {there}"]
+    acceleration = f"Its peak acceleration, at cam {angle:.1f} deg, is {ratio} times that {of_other}."
+    words = [f"{deviation} {acceleration} At this angle the displacement {of_other} is {lift:.3g} % of its range."]
     if mode_hz is not None:
         nearest = "The nearest mode that the cam force excites is at"
         speed, share = f"{mode_hz:.2f} Hz = {60.0 * mode_hz:.0f} camshaft rpm", comparison.speed_rpm / (60.0 * mode_hz)
