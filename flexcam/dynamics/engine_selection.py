@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from flexcam.core.errors import refuse
 from flexcam.dynamics.active_dofs import basis_of, reduce_problem
 from flexcam.dynamics.basis import Basis
+from flexcam.dynamics.blocks import SaveAt
 from flexcam.dynamics.collocation import Collocation, collocation
 from flexcam.dynamics.direct_engine import DirectEngine, Pilot
 from flexcam.dynamics.engine import Engine, KinematicEngine
@@ -23,7 +24,7 @@ from flexcam.dynamics.kernel_step import PROGRAM, contact_stiffness_ratio
 from flexcam.dynamics.law_data import ForceLaw
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.modal_coordinates import ModalCoordinates, diagonal, find_modal_coordinates, modal_problem
-from flexcam.dynamics.modal_engine import ModalEngine
+from flexcam.dynamics.modal_engine import ModalEngine, ProbeEngine, probe_rows
 from flexcam.dynamics.problem import EngineName, Problem
 
 MAX_MODES = 500
@@ -40,6 +41,11 @@ seconds to compile once per installation, and half a second to load afterwards."
 
 _DIVISIONS = 4
 """Parts of a step that are short enough for the contacts of runs that take the collocation by default."""
+
+_SELDOM = 10
+"""Smallest interval of saved fields for which the motion between them is not computed."""
+_FEW = 24
+"""Number of probe scalars up to which they are computed without the motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,11 +159,14 @@ def forces_of(selected: SelectedEngine, method: Method) -> LocalForces:
 
 
 def create_engine(
-    selected: SelectedEngine, method: Method, forces: LocalForces, stop: Callable[[], bool], pilot: Pilot
+    selected: SelectedEngine, method: Method, forces: LocalForces, save: SaveAt, stop: Callable[[], bool], pilot: Pilot
 ) -> Engine:
     """Return the engine, ready to start."""
     if selected.engine != "direct" and isinstance(method, Scheme | Collocation):
         if selected.engine == "modal" and isinstance(method, Scheme):
+            sparse = not save.channels and save.field_every >= _SELDOM
+            if sparse and 0 < len(probe_rows(selected.problem)) <= _FEW:
+                return ProbeEngine(selected.problem, method, save, stop)
             return ModalEngine(selected.problem, method, stop)
         return KernelEngine(selected.problem, method, forces, stop)
     system = selected.problem.system

@@ -7,16 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray, LongArray
-from flexcam.dynamics.blocks import Arrays
-from flexcam.dynamics.engine import STOPPED, Engine, first_track, in_range, no_instants, stack_motion
+from flexcam.dynamics.blocks import Arrays, SaveAt, Series
+from flexcam.dynamics.engine import STOPPED, Engine, all_within, first_track, in_range, no_instants, stack_motion
 from flexcam.dynamics.generalized_alpha import Scheme, predict
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.massless import BETA, GAMMA
 from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.status import Status
-from flexcam.dynamics.step_state import Trajectory
+from flexcam.dynamics.step_state import ProbeTrajectory, Trajectory
 from flexcam.dynamics.system import System
 
 
@@ -101,8 +102,8 @@ class ModalStep:
         return change
 
 
-BLOCK = 40
-"""Steps of a block: longer blocks need fewer sequential and more parallel operations."""
+MODAL_BLOCK, PROBE_BLOCK = 40, 64
+"""Steps of a block: longer blocks need fewer sequential and more parallel operations, which pays if probes suffice."""
 
 _GROWTH_LIMIT = 1e6
 """Growth over a block above which a mode is advanced step by step, to locate divergence."""
@@ -126,6 +127,7 @@ class StepBlock:
     stiffness: FloatArray  #: force per displacement, shape (n,)
     change: FloatArray  #: of states per cause: initial residual force, h v and h^2 a, shape (3, 3, n)
     shift: FloatArray  #: change of the causes per cause, shape (3, 3, n)
+    by_cause: FloatArray  #: states after every step per cause, without initial displacement, shape (3, L, 3, n)
     answer: FloatArray  #: states after every step per unit force at the end of the first one, shape (3, L, n)
 
     @classmethod
@@ -137,29 +139,24 @@ class StepBlock:
         steps.walk(begin, pushed, states)
         if not np.abs(states[:, :, :3]).max(initial=0.0) < _GROWTH_LIMIT:
             return None
-        pulse, old = states[:, :, 3], steps.old
-        # Of a constant force; the displacement in equilibrium would cause the opposite change.
+        by_cause, pulse, old = states[:, :, :3], states[:, :, 3], steps.old
+        # By a constant force; the displacement in equilibrium would cause the opposite change.
+        by_cause[:, :, 0] = np.cumsum(pulse, axis=1)
         change = _power(steps.change(), length)[:, [3, 1, 2]]
         shift = np.concatenate([-steps.stiffness * change[:1], change[1:]]).astype(float)
         answer = (1.0 - old) * pulse
         answer[:, 1:] += old * pulse[:, :-1]  # forces at the beginning of a step act as well
-        return cls(length, steps.stiffness, change.astype(float), shift, answer)
+        return cls(length, steps.stiffness, change.astype(float), shift, by_cause, answer)
 
-    def end_states(self, pushes: FloatArray) -> FloatArray:
-        """Return the state at the end per unit of every load history at every instant, shape (k (L + 1), 3 n).
+    def causes(self, begin: FloatArray, push: FloatArray) -> FloatArray:
+        """Return the causes of change of a state under a force, shape (3, n)."""
+        return np.concatenate([(push - self.stiffness * begin[0])[None], begin[1:]])
 
-        `pushes` are the modal forces of unit load histories, shape (k, n).
-        """
-        responses = np.concatenate([np.zeros((3, 1, len(self.stiffness))), self.answer[:, ::-1]], axis=1)
-        parts = np.einsum("kn,sjn->kjsn", pushes, responses)
-        return parts.reshape(parts.shape[0] * parts.shape[1], 3 * len(self.stiffness))
-
-    def advance(self, begin: FloatArray, pushes: FloatArray, ends: FloatArray) -> None:
-        """Write the states after every block; `ends` are those due to the changes of load within each block."""
-        shifts, causes = ends.copy(), np.empty((len(ends) + 1, *begin.shape))
+    def advance(self, begin: FloatArray, pushes: FloatArray, causes: FloatArray, ends: FloatArray) -> None:
+        """Write the states after every block and their causes of change."""
+        shifts = ends.copy()
         shifts[:, 0] *= -self.stiffness
         shifts[:, 0] += pushes[1:] - pushes[:-1]
-        causes[0] = pushes[0] - self.stiffness * begin[0], begin[1], begin[2]
         for now, later, shift in zip(causes, causes[1:], shifts, strict=False):
             np.einsum("oin,in->on", self.shift, now, out=later)
             later += shift
@@ -187,31 +184,103 @@ def _compose(later: LongArray, earlier: LongArray) -> LongArray:
     return np.einsum("oin,ifn->ofn", later[:, :3], earlier)
 
 
-class ModalEngine(Engine):
-    """Engine of a linear problem (`modal_problem`), whose damping is diagonal; `stop` is called before every call.
+@dataclass(frozen=True, eq=False)
+class StepBlocks:
+    """Successive blocks of steps, or single steps."""
 
-    Its state is that at the end of the last complete block: a call begins there again, so that blocks have one length.
+    begins: FloatArray  #: states at the beginning of blocks, shape (b, 3, n)
+    ends: FloatArray  #: states at their end, shape (b, 3, n)
+    causes: FloatArray  #: causes of the change of state in a block, shape (b, 3, n)
+    rising: FloatArray  #: load histories over every block minus their initial values, shape (b, k (L + 1))
+    states: FloatArray | None = None  #: after every step of a sequence without blocks, shape (3, m, n)
+
+
+class ModalPropagator:
+    """State of the modes and its propagation through `modal_problem`, whose damping is diagonal.
+
+    The state is that at the end of the last complete block: a call begins there again, so that blocks have one length.
     """
 
-    def __init__(self, problem: Problem, scheme: Scheme, stop: Callable[[], bool]) -> None:
+    def __init__(self, problem: Problem, scheme: Scheme, length: int) -> None:
+        self._problem, self._vectors = problem, problem.system.load_vectors()
+        self.at: int = -1  #: step of the state, -1 before the start
+        self.state = np.zeros((3, problem.system.size))  #: coordinates and their rates times powers of the step, (3, n)
+        self.steps = ModalStep.of(scheme, problem.system, problem.step)
+        self.stride = StepBlock.of(self.steps, length)
+        self.pushes = self.steps.load_factor * self._vectors  #: modal forces of unit load histories, shape (k, n)
+        self._end_states = np.zeros((0, 0)) if self.stride is None else self._by_history(self.stride)
+        self.scale = problem.step ** np.arange(3.0)[:, None]  #: powers of the step
+
+    @property
+    def length(self) -> int:
+        """Steps of a block; none if motions grow within one."""
+        return self.stride.length if self.stride else 0
+
+    def _by_history(self, stride: StepBlock) -> FloatArray:
+        """Return states at the end of a block per unit of every history at every instant, shape (k (L + 1), 3 n)."""
+        responses = np.concatenate([np.zeros((3, 1, len(stride.stiffness))), stride.answer[:, ::-1]], axis=1)
+        parts = np.einsum("kn,sjn->kjsn", self.pushes, responses)
+        return parts.reshape(parts.shape[0] * parts.shape[1], self.state.size)
+
+    def begin(self, first: Trajectory) -> None:
+        """Begin at an instant."""
+        self.at, self.state = 0, np.array([first.d[0], first.v[0], first.a[0]]) * self.scale
+
+    def histories(self, last: int) -> FloatArray:
+        """Return the load histories from the state up to a step, padded with zeros to the end of a block."""
+        times = self._problem.times(np.arange(self.at, last + 1))
+        values = self._problem.system.load_histories(self._problem.drive.at(times))
+        return np.concatenate([values, np.zeros((self.length, values.shape[1]))])
+
+    def modal_forces(self, histories: FloatArray) -> FloatArray:
+        """Return the modal forces of every step, shape (m, n), from load histories, shape (m + 1, k)."""
+        return self.steps.modal_forces(histories @ self._vectors)
+
+    def advance(self, last: int, histories: FloatArray) -> StepBlocks:
+        """Return the steps up to one, where the last block may extend beyond it, and advance the state."""
+        if self.stride is None:
+            return self._single(last, histories)
+        length, steps = self.length, last - self.at
+        count = -(-steps // length)
+        windows = sliding_window_view(histories, length + 1, axis=0)[: count * length : length]
+        rising = (windows - windows[:, :, :1]).reshape(count, windows.shape[1] * windows.shape[2])
+        pushes = histories[: count * length + 1 : length] @ self.pushes
+        state, causes = drop_vanished(self.state), np.empty((count + 1, *self.state.shape))
+        causes[0] = self.stride.causes(state, pushes[0])
+        ends = (rising @ self._end_states).reshape(count, *self.state.shape)
+        self.stride.advance(state, pushes, causes, ends)
+        complete = steps // length
+        if complete:
+            self.at += complete * length
+            self.state = ends[complete - 1]
+        return StepBlocks(np.concatenate([state[None], ends])[:count], ends, causes[:-1], rising)
+
+    def _single(self, last: int, histories: FloatArray) -> StepBlocks:
+        forces = self.modal_forces(histories)
+        states = np.empty((3, *forces.shape))
+        self.steps.walk(self.state, forces, states)
+        if last > self.at:
+            self.at, self.state = last, states[:, -1].copy()
+        empty = np.zeros((0, *self.state.shape))
+        return StepBlocks(empty, empty, empty, empty[:, 0], states)
+
+
+class ModalEngine(Engine):
+    """Engine of a linear problem (`modal_problem`); `stop` is called before every block of steps."""
+
+    def __init__(self, problem: Problem, scheme: Scheme, stop: Callable[[], bool], length: int = MODAL_BLOCK) -> None:
         self._problem, self._system, self._stop = problem, problem.system, stop
-        self._forces, self._vectors = LocalForces(problem.system), problem.system.load_vectors()
-        self._at: int = -1  # step of the state, -1 before the start
-        self._state = np.zeros((3, problem.system.size))  # coordinates and their rates times powers of the step
-        self._scale = problem.step ** np.arange(3.0)[:, None, None]
-        self._steps = ModalStep.of(scheme, problem.system, problem.step)
-        self._block = StepBlock.of(self._steps, BLOCK)
-        self._pushes = self._steps.load_factor * self._vectors  # modal forces of unit load histories, shape (k, n)
-        self._end_states = np.zeros((0, 0)) if self._block is None else self._block.end_states(self._pushes)
+        self._forces = LocalForces(problem.system)
+        self._propagator = ModalPropagator(problem, scheme, length)
 
     def advance(self, steps: IntArray) -> tuple[Trajectory, Status]:
         """Return the instants of some successive steps, see `Engine`."""
         if self._stop():
             return no_instants(self._system.size, self._forces), STOPPED
         first, times = self._first_instant(), self._problem.times(steps)
-        row = int(steps[0]) - self._at
+        row = int(steps[0]) - self._propagator.at
         states = self._advance_states(int(steps[-1]))
-        states[1:] /= self._scale[1:]
+        states[1:] /= self._propagator.scale[1:, None]
         if first is None:
             track = self._track(times, states[:, row:])
         else:  # the first instant is unchanged
@@ -220,54 +289,28 @@ class ModalEngine(Engine):
         return in_range(track, before, self._system, self._problem.drive.at(times).angle)
 
     def _first_instant(self) -> Trajectory | None:
-        if self._at >= 0:
+        if self._propagator.at >= 0:
             return None
         first = first_track(self._problem, self._forces)
-        self._at, self._state = 0, np.array([first.d[0], first.v[0], first.a[0]]) * self._scale[:, 0]
+        self._propagator.begin(first)
         return first
 
     def _advance_states(self, last: int) -> FloatArray:
-        """Return the states from the current one up to a step, shape (3, m + 1, n), and advance the current one."""
-        times = self._problem.times(np.arange(self._at, last + 1))
-        histories = self._system.load_histories(self._problem.drive.at(times))
-        if self._block is None:
-            forces = self._steps.modal_forces(histories @ self._vectors)
-            states = np.empty((3, len(histories), self._system.size))
-            states[:, 0] = self._state
-            self._steps.walk(self._state, forces, states[:, 1:])
-            self._at, self._state = last, states[:, -1].copy()
-            return states
-        return self._advance_blocks(self._block, histories)
-
-    def _advance_blocks(self, block: StepBlock, histories: FloatArray) -> FloatArray:
-        """Return the states of steps in blocks, the last of which may extend beyond the last step."""
-        steps, length, n = len(histories) - 1, block.length, self._system.size
-        if not steps:
-            return self._state[:, None].copy()
-        count = -(-steps // length)
-        histories = np.concatenate([histories, np.zeros((count * length - steps, histories.shape[1]))])
-        begins, ends = self._advance_ends(block, histories, count)
-        states = np.empty((3, count * length + 1, n))
-        states[:, 0] = self._state
-        pushes = self._steps.modal_forces(histories @ self._vectors).reshape(count, length, n).swapaxes(0, 1)
-        by_block = states[:, 1:].reshape(3, count, length, n).swapaxes(1, 2)
-        self._steps.walk(begins.swapaxes(0, 1), pushes, by_block)
-        states[:, length::length] = ends.swapaxes(0, 1)
-        if complete := steps // length:
-            self._at += complete * length
-            self._state = ends[complete - 1]
-        return states[:, : steps + 1]
-
-    def _advance_ends(self, block: StepBlock, histories: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
-        """Return the states at the beginnings and ends of blocks, shape (b, 3, n)."""
-        length = block.length
-        windows = sliding_window_view(histories, length + 1, axis=0)[::length]
-        rising = (windows - windows[:, :, :1]).reshape(count, -1)
-        pushes = histories[::length] @ self._pushes
-        state = drop_vanished(self._state)
-        ends = (rising @ self._end_states).reshape(count, *state.shape)
-        block.advance(state, pushes, ends)
-        return np.concatenate([state[None], ends])[:count], ends
+        """Return the states from the current one up to a step, shape (3, m + 1, n)."""
+        modes, count, n = self._propagator, last - self._propagator.at + 1, self._system.size
+        histories, begin = modes.histories(last), modes.state
+        part = modes.advance(last, histories)
+        if part.states is not None:
+            return np.concatenate([begin[:, None], part.states], axis=1)
+        blocks, length = len(part.begins), modes.length
+        end = blocks * length
+        states = np.empty((3, end + 1, n))
+        states[:, 0] = begin
+        pushes = modes.modal_forces(histories)[:end].reshape(blocks, length, n).swapaxes(0, 1)
+        by_block = states[:, 1:].reshape(3, blocks, length, n).swapaxes(1, 2)
+        modes.steps.walk(part.begins.swapaxes(0, 1), pushes, by_block)
+        states[:, length::length] = part.ends.swapaxes(0, 1)
+        return states[:, :count]
 
     def _track(self, times: FloatArray, states: FloatArray) -> Trajectory:
         (d, v, a), empty, sides = states, np.zeros((len(times), 0)), np.zeros((len(times), 0), dtype=bool)
@@ -275,8 +318,102 @@ class ModalEngine(Engine):
 
     def state(self) -> Arrays:
         """Return the state of the modes, see `Engine`."""
-        return {"at": np.array(self._at), "amounts": self._state}
+        return {"at": np.array(self._propagator.at), "amounts": self._propagator.state}
 
     def restore(self, state: Arrays) -> None:
         """Restore the state, see `Engine`."""
-        self._at, self._state = int(state["at"]), state["amounts"]
+        self._propagator.at, self._propagator.state = int(state["at"]), state["amounts"]
+
+
+@dataclass(frozen=True, eq=False)
+class OutputMatrices:
+    """Matrices for the motion of p rows in a block."""
+
+    rows: FloatArray  #: shape (p, n)
+    matrix: FloatArray  #: motion after every step per cause and per change of load, shape (3 n + k (L + 1), L 3 p)
+
+    @classmethod
+    def of(cls, rows: FloatArray, course: ModalPropagator) -> OutputMatrices:
+        """Return the matrices for a propagator with blocks."""
+        stride, length, count = course.stride, course.length, 3 * len(rows)
+        if stride is None:  # without blocks no motion is computed from them
+            return cls(rows, np.zeros((0, 0)))
+        causes, histories = 3 * rows.shape[1], len(course.pushes)
+        matrix = np.zeros((causes + histories * (length + 1), length, count))
+        by_cause = np.einsum("sjcn,pn->cnjsp", stride.by_cause / course.scale[:, None, None], rows)
+        matrix[:causes] = by_cause.reshape(causes, length, count)
+        answers = np.einsum("sjn,knp->kjsp", stride.answer / course.scale[:, None], course.pushes[:, :, None] * rows.T)
+        answers = answers.reshape(histories, length, count)
+        by_load = matrix[causes:].reshape(histories, length + 1, length, count)
+        for instant in range(1, length + 1):  # forces act from their instant on
+            by_load[:, instant, instant - 1 :] = answers[:, : length + 1 - instant]
+        return cls(rows, matrix.reshape(len(matrix), length * count))
+
+    def evaluate(self, part: StepBlocks) -> FloatArray:
+        """Return displacements, velocities and accelerations after every step of blocks, shape (m, 3, p)."""
+        count, p = len(part.begins), len(self.rows)
+        result = np.concatenate([part.causes.reshape(count, -1), part.rising], axis=1) @ self.matrix
+        result = result.reshape(count, -1, 3, p)
+        result[:, :, 0] += (part.begins[:, 0] @ self.rows.T)[:, None]
+        return result.reshape(-1, 3, p)
+
+
+class ProbeEngine(ModalEngine):
+    """Engine of a linear problem in modal coordinates that computes only the probes."""
+
+    def __init__(self, problem: Problem, scheme: Scheme, save: SaveAt, stop: Callable[[], bool]) -> None:
+        super().__init__(problem, scheme, stop, PROBE_BLOCK)
+        self._save = save
+        self._view = OutputMatrices.of(probe_rows(problem), self._propagator)
+
+    def advance_probes(self, steps: IntArray) -> tuple[ProbeTrajectory, Status]:
+        """Return the saved results of successive steps, up to the last in range, and a status, see `Engine`."""
+        rows = self._view.rows
+        if self._stop():
+            probes, motion = np.zeros((3, 0, len(rows))), np.zeros((3, 0, self._system.size))
+            return ProbeTrajectory(np.zeros(0), Series(*probes), Series(*motion)), STOPPED
+        saved, earlier = self._save.fields(steps, self._problem.steps), self.state()
+        if self._propagator.stride is not None and (history := self._evaluate(steps, saved)) is not None:
+            return history, Status()
+        self.restore(earlier)  # instant by instant where motions grow, to find the diverging one
+        track, status = self.advance(steps)
+        motion = Series(track.d, track.v, track.a)
+        probes = Series(*(values @ rows.T for values in motion))
+        return ProbeTrajectory(track.time, probes, motion.at(saved[: len(track.time)])), status
+
+    def _evaluate(self, steps: IntArray, saved: NDArray[np.bool_]) -> ProbeTrajectory | None:
+        """Return the saved results of steps; None if a value diverges."""
+        first, modes = self._first_instant(), self._propagator
+        begin, times = modes.at, self._problem.times(steps)
+        histories, rows = modes.histories(int(steps[-1])), steps[saved] - begin
+        values = np.empty((len(histories), 3, len(self._view.rows)))
+        fields = np.empty((3, len(rows), self._system.size))
+        if first is not None:
+            fields[:, 0] = first.d[0], first.v[0], first.a[0]
+            values[0] = fields[:, 0] @ self._view.rows.T
+        part = modes.advance(int(steps[-1]), histories)
+        outputs, later = self._view.evaluate(part), rows > 0
+        values[1 : 1 + len(outputs)] = outputs
+        fields[:, later] = self._states(part, rows[later], histories) / modes.scale[:, None]
+        values = values[int(steps[0]) - begin : int(steps[-1]) - begin + 1]
+        if not (all_within(values) and all_within(fields) and all_within(modes.state)):
+            return None
+        return ProbeTrajectory(times, Series(*values.swapaxes(0, 1)), Series(*fields))
+
+    def _states(self, part: StepBlocks, rows: IntArray, histories: FloatArray) -> FloatArray:
+        """Return the states after selected steps, counted from the state before them, shape (3, r, n)."""
+        block, step = np.divmod(rows - 1, self._propagator.length)
+        result = part.ends[block].swapaxes(0, 1).copy()
+        last = self._propagator.length - 1  # the last step of a run may not end a block
+        for i in np.flatnonzero(step < last).tolist():
+            row = int(block[i]) * self._propagator.length
+            forces = self._propagator.modal_forces(histories[row : row + int(step[i]) + 2])
+            states = np.empty((3, *forces.shape))
+            self._propagator.steps.walk(part.begins[block[i]], forces, states)
+            result[:, i] = states[:, -1]
+        return result
+
+
+def probe_rows(problem: Problem) -> FloatArray:
+    """Return the rows of all probes of a problem."""
+    return np.concatenate([np.zeros((0, problem.system.size)), *(probe.rows for probe in problem.system.probes)])

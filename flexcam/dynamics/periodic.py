@@ -21,6 +21,7 @@ import numpy as np
 from flexcam.core import ComplexArray, FloatArray, SingularMatrixError
 from flexcam.core.errors import refuse
 from flexcam.dynamics.basis import Basis
+from flexcam.dynamics.blocks import SaveAt
 from flexcam.dynamics.disturbances import Disturbances
 from flexcam.dynamics.engine import iterate_tracks
 from flexcam.dynamics.engine_selection import SelectedEngine, create_engine, forces_of, select_engine
@@ -57,7 +58,7 @@ def period_map(
     every = max(problem.steps // _FIELDS, 1)
     try:
         forces = forces_of(selected, method)
-        engine = create_engine(selected, method, forces, stop, pilot)
+        engine = create_engine(selected, method, forces, SaveAt(field_every=problem.steps + 1), stop, pilot)
         disturbances = Disturbances(problem, forces) if derived else None
         dividing = np.setdiff1d(forces.touching, forces.switching)  # contacts that open and close within steps
         closed = [np.zeros((0, len(dividing)), dtype=bool)]

@@ -29,10 +29,11 @@ from flexcam.dynamics.generalized_alpha import newmark
 from flexcam.dynamics.integrator import Method
 from flexcam.dynamics.local_forces import LocalForces
 from flexcam.dynamics.memory import MemorySink, ResponseSink
+from flexcam.dynamics.modal_engine import ProbeEngine
 from flexcam.dynamics.problem import Problem
 from flexcam.dynamics.response import STATE, Outline, Response
 from flexcam.dynamics.status import Cause, RunFailedError, Stats, Status
-from flexcam.dynamics.step_state import SensedTrajectory, Trajectory
+from flexcam.dynamics.step_state import ProbeTrajectory, SensedTrajectory, Trajectory
 from flexcam.dynamics.system import Observation, Probe, System
 
 _INSTANTS = 64
@@ -163,7 +164,9 @@ def solve(
     status, can_resume = Status(), resume is not None
     try:
         forces = forces_of(selected, scheme)
-        engine = create_engine(selected, scheme, forces, lambda: is_late() or (stop is not None and stop()), pilot)
+        engine = create_engine(
+            selected, scheme, forces, output, lambda: is_late() or (stop is not None and stop()), pilot
+        )
         run = _Run(reduced, engine, forces, output, scheme.order)
         if resume is not None:
             for block in resume.blocks():
@@ -328,7 +331,8 @@ class _Run(_Observer):
     def __init__(self, problem: Problem, engine: Engine, forces: LocalForces, save: SaveAt, order: int) -> None:
         super().__init__(problem, forces, save, order)
         self._engine = engine
-        self._at_once = max(AT_ONCE // max(problem.system.size, 1), LEAST_AT_ONCE)
+        width = sum(len(probe.rows) for probe in problem.system.probes) if isinstance(engine, ProbeEngine) else 0
+        self._at_once = max(AT_ONCE // max(width or problem.system.size, 1), LEAST_AT_ONCE)
         self.status = Status()
 
     def state(self) -> Arrays:
@@ -360,12 +364,24 @@ class _Run(_Observer):
         for begin in range(first, end, self._at_once):
             steps = np.arange(begin, min(begin + self._at_once, end))
             with np.errstate(over="ignore", invalid="ignore"):  # divergence is reported per block
-                track, self.status = self._engine.advance(steps)
-                block = self.block(steps[: len(track.ends)], track) if len(track.ends) else None
+                if isinstance(self._engine, ProbeEngine):
+                    history, self.status = self._engine.advance_probes(steps)
+                    block = self._probe_part(steps[: len(history.time)], history) if len(history.time) else None
+                else:
+                    track, self.status = self._engine.advance(steps)
+                    block = self.block(steps[: len(track.ends)], track) if len(track.ends) else None
             if block is not None:
                 yield block
             if not self.status.ok:
                 return
+
+    def _probe_part(self, steps: IntArray, history: ProbeTrajectory) -> Block:
+        motion, saved = self._problem.drive.at(history.time), self._save.fields(steps, self._problem.steps)
+        return Block(
+            time=history.time, angle=motion.angle, probes=_offset(self._system.probes, history.probes, motion),
+            channels=np.zeros((len(steps), 0)), field_time=history.time[saved], field_angle=motion.angle[saved],
+            fields=history.fields,
+        )  # fmt: skip
 
     def statistics(self, stats: Stats) -> Stats:
         """Return the statistics with the counts of this run."""
@@ -374,9 +390,13 @@ class _Run(_Observer):
 
 
 def _probe_series(probes: tuple[Probe, ...], series: Series, motion: CamMotion) -> Series:
-    """Return the rows of probes times a motion, plus the prescribed offset."""
     rows = np.concatenate([p.rows for p in probes]) if probes else np.zeros((0, series.displacement.shape[1]))
-    d, v, a = (values @ rows.T for values in series)
+    return _offset(probes, Series(*(values @ rows.T for values in series)), motion)
+
+
+def _offset(probes: tuple[Probe, ...], series: Series, motion: CamMotion) -> Series:
+    """Return the rows times a motion, plus the prescribed offset."""
+    d, v, a = map(np.array, series)
     cam, speed = motion.cam, motion.speed
     for column, offset in enumerate(o for p in probes for o in p.offset):
         if offset is not None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexcam.core import FloatArray, IntArray
-from flexcam.dynamics.blocks import Arrays, select_prefix
+from flexcam.dynamics.blocks import Arrays, Series, select_prefix
 from flexcam.dynamics.cam_motion import CamFunctionCache, PrescribedInputs
 
 ContactSides = Callable[[FloatArray], NDArray[np.bool_]]
@@ -142,3 +142,12 @@ class SensedTrajectory:
             float(track.time[i]), track.d[i], track.v[i], track.a[i], np.zeros_like(track.d[i]), track.local[i],
             self.penetration[i], self.rate[i], track.state[i], track.pressed[i], impulse if impulse.any() else None,
         )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class ProbeTrajectory:
+    """Results of b steps if only probes and fields are needed."""
+
+    time: FloatArray  #: s, shape (b,)
+    probes: Series  #: all scalars of the probes without their prescribed part, shape (b, p)
+    fields: Series  #: the motions at saved fields, shape (f, n)

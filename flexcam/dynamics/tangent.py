@@ -19,6 +19,7 @@ from flexcam.core import FloatArray, IntArray
 from flexcam.core.errors import refuse
 from flexcam.dynamics.active_dofs import basis_of, reduce_problem
 from flexcam.dynamics.basis import DofSubset
+from flexcam.dynamics.blocks import SaveAt
 from flexcam.dynamics.disturbances import Disturbances
 from flexcam.dynamics.engine import iterate_tracks
 from flexcam.dynamics.engine_selection import SelectedEngine, create_engine, forces_of, select_engine
@@ -206,7 +207,7 @@ def _integrate(
 ) -> Iterator[tuple[Trajectory, FloatArray]]:
     """Yield the motion of a problem block by block with the disturbances by its parameters, see `Disturbances`."""
     problem = selected.problem
-    engine = create_engine(selected, method, forces, lambda: False, pilot)
+    engine = create_engine(selected, method, forces, SaveAt(field_every=problem.steps + 1), lambda: False, pilot)
     disturbances = Disturbances(problem, forces, initial, parameters)
     for track in iterate_tracks(engine, problem.steps):
         yield disturbances.follow(track)

@@ -65,6 +65,7 @@ class MemorySink:
 @pytest.mark.parametrize("channels", [True, False])
 @pytest.mark.parametrize("every", [10, 5])
 def test_resume_without_file(path, channels, every):
+    """Without channels, the modal engine computes the probes only."""
     ready = prepare(read_case(CASE, [f"run.engine={path}"]))
     problem = replace(ready.problem, steps=450)
     save = SaveAt(field_every=every, fields_per_block=100 // every, channels=channels)

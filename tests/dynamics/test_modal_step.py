@@ -30,17 +30,25 @@ def single_steps(steps, begin, loads):
 @pytest.mark.parametrize("name", SCHEMES)
 @pytest.mark.parametrize("length", [1, 20, 33])
 def test_block_equals_single_steps(name, ratio, length):
-    """Loads, states and their responses after blocks, to some roundings per step."""
+    """Loads, states and their responses within and after blocks, to some roundings per step."""
     steps, rng, count = modal_step(SCHEMES[name], ratio), np.random.default_rng(1), 3
     stride, n = StepBlock.of(steps, length), len(OMEGA)
     begin, loads = rng.normal(size=(3, n)), rng.normal(size=(count * length + 1, n))
     push = steps.load_factor * loads
     rising = np.array([push[b * length : (b + 1) * length + 1] - push[b * length] for b in range(count)])
     ends = np.einsum("bmn,smn->bsn", rising[:, :0:-1], stride.answer)
-    stride.advance(begin, push[::length], ends)
+    causes = np.empty((count + 1, 3, n))
+    causes[0] = stride.causes(begin, push[0])
+    stride.advance(begin, push[::length], causes, ends)
+    within = np.einsum("sjcn,bcn->bsjn", stride.by_cause, causes[:-1])
+    for step in range(length):  # a change of the load acts from this step on
+        change = rising[:, step + 1, None, None]
+        within[:, :, step:] += change * stride.answer[:, : length - step]
+    within[:, 0] += np.concatenate([begin[None], ends[:-1]])[:, 0, None]
     expected = single_steps(steps, begin, loads)
     size = np.abs(expected).max(axis=1)
     allowed = 1e-13 * count * length * size + 1e-13 * np.abs(begin)
+    assert (np.abs(np.concatenate(within, axis=1) - expected).max(axis=1) <= allowed).all()
     assert (np.abs(ends - expected[:, length - 1 :: length].swapaxes(0, 1)) <= allowed).all()
 
 
@@ -82,7 +90,8 @@ def test_decayed_state_is_zero():
     for _ in range(12):
         state = drop_vanished(state)
         assert (state == 0.0).all() or np.abs(state).max() > 1e-150
-        ends = np.zeros((16, 3, 1))
-        stride.advance(state, np.zeros((17, 1)), ends)
+        causes, ends = np.empty((17, 3, 1)), np.zeros((16, 3, 1))
+        causes[0] = stride.causes(state, np.zeros(1))
+        stride.advance(state, np.zeros((17, 1)), causes, ends)
         state = ends[-1]
     assert (drop_vanished(state) == 0.0).all()
