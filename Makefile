@@ -36,7 +36,7 @@ demo: $(VENV)/.demo
 	@$(BIN)/flexcam report $(RESULT) -o $(REPORT) --overwrite >/dev/null
 	@echo
 	@echo "The motion in ParaView: open $(RESULT) (5.12 and newer) or results/model-3-shm.pvd (any),"
-	@echo "apply Warp By Vector to 'displacement' (scale 1; docs/howto/paraview.md magnifies the bending of the shaft), then Tube, press play."
+	@echo "apply Warp By Vector to 'displacement' (scale 1; docs/howto/paraview.md says how to magnify the bending of the shaft), then Tube, press play."
 	@echo "The report, in any browser, without a network: $(REPORT)"
 
 test: $(VENV)/.dev

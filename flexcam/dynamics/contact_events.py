@@ -79,7 +79,8 @@ def narrow_bracket(
     return newton, low, high, near, far, crossed
 
 
-_MAX_HALVINGS = 6
+MAX_HALVINGS = 6
+"""Maximum number of times that a step is halved."""
 
 _SAME_LENGTH = 1e-6
 """Tolerance for recognizing a step length, as a fraction."""
@@ -114,7 +115,7 @@ class EventStepper:
         try:
             return self._walk(now, to)
         except NoConvergenceError:
-            if halvings == _MAX_HALVINGS:
+            if halvings == MAX_HALVINGS:
                 raise
         first = self.walk(now, self._at(0.5 * (now.time + to.time)), halvings + 1)
         return [*first, *self.walk(first[-1], to, halvings + 1)]

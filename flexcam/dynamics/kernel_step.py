@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from flexcam.core import FloatArray, IntArray, component_members, connected_components
 from flexcam.dynamics.cam_motion import CamMotion, PrescribedInputs
 from flexcam.dynamics.collocation import Collocation, stage_coefficients
+from flexcam.dynamics.contact_events import MAX_HALVINGS
 from flexcam.dynamics.force_laws import DEPTH, FIRST, OWN, SCALARS, STATE, STATE_ROWS
 from flexcam.dynamics.generalized_alpha import Scheme
 from flexcam.dynamics.integrator import unconverged_forces
@@ -31,8 +32,6 @@ from flexcam.dynamics.system import System
 from flexcam.dynamics.tangent_kernel import FUNCTIONS_OF_TANGENTS
 
 _NONE = np.zeros((0, 0))
-_SHORTEST = 64.0
-"""Fraction of a step below which contacts that close and open again within it are not looked for."""
 _STRONG = 0.05
 """Motion of a scalar by the force of another law, relative to their own, above which both laws are in one block."""
 _CLOSED = 1e-6
@@ -210,7 +209,7 @@ class Kernel:
         self._cuts = np.cumsum([0, *(stages * size for size in sizes)])
         width = max(int(self._cuts[-1]), self.columns, n, stages * c)
         self._parts = np.zeros((PART_ROWS, width))
-        self._length, self.shortest = 0.0, problem.step / _SHORTEST
+        self._length, self.shortest = 0.0, problem.step * 0.5**MAX_HALVINGS
 
     def operator(self, step: float) -> StepOperator:
         """Return a step whose stages have a length, s."""

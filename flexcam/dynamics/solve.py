@@ -174,7 +174,7 @@ def solve(
                     sink.write(block)
             run.restore(resume.checkpoint.arrays)
             stats = run.statistics(replace(stats, steps=resume.checkpoint.steps))
-            begin -= float(resume.checkpoint.arrays["seconds"])
+            begin -= float(resume.checkpoint.arrays.get("seconds", 0.0))
         with limit_blas_threads(selected):
             for block in run.blocks(stats.steps):
                 expanded = reduce(expand_block, selected.bases, block)
@@ -436,7 +436,8 @@ def pilot(problem: Problem, method: Method) -> Series:
 
 
 AT_ONCE, LEAST_AT_ONCE = 200_000, 8
-"""Unknowns times steps in memory together: more take no less time; minimum steps."""
+"""Maximum number of unknowns, or of components of probes, times steps computed at once: larger blocks are not faster.
+Minimum number of these steps."""
 
 _PILOT_FIELDS = 200
 """Number of fields of the pilot run."""

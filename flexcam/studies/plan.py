@@ -311,8 +311,9 @@ def make_plan(axes: Sequence[Axis], sampled: Sample | None = None, *, limit: int
         raise InputError(Fault(axis.where, given, allowed, "", _interval_remedy(axis)) for axis in intervals)
     if not plan.varied_axes:
         given = " ".join(axis.where for axis in axes) or "no --set"
+        key = next((axis.key for axis in axes if axis.key in ("run.speed", "run.crank_speed")), "run.crank_speed")
         raise refuse("sweep", given, "at least one key with several values", "nothing varies",
-                     "write start:stop:step, such as --set run.crank_speed=1000:4000:500rpm")  # fmt: skip
+                     f"write start:stop:step, such as --set {key}=1000:4000:500rpm")  # fmt: skip
     check_count("--sample" if sampled else "sweep", len(plan), limit)
     return plan
 

@@ -61,6 +61,7 @@ def test_invalid_plans_are_refused():
     found = faults(lambda: make_plan(parse_axes(["a=1:2", "b=3:4"])))
     assert [(f.given, f.remedy.partition(",")[0]) for f in found] == [("an interval", "give a number of values")] * 2
     assert faults(lambda: make_plan(parse_axes(["a=1"])))[0].why == "nothing varies"
+    assert "--set run.speed=1000:" in faults(lambda: make_plan(parse_axes(["run.speed=3000rpm"])))[0].remedy
     assert "--limit 10201" in faults(lambda: make_plan(parse_axes(["a=0:100:1", "b=0:100:1"])))[0].remedy
     assert len(make_plan(parse_axes(["a=0:100:1", "b=0:100:1"]), limit=10201)) == 10201
 
