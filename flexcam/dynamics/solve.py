@@ -331,8 +331,9 @@ class _Run(_Observer):
     def __init__(self, problem: Problem, engine: Engine, forces: LocalForces, save: SaveAt, order: int) -> None:
         super().__init__(problem, forces, save, order)
         self._engine = engine
-        width = sum(len(probe.rows) for probe in problem.system.probes) if isinstance(engine, ProbeEngine) else 0
-        self._at_once = max(AT_ONCE // max(width or problem.system.size, 1), LEAST_AT_ONCE)
+        components = sum(len(probe.rows) for probe in problem.system.probes)
+        width = components if isinstance(engine, ProbeEngine) else problem.system.size
+        self._at_once = max(AT_ONCE // max(width, 1), LEAST_AT_ONCE)
         self.status = Status()
 
     def state(self) -> Arrays:
