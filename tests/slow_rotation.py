@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 MIN_SECONDS = 10.0
 """Minimum remaining time to start another file."""
 STRIDE = 20
-"""Number of files by which the first one moves every day: fewer than a run of 240 s completes, some 30 on two cores."""
+"""Number of files by which the first one moves every day. Two idle cores completed 37 files in 300 s."""
 
 
 def slow_files() -> list[str]:
