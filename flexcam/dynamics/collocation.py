@@ -81,7 +81,8 @@ def stage_coefficients(mass: FloatArray, damping: FloatArray, stiffness: FloatAr
     damped = ~heavy & (damping != 0.0)
     static = ~heavy & ~damped
     coefficients[..., heavy] = _modes_with_mass(mass[heavy], damping[heavy], stiffness[heavy], length)
-    coefficients[..., damped] = _modes_with_damper(damping[damped], stiffness[damped], length)
+    if damped.any():
+        coefficients[..., damped] = _modes_with_damper(damping[damped], stiffness[damped], length)
     coefficients[..., static] = _modes_with_spring(stiffness[static], length)
     return coefficients
 

@@ -67,8 +67,10 @@ class Program:
 
     def load_extension(self) -> ModuleType | None:
         """Return the extension module; None without it, or if compiled code is disabled."""
-        if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
-            return None
+        return None if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0" else self._module
+
+    @cached_property
+    def _module(self) -> ModuleType | None:
         try:
             return import_module(f"{__package__}.{self.extension}")
         except ImportError:

@@ -220,12 +220,26 @@ def contact_ratio(
     return largest
 
 
-def keep_forces(forces: FloatArray, local: FloatArray) -> None:
-    """Keep the local forces of a step as the last ones, and extrapolate them."""
+def keep_forces(stages: int, forces: FloatArray, local: FloatArray) -> None:
+    """Keep the local forces of a step as the last ones, and extrapolate them to the next step.
+
+    Stages of the collocation lie at equal distances: a cubic leads through those of the last two steps, and after the
+    first step a parabola through the last three instants.
+    """
+    count = local.shape[1] // stages
     for j in range(local.shape[1]):
         change = local[TRIAL, j] - forces[LAST_FORCE, j]
-        forces[TREND, j] = change if forces[LAST_CHANGE, j] == 0.0 else 2.0 * change - forces[LAST_CHANGE, j]
+        if stages == 1:
+            forces[TREND, j] = change if forces[LAST_CHANGE, j] == 0.0 else 2.0 * change - forces[LAST_CHANGE, j]
+        elif j < count:
+            end = count + j
+            f2, f1, f0 = forces[LAST_FORCE, end], local[TRIAL, j], local[TRIAL, end]
+            f3 = f0 - 3.0 * (f1 - f2) if forces[LAST_CHANGE, j] == 0.0 else forces[LAST_FORCE, j]
+            forces[TREND, j], forces[TREND, end] = (
+                4.0 * f0 - 7.0 * f1 + 4.0 * f2 - f3, 9.0 * f0 - 20.0 * f1 + 15.0 * f2 - 4.0 * f3
+            )  # fmt: skip
         forces[LAST_CHANGE, j] = change
+    for j in range(local.shape[1]):
         forces[LAST_FORCE, j], forces[LAST_PENETRATION, j] = local[TRIAL, j], local[PENETRATION, j]
         forces[LAST_RATE, j], forces[LAST_DEPTH, j] = local[RATE, j], local[DEPTH, j]
 
@@ -304,7 +318,7 @@ def accept(
             rows[stage, 3 * n + j] = local[TRIAL, stage * c + j]
         for z in range(inner):
             rows[stage, 3 * n + c + z] = states[NEW_STATE, stage * inner + z]
-    keep_forces(forces, local)
+    keep_forces(stages, forces, local)
     for j in range(c):
         forces[LAST_PENETRATION, j] = forces[LAST_PENETRATION, last * c + j]  # all stages begin where the step begins
     for z in range(states.shape[1]):

@@ -262,8 +262,10 @@ def singular_status(fault: SingularMatrixError, system: System) -> Status:
 class _Observer:
     def __init__(self, problem: Problem, forces: LocalForces, save: SaveAt, order: int) -> None:
         self._problem, self._system, self._save, self._forces = problem, problem.system, save, forces
-        self._balance = EnergyBalance(problem.system, forces, order)
-        self._residual = EquilibriumResidual(problem.system, forces, problem.step)
+        self._checks: tuple[EnergyBalance, EquilibriumResidual] | None = None
+        if save.channels and save.energies and not problem.system.prescribed_motion:
+            residual = EquilibriumResidual(problem.system, forces, problem.step)
+            self._checks = EnergyBalance(problem.system, forces, order), residual
 
     def block(self, steps: IntArray, track: Trajectory, sensed: SensedTrajectory | None = None) -> Block:
         """Return the observations at the ends of some steps, with the sensed scalars if they are known."""
@@ -292,11 +294,12 @@ class _Observer:
         series, histories = Series(track.d, track.v, track.a), self._system.load_histories(motion)
         observed = Observation(motion, inputs.cam, series, histories, forces, penetrations, rates, track.state)
         columns = [channel.value(observed) for channel in self._system.channels]
+        if self._checks:
+            balance, residual = self._checks
+            saved = self._save.fields(steps, self._problem.steps)
+            residual.evaluate(track, observed, inputs, track.ends[saved & (steps > 0)])  # step 0 is no step
+            columns.append(balance.block(track, observed, prescribed_rates, inputs))
         if self._save.energies:
-            if not self._system.prescribed_motion:
-                saved = self._save.fields(steps, self._problem.steps)
-                self._residual.evaluate(track, observed, inputs, track.ends[saved & (steps > 0)])  # step 0 is no step
-                columns.append(self._balance.block(track, observed, prescribed_rates, inputs))
             columns.append(observed.states)
         values = np.column_stack([np.zeros((len(track.time), 0)), *columns])
         return values[track.ends] if len(steps) < len(values) else values
@@ -338,13 +341,13 @@ class _Run(_Observer):
 
     def state(self) -> Arrays:
         """Return the state for the next block that is not part of the problem."""
-        return {**self._engine.state(), **self._balance.state(), **self._residual.state()}
+        parts = (self._engine, *(self._checks or ()))
+        return {name: array for part in parts for name, array in part.state().items()}
 
     def restore(self, state: Arrays) -> None:
         """Restore the state."""
-        self._engine.restore(state)
-        self._balance.restore(state)
-        self._residual.restore(state)
+        for part in (self._engine, *(self._checks or ())):
+            part.restore(state)
 
     def blocks(self, done: int = 0) -> Iterator[Block]:
         """Yield the results block by block, with the initial state in the first block of a new run.
@@ -387,7 +390,7 @@ class _Run(_Observer):
     def statistics(self, stats: Stats) -> Stats:
         """Return the statistics with the counts of this run."""
         stats = self._engine.statistics(stats)
-        return replace(stats, imbalance=self._residual.share) if self._save.channels and self._save.energies else stats
+        return replace(stats, imbalance=self._checks[1].share) if self._checks else stats
 
 
 def _probe_series(probes: tuple[Probe, ...], series: Series, motion: CamMotion) -> Series:
