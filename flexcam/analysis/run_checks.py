@@ -269,8 +269,11 @@ def describe_change(change: RevolutionChange) -> str:
 _SAME_STRESS = 0.02  # relative change of a stress that is not mentioned
 
 
-def describe_decay(ready: PreparedRun, member: str) -> str:
-    """Return the decay of the lowest mode, if it is undamped, or of that of a member; empty if within a revolution."""
+def describe_decay(ready: PreparedRun, member: str) -> tuple[str, bool]:
+    """Return the decay of the lowest mode, if it is undamped, or of that of a member, and whether it decays.
+
+    The text is empty if it decays within a revolution.
+    """
     lowest = model_modes(build_structure(ready.model), _DECAY_MODES)
     for i in range(lowest.modes.rigid, len(lowest.modes.omegas)):
         shape, frequency = lowest.modes.shapes[:, i], f"{lowest.modes.frequencies[i]:.4g} Hz"
@@ -282,12 +285,14 @@ def describe_decay(ready: PreparedRun, member: str) -> str:
             motion = max(shares, key=lambda part: shares[part]).removeprefix(f"{member} ")
             mode = f"The lowest mode of member {member} ({motion}, {frequency})"
         if is_undamped and (is_own or i == lowest.modes.rigid):
-            return f"{mode} is not damped; the motion repeats only with damping, such as run.damping.modal"
+            remedy = "add damping, such as run.damping.modal, and then run more revolutions"
+            return f"{mode} is not damped, so the motion never repeats: {remedy}", False
         if is_own:
             turns = 1.0 / (rate * ready.revolution)
             longer = "the stress repeats only after several times as many"
-            return f"{mode} decays to 37 % of its amplitude in {turns:.3g} revolutions; {longer}" if turns > 1.0 else ""
-    return ""
+            text = f"{mode} decays to 37 % of its amplitude in {turns:.3g} revolutions; {longer}"
+            return text if turns > 1.0 else "", True
+    return "", True
 
 
 _DECAY_MODES = 60  # number of the lowest modes among which that of a member is searched for

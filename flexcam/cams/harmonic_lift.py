@@ -243,13 +243,14 @@ def _fit_error(
         return _round_up(minimum, given, lambda outer: attainable(inner, outer))
 
     inner, outer, conjunction, count = find_tolerance(bound), None, " or ", (rows.shape[1] - 1) // 2
-    given = f"{count} harmonic{'s' * (count != 1)} within {_micrometres(tolerance)} in the dwells"
+    given = f"{_micrometres(tolerance)} in the dwells"
     if bound is not None:
         outer = find_bound(tolerance, bound)
         if inner is None and outer is None:  # neither alone helps
             inner, conjunction = find_tolerance(None), " and "
             outer = None if inner is None else find_bound(inner, bound)
-        given = f"{given} and {_micrometres(bound)} elsewhere"
+        given += f" and {_micrometres(bound)} elsewhere"
+    given += f", too small for {count} harmonic{'s' * (count != 1)}"
     wider = {"tolerance": inner, "bound": outer}
     texts = [f"a {name} (--{name}) of at least {_micrometres(value)}" for name, value in wider.items() if value]
     where = "bound" if outer and conjunction == " or " else "tolerance"

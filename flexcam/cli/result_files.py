@@ -116,7 +116,7 @@ def export(
             print_message(f"Note: the mesh lacks {', '.join(parts)}: connect their nodes in the other program")
         files = [target]
     elif form == "csv":
-        response = io.read_result(source).response
+        response = io.read_result(source, empty=False).response
         if instants is not None:
             if len(response.time) < 2:
                 raise refuse("--instants", "a result with one instant", "two or more", "", "leave --instants out")
@@ -126,7 +126,8 @@ def export(
     elif form in ("stl", "vtm", "glb"):
         files = _write_solids(source, target, fields, instants, at, overwrite=overwrite)
     else:
-        files = _write_collection(io.read_result(source), target, every, fields, macro=macro, overwrite=overwrite)
+        result = io.read_result(source, empty=False)
+        files = _write_collection(result, target, every, fields, macro=macro, overwrite=overwrite)
     text = f"{files[0]} ({len(files)} files)" if len(files) > 1 else str(files[0])
     script = f"\nparaview --script={files[1]}" if macro else ""
     return cli.CommandOutput([text + script], {"files": files})

@@ -139,12 +139,12 @@ def _describe_run(
     if change:
         hint, grows = "", change.stress_change > run_metrics.GROWTH
         if grows or (change.force > run_metrics.CHATTER and not excitation_without_period(case)):
-            hint = ". Run more revolutions until the values repeat"
+            slow, decays = run_checks.describe_decay(ready, change.member) if grows else ("", True)
+            hint = ". Run more revolutions until the values repeat" if decays else ""
             pair = ready.model.cam_contacts.get(change.contact)
-            if isinstance(pair, CamContact) and pair.unilateral:
+            if decays and isinstance(pair, CamContact) and pair.unilateral:
                 never = "If they never do, contacts chatter (see flexcam stability)"
                 hint += f". {never}: use the largest value of several revolutions"
-            slow = run_checks.describe_decay(ready, change.member) if grows else ""
             hint += f". {slow}" if slow else ""
         parts.append(f"Difference between the last two revolutions: {run_checks.describe_change(change)}{hint}")
     elif status.ok and ready.model.cam_contacts and stats.unknowns and stats.periodicity < 0.0:

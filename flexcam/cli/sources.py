@@ -45,7 +45,7 @@ class Source:
     @cached_property
     def result(self) -> Result | None:
         """Result file; None for a case."""
-        return read_result(self.path) if self.is_result else None
+        return read_result(self.path, empty=False) if self.is_result else None
 
     @cached_property
     def case(self) -> Case:

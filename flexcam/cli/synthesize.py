@@ -107,7 +107,8 @@ cli.app.command(synthesize)
 _command = partial(cli.command, group=synthesize)
 
 LiftOutput = Annotated[Path | None, Parameter(
-    ["-o", "--output"], help="Also write the lift to this file (.toml), for the key lift_table of a cam.")]  # fmt: skip
+    ["-o", "--output"],
+    help='Also write the lift to this file (.toml), which a cam reads with lift_table = "FILE".')]  # fmt: skip
 
 
 @_command("""\
@@ -139,8 +140,8 @@ def law(
         group=_FAMILY, help="Number of derivatives that are zero at both ends; 2 by default.")] = None,
     asymmetric: Annotated[bool, Parameter(group=_FAMILY, help="Allow asymmetric laws.")] = False,
     output: Annotated[Path | None, Parameter(
-        ["-o", "--output"], help="Also write the law to this file (.toml), for the key law of a cam; with --pareto "
-        "every law to a numbered file.")] = None,
+        ["-o", "--output"], help='Also write the law to this file (.toml), which a cam reads with law = "FILE"; with '
+        "--pareto every law to a numbered file.")] = None,
     plot: cli.Picture = None, overwrite: cli.Overwrite = False, as_json: cli.Json = False,
 ) -> cli.CommandOutput:  # fmt: skip
     """Find the motion law with minimum peak values in a family of laws, and a proven lower bound of these values."""

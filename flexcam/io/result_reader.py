@@ -134,13 +134,15 @@ def unknown_fields(
     return Series(*map(columns, SERIES))
 
 
-def read_result(path: str | Path) -> Result:
+def read_result(path: str | Path, *, empty: bool = True) -> Result:
     """Read a result file.
 
     Parameters
     ----------
     path
         A ``.vtkhdf`` file written by flexcam, complete or partial; of a partial result, the finished part is read.
+    empty
+        Whether a result of a run that ended before its first step is accepted.
 
     Returns
     -------
@@ -150,7 +152,7 @@ def read_result(path: str | Path) -> Result:
     Raises
     ------
     InputError
-        If the file is not a flexcam result, is damaged, or has a newer format.
+        If the file is not a flexcam result, is damaged, has a newer format, or is empty and `empty` is false.
 
     Examples
     --------
@@ -159,7 +161,11 @@ def read_result(path: str | Path) -> Result:
     source = Path(path)
     with hdf5.open_hdf5(source, "result", "a result file of flexcam (.vtkhdf)", suggest_alternative(source)) as file:
         _check_result(file, source)
-        return _result(file)
+        result = _result(file)
+    if not (empty or len(result.response.time)):
+        why = f"the run ended before its first step: {result.response.status.text}"
+        raise refuse("result", source, "a result with at least one step", why, "run the case again")
+    return result
 
 
 def _check_result(file: Any, source: Path) -> None:  # noqa: ANN401 - h5py has no types

@@ -74,7 +74,7 @@ class ReportSubject:
 
 def load_subject(path: Path) -> ReportSubject:
     """Return a result with all data derived from its case."""
-    result, lacking = read_result(path), list[str]()
+    result, lacking = read_result(path, empty=False), list[str]()
 
     @contextmanager
     def omit_on_error(what: str) -> Generator[None]:

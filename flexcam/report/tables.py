@@ -396,7 +396,7 @@ def describe_dofs(response: Response) -> str:
     size, integrated = response.stats.size or len(response.outline.unknowns), response.stats.unknowns
     if not response.stats.is_complete:
         return f"{response.stats.size} unknowns" if response.stats.size else "unknowns not counted"
-    rest = f", of which {integrated} are integrated (nothing loads the others, or they follow from these)"
+    rest = f", {integrated} of them integrated (the others are not loaded, or are computed from these {integrated})"
     count = f"{size} unknowns" + (rest if integrated != size else "")
     method = f"; {response.stats.integrator}" if response.stats.integrator else ""
     return count + method + _ENGINES.get(response.stats.engine, "")

@@ -1,6 +1,7 @@
 """Events with a return that differs from the rise, with one dwell or in any phase, and invalid events."""
 
 import math
+import re
 from itertools import pairwise
 
 import numpy as np
@@ -178,3 +179,16 @@ def test_argument_is_unchanged_and_shape_preserved(readonly):
     grid = readonly(np.linspace(-10.0, 10.0, 24).reshape(2, 3, 4))
     for order in range(5):
         assert one(grid, order).shape == (2, 3, 4)
+
+
+@pytest.mark.parametrize("height", [2e-4, 8e-3])
+def test_remedy_for_steep_ramp_works(height):
+    """A longer ramp is proposed only if the event with it fits into a revolution."""
+    steep = {"dwell": 0.1, "ramp": Ramp(height, 0.01)}
+    with pytest.raises(InputError, match=r"ramps: .*continue such a slope") as refused:
+        event(**steep)
+    remedy = refused.value.faults[0].remedy
+    proposed = re.search(r"make the ramp at least ([\d.]+) deg long", remedy)
+    assert bool(proposed) == (height < 1e-3)
+    if proposed:
+        assert event(**{**steep, "ramp": Ramp(height, math.radians(float(proposed[1])))}).height > LIFT

@@ -125,7 +125,7 @@ def test_too_few_harmonics_error_states_attainable_tolerance():
     with pytest.raises(InputError, match="More harmonics") as refusal:
         harmonic_fit(WANTED, 2, strict=strict, tolerance=1e-6)
     fault = refusal.value.faults[0]
-    assert fault.given == "2 harmonics within 1 um in the dwells"
+    assert fault.given == "1 um in the dwells, too small for 2 harmonics"
     least = attainable_limits(fault)["tolerance"]
     assert least > 1e-6
     fit = harmonic_fit(WANTED, 2, strict=strict, tolerance=least)

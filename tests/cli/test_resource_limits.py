@@ -88,6 +88,17 @@ def test_run_without_checkpoint_cannot_resume(flexcam, case):
     assert flexcam("run", case, "--overwrite").code == 0
 
 
+def test_result_without_steps_is_refused(flexcam, case):
+    flexcam("run", case, "--time-limit", "0.001 ms")
+    [path] = Path().rglob("*.partial.vtkhdf")
+    commands = ["report"], ["plot"], ["export", "--format", "csv"], ["export"], ["compare", "--against", path]
+    for command, *options in commands:
+        refused = flexcam(command, path, *options)
+        assert refused.code == 2
+        assert "expected a result with at least one step. The run ended before its first step" in refused.err
+    assert flexcam("info", path, "--json").json["saved_steps"] == 0
+
+
 def test_time_limit_ends_periodic_search(flexcam, case):
     ended = flexcam("run", case, "--set", "run.start=periodic", "--time-limit", "1 ms", "--json")
     assert ended.code == 3
