@@ -219,11 +219,15 @@ def _similar_unit(text: str, symbol: str, expected: Exponents) -> str:
     units = [*_PLAIN, *(prefix + base for base in bases for prefix in ("", "k", "M", "G", "c", "m", "u"))]
     products = {unit: _unit_product(text.replace(symbol, unit)) for unit in units}
     fitting = [unit for unit, product in products.items() if not isinstance(product, str) and product[1] == expected]
-    alike = [unit for unit in fitting if len(unit) == len(symbol) == 2 and unit[0] == symbol[0]]  # "mn": "mm"
-    if near := alike[0] if alike else similar_name(symbol, fitting):
+    alike = [symbol.lower()] if symbol.lower() in fitting else list[str]()
+    alike += [unit for unit in fitting if len(unit) == len(symbol) == 2 and unit[0] == symbol[0]]  # "mn": "mm"
+    alike += [unit for unit in fitting if unit.lower() == symbol.lower()]
+    near = alike[0] if alike else similar_name(symbol, fitting) if len(symbol) > 2 else ""  # "Nm" is not "MN"
+    if near:
         return near
-    compounds = (f"{symbol[:i]} {symbol[i:]}" for i in range(1, len(symbol)))
-    return next((text.replace(symbol, unit) for unit in compounds if not isinstance(_unit_product(unit), str)), "")
+    compounds = (text.replace(symbol, f"{symbol[:i]} {symbol[i:]}") for i in range(1, len(symbol)))
+    products = {unit: _unit_product(unit) for unit in compounds}
+    return next((unit for unit, known in products.items() if not isinstance(known, str) and known[1] == expected), "")
 
 
 def _equal_dimension(actual: Exponents, expected: Exponents) -> bool:

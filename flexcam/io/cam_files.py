@@ -153,8 +153,9 @@ def _angle_factor(column: str, angle: AngleKind | None, head: str, path: Path) -
     kind = angle or (kinds[0] if len(kinds) == 1 else None)
     if kind is None:
         table = 'lift_table = { file = ..., angle = "cam", unit = "mm" }'
-        remedy = f"add a header line such as cam_deg, lift_mm or crank_deg, lift_mm, or write {table}"
-        value, why = repr(head) if head else "no header line", "the crankshaft turns twice as fast as the camshaft"
+        remedy = f"write a header line such as cam_deg, lift_mm or crank_deg, lift_mm, or write {table}"
+        value = repr(head) if head else "no header line"
+        why = f"{'it' if head else 'the file'} does not say to which shaft the angles belong"
         raise refuse(f"{path.name}, angle", value, "cam or crank angles", why, remedy)
     unit = _HEADER_UNIT.search(column)
     unknown = unit and set(words).isdisjoint(_ANGLES) and _header_words(unit[0])[-1:] not in _NO_UNITS

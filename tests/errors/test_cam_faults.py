@@ -81,7 +81,7 @@ FAULTS = {  # the cam, the key that must be reported, a part of `given`, a part 
     "no head": (cam_with_lift_table('"nohead.csv"'), "lift_table", "no header line", 'write lift_table = { file = ..., angle = "cam", unit = "mm" }'),
     "no unit": (cam_with_lift_table('"nounit.csv"'), "lift_table", "cam_deg, lift", 'unit = "mm"'),
     "angle in kg": (cam_with_lift_table('"kg.csv"'), "lift_table", "crank_kg", "crank_deg or crank_rad"),
-    "no shaft": (cam_with_lift_table('"noshaft.csv"'), "lift_table", "angle_deg", "the crankshaft turns twice as fast"),
+    "no shaft": (cam_with_lift_table('"noshaft.csv"'), "lift_table", "angle_deg", "it does not say to which shaft the angles belong"),
     "angles that run back": (cam_with_lift_table('"back.csv"'), "lift_table", "40 deg of cam angle, then 35", "angle, line 11"),
     "gap": (cam_with_lift_table('"gap.csv"'), "lift_table", "between 95 and 150 deg", "measure there"),
     "few points": (cam_with_lift_table('"few.csv"'), "lift_table", "9 points", "12 or more"),
