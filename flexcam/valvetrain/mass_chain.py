@@ -65,7 +65,8 @@ def build_chain(model: Model, speed: float, count: int, *, lumped: bool = False)
     points = _train(structure, contact)
     if not 1 <= count <= len(points):
         given, why = f"{count} masses", "a mass sits at a node of the train"
-        raise refuse("count", given, f"1 to {len(points)}", why, "use more elements in its members")
+        allowed = f"1 to {len(points)}" if len(points) > 1 else "1"
+        raise refuse("count", given, allowed, why, "set fidelity.masses, or use more elements in the members")
     step = (len(points) - 1) / max(count - 1, 1)
     chain_points = [points[round(i * step)] for i in range(count)]
     names, rows = _kept_rows(system, chain_points)
