@@ -15,11 +15,11 @@ ENGINE = "cases/pushrod-engine/intake.toml"
     ("path", "probes", "wanted"),
     mostly_slow(
         [
-            (CAMSHAFT, '["sprocket", "intake-4", "intake-4-follower"]', "intake-4-follower.uy"),
-            (CAMSHAFT, '["sprocket", "intake-4"]', "sprocket.uy"),
             (BUCKET, '["cam", "head"]', "head.uy"),
-            (ENGINE, '["cam", "tappet", "valve"]', "valve"),
+            (CAMSHAFT, '["sprocket", "intake-4", "intake-4-follower"]', "intake-4-follower.uy"),
             (ENGINE, '["cam", "tappet"]', "tappet.uy"),
+            (CAMSHAFT, '["sprocket", "intake-4"]', "sprocket.uy"),
+            (ENGINE, '["cam", "tappet", "valve"]', "valve"),
             ("cases/checks/cantilever.toml", '["tip"]', "tip.ux"),
         ],
         2,

@@ -203,7 +203,10 @@ def restart_cases(tmp_path):
     )
 
 
-@pytest.mark.parametrize("start", ["rest", "equilibrium", "periodic"])
+@pytest.mark.parametrize(
+    "start",
+    ["rest", pytest.param("equilibrium", marks=pytest.mark.slow), pytest.param("periodic", marks=pytest.mark.slow)],
+)
 def test_sdof_run_continues_from_result(tmp_path, start):
     """The result includes the deflection by installed spring and preload that the single shape does not represent."""
     few = ("[output]", '[fidelity]\nmodel = "sdof"\n\n[output]'), ('start = "rest"', f'start = "{start}"')

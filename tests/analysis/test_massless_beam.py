@@ -63,7 +63,7 @@ def test_frequencies_of_massless_beam(beam, elements):
     assert found.omegas == pytest.approx([bending, bending, math.sqrt(207e9 * A / L / m)], rel=1e-6)
 
 
-@pytest.mark.parametrize("elements", [1, 3, 120])
+@pytest.mark.parametrize("elements", [1, 3, pytest.param(120, marks=pytest.mark.slow)])
 def test_motion_under_sudden_load(beam, elements):
     """The tip oscillates about the static deflection, up to twice its value."""
     response = run(beam(elements))

@@ -169,6 +169,7 @@ start = { displacement = { "ball.uy" = "100 mm" } }
 """
 
 
+@pytest.mark.slow
 def test_numerical_dissipation_causes_warning(tmp_path):
     """A ball falls with 1 J on a seat that is much too stiff for the time steps."""
     path = tmp_path / "ball.toml"
