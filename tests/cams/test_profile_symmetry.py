@@ -69,7 +69,9 @@ def test_profile_scales_with_follower(factor, follower, turn, smooth_event):
 
 
 @pytest.mark.parametrize("factor", mostly_slow([1e-3, 1e3], 2))
-@pytest.mark.parametrize("kind", [FlatFollower(0.018), SwingFlatFollower(0.018, 0.05, 0.055)], ids=["flat", "swing"])
+@pytest.mark.parametrize(
+    "kind", mostly_slow([FlatFollower(0.018), SwingFlatFollower(0.018, 0.05, 0.055)], 2), ids=["flat", "swing"]
+)
 def test_limits_scale_with_follower(factor, kind, smooth_event):
     event, large = replace(smooth_event, lift=factor * smooth_event.lift), scale_follower(kind, factor)
     small = minimum_base_radius(smooth_event, kind, radius=0.004)

@@ -181,7 +181,7 @@ def test_weighted_criteria():
 
 
 def test_bounds_hold_and_increase_objective():
-    family = SplineFamily(degree=5, pieces=12)
+    family = SplineFamily(degree=5, pieces=8)
     free = minimax(family, {"Ca": 1.0})
     last = free.objective
     for limit in (60.0, 40.0):
@@ -201,7 +201,15 @@ CONDITIONS = {
 }
 
 
-@pytest.mark.parametrize(("case", "symmetric"), [("three at once", True), *((case, False) for case in CONDITIONS)])
+@pytest.mark.parametrize(
+    ("case", "symmetric"),
+    [
+        ("three at once", True),
+        ("velocity in the middle", False),
+        pytest.param("acceleration and jerk", False, marks=pytest.mark.slow),
+        pytest.param("three at once", False, marks=pytest.mark.slow),
+    ],
+)
 def test_optimum_satisfies_conditions(case, symmetric):
     family = SplineFamily(degree=5, pieces=12, symmetric=symmetric)
     optimum = minimax(family, {"Ca": 1.0}, conditions=CONDITIONS[case])

@@ -59,7 +59,7 @@ def test_left_out_deviation():
     assert len(few.event.cosine) == len(few.target.cosine) == 6
 
 
-@pytest.mark.parametrize("damping", [0.02, 1.5])
+@pytest.mark.parametrize("damping", [0.02, pytest.param(1.5, marks=pytest.mark.slow)])
 def test_mass_follows_wanted_lift(damping):
     made = polydyne(WANTED, SingleMass(FREQUENCY, damping), SPEED, count=30)
     moved = steady_motion(made.event, FREQUENCY, damping, SPEED)
@@ -81,13 +81,11 @@ def test_single_mass_response(damping):
 def test_off_design_deviation():
     train = SingleMass(FREQUENCY, 0.05)
     made = polydyne(WANTED, train, SPEED, count=40)
-    away = off_design_deviation(
-        made, train, [0.8 * SPEED, 0.9 * SPEED, 0.97 * SPEED, SPEED, 1.03 * SPEED, 1.1 * SPEED, 1.2 * SPEED]
-    )
-    assert away[3] < 1e-14
-    assert list(away[:4]) == sorted(away[:4], reverse=True)
-    assert list(away[3:]) == sorted(away[3:])
-    assert away[2] > 1e-6
+    away = off_design_deviation(made, train, [0.8 * SPEED, 0.97 * SPEED, SPEED, 1.03 * SPEED, 1.2 * SPEED])
+    assert away[2] < 1e-14
+    assert list(away[:3]) == sorted(away[:3], reverse=True)
+    assert list(away[2:]) == sorted(away[2:])
+    assert away[1] > 1e-6
     worst = np.abs(steady_motion(made.event, FREQUENCY, 0.05, 1.2 * SPEED) - made.target(GRID)).max()
     assert away[-1] == pytest.approx(worst, rel=1e-3)  # each on its own grid
 

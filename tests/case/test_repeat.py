@@ -175,6 +175,7 @@ def test_equal_trains_have_separate_modes():
     assert np.kron(np.eye(3), one) @ shapes == pytest.approx(shapes * values, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_mean_chain_torque_equals_cam_torques():
     import flexcam
 

@@ -70,18 +70,14 @@ def test_case_from_result_has_lift_table(tmp_path):
         (tmp_path / "measured-lift.csv").unlink(missing_ok=True)
 
 
-def test_case_from_result_has_force_table(tmp_path):
+def test_case_from_result_has_force_table_and_law_file(tmp_path):
     shutil.copy(ROOT / "cases/pushrod-engine/intake.toml", tmp_path / "case.toml")
     (tmp_path / "spring.csv").write_text("travel_mm, force_N\n0, 200\n8, 500\n20, 1100\n")
-    changes = ("springs.valve.stiffness=0", "springs.valve.force_table=spring.csv")
+    (tmp_path / "law.toml").write_text('[law]\nid = "cycloidal"\n')
+    changes = ("springs.valve.stiffness=0", "springs.valve.force_table=spring.csv", "cams.intake.law=law.toml")
     case, _, result = solve_and_read(tmp_path / "case.toml", tmp_path, *changes)
     (tmp_path / "spring.csv").unlink()
-    assert case_from_result(result).record.springs["valve"] == case.record.springs["valve"]
-
-
-def test_case_from_result_has_law_file(tmp_path):
-    shutil.copy(ROOT / "cases/pushrod-engine/intake.toml", tmp_path / "case.toml")
-    (tmp_path / "law.toml").write_text('[law]\nid = "cycloidal"\n')
-    case, _, result = solve_and_read(tmp_path / "case.toml", tmp_path, "cams.intake.law=law.toml")
     (tmp_path / "law.toml").unlink()
-    assert case_from_result(result).record.cams["intake"].law == case.record.cams["intake"].law
+    restored = case_from_result(result).record
+    assert restored.springs["valve"] == case.record.springs["valve"]
+    assert restored.cams["intake"].law == case.record.cams["intake"].law

@@ -52,7 +52,15 @@ def test_case_head_states_source_and_expectation(name):
 CAMS = [name for name in CASES if "/cams/" in name]
 
 
-@pytest.mark.parametrize("name", mostly_slow([name for name in CASES if name not in (*PUBLISHED, *CAMS)], 2))
+def case_param(name):
+    """Cases with contacts of a train are slow; `test_large_cases.py` runs them, too."""
+    folders = ("camshaft-4cyl", "direct-acting", "pushrod-engine")
+    return pytest.param(name, marks=[pytest.mark.slow] * (name.split("/")[1] in folders))
+
+
+@pytest.mark.parametrize(
+    "name", mostly_slow([case_param(name) for name in CASES if name not in (*PUBLISHED, *CAMS)], 2)
+)
 def test_case_runs(name, run_case):
     response, _ = run_case(name.removeprefix("cases/").removesuffix(".toml"))
     assert response.status.ok
@@ -62,7 +70,9 @@ SMOOTH = {"li-fb2": 3, "li-swing": 3, "petrescu-cos": 2, "roussev-single-dwell":
 """Number of continuous derivatives, including the lift, as stated in the head of each file."""
 
 
-@pytest.mark.parametrize("name", CAMS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * ("petrescu-cos" not in name)) for name in CAMS]
+)
 def test_cam_files_are_continuous_as_stated(name):
     cams = load_cams(ROOT / name)
     for cam in cams.cams.values():

@@ -126,7 +126,7 @@ def test_engines_agree_with_coarse_steps(name, rpm, steps):
 
 @pytest.mark.parametrize(("name", "method"), [
     pytest.param("direct-acting/bucket.toml", "hht", marks=pytest.mark.slow),
-    ("direct-acting/finger.toml", "generalized-alpha"),
+    pytest.param("direct-acting/finger.toml", "generalized-alpha", marks=pytest.mark.slow),
     pytest.param("pushrod-engine/intake.toml", "generalized-alpha", marks=pytest.mark.slow),
     ("tayeb/model-3-shm.toml", "hht"), ("tayeb/model-3-shm.toml", "generalized-alpha"),
 ])  # fmt: skip

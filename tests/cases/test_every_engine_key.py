@@ -107,8 +107,13 @@ def any_change(one, other):
     return any(np.abs(one[name] - other[name]).max() > 1e-9 * np.abs(one[name]).max() for name in shared)
 
 
-QUICK = ("members.pushrod.bow", "members.pushrod.temperature", "rockers.rocker.angles", "contacts.adjuster.leak", "run.fluctuation.orders",
-         "contacts.intake.lubrication.viscosity")  # fmt: skip
+QUICK = (
+    "members.pushrod.bow",
+    "members.pushrod.temperature",
+    "rockers.rocker.angles",
+    "contacts.adjuster.leak",
+    "contacts.intake.lubrication.viscosity",
+)
 
 
 @pytest.mark.parametrize("key", [pytest.param(k, marks=[] if k in QUICK else [pytest.mark.slow]) for k in OVERRIDES])

@@ -32,12 +32,11 @@ def test_case_with_all_keys_runs(variant):
     assert run(read_case(path, overrides)).status.ok
 
 
+@pytest.mark.slow
 def test_cam_file_with_all_keys_is_read():
     cams = load_cams(EVERY_CAM)
     assert set(cams.cams) == {"intake", "single", "swing", "measured"}
-    assert {name: cam_facts(cam).cam.event.height > 0.0 for name, cam in cams.cams.items()} == dict.fromkeys(
-        cams.cams, True
-    )
+    assert all(cam_facts(cam).cam.event.height > 0.0 for cam in cams.cams.values())
 
 
 def test_restart_from_result_with_step_in_seconds_runs(tmp_path):

@@ -12,7 +12,7 @@ FOLDER = Path(__file__).parents[2] / "examples"
 EXAMPLES = sorted(FOLDER.glob("*.py"))
 
 
-SLOW = ("speed_against_accuracy", "sweep_over_speed")
+SLOW = ("loss_of_contact", "speed_against_accuracy", "sweep_over_speed")
 
 
 @pytest.mark.parametrize(

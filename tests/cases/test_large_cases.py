@@ -33,7 +33,7 @@ def seating_events(response, point, seat="contacts.seat.force"):
 VALVE = {"direct-acting/bucket": "head.uy", "direct-acting/finger": "valve", "pushrod-engine/lever": "valve"}
 
 
-@pytest.mark.parametrize("name", DIRECT)
+@pytest.mark.parametrize("name", ["bucket", pytest.param("finger", marks=pytest.mark.slow)])
 def test_cam_profile_has_no_findings(name):
     facts = cam_facts(prepare(read_case(ROOT / f"cases/direct-acting/{name}.toml")).model.cams["intake"])
     assert not facts.findings

@@ -135,6 +135,7 @@ def test_sliced_product_has_extended_precision(monkeypatch):
     assert np.abs(one.astype(float) @ other.astype(float) - sliced).max() > 100.0 * np.abs(sizes * off).max()
 
 
+@pytest.mark.slow
 def test_sliced_and_plain_products_give_same_modes(monkeypatch):
     M, K = graded_chain(130)
     values, X = solve_eigenproblem(M, K)
