@@ -81,7 +81,11 @@ def test_cosine_cam(run_cam):
 TAPPET = 'follower={{ type = "flat", face_diameter = "{}", axial_offset = "{}" }}'
 
 
-@pytest.mark.parametrize(("offset", "smallest", "spare"), [("0 mm", 20.0, -0.01), ("1.5 mm", math.sqrt(12**2 + 19**2), 0.01), ("-1.5 mm", math.sqrt(12**2 + 19**2), -0.01)])  # fmt: skip
+@pytest.mark.parametrize(("offset", "smallest", "spare"), [
+    pytest.param("0 mm", 20.0, -0.01, marks=pytest.mark.slow),
+    pytest.param("1.5 mm", math.sqrt(12**2 + 19**2), 0.01, marks=pytest.mark.slow),
+    ("-1.5 mm", math.sqrt(12**2 + 19**2), -0.01),
+])  # fmt: skip
 def test_edge_contact_of_round_face(run_cam, offset, smallest, spare):
     """The contact line, 16 mm wide, moves +-6 mm: its corner is at 10 mm if the cam is centred."""
     face = TAPPET.format(f"{smallest + spare} mm", offset)
@@ -104,6 +108,7 @@ def test_edge_contact_of_round_face(run_cam, offset, smallest, spare):
 CROWN = 'follower={ type = "flat", face_diameter = "13.5 mm", crown_radius = "500 mm", taper = "-0.3 deg" }'
 
 
+@pytest.mark.slow
 def test_crowned_face_on_tapered_lobe(run_cam):
     """The contact point is 500 mm tan(0.3 deg) = 2.618 mm from the axis and moves +-6 mm."""
     words = ("petrescu-cos", "--set", "cams.valve.width=16 mm", "--set", f"cams.valve.{CROWN}")
@@ -230,6 +235,7 @@ def test_cam_card_text_and_timing_plot(run_cam, tmp_path):
     assert picture.startswith("<?xml")
 
 
+@pytest.mark.slow
 def test_valve_events_refer_to_dead_centres_of_stroke(run_cam, tmp_path):
     """A lobe of 170 + 170 deg has half its lift 170 crank deg from its centreline, nearer to firing TDC than BDC."""
     (tmp_path / "card.toml").write_text(CYLINDER)
@@ -311,6 +317,7 @@ def test_valve_that_never_opens_or_closes(run_cam, tmp_path, shift, message):
     assert [row.split()[-1] for row in rows] == [message, message]
 
 
+@pytest.mark.slow
 def test_profile_files(run_cam, tmp_path):
     found = facts(run_cam, "li-fb2", "-o", "a/b", "--cutter", "40 mm", "--points", "36")
     assert found["files"] == [

@@ -49,6 +49,7 @@ def test_campbell_plot_legend_lists_visible_lines(flexcam, tmp_path):
     assert (mode[:14], circle[:20]) == ("1: mass valve ", "order meets mode; ar")
 
 
+@pytest.mark.slow
 def test_force_at_crossing_equals_force_of_run(flexcam):
     """The amplitude of the order in the force, at a crossing on a speed of the list."""
     args = ("--lowest", "4026.86rpm", "--highest", "5000rpm", "--count", "2")

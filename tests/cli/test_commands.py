@@ -50,7 +50,9 @@ def test_inline_nodes_give_frequencies_of_mesh(flexcam, case, tayeb):
     assert inline == pytest.approx(mesh, rel=1e-6, abs=1e-3)
 
 
-@pytest.mark.parametrize("verb", ["check", "modes", "run"])
+@pytest.mark.parametrize(
+    "verb", [pytest.param("check", marks=pytest.mark.slow), "modes", pytest.param("run", marks=pytest.mark.slow)]
+)
 def test_output_begins_with_case_title(verb, flexcam, case):
     """The file name replaces a missing title."""
     overwrite = ["--overwrite"] if verb == "run" else []
@@ -138,6 +140,7 @@ def test_crank_speed_is_twice_camshaft_speed(flexcam, case):
     assert flexcam("compare", "case.toml", "--json").json["speed_rpm"] == pytest.approx(3000.0, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_export_of_pvd_files(flexcam, case, tmp_path):
     flexcam("run", "case.toml", "-o", "out")
     done = flexcam("export", "out/case.vtkhdf", "--format", "pvd", "--every", "6", "--json")

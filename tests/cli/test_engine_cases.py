@@ -120,6 +120,7 @@ def test_commands_on_case_with_every_engine_part(flexcam, tmp_path):
     assert all((tmp_path / name).is_file() for name in exported.json["files"])
 
 
+@pytest.mark.slow
 def test_compare_with_finger_follower(flexcam):
     done = flexcam("compare", ENGINE, *OPENING, "--set", "cams.exhaust.phase=-20deg", "--set", "run.revolutions=0.02", "--set", 'output.probes=["exhaust"]', "--json")  # fmt: skip
     assert done.code == 0

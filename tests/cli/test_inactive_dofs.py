@@ -52,7 +52,7 @@ def test_run_prints_total_and_active_unknowns(flexcam, tayeb, tmp_path):
     assert result.stats.unknowns == 24
 
 
-@pytest.mark.parametrize("start", ["rest", "equilibrium", "periodic"])
+@pytest.mark.parametrize("start", ["rest", "equilibrium", pytest.param("periodic", marks=pytest.mark.slow)])
 def test_pruned_result_equals_unpruned_result(start, tayeb):
     more = [
         SIDEWAYS,

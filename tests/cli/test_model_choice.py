@@ -277,7 +277,10 @@ def test_tolerance_of_missing_quantity_is_refused(flexcam):
     assert "got force, expected lift, velocity, acceleration" in done.err
 
 
-@pytest.mark.parametrize(("case", "count"), [("checks/cantilever", 0), ("camshaft-4cyl/camshaft", 8)])
+@pytest.mark.parametrize(
+    ("case", "count"),
+    [("checks/cantilever", 0), pytest.param("camshaft-4cyl/camshaft", 8, marks=pytest.mark.slow)],
+)
 def test_lumped_model_requires_one_cam_contact(flexcam, case, count):
     done = flexcam("check", ROOT / f"cases/{case}.toml", "--set", "fidelity.model=sdof")
     assert done.code == 2
@@ -359,7 +362,7 @@ def test_fidelity_errors_name_line_of_case(flexcam, case):
     assert f"{line + 1}" in stderr
 
 
-@pytest.mark.parametrize("model", mostly_slow(["rigid", "sdof", "chain", "modes", "beams"], 2))
+@pytest.mark.parametrize("model", mostly_slow(["beams", "rigid", "sdof", "chain", "modes"], 5))
 def test_result_of_every_model(run_case, tayeb, model):
     keys = ("modes=3",) if model == "modes" else (f'model="{model}"', "masses=2")
     done = run_case(*keys)
@@ -394,6 +397,7 @@ def test_rigid_train_follows_lift(run_case, tayeb):
     np.testing.assert_allclose(direct, valve, rtol=0.0, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_sdof_result_has_fields_of_beam_result(run_case):
     """The same nodes, fields and probes, with close values: the train moves nearly as a rigid body (0.13 % rms)."""
     sdof, beams = (read_result(run_case(f'model="{model}"').json["result"]) for model in ("sdof", "beams"))
@@ -416,6 +420,7 @@ def test_error_estimates_are_printed(run_case):
     assert "±" not in run_case(json=False).out
 
 
+@pytest.mark.slow
 def test_error_estimate_includes_model_error(run_case, fine_valve):
     for model, tolerance in (("rigid", 0.01), ("sdof", 0.05)):
         done = run_case(f'model="{model}"', "estimate=true").json

@@ -35,7 +35,7 @@ def test_every_key_of_starter_has_comment(name):
     assert tomllib.loads(text)["title"]
 
 
-QUICK = ("published-model", "pushrod-engine", "lumped-train", "packaging-cam", "desmodromic")
+QUICK = ("published-model", "desmodromic")
 """`tests/errors/test_input_warnings.py` also checks the others."""
 
 

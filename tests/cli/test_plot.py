@@ -45,6 +45,7 @@ def image_hash(path):
         return imagehash.phash(image)
 
 
+@pytest.mark.slow
 def test_motion_plot_with_rigid_train(flexcam, result, tmp_path):
     done = flexcam("plot", result, "--rigid", "-o", "a.svg", "--json")
     assert (done.code, done.err, done.json["files"]) == (0, "", ["a.svg"])
@@ -67,6 +68,7 @@ def test_probe_is_plotted_with_force_of_its_train(flexcam, tmp_path):
     assert {"exhaust-1-follower.uy", "displacement", "exhaust-1 force"} <= set(svg_texts(tmp_path / "b.svg"))
 
 
+@pytest.mark.slow
 def test_rigid_force_plot_warns_of_shared_seat_load(flexcam, tmp_path):
     few = ["--set", "run.revolutions=0.02", "--set", "contacts.lash.gap=0"]
     case = tmp_path / "intake.toml"
@@ -102,13 +104,14 @@ def test_plot_of_several_results_over_time(flexcam, case, result, tmp_path):
     ] == []
 
 
+@pytest.mark.slow
 def test_plot_runs_case(flexcam, case, tmp_path):
     done = flexcam("plot", "case.toml", "--set", "run.speed=3500rpm")
     assert (done.code, done.out.strip()) == (0, "case-motion.svg")
     assert "Nodes in the file, camshaft 3500 rpm" in svg_texts(tmp_path / "case-motion.svg")
 
 
-@pytest.mark.parametrize("ending", ["png", "pdf"])
+@pytest.mark.parametrize("ending", ["png", pytest.param("pdf", marks=pytest.mark.slow)])
 def test_plot_file_formats(ending, flexcam, result, tmp_path):
     assert flexcam("plot", result, "--what", "energy", "-o", f"deep/e.{ending}").code == 0
     begin = {"png": b"\x89PNG", "pdf": b"%PDF"}[ending]

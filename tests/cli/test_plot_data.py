@@ -242,7 +242,7 @@ def table(tmp_path):
     return sweep
 
 
-@pytest.mark.parametrize("file", ["case.sweep.h5", "case.sweep.csv"])
+@pytest.mark.parametrize("file", [pytest.param("case.sweep.h5", marks=pytest.mark.slow), "case.sweep.csv"])
 def test_sweep_plot_as_lines_and_map(file, draw_figure, table):
     figure = draw_figure(file, "--x", "run.speed", "--y", "contacts.intake.pressure.largest")
     (axes,) = figure.axes

@@ -1,7 +1,5 @@
 """Exit code 2: refused input, also with --json; existing results are not overwritten."""
 
-# ruff: noqa: E501 - tables, a row to a line
-
 import pytest
 
 from tests.thinning import mostly_slow
@@ -86,8 +84,14 @@ def test_all_faults_of_case_are_reported(flexcam, files):
     assert any("did you mean 'density'" in error["remedy"] for error in errors)
 
 
-@pytest.mark.parametrize("first", [["run", "case.toml", "-o", "out"], ["export", "out/case.vtkhdf"], ["export", "case.toml", "--format", "msh", "-o", "out"]],
-                         ids=["run", "pvd", "msh"])  # fmt: skip
+@pytest.mark.parametrize(
+    "first",
+    [
+        pytest.param(["run", "case.toml", "-o", "out"], id="run"),
+        pytest.param(["export", "out/case.vtkhdf"], id="pvd", marks=pytest.mark.slow),
+        pytest.param(["export", "case.toml", "--format", "msh", "-o", "out"], id="msh"),
+    ],
+)
 def test_existing_results_require_overwrite(first, flexcam, case, tmp_path):
     flexcam("run", "case.toml", "-o", "out")
     target = (

@@ -66,7 +66,9 @@ def test_check_prints_memory_and_disk_of_run(flexcam, case):
     assert (report["memory_bytes"], report["result_bytes"]) == (needs.memory, needs.file)
 
 
-@pytest.mark.parametrize("path", ["direct", "modal", "kernel"])
+@pytest.mark.parametrize(
+    "path", ["direct", pytest.param("modal", marks=pytest.mark.slow), pytest.param("kernel", marks=pytest.mark.slow)]
+)
 def test_time_limit_ends_run(flexcam, case, path, monkeypatch):
     """The clock jumps after 20 calls, independent of the speed of the machine."""
     calls = itertools.count()

@@ -134,7 +134,10 @@ STUDY_OPTIONS = {
 }
 
 
-@pytest.mark.parametrize("verb", STUDY_OPTIONS)
+@pytest.mark.parametrize(
+    "verb",
+    [pytest.param(one, marks=[pytest.mark.slow] * (STUDY_OPTIONS[one][0] != "campbell")) for one in STUDY_OPTIONS],
+)
 def test_studies_show_progress_on_terminal(verb, flexcam, case, monkeypatch):
     monkeypatch.setattr(sys.stderr.__class__, "isatty", lambda _: True)
     command, *options = STUDY_OPTIONS[verb]

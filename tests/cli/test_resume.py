@@ -101,13 +101,15 @@ def complete_result(tmp_path_factory):
     return file.path
 
 
-@pytest.mark.parametrize("cause", mostly_slow([Cause.INTERRUPTED, Cause.TIME_LIMIT, Cause.NOT_SAVED], 2))
+@pytest.mark.parametrize("cause", mostly_slow([Cause.NOT_SAVED, Cause.INTERRUPTED, Cause.TIME_LIMIT]))
 def test_resume_continues_interrupted_run(cause, write_partial_result, flexcam):
     write_partial_result(cause)
     assert flexcam("run", "case.toml", "-o", "out", *RESUME).code == 0
 
 
-@pytest.mark.parametrize("cause", [Cause.NOT_FINITE, Cause.NO_CONVERGENCE, Cause.STEP_TOO_SMALL])
+@pytest.mark.parametrize(
+    "cause", [pytest.param(Cause.NOT_FINITE, marks=pytest.mark.slow), Cause.NO_CONVERGENCE, Cause.STEP_TOO_SMALL]
+)
 def test_resume_refuses_run_with_numerical_failure(cause, write_partial_result, flexcam, assert_refused):
     assert_refused(write_partial_result(cause), RESUME, str(cause), "same way", "Do this")
 
@@ -227,7 +229,8 @@ def test_resume_over_existing_result_requires_overwrite(flexcam, write_partial_r
     assert read_result(old).response.status.ok
 
 
-@pytest.mark.parametrize("after", [pytest.param(1, marks=pytest.mark.slow), 2])
+@pytest.mark.slow
+@pytest.mark.parametrize("after", [1, 2])
 def test_interrupted_resume_loses_no_steps(after, write_partial_result, case, flexcam, complete_result, tmp_path):
     """An interruption while earlier blocks are read (1) and before the next block is complete (2)."""
     words = ("run.revolutions=3",)

@@ -25,7 +25,16 @@ def speeds_without_shaft(text):
     return [line for line in text.splitlines() if "rpm" in NAMED_SPEED.sub("", line)]
 
 
-@pytest.mark.parametrize("command", ["check", "run", "stability", "compare", "modes"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        "check",
+        pytest.param("run", marks=pytest.mark.slow),
+        pytest.param("stability", marks=pytest.mark.slow),
+        "compare",
+        "modes",
+    ],
+)
 def test_commands_name_shaft_of_speed(command, flexcam, crank_speed_case):
     output = " ".join(flexcam(command, crank_speed_case, *SHORT).out.split("\n\n")[0].split())
     assert speeds_without_shaft(output) == []

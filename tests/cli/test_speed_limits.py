@@ -216,7 +216,13 @@ MIDDLE, WIDTH = 0.5 * (1.5**14 + 1.5**15), 1.5**15 - 1.5**14
     [
         (600.0, 1.5**15, None, "not known above this speed; the run at camshaft 4181.5"),
         (400.0, MIDDLE, None, "not known up to the highest speed of the search; the run at camshaft 3484.6"),
-        (350.0, MIDDLE + 0.25 * WIDTH, None, "not reached up to the highest speed of the search"),
+        pytest.param(
+            350.0,
+            MIDDLE + 0.25 * WIDTH,
+            None,
+            "not reached up to the highest speed of the search",
+            marks=pytest.mark.slow,
+        ),
         (450.0, MIDDLE, 1.5**15 / RPM, "(k); the run at camshaft 3484.6"),
     ],
 )

@@ -119,6 +119,7 @@ def mathieu_exponent(a, q):
     return math.log(max(abs(np.linalg.eigvals(np.array(ends).T)))) / math.pi
 
 
+@pytest.mark.slow
 def test_mathieu_case_has_parametric_instability(flexcam):
     """The case with a = 1 is in the first instability region for q = 0.1; without the pulsation the case is stable."""
     report = flexcam("stability", MATHIEU, "--json").json
@@ -140,7 +141,9 @@ def test_growth_is_independent_of_time_step_of_run(flexcam, tmp_path, step):
     assert found["growth"] == pytest.approx(100.0 * mathieu_exponent(1.0, 0.1), rel=1e-3)
 
 
-@pytest.mark.parametrize(("steps", "followed"), [(100, 360), (1000, 1000), (40_000, 36_000)])
+@pytest.mark.parametrize(
+    ("steps", "followed"), [(100, 360), (1000, 1000), pytest.param(40_000, 36_000, marks=pytest.mark.slow)]
+)
 def test_number_of_floquet_steps_is_bounded(monkeypatch, steps, followed):
     """Each step needs a linearization: a million would take minutes. A motion that is not periodic needs none."""
     step_counts: list[int] = []
@@ -166,7 +169,8 @@ def test_number_of_floquet_steps_is_bounded(monkeypatch, steps, followed):
 
 
 @pytest.mark.parametrize("odd", [
-    "springs.mean.pulsation.order=1.5", "run.fluctuation={ orders=[0.5], amplitudes=['1 %'] }",
+    "springs.mean.pulsation.order=1.5",
+    pytest.param("run.fluctuation={ orders=[0.5], amplitudes=['1 %'] }", marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_excitation_of_other_period_has_no_multipliers(flexcam, odd):
     """A stiffness with 1.5 periods per revolution repeats after two: multipliers of one revolution would be wrong."""
@@ -211,6 +215,7 @@ def test_invalid_speed_ranges_are_refused(flexcam, words):
     assert flexcam("stability", MATHIEU, "--lowest", "900rpm", *words).code == 2
 
 
+@pytest.mark.slow
 def test_critical_step_of_explicit_methods(flexcam):
     """Linear acceleration: 2 sqrt 3 over the highest frequency; above it the verdict is numerical, not resonance."""
     options = ("--set", "run.integrator={ method = 'newmark', beta = 0.16666666666666666 }", *QUICK, "--json")

@@ -134,6 +134,7 @@ def test_frequency_derivatives_match_finite_differences(flexcam, key):
     assert found["derivative"] == pytest.approx(differences, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_linear_response_has_logarithmic_derivative_of_one(flexcam, tmp_path):
     """The published load is linear in the lift: 1 % per 1 %, analytic and by differences."""
     table = tmp_path / "s.csv"
@@ -373,7 +374,7 @@ def test_goal_over_several_conditions_uses_worst_value(flexcam, oscillator, meth
 @pytest.mark.parametrize(("method", "reason"), [
     ("evolution", "infeasible: no variant meets all constraints; widen"),
     ("gradient", "from this start; widen the intervals, relax"),
-    ("gradient --starts 2", "from any of 2 starts; widen"),
+    pytest.param("gradient --starts 2", "from any of 2 starts; widen", marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_search_without_feasible_variant_is_reported(flexcam, oscillator, tmp_path, method, reason):
     """A gradient search follows one path: its end does not prove infeasibility."""

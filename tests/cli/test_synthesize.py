@@ -204,7 +204,13 @@ def test_harmonics_with_hertz_contact_use_compressed_stiffness(wide_flexcam):
     assert found["first_mode_hz"] == pytest.approx(0.5 * np.sqrt(50e3 / 0.06), rel=0.02)
 
 
-@pytest.mark.parametrize("design", [("harmonic", "--tolerance", "60um"), ("polydyne", "--frequency", "9000Hz")])
+@pytest.mark.parametrize(
+    "design",
+    [
+        ("harmonic", "--tolerance", "60um"),
+        pytest.param(("polydyne", "--frequency", "9000Hz"), marks=pytest.mark.slow),
+    ],
+)
 def test_written_lift_keeps_cam_angle_of_case_with_phase(wide_flexcam, tmp_path, design):
     """The file must not repeat the phase of 105 deg: the valve would open 210 deg of the crank too late."""
     kind, *words = design
