@@ -21,7 +21,13 @@ def run(system, method, steps, adaptive=None):
     return solve(problem, method)
 
 
-@pytest.mark.parametrize("method", WITH_CONTACTS.values(), ids=WITH_CONTACTS)
+@pytest.mark.parametrize(
+    "method",
+    [
+        pytest.param(method, id=name, marks=[pytest.mark.slow] * (name not in ("Bathe", "Newmark")))
+        for name, method in WITH_CONTACTS.items()
+    ],
+)
 def test_error_follows_tolerance(pair, exact_end, fitted_order, method):
     d, _ = exact_end()
     tolerances = np.array([1e-4, 1e-5, 1e-6, 1e-7])
@@ -48,6 +54,7 @@ def test_error_follows_tolerance_by_velocity_estimate(pair, exact_end, beta):
     assert 0.5 < response.stats.substeps / reference.stats.substeps < 2.0
 
 
+@pytest.mark.slow
 def test_unstable_steps_are_divided(system_of):
     """With the given step, the first revolution of linear acceleration grows by 1e100 and gives no reference size."""
     system = system_of([[1.0]], [[0.0]], [[100.0]])
@@ -137,8 +144,8 @@ def test_invalid_tolerance_raises_error(given):
 
 
 def test_order_of_interpolation_between_instants(pair, fitted_order):
-    """The reference has 6400 steps: interpolation errors are of higher order than integration errors."""
-    fine = run(pair(), bathe(), 6400)
+    """The reference has 1600 steps: interpolation errors are of higher order than integration errors."""
+    fine = run(pair(), bathe(), 1600)
     errors = {"displacement": [], "velocity": [], "acceleration": []}
     steps = np.array([25, 50, 100])
     for n in steps:

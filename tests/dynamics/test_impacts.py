@@ -43,7 +43,7 @@ def simulate(system, d, v, step=1e-3, steps=100):
     return response
 
 
-@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("e", [0.0, 0.5, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_two_seats_on_one_mass_bounce_like_single_seat(e):
     """W = [[1, 1], [1, 1]]/m is singular: the impulse of each seat is undetermined, the velocity is not."""
     one = simulate(bodies([2.0], contact("seat", [-1.0], e), weight=9.81), [0.1], [0.0], steps=400)

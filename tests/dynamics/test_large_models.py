@@ -144,7 +144,13 @@ def test_memory_is_proportional_to_unknowns(tmp_path):
     )
 
 
-@pytest.mark.parametrize("held", ['["ux", "rx"]', '["rx"]'], ids=["held along", "free along"])
+@pytest.mark.parametrize(
+    "held",
+    [
+        pytest.param('["ux", "rx"]', id="held along"),
+        pytest.param('["rx"]', id="free along", marks=pytest.mark.slow),
+    ],
+)
 def test_equilibrium_of_fine_and_coarse_mesh_agree(held, pytestconfig):
     """50 elements on 30 mm: the rounding of strain forces exceeds the tolerance of the equilibrium.
 
@@ -163,6 +169,7 @@ def test_equilibrium_of_fine_and_coarse_mesh_agree(held, pytestconfig):
     np.testing.assert_allclose(found[1], found[0], rtol=1e-5)  # some 1e-6 of a displacement is lost to rounding
 
 
+@pytest.mark.slow
 def test_size_of_block_parts_does_not_change_motion(pytestconfig, monkeypatch):
     """A block of 640 steps in parts of 7, most of them without a saved field."""
     case = read_case(

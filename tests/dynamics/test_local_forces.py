@@ -81,6 +81,13 @@ def reference_end_state(system, gap_force):
     return end[:2], end[2:]
 
 
+@pytest.mark.parametrize(
+    "scheme",
+    [
+        pytest.param(method, id=name, marks=[pytest.mark.slow] * (name != "Newmark"))
+        for name, method in sorted(WITH_CONTACTS.items())
+    ],
+)
 def test_order_with_nonlinear_law(pair, run, laws, local_force, fitted_order, scheme):
     system = pair(local=[local_force("cubic", ROW, laws["cubic"](20.0, 300.0))])
     d, v = reference_end_state(system, lambda t, u, v: -ROW * (20.0 * (ROW @ u) + 300.0 * (ROW @ u) ** 3))
@@ -94,6 +101,13 @@ def rotating_vector(order_sign=1.0):
     )
 
 
+@pytest.mark.parametrize(
+    "scheme",
+    [
+        pytest.param(method, id=name, marks=[pytest.mark.slow] * (name not in ("Newmark", "HHT -0.1")))
+        for name, method in sorted(WITH_CONTACTS.items())
+    ],
+)
 def test_order_with_rotating_vectors(pair, run, laws, fitted_order, scheme):
     """Spring and damper along a direction rotating with the cam, plus a prescribed part: gamma' has g' u and g0'."""
     offset = lambda a, n: 0.1 * np.sin(2 * a + n * np.pi / 2) * 2.0**n  # noqa: E731

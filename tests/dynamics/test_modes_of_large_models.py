@@ -48,13 +48,18 @@ def path(request, monkeypatch):
     return request.param
 
 
+def paths_and_parts(few, many):
+    """Return parameters of tests with few and many elements; many on the dense path are slow."""
+    return [("dense", few), ("lanczos", few), pytest.param("dense", many, marks=pytest.mark.slow), ("lanczos", many)]
+
+
 def bending_frequencies(steel, count):
     """Return omega_n = n^2 pi^2/L^2 sqrt(EI/rho A)."""
     n = np.arange(1, count + 1)
     return (n * math.pi / LENGTH) ** 2 * math.sqrt(steel.E * ROUND.Iz / (steel.density * ROUND.A))
 
 
-@pytest.mark.parametrize("parts", [60, 102], ids=["360 unknowns", "612 unknowns"])
+@pytest.mark.parametrize(("path", "parts"), paths_and_parts(60, 102), indirect=["path"])
 def test_modes_of_hinged_shaft(steel, path, parts):
     """Eight modes in pairs; eps n^4 is 3e-8 at most, the error of the elements (4 pi/60)^4/1440 is 1.3e-6.
 
@@ -67,7 +72,7 @@ def test_modes_of_hinged_shaft(steel, path, parts):
     assert np.ptp(pairs, axis=1).max() <= 1e-7 * pairs.min()
 
 
-@pytest.mark.parametrize("parts", [40, 102])
+@pytest.mark.parametrize(("path", "parts"), paths_and_parts(40, 102), indirect=["path"])
 def test_modes_of_free_shaft(steel, path, parts):
     """Six zeros, and shapes orthonormal to 1e-10; the first bending pair is (4.730040745)^2 sqrt(EI/rho A)/L^2."""
     shaft = Shaft(steel, parts, [])
@@ -80,7 +85,21 @@ def test_modes_of_free_shaft(steel, path, parts):
     assert found.omegas[6:8] == pytest.approx([first, first], rel=1e-6)
 
 
-@pytest.mark.parametrize("count", mostly_slow([2, 6, None], 2))
+@pytest.mark.parametrize(
+    ("path", "count"),
+    mostly_slow(
+        [
+            ("lanczos", 2),
+            ("lanczos", 6),
+            ("lanczos", None),
+            pytest.param("dense", 6, marks=pytest.mark.slow),
+            ("dense", 2),
+            pytest.param("dense", None, marks=pytest.mark.slow),
+        ],
+        2,
+    ),
+    indirect=["path"],
+)
 def test_modes_with_extreme_mass_ratio(steel, path, count):
     """A tip mass 1e12 times the shaft's: sqrt(3EI/L^3/m), with rounding of K eps n^4 = 3e-8."""
     shaft = Shaft(steel, 102, FIXED)
@@ -123,7 +142,7 @@ def test_modes_beyond_buckling_raise_error(steel, path, parts):
     assert deep / deep.max() == pytest.approx(np.sin(math.pi * shaft.mesh.nodes[:, 0] / LENGTH), abs=1e-4)
 
 
-@pytest.mark.parametrize("parts", [40, 102])
+@pytest.mark.parametrize(("path", "parts"), paths_and_parts(40, 102), indirect=["path"])
 @pytest.mark.parametrize("share", mostly_slow([0.5, 0.99], 2))
 def test_modes_below_buckling(steel, path, parts, share):
     """Omega sqrt(1 - P/P_cr); the error of the elements (pi/40)^4/720 = 5e-8 of P_cr is 5e-6 of 1 - 0.99."""

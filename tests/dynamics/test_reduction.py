@@ -101,7 +101,11 @@ def test_invalid_craig_bampton_groups_raise_error(boundary, groups, message):
 
 
 @pytest.mark.parametrize(
-    ("case", "limits"), [("tayeb/model-3-shm", (1e-4, 1e-9)), ("direct-acting/bucket", (5e-3, 1e-8))]
+    ("case", "limits"),
+    [
+        ("tayeb/model-3-shm", (1e-4, 1e-9)),
+        pytest.param("direct-acting/bucket", (5e-3, 1e-8), marks=pytest.mark.slow),
+    ],
 )
 def test_modal_reduction_converges_to_full_model(case, limits, cases_folder):
     short = ["run.revolutions=0.5", "run.steps_per_revolution=1800", "run.engine=kernel"]
@@ -159,7 +163,7 @@ def cases_folder(request):
     return request.config.rootpath / "cases"
 
 
-@pytest.mark.parametrize("case", ["tayeb/model-3-shm", "pushrod-engine/intake"])
+@pytest.mark.parametrize("case", ["tayeb/model-3-shm", pytest.param("pushrod-engine/intake", marks=pytest.mark.slow)])
 def test_craig_bampton_of_case(case):
     """Components between loaded and observed points: all modes equal the beam model, few modes are close."""
     path = Path(__file__).parents[2] / "cases" / f"{case}.toml"

@@ -91,7 +91,7 @@ def test_commands_report_all_faults_with_exit_code_2(command, starter, substitut
 
 
 @pytest.mark.parametrize(
-    "template", mostly_slow(["finger-follower", "valve-bridge", "desmodromic", "published-model", "leak-down"])
+    "template", mostly_slow(["published-model", "finger-follower", "valve-bridge", "desmodromic", "leak-down"], 5)
 )
 def test_fault_of_one_part_causes_no_fault_of_another(template, tmp_path):
     """Contacts, cams, supports, masses and springs are replaced by texts, rockers get an unknown key."""

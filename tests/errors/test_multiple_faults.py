@@ -176,7 +176,9 @@ LONG = {
 }
 
 
-@pytest.mark.parametrize("name", LONG)
+@pytest.mark.parametrize(
+    "name", [pytest.param(one, marks=[pytest.mark.slow] * (one == "tables with unknown keys")) for one in LONG]
+)
 def test_reading_time_is_proportional_to_length(name, text, substitute, tmp_path):
     """Regular expressions with backtracking would take minutes."""
     path = tmp_path / "long.toml"
