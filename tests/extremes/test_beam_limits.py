@@ -21,7 +21,6 @@ from flexcam.fem.mesh import chain
 from flexcam.fem.sections import Section
 from flexcam.valvetrain import buckling_load, build_structure, train_metrics
 from tests.pinned_rod import LENGTH, TUBE, pinned_rod, push
-from tests.thinning import mostly_slow
 
 SLENDER, ELEMENTS, AXIAL = "slenderness of a beam", "elements per span", "axial load"
 DIAMETER, FIRST = 0.02, 1.8751040687119611
@@ -89,7 +88,7 @@ def relative_bound(elements):
     return float(np.finfo(float).eps) * elements**4
 
 
-@pytest.mark.parametrize("elements", [1, 10, 100, 1000])
+@pytest.mark.parametrize("elements", [1, 10, pytest.param(100, marks=pytest.mark.slow), 1000])
 def test_up_to_1000_elements_keep_four_digits(expect, steel, elements):
     beam = Cantilever(steel, 1.0, elements, shear=False)
     given = f"cantilever, {elements} elements per span"
@@ -120,7 +119,8 @@ output.probes = ["tip"]
 """
 
 
-@pytest.mark.parametrize("asked", mostly_slow(["check", "modes", "run"]))
+@pytest.mark.slow
+@pytest.mark.parametrize("asked", ["check", "modes", "run"])
 def test_commands_with_2000_elements_warn_of_rounding(expect, command, tmp_path, asked):
     (tmp_path / "fine.toml").write_text(FINE, encoding="utf-8")
     code, output = command(asked, "fine.toml")
@@ -130,8 +130,15 @@ def test_commands_with_2000_elements_warn_of_rounding(expect, command, tmp_path,
                  "rounding", r"\d %")  # fmt: skip
 
 
-@pytest.mark.parametrize("elements", [3000, 10_000])
-@pytest.mark.parametrize("asked", ["deflection", "lowest"])
+@pytest.mark.parametrize(
+    ("asked", "elements"),
+    [
+        ("deflection", 3000),
+        ("deflection", 10_000),
+        ("lowest", 3000),
+        pytest.param("lowest", 10_000, marks=pytest.mark.slow),
+    ],
+)
 def test_3000_or_more_elements_are_refused(expect, steel, elements, asked):
     with pytest.raises(RunFailedError) as refusal:
         getattr(Cantilever(steel, 1.0, elements, shear=False), asked)()

@@ -60,7 +60,7 @@ def expect_steps_accurate(expect, tayeb, steps, revolutions):
                  tolerance=x**2 / 12.0 * angle + 1e-7)  # fmt: skip
 
 
-@pytest.mark.parametrize("steps", [100, 360, 3600, 10_000])
+@pytest.mark.parametrize("steps", [100, 360, 3600, pytest.param(10_000, marks=pytest.mark.slow)])
 def test_100_or_more_steps_match_exact_response(expect, tayeb, steps):
     expect_steps_accurate(expect, tayeb, steps, 2)
 

@@ -71,7 +71,8 @@ def relative_difference(full, restart, at):
 @pytest.mark.parametrize(("name", "method"), mostly_slow([
     ("published load, no contact", "Newmark"), ("contacts and seat", "Newmark"),
     pytest.param("hydraulic adjuster, its state", "Newmark", marks=pytest.mark.slow)] + [
-    ("published load, no contact", method) for method in METHODS if method != "Newmark"] + [
+    pytest.param("published load, no contact", method, marks=pytest.mark.slow) for method in METHODS
+    if method != "Newmark"] + [
     pytest.param("contacts and seat", method, marks=pytest.mark.slow) for method in ("HHT", "Bathe")], 2))  # fmt: skip
 def test_restarted_run_equals_uninterrupted_run(expect, restart_runs, name, method):
     full, restart = restart_runs(name, method)
@@ -90,7 +91,7 @@ def test_restart_without_acceleration_equals_full_run(restart_runs):
     assert 0.0 < gap <= 1e-11 * np.abs(full.fields.displacement).max()
 
 
-@pytest.mark.parametrize("every", [1, 20])
+@pytest.mark.parametrize("every", [pytest.param(1, marks=pytest.mark.slow), 20])
 def test_restart_from_result_file_equals_full_run(expect, tmp_path, every):
     case = CASES["published load, no contact"]
     fields = f"output.field_every={every}"

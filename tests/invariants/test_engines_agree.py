@@ -159,7 +159,7 @@ def test_random_systems_with_uncoupled_damping(seed, n, decades, free, copies, k
     assert_engines_agree(Problem(system, ConstantSpeed(3.0), choose_step(system), STEPS, start), SCHEMES[scheme])
 
 
-@pytest.mark.parametrize("kind", ["none", "Rayleigh"])
+@pytest.mark.parametrize("kind", [pytest.param("none", marks=pytest.mark.slow), "Rayleigh"])
 def test_systems_with_hundreds_of_unknowns(kind):
     """Modes whose last digits come from sliced products."""
     system, start = random_system(4, 120, 6.0, kind, copies=2)

@@ -214,7 +214,7 @@ def test_steps_ending_at_contact_events(kind, scheme, restitution):
     compare_engines(random_problem(rng, [kind], restitution=restitution), SCHEMES[scheme])
 
 
-@pytest.mark.parametrize("seed", mostly_slow([0, 2, 3, 1], 2))
+@pytest.mark.parametrize("seed", mostly_slow([3, 0, 1, 2], 4))
 def test_several_forces(seed):
     """With massless unknowns, where a shallow arch would have several equilibria, and with fluctuating speed."""
     rng = np.random.default_rng(100 + seed)

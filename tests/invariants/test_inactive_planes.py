@@ -108,7 +108,7 @@ def test_steady_lateral_load_activates_plane(rod):
     assert active_components(resting) == PLANES["along"] | PLANES["z"]
 
 
-@pytest.mark.parametrize(("across", "scalars"), [((), 4), ((("uz", 1.0),), 7)])
+@pytest.mark.parametrize(("across", "scalars"), [((), 4), pytest.param((("uz", 1.0),), 7, marks=pytest.mark.slow)])
 def test_kernel_engine_skips_inactive_plane(rod, across, scalars):
     ready = rod(2e-4, *across)
     general, compiled = (solve(replace(ready.problem, engine=path), ready.scheme) for path in ("direct", "kernel"))

@@ -36,7 +36,7 @@ def inclined_path(tmp_path):
     return tmp_path / "inclined.toml"
 
 
-@pytest.mark.parametrize(("model", "tolerance"), [("beams", 2e-3), ("rigid", 1e-6)])
+@pytest.mark.parametrize(("model", "tolerance"), [pytest.param("beams", 2e-3, marks=pytest.mark.slow), ("rigid", 1e-6)])
 def test_inclined_train_matches_upright_train(inclined_path, model, tolerance):
     """Guides of 1 GN/m deflect by less than a thousandth of the motion of the pushrod."""
     lines = [f"springs.{name}.direction={ALONG}" for name in ("valve", "tappet")]

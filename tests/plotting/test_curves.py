@@ -250,7 +250,7 @@ def test_unknown_file_ending_raises_error(name, picture, tmp_path):
 
 
 def test_existing_figure_is_not_overwritten(picture, tmp_path):
-    for name in ("a.svg", "a.png", "a.pdf"):
+    for name in ("a.pdf", "a.png", "a.svg"):
         (tmp_path / name).write_text("mine")
         with pytest.raises(InputError, match="overwrite"):
             save_figure(picture, tmp_path / name)

@@ -279,7 +279,9 @@ def test_nested_springs_do_not_intersect():
 TRAINS = ["pushrod-engine/intake", "pushrod-engine/lever", "direct-acting/bucket", "direct-acting/finger"]
 
 
-@pytest.mark.parametrize("name", TRAINS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name == "pushrod-engine/lever")) for name in TRAINS]
+)
 def test_cam_follower_and_valve_stay_in_contact(name):
     """The lobe touches its follower at all angles, and the valve opens by its lift, away from its seat."""
     structure = load_structure(name)

@@ -36,7 +36,9 @@ STUDIES = {
 """Module of `flexcam.analysis`, case and call by study."""
 
 
-@pytest.mark.parametrize("study", STUDIES)
+@pytest.mark.parametrize(
+    "study", [pytest.param(name, marks=[pytest.mark.slow] * (name == "campbell")) for name in STUDIES]
+)
 def test_interrupted_run_ends_study(study, monkeypatch):
     calls = []
 
@@ -54,7 +56,11 @@ def test_interrupted_run_ends_study(study, monkeypatch):
 @pytest.mark.parametrize(
     ("where", "ask"),
     [
-        ("flexcam.analysis.model_choice", lambda case: evaluate_ladder(case, "valve", repeats=1)),
+        pytest.param(
+            "flexcam.analysis.model_choice",
+            lambda case: evaluate_ladder(case, "valve", repeats=1),
+            marks=pytest.mark.slow,
+        ),
         ("flexcam.studies.evaluation", lambda case: quantity_row(case, ["deviation.peak"])),
     ],
 )
@@ -69,7 +75,10 @@ def test_interrupted_inner_run_ends_study(where, ask, monkeypatch):
         ask(read_case(TAYEB, SHORT))
 
 
-@pytest.mark.parametrize("study", STUDIES)
+@pytest.mark.parametrize(
+    "study",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name in ("orders", "stability", "trade"))) for name in STUDIES],
+)
 def test_progress_is_reported_for_each_run(study):
     _, path, ask = STUDIES[study]
     progress = []

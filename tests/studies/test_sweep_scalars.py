@@ -34,12 +34,12 @@ def test_single_mass_has_no_camshaft_scalars():
 
     The force of a pushrod next to the single mass is that of the springs, and is not a scalar either.
     """
-    rows = {model: evaluate(read_case("cases/tayeb/model-1-shm.toml", [f"fidelity.model={model}"])).scalars
+    quick = ["run.revolutions=1", "run.steps_per_revolution=720"]
+    rows = {model: evaluate(read_case("cases/tayeb/model-1-shm.toml", [f"fidelity.model={model}", *quick])).scalars
             for model in ("sdof", "beams")}  # fmt: skip
     assert set(rows["beams"]) - set(rows["sdof"]) == CAMSHAFT | DRIVE | PUSHROD
     assert all(rows["beams"][name] > 0.0 for name in CAMSHAFT)
-    quick = ["run.revolutions=1", "run.steps_per_revolution=720", "fidelity.model=sdof"]
-    with_contact = evaluate(read_case("cases/pushrod-engine/intake.toml", quick))
+    with_contact = evaluate(read_case("cases/pushrod-engine/intake.toml", [*quick, "fidelity.model=sdof"]))
     assert set(with_contact.scalars) >= CAMSHAFT | DRIVE
 
 
@@ -54,7 +54,10 @@ def test_row_states_chosen_model(asked, cause):
     assert not evaluate(read_case("tests/data/inline.toml", ["run.steps_per_revolution=120"])).status.message
 
 
-@pytest.mark.parametrize("path", CASES)
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(path, marks=[pytest.mark.slow] * ("/tayeb/" not in path and "/li/" not in path)) for path in CASES],
+)
 def test_row_matches_run_and_compare(path):
     case = read_case(path, CASES[path])
     row, ready = evaluate(case), prepare(case)

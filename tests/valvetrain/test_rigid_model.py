@@ -12,13 +12,19 @@ from flexcam.analysis.preparation import scalar_probe
 from flexcam.dynamics import ConstantSpeed, solve
 from flexcam.plotting.scene.motion import rigid_motion as rigid_motion_of
 from flexcam.valvetrain import build_structure, pulling_contacts, rigid_motion
-from tests.thinning import mostly_slow
 
 MODELS = Path(__file__).parents[1] / "golden" / "models"
 
 
 @pytest.mark.parametrize(
-    "name", mostly_slow(["lever-rocker", "adjuster", "hertz-train", "linear-train", "massless"], 2)
+    "name",
+    [
+        "hertz-train",
+        "massless",
+        pytest.param("lever-rocker", marks=pytest.mark.slow),
+        pytest.param("adjuster", marks=pytest.mark.slow),
+        pytest.param("linear-train", marks=pytest.mark.slow),
+    ],
 )
 def test_cam_power_equals_power_of_train(name):
     """Torque times speed is the rate of kinetic and elastic energy plus damping power, by differences."""

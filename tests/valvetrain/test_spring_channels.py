@@ -169,8 +169,9 @@ def test_spring_force_of_rigid_model():
 
 @pytest.mark.parametrize("more", [
     'force_table = [["0 mm", "400 N"], ["4 mm", "550 N"], ["12 mm", "1100 N"]]',
-    'stiffness = "50 kN/m", clash_travel = "8 mm", clash_stiffness = "0.1 MN/m", mass = "60 g"',
-    'stiffness = "50 kN/m", pulsation = { order = 3, amplitude = 0.2 }',
+    pytest.param('stiffness = "50 kN/m", clash_travel = "8 mm", clash_stiffness = "0.1 MN/m", mass = "60 g"',
+                 marks=pytest.mark.slow),
+    pytest.param('stiffness = "50 kN/m", pulsation = { order = 3, amplitude = 0.2 }', marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_rigid_spring_force_is_low_speed_limit(more):
     case = read_case(PUSHROD, [f"springs.valve={{ {BASE}, {more} }}", *SLOW])

@@ -73,6 +73,7 @@ def test_default_parts_of_springs_with_mass(case_without_parts):
     assert build_model(read_case(case_without_parts, FAST)).springs["valve"].elements == 16
 
 
+@pytest.mark.slow
 def test_default_parts_approximate_wave_equation(case_without_parts):
     """Cam and adjuster force within half a percent of the maximum with 32 parts; one part has an error of 14 %."""
     true = run_histories(read_case(case_without_parts, [*FAST, "springs.valve.elements=32"]), "valve")
@@ -82,6 +83,7 @@ def test_default_parts_approximate_wave_equation(case_without_parts):
             assert least < found[name] / true.size(name) < most
 
 
+@pytest.mark.slow
 def test_error_estimate_covers_spring_with_one_part():
     case = read_case(FINGER, [*FAST, "springs.valve.elements=1"])
     finer = read_case(FINGER, [*FAST, "springs.valve.elements=16", "run.steps_per_revolution=1440"])

@@ -181,6 +181,7 @@ def test_fourth_order_with_closed_contact(record):
     assert second > 1000.0 * errors[1]
 
 
+@pytest.mark.slow
 def test_fourth_order_of_flexible_train_with_contacts():
     """The error of the bucket train with contacts has fourth order before the first closing of a contact."""
     words = ("run.revolutions=0.4", "run.integrator.method=collocation")

@@ -127,6 +127,7 @@ def run_bar_impact(elements, stiffness, speed, law=None):
     )
 
 
+@pytest.mark.slow
 def test_impact_force_of_bar(record):
     response, force, c = run_bar_impact(200, 2e10, 1.0)
     found = response.channels["force"]

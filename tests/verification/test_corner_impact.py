@@ -105,6 +105,7 @@ def test_contact_loss_speed_of_rigid_follower(record):
     assert reference == pytest.approx(114.979, abs=5e-4)
 
 
+@pytest.mark.slow
 def test_periodic_orbit_with_one_impact(record):
     case = "700 rpm, one impact per turn"
     angle, speed = last_impact(700.0)

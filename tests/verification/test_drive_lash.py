@@ -126,6 +126,7 @@ def test_lash_crossing_after_torque_reversal(record, case):
            reference=-arrival_speed, computed=v, tolerance=2e-3, reason="within a step of 5 us")  # fmt: skip
 
 
+@pytest.mark.slow
 def test_lash_with_reversing_cam_torque(case):
     """The returning follower makes the cam drive the shaft off its flank; the flanks transmit the cam torque."""
     drag = 0.5  # N m s/rad; without it the shaft tips chaotically from flank to flank near the nose

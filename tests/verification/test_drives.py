@@ -287,13 +287,13 @@ def restart_angles(case, tmp_path, lines, *, speed):
     return end, float(second.drive.at(np.array([second.start.time])).angle[0])
 
 
-@pytest.mark.parametrize("lines", [FLUCTUATION_KEY, FREE_RUNNING_KEY])
+@pytest.mark.parametrize("lines", [FLUCTUATION_KEY, pytest.param(FREE_RUNNING_KEY, marks=pytest.mark.slow)])
 def test_restart_continues_at_same_angle(case, tmp_path, lines):
     end, begins = restart_angles(case, tmp_path, lines, speed=900)
     assert begins == pytest.approx(end, abs=1e-9)
 
 
-@pytest.mark.parametrize("lines", [FLUCTUATION_KEY, FREE_RUNNING_KEY])
+@pytest.mark.parametrize("lines", [FLUCTUATION_KEY, pytest.param(FREE_RUNNING_KEY, marks=pytest.mark.slow)])
 def test_restart_at_another_speed_continues_at_same_angle(case, tmp_path, lines):
     end, begins = restart_angles(case, tmp_path, lines, speed=1100)
     assert begins == pytest.approx(end, abs=1e-9)

@@ -74,7 +74,7 @@ def exact_multipliers(a, q, damping=0.0):
 
 
 @pytest.mark.parametrize(
-    ("a", "q", "damping"), mostly_slow([(1.0, 0.1, 0.02), (1.0, 0.1, 0.0), (2.5, 0.3, 0.1), (4.0, 1.0, 0.0)], 2)
+    ("a", "q", "damping"), mostly_slow([(2.5, 0.3, 0.1), (1.0, 0.1, 0.02), (1.0, 0.1, 0.0), (4.0, 1.0, 0.0)], 4)
 )
 def test_multipliers_of_mathieu_equation(record, a, q, damping):
     found, reference = multipliers(a, q, damping), exact_multipliers(a, q, damping)
@@ -93,12 +93,12 @@ def test_unstable_tongue_at_one():
 
 
 def test_multipliers_without_pulsation_have_unit_modulus():
-    np.testing.assert_allclose(np.abs(multipliers(1.3, 0.0)), 1.0, atol=1e-9)
+    np.testing.assert_allclose(np.abs(multipliers(1.3, 0.0, steps=500)), 1.0, atol=1e-9)
 
 
 def test_product_of_multipliers_follows_from_damping():
     """By Liouville's formula the determinant is exp(-c T)."""
-    found = multipliers(1.7, 0.4, damping=0.2)
+    found = multipliers(1.7, 0.4, damping=0.2, steps=500)
     assert abs(np.prod(found)) == pytest.approx(math.exp(-0.2 * math.pi), rel=1e-6)
 
 

@@ -46,7 +46,7 @@ def solve_case(folder, text, *overrides):
     return found
 
 
-@pytest.mark.parametrize("engine", ["direct", "kernel"])
+@pytest.mark.parametrize("engine", [pytest.param("direct", marks=pytest.mark.slow), "kernel"])
 def test_amplitudes_with_coulomb_friction(engine, record, tmp_path):
     """The closed form covers six half periods; at their ends the sliding velocity is zero."""
     found = solve_case(tmp_path, OSCILLATOR, f"run.engine={engine}")

@@ -197,6 +197,7 @@ SEAT = 'seat = { at = "end", direction = "uy", model = "seat", stiffness = "40 M
 SEAT_CHANGES = {"installed": ", installed_force = 300", "speed": 300.0, "revolutions": 1.0, "contacts": SEAT}
 
 
+@pytest.mark.slow
 def test_leak_down_and_refill_over_revolution(record, case):
     """The adjuster leaks during the lift and refills on the seat in tens of microseconds, which removes the lash."""
     response = run(case(ADJUSTER, **SEAT_CHANGES))
@@ -235,6 +236,7 @@ def test_refill_lag(record, case):
            reason="quasi-steady: the rate changes within c0/k = 25 us, the rods ring")  # fmt: skip
 
 
+@pytest.mark.slow
 def test_restart_continues_leak_down(case, tmp_path):
     """A run over most of the lift and its continuation from the result equal a single run, with the leak-down."""
     single_run = run(case(ADJUSTER, **(SEAT_CHANGES | {"revolutions": 0.5})))

@@ -150,7 +150,7 @@ BOUNDS = {"Cj": (32.0, 48, 2e-3), "Ca": (4.0, 192, 6e-3), "Cv": (1.0, 96, 2e-2)}
 """Bound over all laws with zero velocity and acceleration at the ends, pieces, and relative distance from the bound."""
 
 
-@pytest.mark.parametrize("name", mostly_slow(BOUNDS, 2))
+@pytest.mark.parametrize("name", mostly_slow(BOUNDS))
 def test_optimum_converges_to_bound_of_all_laws(name, record):
     bound, pieces, near = BOUNDS[name]
     found = [minimax(SplineFamily(degree=5, pieces=n), {name: 1.0}) for n in (pieces // 4, pieces)]

@@ -96,6 +96,7 @@ def test_motion_matches_reference(record, reference_solution):
                absolute=True, reason="Newmark's period error at 7200 steps")  # fmt: skip
 
 
+@pytest.mark.slow
 def test_second_order_convergence_of_motion(reference_solution):
     """Newmark's method has second order: half the step, a quarter of the error."""
     errors, (_, _, exact) = [], reference_solution(read_case(CASE), 7201)
@@ -105,11 +106,11 @@ def test_second_order_convergence_of_motion(reference_solution):
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)
 
 
-RIPPLES = [(0.3, 0.25, 2.3047), (0.3, 0.5, 1.9553), (0.25, 0.25, 2.1134), (0.4, 0.5, 3.1760)]
+RIPPLES = [(0.25, 0.25, 2.1134), (0.3, 0.25, 2.3047), (0.3, 0.5, 1.9553), (0.4, 0.5, 3.1760)]
 """Split, take-off and the ratio of (12) on 72001 points."""
 
 
-@pytest.mark.parametrize(("split", "take_off", "expected"), mostly_slow(RIPPLES, 2))
+@pytest.mark.parametrize(("split", "take_off", "expected"), mostly_slow(RIPPLES, 4))
 def test_ripple_matches_reference(record, reference_solution, split, take_off, expected):
     lift = [f'cams.exhaust.law={{ id = "fb2", split = {split} }}', f"cams.exhaust.ramps.take_off={take_off}"]
     case = read_case(CASE, [*lift, "run.steps_per_revolution=14400"])

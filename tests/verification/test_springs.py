@@ -107,7 +107,7 @@ def test_static_stress_of_wire(record, case, degrees):
 SURGE_SPRING = WIRE_SPRING + '\nmass = "80 g"\nelements = PARTS\ndamping = 2.0'
 
 
-@pytest.mark.parametrize("parts", [4, 8])
+@pytest.mark.parametrize("parts", [pytest.param(4, marks=pytest.mark.slow), 8])
 def test_surge_matches_mass_chain(record, case, parts):
     """The reference is a row of bars with consistent masses between ground and a given motion, integrated by scipy."""
     response = run(case(SURGE_SPRING.replace("PARTS", str(parts))))

@@ -232,6 +232,7 @@ def test_growth_of_deviation_at_resonance(record, published):
         )
 
 
+@pytest.mark.slow
 def test_beat_near_resonance(record, published):
     """The growth over the first revolutions is a beat: x - s = r^2/(1 - r^2) (cos w t - cos W t)/2, with r = W/w."""
     steps, mode = 360, pushrod_mode_shares()[0].min()
