@@ -160,6 +160,7 @@ class TestLadder:
         names = [one.name for one in model_ladder(read_case("cases/pushrod-engine/intake.toml"))]
         assert [name for name in names if name.startswith("modes")] == ["modes 3", "modes 30"]
 
+    @pytest.mark.slow
     def test_levels_are_derived_from_case(self):
         by_name = {one.name: one for one in model_ladder(read_case(INLINE, ["members.pushrod.elements=3"]))}
         unknowns = {name: integrated_size(prepare(one.case).problem) for name, one in by_name.items()}
@@ -379,6 +380,7 @@ class TestEstimate:
         assert found.model > 1e-3
 
 
+@pytest.mark.slow
 def test_ladder_does_not_depend_on_reduction_of_case():
     """The modal levels use their own reduction, also for a case with Craig-Bampton reduction."""
     case = read_case(INLINE)

@@ -91,7 +91,8 @@ def test_restart_without_acceleration_equals_full_run(restart_runs):
     assert 0.0 < gap <= 1e-11 * np.abs(full.fields.displacement).max()
 
 
-@pytest.mark.parametrize("every", [pytest.param(1, marks=pytest.mark.slow), 20])
+@pytest.mark.slow
+@pytest.mark.parametrize("every", [1, 20])
 def test_restart_from_result_file_equals_full_run(expect, tmp_path, every):
     case = CASES["published load, no contact"]
     fields = f"output.field_every={every}"

@@ -96,9 +96,10 @@ def test_multipliers_without_pulsation_have_unit_modulus():
     np.testing.assert_allclose(np.abs(multipliers(1.3, 0.0, steps=500)), 1.0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_product_of_multipliers_follows_from_damping():
     """By Liouville's formula the determinant is exp(-c T)."""
-    found = multipliers(1.7, 0.4, damping=0.2, steps=500)
+    found = multipliers(1.7, 0.4, damping=0.2)
     assert abs(np.prod(found)) == pytest.approx(math.exp(-0.2 * math.pi), rel=1e-6)
 
 
