@@ -54,7 +54,7 @@ def parse_follower(follower: str, base_radius: str | None = None, *, clockwise: 
     result = record.follower.build(record.base_radius)
     if result is None:
         allowed, why = "the radius of the base circle", "the lift starts there"
-        raise refuse("base_radius", "nothing", allowed, why, "add base_radius")
+        raise refuse("--base-radius", "nothing", allowed, why, "add --base-radius")
     return result, -1 if clockwise else 1
 
 

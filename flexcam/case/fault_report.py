@@ -185,7 +185,8 @@ def _correct_keys(
             if table.keys().isdisjoint([meant, *REPLACED_KEYS.get(meant, ())]):
                 table[meant], written[(*path[:-1], meant)] = value, path
         hint = "did you mean 'crank_speed', or 'speed' of the camshaft?" if key == "rpm" and "speed" in known else hint
-        allowed, why = ", ".join(name for name in known if name != key), "there is no such key"
+        allowed = f"one of the keys {', '.join(name for name in known if name != key)}"
+        why = "there is no such key"
         if key in known:  # of a table whose variants its keys distinguish
             why = "it excludes another key of the table"
         elif variant:

@@ -60,7 +60,7 @@ def limits(
         help="Also find contact loss in the cam force after a low-pass filter, such as 5kHz.")] = None,
     over: Annotated[str | None, Parameter(
         "--over", group=_MAP, help="First parameter and its values: KEY=START:STOP:STEPunit, a list "
-        "(40,50,60kN/m) or a number of values (40:70#4kN/m).")] = None,
+        "(40,50,60kN/m), or a range with the number of its values (40:70#4kN/m).")] = None,
     beside: Annotated[str | None, Parameter("--and", group=_MAP, help="Second parameter and its values.")] = None,
     which: Annotated[list[Literal["loss_of_contact", "float", "bounce", "coil_clash", "buckling"]] | None, Parameter(
         "--limit", group=_MAP, help="Speed limit that the map shows; loss_of_contact by default. Repeatable.")] = None,

@@ -24,7 +24,7 @@ from flexcam.dynamics import Cause, RunFailedError, Status
 _MAX_TEXT_SIZE, _MAX_FILE_SIZE = 1 << 28, 1 << 30  # of files read into memory, bytes
 _MAX_PARENTS = 2  # parent folders of a case in which files may lie: ``cases/engine/a.toml`` finds ``meshes/a.msh``
 _MAX_LINE_LENGTH = 100  # of an array in TOML, characters
-_REMEDY = "use --overwrite, or give another file or folder"
+_REMEDY = "use --overwrite, or give another output name"
 
 ALLOWED_FOLDERS_VARIABLE = "FLEXCAM_FILES"
 """Environment variable with further allowed folders, separated as in PATH."""

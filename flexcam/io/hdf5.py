@@ -186,8 +186,9 @@ def _digest_input(file: Any, faults: list[Fault]) -> Iterator[Any]:  # noqa: ANN
             try:
                 for part in [slice(i, i + _ROWS) for i in range(0, rows, _ROWS)] if dataset.shape else [()]:
                     yield np.ascontiguousarray(dataset[part]).reshape(-1).view(np.uint8).data
-            except READ_ERRORS as fault:
-                faults.append(Fault(path, "damaged numbers", "intact numbers", system_message(fault), _REMEDY))
+            except READ_ERRORS:
+                why = "they cannot be read, or do not match their checksum"
+                faults.append(Fault(path, "damaged numbers", "intact numbers", why, _REMEDY))
 
 
 def _attributes(item: Any) -> Iterator[bytes]:  # noqa: ANN401

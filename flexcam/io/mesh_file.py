@@ -53,7 +53,8 @@ def read_mesh(path: Path) -> Mesh:
         allowed = ", ".join(f"{ending} ({program})" for ending, program in _FORMATS.items())
         raise refuse("mesh", path.name, f"a mesh file: {allowed}", "other formats lose the names of groups")
     if not path.is_file():
-        near = suggest_name(path.name, [file.name for file in path.parent.iterdir() if file.suffix.lower() in _FORMATS])
+        meshes = [file.name for file in path.parent.glob("*.*") if file.suffix.lower() in _FORMATS]
+        near = suggest_name(path.name, meshes)
         raise refuse("mesh", str(path), "an existing file", "the path is relative to the case file", near)
     raw = read_gmsh(path) if suffix == ".msh" else _read_by_meshio(path)
     faults = [*_number_faults(raw), *(fault for group in raw.groups for fault in _group_faults(group))]

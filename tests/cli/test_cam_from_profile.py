@@ -67,7 +67,7 @@ def test_profile_inside_base_circle_is_reported(wide_flexcam, tmp_path):
     ("x [mm], y [m]\n1, 2\n", FLAT, ["got mm and m, expected one unit"]),
     (None, FLAT, ["readable text file"]),
     ("1, 2\n", ("--follower", "flat", "--base-radius", "18 mm"), ["quotes around each string"]),
-    ("1, 2\n", ("--follower", '{ type = "flat" }'), ["base_radius"]),
+    ("1, 2\n", ("--follower", '{ type = "flat" }'), ["--base-radius"]),
     ("1, 2\n", ("--follower", '{ type = "flat" }', "--base-radius", "18"), ["write '18 mm'"]),
     ("1, 2\n", ("--follower", '{ type = "rolle" }', "--base-radius", "18 mm"), ["did you mean 'roller'"]),
     ("1, 2\n", ("--follower", '{ type = "roller", radios = 3 }'), ["follower.radios", "did you mean 'radius'"]),

@@ -78,7 +78,7 @@ def test_new_does_not_overwrite_files(flexcam, tmp_path):
     refused = flexcam("new", "measured-lift")
     assert refused.code == 2
     assert "measured-lift.csv" in refused.err
-    assert "Use --overwrite, or give another file or folder" in refused.err
+    assert "Use --overwrite, or give another output name" in refused.err
     assert not (tmp_path / "measured-lift.toml").exists()
     assert (tmp_path / "measured-lift.csv").read_text() == "mine"
     assert flexcam("new", "measured-lift", "--overwrite").code == 0

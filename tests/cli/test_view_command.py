@@ -234,7 +234,7 @@ def test_view_does_not_overwrite_picture(flexcam, tmp_path):
     (tmp_path / "made.png").write_text("mine")
     refused = flexcam("view", FINGER, "--save", "made.png")
     assert refused.code == 2
-    assert "Use --overwrite, or give another file or folder" in refused.err
+    assert "Use --overwrite, or give another output name" in refused.err
     assert (tmp_path / "made.png").read_text() == "mine"
 
 
