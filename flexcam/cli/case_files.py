@@ -65,7 +65,7 @@ def check(
 
     It reports as many errors as possible at once. An error in a table can hide further errors in that table and in
     tables that refer to it: correct the reported errors, then run check again. If the TOML syntax is wrong, it reports
-    only this. It estimates the memory and disk space of a run, but does not run the case.
+    only that error. It estimates the memory and disk space of a run, but does not run the case.
     """
     read = cli.load_case(case, overrides)
     ready = prepare_without_periodic_search(read)

@@ -76,8 +76,8 @@ def modes(
     count: Annotated[int, Parameter(help="Number of modes, from the lowest.")] = 12,
     prestress: Annotated[Literal["rest", "equilibrium"] | None, Parameter(
         help="Axial forces included in the modes with open contacts: as installed (rest), or under all loads "
-        "(equilibrium); none by default. It has no effect on the modes with closed contacts: they always include the "
-        "axial forces in members that have geometric_stiffness.")] = None,
+        "(equilibrium); none by default. This option does not affect the modes with closed contacts, which always "
+        "include the axial forces in members that have geometric_stiffness.")] = None,
     mac: Annotated[Path | None, Parameter(
         help="Second case file, whose modes are compared by the modal assurance criterion.")] = None,
     folder: Annotated[Path | None, Parameter(

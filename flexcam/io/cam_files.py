@@ -172,7 +172,7 @@ def _lift_factor(column: str, requested: str | None, head: str, path: Path) -> f
     if unit not in _LENGTHS:
         angle = "crank_deg" if head.lower().startswith("crank") else "cam_deg"
         remedy = f'write lift_table = {{ file = ..., unit = "mm" }}, or a header line such as {angle}, lift_mm'
-        given = unit or (f"{head!r}, which names no unit" if head else "no header line")
+        given = unit or (f"{head!r}, which names no known unit" if head else "no header line")
         raise refuse(f"{path.name}, unit of the lift", given, _UNITS, "", remedy)
     return _LENGTHS[unit]
 
