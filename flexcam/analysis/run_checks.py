@@ -279,7 +279,7 @@ def describe_decay(ready: PreparedRun, member: str) -> tuple[str, bool]:
         shape, frequency = lowest.modes.shapes[:, i], f"{lowest.modes.frequencies[i]:.4g} Hz"
         rate = 0.5 * float(shape @ ready.problem.system.damping.times(shape))
         shares = {part: share for part, share in lowest.shares[i].items() if part.startswith(f"{member} ")}
-        is_own, is_undamped = sum(shares.values()) > _OWN_MODE, rate <= 0.0
+        is_own, is_undamped = sum(shares.values()) > _OWN_MODE, rate <= _UNDAMPED * lowest.modes.omegas[i]
         mode = f"The lowest mode ({frequency})"
         if is_own:
             motion = max(shares, key=lambda part: shares[part]).removeprefix(f"{member} ")
@@ -295,6 +295,7 @@ def describe_decay(ready: PreparedRun, member: str) -> tuple[str, bool]:
     return "", True
 
 
+_UNDAMPED = 1e-9  # damping ratio that is rounding
 _DECAY_MODES = 60  # number of the lowest modes among which that of a member is searched for
 _OWN_MODE = 0.5  # share of the kinetic energy from which a mode belongs to a member
 

@@ -65,7 +65,7 @@ class CaseRecord(Record):
 
     format: _Format
     title: str = ""
-    mesh: str | None = Field(None, description="mesh file (.msh, .inp or .med), relative to the case file")
+    mesh: str | None = Field(None, description="Gmsh file, relative to the case file")
     nodes: dict[Name, Point] = Field(default={}, description="named nodes, instead of a mesh file")
     materials: dict[Name, MaterialRecord] = Field(default={})
     sections: dict[Name, SectionRecord] = Field(default={})

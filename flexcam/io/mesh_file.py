@@ -1,24 +1,24 @@
-"""Meshes in and out: Gmsh, Abaqus, CalculiX and MED.
+"""Gmsh meshes (formats 2.2 and 4.1, text and binary) in, and Gmsh and Abaqus meshes out.
 
-Line groups become members (each must be one chain), point groups become named points.
+Line groups become members (each must be one chain), point groups become named points. Error messages use the node and
+element tags of the file.
 """
 
 from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import redirect_stderr, redirect_stdout
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from flexcam.core import FloatArray, IntArray
-from flexcam.core.errors import NAME, NAMES, Fault, InputError, refuse, suggest_name
+from flexcam.core.errors import NAME, NAMES, Fault, InputError, refuse, suggest_name, system_message
 from flexcam.fem.mesh import Mesh
-from flexcam.io.files import READ_ERRORS, write_text
-from flexcam.io.gmsh_file import LINE, OTHER, POINT, ElementGroup, MeshContent, format_gmsh, read_gmsh
+from flexcam.io.files import write_text
 
 _MAX_FAULTS = 20  # maximum number of reported faults of one kind: a mesh with thousands has one cause
 _MAX_COORDINATE = 1e12  # maximum absolute coordinate, m: squares of larger ones overflow
@@ -26,12 +26,12 @@ _COINCIDENCE_TOLERANCE = 1e-9  # distance, relative to the mesh size, below whic
 
 
 def read_mesh(path: Path) -> Mesh:
-    """Read a mesh of Gmsh (2.2 or 4.1, text or binary), Abaqus or CalculiX, or of Salome in MED format.
+    """Read a Gmsh file (2.2 or 4.1, text or binary).
 
     Parameters
     ----------
     path
-        The file, ``.msh``, ``.inp`` or ``.med``; coordinates in m.
+        The file, ``.msh``; coordinates in m.
 
     Returns
     -------
@@ -41,28 +41,25 @@ def read_mesh(path: Path) -> Mesh:
     Raises
     ------
     InputError
-        If the file does not exist or cannot be read, or its groups do not form members; the message lists node and
-        element tags of a Gmsh file, and numbers in the order of other files.
+        If the file does not exist, is not a Gmsh file, or its groups do not form members; the message lists node and
+        element tags.
 
     Examples
     --------
     ``read_mesh(Path("meshes/tayeb-3.msh")).lines["camshaft"]`` are the nodes of the camshaft in order.
     """
-    suffix = path.suffix.lower()
-    if suffix not in _FORMATS:
-        allowed = ", ".join(f"{ending} ({program})" for ending, program in _FORMATS.items())
-        raise refuse("mesh", path.name, f"a mesh file: {allowed}", "other formats lose the names of groups")
+    if path.suffix.lower() != ".msh":
+        raise refuse("mesh", path.name, "a Gmsh file (.msh)", "other formats lose the names of groups")
     if not path.is_file():
-        meshes = [file.name for file in path.parent.glob("*.*") if file.suffix.lower() in _FORMATS]
-        near = suggest_name(path.name, meshes)
+        near = suggest_name(path.name, [file.name for file in path.parent.glob("*.msh")])
         raise refuse("mesh", str(path), "an existing file", "the path is relative to the case file", near)
-    raw = read_gmsh(path) if suffix == ".msh" else _read_by_meshio(path)
+    raw = _read_msh(path)
     faults = [*_number_faults(raw), *(fault for group in raw.groups for fault in _group_faults(group))]
-    members = [group for group in raw.groups if group.kind == LINE]
-    if not (faults or members):
-        raise refuse("mesh", "no lines", "line elements in named groups", "", "add a physical curve")
     if faults or (faults := [*_length_faults(raw)]):
         raise InputError(faults)
+    members = [group for group in raw.groups if group.kind == _LINE]
+    if not members:
+        raise refuse("mesh", "no lines", "line elements in named groups", "", "add a physical curve")
     place = np.argsort(raw.numbers, kind="stable")
 
     def index(numbers: IntArray) -> IntArray:
@@ -70,74 +67,11 @@ def read_mesh(path: Path) -> Mesh:
 
     chains = ((group.name, _order_chain(group.nodes)) for group in members)
     lines = {name: index(chain) for name, chain in chains if chain is not None}
-    points = {g.name: np.unique(index(g.nodes)) for g in raw.groups if g.kind == POINT and g.name}
+    points = {g.name: np.unique(index(g.nodes)) for g in raw.groups if g.kind == _POINT and g.name}
     return Mesh(raw.points, lines, points)
 
 
-_FORMATS = {".msh": "Gmsh", ".inp": "Abaqus, CalculiX", ".med": "Salome"}
-_INCLUDE = re.compile(rb"^\s*\*\s*include\b", re.I | re.M)
-_KINDS = {"line": LINE, "vertex": POINT}  # names of meshio
-
-
-def _read_by_meshio(path: Path) -> MeshContent:
-    """Read elements and nodes with their sets.
-
-    meshio describes a damaged file on the terminal and may end the process.
-    """
-    import meshio  # pyright: ignore[reportMissingTypeStubs]
-
-    try:
-        if path.suffix.lower() == ".inp" and _INCLUDE.search(path.read_bytes()):
-            why, remedy = "*INCLUDE refers to another file", "export the mesh without *INCLUDE"
-            raise refuse("mesh", path.name, "a mesh in one file", why, remedy)
-        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
-            mesh = cast("Any", meshio.read(path))  # pyright: ignore[reportUnknownMemberType]
-        points: FloatArray = np.asarray(mesh.points, dtype=float).reshape(-1, 3)
-        tagged = _tagged_entries(getattr(mesh, "point_tags", {}), mesh.point_data.get("point_tags", []))
-        groups = _group_elements(mesh)
-    except InputError:
-        raise
-    except (*READ_ERRORS, SystemExit, meshio.ReadError):
-        allowed, remedy = f"a mesh of {_FORMATS[path.suffix.lower()]}", "export it again, or as a Gmsh file (.msh)"
-        raise refuse("mesh", path.name, allowed, "meshio cannot read it", remedy) from None
-    numbers = np.arange(1, len(points) + 1)
-    sets: dict[str, IntArray] = {**mesh.point_sets, **tagged}
-    groups += [ElementGroup(POINT, name, index, numbers[index][:, None]) for name, index in sets.items() if len(index)]
-    return MeshContent(numbers, points, groups)
-
-
-def _group_elements(mesh: Any) -> list[ElementGroup]:  # noqa: ANN401 - meshio has no types
-    """Return the elements by type and set, without sets that contain a whole other set, such as all elements."""
-    starts = np.cumsum([0, *(len(block.data) for block in mesh.cells)])
-    tags = np.concatenate([np.zeros(0), *mesh.cell_data.get("cell_tags", [])])
-    indices: dict[str, IntArray] = _tagged_entries(getattr(mesh, "cell_tags", {}), tags)
-    for name, parts in mesh.cell_sets.items():
-        indices[name] = np.concatenate([np.add(*pair) for pair in zip(parts, starts, strict=False)])
-    sets = {name: frozenset(index.tolist()) for name, index in indices.items() if len(index)}
-    sets = {name: own for name, own in sets.items() if not any(other < own for other in sets.values())}
-    sets[""] = frozenset(range(starts[-1])).difference(*sets.values())
-    groups: list[ElementGroup] = []
-    for kind in dict.fromkeys(block.type for block in mesh.cells):
-        places = [k for k, block in enumerate(mesh.cells) if block.type == kind]
-        numbers = np.concatenate([np.arange(starts[k], starts[k + 1], dtype=np.intp) for k in places])
-        nodes: IntArray = np.concatenate([np.asarray(mesh.cells[k].data, dtype=np.intp) for k in places])
-        for name, own in sets.items():
-            chosen = np.isin(numbers, sorted(own))
-            if chosen.any() and (name or kind != "vertex"):
-                groups.append(ElementGroup(_KINDS.get(kind, OTHER), name, numbers[chosen] + 1, nodes[chosen] + 1))
-    return groups
-
-
-def _tagged_entries(names: Mapping[int, Sequence[str]], tags: Iterable[float]) -> dict[str, IntArray]:
-    """Return the indices of the entries of each name: a tag may have several names."""
-    found: dict[str, list[int]] = {}
-    for i, tag in enumerate(tags):
-        for name in names.get(int(tag), ()):
-            found.setdefault(name, []).append(i)
-    return {name: np.array(index, dtype=np.intp) for name, index in found.items()}
-
-
-def _number_faults(raw: MeshContent) -> Iterator[Fault]:
+def _number_faults(raw: _GmshMesh) -> Iterator[Fault]:
     for i in np.flatnonzero(~(np.abs(raw.points) <= _MAX_COORDINATE).all(axis=1))[:_MAX_FAULTS].tolist():
         given, allowed = ", ".join(f"{x:g}" for x in raw.points[i].tolist()), f"finite, up to {_MAX_COORDINATE:g} m"
         yield Fault(f"mesh node {raw.numbers[i]}", given, allowed, "", "export it again from Gmsh")
@@ -153,22 +87,22 @@ def _number_faults(raw: MeshContent) -> Iterator[Fault]:
             yield Fault(where, given, "a node of the file", "there is no such node", "export it again from Gmsh")
 
 
-def _group_faults(group: ElementGroup) -> Iterator[Fault]:
+def _group_faults(group: _ElementGroup) -> Iterator[Fault]:
     count = len(group.numbers)
     tags = ", ".join(map(str, group.numbers[:3].tolist())) + (", ..." if count > 3 else "")
     what = f"{count} elements ({tags})"
-    if group.kind not in (LINE, POINT):
+    if group.kind not in (_LINE, _POINT):
         elements = f"{count} elements" if count > 1 else "an element"
         shape = f"{elements} of {group.nodes.shape[1]} nodes (element{'s' * (count > 1)} {tags})"
         why, remedy = "members are beams", "mesh only curves, in order 1"
         yield Fault("mesh", shape, "only points and two-node lines", why, remedy)
-    elif group.kind == LINE and not group.name:
+    elif group.kind == _LINE and not group.name:
         why = "each member has the elements of the physical curve of its name"
         yield Fault("mesh", f"{what} in no named group", "line elements in named groups", why, "add a physical curve")
     elif group.name and not re.fullmatch(NAME, group.name):
         where, why = f"mesh group {group.name!r}", "cases and results name the group"
         yield Fault(where, repr(group.name), NAMES, why, "rename the physical group in Gmsh")
-    elif group.kind == LINE and _order_chain(group.nodes) is None:
+    elif group.kind == _LINE and _order_chain(group.nodes) is None:
         why = f"a member is a chain without branches, loops or gaps{_describe_breaks(group.nodes)}"
         where, remedy = f"mesh group {group.name!r}", "give each chain its own group"
         yield Fault(where, what, "one open chain", why, remedy)
@@ -183,13 +117,13 @@ def _describe_breaks(pairs: IntArray) -> str:
     return f"; it ends at nodes {', '.join(map(str, ends[:6]))}" if len(ends) > 2 else "; it has a loop"
 
 
-def _length_faults(raw: MeshContent) -> Iterator[Fault]:
+def _length_faults(raw: _GmshMesh) -> Iterator[Fault]:
     """Yield lines of zero length and coincident nodes."""
     size = float(np.ptp(raw.points, axis=0).max(initial=0.0)) or 1.0
     grid = np.round(raw.points / (_COINCIDENCE_TOLERANCE * size))
     _, place, counts = np.unique(grid, axis=0, return_inverse=True, return_counts=True)
     places = dict(zip(raw.numbers.tolist(), place.ravel().tolist(), strict=True))
-    lines = [group for group in raw.groups if group.kind == LINE]
+    lines = [group for group in raw.groups if group.kind == _LINE]
     pairs = [pair for group in lines for pair in zip(group.numbers.tolist(), group.nodes.tolist(), strict=True)]
     zero_length = [(number, a, b) for number, (a, b) in pairs if places[a] == places[b]]
     for number, a, b in zero_length[:_MAX_FAULTS]:
@@ -242,8 +176,24 @@ def write_mesh(mesh: Mesh, path: Path, *, overwrite: bool = False) -> None:
     --------
     ``write_mesh(read_mesh(Path("train.msh")), Path("train.inp"))``
     """
-    text = _format_inp(mesh) if path.suffix.lower() == ".inp" else format_gmsh(mesh)
+    text = _format_inp(mesh) if path.suffix.lower() == ".inp" else _format_msh(mesh)
     write_text(path, text, overwrite=overwrite)
+
+
+def _format_msh(mesh: Mesh) -> str:
+    """Return a mesh in Gmsh format 2.2, with numbers in full precision and the tag of the group as entity tag."""
+    groups = [(_LINE, name, np.column_stack([line[:-1], line[1:]])) for name, line in mesh.lines.items()]
+    groups += [(_POINT, name, index[:, None]) for name, index in mesh.points.items()]
+    names = [f'{int(kind == _LINE)} {tag} "{name}"' for tag, (kind, name, _) in enumerate(groups, start=1)]
+    nodes = [f"{i} {' '.join(map(repr, place))}" for i, place in enumerate(mesh.nodes.tolist(), start=1)]
+    elements: list[str] = []
+    for tag, (kind, _, index) in enumerate(groups, start=1):
+        for row in (index + 1).tolist():
+            elements.append(f"{len(elements) + 1} {kind} 2 {tag} {tag} {' '.join(map(str, row))}")
+    text = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n"
+    for section, lines in (("PhysicalNames", names), ("Nodes", nodes), ("Elements", elements)):
+        text += "\n".join([f"${section}", str(len(lines)), *lines, f"$End{section}", ""])
+    return text
 
 
 def _format_inp(mesh: Mesh) -> str:
@@ -261,3 +211,240 @@ def _format_inp(mesh: Mesh) -> str:
     copy = meshio.Mesh(mesh.nodes, blocks, cell_sets=sets, point_sets=points)
     meshio.abaqus.write(text, copy)  # pyright: ignore
     return text.getvalue().replace("TYPE=B31H", "TYPE=B31")  # the two-node beam element that Abaqus and CalculiX share
+
+
+def _invalid(given: str, allowed: str, why: str = "") -> InputError:
+    return refuse("mesh", given, allowed, why, "export it again from Gmsh")
+
+
+class _TextReader:
+    def __init__(self, name: str, text: bytes) -> None:
+        self._name, self._words, self._next = name, text.split(), 0
+
+    def read_count(self) -> int:
+        """Return the number on the first line of the section."""
+        return int(self.read("u", 1)[0])
+
+    def read(self, kind: str, count: int) -> Any:  # noqa: ANN401 - an array of that kind
+        """Return the next `count` numbers of kind ``i`` (integer), ``u`` (size) or ``f`` (float)."""
+        words = self._words[self._next : self._next + count]
+        if count < 0 or len(words) < count:
+            allowed, why = f"{self._next + count} or more by its counts", "entries or numbers are missing"
+            raise _invalid(f"{len(self._words)} numbers in ${self._name}", allowed, why)
+        self._next += count
+        number = np.float64 if kind == "f" else np.int64
+        values = np.empty(count, number)
+        for i, word in enumerate(words):
+            try:
+                values[i] = number(word)
+            except (ValueError, OverflowError):
+                wrong = word.decode("ascii", "replace")
+                raise _invalid(f"{wrong!r} in ${self._name}", f"a {'' if kind == 'f' else 'whole '}number") from None
+        return values
+
+    def end(self) -> None:
+        """Raise an error if the section contains more numbers."""
+        if self._next != len(self._words):
+            raise _invalid(f"{len(self._words)} numbers in ${self._name}", f"{self._next} by its counts")
+
+
+class _BinaryReader:
+    """Reader of the numbers of a binary section; `size` is that of Gmsh's ``size_t``, 4 or 8 bytes."""
+
+    def __init__(self, name: str, data: bytes, size: int) -> None:
+        self._name, self._data, self._next = name, data, 0
+        self._kinds = {"i": "<i4", "u": f"<u{size}", "f": "<f8"}
+
+    def read_count(self) -> int:
+        """Return the number on the first line of the section, which is text in format 2.2."""
+        match = re.compile(rb"\s*(\d{1,12})[ \t\r]*\n").match(self._data, self._next)
+        if match is None:
+            raise _invalid(f"${self._name} without a count", "the number of its entries in its first line")
+        self._next = match.end()
+        return int(match[1])
+
+    def read(self, kind: str, count: int) -> Any:  # noqa: ANN401
+        """Return the next numbers."""
+        item = np.dtype(self._kinds[kind])
+        if count < 0 or self._next + count * item.itemsize > len(self._data):
+            given = f"{len(self._data)} bytes from ${self._name} on"
+            raise _invalid(given, f"{self._next + count * item.itemsize} or more by its counts")
+        values = np.frombuffer(self._data, item, count, self._next)
+        self._next += count * item.itemsize
+        return values if kind == "f" else values.astype(np.int64)
+
+    def end(self) -> None:
+        """Raise an error if the end mark of the section does not follow."""
+        if not self._data[self._next :].lstrip().startswith(f"$End{self._name}".encode()):
+            raise _invalid(f"no $End{self._name} after the entries of ${self._name}", "as many entries as it declares")
+
+
+_Reader = _TextReader | _BinaryReader
+
+_LINE, _POINT = 1, 15  # Gmsh element types of members and named points
+
+_NODES = {
+    1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 6: 6, 7: 5, 8: 3, 9: 6, 10: 9, 11: 10, 12: 27, 13: 18, 14: 14, 15: 1, 16: 8, 17: 20,
+    18: 15, 19: 13, 20: 9, 21: 10, 22: 12, 23: 15, 24: 15, 25: 21, 26: 4, 27: 5, 28: 6,
+}  # fmt: skip
+"""Number of nodes by Gmsh element type."""
+
+
+@dataclass(frozen=True, eq=False)
+class _ElementGroup:
+    """Elements of one Gmsh type in one physical group: its name, tags, shape (k,), and node tags, shape (k, m)."""
+
+    kind: int
+    name: str
+    numbers: IntArray
+    nodes: IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class _GmshMesh:
+    """Content of a Gmsh file: node tags, coordinates and groups of elements."""
+
+    numbers: IntArray
+    points: FloatArray
+    groups: list[_ElementGroup]
+
+
+Elements = tuple[int, int, IntArray, IntArray]
+"""Type, physical group (0 for none), tags and nodes of some elements."""
+
+
+def _read_msh(path: Path) -> _GmshMesh:
+    try:
+        data = path.read_bytes()
+    except OSError as fault:
+        raise refuse("mesh", str(path), "a readable file", system_message(fault)) from None
+    first = 0
+    while comments := _COMMENTS.match(data, first):
+        first = comments.end()
+    head = _HEAD.match(data, first)
+    if head is None:
+        raise _invalid(path.name, "a Gmsh file (.msh) of format 2.2 or 4.1", "it does not begin with $MeshFormat")
+    version, binary, size = head[1].decode("ascii", "replace"), head[2] == b"1", int(head[3])
+    newer = version in ("4", "4.1")
+    if not (newer or version in ("2", "2.1", "2.2")) or size not in (4, 8):
+        raise refuse("mesh", f"format {version}", "a Gmsh file of format 2.2 or 4.1", "", "save it as version 4.1")
+    if binary and data[head.end() : head.end() + 4] != b"\x01\x00\x00\x00":
+        why = "the header says binary, but the data are text or have another byte order"
+        raise _invalid(path.name, "binary data of this machine", why)
+
+    def section(name: str) -> _Reader:
+        start = data.find(b"\n$%s" % name.encode(), head.end() - 1)
+        if start < 0:
+            raise _invalid(f"a file without ${name}", "a Gmsh file with this section")
+        first = data.find(b"\n", start + 1) + 1
+        if binary:
+            return _BinaryReader(name, data[first:] if first else b"", size)
+        end = data.find(b"$End%s" % name.encode(), first)
+        if end < 0 or not first:
+            raise _invalid(f"${name} without $End{name}", "both", "the file is cut off")
+        return _TextReader(name, data[first:end])
+
+    if newer:
+        groups = _read_entities(section("Entities"))
+        numbers, points = _read_nodes_4(section("Nodes"))
+        blocks = list(_read_elements_4(section("Elements"), groups))
+    else:
+        numbers, points = _read_nodes_2(section("Nodes"), binary)
+        blocks = list(_read_elements_2(section("Elements"), binary))
+    text = data.partition(b"$PhysicalNames")[2].partition(b"$EndPhysicalNames")[0].decode("utf-8", "replace")
+    names = {(int(dimension), int(tag)): name for dimension, tag, name in _PHYSICAL_NAME.findall(text)}
+    parts: dict[tuple[int, int], list[Elements]] = {}  # a group may consist of several curves
+    for block in blocks:
+        if len(block[2]):
+            parts.setdefault(block[:2], []).append(block)
+    merged: list[_ElementGroup] = []
+    for (kind, group), sections in parts.items():
+        tags, nodes = (np.concatenate([block[column] for block in sections]) for column in (2, 3))
+        merged.append(_ElementGroup(kind, names.get((int(kind == _LINE), group), ""), tags, nodes))
+    return _GmshMesh(numbers, points, merged)
+
+
+_COMMENTS = re.compile(rb"\s*\$Comments\b.*?\$EndComments", re.S)
+_HEAD = re.compile(rb"\s*\$MeshFormat\s+(\S{1,8})\s+([01])\s+(\d)\s*?\n")
+_PHYSICAL_NAME = re.compile(r'^[ \t]*(\d{1,9})[ \t]+(\d{1,9})[ \t]+"(.*)"[ \t\r]*$', re.M)
+
+
+def _read_nodes_2(nodes: _Reader, binary: bool) -> tuple[IntArray, FloatArray]:
+    count = nodes.read_count()
+    if binary:
+        rows = nodes.read("i", 7 * count).astype("<i4").reshape(count, 7)
+        points: FloatArray = np.ascontiguousarray(rows[:, 1:]).view("<f8").astype(float)
+    else:
+        rows = nodes.read("f", 4 * count).reshape(count, 4)
+        tags: FloatArray = rows[:, 0]
+        if not (tags == np.round(tags)).all() or (np.abs(tags) > 2.0**53).any():
+            raise _invalid("a node whose number is not whole", "whole numbers of nodes")
+        points = rows[:, 1:]
+    nodes.end()
+    return rows[:, 0].astype(np.intp), points
+
+
+def _read_elements_2(elements: _Reader, binary: bool) -> Iterator[Elements]:
+    count, done = elements.read_count(), 0
+    while done < count:
+        # In binary files a header serves several elements, and the tag of each precedes its row.
+        first, second, tags = elements.read("i", 3).tolist()
+        kind, block_size = (first, second) if binary else (second, 1)
+        if kind not in _NODES or tags < 0 or block_size < 1:
+            raise _invalid(f"an element of type {kind} with {tags} tags", "an element type of Gmsh")
+        offset = int(binary)
+        width = offset + tags + _NODES[kind]
+        for row in elements.read("i", block_size * width).reshape(block_size, width):
+            number = row[:1] if binary else np.array([first])
+            yield kind, int(row[offset]) if tags else 0, number, row[None, offset + tags :]
+        done += block_size
+    elements.end()
+
+
+def _read_entities(entities: _Reader) -> dict[tuple[int, int], list[int]]:
+    """Return the physical groups by dimension and tag of the entity."""
+    groups: dict[tuple[int, int], list[int]] = {}
+    for dimension, count in enumerate(entities.read("u", 4).tolist()):
+        for _ in range(count):
+            (number,) = entities.read("i", 1).tolist()
+            entities.read("f", 6 if dimension else 3)
+            groups[dimension, number] = entities.read("i", *entities.read("u", 1).tolist()).tolist()
+            if dimension:
+                entities.read("i", *entities.read("u", 1).tolist())
+    entities.end()
+    return groups
+
+
+def _read_nodes_4(nodes: _Reader) -> tuple[IntArray, FloatArray]:
+    blocks, total, _, _ = nodes.read("u", 4).tolist()
+    numbers: list[Any] = []
+    points: list[Any] = []
+    for _ in range(blocks):
+        dimension, _, parametric = nodes.read("i", 3).tolist()
+        (count,) = nodes.read("u", 1).tolist()
+        if dimension not in range(4):
+            raise _invalid(f"nodes of dimension {dimension}", "a dimension from 0 to 3")
+        width = 3 + (dimension if parametric else 0)
+        numbers.append(nodes.read("u", count))
+        points.append(nodes.read("f", count * width).reshape(count, width)[:, :3])
+    nodes.end()
+    if sum(map(len, numbers)) != total:
+        raise _invalid(f"{sum(map(len, numbers))} nodes in $Nodes", f"{total}, as it declares")
+    return np.concatenate([np.zeros(0, np.intp), *numbers]), np.concatenate([np.zeros((0, 3)), *points])
+
+
+def _read_elements_4(elements: _Reader, groups: dict[tuple[int, int], list[int]]) -> Iterator[Elements]:
+    blocks, total, _, _ = elements.read("u", 4).tolist()
+    done = 0
+    for _ in range(blocks):
+        dimension, entity, kind = elements.read("i", 3).tolist()
+        (count,) = elements.read("u", 1).tolist()
+        if kind not in _NODES:
+            raise _invalid(f"elements of type {kind}", "an element type of Gmsh")
+        rows = elements.read("u", count * (1 + _NODES[kind])).reshape(count, 1 + _NODES[kind])
+        done += count
+        for group in groups.get((dimension, entity), []) or [0]:
+            yield kind, group, rows[:, 0], rows[:, 1:]
+    elements.end()
+    if done != total:
+        raise _invalid(f"{done} elements in $Elements", f"{total}, as it declares")

@@ -298,12 +298,12 @@ def lift_histories(case, steps):
 
 
 class TestEstimate:
-    def test_time_error_of_smooth_case(self):
+    @pytest.mark.parametrize("steps", [60, pytest.param(125, marks=pytest.mark.slow)])
+    def test_time_error_of_smooth_case(self, steps):
         """Of second order: 3/4 of the error vanishes with half the step, and this is doubled: 1.5 times the truth.
 
         The tolerance of 10 % is for the next order of the step at 60 steps per revolution.
         """
-        steps = 60
         case = read_case(INLINE, [f"run.steps_per_revolution={steps}"])
         found = {one.quantity: one for one in estimate_errors(case, "valve")}
         true = distance(lift_histories(case, steps), lift_histories(case, 32 * steps))

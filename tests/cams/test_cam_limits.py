@@ -141,7 +141,7 @@ FOLLOWERS = {
 }
 
 
-@pytest.mark.parametrize(("kind", "turn"), mostly_slow([(kind, turn) for kind in FOLLOWERS for turn in (-1, 1)], 4))
+@pytest.mark.parametrize(("kind", "turn"), mostly_slow([(kind, turn) for kind in FOLLOWERS for turn in (-1, 1)], 3))
 def test_minimum_base_circle_is_tight(kind, turn, smooth_event):
     follower, limit, radius = FOLLOWERS[kind], math.radians(28.0), 0.004
 

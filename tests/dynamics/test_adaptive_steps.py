@@ -54,7 +54,6 @@ def test_error_follows_tolerance_by_velocity_estimate(pair, exact_end, beta):
     assert 0.5 < response.stats.substeps / reference.stats.substeps < 2.0
 
 
-@pytest.mark.slow
 def test_unstable_steps_are_divided(system_of):
     """With the given step, the first revolution of linear acceleration grows by 1e100 and gives no reference size."""
     system = system_of([[1.0]], [[0.0]], [[100.0]])

@@ -169,7 +169,6 @@ def test_equilibrium_of_fine_and_coarse_mesh_agree(held, pytestconfig):
     np.testing.assert_allclose(found[1], found[0], rtol=1e-5)  # some 1e-6 of a displacement is lost to rounding
 
 
-@pytest.mark.slow
 def test_size_of_block_parts_does_not_change_motion(pytestconfig, monkeypatch):
     """A block of 640 steps in parts of 7, most of them without a saved field."""
     case = read_case(

@@ -77,7 +77,6 @@ BAD = [
 ]  # fmt: skip
 
 
-@pytest.mark.slow
 def test_messages_contain_no_python_terms():
     """Authors of case files need not know Python types."""
     messages = []

@@ -1,4 +1,4 @@
-"""Mesh files: exact round trip, Gmsh 2.2 and 4.1, Abaqus, MED, and refused files."""
+"""Gmsh files: exact round trip, formats 2.2 and 4.1, and refused files."""
 
 import meshio
 import numpy as np
@@ -67,75 +67,6 @@ def test_abaqus_file_is_read_by_meshio(tmp_path):
     assert pairs == {"shaft": [[0, 1], [1, 2]], "rod": [[4, 3]]}
     assert {name: rows.tolist() for name, rows in found.point_sets.items()} == {"bearings": [0, 2]}
     assert "TYPE=B31\n" in (tmp_path / "mesh.inp").read_text()
-
-
-def test_abaqus_mesh_round_trip(tmp_path):
-    mesh = Mesh(AWKWARD, {"shaft": [0, 1, 2], "rod": [4, 3]}, {"bearings": [0, 2], "tip": [4]})
-    write_mesh(mesh, tmp_path / "mesh.inp")
-    assert_same(read_mesh(tmp_path / "mesh.inp"), mesh)
-
-
-CALCULIX = """*NODE, NSET=Nall
-1, 0., 0., 0.
-2, 0.1, 0., 0.
-3, 0.2, 0., 0.
-10, 0.2, 0.1, 0.
-*ELEMENT, TYPE=B31, ELSET=SHAFT
-1, 1, 2
-2, 2, 3
-*ELEMENT, TYPE=B31, ELSET=rod
-3, 3, 10
-*ELSET, ELSET=Eall
-1, 2, 3
-*NSET, NSET=bearings, GENERATE
-1, 3, 2
-*BEAM SECTION, ELSET=SHAFT, MATERIAL=steel, SECTION=CIRC
-0.01
-"""
-
-
-TRIANGLE = CALCULIX.replace("B31, ELSET=SHAFT\n1, 1, 2\n2, 2, 3", "CPS3, ELSET=SHAFT\n1, 1, 2, 10")
-
-
-def test_calculix_mesh_has_members_of_smallest_sets(tmp_path):
-    """The set of all elements is no member."""
-    (tmp_path / "mesh.inp").write_text(CALCULIX)
-    mesh = read_mesh(tmp_path / "mesh.inp")
-    assert {name: nodes.tolist() for name, nodes in mesh.lines.items()} == {"SHAFT": [0, 1, 2], "rod": [2, 3]}
-    assert {name: nodes.tolist() for name, nodes in mesh.points.items()} == {"bearings": [0, 2]}
-    assert mesh.nodes[3].tolist() == [0.2, 0.1, 0.0]
-
-
-def test_med_mesh_has_groups_of_families(tmp_path):
-    """An element or a node of a family belongs to all groups of the family."""
-    source = meshio.Mesh(
-        np.array(AWKWARD), [("line", np.array([[0, 1], [1, 2], [4, 3]]))], {"point_tags": np.array([1, 0, 2, 0, 0])},
-        {"cell_tags": [np.array([-1, -1, -2])]},
-    )  # fmt: skip
-    source.point_tags = {1: ["bearings", "drive"], 2: ["bearings"]}
-    source.cell_tags = {-1: ["shaft", "all"], -2: ["rod", "all"]}
-    source.write(tmp_path / "mesh.med")
-    lines, points = {"shaft": [0, 1, 2], "rod": [4, 3]}, {"bearings": [0, 2], "drive": [0]}
-    assert_same(read_mesh(tmp_path / "mesh.med"), Mesh(AWKWARD, lines, points))
-
-
-@pytest.mark.parametrize(
-    ("name", "text", "message"),
-    [
-        ("mesh.inp", "no mesh", "got no lines"),
-        ("mesh.inp", CALCULIX.replace("3, 3, 10", "3, 3, 99"), "a mesh of Abaqus, CalculiX. Meshio cannot read it"),
-        ("mesh.inp", CALCULIX.replace(", ELSET=rod", ""), "line elements in named groups"),
-        ("mesh.inp", TRIANGLE, "two-node lines"),
-        ("mesh.inp", "*Include, input=other.inp\n", "INCLUDE refers to another file"),
-        ("mesh.med", "no mesh", "a mesh of Salome. Meshio cannot read it"),
-        ("mesh.vtu", "no mesh", "Other formats lose the names"),
-    ],
-)
-def test_unsuitable_foreign_mesh_is_refused(name, text, message, tmp_path, capfd):
-    (tmp_path / name).write_text(text)
-    with pytest.raises(InputError, match=message):
-        read_mesh(tmp_path / name)
-    assert capfd.readouterr() == ("", "")
 
 
 @settings(max_examples=25, deadline=None)
