@@ -49,7 +49,7 @@ def read_mesh(path: Path) -> Mesh:
     ``read_mesh(Path("meshes/tayeb-3.msh")).lines["camshaft"]`` are the nodes of the camshaft in order.
     """
     if path.suffix.lower() != ".msh":
-        raise refuse("mesh", path.name, "a Gmsh file (.msh)", "other formats lose the names of groups")
+        raise refuse("mesh", path.name, "a Gmsh file (.msh)", "flexcam reads no other mesh format", "convert it")
     if not path.is_file():
         near = suggest_name(path.name, [file.name for file in path.parent.glob("*.msh")])
         raise refuse("mesh", str(path), "an existing file", "the path is relative to the case file", near)
