@@ -332,7 +332,8 @@ def _spring(options: FigureOptions) -> Figure:
         if has_channels(spring) and not spring.turns
     }
     if not springs:
-        raise refuse("--what", "spring", "a case with springs along a line that have an installed force or a wire")
+        why = "no linear spring of the case has an installed force or a wire"
+        raise refuse("--what", "spring", "another figure", why, "add installed_force or wire to a spring of the case")
     for name in options.channels or ():
         if name not in springs:
             raise refuse("--channel", repr(name), ", ".join(springs), "", suggest_name(name, springs))
