@@ -269,7 +269,8 @@ flexcam synthesize polydyne case.toml --speed 3000rpm -o intake-polydyne.toml
 flexcam synthesize polydyne cams.toml --frequency "400 Hz" --damping 0.02 --speed 3000rpm
 """)
 def polydyne(
-    case: Annotated[Path, Parameter(help="Case file; with --frequency also a file with only format = 1 and [cams.NAME] tables.")], *,
+    case: Annotated[Path, Parameter(
+        help="Case file; with --frequency also a file with only format = 1 and [cams.NAME] tables.")], *,
     name: cli.CamName = None,
     speed: Annotated[str | None, Parameter(help="Design speed of the camshaft; by default that of the case.")] = None,
     frequency: Annotated[str | None, Parameter(
