@@ -159,13 +159,12 @@ class LiftEvent(Event):
             given, top = f"a closing ramp of {1e3 * closing.height:.4g} mm", f"below {1e3 * self._top:.4g} mm"
             raise refuse("ramps.closing_height", given, top, "the return ends at that height", "make the ramp lower")
         parts = ("opening", opening, self.rise, self.lift), ("closing", closing, self.fall, self._fall_lift)
-        excesses = {name: ramp.slope * span / height if ramp else 0.0 for name, ramp, span, height in parts}
         for name, ramp, span, height in parts:
-            if ramp and excesses[name] > 1.0:
+            if ramp and ramp.slope * span / height > 1.0:
                 given = f"a maximum slope of {ramp.slope * 1e3:.4g} mm/rad in the {name} ramp"
                 why = "the main lift cannot continue such a slope"
                 allowed = f"a maximum slope of at most {1e3 * height / span:.4g} mm/rad"
-                excess = max(excesses[part] for part, other, _, _ in parts if other == ramp)
+                excess = max(ramp.slope * span / height for _, other, span, height in parts if other == ramp)
                 longer = math.ceil(10.0 * math.degrees(ramp.duration * excess)) / 10.0
                 added = (math.radians(longer) - ramp.duration) * self._ramps.count(ramp)
                 remedy = "reduce the height of the ramp"

@@ -40,7 +40,7 @@ class _FollowerRecord(Record):
 
 
 def parse_follower(follower: str, base_radius: str | None = None, *, clockwise: bool = False) -> tuple[Follower, Turn]:
-    """Return the follower of a TOML table and the direction of rotation of its cam."""
+    """Return the follower of the options --follower and --base-radius, and the direction of rotation of its cam."""
     try:
         table = parse_toml(f"follower = {follower}")["follower"]
     except ValueError as fault:

@@ -153,9 +153,9 @@ def _describe_run(
     parts += run_checks.describe_method(ready)
     if balance := run_checks.describe_balance(extremes, stats):
         parts.append(f"Energy balance: {balance}")
-    hint = f"\nOpen it in ParaView 5.12 or newer; for older versions: flexcam export {path} --format pvd"
-    hint = hint if len(response.time) else ""
-    parts.append(f"{stats.steps} steps of {tables.describe_dofs(response)}; result: {path}{hint}")
+    opening = f"\nOpen it in ParaView 5.12 or newer; for older versions: flexcam export {path} --format pvd"
+    opening = opening if len(response.time) else ""
+    parts.append(f"{stats.steps} steps of {tables.describe_dofs(response)}; result: {path}{opening}")
     json = {
         "status": status.cause, "message": status.text, "remedy": status.remedy, "result": path,
         "steps": stats.steps, "dof": ready.problem.system.size, "integrated": stats.unknowns,

@@ -222,12 +222,12 @@ def _similar_unit(text: str, symbol: str, expected: Exponents) -> str:
     alike = [symbol.lower()] if symbol.lower() in fitting else list[str]()
     alike += [unit for unit in fitting if len(unit) == len(symbol) == 2 and unit[0] == symbol[0]]  # "mn": "mm"
     alike += [unit for unit in fitting if unit.lower() == symbol.lower()]
-    near = alike[0] if alike else similar_name(symbol, fitting) if len(symbol) > 2 else ""  # "Nm" is not "MN"
-    if near:
+    if alike:
+        return alike[0]
+    if len(symbol) > 2 and (near := similar_name(symbol, fitting)):  # "Nm" is not "MN"
         return near
-    compounds = (text.replace(symbol, f"{symbol[:i]} {symbol[i:]}") for i in range(1, len(symbol)))
-    products = {unit: _unit_product(unit) for unit in compounds}
-    return next((unit for unit, known in products.items() if not isinstance(known, str) and known[1] == expected), "")
+    compounds = [text.replace(symbol, f"{symbol[:i]} {symbol[i:]}") for i in range(1, len(symbol))]
+    return next((unit for unit in compounds if not isinstance(p := _unit_product(unit), str) and p[1] == expected), "")
 
 
 def _equal_dimension(actual: Exponents, expected: Exponents) -> bool:

@@ -111,9 +111,8 @@ class Stats:
     #: Largest residual force relative to the largest force; negative if not evaluated: without channels, without
     #: unknowns, or if the run ended before the first saved field.
     imbalance: float = -1.0
-    seconds: float = (
-        0.0  #: duration of the run, s, with its earlier parts if it was continued; negative if the run was killed
-    )
+    #: Duration of the run, s, with its earlier parts if it was continued; negative if the run was killed.
+    seconds: float = 0.0
 
     @property
     def is_complete(self) -> bool:

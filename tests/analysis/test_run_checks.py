@@ -14,7 +14,7 @@ import pytest
 import flexcam
 from flexcam.analysis.preparation import prepare
 from flexcam.analysis.run import open_result_file
-from flexcam.analysis.run_checks import RunMonitor, check_run, describe_balance, energy_share
+from flexcam.analysis.run_checks import RunMonitor, check_run, describe_balance, describe_decay, energy_share
 from flexcam.dynamics import Block, ConstantSpeed, Outline, Problem, State, Stats, hht, newmark, solve
 from flexcam.dynamics.energy import EquilibriumResidual
 from flexcam.valvetrain import Resolution, ResolutionSink, build_structure
@@ -32,6 +32,14 @@ def monitored_run(path, *settings):
 def run_warnings(path, *settings):
     ready, seen, response = monitored_run(path, *settings)
     return check_run(ready, seen, [], response.stats)
+
+
+def test_rounding_is_no_damping_of_a_mode():
+    """The products with zero damping leave a damping ratio of 1e-29 in a mode of the pushrod."""
+    case = flexcam.read_case("cases/pushrod-engine/lever.toml", ["run.damping.beta=0 s", "run.crank_speed=5600rpm"])
+    text, decays = describe_decay(prepare(case), "pushrod")
+    assert "is not damped, so the motion never repeats" in text
+    assert not decays
 
 
 def test_frequency_of_harmonic_motion():
