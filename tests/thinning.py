@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import pytest
 
@@ -19,3 +19,8 @@ def mostly_slow(values: Iterable[object], every: int = 3):
         marks = [*parameter.marks, *[pytest.mark.slow] * (i % every > 0)]
         parameters.append(pytest.param(*parameter.values, id=parameter.id, marks=marks))
     return parameters
+
+
+def slow_if(is_slow: Callable[[object], bool], values: Iterable[object]):
+    """Return parameters of one value each, with the mark `slow` for some of them."""
+    return [pytest.param(value, marks=[pytest.mark.slow] * bool(is_slow(value))) for value in values]

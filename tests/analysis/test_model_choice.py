@@ -185,18 +185,17 @@ class TestLadder:
         assert prepare(rungs[0].case).problem.engine == "auto"
 
     def test_candidates_are_sorted_by_work(self):
-        """Work counts integrated unknowns: one mass with many steps costs less than beams with few.
-
-        The steps are halved down to 60 per revolution.
-        """
-        found = candidate_models(read_case(INLINE, ["run.steps_per_revolution=120"]))
+        """Work counts integrated unknowns: one mass with many steps costs less than beams with few."""
+        found = candidate_models(read_case(INLINE, ["run.steps_per_revolution=240"]))
         work = [integrated_size(ready.problem) * ready.problem.steps for ready in (prepare(one.case) for one in found)]
         assert work == sorted(work)
-        assert {steps_per_revolution_of(one.case) for one in found} == {60, 120}
+        assert {steps_per_revolution_of(one.case) for one in found} == {60, 120, 240}
 
-    def test_steps_are_not_halved_below_60_per_revolution(self):
-        found = candidate_models(read_case(INLINE, ["run.steps_per_revolution=100"]))
-        assert {steps_per_revolution_of(one.case) for one in found} == {100}
+    @pytest.mark.parametrize(("steps", "counts"), [(100, {100}), (120, {60, 120})])
+    def test_candidates_use_divided_steps(self, steps, counts):
+        """Steps are halved down to 60 per revolution, in whole numbers only."""
+        found = candidate_models(read_case(INLINE, [f"run.steps_per_revolution={steps}"]))
+        assert {steps_per_revolution_of(one.case) for one in found} == counts
 
 
 def test_ladder_with_start_from_result_raises_error():

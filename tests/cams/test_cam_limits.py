@@ -109,7 +109,7 @@ def test_invalid_cutter_raises_error(cutter):
 
 
 @given(m=st.floats(0.0005, 0.003), n=st.integers(2, 4), radius=st.floats(0.0002, 0.01))
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=10, deadline=None)
 def test_minimum_base_circle_of_flat_face(m, n, radius):
     """The radius is r0 + s + s'': r0 = radius - min(s + s''), here n^2 m - 2 m at the top, a point of the grid."""
     event = HarmonicLift(m, (0.0,) * (n - 1) + (m,), (0.0,) * n)

@@ -37,7 +37,7 @@ def test_single_extreme_has_one_position():
     assert found.acceleration[0].at == pytest.approx(0.75, abs=1e-9)
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.floats(0.1, 0.9))
 def test_extremes_of_compound_cycloid(split):
     """Peaks A at p/2 and -A p/(1 - p) at the nose, velocity 2 A p/pi at p, jerk A pi/p at the start."""

@@ -7,6 +7,7 @@ import pytest
 
 from flexcam.cams import LAWS, LiftEvent, lift_table
 from flexcam.core.errors import InputError
+from tests.thinning import slow_if
 
 DEGREE = math.radians(1.0)
 LOBE = LiftEvent(LAWS["4-5-6-7"], 0.008, 65 * DEGREE, 65 * DEGREE, phase=70 * DEGREE)
@@ -114,7 +115,7 @@ VALID_TABLES = {
 
 @pytest.mark.parametrize(
     "case",
-    [pytest.param(one, marks=[pytest.mark.slow] * (one == "a gap that hides nothing")) for one in VALID_TABLES],
+    slow_if(lambda one: one == "a gap that hides nothing", VALID_TABLES),
 )
 def test_unusual_table_is_valid(case):
     theta, lift = VALID_TABLES[case]

@@ -16,7 +16,7 @@ CONDITION = st.tuples(st.sampled_from([0.0, 0.25, 0.5, 0.7, 1.0]), st.integers(0
 EXPONENTS = st.lists(st.integers(1, 12), min_size=3, max_size=6, unique=True).map(sorted).map(tuple)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(EXPONENTS, st.data())
 def test_polynomial_satisfies_conditions(exponents, data):
     places = CONDITION.filter(lambda c: (c[0], c[1]) != (1.0, 0))

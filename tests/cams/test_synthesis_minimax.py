@@ -181,7 +181,7 @@ def test_weighted_criteria():
 
 
 def test_bounds_hold_and_increase_objective():
-    family = SplineFamily(degree=5, pieces=8)
+    family = SplineFamily(degree=5, pieces=12)
     free = minimax(family, {"Ca": 1.0})
     last = free.objective
     for limit in (60.0, 40.0):

@@ -8,7 +8,7 @@ import pytest
 from flexcam import prepare, read_case
 from flexcam.analysis.cam_analysis import cam_facts, load_cams
 from flexcam.analysis.comparison import deviation
-from tests.thinning import mostly_slow
+from tests.thinning import mostly_slow, slow_if
 
 ROOT = Path(__file__).parents[2]
 CASES = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "cases").rglob("*.toml"))
@@ -70,9 +70,7 @@ SMOOTH = {"li-fb2": 3, "li-swing": 3, "petrescu-cos": 2, "roussev-single-dwell":
 """Number of continuous derivatives, including the lift, as stated in the head of each file."""
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] * ("petrescu-cos" not in name)) for name in CAMS]
-)
+@pytest.mark.parametrize("name", slow_if(lambda name: "petrescu-cos" not in name, CAMS))
 def test_cam_files_are_continuous_as_stated(name):
     cams = load_cams(ROOT / name)
     for cam in cams.cams.values():

@@ -17,7 +17,7 @@ from flexcam.analysis.run_checks import check_input
 from flexcam.cams import CompoundCycloid, LiftEvent, Ramp, RollerFollower, cam_profile
 from flexcam.case.starters import new_case
 from tests.command import facts
-from tests.thinning import mostly_slow
+from tests.thinning import mostly_slow, slow_if
 
 ROOT, DEG = Path(__file__).parents[2], math.pi / 180
 FILES = {path.stem: path for part in ("cases/cams", "cases/tayeb") for path in sorted((ROOT / part).glob("*.toml"))}
@@ -38,7 +38,7 @@ def first_cam(run_cam, *words):
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(name, marks=[pytest.mark.slow] * (name not in ("every-cam", "petrescu-cos"))) for name in FILES],
+    slow_if(lambda name: name not in ("every-cam", "petrescu-cos"), FILES),
 )
 def test_cam_report_of_every_file(name, run_cam):
     found, done = facts(run_cam, name), run_cam(name)

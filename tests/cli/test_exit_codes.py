@@ -26,7 +26,6 @@ DIVERGING = (
 STOPS = [(signal.SIGTERM, 143), (signal.SIGHUP, 143)]
 
 
-@pytest.mark.slow
 def test_interrupted_run_keeps_partial_result(stop_run, case):
     ended, partial = stop_run(signal.SIGINT)
     assert ended.code == 130
@@ -84,7 +83,6 @@ def test_signal_during_destructor_stops_run(case, tmp_path):
     assert (tmp_path / "results/case.partial.vtkhdf").is_file()
 
 
-@pytest.mark.slow
 def test_diverging_run_keeps_partial_result(flexcam, case, tmp_path):
     """Very large numbers are printed with few digits, and the partial result can be exported."""
     done = flexcam("run", "case.toml", "-o", "out", *DIVERGING)

@@ -7,6 +7,7 @@ from importlib.resources import files
 import pytest
 
 from flexcam.case.starters import templates
+from tests.thinning import slow_if
 
 NAMES = sorted(templates())
 KEY = re.compile(r"^[A-Za-z_][\w-]* = ")
@@ -39,7 +40,7 @@ QUICK = ("published-model", "desmodromic")
 """`tests/errors/test_input_warnings.py` also checks the others."""
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name not in QUICK)) for name in NAMES])
+@pytest.mark.parametrize("name", slow_if(lambda name: name not in QUICK, NAMES))
 def test_starter_passes_check_and_run(name, flexcam):
     """The first case of a beginner must not begin with a warning."""
     created = flexcam("new", name, "-o", "cases/mine.toml", "--json").json

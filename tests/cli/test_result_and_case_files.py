@@ -13,6 +13,7 @@ import pytest
 
 from flexcam import prepare, read_case, read_result
 from flexcam.valvetrain.springs import spring_curve
+from tests.thinning import slow_if
 
 
 def test_info_of_result(flexcam, result):
@@ -136,7 +137,7 @@ STUDY_OPTIONS = {
 
 @pytest.mark.parametrize(
     "verb",
-    [pytest.param(one, marks=[pytest.mark.slow] * (STUDY_OPTIONS[one][0] != "campbell")) for one in STUDY_OPTIONS],
+    slow_if(lambda one: STUDY_OPTIONS[one][0] != "campbell", STUDY_OPTIONS),
 )
 def test_studies_show_progress_on_terminal(verb, flexcam, case, monkeypatch):
     monkeypatch.setattr(sys.stderr.__class__, "isatty", lambda _: True)

@@ -229,8 +229,7 @@ def test_resume_over_existing_result_requires_overwrite(flexcam, write_partial_r
     assert read_result(old).response.status.ok
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("after", [1, 2])
+@pytest.mark.parametrize("after", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_interrupted_resume_loses_no_steps(after, write_partial_result, case, flexcam, complete_result, tmp_path):
     """An interruption while earlier blocks are read (1) and before the next block is complete (2)."""
     words = ("run.revolutions=3",)

@@ -28,6 +28,7 @@ from flexcam.plotting.scene.mechanism import build_mechanism
 from flexcam.plotting.scene.motion import case_motion
 from flexcam.plotting.solid_files import collect_parts
 from flexcam.valvetrain import build_structure
+from tests.thinning import slow_if
 
 imagehash = pytest.importorskip("imagehash")
 Image = pytest.importorskip("PIL.Image")
@@ -71,7 +72,7 @@ def image_hash(path):
 
 
 @pytest.mark.usefixtures("drawing")
-@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n != "finger")) for n in PICTURES])
+@pytest.mark.parametrize("name", slow_if(lambda n: n != "finger", PICTURES))
 def test_picture_matches_reference(name, flexcam):
     done = flexcam("view", *PICTURES[name], *SIZE, "--save", "made.png")
     assert done.code == 0, done.err

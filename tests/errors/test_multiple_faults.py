@@ -14,6 +14,7 @@ from flexcam.case.fault_report import parse_toml
 from flexcam.case.reader import CaseFile
 from flexcam.io.cam_files import read_lift
 from flexcam.studies.plan import parse_axis
+from tests.thinning import slow_if
 
 # changes, and the key paths that the report must contain
 MANY = {
@@ -176,9 +177,7 @@ LONG = {
 }
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(one, marks=[pytest.mark.slow] * (one == "tables with unknown keys")) for one in LONG]
-)
+@pytest.mark.parametrize("name", slow_if(lambda one: one == "tables with unknown keys", LONG))
 def test_reading_time_is_proportional_to_length(name, text, substitute, tmp_path):
     """Regular expressions with backtracking would take minutes."""
     path = tmp_path / "long.toml"

@@ -88,7 +88,7 @@ def check_outcome(path):
     assert all(all(parts) for parts in messages), messages
 
 
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(steps=STEPS)
 def test_mutated_case_is_accepted_or_refused(steps, path):
     path.write_text(mutate(steps), encoding="utf-8")

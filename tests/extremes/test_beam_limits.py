@@ -21,6 +21,7 @@ from flexcam.fem.mesh import chain
 from flexcam.fem.sections import Section
 from flexcam.valvetrain import buckling_load, build_structure, train_metrics
 from tests.pinned_rod import LENGTH, TUBE, pinned_rod, push
+from tests.thinning import mostly_slow
 
 SLENDER, ELEMENTS, AXIAL = "slenderness of a beam", "elements per span", "axial load"
 DIAMETER, FIRST = 0.02, 1.8751040687119611
@@ -119,8 +120,7 @@ output.probes = ["tip"]
 """
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("asked", ["check", "modes", "run"])
+@pytest.mark.parametrize("asked", mostly_slow(["check", "modes", "run"]))
 def test_commands_with_2000_elements_warn_of_rounding(expect, command, tmp_path, asked):
     (tmp_path / "fine.toml").write_text(FINE, encoding="utf-8")
     code, output = command(asked, "fine.toml")

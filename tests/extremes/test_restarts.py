@@ -91,8 +91,7 @@ def test_restart_without_acceleration_equals_full_run(restart_runs):
     assert 0.0 < gap <= 1e-11 * np.abs(full.fields.displacement).max()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("every", [1, 20])
+@pytest.mark.parametrize("every", [1, pytest.param(20, marks=pytest.mark.slow)])
 def test_restart_from_result_file_equals_full_run(expect, tmp_path, every):
     case = CASES["published load, no contact"]
     fields = f"output.field_every={every}"

@@ -16,6 +16,7 @@ from flexcam import prepare, read_case
 from flexcam.analysis.run import open_partial_result, open_result_file
 from flexcam.dynamics import Cause, SaveAt, solve
 from tests.sinks import Cut
+from tests.thinning import slow_if
 
 ROOT = Path(__file__).parents[2]
 LINEAR = ROOT / "tests/data/inline.toml"
@@ -117,7 +118,7 @@ SLOW = {
 """Runs whose checkpoint has the same parts as that of another run."""
 
 
-@pytest.mark.parametrize("kind", [pytest.param(kind, marks=[pytest.mark.slow] * (kind in SLOW)) for kind in RUNS])
+@pytest.mark.parametrize("kind", slow_if(lambda kind: kind in SLOW, RUNS))
 def test_resumed_run_equals_uninterrupted_run(kind, uninterrupted, tried, tmp_path):
     """The run is interrupted twice, at random blocks, and prepared anew in between."""
     response, expected = uninterrupted(kind)

@@ -11,6 +11,7 @@ import pytest
 
 from flexcam.dynamics import ConstantSpeed, Problem, SaveAt, State, newmark, solve
 from tests.integrators import WITH_CONTACTS
+from tests.thinning import slow_if
 
 STEPS, TURNS = "step times frequency", "many revolutions"
 EPS = float(np.finfo(float).eps)
@@ -39,9 +40,7 @@ def test_spectral_radius_is_at_most_one(expect, name):
                  computed=max(worst - 1.0, 0.0), tolerance=1e-7, absolute=True)  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name != "Newmark")) for name in WITH_CONTACTS]
-)
+@pytest.mark.parametrize("name", slow_if(lambda name: name != "Newmark", WITH_CONTACTS))
 def test_amplitude_is_bounded_for_all_steps(expect, free_vibration, name):
     peaks = [np.abs(free_vibration(WITH_CONTACTS[name], x, 300)["all"].displacement).max() for x in SWEEP]
     # The initial acceleration, (w dt)^2 in dt^2 a, is rounded: at most eps (w dt)^2 = 2e-4 of the displacement.
@@ -59,9 +58,7 @@ def test_average_acceleration_matches_discrete_solution(expect, free_vibration, 
                  tolerance=500 * EPS * (1.0 + 0.25 * x**2))  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name == "Bathe")) for name in WITH_CONTACTS]
-)
+@pytest.mark.parametrize("name", slow_if(lambda name: name == "Bathe", WITH_CONTACTS))
 def test_small_steps_match_exact_vibration(expect, free_vibration, name):
     """The period error is of order (w dt)^2: at most 1/5 of it for these schemes, times the angle."""
     x, steps = 1e-4, 10_000

@@ -122,7 +122,7 @@ def test_labels_match_scipy_connected_components(more, pairs):
     assert (labels <= np.arange(size)).all()
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     sizes=st.lists(st.integers(1, 5), min_size=2, max_size=5),
@@ -248,7 +248,7 @@ def test_shaft_along_coordinate_axis(tilt):
     assert_equal_runs(*run_both(system, step=1e-3), parts=BEAM_TOLERANCES)
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=15, deadline=None)
 @example([1.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 @given(st.lists(st.floats(-1.0, 1.0), min_size=6, max_size=6).filter(lambda v: np.linalg.norm(v[:3]) > 0.1))
 def test_shaft_along_any_axis(numbers):

@@ -34,7 +34,7 @@ from flexcam.plotting.scene.solids import (
     section_outlines,
 )
 from flexcam.valvetrain import build_structure
-from tests.thinning import mostly_slow
+from tests.thinning import mostly_slow, slow_if
 
 ROOT = Path(__file__).parents[2]
 STEEL = Material(E=207e9, nu=0.29, density=7800.0)
@@ -279,9 +279,7 @@ def test_nested_springs_do_not_intersect():
 TRAINS = ["pushrod-engine/intake", "pushrod-engine/lever", "direct-acting/bucket", "direct-acting/finger"]
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name == "pushrod-engine/lever")) for name in TRAINS]
-)
+@pytest.mark.parametrize("name", slow_if(lambda name: name == "pushrod-engine/lever", TRAINS))
 def test_cam_follower_and_valve_stay_in_contact(name):
     """The lobe touches its follower at all angles, and the valve opens by its lift, away from its seat."""
     structure = load_structure(name)

@@ -15,6 +15,7 @@ from flexcam.analysis.orders import Signal, waterfall
 from flexcam.analysis.stability import stability_over_speeds
 from flexcam.dynamics import Cause, Status, solve
 from flexcam.studies.quantities import quantity_row
+from tests.thinning import slow_if
 
 ROOT = Path(__file__).resolve().parents[2]
 ENGINE = ROOT / "cases/pushrod-engine/intake.toml"
@@ -36,9 +37,7 @@ STUDIES = {
 """Module of `flexcam.analysis`, case and call by study."""
 
 
-@pytest.mark.parametrize(
-    "study", [pytest.param(name, marks=[pytest.mark.slow] * (name == "campbell")) for name in STUDIES]
-)
+@pytest.mark.parametrize("study", slow_if(lambda name: name == "campbell", STUDIES))
 def test_interrupted_run_ends_study(study, monkeypatch):
     calls = []
 
@@ -77,7 +76,7 @@ def test_interrupted_inner_run_ends_study(where, ask, monkeypatch):
 
 @pytest.mark.parametrize(
     "study",
-    [pytest.param(name, marks=[pytest.mark.slow] * (name in ("orders", "stability", "trade"))) for name in STUDIES],
+    slow_if(lambda name: name in ("orders", "stability", "trade"), STUDIES),
 )
 def test_progress_is_reported_for_each_run(study):
     _, path, ask = STUDIES[study]

@@ -12,7 +12,7 @@ from flexcam.analysis.preparation import scalar_probe
 from flexcam.analysis.run_metrics import compute_metrics
 from flexcam.dynamics import SLOPES, Cause, peak
 from flexcam.studies.evaluation import are_probe_scalars, evaluate, scalar_names
-from tests.thinning import mostly_slow
+from tests.thinning import mostly_slow, slow_if
 
 CASES = {
     "cases/tayeb/model-1-shm.toml": ["run.steps_per_revolution=720"],
@@ -56,7 +56,7 @@ def test_row_states_chosen_model(asked, cause):
 
 @pytest.mark.parametrize(
     "path",
-    [pytest.param(path, marks=[pytest.mark.slow] * ("/tayeb/" not in path and "/li/" not in path)) for path in CASES],
+    slow_if(lambda path: "/tayeb/" not in path and "/li/" not in path, CASES),
 )
 def test_row_matches_run_and_compare(path):
     case = read_case(path, CASES[path])

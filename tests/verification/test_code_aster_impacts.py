@@ -30,6 +30,7 @@ from flexcam.dynamics import (
     newmark,
 )
 from flexcam.dynamics import modes as natural_modes
+from tests.thinning import mostly_slow
 
 HINGED = "SDNL32 of code_aster, hinged beam on an elastic stop"
 TUBE = "SDNL301 of code_aster, tube in loose supports"
@@ -191,8 +192,7 @@ def tube(tmp_path_factory):
     return Tube(tmp_path_factory.mktemp("tube") / "case.toml")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("count", "name"), [(25, "25 modes"), (None, "all unknowns")])
+@pytest.mark.parametrize(("count", "name"), mostly_slow([(25, "25 modes"), (None, "all unknowns")], 2))
 def test_tube_matches_published_force(record, tube, count, name):
     computed = tube.force(count)
     record(source=TUBE, case=name, quantity="rms force of the end stop", unit="N", reference=23.4, computed=computed,

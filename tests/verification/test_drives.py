@@ -19,6 +19,7 @@ from flexcam.analysis.run import open_result_file
 from flexcam.analysis.run_metrics import compute_metrics
 from flexcam.dynamics import CamMotion, ConstantSpeed, FluctuatingSpeed, Phaser, SpeedByAngle
 from flexcam.valvetrain import free_running
+from tests.thinning import slow_if
 
 SOURCE = "Drives of the camshaft"
 INLINE = Path(__file__).parents[1] / "data/inline.toml"
@@ -389,9 +390,7 @@ PHASER_CASES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "kind", [pytest.param(one, marks=[pytest.mark.slow] * (one == "direct engine")) for one in PHASER_CASES]
-)
+@pytest.mark.parametrize("kind", slow_if(lambda one: one == "direct engine", PHASER_CASES))
 def test_common_phaser_is_equivalent_to_moved_drive(record, kind):
     """Motion, contact force, torque and energy of all cams are those of a drive with the motion of the shaft."""
     case, name, options = PHASER_CASES[kind]

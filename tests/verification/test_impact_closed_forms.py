@@ -19,6 +19,7 @@ from flexcam import prepare, read_case, run, solve
 from flexcam.dynamics import State, floquet, generalized_alpha, newmark
 from flexcam.dynamics.engine_selection import select_engine
 from flexcam.dynamics.periodic import period_map
+from tests.thinning import slow_if
 
 BODY_TEXT = """
 format = 1
@@ -145,7 +146,7 @@ def test_closed_form_orbits_satisfy_equation():
         assert np.abs(orbit.multipliers()).max() < 1.0, parameters
 
 
-@pytest.mark.parametrize("parameters", [pytest.param(one, marks=[pytest.mark.slow] * (one[2] > 2)) for one in ORBITS])
+@pytest.mark.parametrize("parameters", slow_if(lambda one: one[2] > 2, ORBITS))
 def test_forced_oscillator_at_wall(record, case_of, parameters):
     """A cam of simple harmonic motion drives the mass through a spring; a constant load shifts it below the wall."""
     orbit = ImpactOrbit(*parameters)

@@ -87,7 +87,7 @@ def test_textbook_bearing_example():
 def test_force_matches_integral_of_pressure():
     """Reynolds' equation without circumferential flow is integrated over the angle of positive pressure."""
     rng, t = np.random.default_rng(3), (np.arange(200_000) + 0.5) * math.tau / 200_000
-    for _ in range(8):
+    for _ in range(20):
         d = CLEARANCE * rng.uniform(0.0, 0.95) * np.array([math.cos(a := rng.uniform(0.0, math.tau)), math.sin(a)])
         v = CLEARANCE * SPEED * rng.normal(size=2)
         thickness = CLEARANCE - d[0] * np.cos(t) - d[1] * np.sin(t)

@@ -105,7 +105,7 @@ def exact_damped_joint(damper):
         return np.array([state[3], force[1] / damper, state[4], force[0], force[2]])
 
     t = STEP * np.arange(STEPS + 1)
-    found = solve_ivp(rates, (0.0, t[-1]), np.zeros(5), method="Radau", t_eval=t, rtol=1e-7, atol=1e-12).y
+    found = solve_ivp(rates, (0.0, t[-1]), np.zeros(5), method="Radau", t_eval=t, rtol=1e-10, atol=1e-14).y
     x, (va, vb) = found[:3], found[3:]
     v = (PUSH * np.sin(SPEED * t) - K[1] @ x) / damper
     a = (PUSH * SPEED * np.cos(SPEED * t) - K[1] @ np.array([va, v, vb])) / damper
